@@ -1,0 +1,147 @@
+"""What a diagnosis says: frozen data in the shape of ``diagnosis.json`` (schema ``gap-diagnosis/1``)."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from jaxtyping import Float
+
+Array = np.ndarray
+
+
+@dataclass(frozen=True)
+class Value:
+    """An estimate with its standard deviation and unit; lists for parameters that are lists (cogging orders)."""
+
+    value: float | list[float]
+    std: float | list[float]
+    unit: str
+
+
+@dataclass(frozen=True)
+class EffectAt:
+    """An effect and the joint it acts on; None for the whole robot."""
+
+    effect: str
+    joint: str | None
+
+
+@dataclass(frozen=True)
+class Rival:
+    """A set of effects that explains what a finding explains, with its share of bootstrap wins."""
+
+    effects: tuple[EffectAt, ...]
+    probability: float
+
+
+@dataclass(frozen=True)
+class Finding:
+    """One named cause of the gap."""
+
+    effect: str
+    joint: str | None
+    regime: str
+    parameters: dict[str, Value]
+    gap_closed: float
+    gap_closed_interval: tuple[float, float]
+    probability: float
+    rivals: tuple[Rival, ...]
+    verdict: str
+
+
+@dataclass(frozen=True)
+class JointGap:
+    """Gap of one joint on held-out data, in the joint's torque unit."""
+
+    joint: str
+    unit: str
+    rms_before: float
+    rms_after: float
+    noise_floor: float
+    hold_out_samples: int
+
+
+@dataclass(frozen=True)
+class Adjusted:
+    """A move of the model inside its tolerance."""
+
+    quantity: str
+    change: float
+    tolerance: float
+
+
+@dataclass(frozen=True)
+class Bound:
+    """The smallest size of an effect that this recording would have shown with 95 % power."""
+
+    effect: str
+    joint: str | None
+    parameter: str
+    below: float
+    unit: str
+
+
+@dataclass(frozen=True)
+class NotTestable:
+    """An effect that this recording cannot show, and why."""
+
+    effect: str
+    joint: str | None
+    why: str
+
+
+@dataclass(frozen=True)
+class Unexplained:
+    """What is left: its share of the explainable gap, whether it has structure, and where."""
+
+    fraction_of_explainable: float
+    structured: bool
+    joint: str | None
+    regime: str | None
+
+
+@dataclass(frozen=True)
+class Evidence:
+    """Samples behind the figures of the report, in the analysed band; arrays share the first axis.
+
+    Attributes:
+        t: Time [s]; several recordings follow each other with a gap.
+        q, v, a: Motion, ``(N, nv)``.
+        tau_measured: Drive torque, ``(N, nv)``.
+        tau_before: Torque of the given model, ``(N, nv)``.
+        tau_after: Torque of the corrected model, each sample predicted by a fit that has not seen it.
+        regime_shares: For each joint a mapping regime -> share of the residual energy before.
+    """
+
+    t: Float[Array, " N"]
+    q: Float[Array, "N nv"]
+    v: Float[Array, "N nv"]
+    a: Float[Array, "N nv"]
+    tau_measured: Float[Array, "N nv"]
+    tau_before: Float[Array, "N nv"]
+    tau_after: Float[Array, "N nv"]
+    regime_shares: tuple[dict[str, float], ...]
+
+
+@dataclass(frozen=True)
+class Diagnosis:
+    """Everything that ``diagnosis.json`` holds, plus the evidence behind the report's figures."""
+
+    verdict: str
+    robot: str
+    recordings: tuple[str, ...]
+    joints: tuple[JointGap, ...]
+    band_hz: tuple[float, float]
+    findings: tuple[Finding, ...]
+    adjusted: tuple[Adjusted, ...]
+    unexplained: Unexplained
+    bounds: tuple[Bound, ...]
+    not_testable: tuple[NotTestable, ...]
+    data_warnings: tuple[str, ...]
+    next_experiment: dict | None
+    rollout: dict | None
+    seconds: float
+    version: str
+    evidence: Evidence
+    notes: tuple[str, ...] = ()

@@ -1,0 +1,38 @@
+"""Motion: what effects and dynamics work on."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from jaxtyping import Float
+
+Array = np.ndarray
+
+
+def read_only(array: Array) -> Array:
+    """Contiguous private copy of ``array`` that cannot be written to."""
+    copy = np.array(array, dtype=float, order="C")
+    copy.flags.writeable = False
+    return copy
+
+
+@dataclass(frozen=True)
+class Motion:
+    """``N`` samples of a robot's joint motion.
+
+    Attributes:
+        t: Time [s], shape ``(N,)``, increasing.
+        q: Joint positions [rad or m], shape ``(N, nv)``: one scalar per joint, also for continuous joints.
+        v: Velocities, shape ``(N, nv)``.
+        a: Accelerations, shape ``(N, nv)``.
+    """
+
+    t: Float[Array, " N"]
+    q: Float[Array, "N nv"]
+    v: Float[Array, "N nv"]
+    a: Float[Array, "N nv"]
+
+    def __post_init__(self):
+        for name in ("t", "q", "v", "a"):
+            object.__setattr__(self, name, read_only(getattr(self, name)))

@@ -1,0 +1,118 @@
+# pyright: reportAttributeAccessIssue=false
+"""The robot as the diagnosis sees it: a private Pinocchio model, its actuators and what is trusted of them."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import Literal
+
+import numpy as np
+import pinocchio as pin
+from jaxtyping import Float
+
+Array = np.ndarray
+
+
+@dataclass(frozen=True)
+class Controller:
+    """Position controller of one joint: ``tau = kp (q_ref - q) - kd v``, late by ``delay`` [s]."""
+
+    kind: Literal["pd"] = "pd"
+    kp: float = 0.0
+    kd: float = 0.0
+    delay: float = 0.0
+
+
+@dataclass(frozen=True)
+class Actuator:
+    """Drive of one joint; SI units on the joint side unless a name says motor."""
+
+    rotor_inertia: float = 0.0
+    gear_ratio: float = 1.0
+    torque_constant: float | None = None
+    torque_limit: float | None = None
+    encoder_counts: float | None = None
+    encoder_side: Literal["motor", "link"] = "motor"
+    actuated: bool = True
+    resistance: float | None = None
+    voltage_limit: float | None = None
+    controller: Controller | None = None
+
+
+@dataclass(frozen=True)
+class Tolerance:
+    """Relative one-sigma trust in the modelled inertias, friction and rotor inertias; 0 is trusted exactly."""
+
+    inertia: float = 0.05
+    friction: float = 0.05
+    rotor_inertia: float = 0.10
+
+
+@dataclass(frozen=True)
+class Robot:
+    """A robot ready for dynamics: fixed base, one velocity per joint.
+
+    Attributes:
+        model: Private copy of the Pinocchio model; rotor inertias are in ``model.armature``.
+        name: Name for reports.
+        source: The file or name that was given.
+        sha256: Of the robot file.
+        joint_names: One per velocity, in Pinocchio's order.
+        actuators: One per velocity.
+        viscous_friction: Modelled viscous coefficients [N m s/rad or N s/m], shape ``(nv,)``.
+        coulomb_friction: Modelled Coulomb torques [N m or N], shape ``(nv,)``.
+        prismatic: True where the joint is linear, shape ``(nv,)``.
+        torque_hold: ``zoh`` if ``tau[k]`` acts from ``t[k]`` to ``t[k+1]``.
+        torque_source: What the torque columns of recordings are.
+        tolerance: How far the model is trusted.
+        payload_frame: Frame that carries a payload, or None for the last moving link.
+        warnings: Sentences about the robot file that the user should read.
+    """
+
+    model: pin.Model
+    name: str
+    source: str
+    sha256: str
+    joint_names: tuple[str, ...]
+    actuators: tuple[Actuator, ...]
+    viscous_friction: Float[Array, " nv"]
+    coulomb_friction: Float[Array, " nv"]
+    prismatic: np.ndarray
+    torque_hold: Literal["zoh", "instant"] = "instant"
+    torque_source: Literal["command", "current", "sensor"] = "command"
+    tolerance: Tolerance = field(default_factory=Tolerance)
+    payload_frame: str | None = None
+    warnings: tuple[str, ...] = ()
+
+    @property
+    def nv(self) -> int:
+        """Number of joint velocities."""
+        return self.model.nv
+
+    @property
+    def nq(self) -> int:
+        """Length of Pinocchio's configuration vector (a continuous joint takes two entries)."""
+        return self.model.nq
+
+    @property
+    def torque_units(self) -> tuple[str, ...]:
+        """Unit of the drive torque of each joint."""
+        return tuple("N" if p else "N m" for p in self.prismatic)
+
+    @property
+    def position_units(self) -> tuple[str, ...]:
+        """Unit of the position of each joint."""
+        return tuple("m" if p else "rad" for p in self.prismatic)
+
+    def configuration(self, q: Float[Array, "N nv"]) -> Float[Array, "N nq"]:
+        """Pinocchio configurations of joint positions ``q`` [rad or m]; a continuous joint becomes cos, sin."""
+        if self.nq == self.nv:
+            return q
+        out = np.empty((len(q), self.nq))
+        for joint in self.model.joints[1:]:
+            column = q[:, joint.idx_v]
+            if joint.nq == 2:
+                out[:, joint.idx_q], out[:, joint.idx_q + 1] = np.cos(column), np.sin(column)
+            else:
+                out[:, joint.idx_q] = column
+        return out
