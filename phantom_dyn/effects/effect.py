@@ -50,6 +50,7 @@ class Effect(Protocol):
 
     name: str
     scope: Literal["joint", "robot"]
+    regime: str
 
     def parameters(self, robot: Robot, joint: str | None) -> tuple[Parameter, ...]:
         """The contract's parameters with units and bounds."""

@@ -1,0 +1,63 @@
+"""Friction that differs by direction: ``-(T+ + c+ v)`` for ``v > 0``, ``T- - c- v`` for ``v < 0``.
+
+It contains Coulomb friction, viscous friction and a torque offset as special cases. Without a difference of the
+viscous parts it is Coulomb friction plus an offset, and nothing can part the two.
+URDF and MJCF have no place for it.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from phantom_dyn.effects.effect import Parameter, Signature
+from phantom_dyn.effects.rows import damping_unit, on_one_joint, row_of, torque_on_joint, torque_unit
+from phantom_dyn.motion import Motion
+from phantom_dyn.robot import Robot
+
+Array = np.ndarray
+
+
+class DirectionDependentFriction:
+    """See the module; implements `phantom_dyn.effects.effect.Effect`."""
+
+    name = "direction_dependent_friction"
+    scope = "joint"
+    regime = "one_direction"
+
+    def parameters(self, robot: Robot, joint: str | None) -> tuple[Parameter, ...]:
+        """Torque and viscous coefficient of each direction."""
+        torque, damping = torque_unit(robot, joint), damping_unit(robot, joint)
+        return (
+            Parameter("torque_positive", torque),
+            Parameter("torque_negative", torque),
+            Parameter("coefficient_positive", damping),
+            Parameter("coefficient_negative", damping),
+        )
+
+    def signature(self, robot: Robot, motion: Motion, joint: str | None, shape: float) -> Signature:
+        """A step and a slope for each direction."""
+        v = motion.v[:, row_of(robot, joint)]
+        torque, damping = torque_unit(robot, joint), damping_unit(robot, joint)
+        forward, backward = (v > 0).astype(float), (v < 0).astype(float)
+        return on_one_joint(
+            robot,
+            joint,
+            torque_positive=(forward, torque),
+            torque_negative=(-backward, torque),
+            coefficient_positive=(forward * v, damping),
+            coefficient_negative=(backward * v, damping),
+        )
+
+    def from_coefficients(self, robot: Robot, joint: str | None, coefficients: Array, shape: float) -> Array:
+        """The coefficients are the parameters."""
+        return coefficients
+
+    def torque(self, robot: Robot, motion: Motion, joint: str | None, theta: Array) -> Array:
+        """The law of the direction of motion; zero at rest."""
+        v = motion.v[:, row_of(robot, joint)]
+        law = np.where(v > 0, -(theta[0] + theta[2] * v), np.where(v < 0, theta[1] - theta[3] * v, 0.0))
+        return torque_on_joint(robot, joint, law)
+
+    def shapes(self, robot: Robot, motion: Motion, joint: str | None) -> tuple[float, ...]:
+        """The torque is linear in every parameter."""
+        return (np.nan,)

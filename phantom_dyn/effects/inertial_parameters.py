@@ -1,0 +1,69 @@
+"""Inertial parameters of one link (or, with joint None, of every link) that are not those of the model.
+
+They leave gravity and inertia in the proportions that the link's motion dictates. Only base parameters can be told
+from a recording, so what is reported are the changes of those that moved, by name.
+URDF and MJCF: the link's inertial element.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from phantom_dyn.dynamics import rigid_body_regressor
+from phantom_dyn.effects.effect import Parameter, Signature
+from phantom_dyn.effects.payload import INERTIAL_NAMES, INERTIAL_UNITS
+from phantom_dyn.effects.rows import row_of
+from phantom_dyn.motion import Motion
+from phantom_dyn.robot import Robot
+
+Array = np.ndarray
+
+
+def bodies_of(robot: Robot, joint: str | None) -> tuple[int, ...]:
+    """Pinocchio indices of the bodies whose parameters are free."""
+    if joint is None:
+        return tuple(range(1, robot.model.njoints))
+    row_of(robot, joint)
+    return (robot.model.getJointId(joint),)
+
+
+class InertialParameters:
+    """See the module; implements `phantom_dyn.effects.effect.Effect`."""
+
+    name = "inertial_parameters"
+    scope = "joint"
+    regime = "posture"
+
+    def parameters(self, robot: Robot, joint: str | None) -> tuple[Parameter, ...]:
+        """Changes of the ten standard parameters of each free body, about its joint origin."""
+        return tuple(
+            Parameter(f"{robot.model.names[body]}.{name}", unit)
+            for body in bodies_of(robot, joint)
+            for name, unit in zip(INERTIAL_NAMES, INERTIAL_UNITS, strict=True)
+        )
+
+    def shapes(self, robot: Robot, motion: Motion, joint: str | None) -> tuple[float, ...]:
+        """The torque is linear in every parameter."""
+        return (np.nan,)
+
+    def columns_of(self, robot: Robot, joint: str | None) -> tuple[int, ...]:
+        """Which columns of the rigid-body regressor are free."""
+        return tuple(10 * (body - 1) + k for body in bodies_of(robot, joint) for k in range(10))
+
+    def signature(self, robot: Robot, motion: Motion, joint: str | None, shape: float) -> Signature:
+        """The rigid-body regressor's columns of the free bodies."""
+        parameters = self.parameters(robot, joint)
+        return Signature(
+            tuple(range(robot.nv)),
+            rigid_body_regressor(robot, motion)[:, :, list(self.columns_of(robot, joint))],
+            tuple(p.name for p in parameters),
+            tuple(p.unit for p in parameters),
+        )
+
+    def from_coefficients(self, robot: Robot, joint: str | None, coefficients: Array, shape: float) -> Array:
+        """The coefficients are the parameters."""
+        return coefficients
+
+    def torque(self, robot: Robot, motion: Motion, joint: str | None, theta: Array) -> Array:
+        """Minus the torque that the changes need."""
+        return -self.signature(robot, motion, joint, np.nan).columns @ theta

@@ -1,0 +1,57 @@
+"""A spring on one joint that the model lacks (cable, hose, seal): ``torque = -k (q - q0)``.
+
+It leaves a residual that grows with position on one joint only. Gravity of a wrong mass looks alike over a small
+range; wide postures of the other joints part the two.
+URDF has no place for it; MJCF: joint ``stiffness`` and ``springref``.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from phantom_dyn.effects.effect import Parameter, Signature
+from phantom_dyn.effects.rows import on_one_joint, row_of, torque_on_joint, torque_unit
+from phantom_dyn.motion import Motion
+from phantom_dyn.robot import Robot
+
+Array = np.ndarray
+
+
+class ParasiticSpring:
+    """See the module; implements `phantom_dyn.effects.effect.Effect`."""
+
+    name = "parasitic_spring"
+    scope = "joint"
+    regime = "posture"
+
+    def parameters(self, robot: Robot, joint: str | None) -> tuple[Parameter, ...]:
+        """``stiffness`` k and ``rest_position`` q0."""
+        rest = robot.position_units[row_of(robot, joint)]
+        return (Parameter("stiffness", _stiffness_unit(robot, joint), 0.0), Parameter("rest_position", rest))
+
+    def signature(self, robot: Robot, motion: Motion, joint: str | None, shape: float) -> Signature:
+        """Position, and the constant ``-k q0``."""
+        q = motion.q[:, row_of(robot, joint)]
+        return on_one_joint(
+            robot,
+            joint,
+            stiffness=(q, _stiffness_unit(robot, joint)),
+            preload=(np.ones(len(q)), torque_unit(robot, joint)),
+        )
+
+    def from_coefficients(self, robot: Robot, joint: str | None, coefficients: Array, shape: float) -> Array:
+        """``q0 = -preload / k``."""
+        stiffness = coefficients[0] if coefficients[0] != 0 else np.finfo(float).tiny
+        return np.array([coefficients[0], -coefficients[1] / stiffness])
+
+    def torque(self, robot: Robot, motion: Motion, joint: str | None, theta: Array) -> Array:
+        """``-k (q - q0)`` on the joint."""
+        return torque_on_joint(robot, joint, -theta[0] * (motion.q[:, row_of(robot, joint)] - theta[1]))
+
+    def shapes(self, robot: Robot, motion: Motion, joint: str | None) -> tuple[float, ...]:
+        """The torque is linear in every parameter."""
+        return (np.nan,)
+
+
+def _stiffness_unit(robot: Robot, joint: str | None) -> str:
+    return "N/m" if robot.prismatic[row_of(robot, joint)] else "N m/rad"

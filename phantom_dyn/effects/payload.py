@@ -1,0 +1,73 @@
+# pyright: reportAttributeAccessIssue=false
+"""A point mass on the last moving link (or on ``payload_frame``) that the model lacks.
+
+It leaves gravity and inertia in one fixed ratio on every joint before it. A payload is the inertial parameters of the
+last link with four numbers instead of ten; on a pendulum the two are the same thing.
+URDF and MJCF: an inertial element more.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from phantom_dyn.dynamics import rigid_body_regressor, standard_parameters
+from phantom_dyn.effects.effect import Parameter, Signature
+from phantom_dyn.motion import Motion
+from phantom_dyn.robot import Robot
+
+Array = np.ndarray
+
+
+def payload_body(robot: Robot) -> int:
+    """Pinocchio index of the joint whose link carries the payload."""
+    if robot.payload_frame is not None:
+        return robot.model.frames[robot.model.getFrameId(robot.payload_frame)].parentJoint
+    return robot.model.njoints - 1
+
+
+def point_mass_parameters(mass: float, center: Array) -> Array:
+    """The ten standard inertial parameters of a point mass at ``center`` [m], about the joint origin."""
+    x, y, z = center
+    products = [y * y + z * z, -x * y, x * x + z * z, -x * z, -y * z, x * x + y * y]
+    return mass * np.array([1.0, x, y, z, *products])
+
+
+class Payload:
+    """See the module; implements `phantom_dyn.effects.effect.Effect`."""
+
+    name = "payload"
+    scope = "robot"
+    regime = "posture"
+
+    def parameters(self, robot: Robot, joint: str | None) -> tuple[Parameter, ...]:
+        """``mass`` and its place in the frame of the joint that moves the link."""
+        return (Parameter("mass", "kg", 0.0), *(Parameter(f"center_{axis}", "m") for axis in "xyz"))
+
+    def shapes(self, robot: Robot, motion: Motion, joint: str | None) -> tuple[float, ...]:
+        """No shape parameter: the inertia ``m c c^T`` follows from the other four."""
+        return (np.nan,)
+
+    def columns_of(self, robot: Robot, joint: str | None) -> tuple[int, ...]:
+        """Which columns of the rigid-body regressor the mass moves."""
+        first = 10 * (payload_body(robot) - 1)
+        return tuple(range(first, first + 10))
+
+    def signature(self, robot: Robot, motion: Motion, joint: str | None, shape: float) -> Signature:
+        """The body's ten regressor columns; a point mass uses them as `point_mass_parameters` says."""
+        columns = rigid_body_regressor(robot, motion)[:, :, list(self.columns_of(robot, joint))]
+        return Signature(tuple(range(robot.nv)), columns, INERTIAL_NAMES, INERTIAL_UNITS)
+
+    def from_coefficients(self, robot: Robot, joint: str | None, coefficients: Array, shape: float) -> Array:
+        """Mass and first moments give mass and centre."""
+        mass = coefficients[0] if coefficients[0] != 0 else np.finfo(float).tiny
+        return np.array([coefficients[0], *(coefficients[1:4] / mass)])
+
+    def torque(self, robot: Robot, motion: Motion, joint: str | None, theta: Array) -> Array:
+        """Minus the torque that the mass needs."""
+        added = np.zeros_like(standard_parameters(robot))
+        added[list(self.columns_of(robot, joint))] = point_mass_parameters(theta[0], theta[1:4])
+        return -rigid_body_regressor(robot, motion) @ added
+
+
+INERTIAL_NAMES = ("m", "mx", "my", "mz", "Ixx", "Ixy", "Iyy", "Ixz", "Iyz", "Izz")
+INERTIAL_UNITS = ("kg", "kg m", "kg m", "kg m", *["kg m^2"] * 6)

@@ -1,0 +1,54 @@
+"""Stribeck friction: ``-(Tc + (Ts - Tc) exp(-(v/vs)^2)) sign(v)``.
+
+It contains Coulomb friction (``Ts = Tc``). What parts the two is extra torque at low speed that decays with speed:
+slow constant speeds in both directions show it. URDF and MJCF have no place for it.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from phantom_dyn.effects.effect import Parameter, Signature
+from phantom_dyn.effects.rows import on_one_joint, row_of, torque_on_joint, torque_unit, velocity_unit
+from phantom_dyn.motion import Motion
+from phantom_dyn.robot import Robot
+
+Array = np.ndarray
+
+
+class StribeckFriction:
+    """See the module; implements `phantom_dyn.effects.effect.Effect`."""
+
+    name = "stribeck_friction"
+    scope = "joint"
+    regime = "low_speed"
+
+    def parameters(self, robot: Robot, joint: str | None) -> tuple[Parameter, ...]:
+        """Level at speed, level at rest and the velocity at which the difference has fallen to 1/e."""
+        torque = torque_unit(robot, joint)
+        return (
+            Parameter("coulomb_torque", torque, 0.0),
+            Parameter("static_torque", torque, 0.0),
+            Parameter("stribeck_velocity", velocity_unit(robot, joint), 0.0),
+        )
+
+    def shapes(self, robot: Robot, motion: Motion, joint: str | None) -> tuple[float, ...]:
+        """Stribeck velocities from 2 % to 50 % of the joint's top speed: outside, the law is Coulomb or viscous."""
+        top = float(np.percentile(np.abs(motion.v[:, row_of(robot, joint)]), 99))
+        return tuple(float(x) for x in np.geomspace(0.02, 0.5, 7) * max(top, 1e-9))
+
+    def signature(self, robot: Robot, motion: Motion, joint: str | None, shape: float) -> Signature:
+        """Direction of motion, and the same faded out with speed at ``shape`` = vs."""
+        v, unit = motion.v[:, row_of(robot, joint)], torque_unit(robot, joint)
+        s = np.sign(v)
+        return on_one_joint(robot, joint, coulomb_torque=(s, unit), excess=(s * np.exp(-((v / shape) ** 2)), unit))
+
+    def from_coefficients(self, robot: Robot, joint: str | None, coefficients: Array, shape: float) -> Array:
+        """``Ts`` is the level at speed plus the excess."""
+        return np.array([coefficients[0], coefficients[0] + coefficients[1], shape])
+
+    def torque(self, robot: Robot, motion: Motion, joint: str | None, theta: Array) -> Array:
+        """The law, zero at rest."""
+        v = motion.v[:, row_of(robot, joint)]
+        level = theta[0] + (theta[1] - theta[0]) * np.exp(-((v / theta[2]) ** 2))
+        return torque_on_joint(robot, joint, -level * np.sign(v))
