@@ -1,0 +1,70 @@
+# phantom-dyn: every target sets up what it needs; the second call starts at once.
+#   make demo   the main job, end to end          make test   the whole test suite
+#   make lint   ruff and pyright                  make bench  benchmarks with timing
+#   make blind  sealed cases, scored              make lock   renew requirements.txt
+#   make clean  removes the environment and what was built
+
+PYTHON ?= python3
+VENV := .venv
+BIN := $(VENV)/bin
+STAMP := $(VENV)/.installed
+
+export OMP_NUM_THREADS := 1
+export OPENBLAS_NUM_THREADS := 1
+export MKL_NUM_THREADS := 1
+# pip and pyright: no hints about newer versions.
+export PIP_DISABLE_PIP_VERSION_CHECK := 1
+export PYRIGHT_PYTHON_IGNORE_WARNINGS := 1
+
+.DEFAULT_GOAL := test
+.PHONY: demo test lint bench blind lock clean setup tools
+.DELETE_ON_ERROR:
+
+demo: setup
+	@$(BIN)/python examples/demo.py
+
+test: setup
+	@$(BIN)/python -m pytest
+
+lint: setup
+	@$(BIN)/ruff check .
+	@$(BIN)/ruff format --check .
+	@$(BIN)/pyright
+
+bench: setup
+	@$(BIN)/python -m pytest benchmarks --benchmark-enable -n 0
+
+blind: setup
+	@$(BIN)/python benchmarks/blind/run.py
+
+setup: $(STAMP)
+
+# What is installed follows from these two files alone, so the stamp depends on them and on nothing else.
+$(STAMP): requirements.txt pyproject.toml
+	@$(MAKE) --no-print-directory tools
+	@echo "Setting up $(VENV) (first call only; a few minutes and about 2 GB, mostly robot models)"
+	@test -x $(BIN)/python || $(PYTHON) -m venv $(VENV)
+	@$(BIN)/python -m pip install --quiet --require-hashes --requirement requirements.txt
+	@$(BIN)/python -m pip install --quiet --no-deps --no-build-isolation --editable .
+	@touch $@
+
+tools:
+	@command -v git >/dev/null || { echo "git is missing: sudo apt install git" >&2; exit 1; }
+	@command -v $(PYTHON) >/dev/null || { echo "$(PYTHON) is missing: sudo apt install python3 python3-venv" >&2; exit 1; }
+	@$(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 11))' || { \
+	  echo "phantom-dyn needs Python 3.11 or later and $(PYTHON) is older: sudo apt install python3.11 python3.11-venv," \
+	    "then run make PYTHON=python3.11" >&2; exit 1; }
+	@$(PYTHON) -c 'import ensurepip, venv' 2>/dev/null || { \
+	  echo "Python's venv module is missing: sudo apt install python3-venv" >&2; exit 1; }
+
+# Universal, with hashes and without the address of any package index: valid wherever the packages come from.
+lock: tools
+	@test -x $(BIN)/python || $(PYTHON) -m venv $(VENV)
+	@test -x $(BIN)/uv || $(BIN)/python -m pip install --quiet uv
+	@$(BIN)/uv pip compile pyproject.toml --extra examples --group test --group benchmarks --group dev \
+	  --generate-hashes --universal --python-version 3.11 --no-emit-index-url --no-emit-find-links \
+	  --no-header --no-annotate --upgrade --quiet --output-file requirements.txt
+
+clean:
+	rm -rf $(VENV) build dist demo .pytest_cache .ruff_cache .hypothesis .benchmarks
+	find . -name __pycache__ -type d -prune -exec rm -rf {} +
