@@ -1,0 +1,98 @@
+"""The command line: finds the command, hands it its arguments, turns refusals into one sentence."""
+
+from __future__ import annotations
+
+import argparse
+import difflib
+import importlib
+import os
+import sys
+from typing import Protocol, cast
+
+from phantom_dyn import __version__
+from phantom_dyn.errors import PhantomDynError, UsageError
+
+DONE, BAD_INPUT, INTERRUPTED = 0, 2, 130
+
+# Name -> module and what it does. A module is imported only when its command is called, and imports what computes
+# only when it computes, so that help and refusals come at once.
+COMMANDS: dict[str, tuple[str, str]] = {
+    "diagnose": ("identification.cli.diagnose", "find what the model of a robot lacks, from recordings"),
+    "check": ("identification.cli.check", "tell what is wrong with a recording, nothing else"),
+    "datasets": ("identification.cli.datasets", "list and fetch recordings of real robots"),
+}
+
+
+class Command(Protocol):
+    """What the module of a command provides."""
+
+    def parser(self) -> argparse.ArgumentParser:
+        """The command's arguments: an `identification.cli.arguments.Parser`."""
+        ...
+
+    def run(self, arguments: argparse.Namespace) -> int:
+        """Do the job and return the exit code."""
+        ...
+
+
+def main(argv: list[str] | None = None) -> int:
+    """Run one command.
+
+    Args:
+        argv: Words after the program's name; those of the process by default.
+
+    Returns:
+        Exit code: 0 the job was done, 2 bad input, 130 interrupted.
+    """
+    try:
+        code = _dispatch(sys.argv[1:] if argv is None else list(argv))
+        sys.stdout.flush()
+    except PhantomDynError as error:
+        print(f"phantom-dyn: {error}", file=sys.stderr)
+        return BAD_INPUT
+    except KeyboardInterrupt:
+        print("phantom-dyn: interrupted", file=sys.stderr)
+        return INTERRUPTED
+    except BrokenPipeError:
+        # The reader (head, less) left early. Python flushes once more at exit: give it a place to write to.
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        return DONE
+    return code
+
+
+def _dispatch(words: list[str]) -> int:
+    if not words:
+        raise UsageError(f"no command was given, wanted one of {', '.join(COMMANDS)}; see phantom-dyn --help")
+    name, *rest = words
+    if name in ("-h", "--help"):
+        print(_help())
+        return DONE
+    if name == "--version":
+        print(f"phantom-dyn {__version__}")
+        return DONE
+    if name not in COMMANDS:
+        raise UsageError(_unknown(name))
+    command = cast("Command", importlib.import_module(COMMANDS[name][0]))
+    try:
+        arguments = command.parser().parse_intermixed_args(rest)  # options may stand between the LOGs
+    except SystemExit as stop:  # argparse has printed the help
+        return int(stop.code or DONE)
+    return command.run(arguments)
+
+
+def _help() -> str:
+    width = max(map(len, COMMANDS))
+    commands = "\n".join(f"  {name:<{width}}  {what}" for name, (_, what) in COMMANDS.items())
+    return (
+        "usage: phantom-dyn COMMAND ...\n\n"
+        "Diagnoses the gap between a robot and its model from a recording.\n\n"
+        f"commands:\n{commands}\n\n"
+        "options:\n  -h, --help  this text; phantom-dyn COMMAND --help for a command's\n  --version   the version\n\n"
+        "exit code: 0 the job was done, whatever it found; 2 bad input"
+    )
+
+
+def _unknown(name: str) -> str:
+    nearest = difflib.get_close_matches(name, COMMANDS, n=1)
+    hint = f"did you mean {nearest[0]}?" if nearest else "see phantom-dyn --help"
+    return f"unknown command {name!r}, wanted one of {', '.join(COMMANDS)}; {hint}"
