@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from jaxtyping import Bool, Float
+from jaxtyping import Bool, Float, Int
 
 from phantom_dyn.motion import Motion, read_only
 
@@ -14,36 +14,48 @@ Array = np.ndarray
 
 @dataclass(frozen=True)
 class Band:
-    """The one filter that torque and every regressor column go through: zero-phase low pass, crop, decimation.
+    """The one filter that torque and every regressor column go through: linear phase, no delay, then decimation.
 
     Attributes:
         rate_hz: Rate of the samples that go in.
-        cutoff_hz: Edge of the band; an infinite edge with ``step = 1`` and ``crop = 0`` lets everything through.
+        cutoff_hz: Edge of the band (-6 dB).
+        kernel: Symmetric FIR kernel of odd length; ``[1.0]`` lets everything through.
         step: Every ``step``-th sample comes out.
-        crop: Samples left out at both ends, where the filter has only half of its past or future.
     """
 
     rate_hz: float
-    cutoff_hz: float = np.inf
-    step: int = 1
-    crop: int = 0
+    cutoff_hz: float
+    kernel: Float[Array, " m"]
+    step: int
+
+    @property
+    def half(self) -> int:
+        """Samples lost at both ends, where the kernel would reach over the edge of the recording."""
+        return len(self.kernel) // 2
+
+    def samples(self, count: int) -> Int[Array, " n"]:
+        """Which of ``count`` input samples the output samples are centred on."""
+        return np.arange(self.half, count - self.half, self.step)
 
     def __call__(self, x: Float[Array, "N ..."]) -> Float[Array, "n ..."]:
-        """Samples of ``x`` in the band, first axis time."""
-        stop = len(x) - self.crop
-        if np.isfinite(self.cutoff_hz):
-            from scipy.signal import butter, sosfiltfilt
+        """Samples of ``x`` in the band, first axis time; only those whose kernel lies inside the recording."""
+        if len(self.kernel) == 1:
+            return x[:: self.step]
+        from scipy.signal import upfirdn
 
-            sos = butter(4, self.cutoff_hz, fs=self.rate_hz, output="sos")
-            x = sosfiltfilt(
-                sos, x, axis=0, padtype="odd", padlen=min(len(x) - 1, 3 * int(self.rate_hz / self.cutoff_hz))
-            )
-        return x[self.crop : stop : self.step]
+        flat = x.reshape(len(x), -1)
+        count = len(self.samples(len(x)))
+        # upfirdn keeps outputs 0, step, 2 step, ...; zeros in front put the first full overlap on one of these.
+        lead = -2 * self.half % self.step
+        padded = np.concatenate([np.zeros((lead, flat.shape[1])), flat])
+        first = (2 * self.half + lead) // self.step
+        out = upfirdn(self.kernel, padded, down=self.step, axis=0)[first : first + count]
+        return out.reshape(count, *x.shape[1:])
 
 
 @dataclass(frozen=True)
 class Log:
-    """Motion and torque of one recording, ready for fitting.
+    """Motion and torque of one recording, ready for fitting; all arrays at the full, uniform rate.
 
     Attributes:
         file: Name of the recording.
@@ -66,3 +78,15 @@ class Log:
         mask = np.array(self.valid, dtype=bool)
         mask.flags.writeable = False
         object.__setattr__(self, "valid", mask)
+
+    @property
+    def samples(self) -> Int[Array, " n"]:
+        """Full-rate index of each sample in the band."""
+        return self.band.samples(len(self.motion.t))
+
+    @property
+    def valid_in_band(self) -> Bool[Array, " n"]:
+        """True for samples in the band whose kernel touches no sample that must not be used."""
+        bad = np.concatenate([[0], np.cumsum(~self.valid)])
+        at, half = self.samples, self.band.half
+        return bad[at + half + 1] == bad[at - half]

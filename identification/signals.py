@@ -1,0 +1,136 @@
+"""From raw samples to a `Log`: uniform time, aligned torque, derivatives, and a band chosen from the data.
+
+The chain: resample to a uniform rate if the recording is not; take the known half sample of a held torque out; low-pass
+the positions far above the band (so that the filter leaves no trace inside it) and differentiate; filter torque and
+regressor columns with one linear-phase kernel at the edge of the band and decimate. Filtering only the torque, or
+filtering accelerations twice, biases friction by one to several per cent.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from jaxtyping import Float
+
+from identification.log import Band, Log
+from identification.recordings import Recording
+from phantom_dyn.errors import LogError
+from phantom_dyn.motion import Motion
+from phantom_dyn.robot import Robot
+
+Array = np.ndarray
+
+# The positions are low-passed this many times above the band, which leaves 0.1 % of attenuation at its edge.
+_MOTION_BAND = 2.5
+# Samples in the band per period of its edge: the least that loses nothing to aliasing.
+_SAMPLES_PER_PERIOD = 2.5
+
+
+def uniform(recording: Recording) -> tuple[Float[Array, " N"], Float[Array, "N nv"], Float[Array, "N nv"], Array]:
+    """Time, positions, torques and validity on a uniform grid with the recording's median step.
+
+    Positions are interpolated by cubic splines, torques linearly (or held, as ``torque_hold`` of the robot says,
+    after alignment). Samples inside a gap of more than five steps or an excluded stretch are not valid.
+    """
+    t = recording.t
+    steps = np.diff(t)
+    step = float(np.median(steps))
+    tau = recording.tau
+    if tau is None:
+        raise LogError(f"{recording.file} has no torque, current or voltage: record one, or see --motion-only.")
+    q = recording.q
+    gaps = [(t[k], t[k + 1]) for k in np.flatnonzero(steps > 5 * step)]
+    if np.max(np.abs(steps - step)) > 1e-3 * step:
+        from scipy.interpolate import CubicSpline
+
+        grid = np.arange(t[0], t[-1] + 1e-9 * step, step)
+        q = CubicSpline(t, q)(grid)
+        tau = np.column_stack([np.interp(grid, t, column) for column in tau.T])
+        t = grid
+    valid = np.ones(len(t), dtype=bool)
+    for start, stop in [*gaps, *recording.excluded]:
+        valid &= (t < start) | (t > stop)
+    return t, q, tau, valid
+
+
+def align_held_torque(tau: Float[Array, "N nv"]) -> Float[Array, "N nv"]:
+    """Torque at the sample instants when ``tau[k]`` is held from ``t[k]`` to ``t[k+1]``: mean of both neighbours."""
+    return np.vstack([tau[:1], 0.5 * (tau[1:] + tau[:-1])])
+
+
+def low_pass(cutoff_hz: float, rate_hz: float) -> Band:
+    """Hamming-windowed band of half length two periods of its edge, decimated to 2.5 samples per period."""
+    from scipy.signal import firwin
+
+    if cutoff_hz >= 0.4 * rate_hz:
+        return Band(rate_hz, 0.5 * rate_hz, np.ones(1), 1)
+    half = int(np.ceil(2 * rate_hz / cutoff_hz))
+    step = max(1, int(rate_hz / (_SAMPLES_PER_PERIOD * cutoff_hz)))
+    return Band(rate_hz, cutoff_hz, firwin(2 * half + 1, cutoff_hz, fs=rate_hz), step)
+
+
+def differentiate(q: Float[Array, "N nv"], rate_hz: float, cutoff_hz: float) -> tuple[Array, Array, Array]:
+    """Position, velocity and acceleration [per s, per s^2] of ``q`` low-passed without delay at ``cutoff_hz``.
+
+    Derivatives are those of a quintic spline through the filtered samples, exact to 0.5 % up to a sixth of the rate
+    (central differences lose 17 % there).
+    """
+    from scipy.interpolate import make_interp_spline
+    from scipy.signal import butter, sosfiltfilt
+
+    if cutoff_hz < 0.4 * rate_hz:
+        sos = butter(4, cutoff_hz, fs=rate_hz, output="sos")
+        q = sosfiltfilt(sos, q, axis=0, padlen=min(len(q) - 1, int(3 * rate_hz / cutoff_hz)))
+    grid = np.arange(len(q)) / rate_hz
+    spline = make_interp_spline(grid, q, k=5)
+    return q, spline(grid, 1), spline(grid, 2)
+
+
+def process(recording: Recording, robot: Robot, *, cutoff_hz: float | None = None) -> Log:
+    """The log of one recording; the band is chosen from the data unless it is given.
+
+    Args:
+        recording: Raw samples.
+        robot: Says how the torque was held.
+        cutoff_hz: Edge of the band [Hz], or None.
+    Raises:
+        LogError: If the recording is too short for its band.
+    """
+    t, q, tau, valid = uniform(recording)
+    rate = (len(t) - 1) / (t[-1] - t[0])
+    if robot.torque_hold == "zoh":
+        tau = align_held_torque(tau)
+    if cutoff_hz is None:
+        cutoff_hz = choose_cutoff([(q, tau, rate)])
+    band = low_pass(cutoff_hz, rate)
+    if len(band.samples(len(t))) < 20:
+        raise LogError(
+            f"{recording.file} lasts {t[-1] - t[0]:.2f} s, too short for a band of {band.cutoff_hz:.1f} Hz: "
+            "record at least ten seconds of motion."
+        )
+    q, v, a = differentiate(q, rate, min(_MOTION_BAND * band.cutoff_hz, 0.4 * rate))
+    return Log(recording.file, recording.joint_names, Motion(t, q, v, a), tau, band, valid)
+
+
+def process_all(recordings: tuple[Recording, ...], robot: Robot) -> tuple[Log, ...]:
+    """Logs of several recordings in one common band."""
+    raw = [uniform(recording) for recording in recordings]
+    rates = [(len(t) - 1) / (t[-1] - t[0]) for t, *_ in raw]
+    cutoff = choose_cutoff([(q, tau, rate) for (_, q, tau, _), rate in zip(raw, rates, strict=True)])
+    return tuple(process(recording, robot, cutoff_hz=cutoff) for recording in recordings)
+
+
+def choose_cutoff(signals: list[tuple[Float[Array, "N nv"], Float[Array, "N nv"], float]]) -> float:
+    """Edge of the band [Hz] that the data support: the lower of two edges, over ``(q, tau, rate)`` of recordings.
+
+    The first is the median, over moving joints, of the frequency up to which the acceleration stands 10 dB above its
+    noise floor. The second is the frequency above which the torque carries less than 1 % of its amplitude: there the
+    recorder has smoothed it, while a step of friction in the model still has content.
+    """
+    from identification.spectra import acceleration_edge, torque_edge
+
+    moving = [acceleration_edge(column, rate) for q, _, rate in signals for column in q.T]
+    edges = [edge for edge in moving if edge is not None]
+    torque = max(torque_edge(column, rate) for _, tau, rate in signals for column in tau.T)
+    rate = min(rate for *_, rate in signals)
+    edge = min(float(np.median(edges)) if edges else np.inf, torque)
+    return float(np.clip(edge, 1.0, 0.2 * rate))

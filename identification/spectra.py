@@ -1,0 +1,63 @@
+"""Where a signal ends and its noise begins, read off power spectra."""
+
+from __future__ import annotations
+
+import numpy as np
+from jaxtyping import Float
+
+Array = np.ndarray
+
+_BINS_PER_OCTAVE = 6
+
+
+def _welch(x: Float[Array, " N"], rate_hz: float) -> tuple[Array, Array, int]:
+    from scipy.signal import welch
+
+    length = min(len(x), max(256, min(int(4 * rate_hz), len(x) // 5)))
+    f, power = welch(x, rate_hz, window="blackman", nperseg=length, detrend="constant")
+    return f, power, length
+
+
+def acceleration_edge(q: Float[Array, " N"], rate_hz: float) -> float | None:
+    """Frequency [Hz] up to which the acceleration of ``q`` stands 10 dB above its noise floor; None if it never does.
+
+    The spectrum of the second difference, in sixth-octave bins under an envelope of a third of an octave, is followed
+    upwards from the peak of the velocity's; the floor is its minimum before it rises by 13 dB for good, as the noise
+    of a differentiated encoder does. A joint whose acceleration peak is not five times its floor is at rest.
+    """
+    acceleration = np.diff(q, 2) * rate_hz**2
+    f, power, length = _welch(acceleration, rate_hz)
+    w = np.pi * f / rate_hz
+    power = power * np.where(f > 0, (w / np.maximum(np.sin(w), 1e-12)) ** 4, 1.0)
+    low, high = 3 * rate_hz / length, 0.4 * rate_hz
+    if not np.any(power > 0) or low >= high:
+        return None
+    edges = low * 2.0 ** (np.arange(int(np.log2(high / low) * _BINS_PER_OCTAVE) + 1) / _BINS_PER_OCTAVE)
+    inside = [(f >= a) & (f < b) for a, b in zip(edges[:-1], edges[1:], strict=True)]
+    kept = [k for k, m in enumerate(inside) if m.any()]
+    centre = np.array([np.sqrt(edges[k] * edges[k + 1]) for k in kept])
+    level = np.array([power[inside[k]].mean() for k in kept])
+    reach = 2.0 ** (1 / 3)
+    envelope = np.array([level[(centre >= c / reach) & (centre <= c * reach)].max() for c in centre])
+    start = int(np.argmax(level / centre**2))
+    lowest = start
+    for k in range(start, len(centre)):
+        if envelope[k] < envelope[lowest]:
+            lowest = k
+        elif envelope[k] > 20 * envelope[lowest]:
+            break
+    edge = next(k for k in range(start, lowest + 1) if envelope[k] <= 10 * envelope[lowest])
+    if np.sqrt(level[start : lowest + 1].max() / envelope[edge]) < 5:
+        return None
+    return float(centre[edge])
+
+
+def torque_edge(tau: Float[Array, " N"], rate_hz: float) -> float:
+    """Frequency [Hz] above which ``tau`` carries less than 1 % of its amplitude; half the rate if it always does."""
+    f, power, _ = _welch(tau, rate_hz)
+    total = power.sum()
+    if total == 0:
+        return 0.0
+    above = np.cumsum(power[::-1])[::-1] / total
+    below = np.flatnonzero(above < 1e-4)
+    return float(f[below[0]]) if len(below) else 0.5 * rate_hz
