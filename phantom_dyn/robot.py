@@ -10,6 +10,8 @@ import numpy as np
 import pinocchio as pin
 from jaxtyping import Float
 
+from phantom_dyn.motion import read_only
+
 Array = np.ndarray
 
 
@@ -67,6 +69,7 @@ class Robot:
         tolerance: How far the model is trusted.
         payload_frame: Frame that carries a payload, or None for the last moving link.
         warnings: Sentences about the robot file that the user should read.
+        locked: Joints of the file that are held fixed and are no longer in the model.
     """
 
     model: pin.Model
@@ -83,6 +86,15 @@ class Robot:
     tolerance: Tolerance = field(default_factory=Tolerance)
     payload_frame: str | None = None
     warnings: tuple[str, ...] = ()
+    locked: tuple[str, ...] = ()
+
+    def __post_init__(self):
+        object.__setattr__(self, "model", self.model.copy())
+        for name in ("viscous_friction", "coulomb_friction"):
+            object.__setattr__(self, name, read_only(getattr(self, name)))
+        prismatic = np.array(self.prismatic, dtype=bool)
+        prismatic.flags.writeable = False
+        object.__setattr__(self, "prismatic", prismatic)
 
     @property
     def nv(self) -> int:

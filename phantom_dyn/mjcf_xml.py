@@ -1,0 +1,115 @@
+"""Facts of a MJCF file that Pinocchio drops: gravity, equalities, and features that would make the model wrong."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+
+from phantom_dyn.errors import RobotError
+from phantom_dyn.robot_xml import Body, Element, RobotXml, numbers, require_not_negative, symmetric
+
+_STRUCTURE = ("include", "frame", "replicate", "attach", "composite", "flexcomp")
+"""Elements that change the tree of bodies when MuJoCo compiles the file; Pinocchio does not compile it."""
+_LEFT_OUT = (
+    ("compiler", "settotalmass"),
+    ("compiler", "boundmass"),
+    ("compiler", "boundinertia"),
+    ("compiler", "balanceinertia"),
+    ("compiler", "inertiafromgeom"),
+    ("joint", "stiffness"),
+    ("body", "gravcomp"),
+    ("fixed", "stiffness"),
+    ("fixed", "damping"),
+    ("spatial", "stiffness"),
+    ("spatial", "damping"),
+    ("option", "density"),
+    ("option", "viscosity"),
+    ("option", "wind"),
+)
+"""Attributes that act on the torques of MuJoCo and that Pinocchio does not read."""
+
+
+def mjcf_facts(root: Element, sha256: str, path: Path) -> RobotXml:
+    """Facts of a MJCF file; actuators, keyframes and contacts are not looked at.
+
+    Raises:
+        RobotError: If the file has to be compiled by MuJoCo first, closes a chain, or holds an impossible number.
+    """
+    for tag in _STRUCTURE:
+        if any(True for _ in root.iter(tag)):
+            raise RobotError(
+                f"{path} uses <{tag}>, which Pinocchio does not read: load the file in MuJoCo, "
+                "write it out whole with mujoco.mj_saveLastXML, and give that file."
+            )
+    bodies = [body for element in root.iter("body") if (body := _body(element, root, path)) is not None]
+    for joint in root.iter("joint"):
+        owner = f"joint {joint.get('name', '(default)')}"
+        for attribute in ("pos", "axis", "ref"):
+            numbers(joint, attribute, owner, path)
+        require_not_negative(joint, ("damping", "frictionloss", "armature"), owner, path)
+    option = root.find("option")
+    gravity = numbers(option, "gravity", "the file", path) if option is not None else []
+    if len(gravity) not in (0, 3):
+        raise RobotError(f"{path}: gravity in <option> has {len(gravity)} numbers, wanted three.")
+    x, y, z = gravity or (0.0, 0.0, -9.81)
+    return RobotXml(
+        "mjcf", root.get("model", ""), sha256, tuple(bodies), _followers(root, path), (x, y, z), _warnings(root, path)
+    )
+
+
+def _body(element: Element, root: Element, path: Path) -> Body | None:
+    """Stated inertia of a body; None where MuJoCo takes it from the geoms."""
+    name = f"body {element.get('name', '(without a name)')}"
+    for attribute in ("pos", "quat", "euler", "axisangle", "xyaxes", "zaxis"):
+        numbers(element, attribute, name, path)
+    inertial = element.find("inertial")
+    if inertial is None:
+        for geom in element.findall("geom"):
+            require_not_negative(geom, ("mass", "density"), name, path)
+            if geom.get("mesh") is not None and geom.get("mass") is None and not _geoms_have_mass(root):
+                raise RobotError(
+                    f"{path}: the inertia of {name} comes from a mesh, and meshes are not read: give it an <inertial>."
+                )
+        return None
+    for attribute in ("pos", "quat", "euler", "axisangle", "xyaxes", "zaxis"):
+        numbers(inertial, attribute, name, path)
+    mass = numbers(inertial, "mass", name, path)
+    diagonal = numbers(inertial, "diaginertia", name, path)
+    full = numbers(inertial, "fullinertia", name, path)
+    if len(mass) != 1 or (len(diagonal), len(full)) not in ((3, 0), (0, 6)):
+        raise RobotError(f"{path}: the <inertial> of {name} needs mass and diaginertia (3) or fullinertia (6 numbers).")
+    return Body(name, mass[0], symmetric(*full) if full else np.diag(diagonal))
+
+
+def _geoms_have_mass(root: Element) -> bool:
+    """True if a default gives geoms their mass, as files do with ``mass="0"`` for what is only seen."""
+    return any(geom.get("mass") is not None for default in root.iter("default") for geom in default.findall("geom"))
+
+
+def _followers(root: Element, path: Path) -> dict[str, tuple[str, float]]:
+    followers = {}
+    for constraint in (element for group in root.iter("equality") for element in group):
+        if constraint.get("active", "true") == "false":
+            continue
+        if constraint.tag in ("connect", "weld"):
+            raise RobotError(
+                f"{path} closes a chain of bodies with <{constraint.tag}>: closed chains arrive with a later version, "
+                "give an open chain."
+            )
+        if constraint.tag == "joint":
+            name = constraint.get("joint1", "")
+            offset = numbers(constraint, "polycoef", f"the equality of joint {name}", path) or [0.0]
+            followers[name] = (constraint.get("joint2", "nothing"), offset[0])
+    return followers
+
+
+def _warnings(root: Element, path: Path) -> tuple[str, ...]:
+    found = []
+    for tag, attribute in _LEFT_OUT:
+        values = [element.get(attribute, "") for element in root.iter(tag)]
+        if any(value not in ("", "false", "auto") and value.strip(" 0.") for value in values):
+            found.append(f"{attribute} of <{tag}>")
+    if not found:
+        return ()
+    return (f"{path} states {', '.join(found)}, which the model leaves out: a gap may come from it.",)

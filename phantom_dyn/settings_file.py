@@ -1,0 +1,88 @@
+"""YAML files that users write, read strictly: no key twice, no empty value, no infinite number."""
+
+from __future__ import annotations
+
+import math
+import re
+from pathlib import Path
+from typing import Any
+
+import yaml
+
+from phantom_dyn.errors import PhantomDynError
+
+
+class _Loader(yaml.SafeLoader):
+    """YAML as users mean it: ``1e-3`` is a number, and a key given twice is a mistake."""
+
+    def construct_mapping(self, node: yaml.MappingNode, deep: bool = False) -> dict[Any, Any]:
+        seen: set[str] = set()
+        for key, _ in node.value:
+            if key.value in seen:
+                raise yaml.MarkedYAMLError(problem=f"the key {key.value} is given twice", problem_mark=key.start_mark)
+            seen.add(key.value)
+        return super().construct_mapping(node, deep)
+
+
+# PyYAML follows YAML 1.1, where a number with an exponent needs a point: 1e-3 would be text.
+_Loader.add_implicit_resolver(
+    "tag:yaml.org,2002:float", re.compile(r"^[-+]?\d+(?:\.\d*)?[eE][-+]?\d+$"), list("-+0123456789")
+)
+
+
+def read_settings(path: Path, error: type[PhantomDynError]) -> dict[str, Any]:
+    """The mapping that a YAML file holds; an empty file is an empty mapping.
+
+    Args:
+        path: The file.
+        error: What to raise.
+
+    Raises:
+        PhantomDynError: Of the type ``error``, where the file cannot be read, is broken, holds no mapping, or a
+            value is empty, infinite or not a number.
+    """
+    try:
+        text = path.read_text(encoding="utf-8")
+    except OSError as problem:
+        raise error(f"{path} cannot be read ({problem.strerror}): give a YAML file.") from problem
+    except UnicodeDecodeError as problem:
+        raise error(f"{path} is not a text file: give a YAML file in UTF-8.") from problem
+    try:
+        # _Loader derives from SafeLoader: it builds plain values only.
+        content = yaml.load(text, Loader=_Loader)
+    except yaml.YAMLError as problem:
+        raise error(f"{path} is not valid YAML{_place(problem)}: correct it there.") from problem
+    if content is None:
+        return {}
+    if not isinstance(content, dict):
+        raise error(f"{path} holds {describe(content)}, wanted keys with values such as `key: value`.")
+    _require_values(content, "", path, error)
+    return content
+
+
+def describe(value: Any) -> str:
+    """A value as a message shows it, with the YAML word for its kind where that helps."""
+    if isinstance(value, str):
+        return f"the text {value!r}"
+    if isinstance(value, bool):
+        return "true" if value else "false"
+    return f"the list {value}" if isinstance(value, list) else f"{value}"
+
+
+def _place(problem: yaml.YAMLError) -> str:
+    if not isinstance(problem, yaml.MarkedYAMLError) or problem.problem_mark is None:
+        return ""
+    return f" at line {problem.problem_mark.line + 1} ({problem.problem})"
+
+
+def _require_values(value: Any, key: str, path: Path, error: type[PhantomDynError]) -> None:
+    if value is None:
+        raise error(f"{path}: {key} is empty: give a value or remove the key.")
+    if isinstance(value, float) and not math.isfinite(value):
+        raise error(f"{path}: {key} is {value}, wanted a finite number.")
+    if isinstance(value, dict):
+        for name, item in value.items():
+            _require_values(item, f"{key}.{name}" if key else str(name), path, error)
+    if isinstance(value, list):
+        for index, item in enumerate(value):
+            _require_values(item, f"{key}[{index}]", path, error)
