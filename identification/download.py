@@ -38,13 +38,12 @@ def _to_file(url: str, output_file: str, _: object) -> None:
 
     try:
         response = within(PATIENCE_S, lambda: requests.get(url, stream=True, timeout=PATIENCE_S / 2))
-        response.raise_for_status()
+        if not response.ok:
+            raise OSError(f"the server answered {response.status_code}")
         size = int(response.headers.get("content-length", 0))
         with Path(output_file).open("wb") as out:
             for chunk in _with_progress(response.iter_content(CHUNK), size, Path(url).name):
                 out.write(chunk)
-    except requests.HTTPError as error:
-        raise OSError(f"the server answered {error.response.status_code}") from error
     except requests.RequestException as error:
         raise OSError("no connection to the server") from error
 

@@ -1,8 +1,45 @@
 from __future__ import annotations
 
 import os
+import re
+import shutil
+import subprocess
+import sys
+import tomllib
+import zipfile
+import zlib
+from pathlib import Path
 
 import numpy as np
+import pytest
+
+from phantom_dyn import __version__
+
+CHECKOUT = Path(__file__).resolve().parents[1]
+# Written in parts, so that this file does not name what it looks for.
+REGISTRY_HOSTS = ("py" + "pi.org", "python" + "hosted.org", "npm" + "js.org", "ana" + "conda.org")
+LOCAL_PLACES = ("file:" + "//", "/" + "opt/", "/ro" + "ot/", "/ho" + "me/", "/wo" + "rk/", "../" + "shared")
+
+
+def committed_texts():
+    """Path and text of every committed text file that is still there."""
+    listing = subprocess.run(["git", "ls-files", "-z"], cwd=CHECKOUT, capture_output=True, text=True, check=True)
+    for name in filter(None, listing.stdout.split("\0")):
+        path = CHECKOUT / name
+        if path.is_file() and path.suffix not in {".png", ".npz", ".mat", ".stl", ".db3", ".mcap", ".parquet"}:
+            yield name, path.read_text(encoding="utf-8", errors="replace")
+
+
+def lock():
+    return (CHECKOUT / "requirements.txt").read_text()
+
+
+def locked_packages():
+    return {re.match(r"[\w.\-]+", line)[0].lower() for line in lock().splitlines() if re.match(r"\S+==", line)}
+
+
+def names_of(requirements):
+    return {re.match(r"[\w.\-]+", requirement)[0].lower() for requirement in requirements}
 
 
 def test_linear_algebra_runs_on_one_thread_in_tests():
@@ -11,7 +48,52 @@ def test_linear_algebra_runs_on_one_thread_in_tests():
 
 def test_rng_gives_the_same_numbers_in_every_run(rng):
     # Known truth: the seed is the checksum of the test's name, which does not change.
-    import zlib
-
     name = "tests/test_project.py::test_rng_gives_the_same_numbers_in_every_run"
     assert rng.random() == np.random.default_rng(zlib.crc32(name.encode())).random()
+
+
+def test_the_lock_pins_every_package_to_hashes():
+    # Oracle: pip's own rule for --require-hashes, every requirement pinned by == with a hash on the next line.
+    blocks = re.findall(r"^(\S+?)==\S+[^\n]*\\\n    --hash=sha256:[0-9a-f]{64}", lock(), flags=re.MULTILINE)
+    assert {name.split("[")[0].lower() for name in blocks} == locked_packages()
+
+
+def test_the_lock_names_no_address():
+    assert not re.search(r"https?:|file:|@ |--index|--find-links", lock())
+
+
+def test_the_lock_holds_every_declared_dependency():
+    project = tomllib.loads((CHECKOUT / "pyproject.toml").read_text())
+    declared = names_of(project["project"]["dependencies"])
+    for group in [*project["project"]["optional-dependencies"].values(), *project["dependency-groups"].values()]:
+        declared |= names_of(group)
+    assert declared <= locked_packages()
+
+
+@pytest.mark.parametrize("kind", [REGISTRY_HOSTS, LOCAL_PLACES], ids=["registry", "machine"])
+def test_no_committed_file_names_a_place_that_others_do_not_have(kind):
+    named = [(name, place) for name, text in committed_texts() for place in kind if place in text]
+    assert named == []
+
+
+def test_the_wheel_holds_both_packages_and_the_robots(tmp_path):
+    # Oracle: hatchling, the build backend itself, as pip would call it.
+    command = [sys.executable, "-m", "hatchling", "build", "-t", "wheel", "-d", str(tmp_path)]
+    subprocess.run(command, cwd=CHECKOUT, capture_output=True, check=True)
+    (wheel,) = tmp_path.glob(f"phantom_dyn-{__version__}-*.whl")
+    names = set(zipfile.ZipFile(wheel).namelist())
+    wanted = {"phantom_dyn/__init__.py", "phantom_dyn/py.typed", "identification/__init__.py"}
+    wanted |= {f"phantom_dyn/{path.relative_to(CHECKOUT)}" for path in CHECKOUT.glob("urdf/*/*.urdf")}
+    assert wanted | {"identification/py.typed", "phantom_dyn/urdf/emps/robot.urdf"} <= names
+
+
+@pytest.mark.parametrize(("ci", "outcome"), [("", "1 skipped"), ("true", "1 error")])
+def test_without_the_recordings_a_test_is_skipped_but_under_ci_it_fails(ci, outcome, tmp_path):
+    # Oracle: pytest itself, on a folder with our conftest.py and one test.
+    shutil.copy(CHECKOUT / "tests" / "conftest.py", tmp_path)
+    (tmp_path / "test_data.py").write_text("def test_it(data_folder): pass")
+    environment = {**os.environ, "CI": ci, "PHANTOM_DYN_DATA": str(tmp_path / "missing")}
+    command = [sys.executable, "-m", "pytest", "-ra", "-p", "no:cacheprovider", "-p", "no:xdist", "--rootdir", "."]
+    child = subprocess.run(command, cwd=tmp_path, env=environment, capture_output=True, text=True)
+    assert outcome in child.stdout
+    assert f"the real recordings are not at {tmp_path / 'missing'}: set PHANTOM_DYN_DATA" in child.stdout

@@ -1,0 +1,164 @@
+from __future__ import annotations
+
+import subprocess
+import sys
+
+import pytest
+
+from identification.cli import main as frame
+from identification.cli.arguments import Parser
+from identification.cli.main import COMMANDS, main
+from phantom_dyn import __version__
+from phantom_dyn.errors import UsageError
+
+HEAVY = {"scipy", "matplotlib", "cvxpy", "plotly", "xarray", "numba", "pinocchio"}
+LISTING = f"""
+import sys
+from identification.cli.main import main
+code = main(sys.argv[1:])
+print(code, *sorted(set(sys.modules) & {HEAVY!r}), file=sys.stderr)
+"""
+
+
+class Echo:
+    """A command that says what it was given: stands in for a module of identification.cli."""
+
+    def __init__(self, outcome):
+        self.outcome = outcome
+
+    def parser(self):
+        parser = Parser(prog="phantom-dyn echo")
+        parser.add_argument("robot")
+        parser.add_argument("log", nargs="+")
+        parser.add_argument("--with", dest="with_", action="extend", nargs="+")
+        parser.add_argument("--out")
+        return parser
+
+    def run(self, arguments):
+        return self.outcome(arguments)
+
+
+@pytest.fixture
+def echo(monkeypatch):
+    """Replace the command diagnose by one that does what the test says."""
+
+    def install(outcome):
+        monkeypatch.setattr(frame.importlib, "import_module", lambda _: Echo(outcome))
+
+    return install
+
+
+def raising(error):
+    def run(_):
+        raise error
+
+    return run
+
+
+def test_help_names_every_command(capsys):
+    assert main(["--help"]) == 0
+    text = capsys.readouterr().out
+    assert all(f"\n  {name} " in text for name in COMMANDS)
+
+
+def test_version_is_the_packages(capsys):
+    assert main(["--version"]) == 0
+    assert capsys.readouterr().out == f"phantom-dyn {__version__}\n"
+
+
+def test_no_command_is_bad_input(capsys):
+    assert main([]) == 2
+    assert "phantom-dyn: no command was given, wanted one of diagnose, check" in capsys.readouterr().err
+
+
+def test_an_unknown_command_suggests_the_nearest(capsys):
+    assert main(["diagnoes"]) == 2
+    assert "unknown command 'diagnoes'" in (text := capsys.readouterr().err)
+    assert text.endswith("did you mean diagnose?\n")
+
+
+def test_a_word_like_no_command_points_to_the_help(capsys):
+    assert main(["xyzzy"]) == 2
+    assert capsys.readouterr().err.endswith("see phantom-dyn --help\n")
+
+
+@pytest.mark.parametrize("name", COMMANDS)
+def test_every_command_refuses_an_unknown_option_in_one_sentence(name, capsys):
+    assert main([name, "--no-such-option"]) == 2
+    text = capsys.readouterr().err
+    assert text.startswith("phantom-dyn: ")
+    assert text.endswith(f"see phantom-dyn {name} --help\n")
+    assert text.count("\n") == 1
+
+
+@pytest.mark.parametrize("name", COMMANDS)
+def test_help_of_every_command_is_printed(name, capsys):
+    assert main([name, "--help"]) == 0
+    assert capsys.readouterr().out.startswith(f"usage: phantom-dyn {name}")
+
+
+def test_options_may_stand_between_the_logs(echo):
+    seen = []
+    echo(lambda arguments: seen.append(vars(arguments)) or 0)
+    main(["diagnose", "--out", "o", "r.urdf", "a.csv", "--with", "x", "y", "--with", "z"])
+    assert seen == [{"robot": "r.urdf", "log": ["a.csv"], "with_": ["x", "y", "z"], "out": "o"}]
+
+
+def test_the_exit_code_is_the_commands(echo):
+    echo(lambda _: 7)
+    assert main(["diagnose", "r", "l"]) == 7
+
+
+def test_a_refusal_is_one_sentence_and_exit_code_2(echo, capsys):
+    echo(raising(UsageError("this cannot be read")))
+    assert main(["diagnose", "r", "l"]) == 2
+    assert capsys.readouterr() == ("", "phantom-dyn: this cannot be read\n")
+
+
+def test_an_interrupt_is_exit_code_130(echo):
+    echo(raising(KeyboardInterrupt))
+    assert main(["diagnose", "r", "l"]) == 130
+
+
+def test_an_error_of_ours_keeps_its_traceback(echo):
+    echo(raising(ZeroDivisionError))
+    with pytest.raises(ZeroDivisionError):
+        main(["diagnose", "r", "l"])
+
+
+def test_a_reader_that_leaves_early_is_no_error():
+    # Oracle: the shell's own pipe, closed before a line is written.
+    script = "import sys, time; from identification.cli.main import main; time.sleep(0.3); sys.exit(main(['--help']))"
+    child = subprocess.Popen([sys.executable, "-c", script], stdout=subprocess.PIPE, stderr=subprocess.PIPE)
+    assert child.stdout is not None
+    assert child.stderr is not None
+    child.stdout.close()
+    assert (child.stderr.read(), child.wait()) == (b"", 0)
+    child.stderr.close()
+
+
+def test_the_package_runs_as_a_module():
+    child = subprocess.run([sys.executable, "-m", "identification.cli", "--version"], capture_output=True, text=True)
+    assert child.stdout == f"phantom-dyn {__version__}\n"
+
+
+@pytest.mark.parametrize(
+    ("words", "code"),
+    [
+        (["--help"], 0),
+        (["diagnose", "--help"], 0),
+        (["check", "--help"], 0),
+        (["datasets", "--help"], 0),
+        (["datasets", "list"], 0),
+        (["nonsense"], 2),
+        (["diagnose"], 2),
+        (["diagnose", "no_robot.urdf", "no_log.csv"], 2),
+        (["check", "no_log.csv"], 2),
+        (["datasets", "fetch", "nonsense"], 2),
+    ],
+)
+def test_help_and_early_refusals_import_nothing_heavy(words, code, tmp_path):
+    child = subprocess.run(
+        [sys.executable, "-c", LISTING, *words], capture_output=True, text=True, cwd=tmp_path, check=True
+    )
+    assert child.stderr.splitlines()[-1] == str(code)
