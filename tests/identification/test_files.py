@@ -46,6 +46,13 @@ def test_the_old_file_stays_until_the_block_has_ended(tmp_path):
     assert (seen, (tmp_path / "a.txt").read_text()) == ("old", "new")
 
 
+def test_a_reader_of_the_old_file_never_sees_the_new_one(tmp_path):
+    (tmp_path / "a.txt").write_text("old")
+    with (tmp_path / "a.txt").open() as reader:
+        write_atomically(tmp_path / "a.txt", "new")
+        assert reader.read() == "old"
+
+
 def test_an_error_in_the_block_leaves_the_old_file_and_nothing_else(tmp_path):
     (tmp_path / "a.txt").write_text("old")
     with pytest.raises(ZeroDivisionError), temporary_beside(tmp_path / "a.txt") as temporary:

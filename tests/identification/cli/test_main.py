@@ -100,8 +100,8 @@ def test_help_of_every_command_is_printed(name, capsys):
 def test_options_may_stand_between_the_logs(echo):
     seen = []
     echo(lambda arguments: seen.append(vars(arguments)) or 0)
-    main(["diagnose", "--out", "o", "r.urdf", "a.csv", "--with", "x", "y", "--with", "z"])
-    assert seen == [{"robot": "r.urdf", "log": ["a.csv"], "with_": ["x", "y", "z"], "out": "o"}]
+    main(["diagnose", "r.urdf", "a.csv", "--with", "x", "y", "--out", "o", "b.csv", "--with", "z"])
+    assert seen == [{"robot": "r.urdf", "log": ["a.csv", "b.csv"], "with_": ["x", "y", "z"], "out": "o"}]
 
 
 def test_the_exit_code_is_the_commands(echo):
