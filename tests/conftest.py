@@ -11,6 +11,23 @@ for _name in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"):
 import zlib
 from pathlib import Path
 
+from jaxtyping import install_import_hook
+
+# Shape annotations of these modules are checked at every call. By name: never a whole package, for what numba
+# compiles cannot be wrapped. Not with pytest's flag --jaxtyping-packages, which cannot pass an option to the checker:
+# an int is a fine float (PEP 484).
+install_import_hook(
+    [
+        "phantom_dyn.dynamics",
+        "phantom_dyn.effects",
+        "phantom_dyn.motion",
+        "phantom_dyn.robot",
+        "identification.diagnosis.result",
+        "identification.recordings",
+    ],
+    "beartype.beartype(conf=beartype.BeartypeConf(is_pep484_tower=True))",
+)
+
 import numpy as np
 import pytest
 

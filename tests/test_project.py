@@ -10,9 +10,11 @@ import zipfile
 import zlib
 from pathlib import Path
 
+import jaxtyping
 import numpy as np
 import pytest
 
+from identification.recordings import Recording
 from phantom_dyn import __version__
 
 CHECKOUT = Path(__file__).resolve().parents[1]
@@ -50,6 +52,12 @@ def test_rng_gives_the_same_numbers_in_every_run(rng):
     # Known truth: the seed is the checksum of the test's name, which does not change.
     name = "tests/test_project.py::test_rng_gives_the_same_numbers_in_every_run"
     assert rng.random() == np.random.default_rng(zlib.crc32(name.encode())).random()
+
+
+def test_a_wrong_shape_is_caught_by_the_annotations_in_tests():
+    # Oracle: jaxtyping's own check of the field `t: Float[Array, " N"]`.
+    with pytest.raises(jaxtyping.TypeCheckError, match="Recording"):
+        Recording(file="a.csv", joint_names=("j1",), t=np.zeros((2, 2)), q=np.zeros((2, 1)), tau=None)
 
 
 def test_the_lock_pins_every_package_to_hashes():
