@@ -143,7 +143,8 @@ def _refusal(
     value = raw
     for key in keys:
         value = value[key]
-    return f"{prefix}{'.'.join(keys)} is {describe(value)}, wanted {_wanted(struct, keys)}."
+    place = (prefix + ".".join(keys)).strip(".") or "the file"
+    return f"{place} is {describe(value)}, wanted {_wanted(struct, keys)}."
 
 
 def _fields(struct: type[msgspec.Struct], keys: list[str]) -> tuple[str, ...]:

@@ -1,0 +1,71 @@
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pinocchio as pin
+import pytest
+
+from phantom_dyn import load_robot
+from phantom_dyn.dynamics import inverse_dynamics, mass_matrix, rigid_body_regressor, standard_parameters
+from phantom_dyn.errors import LogError
+from phantom_dyn.motion import Motion
+
+ROBOTS = Path(__file__).parents[1] / "robots"
+SOURCES = [ROBOTS / "pendulum.urdf", ROBOTS / "arm3.urdf", "emps", "example:ur10", "example:double_pendulum_continuous"]
+
+
+def some_motion(rng: np.random.Generator, nv: int, samples: int = 10) -> Motion:
+    return Motion(np.arange(samples) * 0.01, *rng.normal(size=(3, samples, nv)))
+
+
+def test_a_pendulum_needs_the_torque_of_the_closed_form(rng):
+    # I = 0.1 + 2 * 0.5^2 about the pin; tau = I a + m g l sin q + c v + T sign v.
+    motion = some_motion(rng, 1)
+    expected = 0.6 * motion.a + 2 * 9.81 * 0.5 * np.sin(motion.q) + 0.3 * motion.v + 0.7 * np.sign(motion.v)
+    np.testing.assert_allclose(inverse_dynamics(load_robot(ROBOTS / "pendulum.urdf"), motion), expected, atol=1e-12)
+
+
+def test_friction_is_zero_at_rest():
+    still = Motion(np.zeros(1), *np.zeros((3, 1, 1)))
+    assert inverse_dynamics(load_robot(ROBOTS / "pendulum.urdf"), still) == 0
+
+
+@pytest.mark.parametrize("source", SOURCES)
+def test_the_regressor_times_the_parameters_is_rnea_without_armature(source, rng, tmp_path):
+    config = tmp_path / "robot.yaml"
+    config.write_text(f"joints: {{{load_robot(source).joint_names[0]}: {{rotor_inertia: 0.3}}}}")
+    robot = load_robot(source, config=config)
+    motion = some_motion(rng, robot.nv)
+    q, data = robot.configuration(motion.q), robot.model.createData()
+    rnea = np.array([pin.rnea(robot.model, data, q[k], motion.v[k], motion.a[k]) for k in range(len(q))])
+    torque = rigid_body_regressor(robot, motion) @ standard_parameters(robot)
+    np.testing.assert_allclose(torque, rnea - robot.model.armature * motion.a, atol=1e-9)
+
+
+@pytest.mark.parametrize("source", SOURCES)
+def test_the_mass_matrix_is_the_slope_of_inverse_dynamics_in_acceleration(source, rng):
+    robot = load_robot(source)
+    motion = some_motion(rng, robot.nv, 1)
+    rest = inverse_dynamics(robot, Motion(motion.t, motion.q, motion.v, np.zeros((1, robot.nv))))
+    columns = [
+        inverse_dynamics(robot, Motion(motion.t, motion.q, motion.v, unit[None])) - rest for unit in np.eye(robot.nv)
+    ]
+    np.testing.assert_allclose(mass_matrix(robot, motion.q)[0], np.concatenate(columns).T, atol=1e-9)
+
+
+def test_the_mass_matrix_is_that_of_pinocchio_with_armature(rng, tmp_path):
+    (tmp_path / "c.yaml").write_text("joints: {tilt: {rotor_inertia: 0.3}}")
+    robot = load_robot(ROBOTS / "arm3.urdf", config=tmp_path / "c.yaml")
+    bare = load_robot(ROBOTS / "arm3.urdf")
+    q = rng.normal(size=(1, 3))
+    # Pinocchio computes the inverse by another algorithm, and fills it above its diagonal only.
+    upper = np.triu(pin.computeMinverse(bare.model, bare.model.createData(), q[0]))
+    expected = np.linalg.inv(upper + np.triu(upper, 1).T) + np.diag([0, 0.3, 0])
+    np.testing.assert_allclose(mass_matrix(robot, q)[0], expected, atol=1e-10)
+
+
+def test_a_value_that_is_not_finite_is_refused_with_its_place():
+    motion = Motion(np.arange(2.0), np.zeros((2, 1)), np.array([[0], [np.nan]]), np.zeros((2, 1)))
+    with pytest.raises(LogError, match="v of joint number 0 is not finite at sample 1"):
+        inverse_dynamics(load_robot("emps"), motion)
