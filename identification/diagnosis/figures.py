@@ -1,0 +1,219 @@
+"""The figures of the report as inline SVG whose text and axes take the page's colour, so that dark pages work too."""
+
+from __future__ import annotations
+
+import io
+import re
+from collections.abc import Callable
+from typing import Any
+
+import matplotlib
+import numpy as np
+from jaxtyping import Bool, Float
+from matplotlib.axes import Axes
+from matplotlib.backends.backend_svg import FigureCanvasSVG
+from matplotlib.figure import Figure
+
+from identification.diagnosis.result import Diagnosis, Evidence, JointGap
+from identification.diagnosis.thinning import binned_median, eventful_stretch, gap_starts, scatter_choice, thinned
+
+Array = np.ndarray
+
+BEFORE, AFTER = "#d55e00", "#0072b2"  # orange and blue of Okabe and Ito: apart for every kind of colour vision
+BEFORE_POINTS, AFTER_POINTS = "#eba36f", "#6fb1d8"
+# Samples of which a median is drawn, each with the dashes of its line.
+Groups = tuple[tuple[Bool[Array, " N"], str | tuple[int, tuple[float, ...]]], ...]
+
+INK = "#010203"  # stands for the colour of the page's text until the SVG is written
+STRETCH_S = 10.0
+STYLE = {
+    "svg.fonttype": "none",
+    "font.size": 10.5,
+    "text.parse_math": False,
+    "text.color": INK,
+    "axes.labelcolor": INK,
+    "axes.edgecolor": INK,
+    "xtick.color": INK,
+    "ytick.color": INK,
+    "axes.spines.top": False,
+    "axes.spines.right": False,
+    "axes.linewidth": 0.7,
+    "axes.formatter.useoffset": False,
+    "legend.frameon": False,
+    "path.simplify_threshold": 0.2,
+}
+
+
+def gap_bars(joints: tuple[JointGap, ...]) -> str:
+    """Residual of each joint before and after in units of its noise floor, which is the line at one."""
+
+    def draw(figure: Figure) -> None:
+        axes = figure.subplots()
+        rows = np.arange(len(joints), dtype=float)
+        for shift, values, colour, label in (
+            (-0.19, [j.rms_before for j in joints], BEFORE, "given model"),
+            (0.19, [j.rms_after for j in joints], AFTER, "corrected model"),
+        ):
+            ratios = [_ratio(value, j.noise_floor) for value, j in zip(values, joints, strict=True)]
+            bars = axes.barh(rows + shift, np.nan_to_num(ratios), height=0.36, color=colour, label=label)
+            axes.bar_label(bars, [f"{r:.3g}" if np.isfinite(r) else "–" for r in ratios], padding=3, fontsize=9.5)
+        axes.axvline(1.0, color=INK, linewidth=1.2, linestyle=(0, (4, 2)), label="noise floor")
+        axes.set_yticks(rows, [short_name(j.joint) for j in joints])
+        axes.invert_yaxis()
+        axes.margins(x=0.12)
+        axes.set_xlim(left=0.0)
+        axes.set_xlabel("RMS torque residual [noise floors]")
+        _legend(figure, axes)
+
+    return _svg(draw, "gap", (5.7, 1.0 + 0.5 * len(joints)), "Gap of each joint before and after, in noise floors")
+
+
+def torque_figure(diagnosis: Diagnosis, joint: int) -> str:
+    """Torque measured and modelled over a stretch that shows something, and the residuals below it."""
+    evidence, gap = diagnosis.evidence, diagnosis.joints[joint]
+    rows = eventful_stretch(evidence.t, _residual(evidence.tau_before, evidence, joint), STRETCH_S)
+    t = evidence.t[rows]
+
+    def draw(figure: Figure) -> None:
+        top, bottom = figure.subplots(2, 1, sharex=True, height_ratios=(3, 2))
+        _curve(top, t, evidence.tau_measured[rows, joint], INK, "measured", 1.8, 0.55)
+        _curve(top, t, evidence.tau_before[rows, joint], BEFORE, "given model", 1.1)
+        _curve(top, t, evidence.tau_after[rows, joint], AFTER, "corrected model", 1.1)
+        _curve(bottom, t, _residual(evidence.tau_before, evidence, joint)[rows], BEFORE, "", 0.9)
+        _curve(bottom, t, _residual(evidence.tau_after, evidence, joint)[rows], AFTER, "", 0.9)
+        _noise_band(bottom, gap.noise_floor)
+        top.set_ylabel(f"torque [{gap.unit}]" if gap.unit != "N" else "force [N]")
+        bottom.set_ylabel(f"residual [{gap.unit}]")
+        bottom.set_xlabel("time [s]")
+        _legend(figure, top)
+        figure.align_ylabels()
+
+    return _svg(draw, f"torque{joint}", (11.5, 4.2), f"Measured and modelled torque of joint {gap.joint} over time")
+
+
+def residual_over_velocity(diagnosis: Diagnosis, joint: int) -> str:
+    """Residual over the joint's own velocity, given model above, corrected model below."""
+    unit = "m/s" if diagnosis.joints[joint].unit == "N" else "rad/s"
+    v = diagnosis.evidence.v[:, joint]
+    return _residual_figure(diagnosis, joint, v, ((np.isfinite(v), "-"),), f"velocity [{unit}]")
+
+
+def residual_over_position(diagnosis: Diagnosis, joint: int) -> str:
+    """Residual over the joint's own position, given model above, corrected model below, medians by direction.
+
+    One median over both directions would jump between the two branches that friction makes.
+    """
+    unit = "m" if diagnosis.joints[joint].unit == "N" else "rad"
+    v = diagnosis.evidence.v[:, joint]
+    groups = ((v > 0, "-"), (v < 0, (0, (3, 1.5))))
+    return _residual_figure(diagnosis, joint, diagnosis.evidence.q[:, joint], groups, f"position [{unit}]")
+
+
+def _residual_figure(diagnosis: Diagnosis, joint: int, x: Float[Array, " N"], groups: Groups, label: str) -> str:
+    evidence, gap = diagnosis.evidence, diagnosis.joints[joint]
+    quantity = label.split()[0]
+
+    def draw(figure: Figure) -> None:
+        panels = figure.subplots(2, 1, sharex=True, sharey=True)
+        for axes, tau, points, line, model in (
+            (panels[0], evidence.tau_before, BEFORE_POINTS, BEFORE, "given model"),
+            (panels[1], evidence.tau_after, AFTER_POINTS, AFTER, "corrected model"),
+        ):
+            _cloud(axes, x, _residual(tau, evidence, joint), groups, points, line)
+            _noise_band(axes, gap.noise_floor)
+            axes.set_ylabel(f"residual [{gap.unit}]")
+            axes.set_title(f"{model}: samples and their median", loc="left", fontsize=10.5)
+        panels[1].set_xlabel(label)
+
+    return _svg(draw, f"{quantity}{joint}", (5.7, 4.2), f"Residual of joint {gap.joint} over {quantity}")
+
+
+def _cloud(axes: Axes, x: Array, y: Array, groups: Groups, points: str, line: str) -> None:
+    finite = np.isfinite(x) & np.isfinite(y)
+    chosen = scatter_choice(finite)
+    # Thousands of markers as vectors would weigh megabytes: the cloud is a picture, the median a curve.
+    axes.scatter(x[chosen], y[chosen], s=2.0, color=points, linewidths=0, rasterized=True)
+    for members, dashes in groups:
+        inside = finite & members
+        axes.plot(*binned_median(x[inside], y[inside]), color=line, linewidth=1.8, linestyle=dashes)
+
+
+def _curve(axes: Axes, t: Array, y: Array, colour: str, label: str, width: float, alpha: float = 1.0) -> None:
+    chosen = thinned(y)
+    # Between recordings the line is lifted.
+    x, y = t[chosen], np.array(y[chosen], dtype=float)
+    starts = gap_starts(x)
+    axes.plot(np.insert(x, starts, np.nan), np.insert(y, starts, np.nan), color=colour, linewidth=width, label=label,
+              alpha=alpha)  # fmt: skip
+
+
+def _noise_band(axes: Axes, noise_floor: float) -> None:
+    if np.isfinite(noise_floor):
+        axes.axhspan(-2 * noise_floor, 2 * noise_floor, color="#808080", alpha=0.22, linewidth=0, zorder=0)
+    axes.axhline(0.0, color=INK, linewidth=0.5, alpha=0.6)
+
+
+def _residual(tau: Array, evidence: Evidence, joint: int) -> Float[Array, " N"]:
+    return evidence.tau_measured[:, joint] - tau[:, joint]
+
+
+def _ratio(value: float, noise_floor: float) -> float:
+    return value / noise_floor if noise_floor > 0 and np.isfinite(value) else float("nan")
+
+
+def _legend(figure: Figure, axes: Axes) -> None:
+    figure.legend(*axes.get_legend_handles_labels(), loc="outside upper left", ncols=3, borderaxespad=0.1)
+
+
+def short_name(name: str, length: int = 18) -> str:
+    """A name for an axis: long ones lose their middle."""
+    if len(name) <= length:
+        return name
+    kept = length - 1
+    return f"{name[: kept - kept // 2]}…{name[-(kept // 2) :]}"
+
+
+def _svg(draw: Callable[[Figure], None], key: str, size: tuple[float, float], title: str) -> str:
+    style: dict[Any, Any] = {**STYLE, "svg.hashsalt": key}  # matplotlib's own type lists every key there is
+    with matplotlib.rc_context(style):
+        figure = Figure(figsize=size, layout="constrained", dpi=110)
+        FigureCanvasSVG(figure)
+        draw(figure)
+        buffer = io.StringIO()
+        nothing = dict.fromkeys(("Creator", "Date", "Format", "Type"))
+        figure.savefig(buffer, format="svg", transparent=True, metadata=nothing, dpi=110)
+    return inline_svg(buffer.getvalue(), key, title)
+
+
+def inline_svg(svg: str, key: str, title: str) -> str:
+    """The SVG element alone, ready to stand in a page beside others.
+
+    Args:
+        svg: A whole file as matplotlib writes it.
+        key: Marks the ids of this figure, so that no two figures share one.
+        title: What the figure shows, for readers who cannot see it.
+
+    Returns:
+        The element with the page's font and colour, coordinates to a tenth of a point, and no unused id.
+    """
+    svg = re.sub(r"<!--.*?-->", "", svg[svg.index("<svg") :], flags=re.DOTALL)
+    used = set(re.findall(r'(?:href="|url\()#([^")]+)', svg))
+    # Only tags are rewritten: a joint's name in a text element stays as it is.
+    svg = re.sub(r"<[^>]*>", lambda tag: _tag(tag[0], key, used), svg)
+    return re.sub(r"<svg ", f'<svg role="img" aria-label="{_attribute(title)}" ', svg, count=1)
+
+
+def _tag(tag: str, key: str, used: set[str]) -> str:
+    tag = re.sub(r' id="([^"]*)"', lambda m: f' id="{key}-{m[1]}"' if m[1] in used else "", tag)
+    tag = re.sub(r'(href="|url\()#', rf"\1#{key}-", tag)
+    tag = re.sub(r' (?:d|x|y)="[^"]*"', lambda m: re.sub(r"-?\d+\.\d+", _tenth, m[0]).replace(" \n", " "), tag)
+    tag = re.sub(r"(font: [^;\"]*?[\d.]+px )[^;\"]*", r"\1system-ui, sans-serif", tag)
+    return tag.replace(INK, "currentColor")
+
+
+def _tenth(number: re.Match[str]) -> str:
+    return f"{float(number[0]):.1f}".removesuffix(".0")
+
+
+def _attribute(text: str) -> str:
+    return text.replace("&", "&amp;").replace("<", "&lt;").replace(">", "&gt;").replace('"', "&quot;")

@@ -1,0 +1,108 @@
+"""Which of many samples a figure shows."""
+
+from __future__ import annotations
+
+from itertools import pairwise
+
+import numpy as np
+from jaxtyping import Bool, Float, Int
+
+Array = np.ndarray
+
+CURVE_POINTS = 1500
+CLOUD_POINTS = 6000
+LEAST_IN_BIN = 5
+
+
+def thinned(y: Float[Array, " N"], most: int = CURVE_POINTS) -> Int[Array, " n"]:
+    """Indices of at most `most` samples that keep the smallest and the largest of every stretch, so no spike is lost.
+
+    Args:
+        y: Samples of a curve, shape ``(N,)``.
+        most: Number of indices at most, at least 2.
+
+    Returns:
+        Increasing indices, shape ``(n,)``.
+    """
+    if len(y) <= most:
+        return np.arange(len(y))
+    edges = np.linspace(0, len(y), most // 2 + 1).astype(int)
+    starts = edges[:-1]
+    finite = np.where(np.isfinite(y), y, 0.0)
+    extremes = [
+        (a + np.argmin(finite[a:b]), a + np.argmax(finite[a:b])) for a, b in zip(starts, edges[1:], strict=True)
+    ]
+    return np.unique(np.array(extremes))
+
+
+def gap_starts(t: Float[Array, " N"]) -> Int[Array, " g"]:
+    """Indices of the samples before which time jumps (another recording, or a stretch left out)."""
+    step = np.diff(t)
+    if not len(step):
+        return np.zeros(0, dtype=int)
+    return np.flatnonzero(step > 10 * np.median(step)) + 1
+
+
+def eventful_stretch(t: Float[Array, " N"], residual: Float[Array, " N"], seconds: float) -> slice:
+    """The stretch of one recording, at most `seconds` long, with the largest mean square of the residual.
+
+    Longer stretches go first: a short recording is chosen only where none lasts `seconds`.
+
+    Args:
+        t: Time [s], shape ``(N,)``.
+        residual: Shape ``(N,)``.
+        seconds: Length of the stretch [s].
+
+    Returns:
+        Rows of the stretch.
+    """
+    bounds = [0, *gap_starts(t).tolist(), len(t)]
+    best, best_rank = slice(0, len(t)), (-1.0, -1.0)
+    for first, last in pairwise(bounds):
+        if last <= first:
+            continue
+        time = t[first:last]
+        energy = np.concatenate([[0.0], np.cumsum(np.nan_to_num(residual[first:last]) ** 2)])
+        ends = np.searchsorted(time, time + seconds, side="right")
+        full = time + seconds <= time[-1]
+        starts = np.flatnonzero(full) if full.any() else np.array([0])
+        mean_square = (energy[ends[starts]] - energy[starts]) / (ends[starts] - starts)
+        k = int(np.argmax(mean_square))
+        rank = (min(seconds, float(time[-1] - time[0])), float(mean_square[k]))
+        if rank > best_rank:
+            best, best_rank = slice(first + int(starts[k]), first + int(ends[starts[k]])), rank
+    return best
+
+
+def scatter_choice(finite: Bool[Array, " N"], most: int = CLOUD_POINTS) -> Int[Array, " n"]:
+    """Indices of at most `most` usable samples, drawn at random so that no period of the motion is favoured."""
+    usable = np.flatnonzero(finite)
+    if len(usable) <= most:
+        return usable
+    return np.sort(np.random.default_rng(0).choice(usable, most, replace=False))
+
+
+def binned_median(
+    x: Float[Array, " N"], y: Float[Array, " N"], bins: int = 48
+) -> tuple[Float[Array, " b"], Float[Array, " b"]]:
+    """Median of `y` in equal bins of `x`; zero is an edge, so that no bin mixes the two directions of motion.
+
+    Args:
+        x: Abscissa, shape ``(N,)``, finite.
+        y: Ordinate, shape ``(N,)``, finite.
+        bins: About how many bins; those with fewer than five samples are left out.
+
+    Returns:
+        Centres and medians, shape ``(b,)`` each.
+    """
+    span = float(np.ptp(x)) if len(x) else 0.0
+    if span == 0.0:
+        return np.zeros(0), np.zeros(0)
+    which = np.floor(x / (span / bins)).astype(int)
+    centres, medians = [], []
+    for k in np.unique(which):
+        inside = which == k
+        if np.count_nonzero(inside) >= LEAST_IN_BIN:
+            centres.append((k + 0.5) * span / bins)
+            medians.append(float(np.median(y[inside])))
+    return np.array(centres), np.array(medians)
