@@ -1,0 +1,1 @@
+"""Estimators of base parameters: one file each, all returning a `Fit`."""

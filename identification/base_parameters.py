@@ -1,0 +1,188 @@
+"""Regressor -> base parameters: which columns a recording can tell apart, and what the others regroup into.
+
+The choice of columns is deterministic: they are taken in the order of their names, and one is kept if it is not a
+combination of those kept before it. It rests on the triangular factor of the regressor, which the order of the rows
+does not change, and not on a pivoting order, which small noise does change.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from jaxtyping import Float
+
+from identification.regressor import Regressor
+from phantom_dyn.errors import ParameterError
+
+Array = np.ndarray
+
+RANK_TOLERANCE = 1e-6
+"""A column counts if it adds this share of the largest column of the same unit. Angles in robot files are often given
+to nine digits, which leaves columns of 1e-9 that no recording excites; real torques are known to 1e-3 at best."""
+
+_SHOWN = 1e-8  # regroupings leave out terms below this share of their column: rounding errors of 1e-16 grow to 1e-10
+
+
+@dataclass(frozen=True)
+class BaseParameters:
+    """Independent columns and how the others regroup into them.
+
+    Attributes:
+        names: Of all ``p`` columns.
+        units: Of all columns.
+        independent: Kept columns, ascending, ``r`` of them.
+        dependent: All others, ascending.
+        zero: Those of the others that never produce torque.
+        grouping: ``W[:, dependent] == W[:, independent] @ grouping``, shape ``(r, p - r)``.
+        norms: Norms of all columns.
+        singular_values: Of the independent columns, each divided by its norm; shape ``(r,)``, descending.
+        tolerance: See `RANK_TOLERANCE`.
+    """
+
+    names: tuple[str, ...]
+    units: tuple[str, ...]
+    independent: tuple[int, ...]
+    dependent: tuple[int, ...]
+    zero: tuple[int, ...]
+    grouping: Float[Array, "r d"]
+    norms: Float[Array, " p"]
+    singular_values: Float[Array, " r"]
+    tolerance: float
+
+    @property
+    def rank(self) -> int:
+        """Number ``r`` of base parameters."""
+        return len(self.independent)
+
+    @property
+    def condition(self) -> float:
+        """Condition number of the independent columns, each divided by its norm; nan for rank zero."""
+        return float(self.singular_values[0] / self.singular_values[-1]) if self.rank else np.nan
+
+    @property
+    def base_names(self) -> tuple[str, ...]:
+        """Names of the base parameters; one that others regroup into ends in ``R``."""
+        regrouped = [bool(row.any()) for row in self._shown()]
+        return tuple(self.names[k] + "R" * more for k, more in zip(self.independent, regrouped, strict=True))
+
+    @property
+    def base_units(self) -> tuple[str, ...]:
+        """Units of the base parameters."""
+        return tuple(self.units[k] for k in self.independent)
+
+    def values(self, pi: Float[Array, " p"]) -> Float[Array, " r"]:
+        """Base parameters of given values of all ``p`` parameters."""
+        if len(pi) != len(self.names):
+            raise ParameterError(f"{len(pi)} values were given for {len(self.names)} parameters: give one for each.")
+        return pi[list(self.independent)] + self.grouping @ pi[list(self.dependent)]
+
+    def regroupings(self) -> tuple[str, ...]:
+        """One equation per base parameter that others regroup into, such as ``a.IzzR = a.Izz + 0.25 b.m``."""
+        shown = self._shown()
+        return tuple(
+            f"{self.base_names[row]} = {self.names[self.independent[row]]}"
+            + "".join(_signed(self.grouping[row, k], self.names[self.dependent[k]]) for k in np.flatnonzero(shown[row]))
+            for row in range(self.rank)
+            if shown[row].any()
+        )
+
+    def _shown(self) -> Array:
+        size = np.abs(self.grouping) * self.norms[list(self.independent)][:, None]
+        return size > _SHOWN * self.norms[list(self.dependent)][None, :]
+
+
+def r_factor(blocks: Iterable[Float[Array, "n nv p"]]) -> Float[Array, "k p"]:
+    """Triangular factor ``R`` with ``R^T R = W^T W`` of a regressor that comes in blocks, which are not kept.
+
+    Args:
+        blocks: Each ``(n, nv, p)`` or ``(n, p)``.
+
+    Returns:
+        Shape ``(min(rows, p), p)``.
+    """
+    factor: Array | None = None
+    for block in blocks:
+        rows = block.reshape(-1, block.shape[-1])
+        stacked = rows if factor is None else np.vstack([factor, rows])
+        factor = np.asarray(np.linalg.qr(stacked, mode="r")) if stacked.size else stacked
+    if factor is None:
+        raise ParameterError("No block of the regressor was given: give at least one.")
+    return factor
+
+
+def base_parameters(regressor: Regressor, *, tolerance: float = RANK_TOLERANCE) -> BaseParameters:
+    """Base parameters of a regressor on its own samples.
+
+    Args:
+        regressor: Gives columns, names and units.
+        tolerance: See `RANK_TOLERANCE`.
+    """
+    factor = r_factor(regressor.blocks())
+    return base_parameters_of_matrix(factor, regressor.names, regressor.units, tolerance=tolerance)
+
+
+def base_parameters_of_matrix(
+    W: Float[Array, "m p"],
+    names: Sequence[str],
+    units: Sequence[str] | None = None,
+    *,
+    tolerance: float = RANK_TOLERANCE,
+) -> BaseParameters:
+    """Base parameters of a stacked regressor, or of its triangular factor.
+
+    Args:
+        W: Rows of torque, shape ``(m, p)``.
+        names: One per column.
+        units: One per column; columns are weighed against those of the same unit. None: against all.
+        tolerance: Relative, see `RANK_TOLERANCE`.
+
+    Raises:
+        ParameterError: If the numbers of names, units and columns differ, or a value is not finite.
+    """
+    p = W.shape[1]
+    given = ("",) * p if units is None else tuple(units)
+    if len(names) != p or len(given) != p:
+        raise ParameterError(f"{p} columns came with {len(names)} names and {len(given)} units: give one for each.")
+    if not np.isfinite(W).all():
+        raise ParameterError("The regressor holds values that are not finite: give finite motion.")
+    factor = r_factor([W])
+    norms = np.linalg.norm(factor, axis=0)
+    scale = np.array([max(norms[k] for k in range(p) if given[k] == unit) for unit in given])
+    independent, coordinates = _independent_columns(factor, tolerance * scale)
+    dependent = [k for k in range(p) if k not in set(independent)]
+    # Coordinates in the orthonormal basis of the kept columns; those of the kept columns are triangular.
+    grouping = np.linalg.solve(coordinates[:, independent], coordinates[:, dependent])
+    kept = factor[:, independent] / norms[independent]
+    return BaseParameters(
+        tuple(names),
+        given,
+        tuple(independent),
+        tuple(dependent),
+        tuple(k for k in dependent if norms[k] <= tolerance * scale[k]),
+        grouping,
+        norms,
+        np.linalg.svd(kept, compute_uv=False),
+        tolerance,
+    )
+
+
+def _independent_columns(factor: Array, floor: Array) -> tuple[list[int], Array]:
+    """Columns that add more than ``floor`` to those before them, and all columns in the basis that these span."""
+    basis = np.zeros((len(factor), 0))
+    kept: list[int] = []
+    for k in range(factor.shape[1]):
+        rest = factor[:, k]
+        for _ in range(2):  # once more, so that rounding does not leave a part along the basis
+            rest = rest - basis @ (basis.T @ rest)
+        size = np.linalg.norm(rest)
+        if size > floor[k] and basis.shape[1] < len(factor):
+            kept.append(k)
+            basis = np.column_stack([basis, rest / size])
+    return kept, basis.T @ factor
+
+
+def _signed(coefficient: float, name: str) -> str:
+    size = f"{abs(coefficient):.6g}"
+    return f" {'-' if coefficient < 0 else '+'} {'' if size == '1' else size + ' '}{name}"

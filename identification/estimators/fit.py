@@ -1,0 +1,189 @@
+"""What an estimator returns: base parameters with honest uncertainty, and what they predict."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from enum import Enum
+
+import numpy as np
+from jaxtyping import Float
+
+from identification.base_parameters import BaseParameters
+from identification.estimators.least_squares import Solution
+from identification.estimators.noise import correlation_factor, sandwich
+from identification.log import Band, Log
+from identification.regressor import Regressor, Term, gap_regressor, known_torque, torque_regressor
+from phantom_dyn.motion import Motion
+from phantom_dyn.robot import Robot
+
+Array = np.ndarray
+
+_POOR_CONDITION = 1000.0  # above it, an error of one per mil in a column may become one of 100 % in a parameter
+
+
+class Status(Enum):
+    """How the estimation ended; the value is a sentence with the next step."""
+
+    SOLVED = "The equations were solved."
+    NOT_CONVERGED = "The weights did not settle within the iterations allowed: look for a joint with a gross outlier."
+
+
+@dataclass(frozen=True)
+class Fit:
+    """Estimated base parameters.
+
+    Attributes:
+        estimator: ``ols``, ``wls`` or ``irls``.
+        theta: Base parameters, shape ``(r,)``.
+        cov: Covariance with the memory of the residual: each joint's variance is multiplied by its
+            `correlation_factor`. Right for columns that vary slowly against the residual, large for faster ones.
+        cov_white: Covariance if every sample's noise were independent.
+        names: Of the base parameters.
+        units: Of the base parameters.
+        sigma: Noise of each joint's torque, shape ``(nv,)``.
+        correlation: Samples per independent sample for each joint, shape ``(nv,)``.
+        relative_error: Root mean square of the residual over that of the measured torque [%], shape ``(nv,)``.
+        cond: Condition number of the weighted base regressor with columns of norm one.
+        base: How all parameters regroup.
+        effects: The terms that were fitted.
+        first_effect: First column that belongs to an effect.
+        samples: Number of samples.
+        status: How the estimation ended.
+        warnings: Sentences on what to be careful with.
+    """
+
+    estimator: str
+    theta: Float[Array, " r"]
+    cov: Float[Array, "r r"]
+    cov_white: Float[Array, "r r"]
+    names: tuple[str, ...]
+    units: tuple[str, ...]
+    sigma: Float[Array, " nv"]
+    correlation: Float[Array, " nv"]
+    relative_error: Float[Array, " nv"]
+    cond: float
+    base: BaseParameters
+    effects: tuple[Term, ...]
+    first_effect: int
+    samples: int
+    status: Status
+    warnings: tuple[str, ...] = ()
+
+    @property
+    def rank(self) -> int:
+        """Number of base parameters."""
+        return len(self.theta)
+
+    @property
+    def rigid_body(self) -> bool:
+        """True if the rigid body's parameters were unknowns, too."""
+        return self.first_effect > 0
+
+    @property
+    def not_separable(self) -> tuple[str, ...]:
+        """Coefficients of effects that regroup into others or move no torque: neither estimated nor absent."""
+        return tuple(self.base.names[k] for k in self.base.dependent if k >= self.first_effect)
+
+    def std(self) -> Float[Array, " r"]:
+        """Standard deviations, shape ``(r,)``."""
+        return np.sqrt(np.diag(self.cov))
+
+    def relative_std(self) -> Float[Array, " r"]:
+        """Standard deviations over the size of the values [%]; infinite for a value of zero."""
+        with np.errstate(divide="ignore"):
+            return 100 * self.std() / np.abs(self.theta)
+
+    def predict(self, robot: Robot, motion: Motion) -> Float[Array, "N nv"]:
+        """Drive torque for a motion, not filtered [N m or N], shape ``(N, nv)``.
+
+        Args:
+            robot: The robot that was fitted.
+            motion: N samples.
+        """
+        everything = Band(1.0, 0.5, np.ones(1), 1)
+        nothing = np.zeros_like(motion.q)
+        log = Log("prediction", robot.joint_names, motion, nothing, everything, np.ones(len(motion.t), dtype=bool))
+        given = [(term.effect, term.joint, term.shape) for term in self.effects]
+        regressor = (torque_regressor if self.rigid_body else gap_regressor)(robot, log, given)
+        out = [block[:, :, list(self.base.independent)] @ self.theta for block in regressor.blocks()]
+        return np.concatenate(out) + known_torque(robot, motion, rigid_body=self.rigid_body)
+
+    def summary(self) -> str:
+        """Table of the estimates and everything that a reader has to know about them."""
+        width = max(len(name) for name in self.names)
+        rows = [
+            f"{name:<{width}}  {value:12.6g} +- {std:8.2g} {unit:<10} {relative:7.2f} %"
+            for name, value, std, unit, relative in zip(
+                self.names, self.theta, self.std(), self.units, self.relative_std(), strict=True
+            )
+        ]
+        head = f"{self.estimator}: {self.rank} base parameters of {len(self.base.names)}, {self.samples} samples, "
+        error = ", ".join(f"{e:.3g}" for e in self.relative_error)
+        tail = [f"relative error of the torque: {error} %", self.status.value, *self.warnings]
+        return "\n".join([head + f"condition {self.cond:.3g}", *rows, *self.base.regroupings(), *tail])
+
+
+def fit_from(
+    estimator: str,
+    regressor: Regressor,
+    base: BaseParameters,
+    solution: Solution,
+    *,
+    sigma: Float[Array, " nv"],
+    information: Float[Array, " nv"],
+    scatter: Float[Array, " nv"],
+    score: Float[Array, "N nv"],
+    status: Status = Status.SOLVED,
+) -> Fit:
+    """The `Fit` of a solution.
+
+    Args:
+        estimator: Its name.
+        regressor: The equations.
+        base: The unknowns.
+        solution: Values and residuals.
+        sigma: Noise of each joint.
+        information: Weight of each joint's rows, see `sandwich`.
+        scatter: Scatter of each joint's score, see `sandwich`.
+        score: What enters the normal equations: the residual, or its robust image.
+        status: How the estimation ended.
+    """
+    correlation = np.array([correlation_factor(column, regressor.starts) for column in score.T])
+    measured = np.sqrt(np.mean(regressor.measured**2, axis=0))
+    left = np.sqrt(np.mean(solution.residual**2, axis=0))
+    # A joint that is not driven has no torque to compare with.
+    error = np.full(len(left), np.nan)
+    np.divide(100 * left, measured, out=error, where=measured > 0)
+    return Fit(
+        estimator,
+        solution.theta,
+        sandwich(solution, information, scatter * correlation),
+        sandwich(solution, information, scatter),
+        base.base_names,
+        base.base_units,
+        sigma,
+        correlation,
+        error,
+        solution.condition,
+        base,
+        regressor.terms,
+        regressor.first_effect,
+        regressor.count,
+        status,
+        _warnings(regressor, base, solution.condition, sigma),
+    )
+
+
+def _warnings(regressor: Regressor, base: BaseParameters, condition: float, sigma: Array) -> tuple[str, ...]:
+    lost = [regressor.names[k] for k in base.dependent if k >= regressor.first_effect]
+    out = []
+    if lost:
+        out.append(
+            f"Not separable from other parameters in this recording: {', '.join(lost)}; see the regroupings, or record "
+            "a motion that parts them."
+        )
+    if condition > _POOR_CONDITION:
+        out.append(f"The condition number is {condition:.3g}: small errors in the motion move the estimates by much.")
+    if np.isnan(sigma).any():
+        out.append("There are no more equations than unknowns, so that no uncertainty can be given: record more.")
+    return tuple(out)

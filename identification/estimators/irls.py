@@ -1,0 +1,135 @@
+"""Iteratively reweighted least squares: rows far outside the noise count less, or not at all."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+from jaxtyping import Float
+
+from identification.base_parameters import BaseParameters
+from identification.estimators.fit import Fit, Status, fit_from
+from identification.estimators.least_squares import Solution, base_of, solve
+from identification.estimators.noise import leverage
+from identification.estimators.wls import floored
+from identification.log import Log
+from identification.regressor import EffectOnJoint, Regressor, torque_regressor
+from phantom_dyn.errors import EstimationError
+from phantom_dyn.robot import Robot
+
+Array = np.ndarray
+
+_MAD_OF_NORMAL = 0.6744897501960817  # median of the absolute value of a standard normal
+
+
+@dataclass(frozen=True)
+class RobustLoss:
+    """Weight of a residual of ``u`` noise units, and the slope of ``psi(u) = u weight(u)``."""
+
+    weight: Callable[[Array], Array]
+    slope: Callable[[Array], Array]
+
+
+# Both are 95 % efficient on normal noise (the usual tuning constants).
+HUBER = RobustLoss(
+    lambda u: np.minimum(1.0, 1.345 / np.maximum(np.abs(u), 1e-300)),
+    lambda u: (np.abs(u) <= 1.345).astype(float),
+)
+BISQUARE = RobustLoss(
+    lambda u: np.where(np.abs(u) < 4.685, (1 - (u / 4.685) ** 2) ** 2, 0.0),
+    lambda u: np.where(np.abs(u) < 4.685, (1 - (u / 4.685) ** 2) * (1 - 5 * (u / 4.685) ** 2), 0.0),
+)
+
+
+def fit_irls(
+    robot: Robot,
+    logs: Log | Sequence[Log],
+    effects: Sequence[EffectOnJoint] = (),
+    *,
+    loss: RobustLoss = HUBER,
+    iterations: int = 100,
+    on_failure: Literal["raise", "return"] = "raise",
+) -> Fit:
+    """Base parameters of the rigid body and the effects, robust against outliers.
+
+    Args:
+        robot: Gives the rigid body.
+        logs: One recording or several.
+        effects: What acts on the joints beside the rigid body.
+        loss: `HUBER` bounds an outlier's pull; `BISQUARE` ends it.
+        iterations: Most there may be.
+        on_failure: What to do where the weights do not settle.
+
+    Raises:
+        IdentifiabilityError: If the recording excites no parameter.
+        EstimationError: If the weights do not settle and ``on_failure`` is ``raise``.
+    """
+    return irls(torque_regressor(robot, logs, effects), loss=loss, iterations=iterations, on_failure=on_failure)
+
+
+def irls(
+    regressor: Regressor,
+    *,
+    loss: RobustLoss = HUBER,
+    iterations: int = 100,
+    on_failure: Literal["raise", "return"] = "raise",
+) -> Fit:
+    """`fit_irls` on equations that are made already (`gap_regressor` for the effects alone).
+
+    Args:
+        regressor: The equations.
+        loss: See `fit_irls`.
+        iterations: Most there may be.
+        on_failure: What to do where the weights do not settle.
+
+    Raises:
+        IdentifiabilityError: If the recording excites no parameter.
+        EstimationError: If the weights do not settle and ``on_failure`` is ``raise``.
+    """
+    base = base_of(regressor)
+    solution = solve(regressor, base, np.ones_like(regressor.y))
+    # A loss that ends the pull of outliers has several minima: it starts from the one that only bounds it.
+    solution, sigma, settled = _reweighted(regressor, base, solution, HUBER, iterations)
+    if loss is not HUBER:
+        solution, sigma, settled = _reweighted(regressor, base, solution, loss, iterations)
+    status = Status.SOLVED if settled else Status.NOT_CONVERGED
+    if not settled and on_failure == "raise":
+        raise EstimationError(f"{status.value} ({iterations} iterations)")
+    u = solution.residual / sigma
+    psi = u * loss.weight(u)
+    information = loss.slope(u).mean(axis=0) / sigma**2
+    spare = np.maximum(len(u) - leverage(solution, information), 1.0)
+    return fit_from(
+        "irls",
+        regressor,
+        base,
+        solution,
+        sigma=sigma,
+        information=information,
+        scatter=np.sum(psi**2, axis=0) / spare / sigma**2,
+        score=psi,
+        status=status,
+    )
+
+
+def _reweighted(
+    regressor: Regressor, base: BaseParameters, solution: Solution, loss: RobustLoss, iterations: int
+) -> tuple[Solution, Float[Array, " nv"], bool]:
+    sigma = _scale(solution, regressor)
+    for _ in range(iterations):
+        before = solution.theta
+        weights = np.sqrt(loss.weight(solution.residual / sigma)) / sigma
+        solution = solve(regressor, base, weights)
+        sigma = _scale(solution, regressor)
+        # Relative to the torque that the parameters produce, so that their units do not matter.
+        change = np.linalg.norm(solution.factor @ (solution.theta - before))
+        if change <= 1e-7 * np.linalg.norm(solution.factor @ solution.theta):
+            return solution, sigma, True
+    return solution, sigma, False
+
+
+def _scale(solution: Solution, regressor: Regressor) -> Float[Array, " nv"]:
+    """Noise of each joint from the median of the absolute residual, which half of the samples cannot spoil."""
+    return floored(np.median(np.abs(solution.residual), axis=0) / _MAD_OF_NORMAL, regressor)

@@ -1,0 +1,246 @@
+"""Robot, logs and effects -> the linear equations that an estimator solves, streamed block by block.
+
+Columns are the rigid body's standard parameters (absolute values) and the coefficients of each effect; rows are the
+torques of every joint at every valid sample, in the band of the log. Columns go through the same filter as the
+torque: filtering the torque alone moves friction by one per cent and more.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+from jaxtyping import Float
+
+from identification.log import Log
+from phantom_dyn.dynamics import inverse_dynamics, rigid_body_regressor
+from phantom_dyn.effects.effect import Effect
+from phantom_dyn.errors import LogError, ParameterError
+from phantom_dyn.inertia import parameter_names, parameter_units
+from phantom_dyn.motion import Motion
+from phantom_dyn.robot import Robot
+
+Array = np.ndarray
+
+EffectOnJoint = tuple[Effect, str | None] | tuple[Effect, str | None, float]
+"""An effect, its joint (None for the whole robot) and, where the torque is not linear in it, the shape to hold."""
+
+WHOLE_LIMIT = 20_000_000
+"""Entries of the largest ``W`` that is kept whole (160 MB); beyond it, equations are made again for each pass."""
+
+_BLOCK = 4096  # full-rate samples per block: 4096 x 6 joints x 80 columns are 16 MB
+
+
+@dataclass(frozen=True)
+class Term:
+    """An effect on a joint with its shape held (nan where it has none)."""
+
+    effect: Effect
+    joint: str | None
+    shape: float
+
+    @property
+    def label(self) -> str:
+        """Start of the names of its coefficients: ``joint.effect``, or the effect alone for the whole robot."""
+        return self.effect.name if self.joint is None else f"{self.joint}.{self.effect.name}"
+
+
+@dataclass(frozen=True)
+class Regressor:
+    r"""The equations :math:`W \theta = y` of a robot, its logs and effects.
+
+    Attributes:
+        robot: Gives the rigid body.
+        logs: Recordings, ready for fitting.
+        terms: Effects with their joints and shapes.
+        rigid_body: True if the standard parameters are unknowns too; else the given model is subtracted from ``y``.
+        names: Of the columns: ``<body>.m`` and so on, then ``<joint>.<effect>.<coefficient>``.
+        units: Of the columns.
+    """
+
+    robot: Robot
+    logs: tuple[Log, ...]
+    terms: tuple[Term, ...]
+    rigid_body: bool
+    names: tuple[str, ...]
+    units: tuple[str, ...]
+
+    @cached_property
+    def count(self) -> int:
+        """Number of samples ``N`` over all logs: valid ones in the band."""
+        return sum(int(log.valid_in_band.sum()) for log in self.logs)
+
+    @cached_property
+    def starts(self) -> tuple[int, ...]:
+        """Sample at which each log starts, and ``N`` at the end."""
+        counts = [int(log.valid_in_band.sum()) for log in self.logs]
+        return tuple(int(k) for k in np.concatenate([[0], np.cumsum(counts)]))
+
+    @property
+    def first_effect(self) -> int:
+        """First column that belongs to an effect: those before are the rigid body's."""
+        return 10 * (self.robot.model.njoints - 1) if self.rigid_body else 0
+
+    @property
+    def is_small(self) -> bool:
+        """True if ``W`` has at most `WHOLE_LIMIT` entries, so that it is kept."""
+        return self.count * self.robot.nv * len(self.names) <= WHOLE_LIMIT
+
+    @cached_property
+    def W(self) -> Float[Array, "N nv p"]:
+        """The whole regressor, shape ``(N, nv, p)``.
+
+        Raises:
+            ParameterError: If it has more than `WHOLE_LIMIT` entries.
+        """
+        if not self.is_small:
+            raise ParameterError(
+                f"The whole regressor of {self.count} samples would have more than {WHOLE_LIMIT} entries: "
+                "go through blocks() instead."
+            )
+        return np.concatenate([np.zeros((0, self.robot.nv, len(self.names))), *self._made()])
+
+    @cached_property
+    def y(self) -> Float[Array, "N nv"]:
+        """Torque that the columns are to explain [N m or N], shape ``(N, nv)``: measured minus `known_torque`."""
+        return self.measured - np.concatenate(
+            [self.in_band(log, known_torque(self.robot, log.motion, rigid_body=self.rigid_body)) for log in self.logs]
+        )
+
+    @cached_property
+    def measured(self) -> Float[Array, "N nv"]:
+        """Measured torque in the band, shape ``(N, nv)``."""
+        return np.concatenate([self.in_band(log, log.tau) for log in self.logs])
+
+    @staticmethod
+    def in_band(log: Log, values: Float[Array, "M ..."]) -> Float[Array, "n ..."]:
+        """Full-rate ``values`` of a log through its band, valid samples only."""
+        return log.band(values)[log.valid_in_band]
+
+    def blocks(self) -> Iterator[Float[Array, "n nv p"]]:
+        """Blocks of the regressor in the order of the samples, each ``(n, nv, p)``."""
+        if self.is_small:
+            size = max(1, _BLOCK)
+            yield from (self.W[k : k + size] for k in range(0, self.count, size))
+        else:
+            yield from self._made()
+
+    def _made(self) -> Iterator[Float[Array, "n nv p"]]:
+        for log in self.logs:
+            yield from _blocks_of(self, log)
+
+
+def torque_regressor(robot: Robot, logs: Log | Sequence[Log], effects: Sequence[EffectOnJoint] = ()) -> Regressor:
+    """Equations whose unknowns are the standard parameters of the rigid body and the coefficients of ``effects``.
+
+    What the robot states as armature and modelled friction is taken as known; effects come on top of it.
+
+    Args:
+        robot: Gives the rigid body.
+        logs: One recording or several.
+        effects: What may act on the joints beside the rigid body.
+
+    Raises:
+        LogError: If a log has other joints than the robot, or no valid sample is left.
+        ParameterError: If an effect is nonlinear in a parameter and no shape is given for it.
+    """
+    return _regressor(robot, logs, effects, rigid_body=True)
+
+
+def gap_regressor(robot: Robot, logs: Log | Sequence[Log], effects: Sequence[EffectOnJoint]) -> Regressor:
+    """Equations for the gap to the given model: its inverse dynamics is subtracted, the unknowns are the effects'.
+
+    Args:
+        robot: The model, taken as it is.
+        logs: One recording or several.
+        effects: Candidates for what the model lacks.
+
+    Raises:
+        LogError: If a log has other joints than the robot, or no valid sample is left.
+        ParameterError: If an effect is nonlinear in a parameter and no shape is given for it.
+    """
+    return _regressor(robot, logs, effects, rigid_body=False)
+
+
+def known_torque(robot: Robot, motion: Motion, *, rigid_body: bool) -> Float[Array, "N nv"]:
+    """The part of the drive torque that needs no estimate [N m or N], shape ``(N, nv)``.
+
+    Args:
+        robot: The model.
+        motion: N samples.
+        rigid_body: True if the rigid body is unknown: then armature and modelled friction only.
+    """
+    if not rigid_body:
+        return inverse_dynamics(robot, motion)
+    friction = robot.viscous_friction * motion.v + robot.coulomb_friction * np.sign(motion.v)
+    return robot.model.armature * motion.a + friction
+
+
+def _regressor(robot: Robot, logs: Log | Sequence[Log], effects: Sequence[EffectOnJoint], *, rigid_body: bool):
+    several = (logs,) if isinstance(logs, Log) else tuple(logs)
+    for log in several:
+        if log.joint_names != robot.joint_names:
+            raise LogError(
+                f"{log.file} has the joints {', '.join(log.joint_names)} and the robot {', '.join(robot.joint_names)}: "
+                "give the log of this robot."
+            )
+    if not any(log.valid_in_band.any() for log in several):
+        raise LogError("No valid sample is left to fit: give a longer recording or exclude less of it.")
+    motion = next(log for log in several if log.valid_in_band.any()).motion
+    terms = tuple(_term(robot, motion, given) for given in effects)
+    signatures = [(term, term.effect.signature(robot, part(motion, 0, 1), term.joint, term.shape)) for term in terms]
+    effect_names = tuple(f"{term.label}.{name}" for term, signature in signatures for name in signature.names)
+    effect_units = tuple(unit for _, signature in signatures for unit in signature.units)
+    return Regressor(
+        robot,
+        several,
+        terms,
+        rigid_body,
+        (parameter_names(robot) if rigid_body else ()) + effect_names,
+        (parameter_units(robot) if rigid_body else ()) + effect_units,
+    )
+
+
+def _term(robot: Robot, motion: Motion, given: EffectOnJoint) -> Term:
+    effect, joint = given[0], given[1]
+    shape = given[2] if len(given) == 3 else np.nan
+    if np.isnan(shape):
+        shapes = effect.shapes(robot, motion, joint)
+        if len(shapes) != 1:
+            raise ParameterError(
+                f"{effect.name} is not linear in one of its parameters: give its shape as the third entry, "
+                f"(effect, joint, shape), for instance {shapes[len(shapes) // 2]:.3g}."
+            )
+        shape = shapes[0]
+    return Term(effect, joint, shape)
+
+
+def part(motion: Motion, start: int, stop: int) -> Motion:
+    """Samples ``start`` to ``stop`` of a motion."""
+    return Motion(motion.t[start:stop], motion.q[start:stop], motion.v[start:stop], motion.a[start:stop])
+
+
+def _blocks_of(regressor: Regressor, log: Log) -> Iterator[Float[Array, "n nv p"]]:
+    robot, band, kept = regressor.robot, log.band, log.valid_in_band
+    # Effects see the whole motion, as some of them remember the past; the wide rigid-body columns come in blocks.
+    effects = []
+    for term in regressor.terms:
+        signature = term.effect.signature(robot, log.motion, term.joint, term.shape)
+        effects.append((list(signature.rows), band(signature.columns)))
+    size = max(1, _BLOCK // band.step)
+    for first in range(0, len(kept), size):
+        last = min(first + size, len(kept))
+        block = np.zeros((last - first, robot.nv, len(regressor.names)))
+        column = 0
+        if regressor.rigid_body:
+            reach = part(log.motion, first * band.step, (last - 1) * band.step + 2 * band.half + 1)
+            rigid = band(rigid_body_regressor(robot, reach))
+            column = rigid.shape[2]
+            block[:, :, :column] = rigid
+        for rows, columns in effects:
+            width = columns.shape[2]
+            block[:, rows, column : column + width] = columns[first:last]
+            column += width
+        yield block[kept[first:last]]
