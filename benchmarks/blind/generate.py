@@ -1,0 +1,84 @@
+"""Writes sealed cases: what the diagnosis may see into one folder, the answers into another.
+
+Example: ``python benchmarks/blind/generate.py --seeds 0:40 --kind mixed --cases DIR --answers DIR``
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import sys
+from concurrent.futures import ProcessPoolExecutor
+from pathlib import Path
+
+if __package__ in (None, ""):  # called by its path: the checkout is not on the module path
+    sys.path.insert(0, str(Path(__file__).resolve().parents[2]))
+
+from benchmarks.blind.generator.case import case_id, draw_case, resolved_kind, write_case
+
+KINDS = ("mixed", "null", "single")
+FILES = ("robot.urdf", "robot.yaml", "log.csv")
+
+
+def seed_range(text: str) -> range:
+    """``A:B`` as the seeds from A up to and without B; ``A`` as that seed alone."""
+    first, _, end = text.partition(":")
+    try:
+        seeds = range(int(first), int(end) if end else int(first) + 1)
+    except ValueError:
+        seeds = range(0)
+    if not seeds or seeds[0] < 0:
+        raise argparse.ArgumentTypeError(f"'{text}' are no seeds: give FIRST:END with 0 <= FIRST < END, as in 0:40")
+    return seeds
+
+
+def write_answer(answer: dict, answers: Path) -> Path:
+    """Writes one answer under a temporary name and renames it."""
+    answers.mkdir(parents=True, exist_ok=True)
+    path = answers / f"{answer['id']}.json"
+    part = path.with_suffix(".part")
+    part.write_text(json.dumps(answer, indent=1) + "\n")
+    part.replace(path)
+    return path
+
+
+def draw(seed: int, kind: str, cases: Path, answers: Path) -> str:
+    """Generates a case and its answer unless both are there; returns its id."""
+    name = case_id(seed, resolved_kind(seed, kind))
+    if not (answers / f"{name}.json").is_file() or not all((cases / name / f).is_file() for f in FILES):
+        case = draw_case(seed, kind)
+        write_case(case, cases)
+        write_answer(case.answer, answers)
+    return name
+
+
+def draw_one(seed: int, folder: Path, answers_folder: Path) -> tuple[Path, Path]:
+    """Draws a robot with an effect, never a null: the folder of the case and the file of its answer."""
+    name = draw(seed, "single", Path(folder), Path(answers_folder))
+    return Path(folder) / name, Path(answers_folder) / f"{name}.json"
+
+
+def draw_many(seeds: range, kind: str, cases: Path, answers: Path, jobs: int) -> list[str]:
+    """Generates the cases of many seeds, ``jobs`` at a time, skipping those that are there."""
+    if jobs == 1 or len(seeds) == 1:
+        return [draw(seed, kind, cases, answers) for seed in seeds]
+    with ProcessPoolExecutor(jobs) as pool:
+        waiting = [pool.submit(draw, seed, kind, cases, answers) for seed in seeds]
+        return [one.result() for one in waiting]
+
+
+def main(arguments: list[str] | None = None) -> int:
+    parser = argparse.ArgumentParser(description="Write sealed cases and their answers.")
+    parser.add_argument("--seeds", type=seed_range, default=range(40), metavar="FIRST:END")
+    parser.add_argument("--kind", choices=KINDS, default="mixed")
+    parser.add_argument("--cases", type=Path, required=True, metavar="DIR", help="what the diagnosis may see")
+    parser.add_argument("--answers", type=Path, required=True, metavar="DIR", help="what only the scorer may see")
+    parser.add_argument("--jobs", type=int, default=2)
+    given = parser.parse_args(arguments)
+    names = draw_many(given.seeds, given.kind, given.cases, given.answers, given.jobs)
+    print(f"{len(names)} cases in {given.cases}, their answers in {given.answers}")
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())
