@@ -96,7 +96,7 @@ def parse_model(path: Path, kind: Literal["urdf", "mjcf"]) -> pin.Model:
     """Pinocchio's model of a file, meshes not read.
 
     Raises:
-        RobotError: If Pinocchio refuses it, or its parser reports an error and goes on without the part.
+        RobotError: If Pinocchio refuses it, or its parser drops the inertia of a link.
     """
     build = pin.buildModelFromUrdf if kind == "urdf" else pin.buildModelFromMJCF
     model, reason = None, ""
@@ -107,7 +107,8 @@ def parse_model(path: Path, kind: Literal["urdf", "mjcf"]) -> pin.Model:
             # Pinocchio puts its source position in front of the message.
             reason = str(problem).rpartition("message:")[2].strip()
     errors = [line.removeprefix("Error:").strip() for line in printed if line.startswith("Error:")]
-    if errors or model is None:
+    # The URDF parser goes on without an inertia or a visual that it cannot read; only the first changes the dynamics.
+    if model is None or any("inertial" in line.casefold() for line in errors):
         reason = "; ".join(re.sub(r"\s+", " ", text).rstrip(".") for text in errors or [reason])
         raise RobotError(f"{path} is not a robot that Pinocchio can read ({reason}): correct the file.")
     return model

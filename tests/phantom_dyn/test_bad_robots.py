@@ -52,6 +52,11 @@ def test_what_is_no_robot_is_refused(tmp_path, text, message):
         ('<mass value="3"/>', '<mass value="-3"/>', r"link column cannot exist, its mass is -3 kg, below zero"),
         ('<mass value="3"/>', '<mass value="nan"/>', r"value='nan' in <mass> of link column must be finite numbers"),
         ('<mass value="3"/>', '<mass value="heavy"/>', r"value='heavy' in <mass> of link column must be finite"),
+        (
+            '<mass value="3"/>',
+            '<mass value="3 4"/>',
+            r"mass \[3 4\] is not a float; Could not parse .* Link \[column\]",
+        ),
         ('<mass value="3"/>', "", r"the <inertial> of link column has no mass"),
         ('ixx="0.01"', 'ixx="-0.01"', r"link beam cannot exist, its smallest principal inertia is -0\.01.* below zero"),
         ('ixy="0.001"', 'ixy="0.9"', r"link beam cannot exist, its smallest principal inertia is -0\.8"),

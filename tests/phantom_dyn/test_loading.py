@@ -200,6 +200,12 @@ def test_meshes_need_not_be_there(edited):
     assert edited(ARM, ('<link name="base"/>', f'<link name="base">{visual}</link>')).nv == 3
 
 
+def test_a_visual_that_cannot_be_read_changes_nothing(edited):
+    visual = '<visual><geometry><sphere radius="abc"/></geometry></visual>'
+    robot = edited(ARM, ('<link name="rail">', f'<link name="rail">{visual}'))
+    np.testing.assert_array_equal(standard_parameters(robot), standard_parameters(load_robot(ARM)))
+
+
 def test_the_emps_axis_is_the_published_mass_without_gravity(rng):
     # Published: M = 95.1089 kg; the model has neither gravity nor friction, so force = M a.
     motion = some_motion(rng, 1)
