@@ -44,8 +44,8 @@ $(STAMP): requirements.txt pyproject.toml
 	@$(MAKE) --no-print-directory tools
 	@echo "Setting up $(VENV) (first call only; a few minutes and about 2 GB, mostly robot models)"
 	@test -x $(BIN)/python || $(PYTHON) -m venv $(VENV)
-	@$(BIN)/python -m pip install --quiet --require-hashes --requirement requirements.txt
-	@$(BIN)/python -m pip install --quiet --no-deps --no-build-isolation --editable .
+	@$(BIN)/python -m pip install -qq --require-hashes --requirement requirements.txt
+	@$(BIN)/python -m pip install -qq --no-deps --no-build-isolation --editable .
 	@touch $@
 
 tools:
@@ -60,7 +60,7 @@ tools:
 # Universal, with hashes and without the address of any package index: valid wherever the packages come from.
 lock: tools
 	@test -x $(BIN)/python || $(PYTHON) -m venv $(VENV)
-	@test -x $(BIN)/uv || $(BIN)/python -m pip install --quiet uv
+	@test -x $(BIN)/uv || $(BIN)/python -m pip install -qq uv
 	@$(BIN)/uv pip compile pyproject.toml --extra examples --group test --group benchmarks --group dev \
 	  --generate-hashes --universal --python-version 3.11 --no-emit-index-url --no-emit-find-links \
 	  --no-header --no-annotate --upgrade --quiet --output-file requirements.txt
