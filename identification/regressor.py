@@ -10,6 +10,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from functools import cached_property
+from itertools import pairwise
 
 import numpy as np
 from jaxtyping import Float
@@ -120,10 +121,10 @@ class Regressor:
         return log.band(values)[log.valid_in_band]
 
     def blocks(self) -> Iterator[Float[Array, "n nv p"]]:
-        """Blocks of the regressor in the order of the samples, each ``(n, nv, p)``."""
+        """Blocks of the regressor in the order of the samples, each ``(n, nv, p)`` and of one log."""
         if self.is_small:
-            size = max(1, _BLOCK)
-            yield from (self.W[k : k + size] for k in range(0, self.count, size))
+            for start, stop in pairwise(self.starts):
+                yield from (self.W[k : min(k + _BLOCK, stop)] for k in range(start, stop, _BLOCK))
         else:
             yield from self._made()
 

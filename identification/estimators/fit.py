@@ -10,7 +10,13 @@ from jaxtyping import Float
 
 from identification.base_parameters import BaseParameters
 from identification.estimators.least_squares import Solution
-from identification.estimators.noise import correlation_factor, sandwich
+from identification.estimators.noise import (
+    autocorrelation,
+    coloured_scatter,
+    correlation_factor,
+    sandwich,
+    white_scatter,
+)
 from identification.log import Band, Log
 from identification.regressor import Regressor, Term, gap_regressor, known_torque, torque_regressor
 from phantom_dyn.motion import Motion
@@ -35,13 +41,13 @@ class Fit:
     Attributes:
         estimator: ``ols``, ``wls`` or ``irls``.
         theta: Base parameters, shape ``(r,)``.
-        cov: Covariance with the memory of the residual: each joint's variance is multiplied by its
-            `correlation_factor`. Right for columns that vary slowly against the residual, large for faster ones.
+        cov: Covariance with the memory of the residual, see `coloured_scatter`.
         cov_white: Covariance if every sample's noise were independent.
         names: Of the base parameters.
         units: Of the base parameters.
         sigma: Noise of each joint's torque, shape ``(nv,)``.
-        correlation: Samples per independent sample for each joint, shape ``(nv,)``.
+        correlation: Samples per independent sample of each joint's residual, shape ``(nv,)``: N over it is the
+            effective sample size.
         relative_error: Root mean square of the residual over that of the measured torque [%], shape ``(nv,)``.
         cond: Condition number of the weighted base regressor with columns of norm one.
         base: How all parameters regroup.
@@ -148,7 +154,7 @@ def fit_from(
         score: What enters the normal equations: the residual, or its robust image.
         status: How the estimation ended.
     """
-    correlation = np.array([correlation_factor(column, regressor.starts) for column in score.T])
+    rho = [autocorrelation(column, regressor.starts) for column in score.T]
     measured = np.sqrt(np.mean(regressor.measured**2, axis=0))
     left = np.sqrt(np.mean(solution.residual**2, axis=0))
     # A joint that is not driven has no torque to compare with.
@@ -157,12 +163,12 @@ def fit_from(
     return Fit(
         estimator,
         solution.theta,
-        sandwich(solution, information, scatter * correlation),
-        sandwich(solution, information, scatter),
+        sandwich(solution, information, coloured_scatter(regressor, base, solution, scatter, rho)),
+        sandwich(solution, information, white_scatter(solution, scatter)),
         base.base_names,
         base.base_units,
         sigma,
-        correlation,
+        np.array([correlation_factor(lags) for lags in rho]),
         error,
         solution.condition,
         base,

@@ -79,14 +79,30 @@ def solve(regressor: Regressor, base: BaseParameters, weights: Float[Array, "N n
     theta = solve_triangular(square, right)
     residual = np.empty_like(regressor.y)
     grams = np.zeros((regressor.robot.nv, r, r))
-    for at, block in _base_blocks(regressor, base):
+    for at, block in base_blocks(regressor, base):
         residual[at] = regressor.y[at] - block @ theta
-        white = solve_triangular(square, block.reshape(-1, r).T, trans=1).T.reshape(block.shape)
+        white = whitened(square, block)
         grams += np.einsum("njk,njl->jkl", white, white, optimize=True)
     return Solution(theta, square, residual, grams)
 
 
-def _base_blocks(regressor: Regressor, base: BaseParameters) -> Iterator[tuple[slice, Array]]:
+def whitened(factor: Float[Array, "r r"], block: Float[Array, "n nv r"]) -> Float[Array, "n nv r"]:
+    """``X R^-1``: rows of the base regressor in coordinates in which its information is the identity.
+
+    Args:
+        factor: Triangular factor ``R``.
+        block: Rows of the base regressor.
+    """
+    return solve_triangular(factor, block.reshape(-1, block.shape[2]).T, trans=1).T.reshape(block.shape)
+
+
+def base_blocks(regressor: Regressor, base: BaseParameters) -> Iterator[tuple[slice, Array]]:
+    """Blocks of the base regressor with the samples they hold.
+
+    Args:
+        regressor: The equations.
+        base: Which columns are the unknowns.
+    """
     start = 0
     for block in regressor.blocks():
         yield slice(start, start + len(block)), block[:, :, list(base.independent)]
@@ -94,6 +110,6 @@ def _base_blocks(regressor: Regressor, base: BaseParameters) -> Iterator[tuple[s
 
 
 def _augmented(regressor: Regressor, base: BaseParameters, weights: Array) -> Iterator[Array]:
-    for at, block in _base_blocks(regressor, base):
+    for at, block in base_blocks(regressor, base):
         rows = np.concatenate([block, regressor.y[at][:, :, None]], axis=2)
         yield rows * weights[at][:, :, None]

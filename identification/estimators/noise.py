@@ -2,26 +2,28 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from itertools import pairwise
 
 import numpy as np
 from jaxtyping import Float
 from scipy.linalg import solve_triangular
 
-from identification.estimators.least_squares import Solution
+from identification.base_parameters import BaseParameters
+from identification.estimators.least_squares import Solution, base_blocks, whitened
+from identification.regressor import Regressor
 
 Array = np.ndarray
 
 
-def correlation_factor(residual: Float[Array, " N"], starts: tuple[int, ...]) -> float:
-    r"""Samples per independent sample, :math:`N / N_\mathrm{eff} = 1 + 2 \sum_k \rho_k`, at least 1.
+def autocorrelation(score: Float[Array, " N"], starts: tuple[int, ...]) -> Float[Array, " m"]:
+    """Autocorrelation from lag 0 up to where it is lost in its own noise.
 
-    The sum runs over the autocorrelation of the residual while the sum of two neighbouring lags is positive (the
-    initial positive sequence of a Markov chain, [Geyer]_), so that the noise of the distant lags does not
-    pile up. Pairs of samples from different recordings do not count.
+    Lags count while the sum of two neighbours is positive (the initial positive sequence of [Geyer]_), so that the
+    noise of the distant ones does not pile up. Pairs of samples from different recordings do not count.
 
     Args:
-        residual: Of one joint.
+        score: Residual of one joint.
         starts: First sample of each recording, and N.
 
     References:
@@ -30,17 +32,25 @@ def correlation_factor(residual: Float[Array, " N"], starts: tuple[int, ...]) ->
     longest = max((stop - start for start, stop in pairwise(starts)), default=0)
     power = np.zeros(longest)
     for start, stop in pairwise(starts):
-        x = residual[start:stop]
+        x = score[start:stop]
         if len(x):
             spectrum = np.abs(np.fft.rfft(x, 2 * len(x))) ** 2
             power[: len(x)] += np.fft.irfft(spectrum, 2 * len(x))[: len(x)]
     if longest < 4 or power[0] <= 0:
-        return 1.0
+        return np.ones(1)
     rho = power / power[0]
     pairs = rho[: longest // 2 * 2].reshape(-1, 2).sum(axis=1)
     negative = np.flatnonzero(pairs <= 0)
-    kept = pairs[: negative[0]] if len(negative) else pairs
-    return max(1.0, float(2 * kept.sum() - 1))
+    return rho[: 2 * (negative[0] if len(negative) else len(pairs))] if pairs[0] > 0 else np.ones(1)
+
+
+def correlation_factor(rho: Float[Array, " m"]) -> float:
+    r"""Samples per independent sample, :math:`N / N_\mathrm{eff} = 1 + 2 \sum_k \rho_k`, at least 1.
+
+    Args:
+        rho: Autocorrelation from lag 0.
+    """
+    return max(1.0, float(2 * rho.sum() - 1))
 
 
 def leverage(solution: Solution, information: Float[Array, " nv"]) -> Float[Array, " nv"]:
@@ -66,20 +76,66 @@ def joint_noise(residual: Float[Array, "N nv"], used: Float[Array, " nv"]) -> Fl
     return np.sqrt(np.where(left, np.sum(residual**2, axis=0), np.nan) / np.where(left, spare, 1.0))
 
 
-def sandwich(solution: Solution, information: Float[Array, " nv"], scatter: Float[Array, " nv"]) -> Float[Array, "r r"]:
-    r"""Covariance :math:`A^{-1} B A^{-1}` of the base parameters.
-
-    :math:`A = \sum_j a_j X_j^T X_j` is the information that the estimator believes in, :math:`B = \sum_j b_j X_j^T X_j`
-    the scatter of its score. Noise of different joints is taken as independent.
+def white_scatter(solution: Solution, scatter: Float[Array, " nv"]) -> Float[Array, "r r"]:
+    """Covariance of the score if every sample's noise were independent.
 
     Args:
         solution: Gives the grams.
-        information: ``a``.
-        scatter: ``b``.
+        scatter: Variance of each joint's score.
+    """
+    return np.einsum("j,jkl->kl", scatter, solution.grams)
+
+
+def coloured_scatter(
+    regressor: Regressor,
+    base: BaseParameters,
+    solution: Solution,
+    scatter: Float[Array, " nv"],
+    rho: Sequence[Float[Array, " m"]],
+) -> Float[Array, "r r"]:
+    r"""Covariance of the score with noise that has a memory: :math:`\sum_j b_j \sum_{t,s} x_t x_s^T \rho_j(t - s)`.
+
+    A column that varies slowly against the noise gets the full factor `correlation_factor`, a fast one less. The
+    spectrum of the noise is taken as at least that of white noise, so that no estimate is called better than the
+    white formula does: residuals hold what the model lacks, too. Pairs in different blocks do not count.
+
+    Args:
+        regressor: The equations.
+        base: The unknowns.
+        solution: Gives the factor.
+        scatter: Variance ``b`` of each joint's score.
+        rho: Autocorrelation of each joint's score.
+    """
+    out = np.zeros((base.rank, base.rank))
+    for _, block in base_blocks(regressor, base):
+        white = whitened(solution.factor, block)
+        length = 2 * len(white)
+        for joint, lags in enumerate(rho):
+            kept = lags[: len(white)]
+            padded = np.zeros(length)
+            padded[: len(kept)] = kept
+            padded[length - len(kept) + 1 :] += kept[:0:-1]
+            colour = np.maximum(np.fft.rfft(padded).real, 1.0)
+            # The two ends of a real spectrum count once, all other frequencies twice.
+            share = np.full(len(colour), 2.0 / length)
+            share[[0, -1]] = 1.0 / length
+            spectrum = np.fft.rfft(white[:, joint], length, axis=0) * np.sqrt(colour * share)[:, None]
+            out += scatter[joint] * (spectrum.real.T @ spectrum.real + spectrum.imag.T @ spectrum.imag)
+    return out
+
+
+def sandwich(solution: Solution, information: Float[Array, " nv"], scatter: Float[Array, "r r"]) -> Float[Array, "r r"]:
+    r"""Covariance :math:`A^{-1} B A^{-1}` of the base parameters, :math:`A = \sum_j a_j X_j^T X_j`.
+
+    Noise of different joints is taken as independent.
+
+    Args:
+        solution: Gives the grams.
+        information: ``a``, weight (squared) of each joint's rows: the information that the estimator believes in.
+        scatter: ``B``, covariance of the score.
     """
     bread = np.einsum("j,jkl->kl", information, solution.grams)
-    meat = np.einsum("j,jkl->kl", scatter, solution.grams)
-    middle = np.linalg.solve(bread, np.linalg.solve(bread, meat).T)
+    middle = np.linalg.solve(bread, np.linalg.solve(bread, scatter).T)
     left = solve_triangular(solution.factor, middle)
     covariance = solve_triangular(solution.factor, left.T)
     return 0.5 * (covariance + covariance.T)
