@@ -26,10 +26,20 @@ class _Loader(yaml.SafeLoader):
         return super().construct_mapping(node, deep)
 
 
+class _Dumper(yaml.SafeDumper):
+    """Quotes a text that the loader would take for a number."""
+
+
 # PyYAML follows YAML 1.1, where a number with an exponent needs a point: 1e-3 would be text.
-_Loader.add_implicit_resolver(
-    "tag:yaml.org,2002:float", re.compile(r"^[-+]?\d+(?:\.\d*)?[eE][-+]?\d+$"), list("-+0123456789")
-)
+for _side in (_Loader, _Dumper):
+    _side.add_implicit_resolver(
+        "tag:yaml.org,2002:float", re.compile(r"^[-+]?\d+(?:\.\d*)?[eE][-+]?\d+$"), list("-+0123456789")
+    )
+
+
+def settings_text(content: dict[str, Any]) -> str:
+    """Plain values as YAML that `load_mapping` reads back unchanged, keys in their order."""
+    return yaml.dump(content, Dumper=_Dumper, sort_keys=False, allow_unicode=True, width=120)
 
 
 def read_settings(path: Path, error: type[PhantomDynError]) -> dict[str, Any]:
@@ -42,6 +52,17 @@ def read_settings(path: Path, error: type[PhantomDynError]) -> dict[str, Any]:
     Raises:
         PhantomDynError: Of the type ``error``, where the file cannot be read, is broken, holds no mapping, or a
             value is empty, infinite or not a number.
+    """
+    content = load_mapping(path, error)
+    _require_values(content, "", path, error)
+    return content
+
+
+def load_mapping(path: Path, error: type[PhantomDynError]) -> dict[str, Any]:
+    """As `read_settings`, for files whose values may be null; values are not looked at.
+
+    Raises:
+        PhantomDynError: Of the type ``error``, where the file cannot be read, is broken, or holds no mapping.
     """
     try:
         text = path.read_text(encoding="utf-8")
@@ -58,7 +79,6 @@ def read_settings(path: Path, error: type[PhantomDynError]) -> dict[str, Any]:
         return {}
     if not isinstance(content, dict):
         raise error(f"{path} holds {describe(content)}, wanted keys with values such as `key: value`.")
-    _require_values(content, "", path, error)
     return content
 
 

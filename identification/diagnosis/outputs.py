@@ -1,0 +1,80 @@
+"""Writing the files of a diagnosis: all of them, or none where one of them could not be written."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Callable
+from pathlib import Path
+
+from identification.diagnosis.json_output import json_text
+from identification.diagnosis.result import Diagnosis
+from identification.export.corrected import write_corrected
+from identification.files import write_atomically
+from phantom_dyn.errors import UsageError
+from phantom_dyn.robot import Robot
+
+NAMES = ("diagnosis.json", "report.html", "corrected.yaml")
+
+
+def check_targets(out: Path | None, json_file: Path | None) -> None:
+    """Refuse targets that cannot be written, before any work is done.
+
+    Raises:
+        UsageError: If a target is of the wrong kind or its folder may not be written to.
+    """
+    if out is not None:
+        if out.exists() and not out.is_dir():
+            raise UsageError(f"--out {out} is a file, wanted a folder; name another folder")
+        for name in NAMES:
+            _check_file(out / name, "--out")
+    if json_file is not None:
+        _check_file(json_file, "--json")
+
+
+def write_outputs(diagnosis: Diagnosis, robot: Robot, *, out: Path | None, json_file: Path | None) -> tuple[Path, ...]:
+    """Write ``diagnosis.json``, ``report.html`` and ``corrected.yaml`` into a folder, and the JSON to a file.
+
+    Args:
+        diagnosis: What was found.
+        robot: The robot as it was given; its source and hash go into ``corrected.yaml``.
+        out: The folder, made where it is missing; other files in it are kept. None: no folder.
+        json_file: Another place for the JSON. None: nowhere.
+
+    Returns:
+        The files written.
+
+    Raises:
+        UsageError: If a target cannot be written; nothing is written then.
+        ParameterError: If a finding has a parameter that is not finite; nothing is written then.
+    """
+    check_targets(out, json_file)
+    contents: dict[Path, str] = {}
+    if out is not None:
+        texts: tuple[Callable[[], str], ...] = (
+            lambda: json_text(diagnosis),
+            lambda: _report(diagnosis),
+            lambda: write_corrected(diagnosis, robot.source, robot.sha256),
+        )
+        contents = {out / name: text() for name, text in zip(NAMES, texts, strict=True)}
+    if json_file is not None:
+        contents[json_file] = json_text(diagnosis)
+    for path, text in contents.items():
+        write_atomically(path, text)
+    return tuple(contents)
+
+
+def _report(diagnosis: Diagnosis) -> str:
+    # Drawing loads matplotlib, which whoever wants the JSON alone need not wait for.
+    from identification.diagnosis.report import report_html
+
+    return report_html(diagnosis)
+
+
+def _check_file(path: Path, option: str) -> None:
+    if path.is_dir():
+        raise UsageError(f"{option}: {path} is a folder, wanted a file; remove it or name another place")
+    folder = next(parent for parent in path.absolute().parents if parent.exists())
+    if not folder.is_dir():
+        raise UsageError(f"{option}: cannot write {path}: {folder} is no folder; name a file in another place")
+    if not os.access(folder, os.W_OK | os.X_OK):
+        raise UsageError(f"{option}: cannot write {path}: no right to write in {folder}; name another place")

@@ -1,0 +1,68 @@
+"""The diagnosis as a few lines for a terminal: plain text, no colour, at most 100 columns."""
+
+from __future__ import annotations
+
+import textwrap
+
+from identification.diagnosis import words
+from identification.diagnosis.result import Diagnosis, Finding, JointGap
+
+WIDTH = 100
+NAME_WIDTH = 36
+
+
+def summary(diagnosis: Diagnosis) -> str:
+    """Verdict, one line a finding, gap per joint, and what the user should know about the data."""
+    blocks = [
+        _wrapped(words.verdict_sentence(diagnosis)),
+        *(_wrapped(line, "  ") for line in _finding_lines(diagnosis.findings)),
+        "",
+        *_gap_table(diagnosis.joints),
+    ]
+    if diagnosis.verdict in ("explained", "no_gap") and diagnosis.adjusted:
+        count = len(diagnosis.adjusted)
+        blocks += [
+            "",
+            _wrapped(f"{count} modelled {'quantity' if count == 1 else 'quantities'} moved within tolerance."),
+        ]
+    say = (diagnosis.next_experiment or {}).get("say")
+    if say:
+        blocks += ["", _wrapped(f"Next experiment: {say}")]
+    if diagnosis.data_warnings:
+        blocks += ["", *(_wrapped(f"Warning: {warning}", "  ") for warning in diagnosis.data_warnings)]
+    return "\n".join(blocks).replace(words.NO_BREAK, " ")
+
+
+def _finding_lines(findings: tuple[Finding, ...]) -> list[str]:
+    return [f"{k}. {_finding_line(finding)}" for k, finding in enumerate(findings, start=1)]
+
+
+def _finding_line(finding: Finding) -> str:
+    sizes = ", ".join(words.value_words(value) for value in finding.parameters.values())
+    size = f": {sizes}" if sizes and len(finding.parameters) <= 2 else ""
+    sure = f"{words.sureness(finding.probability)}, {words.gap_closed(finding)} of the gap"
+    rivals = f"; {words.rivals_words(finding.rivals)}" if finding.rivals else ""
+    return f"{words.capital(words.effect_at_finding(finding))}{size}; {sure}{rivals}"
+
+
+def _gap_table(joints: tuple[JointGap, ...]) -> list[str]:
+    names = [_cut(joint.joint) for joint in joints]
+    width = max([len("joint"), *map(len, names)])
+    head = f"{'joint':<{width}}  {'before':>10}  {'after':>10}  {'noise floor':>11}"
+    rows = [
+        f"{name:<{width}}  {words.number(j.rms_before):>10}  {words.number(j.rms_after):>10}  "
+        f"{words.number(j.noise_floor):>11}  {j.unit}"
+        for name, j in zip(names, joints, strict=True)
+    ]
+    return ["RMS torque residual on held-out samples", head, *rows]
+
+
+def _cut(name: str) -> str:
+    return name if len(name) <= NAME_WIDTH else f"{name[: NAME_WIDTH - 1]}…"
+
+
+def _wrapped(text: str, indent: str = "") -> str:
+    # A control character in a file's or joint's name must not reach the terminal.
+    plain = "".join(c if c.isprintable() or c == words.NO_BREAK else " " for c in text)
+    return textwrap.fill(plain, WIDTH, initial_indent=indent, subsequent_indent=indent + "   " if indent else "",
+                         break_on_hyphens=False)  # fmt: skip
