@@ -20,10 +20,17 @@ install_import_hook(
     [
         "phantom_dyn.dynamics",
         "phantom_dyn.effects",
+        "phantom_dyn.inertia",
         "phantom_dyn.motion",
         "phantom_dyn.robot",
+        "identification.base_parameters",
         "identification.diagnosis.result",
+        "identification.estimators",
+        "identification.log",
+        "identification.readers",
         "identification.recordings",
+        "identification.regressor",
+        "identification.signals",
     ],
     "beartype.beartype(conf=beartype.BeartypeConf(is_pep484_tower=True))",
 )
