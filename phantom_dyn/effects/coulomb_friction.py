@@ -22,6 +22,7 @@ class CoulombFriction:
     name = "coulomb_friction"
     scope = "joint"
     regime = "velocity_reversal"
+    contains: tuple[str, ...] = ()
 
     def parameters(self, robot: Robot, joint: str | None) -> tuple[Parameter, ...]:
         """``torque`` T."""

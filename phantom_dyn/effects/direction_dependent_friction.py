@@ -23,6 +23,7 @@ class DirectionDependentFriction:
     name = "direction_dependent_friction"
     scope = "joint"
     regime = "one_direction"
+    contains: tuple[str, ...] = ("coulomb_friction", "viscous_friction", "torque_offset")
 
     def parameters(self, robot: Robot, joint: str | None) -> tuple[Parameter, ...]:
         """Torque and viscous coefficient of each direction."""

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Literal, Protocol
+from typing import Literal, Protocol, runtime_checkable
 
 import numpy as np
 from jaxtyping import Float
@@ -41,16 +41,19 @@ class Signature:
     units: tuple[str, ...]
 
 
+@runtime_checkable
 class Effect(Protocol):
     """One cause of a gap between robot and model; ``joint`` is None for an effect of the whole robot.
 
     The parameters are the contract's; the coefficients are what the measured torque is linear in, once the
     ``shape`` parameters (a Stribeck velocity) are fixed. Where both agree, the coefficients are the parameters.
+    ``regime`` is where the effect shows most; ``contains`` names the effects that are special cases of it.
     """
 
     name: str
     scope: Literal["joint", "robot"]
     regime: str
+    contains: tuple[str, ...]
 
     def parameters(self, robot: Robot, joint: str | None) -> tuple[Parameter, ...]:
         """The contract's parameters with units and bounds."""

@@ -33,6 +33,7 @@ class InertialParameters:
     name = "inertial_parameters"
     scope = "joint"
     regime = "posture"
+    contains: tuple[str, ...] = ("payload",)
 
     def parameters(self, robot: Robot, joint: str | None) -> tuple[Parameter, ...]:
         """Changes of the ten standard parameters of each free body, about its joint origin."""

@@ -23,6 +23,7 @@ class ParasiticSpring:
     name = "parasitic_spring"
     scope = "joint"
     regime = "posture"
+    contains: tuple[str, ...] = ()
 
     def parameters(self, robot: Robot, joint: str | None) -> tuple[Parameter, ...]:
         """``stiffness`` k and ``rest_position`` q0."""

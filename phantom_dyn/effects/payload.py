@@ -38,6 +38,7 @@ class Payload:
     name = "payload"
     scope = "robot"
     regime = "posture"
+    contains: tuple[str, ...] = ()
 
     def parameters(self, robot: Robot, joint: str | None) -> tuple[Parameter, ...]:
         """``mass`` and its place in the frame of the joint that moves the link."""

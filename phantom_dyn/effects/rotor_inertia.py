@@ -23,6 +23,7 @@ class RotorInertia:
     name = "rotor_inertia"
     scope = "joint"
     regime = "high_acceleration"
+    contains: tuple[str, ...] = ()
 
     def parameters(self, robot: Robot, joint: str | None) -> tuple[Parameter, ...]:
         """``inertia`` I."""

@@ -22,6 +22,7 @@ class StribeckFriction:
     name = "stribeck_friction"
     scope = "joint"
     regime = "low_speed"
+    contains: tuple[str, ...] = ("coulomb_friction",)
 
     def parameters(self, robot: Robot, joint: str | None) -> tuple[Parameter, ...]:
         """Level at speed, level at rest and the velocity at which the difference has fallen to 1/e."""

@@ -24,6 +24,7 @@ class TorqueConstant:
     name = "torque_constant"
     scope = "joint"
     regime = "high_load"
+    contains: tuple[str, ...] = ()
 
     def parameters(self, robot: Robot, joint: str | None) -> tuple[Parameter, ...]:
         """``ratio`` of true to logged torque."""

@@ -22,6 +22,7 @@ class TorqueOffset:
     name = "torque_offset"
     scope = "joint"
     regime = "everywhere"
+    contains: tuple[str, ...] = ()
 
     def parameters(self, robot: Robot, joint: str | None) -> tuple[Parameter, ...]:
         """``torque``, either sign."""

@@ -23,6 +23,7 @@ class ViscousFriction:
     name = "viscous_friction"
     scope = "joint"
     regime = "high_speed"
+    contains: tuple[str, ...] = ()
 
     def parameters(self, robot: Robot, joint: str | None) -> tuple[Parameter, ...]:
         """``coefficient`` c."""

@@ -1,0 +1,172 @@
+"""Blocks of samples: what is held out together, and the Gram matrices that every fit works on."""
+
+from __future__ import annotations
+
+import itertools
+from dataclasses import dataclass
+
+import numpy as np
+from jaxtyping import Bool, Float, Int
+
+from identification.diagnosis.columns import Columns
+from identification.log import Log
+
+Array = np.ndarray
+
+FOLDS = 8
+
+
+@dataclass(frozen=True)
+class Block:
+    """A stretch of in-band samples of one log.
+
+    Attributes:
+        log: Index of the log.
+        start: First sample.
+        stop: One after the last.
+        core: First sample of its core: earlier ones share noise with the block before, through the filter.
+    """
+
+    log: int
+    start: int
+    stop: int
+    core: int
+
+
+@dataclass(frozen=True)
+class Weights:
+    """Noise of each row: a squared residual counts ``1 / (floor^2 * spread)``.
+
+    Attributes:
+        floor: Noise floor [torque unit], shape ``(nv,)``.
+        spread: How many samples of coloured noise tell as much as one of white noise, shape ``(nv,)``.
+    """
+
+    floor: Float[Array, " nv"]
+    spread: Float[Array, " nv"]
+
+    @property
+    def per_sample(self) -> Float[Array, " nv"]:
+        """Weight of a squared residual on each row."""
+        return 1.0 / (self.floor**2 * self.spread)
+
+
+@dataclass(frozen=True)
+class RowGrams:
+    """Weighted products of one row's columns and residual, block by block.
+
+    Attributes:
+        index: Which of all columns, ``(k,)``.
+        a: Columns times columns over whole blocks, ``(B, k, k)``.
+        b: Columns times residual, ``(B, k)``.
+        c: Residual times residual, ``(B,)``.
+        core_a, core_b, core_c: The same over the cores of blocks.
+        count: Effective number of samples in each core, ``(B,)``.
+    """
+
+    index: Int[Array, " k"]
+    a: Float[Array, "B k k"]
+    b: Float[Array, "B k"]
+    c: Float[Array, " B"]
+    core_a: Float[Array, "B k k"]
+    core_b: Float[Array, "B k"]
+    core_c: Float[Array, " B"]
+    count: Float[Array, " B"]
+
+
+@dataclass(frozen=True)
+class Grams:
+    """Products of all columns and the residual, block by block, rows summed with their weights.
+
+    Attributes:
+        rows: The rows that were summed.
+        a: Columns times columns over whole blocks, ``(B, K, K)``.
+        b: Columns times residual, ``(B, K)``.
+        c: Residual times residual, ``(B,)``.
+        core_a, core_b, core_c: The same over the cores of blocks, on which fits of other blocks are judged.
+        fold: Which blocks are held out together, ``(B,)``; -1 for blocks that no fit may see.
+        count: Effective number of samples in each core, ``(B,)``.
+    """
+
+    rows: tuple[RowGrams, ...]
+    a: Float[Array, "B K K"]
+    b: Float[Array, "B K"]
+    c: Float[Array, " B"]
+    core_a: Float[Array, "B K K"]
+    core_b: Float[Array, "B K"]
+    core_c: Float[Array, " B"]
+    fold: Int[Array, " B"]
+    count: Float[Array, " B"]
+
+
+def split_blocks(logs: tuple[Log, ...]) -> tuple[Block, ...]:
+    """Blocks of at least a second and ten periods of the band's edge, some twenty to forty in all.
+
+    The core leaves out as many samples as the filter's kernel reaches, so that the noise of a core is not that of
+    the block before it.
+    """
+    period = 1.0 / logs[0].band.cutoff_hz
+    total = sum(log.motion.t[-1] - log.motion.t[0] for log in logs)
+    length = max(1.0, 10 * period, total / 40)
+    blocks = []
+    for k, log in enumerate(logs):
+        count = len(log.samples)
+        rate = log.band.rate_hz / log.band.step
+        parts = max(1, round(count / rate / length))
+        edges = np.linspace(0, count, parts + 1).astype(int)
+        guard = int(np.ceil(log.band.half / log.band.step))
+        for i, (start, stop) in enumerate(itertools.pairwise(edges)):
+            core = start + (guard if i and guard < (stop - start) // 2 else 0)
+            blocks.append(Block(k, int(start), int(stop), int(core)))
+    return tuple(blocks)
+
+
+def assign_folds(blocks: tuple[Block, ...], held_out: Bool[Array, " logs"]) -> Int[Array, " B"]:
+    """Fold of each block, in turn, so that every fold covers the whole recording; -1 for logs held out entirely."""
+    folds = np.full(len(blocks), -1)
+    seen = [k for k, block in enumerate(blocks) if not held_out[block.log]]
+    folds[seen] = np.arange(len(seen)) % min(FOLDS, max(2, len(seen)))
+    return folds
+
+
+def row_grams(columns: Columns, blocks: tuple[Block, ...], weights: Weights, row: int) -> RowGrams:
+    """Products of one row.
+
+    Args:
+        columns: All columns.
+        blocks: Of the same logs.
+        weights: Noise per row.
+        row: Which joint's torque.
+    """
+    weight = weights.per_sample[row]
+    whole, core, count = [], [], []
+    for block in blocks:
+        part = slice(block.start, block.stop)
+        use = columns.usable[block.log][part, row]
+        # One product of the columns with the residual beside them gives all three.
+        x = columns.values[block.log][row][part][use]
+        joined = np.column_stack([x, columns.residual[block.log][part, row][use]])
+        whole.append(weight * (joined.T @ joined))
+        inside = joined[np.flatnonzero(use) >= block.core - block.start]
+        core.append(weight * (inside.T @ inside))
+        count.append(len(inside) / weights.spread[row])
+    products = []
+    for gram in (np.array(whole), np.array(core)):
+        products += [gram[:, :-1, :-1], gram[:, :-1, -1], gram[:, -1, -1]]
+    return RowGrams(np.array(columns.rows[row]), *products, np.array(count))
+
+
+def build_grams(columns: Columns, blocks: tuple[Block, ...], folds: Int[Array, " B"], weights: Weights) -> Grams:
+    """Products of all rows, summed."""
+    rows = tuple(row_grams(columns, blocks, weights, row) for row in range(len(columns.rows)))
+    count, total = len(blocks), len(columns.names)
+    a, core_a = np.zeros((count, total, total)), np.zeros((count, total, total))
+    b, core_b = np.zeros((count, total)), np.zeros((count, total))
+    for row in rows:
+        grid = (slice(None), row.index[:, None], row.index[None, :])
+        a[grid] += row.a
+        core_a[grid] += row.core_a
+        b[:, row.index] += row.b
+        core_b[:, row.index] += row.core_b
+    c, core_c, samples = (sum(getattr(row, name) for row in rows) for name in ("c", "core_c", "count"))
+    return Grams(rows, a, b, np.asarray(c), core_a, core_b, np.asarray(core_c), folds, np.asarray(samples))

@@ -1,0 +1,362 @@
+"""Fits on Gram matrices: bounded, with priors, and judged on blocks that they have not seen."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from jaxtyping import Float, Int
+
+from identification.diagnosis.blocks import Block, Grams, Weights
+from identification.diagnosis.columns import Columns, Term
+from phantom_dyn.effects.payload import Payload
+from phantom_dyn.effects.torque_constant import TorqueConstant
+
+Array = np.ndarray
+
+
+@dataclass(frozen=True)
+class Problem:
+    """Columns, their Gram matrices, and the priors and bounds of all coefficients.
+
+    Attributes:
+        columns: All columns.
+        blocks: Stretches of samples.
+        weights: Noise of each row.
+        grams: Products of the columns.
+        precision: Prior precision of each coefficient about zero, ``(K,)``.
+        lower, upper: Bounds, ``(K,)``.
+        nuisances: Number of leading columns that every fit contains.
+        total_a, total_b: Products summed over the blocks that train.
+    """
+
+    columns: Columns
+    blocks: tuple[Block, ...]
+    weights: Weights
+    grams: Grams
+    precision: Float[Array, " K"]
+    lower: Float[Array, " K"]
+    upper: Float[Array, " K"]
+    nuisances: int
+    total_a: Float[Array, "K K"]
+    total_b: Float[Array, " K"]
+
+
+@dataclass(frozen=True)
+class Fitted:
+    """Result of one fit.
+
+    Attributes:
+        theta: All coefficients, zero where a column is not in the model, ``(K,)``.
+        active: Columns in the model.
+        cov: Covariance of the active coefficients, priors counted, ``(len(active), len(active))``.
+        penalty: What the moves of the nuisances cost: their squares in sigmas, summed.
+        loss: Weighted squared residual of each block's core, each predicted by a fit that has not seen it, ``(B,)``.
+        fold_theta: Coefficients of the fit that has not seen each fold, ``(F, K)``.
+    """
+
+    theta: Float[Array, " K"]
+    active: Int[Array, " k"]
+    cov: Float[Array, "k k"]
+    penalty: float
+    loss: Float[Array, " B"]
+    fold_theta: Float[Array, "F K"]
+
+    @property
+    def total(self) -> float:
+        """Held-out loss over all blocks, and what the moves of the nuisances cost."""
+        return float(self.loss.sum()) + self.penalty
+
+
+@dataclass(frozen=True)
+class Scaling:
+    """A wrong torque constant on one row: measured torque is ``gain`` times what the joint truly got.
+
+    The row's columns are then seen times the gain, and the column of the torque constant is the true torque of the
+    current fit instead of the given model's: a fit about this point is exact in the gain.
+
+    Attributes:
+        row: Which joint.
+        column: The torque constant's column, which is the given model's torque.
+        gain: Current estimate.
+        theta: Coefficients of the current fit, that of the torque constant zero, ``(K,)``.
+    """
+
+    row: int
+    column: int
+    gain: float
+    theta: Float[Array, " K"]
+
+
+@dataclass(frozen=True)
+class Products:
+    """Products of the columns of one model: over all blocks that train, and block by block if they are needed."""
+
+    a: Float[Array, "k k"]
+    b: Float[Array, " k"]
+    blocks: tuple[Array, ...] | None
+
+
+def set_up(columns: Columns, blocks: tuple[Block, ...], weights: Weights, grams: Grams) -> Problem:
+    """Priors: the tolerance for nuisances; for effects so wide that only what the data do not show is held down.
+
+    The width is thirty times the size at which a column alone would carry the whole residual.
+    """
+    count = len(columns.names)
+    energy = np.einsum("bkk->k", grams.a)
+    with np.errstate(divide="ignore"):
+        precision = np.where(energy > 0, energy / (900.0 * max(grams.c.sum(), 1e-30)), 1.0)
+    lower, upper = np.full(count, -np.inf), np.full(count, np.inf)
+    for k, nuisance in enumerate(columns.nuisances):
+        precision[k] = 1.0 / nuisance.sigma**2
+        lower[k], upper[k] = -nuisance.bound, nuisance.bound
+    for term in columns.terms:
+        for k, bound in zip(term.columns, term.lower, strict=True):
+            lower[k] = max(lower[k], bound)
+    train = grams.fold >= 0
+    total_a, total_b = grams.a[train].sum(axis=0), grams.b[train].sum(axis=0)
+    return Problem(columns, blocks, weights, grams, precision, lower, upper, len(columns.nuisances), total_a, total_b)
+
+
+def bounded_solve(
+    a: Float[Array, "k k"], b: Float[Array, " k"], lower: Float[Array, " k"], upper: Float[Array, " k"]
+) -> Float[Array, " k"]:
+    """Minimum of ``x a x / 2 - b x`` within bounds, ``a`` positive definite, by an active set.
+
+    All violated bounds are taken in at once and released one by one when their multiplier has the wrong sign, which
+    takes two or three solves for the few bounds that bind here; sixty sweeps are allowed.
+    """
+    x = np.linalg.solve(a, b)
+    if np.all(x >= lower) and np.all(x <= upper):
+        return x
+    fixed = np.zeros(len(b), dtype=bool)
+    value = np.zeros(len(b))
+    for _ in range(60):
+        below, above = (x < lower) & ~fixed, (x > upper) & ~fixed
+        if below.any() or above.any():
+            value[below], value[above] = lower[below], upper[above]
+            fixed |= below | above
+        else:
+            gradient = a @ x - b
+            wrong = fixed & (((x <= lower) & (gradient < -1e-9)) | ((x >= upper) & (gradient > 1e-9)))
+            if not wrong.any():
+                break
+            fixed[np.argmax(np.where(wrong, np.abs(gradient), -1.0))] = False
+        x = value * fixed
+        free = ~fixed
+        x[free] = np.linalg.solve(a[np.ix_(free, free)], b[free] - a[np.ix_(free, fixed)] @ value[fixed])
+    return np.clip(x, lower, upper)
+
+
+def active_columns(problem: Problem, terms: tuple[Term, ...]) -> Int[Array, " k"]:
+    """Nuisances and the columns of the terms, each once, in order."""
+    chosen = sorted({column for term in terms for column in term.columns})
+    return np.array([*range(problem.nuisances), *chosen], dtype=int)
+
+
+def fit(problem: Problem, terms: tuple[Term, ...], *, held_out: bool = True) -> Fitted:
+    """Fit nuisances and terms together, on all blocks and once without each fold.
+
+    Args:
+        problem: Columns, products, priors.
+        terms: The effects in the model.
+        held_out: False leaves the fits without folds out; the loss is then that of the one fit, in sample.
+    """
+    scaled = [term for term in terms if isinstance(term.effect, TorqueConstant)]
+    if not scaled:
+        return _fit_at_point(problem, terms, (), held_out)
+    # A torque constant multiplies everything else on its row: refit about the last gain.
+    columns = [term.columns[0] for term in scaled]
+    rows = [next(j for j, row in enumerate(problem.columns.rows) if column in row) for column in columns]
+    gains, scalings = np.ones(len(scaled)), ()
+    for _ in range(4):
+        found = _fit_at_point(problem, terms, scalings, False)
+        step = found.theta[columns]
+        gains = np.clip(gains + step, 0.05, 20.0)
+        theta = found.theta.copy()
+        theta[columns] = 0.0
+        scalings = tuple(
+            Scaling(row, column, float(gain), theta) for row, column, gain in zip(rows, columns, gains, strict=True)
+        )
+        if np.all(np.abs(step) < 1e-3):
+            break
+    found = _fit_at_point(problem, terms, scalings, held_out)
+    theta, fold_theta = found.theta.copy(), found.fold_theta.copy()
+    theta[columns] += gains - 1.0
+    fold_theta[:, columns] += gains - 1.0
+    return replace(found, theta=theta, fold_theta=fold_theta)
+
+
+def predict(problem: Problem, terms: tuple[Term, ...], theta: Float[Array, " K"], log: int) -> Float[Array, "n nv"]:
+    """Torque of the given model with nuisances and terms, in the band, on one log, ``(n, nv)``."""
+    columns = problem.columns
+    gains = {
+        term.columns[0]: float(theta[term.columns[0]]) for term in terms if isinstance(term.effect, TorqueConstant)
+    }
+    rest = theta.copy()
+    rest[list(gains)] = 0.0
+    out = np.empty_like(columns.model_torque[log])
+    for j, index in enumerate(columns.rows):
+        gain = 1.0 + sum(gains.get(column, 0.0) for column in index)
+        out[:, j] = gain * (columns.model_torque[log][:, j] + columns.values[log][j] @ rest[list(index)])
+    return out
+
+
+def _fit_at_point(problem: Problem, terms: tuple[Term, ...], scalings: tuple[Scaling, ...], held_out: bool) -> Fitted:
+    """Fit with the torque constants linear; a payload is linearised about its own last estimate."""
+    payload = next((term for term in terms if isinstance(term.effect, Payload)), None)
+    active = active_columns(problem, terms)
+    products = _products(problem, active, scalings, held_out)
+    if payload is None:
+        return _fit_linear(problem, active, products, None, held_out)
+    # The inertia of a point mass is quadratic in its place: linearise it about the last estimate.
+    start = np.zeros(4)
+    for _ in range(8):
+        last = start
+        found = _fit_linear(problem, active, products, (payload, start), False)
+        start = found.theta[list(payload.columns[:4])]
+        if np.abs(start - last).max() <= 1e-3 * np.abs(start).max():
+            break
+    return _fit_linear(problem, active, products, (payload, start), held_out)
+
+
+def _products(problem: Problem, active: Int[Array, " k"], scalings: tuple[Scaling, ...], held_out: bool) -> Products:
+    """Products of the active columns, with rows of wrong torque constants rescaled."""
+    grams, grid = problem.grams, np.ix_(active, active)
+    a, b = problem.total_a[grid], problem.total_b[active]
+    if scalings:
+        a, b = a.copy(), b.copy()
+    blocks = None
+    if held_out:
+        blocks = (
+            grams.a[:, *grid],
+            grams.b[:, active],
+            grams.core_a[:, *grid],
+            grams.core_b[:, active],
+            grams.core_c.copy(),
+        )
+    train = grams.fold >= 0
+    for scaling in scalings:
+        row = grams.rows[scaling.row]
+        local = np.flatnonzero(np.isin(row.index, active))
+        at = np.searchsorted(active, row.index[local])
+        own = int(np.searchsorted(row.index[local], scaling.column))
+        mix = scaling.gain * np.eye(len(local))
+        mix[:, own] = scaling.theta[row.index[local]]
+        mix[own, own] = 1.0
+        square = (slice(None), local[:, None], local[None, :])
+        place = (slice(None), at[:, None], at[None, :])
+        row_a, row_b = row.a[square], row.b[:, local]
+        new_a, new_b, _ = _rescale(row_a, row_b, row.c, mix, own, scaling.gain)
+        a[place[1:]] += (new_a - row_a)[train].sum(axis=0)
+        b[at] += (new_b - row_b)[train].sum(axis=0)
+        if blocks is not None:
+            blocks[0][place] += new_a - row_a
+            blocks[1][:, at] += new_b - row_b
+            core_a, core_b = row.core_a[square], row.core_b[:, local]
+            new_a, new_b, new_c = _rescale(core_a, core_b, row.core_c, mix, own, scaling.gain)
+            blocks[2][place] += new_a - core_a
+            blocks[3][:, at] += new_b - core_b
+            blocks[4][:] += new_c - row.core_c
+    return Products(a, b, blocks)
+
+
+def _rescale(
+    a: Float[Array, "B k k"],
+    b: Float[Array, "B k"],
+    c: Float[Array, " B"],
+    mix: Float[Array, "k k"],
+    own: int,
+    gain: float,
+) -> tuple[Array, Array, Array]:
+    """Products of a row's columns mixed by ``mix`` with the residual less ``gain - 1`` times column ``own``."""
+    moved = b - (gain - 1.0) * a[:, :, own]
+    square = c - 2 * (gain - 1.0) * b[:, own] + (gain - 1.0) ** 2 * a[:, own, own]
+    return mix.T @ a @ mix, moved @ mix, square
+
+
+def point_mass_map(start: Float[Array, " 4"]) -> tuple[Float[Array, "10 4"], Float[Array, " 10"]]:
+    """Ten inertial parameters of a point mass from mass and first moments ``(m, h)``, linearised: ``J x + c``.
+
+    The inertia is ``(h.h 1 - h h^T) / m``. Without a positive mass at the start it is left out.
+    """
+    jacobian = np.zeros((10, 4))
+    jacobian[:4] = np.eye(4)
+    offset = np.zeros(10)
+    m, h = start[0], start[1:]
+    if m <= 1e-9:
+        return jacobian, offset
+    entries = ((0, 0), (0, 1), (1, 1), (0, 2), (1, 2), (2, 2))
+    for k, (i, j) in enumerate(entries):
+        value = ((h @ h) * (i == j) - h[i] * h[j]) / m
+        slope = np.zeros(4)
+        slope[0] = -value / m
+        for axis in range(3):
+            slope[1 + axis] = (2 * h[axis] * (i == j) - (axis == i) * h[j] - h[i] * (axis == j)) / m
+        jacobian[4 + k] = slope
+        offset[4 + k] = value - slope @ start
+    return jacobian, offset
+
+
+def _fit_linear(
+    problem: Problem,
+    active: Int[Array, " k"],
+    products: Products,
+    point: tuple[Term, Float[Array, " 4"]] | None,
+    held_out: bool,
+) -> Fitted:
+    """Fit with every coefficient linear; a payload through `point_mass_map` about the given start."""
+    precision, lower, upper = problem.precision[active], problem.lower[active], problem.upper[active]
+    expand, shift = np.eye(len(active)), np.zeros(len(active))
+    total_a, total_b = products.a, products.b
+    if point is not None:
+        term, start = point
+        jacobian, offset = point_mass_map(start)
+        at = np.searchsorted(active, term.columns)
+        others = np.setdiff1d(np.arange(len(active)), at)
+        expand = np.zeros((len(active), len(others) + 4))
+        expand[others, np.arange(len(others))] = 1.0
+        expand[at[:, None], len(others) + np.arange(4)] = jacobian
+        shift[at] = offset
+        total_b = (total_b - total_a @ shift) @ expand
+        total_a = expand.T @ total_a @ expand
+        keep = np.concatenate([others, at[:4]])
+        precision, lower, upper = precision[keep], lower[keep].copy(), upper[keep]
+        lower[len(others)] = 0.0
+    prior = np.diag(precision)
+    x = bounded_solve(total_a + prior, total_b, lower, upper)
+    theta = np.zeros(len(problem.precision))
+    theta[active] = expand @ x + shift
+    moves = np.arange(problem.nuisances)
+    penalty = float(theta[moves] ** 2 @ problem.precision[moves])
+    if not held_out or products.blocks is None:
+        nothing = np.zeros((0, 0))
+        return Fitted(theta, active, nothing, penalty, np.zeros(0), nothing)
+    a, b, core_a, core_b, core_c = products.blocks
+    if point is not None:
+        a, b, _ = _reduce(a, b, core_c, expand, shift)
+        core_a, core_b, core_c = _reduce(core_a, core_b, core_c, expand, shift)
+    fold = problem.grams.fold
+    fold_x = np.tile(x, (int(fold.max()) + 1, 1))
+    loss = core_c - 2 * core_b @ x + (core_a @ x) @ x
+    for k in range(len(fold_x)):
+        mine = fold == k
+        rest_a, rest_b = total_a - a[mine].sum(axis=0), total_b - b[mine].sum(axis=0)
+        y = fold_x[k] = bounded_solve(rest_a + prior, rest_b, lower, upper)
+        loss[mine] = core_c[mine] - 2 * core_b[mine] @ y + (core_a[mine] @ y) @ y
+    fold_theta = np.zeros((len(fold_x), len(theta)))
+    fold_theta[:, active] = fold_x @ expand.T + shift
+    cov = expand @ np.linalg.inv(total_a + prior) @ expand.T
+    return Fitted(theta, active, cov, penalty, loss, fold_theta)
+
+
+def _reduce(
+    a: Float[Array, "B n n"],
+    b: Float[Array, "B n"],
+    c: Float[Array, " B"],
+    expand: Float[Array, "n k"],
+    shift: Float[Array, " n"],
+) -> tuple[Array, Array, Array]:
+    """Products for ``x`` when the coefficients are ``expand @ x + shift``."""
+    moved = b - a @ shift
+    return expand.T @ a @ expand, moved @ expand, c - 2 * b @ shift + a @ shift @ shift

@@ -1,0 +1,229 @@
+"""Which set of effects explains the residual: stepwise in, out again, and swapped for simpler or better ones."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass
+from functools import cache
+from itertools import combinations
+
+import numpy as np
+
+from identification.diagnosis.columns import Term
+from identification.diagnosis.fitting import Fitted, Problem, fit
+
+Array = np.ndarray
+
+# What a parameter has to earn on held-out data, beyond what it costs there, to be preferred to doing without it:
+# about the logarithm of the effective number of samples, as in the Bayesian information criterion.
+PARAMETER_PRICE = 5.0
+# Standard errors over blocks by which a gain has to be positive, unless it is very large.
+_SIGNIFICANT = 2.0
+_MOST_TERMS = 40
+
+
+@dataclass(frozen=True)
+class Search:
+    """Rivals of one problem and how sets of them are judged.
+
+    Attributes:
+        problem: What is fitted.
+        terms: All rivals.
+        sizes: Number of parameters that each rival really adds (its rank), by rival.
+        evaluate: Fit with held-out losses of a set of rivals, remembered.
+        threshold: Held-out gain below which an effect is not claimed.
+    """
+
+    problem: Problem
+    terms: tuple[Term, ...]
+    sizes: dict[Term, int]
+    evaluate: Callable[[frozenset[Term]], Fitted]
+    threshold: float
+
+    def score(self, chosen: frozenset[Term]) -> float:
+        """Held-out loss plus the price of the parameters; lower is better."""
+        return self.evaluate(chosen).total + sum(price(self.sizes[term]) for term in chosen)
+
+
+def price(size: int) -> float:
+    """What an effect with ``size`` parameters has to earn; beyond four, each costs what chance gives it."""
+    return PARAMETER_PRICE * min(size, 4) + max(size - 4, 0)
+
+
+def ordered(terms: Iterable[Term]) -> tuple[Term, ...]:
+    """Terms in the order of their columns, so that results do not depend on the order of a set."""
+    return tuple(sorted(terms, key=lambda term: (term.columns, term.place[0])))
+
+
+def rank_of(problem: Problem, term: Term) -> int:
+    """Independent directions among a term's columns in these recordings, at most its number of parameters."""
+    index = list(term.columns)
+    a = problem.grams.a[:, index][:, :, index].sum(axis=0)
+    scale = np.sqrt(np.diag(a))
+    alive = scale > 1e-9 * max(float(scale.max()), 1e-300)
+    if not alive.any():
+        return 0
+    normal = a[np.ix_(alive, alive)] / np.outer(scale[alive], scale[alive])
+    values = np.linalg.eigvalsh(normal)
+    rank = int(np.sum(values > 1e-7 * values[-1]))
+    return min(rank + (0 if np.isnan(term.shape) else 1), term.size)
+
+
+def set_up_search(problem: Problem, threshold: float) -> Search:
+    """A search over all terms that leave any trace in the recordings."""
+    sizes = {term: rank_of(problem, term) for term in problem.columns.terms}
+    terms = tuple(term for term in problem.columns.terms if sizes[term] > 0)
+
+    @cache
+    def evaluate(chosen: frozenset[Term]) -> Fitted:
+        return fit(problem, ordered(chosen))
+
+    return Search(problem, terms, sizes, evaluate, threshold)
+
+
+def contains(rich: Term, simple: Term) -> bool:
+    """True if ``simple`` is a special case of ``rich``."""
+    if rich is simple:
+        return False
+    if set(simple.columns) < set(rich.columns):
+        return True
+    if simple.effect.name in rich.effect.contains:
+        return simple.joint == rich.joint or set(simple.columns) == set(rich.columns)
+    return False
+
+
+def with_term(chosen: frozenset[Term], term: Term) -> frozenset[Term]:
+    """``chosen`` and ``term``, without its special cases and without the same effect of another shape."""
+    kept = (other for other in chosen if not contains(term, other) and not _exclude(term, other))
+    return frozenset([*kept, term])
+
+
+def _exclude(one: Term, other: Term) -> bool:
+    """The same effect of another shape, or two rich friction laws on one joint, which collapse into the better."""
+    if one.place == other.place:
+        return True
+    shared = set(one.effect.contains) & set(other.effect.contains)
+    return bool(shared) and one.joint == other.joint
+
+
+def possible(chosen: frozenset[Term], term: Term) -> bool:
+    """False if ``term`` is there already, or a special case of what is."""
+    return term not in chosen and not any(contains(other, term) for other in chosen)
+
+
+def claimed(search: Search, chosen: frozenset[Term], without: frozenset[Term]) -> bool:
+    """True if what ``chosen`` has beyond ``without`` gains on held-out data what chance does not.
+
+    The gain has to be above the threshold and positive from block to block; a gain ten times the threshold may sit in
+    a few blocks only, as that of an effect that acts rarely does.
+    """
+    gains = search.evaluate(without).loss - search.evaluate(chosen).loss
+    gain = search.evaluate(without).total - search.evaluate(chosen).total
+    extra = sum(price(search.sizes[t]) for t in chosen) - sum(price(search.sizes[t]) for t in without)
+    needed = search.threshold + max(extra - PARAMETER_PRICE, 0.0)
+    error = float(np.sqrt(len(gains)) * gains.std()) + 1e-12
+    return gain > needed and (gain > _SIGNIFICANT * error or gain > 10 * needed)
+
+
+def explain(search: Search, progress: Callable[[str], None]) -> frozenset[Term]:
+    """The set of effects that explains the recordings with the fewest parameters.
+
+    Args:
+        search: Problem, rivals, threshold.
+        progress: Told in words what is being done.
+    """
+    chosen: frozenset[Term] = frozenset()
+    for _ in range(4):
+        before = chosen
+        chosen = _forward(search, chosen, progress)
+        progress("weighing alternatives")
+        chosen = _swap(search, _drop(search, chosen))
+        if chosen == before:
+            break
+    return chosen
+
+
+def _forward(search: Search, chosen: frozenset[Term], progress: Callable[[str], None]) -> frozenset[Term]:
+    """Add the effect that helps most until none helps more than chance; gains are refreshed lazily."""
+    gains = {term: np.inf for term in search.terms}
+    while len(chosen) < _MOST_TERMS:
+        progress(f"trying rivals, {len(chosen)} found")
+        base = search.score(chosen)
+        fresh: set[Term] = set()
+        rivals = [term for term in search.terms if possible(chosen, term)]
+        while True:
+            # An effect's gain hardly grows when another is added, so old gains are good upper guesses.
+            best = max(rivals, key=lambda term: gains[term], default=None)
+            if best is None or best in fresh:
+                break
+            gains[best] = base - search.score(with_term(chosen, best))
+            fresh.add(best)
+        if best is None or gains[best] <= 0 or not claimed(search, with_term(chosen, best), chosen):
+            # A stale gain may hide an effect that has become visible: look at all of them once before giving up.
+            stale = [term for term in rivals if term not in fresh]
+            if not stale or len(fresh) > len(rivals) // 2:
+                return chosen
+            for term in stale:
+                gains[term] = base - search.score(with_term(chosen, term))
+            best = max(rivals, key=lambda term: gains[term])
+            if gains[best] <= 0 or not claimed(search, with_term(chosen, best), chosen):
+                return chosen
+        chosen = _drop(search, with_term(chosen, best))
+    return chosen
+
+
+def _drop(search: Search, chosen: frozenset[Term]) -> frozenset[Term]:
+    """Take out, one by one, what is no longer needed."""
+    while chosen:
+        least = min(ordered(chosen), key=lambda term: search.score(chosen - {term}))
+        if claimed(search, chosen, chosen - {least}):
+            return chosen
+        chosen = chosen - {least}
+    return chosen
+
+
+def alternatives(search: Search, term: Term) -> tuple[frozenset[Term], ...]:
+    """Sets of effects that could stand for ``term``: single ones, and pairs and triples of its special cases."""
+    single = [frozenset([other]) for other in search.terms if other.place != term.place]
+    parts = [other for other in search.terms if contains(term, other) and other.joint == term.joint]
+    several = [frozenset(group) for size in (2, 3) for group in combinations(parts, size)]
+    same = [frozenset([other]) for other in search.terms if other.place == term.place and other is not term]
+    return (*single, *several, *same)
+
+
+def replaced(chosen: frozenset[Term], term: Term, others: frozenset[Term]) -> frozenset[Term]:
+    """``chosen`` with ``others`` in place of ``term``."""
+    out = chosen - {term}
+    for other in ordered(others):
+        if possible(out, other):
+            out = with_term(out, other)
+    return out
+
+
+def _swap(search: Search, chosen: frozenset[Term]) -> frozenset[Term]:
+    """Replace single effects by better or simpler ones until no swap lowers the score."""
+    for _ in range(20):
+        base = search.score(chosen)
+        tried = [
+            replaced(chosen, term, others) for term in ordered(chosen) for others in relevant(search, chosen, term)
+        ]
+        best = min(tried, key=search.score, default=chosen)
+        if search.score(best) >= base - 1e-6:
+            return chosen
+        chosen = _drop(search, best)
+    return chosen
+
+
+def relevant(search: Search, chosen: frozenset[Term], term: Term) -> tuple[frozenset[Term], ...]:
+    """Alternatives of ``term`` that touch a joint that it touches, and could gain a fair part of what it gains."""
+    rows = _rows(search.problem, term)
+    return tuple(
+        others
+        for others in alternatives(search, term)
+        if any(rows & _rows(search.problem, other) for other in others)
+        and not any(contains(kept, other) for other in others for kept in chosen - {term})
+    )
+
+
+def _rows(problem: Problem, term: Term) -> set[int]:
+    return {j for j, index in enumerate(problem.columns.rows) if set(term.columns) & set(index)}
