@@ -218,3 +218,12 @@ def read_recording(
         read_table(path, columns=columns, topic=topic), robot, excluded=excluded, torque_needed=torque_needed
     )
     return replace(found, warnings=(*found.warnings, *check_recording(found, robot)))
+
+
+def unassigned_recording(table: Table) -> Recording:
+    """The joints of a table as they stand there, for checks without a robot; torque and speed if all joints have it."""
+    joints = _joints_of(table, "q")
+    q, tau, v = _per_joint(table, "q", joints), _complete(table, "tau", joints)[0], _complete(table, "v", joints)[0]
+    if q is None:
+        raise LogError(f"{table.file} has no column q.<joint> (measured position): add it or map it with --columns.")
+    return Recording(table.file, tuple(joints), read_only(table.columns["t"]), q, tau, v)

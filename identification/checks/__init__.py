@@ -1,0 +1,77 @@
+"""What is wrong with a recording: one sentence each, with joint and place."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from identification.checks.smooth import Smooth
+    from identification.recordings import Recording, Table
+    from phantom_dyn.robot import Robot
+
+
+def check_recording(recording: Recording, robot: Robot | None) -> tuple[str, ...]:
+    """Warnings about a recording that can be used but that may not be what it seems.
+
+    Args:
+        recording: Raw samples.
+        robot: Without it only what needs no model is checked.
+
+    Returns:
+        One sentence each; a good recording gives none.
+    """
+    from identification.checks.model import check_degrees
+    from identification.checks.motion import (
+        check_coarse_step,
+        check_frozen,
+        check_stillness,
+        check_velocity,
+    )
+    from identification.checks.smooth import smoothed
+    from identification.checks.timing import check_timing
+    from identification.checks.torque import check_clipping
+
+    out = [*check_timing(recording), *check_stillness(recording, None if robot is None else robot.prismatic)]
+    smooth = smoothed(recording)
+    if smooth is not None and smooth.inside.any():
+        stated = tuple(
+            robot is not None and robot.actuators[j].encoder_counts is not None
+            for j in range(len(recording.joint_names))
+        )
+        out += check_frozen(recording, smooth)
+        out += check_coarse_step(recording, smooth, stated)
+        out += check_velocity(recording, smooth)
+    out += check_clipping(recording)
+    if robot is None or smooth is None or recording.tau is None:
+        return (*out, *check_degrees(recording, robot, None, None))
+    return (*out, *_check_against_model(recording, robot, smooth))
+
+
+def _check_against_model(recording: Recording, robot: Robot, smooth: Smooth) -> list[str]:
+    """Checks of the torque against the model; one that finds a misreading ends them, as the next would echo it."""
+    from identification.checks.lag import check_lag
+    from identification.checks.misfit import model_torque, sample
+    from identification.checks.model import check_degrees, check_flipped, check_swapped, check_unsigned
+
+    data = sample(smooth)
+    if data is None:
+        return list(check_degrees(recording, robot, None, None))
+    model = model_torque(robot, data.motion)
+    degrees = check_degrees(recording, robot, data, model)
+    if degrees:
+        return list(degrees)
+    swapped, found = check_swapped(recording, robot, data, model)
+    if found:
+        return list(swapped)
+    return [
+        *check_flipped(recording, data, model),
+        *check_unsigned(recording, data, model),
+        *check_lag(recording, robot, smooth),
+    ]
+
+
+def check_table(table: Table) -> tuple[str, ...]:
+    """Warnings about the columns of a log when no robot is given; those of the table itself come first."""
+    from identification.recordings import unassigned_recording
+
+    return (*table.warnings, *check_recording(unassigned_recording(table), None))

@@ -1,0 +1,160 @@
+# pyright: reportAttributeAccessIssue=false
+"""Readings of the data that fit the model far better than the one given: signs, units, order of the joints."""
+
+from __future__ import annotations
+
+from itertools import combinations
+
+import numpy as np
+from jaxtyping import Float
+
+from identification.checks.misfit import Sample, fit, model_torque, own_fits, shares
+from identification.recordings import Recording
+from phantom_dyn.motion import Motion
+from phantom_dyn.robot import Robot
+
+Array = np.ndarray
+
+_DEGREE = np.pi / 180
+# Without limits, this many rad (two turns) are what a joint may well travel.
+_FAR = 4 * np.pi
+# Pairs of joints are tried up to this number of joints.
+_MOST_JOINTS = 12
+
+
+def joint_limits(robot: Robot) -> Float[Array, "nv 2"]:
+    """Lower and upper position limit of each joint [rad or m]; infinite where there is none."""
+    out = np.tile([-np.inf, np.inf], (robot.nv, 1))
+    for joint in robot.model.joints[1:]:
+        if joint.nq == 1 and robot.model.upperPositionLimit[joint.idx_q] > robot.model.lowerPositionLimit[joint.idx_q]:
+            out[joint.idx_v] = (
+                robot.model.lowerPositionLimit[joint.idx_q],
+                robot.model.upperPositionLimit[joint.idx_q],
+            )
+    return out
+
+
+def check_flipped(recording: Recording, data: Sample, model: Float[Array, "N nv"]) -> tuple[str, ...]:
+    """Torques whose sign is opposite to what the model or friction needs."""
+    out = []
+    for joint, found in zip(recording.joint_names, own_fits(data, model), strict=True):
+        if found is None:
+            continue
+        against_model = found.model_share > 0.3 and max(found.slope) < -0.3
+        against_friction = found.model_share < 0.1 and found.friction < -0.7
+        if against_model or against_friction:
+            what = "the model needs" if against_model else "friction needs"
+            out.append(
+                f"{recording.file}: the torque of {joint} has the opposite sign of what {what} for its motion: flip "
+                "tau (sign: -1 in the column map), or q and v if those are wrong."
+            )
+    return tuple(out)
+
+
+def check_unsigned(recording: Recording, data: Sample, model: Float[Array, "N nv"]) -> tuple[str, ...]:
+    """Torques that are never negative although the model needs both signs."""
+    if recording.tau is None:
+        return ()
+    out = []
+    for j, joint in enumerate(recording.joint_names):
+        tau = recording.tau[:, j]
+        needed = model[:, j]
+        strong = 0.3 * np.sqrt(np.mean(needed**2))
+        both = min(np.mean(needed > strong), np.mean(needed < -strong)) > 0.1
+        if not (np.min(tau) >= 0 and np.max(tau) > 0 and np.ptp(np.sign(data.motion.v[:, j])) == 2 and both):
+            continue
+        signed = fit(needed, data.motion.v[:, j], data.sign[:, j], data.tau[:, j])
+        unsigned = fit(np.abs(needed), data.motion.v[:, j], data.sign[:, j], data.tau[:, j])
+        if signed is not None and unsigned is not None and unsigned.share < 0.8 * signed.share:
+            out.append(
+                f"{recording.file}: the torque of {joint} is never negative although its motion needs both signs: it "
+                "looks like a magnitude; record it with its sign."
+            )
+    return tuple(out)
+
+
+def _permuted(data: Sample, i: int, j: int, motion: bool, torque: bool) -> Sample:
+    """The data with joints ``i`` and ``j`` exchanged in the motion, the torque or both."""
+    order = np.arange(data.tau.shape[1])
+    order[[i, j]] = j, i
+    m = data.motion
+    moved = Motion(m.t, m.q[:, order], m.v[:, order], m.a[:, order]) if motion else m
+    return Sample(moved, data.tau[:, order] if torque else data.tau, data.sign[:, order] if motion else data.sign)
+
+
+def _clearly_better(before: Float[Array, " nv"], after: Float[Array, " nv"], of: list[int]) -> bool:
+    """Whether a reading fits the joints ``of`` far better, each of them, and no other joint much worse."""
+    if np.isnan(before[of]).any() or np.isnan(after[of]).any():
+        return False
+    rest = np.setdiff1d(np.arange(len(before)), of)
+    worse = np.nansum(after[rest] - before[rest])
+    gained = before[of] - after[of]
+    return bool(
+        np.all(gained > 0)
+        and np.mean(after[of]) < 0.3 * np.mean(before[of])
+        and np.mean(after[of]) < 0.3
+        and np.sum(gained) > 0.4 + 2 * max(worse, 0.0)
+    )
+
+
+def check_swapped(
+    recording: Recording, robot: Robot, data: Sample, model: Float[Array, "N nv"]
+) -> tuple[tuple[str, ...], bool]:
+    """Pairs of joints that fit far better when exchanged, and whether there are any."""
+    before = shares(own_fits(data, model))
+    out = []
+    if not 2 <= robot.nv <= _MOST_JOINTS:
+        return (), False
+    for i, j in combinations(range(robot.nv), 2):
+        # An exchange can only be clearly better where the fit is poor now.
+        if not np.nansum(before[[i, j]]) > 0.4:
+            continue
+        readings = []
+        for motion, torque, what in ((False, True, "torques"), (True, False, "positions"), (True, True, "columns")):
+            changed = _permuted(data, i, j, motion, torque)
+            new_model = model_torque(robot, changed.motion) if motion else model
+            after = shares(own_fits(changed, new_model))
+            if _clearly_better(before, after, [i, j]):
+                readings.append((float(np.nanmean(after)), what))
+        if readings:
+            names = f"{recording.joint_names[i]} and {recording.joint_names[j]}"
+            out.append(
+                f"{recording.file}: the {min(readings)[1]} of {names} look swapped: exchanged, they fit the model far "
+                "better; check the order of the columns."
+            )
+    return tuple(out), bool(out)
+
+
+def _in_degrees(data: Sample, revolute: Array) -> Sample:
+    scale = np.where(revolute, _DEGREE, 1.0)
+    m = data.motion
+    return Sample(Motion(m.t, m.q * scale, m.v * scale, m.a * scale), data.tau, data.sign)
+
+
+def check_degrees(
+    recording: Recording, robot: Robot | None, data: Sample | None, model: Float[Array, "N nv"] | None
+) -> tuple[str, ...]:
+    """Positions that look like degrees: far outside the limits, or in degrees the torque fits far better."""
+    q = recording.q
+    revolute = ~robot.prismatic if robot is not None else np.ones(q.shape[1], dtype=bool)
+    limits = joint_limits(robot) if robot is not None else np.tile([-np.inf, np.inf], (q.shape[1], 1))
+    width = limits[:, 1] - limits[:, 0]
+    with np.errstate(invalid="ignore"):
+        beyond = np.maximum(q.max(axis=0) - limits[:, 1], limits[:, 0] - q.min(axis=0))
+        outside = np.isfinite(width) & (beyond > np.maximum(width, 0.5))
+    far = ~np.isfinite(width) & (np.abs(q).max(axis=0) > _FAR) & (np.abs(q).max(axis=0) < 1000)
+    suspects = revolute & (outside | (far if robot is None else False))
+    if robot is not None and data is not None and model is not None and not suspects.any() and revolute.any():
+        before = shares(own_fits(data, model))
+        changed = _in_degrees(data, revolute)
+        after = shares(own_fits(changed, model_torque(robot, changed.motion)))
+        if np.nanmean(before) > 0.3 and np.nanmean(after) < 0.3 * np.nanmean(before):
+            suspects = revolute & (np.abs(q).max(axis=0) > np.pi)
+    if not suspects.any():
+        return ()
+    worst = int(np.argmax(np.where(suspects, np.abs(q).max(axis=0), 0)))
+    names = ", ".join(np.array(recording.joint_names)[suspects])
+    return (
+        f"{recording.file}: the positions of {names} look like degrees (q of {recording.joint_names[worst]} reaches "
+        f"{np.abs(q[:, worst]).max():.4g} rad): convert them with unit: deg in the column map.",
+    )
