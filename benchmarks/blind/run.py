@@ -54,7 +54,12 @@ def diagnose(command: Sequence[str], case: Path, results: Path) -> Path:
         try:
             done = subprocess.run(
                 [*command, "robot.urdf", "log.csv", "--json", "diagnosis.json"],
-                cwd=place, env=environment, stdin=subprocess.DEVNULL, capture_output=True, text=True, timeout=TIMEOUT,
+                cwd=place,
+                env=environment,
+                stdin=subprocess.DEVNULL,
+                capture_output=True,
+                text=True,
+                timeout=TIMEOUT,
             )
             code, said = done.returncode, done.stderr
         except subprocess.TimeoutExpired:
@@ -69,8 +74,9 @@ def diagnose(command: Sequence[str], case: Path, results: Path) -> Path:
     return result
 
 
-def diagnose_all(names: Sequence[str], cases: Path, answers: Path, results: Path, *, command: Sequence[str],
-                 jobs: int) -> None:
+def diagnose_all(
+    names: Sequence[str], cases: Path, answers: Path, results: Path, *, command: Sequence[str], jobs: int
+) -> None:
     """Diagnoses the cases that have no result yet, the answers sealed all the while."""
     results.mkdir(parents=True, exist_ok=True)
     waiting = [name for name in names if not (results / f"{name}.json").is_file()]

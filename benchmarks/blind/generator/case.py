@@ -76,7 +76,9 @@ def _disturbance(rng: np.random.Generator, n: int, rate: float, level: np.ndarra
 
 def draw_setup(seed: int, attempt: int = 0, *, robot: str | None = None, tolerance: Tolerance | None = None) -> Setup:
     """Robot, truth, motion and noise of a seed; ``attempt`` counts redraws of an impossible motion."""
-    rng = {name: np.random.default_rng([seed, attempt, i]) for i, name in enumerate(("robot", "truth", "motion", "noise"))}
+    rng = {
+        name: np.random.default_rng([seed, attempt, i]) for i, name in enumerate(("robot", "truth", "motion", "noise"))
+    }
     tolerance = tolerance or Tolerance()
     name = robot or ROBOTS[int(rng["robot"].integers(len(ROBOTS)))]
     owner = draw_table(rng["robot"], name)
@@ -89,7 +91,9 @@ def draw_setup(seed: int, attempt: int = 0, *, robot: str | None = None, toleran
     counts = 4096 * int(np.exp(noise.uniform(np.log(4), np.log(128.999))))
     hold = str(noise.choice(("zoh", "instant")))
     dither = noise.normal(size=reference.shape) * 0.2 * 2.0 * np.pi / counts
-    session = Session(rate, reference, _disturbance(noise, n, rate, level), counts, dither, float(noise.uniform(3.0, 6.0)))
+    session = Session(
+        rate, reference, _disturbance(noise, n, rate, level), counts, dither, float(noise.uniform(3.0, 6.0))
+    )
     return Setup(owner, perturbed(rng["truth"], owner, tolerance), tolerance, hold, kind, session)
 
 

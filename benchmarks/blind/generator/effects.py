@@ -72,7 +72,9 @@ def draw_recipe(rng: np.random.Generator, effect: str, table: Table) -> Recipe:
         # Of a link behind a vertical first joint only one moment is visible; the others carry gravity too.
         joint = int(rng.integers(1, nv)) if abs(table.links[0].axis[2]) > 0.5 else joint
         pull = rng.uniform(0.3, 1.0, size=3)
-        shape = {name: float(sign * x) for name, x in zip(("mass", "center", "inertia"), pull / pull.max(), strict=True)}
+        shape = {
+            name: float(sign * x) for name, x in zip(("mass", "center", "inertia"), pull / pull.max(), strict=True)
+        }
     return Recipe(effect, joint, shape)
 
 
@@ -167,8 +169,9 @@ def plant_with(effect: Effect | None, table: Table) -> Plant:
     return plant
 
 
-def needed_torque(effect: Effect, table: Table, q: np.ndarray, v: np.ndarray, a: np.ndarray,
-                  tau: np.ndarray) -> np.ndarray:
+def needed_torque(
+    effect: Effect, table: Table, q: np.ndarray, v: np.ndarray, a: np.ndarray, tau: np.ndarray
+) -> np.ndarray:
     """Logged torque that the motion needs more because of the effect, ``(N, nv)`` [N m].
 
     Args:

@@ -59,8 +59,9 @@ def bare_plant(table: Table) -> Plant:
 def with_point_mass(link: Link, mass: float, center: np.ndarray) -> Link:
     """The link with a point mass fixed at ``center`` of its joint frame (parallel axes, about the common centre)."""
     total = link.mass + mass
-    old, common = np.asarray(link.center), (link.mass * np.asarray(link.center) + mass * np.asarray(center)) / (
-        link.mass + mass
+    old, common = (
+        np.asarray(link.center),
+        (link.mass * np.asarray(link.center) + mass * np.asarray(center)) / (link.mass + mass),
     )
     xx, yy, zz, xy, xz, yz = link.inertia
     inertia = np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
@@ -82,10 +83,14 @@ def mjcf_text(plant: Plant, *, rigid: bool) -> str:
     body, tail = [], []
     for i, link in enumerate(plant.table.links):
         extra = plant.friction[i]
-        law = "" if rigid else (
-            f'damping="{link.viscous + extra.c_positive:.12g}" '
-            f'frictionloss="{link.coulomb + 0.5 * (extra.positive + extra.negative):.12g}" '
-            f'stiffness="{plant.stiffness[i]:.12g}" springref="{plant.rest[i]:.12g}" {stick}'
+        law = (
+            ""
+            if rigid
+            else (
+                f'damping="{link.viscous + extra.c_positive:.12g}" '
+                f'frictionloss="{link.coulomb + 0.5 * (extra.positive + extra.negative):.12g}" '
+                f'stiffness="{plant.stiffness[i]:.12g}" springref="{plant.rest[i]:.12g}" {stick}'
+            )
         )
         body += [
             f'<body pos="{_numbers(link.origin)}">',
@@ -93,11 +98,17 @@ def mjcf_text(plant: Plant, *, rigid: bool) -> str:
             f'<joint name="{link.joint}" axis="{_numbers(link.axis)}" armature="{link.rotor_inertia:.12g}" {law}/>',
         ]
         tail.append("</body>")
-    return "\n".join([
-        '<mujoco><compiler angle="radian" inertiafromgeom="false"/>',
-        f'<option gravity="0 0 -{GRAVITY}" timestep="{INNER_STEP}" integrator="RK4" iterations="30" tolerance="1e-12">',
-        '<flag contact="disable"/></option><worldbody>', *body, *tail, "</worldbody></mujoco>",
-    ])
+    return "\n".join(
+        [
+            '<mujoco><compiler angle="radian" inertiafromgeom="false"/>',
+            f'<option gravity="0 0 -{GRAVITY}" timestep="{INNER_STEP}" integrator="RK4"',
+            'iterations="30" tolerance="1e-12">',
+            '<flag contact="disable"/></option><worldbody>',
+            *body,
+            *tail,
+            "</worldbody></mujoco>",
+        ]
+    )
 
 
 def compiled(plant: Plant, *, rigid: bool = False) -> mujoco.MjModel:

@@ -68,8 +68,9 @@ def rod_inertia(mass: float, length: float, radius: float, along: int) -> tuple[
     return (*moments, 0.0, 0.0, 0.0)
 
 
-def _drawn_link(rng: np.random.Generator, joint: str, origin: Vector3, axis: Vector3, mass: float, length: float,
-                direction: Vector3) -> Link:
+def _drawn_link(
+    rng: np.random.Generator, joint: str, origin: Vector3, axis: Vector3, mass: float, length: float, direction: Vector3
+) -> Link:
     along = int(np.argmax(np.abs(direction)))
     share, side = rng.uniform(0.35, 0.65), rng.uniform(-0.03, 0.03, size=3)
     side[along] = 0.0
@@ -90,12 +91,14 @@ def _with_drives(rng: np.random.Generator, table: Table) -> Table:
             weight += later.mass * arm * GRAVITY
         vertical = abs(link.axis[2]) > 0.5
         scale = 4.0 * inertia + (0.0 if vertical else 0.6 * weight)
-        links.append(replace(
-            link,
-            viscous=scale * rng.uniform(0.01, 0.04),
-            coulomb=scale * rng.uniform(0.02, 0.06),
-            rotor_inertia=inertia * rng.uniform(0.03, 0.25),
-        ))
+        links.append(
+            replace(
+                link,
+                viscous=scale * rng.uniform(0.01, 0.04),
+                coulomb=scale * rng.uniform(0.02, 0.06),
+                rotor_inertia=inertia * rng.uniform(0.03, 0.25),
+            )
+        )
     return Table(table.name, tuple(links))
 
 
@@ -145,12 +148,14 @@ def perturbed(rng: np.random.Generator, table: Table, tolerance: Tolerance) -> T
     links = []
     for link in table.links:
         mass, center, inertia = (_factor(rng, tolerance.inertia) for _ in range(3))
-        links.append(replace(
-            scaled_link(link, mass, center, inertia),
-            viscous=link.viscous * _factor(rng, tolerance.friction),
-            coulomb=link.coulomb * _factor(rng, tolerance.friction),
-            rotor_inertia=link.rotor_inertia * _factor(rng, tolerance.rotor_inertia),
-        ))
+        links.append(
+            replace(
+                scaled_link(link, mass, center, inertia),
+                viscous=link.viscous * _factor(rng, tolerance.friction),
+                coulomb=link.coulomb * _factor(rng, tolerance.friction),
+                rotor_inertia=link.rotor_inertia * _factor(rng, tolerance.rotor_inertia),
+            )
+        )
     return Table(table.name, tuple(links))
 
 
@@ -163,13 +168,13 @@ def urdf_text(table: Table) -> str:
     lines = ['<?xml version="1.0"?>', f'<robot name="{table.name}">', '  <link name="base"/>']
     parent = "base"
     for number, link in enumerate(table.links, start=1):
-        xx, yy, zz, xy, xz, yz = link.inertia
+        moments = zip(("ixx", "iyy", "izz", "ixy", "ixz", "iyz"), link.inertia, strict=True)
         lines += [
             f'  <link name="link{number}">',
             "    <inertial>",
             f'      <origin xyz="{_triple(link.center)}" rpy="0 0 0"/>',
             f'      <mass value="{link.mass:.9g}"/>',
-            f'      <inertia ixx="{xx:.9g}" iyy="{yy:.9g}" izz="{zz:.9g}" ixy="{xy:.9g}" ixz="{xz:.9g}" iyz="{yz:.9g}"/>',
+            "      <inertia " + " ".join(f'{name}="{x:.9g}"' for name, x in moments) + "/>",
             "    </inertial>",
             "  </link>",
             f'  <joint name="{link.joint}" type="revolute">',

@@ -24,7 +24,7 @@ def banded(x: np.ndarray, rate: float) -> np.ndarray:
     """Zero-phase low pass at `BAND`, ends cropped, thinned to about 100 Hz."""
     smooth = sosfiltfilt(butter(4, BAND, fs=rate, output="sos"), x, axis=0)
     crop = round(CROP * rate)
-    return smooth[crop:-crop:max(1, round(rate / 100.0))]
+    return smooth[crop : -crop : max(1, round(rate / 100.0))]
 
 
 def rms(x: np.ndarray) -> np.ndarray:
@@ -124,8 +124,9 @@ def _moves(tolerance: Tolerance) -> list[tuple[float, Callable[[Link, float], Li
     return [*out, (tolerance.rotor_inertia, scalar("rotor_inertia"), lambda link: link.rotor_inertia)]
 
 
-def _nuisance(owner: Table, truth: Table, tolerance: Tolerance, thin: tuple, friction: np.ndarray,
-              floor: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+def _nuisance(
+    owner: Table, truth: Table, tolerance: Tolerance, thin: tuple, friction: np.ndarray, floor: np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:
     """Columns of one sigma each, ``(n nv, p)`` in noise floors, and where the truth lies, ``(p,)`` in sigmas."""
     base, columns, places = rigid_torque(owner, *thin), [], []
     for j, (mine, true) in enumerate(zip(owner.links, truth.links, strict=True)):

@@ -1,0 +1,57 @@
+"""Which effect was taken for which, as text and as a figure."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+from benchmarks.blind.judged import Judged
+
+
+@dataclass(frozen=True)
+class Confusion:
+    """Counts of true effect (rows) against the leading finding or, without one, the verdict (columns)."""
+
+    rows: tuple[str, ...]
+    columns: tuple[str, ...]
+    counts: tuple[tuple[int, ...], ...]
+
+
+def confusion(cases: Sequence[Judged]) -> Confusion:
+    """Counts over all cases; a column that is also a row comes in the order of the rows."""
+    rows = tuple(sorted({x.effect for x in cases}))
+    said = {x.leading for x in cases}
+    columns = (*[r for r in rows if r in said], *sorted(said - set(rows)))
+    counts = tuple(tuple(sum(x.effect == r and x.leading == c for x in cases) for c in columns) for r in rows)
+    return Confusion(rows, columns, counts)
+
+
+def confusion_text(table: Confusion) -> str:
+    """Rows by name, columns by number with a legend below."""
+    width = max((len(r) for r in table.rows), default=0)
+    lines = [" " * width + "".join(f"{i:>4}" for i in range(1, len(table.columns) + 1))]
+    for name, row in zip(table.rows, table.counts, strict=True):
+        lines.append(name.ljust(width) + "".join(f"{n if n else '.':>4}" for n in row))
+    lines += [f"{i:>3} {name}" for i, name in enumerate(table.columns, start=1)]
+    return "\n".join(lines)
+
+
+def draw_confusion(table: Confusion, path: Path) -> None:
+    """The same as a picture."""
+    from matplotlib.figure import Figure
+
+    figure = Figure(figsize=(2.5 + 0.5 * len(table.columns), 2.5 + 0.4 * len(table.rows)), layout="constrained")
+    axes = figure.subplots()
+    if table.rows:
+        shares = [[n / max(1, sum(row)) for n in row] for row in table.counts]
+        axes.imshow(shares, cmap="Blues", vmin=0.0, vmax=1.0, aspect="auto")
+        for i, row in enumerate(table.counts):
+            for j, n in enumerate(row):
+                if n:
+                    axes.text(j, i, str(n), ha="center", va="center", color="white" if shares[i][j] > 0.6 else "black")
+    axes.set_xticks(range(len(table.columns)), table.columns, rotation=60, ha="right")
+    axes.set_yticks(range(len(table.rows)), table.rows)
+    axes.set_xlabel("leading finding, or the verdict without one")
+    axes.set_ylabel("truth")
+    figure.savefig(path, dpi=120)

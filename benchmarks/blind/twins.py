@@ -1,0 +1,72 @@
+"""Which answers say the same as the truth, because no data of that robot can part them."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from itertools import product
+
+Claim = tuple[str, str | None]
+FRICTION = ("coulomb_friction", "viscous_friction")
+
+
+@dataclass(frozen=True)
+class Explanation:
+    """A set of effects that explains the case: all of ``needed``; those of ``allowed`` are no wrong extra claim."""
+
+    needed: frozenset[Claim]
+    allowed: frozenset[Claim] = frozenset()
+
+
+def _one(*claims: Claim, allowed: tuple[Claim, ...] = ()) -> Explanation:
+    return Explanation(frozenset(claims), frozenset(allowed))
+
+
+# Joints whose rotor inertia regroups with a moment of their own link: the axis turns about nothing else.
+ROTOR_REGROUPS = {"pendulum": ("j1",), "planar2": ("j1",), "spatial3": ("j1", "j2")}
+
+
+def explanations_of(effect: dict, robot: str, joints: list[str]) -> list[Explanation]:
+    """The truth first, in the contract's words; then its twins on this robot.
+
+    Args:
+        effect: Entry of an answer: ``effect``, ``joint``, ``parameters``.
+        robot: Name of the generator's robot.
+        joints: Its joints from the base outwards.
+    """
+    name, joint, p = effect["effect"], effect["joint"], effect["parameters"]
+    strict, single = _one((name, joint)), robot == "pendulum"
+    out = [strict]
+    if name == "inertial_parameters":
+        # Without a joint it means the inertias of the whole robot: right, and less than could be said.
+        out.append(_one((name, None)))
+    if name == "payload" and single:
+        out += [_one(("inertial_parameters", where)) for where in (joints[-1], None)]
+        out.append(_one(("payload", joints[-1])))
+    if name == "inertial_parameters" and single:
+        out += [_one(("payload", where), allowed=(("rotor_inertia", joint),)) for where in (None, joint)]
+    if name == "rotor_inertia" and joint in ROTOR_REGROUPS[robot]:
+        out += [_one(("inertial_parameters", where)) for where in (joint, None)]
+    if name == "torque_constant" and single:
+        # It scales friction too, which the inertias cannot: friction beside them belongs to the same answer.
+        beside = tuple((friction, joint) for friction in FRICTION)
+        out += [_one(("inertial_parameters", where), allowed=beside) for where in (joint, None)]
+        out += [_one(("payload", where), allowed=(*beside, ("rotor_inertia", joint))) for where in (None, joint)]
+    if name == "direction_dependent_friction" and p["coefficient_positive"] == p["coefficient_negative"]:
+        viscous = (("viscous_friction", joint),) if p["coefficient_positive"] else ()
+        out.append(_one(("coulomb_friction", joint), ("torque_offset", joint), *viscous))
+    return out
+
+
+def explanations(answer: dict) -> list[Explanation]:
+    """All explanations of a case as right as the truth, the strict one first; none for a null case."""
+    each = [explanations_of(effect, answer["robot"], answer["joints"]) for effect in answer["effects"]]
+    return (
+        [
+            Explanation(
+                frozenset().union(*(one.needed for one in chosen)), frozenset().union(*(one.allowed for one in chosen))
+            )
+            for chosen in product(*each)
+        ]
+        if each
+        else []
+    )
