@@ -23,7 +23,6 @@ install_import_hook(
         "phantom_dyn.inertia",
         "phantom_dyn.motion",
         "phantom_dyn.robot",
-        "identification.base_parameters",
         "identification.diagnosis.result",
         "identification.estimators",
         "identification.log",
