@@ -93,11 +93,11 @@ class BaseParameters:
         return size > _SHOWN * self.norms[list(self.dependent)][None, :]
 
 
-def r_factor(blocks: Iterable[Float[Array, "n nv p"]]) -> Float[Array, "k p"]:
+def r_factor(blocks: Iterable[Float[Array, "... p"]]) -> Float[Array, "k p"]:
     """Triangular factor ``R`` with ``R^T R = W^T W`` of a regressor that comes in blocks, which are not kept.
 
     Args:
-        blocks: Each ``(n, nv, p)`` or ``(n, p)``.
+        blocks: Each ``(n, nv, p)`` or rows, ``(m, p)``.
 
     Returns:
         Shape ``(min(rows, p), p)``.

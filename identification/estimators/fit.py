@@ -176,11 +176,11 @@ def fit_from(
         regressor.first_effect,
         regressor.count,
         status,
-        _warnings(regressor, base, solution.condition, sigma),
+        _warnings(regressor, base, solution.condition, scatter),
     )
 
 
-def _warnings(regressor: Regressor, base: BaseParameters, condition: float, sigma: Array) -> tuple[str, ...]:
+def _warnings(regressor: Regressor, base: BaseParameters, condition: float, scatter: Array) -> tuple[str, ...]:
     lost = [regressor.names[k] for k in base.dependent if k >= regressor.first_effect]
     out = []
     if lost:
@@ -190,6 +190,6 @@ def _warnings(regressor: Regressor, base: BaseParameters, condition: float, sigm
         )
     if condition > _POOR_CONDITION:
         out.append(f"The condition number is {condition:.3g}: small errors in the motion move the estimates by much.")
-    if np.isnan(sigma).any():
+    if np.isnan(scatter).any():
         out.append("There are no more equations than unknowns, so that no uncertainty can be given: record more.")
     return tuple(out)

@@ -12,7 +12,7 @@ from jaxtyping import Float
 from identification.base_parameters import BaseParameters
 from identification.estimators.fit import Fit, Status, fit_from
 from identification.estimators.least_squares import Solution, base_of, solve
-from identification.estimators.noise import leverage
+from identification.estimators.noise import joint_noise, leverage
 from identification.estimators.wls import floored
 from identification.log import Log
 from identification.regressor import EffectOnJoint, Regressor, torque_regressor
@@ -100,7 +100,7 @@ def irls(
     u = solution.residual / sigma
     psi = u * loss.weight(u)
     information = loss.slope(u).mean(axis=0) / sigma**2
-    spare = np.maximum(len(u) - leverage(solution, information), 1.0)
+    spread = joint_noise(psi, leverage(solution, information))
     return fit_from(
         "irls",
         regressor,
@@ -108,7 +108,7 @@ def irls(
         solution,
         sigma=sigma,
         information=information,
-        scatter=np.sum(psi**2, axis=0) / spare / sigma**2,
+        scatter=(spread / sigma) ** 2,
         score=psi,
         status=status,
     )

@@ -91,7 +91,7 @@ def coloured_scatter(
     base: BaseParameters,
     solution: Solution,
     scatter: Float[Array, " nv"],
-    rho: Sequence[Float[Array, " m"]],
+    rho: Sequence[Float[Array, " _"]],
 ) -> Float[Array, "r r"]:
     r"""Covariance of the score with noise that has a memory: :math:`\sum_j b_j \sum_{t,s} x_t x_s^T \rho_j(t - s)`.
 
@@ -136,6 +136,7 @@ def sandwich(solution: Solution, information: Float[Array, " nv"], scatter: Floa
     """
     bread = np.einsum("j,jkl->kl", information, solution.grams)
     middle = np.linalg.solve(bread, np.linalg.solve(bread, scatter).T)
-    left = solve_triangular(solution.factor, middle)
-    covariance = solve_triangular(solution.factor, left.T)
+    # Not finite where the noise is not known.
+    left = solve_triangular(solution.factor, middle, check_finite=False)
+    covariance = solve_triangular(solution.factor, left.T, check_finite=False)
     return 0.5 * (covariance + covariance.T)
