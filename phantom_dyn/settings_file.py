@@ -27,8 +27,16 @@ class _Loader(yaml.SafeLoader):
 
 
 class _Dumper(yaml.SafeDumper):
-    """Quotes a text that the loader would take for a number."""
+    """Quotes a text that the loader would take for a number, or whose line breaks it would fold."""
 
+
+def _text_node(dumper: yaml.SafeDumper, text: str) -> yaml.ScalarNode:
+    # PyYAML writes the rarer line breaks as they are, and reads them back as spaces or more breaks.
+    return dumper.represent_scalar("tag:yaml.org,2002:str", text, style='"' if _RARE_BREAKS & set(text) else None)
+
+
+_RARE_BREAKS = set("\x85\u2028\u2029")
+_Dumper.add_representer(str, _text_node)
 
 # PyYAML follows YAML 1.1, where a number with an exponent needs a point: 1e-3 would be text.
 for _side in (_Loader, _Dumper):

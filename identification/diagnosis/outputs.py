@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Callable
 from pathlib import Path
 
 from identification.diagnosis.json_output import json_text
@@ -50,12 +49,9 @@ def write_outputs(diagnosis: Diagnosis, robot: Robot, *, out: Path | None, json_
     check_targets(out, json_file)
     contents: dict[Path, str] = {}
     if out is not None:
-        texts: tuple[Callable[[], str], ...] = (
-            lambda: json_text(diagnosis),
-            lambda: _report(diagnosis),
-            lambda: write_corrected(diagnosis, robot.source, robot.sha256),
-        )
-        contents = {out / name: text() for name, text in zip(NAMES, texts, strict=True)}
+        corrected = write_corrected(diagnosis, robot.source, robot.sha256)
+        texts = (json_text(diagnosis), _report(diagnosis), corrected)
+        contents = {out / name: text for name, text in zip(NAMES, texts, strict=True)}
     if json_file is not None:
         contents[json_file] = json_text(diagnosis)
     for path, text in contents.items():

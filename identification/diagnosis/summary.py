@@ -58,11 +58,17 @@ def _gap_table(joints: tuple[JointGap, ...]) -> list[str]:
 
 
 def _cut(name: str) -> str:
+    name = _printable(name)
     return name if len(name) <= NAME_WIDTH else f"{name[: NAME_WIDTH - 1]}…"
 
 
 def _wrapped(text: str, indent: str = "") -> str:
-    # A control character in a file's or joint's name must not reach the terminal.
-    plain = "".join(c if c.isprintable() or c == words.NO_BREAK else " " for c in text)
-    return textwrap.fill(plain, WIDTH, initial_indent=indent, subsequent_indent=indent + "   " if indent else "",
-                         break_on_hyphens=False)  # fmt: skip
+    hanging = indent + "   " if indent else ""
+    return textwrap.fill(
+        _printable(text), WIDTH, initial_indent=indent, subsequent_indent=hanging, break_on_hyphens=False
+    )
+
+
+def _printable(text: str) -> str:
+    # A control character in the name of a file or joint must not reach the terminal.
+    return "".join(c if c.isprintable() or c == words.NO_BREAK else " " for c in text)

@@ -80,7 +80,7 @@ def made_up_diagnosis(
     )  # fmt: skip
 
 
-@pytest.fixture
+@pytest.fixture(scope="session")
 def made_up() -> Callable[..., Diagnosis]:
     """Builds a diagnosis: joint names, number of findings, samples and torque unit can be given."""
     return made_up_diagnosis

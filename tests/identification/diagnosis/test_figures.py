@@ -1,0 +1,104 @@
+from __future__ import annotations
+
+import re
+import xml.etree.ElementTree as ET
+
+import numpy as np
+import pytest
+
+from identification.diagnosis.figures import (
+    gap_bars,
+    inline_svg,
+    residual_over_position,
+    residual_over_velocity,
+    short_name,
+    torque_figure,
+)
+from identification.diagnosis.result import JointGap
+
+SVG = "{http://www.w3.org/2000/svg}"
+
+
+def texts(svg: str) -> list[str]:
+    return ["".join(element.itertext()) for element in ET.fromstring(svg).iter(f"{SVG}text")]
+
+
+@pytest.mark.parametrize(
+    ("figure", "labels"),
+    [
+        (torque_figure, ["torque [N m]", "residual [N m]", "time [s]", "measured", "given model", "corrected model"]),
+        (residual_over_velocity, ["residual [N m]", "velocity [rad/s]"]),
+        (residual_over_position, ["residual [N m]", "position [rad]"]),
+    ],
+)
+def test_axes_have_labels_and_units(made_up, figure, labels):
+    assert set(labels) <= set(texts(figure(made_up(samples=400), 0)))
+
+
+@pytest.mark.parametrize(
+    ("figure", "label"),
+    [
+        (torque_figure, "force [N]"),
+        (residual_over_velocity, "velocity [m/s]"),
+        (residual_over_position, "position [m]"),
+    ],
+)
+def test_a_linear_joint_has_newtons_and_metres(made_up, figure, label):
+    assert label in texts(figure(made_up(("axis",), samples=400, unit="N"), 0))
+
+
+def test_bars_count_noise_floors_and_mark_the_floor():
+    shown = texts(gap_bars((JointGap("j1", "N m", 0.3, 0.12, 0.1, 10),)))
+    assert {"3", "1.2", "noise floor", "j1"} <= set(shown)
+
+
+def test_a_joint_without_a_noise_floor_gets_a_dash():
+    assert texts(gap_bars((JointGap("j1", "N m", 0.3, 0.1, 0.0, 10),))).count("–") == 2
+
+
+def test_a_name_with_markup_and_dollars_is_shown_as_it_is(made_up):
+    name = 'a<b>&$x^2$" id="q'
+    assert name in texts(gap_bars(made_up((name,)).joints))
+
+
+def test_ids_are_used_and_differ_between_figures(made_up):
+    diagnosis = made_up(samples=400)
+    figures = [f(diagnosis, j) for f in (torque_figure, residual_over_velocity) for j in (0, 1)]
+    ids = [i for svg in figures for i in re.findall(r'\bid="([^"]+)"', svg)]
+    references = {i for svg in figures for i in re.findall(r'(?:href="|url\()#([^")]+)', svg)}
+    assert len(ids) == len(set(ids))
+    assert set(ids) == references
+
+
+def test_the_same_diagnosis_draws_the_same_figure(made_up):
+    assert torque_figure(made_up(samples=400), 0) == torque_figure(made_up(samples=400), 0)
+
+
+def test_a_long_recording_makes_no_large_curve(made_up):
+    assert len(torque_figure(made_up(("j1",), samples=200_000), 0)) < 150_000
+
+
+def test_a_recording_of_zeros_can_be_drawn(made_up):
+    diagnosis = made_up(("j1",), samples=400)
+    for array in (diagnosis.evidence.q, diagnosis.evidence.v, diagnosis.evidence.tau_before):
+        array[:] = 0.0
+    assert "velocity [rad/s]" in texts(residual_over_velocity(diagnosis, 0))
+
+
+def test_samples_that_are_not_finite_are_left_out(made_up):
+    diagnosis = made_up(("j1",), samples=400)
+    diagnosis.evidence.tau_after[:] = np.nan
+    assert "corrected model" in texts(torque_figure(diagnosis, 0))
+    assert "position [rad]" in texts(residual_over_position(diagnosis, 0))
+
+
+def test_text_of_an_element_is_never_rewritten():
+    raw = '<svg width="1"><g id="u"/><use href="#u"/><text x="1.23456">d="0.123456" id="u" #010203</text></svg>'
+    assert inline_svg(raw, "k", "t") == (
+        '<svg role="img" aria-label="t" width="1"><g id="k-u"/><use href="#k-u"/>'
+        '<text x="1.2">d="0.123456" id="u" #010203</text></svg>'
+    )
+
+
+def test_a_long_name_loses_its_middle():
+    assert short_name("shoulder_pan_joint_of_the_left_arm", 11) == "shoul…t_arm"

@@ -1,0 +1,176 @@
+"""The oracle is the contract's schema, written again as strict structures."""
+
+from __future__ import annotations
+
+import dataclasses
+import json
+import math
+from typing import Literal
+
+import msgspec
+import numpy as np
+import pytest
+
+from identification.diagnosis.json_output import json_text, to_json
+from identification.diagnosis.result import Unexplained, Value
+
+
+class Strict(msgspec.Struct, forbid_unknown_fields=True):
+    pass
+
+
+class Joint(Strict):
+    joint: str
+    unit: str
+    rms_before: float
+    rms_after: float
+    noise_floor: float
+    hold_out_samples: int
+
+
+class Number(Strict):
+    value: float | list[float]
+    std: float | list[float] | None
+    unit: str
+
+
+class At(Strict):
+    effect: str
+    joint: str | None
+
+
+class Rival(Strict):
+    effects: list[At]
+    probability: float
+
+
+class Finding(Strict):
+    effect: str
+    joint: str | None
+    regime: str
+    parameters: dict[str, Number]
+    gap_closed: float
+    gap_closed_interval: tuple[float, float]
+    probability: float
+    rivals: list[Rival]
+    verdict: Literal["one_of", "supported"]
+
+
+class Adjusted(Strict):
+    quantity: str
+    change: float
+    tolerance: float
+
+
+class Where(Strict):
+    joint: str | None
+    regime: str | None
+
+
+class Rest(Strict):
+    fraction_of_explainable: float | None
+    structured: bool
+    where: Where
+
+
+class Bound(Strict):
+    effect: str
+    joint: str | None
+    parameter: str
+    below: float
+    unit: str
+
+
+class NotTestable(Strict):
+    effect: str
+    joint: str | None
+    why: str
+
+
+class Next(Strict):
+    separates: list[tuple[str, str | None]]
+    reference: str
+    expected_power: float
+    say: str
+
+
+class Rollout(Strict):
+    horizon_s: float
+    rms_before: dict[str, float | None]
+    rms_after: dict[str, float | None]
+
+
+class Document(Strict):
+    schema: Literal["gap-diagnosis/1"]
+    verdict: Literal["explained", "partly_explained", "unknown", "no_gap", "not_testable"]
+    joints: list[Joint]
+    band_hz: tuple[float, float]
+    findings: list[Finding]
+    adjusted: list[Adjusted]
+    unexplained: Rest
+    bounds: list[Bound]
+    not_testable: list[NotTestable]
+    data_warnings: list[str]
+    next_experiment: Next | None
+    rollout: Rollout | None
+    seconds: float
+    version: str
+
+
+@pytest.mark.parametrize("findings", [0, 1, 15])
+def test_the_text_has_the_contracts_fields_and_types(made_up, findings):
+    text = json_text(made_up(findings=findings))
+    assert len(msgspec.json.decode(text, type=Document).findings) == findings
+
+
+def test_next_experiment_and_rollout_keep_their_shape(made_up):
+    diagnosis = dataclasses.replace(
+        made_up(),
+        next_experiment={"separates": [("backlash", "j1"), ("payload", None)], "reference": "next.csv",
+                         "expected_power": np.float64(0.97), "say": "Move slowly."},
+        rollout={"horizon_s": 0.5, "rms_before": {"j1": np.float32(0.5)}, "rms_after": {"j1": math.nan}},
+    )  # fmt: skip
+    document = msgspec.json.decode(json_text(diagnosis), type=Document)
+    assert document.rollout == Rollout(0.5, {"j1": 0.5}, {"j1": None})
+
+
+def test_fields_stand_in_the_contracts_order(made_up):
+    assert tuple(to_json(made_up())) == Document.__struct_fields__
+
+
+def test_where_is_nested_in_unexplained(made_up):
+    rest = Unexplained(0.4, True, "j2", "low_speed")
+    assert to_json(dataclasses.replace(made_up(), unexplained=rest))["unexplained"] == {
+        "fraction_of_explainable": 0.4,
+        "structured": True,
+        "where": {"joint": "j2", "regime": "low_speed"},
+    }
+
+
+def test_a_rival_is_a_list_of_effects_and_a_probability(made_up):
+    assert to_json(made_up(findings=2))["findings"][1]["rivals"] == [
+        {
+            "effects": [
+                {"effect": "presliding_friction", "joint": "j2"},
+                {"effect": "torque_offset", "joint": "j2"},
+            ],
+            "probability": 0.07,
+        }
+    ]
+
+
+@pytest.mark.parametrize("bad", [math.nan, math.inf, -math.inf, np.float64("nan")])
+def test_a_number_that_is_not_finite_is_null(made_up, bad):
+    rest = Unexplained(bad, False, None, None)
+    assert to_json(dataclasses.replace(made_up(), unexplained=rest))["unexplained"]["fraction_of_explainable"] is None
+
+
+def test_nothing_is_rounded(made_up):
+    third = dataclasses.replace(made_up().findings[0], parameters={"torque": Value(1 / 3, 1e-300, "N m")})
+    document = json.loads(json_text(dataclasses.replace(made_up(), findings=(third,))))
+    assert document["findings"][0]["parameters"]["torque"]["value"] == 1 / 3
+
+
+def test_a_value_of_another_kind_is_refused(made_up):
+    with pytest.raises(TypeError, match="holds no set"):
+        to_json(dataclasses.replace(made_up(), rollout={"joints": {1, 2}}))

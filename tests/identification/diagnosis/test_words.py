@@ -1,0 +1,140 @@
+from __future__ import annotations
+
+import dataclasses
+import math
+
+import pytest
+
+from identification.diagnosis import words
+from identification.diagnosis.effect_words import EFFECTS, REGIMES, effect_words, regime_words
+from identification.diagnosis.result import EffectAt, Rival, Unexplained, Value
+
+CONTRACT_EFFECTS = """viscous_friction coulomb_friction direction_dependent_friction stribeck_friction
+presliding_friction load_dependent_friction backlash transmission_compliance joint_coupling cogging torque_saturation
+torque_constant torque_offset input_delay actuator_lag rotor_inertia payload inertial_parameters base_tilt
+parasitic_spring encoder_offset encoder_eccentricity encoder_quantization""".split()
+CONTRACT_REGIMES = """velocity_reversal low_speed high_speed high_load high_acceleration one_direction
+periodic_in_angle posture saturated time_drift everywhere""".split()
+
+
+def test_every_effect_of_the_contract_has_words():
+    assert list(EFFECTS) == CONTRACT_EFFECTS
+
+
+def test_every_regime_of_the_contract_has_words():
+    assert list(REGIMES) == CONTRACT_REGIMES
+
+
+@pytest.mark.parametrize("effect", CONTRACT_EFFECTS)
+def test_words_show_no_internal_name_and_the_next_step_is_a_sentence(effect):
+    entry = EFFECTS[effect]
+    assert "_" not in entry.name + entry.meaning + entry.next_step
+    assert entry.next_step[0].isupper()
+    assert entry.next_step.endswith(".")
+
+
+def test_an_effect_or_regime_from_elsewhere_is_shown_as_it_is():
+    assert (effect_words("belt_slip").name, regime_words("in_water")) == ("belt slip", "in water")
+
+
+def test_the_sentence_of_a_finding_has_its_five_parts(made_up):
+    sentence = words.finding_sentence(made_up(findings=2).findings[1]).replace(words.NO_BREAK, " ")
+    assert sentence == (
+        "Viscous friction, joint j2, at high speed: very likely (93 %), accounts for 83 % (80 to 86 %) of the gap; "
+        "it may instead be presliding friction on joint j2 and a torque offset on joint j2 together (7 %); next: add "
+        "the coefficient to the joint's damping in the model, and record once cold and once warm: it changes with "
+        "the lubricant's temperature."
+    )
+
+
+def test_without_rivals_nothing_else_explains_the_data():
+    assert words.rivals_words(()) == "nothing else in the catalogue explains the data as well"
+
+
+def test_rivals_are_named_most_probable_first():
+    rivals = (Rival((EffectAt("payload", None),), 0.1), Rival((EffectAt("backlash", "j1"),), 0.3))
+    text = words.rivals_words(rivals).replace(words.NO_BREAK, " ")
+    assert text == "it may instead be backlash on joint j1 (30 %); or a payload (10 %)"
+
+
+@pytest.mark.parametrize(
+    ("probability", "text"),
+    [
+        (0.995, "practically certain (over 99 %)"),
+        (1.0, "practically certain (100 %)"),
+        (0.93, "very likely (93 %)"),
+        (0.7, "likely (70 %)"),
+        (0.5, "more likely than not (50 %)"),
+        (0.3, "one of several candidates (30 %)"),
+    ],
+)
+def test_a_probability_is_words_and_number(probability, text):
+    assert words.sureness(probability).replace(words.NO_BREAK, " ") == text
+
+
+@pytest.mark.parametrize(
+    ("share", "text"), [(0.001, "under 1 %"), (0.0, "0 %"), (-0.2, "-20 %"), (1.3, "130 %"), (math.nan, "–")]
+)
+def test_a_share_is_never_rounded_to_none_or_all(share, text):
+    assert words.percent(share).replace(words.NO_BREAK, " ") == text
+
+
+def test_a_coupling_names_both_joints_and_a_plus_in_a_name_stays():
+    assert words.place("joint_coupling", "j2+j3") == "joints j2 and j3"
+    assert words.place("backlash", "a+b") == "joint a+b"
+    assert words.place("payload", None) == "the whole robot"
+
+
+def test_a_negative_size_is_named_as_less_than_modelled(made_up):
+    finding = dataclasses.replace(made_up().findings[0], parameters={"torque": Value(-0.1, 0.01, "N m")})
+    assert words.finding_name(finding) == "less Coulomb friction than modelled"
+
+
+@pytest.mark.parametrize(
+    ("value", "text"),
+    [
+        (Value(0.051, 0.0006, "N m"), "0.05100 ± 0.00060 N m"),
+        (Value(95.1, 1.234, "kg"), "95.1 ± 1.2 kg"),
+        (Value(-12.0, 340.0, "N"), "-12 ± 340 N"),
+        (Value(1.02, 0.004, "1"), "1.0200 ± 0.0040"),
+        (Value(2.5e-6, 3e-7, "kg m^2"), "(2.50 ± 0.30)e-6 kg m^2"),
+        (Value(0.25, math.nan, "N m"), "0.25 N m"),
+        (Value(0.25, 0.0, "N m"), "0.25 N m"),
+        (Value([6.0, 12.0], [0.0, 0.1], "1/rev"), "6, 12.00 ± 0.10 1/rev"),
+    ],
+)
+def test_a_value_is_shown_to_the_second_digit_of_its_deviation(value, text):
+    assert words.value_words(value) == text
+
+
+@pytest.mark.parametrize(
+    ("verdict", "start"),
+    [
+        ("explained", "The gap between robot and model is explained by Coulomb friction on joint j1."),
+        (
+            "partly_explained",
+            "Part of the gap between robot and model is explained by Coulomb friction on joint j1; 40",
+        ),
+        ("unknown", "There is a gap between robot and model that the catalogue does not explain (Coulomb friction"),
+        ("no_gap", "The model fits the robot"),
+        ("not_testable", "This recording cannot show a gap"),
+    ],
+)
+def test_each_verdict_is_one_sentence(made_up, verdict, start):
+    rest = Unexplained(0.4, True, "j2", "low_speed")
+    sentence = words.verdict_sentence(dataclasses.replace(made_up(), verdict=verdict, unexplained=rest))
+    assert sentence.startswith(start)
+    assert sentence.endswith(".")
+    assert sentence.count(". ") == 0
+
+
+def test_an_unknown_gap_says_joint_and_regime(made_up):
+    rest = Unexplained(0.4, True, "j2", "low_speed")
+    diagnosis = dataclasses.replace(made_up(findings=0), verdict="unknown", unexplained=rest)
+    assert "mostly at joint j2, at low speed" in words.verdict_sentence(diagnosis)
+
+
+def test_many_findings_are_counted_in_the_verdict(made_up):
+    sentence = words.verdict_sentence(made_up(findings=15))
+    assert sentence.endswith("and 12 more.")
+    assert sentence.count("friction") == 2

@@ -1,0 +1,144 @@
+from __future__ import annotations
+
+import math
+
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from identification.diagnosis.result import Adjusted, Value
+from identification.export.corrected import Corrected, CorrectedEffect, corrected_text, read_corrected, write_corrected
+from phantom_dyn.errors import ParameterError, RobotError
+
+GOOD = """\
+schema: phantom-dyn-model/1
+robot: {source: arm.urdf, sha256: abc}
+effects:
+- {effect: coulomb_friction, joint: j1, parameters: {torque: {value: 5e-2, std: null, unit: N m}}, gap_closed: 0.8}
+adjusted:
+- {quantity: link2 mass, change: 0.02, tolerance: 0.05}
+"""
+
+texts = st.one_of(
+    st.text(st.characters(exclude_categories=["Cs"]), max_size=12),
+    st.sampled_from(
+        [
+            "1e5",
+            "null",
+            "~",
+            "yes",
+            "1.5",
+            "0x1f",
+            "2024-01-01",
+            "- a",
+            "a: b",
+            "#",
+            "12:30:45",
+            ".inf",
+            "a\x85b",
+            "a\u2028 b",
+        ]
+    ),
+)
+numbers = st.floats(allow_nan=False, allow_infinity=False)
+lists = st.integers(1, 4).flatmap(
+    lambda n: st.tuples(st.lists(numbers, min_size=n, max_size=n), st.lists(numbers, min_size=n, max_size=n))
+)
+values = st.one_of(
+    st.builds(Value, numbers, numbers, texts), st.builds(lambda v, u: Value(v[0], v[1], u), lists, texts)
+)
+effects = st.builds(
+    CorrectedEffect, texts, st.none() | texts, st.dictionaries(texts, values, max_size=2), st.floats(-1, 2)
+)
+models = st.builds(
+    Corrected,
+    texts,
+    texts,
+    st.lists(effects, max_size=2).map(tuple),
+    st.lists(st.builds(Adjusted, texts, numbers, numbers), max_size=1).map(tuple),
+)
+
+
+@settings(max_examples=50, deadline=None)
+@given(model=models)
+def test_a_round_trip_changes_nothing(tmp_path_factory, model):
+    path = tmp_path_factory.getbasetemp() / "corrected.yaml"
+    path.write_bytes(corrected_text(model).encode())
+    assert read_corrected(path) == model
+    assert corrected_text(read_corrected(path)) == path.read_bytes().decode()
+
+
+def test_all_findings_and_adjustments_are_written(made_up, tmp_path):
+    path = tmp_path / "corrected.yaml"
+    diagnosis = made_up(findings=3)
+    path.write_text(write_corrected(diagnosis, "arm.urdf", "ab" * 32), encoding="utf-8")
+    assert read_corrected(path) == Corrected(
+        "arm.urdf",
+        "ab" * 32,
+        tuple(CorrectedEffect(f.effect, f.joint, f.parameters, f.gap_closed) for f in diagnosis.findings),
+        diagnosis.adjusted,
+    )
+
+
+def test_an_unknown_deviation_is_null_and_comes_back_as_not_a_number(tmp_path):
+    path = tmp_path / "corrected.yaml"
+    path.write_text(corrected_text(Corrected("a", "b", (CorrectedEffect("payload", None, {
+        "mass": Value(1.0, math.inf, "kg")}, math.nan),), ())))  # fmt: skip
+    assert "std: null" in path.read_text()
+    effect = read_corrected(path).effects[0]
+    assert math.isnan(effect.parameters["mass"].std)
+    assert math.isnan(effect.gap_closed)
+
+
+def test_a_file_written_by_hand_may_have_an_exponent_without_a_point(tmp_path):
+    (tmp_path / "a.yaml").write_text(GOOD)
+    assert read_corrected(tmp_path / "a.yaml").effects[0].parameters["torque"].value == 0.05
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "message"),
+    [
+        ("model/1", "model/2", r"a\.yaml: schema is the text 'phantom-dyn-model/2', wanted phantom-dyn-model/1: give"),
+        ("schema: phantom-dyn-model/1\n", "", "there is no key schema, wanted phantom-dyn-model/1"),
+        ("sha256", "sha265", r"there is no key sha265 in robot, the keys are source, sha256; did you mean sha256\?"),
+        ("{source: arm.urdf, sha256: abc}", "arm.urdf", "robot is the text 'arm.urdf', wanted a mapping with the keys"),
+        (", sha256: abc", "", r"a\.yaml: the key sha256 is missing in robot, wanted source, sha256\."),
+        ("5e-2", "much", r"effects\[0\]\.parameters\.torque\.value is the text 'much', wanted a finite number\."),
+        ("5e-2", ".inf", r"effects\[0\]\.parameters\.torque\.value is inf, wanted a finite number\."),
+        ("5e-2", "true", r"effects\[0\]\.parameters\.torque\.value is true, wanted a finite number\."),
+        ("5e-2", "[1.0, 2.0]", r"torque\.std is None, wanted a list of 2 numbers, one a value"),
+        ("std: null", "std: []", r"torque\.std is the list \[\], wanted a finite number or null"),
+        ("joint: j1", "joint: 3", r"effects\[0\]\.joint is 3, wanted a text: put it in quotes"),
+        ("{torque:", "{7:", r"the key 7 in effects\[0\]\.parameters is no text: put it in quotes"),
+        ("- {quantity: link2 mass, change: 0.02, tolerance: 0.05}", "  none", "adjusted is the text 'none', wanted a"),
+        ("change: 0.02", "change: ", r"adjusted\[0\]\.change is None, wanted a finite number"),
+    ],
+)  # fmt: skip
+def test_a_wrong_entry_is_named_with_file_key_value_and_what_is_wanted(tmp_path, old, new, message):
+    assert old in GOOD
+    (tmp_path / "a.yaml").write_text(GOOD.replace(old, new))
+    with pytest.raises(ParameterError, match=message):
+        read_corrected(tmp_path / "a.yaml")
+
+
+def test_a_missing_file_is_refused(tmp_path):
+    with pytest.raises(RobotError, match=r"no\.yaml cannot be read .*: give a YAML file"):
+        read_corrected(tmp_path / "no.yaml")
+
+
+def test_broken_syntax_is_refused_with_its_line(tmp_path):
+    (tmp_path / "a.yaml").write_text("schema: phantom-dyn-model/1\nrobot: {source: [}")
+    with pytest.raises(RobotError, match=r"a\.yaml is not valid YAML at line 2"):
+        read_corrected(tmp_path / "a.yaml")
+
+
+def test_a_list_in_place_of_the_content_is_refused(tmp_path):
+    (tmp_path / "a.yaml").write_text("- a\n")
+    with pytest.raises(RobotError, match="holds the list"):
+        read_corrected(tmp_path / "a.yaml")
+
+
+def test_a_value_that_is_not_finite_is_not_written():
+    bad = CorrectedEffect("cogging", "j1", {"order": Value([1.0, math.nan], [0.0, 0.0], "1")}, 0.5)
+    with pytest.raises(ParameterError, match=r"order of cogging is \[1.0, nan\], wanted a finite number"):
+        corrected_text(Corrected("a", "b", (bad,), ()))
