@@ -27,11 +27,19 @@ _LARGEST_REST, _REMOVED = 0.05, 0.4
 
 @dataclass(frozen=True)
 class Lag:
-    """Lag of one joint's torque beyond what the robot states, in samples (late is positive), and its standard error."""
+    """Lag of one joint's torque beyond what the robot states.
+
+    Attributes:
+        joint: Its name.
+        samples: Lag in samples, late is positive.
+        std: Standard error of it.
+        removed: Share of the unexplained squares that the shift removes.
+    """
 
     joint: str
     samples: float
     std: float
+    removed: float
 
 
 def _lowest(costs: Float[Array, " k"], lags: Float[Array, " k"]) -> float:
@@ -63,13 +71,13 @@ def torque_lags(robot: Robot, recording: Recording, smooth: Smooth) -> tuple[Lag
         columns = np.column_stack([regressor[:, j], smooth.v[rows, j], smooth.sign[rows, j], np.ones(len(rows))])
         found = _one_lag(columns, smooth, rows, j, lags + known)
         if found is not None:
-            out.append(Lag(joint, found[0] - known, found[1]))
+            out.append(Lag(joint, found[0] - known, *found[1:]))
     return tuple(out)
 
 
 def _one_lag(
     columns: Float[Array, "N k"], smooth: Smooth, rows: Array, j: int, lags: Float[Array, " m"]
-) -> tuple[float, float] | None:
+) -> tuple[float, float, float] | None:
     from scipy.interpolate import CubicSpline
 
     assert smooth.tau is not None
@@ -81,19 +89,19 @@ def _one_lag(
     basis = left[:, values > 1e-7 * values[0]]
     squares = (shifted - basis @ (basis.T @ shifted)) ** 2
     total = squares.sum(axis=0)
-    best, stated = int(np.argmin(total)), int(len(lags) // 2)
+    best = int(np.argmin(total))
     lag = _lowest(total, lags)
     if np.isnan(lag) or total[best] > _LARGEST_REST * np.sum((shifted[:, best] - shifted[:, best].mean()) ** 2):
-        return None
-    # Near the stated lag the grid is coarser than the lag: the parabola's minimum counts.
-    if abs(lag - lags[stated]) > 0.25 and total[best] > (1 - _REMOVED) * total[stated]:
         return None
     # Leaving out one block at a time gives the error of the estimate, structured rests included.
     blocks = np.array_split(np.arange(len(rows)), _BLOCKS)
     without = np.array([_lowest(squares.sum(axis=0) - squares[block].sum(axis=0), lags) for block in blocks])
     if np.isnan(without).any():
         return None
-    return lag, float(np.sqrt((_BLOCKS - 1) * np.mean((without - without.mean()) ** 2)))
+    # The parabola through the lowest three costs says what is left at a lag between two of the grid.
+    lowest = np.polyval(np.polyfit(lags[best - 1 : best + 2], total[best - 1 : best + 2], 2), lag)
+    removed = 1 - max(float(lowest), 0.0) / float(total[len(lags) // 2])
+    return lag, float(np.sqrt((_BLOCKS - 1) * np.mean((without - without.mean()) ** 2))), removed
 
 
 def check_lag(recording: Recording, robot: Robot, smooth: Smooth) -> tuple[str, ...]:
@@ -101,7 +109,7 @@ def check_lag(recording: Recording, robot: Robot, smooth: Smooth) -> tuple[str, 
     out = []
     for lag in torque_lags(robot, recording, smooth):
         samples = lag.samples
-        if abs(samples) < _SMALLEST or abs(samples) < _SIGNIFICANT * max(lag.std, 0.02):
+        if abs(samples) < max(_SMALLEST, _SIGNIFICANT * lag.std) or lag.removed < _REMOVED:
             continue
         word = "late" if samples > 0 else "early"
         hint = "shift it, or expect it to show as a delay"

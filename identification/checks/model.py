@@ -40,7 +40,9 @@ def check_flipped(recording: Recording, data: Sample, model: Float[Array, "N nv"
     for joint, found in zip(recording.joint_names, own_fits(data, model), strict=True):
         if found is None:
             continue
-        against_model = found.model_share > 0.3 and max(found.slope) < -0.3
+        # Friction that clearly opposes motion vouches for the sign, unless the model explains most of the torque.
+        vouched = found.friction > 0.3 and found.model_share < 0.5
+        against_model = found.model_share > 0.1 and max(found.slope) < -0.3 and not vouched
         against_friction = found.model_share < 0.1 and found.friction < -0.7
         if against_model or against_friction:
             what = "the model needs" if against_model else "friction needs"
@@ -88,13 +90,10 @@ def _clearly_better(before: Float[Array, " nv"], after: Float[Array, " nv"], of:
         return False
     rest = np.setdiff1d(np.arange(len(before)), of)
     worse = np.nansum(after[rest] - before[rest])
-    gained = before[of] - after[of]
-    return bool(
-        np.all(gained > 0)
-        and np.mean(after[of]) < 0.3 * np.mean(before[of])
-        and np.mean(after[of]) < 0.3
-        and np.sum(gained) > 0.4 + 2 * max(worse, 0.0)
-    )
+    gained = float(np.sum(before[of] - after[of]))
+    # Joints that move each other's load fit exchanged data fairly well: then the ratio tells, else the amount.
+    ratio = float(np.max(after[of] / before[of]))
+    return (ratio < 0.1 and gained > 0.02 and gained > 2 * worse) or (ratio < 0.5 and gained > 0.6 + 2 * max(worse, 0))
 
 
 def check_swapped(
@@ -107,7 +106,7 @@ def check_swapped(
         return (), False
     for i, j in combinations(range(robot.nv), 2):
         # An exchange can only be clearly better where the fit is poor now.
-        if not np.nansum(before[[i, j]]) > 0.4:
+        if not np.nansum(before[[i, j]]) > 0.02:
             continue
         readings = []
         for motion, torque, what in ((False, True, "torques"), (True, False, "positions"), (True, True, "columns")):

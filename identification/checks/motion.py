@@ -30,7 +30,7 @@ def quantum(q: Float[Array, " N"]) -> float:
     steps = steps[steps > 1e-12 * max(np.max(np.abs(q)), 1e-9)]
     if len(steps) < 20:
         return 0.0
-    step = float(np.percentile(steps, 1))
+    step = float(np.min(steps))
     for _ in range(3):
         small = steps[steps < 50 * step]
         counts = np.round(small / step)
@@ -66,7 +66,7 @@ def check_frozen(recording: Recording, smooth: Smooth) -> tuple[str, ...]:
         q = recording.q[:, j]
         v = np.interp(recording.t, smooth.t, smooth.v[:, j])
         # A step of the encoder explains repeats while the joint moves less than a few of them per sample.
-        moves = np.abs(v) * smooth.step > max(3 * quantum(q), 3 * _noise(q))
+        moves = np.abs(v) * smooth.step > 3 * quantum(q)
         if not moves.any():
             continue
         runs = []

@@ -1,0 +1,290 @@
+"""Checks of recordings: each fault, put into a clean recording, gives its sentence; a clean one gives none.
+
+Oracle throughout: known truth. The recordings are made from sines and Pinocchio's inverse dynamics.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pinocchio as pin
+import pytest
+
+from identification.checks import check_recording, check_table
+from identification.checks.lag import torque_lags
+from identification.checks.motion import quantum
+from identification.checks.smooth import smoothed
+from identification.checks.torque import check_clipping
+from identification.recordings import Recording, Table, read_recording
+from phantom_dyn.loading import load_robot
+from phantom_dyn.robot import Robot
+
+
+def only(warnings: tuple[str, ...]) -> str:
+    """The one sentence that is there."""
+    assert len(warnings) == 1, warnings
+    return warnings[0]
+
+
+def with_load(arm: Robot) -> Robot:
+    """The arm with a kilogram on its last link."""
+    loaded = replace(arm)
+    loaded.model.appendBodyToJoint(3, pin.Inertia.FromSphere(1.0, 0.05), pin.SE3(np.eye(3), np.array([0.3, 0.1, 0.0])))
+    return loaded
+
+
+@pytest.mark.parametrize("seed", range(6))
+def test_a_clean_recording_gives_no_warning(clean, arm, seed):
+    assert check_recording(clean(seed=seed), arm) == ()
+
+
+@pytest.mark.parametrize("rate", [50.0, 125.0, 1000.0])
+def test_a_clean_recording_gives_no_warning_at_any_rate(clean, arm, rate):
+    assert check_recording(clean(rate=rate), arm) == ()
+
+
+def test_a_clean_recording_without_noise_gives_no_warning(clean, arm, changed):
+    recording = clean(noise=0.0)
+    assert check_recording(recording, arm) == ()
+
+
+def test_a_recording_rounded_to_four_digits_gives_no_warning(clean, arm, changed):
+    recording = clean()
+    rounded = changed(recording, q=recording.q.round(4), tau=recording.tau.round(2), v=recording.v.round(3))
+    assert check_recording(rounded, arm) == ()
+
+
+def test_missing_friction_is_no_fault_of_the_recording(clean, arm):
+    assert check_recording(clean(friction=4.0), arm) == ()
+
+
+def test_a_heavy_payload_is_no_fault_of_the_recording(clean, arm):
+    assert check_recording(clean(robot=with_load(arm)), arm) == ()
+
+
+def test_a_clean_recording_without_robot_gives_no_warning(clean):
+    assert check_recording(clean(), None) == ()
+
+
+def test_the_real_ur10_recording_gives_no_warning(data_folder):
+    robot = load_robot("example:ur10")
+    found = read_recording(data_folder / "ur10_unisa" / "ur10_exciting_trajectory.db3", robot)
+    assert found.warnings == ()
+
+
+def test_jitter_is_told_with_its_share(clean, arm, changed, rng):
+    recording = clean()
+    t = recording.t + rng.uniform(-0.0004, 0.0004, len(recording.t))
+    assert "sampling is irregular" in check_recording(changed(recording, t=t), arm)[0]
+
+
+def test_a_gap_is_told_with_its_place_and_length(clean, arm):
+    recording = clean()
+    kept = (recording.t < 5.0) | (recording.t > 5.1)
+    cut = replace(
+        recording, t=recording.t[kept], q=recording.q[kept], tau=recording.tau[kept], v=recording.v[kept]
+    )  # fmt: skip
+    sentence = next(w for w in check_recording(cut, arm) if "gap" in w)
+    assert "1 gap in time" in sentence
+    assert "104 ms at t = 4.998 s" in sentence
+
+
+def test_an_excluded_gap_is_not_told(clean, arm):
+    recording = clean()
+    kept = (recording.t < 5.0) | (recording.t > 5.1)
+    cut = Recording(
+        "cut.csv", arm.joint_names, recording.t[kept], recording.q[kept], recording.tau[kept],
+        excluded=((4.9, 5.2),),
+    )  # fmt: skip
+    assert not any("gap" in w for w in check_recording(cut, arm))
+
+
+def test_positions_read_at_half_the_rate_are_frozen(clean, arm, changed):
+    recording = clean(rate=200.0)
+    q = recording.q.copy()
+    q[1::2, 1] = q[:-1:2, 1]
+    sentence = next(w for w in check_recording(changed(recording, q=q), arm) if "repeats" in w)
+    assert "q of tilt" in sentence
+
+
+def test_a_stalled_encoder_is_told_with_its_place(clean, arm, changed):
+    recording = clean()
+    q = recording.q.copy()
+    k = 2000 + int(np.argmax(np.abs(recording.v[2000:3000, 0])))
+    q[k : k + 9, 0] = q[k, 0]
+    sentence = next(w for w in check_recording(changed(recording, q=q), arm) if "repeats" in w)
+    assert "the longest time for 9 samples" in sentence
+    assert f"t = {recording.t[k]:.6g} s" in sentence
+
+
+def test_a_joint_that_sticks_is_not_frozen(clean, arm, changed):
+    recording = clean()
+    q = recording.q.copy()
+    q[:, 0] = np.clip(q[:, 0], -0.2, 0.2)
+    assert not any(
+        "repeats" in w for w in check_recording(changed(recording, q=q, v=np.gradient(q, axis=0) * 500), arm)
+    )
+
+
+def test_degrees_beyond_the_limits_are_told(clean, arm, changed):
+    recording = clean()
+    q = recording.q.copy()
+    q[:, :2] = np.rad2deg(q[:, :2])
+    sentence = next(w for w in check_recording(changed(recording, q=q), arm) if "degrees" in w)
+    assert "positions of turn, tilt look like degrees" in sentence
+    assert "unit: deg" in sentence
+
+
+def test_degrees_are_told_without_a_robot(clean, changed):
+    recording = clean()
+    assert any("look like degrees" in w for w in check_recording(changed(recording, q=np.rad2deg(recording.q)), None))
+
+
+def test_velocity_in_degrees_is_told(clean, arm, changed):
+    recording = clean()
+    sentence = only(
+        check_recording(changed(recording, v=np.rad2deg(recording.v) * [1, 0, 0] + recording.v * [0, 1, 1]), arm)
+    )
+    assert "measured velocity of turn is 57.3 times the derivative of its position: the units differ" in sentence
+
+
+def test_velocity_with_the_wrong_sign_is_told(clean, arm, changed):
+    recording = clean()
+    sentence = only(check_recording(changed(recording, v=recording.v * [1, -1, 1]), arm))
+    assert "measured velocity of tilt has the opposite sign" in sentence
+
+
+def test_velocity_of_another_joint_is_told(clean, arm, changed):
+    recording = clean()
+    warnings = check_recording(changed(recording, v=recording.v[:, [1, 0, 2]]), arm)
+    assert ["turn" in w or "tilt" in w for w in warnings] == [True, True]
+    assert all("does not follow the derivative" in w for w in warnings)
+
+
+@pytest.mark.parametrize("joint", [0, 1, 2])
+def test_a_flipped_torque_is_told_with_its_joint(clean, arm, changed, joint):
+    recording = clean()
+    signs = np.ones(3)
+    signs[joint] = -1
+    sentence = only(check_recording(changed(recording, tau=recording.tau * signs), arm))
+    assert f"torque of {arm.joint_names[joint]} has the opposite sign" in sentence
+
+
+def test_swapped_torques_are_told_with_both_joints(clean, arm, changed):
+    recording = clean()
+    sentence = only(check_recording(changed(recording, tau=recording.tau[:, [1, 0, 2]]), arm))
+    assert "the torques of turn and tilt look swapped" in sentence
+
+
+def test_swapped_columns_of_two_joints_are_told(clean, arm, changed):
+    recording = clean()
+    order = [1, 0, 2]
+    swapped = changed(recording, q=recording.q[:, order], v=recording.v[:, order], tau=recording.tau[:, order])
+    assert "turn and tilt look swapped" in only(check_recording(swapped, arm))
+
+
+@pytest.mark.parametrize("samples", [-2.0, -0.5, 0.5, 1.0, 3.5])
+def test_the_lag_of_the_torque_is_estimated_to_a_tenth_of_a_sample(clean, arm, samples):
+    recording = clean(late=samples / 500)
+    lags = torque_lags(arm, recording, smoothed(recording))
+    assert [lag.samples for lag in lags] == pytest.approx([samples] * 3, abs=0.1)
+
+
+def test_a_torque_half_a_sample_early_is_told_and_explained_by_the_hold(clean, arm):
+    warnings = check_recording(clean(late=-0.5 / 500), arm)
+    assert len(warnings) == 3
+    assert "torque of turn is early against its motion by 1.06 ms (0.53 samples): torque_hold: zoh" in warnings[0]
+
+
+def test_a_held_torque_that_the_robot_states_is_not_told(clean, arm):
+    assert check_recording(clean(late=-0.5 / 500), replace(arm, torque_hold="zoh")) == ()
+
+
+def test_a_late_torque_is_told_in_milliseconds(clean, arm):
+    assert (
+        "torque of turn is late against its motion by 3.94 ms (2 samples)" in check_recording(clean(late=0.004), arm)[0]
+    )
+
+
+def test_a_wrong_inertia_does_not_pass_for_a_lag(clean, arm):
+    recording = clean(robot=with_load(arm))
+    assert [lag.samples for lag in torque_lags(arm, recording, smoothed(recording))] == pytest.approx([0] * 3, abs=0.1)
+
+
+def test_a_tail_at_rest_is_told_with_its_start(clean, arm, changed):
+    recording = clean()
+    q, v, tau = recording.q.copy(), recording.v.copy(), recording.tau.copy()
+    q[8000:], v[8000:], tau[8000:] = q[8000], 0.0, tau[8000]
+    warnings = check_recording(changed(recording, q=q, v=v, tau=tau), arm)
+    assert any("no joint moves from t = 16 s to the end" in w and "--exclude 16:" in w for w in warnings)
+
+
+def test_an_excluded_tail_is_not_told(clean, arm, changed):
+    recording = clean()
+    q = recording.q.copy()
+    q[8000:] = q[8000]
+    cut = replace(changed(recording, q=q), v=None, excluded=((15.9, 20.0),))
+    assert not any("no joint moves" in w for w in check_recording(cut, arm))
+
+
+def test_a_joint_that_never_moves_is_named(clean, arm, changed, rng):
+    recording = clean()
+    q, v = recording.q.copy(), recording.v.copy()
+    q[:, 0], v[:, 0] = 0.3 + 1e-5 * rng.standard_normal(len(q)), 0.0
+    assert any("turn never moves" in w for w in check_recording(changed(recording, q=q, v=v), arm))
+
+
+def test_a_clipped_torque_is_told_with_value_and_share(clean, arm, changed):
+    recording = clean()
+    top = np.percentile(recording.tau[:, 1], 95)
+    tau = np.minimum(recording.tau, [np.inf, top, np.inf])
+    warnings = check_recording(changed(recording, tau=tau), arm)
+    assert any(f"torque of tilt sits at {top:.6g} for 5 % of the samples" in w for w in warnings)
+
+
+@pytest.mark.parametrize("digits", [1, 2, 3, 6])
+@pytest.mark.parametrize("frequency", [0.05, 0.3])
+def test_the_rounded_peak_of_a_slow_sine_is_not_clipped(digits, frequency):
+    t = np.arange(20000) / 1000
+    tau = (5.03 * np.sin(2 * np.pi * frequency * t)).round(digits)[:, None]
+    assert check_clipping(Recording("a.csv", ("j",), t, tau, tau)) == ()
+
+
+def test_a_coarse_encoder_is_told_with_its_step(clean, arm, changed):
+    recording = clean()
+    q = recording.q.copy()
+    q[:, 0] = np.round(q[:, 0] / 0.05) * 0.05
+    assert any("encoder of turn has the coarse step 0.05" in w for w in check_recording(changed(recording, q=q), arm))
+
+
+def test_a_coarse_encoder_that_the_robot_states_is_not_told(clean, arm, changed):
+    recording = clean()
+    q = recording.q.copy()
+    q[:, 0] = np.round(q[:, 0] / 0.05) * 0.05
+    actuators = (replace(arm.actuators[0], encoder_counts=2 * np.pi / 0.05), *arm.actuators[1:])
+    stated = replace(arm, actuators=actuators)
+    assert not any("coarse" in w for w in check_recording(changed(recording, q=q), stated))
+
+
+@pytest.mark.parametrize("step", [1e-5, 7.67e-4, 0.0879 * np.pi / 180])
+def test_the_encoder_step_is_read_off_the_positions(step):
+    q = np.round(np.sin(np.arange(5000) / 300) / step) * step
+    assert quantum(q) == pytest.approx(step, rel=1e-6)
+
+
+def test_a_continuous_position_has_no_encoder_step(rng):
+    assert quantum(np.sin(np.arange(5000) / 300) + 1e-4 * rng.standard_normal(5000)) == 0.0
+
+
+def test_a_torque_without_sign_is_told(clean, arm, changed):
+    recording = clean()
+    tau = recording.tau.copy()
+    tau[:, 1] = np.abs(tau[:, 1])
+    assert any("torque of tilt is never negative" in w for w in check_recording(changed(recording, tau=tau), arm))
+
+
+def test_check_table_repeats_the_warnings_of_reading(clean):
+    recording = clean()
+    columns = {"t": recording.t} | {f"q.{n}": recording.q[:, k] for k, n in enumerate(recording.joint_names)}
+    assert check_table(Table("a.csv", columns, ("read first",))) == ("read first",)
