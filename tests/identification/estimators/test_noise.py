@@ -4,7 +4,14 @@ import numpy as np
 import pytest
 from scipy.signal import lfilter
 
-from identification.estimators.noise import autocorrelation, correlation_factor, joint_noise
+from identification.estimators.least_squares import base_of, solve
+from identification.estimators.noise import (
+    autocorrelation,
+    coloured_scatter,
+    correlation_factor,
+    joint_noise,
+    white_scatter,
+)
 from identification.estimators.ols import ols
 from identification.regressor import gap_regressor
 from phantom_dyn.dynamics import inverse_dynamics
@@ -72,3 +79,14 @@ def test_the_noise_counts_the_equations_that_are_left_over():
 
 def test_no_equation_left_over_means_unknown_noise():
     assert np.isnan(joint_noise(np.zeros((3, 1)), np.array([3.0]))[0])
+
+
+def test_noise_without_a_memory_gives_the_white_scatter(arm, swing, make_log, rubbing, friction):
+    # Closed form: Parseval; the sum over frequencies is the sum over samples.
+    motion = swing(arm, 101)
+    regressor = gap_regressor(arm, make_log(arm, motion, rubbing(arm, motion)), friction(arm))
+    base = base_of(regressor)
+    solution = solve(regressor, base, np.ones_like(regressor.y))
+    scatter = np.array([1.0, 2.0, 3.0])
+    coloured = coloured_scatter(regressor, base, solution, scatter, [np.ones(1)] * 3)
+    np.testing.assert_allclose(coloured, white_scatter(solution, scatter), atol=1e-12)
