@@ -150,10 +150,17 @@ def row_grams(columns: Columns, blocks: tuple[Block, ...], weights: Weights, row
         inside = joined[np.flatnonzero(use) >= block.core - block.start]
         core.append(weight * (inside.T @ inside))
         count.append(len(inside) / weights.spread[row])
-    products = []
-    for gram in (np.array(whole), np.array(core)):
-        products += [gram[:, :-1, :-1], gram[:, :-1, -1], gram[:, -1, -1]]
-    return RowGrams(np.array(columns.rows[row]), *products, np.array(count))
+    w, o = np.array(whole), np.array(core)
+    return RowGrams(
+        index=np.array(columns.rows[row]),
+        a=w[:, :-1, :-1],
+        b=w[:, :-1, -1],
+        c=w[:, -1, -1],
+        core_a=o[:, :-1, :-1],
+        core_b=o[:, :-1, -1],
+        core_c=o[:, -1, -1],
+        count=np.array(count),
+    )
 
 
 def build_grams(columns: Columns, blocks: tuple[Block, ...], folds: Int[Array, " B"], weights: Weights) -> Grams:

@@ -13,7 +13,7 @@ from jaxtyping import Bool, Float
 
 from identification.log import Log
 from phantom_dyn.dynamics import inverse_dynamics, rigid_body_regressor
-from phantom_dyn.effects.catalogue import EFFECTS
+from phantom_dyn.effects.catalogue import EFFECTS, effect_named
 from phantom_dyn.effects.effect import Effect
 from phantom_dyn.effects.inertial_parameters import InertialParameters
 from phantom_dyn.effects.payload import Payload
@@ -39,6 +39,15 @@ class Nuisance:
     sigma: float
     bound: float
     relative: bool = True
+
+
+@dataclass(frozen=True)
+class KnownEffect:
+    """An effect that an earlier diagnosis added to the model, with the contract's parameters in order."""
+
+    effect: str
+    joint: str | None
+    theta: tuple[float, ...]
 
 
 @dataclass(frozen=True)
@@ -175,12 +184,13 @@ def _places(robot: Robot, effect: Effect) -> tuple[str | None, ...]:
     return (None,) if effect.scope == "robot" else robot.joint_names
 
 
-def build_columns(robot: Robot, logs: tuple[Log, ...]) -> Columns:
+def build_columns(robot: Robot, logs: tuple[Log, ...], known: tuple[KnownEffect, ...] = ()) -> Columns:
     """Columns of every nuisance and of every effect at every place.
 
     Args:
         robot: The given model.
         logs: In one common band.
+        known: Effects that belong to the given model already.
     """
     nuisances = _nuisances(robot)
     bodies = 10 * (robot.model.njoints - 1)
@@ -216,7 +226,7 @@ def build_columns(robot: Robot, logs: tuple[Log, ...]) -> Columns:
         rows.append(tuple(mine))
     values, residual, torque, usable = [], [], [], []
     for log in logs:
-        columns, model = _values(robot, log, nuisances, local)
+        columns, model = _values(robot, log, nuisances, local, known)
         values.append(columns)
         torque.append(model)
         residual.append(log.band(log.tau) - model)
@@ -247,10 +257,14 @@ def _values(
     log: Log,
     nuisances: list[tuple[Nuisance, str, int, Array | None]],
     local: list[tuple[Effect, str | None, float]],
+    known: tuple[KnownEffect, ...],
 ) -> tuple[tuple[Float[Array, "n k"], ...], Float[Array, "n nv"]]:
     """In-band columns of one log row by row, and its modelled torque in the band."""
     motion, band = log.motion, log.band
     torque = inverse_dynamics(robot, motion)
+    for effect in known:
+        # The drive has to give what the model needs less what the effect gives.
+        torque = torque - effect_named(effect.effect).torque(robot, motion, effect.joint, np.array(effect.theta))
     model = band(torque)
     drift = band(np.gradient(torque, axis=0))
     regressor = rigid_body_regressor(robot, motion)

@@ -42,7 +42,15 @@ class Search:
 
     def score(self, chosen: frozenset[Term]) -> float:
         """Held-out loss plus the price of the parameters; lower is better."""
-        return self.evaluate(chosen).total + sum(price(self.sizes[term]) for term in chosen)
+        return self.evaluate(chosen).total + self.price_of(chosen)
+
+    def price_of(self, chosen: frozenset[Term]) -> float:
+        """Price of the parameters of a set."""
+        return sum(price(self.sizes[term]) for term in chosen)
+
+    def sizes_of(self, chosen: frozenset[Term]) -> int:
+        """Number of parameters of a set."""
+        return sum(self.sizes[term] for term in chosen)
 
 
 def price(size: int) -> float:
@@ -119,7 +127,7 @@ def claimed(search: Search, chosen: frozenset[Term], without: frozenset[Term]) -
     """
     gains = search.evaluate(without).loss - search.evaluate(chosen).loss
     gain = search.evaluate(without).total - search.evaluate(chosen).total
-    extra = sum(price(search.sizes[t]) for t in chosen) - sum(price(search.sizes[t]) for t in without)
+    extra = search.price_of(chosen) - search.price_of(without)
     needed = search.threshold + max(extra - PARAMETER_PRICE, 0.0)
     error = float(np.sqrt(len(gains)) * gains.std()) + 1e-12
     return gain > needed and (gain > _SIGNIFICANT * error or gain > 10 * needed)
@@ -204,13 +212,21 @@ def _swap(search: Search, chosen: frozenset[Term]) -> frozenset[Term]:
     """Replace single effects by better or simpler ones until no swap lowers the score."""
     for _ in range(20):
         base = search.score(chosen)
-        tried = [
+        tried = {
             replaced(chosen, term, others) for term in ordered(chosen) for others in relevant(search, chosen, term)
+        }
+        better = [
+            other
+            for other in tried
+            if search.score(other) < base - 1e-6
+            # A richer set has to earn its place as any new claim has, or dropping it would undo the swap.
+            and (search.price_of(other) <= search.price_of(chosen) or claimed(search, other, chosen))
         ]
-        best = min(tried, key=search.score, default=chosen)
-        if search.score(best) >= base - 1e-6:
+        if not better:
             return chosen
-        chosen = _drop(search, best)
+        chosen = _drop(
+            search, min(better, key=lambda other: (search.score(other), [t.columns for t in ordered(other)]))
+        )
     return chosen
 
 

@@ -1,0 +1,92 @@
+"""``phantom-dyn diagnose``: find what the model of a robot lacks, from recordings."""
+
+from __future__ import annotations
+
+import argparse
+import os
+import sys
+from pathlib import Path
+
+from identification.cli.arguments import Parser
+from phantom_dyn.errors import UsageError
+
+
+def parser() -> argparse.ArgumentParser:
+    """Arguments of the command."""
+    out = Parser(
+        prog="phantom-dyn diagnose",
+        description="Say where the gap between a robot and its model lies, which unmodelled effect causes it, and how "
+        "far the gap shrinks on data that no fit has seen once the effect is added.",
+    )
+    out.add_argument("robot", metavar="ROBOT", help="URDF or MJCF file, example:NAME, or a built-in device")
+    out.add_argument("logs", metavar="LOG", nargs="+", help="CSV, Parquet, NPZ, ROS bag or MCAP")
+    out.add_argument(
+        "--out", metavar="DIR", type=Path, help="write diagnosis.json, report.html and corrected.yaml there"
+    )
+    out.add_argument("--json", metavar="FILE", type=Path, help="write the diagnosis as JSON to this file")
+    several = {"action": "extend", "nargs": "+", "default": []}
+    out.add_argument(
+        "--hold-out", metavar="LOG", **several, help="recordings that no fit may see; all figures are theirs"
+    )
+    out.add_argument(
+        "--robot-config", metavar="FILE", type=Path, help="robot.yaml to use instead of the one beside ROBOT"
+    )
+    out.add_argument("--with", dest="known", metavar="FILE", **several, help="corrected.yaml of an earlier diagnosis")
+    out.add_argument("--columns", metavar="FILE", type=Path, help="YAML that maps other names, units and signs")
+    out.add_argument("--exclude", metavar="T0:T1", **several, help="stretches of time [s] to leave out")
+    out.add_argument("--topic", metavar="NAME", help="JointState topic of a bag that has several")
+    out.add_argument("--jobs", metavar="N", type=int, default=1, help="processes for several recordings")
+    return out
+
+
+def run(arguments: argparse.Namespace) -> int:
+    """Diagnose and print a summary; write files where they are asked for."""
+    excluded = tuple(_stretch(text) for text in arguments.exclude)
+    if arguments.jobs < 1:
+        raise UsageError(
+            f"--jobs {arguments.jobs} was given, wanted a number of processes from 1 on; leave it out for 1"
+        )
+    # One BLAS thread: the matrices are small, and two threads on a busy machine wait for each other.
+    for name in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"):
+        os.environ.setdefault(name, "1")
+    from identification.cli.progress import Progress
+    from identification.diagnosis.outputs import check_targets, write_outputs
+
+    check_targets(arguments.out, arguments.json)
+    with Progress("reading", sys.stderr) as progress:
+        from identification.diagnosis.diagnose import diagnose
+        from identification.diagnosis.known import known_effects
+        from identification.recordings import read_recording
+        from phantom_dyn.loading import load_robot
+
+        robot = load_robot(arguments.robot, config=arguments.robot_config)
+        known = known_effects(tuple(Path(path) for path in arguments.known), robot)
+
+        def read(path: str):
+            progress.say(f"reading {Path(path).name}")
+            return read_recording(
+                Path(path), robot, columns=arguments.columns, topic=arguments.topic, excluded=excluded
+            )
+
+        recordings = tuple(read(path) for path in arguments.logs)
+        hold_out = tuple(read(path) for path in arguments.hold_out)
+        diagnosis = diagnose(robot, recordings, hold_out=hold_out, known=known, progress=progress.say)
+        progress.say("writing")
+        written = write_outputs(diagnosis, robot, out=arguments.out, json_file=arguments.json)
+    from identification.diagnosis.summary import summary
+
+    print(summary(diagnosis))
+    for path in written:
+        print(f"wrote {path}")
+    return 0
+
+
+def _stretch(text: str) -> tuple[float, float]:
+    """``T0:T1`` as two times."""
+    try:
+        start, stop = (float(part) for part in text.split(":"))
+    except ValueError:
+        raise UsageError(f"--exclude {text} was given, wanted two times in seconds such as 2.5:4") from None
+    if not start < stop:
+        raise UsageError(f"--exclude {text} ends before it begins, wanted T0 < T1; turn the two times round")
+    return start, stop

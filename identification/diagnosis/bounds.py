@@ -1,0 +1,91 @@
+"""What would have been seen: the smallest size of each effect that this recording shows with 95 % power."""
+
+from __future__ import annotations
+
+import numpy as np
+from jaxtyping import Float
+
+from identification.diagnosis.columns import Term
+from identification.diagnosis.result import Bound, NotTestable
+from identification.diagnosis.search import PARAMETER_PRICE, Search, contains, price
+from phantom_dyn.motion import Motion
+from phantom_dyn.robot import Robot
+
+Array = np.ndarray
+
+# Standard normal deviate that is exceeded with 95 % power.
+_POWER = 1.645
+
+
+def smallest_seen(
+    robot: Robot, motion: Motion, search: Search, chosen: frozenset[Term]
+) -> tuple[tuple[Bound, ...], tuple[NotTestable, ...]]:
+    """Bounds of every effect and joint that is not a finding, and what cannot be tested at all.
+
+    The held-out gain of an effect of size ``s`` is about ``(s sqrt(I) + z)^2`` less the price of its parameters, with
+    ``I`` the information that is left on it when the nuisances and the findings are fitted too. An effect that would
+    have to be larger than the whole measured torque to be seen is not testable.
+    """
+    problem = search.problem
+    bounds: dict[tuple[str, str | None], Bound] = {}
+    hopeless: dict[tuple[str, str | None], NotTestable] = {}
+    found = {term.place for term in chosen}
+    kept = sorted({column for term in chosen for column in term.columns})
+    base = np.array([*range(problem.nuisances), *kept], dtype=int)
+    inverse = np.linalg.inv(problem.total_a[np.ix_(base, base)] + np.diag(problem.precision[base]))
+    tested = set(search.terms)
+    for term in problem.columns.terms:
+        if term.place in found or any(contains(other, term) for other in chosen):
+            continue
+        joint = term.joint if term.joint is not None else "the robot"
+        if term not in tested:
+            why = f"{joint} moves too little: the effect leaves no trace in this recording"
+            hopeless[term.place] = NotTestable(*term.place, why)
+            continue
+        name, direction = term.effect.probe(robot, motion, term.joint)
+        information = _information(search, term, direction, base, inverse)
+        needed = np.sqrt(search.threshold + max(price(search.sizes[term]) - PARAMETER_PRICE, 0.0) + 2.0) + _POWER
+        size = needed / np.sqrt(information) if information > 0 else np.inf
+        if not size < _largest(search, term, direction):
+            why = f"it would have to exceed the torque measured on {joint} to be seen in this recording"
+            hopeless.setdefault(term.place, NotTestable(*term.place, why))
+            continue
+        unit = next((p.unit for p in term.effect.parameters(robot, term.joint) if p.name == name), "")
+        if term.place not in bounds or size > bounds[term.place].below:
+            bounds[term.place] = Bound(*term.place, name, float(size), unit)
+    left = tuple(value for place, value in hopeless.items() if place not in bounds)
+    return tuple(bounds.values()), left
+
+
+def _information(
+    search: Search, term: Term, direction: Float[Array, " k"], base: Array, inverse: Float[Array, "n n"]
+) -> float:
+    """Information on a term's size when nuisances and findings are fitted beside it."""
+    a = search.problem.total_a
+    own = list(term.columns)
+    cross = direction @ a[own][:, base]
+    return float(direction @ a[own][:, own] @ direction - cross @ inverse @ cross)
+
+
+def _largest(search: Search, term: Term, direction: Float[Array, " k"]) -> float:
+    """Size at which the effect's torque would have the energy of all measured torque on the rows that it touches."""
+    problem = search.problem
+    own = list(term.columns)
+    energy = float(direction @ problem.total_a[own][:, own] @ direction)
+    rows = [j for j, index in enumerate(problem.columns.rows) if set(own) & set(index)]
+    measured = sum(
+        float(((torque[:, j] + residual[:, j])[use[:, j]] ** 2).sum() * problem.weights.per_sample[j])
+        for torque, residual, use in zip(
+            problem.columns.model_torque, problem.columns.residual, problem.columns.usable, strict=True
+        )
+        for j in rows
+    )
+    return float(np.sqrt(measured / energy)) if energy > 0 else 0.0
+
+
+def sensor_blind(robot: Robot) -> tuple[NotTestable, ...]:
+    """Effects that a measured torque cannot show, whatever the recording."""
+    if robot.torque_source != "sensor":
+        return ()
+    why = "the torque columns come from a sensor, behind the drive: its torque constant leaves no trace in them"
+    return tuple(NotTestable("torque_constant", joint, why) for joint in robot.joint_names)

@@ -1,0 +1,278 @@
+"""From a robot and its recordings to a diagnosis."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable
+
+import numpy as np
+from jaxtyping import Float
+
+from identification.diagnosis.blocks import assign_folds, build_grams, split_blocks
+from identification.diagnosis.bounds import sensor_blind, smallest_seen
+from identification.diagnosis.columns import Columns, KnownEffect, Term, build_columns
+from identification.diagnosis.fitting import Fitted, Problem, set_up
+from identification.diagnosis.flexible import held_out_ridge, state_features
+from identification.diagnosis.gap import Sums, held_out_torque, residual_after, sums
+from identification.diagnosis.locate import regime_shares
+from identification.diagnosis.noise import estimate_noise
+from identification.diagnosis.null import null_threshold
+from identification.diagnosis.parameters import finding_parameters
+from identification.diagnosis.result import (
+    Adjusted,
+    Diagnosis,
+    Evidence,
+    Finding,
+    JointGap,
+    Unexplained,
+)
+from identification.diagnosis.rivals import block_counts, stand
+from identification.diagnosis.search import Search, explain, ordered, set_up_search
+from identification.log import Log
+from identification.recordings import Recording
+from identification.signals import process_all
+from phantom_dyn import __version__
+from phantom_dyn.motion import Motion
+from phantom_dyn.robot import Robot
+
+Array = np.ndarray
+
+# A claim closes at least this share of the gap: less is what a law of the right kind leaves that is off by 5 %.
+_LEAST_SHARE = 0.003
+# A claim gains at least this on held-out data, whatever chance gives.
+_LEAST_GAIN = 10.0
+# A rest is structured if a flexible model takes at least this share off its loss, three standard errors over blocks.
+_STRUCTURE = 0.08
+_STRUCTURE_ERRORS = 3.0
+
+
+def diagnose(
+    robot: Robot,
+    recordings: tuple[Recording, ...],
+    *,
+    hold_out: tuple[Recording, ...] = (),
+    known: tuple[KnownEffect, ...] = (),
+    progress: Callable[[str], None] = lambda _: None,
+) -> Diagnosis:
+    """Say where the gap between robot and recordings lies, what causes it, and how far it shrinks.
+
+    Args:
+        robot: The model that is judged.
+        recordings: What fits may see; they are judged on blocks that they have not seen.
+        hold_out: Recordings that no fit sees; if there are any, all figures are those on them.
+        known: Effects that belong to the given model already.
+        progress: Told in words what is being done.
+
+    Raises:
+        LogError: If a recording cannot be used.
+    """
+    started = time.perf_counter()
+    progress("filtering")
+    every = (*recordings, *hold_out)
+    logs = process_all(every, robot)
+    progress("computing regressors")
+    columns = build_columns(robot, logs, known)
+    blocks = split_blocks(logs)
+    folds = assign_folds(blocks, np.array([k >= len(recordings) for k in range(len(every))]))
+    progress("estimating the noise")
+    weights, noise = estimate_noise(columns, logs, blocks, folds)
+    problem = set_up(columns, blocks, weights, build_grams(columns, blocks, folds, weights))
+    search = set_up_search(problem, 0.0)
+    progress("measuring what chance gives")
+    gap = float(problem.grams.core_c.sum() - problem.grams.count.sum())
+    threshold = max(_LEAST_GAIN, null_threshold(search, noise), _LEAST_SHARE * gap)
+    search = set_up_search(problem, threshold)
+    chosen = explain(search, progress)
+    progress("comparing rivals")
+    return _assemble(robot, every, logs, search, chosen, progress, started)
+
+
+def _assemble(
+    robot: Robot,
+    recordings: tuple[Recording, ...],
+    logs: tuple[Log, ...],
+    search: Search,
+    chosen: frozenset[Term],
+    progress: Callable[[str], None],
+    started: float,
+) -> Diagnosis:
+    """Put everything that the search has found into the shape of the contract."""
+    problem = search.problem
+    columns, floor = problem.columns, problem.weights.floor
+    found = search.evaluate(chosen)
+    torque = held_out_torque(problem, chosen, found)
+    rest = residual_after(problem, torque)
+    before, after = sums(problem, columns.residual), sums(problem, rest)
+    once = np.ones((1, len(before.counts)))
+    loss_given, loss_after = float(before.loss(floor, once)[0]), float(after.loss(floor, once)[0])
+    predicted = _flexible_rest(problem, logs, rest)
+    smooth = sums(problem, tuple(r - p for r, p in zip(rest, predicted, strict=True)))
+    findings = _findings(robot, search, chosen, found, before, after)
+    shares = [regime_shares(columns, logs, columns.residual, j) for j in range(robot.nv)]
+    unexplained = _unexplained(robot, problem, logs, predicted, before, after, smooth)
+    progress("stating what would have been seen")
+    merged = _merged(logs)
+    bounds, untested = smallest_seen(robot, merged, search, chosen)
+    verdict = _verdict(findings, unexplained, loss_given, loss_after, columns)
+    gaps = tuple(
+        JointGap(
+            joint,
+            robot.torque_units[j],
+            float(before.rms()[j]),
+            float(after.rms()[j]),
+            float(floor[j]),
+            int(after.counts[:, j].sum()),
+        )
+        for j, joint in enumerate(robot.joint_names)
+    )
+    return Diagnosis(
+        verdict=verdict,
+        robot=robot.name,
+        recordings=tuple(recording.file for recording in recordings),
+        joints=gaps,
+        band_hz=(0.0, float(logs[0].band.cutoff_hz)),
+        findings=findings,
+        adjusted=_adjusted(problem, found),
+        unexplained=unexplained,
+        bounds=bounds,
+        not_testable=(*untested, *sensor_blind(robot)),
+        data_warnings=(*robot.warnings, *(w for recording in recordings for w in recording.warnings)),
+        next_experiment=None,
+        rollout=None,
+        seconds=time.perf_counter() - started,
+        version=__version__,
+        evidence=_evidence(columns, logs, torque, tuple(s for s, _ in shares)),
+    )
+
+
+def _findings(
+    robot: Robot, search: Search, chosen: frozenset[Term], found: Fitted, before: Sums, after: Sums
+) -> tuple[Finding, ...]:
+    """Findings with their gap closed and rivals, the largest first."""
+    problem, floor = search.problem, search.problem.weights.floor
+    counts = block_counts(len(before.counts), np.random.default_rng(20260105))
+    once = np.ones((1, len(before.counts)))
+    out = []
+    for term in ordered(chosen):
+        without = search.evaluate(chosen - {term})
+        torque = held_out_torque(problem, chosen - {term}, without)
+        lost = sums(problem, residual_after(problem, torque))
+
+        def closed(weights: Float[Array, "R B"], lost: Sums = lost) -> Float[Array, " R"]:
+            gap = np.maximum(before.loss(floor, weights) - 1.0, 1e-9)
+            return (lost.loss(floor, weights) - after.loss(floor, weights)) / gap
+
+        standing = stand(search, chosen, term)
+        low, high = np.percentile(closed(counts), [2.5, 97.5])
+        out.append(
+            Finding(
+                effect=term.effect.name,
+                joint=term.joint,
+                regime=term.effect.regime,
+                parameters=finding_parameters(robot, term, found),
+                gap_closed=float(closed(once)[0]),
+                gap_closed_interval=(float(low), float(high)),
+                probability=standing.probability,
+                rivals=standing.rivals,
+                verdict="one_of" if standing.rivals else "supported",
+            )
+        )
+    return tuple(sorted(out, key=lambda finding: -finding.gap_closed))
+
+
+def _flexible_rest(
+    problem: Problem, logs: tuple[Log, ...], rest: tuple[Float[Array, "n nv"], ...]
+) -> tuple[Float[Array, "n nv"], ...]:
+    """What a flexible model predicts of the rest on blocks that it has not seen; zero where it does not help."""
+    columns = problem.columns
+    out = [np.zeros_like(r) for r in rest]
+    for j in range(len(columns.rows)):
+        x = [state_features(columns, log, k, j) for k, log in enumerate(logs)]
+        y, use = [r[:, j] for r in rest], [u[:, j] for u in columns.usable]
+        predicted, error = held_out_ridge(x, y, use, problem.blocks, problem.grams.fold)
+        plain = np.mean(np.concatenate([v[m] for v, m in zip(y, use, strict=True)]) ** 2)
+        if error < plain:
+            for k, p in enumerate(predicted):
+                out[k][:, j] = p
+    return tuple(out)
+
+
+def _unexplained(
+    robot: Robot,
+    problem: Problem,
+    logs: tuple[Log, ...],
+    predicted: tuple[Float[Array, "n nv"], ...],
+    before: Sums,
+    after: Sums,
+    smooth: Sums,
+) -> Unexplained:
+    """How much of the explainable gap is left, and where it sits if it has structure."""
+    floor = problem.weights.floor
+    once = np.ones((1, len(before.counts)))
+    given, left, best = (float(s.loss(floor, once)[0]) for s in (before, after, smooth))
+    gains = (after.squares - smooth.squares) / floor**2
+    total = gains.sum(axis=1)
+    error = float(np.sqrt(len(total)) * total.std()) + 1e-12
+    structured = bool(left - best > _STRUCTURE * left and total.sum() > _STRUCTURE_ERRORS * error)
+    explainable = given - min(best, left)
+    fraction = float(np.clip((left - best) / explainable, 0.0, 1.0)) if explainable > 0 else 0.0
+    joint, regime = None, None
+    if structured:
+        row = int(np.argmax(gains.sum(axis=0)))
+        joint = robot.joint_names[row]
+        _, regime = regime_shares(problem.columns, logs, predicted, row)
+    return Unexplained(fraction, structured, joint, regime)
+
+
+def _verdict(
+    findings: tuple[Finding, ...], unexplained: Unexplained, given: float, after: float, columns: Columns
+) -> str:
+    """The contract's verdict."""
+    if not any(use.any() for use in columns.usable):
+        return "not_testable"
+    if not findings:
+        return "unknown" if unexplained.structured else "no_gap"
+    if not unexplained.structured or unexplained.fraction_of_explainable < 0.1:
+        return "explained"
+    return "unknown" if unexplained.fraction_of_explainable > 0.5 else "partly_explained"
+
+
+def _adjusted(problem: Problem, found: Fitted) -> tuple[Adjusted, ...]:
+    """Moves of the model inside its tolerance that the data ask for: beyond two of their deviations."""
+    std = np.sqrt(np.diag(found.cov))[: problem.nuisances]
+    return tuple(
+        Adjusted(nuisance.name, float(change), nuisance.sigma)
+        for nuisance, change, deviation in zip(
+            problem.columns.nuisances, found.theta[: problem.nuisances], std, strict=True
+        )
+        if nuisance.relative and abs(change) > 2 * deviation
+    )
+
+
+def _merged(logs: tuple[Log, ...]) -> Motion:
+    return Motion(*(np.concatenate([getattr(log.motion, name) for log in logs]) for name in "tqva"))
+
+
+def _evidence(
+    columns: Columns,
+    logs: tuple[Log, ...],
+    torque: tuple[Float[Array, "n nv"], ...],
+    shares: tuple[dict[str, float], ...],
+) -> Evidence:
+    """Samples behind the figures, recordings one after the other with a second between them."""
+    start, times = 0.0, []
+    for log in logs:
+        t = log.motion.t[log.samples]
+        times.append(t - t[0] + start)
+        start = float(times[-1][-1]) + 1.0
+    model = np.concatenate(columns.model_torque)
+    return Evidence(
+        t=np.concatenate(times),
+        q=np.concatenate([log.motion.q[log.samples] for log in logs]),
+        v=np.concatenate([log.motion.v[log.samples] for log in logs]),
+        a=np.concatenate([log.motion.a[log.samples] for log in logs]),
+        tau_measured=model + np.concatenate(columns.residual),
+        tau_before=model,
+        tau_after=np.concatenate(torque),
+        regime_shares=shares,
+    )
