@@ -1,0 +1,1 @@
+"""What a diagnosis gives back: corrected models in files."""
