@@ -1,3 +1,4 @@
+# pyright: reportAttributeAccessIssue=false
 """The true machine: a table of links with whatever is wrong with it, compiled for MuJoCo."""
 
 from __future__ import annotations

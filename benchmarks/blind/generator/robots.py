@@ -31,8 +31,8 @@ class Link:
     origin: Vector3
     axis: Vector3
     mass: float
-    center: Vector3
-    inertia: tuple[float, float, float, float, float, float]
+    center: tuple[float, ...]
+    inertia: tuple[float, ...]
     viscous: float = 0.0
     coulomb: float = 0.0
     rotor_inertia: float = 0.0
@@ -159,7 +159,7 @@ def perturbed(rng: np.random.Generator, table: Table, tolerance: Tolerance) -> T
     return Table(table.name, tuple(links))
 
 
-def _triple(values: Vector3) -> str:
+def _triple(values: tuple[float, ...]) -> str:
     return " ".join(f"{x:.9g}" for x in values)
 
 

@@ -1,3 +1,4 @@
+# pyright: reportAttributeAccessIssue=false
 """Moves a plant along a reference with a sampled position controller and keeps the truth beside what is logged."""
 
 from __future__ import annotations

@@ -155,8 +155,8 @@ def ruler(owner: Table, truth: Table, tolerance: Tolerance, session: Session, ru
     friction = np.stack([thin[1], banded(np.tanh(v / 1e-3), session.rate)])
     floor = noise_floor(owner, session, run)
     columns, place = _nuisance(owner, truth, tolerance, thin, friction, floor)
-    triangle = np.linalg.qr(columns) if columns.size else (columns, columns[:0])
-    return Ruler(truth, session.rate, (q, v, a, run.command), thin, floor, tuple(triangle), place)
+    basis, triangle = np.linalg.qr(columns) if columns.size else (columns, columns[:0])
+    return Ruler(truth, session.rate, (q, v, a, run.command), thin, floor, (basis, triangle), place)
 
 
 def sized(recipe: Recipe, measure: Ruler, size: float) -> Effect | None:

@@ -1,0 +1,192 @@
+"""Sealed cases: reproducible, without a hint, unreadable answers, and a dozen through the command line."""
+
+from __future__ import annotations
+
+import json
+import subprocess
+import sys
+import textwrap
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+# The benchmarks are no part of the installed packages.
+sys.path.insert(0, str(Path(__file__).resolve().parents[2]))
+
+from benchmarks.blind.generate import draw_many, draw_one, main, seed_range
+from benchmarks.blind.generator.case import case_id, draw_case, resolved_kind
+from benchmarks.blind.generator.effects import SINGLE_EFFECTS
+from benchmarks.blind.run import default_command, diagnose_all
+from benchmarks.blind.score import load_pairs
+from benchmarks.blind.seal import NAME, decrypted, encrypted, sealed
+
+CHECKOUT = Path(__file__).resolve().parents[2]
+SEED = 11  # a pendulum: the quickest to move
+DOZEN = (("single", range(20, 28)), ("null", range(30, 34)))
+TOP1_OF_LARGE_SINGLES = 4  # at least so many of the dozen's single effects of four noise floors or more
+LARGE = 4.0
+
+
+@pytest.fixture(scope="module")
+def case():
+    return draw_case(SEED, "single")
+
+
+def test_the_generator_runs_where_the_diagnosis_and_its_engine_cannot_be_imported():
+    code = """
+        import sys
+
+        class Refuse:
+            def find_spec(self, name, path=None, target=None):
+                if name.partition(".")[0] in ("phantom_dyn", "identification", "pinocchio"):
+                    raise ImportError(f"{name} must not be imported here")
+
+        sys.meta_path.insert(0, Refuse())
+        from benchmarks.blind.generator.case import draw_case
+        print(draw_case(11, "null").answer["kind"])
+    """
+    done = subprocess.run(
+        [sys.executable, "-c", textwrap.dedent(code)], cwd=CHECKOUT, capture_output=True, text=True, check=False
+    )
+    assert (done.stdout.strip(), done.returncode) == ("null", 0), done.stderr
+
+
+def test_a_case_is_a_function_of_its_seed(case):
+    again = draw_case(SEED, "single")
+    assert (again.urdf, again.yaml, again.answer) == (case.urdf, case.yaml, case.answer)
+    np.testing.assert_array_equal(again.log, case.log)
+
+
+def test_other_seeds_give_other_ids():
+    assert len({case_id(seed, kind) for seed in range(50) for kind in ("null", "single")}) == 100
+
+
+def test_a_mixed_case_is_the_same_case_as_the_kind_it_turns_out_to_be():
+    seed = next(s for s in range(100) if resolved_kind(s, "mixed") == "single")
+    assert case_id(seed, resolved_kind(seed, "mixed")) == case_id(seed, "single")
+
+
+def test_about_half_of_mixed_cases_are_nulls():
+    assert 80 < sum(resolved_kind(seed, "mixed") == "null" for seed in range(200)) < 120
+
+
+def test_an_unknown_kind_is_refused():
+    with pytest.raises(ValueError, match="No kind 'double': there are null, single and mixed"):
+        draw_case(SEED, "double")
+
+
+def test_the_case_folder_holds_robot_configuration_and_log_only(tmp_path):
+    folder, answer = draw_one(SEED, tmp_path / "cases", tmp_path / "answers")
+    assert sorted(p.name for p in folder.iterdir()) == ["log.csv", "robot.urdf", "robot.yaml"]
+    text = "".join(p.read_text() for p in folder.iterdir())
+    told = {"rotor_inertia"}  # the owner states the modelled one of every joint
+    assert not [word for word in ({*SINGLE_EFFECTS, "seed", "paired"} - told) if word in text]
+    assert json.loads(answer.read_text())["kind"] == "single"
+
+
+def test_the_effect_of_a_single_case_is_outside_the_tolerance(case):
+    answer = case.answer
+    assert answer["beyond_tolerance"] >= min(0.5 * answer["size"], 2.0)
+
+
+def test_the_log_has_the_columns_of_the_contract(case):
+    assert case.header == ("t", "q.j1", "tau.j1")
+    assert np.isfinite(case.log).all()
+    assert (np.diff(case.log[:, 0]) > 0).all()
+
+
+@pytest.mark.parametrize("text", ["5:3", "a", "-2:4", "3:3"])
+def test_seeds_that_are_no_range_are_refused(text, capsys):
+    with pytest.raises(SystemExit):
+        main([f"--seeds={text}", "--cases", "x", "--answers", "y"])
+    assert "are no seeds: give FIRST:END" in capsys.readouterr().err
+
+
+def test_one_seed_is_a_range_of_one():
+    assert seed_range("7") == range(7, 8)
+
+
+def test_a_wrong_key_does_not_open_the_answers():
+    with pytest.raises(ValueError, match="do not open with this key"):
+        decrypted(encrypted(b"viscous_friction", b"right" * 7), b"wrong" * 7)
+
+
+def test_sealing_and_opening_changes_no_answer(tmp_path):
+    (tmp_path / "a.json").write_text('{"effect": "payload"}')
+    with sealed(tmp_path):
+        assert [p.name for p in tmp_path.iterdir()] == [NAME]
+        assert b"payload" not in (tmp_path / NAME).read_bytes()
+    assert [(p.name, p.read_text()) for p in tmp_path.iterdir()] == [("a.json", '{"effect": "payload"}')]
+
+
+def test_answers_are_opened_again_when_a_diagnosis_breaks(tmp_path):
+    (tmp_path / "a.json").write_text("{}")
+    with pytest.raises(RuntimeError), sealed(tmp_path):
+        raise RuntimeError
+    assert (tmp_path / "a.json").is_file()
+
+
+# A diagnosis that looks for the answer: in every file of the work folder (given to it here, unknown to a real one), in
+# its environment, its open files, and what the system tells of its parent. Root is stopped by nothing but the seal.
+SPY = """
+import json, os, pathlib, sys
+found, word = [], sys.argv[2].encode()
+places = [p for p in pathlib.Path(sys.argv[1]).rglob("*") if p.is_file()]
+places += [pathlib.Path(f"/proc/{pid}/{name}") for pid in (os.getpid(), os.getppid()) for name in ("environ",)]
+places += [pathlib.Path(f"/proc/{os.getppid()}/cmdline")]
+places += [p for pid in (os.getpid(), os.getppid()) for p in pathlib.Path(f"/proc/{pid}/fd").glob("*") if p.is_file()]
+for place in places:
+    try:
+        if word in place.read_bytes():
+            found.append(str(place))
+    except OSError:
+        pass
+result = {"verdict": "no_gap", "findings": [], "joints": [], "found": found, "looked_at": len(places)}
+pathlib.Path(sys.argv[sys.argv.index("--json") + 1]).write_text(json.dumps(result))
+"""
+
+
+def spied(tmp_path, answer_name):
+    """What the spy finds of a word that stands only in the answer, run in place of the diagnosis."""
+    work = tmp_path / "work"
+    folder, answer = draw_one(SEED, work / "cases", work / "answers")
+    word = '"drawn_size"'
+    assert word in answer.read_text()
+    answer.rename(answer.with_name(answer_name or answer.name))
+    spy = tmp_path / "spy.py"
+    spy.write_text(SPY)
+    command = [sys.executable, str(spy), str(work), word]
+    diagnose_all([folder.name], work / "cases", work / "answers", work / "results", command=command, jobs=1)
+    return json.loads((work / "results" / f"{folder.name}.json").read_text())["diagnosis"]
+
+
+def test_the_diagnosing_process_cannot_read_the_answer(tmp_path):
+    seen = spied(tmp_path, None)
+    assert seen["looked_at"] >= 4
+    assert seen["found"] == []
+
+
+def test_the_spy_would_have_found_an_answer_that_is_not_sealed(tmp_path):
+    assert spied(tmp_path, "left_open.txt")["found"]
+
+
+def test_a_case_with_a_result_is_not_diagnosed_again(tmp_path):
+    results = tmp_path / "results"
+    results.mkdir()
+    (results / "c1.json").write_text("kept")
+    (tmp_path / "answers").mkdir()
+    diagnose_all(["c1"], tmp_path, tmp_path / "answers", results, command=["false"], jobs=1)
+    assert (results / "c1.json").read_text() == "kept"
+
+
+def test_a_dozen_sealed_cases_through_the_command_line(tmp_path):
+    """Known truth: at most one false claim, no crash, and most of the large single effects named."""
+    cases, answers, results = (tmp_path / name for name in ("cases", "answers", "results"))
+    names = [name for kind, seeds in DOZEN for name in draw_many(seeds, kind, cases, answers, 1)]
+    diagnose_all(names, cases, answers, results, command=default_command(), jobs=2)
+    scored = load_pairs(answers, results, names)
+    assert not [x.id for x in scored if x.verdict == "failed"]
+    assert sum(x.false_claim for x in scored if x.kind == "null") <= 1
+    large = [x for x in scored if x.kind == "single" and x.gap >= LARGE]
+    assert sum(x.top1 for x in large) >= TOP1_OF_LARGE_SINGLES, [(x.effect, x.claims) for x in large if not x.top1]
