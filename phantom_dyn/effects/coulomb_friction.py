@@ -6,6 +6,8 @@ URDF: ``<dynamics friction>``; MJCF: joint ``frictionloss``.
 
 from __future__ import annotations
 
+from typing import Literal
+
 import numpy as np
 
 from phantom_dyn.effects.effect import Parameter, Signature
@@ -20,7 +22,7 @@ class CoulombFriction:
     """See the module; implements `phantom_dyn.effects.effect.Effect`."""
 
     name = "coulomb_friction"
-    scope = "joint"
+    scope: Literal["joint", "robot"] = "joint"
     regime = "velocity_reversal"
     contains: tuple[str, ...] = ()
 
@@ -36,6 +38,10 @@ class CoulombFriction:
     def from_coefficients(self, robot: Robot, joint: str | None, coefficients: Array, shape: float) -> Array:
         """The coefficients are the parameters."""
         return coefficients
+
+    def probe(self, robot: Robot, motion: Motion, joint: str | None) -> tuple[str, Array]:
+        """The parameter itself."""
+        return "torque", np.array([1.0])
 
     def torque(self, robot: Robot, motion: Motion, joint: str | None, theta: Array) -> Array:
         """``-T sign(v)`` on the joint."""

@@ -7,6 +7,8 @@ URDF and MJCF have no place for it.
 
 from __future__ import annotations
 
+from typing import Literal
+
 import numpy as np
 
 from phantom_dyn.effects.effect import Parameter, Signature
@@ -21,7 +23,7 @@ class DirectionDependentFriction:
     """See the module; implements `phantom_dyn.effects.effect.Effect`."""
 
     name = "direction_dependent_friction"
-    scope = "joint"
+    scope: Literal["joint", "robot"] = "joint"
     regime = "one_direction"
     contains: tuple[str, ...] = ("coulomb_friction", "viscous_friction", "torque_offset")
 
@@ -52,6 +54,10 @@ class DirectionDependentFriction:
     def from_coefficients(self, robot: Robot, joint: str | None, coefficients: Array, shape: float) -> Array:
         """The coefficients are the parameters."""
         return coefficients
+
+    def probe(self, robot: Robot, motion: Motion, joint: str | None) -> tuple[str, Array]:
+        """A viscous coefficient in one direction only, which no simpler law explains."""
+        return "coefficient_positive", np.array([0.0, 0.0, 1.0, 0.0])
 
     def torque(self, robot: Robot, motion: Motion, joint: str | None, theta: Array) -> Array:
         """The law of the direction of motion; zero at rest."""

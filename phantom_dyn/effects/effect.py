@@ -73,6 +73,10 @@ class Effect(Protocol):
         """The contract's parameters, in the order of `parameters`, from linear coefficients."""
         ...
 
+    def probe(self, robot: Robot, motion: Motion, joint: str | None) -> tuple[str, Float[Array, " k"]]:
+        """The parameter that says how large the effect is, and the coefficients of one unit of it."""
+        ...
+
     def torque(
         self, robot: Robot, motion: Motion, joint: str | None, theta: Float[Array, " p"]
     ) -> Float[Array, "N nv"]:

@@ -7,11 +7,13 @@ URDF and MJCF: the link's inertial element.
 
 from __future__ import annotations
 
+from typing import Literal
+
 import numpy as np
 
 from phantom_dyn.dynamics import rigid_body_regressor
 from phantom_dyn.effects.effect import Parameter, Signature
-from phantom_dyn.effects.payload import INERTIAL_NAMES, INERTIAL_UNITS
+from phantom_dyn.effects.payload import INERTIAL_NAMES, INERTIAL_UNITS, point_mass_parameters
 from phantom_dyn.effects.rows import row_of
 from phantom_dyn.motion import Motion
 from phantom_dyn.robot import Robot
@@ -31,7 +33,7 @@ class InertialParameters:
     """See the module; implements `phantom_dyn.effects.effect.Effect`."""
 
     name = "inertial_parameters"
-    scope = "joint"
+    scope: Literal["joint", "robot"] = "joint"
     regime = "posture"
     contains: tuple[str, ...] = ("payload",)
 
@@ -64,6 +66,13 @@ class InertialParameters:
     def from_coefficients(self, robot: Robot, joint: str | None, coefficients: Array, shape: float) -> Array:
         """The coefficients are the parameters."""
         return coefficients
+
+    def probe(self, robot: Robot, motion: Motion, joint: str | None) -> tuple[str, Array]:
+        """A mass at the centre of the (last) free body."""
+        bodies = bodies_of(robot, joint)
+        return f"{robot.model.names[bodies[-1]]}.m", np.concatenate(
+            [point_mass_parameters(float(body == bodies[-1]), robot.model.inertias[body].lever) for body in bodies]
+        )
 
     def torque(self, robot: Robot, motion: Motion, joint: str | None, theta: Array) -> Array:
         """Minus the torque that the changes need."""

@@ -7,6 +7,8 @@ URDF has no place for it; MJCF: joint ``stiffness`` and ``springref``.
 
 from __future__ import annotations
 
+from typing import Literal
+
 import numpy as np
 
 from phantom_dyn.effects.effect import Parameter, Signature
@@ -21,7 +23,7 @@ class ParasiticSpring:
     """See the module; implements `phantom_dyn.effects.effect.Effect`."""
 
     name = "parasitic_spring"
-    scope = "joint"
+    scope: Literal["joint", "robot"] = "joint"
     regime = "posture"
     contains: tuple[str, ...] = ()
 
@@ -44,6 +46,10 @@ class ParasiticSpring:
         """``q0 = -preload / k``."""
         stiffness = coefficients[0] if coefficients[0] != 0 else np.finfo(float).tiny
         return np.array([coefficients[0], -coefficients[1] / stiffness])
+
+    def probe(self, robot: Robot, motion: Motion, joint: str | None) -> tuple[str, Array]:
+        """Stiffness about the mean position."""
+        return "stiffness", np.array([1.0, -float(np.mean(motion.q[:, row_of(robot, joint)]))])
 
     def torque(self, robot: Robot, motion: Motion, joint: str | None, theta: Array) -> Array:
         """``-k (q - q0)`` on the joint."""

@@ -8,6 +8,8 @@ URDF and MJCF: an inertial element more.
 
 from __future__ import annotations
 
+from typing import Literal
+
 import numpy as np
 
 from phantom_dyn.dynamics import rigid_body_regressor, standard_parameters
@@ -36,7 +38,7 @@ class Payload:
     """See the module; implements `phantom_dyn.effects.effect.Effect`."""
 
     name = "payload"
-    scope = "robot"
+    scope: Literal["joint", "robot"] = "robot"
     regime = "posture"
     contains: tuple[str, ...] = ()
 
@@ -62,6 +64,11 @@ class Payload:
         """Mass and first moments give mass and centre."""
         mass = coefficients[0] if coefficients[0] != 0 else np.finfo(float).tiny
         return np.array([coefficients[0], *(coefficients[1:4] / mass)])
+
+    def probe(self, robot: Robot, motion: Motion, joint: str | None) -> tuple[str, Array]:
+        """A mass at the centre of the last link."""
+        center = robot.model.inertias[payload_body(robot)].lever
+        return "mass", point_mass_parameters(1.0, center)
 
     def torque(self, robot: Robot, motion: Motion, joint: str | None, theta: Array) -> Array:
         """Minus the torque that the mass needs."""

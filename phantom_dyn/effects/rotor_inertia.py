@@ -7,6 +7,8 @@ URDF has no place for it; MJCF: joint ``armature``.
 
 from __future__ import annotations
 
+from typing import Literal
+
 import numpy as np
 
 from phantom_dyn.effects.effect import Parameter, Signature
@@ -21,7 +23,7 @@ class RotorInertia:
     """See the module; implements `phantom_dyn.effects.effect.Effect`."""
 
     name = "rotor_inertia"
-    scope = "joint"
+    scope: Literal["joint", "robot"] = "joint"
     regime = "high_acceleration"
     contains: tuple[str, ...] = ()
 
@@ -36,6 +38,10 @@ class RotorInertia:
     def from_coefficients(self, robot: Robot, joint: str | None, coefficients: Array, shape: float) -> Array:
         """The coefficients are the parameters."""
         return coefficients
+
+    def probe(self, robot: Robot, motion: Motion, joint: str | None) -> tuple[str, Array]:
+        """The parameter itself."""
+        return "inertia", np.array([1.0])
 
     def torque(self, robot: Robot, motion: Motion, joint: str | None, theta: Array) -> Array:
         """``-I a`` on the joint."""

@@ -6,6 +6,8 @@ slow constant speeds in both directions show it. URDF and MJCF have no place for
 
 from __future__ import annotations
 
+from typing import Literal
+
 import numpy as np
 
 from phantom_dyn.effects.effect import Parameter, Signature
@@ -20,7 +22,7 @@ class StribeckFriction:
     """See the module; implements `phantom_dyn.effects.effect.Effect`."""
 
     name = "stribeck_friction"
-    scope = "joint"
+    scope: Literal["joint", "robot"] = "joint"
     regime = "low_speed"
     contains: tuple[str, ...] = ("coulomb_friction",)
 
@@ -47,6 +49,10 @@ class StribeckFriction:
     def from_coefficients(self, robot: Robot, joint: str | None, coefficients: Array, shape: float) -> Array:
         """``Ts`` is the level at speed plus the excess."""
         return np.array([coefficients[0], coefficients[0] + coefficients[1], shape])
+
+    def probe(self, robot: Robot, motion: Motion, joint: str | None) -> tuple[str, Array]:
+        """Torque at rest beyond the level at speed."""
+        return "static_torque", np.array([0.0, 1.0])
 
     def torque(self, robot: Robot, motion: Motion, joint: str | None, theta: Array) -> Array:
         """The law, zero at rest."""

@@ -7,6 +7,8 @@ friction that is trusted, parts the two. URDF has no place for it; MJCF: actuato
 
 from __future__ import annotations
 
+from typing import Literal
+
 import numpy as np
 
 from phantom_dyn.dynamics import inverse_dynamics
@@ -22,7 +24,7 @@ class TorqueConstant:
     """See the module; implements `phantom_dyn.effects.effect.Effect`."""
 
     name = "torque_constant"
-    scope = "joint"
+    scope: Literal["joint", "robot"] = "joint"
     regime = "high_load"
     contains: tuple[str, ...] = ()
 
@@ -37,6 +39,10 @@ class TorqueConstant:
     def from_coefficients(self, robot: Robot, joint: str | None, coefficients: Array, shape: float) -> Array:
         """``ratio = 1 / (1 + excess)``; an excess of -1 or less would be a drive that pulls the wrong way."""
         return np.array([1.0 / max(1.0 + coefficients[0], 1e-6)])
+
+    def probe(self, robot: Robot, motion: Motion, joint: str | None) -> tuple[str, Array]:
+        """A ratio that is off by one, to first order."""
+        return "ratio", np.array([-1.0])
 
     def torque(self, robot: Robot, motion: Motion, joint: str | None, theta: Array) -> Array:
         """What the drive gives beyond the logged torque when the logged torque is what the true motion needs."""

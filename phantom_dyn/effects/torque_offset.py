@@ -6,6 +6,8 @@ looks like a base tilt or a payload. URDF has no place for it; MJCF: a constant 
 
 from __future__ import annotations
 
+from typing import Literal
+
 import numpy as np
 
 from phantom_dyn.effects.effect import Parameter, Signature
@@ -20,7 +22,7 @@ class TorqueOffset:
     """See the module; implements `phantom_dyn.effects.effect.Effect`."""
 
     name = "torque_offset"
-    scope = "joint"
+    scope: Literal["joint", "robot"] = "joint"
     regime = "everywhere"
     contains: tuple[str, ...] = ()
 
@@ -35,6 +37,10 @@ class TorqueOffset:
     def from_coefficients(self, robot: Robot, joint: str | None, coefficients: Array, shape: float) -> Array:
         """The coefficients are the parameters."""
         return coefficients
+
+    def probe(self, robot: Robot, motion: Motion, joint: str | None) -> tuple[str, Array]:
+        """The torque itself."""
+        return "torque", np.array([1.0])
 
     def torque(self, robot: Robot, motion: Motion, joint: str | None, theta: Array) -> Array:
         """The constant on the joint."""

@@ -7,6 +7,8 @@ URDF: ``<dynamics damping>``; MJCF: joint ``damping``.
 
 from __future__ import annotations
 
+from typing import Literal
+
 import numpy as np
 
 from phantom_dyn.effects.effect import Parameter, Signature
@@ -21,7 +23,7 @@ class ViscousFriction:
     """See the module; implements `phantom_dyn.effects.effect.Effect`."""
 
     name = "viscous_friction"
-    scope = "joint"
+    scope: Literal["joint", "robot"] = "joint"
     regime = "high_speed"
     contains: tuple[str, ...] = ()
 
@@ -37,6 +39,10 @@ class ViscousFriction:
     def from_coefficients(self, robot: Robot, joint: str | None, coefficients: Array, shape: float) -> Array:
         """The coefficients are the parameters."""
         return coefficients
+
+    def probe(self, robot: Robot, motion: Motion, joint: str | None) -> tuple[str, Array]:
+        """The parameter itself."""
+        return "coefficient", np.array([1.0])
 
     def torque(self, robot: Robot, motion: Motion, joint: str | None, theta: Array) -> Array:
         """``-c v`` on the joint."""
