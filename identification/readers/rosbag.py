@@ -37,12 +37,9 @@ def _choose_topic(file: str, connections: list[Any], topic: str | None) -> list[
     if not topics:
         kinds = sorted({f"{c.topic} ({c.msgtype})" for c in connections})
         raise LogError(f"{file} has no topic of sensor_msgs/JointState; its topics are {listed(kinds)}.")
-    if topic is None:
-        if len(topics) > 1:
-            raise LogError(
-                f"{file} has several topics of sensor_msgs/JointState: choose one with --topic: {listed(topics)}."
-            )
-        topic = topics[0]
+    if topic is None and len(topics) > 1:
+        raise LogError(f"{file} has several topics of sensor_msgs/JointState, choose one by --topic: {listed(topics)}.")
+    topic = topics[0] if topic is None else topic
     if topic not in topics:
         raise LogError(
             f"{file} has no topic {topic} of sensor_msgs/JointState: {known_names(topic, topics, 'such topics')}"

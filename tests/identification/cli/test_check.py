@@ -1,0 +1,84 @@
+"""The command check. Oracle: the contract (what it prints, exit code 2 with one sentence for bad input)."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from identification.cli.main import main
+from phantom_dyn.dynamics import inverse_dynamics
+from phantom_dyn.loading import load_robot
+from phantom_dyn.motion import Motion
+
+ARM = Path(__file__).parents[2] / "robots" / "arm3.urdf"
+
+
+@pytest.fixture
+def log(tmp_path):
+    """A clean recording of the arm, 10 s at 200 Hz."""
+    robot = load_robot(ARM)
+    t = np.arange(2000) / 200
+    w = 2 * np.pi * np.array([0.7, 0.9, 1.1])
+    q, v, a = 0.3 * np.sin(np.outer(t, w)), 0.3 * w * np.cos(np.outer(t, w)), -0.3 * w**2 * np.sin(np.outer(t, w))
+    tau = inverse_dynamics(robot, Motion(t, q, v, a))
+    columns = {f"q.{n}": q[:, k] for k, n in enumerate(robot.joint_names)}
+    columns |= {f"tau.{n}": tau[:, k] for k, n in enumerate(robot.joint_names)}
+    path = tmp_path / "log.csv"
+    rows = np.column_stack([t, *columns.values()])
+    np.savetxt(path, rows, delimiter=",", header=",".join(["t", *columns]), comments="", fmt="%.9g")
+    return path
+
+
+def test_a_clean_log_is_said_to_be_so(log, capsys):
+    assert main(["check", str(log), "--robot", str(ARM)]) == 0
+    assert capsys.readouterr().out == (
+        "log.csv: 2000 samples, 9.995 s, 200 Hz\njoints: turn, tilt, slide\nnothing is wrong with it\n"
+    )
+
+
+def test_without_a_robot_it_says_that_less_is_checked(log, capsys):
+    assert main(["check", str(log)]) == 0
+    assert "nothing is wrong with it, as far as can be told without --robot" in capsys.readouterr().out
+
+
+def test_warnings_are_printed_and_the_job_is_done(log, capsys):
+    log.write_text(log.read_text().replace("tau.tilt", "load"))
+    assert main(["check", str(log)]) == 0
+    assert "warning: log.csv: column load not used" in capsys.readouterr().out
+
+
+def test_columns_are_mapped(log, tmp_path, capsys):
+    log.write_text(log.read_text().replace("tau.tilt", "load"))
+    (tmp_path / "map.yaml").write_text("tau.tilt: load\n")
+    assert main(["check", str(log), "--robot", str(ARM), "--columns", str(tmp_path / "map.yaml")]) == 0
+    assert "nothing is wrong" in capsys.readouterr().out
+
+
+def test_bad_input_is_exit_code_2_and_one_sentence(log, capsys):
+    lines = log.read_text().splitlines()
+    lines[80] = "nan" + lines[80][lines[80].index(",") :]
+    log.write_text("\n".join(lines))
+    assert main(["check", str(log)]) == 2
+    captured = capsys.readouterr()
+    assert captured.out == ""
+    assert captured.err == (
+        "phantom-dyn: log.csv, line 81, column t is nan: every value must be a number; repair or delete the row.\n"
+    )
+
+
+def test_a_configuration_without_robot_is_refused(log, capsys):
+    assert main(["check", str(log), "--robot-config", "robot.yaml"]) == 2
+    assert "--robot-config was given without --robot" in capsys.readouterr().err
+
+
+def test_a_refusal_loads_nothing_heavy(tmp_path):
+    code = (
+        "import sys; from identification.cli.main import main; code = main(['check', 'no.csv']);"
+        "print(code, sorted({'scipy', 'pyarrow', 'pinocchio', 'rosbags', 'matplotlib'} & set(sys.modules)))"
+    )
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, cwd=tmp_path, check=True)
+    assert done.stdout == "2 []\n"
