@@ -39,12 +39,12 @@ def _choose_topic(file: str, connections: list[Any], topic: str | None) -> list[
         raise LogError(f"{file} has no topic of sensor_msgs/JointState; its topics are {listed(kinds)}.")
     if topic is None and len(topics) > 1:
         raise LogError(f"{file} has several topics of sensor_msgs/JointState, choose one by --topic: {listed(topics)}.")
-    topic = topics[0] if topic is None else topic
-    if topic not in topics:
+    wanted: str = topics[0] if topic is None else topic
+    if wanted not in topics:
         raise LogError(
-            f"{file} has no topic {topic} of sensor_msgs/JointState: {known_names(topic, topics, 'such topics')}"
+            f"{file} has no topic {wanted} of sensor_msgs/JointState: {known_names(wanted, topics, 'such topics')}"
         )
-    return [c for c in connections if c.topic == topic and c.msgtype == _JOINT_STATE]
+    return [c for c in connections if c.topic == wanted and c.msgtype == _JOINT_STATE]
 
 
 def _messages(reader: Any, connections: list[Any], decode: Callable[[bytes, str], Any]) -> list[_Message]:
