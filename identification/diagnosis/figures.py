@@ -26,6 +26,7 @@ Groups = tuple[tuple[Bool[Array, " N"], str | tuple[int, tuple[float, ...]]], ..
 
 INK = "#010203"  # stands for the colour of the page's text until the SVG is written
 STRETCH_S = 10.0
+FINER_FROM = 3.0  # ratio of residuals from which the corrected model's panel has a scale of its own
 STYLE = {
     "svg.fonttype": "none",
     "font.size": 10.5,
@@ -113,17 +114,22 @@ def _residual_figure(diagnosis: Diagnosis, joint: int, x: Float[Array, " N"], gr
     evidence, gap = diagnosis.evidence, diagnosis.joints[joint]
     quantity = label.split()[0]
 
+    residuals = [_residual(tau, evidence, joint) for tau in (evidence.tau_before, evidence.tau_after)]
+    reach = [max(_reach(residual), 3 * np.nan_to_num(gap.noise_floor)) for residual in residuals]
+    # What is left would be a flat line on the scale of a large gap.
+    finer = reach[0] > FINER_FROM * reach[1]
+
     def draw(figure: Figure) -> None:
-        panels = figure.subplots(2, 1, sharex=True, sharey=True)
-        for axes, tau, points, line, model in (
-            (panels[0], evidence.tau_before, BEFORE_POINTS, BEFORE, "given model"),
-            (panels[1], evidence.tau_after, AFTER_POINTS, AFTER, "corrected model"),
-        ):
-            _cloud(axes, x, _residual(tau, evidence, joint), groups, points, line)
+        panels = figure.subplots(2, 1, sharex=True, sharey=not finer)
+        colours = ((BEFORE_POINTS, BEFORE), (AFTER_POINTS, AFTER))
+        titles = ("given model", "corrected model, finer scale" if finer else "corrected model")
+        for axes, residual, (points, line), title in zip(panels, residuals, colours, titles, strict=True):
+            _cloud(axes, x, residual, groups, points, line)
             _noise_band(axes, gap.noise_floor)
             axes.set_ylabel(f"residual [{gap.unit}]")
-            axes.set_title(f"{model}: samples and their median", loc="left", fontsize=10.5)
+            axes.set_title(f"{title}: samples and median", loc="left", fontsize=10.5)
         panels[1].set_xlabel(label)
+        figure.align_ylabels()
 
     return _svg(draw, f"{quantity}{joint}", (5.7, 4.2), f"Residual of joint {gap.joint} over {quantity}")
 
@@ -155,6 +161,11 @@ def _noise_band(axes: Axes, noise_floor: float) -> None:
 
 def _residual(tau: Array, evidence: Evidence, joint: int) -> Float[Array, " N"]:
     return evidence.tau_measured[:, joint] - tau[:, joint]
+
+
+def _reach(residual: Float[Array, " N"]) -> float:
+    finite = residual[np.isfinite(residual)]
+    return float(np.max(np.abs(finite))) if len(finite) else 0.0
 
 
 def _ratio(value: float, noise_floor: float) -> float:

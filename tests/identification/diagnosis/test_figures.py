@@ -47,6 +47,14 @@ def test_a_linear_joint_has_newtons_and_metres(made_up, figure, label):
     assert label in texts(figure(made_up(("axis",), samples=400, unit="N"), 0))
 
 
+def test_what_is_left_of_a_large_gap_has_a_finer_scale_and_says_so(made_up):
+    diagnosis = made_up(("j1",), samples=400)
+    diagnosis.evidence.tau_after[:] = diagnosis.evidence.tau_before + 0.01
+    assert "corrected model: samples and median" in texts(residual_over_velocity(diagnosis, 0))
+    diagnosis.evidence.tau_before[:] += 5.0
+    assert "corrected model, finer scale: samples and median" in texts(residual_over_velocity(diagnosis, 0))
+
+
 def test_bars_count_noise_floors_and_mark_the_floor():
     shown = texts(gap_bars((JointGap("j1", "N m", 0.3, 0.12, 0.1, 10),)))
     assert {"3", "1.2", "noise floor", "j1"} <= set(shown)
