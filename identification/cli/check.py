@@ -29,9 +29,10 @@ def _recording(arguments: argparse.Namespace) -> Recording:
     from pathlib import Path
 
     from identification.checks import check_table
-    from identification.readers import read_table
+    from identification.readers import read_table, require_existing
     from identification.recordings import read_recording, unassigned_recording
 
+    require_existing(arguments.log)
     if arguments.robot is None:
         table = read_table(arguments.log, columns=arguments.columns, topic=arguments.topic)
         return replace(unassigned_recording(table), warnings=check_table(table))

@@ -14,9 +14,15 @@ if TYPE_CHECKING:
 _FORMATS = "CSV, NPZ, Parquet, a ROS 1 or ROS 2 bag (.bag, .db3 or its folder) or MCAP"
 
 
-def _require_existing(path: Path) -> None:
+def require_existing(path: str | Path) -> None:
+    """Refuse a log that does not exist, naming the nearest file of its folder; loads nothing heavy.
+
+    Raises:
+        LogError: If there is no such file or folder.
+    """
     from phantom_dyn.naming import nearest
 
+    path = Path(path)
     if path.exists():
         return
     folder = path.parent
@@ -75,7 +81,7 @@ def read_raw(path: str | Path, *, topic: str | None = None) -> RawTable:
         LogError: If the file is missing, empty, damaged or no log.
     """
     path = Path(path)
-    _require_existing(path)
+    require_existing(path)
     try:
         return _read(path, topic)
     except PhantomDynError:
