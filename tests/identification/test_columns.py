@@ -62,6 +62,10 @@ def test_a_sign_flips(apply):
     np.testing.assert_array_equal(apply("tau.a: {from: load, sign: -1}")["tau.a"], -3 * ONE)
 
 
+def test_a_sign_and_a_unit_go_together(apply):
+    np.testing.assert_allclose(apply("tau.a: {from: load, unit: Nmm, sign: -1}")["tau.a"], -3e-3 * ONE)
+
+
 def test_a_joint_in_the_name_stands_for_every_joint(apply):
     out = apply('q: {from: "pos_{joint}", unit: deg}')
     np.testing.assert_allclose(out["q.b"], np.deg2rad(2 * ONE))
