@@ -77,7 +77,8 @@ def test_a_configuration_without_robot_is_refused(log, capsys):
 
 def test_a_refusal_loads_nothing_heavy(tmp_path):
     code = (
-        "import sys; from identification.cli.main import main; code = main(['check', 'no.csv', '--robot', 'example:ur10']);"
+        "import sys; from identification.cli.main import main;"
+        "code = main(['check', 'no.csv', '--robot', 'example:ur10']);"
         "print(code, sorted({'scipy', 'pyarrow', 'pinocchio', 'rosbags', 'matplotlib'} & set(sys.modules)))"
     )
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, cwd=tmp_path, check=True)
