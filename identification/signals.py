@@ -21,6 +21,8 @@ Array = np.ndarray
 
 # The positions are low-passed this many times above the band, which leaves 0.1 % of attenuation at its edge.
 _MOTION_BAND = 2.5
+# The band ends at a tenth of the rate: accelerations of higher frequencies are not known to a per cent.
+_HIGHEST = 0.1
 # Samples in the band per period of its edge: the least that loses nothing to aliasing.
 _SAMPLES_PER_PERIOD = 2.5
 
@@ -92,6 +94,7 @@ def process(recording: Recording, robot: Robot, *, cutoff_hz: float | None = Non
         recording: Raw samples.
         robot: Says how the torque was held.
         cutoff_hz: Edge of the band [Hz], or None.
+
     Raises:
         LogError: If the recording is too short for its band.
     """
@@ -133,4 +136,4 @@ def choose_cutoff(signals: list[tuple[Float[Array, "N nv"], Float[Array, "N nv"]
     torque = max(torque_edge(column, rate) for _, tau, rate in signals for column in tau.T)
     rate = min(rate for *_, rate in signals)
     edge = min(float(np.median(edges)) if edges else np.inf, torque)
-    return float(np.clip(edge, 1.0, 0.2 * rate))
+    return float(np.clip(edge, 1.0, _HIGHEST * rate))

@@ -6,16 +6,16 @@ import time
 from collections.abc import Callable
 
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import Float, Int
 
-from identification.diagnosis.blocks import assign_folds, build_grams, split_blocks
+from identification.diagnosis.blocks import Block, Weights, assign_folds, build_grams, split_blocks
 from identification.diagnosis.bounds import sensor_blind, smallest_seen
 from identification.diagnosis.columns import Columns, KnownEffect, Term, build_columns
 from identification.diagnosis.fitting import Fitted, Problem, set_up
 from identification.diagnosis.flexible import held_out_ridge, state_features
 from identification.diagnosis.gap import Sums, held_out_torque, residual_after, sums
 from identification.diagnosis.locate import regime_shares
-from identification.diagnosis.noise import estimate_noise
+from identification.diagnosis.noise import estimate_noise, refined_noise
 from identification.diagnosis.null import null_threshold
 from identification.diagnosis.parameters import finding_parameters
 from identification.diagnosis.result import (
@@ -37,6 +37,8 @@ from phantom_dyn.robot import Robot
 
 Array = np.ndarray
 
+# Noise floors are refined if the explanation leaves less than this share of one.
+_LOWER = 0.9
 # A claim closes at least this share of the gap: less is what a law of the right kind leaves that is off by 5 %.
 _LEAST_SHARE = 0.003
 # A claim gains at least this on held-out data, whatever chance gives.
@@ -76,15 +78,31 @@ def diagnose(
     folds = assign_folds(blocks, np.array([k >= len(recordings) for k in range(len(every))]))
     progress("estimating the noise")
     weights, noise = estimate_noise(columns, logs, blocks, folds)
+    search, chosen = _search(columns, blocks, folds, weights, noise, progress)
+    # The free fits that gave the noise floor overfit where recordings are short; the explanation may leave less.
+    refined, noise = refined_noise(search, chosen, weights, noise)
+    if np.any(refined.floor < _LOWER * weights.floor):
+        search, chosen = _search(columns, blocks, folds, refined, noise, progress)
+    progress("comparing rivals")
+    return _assemble(robot, every, logs, search, chosen, progress, started)
+
+
+def _search(
+    columns: Columns,
+    blocks: tuple[Block, ...],
+    folds: Int[Array, " B"],
+    weights: Weights,
+    noise: tuple[Float[Array, "n nv"], ...],
+    progress: Callable[[str], None],
+) -> tuple[Search, frozenset[Term]]:
+    """The best set of effects for given noise."""
     problem = set_up(columns, blocks, weights, build_grams(columns, blocks, folds, weights))
     search = set_up_search(problem, 0.0)
     progress("measuring what chance gives")
     gap = float(problem.grams.core_c.sum() - problem.grams.count.sum())
     threshold = max(_LEAST_GAIN, null_threshold(search, noise), _LEAST_SHARE * gap)
     search = set_up_search(problem, threshold)
-    chosen = explain(search, progress)
-    progress("comparing rivals")
-    return _assemble(robot, every, logs, search, chosen, progress, started)
+    return search, explain(search, progress)
 
 
 def _assemble(

@@ -6,8 +6,10 @@ import numpy as np
 from jaxtyping import Float, Int
 
 from identification.diagnosis.blocks import Block, Weights
-from identification.diagnosis.columns import Columns
+from identification.diagnosis.columns import Columns, Term
 from identification.diagnosis.flexible import held_out_ridge, state_features
+from identification.diagnosis.gap import held_out_torque, residual_after
+from identification.diagnosis.search import Search
 from identification.log import Log
 
 Array = np.ndarray
@@ -62,4 +64,24 @@ def estimate_noise(
         for k, p in enumerate(predicted):
             left[k][:, j] = np.where(use[k], y[k] - p, 0.0)
         spread[j] = np.mean([autocorrelation_time(e[:, j][u]) for e, u in zip(left, use, strict=True)])
+    return Weights(floor, spread), tuple(left)
+
+
+def refined_noise(
+    search: Search, chosen: frozenset[Term], weights: Weights, noise: tuple[Float[Array, "n nv"], ...]
+) -> tuple[Weights, tuple[Float[Array, "n nv"], ...]]:
+    """Noise of the rows on which the chosen effects leave less, on held-out blocks, than the free fits did."""
+    problem = search.problem
+    rest = residual_after(problem, held_out_torque(problem, chosen, search.evaluate(chosen)))
+    floor, spread = weights.floor.copy(), weights.spread.copy()
+    left = [part.copy() for part in noise]
+    for j in range(len(floor)):
+        use = [u[:, j] for u in problem.columns.usable]
+        parts = [r[:, j][u] for r, u in zip(rest, use, strict=True)]
+        rms = float(np.sqrt(np.mean(np.concatenate(parts) ** 2)))
+        if 0 < rms < floor[j]:
+            floor[j] = rms
+            spread[j] = np.mean([autocorrelation_time(e) for e in parts])
+            for k, r in enumerate(rest):
+                left[k][:, j] = np.where(use[k], r[:, j], 0.0)
     return Weights(floor, spread), tuple(left)
