@@ -26,11 +26,12 @@ class Judged:
         claims: Every finding.
         false_claim: A finding, or any verdict other than ``no_gap``; what counts on nulls.
         top1_strict: The leading finding is the truth, name and joint.
-        top1: The same with twins as one class.
+        top1_table: The same with the twins of the robot as one class.
+        top1: The same with what this recording cannot part as one class.
         exact: And nothing else is claimed.
         in_set: The truth, or a twin of it, is a finding or one of the listed rivals.
         set_size: Explanations listed for the leading finding, itself included; 0 without a finding.
-        joint: The leading finding names the right joint.
+        joint: The leading finding names the right joint, or is right.
         extra: A finding that belongs to no right explanation.
         wrong_but_fits: Findings close more than `FITS` of the gap and the truth is not in the set.
         gap_closed: Share of the gap closed; NaN where there is hardly any.
@@ -50,6 +51,7 @@ class Judged:
     claims: tuple[Claim, ...]
     false_claim: bool
     top1_strict: bool
+    top1_table: bool
     top1: bool
     exact: bool
     in_set: bool
@@ -128,11 +130,12 @@ def judged(answer: dict, entry: dict) -> Judged:
         claims=claims,
         false_claim=bool(claims) or verdict not in ("no_gap", "failed"),
         top1_strict=bool(right) and hit is right[0],
+        top1_table=any(hit is one for one in right[: len(right) - len(answer.get("alike", []))]),
         top1=hit is not None,
         exact=hit is not None and found <= belongs,
         in_set=in_set,
         set_size=1 + len(findings[0]["rivals"]) if findings else 0,
-        joint=bool(claims) and claims[0][1] in {joint for one in right for _, joint in one.needed},
+        joint=hit is not None or (bool(claims) and claims[0][1] in {e["joint"] for e in answer["effects"]}),
         extra=bool(found - belongs),
         wrong_but_fits=bool(claims) and isfinite(closed) and closed > FITS and not in_set,
         gap_closed=closed,

@@ -25,7 +25,8 @@ FLOORS = (2.0, 4.0)
 COLUMNS: tuple[tuple[str, Callable[[Sequence[Judged]], object]], ...] = (
     ("cases", len),
     ("top-1", lambda c: proportion(x.top1 for x in c)),
-    ("top-1 strict", lambda c: proportion(x.top1_strict for x in c)),
+    ("by twins", lambda c: proportion(x.top1_table for x in c)),
+    ("strict", lambda c: proportion(x.top1_strict for x in c)),
     ("nothing else", lambda c: proportion(x.exact for x in c)),
     ("truth in set", lambda c: proportion(x.in_set for x in c)),
     ("set size", lambda c: average(x.set_size for x in c if x.set_size)),

@@ -58,15 +58,17 @@ def explanations_of(effect: dict, robot: str, joints: list[str]) -> list[Explana
 
 
 def explanations(answer: dict) -> list[Explanation]:
-    """All explanations of a case as right as the truth, the strict one first; none for a null case."""
+    """All explanations of a case as right as the truth, the strict one first; none for a null case.
+
+    Besides the table: what the generator found that this very recording cannot part from the truth (``alike``).
+    """
     each = [explanations_of(effect, answer["robot"], answer["joints"]) for effect in answer["effects"]]
-    return (
-        [
-            Explanation(
-                frozenset().union(*(one.needed for one in chosen)), frozenset().union(*(one.allowed for one in chosen))
-            )
-            for chosen in product(*each)
-        ]
-        if each
-        else []
-    )
+    if not each:
+        return []
+    out = [
+        Explanation(
+            frozenset().union(*(one.needed for one in chosen)), frozenset().union(*(one.allowed for one in chosen))
+        )
+        for chosen in product(*each)
+    ]
+    return out + [_one((same["effect"], same["joint"])) for same in answer.get("alike", [])]

@@ -18,6 +18,7 @@ from benchmarks.blind.generator.case import draw_setup, logged_torque, quiet, ru
 from benchmarks.blind.generator.effects import Effect, Recipe, needed_torque, plant_with
 from benchmarks.blind.generator.plant import bare_plant, compiled, rigid_torque
 from benchmarks.blind.generator.reference import draw_reference
+from benchmarks.blind.generator.rivals import alike
 from benchmarks.blind.generator.robots import ROBOTS, Tolerance, draw_table, perturbed, urdf_text
 from benchmarks.blind.generator.simulate import feedforward, midpoint_motion
 from benchmarks.blind.generator.sizing import banded, paired_gap, rms, ruler, sized
@@ -247,6 +248,31 @@ def test_the_noise_floor_is_what_a_perfect_model_leaves():
     true_v = midpoint_motion(without)[1]
     left = banded(logged_torque(without, "instant") - needed - friction_torque(setup.truth, true_v), rate)
     np.testing.assert_allclose(rms(left) / measure.floor, 1.0, atol=0.15)
+
+
+def names_of(entries):
+    return [(one["effect"], one["joint"]) for one in entries]
+
+
+def test_a_link_that_changes_as_a_payload_would_is_alike_to_a_payload():
+    """Known truth: a heavier last link of a pendulum, whose three visible numbers a point mass can all reach."""
+    _, _, measure = measured_setup(11, "pendulum")
+    factors = {"mass_factor": 1.6, "center_factor": 1.0, "inertia_factor": 1.6}
+    assert ("payload", None) in names_of(alike(Effect("inertial_parameters", 0, factors), measure))
+
+
+def test_coulomb_friction_alone_is_alike_to_nothing():
+    _, _, measure = measured_setup(11, "pendulum")
+    assert alike(Effect("coulomb_friction", 0, {"torque": 0.3}), measure) == []
+
+
+def test_direction_dependent_friction_with_equal_sides_is_alike_to_coulomb_friction():
+    """Known truth: T+ = T- without viscous parts is Coulomb friction."""
+    _, _, measure = measured_setup(11, "pendulum")
+    names = ("torque_positive", "torque_negative", "coefficient_positive", "coefficient_negative")
+    effect = Effect("direction_dependent_friction", 0, dict(zip(names, (0.2, 0.2, 0.0, 0.0), strict=True)))
+    found = {one["effect"]: one["leaves"] for one in alike(effect, measure)}
+    assert found["coulomb_friction"] < 1e-4  # precision of the bounded solver
 
 
 def test_feedforward_of_a_resting_arm_is_its_weight(rng):

@@ -164,7 +164,7 @@ def claims_of(texts):
 @pytest.mark.parametrize(("effect", "joint", "robot", "said"), TWINS)
 def test_a_twin_is_right_as_a_class_and_not_strictly(effect, joint, robot, said):
     x = judged(answer(effect, joint, robot=robot), entry(*claims_of(said)))
-    assert (x.top1_strict, x.top1, x.exact, x.in_set) == (False, True, True, True)
+    assert (x.top1_strict, x.top1_table, x.top1, x.exact, x.in_set) == (False, True, True, True, True)
 
 
 NO_TWINS = [
@@ -186,6 +186,12 @@ def test_direction_dependent_viscous_parts_have_no_twin():
     parameters = PARAMETERS["direction_dependent_friction"] | {"coefficient_positive": 0.3}
     truth = answer("direction_dependent_friction", parameters=parameters)
     assert not judged(truth, entry(*claims_of(["coulomb_friction:j1", "torque_offset:j1"]))).top1
+
+
+def test_what_the_recording_cannot_part_is_right_and_no_twin_of_the_robot():
+    truth = answer("inertial_parameters", "j2") | {"alike": [{"effect": "payload", "joint": None, "leaves": 0.02}]}
+    x = judged(truth, entry(finding("payload", None)))
+    assert (x.top1_strict, x.top1_table, x.top1, x.in_set) == (False, False, True, True)
 
 
 def some_cases():

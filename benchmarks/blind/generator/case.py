@@ -11,6 +11,7 @@ from scipy.signal import lfilter
 
 from benchmarks.blind.generator.effects import SINGLE_EFFECTS, Effect, draw_recipe, plant_with
 from benchmarks.blind.generator.reference import KINDS, draw_reference
+from benchmarks.blind.generator.rivals import alike
 from benchmarks.blind.generator.robots import ROBOTS, Table, Tolerance, draw_table, perturbed, robot_yaml, urdf_text
 from benchmarks.blind.generator.simulate import Run, Session, feedforward, simulate
 from benchmarks.blind.generator.sizing import BAND, over_reached, paired_gap, ruler, sized
@@ -142,6 +143,7 @@ def _drawn_effect(seed: int, attempt: int, setup: Setup, without: Run) -> tuple[
         "paired_gap": over_reached(np.where(reached, gap, 0.0)),
         "paired_gap_per_joint": gap.tolist(),
         "noise_floor": measure.floor.tolist(),
+        "alike": alike(effect, measure),
     }
     return effect, run, figures
 
