@@ -13,6 +13,7 @@ from jaxtyping import Float
 
 from identification.log import Band, Log
 from identification.recordings import Recording
+from identification.spectra import acceleration_edge, torque_edge
 from phantom_dyn.errors import LogError
 from phantom_dyn.motion import Motion
 from phantom_dyn.robot import Robot
@@ -21,8 +22,10 @@ Array = np.ndarray
 
 # The positions are low-passed this many times above the band, which leaves 0.1 % of attenuation at its edge.
 _MOTION_BAND = 2.5
-# The band ends at a tenth of the rate: accelerations of higher frequencies are not known to a per cent.
-_HIGHEST = 0.1
+# The band ends at 6 % of the rate: above, what a torque "at an instant" means differs by more than a per cent between
+# recorders that log a held torque, its mean over a sample, or its value in between.
+_HIGHEST = 0.06
+_WIDEST_HZ = 50.0
 # Samples in the band per period of its edge: the least that loses nothing to aliasing.
 _SAMPLES_PER_PERIOD = 2.5
 
@@ -55,8 +58,15 @@ def uniform(recording: Recording) -> tuple[Float[Array, " N"], Float[Array, "N n
 
 
 def align_held_torque(tau: Float[Array, "N nv"]) -> Float[Array, "N nv"]:
-    """Torque at the sample instants when ``tau[k]`` is held from ``t[k]`` to ``t[k+1]``: mean of both neighbours."""
-    return np.vstack([tau[:1], 0.5 * (tau[1:] + tau[:-1])])
+    """Torque at the sample instants when ``tau[k]`` is held from ``t[k]`` to ``t[k+1]``.
+
+    The motion sees the held torque half a sample late and weakened by ``sinc(f T)``. The mean of two neighbours is as
+    late but too weak at high frequencies; the weights -1, 13, 13, -1 over 24 agree to fourth order in ``f T``.
+    """
+    before = np.vstack([tau[:1], tau[:-1]])
+    earlier = np.vstack([tau[:1], before[:-1]])
+    later = np.vstack([tau[1:], tau[-1:]])
+    return (13.0 * (tau + before) - earlier - later) / 24.0
 
 
 def low_pass(cutoff_hz: float, rate_hz: float) -> Band:
@@ -114,12 +124,20 @@ def process(recording: Recording, robot: Robot, *, cutoff_hz: float | None = Non
     return Log(recording.file, recording.joint_names, Motion(t, q, v, a), tau, band, valid)
 
 
-def process_all(recordings: tuple[Recording, ...], robot: Robot) -> tuple[Log, ...]:
-    """Logs of several recordings in one common band."""
+def process_all(recordings: tuple[Recording, ...], robot: Robot) -> tuple[tuple[Log, ...], float]:
+    """Logs of several recordings in one band that is wide enough for whitening, and the edge of the judged band [Hz].
+
+    The judged band is that of `choose_cutoff`; the logs reach up to four times as high (at most 50 Hz, 6 % of the
+    rate, and what the recorder has left of the torque), as sharp effects have content there that a fit can use if it
+    weighs each frequency by its noise.
+    """
     raw = [uniform(recording) for recording in recordings]
     rates = [(len(t) - 1) / (t[-1] - t[0]) for t, *_ in raw]
-    cutoff = choose_cutoff([(q, tau, rate) for (_, q, tau, _), rate in zip(raw, rates, strict=True)])
-    return tuple(process(recording, robot, cutoff_hz=cutoff) for recording in recordings)
+    signals = [(q, tau, rate) for (_, q, tau, _), rate in zip(raw, rates, strict=True)]
+    judged = choose_cutoff(signals)
+    smoothed = max(torque_edge(column, rate) for _, tau, rate in signals for column in tau.T)
+    wide = max(judged, min(4 * judged, _WIDEST_HZ, _HIGHEST * min(rates), smoothed))
+    return tuple(process(recording, robot, cutoff_hz=wide) for recording in recordings), judged
 
 
 def choose_cutoff(signals: list[tuple[Float[Array, "N nv"], Float[Array, "N nv"], float]]) -> float:
@@ -129,8 +147,6 @@ def choose_cutoff(signals: list[tuple[Float[Array, "N nv"], Float[Array, "N nv"]
     noise floor. The second is the frequency above which the torque carries less than 1 % of its amplitude: there the
     recorder has smoothed it, while a step of friction in the model still has content.
     """
-    from identification.spectra import acceleration_edge, torque_edge
-
     moving = [acceleration_edge(column, rate) for q, _, rate in signals for column in q.T]
     edges = [edge for edge in moving if edge is not None]
     torque = max(torque_edge(column, rate) for _, tau, rate in signals for column in tau.T)

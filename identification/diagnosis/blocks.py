@@ -99,13 +99,13 @@ class Grams:
     count: Float[Array, " B"]
 
 
-def split_blocks(logs: tuple[Log, ...]) -> tuple[Block, ...]:
-    """Blocks of at least a second and ten periods of the band's edge, some twenty to forty in all.
+def split_blocks(logs: tuple[Log, ...], cutoff_hz: float) -> tuple[Block, ...]:
+    """Blocks of at least a second and ten periods of the judged band's edge, some twenty to forty in all.
 
     The core leaves out as many samples as the filter's kernel reaches, so that the noise of a core is not that of
     the block before it.
     """
-    period = 1.0 / logs[0].band.cutoff_hz
+    period = 1.0 / cutoff_hz
     total = sum(log.motion.t[-1] - log.motion.t[0] for log in logs)
     length = max(1.0, 10 * period, total / 40)
     blocks = []

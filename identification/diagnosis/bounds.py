@@ -76,7 +76,7 @@ def _largest(search: Search, term: Term, direction: Float[Array, " k"]) -> float
     measured = sum(
         float(((torque[:, j] + residual[:, j])[use[:, j]] ** 2).sum() * problem.weights.per_sample[j])
         for torque, residual, use in zip(
-            problem.columns.model_torque, problem.columns.residual, problem.columns.usable, strict=True
+            problem.white.model_torque, problem.white.residual, problem.white.usable, strict=True
         )
         for j in rows
     )

@@ -196,7 +196,7 @@ def build_columns(robot: Robot, logs: tuple[Log, ...], known: tuple[KnownEffect,
     bodies = 10 * (robot.model.njoints - 1)
     first_body = len(nuisances)
     names = [n.name for n, *_ in nuisances] + list(parameter_names(robot))
-    merged = _merged(logs)
+    merged = merged_motion(logs)
     terms: list[Term] = []
     local: list[tuple[Effect, str | None, float]] = []
     for effect in EFFECTS:
@@ -243,7 +243,7 @@ def build_columns(robot: Robot, logs: tuple[Log, ...], known: tuple[KnownEffect,
     )
 
 
-def _merged(logs: tuple[Log, ...]) -> Motion:
+def merged_motion(logs: tuple[Log, ...]) -> Motion:
     """All motions one after the other, for ranges of speed and position."""
     return Motion(*(np.concatenate([getattr(log.motion, name) for log in logs]) for name in "tqva"))
 

@@ -4,18 +4,19 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable
+from dataclasses import dataclass
 
 import numpy as np
 from jaxtyping import Float, Int
 
-from identification.diagnosis.blocks import Block, Weights, assign_folds, build_grams, split_blocks
+from identification.diagnosis.blocks import Block, assign_folds, build_grams, split_blocks
 from identification.diagnosis.bounds import sensor_blind, smallest_seen
-from identification.diagnosis.columns import Columns, KnownEffect, Term, build_columns
+from identification.diagnosis.columns import Columns, KnownEffect, Term, build_columns, merged_motion
 from identification.diagnosis.fitting import Fitted, Problem, set_up
 from identification.diagnosis.flexible import held_out_ridge, state_features
-from identification.diagnosis.gap import Sums, held_out_torque, residual_after, sums
+from identification.diagnosis.gap import Sums, held_out_torque, in_judged_band, residual_after, sums
 from identification.diagnosis.locate import regime_shares
-from identification.diagnosis.noise import estimate_noise, refined_noise
+from identification.diagnosis.noise import estimate_noise, rms, smaller_noise, weights_of
 from identification.diagnosis.null import null_threshold
 from identification.diagnosis.parameters import finding_parameters
 from identification.diagnosis.result import (
@@ -28,11 +29,11 @@ from identification.diagnosis.result import (
 )
 from identification.diagnosis.rivals import block_counts, stand
 from identification.diagnosis.search import Search, explain, ordered, set_up_search
+from identification.diagnosis.whitening import whitened
 from identification.log import Log
 from identification.recordings import Recording
 from identification.signals import process_all
 from phantom_dyn import __version__
-from phantom_dyn.motion import Motion
 from phantom_dyn.robot import Robot
 
 Array = np.ndarray
@@ -40,12 +41,33 @@ Array = np.ndarray
 # Noise floors are refined if the explanation leaves less than this share of one.
 _LOWER = 0.9
 # A claim closes at least this share of the gap: less is what a law of the right kind leaves that is off by 5 %.
-_LEAST_SHARE = 0.003
+_LEAST_SHARE = 0.004
 # A claim gains at least this on held-out data, whatever chance gives.
 _LEAST_GAIN = 10.0
 # A rest is structured if a flexible model takes at least this share off its loss, three standard errors over blocks.
 _STRUCTURE = 0.08
 _STRUCTURE_ERRORS = 3.0
+
+
+@dataclass(frozen=True)
+class Judge:
+    """In which band, and against which noise, gaps are measured.
+
+    Attributes:
+        problem: Columns and fits.
+        logs: Recordings, ready for fitting.
+        cutoff_hz: Edge of the judged band.
+        floor: Noise floor of each joint in that band, ``(nv,)``.
+    """
+
+    problem: Problem
+    logs: tuple[Log, ...]
+    cutoff_hz: float
+    floor: Float[Array, " nv"]
+
+    def narrow(self, series: tuple[Float[Array, "n nv"], ...]) -> tuple[Float[Array, "n nv"], ...]:
+        """Series of each log in the judged band."""
+        return in_judged_band(series, self.logs, self.cutoff_hz)
 
 
 def diagnose(
@@ -71,36 +93,36 @@ def diagnose(
     started = time.perf_counter()
     progress("filtering")
     every = (*recordings, *hold_out)
-    logs = process_all(every, robot)
+    logs, cutoff_hz = process_all(every, robot)
     progress("computing regressors")
     columns = build_columns(robot, logs, known)
-    blocks = split_blocks(logs)
+    blocks = split_blocks(logs, cutoff_hz)
     folds = assign_folds(blocks, np.array([k >= len(recordings) for k in range(len(every))]))
     progress("estimating the noise")
-    weights, noise = estimate_noise(columns, logs, blocks, folds)
-    search, chosen = _search(columns, blocks, folds, weights, noise, progress)
-    # The free fits that gave the noise floor overfit where recordings are short; the explanation may leave less.
-    refined, noise = refined_noise(search, chosen, weights, noise)
-    if np.any(refined.floor < _LOWER * weights.floor):
-        search, chosen = _search(columns, blocks, folds, refined, noise, progress)
+    noise = estimate_noise(columns, logs, blocks, folds)
+    search, chosen = _search(columns, blocks, folds, noise, progress)
+    noise, ratio = smaller_noise(search, chosen, noise)
+    if ratio < _LOWER:
+        search, chosen = _search(columns, blocks, folds, noise, progress)
     progress("comparing rivals")
-    return _assemble(robot, every, logs, search, chosen, progress, started)
+    return _assemble(robot, every, logs, cutoff_hz, search, chosen, noise, progress, started)
 
 
 def _search(
     columns: Columns,
     blocks: tuple[Block, ...],
     folds: Int[Array, " B"],
-    weights: Weights,
     noise: tuple[Float[Array, "n nv"], ...],
     progress: Callable[[str], None],
 ) -> tuple[Search, frozenset[Term]]:
     """The best set of effects for given noise."""
-    problem = set_up(columns, blocks, weights, build_grams(columns, blocks, folds, weights))
+    white, white_noise = whitened(columns, noise)
+    weights = weights_of(white, white_noise)
+    problem = set_up(columns, white, blocks, weights, build_grams(white, blocks, folds, weights))
     search = set_up_search(problem, 0.0)
     progress("measuring what chance gives")
-    gap = float(problem.grams.core_c.sum() - problem.grams.count.sum())
-    threshold = max(_LEAST_GAIN, null_threshold(search, noise), _LEAST_SHARE * gap)
+    gap = search.evaluate(frozenset()).total - float(problem.grams.count.sum())
+    threshold = max(_LEAST_GAIN, null_threshold(search, white_noise), _LEAST_SHARE * gap)
     search = set_up_search(problem, threshold)
     return search, explain(search, progress)
 
@@ -109,46 +131,46 @@ def _assemble(
     robot: Robot,
     recordings: tuple[Recording, ...],
     logs: tuple[Log, ...],
+    cutoff_hz: float,
     search: Search,
     chosen: frozenset[Term],
+    noise: tuple[Float[Array, "n nv"], ...],
     progress: Callable[[str], None],
     started: float,
 ) -> Diagnosis:
     """Put everything that the search has found into the shape of the contract."""
     problem = search.problem
-    columns, floor = problem.columns, problem.weights.floor
+    columns = problem.columns
+    judge = Judge(problem, logs, cutoff_hz, _floor(columns, logs, cutoff_hz, noise))
     found = search.evaluate(chosen)
+    given = judge.narrow(columns.residual)
     torque = held_out_torque(problem, chosen, found)
-    rest = residual_after(problem, torque)
-    before, after = sums(problem, columns.residual), sums(problem, rest)
-    once = np.ones((1, len(before.counts)))
-    loss_given, loss_after = float(before.loss(floor, once)[0]), float(after.loss(floor, once)[0])
+    rest = judge.narrow(residual_after(problem, torque))
+    before, after = sums(problem, given), sums(problem, rest)
     predicted = _flexible_rest(problem, logs, rest)
     smooth = sums(problem, tuple(r - p for r, p in zip(rest, predicted, strict=True)))
-    findings = _findings(robot, search, chosen, found, before, after)
-    shares = [regime_shares(columns, logs, columns.residual, j) for j in range(robot.nv)]
-    unexplained = _unexplained(robot, problem, logs, predicted, before, after, smooth)
+    findings = _findings(robot, search, chosen, judge, before, after)
+    shares = [regime_shares(columns, logs, given, j) for j in range(robot.nv)]
+    unexplained = _unexplained(robot, judge, predicted, before, after, smooth)
     progress("stating what would have been seen")
-    merged = _merged(logs)
-    bounds, untested = smallest_seen(robot, merged, search, chosen)
-    verdict = _verdict(findings, unexplained, loss_given, loss_after, columns)
+    bounds, untested = smallest_seen(robot, merged_motion(logs), search, chosen)
     gaps = tuple(
         JointGap(
             joint,
             robot.torque_units[j],
             float(before.rms()[j]),
             float(after.rms()[j]),
-            float(floor[j]),
+            float(judge.floor[j]),
             int(after.counts[:, j].sum()),
         )
         for j, joint in enumerate(robot.joint_names)
     )
     return Diagnosis(
-        verdict=verdict,
+        verdict=_verdict(findings, unexplained, columns),
         robot=robot.name,
         recordings=tuple(recording.file for recording in recordings),
         joints=gaps,
-        band_hz=(0.0, float(logs[0].band.cutoff_hz)),
+        band_hz=(0.0, float(cutoff_hz)),
         findings=findings,
         adjusted=_adjusted(problem, found),
         unexplained=unexplained,
@@ -159,22 +181,36 @@ def _assemble(
         rollout=None,
         seconds=time.perf_counter() - started,
         version=__version__,
-        evidence=_evidence(columns, logs, torque, tuple(s for s, _ in shares)),
+        evidence=_evidence(judge, torque, tuple(s for s, _ in shares)),
+    )
+
+
+def _floor(
+    columns: Columns, logs: tuple[Log, ...], cutoff_hz: float, noise: tuple[Float[Array, "n nv"], ...]
+) -> Float[Array, " nv"]:
+    """Noise floor of each joint in the judged band."""
+    narrow = in_judged_band(noise, logs, cutoff_hz)
+    torque = np.concatenate(columns.model_torque)
+    return np.array(
+        [
+            max(rms([e[:, j][u[:, j]] for e, u in zip(narrow, columns.usable, strict=True)]), 1e-6 * torque[:, j].std())
+            for j in range(len(columns.rows))
+        ]
     )
 
 
 def _findings(
-    robot: Robot, search: Search, chosen: frozenset[Term], found: Fitted, before: Sums, after: Sums
+    robot: Robot, search: Search, chosen: frozenset[Term], judge: Judge, before: Sums, after: Sums
 ) -> tuple[Finding, ...]:
     """Findings with their gap closed and rivals, the largest first."""
-    problem, floor = search.problem, search.problem.weights.floor
+    problem, floor, found = search.problem, judge.floor, search.evaluate(chosen)
     counts = block_counts(len(before.counts), np.random.default_rng(20260105))
     once = np.ones((1, len(before.counts)))
     out = []
     for term in ordered(chosen):
         without = search.evaluate(chosen - {term})
         torque = held_out_torque(problem, chosen - {term}, without)
-        lost = sums(problem, residual_after(problem, torque))
+        lost = sums(problem, judge.narrow(residual_after(problem, torque)))
 
         def closed(weights: Float[Array, "R B"], lost: Sums = lost) -> Float[Array, " R"]:
             gap = np.maximum(before.loss(floor, weights) - 1.0, 1e-9)
@@ -217,15 +253,14 @@ def _flexible_rest(
 
 def _unexplained(
     robot: Robot,
-    problem: Problem,
-    logs: tuple[Log, ...],
+    judge: Judge,
     predicted: tuple[Float[Array, "n nv"], ...],
     before: Sums,
     after: Sums,
     smooth: Sums,
 ) -> Unexplained:
     """How much of the explainable gap is left, and where it sits if it has structure."""
-    floor = problem.weights.floor
+    floor = judge.floor
     once = np.ones((1, len(before.counts)))
     given, left, best = (float(s.loss(floor, once)[0]) for s in (before, after, smooth))
     gains = (after.squares - smooth.squares) / floor**2
@@ -238,13 +273,11 @@ def _unexplained(
     if structured:
         row = int(np.argmax(gains.sum(axis=0)))
         joint = robot.joint_names[row]
-        _, regime = regime_shares(problem.columns, logs, predicted, row)
+        _, regime = regime_shares(judge.problem.columns, judge.logs, predicted, row)
     return Unexplained(fraction, structured, joint, regime)
 
 
-def _verdict(
-    findings: tuple[Finding, ...], unexplained: Unexplained, given: float, after: float, columns: Columns
-) -> str:
+def _verdict(findings: tuple[Finding, ...], unexplained: Unexplained, columns: Columns) -> str:
     """The contract's verdict."""
     if not any(use.any() for use in columns.usable):
         return "not_testable"
@@ -267,30 +300,22 @@ def _adjusted(problem: Problem, found: Fitted) -> tuple[Adjusted, ...]:
     )
 
 
-def _merged(logs: tuple[Log, ...]) -> Motion:
-    return Motion(*(np.concatenate([getattr(log.motion, name) for log in logs]) for name in "tqva"))
-
-
-def _evidence(
-    columns: Columns,
-    logs: tuple[Log, ...],
-    torque: tuple[Float[Array, "n nv"], ...],
-    shares: tuple[dict[str, float], ...],
-) -> Evidence:
+def _evidence(judge: Judge, torque: tuple[Float[Array, "n nv"], ...], shares: tuple[dict[str, float], ...]) -> Evidence:
     """Samples behind the figures, recordings one after the other with a second between them."""
+    columns, logs = judge.problem.columns, judge.logs
     start, times = 0.0, []
     for log in logs:
         t = log.motion.t[log.samples]
         times.append(t - t[0] + start)
         start = float(times[-1][-1]) + 1.0
-    model = np.concatenate(columns.model_torque)
+    model = judge.narrow(columns.model_torque)
     return Evidence(
         t=np.concatenate(times),
         q=np.concatenate([log.motion.q[log.samples] for log in logs]),
         v=np.concatenate([log.motion.v[log.samples] for log in logs]),
         a=np.concatenate([log.motion.a[log.samples] for log in logs]),
-        tau_measured=model + np.concatenate(columns.residual),
-        tau_before=model,
-        tau_after=np.concatenate(torque),
+        tau_measured=np.concatenate(model) + np.concatenate(judge.narrow(columns.residual)),
+        tau_before=np.concatenate(model),
+        tau_after=np.concatenate(judge.narrow(torque)),
         regime_shares=shares,
     )

@@ -20,9 +20,10 @@ class Problem:
     """Columns, their Gram matrices, and the priors and bounds of all coefficients.
 
     Attributes:
-        columns: All columns.
+        columns: All columns, as computed.
+        white: The same with white noise; what the products are made of.
         blocks: Stretches of samples.
-        weights: Noise of each row.
+        weights: Noise of each row of ``white``.
         grams: Products of the columns.
         precision: Prior precision of each coefficient about zero, ``(K,)``.
         lower, upper: Bounds, ``(K,)``.
@@ -31,6 +32,7 @@ class Problem:
     """
 
     columns: Columns
+    white: Columns
     blocks: tuple[Block, ...]
     weights: Weights
     grams: Grams
@@ -97,7 +99,7 @@ class Products:
     blocks: tuple[Array, ...] | None
 
 
-def set_up(columns: Columns, blocks: tuple[Block, ...], weights: Weights, grams: Grams) -> Problem:
+def set_up(columns: Columns, white: Columns, blocks: tuple[Block, ...], weights: Weights, grams: Grams) -> Problem:
     """Priors: the tolerance for nuisances; for effects so wide that only what the data do not show is held down.
 
     The width is thirty times the size at which a column alone would carry the whole residual.
@@ -115,7 +117,9 @@ def set_up(columns: Columns, blocks: tuple[Block, ...], weights: Weights, grams:
             lower[k] = max(lower[k], bound)
     train = grams.fold >= 0
     total_a, total_b = grams.a[train].sum(axis=0), grams.b[train].sum(axis=0)
-    return Problem(columns, blocks, weights, grams, precision, lower, upper, len(columns.nuisances), total_a, total_b)
+    return Problem(
+        columns, white, blocks, weights, grams, precision, lower, upper, len(columns.nuisances), total_a, total_b
+    )
 
 
 def bounded_solve(

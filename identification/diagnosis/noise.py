@@ -36,19 +36,14 @@ def autocorrelation_time(e: Float[Array, " n"]) -> float:
 
 def estimate_noise(
     columns: Columns, logs: tuple[Log, ...], blocks: tuple[Block, ...], folds: Int[Array, " B"]
-) -> tuple[Weights, tuple[Float[Array, "n nv"], ...]]:
-    """Noise floor and colour of each row, and the residual that no model here predicts.
+) -> tuple[Float[Array, "n nv"], ...]:
+    """What no model here predicts of each row's residual, for each log ``(n, nv)``; zero where it is not usable.
 
     Each row's residual is predicted from all columns at once, and from all columns and the flexible features; the
     better of the two leaves the noise. Both are judged on blocks that they have not seen.
-
-    Returns:
-        The weights, and for each log the unpredicted residual ``(n, nv)``.
     """
-    rows = len(columns.rows)
-    floor, spread = np.zeros(rows), np.ones(rows)
     left = [np.zeros_like(r) for r in columns.residual]
-    for j in range(rows):
+    for j in range(len(columns.rows)):
         y = [r[:, j] for r in columns.residual]
         use = [u[:, j] for u in columns.usable]
         plain = [values[j] for values in columns.values]
@@ -57,31 +52,54 @@ def estimate_noise(
             for k, (x, log) in enumerate(zip(plain, logs, strict=True))
         ]
         tried = [held_out_ridge(x, y, use, blocks, folds) for x in (plain, rich)]
-        predicted, mean_square = min(tried, key=lambda result: result[1])
-        # A residual of exactly zero (a simulated robot without noise) would make every weight infinite.
-        drive = max(float(np.std(np.concatenate([t[:, j] for t in columns.model_torque]))), 1e-12)
-        floor[j] = max(np.sqrt(mean_square), 1e-6 * drive)
+        predicted, _ = min(tried, key=lambda result: result[1])
         for k, p in enumerate(predicted):
             left[k][:, j] = np.where(use[k], y[k] - p, 0.0)
-        spread[j] = np.mean([autocorrelation_time(e[:, j][u]) for e, u in zip(left, use, strict=True)])
-    return Weights(floor, spread), tuple(left)
+    return tuple(left)
 
 
-def refined_noise(
-    search: Search, chosen: frozenset[Term], weights: Weights, noise: tuple[Float[Array, "n nv"], ...]
-) -> tuple[Weights, tuple[Float[Array, "n nv"], ...]]:
-    """Noise of the rows on which the chosen effects leave less, on held-out blocks, than the free fits did."""
+def weights_of(white: Columns, noise: tuple[Float[Array, "n nv"], ...]) -> Weights:
+    """Size and remaining colour of the noise of each row after whitening.
+
+    A residual of exactly zero (a simulated robot without noise) would make a weight infinite, so a noise is at least a
+    millionth of the modelled torque.
+    """
+    rows = len(white.rows)
+    floor, spread = np.zeros(rows), np.ones(rows)
+    for j in range(rows):
+        parts = [e[:, j][u[:, j]] for e, u in zip(noise, white.usable, strict=True)]
+        drive = max(float(np.std(np.concatenate([t[:, j] for t in white.model_torque]))), 1e-12)
+        floor[j] = max(rms(parts), 1e-6 * drive)
+        spread[j] = np.mean([autocorrelation_time(e) for e in parts])
+    return Weights(floor, spread)
+
+
+def rms(parts: list[Float[Array, " n"]]) -> float:
+    """Root mean square over several series; zero if they are empty."""
+    joined = np.concatenate(parts)
+    return float(np.sqrt(np.mean(joined**2))) if len(joined) else 0.0
+
+
+def smaller_noise(
+    search: Search, chosen: frozenset[Term], noise: tuple[Float[Array, "n nv"], ...]
+) -> tuple[tuple[Float[Array, "n nv"], ...], float]:
+    """Noise with the rows replaced on which the chosen effects leave less, on held-out blocks, than the free fits did.
+
+    Free fits overfit where recordings are short.
+
+    Returns:
+        The noise, and the smallest ratio of new to old over the rows.
+    """
     problem = search.problem
     rest = residual_after(problem, held_out_torque(problem, chosen, search.evaluate(chosen)))
-    floor, spread = weights.floor.copy(), weights.spread.copy()
     left = [part.copy() for part in noise]
-    for j in range(len(floor)):
+    ratio = 1.0
+    for j in range(len(problem.columns.rows)):
         use = [u[:, j] for u in problem.columns.usable]
-        parts = [r[:, j][u] for r, u in zip(rest, use, strict=True)]
-        rms = float(np.sqrt(np.mean(np.concatenate(parts) ** 2)))
-        if 0 < rms < floor[j]:
-            floor[j] = rms
-            spread[j] = np.mean([autocorrelation_time(e) for e in parts])
+        new = rms([r[:, j][u] for r, u in zip(rest, use, strict=True)])
+        old = rms([e[:, j][u] for e, u in zip(noise, use, strict=True)])
+        if 0 < new < old:
+            ratio = min(ratio, new / old)
             for k, r in enumerate(rest):
                 left[k][:, j] = np.where(use[k], r[:, j], 0.0)
-    return Weights(floor, spread), tuple(left)
+    return tuple(left), ratio

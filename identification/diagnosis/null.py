@@ -25,7 +25,7 @@ def null_threshold(search: Search, noise: tuple[Float[Array, "n nv"], ...]) -> f
 
     Args:
         search: Rivals and problem.
-        noise: Unpredicted residual of each log.
+        noise: Unpredicted residual of each log, white.
     """
     problem = search.problem
     rng = np.random.default_rng(20260102)
@@ -44,7 +44,7 @@ def _null_products(
     problem: Problem, noise: tuple[Float[Array, "n nv"], ...], rng: np.random.Generator
 ) -> tuple[Array, Array, Array]:
     """Products of all columns with null residuals: ``(B, K, R)`` whole and core, ``(B, R)`` squares."""
-    columns, blocks, grams = problem.columns, problem.blocks, problem.grams
+    columns, blocks, grams = problem.white, problem.blocks, problem.grams
     count, total = len(blocks), len(columns.names)
     b, core_b = np.zeros((count, total, _REPLICATES)), np.zeros((count, total, _REPLICATES))
     core_c = np.zeros((count, _REPLICATES))

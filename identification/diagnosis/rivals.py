@@ -36,8 +36,8 @@ def block_counts(blocks: int, rng: np.random.Generator) -> Float[Array, "R B"]:
 def stand(search: Search, chosen: frozenset[Term], term: Term) -> Standing:
     """Compare a finding with everything that could stand in its place.
 
-    A richer effect that contains the finding is a rival only if its extra parameters lower the held-out loss by more
-    than their price; predictions that are the same share their wins.
+    A richer effect that contains the finding is a rival only if its extra parameters lower the held-out loss, and
+    wins a replicate only if they earn their price in it; predictions that are the same share their wins.
     """
     base = search.evaluate(chosen)
     options: dict[frozenset[Term], tuple[Array, float]] = {}
@@ -48,20 +48,20 @@ def stand(search: Search, chosen: frozenset[Term], term: Term) -> Standing:
             continue
         if _hopeless(search, chosen, swapped):
             continue
-        richer = any(contains(other, term) for other in others)
-        if richer and search.score(swapped) >= search.score(chosen) and search.sizes_of(others) > search.sizes[term]:
-            continue
         found = search.evaluate(swapped)
-        options[swapped] = (found.loss, found.penalty + search.price_of(swapped))
+        richer = any(contains(other, term) for other in others) and search.sizes_of(others) > search.sizes[term]
+        if richer and found.total >= base.total:
+            continue
+        options[swapped] = (found.loss, _fixed(search, swapped, base.penalty))
         names[swapped] = others
     for others, swapped in _twins(search, chosen, term):
-        options[swapped] = (base.loss, base.penalty + search.price_of(chosen))
+        options[swapped] = (base.loss, _fixed(search, chosen, base.penalty))
         names[swapped] = others
     if not options:
         return Standing(1.0, ())
     keys = [chosen, *options]
     losses = np.array([base.loss, *(options[k][0] for k in keys[1:])])
-    fixed = np.array([base.penalty + search.price_of(chosen), *(options[k][1] for k in keys[1:])])
+    fixed = np.array([_fixed(search, chosen, base.penalty), *(options[k][1] for k in keys[1:])])
     counts = block_counts(losses.shape[1], np.random.default_rng(20260103))
     scores = counts @ losses.T + fixed
     best = scores.min(axis=1, keepdims=True)
@@ -76,6 +76,14 @@ def stand(search: Search, chosen: frozenset[Term], term: Term) -> Standing:
         for effects, share in sorted(kept.items(), key=lambda item: -item[1])
     )
     return Standing(own / total, rivals)
+
+
+def _fixed(search: Search, chosen: frozenset[Term], penalty: float) -> float:
+    """What a set costs in every replicate: its price, and moves of the model beyond those of the finding.
+
+    Moves that cost less than four more (two tolerances of one quantity) are no evidence against a rival.
+    """
+    return search.price_of(chosen) + max(search.evaluate(chosen).penalty - penalty - 4.0, 0.0)
 
 
 def _by_place(
