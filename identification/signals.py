@@ -80,6 +80,19 @@ def low_pass(cutoff_hz: float, rate_hz: float) -> Band:
     return Band(rate_hz, cutoff_hz, firwin(2 * half + 1, cutoff_hz, fs=rate_hz), step)
 
 
+def smoothed(x: Float[Array, "n ..."], rate_hz: float, cutoff_hz: float) -> Float[Array, "n ..."]:
+    """``x`` without what lies above ``cutoff_hz``, of the same length; the ends see their mirror image."""
+    from scipy.signal import upfirdn
+
+    band = low_pass(cutoff_hz, rate_hz)
+    half = min(band.half, len(x) - 1)
+    if half == 0:
+        return x
+    kernel = band.kernel[band.half - half : band.half + half + 1]
+    padded = np.concatenate([x[half:0:-1], x, x[-2 : -half - 2 : -1]])
+    return upfirdn(kernel / kernel.sum(), padded, axis=0)[2 * half : 2 * half + len(x)]
+
+
 def differentiate(q: Float[Array, "N nv"], rate_hz: float, cutoff_hz: float) -> tuple[Array, Array, Array]:
     """Position, velocity and acceleration [per s, per s^2] of ``q`` low-passed without delay at ``cutoff_hz``.
 

@@ -12,6 +12,7 @@ import numpy as np
 from jaxtyping import Bool, Float
 
 from identification.log import Log
+from identification.signals import smoothed
 from phantom_dyn.dynamics import inverse_dynamics, rigid_body_regressor
 from phantom_dyn.effects.catalogue import EFFECTS, effect_named
 from phantom_dyn.effects.effect import Effect
@@ -184,12 +185,16 @@ def _places(robot: Robot, effect: Effect) -> tuple[str | None, ...]:
     return (None,) if effect.scope == "robot" else robot.joint_names
 
 
-def build_columns(robot: Robot, logs: tuple[Log, ...], known: tuple[KnownEffect, ...] = ()) -> Columns:
+def build_columns(
+    robot: Robot, logs: tuple[Log, ...], cutoff_hz: float, known: tuple[KnownEffect, ...] = ()
+) -> Columns:
     """Columns of every nuisance and of every effect at every place.
 
     Args:
         robot: The given model.
         logs: In one common band.
+        cutoff_hz: Edge of the judged band. Columns made of accelerations end there: above, they are encoder noise,
+            the same noise as in the residual, and a fit would take it for inertia that is too large.
         known: Effects that belong to the given model already.
     """
     nuisances = _nuisances(robot)
@@ -226,7 +231,7 @@ def build_columns(robot: Robot, logs: tuple[Log, ...], known: tuple[KnownEffect,
         rows.append(tuple(mine))
     values, residual, torque, usable = [], [], [], []
     for log in logs:
-        columns, model = _values(robot, log, nuisances, local, known)
+        columns, model = _values(robot, log, cutoff_hz, nuisances, local, known)
         values.append(columns)
         torque.append(model)
         residual.append(log.band(log.tau) - model)
@@ -255,22 +260,29 @@ def _first(motion: Motion) -> Motion:
 def _values(
     robot: Robot,
     log: Log,
+    cutoff_hz: float,
     nuisances: list[tuple[Nuisance, str, int, Array | None]],
     local: list[tuple[Effect, str | None, float]],
     known: tuple[KnownEffect, ...],
 ) -> tuple[tuple[Float[Array, "n k"], ...], Float[Array, "n nv"]]:
     """In-band columns of one log row by row, and its modelled torque in the band."""
     motion, band = log.motion, log.band
+
+    def narrow(x: Array) -> Array:
+        if cutoff_hz >= 0.99 * band.cutoff_hz:
+            return x
+        return smoothed(x, band.rate_hz / band.step, cutoff_hz)
+
     torque = inverse_dynamics(robot, motion)
     for effect in known:
         # The drive has to give what the model needs less what the effect gives.
         torque = torque - effect_named(effect.effect).torque(robot, motion, effect.joint, np.array(effect.theta))
     model = band(torque)
-    drift = band(np.gradient(torque, axis=0))
+    drift = narrow(band(np.gradient(torque, axis=0)))
     regressor = rigid_body_regressor(robot, motion)
-    body = np.stack([band(regressor[:, j, :]) for j in range(robot.nv)])
+    body = np.stack([narrow(band(regressor[:, j, :])) for j in range(robot.nv)])
     del regressor
-    v, direction, a = band(motion.v), band(np.sign(motion.v)), band(motion.a)
+    v, direction, a = band(motion.v), band(np.sign(motion.v)), narrow(band(motion.a))
     rows: list[list[Array]] = []
     for j in range(robot.nv):
         columns: list[Array] = []
@@ -291,5 +303,6 @@ def _values(
     for effect, joint, shape in local:
         signature = effect.signature(robot, motion, joint, shape)
         for k, row in enumerate(signature.rows):
-            rows[row].extend(band(signature.columns[:, k, :]).T)
+            column = band(signature.columns[:, k, :])
+            rows[row].extend((narrow(column) if effect.uses_acceleration else column).T)
     return tuple(np.column_stack(columns) for columns in rows), model

@@ -95,7 +95,7 @@ def diagnose(
     every = (*recordings, *hold_out)
     logs, cutoff_hz = process_all(every, robot)
     progress("computing regressors")
-    columns = build_columns(robot, logs, known)
+    columns = build_columns(robot, logs, cutoff_hz, known)
     blocks = split_blocks(logs, cutoff_hz)
     folds = assign_folds(blocks, np.array([k >= len(recordings) for k in range(len(every))]))
     progress("estimating the noise")

@@ -11,7 +11,7 @@ from identification.diagnosis.columns import Term
 from identification.diagnosis.fitting import Fitted, Problem, predict
 from identification.diagnosis.search import ordered
 from identification.log import Log
-from identification.signals import low_pass
+from identification.signals import smoothed
 
 Array = np.ndarray
 
@@ -77,20 +77,11 @@ def sums(problem: Problem, residual: tuple[Float[Array, "n nv"], ...]) -> Sums:
 def in_judged_band(
     series: tuple[Float[Array, "n nv"], ...], logs: tuple[Log, ...], cutoff_hz: float
 ) -> tuple[Float[Array, "n nv"], ...]:
-    """In-band series of each log smoothed to the judged band, of the same length; the ends see their mirror image."""
-    out = []
-    for part, log in zip(series, logs, strict=True):
-        band = log.band
-        if cutoff_hz >= 0.99 * band.cutoff_hz:
-            out.append(part)
-            continue
-        narrow = low_pass(cutoff_hz, band.rate_hz / band.step)
-        half = min(narrow.half, len(part) - 1)
-        padded = np.concatenate([part[half:0:-1], part, part[-2 : -half - 2 : -1]])
-        kernel = narrow.kernel[narrow.half - half : narrow.half + half + 1]
-        smooth = np.column_stack([np.convolve(column, kernel / kernel.sum(), mode="valid") for column in padded.T])
-        out.append(smooth)
-    return tuple(out)
+    """In-band series of each log without what lies above the judged band, of the same length."""
+    return tuple(
+        part if cutoff_hz >= 0.99 * log.band.cutoff_hz else smoothed(part, log.band.rate_hz / log.band.step, cutoff_hz)
+        for part, log in zip(series, logs, strict=True)
+    )
 
 
 def residual_after(problem: Problem, torque: tuple[Float[Array, "n nv"], ...]) -> tuple[Float[Array, "n nv"], ...]:

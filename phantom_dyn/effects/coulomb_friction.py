@@ -25,6 +25,7 @@ class CoulombFriction:
     scope: Literal["joint", "robot"] = "joint"
     regime = "velocity_reversal"
     contains: tuple[str, ...] = ()
+    uses_acceleration = False
 
     def parameters(self, robot: Robot, joint: str | None) -> tuple[Parameter, ...]:
         """``torque`` T."""

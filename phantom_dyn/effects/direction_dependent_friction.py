@@ -26,6 +26,7 @@ class DirectionDependentFriction:
     scope: Literal["joint", "robot"] = "joint"
     regime = "one_direction"
     contains: tuple[str, ...] = ("coulomb_friction", "viscous_friction", "torque_offset")
+    uses_acceleration = False
 
     def parameters(self, robot: Robot, joint: str | None) -> tuple[Parameter, ...]:
         """Torque and viscous coefficient of each direction."""

@@ -47,13 +47,15 @@ class Effect(Protocol):
 
     The parameters are the contract's; the coefficients are what the measured torque is linear in, once the
     ``shape`` parameters (a Stribeck velocity) are fixed. Where both agree, the coefficients are the parameters.
-    ``regime`` is where the effect shows most; ``contains`` names the effects that are special cases of it.
+    ``regime`` is where the effect shows most; ``contains`` names the effects that are special cases of it;
+    ``uses_acceleration`` says that its columns carry the noise of a twice differentiated position.
     """
 
     name: str
     scope: Literal["joint", "robot"]
     regime: str
     contains: tuple[str, ...]
+    uses_acceleration: bool
 
     def parameters(self, robot: Robot, joint: str | None) -> tuple[Parameter, ...]:
         """The contract's parameters with units and bounds."""

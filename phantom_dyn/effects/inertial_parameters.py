@@ -36,6 +36,7 @@ class InertialParameters:
     scope: Literal["joint", "robot"] = "joint"
     regime = "posture"
     contains: tuple[str, ...] = ("payload",)
+    uses_acceleration = True
 
     def parameters(self, robot: Robot, joint: str | None) -> tuple[Parameter, ...]:
         """Changes of the ten standard parameters of each free body, about its joint origin."""

@@ -26,6 +26,7 @@ class ParasiticSpring:
     scope: Literal["joint", "robot"] = "joint"
     regime = "posture"
     contains: tuple[str, ...] = ()
+    uses_acceleration = False
 
     def parameters(self, robot: Robot, joint: str | None) -> tuple[Parameter, ...]:
         """``stiffness`` k and ``rest_position`` q0."""

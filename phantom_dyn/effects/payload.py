@@ -41,6 +41,7 @@ class Payload:
     scope: Literal["joint", "robot"] = "robot"
     regime = "posture"
     contains: tuple[str, ...] = ()
+    uses_acceleration = True
 
     def parameters(self, robot: Robot, joint: str | None) -> tuple[Parameter, ...]:
         """``mass`` and its place in the frame of the joint that moves the link."""

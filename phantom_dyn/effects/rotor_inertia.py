@@ -26,6 +26,7 @@ class RotorInertia:
     scope: Literal["joint", "robot"] = "joint"
     regime = "high_acceleration"
     contains: tuple[str, ...] = ()
+    uses_acceleration = True
 
     def parameters(self, robot: Robot, joint: str | None) -> tuple[Parameter, ...]:
         """``inertia`` I."""

@@ -25,6 +25,7 @@ class StribeckFriction:
     scope: Literal["joint", "robot"] = "joint"
     regime = "low_speed"
     contains: tuple[str, ...] = ("coulomb_friction",)
+    uses_acceleration = False
 
     def parameters(self, robot: Robot, joint: str | None) -> tuple[Parameter, ...]:
         """Level at speed, level at rest and the velocity at which the difference has fallen to 1/e."""

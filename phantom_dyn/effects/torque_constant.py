@@ -27,6 +27,7 @@ class TorqueConstant:
     scope: Literal["joint", "robot"] = "joint"
     regime = "high_load"
     contains: tuple[str, ...] = ()
+    uses_acceleration = True
 
     def parameters(self, robot: Robot, joint: str | None) -> tuple[Parameter, ...]:
         """``ratio`` of true to logged torque."""

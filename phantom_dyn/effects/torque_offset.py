@@ -25,6 +25,7 @@ class TorqueOffset:
     scope: Literal["joint", "robot"] = "joint"
     regime = "everywhere"
     contains: tuple[str, ...] = ()
+    uses_acceleration = False
 
     def parameters(self, robot: Robot, joint: str | None) -> tuple[Parameter, ...]:
         """``torque``, either sign."""

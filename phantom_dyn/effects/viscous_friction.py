@@ -26,6 +26,7 @@ class ViscousFriction:
     scope: Literal["joint", "robot"] = "joint"
     regime = "high_speed"
     contains: tuple[str, ...] = ()
+    uses_acceleration = False
 
     def parameters(self, robot: Robot, joint: str | None) -> tuple[Parameter, ...]:
         """``coefficient`` c."""
