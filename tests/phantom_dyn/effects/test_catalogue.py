@@ -1,0 +1,147 @@
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from phantom_dyn.effects.catalogue import EFFECTS, effect_named
+from phantom_dyn.effects.effect import Effect
+from phantom_dyn.errors import ParameterError, RobotError
+
+# The 23 names of the contract.
+CONTRACT = {
+    "viscous_friction", "coulomb_friction", "direction_dependent_friction", "stribeck_friction",
+    "presliding_friction", "load_dependent_friction", "backlash", "transmission_compliance", "joint_coupling",
+    "cogging", "torque_saturation", "torque_constant", "torque_offset", "input_delay", "actuator_lag",
+    "rotor_inertia", "payload", "inertial_parameters", "base_tilt", "parasitic_spring", "encoder_offset",
+    "encoder_eccentricity", "encoder_quantization",
+}  # fmt: skip
+REGIMES = {
+    "velocity_reversal", "low_speed", "high_speed", "high_load", "high_acceleration", "one_direction",
+    "periodic_in_angle", "posture", "saturated", "time_drift", "everywhere",
+}  # fmt: skip
+# The contract's parameters in order, with the unit on a hinge and on a slide.
+PARAMETERS = {
+    "viscous_friction": {"coefficient": ("N m s/rad", "N s/m")},
+    "coulomb_friction": {"torque": ("N m", "N")},
+    "direction_dependent_friction": {
+        "torque_positive": ("N m", "N"),
+        "torque_negative": ("N m", "N"),
+        "coefficient_positive": ("N m s/rad", "N s/m"),
+        "coefficient_negative": ("N m s/rad", "N s/m"),
+    },
+    "stribeck_friction": {
+        "coulomb_torque": ("N m", "N"),
+        "static_torque": ("N m", "N"),
+        "stribeck_velocity": ("rad/s", "m/s"),
+    },
+    "torque_offset": {"torque": ("N m", "N")},
+    "torque_constant": {"ratio": ("1", "1")},
+    "rotor_inertia": {"inertia": ("kg m^2", "kg")},
+    "parasitic_spring": {"stiffness": ("N m/rad", "N/m"), "rest_position": ("rad", "m")},
+}
+ON_A_JOINT = [effect for effect in EFFECTS if effect.scope == "joint"]
+# Effects whose parameters are their coefficients; others have a law of their own in the file of that effect.
+LINEAR = [e for e in EFFECTS if e.name in {"viscous_friction", "coulomb_friction", "direction_dependent_friction",
+                                           "torque_offset", "rotor_inertia", "inertial_parameters"}]  # fmt: skip
+
+
+def name_of(effect: Effect) -> str:
+    return effect.name
+
+
+def test_names_are_unique():
+    names = [effect.name for effect in EFFECTS]
+    assert len(names) == len(set(names))
+
+
+def test_names_are_those_of_the_contract():
+    assert {effect.name for effect in EFFECTS} <= CONTRACT
+
+
+def test_regimes_are_those_of_the_contract():
+    assert {effect.regime for effect in EFFECTS} <= REGIMES
+
+
+@pytest.mark.parametrize("effect", EFFECTS, ids=name_of)
+def test_an_effect_is_found_by_its_name(effect):
+    assert effect_named(effect.name) is effect
+
+
+def test_an_unknown_effect_is_refused_with_the_known_names():
+    with pytest.raises(ParameterError, match=r"Unknown effect 'magic': known effects are viscous_friction, coulomb_"):
+        effect_named("magic")
+
+
+@pytest.mark.parametrize("effect", EFFECTS, ids=name_of)
+def test_an_effect_implements_the_protocol(effect):
+    assert isinstance(effect, Effect)
+
+
+@pytest.mark.parametrize("effect", EFFECTS, ids=name_of)
+def test_special_cases_are_effects_of_the_catalogue_other_than_itself(effect):
+    assert set(effect.contains) <= {other.name for other in EFFECTS} - {effect.name}
+
+
+@pytest.mark.parametrize("name", PARAMETERS)
+@pytest.mark.parametrize(("joint", "kind"), [("turn", 0), ("slide", 1)])
+def test_parameters_have_the_names_and_units_of_the_contract(arm, name, joint, kind):
+    given = {p.name: p.unit for p in effect_named(name).parameters(arm, joint)}
+    assert given == {parameter: units[kind] for parameter, units in PARAMETERS[name].items()}
+    assert list(given) == list(PARAMETERS[name])
+
+
+@pytest.mark.parametrize("effect", ON_A_JOINT, ids=name_of)
+def test_an_unknown_joint_is_refused_with_the_known_names(arm, motion, effect):
+    with pytest.raises(RobotError, match=r"No joint 'knee' in this robot: its joints are turn, tilt, slide\."):
+        effect.signature(arm, motion, "knee", 0.3)
+
+
+@pytest.mark.parametrize("effect", LINEAR, ids=name_of)
+@pytest.mark.parametrize("joint", ["tilt", "slide"])
+def test_the_drive_makes_up_for_the_torque_of_a_linear_effect(arm, motion, rng, effect, joint):
+    # Measured torque = model + columns @ coefficients, and the effect's own torque is what the drive makes up for.
+    signature = effect.signature(arm, motion, joint, np.nan)
+    theta = rng.normal(size=len(signature.names))
+    expected = np.zeros((40, 3))
+    expected[:, list(signature.rows)] = -signature.columns @ theta
+    np.testing.assert_allclose(effect.torque(arm, motion, joint, theta), expected, atol=1e-12)
+
+
+@pytest.mark.parametrize("effect", LINEAR, ids=name_of)
+def test_the_coefficients_of_a_linear_effect_are_its_parameters(arm, rng, effect):
+    theta = rng.normal(size=len(effect.parameters(arm, "tilt")))
+    np.testing.assert_array_equal(effect.from_coefficients(arm, "tilt", theta, np.nan), theta)
+
+
+@pytest.mark.parametrize("effect", [e for e in ON_A_JOINT if e.name != "inertial_parameters"], ids=name_of)
+def test_an_effect_of_one_joint_touches_no_other(arm, motion, effect):
+    shape = effect.shapes(arm, motion, "tilt")[0]
+    assert effect.signature(arm, motion, "tilt", shape).rows == (1,)
+    theta = effect.from_coefficients(arm, "tilt", effect.probe(arm, motion, "tilt")[1] * 0.5, shape)
+    torque = effect.torque(arm, motion, "tilt", theta)
+    assert np.all(torque[:, [0, 2]] == 0)
+    assert np.any(torque[:, 1] != 0)
+
+
+@pytest.mark.parametrize("effect", ON_A_JOINT, ids=name_of)
+def test_columns_have_a_name_and_a_unit_each(arm, motion, effect):
+    signature = effect.signature(arm, motion, "turn", 0.3)
+    assert signature.columns.shape == (40, len(signature.rows), len(signature.names))
+    assert len(signature.units) == len(signature.names)
+
+
+@pytest.mark.parametrize("effect", [e for e in EFFECTS if e.name != "inertial_parameters"], ids=name_of)
+def test_the_probe_is_one_unit_of_the_named_parameter(arm, motion, effect):
+    # Finite difference of the torque in that parameter, where the others are those of the probe.
+    joint = "tilt" if effect.scope == "joint" else None
+    shape = effect.shapes(arm, motion, joint)[0]
+    name, direction = effect.probe(arm, motion, joint)
+    names = [p.name for p in effect.parameters(arm, joint)]
+    step = 1e-6
+    none = effect.from_coefficients(arm, joint, 0.0 * direction, shape)
+    some = effect.from_coefficients(arm, joint, step * direction, shape)
+    start = np.where([n == name for n in names], none, some)
+    change = (effect.torque(arm, motion, joint, some) - effect.torque(arm, motion, joint, start)) / step
+    assert (some - none)[names.index(name)] == pytest.approx(step, rel=1e-5)
+    signature = effect.signature(arm, motion, joint, shape)
+    np.testing.assert_allclose(change[:, list(signature.rows)], -signature.columns @ direction, rtol=1e-4, atol=1e-5)
