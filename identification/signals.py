@@ -153,7 +153,7 @@ def process_all(recordings: tuple[Recording, ...], robot: Robot) -> tuple[tuple[
     return tuple(process(recording, robot, cutoff_hz=wide) for recording in recordings), judged
 
 
-def choose_cutoff(signals: list[tuple[Float[Array, "N nv"], Float[Array, "N nv"], float]]) -> float:
+def choose_cutoff(signals: list[tuple[Float[Array, "_ nv"], Float[Array, "_ nv"], float]]) -> float:
     """Edge of the band [Hz] that the data support: the lower of two edges, over ``(q, tau, rate)`` of recordings.
 
     The first is the median, over moving joints, of the frequency up to which the acceleration stands 10 dB above its

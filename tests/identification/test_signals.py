@@ -1,0 +1,220 @@
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from identification.recordings import Recording
+from identification.signals import (
+    align_held_torque,
+    choose_cutoff,
+    differentiate,
+    process,
+    process_all,
+    smoothed,
+    uniform,
+)
+from phantom_dyn import load_robot
+from phantom_dyn.errors import LogError
+from phantom_dyn.robot import Robot
+
+RATE = 200.0
+T = np.arange(2000) / RATE
+
+
+@pytest.fixture(scope="module")
+def slide() -> Robot:
+    """A mass of 95.1089 kg on a horizontal slide, without friction."""
+    return load_robot("emps")
+
+
+def recording(t: np.ndarray, q: np.ndarray, tau: np.ndarray, **more) -> Recording:
+    return Recording("swing.csv", ("axis",), t, q[:, None], tau[:, None], **more)
+
+
+def swing(t: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Positions of the slide and the force that they need."""
+    w, amplitude, phase = 2 * np.pi * np.array([0.5, 1.3, 2.9]), np.array([0.1, 0.05, 0.01]), np.array([0.3, 1.0, 2.2])
+    waves = amplitude * np.sin(np.outer(t, w) + phase)
+    return waves.sum(axis=1), -95.1089 * waves @ w**2
+
+
+def held(tau: np.ndarray, mass: float) -> np.ndarray:
+    """Closed form of a mass under a force that is held from sample to sample."""
+    a = tau / mass
+    v = np.concatenate([[0.0], np.cumsum(a[:-1]) / RATE])
+    steps = v[:-1] / RATE + 0.5 * a[:-1] / RATE**2
+    return np.concatenate([[0.0], np.cumsum(steps)])
+
+
+@pytest.mark.parametrize("hz", [2.0, 6.0, 12.0])
+def test_an_aligned_held_torque_is_what_the_mass_feels_at_the_samples(hz):
+    # Closed form: a held sine acts half a sample late and weaker by sinc(f T).
+    tau = np.sin(2 * np.pi * hz * T)
+    felt = np.sinc(hz / RATE) * np.sin(2 * np.pi * hz * (T - 0.5 / RATE))
+    np.testing.assert_allclose(align_held_torque(tau[:, None])[2:-1, 0], felt[2:-1], atol=1e-3)
+
+
+def test_a_constant_torque_is_aligned_with_itself():
+    np.testing.assert_allclose(align_held_torque(np.full((9, 2), 3.0)), 3.0)
+
+
+def test_a_mass_driven_by_a_held_force_is_found_to_a_thousandth(slide):
+    # Known truth: double integrator, exact integration between samples.
+    tau = swing(T)[1]
+    robot = replace(slide, torque_hold="zoh")
+    log = process(recording(T, held(tau, 95.1089), tau), robot, cutoff_hz=12.0)
+    a, force = log.band(log.motion.a[:, 0]), log.band(log.tau[:, 0])
+    assert a @ force / (a @ a) == pytest.approx(95.1089, rel=1e-3)
+    assert np.std(force - 95.1089 * a) < 1e-3 * np.std(force)
+
+
+def test_a_held_force_taken_as_instant_leaves_half_a_sample(slide):
+    # Closed form: the rest of a sine that is half a sample late is 2 sin(pi f T / 2) of it.
+    tau = np.sin(2 * np.pi * 6.0 * T)
+    log = process(recording(T, held(tau, 95.1089), tau), slide, cutoff_hz=12.0)
+    rest = log.band(log.tau[:, 0] - 95.1089 * log.motion.a[:, 0])
+    assert np.std(rest) == pytest.approx(2 * np.sin(np.pi * 6.0 / RATE / 2) / np.sqrt(2), rel=0.05)
+
+
+@pytest.mark.parametrize("hz", [1.0, 7.0, 30.0])
+def test_derivatives_of_a_sine_are_those_of_the_sine(hz):
+    # Closed form; 30 Hz is near a sixth of the rate.
+    w = 2 * np.pi * hz
+    q, v, a = differentiate(np.sin(w * T)[:, None], RATE, 0.5 * RATE)
+    inside = slice(20, -20)
+    np.testing.assert_array_equal(q[:, 0], np.sin(w * T))
+    np.testing.assert_allclose(v[inside, 0], w * np.cos(w * T)[inside], atol=0.005 * w)
+    np.testing.assert_allclose(a[inside, 0], -(w**2) * np.sin(w * T)[inside], atol=0.005 * w**2)
+
+
+def test_derivatives_have_no_delay_under_the_filter():
+    # Two and a half times below the cut-off the filter takes a thousandth off, and shifts nothing.
+    w = 2 * np.pi * 4.0
+    q, v, a = differentiate(np.sin(w * T)[:, None], RATE, 10.0)
+    inside = slice(200, -200)
+    np.testing.assert_allclose(q[inside, 0], np.sin(w * T)[inside], atol=2e-3)
+    np.testing.assert_allclose(v[inside, 0], w * np.cos(w * T)[inside], atol=2e-3 * w)
+    np.testing.assert_allclose(a[inside, 0], -(w**2) * np.sin(w * T)[inside], atol=2e-3 * w**2)
+
+
+def test_noise_above_the_cutoff_does_not_reach_the_acceleration(rng):
+    # A hum of 1e-4 at 60 Hz would be an acceleration of 14.
+    hum = 1e-4 * np.sin(2 * np.pi * 60.0 * T)
+    a = differentiate(hum[:, None], RATE, 10.0)[2]
+    assert np.abs(a[200:-200]).max() < 0.05
+
+
+def test_a_uniform_recording_stays_as_it_is(slide):
+    q, tau = swing(T)
+    t, positions, torques, valid = uniform(recording(T, q, tau))
+    np.testing.assert_array_equal(t, T)
+    np.testing.assert_array_equal(positions[:, 0], q)
+    np.testing.assert_array_equal(torques[:, 0], tau)
+    assert valid.all()
+
+
+def test_an_irregular_recording_is_brought_to_its_median_step(rng):
+    times = T + 0.3 / RATE * rng.uniform(-1, 1, len(T))
+    t, q, tau, valid = uniform(recording(times, *swing(times)))
+    step = np.diff(t)
+    assert step == pytest.approx(np.median(np.diff(times)))
+    position, force = swing(t)
+    np.testing.assert_allclose(q[:, 0], position, atol=1e-5)
+    np.testing.assert_allclose(tau[:, 0], force, atol=0.01 * np.abs(force).max())
+    assert valid.all()
+
+
+def test_an_irregular_recording_gives_the_same_mass(slide, rng):
+    times = T + 0.3 / RATE * rng.uniform(-1, 1, len(T))
+    log = process(recording(times, *swing(times)), slide, cutoff_hz=10.0)
+    a, force = log.band(log.motion.a[:, 0]), log.band(log.tau[:, 0])
+    assert a @ force / (a @ a) == pytest.approx(95.1089, rel=5e-3)
+
+
+def test_a_gap_is_invalid_and_nothing_else():
+    keep = (T < 4.0) | (T > 4.4)
+    q, tau = swing(T)
+    t, _, _, valid = uniform(recording(T[keep], q[keep], tau[keep]))
+    np.testing.assert_array_equal(valid, (t < T[T < 4.0][-1]) | (t > T[T > 4.4][0]))
+    assert not valid.all()
+
+
+def test_a_dropped_sample_is_no_gap():
+    keep = np.arange(len(T)) != 700
+    q, tau = swing(T)
+    assert uniform(recording(T[keep], q[keep], tau[keep]))[3].all()
+
+
+def test_an_excluded_stretch_is_invalid_and_nothing_else():
+    valid = uniform(recording(T, *swing(T), excluded=((2.0, 3.0), (7.5, 20.0))))[3]
+    np.testing.assert_array_equal(valid, (T < 2.0) | ((T > 3.0) & (T < 7.5)))
+
+
+def test_in_the_band_only_kernels_that_touch_an_excluded_stretch_are_invalid(slide):
+    log = process(recording(T, *swing(T), excluded=((2.0, 3.0),)), slide, cutoff_hz=10.0)
+    reach = log.band.half / RATE
+    at = log.motion.t[log.samples]
+    np.testing.assert_array_equal(log.valid_in_band, (at < 2.0 - reach - 1e-9) | (at > 3.0 + reach + 1e-9))
+
+
+def test_a_recording_that_is_too_short_is_refused(slide):
+    few = T[:60]
+    with pytest.raises(
+        LogError, match=r"swing\.csv lasts 0\.29 s, too short for a band of 2\.0 Hz: record at least ten seconds"
+    ):
+        process(recording(few, *swing(few)), slide, cutoff_hz=2.0)
+
+
+def test_a_recording_without_torque_is_refused(slide):
+    q, tau = swing(T)
+    with pytest.raises(LogError, match=r"swing\.csv has no torque, current or voltage: record one, or see --motion-"):
+        process(replace(recording(T, q, tau), tau=None), slide)
+
+
+def test_smoothing_leaves_what_is_below_and_takes_what_is_above():
+    low, high = np.sin(2 * np.pi * 2.0 * T), np.sin(2 * np.pi * 40.0 * T)
+    out = smoothed(np.column_stack([low, low + high]), RATE, 10.0)
+    assert out.shape == (len(T), 2)
+    np.testing.assert_allclose(out[100:-100, 0], low[100:-100], atol=5e-3)
+    np.testing.assert_allclose(out[100:-100, 1], out[100:-100, 0], atol=5e-3)
+
+
+def test_smoothing_leaves_a_constant_up_to_its_ends():
+    np.testing.assert_allclose(smoothed(np.full(300, 2.5), RATE, 10.0), 2.5, rtol=1e-12)
+
+
+def test_the_band_of_emps_lies_where_the_published_friction_comes_back(slide, data_folder: Path):
+    # Published values need more than 20 Hz, which loses 3 % of the viscous coefficient, and less than the noise at 80.
+    data = np.load(data_folder / "emps" / "emps_train.npz")
+    rate = (len(data["t"]) - 1) / (data["t"][-1] - data["t"][0])
+    assert 40.0 < choose_cutoff([(data["q_meas"][:, None], data["force"][:, None], rate)]) < 70.0
+
+
+def test_a_coarser_encoder_narrows_the_band(rng):
+    f = np.arange(0.2, 25.0, 0.2)
+    q = (np.cos(2 * np.pi * np.outer(T, f) + rng.uniform(0, 6.3, len(f))) / f**4).sum(axis=1)
+    tau = rng.normal(size=len(T))
+    edges = [choose_cutoff([(np.round(q / step)[:, None] * step, tau[:, None], RATE)]) for step in (1e-4, 1e-3, 1e-2)]
+    assert edges[0] > 1.2 * edges[1] > 1.2**2 * edges[2]
+
+
+def test_the_band_ends_where_the_recorder_has_smoothed_the_torque(rng):
+    # Known truth: a kernel whose stop band begins at 3 Hz; a bin of the spectrum is 0.5 Hz wide.
+    q = swing(T)[0] + 1e-9 * rng.normal(size=len(T))
+    rough = rng.normal(size=len(T))
+    narrow = choose_cutoff([(q[:, None], smoothed(rough, RATE, 2.0)[:, None], RATE)])
+    assert 2.0 < narrow <= 4.0
+    assert choose_cutoff([(q[:, None], rough[:, None], RATE)]) > 1.2 * narrow
+
+
+def test_several_recordings_share_one_band_that_holds_the_judged_one(slide, rng):
+    q, tau = swing(T)
+    noisy = recording(T, q + 1e-5 * rng.normal(size=len(T)), tau + rng.normal(size=len(T)))
+    half = replace(noisy, t=noisy.t[:900], q=noisy.q[:900], tau=noisy.tau[:900])
+    logs, judged = process_all((noisy, half), slide)
+    assert logs[0].band.cutoff_hz == logs[1].band.cutoff_hz
+    assert judged <= logs[0].band.cutoff_hz <= 4 * judged
+    assert [len(log.motion.t) for log in logs] == [2000, 900]
