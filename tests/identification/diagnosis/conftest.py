@@ -1,0 +1,116 @@
+"""Two small robots, recordings of them whose truth is known, and what a diagnosis makes of these step by step."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from identification.diagnosis.blocks import Block, Weights, assign_folds, build_grams, split_blocks
+from identification.diagnosis.columns import Columns, Term, build_columns
+from identification.diagnosis.fitting import Problem, set_up
+from identification.diagnosis.noise import estimate_noise, weights_of
+from identification.diagnosis.search import Search, set_up_search
+from identification.diagnosis.whitening import whitened
+from identification.log import Log
+from identification.recordings import Recording
+from identification.signals import process_all
+from phantom_dyn import load_robot
+from phantom_dyn.dynamics import inverse_dynamics
+from phantom_dyn.motion import Motion
+from phantom_dyn.robot import Robot, Tolerance
+
+ROBOTS = Path(__file__).resolve().parents[2] / "robots"
+Array = np.ndarray
+TRUSTED = Tolerance(inertia=0.0, friction=0.0, rotor_inertia=0.0)
+
+
+@dataclass(frozen=True)
+class Prepared:
+    """What a diagnosis has made of recordings before it begins to search."""
+
+    logs: tuple[Log, ...]
+    cutoff_hz: float
+    columns: Columns
+    white: Columns
+    noise: tuple[Array, ...]
+    blocks: tuple[Block, ...]
+    folds: Array
+    weights: Weights
+    problem: Problem
+
+    @property
+    def search(self) -> Search:
+        """A search that claims a held-out gain of ten."""
+        return set_up_search(self.problem, 10.0)
+
+    def term(self, effect: str, joint: str | None) -> Term:
+        """The first rival of that effect and joint."""
+        return next(term for term in self.columns.terms if term.place == (effect, joint))
+
+
+class Lab:
+    """Makes robots move, measures them, and prepares the recordings for fits."""
+
+    def motion(self, nv: int, seed: int = 0, *, seconds: float = 10.0, rate: float = 200.0, swing: float = 1.0) -> Motion:
+        """Three sines a joint, between 0.2 and 1.5 Hz, with exact derivatives."""
+        rng = np.random.default_rng(seed)
+        t = np.arange(round(seconds * rate)) / rate
+        w = 2 * np.pi * np.array([[0.23 + 0.07 * j, 0.61 + 0.11 * j, 1.13 - 0.09 * j] for j in range(nv)])
+        amplitude = swing * rng.uniform(0.25, 0.5, (nv, 3)) / (1 + w / (2 * np.pi))
+        angle = w * t[:, None, None] + rng.uniform(0, 2 * np.pi, (nv, 3))
+        q = (amplitude * np.sin(angle)).sum(axis=2)
+        v = (amplitude * w * np.cos(angle)).sum(axis=2)
+        return Motion(t, q, v, -(amplitude * w**2 * np.sin(angle)).sum(axis=2))
+
+    def recording(
+        self, robot: Robot, motion: Motion, torque: Array | float = 0.0, *, noise: float = 0.05, seed: int = 0
+    ) -> Recording:
+        """A recording of a robot on which ``torque`` acts besides what the model knows; encoder noise is 1e-5."""
+        rng = np.random.default_rng([7, seed])
+        tau = inverse_dynamics(robot, motion) - torque + noise * rng.standard_normal(motion.q.shape)
+        return Recording("sim.csv", robot.joint_names, motion.t, motion.q + 1e-5 * rng.standard_normal(tau.shape), tau)
+
+    def prepared(self, robot: Robot, recordings: tuple[Recording, ...], *, held_out: int = 0, white: bool = True) -> Prepared:
+        """Columns, noise, blocks and products of recordings; the last ``held_out`` of them are seen by no fit."""
+        logs, cutoff_hz = process_all(recordings, robot)
+        columns = build_columns(robot, logs, cutoff_hz)
+        blocks = split_blocks(logs, cutoff_hz)
+        folds = assign_folds(blocks, np.arange(len(logs)) >= len(logs) - held_out)
+        noise = estimate_noise(columns, logs, blocks, folds)
+        filtered, rest = whitened(columns, noise) if white else (columns, noise)
+        weights = weights_of(filtered, rest)
+        problem = set_up(columns, filtered, blocks, weights, build_grams(filtered, blocks, folds, weights))
+        return Prepared(logs, cutoff_hz, columns, filtered, rest, blocks, folds, weights, problem)
+
+
+@pytest.fixture(scope="session")
+def lab() -> Lab:
+    return Lab()
+
+
+@pytest.fixture(scope="session")
+def pendulum() -> Robot:
+    """A rod on joint pin, with modelled friction."""
+    return load_robot(ROBOTS / "pendulum.urdf")
+
+
+@pytest.fixture(scope="session")
+def planar2() -> Robot:
+    """Two links on shoulder and elbow, with modelled friction."""
+    return load_robot(ROBOTS / "planar2.urdf")
+
+
+@pytest.fixture(scope="session")
+def trusted() -> Callable[[Robot], Robot]:
+    """The same robot with a model that is trusted exactly."""
+    return lambda robot: replace(robot, tolerance=TRUSTED)
+
+
+@pytest.fixture(scope="session")
+def quiet(lab: Lab, planar2: Robot) -> Prepared:
+    """The planar arm without a gap, ready for fits."""
+    return lab.prepared(planar2, (lab.recording(planar2, lab.motion(2)),))
