@@ -1,0 +1,104 @@
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from identification.diagnosis.blocks import FOLDS, Weights, assign_folds, build_grams, row_grams, split_blocks
+from identification.signals import process
+
+
+@pytest.fixture(scope="module")
+def two(lab, planar2):
+    """Two recordings of different length; no fit sees the second."""
+    recordings = (
+        lab.recording(planar2, lab.motion(2, 1, seconds=16.0)),
+        lab.recording(planar2, lab.motion(2, 2, seconds=7.0), seed=1),
+    )
+    return lab.prepared(planar2, recordings, held_out=1)
+
+
+def test_every_sample_in_the_band_is_in_one_block(two):
+    for k, log in enumerate(two.logs):
+        mine = [block for block in two.blocks if block.log == k]
+        covered = np.concatenate([np.arange(block.start, block.stop) for block in mine])
+        np.testing.assert_array_equal(covered, np.arange(len(log.samples)))
+
+
+def test_a_core_shares_no_sample_with_the_kernels_of_the_block_before(two):
+    # Full-rate samples that the filter of the first core sample touches, against those of the last block.
+    for k, log in enumerate(two.logs):
+        mine = [block for block in two.blocks if block.log == k]
+        for before, block in zip(mine[:-1], mine[1:], strict=True):
+            assert block.start <= block.core < block.stop
+            if block.core > block.start:
+                assert log.samples[block.core] - log.band.half >= log.samples[before.stop - 1]
+
+
+def test_the_first_block_of_a_log_is_all_core(two):
+    firsts = [next(block for block in two.blocks if block.log == k) for k in range(2)]
+    assert all(block.core == block.start == 0 for block in firsts)
+
+
+def test_blocks_last_a_second_at_least(two):
+    for block in two.blocks:
+        band = two.logs[block.log].band
+        assert (block.stop - block.start) * band.step / band.rate_hz > 0.9
+
+
+def test_a_long_recording_has_about_forty_blocks(lab, planar2):
+    log = lab.prepared(planar2, (lab.recording(planar2, lab.motion(2, seconds=10.0)),)).logs[0]
+    long = lab.recording(planar2, lab.motion(2, seconds=100.0))
+    blocks = split_blocks((process(long, planar2, cutoff_hz=log.band.cutoff_hz),), 5.0)
+    assert 36 <= len(blocks) <= 44
+
+
+def test_blocks_of_a_log_that_is_held_out_have_no_fold(two):
+    assert [fold < 0 for fold in two.folds] == [block.log == 1 for block in two.blocks]
+
+
+def test_folds_take_turns_so_that_each_covers_the_recording(two):
+    folds = assign_folds(two.blocks, np.zeros(2, dtype=bool))
+    np.testing.assert_array_equal(folds, np.arange(len(two.blocks)) % FOLDS)
+
+
+def test_a_weight_counts_noise_and_its_colour():
+    weights = Weights(np.array([0.1, 2.0]), np.array([1.0, 5.0]))
+    np.testing.assert_allclose(weights.per_sample, [100.0, 0.05])
+
+
+@pytest.mark.parametrize("row", [0, 1])
+def test_products_of_a_row_are_those_of_its_usable_samples(two, row):
+    # Brute force: weighted sums over the samples of one block.
+    grams = row_grams(two.white, two.blocks, two.weights, row)
+    for k in (0, 3, len(two.blocks) - 1):
+        block = two.blocks[k]
+        for first, a, b, c in ((block.start, grams.a, grams.b, grams.c),
+                               (block.core, grams.core_a, grams.core_b, grams.core_c)):  # fmt: skip
+            part = slice(first, block.stop)
+            use = two.white.usable[block.log][part, row]
+            x = two.white.values[block.log][row][part][use]
+            y = two.white.residual[block.log][part, row][use]
+            weight = two.weights.per_sample[row]
+            np.testing.assert_allclose(a[k], weight * x.T @ x, rtol=1e-9, atol=1e-9)
+            np.testing.assert_allclose(b[k], weight * x.T @ y, rtol=1e-9, atol=1e-9)
+            assert c[k] == pytest.approx(weight * y @ y)
+
+
+def test_rows_add_up(two, rng):
+    # For any coefficients the summed products give the loss of all rows.
+    grams = build_grams(two.white, two.blocks, two.folds, two.weights)
+    theta = rng.normal(size=len(two.white.names)) * 1e-3
+    for k in (1, len(two.blocks) - 1):
+        block = two.blocks[k]
+        part, expected = slice(block.start, block.stop), 0.0
+        for j, index in enumerate(two.white.rows):
+            error = two.white.residual[block.log][part, j] - two.white.values[block.log][j][part] @ theta[list(index)]
+            expected += two.weights.per_sample[j] * np.sum(error[two.white.usable[block.log][part, j]] ** 2)
+        assert grams.c[k] - 2 * grams.b[k] @ theta + theta @ grams.a[k] @ theta == pytest.approx(expected)
+
+
+def test_the_count_of_a_core_is_the_number_of_its_independent_samples(two):
+    grams = build_grams(two.white, two.blocks, two.folds, two.weights)
+    block = two.blocks[2]
+    use = two.white.usable[block.log][block.core : block.stop]
+    assert grams.count[2] == pytest.approx((use.sum(axis=0) / two.weights.spread).sum())
