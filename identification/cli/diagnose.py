@@ -35,7 +35,7 @@ def parser() -> argparse.ArgumentParser:
     out.add_argument("--columns", metavar="FILE", type=Path, help="YAML that maps other names, units and signs")
     out.add_argument("--exclude", metavar="T0:T1", **several, help="stretches of time [s] to leave out")
     out.add_argument("--topic", metavar="NAME", help="JointState topic of a bag that has several")
-    out.add_argument("--jobs", metavar="N", type=int, default=1, help="processes for several recordings")
+    out.add_argument("--jobs", metavar="N", type=int, default=1, help="processes at most; this version needs one")
     return out
 
 
@@ -46,6 +46,7 @@ def run(arguments: argparse.Namespace) -> int:
         raise UsageError(
             f"--jobs {arguments.jobs} was given, wanted a number of processes from 1 on; leave it out for 1"
         )
+    _require_files(arguments)
     # One BLAS thread: the matrices are small, and two threads on a busy machine wait for each other.
     for name in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"):
         os.environ.setdefault(name, "1")
@@ -79,6 +80,25 @@ def run(arguments: argparse.Namespace) -> int:
     for path in written:
         print(f"wrote {path}")
     return 0
+
+
+def _require_files(arguments: argparse.Namespace) -> None:
+    """Refuse a robot or log that is not there, and a log given twice, before anything heavy is loaded.
+
+    Blocks of a recording that is there twice would be judged by fits that have seen their copy.
+    """
+    from identification.readers import require_existing
+    from phantom_dyn.robot_files import find_robot
+
+    find_robot(arguments.robot)
+    seen: dict[Path, str] = {}
+    for option, paths in (("LOG", arguments.logs), ("--hold-out", arguments.hold_out)):
+        for path in paths:
+            require_existing(path)
+            place = Path(path).resolve()
+            if place in seen:
+                raise UsageError(f"{path} is given twice, as {seen[place]} and as {option}; give every recording once")
+            seen[place] = option
 
 
 def _stretch(text: str) -> tuple[float, float]:

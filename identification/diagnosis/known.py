@@ -8,7 +8,7 @@ from identification.diagnosis.columns import KnownEffect
 from identification.export.corrected import read_corrected
 from phantom_dyn.effects.catalogue import effect_named
 from phantom_dyn.effects.inertial_parameters import InertialParameters
-from phantom_dyn.errors import ParameterError
+from phantom_dyn.errors import ParameterError, PhantomDynError
 from phantom_dyn.robot import Robot
 
 
@@ -21,7 +21,14 @@ def known_effects(files: tuple[Path, ...], robot: Robot) -> tuple[KnownEffect, .
     out = []
     for file in files:
         for entry in read_corrected(file).effects:
-            effect = effect_named(entry.effect)
+            try:
+                effect = effect_named(entry.effect)
+            except PhantomDynError as error:
+                raise ParameterError(f"{file}: {error}") from error
+            if entry.joint is None and effect.scope == "joint":
+                raise ParameterError(
+                    f"{file}: effect {entry.effect} has no joint, wanted one of {', '.join(robot.joint_names)}."
+                )
             if entry.joint is not None and entry.joint not in robot.joint_names:
                 raise ParameterError(
                     f"{file}: effect {entry.effect} is on joint '{entry.joint}', which this robot does not have: "

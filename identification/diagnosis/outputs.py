@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import os
+from contextlib import ExitStack
 from pathlib import Path
 
 from identification.diagnosis.json_output import json_text
 from identification.diagnosis.result import Diagnosis
 from identification.export.corrected import write_corrected
-from identification.files import write_atomically
+from identification.files import temporary_beside
 from phantom_dyn.errors import UsageError
 from phantom_dyn.robot import Robot
 
@@ -54,8 +55,9 @@ def write_outputs(diagnosis: Diagnosis, robot: Robot, *, out: Path | None, json_
         contents = {out / name: text for name, text in zip(NAMES, texts, strict=True)}
     if json_file is not None:
         contents[json_file] = json_text(diagnosis)
-    for path, text in contents.items():
-        write_atomically(path, text)
+    with ExitStack() as renamed_together:
+        for path, text in contents.items():
+            renamed_together.enter_context(temporary_beside(path)).write_bytes(text.encode())
     return tuple(contents)
 
 

@@ -1,0 +1,135 @@
+"""Bad options of ``phantom-dyn diagnose``: exit code 2, one sentence, nothing written.
+
+Oracle: the contract, paragraph "Bad input"; what holds for every refusal is asserted by the fixture ``refusal``.
+"""
+
+from __future__ import annotations
+
+import re
+
+import pytest
+
+from identification.cli.main import main
+
+
+@pytest.mark.parametrize(
+    ("stretch", "message"),
+    [
+        ("2", r"--exclude 2 was given, wanted two times in seconds such as 2\.5:4"),
+        ("a:b", r"--exclude a:b was given, wanted two times in seconds"),
+        ("1:2:3", r"--exclude 1:2:3 was given, wanted two times in seconds"),
+        ("nan:2", r"--exclude nan:2"),
+        ("4:2", r"--exclude 4:2 ends before it begins, wanted T0 < T1"),
+        ("20:30", r"the excluded stretch 20:30 lies outside log\.csv, which goes from 0 s to 9\.995 s: give times"),
+        ("-3:-2", r"the excluded stretch -3:-2 lies outside log\.csv"),
+    ],
+)
+def test_a_stretch_that_makes_no_sense(pendulum, log, refusal, stretch, message):
+    assert re.search(message, refusal(pendulum, log, "--exclude", stretch))
+
+
+@pytest.mark.parametrize(
+    ("words", "message"),
+    [
+        (("--jobs", "0"), r"--jobs 0 was given, wanted a number of processes from 1 on"),
+        (("--jobs", "two"), r"argument --jobs: invalid int value: 'two'; see phantom-dyn diagnose --help"),
+        (("--no-such-option",), r"unrecognized arguments: --no-such-option; see phantom-dyn diagnose --help"),
+        (("--columns",), r"argument --columns: expected one argument"),
+        (("--hold-out",), r"argument --hold-out: expected at least one argument"),
+    ],
+)
+def test_an_option_that_makes_no_sense(pendulum, log, refusal, words, message):
+    assert re.search(message, refusal(pendulum, log, *words))
+
+
+def test_no_log(pendulum, refusal):
+    assert re.search(r"the following arguments are required: LOG; see phantom-dyn diagnose --help", refusal(pendulum))
+
+
+def test_a_log_that_is_given_twice(pendulum, log, refusal):
+    assert re.search(
+        r"log\.csv is given twice, as LOG and as LOG; give every recording once", refusal(pendulum, log, log)
+    )
+
+
+def test_a_log_that_is_its_own_hold_out(pendulum, log, refusal):
+    again = log.parent / ".." / log.parent.name / log.name
+    assert re.search(r"given twice, as LOG and as --hold-out", refusal(pendulum, log, "--hold-out", again))
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ("t: stamp", r"map\.yaml: log\.csv has no column stamp: the columns are t, q\.pin, tau\.pin"),
+        ("tau.pin: {from: tau.pin, unit: lbf}", r"map\.yaml: tau\.pin\.unit is 'lbf': "),
+        ("tau.pin: {from: tau.pin, sing: -1}", r"map\.yaml: tau\.pin has the unknown key sing: .*did you mean sign\?"),
+        ("torque: tau.pin", r"map\.yaml: torque is no column of a log"),
+        ("tau.pin: {from", r"map\.yaml is not valid YAML"),
+        ("", r"map\.yaml is empty: a column map needs entries"),
+    ],
+)
+def test_a_wrong_column_map(pendulum, tmp_path, log, refusal, text, message):
+    (tmp_path / "map.yaml").write_text(text)
+    assert re.search(message, refusal(pendulum, log, "--columns", tmp_path / "map.yaml"))
+
+
+def test_a_missing_column_map(pendulum, tmp_path, log, refusal):
+    assert re.search(r"no\.yaml cannot be read", refusal(pendulum, log, "--columns", tmp_path / "no.yaml"))
+
+
+KNOWN = """schema: phantom-dyn-model/1
+robot: {source: r.urdf, sha256: abc}
+effects:
+- {effect: EFFECT, joint: JOINT, parameters: {NAME: {value: VALUE, std: 0.1, unit: N m}}, gap_closed: 0.5}
+adjusted: []
+"""
+
+
+@pytest.mark.parametrize(
+    ("effect", "joint", "name", "value", "message"),
+    [
+        ("coulomb_friction", "elbow", "torque", "1", r"is on joint 'elbow', which this robot does not have: .*pin"),
+        ("coloumb_friction", "pin", "torque", "1", r"Unknown effect 'coloumb_friction': known effects are"),
+        ("coulomb_friction", "pin", "force", "1", r"has parameters force, wanted torque"),
+        ("coulomb_friction", "pin", "torque", "big", r"effects\[0\]\.parameters\.torque\.value is the text 'big'"),
+        ("coulomb_friction", "null", "torque", "1", r"effect coulomb_friction has no joint, wanted one of pin"),
+        ("coulomb_friction", "pin", "torque", "[1, 2]", r"torque.*wanted"),
+    ],
+)
+def test_a_wrong_file_of_known_effects(pendulum, tmp_path, log, refusal, effect, joint, name, value, message):
+    text = KNOWN.replace("EFFECT", effect).replace("JOINT", joint).replace("NAME", name).replace("VALUE", value)
+    (tmp_path / "known.yaml").write_text(text)
+    assert re.search(r"known\.yaml.*" + message, refusal(pendulum, log, "--with", tmp_path / "known.yaml"))
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ("effects: []", r"there is no key schema, wanted phantom-dyn-model/1: give the corrected\.yaml of a diagnosis"),
+        ("schema: [", r"is not valid YAML"),
+        ("", r"known\.yaml"),
+    ],
+)
+def test_a_file_that_holds_no_known_effects(pendulum, tmp_path, log, refusal, text, message):
+    (tmp_path / "known.yaml").write_text(text)
+    assert re.search(message, refusal(pendulum, log, "--with", tmp_path / "known.yaml"))
+
+
+def test_a_missing_file_of_known_effects(pendulum, tmp_path, log, refusal):
+    assert re.search(r"no\.yaml cannot be read", refusal(pendulum, log, "--with", tmp_path / "no.yaml"))
+
+
+def test_a_file_for_the_output_folder(pendulum, log, capsys):
+    assert main(["diagnose", str(pendulum), str(log), "--out", str(log)]) == 2
+    assert re.fullmatch(r"phantom-dyn: --out .*log\.csv is a file, wanted a folder; .*\n", capsys.readouterr().err)
+
+
+def test_a_file_above_the_output_folder(pendulum, log, capsys):
+    assert main(["diagnose", str(pendulum), str(log), "--out", str(log / "report")]) == 2
+    assert re.search(r"log\.csv is no folder; name a file in another place\n$", capsys.readouterr().err)
+
+
+def test_a_folder_for_the_json(pendulum, log, refusal):
+    assert re.search(
+        r"--json: .* is a folder, wanted a file; .*name another place", refusal(pendulum, log, "--json", log.parent)
+    )
