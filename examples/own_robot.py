@@ -1,0 +1,29 @@
+"""The Python interface in ten lines: ``python examples/own_robot.py robot.urdf log.csv``."""
+
+from __future__ import annotations
+
+import sys
+
+from identification.diagnosis.diagnose import diagnose
+from identification.diagnosis.summary import summary
+from identification.recordings import read_recording
+from phantom_dyn import load_robot
+from phantom_dyn.errors import PhantomDynError
+
+
+def main(robot_file: str, log_file: str) -> None:
+    robot = load_robot(robot_file)
+    recording = read_recording(log_file, robot)
+    diagnosis = diagnose(robot, (recording,))
+    print(summary(diagnosis))
+    for finding in diagnosis.findings:
+        print(finding.effect, finding.joint, finding.gap_closed_interval, finding.parameters)
+
+
+if __name__ == "__main__":
+    if len(sys.argv) != 3:
+        sys.exit("own_robot.py takes a robot file and a log: python examples/own_robot.py robot.urdf log.csv")
+    try:
+        main(*sys.argv[1:])
+    except PhantomDynError as error:
+        sys.exit(str(error))
