@@ -44,6 +44,12 @@ def uniform(recording: Recording) -> tuple[Float[Array, " N"], Float[Array, "N n
         raise LogError(f"{recording.file} has no torque, current or voltage: record one, or see --motion-only.")
     q = recording.q
     gaps = [(t[k], t[k + 1]) for k in np.flatnonzero(steps > 5 * step)]
+    if t[-1] - t[0] > 3 * len(t) * step:
+        k = int(np.argmax(steps))
+        raise LogError(
+            f"{recording.file}: the time jumps from {t[k]:g} to {t[k + 1]:g} s, a gap longer than the recording: "
+            "give each part in a file of its own."
+        )
     if np.max(np.abs(steps - step)) > 1e-3 * step:
         from scipy.interpolate import CubicSpline
 

@@ -46,9 +46,9 @@ def acceleration_edge(q: Float[Array, " N"], rate_hz: float) -> float | None:
             lowest = k
         elif envelope[k] > 20 * envelope[lowest]:
             break
-    edge = next(k for k in range(start, lowest + 1) if envelope[k] <= 10 * envelope[lowest])
-    if np.sqrt(level[start : lowest + 1].max() / envelope[edge]) < 5:
+    if np.sqrt(level[start : lowest + 1].max() / envelope[lowest]) < 5 * np.sqrt(10):
         return None
+    edge = next(k for k in range(start, lowest + 1) if envelope[k] <= 10 * envelope[lowest])
     return float(centre[edge])
 
 

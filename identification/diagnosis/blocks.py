@@ -100,14 +100,14 @@ class Grams:
 
 
 def split_blocks(logs: tuple[Log, ...], cutoff_hz: float) -> tuple[Block, ...]:
-    """Blocks of at least a second and ten periods of the judged band's edge, some twenty to forty in all.
+    """Blocks of at least a second and five periods of the judged band's edge, some twelve to forty in all.
 
     The core leaves out as many samples as the filter's kernel reaches, so that the noise of a core is not that of
     the block before it.
     """
     period = 1.0 / cutoff_hz
     total = sum(log.motion.t[-1] - log.motion.t[0] for log in logs)
-    length = max(1.0, 10 * period, total / 40)
+    length = max(1.0, min(5 * period, total / 12), total / 40)
     blocks = []
     for k, log in enumerate(logs):
         count = len(log.samples)

@@ -6,8 +6,9 @@ import numpy as np
 from jaxtyping import Float
 
 from identification.diagnosis.columns import Term
+from identification.diagnosis.fitting import solve
 from identification.diagnosis.result import Bound, NotTestable
-from identification.diagnosis.search import PARAMETER_PRICE, Search, contains, price
+from identification.diagnosis.search import PARAMETER_PRICE, Search, contains, price, rows_of
 from phantom_dyn.motion import Motion
 from phantom_dyn.robot import Robot
 
@@ -32,7 +33,7 @@ def smallest_seen(
     found = {term.place for term in chosen}
     kept = sorted({column for term in chosen for column in term.columns})
     base = np.array([*range(problem.nuisances), *kept], dtype=int)
-    inverse = np.linalg.inv(problem.total_a[np.ix_(base, base)] + np.diag(problem.precision[base]))
+    inverse = solve(problem.total_a[np.ix_(base, base)] + np.diag(problem.precision[base]), np.eye(len(base)))
     tested = set(search.terms)
     for term in problem.columns.terms:
         if term.place in found or any(contains(other, term) for other in chosen):
@@ -44,7 +45,9 @@ def smallest_seen(
             continue
         name, direction = term.effect.probe(robot, motion, term.joint)
         information = _information(search, term, direction, base, inverse)
-        needed = np.sqrt(search.threshold + max(price(search.sizes[term]) - PARAMETER_PRICE, 0.0) + 2.0) + _POWER
+        rows = sorted(rows_of(problem, term))
+        least = max(search.threshold, float(search.row_thresholds[rows].sum()))
+        needed = np.sqrt(least + max(price(search.sizes[term]) - PARAMETER_PRICE, 0.0) + 2.0) + _POWER
         size = needed / np.sqrt(information) if information > 0 else np.inf
         if not size < _largest(search, term, direction):
             why = f"it would have to exceed the torque measured on {joint} to be seen in this recording"

@@ -102,6 +102,11 @@ class Columns:
     usable: tuple[Bool[Array, "n nv"], ...]
 
 
+def moving_joints(log: Log) -> Bool[Array, " nv"]:
+    """False for joints whose whole motion is rounding: less than a millionth of a radian or metre."""
+    return np.ptp(log.motion.q, axis=0) > 1e-6
+
+
 def standing_still(log: Log) -> Bool[Array, "N nv"]:
     """True where a joint rests: its speed is within noise, so static friction may hold any torque.
 
@@ -112,26 +117,23 @@ def standing_still(log: Log) -> Bool[Array, "N nv"]:
     width = max(3, int(log.band.rate_hz / log.band.cutoff_hz))
     kernel = np.ones(width) / width
     out = np.empty(v.shape, dtype=bool)
-    for j in range(v.shape[1]):
+    for j, moves in enumerate(moving_joints(log)):
         rough = v[:, j] - np.convolve(v[:, j], kernel, mode="same")
         sigma = 1.4826 * np.median(np.abs(rough))
         slow = np.abs(v[:, j]) < max(3 * sigma, 1e-3 * np.percentile(np.abs(v[:, j]), 99))
         # Passing through zero is no rest: the joint has to be slow for a whole period of the band's edge.
         resting = np.convolve(slow, kernel, mode="same") > 0.999
-        out[:, j] = np.convolve(resting, np.ones(width), mode="same") > 0.5
+        out[:, j] = (np.convolve(resting, np.ones(width), mode="same") > 0.5) | ~moves
     return out
 
 
 def usable_samples(log: Log) -> Bool[Array, "n nv"]:
-    """In-band samples whose kernel touches nothing excluded and, on rows with enough motion, no rest of the joint."""
+    """In-band samples whose kernel touches nothing excluded and hardly any rest of the joint."""
     resting = standing_still(log)
     half, at = log.band.half, log.samples
     count = np.vstack([np.zeros(resting.shape[1], dtype=int), np.cumsum(resting, axis=0)])
     share = (count[at + half + 1] - count[at - half]) / (2 * half + 1)
-    moving = share < 0.25
-    # A joint that hardly moves still tells gravity, so its rows are kept.
-    moving |= moving.mean(axis=0) < 0.3
-    return moving & log.valid_in_band[:, None]
+    return (share < 0.25) & log.valid_in_band[:, None]
 
 
 def _nuisances(robot: Robot) -> list[tuple[Nuisance, str, int, Array | None]]:
@@ -266,7 +268,10 @@ def _values(
     known: tuple[KnownEffect, ...],
 ) -> tuple[tuple[Float[Array, "n k"], ...], Float[Array, "n nv"]]:
     """In-band columns of one log row by row, and its modelled torque in the band."""
-    motion, band = log.motion, log.band
+    band = log.band
+    # Rounding errors of a joint at rest have a sign, and friction would follow it.
+    moves = moving_joints(log)
+    motion = Motion(log.motion.t, log.motion.q, log.motion.v * moves, log.motion.a * moves)
 
     def narrow(x: Array) -> Array:
         if cutoff_hz >= 0.99 * band.cutoff_hz:

@@ -14,7 +14,15 @@ from identification.diagnosis.bounds import sensor_blind, smallest_seen
 from identification.diagnosis.columns import Columns, KnownEffect, Term, build_columns, merged_motion
 from identification.diagnosis.fitting import Fitted, Problem, set_up
 from identification.diagnosis.flexible import held_out_ridge, state_features
-from identification.diagnosis.gap import Sums, held_out_torque, in_judged_band, residual_after, sums
+from identification.diagnosis.gap import (
+    Sums,
+    held_out_torque,
+    in_judged_band,
+    residual_after,
+    row_counts,
+    row_losses,
+    sums,
+)
 from identification.diagnosis.locate import regime_shares
 from identification.diagnosis.noise import estimate_noise, rms, smaller_noise, weights_of
 from identification.diagnosis.null import null_threshold
@@ -34,6 +42,7 @@ from identification.log import Log
 from identification.recordings import Recording
 from identification.signals import process_all
 from phantom_dyn import __version__
+from phantom_dyn.errors import LogError
 from phantom_dyn.robot import Robot
 
 Array = np.ndarray
@@ -42,6 +51,10 @@ Array = np.ndarray
 _LOWER = 0.9
 # A claim closes at least this share of the gap: less is what a law of the right kind leaves that is off by 5 %.
 _LEAST_SHARE = 0.004
+# Fewer blocks of at least a second cannot be held out in turn.
+_LEAST_BLOCKS = 4
+# Alignment, derivatives and the tolerance taken as linear are right to about one per cent of the torque they explain.
+_ACCURACY = 0.0002
 # A claim gains at least this on held-out data, whatever chance gives.
 _LEAST_GAIN = 10.0
 # A rest is structured if a flexible model takes at least this share off its loss, three standard errors over blocks.
@@ -98,6 +111,12 @@ def diagnose(
     columns = build_columns(robot, logs, cutoff_hz, known)
     blocks = split_blocks(logs, cutoff_hz)
     folds = assign_folds(blocks, np.array([k >= len(recordings) for k in range(len(every))]))
+    if np.sum(folds >= 0) < _LEAST_BLOCKS:
+        seconds = sum(log.motion.t[-1] - log.motion.t[0] for log in logs)
+        raise LogError(
+            f"{recordings[0].file}: {seconds:.1f} s are too short to hold data back and judge on them: "
+            "record at least ten seconds of motion."
+        )
     progress("estimating the noise")
     noise = estimate_noise(columns, logs, blocks, folds)
     search, chosen = _search(columns, blocks, folds, noise, progress)
@@ -119,11 +138,13 @@ def _search(
     white, white_noise = whitened(columns, noise)
     weights = weights_of(white, white_noise)
     problem = set_up(columns, white, blocks, weights, build_grams(white, blocks, folds, weights))
-    search = set_up_search(problem, 0.0)
+    search = set_up_search(problem, 0.0, np.zeros(len(columns.rows)))
     progress("measuring what chance gives")
-    gap = search.evaluate(frozenset()).total - float(problem.grams.count.sum())
-    threshold = max(_LEAST_GAIN, null_threshold(search, white_noise), _LEAST_SHARE * gap)
-    search = set_up_search(problem, threshold)
+    threshold = max(_LEAST_GAIN, null_threshold(search, white_noise))
+    given, gap = (
+        np.maximum(loss - row_counts(problem), 0.0) for loss in row_losses(problem, search.evaluate(frozenset()))
+    )
+    search = set_up_search(problem, threshold, _LEAST_SHARE * gap + _ACCURACY * given)
     return search, explain(search, progress)
 
 
@@ -141,12 +162,14 @@ def _assemble(
     """Put everything that the search has found into the shape of the contract."""
     problem = search.problem
     columns = problem.columns
-    judge = Judge(problem, logs, cutoff_hz, _floor(columns, logs, cutoff_hz, noise))
     found = search.evaluate(chosen)
-    given = judge.narrow(columns.residual)
     torque = held_out_torque(problem, chosen, found)
-    rest = judge.narrow(residual_after(problem, torque))
+    rest = in_judged_band(residual_after(problem, torque), logs, cutoff_hz)
+    given = in_judged_band(columns.residual, logs, cutoff_hz)
     before, after = sums(problem, given), sums(problem, rest)
+    # What is left is at least noise, so noise is at most what is left.
+    floor = np.minimum(_floor(columns, logs, cutoff_hz, noise), np.where(after.rms() > 0, after.rms(), np.inf))
+    judge = Judge(problem, logs, cutoff_hz, floor)
     predicted = _flexible_rest(problem, logs, rest)
     smooth = sums(problem, tuple(r - p for r, p in zip(rest, predicted, strict=True)))
     findings = _findings(robot, search, chosen, judge, before, after)

@@ -29,6 +29,7 @@ class Problem:
         lower, upper: Bounds, ``(K,)``.
         nuisances: Number of leading columns that every fit contains.
         total_a, total_b: Products summed over the blocks that train.
+        touched: Rows that each column touches.
     """
 
     columns: Columns
@@ -42,6 +43,7 @@ class Problem:
     nuisances: int
     total_a: Float[Array, "K K"]
     total_b: Float[Array, " K"]
+    touched: tuple[frozenset[int], ...]
 
 
 @dataclass(frozen=True)
@@ -53,6 +55,7 @@ class Fitted:
         active: Columns in the model.
         cov: Covariance of the active coefficients, priors counted, ``(len(active), len(active))``.
         penalty: What the moves of the nuisances cost: their squares in sigmas, summed.
+        objective: Loss over all training blocks with penalty and priors, in sample, up to a constant.
         loss: Weighted squared residual of each block's core, each predicted by a fit that has not seen it, ``(B,)``.
         fold_theta: Coefficients of the fit that has not seen each fold, ``(F, K)``.
     """
@@ -61,6 +64,7 @@ class Fitted:
     active: Int[Array, " k"]
     cov: Float[Array, "k k"]
     penalty: float
+    objective: float
     loss: Float[Array, " B"]
     fold_theta: Float[Array, "F K"]
 
@@ -96,6 +100,7 @@ class Products:
 
     a: Float[Array, "k k"]
     b: Float[Array, " k"]
+    c: float
     blocks: tuple[Array, ...] | None
 
 
@@ -115,11 +120,34 @@ def set_up(columns: Columns, white: Columns, blocks: tuple[Block, ...], weights:
     for term in columns.terms:
         for k, bound in zip(term.columns, term.lower, strict=True):
             lower[k] = max(lower[k], bound)
+    touched = tuple(frozenset(j for j, index in enumerate(columns.rows) if k in index) for k in range(count))
     train = grams.fold >= 0
     total_a, total_b = grams.a[train].sum(axis=0), grams.b[train].sum(axis=0)
     return Problem(
-        columns, white, blocks, weights, grams, precision, lower, upper, len(columns.nuisances), total_a, total_b
+        columns,
+        white,
+        blocks,
+        weights,
+        grams,
+        precision,
+        lower,
+        upper,
+        len(columns.nuisances),
+        total_a,
+        total_b,
+        touched,
     )
+
+
+def solve(a: Float[Array, "k k"], b: Float[Array, "k ..."]) -> Float[Array, "k ..."]:
+    """Solution of ``a x = b`` for a positive definite ``a`` whose rows may differ by many orders of magnitude."""
+    scale = 1.0 / np.sqrt(np.maximum(np.diag(a), 1e-300))
+    scaled = a * scale[:, None] * scale[None, :]
+    # A relative 1e-12 is below what any of these products is known to, and keeps exact twins solvable.
+    scaled[np.diag_indices_from(scaled)] += 1e-12
+    right = b * (scale if b.ndim == 1 else scale[:, None])
+    x = np.linalg.solve(scaled, right)
+    return x * (scale if b.ndim == 1 else scale[:, None])
 
 
 def bounded_solve(
@@ -130,7 +158,7 @@ def bounded_solve(
     All violated bounds are taken in at once and released one by one when their multiplier has the wrong sign, which
     takes two or three solves for the few bounds that bind here; sixty sweeps are allowed.
     """
-    x = np.linalg.solve(a, b)
+    x = solve(a, b)
     if np.all(x >= lower) and np.all(x <= upper):
         return x
     fixed = np.zeros(len(b), dtype=bool)
@@ -148,7 +176,7 @@ def bounded_solve(
             fixed[np.argmax(np.where(wrong, np.abs(gradient), -1.0))] = False
         x = value * fixed
         free = ~fixed
-        x[free] = np.linalg.solve(a[np.ix_(free, free)], b[free] - a[np.ix_(free, fixed)] @ value[fixed])
+        x[free] = solve(a[np.ix_(free, free)], b[free] - a[np.ix_(free, fixed)] @ value[fixed])
     return np.clip(x, lower, upper)
 
 
@@ -278,6 +306,7 @@ def _products(problem: Problem, active: Int[Array, " k"], scalings: tuple[Scalin
             grams.core_c.copy(),
         )
     train = grams.fold >= 0
+    c = float(grams.c[train].sum())
     for scaling in scalings:
         row = grams.rows[scaling.row]
         local = np.flatnonzero(np.isin(row.index, active))
@@ -289,7 +318,8 @@ def _products(problem: Problem, active: Int[Array, " k"], scalings: tuple[Scalin
         square = (slice(None), local[:, None], local[None, :])
         place = (slice(None), at[:, None], at[None, :])
         row_a, row_b = row.a[square], row.b[:, local]
-        new_a, new_b, _ = _rescale(row_a, row_b, row.c, mix, own, scaling.gain)
+        new_a, new_b, new_c = _rescale(row_a, row_b, row.c, mix, own, scaling.gain)
+        c += float((new_c - row.c)[train].sum())
         a[place[1:]] += (new_a - row_a)[train].sum(axis=0)
         b[at] += (new_b - row_b)[train].sum(axis=0)
         if blocks is not None:
@@ -300,7 +330,7 @@ def _products(problem: Problem, active: Int[Array, " k"], scalings: tuple[Scalin
             blocks[2][place] += new_a - core_a
             blocks[3][:, at] += new_b - core_b
             blocks[4][:] += new_c - row.core_c
-    return Products(a, b, blocks)
+    return Products(a, b, c, blocks)
 
 
 def _rescale(
@@ -350,7 +380,7 @@ def _fit_linear(
     """Fit with every coefficient linear; a payload through `point_mass_map` about the given start."""
     precision, lower, upper = problem.precision[active], problem.lower[active], problem.upper[active]
     expand, shift = np.eye(len(active)), np.zeros(len(active))
-    total_a, total_b = products.a, products.b
+    total_a, total_b, constant = products.a, products.b, products.c
     if point is not None:
         term, start = point
         jacobian, offset = point_mass_map(start)
@@ -360,6 +390,7 @@ def _fit_linear(
         expand[others, np.arange(len(others))] = 1.0
         expand[at[:, None], len(others) + np.arange(4)] = jacobian
         shift[at] = offset
+        constant += float(shift @ total_a @ shift - 2 * total_b @ shift)
         total_b = (total_b - total_a @ shift) @ expand
         total_a = expand.T @ total_a @ expand
         keep = np.concatenate([others, at[:4]])
@@ -371,9 +402,10 @@ def _fit_linear(
     theta[active] = expand @ x + shift
     moves = np.arange(problem.nuisances)
     penalty = float(theta[moves] ** 2 @ problem.precision[moves])
+    objective = float(constant - 2 * total_b @ x + x @ total_a @ x + precision @ x**2)
     if not held_out or products.blocks is None:
         nothing = np.zeros((0, 0))
-        return Fitted(theta, active, nothing, penalty, np.zeros(0), nothing)
+        return Fitted(theta, active, nothing, penalty, objective, np.zeros(0), nothing)
     a, b, core_a, core_b, core_c = products.blocks
     if point is not None:
         a, b, _ = _reduce(a, b, core_c, expand, shift)
@@ -388,8 +420,8 @@ def _fit_linear(
         loss[mine] = core_c[mine] - 2 * core_b[mine] @ y + (core_a[mine] @ y) @ y
     fold_theta = np.zeros((len(fold_x), len(theta)))
     fold_theta[:, active] = fold_x @ expand.T + shift
-    cov = expand @ np.linalg.inv(total_a + prior) @ expand.T
-    return Fitted(theta, active, cov, penalty, loss, fold_theta)
+    cov = expand @ solve(total_a + prior, np.eye(len(x))) @ expand.T
+    return Fitted(theta, active, cov, penalty, objective, loss, fold_theta)
 
 
 def _reduce(

@@ -91,3 +91,18 @@ def residual_after(problem: Problem, torque: tuple[Float[Array, "n nv"], ...]) -
         residual + model - predicted
         for residual, model, predicted in zip(columns.residual, columns.model_torque, torque, strict=True)
     )
+
+
+def row_counts(problem: Problem) -> Float[Array, " nv"]:
+    """Effective number of samples on each row, over the cores of all blocks."""
+    return np.array([row.count.sum() for row in problem.grams.rows])
+
+
+def row_losses(problem: Problem, found: Fitted) -> tuple[Float[Array, " nv"], Float[Array, " nv"]]:
+    """Weighted squared residual of each row over the cores: with the given model, and with a linear fit."""
+    given, fitted = [], []
+    for row in problem.grams.rows:
+        theta = found.theta[row.index]
+        given.append(row.core_c.sum())
+        fitted.append((row.core_c - 2 * row.core_b @ theta + (row.core_a @ theta) @ theta).sum())
+    return np.array(given), np.array(fitted)

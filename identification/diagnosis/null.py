@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from jaxtyping import Float
 
-from identification.diagnosis.fitting import Problem
+from identification.diagnosis.fitting import Problem, solve
 from identification.diagnosis.search import PARAMETER_PRICE, Search, price
 
 Array = np.ndarray
@@ -80,13 +80,13 @@ def _losses(problem: Problem, active: Array, b: Array, core_b: Array, core_c: Ar
     train = grams.fold >= 0
     a = problem.total_a[grid] + prior
     right = b[train][:, active].sum(axis=0)
-    whole = np.linalg.solve(a, right)
+    whole = solve(a, right)
     nuisances = np.arange(problem.nuisances)
     loss = (whole[nuisances] ** 2 * problem.precision[nuisances][:, None]).sum(axis=0)
     for fold in range(int(grams.fold.max()) + 1):
         mine = grams.fold == fold
         block_a = grams.a[mine][:, *grid].sum(axis=0)
-        x = np.linalg.solve(a - block_a, right - b[mine][:, active].sum(axis=0))
+        x = solve(a - block_a, right - b[mine][:, active].sum(axis=0))
         core_a = grams.core_a[mine][:, *grid].sum(axis=0)
         loss += core_c[mine].sum(axis=0)
         loss += (x * (core_a @ x - 2 * core_b[mine][:, active].sum(axis=0))).sum(axis=0)

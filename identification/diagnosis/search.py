@@ -8,6 +8,7 @@ from functools import cache
 from itertools import combinations
 
 import numpy as np
+from jaxtyping import Float
 
 from identification.diagnosis.columns import Term
 from identification.diagnosis.fitting import Fitted, Problem, fit
@@ -31,7 +32,9 @@ class Search:
         terms: All rivals.
         sizes: Number of parameters that each rival really adds (its rank), by rival.
         evaluate: Fit with held-out losses of a set of rivals, remembered.
-        threshold: Held-out gain below which an effect is not claimed.
+        threshold: Held-out gain below which no effect is claimed.
+        row_thresholds: The same for the part of the gain on each row, ``(nv,)``: what touches a row with a large gap
+            has to close a fair part of it.
     """
 
     problem: Problem
@@ -39,6 +42,7 @@ class Search:
     sizes: dict[Term, int]
     evaluate: Callable[[frozenset[Term]], Fitted]
     threshold: float
+    row_thresholds: Float[Array, " nv"]
 
     def score(self, chosen: frozenset[Term]) -> float:
         """Held-out loss plus the price of the parameters; lower is better.
@@ -80,7 +84,7 @@ def rank_of(problem: Problem, term: Term) -> int:
     return min(rank + (0 if np.isnan(term.shape) else 1), term.size)
 
 
-def set_up_search(problem: Problem, threshold: float) -> Search:
+def set_up_search(problem: Problem, threshold: float, row_thresholds: Float[Array, " nv"]) -> Search:
     """A search over all terms that leave any trace in the recordings."""
     sizes = {term: rank_of(problem, term) for term in problem.columns.terms}
     terms = tuple(term for term in problem.columns.terms if sizes[term] > 0)
@@ -89,7 +93,7 @@ def set_up_search(problem: Problem, threshold: float) -> Search:
     def evaluate(chosen: frozenset[Term]) -> Fitted:
         return fit(problem, ordered(chosen))
 
-    return Search(problem, terms, sizes, evaluate, threshold)
+    return Search(problem, terms, sizes, evaluate, threshold, row_thresholds)
 
 
 def contains(rich: Term, simple: Term) -> bool:
@@ -125,13 +129,16 @@ def possible(chosen: frozenset[Term], term: Term) -> bool:
 def claimed(search: Search, chosen: frozenset[Term], without: frozenset[Term]) -> bool:
     """True if what ``chosen`` has beyond ``without`` gains on held-out data what chance does not.
 
-    The gain has to be above the threshold and positive from block to block; a gain ten times the threshold may sit in
-    a few blocks only, as that of an effect that acts rarely does.
+    The gain has to be above the threshold, in sample too, and positive from block to block; a gain ten times the
+    threshold may sit in a few blocks only, as that of an effect that acts rarely does.
     """
-    gains = search.evaluate(without).loss - search.evaluate(chosen).loss
-    gain = search.evaluate(without).total - search.evaluate(chosen).total
+    rich, plain = search.evaluate(chosen), search.evaluate(without)
+    # In sample a gain can only be larger, unless chance has made the few held-out blocks agree.
+    gain = min(plain.total - rich.total, plain.objective - rich.objective)
+    gains = plain.loss - rich.loss
     extra = search.price_of(chosen) - search.price_of(without)
-    needed = search.threshold + max(extra - PARAMETER_PRICE, 0.0)
+    rows = sorted(set().union(*(rows_of(search.problem, term) for term in chosen - without)))
+    needed = max(search.threshold, float(search.row_thresholds[rows].sum())) + max(extra - PARAMETER_PRICE, 0.0)
     error = float(np.sqrt(len(gains)) * gains.std()) + 1e-12
     return gain > needed and (gain > _SIGNIFICANT * error or gain > 10 * needed)
 
@@ -235,14 +242,15 @@ def _swap(search: Search, chosen: frozenset[Term]) -> frozenset[Term]:
 
 def relevant(search: Search, chosen: frozenset[Term], term: Term) -> tuple[frozenset[Term], ...]:
     """Alternatives of ``term`` that touch a joint that it touches, and could gain a fair part of what it gains."""
-    rows = _rows(search.problem, term)
+    rows = rows_of(search.problem, term)
     return tuple(
         others
         for others in alternatives(search, term)
-        if any(rows & _rows(search.problem, other) for other in others)
+        if any(rows & rows_of(search.problem, other) for other in others)
         and not any(contains(kept, other) for other in others for kept in chosen - {term})
     )
 
 
-def _rows(problem: Problem, term: Term) -> set[int]:
-    return {j for j, index in enumerate(problem.columns.rows) if set(term.columns) & set(index)}
+def rows_of(problem: Problem, term: Term) -> frozenset[int]:
+    """Joints whose torque a term touches."""
+    return problem.touched[term.columns[0]]

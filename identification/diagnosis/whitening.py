@@ -1,5 +1,4 @@
-"""Noise made white: residual and columns of each row through one short filter, so that every frequency counts by how
-little noise it has.
+"""Noise made white: each row through one short filter, so that every frequency counts by how little noise it has.
 
 Encoder noise grows with the fourth power of frequency in a torque residual, disturbances fall off. A narrow band would
 lose what friction leaves at high frequencies, a wide one would drown what inertias leave at low ones; whitened, a wide
