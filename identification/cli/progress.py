@@ -23,8 +23,13 @@ class Progress:
 
             columns = (SpinnerColumn(), TextColumn("{task.description}"), TimeElapsedColumn())
             self._status = Bar(*columns, console=Console(file=self._stream), transient=True)
-            self._status.start()
-            self._task = self._status.add_task(self._words, total=None)
+            try:
+                self._status.start()
+                self._task = self._status.add_task(self._words, total=None)
+            except BaseException:
+                # __exit__ is not called then, and an interrupt would leave the cursor hidden.
+                self._status.stop()
+                raise
         return self
 
     def say(self, words: str) -> None:

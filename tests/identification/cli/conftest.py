@@ -1,10 +1,12 @@
-"""Recordings of known truth, and the command run on them."""
+"""Recordings of known truth, the command run on them, and the contract's schema of what it writes."""
 
 from __future__ import annotations
 
 from collections.abc import Callable
 from pathlib import Path
+from typing import Annotated, Any, Literal
 
+import msgspec
 import numpy as np
 import pytest
 
@@ -14,11 +16,145 @@ from phantom_dyn.loading import load_robot
 from phantom_dyn.motion import Motion
 
 ROBOTS = Path(__file__).parents[2] / "robots"
-MISSING_FRICTION = 0.4
 
 
-def made_columns(robot_file: Path | str, *, seconds: float = 10.0, rate: float = 200.0, seed: int = 0) -> dict:
-    """Columns of a recording of a robot that has 0.4 more Coulomb friction on every joint than its model."""
+# The contract's diagnosis.json (schema gap-diagnosis/1) as types: every field, nothing besides.
+Share = Annotated[float, msgspec.Meta(ge=0, le=1)]
+Positive = Annotated[float, msgspec.Meta(gt=0)]
+NotNegative = Annotated[float, msgspec.Meta(ge=0)]
+Regime = Literal[
+    "velocity_reversal",
+    "low_speed",
+    "high_speed",
+    "high_load",
+    "high_acceleration",
+    "one_direction",
+    "periodic_in_angle",
+    "posture",
+    "saturated",
+    "time_drift",
+    "everywhere",
+]
+Effect = Literal[
+    "viscous_friction",
+    "coulomb_friction",
+    "direction_dependent_friction",
+    "stribeck_friction",
+    "presliding_friction",
+    "load_dependent_friction",
+    "backlash",
+    "transmission_compliance",
+    "joint_coupling",
+    "cogging",
+    "torque_saturation",
+    "torque_constant",
+    "torque_offset",
+    "input_delay",
+    "actuator_lag",
+    "rotor_inertia",
+    "payload",
+    "inertial_parameters",
+    "base_tilt",
+    "parasitic_spring",
+    "encoder_offset",
+    "encoder_eccentricity",
+    "encoder_quantization",
+]
+
+
+class Strict(msgspec.Struct, forbid_unknown_fields=True):
+    """Knows all its fields."""
+
+
+class Joint(Strict):
+    joint: str
+    unit: Literal["N m", "N"]
+    rms_before: NotNegative
+    rms_after: NotNegative
+    noise_floor: Positive
+    hold_out_samples: Annotated[int, msgspec.Meta(ge=0)]
+
+
+class Value(Strict):
+    value: float | list[float]
+    std: float | list[float]
+    unit: str
+
+
+class EffectAt(Strict):
+    effect: Effect
+    joint: str | None
+
+
+class Rival(Strict):
+    effects: Annotated[list[EffectAt], msgspec.Meta(min_length=1)]
+    probability: Annotated[float, msgspec.Meta(ge=0.05, le=1)]
+
+
+class Finding(Strict):
+    effect: Effect
+    joint: str | None
+    regime: Regime
+    parameters: dict[str, Value]
+    gap_closed: float
+    gap_closed_interval: tuple[float, float]
+    probability: Share
+    rivals: list[Rival]
+    verdict: Literal["one_of", "supported"]
+
+
+class Adjusted(Strict):
+    quantity: str
+    change: float
+    tolerance: Positive
+
+
+class Where(Strict):
+    joint: str | None
+    regime: Regime | None
+
+
+class Unexplained(Strict):
+    fraction_of_explainable: Share
+    structured: bool
+    where: Where
+
+
+class Bound(Strict):
+    effect: Effect
+    joint: str | None
+    parameter: str
+    below: Positive
+    unit: str
+
+
+class NotTestable(Strict):
+    effect: Effect
+    joint: str | None
+    why: str
+
+
+class Document(Strict):
+    schema: Literal["gap-diagnosis/1"]
+    verdict: Literal["explained", "partly_explained", "unknown", "no_gap", "not_testable"]
+    joints: list[Joint]
+    band_hz: tuple[float, Positive]
+    findings: list[Finding]
+    adjusted: list[Adjusted]
+    unexplained: Unexplained
+    bounds: list[Bound]
+    not_testable: list[NotTestable]
+    data_warnings: list[str]
+    next_experiment: dict[str, Any] | None
+    rollout: dict[str, Any] | None
+    seconds: Positive
+    version: str
+
+
+def make_columns(
+    robot_file: Path | str, *, seconds: float = 10.0, rate: float = 200.0, seed: int = 0, friction: float = 0.4
+) -> dict:
+    """Columns of a recording of a robot that has more Coulomb friction on every joint than its model."""
     robot = load_robot(robot_file)
     rng = np.random.default_rng(seed)
     t = np.arange(int(seconds * rate)) / rate
@@ -29,13 +165,13 @@ def made_columns(robot_file: Path | str, *, seconds: float = 10.0, rate: float =
             q[:, joint] += size * np.sin(w * t + phase)
             v[:, joint] += size * w * np.cos(w * t + phase)
             a[:, joint] -= size * w**2 * np.sin(w * t + phase)
-    tau = inverse_dynamics(robot, Motion(t, q, v, a)) + MISSING_FRICTION * np.sign(v)
+    tau = inverse_dynamics(robot, Motion(t, q, v, a)) + friction * np.sign(v)
     tau += 0.01 * rng.standard_normal(tau.shape)
     positions = {f"q.{joint}": q[:, k] for k, joint in enumerate(robot.joint_names)}
     return {"t": t, **positions, **{f"tau.{joint}": tau[:, k] for k, joint in enumerate(robot.joint_names)}}
 
 
-def written(path: Path, columns: dict) -> Path:
+def write(path: Path, columns: dict) -> Path:
     """A CSV of columns; nothing is rounded."""
     rows = np.column_stack(list(columns.values()))
     np.savetxt(path, rows, delimiter=",", header=",".join(columns), comments="", fmt="%.17g")
@@ -55,15 +191,27 @@ def arm() -> Path:
 
 
 @pytest.fixture(scope="session")
+def made_columns() -> Callable[..., dict]:
+    """Makes the columns of a recording, see `make_columns`."""
+    return make_columns
+
+
+@pytest.fixture(scope="session")
+def written() -> Callable[[Path, dict], Path]:
+    """Writes columns as CSV, see `write`."""
+    return write
+
+
+@pytest.fixture(scope="session")
 def swing(pendulum) -> dict:
     """Columns of a recording of the pendulum, 10 s at 200 Hz."""
-    return made_columns(pendulum)
+    return make_columns(pendulum)
 
 
 @pytest.fixture
 def log(tmp_path, swing) -> Path:
     """The pendulum's recording as CSV."""
-    return written(tmp_path / "log.csv", swing)
+    return write(tmp_path / "log.csv", swing)
 
 
 @pytest.fixture
@@ -84,3 +232,19 @@ def refusal(tmp_path, capsys) -> Callable[..., str]:
         return captured.err.removeprefix("phantom-dyn: ").rstrip("\n")
 
     return refuse
+
+
+@pytest.fixture(scope="session")
+def document() -> Callable[[str | bytes], Document]:
+    """Reads the text of a ``diagnosis.json`` and asserts the contract's schema; JSON itself knows no NaN."""
+
+    def read(text: str | bytes) -> Document:
+        found = msgspec.json.decode(text, type=Document, strict=True)
+        for finding in found.findings:
+            total = finding.probability + sum(rival.probability for rival in finding.rivals)
+            assert abs(total - 1) < 1e-9, finding
+            assert finding.verdict == ("one_of" if finding.rivals else "supported")
+            assert finding.gap_closed_interval[0] <= finding.gap_closed_interval[1]
+        return found
+
+    return read

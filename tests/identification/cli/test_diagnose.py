@@ -1,0 +1,224 @@
+"""The command diagnose on good recordings.
+
+Oracles: the contract (files, schema, exit codes) and known truth (a robot with 0.4 more Coulomb friction than its
+model on every joint).
+"""
+
+from __future__ import annotations
+
+import json
+import re
+from pathlib import Path
+
+import numpy as np
+import pyarrow as pa
+import pyarrow.parquet as pq
+import pytest
+
+from identification.cli.main import main
+
+OURS = ["corrected.yaml", "diagnosis.json", "report.html"]
+
+
+def names_in(folder: Path) -> list[str]:
+    return sorted(path.name for path in folder.iterdir())
+
+
+@pytest.fixture
+def diagnosed(tmp_path, capsys):
+    """Runs diagnose with ``--json`` and returns the content of that file without the time it took."""
+
+    def run(*words: object) -> dict:
+        file = tmp_path / "diagnosed.json"
+        assert main(["diagnose", *map(str, words), "--json", str(file)]) == 0
+        assert capsys.readouterr().err == ""
+        content = json.loads(file.read_text())
+        del content["seconds"]
+        return content
+
+    return run
+
+
+@pytest.fixture
+def causes(diagnosed):
+    """Runs diagnose and returns effect and joint of every finding."""
+    return lambda *words: [(found["effect"], found["joint"]) for found in diagnosed(*words)["findings"]]
+
+
+@pytest.fixture(scope="module")
+def finished(tmp_path_factory, pendulum, swing, written):
+    """Folder with the recording and what one run with ``--out`` and ``--json`` has written."""
+    folder = tmp_path_factory.mktemp("finished")
+    log = written(folder / "log.csv", swing)
+    out, file = folder / "deep" / "out", folder / "one.json"
+    assert main(["diagnose", str(pendulum), str(log), "--out", str(out), "--json", str(file)]) == 0
+    return folder
+
+
+@pytest.fixture
+def plain(finished) -> dict:
+    """What diagnose says of the recording without any option, without the time it took."""
+    content = json.loads((finished / "one.json").read_text())
+    del content["seconds"]
+    return content
+
+
+def test_the_folder_holds_three_files(finished):
+    assert names_in(finished / "deep" / "out") == OURS
+
+
+def test_nothing_else_is_left_behind(finished):
+    assert names_in(finished) == ["deep", "log.csv", "one.json"]
+
+
+def test_the_json_keeps_the_contract(finished, document):
+    assert document((finished / "one.json").read_bytes()).verdict == "explained"
+
+
+def test_both_jsons_are_the_same(finished):
+    assert (finished / "one.json").read_bytes() == (finished / "deep" / "out" / "diagnosis.json").read_bytes()
+
+
+def test_the_missing_friction_is_found(finished, document):
+    first = document((finished / "one.json").read_bytes()).findings[0]
+    assert (first.effect, first.joint) == ("coulomb_friction", "pin")
+    assert abs(first.parameters["torque"].value - 0.4) < 2 * first.parameters["torque"].std
+
+
+def test_the_report_needs_nothing_from_elsewhere(finished):
+    report = (finished / "deep" / "out" / "report.html").read_text()
+    assert not re.findall(r"""(?:src|href|xlink:href)\s*=\s*["'](?!#|data:)[^"']*""", report)
+    assert not re.findall(r"@import|url\((?!#|\W?data:|\W?#)", report)
+
+
+def test_what_is_ours_is_replaced_and_the_rest_kept(tmp_path, pendulum, log):
+    out = tmp_path / "out"
+    out.mkdir()
+    (out / "notes.txt").write_text("mine")
+    (out / "diagnosis.json").write_text("old")
+    assert main(["diagnose", str(pendulum), str(log), "--out", str(out)]) == 0
+    assert names_in(out) == [*OURS[:2], "notes.txt", OURS[2]]
+    assert (out / "notes.txt").read_text() == "mine"
+    assert json.loads((out / "diagnosis.json").read_text())["verdict"] == "explained"
+
+
+def test_json_alone_writes_one_file(log, pendulum, diagnosed):
+    diagnosed(pendulum, log)
+    assert names_in(log.parent) == ["diagnosed.json", "log.csv"]
+
+
+def test_nothing_is_written_where_nothing_is_asked_for(log, pendulum, monkeypatch):
+    monkeypatch.chdir(log.parent)
+    assert main(["diagnose", str(pendulum), "log.csv"]) == 0
+    assert names_in(log.parent) == ["log.csv"]
+
+
+def test_the_summary_is_short_and_plain(log, pendulum, capsys):
+    main(["diagnose", str(pendulum), str(log)])
+    text = capsys.readouterr().out
+    assert text.startswith("The gap between robot and model is explained by Coulomb friction on joint pin.\n")
+    assert len(text.splitlines()) < 60
+    assert "\x1b" not in text
+
+
+def test_two_runs_say_the_same(log, pendulum, diagnosed, plain):
+    assert diagnosed(pendulum, log) == plain
+
+
+def test_npz_says_the_same_as_csv(tmp_path, pendulum, swing, diagnosed, plain):
+    np.savez(tmp_path / "log.npz", **swing)
+    assert diagnosed(pendulum, tmp_path / "log.npz") == plain
+
+
+def test_parquet_says_the_same_as_csv(tmp_path, pendulum, swing, diagnosed, plain):
+    pq.write_table(pa.table(swing), tmp_path / "log.parquet")
+    assert diagnosed(pendulum, tmp_path / "log.parquet") == plain
+
+
+def test_the_order_of_columns_does_not_matter(tmp_path, pendulum, swing, diagnosed, plain, written):
+    turned = written(tmp_path / "turned.csv", dict(reversed(swing.items())))
+    assert diagnosed(pendulum, turned) == plain
+
+
+def test_mjcf_and_urdf_say_the_same(tmp_path, arm, made_columns, written, causes):
+    log = written(tmp_path / "arm.csv", made_columns(arm))
+    found = causes(arm.with_suffix(".xml"), log)
+    assert ("coulomb_friction", "tilt") in found
+    assert found == causes(arm, log)
+
+
+def test_current_and_torque_say_the_same(tmp_path, pendulum, swing, causes, written):
+    (tmp_path / "robot.urdf").write_text(pendulum.read_text())
+    (tmp_path / "robot.yaml").write_text("joints: {pin: {torque_constant: 0.05, gear_ratio: 20}}\n")
+    current = {"t": swing["t"], "q.pin": swing["q.pin"], "i.pin": swing["tau.pin"]}
+    assert causes(tmp_path / "robot.urdf", written(tmp_path / "current.csv", current)) == [("coulomb_friction", "pin")]
+
+
+def test_a_column_map_is_obeyed(tmp_path, pendulum, swing, diagnosed, plain, written):
+    own = {"ms": swing["t"] * 1e3, "angle_pin": np.rad2deg(swing["q.pin"]), "load_pin": -swing["tau.pin"]}
+    (tmp_path / "map.yaml").write_text(
+        "t: {from: ms, unit: ms}\nq: {from: 'angle_{joint}', unit: deg}\ntau: {from: 'load_{joint}', sign: -1}\n"
+    )
+    found = diagnosed(pendulum, written(tmp_path / "own.csv", own), "--columns", tmp_path / "map.yaml")
+    torque = [content["findings"][0]["parameters"]["torque"]["value"] for content in (found, plain)]
+    assert abs(torque[0] / torque[1] - 1) < 1e-6
+
+
+def test_several_recordings_are_judged_together(tmp_path, pendulum, log, made_columns, diagnosed, plain, written):
+    second = written(tmp_path / "second.csv", made_columns(pendulum, seed=1))
+    both = diagnosed(pendulum, log, second)
+    assert both["joints"][0]["hold_out_samples"] > 1.5 * plain["joints"][0]["hold_out_samples"]
+
+
+def test_figures_are_those_of_the_hold_out(tmp_path, pendulum, log, made_columns, diagnosed, written):
+    # In the held-out recording the robot has lost its friction: what the first one teaches makes it worse.
+    columns = made_columns(pendulum, seed=1, friction=0.0)
+    other = written(tmp_path / "other.csv", columns)
+    joint = diagnosed(pendulum, log, "--hold-out", other)["joints"][0]
+    assert joint["rms_after"] > 3 * joint["rms_before"]
+
+
+def test_an_excluded_stretch_is_left_out(pendulum, log, swing, causes, written):
+    wrong = swing["tau.pin"] + 5.0 * ((swing["t"] > 4) & (swing["t"] < 5))
+    bumped = written(log.with_name("bumped.csv"), swing | {"tau.pin": wrong})
+    assert causes(pendulum, bumped, "--exclude", "3.9:5.1") == [("coulomb_friction", "pin")]
+
+
+def test_a_stretch_may_begin_before_zero(pendulum, log, diagnosed, plain):
+    less = diagnosed(pendulum, log, "--exclude", "-1:3")
+    assert less["joints"][0]["hold_out_samples"] < 0.8 * plain["joints"][0]["hold_out_samples"]
+
+
+def test_what_was_found_before_is_part_of_the_model(finished, pendulum, diagnosed):
+    known = finished / "deep" / "out" / "corrected.yaml"
+    content = diagnosed(pendulum, finished / "log.csv", "--with", known)
+    assert (content["verdict"], content["findings"]) == ("no_gap", [])
+
+
+def test_options_may_stand_before_the_log(pendulum, log, diagnosed, plain):
+    assert diagnosed("--jobs", "2", pendulum, log) == plain
+
+
+def test_identical_repeated_rows_are_counted(pendulum, log, diagnosed):
+    lines = log.read_text().splitlines()
+    log.write_text("\n".join([*lines[:80], lines[79], lines[79], *lines[80:]]) + "\n")
+    assert "log.csv: 2 rows that repeat the one before were dropped." in diagnosed(pendulum, log)["data_warnings"]
+
+
+def test_torque_zero_on_one_joint_is_a_warning(tmp_path, arm, made_columns, diagnosed, written):
+    columns = made_columns(arm)
+    columns["tau.slide"] = 0 * columns["t"]
+    warnings = diagnosed(arm, written(tmp_path / "log.csv", columns))["data_warnings"]
+    assert any("the torque of slide is zero throughout: if the joint has no drive" in text for text in warnings)
+
+
+def test_a_broken_triangle_inequality_is_a_warning(tmp_path, pendulum, log, diagnosed):
+    (tmp_path / "robot.urdf").write_text(pendulum.read_text().replace('izz="0.01"', 'izz="0.3"'))
+    warnings = diagnosed(tmp_path / "robot.urdf", log)["data_warnings"]
+    assert any("no rigid body has the inertia of link rod" in text for text in warnings)
+
+
+def test_warnings_stand_in_the_summary(pendulum, log, capsys):
+    log.write_text(log.read_text().replace("\n", ",0\n").replace("tau.pin,0", "tau.pin,load", 1))
+    main(["diagnose", str(pendulum), str(log)])
+    assert "Warning: log.csv: column load not used" in capsys.readouterr().out

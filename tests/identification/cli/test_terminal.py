@@ -1,0 +1,109 @@
+"""What diagnose shows on a terminal, and what an interrupt leaves. Oracle: the contract, by a real pseudo-terminal."""
+
+from __future__ import annotations
+
+import os
+import pty
+import signal
+import subprocess
+import sys
+
+import pytest
+
+from identification.cli.main import main
+from identification.cli.progress import Progress
+from identification.diagnosis import outputs
+
+
+def watched(words: list[str], interrupt_at: bytes | None = None) -> tuple[int, bytes, bytes]:
+    """Exit code, standard output (a pipe) and standard error (a terminal) of the command.
+
+    Args:
+        words: Of the command line.
+        interrupt_at: Once the terminal shows this, the process gets what Ctrl-C sends.
+    """
+    controller, terminal = pty.openpty()
+    child = subprocess.Popen(
+        [sys.executable, "-m", "identification.cli", *words],
+        stdin=subprocess.DEVNULL,
+        stdout=subprocess.PIPE,
+        stderr=terminal,
+        env=os.environ | {"TERM": "xterm", "COLUMNS": "100"},
+    )
+    os.close(terminal)
+    shown = b""
+    while True:
+        try:
+            part = os.read(controller, 4096)
+        except OSError:  # Linux: the other end is closed
+            part = b""
+        if not part:
+            break
+        shown += part
+        if interrupt_at is not None and interrupt_at in shown:
+            child.send_signal(signal.SIGINT)
+            interrupt_at = None
+    assert child.stdout is not None
+    printed = child.stdout.read()
+    child.stdout.close()
+    os.close(controller)
+    return child.wait(), printed, shown
+
+
+def test_progress_is_shown_on_a_terminal(pendulum, log):
+    code, printed, shown = watched(["diagnose", str(pendulum), str(log)])
+    assert (code, b"reading" in shown) == (0, True)
+    assert b"\x1b" not in printed
+
+
+def test_progress_leaves_the_terminal_clean(pendulum, log):
+    shown = watched(["diagnose", str(pendulum), str(log)])[2]
+    # The cursor is shown again and the line erased at the end.
+    assert shown.rstrip().endswith((b"\x1b[?25h", b"\x1b[2K"))
+
+
+def test_a_refusal_on_a_terminal_is_one_line_after_the_progress(pendulum, log):
+    log.write_text(log.read_text().replace("q.pin", "q.pim"))
+    code, printed, shown = watched(["diagnose", str(pendulum), str(log)])
+    last = shown.decode().rstrip().splitlines()[-1]
+    assert (code, printed) == (2, b"")
+    assert "phantom-dyn: log.csv: column q.pim is of the joint pim" in last
+
+
+def test_an_interrupt_is_130_and_leaves_nothing(arm, tmp_path, made_columns, written):
+    log = written(tmp_path / "log.csv", made_columns(arm))
+    words = ["diagnose", str(arm), str(log), "--out", str(tmp_path / "out"), "--json", str(tmp_path / "one.json")]
+    code, printed, shown = watched(words, interrupt_at=b"reading")
+    assert (code, printed) == (130, b"")
+    assert shown.decode().rstrip().endswith("phantom-dyn: interrupted")
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["log.csv"]
+
+
+@pytest.mark.parametrize("stage", ["reading log.csv", "filtering", "comparing rivals", "writing"])
+def test_an_interrupt_at_any_stage_leaves_nothing(pendulum, log, monkeypatch, capsys, stage):
+    def interrupted(_, words):
+        if words == stage:
+            raise KeyboardInterrupt
+
+    monkeypatch.setattr(Progress, "say", interrupted)
+    assert main(["diagnose", str(pendulum), str(log), "--out", str(log.parent / "out")]) == 130
+    assert capsys.readouterr() == ("", "phantom-dyn: interrupted\n")
+    assert [path.name for path in log.parent.iterdir()] == ["log.csv"]
+
+
+def test_an_interrupt_between_two_files_leaves_the_old_ones(pendulum, log, monkeypatch):
+    out = log.parent / "out"
+    out.mkdir()
+    for name in outputs.NAMES:
+        (out / name).write_text("old")
+    real, opened = outputs.temporary_beside, []
+
+    def second_is_interrupted(path):
+        opened.append(path)
+        if len(opened) == 2:
+            raise KeyboardInterrupt
+        return real(path)
+
+    monkeypatch.setattr(outputs, "temporary_beside", second_is_interrupted)
+    assert main(["diagnose", str(pendulum), str(log), "--out", str(out)]) == 130
+    assert {path.name: path.read_text() for path in out.iterdir()} == dict.fromkeys(outputs.NAMES, "old")
