@@ -1,0 +1,82 @@
+"""The stages of a diagnosis: 10 s at 1 kHz of a pendulum with two joints that has friction its model lacks.
+
+The cost of six joints, imports included, is measured by ``benchmarks/diagnosis_cost.py``.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import pytest
+
+from benchmarks.diagnosis_cost import drive_torque, sines
+from identification.diagnosis.blocks import Block, Weights, assign_folds, build_grams, split_blocks
+from identification.diagnosis.columns import Columns, build_columns
+from identification.diagnosis.diagnose import diagnose
+from identification.diagnosis.fitting import fit, set_up
+from identification.diagnosis.noise import estimate_noise, weights_of
+from identification.diagnosis.whitening import whitened
+from identification.log import Log
+from identification.recordings import Recording
+from identification.signals import process_all
+from phantom_dyn import load_robot
+from phantom_dyn.robot import Robot
+
+
+@dataclass(frozen=True)
+class Stages:
+    """What each stage hands to the next."""
+
+    robot: Robot
+    recording: Recording
+    logs: tuple[Log, ...]
+    cutoff_hz: float
+    columns: Columns
+    blocks: tuple[Block, ...]
+    folds: np.ndarray
+    white: Columns
+    weights: Weights
+
+
+@pytest.fixture(scope="module")
+def stages() -> Stages:
+    robot = load_robot("example:double_pendulum")
+    rng = np.random.default_rng(3)
+    motion = sines(robot, 10.0, rng)
+    tau = drive_torque(robot, motion, rng)
+    q = motion.q + 5e-6 * rng.standard_normal(motion.q.shape)
+    recording = Recording("made", robot.joint_names, motion.t, q, tau)
+    logs, cutoff_hz = process_all((recording,), robot)
+    columns = build_columns(robot, logs, cutoff_hz)
+    blocks = split_blocks(logs, cutoff_hz)
+    folds = assign_folds(blocks, np.array([False]))
+    white, noise = whitened(columns, estimate_noise(columns, logs, blocks, folds))
+    return Stages(robot, recording, logs, cutoff_hz, columns, blocks, folds, white, weights_of(white, noise))
+
+
+def test_filtering_and_differentiating(benchmark, stages):
+    logs, _ = benchmark(process_all, (stages.recording,), stages.robot)
+    assert logs[0].motion.a.shape == stages.recording.q.shape
+
+
+def test_columns_of_every_effect(benchmark, stages):
+    columns = benchmark(build_columns, stages.robot, stages.logs, stages.cutoff_hz)
+    assert columns.names == stages.columns.names
+
+
+def test_gram_matrices(benchmark, stages):
+    grams = benchmark(build_grams, stages.white, stages.blocks, stages.folds, stages.weights)
+    assert grams.a.shape == (len(stages.blocks), *2 * (len(stages.columns.names),))
+
+
+def test_one_fit_with_held_out_losses(benchmark, stages):
+    grams = build_grams(stages.white, stages.blocks, stages.folds, stages.weights)
+    problem = set_up(stages.columns, stages.white, stages.blocks, stages.weights, grams)
+    terms = tuple(term for term in stages.columns.terms if term.effect.name == "viscous_friction")
+    assert benchmark(fit, problem, terms).total > 0
+
+
+def test_whole_diagnosis(benchmark, stages):
+    diagnosis = benchmark.pedantic(diagnose, (stages.robot, (stages.recording,)), rounds=3)
+    assert diagnosis.findings
