@@ -45,7 +45,7 @@ class Prepared:
     @property
     def search(self) -> Search:
         """A search that claims a held-out gain of ten."""
-        return set_up_search(self.problem, 10.0)
+        return set_up_search(self.problem, 10.0, np.zeros(len(self.columns.rows)))
 
     def term(self, effect: str, joint: str | None) -> Term:
         """The first rival of that effect and joint."""
@@ -55,7 +55,9 @@ class Prepared:
 class Lab:
     """Makes robots move, measures them, and prepares the recordings for fits."""
 
-    def motion(self, nv: int, seed: int = 0, *, seconds: float = 10.0, rate: float = 200.0, swing: float = 1.0) -> Motion:
+    def motion(
+        self, nv: int, seed: int = 0, *, seconds: float = 10.0, rate: float = 200.0, swing: float = 1.0
+    ) -> Motion:
         """Three sines a joint, between 0.2 and 1.5 Hz, with exact derivatives."""
         rng = np.random.default_rng(seed)
         t = np.arange(round(seconds * rate)) / rate
@@ -74,7 +76,9 @@ class Lab:
         tau = inverse_dynamics(robot, motion) - torque + noise * rng.standard_normal(motion.q.shape)
         return Recording("sim.csv", robot.joint_names, motion.t, motion.q + 1e-5 * rng.standard_normal(tau.shape), tau)
 
-    def prepared(self, robot: Robot, recordings: tuple[Recording, ...], *, held_out: int = 0, white: bool = True) -> Prepared:
+    def prepared(
+        self, robot: Robot, recordings: tuple[Recording, ...], *, held_out: int = 0, white: bool = True
+    ) -> Prepared:
         """Columns, noise, blocks and products of recordings; the last ``held_out`` of them are seen by no fit."""
         logs, cutoff_hz = process_all(recordings, robot)
         columns = build_columns(robot, logs, cutoff_hz)

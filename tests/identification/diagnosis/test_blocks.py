@@ -1,5 +1,7 @@
 from __future__ import annotations
 
+import itertools
+
 import numpy as np
 import pytest
 
@@ -28,7 +30,7 @@ def test_a_core_shares_no_sample_with_the_kernels_of_the_block_before(two):
     # Full-rate samples that the filter of the first core sample touches, against those of the last block.
     for k, log in enumerate(two.logs):
         mine = [block for block in two.blocks if block.log == k]
-        for before, block in zip(mine[:-1], mine[1:], strict=True):
+        for before, block in itertools.pairwise(mine):
             assert block.start <= block.core < block.stop
             if block.core > block.start:
                 assert log.samples[block.core] - log.band.half >= log.samples[before.stop - 1]

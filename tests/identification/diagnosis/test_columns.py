@@ -128,8 +128,10 @@ def stop_and_go(lab, rate: float = 200.0) -> Motion:
     moving = lab.motion(1, seconds=4.0, rate=rate)
     rest = 600
     t = np.arange(2 * len(moving.t) + rate * rest / 200.0) / rate
-    parts = [np.vstack([x, np.full((rest, 1), hold), x]) for x, hold in
-             ((moving.q, moving.q[-1, 0]), (moving.v, 0.0), (moving.a, 0.0))]
+    parts = [
+        np.vstack([x, np.full((rest, 1), hold), x])
+        for x, hold in ((moving.q, moving.q[-1, 0]), (moving.v, 0.0), (moving.a, 0.0))
+    ]
     return Motion(t, *parts)
 
 

@@ -1,0 +1,294 @@
+from __future__ import annotations
+
+import re
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from identification.diagnosis.diagnose import diagnose
+from identification.diagnosis.result import Diagnosis
+from identification.recordings import Recording
+from phantom_dyn import load_robot
+from phantom_dyn.effects.catalogue import effect_named
+from phantom_dyn.errors import LogError
+
+# Effect, joint and parameters that a robot has and its model lacks.
+INJECTED = [
+    ("viscous_friction", "shoulder", {"coefficient": 0.4}),
+    ("coulomb_friction", "elbow", {"torque": 0.3}),
+    (
+        "direction_dependent_friction",
+        "elbow",
+        {"torque_positive": 0.5, "torque_negative": 0.3, "coefficient_positive": 0.05, "coefficient_negative": 0.35},
+    ),
+    ("stribeck_friction", "elbow", {"coulomb_torque": 0.3, "static_torque": 0.9, "stribeck_velocity": 0.25}),
+    ("torque_offset", "elbow", {"torque": 0.3}),
+    ("torque_constant", "shoulder", {"ratio": 0.7}),
+    ("torque_constant", "elbow", {"ratio": 1.4}),
+    ("rotor_inertia", "elbow", {"inertia": 0.2}),
+    ("payload", None, {"mass": 0.6, "center_x": 0.03, "center_y": 0.0, "center_z": -0.35}),
+    ("parasitic_spring", "shoulder", {"stiffness": 6.0, "rest_position": 0.2}),
+]
+
+
+def places(diagnosis: Diagnosis) -> list[tuple[str, str | None]]:
+    return [(finding.effect, finding.joint) for finding in diagnosis.findings]
+
+
+@pytest.fixture(scope="module")
+def diagnosed(lab, planar2):
+    """Diagnosis of the planar arm with one effect."""
+
+    def run(effect: str | None, joint: str | None, theta: dict[str, float], seed: int = 3, **more) -> Diagnosis:
+        motion = lab.motion(2, seed, seconds=20.0, swing=1.5)
+        torque = 0.0
+        if effect is not None:
+            torque = effect_named(effect).torque(planar2, motion, joint, np.array(list(theta.values())))
+        return diagnose(planar2, (lab.recording(planar2, motion, torque, seed=seed),), **more)
+
+    return run
+
+
+@pytest.mark.parametrize(("effect", "joint", "theta"), INJECTED)
+def test_an_effect_is_named_on_its_joint_and_nothing_else_is(diagnosed, effect, joint, theta):
+    found = diagnosed(effect, joint, theta)
+    assert places(found) == [(effect, joint)]
+    assert found.verdict == "explained"
+
+
+@pytest.mark.parametrize(("effect", "joint", "theta"), [case for case in INJECTED if case[0] != "stribeck_friction"])
+def test_the_parameters_of_an_effect_come_back(diagnosed, effect, joint, theta):
+    # Known truth; the places of a payload across the plane leave no trace.
+    parameters = diagnosed(effect, joint, theta).findings[0].parameters
+    for name, truth in theta.items():
+        if name == "center_y":
+            continue
+        assert abs(parameters[name].value - truth) < max(4 * parameters[name].std, 0.01 * abs(truth))
+
+
+@pytest.mark.parametrize("seed", range(6))
+def test_nothing_is_found_where_nothing_is_wrong(diagnosed, seed):
+    found = diagnosed(None, None, {}, seed)
+    assert found.findings == ()
+    assert found.verdict == "no_gap"
+
+
+def test_rotor_inertia_within_its_tolerance_is_adjusted_and_no_finding(lab, planar2):
+    # Known truth: 8 % more rotor inertia than modelled, with a tolerance of 10 %.
+    model = planar2.model.copy()
+    model.armature = np.array([0.0, 0.2])
+    robot = replace(planar2, model=model)
+    motion = lab.motion(2, 3, seconds=20.0, swing=1.5)
+    torque = effect_named("rotor_inertia").torque(robot, motion, "elbow", np.array([0.016]))
+    found = diagnose(robot, (lab.recording(robot, motion, torque, noise=0.01),))
+    assert found.verdict == "no_gap"
+    assert found.findings == ()
+    change = {item.quantity: item.change for item in found.adjusted}["elbow rotor inertia"]
+    assert change == pytest.approx(0.08, abs=0.02)
+
+
+def test_friction_within_its_tolerance_is_adjusted_and_no_finding(lab, planar2):
+    # Known truth: 8 % more Coulomb friction on the elbow, within two tolerances of 5 %.
+    motion = lab.motion(2, 3, seconds=20.0, swing=1.5)
+    torque = -0.08 * 0.2 * np.sign(motion.v) * [0.0, 1.0]
+    found = diagnose(planar2, (lab.recording(planar2, motion, torque, noise=0.01),))
+    assert found.findings == ()
+    assert {a.quantity: a.change for a in found.adjusted}["elbow Coulomb friction"] == pytest.approx(0.08, abs=0.02)
+
+
+def test_two_diagnoses_of_one_recording_are_equal(diagnosed):
+    first, second = (diagnosed("coulomb_friction", "elbow", {"torque": 0.3}) for _ in range(2))
+    assert first.findings == second.findings
+    assert first.bounds == second.bounds
+    assert first.joints == second.joints
+
+
+def test_the_gap_that_an_effect_closes_is_nearly_all_where_the_model_is_trusted(lab, planar2, trusted):
+    # Nothing else may move, so without the effect the whole gap is there again.
+    robot = trusted(planar2)
+    motion = lab.motion(2, 3, seconds=20.0)
+    torque = -0.5 * motion.v * [0.0, 1.0]
+    found = diagnose(robot, (lab.recording(robot, motion, torque),))
+    (finding,) = found.findings
+    assert finding.gap_closed == pytest.approx(1.0, abs=0.03)
+    low, high = finding.gap_closed_interval
+    assert low <= finding.gap_closed <= high
+    assert high - low < 0.1
+
+
+def test_the_gap_of_each_joint_falls_to_its_noise(diagnosed):
+    shoulder, elbow = diagnosed("coulomb_friction", "elbow", {"torque": 0.3}).joints
+    assert elbow.rms_before > 3 * elbow.noise_floor
+    assert elbow.rms_after == pytest.approx(elbow.noise_floor, rel=0.15)
+    assert shoulder.rms_before == pytest.approx(shoulder.noise_floor, rel=0.15)
+
+
+def test_probabilities_of_a_finding_and_its_rivals_sum_to_one(diagnosed):
+    for effect, joint, theta in (INJECTED[3], INJECTED[8]):
+        for finding in diagnosed(effect, joint, theta).findings:
+            total = finding.probability + sum(rival.probability for rival in finding.rivals)
+            assert total == pytest.approx(1.0)
+            assert finding.verdict == ("one_of" if finding.rivals else "supported")
+
+
+def test_a_recording_that_no_fit_sees_is_what_is_judged(lab, planar2):
+    # Known truth: the effect is in both recordings.
+    motions = [lab.motion(2, seed) for seed in (3, 4)]
+    seen, unseen = (
+        lab.recording(planar2, motion, -0.3 * np.sign(motion.v) * [0.0, 1.0], seed=k)
+        for k, motion in enumerate(motions)
+    )
+    found = diagnose(planar2, (seen,), hold_out=(unseen,))
+    assert places(found) == [("coulomb_friction", "elbow")]
+    assert found.joints[1].hold_out_samples < diagnose(planar2, (seen, unseen)).joints[1].hold_out_samples
+    assert found.joints[1].rms_after == pytest.approx(found.joints[1].noise_floor, rel=0.2)
+
+
+def test_an_effect_that_is_not_in_the_held_out_recording_closes_nothing_there(lab, planar2):
+    motions = [lab.motion(2, seed) for seed in (3, 4)]
+    seen = lab.recording(planar2, motions[0], -0.3 * np.sign(motions[0].v) * [0.0, 1.0])
+    found = diagnose(planar2, (seen,), hold_out=(lab.recording(planar2, motions[1], seed=1),))
+    assert not any(finding.gap_closed > 0.1 for finding in found.findings)
+
+
+def test_a_law_that_is_in_no_catalogue_is_not_explained(lab, planar2):
+    # A torque with the cube of the speed and the cosine of a position that no effect has.
+    motion = lab.motion(2, 3, seconds=20.0, swing=1.5)
+    torque = 2.0 * np.cos(6 * motion.q) * motion.v * [0.0, 1.0]
+    found = diagnose(planar2, (lab.recording(planar2, motion, torque),))
+    assert found.unexplained.structured
+    assert found.unexplained.joint == "elbow"
+    assert found.verdict in {"unknown", "partly_explained"}
+
+
+def test_the_order_of_joints_does_not_matter(lab, planar2, tmp_path):
+    # The same arm whose file lists the elbow first; names and numbers stay with their joints.
+    source = Path(planar2.source).read_text()
+    joints = re.findall(r"  <joint .*?</joint>\n", source, flags=re.DOTALL)
+    links = re.findall(r"  <link name=\"(?:upper|lower)\">.*?</link>\n", source, flags=re.DOTALL)
+    turned = source.replace(joints[0] + joints[1], joints[1] + joints[0]).replace("".join(links), "".join(links[::-1]))
+    assert turned != source
+    file = tmp_path / "planar2.urdf"
+    file.write_text(turned)
+    other = load_robot(file)
+    motion = lab.motion(2, 3)
+    recording = lab.recording(planar2, motion, -0.3 * np.sign(motion.v) * [0.0, 1.0])
+    order = [planar2.joint_names.index(name) for name in other.joint_names]
+    moved = replace(recording, joint_names=other.joint_names, q=recording.q[:, order], tau=recording.tau[:, order])
+    assert (
+        places(diagnose(other, (moved,))) == places(diagnose(planar2, (recording,))) == [("coulomb_friction", "elbow")]
+    )
+
+
+def test_a_recording_that_is_too_short_to_hold_data_back_is_refused(lab, planar2):
+    motion = lab.motion(2, 3, seconds=2.0)
+    with pytest.raises(LogError, match=r"sim\.csv.* too short .*record at least ten seconds of motion"):
+        diagnose(planar2, (lab.recording(planar2, motion),))
+
+
+def test_progress_is_told_in_words(diagnosed):
+    said: list[str] = []
+    diagnosed(None, None, {}, progress=said.append)
+    assert said[0] == "filtering"
+    assert "estimating the noise" in said
+
+
+def test_warnings_of_robot_and_recording_are_passed_on(lab, planar2):
+    recording = replace(lab.recording(planar2, lab.motion(2)), warnings=("sim.csv: 3 repeated rows were dropped",))
+    robot = replace(planar2, warnings=("planar2.urdf breaks the triangle inequality",))
+    assert diagnose(robot, (recording,)).data_warnings == (*robot.warnings, *recording.warnings)
+
+
+def test_evidence_holds_the_samples_in_the_band(diagnosed):
+    found = diagnosed("coulomb_friction", "elbow", {"torque": 0.3})
+    evidence = found.evidence
+    assert evidence.tau_measured.shape == evidence.tau_after.shape == (len(evidence.t), 2)
+    rest = (evidence.tau_measured - evidence.tau_after)[:, 1]
+    assert np.sqrt(np.mean(rest**2)) == pytest.approx(found.joints[1].rms_after, rel=0.1)
+
+
+# Real recordings: published values and what their authors say of the robots.
+
+
+@pytest.fixture(scope="module")
+def emps(data_folder: Path) -> Diagnosis:
+    data = np.load(data_folder / "emps" / "emps_train.npz")
+    recording = Recording("emps", ("axis",), data["t"], data["q_meas"][:, None], data["force"][:, None])
+    return diagnose(load_robot("emps"), (recording,))
+
+
+def test_emps_has_direction_dependent_friction(emps):
+    assert places(emps) == [("direction_dependent_friction", "axis")]
+    assert emps.findings[0].probability > 0.5
+    assert emps.findings[0].gap_closed > 0.9
+
+
+def test_rivals_of_emps_are_friction_on_the_same_axis(emps):
+    effects = {effect.effect for rival in emps.findings[0].rivals for effect in rival.effects}
+    assert effects <= {"coulomb_friction", "viscous_friction", "torque_offset", "stribeck_friction"}
+
+
+@pytest.mark.parametrize(
+    ("name", "published", "accuracy"),
+    [
+        ("torque_positive", 20.1440, 0.03),
+        ("torque_negative", 20.6277, 0.03),
+        ("coefficient_positive", 166.7061, 0.02),
+        ("coefficient_negative", 240.4236, 0.02),
+    ],
+)
+def test_the_published_friction_of_emps_comes_back(emps, name, published, accuracy):
+    # Janot, Gautier and Brunot 2019: direction-dependent friction of the axis.
+    assert emps.findings[0].parameters[name].value == pytest.approx(published, rel=accuracy)
+
+
+@pytest.fixture(scope="module")
+def ur10(data_folder: Path) -> Diagnosis:
+    data = np.load(data_folder / "ur10_unisa" / "ur10_exc.npz")
+    robot = load_robot("example:ur10")
+    recording = Recording("ur10", robot.joint_names, data["t"], data["q"].astype(float), data["effort"].astype(float))
+    return diagnose(robot, (recording,))
+
+
+FRICTION = {"viscous_friction", "coulomb_friction", "direction_dependent_friction", "stribeck_friction"}
+
+
+def test_every_joint_of_the_ur10_has_friction(ur10):
+    # Published: refitting friction lowers the error of each joint to a third at most.
+    assert {joint for effect, joint in places(ur10) if effect in FRICTION} == {j.joint for j in ur10.joints}
+
+
+def test_the_inertias_of_the_ur10s_file_are_wrong(ur10):
+    assert "inertial_parameters" in {effect for effect, _ in places(ur10)}
+
+
+def test_the_ur10_carries_nothing_and_has_no_spring(ur10):
+    # Both lower the error a little; the inertias explain what they would.
+    assert not {"payload", "parasitic_spring"} & {effect for effect, _ in places(ur10)}
+
+
+def double_pendulum(data_folder: Path, model: str) -> Diagnosis:
+    folder = data_folder / "dfki_double_pendulum"
+    robot, data = load_robot(folder / model), np.load(folder / "C1_sysid.npz")
+    runs = sorted({name.split("__")[0] for name in data})
+    recordings = [
+        Recording(run, robot.joint_names, data[f"{run}__t"], data[f"{run}__q"], data[f"{run}__tau_meas"])
+        for run in runs
+    ]
+    return diagnose(robot, tuple(recordings))
+
+
+def test_both_joints_of_the_double_pendulum_have_coulomb_friction(data_folder):
+    # Published: Coulomb torques of 0.16 and 0.12 that the model does not have.
+    found = double_pendulum(data_folder, "C1_model.urdf")
+    assert {joint for effect, joint in places(found) if effect == "coulomb_friction"} == {j.joint for j in found.joints}
+
+
+def test_inertias_counted_twice_are_inertial_parameters_and_no_missing_friction(data_folder):
+    # The authors' file holds the published friction already, and m r^2 twice.
+    found = double_pendulum(data_folder, "design_C1_identified.urdf")
+    effects = {effect for effect, _ in places(found)}
+    assert "inertial_parameters" in effects
+    assert "coulomb_friction" not in effects

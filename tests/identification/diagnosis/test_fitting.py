@@ -1,0 +1,231 @@
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from scipy.optimize import lsq_linear
+
+from identification.diagnosis.fitting import active_columns, bounded_solve, fit, point_mass_map, predict
+from phantom_dyn.dynamics import inverse_dynamics
+from phantom_dyn.effects.catalogue import effect_named
+from phantom_dyn.effects.payload import point_mass_parameters
+from phantom_dyn.robot import Tolerance
+
+
+@settings(max_examples=60, deadline=None)
+@given(seed=st.integers(0, 2**32 - 1), size=st.integers(1, 8), width=st.floats(0.01, 3.0))
+def test_a_bounded_solution_is_that_of_scipy(seed, size, width):
+    # scipy.optimize.lsq_linear on a random problem in which some bounds bind and some are infinite.
+    rng = np.random.default_rng(seed)
+    x, y = rng.normal(size=(size + 5, size)), 3 * rng.normal(size=size + 5)
+    lower = np.where(rng.random(size) < 0.3, -np.inf, -width * rng.random(size))
+    upper = np.where(rng.random(size) < 0.3, np.inf, width * rng.random(size) + 1e-3)
+    expected = lsq_linear(x, y, (lower, upper), tol=1e-14, max_iter=500).x
+    found = bounded_solve(x.T @ x, x.T @ y, lower, upper)
+    np.testing.assert_allclose(found, expected, atol=1e-5 * (1 + np.abs(expected).max()))
+
+
+def test_a_solution_inside_its_bounds_is_that_of_the_equations(rng):
+    x, y = rng.normal(size=(20, 4)), rng.normal(size=20)
+    found = bounded_solve(x.T @ x, x.T @ y, np.full(4, -np.inf), np.full(4, np.inf))
+    np.testing.assert_allclose(found, np.linalg.lstsq(x, y, rcond=None)[0])
+
+
+@pytest.fixture(scope="module")
+def rough(lab, planar2):
+    """The planar arm with Coulomb and viscous friction that the model lacks, and its term on each joint."""
+    motion = lab.motion(2, 3)
+    torque = -np.sign(motion.v) * [0.0, 0.25] - motion.v * [0.15, 0.0]
+    return lab.prepared(planar2, (lab.recording(planar2, motion, torque),))
+
+
+def rows_of(prepared, blocks, active, core):
+    """Weighted columns and residual of some blocks, all rows below each other."""
+    x, y = [], []
+    for k in blocks:
+        block = prepared.blocks[k]
+        part = slice(block.core if core else block.start, block.stop)
+        for j, index in enumerate(prepared.white.rows):
+            use = prepared.white.usable[block.log][part, j]
+            full = np.zeros((use.sum(), len(prepared.white.names)))
+            full[:, list(index)] = prepared.white.values[block.log][j][part][use]
+            scale = np.sqrt(prepared.weights.per_sample[j])
+            x.append(scale * full[:, active])
+            y.append(scale * prepared.white.residual[block.log][part, j][use])
+    return np.concatenate(x), np.concatenate(y)
+
+
+def refitted(prepared, blocks, active):
+    """lsq_linear on the samples of these blocks, priors as rows of their own."""
+    problem = prepared.problem
+    x, y = rows_of(prepared, blocks, active, False)
+    prior = np.diag(np.sqrt(problem.precision[active]))
+    bounds = (problem.lower[active], problem.upper[active])
+    scale = np.linalg.norm(np.vstack([x, prior]), axis=0)
+    stacked = np.vstack([x, prior]) / scale
+    found = lsq_linear(
+        stacked, np.concatenate([y, np.zeros(len(active))]), (bounds[0] * scale, bounds[1] * scale), tol=1e-13
+    )
+    return found.x / scale
+
+
+def test_held_out_losses_are_those_of_fits_without_the_samples(rough):
+    # Brute force: drop the samples of a fold, fit the rest with scipy, and judge the cores of the fold.
+    terms = (rough.term("viscous_friction", "shoulder"), rough.term("coulomb_friction", "elbow"))
+    found = fit(rough.problem, terms)
+    active = active_columns(rough.problem, terms)
+    for fold in (0, 5):
+        rest = [k for k, mine in enumerate(rough.folds) if mine != fold]
+        theta = refitted(rough, rest, active)
+        np.testing.assert_allclose(found.fold_theta[fold][active], theta, rtol=1e-4, atol=1e-7)
+        for k in np.flatnonzero(rough.folds == fold):
+            x, y = rows_of(rough, [k], active, True)
+            assert found.loss[k] == pytest.approx(np.sum((y - x @ theta) ** 2), rel=1e-5)
+
+
+def test_the_fit_on_everything_is_that_of_scipy(rough):
+    terms = (rough.term("viscous_friction", "shoulder"), rough.term("coulomb_friction", "elbow"))
+    active = active_columns(rough.problem, terms)
+    theta = refitted(rough, range(len(rough.blocks)), active)
+    np.testing.assert_allclose(fit(rough.problem, terms).theta[active], theta, rtol=1e-4, atol=1e-7)
+
+
+def test_known_friction_comes_back_within_three_deviations(rough):
+    terms = (rough.term("viscous_friction", "shoulder"), rough.term("coulomb_friction", "elbow"))
+    found = fit(rough.problem, terms)
+    for term, truth in zip(terms, (0.15, 0.25), strict=True):
+        at = int(np.searchsorted(found.active, term.columns[0]))
+        assert abs(found.theta[term.columns[0]] - truth) < 3 * np.sqrt(found.cov[at, at])
+
+
+def test_nuisances_stay_within_two_tolerances(lab, planar2):
+    # Friction of 0.5 more than modelled: without a term for it the model may move 10 % and no further.
+    motion = lab.motion(2, 3)
+    recording = lab.recording(planar2, motion, -np.sign(motion.v) * 0.5)
+    prepared = lab.prepared(planar2, (recording,))
+    found = fit(prepared.problem, ())
+    moves = found.theta[: prepared.problem.nuisances]
+    bounds = np.array([n.bound for n in prepared.columns.nuisances])
+    assert np.all(np.abs(moves) <= bounds * (1 + 1e-12))
+    assert np.any(np.isclose(np.abs(moves), bounds))
+
+
+def test_the_penalty_counts_squared_sigmas(rough):
+    found = fit(rough.problem, ())
+    sigma = np.array([n.sigma for n in rough.columns.nuisances])
+    assert found.penalty == pytest.approx(np.sum((found.theta[: len(sigma)] / sigma) ** 2))
+
+
+def test_predictions_are_what_the_loss_is_made_of(lab, planar2):
+    # Unwhitened, so that the loss in sample is the weighted square of measured less predicted torque.
+    motion = lab.motion(2, 3)
+    recording = lab.recording(planar2, motion, -motion.v * 0.15)
+    prepared = lab.prepared(planar2, (recording,), white=False)
+    terms = (prepared.term("viscous_friction", "shoulder"), prepared.term("torque_constant", "elbow"))
+    found = fit(prepared.problem, terms, held_out=False)
+    assert found.loss.size == 0
+    torque = predict(prepared.problem, terms, found.theta, 0)
+    columns = prepared.columns
+    error = (columns.model_torque[0] + columns.residual[0] - torque) * columns.usable[0]
+    squared = (error**2).sum(axis=0) @ prepared.weights.per_sample
+    nuisances = np.arange(prepared.problem.nuisances)
+    priors = prepared.problem.precision[nuisances] @ found.theta[nuisances] ** 2
+    assert squared + priors == pytest.approx(found.objective, rel=1e-3)
+
+
+def test_an_empty_fit_predicts_the_given_model_where_it_is_trusted(lab, planar2, trusted):
+    robot = trusted(planar2)
+    prepared = lab.prepared(robot, (lab.recording(robot, lab.motion(2)),))
+    none = np.zeros(len(prepared.columns.names))
+    np.testing.assert_array_equal(predict(prepared.problem, (), none, 0), prepared.columns.model_torque[0])
+
+
+@pytest.mark.parametrize("start", [[0.8, 0.1, -0.2, 0.3], [2.0, 0.0, 0.4, 0.0]])
+def test_the_map_of_a_point_mass_is_exact_at_its_start(start):
+    start = np.array(start)
+    jacobian, offset = point_mass_map(start)
+    np.testing.assert_allclose(jacobian @ start + offset, point_mass_parameters(start[0], start[1:] / start[0]))
+
+
+@pytest.mark.parametrize("start", [[0.8, 0.1, -0.2, 0.3], [2.0, 0.0, 0.4, 0.0]])
+def test_the_slope_of_a_point_mass_is_that_of_finite_differences(start):
+    start, step = np.array(start), 1e-6
+    jacobian = point_mass_map(start)[0]
+    for k, unit in enumerate(np.eye(4)):
+        more, less = start + step * unit, start - step * unit
+        slope = point_mass_parameters(more[0], more[1:] / more[0]) - point_mass_parameters(less[0], less[1:] / less[0])
+        np.testing.assert_allclose(jacobian[:, k], slope / (2 * step), atol=1e-6)
+
+
+def test_a_point_mass_without_mass_has_no_inertia():
+    jacobian, offset = point_mass_map(np.zeros(4))
+    np.testing.assert_array_equal(jacobian, np.vstack([np.eye(4), np.zeros((6, 4))]))
+    assert not offset.any()
+
+
+@pytest.mark.parametrize(
+    ("mass", "center"), [(0.6, (0.05, 0.0, -0.35)), (0.2, (0.0, 0.0, -0.9)), (2.5, (0.1, 0.0, -0.1))]
+)
+def test_a_known_payload_comes_back(lab, planar2, trusted, mass, center):
+    robot = trusted(planar2)
+    motion = lab.motion(2, 4)
+    theta = np.array([mass, *center])
+    torque = effect_named("payload").torque(robot, motion, None, theta)
+    prepared = lab.prepared(robot, (lab.recording(robot, motion, torque, noise=0.01),))
+    term = prepared.term("payload", None)
+    found = fit(prepared.problem, (term,))
+    got = term.effect.from_coefficients(robot, None, found.theta[list(term.columns)], np.nan)
+    # The arm is planar: the centre along the hinges leaves no trace.
+    np.testing.assert_allclose(got[[0, 1, 3]], theta[[0, 1, 3]], atol=0.03 * max(mass, 0.3))
+
+
+@pytest.mark.parametrize("ratio", [0.6, 0.9, 1.25, 1.6])
+def test_a_known_torque_constant_comes_back(lab, planar2, trusted, ratio):
+    # Known truth with other effects beside it: friction is multiplied by the wrong constant too.
+    robot = trusted(planar2)
+    motion = lab.motion(2, 5)
+    friction = -np.sign(motion.v) * [0.0, 0.3]
+    needed = inverse_dynamics(robot, motion) - friction
+    logged = needed / [ratio, 1.0]
+    recording = replace(lab.recording(robot, motion, 0.0, noise=0.0), tau=logged)
+    prepared = lab.prepared(robot, (recording,))
+    terms = (prepared.term("torque_constant", "shoulder"), prepared.term("coulomb_friction", "elbow"))
+    found = fit(prepared.problem, terms)
+    got = terms[0].effect.from_coefficients(robot, "shoulder", found.theta[list(terms[0].columns)], np.nan)
+    assert got[0] == pytest.approx(ratio, rel=2e-3)
+
+
+@pytest.mark.parametrize("ratio", [0.6, 1.6])
+def test_friction_behind_a_wrong_torque_constant_comes_back_in_true_torque(lab, planar2, trusted, ratio):
+    # A fit that is linear in both would give ratio times less friction than there is.
+    robot = trusted(planar2)
+    motion = lab.motion(2, 5)
+    needed = inverse_dynamics(robot, motion) + 0.3 * np.sign(motion.v) * [1.0, 0.0]
+    recording = replace(lab.recording(robot, motion, 0.0, noise=0.0), tau=needed / [ratio, 1.0])
+    prepared = lab.prepared(robot, (recording,))
+    terms = (prepared.term("torque_constant", "shoulder"), prepared.term("coulomb_friction", "shoulder"))
+    found = fit(prepared.problem, terms)
+    assert 1 / (1 + found.theta[terms[0].columns[0]]) == pytest.approx(ratio, rel=5e-3)
+    assert found.theta[terms[1].columns[0]] == pytest.approx(0.3, rel=0.02)
+
+
+def test_held_out_losses_of_a_wrong_torque_constant_are_those_of_its_predictions(lab, planar2):
+    # The gain multiplies everything else on its row, also in fits that have not seen a fold.
+    motion = lab.motion(2, 5)
+    robot = replace(planar2, tolerance=Tolerance(0.0, 0.0, 0.0))
+    needed = inverse_dynamics(robot, motion)
+    recording = replace(lab.recording(robot, motion, 0.0, noise=0.05), tau=needed / [1.3, 1.0])
+    prepared = lab.prepared(robot, (recording,), white=False)
+    terms = (prepared.term("torque_constant", "shoulder"),)
+    found = fit(prepared.problem, terms)
+    columns = prepared.columns
+    for k in (0, 4):
+        block = prepared.blocks[k]
+        part = slice(block.core, block.stop)
+        torque = predict(prepared.problem, terms, found.fold_theta[prepared.folds[k]], 0)
+        error = (columns.model_torque[0] + columns.residual[0] - torque)[part] * columns.usable[0][part]
+        expected = (error**2).sum(axis=0) @ prepared.weights.per_sample
+        assert found.loss[k] == pytest.approx(expected, rel=2e-2)

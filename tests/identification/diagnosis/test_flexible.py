@@ -1,0 +1,69 @@
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from identification.diagnosis.flexible import displacement_since_reversal, held_out_ridge, state_features
+
+
+def test_displacement_starts_anew_at_every_reversal():
+    q = np.array([0.0, 1.0, 3.0, 2.0, 1.5, 1.8, 2.0])
+    v = np.array([1.0, 1.0, 1.0, -1.0, -1.0, 1.0, 1.0])
+    np.testing.assert_allclose(displacement_since_reversal(q, v), [0, 1, 3, 0, -0.5, 0, 0.2])
+
+
+def features(quiet, row: int = 1) -> list[np.ndarray]:
+    return [state_features(quiet.columns, quiet.logs[0], 0, row)]
+
+
+def everything(quiet) -> list[np.ndarray]:
+    return [np.ones(len(quiet.logs[0].samples), dtype=bool)]
+
+
+def test_features_are_the_same_on_every_call(quiet):
+    np.testing.assert_array_equal(features(quiet)[0], features(quiet)[0])
+
+
+@pytest.mark.parametrize("law", ["cubic friction", "spring that hardens"])
+def test_a_smooth_function_of_the_state_is_predicted_on_unseen_blocks(quiet, law):
+    # Known truth: laws that are in no catalogue.
+    log = quiet.logs[0]
+    q, v = log.motion.q[log.samples, 1], log.motion.v[log.samples, 1]
+    y = 0.4 * v**3 if law == "cubic friction" else q + 2 * q**3
+    _, error = held_out_ridge(features(quiet), [y], everything(quiet), quiet.blocks, quiet.folds)
+    assert error < 0.05 * np.var(y)
+
+
+def test_noise_is_not_predicted(quiet, rng):
+    y = rng.normal(size=len(quiet.logs[0].samples))
+    predicted, error = held_out_ridge(features(quiet), [y], everything(quiet), quiet.blocks, quiet.folds)
+    assert error > 0.9 * np.var(y)
+    assert np.corrcoef(predicted[0], y)[0, 1] < 0.2
+
+
+def test_no_block_is_predicted_by_a_fit_that_has_seen_it(quiet, rng):
+    # What is measured in a block has no say in its own prediction: change it and the prediction stays.
+    x, use = features(quiet), everything(quiet)
+    y = rng.normal(size=len(quiet.logs[0].samples))
+    block = quiet.blocks[3]
+    changed = y.copy()
+    mine = np.flatnonzero(quiet.folds == quiet.folds[3])
+    for k in mine:
+        changed[quiet.blocks[k].start : quiet.blocks[k].stop] *= -1.0
+    part = slice(block.start, block.stop)
+    first = held_out_ridge(x, [y], use, quiet.blocks, quiet.folds)[0][0][part]
+    second = held_out_ridge(x, [changed], use, quiet.blocks, quiet.folds)[0][0][part]
+    # The strength of the ridge is chosen by the errors, so a stronger one may be taken: the direction is the same.
+    assert abs(np.corrcoef(first, second)[0, 1]) > 0.9
+
+
+def test_samples_that_are_not_used_have_no_say(quiet):
+    log = quiet.logs[0]
+    y = 0.4 * log.motion.v[log.samples, 1]
+    use = everything(quiet)
+    use[0][::7] = False
+    wild = np.where(use[0], y, 1e3)
+    clean = held_out_ridge(features(quiet), [y], use, quiet.blocks, quiet.folds)
+    spoilt = held_out_ridge(features(quiet), [wild], use, quiet.blocks, quiet.folds)
+    np.testing.assert_allclose(spoilt[0][0], clean[0][0], atol=1e-9)
+    assert spoilt[1] == pytest.approx(clean[1])

@@ -1,0 +1,91 @@
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from identification.diagnosis.fitting import fit
+from identification.diagnosis.parameters import finding_parameters
+from phantom_dyn.effects.catalogue import effect_named
+
+
+@pytest.fixture(scope="module")
+def loaded(lab, planar2):
+    """The arm with a load of 0.6 kg, 0.35 m below the elbow, and friction on the elbow."""
+    motion = lab.motion(2, 4, seconds=20.0)
+    torque = effect_named("payload").torque(planar2, motion, None, np.array([0.6, 0.0, 0.0, -0.35]))
+    torque = torque - 0.3 * np.sign(motion.v) * [0.0, 1.0]
+    return lab.prepared(planar2, (lab.recording(planar2, motion, torque),))
+
+
+def estimates(loaded, planar2, *terms):
+    found = fit(loaded.problem, terms)
+    return found, [finding_parameters(planar2, term, found) for term in terms]
+
+
+def test_a_linear_parameter_has_the_deviation_of_its_coefficient(loaded, planar2):
+    term = loaded.term("coulomb_friction", "elbow")
+    found, (friction, _) = estimates(loaded, planar2, term, loaded.term("payload", None))
+    at = int(np.searchsorted(found.active, term.columns[0]))
+    assert friction["torque"].value == found.theta[term.columns[0]]
+    assert friction["torque"].std == pytest.approx(np.sqrt(found.cov[at, at]), rel=1e-3)
+    assert friction["torque"].unit == "N m"
+
+
+def test_known_values_lie_within_three_deviations(loaded, planar2):
+    terms = (loaded.term("coulomb_friction", "elbow"), loaded.term("payload", None))
+    _, (friction, payload) = estimates(loaded, planar2, *terms)
+    truth = {"torque": 0.3, "mass": 0.6, "center_x": 0.0, "center_z": -0.35}
+    for name, value in truth.items():
+        got = {**friction, **payload}[name]
+        assert abs(got.value - value) < 3 * got.std + 1e-3
+
+
+def test_a_place_has_the_deviation_of_a_quotient(loaded, planar2):
+    # Closed form: c = h / m, var c = (var h - 2 c cov(h, m) + c^2 var m) / m^2.
+    term = loaded.term("payload", None)
+    found, (values,) = estimates(loaded, planar2, term)
+    at = np.searchsorted(found.active, term.columns)
+    cov = found.cov[np.ix_(at[[0, 3]], at[[0, 3]])]
+    m, h = found.theta[term.columns[0]], found.theta[term.columns[3]]
+    c = h / m
+    expected = np.sqrt(cov[1, 1] - 2 * c * cov[0, 1] + c**2 * cov[0, 0]) / m
+    assert values["center_z"].std == pytest.approx(expected, rel=0.01)
+
+
+def test_the_deviation_of_a_ratio_is_that_of_its_inverse(loaded, planar2):
+    # Closed form: ratio = 1 / (1 + e), so its deviation is that of e times ratio squared.
+    term = loaded.term("torque_constant", "elbow")
+    found, (values,) = estimates(loaded, planar2, term)
+    at = int(np.searchsorted(found.active, term.columns[0]))
+    ratio = values["ratio"]
+    assert ratio.std == pytest.approx(ratio.value**2 * np.sqrt(found.cov[at, at]), rel=0.01)
+
+
+def test_a_shape_that_is_one_of_a_grid_is_known_to_its_spacing(loaded, planar2):
+    term = loaded.term("stribeck_friction", "elbow")
+    _, (values,) = estimates(loaded, planar2, term)
+    assert values["stribeck_velocity"].value == term.shape
+    assert values["stribeck_velocity"].std >= 0.3 * term.shape
+
+
+@pytest.mark.parametrize("joint", ["elbow", None])
+def test_base_parameters_alone_predict_what_all_of_them_do(loaded, planar2, lab, joint):
+    # Known property of base parameters: with the others unchanged the torque is the same on any motion.
+    term = loaded.term("inertial_parameters", joint)
+    found, (values,) = estimates(loaded, planar2, term)
+    effect = effect_named("inertial_parameters")
+    names = [p.name for p in effect.parameters(planar2, joint)]
+    alone = np.array([values[name].value if name in values else 0.0 for name in names])
+    motion = lab.motion(2, 77, seconds=2.0)
+    np.testing.assert_allclose(
+        effect.torque(planar2, motion, joint, alone),
+        effect.torque(planar2, motion, joint, found.theta[list(term.columns)]),
+        atol=1e-8,
+    )
+
+
+def test_of_inertial_parameters_those_are_given_that_a_motion_can_tell(loaded, planar2):
+    # In the plane a link has four: what it weighs on the joint before, two first moments, and one inertia.
+    _, (values,) = estimates(loaded, planar2, loaded.term("inertial_parameters", "elbow"))
+    assert len(values) == 4
+    assert all(value.std > 0 for value in values.values())

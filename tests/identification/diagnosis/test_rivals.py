@@ -1,0 +1,90 @@
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from identification.diagnosis.rivals import REPLICATES, block_counts, stand
+from identification.diagnosis.search import explain
+from phantom_dyn import load_robot
+
+
+def silent(_: str) -> None:
+    """Nobody is told."""
+
+
+def standings(prepared) -> dict[tuple[str, str | None], object]:
+    search = prepared.search
+    chosen = explain(search, silent)
+    return {term.place: stand(search, chosen, term) for term in chosen}
+
+
+def rival_sets(standing) -> list[set[str]]:
+    return [{effect.effect for effect in rival.effects} for rival in standing.rivals]
+
+
+def test_every_replicate_draws_as_many_blocks_as_there_are(rng):
+    counts = block_counts(17, rng)
+    assert counts.shape == (REPLICATES, 17)
+    np.testing.assert_array_equal(counts.sum(axis=1), 17)
+
+
+def test_every_block_is_drawn_as_often_as_any_other(rng):
+    # A multinomial count has mean one and variance 1 - 1/B.
+    counts = block_counts(20, rng)
+    assert counts.mean() == pytest.approx(1.0)
+    assert counts.var() == pytest.approx(1 - 1 / 20, rel=0.05)
+
+
+def test_a_clear_finding_has_no_rivals(lab, planar2):
+    motion = lab.motion(2, 3)
+    prepared = lab.prepared(planar2, (lab.recording(planar2, motion, -np.sign(motion.v) * [0.0, 0.5]),))
+    standing = standings(prepared)[("coulomb_friction", "elbow")]
+    assert standing.probability == 1.0
+    assert standing.rivals == ()
+
+
+@pytest.fixture(scope="module")
+def heavier(lab):
+    """A slide without gravity whose mass is 30 kg larger than modelled: four effects predict the same."""
+    slide = load_robot("emps")
+    motion = lab.motion(1, 2, swing=0.2)
+    return lab.prepared(slide, (lab.recording(slide, motion, -30.0 * motion.a, noise=2.0),))
+
+
+def test_exact_twins_share_their_wins(heavier):
+    # Closed form: mass of the carriage, of a payload, of the rotor, and a torque constant all leave a force
+    # proportional to the acceleration.
+    ((place, standing),) = standings(heavier).items()
+    options = [place, *((r.effects[0].effect, r.effects[0].joint) for r in standing.rivals)]
+    assert set(options) == {
+        ("rotor_inertia", "axis"),
+        ("inertial_parameters", "axis"),
+        ("payload", None),
+        ("torque_constant", "axis"),
+    }
+    assert standing.probability == pytest.approx(0.25, abs=0.02)
+
+
+def test_coulomb_friction_with_an_offset_and_direction_dependent_friction_are_twins(lab, planar2):
+    # Closed form: steps of 0.5 and 0.2 are a Coulomb torque of 0.35 and an offset of 0.15.
+    motion = lab.motion(2, 3)
+    torque = np.where(motion.v > 0, -0.5, 0.2) * [0.0, 1.0]
+    prepared = lab.prepared(planar2, (lab.recording(planar2, motion, torque),))
+    found = standings(prepared)
+    assert {place[1] for place in found} == {"elbow"}
+    options = [{place[0] for place in found}, *(names for s in found.values() for names in rival_sets(s))]
+    assert {"direction_dependent_friction"} in options
+    assert {"coulomb_friction", "torque_offset"} in options
+
+
+def test_probabilities_of_a_finding_and_its_rivals_sum_to_one(heavier):
+    for standing in standings(heavier).values():
+        total = standing.probability + sum(rival.probability for rival in standing.rivals)
+        assert total == pytest.approx(1.0)
+
+
+def test_rivals_have_a_twentieth_at_least_and_come_in_order(heavier):
+    (standing,) = standings(heavier).values()
+    shares = [rival.probability for rival in standing.rivals]
+    assert shares == sorted(shares, reverse=True)
+    assert min(shares) >= 0.05

@@ -1,0 +1,172 @@
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from identification.diagnosis.search import (
+    PARAMETER_PRICE,
+    alternatives,
+    contains,
+    explain,
+    ordered,
+    possible,
+    price,
+    rank_of,
+    replaced,
+    set_up_search,
+    with_term,
+)
+from phantom_dyn.motion import Motion
+
+
+def places(terms) -> set[tuple[str, str | None]]:
+    return {term.place for term in terms}
+
+
+def silent(_: str) -> None:
+    """Nobody is told."""
+
+
+@pytest.mark.parametrize(("size", "cost"), [(0, 0.0), (1, 5.0), (4, 20.0), (10, 26.0)])
+def test_four_parameters_pay_in_full_and_each_more_what_chance_gives(size, cost):
+    assert price(size) == cost
+    assert price(1) == PARAMETER_PRICE
+
+
+@pytest.mark.parametrize(
+    ("rich", "simple", "joint"),
+    [
+        ("direction_dependent_friction", "coulomb_friction", "elbow"),
+        ("direction_dependent_friction", "viscous_friction", "elbow"),
+        ("direction_dependent_friction", "torque_offset", "elbow"),
+        ("stribeck_friction", "coulomb_friction", "shoulder"),
+    ],
+)
+def test_a_richer_law_contains_its_special_cases(quiet, rich, simple, joint):
+    assert contains(quiet.term(rich, joint), quiet.term(simple, joint))
+    assert not contains(quiet.term(simple, joint), quiet.term(rich, joint))
+
+
+def test_a_law_on_one_joint_does_not_contain_one_on_another(quiet):
+    rich = quiet.term("direction_dependent_friction", "elbow")
+    assert not contains(rich, quiet.term("coulomb_friction", "shoulder"))
+
+
+def test_nothing_contains_itself(quiet):
+    assert not any(contains(term, term) for term in quiet.columns.terms)
+
+
+def test_inertias_of_all_links_contain_those_of_one_and_the_payload(quiet):
+    whole = quiet.term("inertial_parameters", None)
+    assert contains(whole, quiet.term("inertial_parameters", "elbow"))
+    assert contains(whole, quiet.term("payload", None))
+
+
+def test_inertias_of_the_last_link_contain_the_payload_and_those_of_the_first_do_not(quiet):
+    payload = quiet.term("payload", None)
+    assert contains(quiet.term("inertial_parameters", "elbow"), payload)
+    assert not contains(quiet.term("inertial_parameters", "shoulder"), payload)
+
+
+def test_a_richer_law_takes_the_place_of_its_special_cases(quiet):
+    chosen = frozenset([quiet.term("coulomb_friction", "elbow"), quiet.term("coulomb_friction", "shoulder")])
+    rich = with_term(chosen, quiet.term("direction_dependent_friction", "elbow"))
+    assert places(rich) == {("direction_dependent_friction", "elbow"), ("coulomb_friction", "shoulder")}
+
+
+def test_a_law_has_one_shape_at_a_time(quiet):
+    shapes = [term for term in quiet.columns.terms if term.place == ("stribeck_friction", "elbow")]
+    assert with_term(frozenset([shapes[0]]), shapes[3]) == frozenset([shapes[3]])
+
+
+def test_two_rich_friction_laws_do_not_stand_side_by_side(quiet):
+    one = frozenset([quiet.term("stribeck_friction", "elbow")])
+    rich = quiet.term("direction_dependent_friction", "elbow")
+    assert with_term(one, rich) == frozenset([rich])
+
+
+def test_a_special_case_of_what_is_there_is_not_tried(quiet):
+    chosen = frozenset([quiet.term("direction_dependent_friction", "elbow")])
+    assert not possible(chosen, quiet.term("coulomb_friction", "elbow"))
+    assert possible(chosen, quiet.term("coulomb_friction", "shoulder"))
+    assert not possible(chosen, quiet.term("direction_dependent_friction", "elbow"))
+
+
+def test_special_cases_together_are_an_alternative_to_a_richer_law(quiet):
+    rich = quiet.term("direction_dependent_friction", "elbow")
+    several = [places(group) for group in alternatives(quiet.search, rich)]
+    assert {("coulomb_friction", "elbow"), ("torque_offset", "elbow")} in several
+
+
+def test_replacing_keeps_the_other_effects(quiet):
+    coulomb, viscous = quiet.term("coulomb_friction", "elbow"), quiet.term("viscous_friction", "elbow")
+    kept = quiet.term("rotor_inertia", "shoulder")
+    assert replaced(frozenset([coulomb, kept]), coulomb, frozenset([viscous])) == frozenset([viscous, kept])
+
+
+def test_the_order_of_terms_is_that_of_their_columns(quiet):
+    terms = quiet.columns.terms
+    assert ordered(reversed(terms)) == ordered(terms)
+    assert [t.columns for t in ordered(terms)] == sorted(t.columns for t in terms)
+
+
+@pytest.mark.parametrize(
+    ("effect", "joint", "rank"),
+    [
+        ("viscous_friction", "elbow", 1),
+        ("direction_dependent_friction", "elbow", 4),
+        ("parasitic_spring", "elbow", 2),
+        ("stribeck_friction", "elbow", 3),
+        # In the plane of x and z a body has three gravity and inertia parameters about its hinge.
+        ("inertial_parameters", "elbow", 4),
+    ],
+)
+def test_the_rank_of_an_effect_is_its_number_of_independent_directions(quiet, effect, joint, rank):
+    assert rank_of(quiet.problem, quiet.term(effect, joint)) == rank
+
+
+def test_an_effect_of_a_joint_that_rests_is_no_rival(lab, planar2):
+    motion = lab.motion(2)
+    held = Motion(motion.t, motion.q * [1, 0], motion.v * [1, 0], motion.a * [1, 0])
+    prepared = lab.prepared(planar2, (lab.recording(planar2, held, noise=0.05),))
+    at_rest = prepared.term("torque_offset", "elbow")
+    assert rank_of(prepared.problem, at_rest) == 1
+    assert at_rest in prepared.search.terms
+
+
+def test_a_set_scores_its_held_out_loss_and_its_price(quiet):
+    term = quiet.term("viscous_friction", "elbow")
+    search = quiet.search
+    found = search.evaluate(frozenset([term]))
+    assert search.score(frozenset([term])) == pytest.approx(found.loss.sum() + found.penalty + 5.0 + 0.02)
+
+
+def test_a_fit_is_made_once(quiet):
+    search = quiet.search
+    chosen = frozenset([quiet.term("viscous_friction", "elbow")])
+    assert search.evaluate(chosen) is search.evaluate(frozenset(chosen))
+
+
+def test_nothing_is_claimed_without_a_gap(quiet):
+    assert explain(quiet.search, silent) == frozenset()
+
+
+def test_two_effects_at_once_are_found_on_their_joints(lab, planar2):
+    # Known truth.
+    motion = lab.motion(2, 3)
+    torque = -np.sign(motion.v) * [0.0, 0.3] - motion.v * [0.3, 0.0]
+    prepared = lab.prepared(planar2, (lab.recording(planar2, motion, torque),))
+    assert places(explain(prepared.search, silent)) == {("coulomb_friction", "elbow"), ("viscous_friction", "shoulder")}
+
+
+def test_a_threshold_that_no_gain_reaches_keeps_every_claim_away(lab, planar2):
+    motion = lab.motion(2, 3)
+    prepared = lab.prepared(planar2, (lab.recording(planar2, motion, -np.sign(motion.v) * [0.0, 0.3]),))
+    assert explain(set_up_search(prepared.problem, 1e9, np.zeros(2)), silent) == frozenset()
+
+
+def test_the_search_tells_what_it_does(quiet):
+    said: list[str] = []
+    explain(quiet.search, said.append)
+    assert said[0] == "trying rivals, 0 found"
+    assert "weighing alternatives" in said

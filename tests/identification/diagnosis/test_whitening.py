@@ -1,0 +1,83 @@
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from scipy.signal import lfilter
+
+from identification.diagnosis.noise import estimate_noise
+from identification.diagnosis.whitening import filtered, noise_filter, whitened
+
+
+def autoregressive(rng: np.random.Generator, coefficients: list[float], count: int) -> np.ndarray:
+    """Noise ``e_t = a_1 e_(t-1) + a_2 e_(t-2) + w_t`` with white ``w`` of size one."""
+    return lfilter([1.0], [1.0, *(-a for a in coefficients)], rng.normal(size=count + 500))[500:]
+
+
+def autocorrelation(e: np.ndarray, lags: int) -> np.ndarray:
+    return np.array([e[k:] @ e[: len(e) - k] for k in range(1, lags + 1)]) / (e @ e)
+
+
+@pytest.mark.parametrize("coefficients", [[1.2, -0.5], [0.3, 0.4], [-0.6, -0.2]])
+def test_noise_of_a_known_law_becomes_white(rng, coefficients):
+    # Known truth: second-order autoregressive noise; white noise keeps 95 % of its autocorrelations in 2/sqrt(n).
+    kernel = noise_filter([autoregressive(rng, coefficients, 6000)])
+    e = filtered(kernel, autoregressive(rng, coefficients, 6000))[10:]
+    rho = autocorrelation(e, 40)
+    assert np.mean(np.abs(rho) < 2 / np.sqrt(len(e))) > 0.85
+    assert np.abs(rho).max() < 4 / np.sqrt(len(e))
+
+
+def test_the_filter_is_one_less_the_law_of_the_noise(rng):
+    # Closed form: the whitening filter of the law is 1, -a_1, -a_2, 0, ...
+    kernel = noise_filter([autoregressive(rng, [1.2, -0.5], 20000)])
+    np.testing.assert_allclose(kernel, [1.0, -1.2, 0.5, *np.zeros(6)], atol=4 / np.sqrt(20000))
+
+
+def test_recordings_of_one_noise_share_its_filter(rng):
+    parts = [autoregressive(rng, [1.2, -0.5], 5000) for _ in range(4)]
+    kernel = noise_filter(parts)
+    np.testing.assert_allclose(kernel[:3], [1.0, -1.2, 0.5], atol=4 / np.sqrt(20000))
+
+
+@pytest.mark.parametrize("e", [np.zeros(1000), np.ones(20)], ids=["no noise", "few samples"])
+def test_noise_that_tells_nothing_is_left_as_it_is(e):
+    np.testing.assert_array_equal(noise_filter([e]), [1.0])
+
+
+def test_filtering_is_that_of_scipy(rng):
+    kernel, x = rng.normal(size=6), rng.normal(size=(300, 2))
+    np.testing.assert_allclose(filtered(kernel, x), lfilter(kernel, [1.0], x, axis=0), atol=1e-13)
+
+
+def test_filtering_leaves_its_input_alone(rng):
+    x = rng.normal(size=30)
+    before = x.copy()
+    filtered(np.array([1.0, 0.5]), x)
+    np.testing.assert_array_equal(x, before)
+
+
+def test_a_linear_relation_survives_on_every_row(quiet, rng):
+    # Residual = columns @ theta before, so after: the same filter on both sides.
+    for j in range(2):
+        theta = rng.normal(size=len(quiet.columns.rows[j]))
+        white = quiet.white.values[0][j] @ theta
+        plain = quiet.columns.values[0][j] @ theta
+        kernel = noise_filter([quiet_noise(quiet)[:, j]])
+        np.testing.assert_allclose(white, filtered(kernel, plain), atol=1e-9 * np.abs(plain).max())
+
+
+def quiet_noise(quiet) -> np.ndarray:
+    return estimate_noise(quiet.columns, quiet.logs, quiet.blocks, quiet.folds)[0]
+
+
+def test_samples_whose_filter_reaches_an_unusable_one_are_not_used(quiet):
+    # Brute force over the samples that the filter of each row sees.
+    usable = np.ones_like(quiet.columns.usable[0])
+    usable[100:110, 0] = False
+    noise = np.random.default_rng(3).normal(size=usable.shape)
+    white, _ = whitened(replace(quiet.columns, usable=(usable,)), (noise,))
+    length = len(noise_filter([noise[:, 0]]))
+    expected = [k >= length - 1 and bool(usable[k - length + 1 : k + 1, 0].all()) for k in range(len(usable))]
+    np.testing.assert_array_equal(white.usable[0][:, 0], expected)
