@@ -55,6 +55,8 @@ _LEAST_SHARE = 0.004
 _LEAST_BLOCKS = 4
 # Alignment, derivatives and the tolerance taken as linear are right to about one per cent of the torque they explain.
 _ACCURACY = 0.0002
+# Without a finding, the squared residual of a joint in the judged band grows by at least this share.
+_VISIBLE = 0.03
 # A claim gains at least this on held-out data, whatever chance gives.
 _LEAST_GAIN = 10.0
 # A rest is structured if a flexible model takes at least this share off its loss, three standard errors over blocks.
@@ -124,7 +126,32 @@ def diagnose(
     if ratio < _LOWER:
         search, chosen = _search(columns, blocks, folds, noise, progress)
     progress("comparing rivals")
+    chosen = _visible(search, chosen, logs, cutoff_hz)
     return _assemble(robot, every, logs, cutoff_hz, search, chosen, noise, progress, started)
+
+
+def _visible(search: Search, chosen: frozenset[Term], logs: tuple[Log, ...], cutoff_hz: float) -> frozenset[Term]:
+    """Findings without those whose loss nobody would see in the judged band.
+
+    Without a finding the squared residual of some joint has to grow by a share of what is left: an effect can be
+    significant only above the judged band, where it is of no use and the model of the noise is least known.
+    """
+    problem = search.problem
+
+    def squares(kept: frozenset[Term]) -> Float[Array, " nv"]:
+        torque = held_out_torque(problem, kept, search.evaluate(kept))
+        return sums(problem, in_judged_band(residual_after(problem, torque), logs, cutoff_hz)).rms() ** 2
+
+    while chosen:
+        base = squares(chosen)
+        growth = {
+            term: float(np.max(squares(chosen - {term}) / np.maximum(base, 1e-300))) - 1.0 for term in ordered(chosen)
+        }
+        least = min(growth, key=lambda term: growth[term])
+        if growth[least] >= _VISIBLE:
+            return chosen
+        chosen = chosen - {least}
+    return chosen
 
 
 def _search(

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 
 import numpy as np
-from jaxtyping import Float, Int
+from jaxtyping import Bool, Float, Int
 
 from identification.diagnosis.blocks import Block, Grams, Weights
 from identification.diagnosis.columns import Columns, Term
@@ -144,40 +144,58 @@ def solve(a: Float[Array, "k k"], b: Float[Array, "k ..."]) -> Float[Array, "k .
     scale = 1.0 / np.sqrt(np.maximum(np.diag(a), 1e-300))
     scaled = a * scale[:, None] * scale[None, :]
     # A relative 1e-12 is below what any of these products is known to, and keeps exact twins solvable.
-    scaled[np.diag_indices_from(scaled)] += 1e-12
+    scaled.flat[:: len(scaled) + 1] += 1e-12
     right = b * (scale if b.ndim == 1 else scale[:, None])
     x = np.linalg.solve(scaled, right)
     return x * (scale if b.ndim == 1 else scale[:, None])
 
 
 def bounded_solve(
-    a: Float[Array, "k k"], b: Float[Array, " k"], lower: Float[Array, " k"], upper: Float[Array, " k"]
+    a: Float[Array, "k k"],
+    b: Float[Array, " k"],
+    lower: Float[Array, " k"],
+    upper: Float[Array, " k"],
+    near: Float[Array, " k"] | None = None,
 ) -> Float[Array, " k"]:
     """Minimum of ``x a x / 2 - b x`` within bounds, ``a`` positive definite, by an active set.
 
     All violated bounds are taken in at once and released one by one when their multiplier has the wrong sign, which
-    takes two or three solves for the few bounds that bind here; sixty sweeps are allowed.
+    takes few solves for the few bounds that bind here; sixty are allowed. The bounds that bind at ``near``, the minimum
+    of a similar problem, are tried first.
     """
-    x = solve(a, b)
-    if np.all(x >= lower) and np.all(x <= upper):
-        return x
     fixed = np.zeros(len(b), dtype=bool)
     value = np.zeros(len(b))
+    if near is not None:
+        fixed = (near <= lower) | (near >= upper)
+        value[fixed] = near[fixed]
+    x = _free_minimum(a, b, fixed, value)
     for _ in range(60):
         below, above = (x < lower) & ~fixed, (x > upper) & ~fixed
         if below.any() or above.any():
             value[below], value[above] = lower[below], upper[above]
             fixed |= below | above
-        else:
+        elif fixed.any():
             gradient = a @ x - b
             wrong = fixed & (((x <= lower) & (gradient < -1e-9)) | ((x >= upper) & (gradient > 1e-9)))
             if not wrong.any():
                 break
             fixed[np.argmax(np.where(wrong, np.abs(gradient), -1.0))] = False
-        x = value * fixed
-        free = ~fixed
-        x[free] = solve(a[np.ix_(free, free)], b[free] - a[np.ix_(free, fixed)] @ value[fixed])
+        else:
+            break
+        x = _free_minimum(a, b, fixed, value)
     return np.clip(x, lower, upper)
+
+
+def _free_minimum(
+    a: Float[Array, "k k"], b: Float[Array, " k"], fixed: Bool[Array, " k"], value: Float[Array, " k"]
+) -> Float[Array, " k"]:
+    """Minimum with some coefficients fixed at their values."""
+    if not fixed.any():
+        return solve(a, b)
+    free = ~fixed
+    x = np.where(fixed, value, 0.0)
+    x[free] = solve(a[np.ix_(free, free)], b[free] - a[np.ix_(free, fixed)] @ value[fixed])
+    return x
 
 
 def active_columns(problem: Problem, terms: tuple[Term, ...]) -> Int[Array, " k"]:
@@ -186,23 +204,26 @@ def active_columns(problem: Problem, terms: tuple[Term, ...]) -> Int[Array, " k"
     return np.array([*range(problem.nuisances), *chosen], dtype=int)
 
 
-def fit(problem: Problem, terms: tuple[Term, ...], *, held_out: bool = True) -> Fitted:
+def fit(
+    problem: Problem, terms: tuple[Term, ...], *, held_out: bool = True, near: Float[Array, " 4"] | None = None
+) -> Fitted:
     """Fit nuisances and terms together, on all blocks and once without each fold.
 
     Args:
         problem: Columns, products, priors.
         terms: The effects in the model.
         held_out: False leaves the fits without folds out; the loss is then that of the one fit, in sample.
+        near: Mass and first moments of a payload found in a similar fit, to start from.
     """
     scaled = [term for term in terms if isinstance(term.effect, TorqueConstant)]
     if not scaled:
-        return _fit_at_point(problem, terms, (), held_out)
+        return _fit_at_point(problem, terms, (), held_out, near)
     # A torque constant multiplies everything else on its row: refit about the last gain.
     columns = [term.columns[0] for term in scaled]
     rows = [next(j for j, row in enumerate(problem.columns.rows) if column in row) for column in columns]
     gains, scalings = np.ones(len(scaled)), ()
     for _ in range(4):
-        found = _fit_at_point(problem, terms, scalings, False)
+        found = _fit_at_point(problem, terms, scalings, False, near)
         step = found.theta[columns]
         gains = np.clip(gains + step, 0.05, 20.0)
         theta = found.theta.copy()
@@ -212,10 +233,11 @@ def fit(problem: Problem, terms: tuple[Term, ...], *, held_out: bool = True) -> 
         )
         if np.all(np.abs(step) < 1e-3):
             break
-    found = _fit_at_point(problem, terms, scalings, held_out)
+    found = _fit_at_point(problem, terms, scalings, held_out, near)
     theta, fold_theta = found.theta.copy(), found.fold_theta.copy()
     theta[columns] += gains - 1.0
-    fold_theta[:, columns] += gains - 1.0
+    if len(fold_theta):
+        fold_theta[:, columns] += gains - 1.0
     return replace(found, theta=theta, fold_theta=fold_theta)
 
 
@@ -234,17 +256,30 @@ def predict(problem: Problem, terms: tuple[Term, ...], theta: Float[Array, " K"]
     return out
 
 
-def _fit_at_point(problem: Problem, terms: tuple[Term, ...], scalings: tuple[Scaling, ...], held_out: bool) -> Fitted:
+def _fit_at_point(
+    problem: Problem,
+    terms: tuple[Term, ...],
+    scalings: tuple[Scaling, ...],
+    held_out: bool,
+    near: Float[Array, " 4"] | None,
+) -> Fitted:
     """Fit with the torque constants linear; a payload is linearised about its own last estimate."""
     payload = next((term for term in terms if isinstance(term.effect, Payload)), None)
     active = active_columns(problem, terms)
     products = _products(problem, active, scalings, held_out)
     if payload is None:
         return _fit_linear(problem, active, products, None, held_out)
-    return _fit_linear(problem, active, products, (payload, _point_mass(problem, active, products, payload)), held_out)
+    start = _point_mass(problem, active, products, payload, near)
+    return _fit_linear(problem, active, products, (payload, start), held_out)
 
 
-def _point_mass(problem: Problem, active: Int[Array, " k"], products: Products, payload: Term) -> Float[Array, " 4"]:
+def _point_mass(
+    problem: Problem,
+    active: Int[Array, " k"],
+    products: Products,
+    payload: Term,
+    near: Float[Array, " 4"] | None,
+) -> Float[Array, " 4"]:
     """Mass and first moments of the best point mass.
 
     The inertia ``(h.h 1 - h h^T) / m`` makes the fit quadratic, so it is linearised about the last estimate, from
@@ -253,20 +288,20 @@ def _point_mass(problem: Problem, active: Int[Array, " k"], products: Products, 
     first = _fit_linear(problem, active, products, (payload, np.zeros(4)), False)
     moments = first.theta[list(payload.columns[1:4])]
     best, lowest, found = np.zeros(4), np.inf, first
-    for distance in (0.03, 0.08, 0.2, 0.5, 1.5):
-        start = np.array([max(float(np.linalg.norm(moments)), 1e-9) / distance, *moments])
-        for _ in range(12):
+    far = max(float(np.linalg.norm(moments)), 1e-9)
+    starts = [np.array([far / distance, *moments]) for distance in (0.03, 0.08, 0.2, 0.5, 1.5)]
+    if near is not None and near[0] > 0:
+        starts = [near, starts[2]]
+    for start in starts:
+        for _ in range(8):
             last = start
             found = _fit_linear(problem, active, products, (payload, last), False)
             step = found.theta[list(payload.columns[:4])] - last
             # A mass may at most double or halve in one step: the linearised inertia goes as 1/m.
-            scale = (
-                min(1.0, 0.5 * last[0] / max(-step[0], 1e-300))
-                if step[0] < 0
-                else min(1.0, last[0] / (step[0] + 1e-300))
-            )
+            limit = last[0] if step[0] > 0 else 0.5 * last[0]
+            scale = min(1.0, limit / max(abs(step[0]), 1e-300))
             start = last + scale * step
-            if np.abs(step).max() <= 1e-3 * np.abs(last).max():
+            if np.abs(step).max() <= 3e-3 * np.abs(last).max():
                 break
         loss = _exact_loss(problem, active, products, payload, found, start)
         if loss < lowest:
@@ -416,7 +451,7 @@ def _fit_linear(
     for k in range(len(fold_x)):
         mine = fold == k
         rest_a, rest_b = total_a - a[mine].sum(axis=0), total_b - b[mine].sum(axis=0)
-        y = fold_x[k] = bounded_solve(rest_a + prior, rest_b, lower, upper)
+        y = fold_x[k] = bounded_solve(rest_a + prior, rest_b, lower, upper, near=x)
         loss[mine] = core_c[mine] - 2 * core_b[mine] @ y + (core_a[mine] @ y) @ y
     fold_theta = np.zeros((len(fold_x), len(theta)))
     fold_theta[:, active] = fold_x @ expand.T + shift

@@ -15,6 +15,8 @@ Array = np.ndarray
 
 REPLICATES = 1000
 _LISTED = 0.05
+# A rival that is this much worse in sample (ten standard deviations of one parameter) wins no replicate.
+_FAR = 100.0
 # Held-out losses that differ by less (in units of one squared standard deviation) are the same predictions.
 _SAME = 0.05
 
@@ -67,7 +69,7 @@ def stand(search: Search, chosen: frozenset[Term], term: Term) -> Standing:
     best = scores.min(axis=1, keepdims=True)
     tied = scores <= best + _SAME
     shares = (tied / tied.sum(axis=1, keepdims=True)).mean(axis=0)
-    shares = _by_place(keys, names, shares)
+    shares = _by_place(term, keys, names, shares)
     kept = {effects: share for effects, share in shares.items() if share >= _LISTED and effects}
     own = shares[()]
     total = own + sum(kept.values())
@@ -87,18 +89,22 @@ def _fixed(search: Search, chosen: frozenset[Term], penalty: float) -> float:
 
 
 def _by_place(
-    keys: list[frozenset[Term]], names: dict[frozenset[Term], frozenset[Term]], shares: Float[Array, " m"]
+    term: Term, keys: list[frozenset[Term]], names: dict[frozenset[Term], frozenset[Term]], shares: Float[Array, " m"]
 ) -> dict[tuple[tuple[str, str | None], ...], float]:
     """Shares by set of effects and joints, shapes of one effect added up; the finding itself under ``()``."""
     out: dict[tuple[tuple[str, str | None], ...], float] = {}
     for key, share in zip(keys, shares, strict=True):
         place = tuple(other.place for other in ordered(names[key])) if key in names else ()
+        if place == (term.place,):
+            place = ()
         out[place] = out.get(place, 0.0) + float(share)
     return out
 
 
 def _hopeless(search: Search, chosen: frozenset[Term], swapped: frozenset[Term]) -> bool:
     """True if the swap loses by so much, block by block, that it would win no bootstrap replicate."""
+    if search.quick(swapped) > search.quick(chosen) + _FAR:
+        return True
     found, base = search.evaluate(swapped), search.evaluate(chosen)
     worse = found.loss - base.loss
     loss = found.total + search.price_of(swapped) - base.total - search.price_of(chosen)
