@@ -28,6 +28,8 @@ def null_threshold(search: Search, noise: tuple[Float[Array, "n nv"], ...]) -> f
         noise: Unpredicted residual of each log, white.
     """
     problem = search.problem
+    if not search.terms:
+        return 0.0
     rng = np.random.default_rng(20260102)
     b, core_b, core_c = _null_products(problem, noise, rng)
     base = _losses(problem, np.arange(problem.nuisances), b, core_b, core_c)
