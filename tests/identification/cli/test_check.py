@@ -83,3 +83,32 @@ def test_a_refusal_loads_nothing_heavy(tmp_path):
     )
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, cwd=tmp_path, check=True)
     assert done.stdout == "2 []\n"
+
+
+def test_repeated_rows_are_counted(log, capsys):
+    lines = log.read_text().splitlines()
+    log.write_text("\n".join([*lines[:80], lines[79], *lines[80:]]))
+    assert main(["check", str(log), "--robot", str(ARM)]) == 0
+    assert "warning: log.csv: 1 row that repeats the one before was dropped.\n" in capsys.readouterr().out
+
+
+def test_warnings_about_the_robot_are_printed(log, tmp_path, capsys):
+    (tmp_path / "robot.urdf").write_text(ARM.read_text().replace('izz="0.04"', 'izz="0.4"'))
+    assert main(["check", str(log), "--robot", str(tmp_path / "robot.urdf")]) == 0
+    assert "no rigid body has the inertia of link column" in capsys.readouterr().out
+
+
+def test_a_missing_log_names_the_nearest(log, capsys):
+    assert main(["check", str(log.with_name("lag.csv"))]) == 2
+    assert capsys.readouterr().err.endswith("lag.csv does not exist; did you mean log.csv?\n")
+
+
+def test_a_missing_robot_is_refused(log, capsys):
+    assert main(["check", str(log), "--robot", "nosuch.urdf"]) == 2
+    assert capsys.readouterr().err.startswith("phantom-dyn: There is no robot file 'nosuch.urdf'")
+
+
+def test_nothing_is_written(log, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    main(["check", "log.csv", "--robot", str(ARM)])
+    assert [path.name for path in tmp_path.iterdir()] == ["log.csv"]
