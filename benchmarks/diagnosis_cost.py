@@ -117,7 +117,7 @@ def stages(robot: Robot, log: Path) -> dict[str, float]:
     marks.append(("", time.perf_counter()))
     out: dict[str, float] = {}
     for (words, start), (_, stop) in pairwise(marks):
-        stage = words.split(":")[0].split("(")[0].strip()
+        stage = words.partition(",")[0]
         out[stage] = out.get(stage, 0.0) + stop - start
     return out
 
