@@ -110,8 +110,8 @@ def moving_joints(log: Log) -> Bool[Array, " nv"]:
 def standing_still(log: Log) -> Bool[Array, "N nv"]:
     """True where a joint rests: its speed is within noise, so static friction may hold any torque.
 
-    The threshold is three robust sigmas of what a short moving average takes off the velocity, and at least a
-    thousandth of the joint's top speed.
+    The threshold is three sigmas of what a short moving average takes off the velocity in the quietest fifth of the
+    record, where the motion itself adds nothing, and at least a thousandth of the joint's top speed.
     """
     v = log.motion.v
     width = max(3, int(log.band.rate_hz / log.band.cutoff_hz))
@@ -119,7 +119,8 @@ def standing_still(log: Log) -> Bool[Array, "N nv"]:
     out = np.empty(v.shape, dtype=bool)
     for j, moves in enumerate(moving_joints(log)):
         rough = v[:, j] - np.convolve(v[:, j], kernel, mode="same")
-        sigma = 1.4826 * np.median(np.abs(rough))
+        windows = rough[: len(rough) // width * width].reshape(-1, width)
+        sigma = float(np.percentile(np.sqrt(np.mean(windows**2, axis=1)), 20)) if len(windows) else 0.0
         slow = np.abs(v[:, j]) < max(3 * sigma, 1e-3 * np.percentile(np.abs(v[:, j]), 99))
         # Passing through zero is no rest: the joint has to be slow for a whole period of the band's edge.
         resting = np.convolve(slow, kernel, mode="same") > 0.999
@@ -135,7 +136,7 @@ def usable_samples(log: Log) -> Bool[Array, "n nv"]:
     share = (count[at + half + 1] - count[at - half]) / (2 * half + 1)
     moving = share < 0.25
     # Where noise hides nearly all of a motion, the joint is taken to move throughout.
-    moving |= (moving.mean(axis=0) < 0.3) & moving_joints(log)
+    moving |= (moving.mean(axis=0) < 0.02) & moving_joints(log)
     return moving & log.valid_in_band[:, None]
 
 

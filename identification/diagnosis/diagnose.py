@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from jaxtyping import Float, Int
@@ -40,7 +40,7 @@ from identification.diagnosis.search import Search, explain, ordered, set_up_sea
 from identification.diagnosis.whitening import whitened
 from identification.log import Log
 from identification.recordings import Recording
-from identification.signals import process_all
+from identification.signals import process_all, smoothed
 from phantom_dyn import __version__
 from phantom_dyn.errors import LogError
 from phantom_dyn.robot import Robot
@@ -126,7 +126,6 @@ def diagnose(
     if ratio < _LOWER:
         search, chosen = _search(columns, blocks, folds, noise, progress)
     progress("comparing rivals")
-    chosen = _visible(search, chosen, logs, cutoff_hz)
     return _assemble(robot, every, logs, cutoff_hz, search, chosen, noise, progress, started)
 
 
@@ -143,15 +142,47 @@ def _visible(search: Search, chosen: frozenset[Term], logs: tuple[Log, ...], cut
         return sums(problem, in_judged_band(residual_after(problem, torque), logs, cutoff_hz)).rms() ** 2
 
     while chosen:
-        base = squares(chosen)
-        growth = {
-            term: float(np.max(squares(chosen - {term}) / np.maximum(base, 1e-300))) - 1.0 for term in ordered(chosen)
-        }
+        base = np.maximum(squares(chosen), 1e-300)
+        growth = {}
+        for term in ordered(chosen):
+            ratio = squares(chosen - {term}) / base
+            # It has to help the worst joint, and not cost the others more than it helps.
+            growth[term] = float(np.max(ratio)) - 1.0 if np.mean(ratio) > 1.0 else -1.0
         least = min(growth, key=lambda term: growth[term])
         if growth[least] >= _VISIBLE:
             return chosen
         chosen = chosen - {least}
     return chosen
+
+
+def _narrow_search(
+    search: Search, logs: tuple[Log, ...], cutoff_hz: float, noise: tuple[Float[Array, "n nv"], ...]
+) -> Search:
+    """The same search with fits by plain least squares in the judged band.
+
+    Whitened fits tell effects apart best. Once the effects are chosen, the plain fit is the one that closes the gap,
+    and its parameters suffer less where a real effect is not quite its law.
+    """
+    problem = search.problem
+    columns = problem.columns
+    steps = [log.band.rate_hz / log.band.step for log in logs]
+    wide = cutoff_hz < 0.99 * min(log.band.cutoff_hz for log in logs)
+    narrow = columns
+    if wide:
+        values = tuple(
+            tuple(smoothed(row, rate, cutoff_hz) for row in rows)
+            for rows, rate in zip(columns.values, steps, strict=True)
+        )
+        narrow = replace(
+            columns,
+            values=values,
+            residual=in_judged_band(columns.residual, logs, cutoff_hz),
+            model_torque=in_judged_band(columns.model_torque, logs, cutoff_hz),
+        )
+    weights = weights_of(narrow, in_judged_band(noise, logs, cutoff_hz))
+    grams = build_grams(narrow, problem.blocks, problem.grams.fold, weights)
+    plain = set_up(columns, narrow, problem.blocks, weights, grams)
+    return set_up_search(plain, search.threshold, search.row_thresholds)
 
 
 def _search(
@@ -187,9 +218,11 @@ def _assemble(
     started: float,
 ) -> Diagnosis:
     """Put everything that the search has found into the shape of the contract."""
-    problem = search.problem
+    plain = _narrow_search(search, logs, cutoff_hz, noise)
+    chosen = _visible(plain, chosen, logs, cutoff_hz)
+    problem = plain.problem
     columns = problem.columns
-    found = search.evaluate(chosen)
+    found = plain.evaluate(chosen)
     torque = held_out_torque(problem, chosen, found)
     rest = in_judged_band(residual_after(problem, torque), logs, cutoff_hz)
     given = in_judged_band(columns.residual, logs, cutoff_hz)
@@ -199,7 +232,7 @@ def _assemble(
     judge = Judge(problem, logs, cutoff_hz, floor)
     predicted = _flexible_rest(problem, logs, rest)
     smooth = sums(problem, tuple(r - p for r, p in zip(rest, predicted, strict=True)))
-    findings = _findings(robot, search, chosen, judge, before, after)
+    findings = _findings(robot, search, plain, chosen, judge, before, after)
     shares = [regime_shares(columns, logs, given, j) for j in range(robot.nv)]
     unexplained = _unexplained(robot, judge, predicted, before, after, smooth)
     progress("stating what would have been seen")
@@ -250,15 +283,21 @@ def _floor(
 
 
 def _findings(
-    robot: Robot, search: Search, chosen: frozenset[Term], judge: Judge, before: Sums, after: Sums
+    robot: Robot,
+    search: Search,
+    plain: Search,
+    chosen: frozenset[Term],
+    judge: Judge,
+    before: Sums,
+    after: Sums,
 ) -> tuple[Finding, ...]:
     """Findings with their gap closed and rivals, the largest first."""
-    problem, floor, found = search.problem, judge.floor, search.evaluate(chosen)
+    problem, floor, found = plain.problem, judge.floor, plain.evaluate(chosen)
     counts = block_counts(len(before.counts), np.random.default_rng(20260105))
     once = np.ones((1, len(before.counts)))
     out = []
     for term in ordered(chosen):
-        without = search.evaluate(chosen - {term})
+        without = plain.evaluate(chosen - {term})
         torque = held_out_torque(problem, chosen - {term}, without)
         lost = sums(problem, judge.narrow(residual_after(problem, torque)))
 

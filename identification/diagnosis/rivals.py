@@ -9,7 +9,7 @@ from jaxtyping import Float
 
 from identification.diagnosis.columns import Term
 from identification.diagnosis.result import EffectAt, Rival
-from identification.diagnosis.search import Search, contains, ordered, relevant, replaced
+from identification.diagnosis.search import PARAMETER_PRICE, Search, contains, ordered, relevant, replaced
 
 Array = np.ndarray
 
@@ -54,7 +54,9 @@ def stand(search: Search, chosen: frozenset[Term], term: Term) -> Standing:
         richer = any(contains(other, term) for other in others) and search.sizes_of(others) > search.sizes[term]
         if richer and found.total >= base.total:
             continue
-        options[swapped] = (found.loss, _fixed(search, swapped, base.penalty))
+        # What contains the finding would be a new claim, and has to gain what chance does not.
+        more = max(search.threshold - PARAMETER_PRICE, 0.0) if richer else 0.0
+        options[swapped] = (found.loss, _fixed(search, swapped, base.penalty) + more)
         names[swapped] = others
     for others, swapped in _twins(search, chosen, term):
         options[swapped] = (base.loss, _fixed(search, chosen, base.penalty))
