@@ -370,9 +370,11 @@ def _verdict(findings: tuple[Finding, ...], unexplained: Unexplained, columns: C
     """The contract's verdict."""
     if not any(use.any() for use in columns.usable):
         return "not_testable"
+    little = not unexplained.structured or unexplained.fraction_of_explainable < 0.1
     if not findings:
-        return "unknown" if unexplained.structured else "no_gap"
-    if not unexplained.structured or unexplained.fraction_of_explainable < 0.1:
+        # What the tolerance explains nine tenths of is a robot within its tolerance, not a gap of unknown cause.
+        return "no_gap" if little else "unknown"
+    if little:
         return "explained"
     return "unknown" if unexplained.fraction_of_explainable > 0.5 else "partly_explained"
 
