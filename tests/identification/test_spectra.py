@@ -48,6 +48,13 @@ def test_the_torque_of_a_recorder_that_smooths_ends_at_its_filter(rng):
     assert 40.0 < torque_edge(tau, RATE) < 60.0
 
 
+@pytest.mark.parametrize(("amplitude", "edge"), [(0.03, 80.0), (0.003, 10.0)])
+def test_the_torque_ends_where_a_hundredth_of_its_amplitude_is_left(amplitude, edge):
+    # Closed form: a hum of 3 % at 80 Hz counts, one of 0.3 % does not; the window is three bins of 0.25 Hz wide.
+    tau = np.sin(2 * np.pi * 10.0 * T) + amplitude * np.sin(2 * np.pi * 80.0 * T)
+    assert torque_edge(tau, RATE) == pytest.approx(edge, abs=1.0)
+
+
 def test_white_torque_reaches_half_the_rate(rng):
     assert torque_edge(rng.normal(size=len(T)), RATE) == pytest.approx(0.5 * RATE, rel=0.01)
 

@@ -31,9 +31,8 @@ def test_a_core_shares_no_sample_with_the_kernels_of_the_block_before(two):
     for k, log in enumerate(two.logs):
         mine = [block for block in two.blocks if block.log == k]
         for before, block in itertools.pairwise(mine):
-            assert block.start <= block.core < block.stop
-            if block.core > block.start:
-                assert log.samples[block.core] - log.band.half >= log.samples[before.stop - 1]
+            assert block.start < block.core < block.stop
+            assert log.samples[block.core] - log.band.half >= log.samples[before.stop - 1]
 
 
 def test_the_first_block_of_a_log_is_all_core(two):

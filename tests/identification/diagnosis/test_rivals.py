@@ -77,8 +77,13 @@ def test_coulomb_friction_with_an_offset_and_direction_dependent_friction_are_tw
     assert {"coulomb_friction", "torque_offset"} in options
 
 
-def test_probabilities_of_a_finding_and_its_rivals_sum_to_one(heavier):
-    for standing in standings(heavier).values():
+@pytest.mark.parametrize("seed", range(5))
+def test_probabilities_of_a_finding_and_its_rivals_sum_to_one(lab, pendulum, seed):
+    # A weak difference of the directions, which several laws explain; those that win seldom are not listed.
+    motion = lab.motion(1, seed)
+    torque = -np.where(motion.v > 0, 0.25, 0.18) * np.sign(motion.v) - 0.1 * motion.v
+    prepared = lab.prepared(pendulum, (lab.recording(pendulum, motion, torque, noise=0.2, seed=seed),))
+    for standing in standings(prepared).values():
         total = standing.probability + sum(rival.probability for rival in standing.rivals)
         assert total == pytest.approx(1.0)
 
