@@ -271,12 +271,16 @@ def _assemble(
 def _floor(
     columns: Columns, logs: tuple[Log, ...], cutoff_hz: float, noise: tuple[Float[Array, "n nv"], ...]
 ) -> Float[Array, " nv"]:
-    """Noise floor of each joint in the judged band."""
+    """Noise floor of each joint in the judged band, above zero even where nothing was measured."""
     narrow = in_judged_band(noise, logs, cutoff_hz)
     torque = np.concatenate(columns.model_torque)
     return np.array(
         [
-            max(rms([e[:, j][u[:, j]] for e, u in zip(narrow, columns.usable, strict=True)]), 1e-6 * torque[:, j].std())
+            max(
+                rms([e[:, j][u[:, j]] for e, u in zip(narrow, columns.usable, strict=True)]),
+                1e-6 * torque[:, j].std(),
+                1e-12,
+            )
             for j in range(len(columns.rows))
         ]
     )
@@ -333,8 +337,7 @@ def _flexible_rest(
         x = [state_features(columns, log, k, j) for k, log in enumerate(logs)]
         y, use = [r[:, j] for r in rest], [u[:, j] for u in columns.usable]
         predicted, error = held_out_ridge(x, y, use, problem.blocks, problem.grams.fold)
-        plain = np.mean(np.concatenate([v[m] for v, m in zip(y, use, strict=True)]) ** 2)
-        if error < plain:
+        if error < rms([v[m] for v, m in zip(y, use, strict=True)]) ** 2:
             for k, p in enumerate(predicted):
                 out[k][:, j] = p
     return tuple(out)

@@ -172,6 +172,30 @@ def test_many_turns_of_a_continuous_joint(tmp_path, pendulum, written, content):
     assert causes(found) == COULOMB
 
 
+def test_nothing_moves(tmp_path, pendulum, written, content):
+    t = np.arange(2000) / 200
+    still = Motion(t, np.full((2000, 1), 0.3), np.zeros((2000, 1)), np.zeros((2000, 1)))
+    found = content(pendulum, written(tmp_path / "log.csv", moved(pendulum, still)))
+    assert (found["verdict"], found["findings"]) == ("not_testable", [])
+
+
+def test_a_joint_that_rests_is_blamed_for_nothing(tmp_path, arm, written, content):
+    one = swinging(np.arange(2000) / 200)
+    q, v, a = (x * np.array([1.0, 0.7, 0.0]) for x in (one.q, one.v, one.a))
+    found = content(arm, written(tmp_path / "log.csv", moved(arm, Motion(one.t, q, v, a))))
+    assert "slide" not in {joint for _, joint in causes(found)}
+    assert ("coulomb_friction", "slide") in {(entry["effect"], entry["joint"]) for entry in found["not_testable"]}
+
+
+def test_a_joint_that_rests_without_torque(tmp_path, arm, written, content):
+    # Turned about the vertical, at rest: neither motion nor gravity asks for any torque, so no noise is measured.
+    one = swinging(np.arange(2000) / 200)
+    q, v, a = (x * np.array([0.0, 1.0, 0.7]) for x in (one.q, one.v, one.a))
+    columns = moved(arm, Motion(one.t, q, v, a))
+    found = content(arm, written(tmp_path / "log.csv", columns | {"tau.turn": 0 * one.t}))
+    assert "turn" not in {joint for _, joint in causes(found)}
+
+
 @pytest.mark.parametrize("factor", [1e-9, 1e7])
 def test_torques_of_another_size(tmp_path, pendulum, swing, written, content, factor):
     found = content(pendulum, written(tmp_path / "log.csv", swing | {"tau.pin": factor * swing["tau.pin"]}))
