@@ -35,11 +35,11 @@ def main(folder: Path) -> None:
         fit = fit_ols(robot, log, effects)
         print("\n" + ", ".join(names).replace("_", " "))
         for name, value, std, unit, theirs in zip(fit.names, fit.theta, fit.std(), fit.units, published, strict=True):
-            print(f"  {name:<52} {value:9.4f} +- {std:7.4f} {unit:<7} published {theirs:9.4f}")
+            print(f"  {name:<54} {value:9.4f} +- {std:7.4f} {unit:<7} published {theirs:9.4f}")
         print(
-            f"  {'relative error of the force':<52} {fit.relative_error[0]:9.4f} %{'':<16} published {published_error}"
+            f"  {'relative error of the force':<54} {fit.relative_error[0]:9.4f} %{'':<16} published {published_error}"
         )
-        print(f"  {'the same on blocks that no fit has seen':<52} {cross_validate(robot, log, effects)[0]:9.4f} %")
+        print(f"  {'the same on blocks that no fit has seen':<54} {cross_validate(robot, log, effects)[0]:9.4f} %")
 
 
 if __name__ == "__main__":
