@@ -134,10 +134,7 @@ def usable_samples(log: Log) -> Bool[Array, "n nv"]:
     half, at = log.band.half, log.samples
     count = np.vstack([np.zeros(resting.shape[1], dtype=int), np.cumsum(resting, axis=0)])
     share = (count[at + half + 1] - count[at - half]) / (2 * half + 1)
-    moving = share < 0.25
-    # Where noise hides nearly all of a motion, the joint is taken to move throughout.
-    moving |= (moving.mean(axis=0) < 0.02) & moving_joints(log)
-    return moving & log.valid_in_band[:, None]
+    return (share < 0.25) & log.valid_in_band[:, None]
 
 
 def _nuisances(robot: Robot) -> list[tuple[Nuisance, str, int, Array | None]]:

@@ -155,6 +155,15 @@ def _visible(search: Search, chosen: frozenset[Term], logs: tuple[Log, ...], cut
     return chosen
 
 
+def _gap_is_there(
+    problem: Problem, logs: tuple[Log, ...], cutoff_hz: float, noise: tuple[Float[Array, "n nv"], ...]
+) -> bool:
+    """False if the given model's residual is noise on every joint: then there is nothing to find a cause for."""
+    floor = _floor(problem.columns, logs, cutoff_hz, noise)
+    given = sums(problem, in_judged_band(problem.columns.residual, logs, cutoff_hz)).rms()
+    return bool(np.any(given**2 > (1.0 + _VISIBLE) * floor**2))
+
+
 def _narrow_search(
     search: Search, logs: tuple[Log, ...], cutoff_hz: float, noise: tuple[Float[Array, "n nv"], ...]
 ) -> Search:
@@ -220,6 +229,8 @@ def _assemble(
     """Put everything that the search has found into the shape of the contract."""
     plain = _narrow_search(search, logs, cutoff_hz, noise)
     chosen = _visible(plain, chosen, logs, cutoff_hz)
+    if not _gap_is_there(plain.problem, logs, cutoff_hz, noise):
+        chosen = frozenset()
     problem = plain.problem
     columns = problem.columns
     found = plain.evaluate(chosen)
