@@ -270,8 +270,8 @@ def _values(
 ) -> tuple[tuple[Float[Array, "n k"], ...], Float[Array, "n nv"]]:
     """In-band columns of one log row by row, and its modelled torque in the band."""
     band = log.band
-    # Rounding errors of a joint at rest have a sign, and friction would follow it.
-    moves = moving_joints(log)
+    # The noise of a joint that is held has a sign, which friction would follow, and an acceleration, which couples.
+    moves = standing_still(log).mean(axis=0) < 0.98
     motion = Motion(log.motion.t, log.motion.q, log.motion.v * moves, log.motion.a * moves)
 
     def narrow(x: Array) -> Array:
