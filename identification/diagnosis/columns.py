@@ -271,7 +271,7 @@ def _values(
     """In-band columns of one log row by row, and its modelled torque in the band."""
     band = log.band
     # The noise of a joint that is held has a sign, which friction would follow, and an acceleration, which couples.
-    moves = standing_still(log).mean(axis=0) < 0.98
+    moves = standing_still(log).mean(axis=0) < 0.9
     motion = Motion(log.motion.t, log.motion.q, log.motion.v * moves, log.motion.a * moves)
 
     def narrow(x: Array) -> Array:
