@@ -8,7 +8,7 @@ from jaxtyping import Float
 from identification.diagnosis.columns import Term
 from identification.diagnosis.fitting import solve
 from identification.diagnosis.result import Bound, NotTestable
-from identification.diagnosis.search import PARAMETER_PRICE, Search, contains, price, rows_of
+from identification.diagnosis.search import PARAMETER_PRICE, Search, contains, least_gain, price
 from phantom_dyn.motion import Motion
 from phantom_dyn.robot import Robot
 
@@ -45,9 +45,10 @@ def smallest_seen(
             continue
         name, direction = term.effect.probe(robot, motion, term.joint)
         information = _information(search, term, direction, base, inverse)
-        rows = sorted(rows_of(problem, term))
-        least = max(search.threshold, float(search.row_thresholds[rows].sum()))
-        needed = np.sqrt(least + max(price(search.sizes[term]) - PARAMETER_PRICE, 0.0) + 2.0) + _POWER
+        needed = (
+            np.sqrt(least_gain(search, frozenset([term])) + max(price(search.sizes[term]) - PARAMETER_PRICE, 0.0) + 2.0)
+            + _POWER
+        )
         size = needed / np.sqrt(information) if information > 0 else np.inf
         if not size < _largest(search, term, direction):
             why = f"it would have to exceed the torque measured on {joint} to be seen in this recording"

@@ -124,7 +124,9 @@ def standing_still(log: Log) -> Bool[Array, "N nv"]:
         slow = np.abs(v[:, j]) < max(3 * sigma, 1e-3 * np.percentile(np.abs(v[:, j]), 99))
         # Passing through zero is no rest: the joint has to be slow for a whole period of the band's edge.
         resting = np.convolve(slow, kernel, mode="same") > 0.999
-        out[:, j] = (np.convolve(resting, np.ones(width), mode="same") > 0.5) | ~moves
+        # A joint whose fastest speeds are noise too is held all the time.
+        held = not moves or np.percentile(np.abs(v[:, j]), 95) < 5 * sigma
+        out[:, j] = (np.convolve(resting, np.ones(width), mode="same") > 0.5) | held
     return out
 
 
@@ -271,7 +273,7 @@ def _values(
     """In-band columns of one log row by row, and its modelled torque in the band."""
     band = log.band
     # The noise of a joint that is held has a sign, which friction would follow, and an acceleration, which couples.
-    moves = standing_still(log).mean(axis=0) < 0.9
+    moves = ~standing_still(log).all(axis=0)
     motion = Motion(log.motion.t, log.motion.q, log.motion.v * moves, log.motion.a * moves)
 
     def narrow(x: Array) -> Array:

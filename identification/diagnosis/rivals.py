@@ -9,7 +9,7 @@ from jaxtyping import Float
 
 from identification.diagnosis.columns import Term
 from identification.diagnosis.result import EffectAt, Rival
-from identification.diagnosis.search import PARAMETER_PRICE, Search, contains, ordered, relevant, replaced
+from identification.diagnosis.search import PARAMETER_PRICE, Search, contains, least_gain, ordered, relevant, replaced
 
 Array = np.ndarray
 
@@ -55,7 +55,7 @@ def stand(search: Search, chosen: frozenset[Term], term: Term) -> Standing:
         if richer and found.total >= base.total:
             continue
         # What contains the finding would be a new claim, and has to gain what chance does not.
-        more = max(search.threshold - PARAMETER_PRICE, 0.0) if richer else 0.0
+        more = max(least_gain(search, others) - PARAMETER_PRICE, 0.0) if richer else 0.0
         options[swapped] = (found.loss, _fixed(search, swapped, base.penalty) + more)
         names[swapped] = others
     for others, swapped in _twins(search, chosen, term):

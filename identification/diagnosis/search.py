@@ -145,6 +145,12 @@ def possible(chosen: frozenset[Term], term: Term) -> bool:
     return term not in chosen and not any(contains(other, term) for other in chosen)
 
 
+def least_gain(search: Search, terms: frozenset[Term]) -> float:
+    """Held-out gain that a claim of these effects needs: more than chance, and a fair part of the gap it touches."""
+    rows = sorted(set().union(*(rows_of(search.problem, term) for term in terms)))
+    return max(search.threshold, float(search.row_thresholds[rows].sum()))
+
+
 def claimed(search: Search, chosen: frozenset[Term], without: frozenset[Term]) -> bool:
     """True if what ``chosen`` has beyond ``without`` gains on held-out data what chance does not.
 
@@ -156,8 +162,7 @@ def claimed(search: Search, chosen: frozenset[Term], without: frozenset[Term]) -
     gain = min(plain.total - rich.total, plain.objective - rich.objective)
     gains = plain.loss - rich.loss
     extra = search.price_of(chosen) - search.price_of(without)
-    rows = sorted(set().union(*(rows_of(search.problem, term) for term in chosen - without)))
-    needed = max(search.threshold, float(search.row_thresholds[rows].sum())) + max(extra - PARAMETER_PRICE, 0.0)
+    needed = least_gain(search, chosen - without) + max(extra - PARAMETER_PRICE, 0.0)
     error = float(np.sqrt(len(gains)) * gains.std()) + 1e-12
     return gain > needed and (gain > _SIGNIFICANT * error or gain > 10 * needed)
 
