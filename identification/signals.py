@@ -83,7 +83,7 @@ def low_pass(cutoff_hz: float, rate_hz: float) -> Band:
         return Band(rate_hz, 0.5 * rate_hz, np.ones(1), 1)
     half = int(np.ceil(2 * rate_hz / cutoff_hz))
     step = max(1, int(rate_hz / (_SAMPLES_PER_PERIOD * cutoff_hz)))
-    return Band(rate_hz, cutoff_hz, firwin(2 * half + 1, cutoff_hz, fs=rate_hz), step)
+    return Band(rate_hz, cutoff_hz, np.asarray(firwin(2 * half + 1, cutoff_hz, fs=rate_hz), dtype=float), step)
 
 
 def smoothed(x: Float[Array, "n ..."], rate_hz: float, cutoff_hz: float) -> Float[Array, "n ..."]:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import itertools
+
 import numpy as np
 from jaxtyping import Float
 
@@ -33,7 +35,7 @@ def acceleration_edge(q: Float[Array, " N"], rate_hz: float) -> float | None:
     if not np.any(power > 0) or low >= high:
         return None
     edges = low * 2.0 ** (np.arange(int(np.log2(high / low) * _BINS_PER_OCTAVE) + 1) / _BINS_PER_OCTAVE)
-    inside = [(f >= a) & (f < b) for a, b in zip(edges[:-1], edges[1:], strict=True)]
+    inside = [(f >= a) & (f < b) for a, b in itertools.pairwise(edges)]
     kept = [k for k, m in enumerate(inside) if m.any()]
     centre = np.array([np.sqrt(edges[k] * edges[k + 1]) for k in kept])
     level = np.array([power[inside[k]].mean() for k in kept])

@@ -1,6 +1,8 @@
 """The diagnosis of the gap between a robot and its model, in the order in which data flow through it.
 
-``columns`` (what may explain a residual), ``noise``, ``blocks`` (Gram matrices), ``fitting``, ``null`` (what chance
-gives), ``search`` (which effects), ``rivals`` (what else), ``bounds`` (what would have been seen), ``locate``, ``gap``,
-``diagnose`` (all of it), ``result``, and the outputs: ``json_output``, ``report``, ``summary``, ``outputs``.
+``columns`` (what may explain a residual) and ``rest``, ``noise`` and ``whitening``, ``blocks`` (Gram matrices),
+``problem``, ``fitting``, ``bounded`` and ``point_mass``, ``null`` (what chance gives), ``search`` (which effects),
+``judge`` and ``gap`` (what they close), ``rivals`` (what else), ``bounds`` (what would have been seen), ``locate``,
+``parameters``, ``assemble``, ``diagnose`` (all of it), ``result``, and the outputs: ``json_output``, ``report``,
+``summary``, ``outputs``.
 """

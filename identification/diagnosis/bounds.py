@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 from jaxtyping import Float
 
+from identification.diagnosis.bounded import solve
 from identification.diagnosis.columns import Term
-from identification.diagnosis.fitting import solve
 from identification.diagnosis.result import Bound, NotTestable
 from identification.diagnosis.search import PARAMETER_PRICE, Search, contains, least_gain, price
 from phantom_dyn.motion import Motion

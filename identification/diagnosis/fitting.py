@@ -5,45 +5,16 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 
 import numpy as np
-from jaxtyping import Bool, Float, Int
+from jaxtyping import Float, Int
 
-from identification.diagnosis.blocks import Block, Grams, Weights
-from identification.diagnosis.columns import Columns, Term
+from identification.diagnosis.bounded import bounded_solve, solve
+from identification.diagnosis.columns import Term
+from identification.diagnosis.point_mass import point_mass_map
+from identification.diagnosis.problem import Problem
 from phantom_dyn.effects.payload import Payload
 from phantom_dyn.effects.torque_constant import TorqueConstant
 
 Array = np.ndarray
-
-
-@dataclass(frozen=True)
-class Problem:
-    """Columns, their Gram matrices, and the priors and bounds of all coefficients.
-
-    Attributes:
-        columns: All columns, as computed.
-        white: The same with white noise; what the products are made of.
-        blocks: Stretches of samples.
-        weights: Noise of each row of ``white``.
-        grams: Products of the columns.
-        precision: Prior precision of each coefficient about zero, ``(K,)``.
-        lower, upper: Bounds, ``(K,)``.
-        nuisances: Number of leading columns that every fit contains.
-        total_a, total_b: Products summed over the blocks that train.
-        touched: Rows that each column touches.
-    """
-
-    columns: Columns
-    white: Columns
-    blocks: tuple[Block, ...]
-    weights: Weights
-    grams: Grams
-    precision: Float[Array, " K"]
-    lower: Float[Array, " K"]
-    upper: Float[Array, " K"]
-    nuisances: int
-    total_a: Float[Array, "K K"]
-    total_b: Float[Array, " K"]
-    touched: tuple[frozenset[int], ...]
 
 
 @dataclass(frozen=True)
@@ -102,106 +73,6 @@ class Products:
     b: Float[Array, " k"]
     c: float
     blocks: tuple[Array, ...] | None
-
-
-def set_up(columns: Columns, white: Columns, blocks: tuple[Block, ...], weights: Weights, grams: Grams) -> Problem:
-    """Priors: the tolerance for nuisances; for effects so wide that only what the data do not show is held down.
-
-    The width is thirty times the size at which a column alone would carry the whole residual.
-    """
-    count = len(columns.names)
-    energy = np.einsum("bkk->k", grams.a)
-    with np.errstate(divide="ignore"):
-        precision = np.where(energy > 0, energy / (900.0 * max(grams.c.sum(), 1e-30)), 1.0)
-    lower, upper = np.full(count, -np.inf), np.full(count, np.inf)
-    for k, nuisance in enumerate(columns.nuisances):
-        precision[k] = 1.0 / nuisance.sigma**2
-        lower[k], upper[k] = -nuisance.bound, nuisance.bound
-    for term in columns.terms:
-        for k, bound in zip(term.columns, term.lower, strict=True):
-            lower[k] = max(lower[k], bound)
-    touched = tuple(frozenset(j for j, index in enumerate(columns.rows) if k in index) for k in range(count))
-    train = grams.fold >= 0
-    total_a, total_b = grams.a[train].sum(axis=0), grams.b[train].sum(axis=0)
-    return Problem(
-        columns,
-        white,
-        blocks,
-        weights,
-        grams,
-        precision,
-        lower,
-        upper,
-        len(columns.nuisances),
-        total_a,
-        total_b,
-        touched,
-    )
-
-
-def solve(a: Float[Array, "k k"], b: Float[Array, "k ..."]) -> Float[Array, "k ..."]:
-    """Solution of ``a x = b`` for a positive definite ``a`` whose rows may differ by many orders of magnitude."""
-    scale = 1.0 / np.sqrt(np.maximum(np.diag(a), 1e-300))
-    scaled = a * scale[:, None] * scale[None, :]
-    # A relative 1e-12 is below what any of these products is known to, and keeps exact twins solvable.
-    scaled.flat[:: len(scaled) + 1] += 1e-12
-    right = b * (scale if b.ndim == 1 else scale[:, None])
-    x = np.linalg.solve(scaled, right)
-    return x * (scale if b.ndim == 1 else scale[:, None])
-
-
-def bounded_solve(
-    a: Float[Array, "k k"],
-    b: Float[Array, " k"],
-    lower: Float[Array, " k"],
-    upper: Float[Array, " k"],
-    near: Float[Array, " k"] | None = None,
-) -> Float[Array, " k"]:
-    """Minimum of ``x a x / 2 - b x`` within bounds, ``a`` positive definite, by active sets.
-
-    First all violated bounds are taken in and all wrong multipliers released at once, sweep by sweep (the primal-dual
-    active set method of Hintermueller, Ito and Kunisch, 2002), which takes three to five sweeps. Where that does not
-    settle, multipliers are released one by one, which always does.
-
-    Args:
-        a: Quadratic part.
-        b: Linear part.
-        lower: Lower bounds.
-        upper: Upper bounds.
-        near: Minimum of a similar problem; the bounds that bind there are tried first.
-    """
-    fixed = np.zeros(len(b), dtype=bool)
-    value = np.zeros(len(b))
-    if near is not None:
-        fixed = (near <= lower) | (near >= upper)
-        value[fixed] = near[fixed]
-    x = _free_minimum(a, b, fixed, value)
-    for sweep in range(72):
-        gradient = a @ x - b
-        below, above = (x < lower) & ~fixed, (x > upper) & ~fixed
-        wrong = fixed & (((x <= lower) & (gradient < -1e-9)) | ((x >= upper) & (gradient > 1e-9)))
-        if not (below.any() or above.any() or wrong.any()):
-            break
-        if sweep < 12:
-            fixed &= ~wrong
-        elif not (below.any() or above.any()):
-            fixed[np.argmax(np.where(wrong, np.abs(gradient), -1.0))] = False
-        value[below], value[above] = lower[below], upper[above]
-        fixed |= below | above
-        x = _free_minimum(a, b, fixed, value)
-    return np.clip(x, lower, upper)
-
-
-def _free_minimum(
-    a: Float[Array, "k k"], b: Float[Array, " k"], fixed: Bool[Array, " k"], value: Float[Array, " k"]
-) -> Float[Array, " k"]:
-    """Minimum with some coefficients fixed at their values."""
-    if not fixed.any():
-        return solve(a, b)
-    free = ~fixed
-    x = np.where(fixed, value, 0.0)
-    x[free] = solve(a[np.ix_(free, free)], b[free] - a[np.ix_(free, fixed)] @ value[fixed])
-    return x
 
 
 def active_columns(problem: Problem, terms: tuple[Term, ...]) -> Int[Array, " k"]:
@@ -388,29 +259,6 @@ def _rescale(
     moved = b - (gain - 1.0) * a[:, :, own]
     square = c - 2 * (gain - 1.0) * b[:, own] + (gain - 1.0) ** 2 * a[:, own, own]
     return mix.T @ a @ mix, moved @ mix, square
-
-
-def point_mass_map(start: Float[Array, " 4"]) -> tuple[Float[Array, "10 4"], Float[Array, " 10"]]:
-    """Ten inertial parameters of a point mass from mass and first moments ``(m, h)``, linearised: ``J x + c``.
-
-    The inertia is ``(h.h 1 - h h^T) / m``. Without a positive mass at the start it is left out.
-    """
-    jacobian = np.zeros((10, 4))
-    jacobian[:4] = np.eye(4)
-    offset = np.zeros(10)
-    m, h = start[0], start[1:]
-    if m <= 1e-9:
-        return jacobian, offset
-    entries = ((0, 0), (0, 1), (1, 1), (0, 2), (1, 2), (2, 2))
-    for k, (i, j) in enumerate(entries):
-        value = ((h @ h) * (i == j) - h[i] * h[j]) / m
-        slope = np.zeros(4)
-        slope[0] = -value / m
-        for axis in range(3):
-            slope[1 + axis] = (2 * h[axis] * (i == j) - (axis == i) * h[j] - h[i] * (axis == j)) / m
-        jacobian[4 + k] = slope
-        offset[4 + k] = value - slope @ start
-    return jacobian, offset
 
 
 def _fit_linear(

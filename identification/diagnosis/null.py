@@ -5,7 +5,8 @@ from __future__ import annotations
 import numpy as np
 from jaxtyping import Float
 
-from identification.diagnosis.fitting import Problem, solve
+from identification.diagnosis.bounded import solve
+from identification.diagnosis.problem import Problem
 from identification.diagnosis.search import PARAMETER_PRICE, Search, price
 
 Array = np.ndarray

@@ -11,7 +11,8 @@ import numpy as np
 from jaxtyping import Float
 
 from identification.diagnosis.columns import Term
-from identification.diagnosis.fitting import Fitted, Problem, fit
+from identification.diagnosis.fitting import Fitted, fit
+from identification.diagnosis.problem import Problem
 from phantom_dyn.effects.payload import Payload
 
 Array = np.ndarray

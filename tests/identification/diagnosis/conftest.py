@@ -11,8 +11,8 @@ import pytest
 
 from identification.diagnosis.blocks import Block, Weights, assign_folds, build_grams, split_blocks
 from identification.diagnosis.columns import Columns, Term, build_columns
-from identification.diagnosis.fitting import Problem, set_up
 from identification.diagnosis.noise import estimate_noise, weights_of
+from identification.diagnosis.problem import Problem, set_up
 from identification.diagnosis.search import Search, set_up_search
 from identification.diagnosis.whitening import whitened
 from identification.log import Log

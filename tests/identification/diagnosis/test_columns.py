@@ -5,7 +5,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from identification.diagnosis.columns import KnownEffect, build_columns, merged_motion, standing_still, usable_samples
+from identification.diagnosis.columns import KnownEffect, build_columns, merged_motion
+from identification.diagnosis.rest import standing_still, usable_samples
 from identification.signals import process, process_all
 from phantom_dyn.dynamics import inverse_dynamics
 from phantom_dyn.effects.catalogue import effect_named

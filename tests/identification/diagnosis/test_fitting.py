@@ -8,7 +8,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.optimize import lsq_linear
 
-from identification.diagnosis.fitting import active_columns, bounded_solve, fit, point_mass_map, predict
+from identification.diagnosis.bounded import bounded_solve
+from identification.diagnosis.fitting import active_columns, fit, predict
+from identification.diagnosis.point_mass import point_mass_map
 from phantom_dyn.dynamics import inverse_dynamics
 from phantom_dyn.effects.catalogue import effect_named
 from phantom_dyn.effects.payload import point_mass_parameters
