@@ -14,8 +14,9 @@ from benchmarks.diagnosis_cost import drive_torque, sines
 from identification.diagnosis.blocks import Block, Weights, assign_folds, build_grams, split_blocks
 from identification.diagnosis.columns import Columns, build_columns
 from identification.diagnosis.diagnose import diagnose
-from identification.diagnosis.fitting import fit, set_up
+from identification.diagnosis.fitting import fit
 from identification.diagnosis.noise import estimate_noise, weights_of
+from identification.diagnosis.problem import set_up
 from identification.diagnosis.whitening import whitened
 from identification.log import Log
 from identification.recordings import Recording

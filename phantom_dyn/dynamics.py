@@ -32,8 +32,10 @@ def inverse_dynamics(robot: Robot, motion: Motion) -> Float[Array, "N nv"]:
     Args:
         robot: Gives model and friction.
         motion: N samples.
+
     Returns:
         Torque [N m or N], shape ``(N, nv)``.
+
     Raises:
         LogError: If a value is not finite.
     """
@@ -55,8 +57,10 @@ def rigid_body_regressor(robot: Robot, motion: Motion) -> Float[Array, "N nv p"]
     Args:
         robot: Gives the model.
         motion: N samples.
+
     Returns:
         Regressor in SI units, shape ``(N, nv, 10 (njoints - 1))``.
+
     Raises:
         LogError: If a value is not finite.
     """
