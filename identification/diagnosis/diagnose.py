@@ -11,16 +11,11 @@ from jaxtyping import Float, Int
 from identification.diagnosis.assemble import assemble
 from identification.diagnosis.blocks import Block, assign_folds, build_grams, split_blocks
 from identification.diagnosis.columns import Columns, KnownEffect, Term, build_columns
-from identification.diagnosis.gap import (
-    row_counts,
-    row_losses,
-)
+from identification.diagnosis.gap import row_counts, row_losses
 from identification.diagnosis.noise import estimate_noise, smaller_noise, weights_of
 from identification.diagnosis.null import null_threshold
 from identification.diagnosis.problem import set_up
-from identification.diagnosis.result import (
-    Diagnosis,
-)
+from identification.diagnosis.result import Diagnosis
 from identification.diagnosis.search import Search, explain, set_up_search
 from identification.diagnosis.whitening import whitened
 from identification.recordings import Recording
@@ -32,11 +27,11 @@ Array = np.ndarray
 
 # Noise floors are refined if the explanation leaves less than this share of one.
 _LOWER = 0.9
-# A claim closes at least this share of the gap: less is what a law of the right kind leaves that is off by 5 %.
+# A claim closes at least this share of the gap: less is what a law of the right kind leaves that is off by 6 %.
 _LEAST_SHARE = 0.004
 # Fewer blocks of at least a second cannot be held out in turn.
 _LEAST_BLOCKS = 4
-# Alignment, derivatives and the tolerance taken as linear are right to about one per cent of the torque they explain.
+# Alignment, derivatives and the tolerance taken as linear are right to about 1.5 % of the torque they explain.
 _ACCURACY = 0.0002
 # A claim gains at least this on held-out data, whatever chance gives.
 _LEAST_GAIN = 10.0

@@ -13,8 +13,9 @@ import numpy as np
 
 from phantom_dyn.dynamics import rigid_body_regressor
 from phantom_dyn.effects.effect import Parameter, Signature
-from phantom_dyn.effects.payload import INERTIAL_NAMES, INERTIAL_UNITS, point_mass_parameters
+from phantom_dyn.effects.payload import point_mass_parameters
 from phantom_dyn.effects.rows import row_of
+from phantom_dyn.inertia import STANDARD_NAMES, STANDARD_UNITS
 from phantom_dyn.motion import Motion
 from phantom_dyn.robot import Robot
 
@@ -43,7 +44,7 @@ class InertialParameters:
         return tuple(
             Parameter(f"{robot.model.names[body]}.{name}", unit)
             for body in bodies_of(robot, joint)
-            for name, unit in zip(INERTIAL_NAMES, INERTIAL_UNITS, strict=True)
+            for name, unit in zip(STANDARD_NAMES, STANDARD_UNITS, strict=True)
         )
 
     def shapes(self, robot: Robot, motion: Motion, joint: str | None) -> tuple[float, ...]:

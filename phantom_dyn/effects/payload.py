@@ -14,6 +14,7 @@ import numpy as np
 
 from phantom_dyn.dynamics import rigid_body_regressor, standard_parameters
 from phantom_dyn.effects.effect import Parameter, Signature
+from phantom_dyn.inertia import STANDARD_NAMES, STANDARD_UNITS, body_parameters
 from phantom_dyn.motion import Motion
 from phantom_dyn.robot import Robot
 
@@ -29,9 +30,7 @@ def payload_body(robot: Robot) -> int:
 
 def point_mass_parameters(mass: float, center: Array) -> Array:
     """The ten standard inertial parameters of a point mass at ``center`` [m], about the joint origin."""
-    x, y, z = center
-    products = [y * y + z * z, -x * y, x * x + z * z, -x * z, -y * z, x * x + y * y]
-    return mass * np.array([1.0, x, y, z, *products])
+    return body_parameters(mass, np.asarray(center), np.zeros((3, 3)))
 
 
 class Payload:
@@ -59,7 +58,7 @@ class Payload:
     def signature(self, robot: Robot, motion: Motion, joint: str | None, shape: float) -> Signature:
         """The body's ten regressor columns; a point mass uses them as `point_mass_parameters` says."""
         columns = rigid_body_regressor(robot, motion)[:, :, list(self.columns_of(robot, joint))]
-        return Signature(tuple(range(robot.nv)), columns, INERTIAL_NAMES, INERTIAL_UNITS)
+        return Signature(tuple(range(robot.nv)), columns, STANDARD_NAMES, STANDARD_UNITS)
 
     def from_coefficients(self, robot: Robot, joint: str | None, coefficients: Array, shape: float) -> Array:
         """Mass and first moments give mass and centre."""
@@ -76,7 +75,3 @@ class Payload:
         added = np.zeros_like(standard_parameters(robot))
         added[list(self.columns_of(robot, joint))] = point_mass_parameters(theta[0], theta[1:4])
         return -rigid_body_regressor(robot, motion) @ added
-
-
-INERTIAL_NAMES = ("m", "mx", "my", "mz", "Ixx", "Ixy", "Iyy", "Ixz", "Iyz", "Izz")
-INERTIAL_UNITS = ("kg", "kg m", "kg m", "kg m", *["kg m^2"] * 6)
