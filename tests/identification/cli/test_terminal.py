@@ -29,6 +29,8 @@ def watched(words: list[str], interrupt_at: bytes | None = None) -> tuple[int, b
         stdout=subprocess.PIPE,
         stderr=terminal,
         env=os.environ | {"TERM": "xterm", "COLUMNS": "100"},
+        # A test run in the background of a script is started with interrupts ignored, and so would be its children.
+        preexec_fn=lambda: signal.signal(signal.SIGINT, signal.SIG_DFL),
     )
     os.close(terminal)
     shown = b""
