@@ -1,4 +1,36 @@
-"""A sealed case as a pure function of its seed: what the diagnosis is given, and the answer."""
+"""A sealed case as a pure function of its kind and seed: what the diagnosis is given, and the answer.
+
+Case folder: ``robot.urdf``, ``robot.yaml``, ``log.csv`` (`FILES`). Answer: ``<id>.json``, SI units, joint side:
+
+``schema``
+    ``blind-answer/2``.
+``id``, ``seed``, ``kind``
+    Kind is ``null``, ``single``, ``pair`` or ``outside``.
+``robot``, ``joints``, ``passive_joints``
+    ``pendulum``, ``planar2``, ``spatial3``, ``phantom``, ``six``, ``panda``; its active and its passive joints in order.
+``truth`` (``effects`` is the same list)
+    Findings: ``effect``, ``joint`` (a name; null for the whole robot; ``j2+j3`` for a coupling), ``parameters`` as in
+    the contract, and ``gap_in_floors``: root mean square of the paired difference to the same run without this effect,
+    over time and the joints it reaches. Empty for nulls and for causes outside the catalogue.
+``outside``
+    null, or the cause outside the catalogue: ``name`` (``friction_warm_up``, ``shaker``, ``soft_contact``,
+    ``voltage_sag``, ``drifting_offset``), ``joint`` (null: all), ``parameters``.
+``paired_gap``, ``paired_gap_per_joint``, ``gap_in_floors``
+    Difference to the run without anything wrong [noise floors], over the joints reached and for each active joint; the
+    list of the findings' own gaps (of the cause, for an outside case). 0 and [] for a null.
+``beyond_tolerance``, ``drawn_size``
+    What of the gap moves of the model within two tolerances cannot explain; the size that was asked for.
+``noise_floor``, ``band_hz``
+    Per active joint [N m], and the band in which all this is measured.
+``alike``
+    One list of ``{effect, joint, leaves}`` for single cases; for pairs each entry also has ``of``, the index in
+    ``truth`` of the effect that it stands in for: what this recording cannot part from that effect.
+``null_kind``, ``inside``
+    Of a null: ``normal`` (draws of the tolerance), ``full`` (even draws over the whole of it) or ``effect_inside``, with
+    the effect that stays inside the tolerance as ``{effect, joint}``.
+``rate``, ``torque_hold``, ``encoder_counts``, ``reference``
+    Of the recording.
+"""
 
 from __future__ import annotations
 
