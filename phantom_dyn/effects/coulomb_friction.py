@@ -6,48 +6,39 @@ URDF: ``<dynamics friction>``; MJCF: joint ``frictionloss``.
 
 from __future__ import annotations
 
-from typing import Literal
-
 import numpy as np
 
-from phantom_dyn.effects.effect import Parameter, Signature
+from phantom_dyn.effects.effect import Effect, Parameter, Shape, Signature
+from phantom_dyn.effects.operation import Operation
 from phantom_dyn.effects.rows import on_one_joint, row_of, torque_on_joint, torque_unit
-from phantom_dyn.motion import Motion
 from phantom_dyn.robot import Robot
 
 Array = np.ndarray
 
 
-class CoulombFriction:
-    """See the module; implements `phantom_dyn.effects.effect.Effect`."""
+class CoulombFriction(Effect):
+    """See the module."""
 
     name = "coulomb_friction"
-    scope: Literal["joint", "robot"] = "joint"
     regime = "velocity_reversal"
-    contains: tuple[str, ...] = ()
-    uses_acceleration = False
 
     def parameters(self, robot: Robot, joint: str | None) -> tuple[Parameter, ...]:
         """``torque`` T."""
         return (Parameter("torque", torque_unit(robot, joint), 0.0),)
 
-    def signature(self, robot: Robot, motion: Motion, joint: str | None, shape: float) -> Signature:
-        """Direction of motion."""
-        s = np.sign(motion.v[:, row_of(robot, joint)])
+    def signature(self, robot: Robot, operation: Operation, joint: str | None, shape: Shape) -> Signature:
+        """Direction of operation."""
+        s = np.sign(operation.v[:, row_of(robot, joint)])
         return on_one_joint(robot, joint, torque=(s, torque_unit(robot, joint)))
 
-    def from_coefficients(self, robot: Robot, joint: str | None, coefficients: Array, shape: float) -> Array:
-        """The coefficients are the parameters."""
-        return coefficients
+    def coefficient_bounds(self, robot: Robot, joint: str | None, shape: Shape) -> tuple[tuple[float, float], ...]:
+        """Together with the modelled torque it is not negative."""
+        return ((-float(robot.coulomb_friction[row_of(robot, joint)]), np.inf),)
 
-    def probe(self, robot: Robot, motion: Motion, joint: str | None) -> tuple[str, Array]:
+    def probe(self, robot: Robot, operation: Operation, joint: str | None) -> tuple[str, Array]:
         """The parameter itself."""
         return "torque", np.array([1.0])
 
-    def torque(self, robot: Robot, motion: Motion, joint: str | None, theta: Array) -> Array:
+    def torque(self, robot: Robot, operation: Operation, joint: str | None, theta: Array) -> Array:
         """``-T sign(v)`` on the joint."""
-        return torque_on_joint(robot, joint, -theta[0] * np.sign(motion.v[:, row_of(robot, joint)]))
-
-    def shapes(self, robot: Robot, motion: Motion, joint: str | None) -> tuple[float, ...]:
-        """The torque is linear in every parameter."""
-        return (np.nan,)
+        return torque_on_joint(robot, joint, -theta[0] * np.sign(operation.v[:, row_of(robot, joint)]))

@@ -7,26 +7,22 @@ URDF and MJCF have no place for it.
 
 from __future__ import annotations
 
-from typing import Literal
-
 import numpy as np
 
-from phantom_dyn.effects.effect import Parameter, Signature
+from phantom_dyn.effects.effect import Effect, Parameter, Shape, Signature
+from phantom_dyn.effects.operation import Operation
 from phantom_dyn.effects.rows import damping_unit, on_one_joint, row_of, torque_on_joint, torque_unit
-from phantom_dyn.motion import Motion
 from phantom_dyn.robot import Robot
 
 Array = np.ndarray
 
 
-class DirectionDependentFriction:
-    """See the module; implements `phantom_dyn.effects.effect.Effect`."""
+class DirectionDependentFriction(Effect):
+    """See the module."""
 
     name = "direction_dependent_friction"
-    scope: Literal["joint", "robot"] = "joint"
     regime = "one_direction"
-    contains: tuple[str, ...] = ("coulomb_friction", "viscous_friction", "torque_offset")
-    uses_acceleration = False
+    contains = ("coulomb_friction", "viscous_friction", "torque_offset")
 
     def parameters(self, robot: Robot, joint: str | None) -> tuple[Parameter, ...]:
         """Torque and viscous coefficient of each direction."""
@@ -38,9 +34,9 @@ class DirectionDependentFriction:
             Parameter("coefficient_negative", damping),
         )
 
-    def signature(self, robot: Robot, motion: Motion, joint: str | None, shape: float) -> Signature:
+    def signature(self, robot: Robot, operation: Operation, joint: str | None, shape: Shape) -> Signature:
         """A step and a slope for each direction."""
-        v = motion.v[:, row_of(robot, joint)]
+        v = operation.v[:, row_of(robot, joint)]
         torque, damping = torque_unit(robot, joint), damping_unit(robot, joint)
         forward, backward = (v > 0).astype(float), (v < 0).astype(float)
         return on_one_joint(
@@ -52,20 +48,12 @@ class DirectionDependentFriction:
             coefficient_negative=(backward * v, damping),
         )
 
-    def from_coefficients(self, robot: Robot, joint: str | None, coefficients: Array, shape: float) -> Array:
-        """The coefficients are the parameters."""
-        return coefficients
-
-    def probe(self, robot: Robot, motion: Motion, joint: str | None) -> tuple[str, Array]:
+    def probe(self, robot: Robot, operation: Operation, joint: str | None) -> tuple[str, Array]:
         """A viscous coefficient in one direction only, which no simpler law explains."""
         return "coefficient_positive", np.array([0.0, 0.0, 1.0, 0.0])
 
-    def torque(self, robot: Robot, motion: Motion, joint: str | None, theta: Array) -> Array:
+    def torque(self, robot: Robot, operation: Operation, joint: str | None, theta: Array) -> Array:
         """The law of the direction of motion; zero at rest."""
-        v = motion.v[:, row_of(robot, joint)]
+        v = operation.v[:, row_of(robot, joint)]
         law = np.where(v > 0, -(theta[0] + theta[2] * v), np.where(v < 0, theta[1] - theta[3] * v, 0.0))
         return torque_on_joint(robot, joint, law)
-
-    def shapes(self, robot: Robot, motion: Motion, joint: str | None) -> tuple[float, ...]:
-        """The torque is linear in every parameter."""
-        return (np.nan,)

@@ -2,16 +2,20 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-from typing import Literal, Protocol, runtime_checkable
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from typing import Literal
 
 import numpy as np
 from jaxtyping import Float
 
+from phantom_dyn.effects.operation import Operation
 from phantom_dyn.motion import Motion
 from phantom_dyn.robot import Robot
 
 Array = np.ndarray
+# What the torque is not linear in (a Stribeck velocity, the orders of a cogging torque); () if there is nothing.
+Shape = tuple[float, ...]
 
 
 @dataclass(frozen=True)
@@ -41,46 +45,133 @@ class Signature:
     units: tuple[str, ...]
 
 
-@runtime_checkable
-class Effect(Protocol):
+@dataclass(frozen=True)
+class Moment:
+    """One instant of a simulation, as a torque law sees it; arrays have one entry per joint.
+
+    Attributes:
+        t: Time [s].
+        q: True joint positions [rad or m].
+        v: True joint velocities.
+        transmitted: Torque that the transmissions pass to the links.
+    """
+
+    t: float
+    q: Float[Array, " nv"]
+    v: Float[Array, " nv"]
+    transmitted: Float[Array, " nv"]
+
+
+@dataclass(frozen=True)
+class Transmission:
+    """A joint whose motor and link may move apart: a spring behind a play of full width ``gap``."""
+
+    joint: str
+    stiffness: float
+    damping: float
+    gap: float
+
+
+@dataclass(frozen=True)
+class Simulated:
+    """How one effect enters a simulation: the channels that it changes, and its state; None leaves a channel alone.
+
+    Attributes:
+        start: State at the start.
+        robot: Rigid-body model that moves instead of the given one.
+        command: ``(state, dt, tau) -> (state, tau)``: what the drive gives when ``tau`` is asked for.
+        torque: ``(state, dt, moment) -> (state, torque)``: torque that it adds on the joints.
+        reading: Position readings ``(nv,)`` from true positions at the encoders.
+        transmission: A motor that is not rigidly tied to its link.
+    """
+
+    start: Float[Array, " s"] = field(default_factory=lambda: np.zeros(0))
+    robot: Callable[[Robot], Robot] | None = None
+    command: Callable[[Array, float, Array], tuple[Array, Array]] | None = None
+    torque: Callable[[Array, float, Moment], tuple[Array, Array]] | None = None
+    reading: Callable[[Array], Array] | None = None
+    transmission: Transmission | None = None
+
+
+class Effect:
     """One cause of a gap between robot and model; ``joint`` is None for an effect of the whole robot.
 
-    The parameters are the contract's; the coefficients are what the measured torque is linear in, once the
-    ``shape`` parameters (a Stribeck velocity) are fixed. Where both agree, the coefficients are the parameters.
-    ``regime`` is where the effect shows most; ``contains`` names the effects that are special cases of it;
-    ``uses_acceleration`` says that its columns carry the noise of a twice differentiated position.
+    The parameters are the contract's; the coefficients are what the measured torque is linear in, once the ``shape``
+    (a Stribeck velocity) is fixed. Where both agree, the coefficients are the parameters. A law that is not linear in
+    its parameter at all (a delay) takes its last estimate as shape: its column is the change of torque per unit of
+    the parameter between zero and the shape, so that the law is exact where coefficient and shape agree.
+
+    Attributes:
+        name: The contract's.
+        scope: Whether it sits on a joint (a name, or two joined by ``+``), on the whole robot, or on either.
+        regime: Where the effect shows most.
+        contains: Names of the effects that are special cases of it.
+        uses_acceleration: True if its columns carry the noise of a twice differentiated position.
+        follows_torque: True if its columns are made of the modelled torque, other findings included.
     """
 
     name: str
-    scope: Literal["joint", "robot"]
+    scope: Literal["joint", "robot", "either"] = "joint"
     regime: str
-    contains: tuple[str, ...]
-    uses_acceleration: bool
+    contains: tuple[str, ...] = ()
+    uses_acceleration: bool = False
+    follows_torque: bool = False
+
+    def places(self, robot: Robot) -> tuple[str | None, ...]:
+        """Where it may sit: every joint, the whole robot (None), or both."""
+        if self.scope == "robot":
+            return (None,)
+        return (None, *robot.joint_names) if self.scope == "either" else robot.joint_names
 
     def parameters(self, robot: Robot, joint: str | None) -> tuple[Parameter, ...]:
         """The contract's parameters with units and bounds."""
-        ...
+        raise NotImplementedError
 
-    def shapes(self, robot: Robot, motion: Motion, joint: str | None) -> tuple[float, ...]:
-        """Values to try for the one parameter that the torque is not linear in; ``(nan,)`` if there is none."""
-        ...
+    def shapes(self, robot: Robot, operation: Operation, joint: str | None) -> tuple[Shape, ...]:
+        """Shapes to try at first: one that is empty if the torque is linear in every parameter."""
+        return ((),)
 
-    def signature(self, robot: Robot, motion: Motion, joint: str | None, shape: float) -> Signature:
+    def refined(self, coefficients: Float[Array, " k"], shape: Shape) -> tuple[Shape, ...]:
+        """Shapes to try next, about a fit: the same and its neighbours, or the last estimate of a secant."""
+        return (shape,)
+
+    def signature(self, robot: Robot, operation: Operation, joint: str | None, shape: Shape) -> Signature:
         """Columns of the effect, see `Signature`."""
-        ...
+        raise NotImplementedError
+
+    def coefficient_bounds(self, robot: Robot, joint: str | None, shape: Shape) -> tuple[tuple[float, float], ...]:
+        """Lower and upper bound of each coefficient where physics has any; empty if it has none at all."""
+        return ()
 
     def from_coefficients(
-        self, robot: Robot, joint: str | None, coefficients: Float[Array, " k"], shape: float
+        self, robot: Robot, joint: str | None, coefficients: Float[Array, " k"], shape: Shape
     ) -> Float[Array, " p"]:
         """The contract's parameters, in the order of `parameters`, from linear coefficients."""
-        ...
+        return coefficients
 
-    def probe(self, robot: Robot, motion: Motion, joint: str | None) -> tuple[str, Float[Array, " k"]]:
+    def probe(self, robot: Robot, operation: Operation, joint: str | None) -> tuple[str, Float[Array, " k"]]:
         """The parameter that says how large the effect is, and the coefficients of one unit of it."""
-        ...
+        raise NotImplementedError
+
+    def untestable(self, robot: Robot, operation: Operation, joint: str | None) -> str | None:
+        """Why no recording like this one can show the effect, in words; None if it may."""
+        return None
 
     def torque(
-        self, robot: Robot, motion: Motion, joint: str | None, theta: Float[Array, " p"]
+        self, robot: Robot, operation: Operation, joint: str | None, theta: Float[Array, " p"]
     ) -> Float[Array, "N nv"]:
-        """Torque that the effect adds on the joints (friction opposes motion), from the contract's parameters."""
-        ...
+        """Torque that the effect adds on the joints (friction opposes motion), from the contract's parameters.
+
+        For an effect of a reading, of the drive or of the transmission: minus the drive torque beyond the model's
+        that the recording shows because of it.
+        """
+        raise NotImplementedError
+
+    def simulated(self, robot: Robot, joint: str | None, theta: Float[Array, " p"]) -> Simulated:
+        """How it enters a simulation, with the contract's parameters."""
+        raise NotImplementedError
+
+
+def operation_of(robot: Robot, motion: Motion) -> Operation:
+    """``motion`` as an operation whose drive torque is that of the given model."""
+    return motion if isinstance(motion, Operation) else Operation.of(robot, motion)

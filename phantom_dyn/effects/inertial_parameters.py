@@ -7,16 +7,14 @@ URDF and MJCF: the link's inertial element.
 
 from __future__ import annotations
 
-from typing import Literal
-
 import numpy as np
 
 from phantom_dyn.dynamics import rigid_body_regressor
-from phantom_dyn.effects.effect import Parameter, Signature
+from phantom_dyn.effects.effect import Effect, Parameter, Shape, Signature
+from phantom_dyn.effects.operation import Operation
 from phantom_dyn.effects.payload import point_mass_parameters
 from phantom_dyn.effects.rows import row_of
 from phantom_dyn.inertia import STANDARD_NAMES, STANDARD_UNITS
-from phantom_dyn.motion import Motion
 from phantom_dyn.robot import Robot
 
 Array = np.ndarray
@@ -30,13 +28,12 @@ def bodies_of(robot: Robot, joint: str | None) -> tuple[int, ...]:
     return (robot.model.getJointId(joint),)
 
 
-class InertialParameters:
-    """See the module; implements `phantom_dyn.effects.effect.Effect`."""
+class InertialParameters(Effect):
+    """See the module."""
 
     name = "inertial_parameters"
-    scope: Literal["joint", "robot"] = "joint"
     regime = "posture"
-    contains: tuple[str, ...] = ("payload",)
+    contains = ("payload",)
     uses_acceleration = True
 
     def parameters(self, robot: Robot, joint: str | None) -> tuple[Parameter, ...]:
@@ -47,35 +44,31 @@ class InertialParameters:
             for name, unit in zip(STANDARD_NAMES, STANDARD_UNITS, strict=True)
         )
 
-    def shapes(self, robot: Robot, motion: Motion, joint: str | None) -> tuple[float, ...]:
-        """The torque is linear in every parameter."""
-        return (np.nan,)
+    def places(self, robot: Robot) -> tuple[str | None, ...]:
+        """One link, or all of them together."""
+        return (*robot.joint_names, None) if robot.nv > 1 else robot.joint_names
 
     def columns_of(self, robot: Robot, joint: str | None) -> tuple[int, ...]:
         """Which columns of the rigid-body regressor are free."""
         return tuple(10 * (body - 1) + k for body in bodies_of(robot, joint) for k in range(10))
 
-    def signature(self, robot: Robot, motion: Motion, joint: str | None, shape: float) -> Signature:
+    def signature(self, robot: Robot, operation: Operation, joint: str | None, shape: Shape) -> Signature:
         """The rigid-body regressor's columns of the free bodies."""
         parameters = self.parameters(robot, joint)
         return Signature(
             tuple(range(robot.nv)),
-            rigid_body_regressor(robot, motion)[:, :, list(self.columns_of(robot, joint))],
+            rigid_body_regressor(robot, operation)[:, :, list(self.columns_of(robot, joint))],
             tuple(p.name for p in parameters),
             tuple(p.unit for p in parameters),
         )
 
-    def from_coefficients(self, robot: Robot, joint: str | None, coefficients: Array, shape: float) -> Array:
-        """The coefficients are the parameters."""
-        return coefficients
-
-    def probe(self, robot: Robot, motion: Motion, joint: str | None) -> tuple[str, Array]:
+    def probe(self, robot: Robot, operation: Operation, joint: str | None) -> tuple[str, Array]:
         """A mass at the centre of the (last) free body."""
         bodies = bodies_of(robot, joint)
         return f"{robot.model.names[bodies[-1]]}.m", np.concatenate(
             [point_mass_parameters(float(body == bodies[-1]), robot.model.inertias[body].lever) for body in bodies]
         )
 
-    def torque(self, robot: Robot, motion: Motion, joint: str | None, theta: Array) -> Array:
+    def torque(self, robot: Robot, operation: Operation, joint: str | None, theta: Array) -> Array:
         """Minus the torque that the changes need."""
-        return -self.signature(robot, motion, joint, np.nan).columns @ theta
+        return -self.signature(robot, operation, joint, ()).columns @ theta

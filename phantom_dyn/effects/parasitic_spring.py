@@ -7,35 +7,30 @@ URDF has no place for it; MJCF: joint ``stiffness`` and ``springref``.
 
 from __future__ import annotations
 
-from typing import Literal
-
 import numpy as np
 
-from phantom_dyn.effects.effect import Parameter, Signature
+from phantom_dyn.effects.effect import Effect, Parameter, Shape, Signature
+from phantom_dyn.effects.operation import Operation
 from phantom_dyn.effects.rows import on_one_joint, row_of, torque_on_joint, torque_unit
-from phantom_dyn.motion import Motion
 from phantom_dyn.robot import Robot
 
 Array = np.ndarray
 
 
-class ParasiticSpring:
-    """See the module; implements `phantom_dyn.effects.effect.Effect`."""
+class ParasiticSpring(Effect):
+    """See the module."""
 
     name = "parasitic_spring"
-    scope: Literal["joint", "robot"] = "joint"
     regime = "posture"
-    contains: tuple[str, ...] = ()
-    uses_acceleration = False
 
     def parameters(self, robot: Robot, joint: str | None) -> tuple[Parameter, ...]:
         """``stiffness`` k and ``rest_position`` q0."""
         rest = robot.position_units[row_of(robot, joint)]
         return (Parameter("stiffness", _stiffness_unit(robot, joint), 0.0), Parameter("rest_position", rest))
 
-    def signature(self, robot: Robot, motion: Motion, joint: str | None, shape: float) -> Signature:
+    def signature(self, robot: Robot, operation: Operation, joint: str | None, shape: Shape) -> Signature:
         """Position, and the constant ``-k q0``."""
-        q = motion.q[:, row_of(robot, joint)]
+        q = operation.q[:, row_of(robot, joint)]
         return on_one_joint(
             robot,
             joint,
@@ -43,22 +38,22 @@ class ParasiticSpring:
             preload=(np.ones(len(q)), torque_unit(robot, joint)),
         )
 
-    def from_coefficients(self, robot: Robot, joint: str | None, coefficients: Array, shape: float) -> Array:
+    def from_coefficients(self, robot: Robot, joint: str | None, coefficients: Array, shape: Shape) -> Array:
         """``q0 = -preload / k``."""
         stiffness = coefficients[0] if coefficients[0] != 0 else np.finfo(float).tiny
         return np.array([coefficients[0], -coefficients[1] / stiffness])
 
-    def probe(self, robot: Robot, motion: Motion, joint: str | None) -> tuple[str, Array]:
+    def coefficient_bounds(self, robot: Robot, joint: str | None, shape: Shape) -> tuple[tuple[float, float], ...]:
+        """A spring pulls back."""
+        return ((0.0, np.inf), (-np.inf, np.inf))
+
+    def probe(self, robot: Robot, operation: Operation, joint: str | None) -> tuple[str, Array]:
         """Stiffness about the mean position."""
-        return "stiffness", np.array([1.0, -float(np.mean(motion.q[:, row_of(robot, joint)]))])
+        return "stiffness", np.array([1.0, -float(np.mean(operation.q[:, row_of(robot, joint)]))])
 
-    def torque(self, robot: Robot, motion: Motion, joint: str | None, theta: Array) -> Array:
+    def torque(self, robot: Robot, operation: Operation, joint: str | None, theta: Array) -> Array:
         """``-k (q - q0)`` on the joint."""
-        return torque_on_joint(robot, joint, -theta[0] * (motion.q[:, row_of(robot, joint)] - theta[1]))
-
-    def shapes(self, robot: Robot, motion: Motion, joint: str | None) -> tuple[float, ...]:
-        """The torque is linear in every parameter."""
-        return (np.nan,)
+        return torque_on_joint(robot, joint, -theta[0] * (operation.q[:, row_of(robot, joint)] - theta[1]))
 
 
 def _stiffness_unit(robot: Robot, joint: str | None) -> str:

@@ -8,14 +8,12 @@ URDF and MJCF: an inertial element more.
 
 from __future__ import annotations
 
-from typing import Literal
-
 import numpy as np
 
 from phantom_dyn.dynamics import rigid_body_regressor, standard_parameters
-from phantom_dyn.effects.effect import Parameter, Signature
+from phantom_dyn.effects.effect import Effect, Parameter, Shape, Signature
+from phantom_dyn.effects.operation import Operation
 from phantom_dyn.inertia import STANDARD_NAMES, STANDARD_UNITS, body_parameters
-from phantom_dyn.motion import Motion
 from phantom_dyn.robot import Robot
 
 Array = np.ndarray
@@ -33,45 +31,40 @@ def point_mass_parameters(mass: float, center: Array) -> Array:
     return body_parameters(mass, np.asarray(center), np.zeros((3, 3)))
 
 
-class Payload:
-    """See the module; implements `phantom_dyn.effects.effect.Effect`."""
+class Payload(Effect):
+    """See the module."""
 
     name = "payload"
-    scope: Literal["joint", "robot"] = "robot"
+    scope = "robot"
     regime = "posture"
-    contains: tuple[str, ...] = ()
     uses_acceleration = True
 
     def parameters(self, robot: Robot, joint: str | None) -> tuple[Parameter, ...]:
         """``mass`` and its place in the frame of the joint that moves the link."""
         return (Parameter("mass", "kg", 0.0), *(Parameter(f"center_{axis}", "m") for axis in "xyz"))
 
-    def shapes(self, robot: Robot, motion: Motion, joint: str | None) -> tuple[float, ...]:
-        """No shape parameter: the inertia ``m c c^T`` follows from the other four."""
-        return (np.nan,)
-
     def columns_of(self, robot: Robot, joint: str | None) -> tuple[int, ...]:
         """Which columns of the rigid-body regressor the mass moves."""
         first = 10 * (payload_body(robot) - 1)
         return tuple(range(first, first + 10))
 
-    def signature(self, robot: Robot, motion: Motion, joint: str | None, shape: float) -> Signature:
+    def signature(self, robot: Robot, operation: Operation, joint: str | None, shape: Shape) -> Signature:
         """The body's ten regressor columns; a point mass uses them as `point_mass_parameters` says."""
-        columns = rigid_body_regressor(robot, motion)[:, :, list(self.columns_of(robot, joint))]
+        columns = rigid_body_regressor(robot, operation)[:, :, list(self.columns_of(robot, joint))]
         return Signature(tuple(range(robot.nv)), columns, STANDARD_NAMES, STANDARD_UNITS)
 
-    def from_coefficients(self, robot: Robot, joint: str | None, coefficients: Array, shape: float) -> Array:
+    def from_coefficients(self, robot: Robot, joint: str | None, coefficients: Array, shape: Shape) -> Array:
         """Mass and first moments give mass and centre."""
         mass = coefficients[0] if coefficients[0] != 0 else np.finfo(float).tiny
         return np.array([coefficients[0], *(coefficients[1:4] / mass)])
 
-    def probe(self, robot: Robot, motion: Motion, joint: str | None) -> tuple[str, Array]:
+    def probe(self, robot: Robot, operation: Operation, joint: str | None) -> tuple[str, Array]:
         """A mass at the centre of the last link."""
         center = robot.model.inertias[payload_body(robot)].lever
         return "mass", point_mass_parameters(1.0, center)
 
-    def torque(self, robot: Robot, motion: Motion, joint: str | None, theta: Array) -> Array:
+    def torque(self, robot: Robot, operation: Operation, joint: str | None, theta: Array) -> Array:
         """Minus the torque that the mass needs."""
         added = np.zeros_like(standard_parameters(robot))
         added[list(self.columns_of(robot, joint))] = point_mass_parameters(theta[0], theta[1:4])
-        return -rigid_body_regressor(robot, motion) @ added
+        return -rigid_body_regressor(robot, operation) @ added

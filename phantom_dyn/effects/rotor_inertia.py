@@ -7,50 +7,42 @@ URDF has no place for it; MJCF: joint ``armature``.
 
 from __future__ import annotations
 
-from typing import Literal
-
 import numpy as np
 
-from phantom_dyn.effects.effect import Parameter, Signature
+from phantom_dyn.effects.effect import Effect, Parameter, Shape, Signature
+from phantom_dyn.effects.operation import Operation
 from phantom_dyn.effects.rows import on_one_joint, row_of, torque_on_joint
-from phantom_dyn.motion import Motion
 from phantom_dyn.robot import Robot
 
 Array = np.ndarray
 
 
-class RotorInertia:
-    """See the module; implements `phantom_dyn.effects.effect.Effect`."""
+class RotorInertia(Effect):
+    """See the module."""
 
     name = "rotor_inertia"
-    scope: Literal["joint", "robot"] = "joint"
     regime = "high_acceleration"
-    contains: tuple[str, ...] = ()
     uses_acceleration = True
 
     def parameters(self, robot: Robot, joint: str | None) -> tuple[Parameter, ...]:
         """``inertia`` I."""
         return (Parameter("inertia", _unit(robot, joint), 0.0),)
 
-    def signature(self, robot: Robot, motion: Motion, joint: str | None, shape: float) -> Signature:
+    def signature(self, robot: Robot, operation: Operation, joint: str | None, shape: Shape) -> Signature:
         """Acceleration of the joint."""
-        return on_one_joint(robot, joint, inertia=(motion.a[:, row_of(robot, joint)], _unit(robot, joint)))
+        return on_one_joint(robot, joint, inertia=(operation.a[:, row_of(robot, joint)], _unit(robot, joint)))
 
-    def from_coefficients(self, robot: Robot, joint: str | None, coefficients: Array, shape: float) -> Array:
-        """The coefficients are the parameters."""
-        return coefficients
+    def coefficient_bounds(self, robot: Robot, joint: str | None, shape: Shape) -> tuple[tuple[float, float], ...]:
+        """Together with the modelled rotor it is not negative."""
+        return ((-float(robot.model.armature[row_of(robot, joint)]), np.inf),)
 
-    def probe(self, robot: Robot, motion: Motion, joint: str | None) -> tuple[str, Array]:
+    def probe(self, robot: Robot, operation: Operation, joint: str | None) -> tuple[str, Array]:
         """The parameter itself."""
         return "inertia", np.array([1.0])
 
-    def torque(self, robot: Robot, motion: Motion, joint: str | None, theta: Array) -> Array:
+    def torque(self, robot: Robot, operation: Operation, joint: str | None, theta: Array) -> Array:
         """``-I a`` on the joint."""
-        return torque_on_joint(robot, joint, -theta[0] * motion.a[:, row_of(robot, joint)])
-
-    def shapes(self, robot: Robot, motion: Motion, joint: str | None) -> tuple[float, ...]:
-        """The torque is linear in every parameter."""
-        return (np.nan,)
+        return torque_on_joint(robot, joint, -theta[0] * operation.a[:, row_of(robot, joint)])
 
 
 def _unit(robot: Robot, joint: str | None) -> str:

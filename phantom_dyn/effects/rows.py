@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from jaxtyping import Float
 
-from phantom_dyn.effects.effect import Signature
+from phantom_dyn.effects.effect import Shape, Signature
 from phantom_dyn.errors import RobotError
 from phantom_dyn.robot import Robot
 
@@ -34,6 +34,11 @@ def torque_on_joint(robot: Robot, joint: str | None, values: Float[Array, " N"])
     out = np.zeros((len(values), robot.nv))
     out[:, row_of(robot, joint)] = values
     return out
+
+
+def secant(estimate: float, least: float) -> tuple[Shape, ...]:
+    """The next shape of a law that takes its last estimate as shape, never so small that rounding shows."""
+    return ((estimate if abs(estimate) > least else least,),)
 
 
 def torque_unit(robot: Robot, joint: str | None) -> str:

@@ -6,26 +6,22 @@ slow constant speeds in both directions show it. URDF and MJCF have no place for
 
 from __future__ import annotations
 
-from typing import Literal
-
 import numpy as np
 
-from phantom_dyn.effects.effect import Parameter, Signature
+from phantom_dyn.effects.effect import Effect, Parameter, Shape, Signature
+from phantom_dyn.effects.operation import Operation
 from phantom_dyn.effects.rows import on_one_joint, row_of, torque_on_joint, torque_unit, velocity_unit
-from phantom_dyn.motion import Motion
 from phantom_dyn.robot import Robot
 
 Array = np.ndarray
 
 
-class StribeckFriction:
-    """See the module; implements `phantom_dyn.effects.effect.Effect`."""
+class StribeckFriction(Effect):
+    """See the module."""
 
     name = "stribeck_friction"
-    scope: Literal["joint", "robot"] = "joint"
     regime = "low_speed"
-    contains: tuple[str, ...] = ("coulomb_friction",)
-    uses_acceleration = False
+    contains = ("coulomb_friction",)
 
     def parameters(self, robot: Robot, joint: str | None) -> tuple[Parameter, ...]:
         """Level at speed, level at rest and the velocity at which the difference has fallen to 1/e."""
@@ -36,27 +32,35 @@ class StribeckFriction:
             Parameter("stribeck_velocity", velocity_unit(robot, joint), 0.0),
         )
 
-    def shapes(self, robot: Robot, motion: Motion, joint: str | None) -> tuple[float, ...]:
+    def shapes(self, robot: Robot, operation: Operation, joint: str | None) -> tuple[Shape, ...]:
         """Stribeck velocities from 2 % to 50 % of the joint's top speed: outside, the law is Coulomb or viscous."""
-        top = float(np.percentile(np.abs(motion.v[:, row_of(robot, joint)]), 99))
-        return tuple(float(x) for x in np.geomspace(0.02, 0.5, 7) * max(top, 1e-9))
+        top = float(np.percentile(np.abs(operation.v[:, row_of(robot, joint)]), 99))
+        return tuple((float(x),) for x in np.geomspace(0.02, 0.5, 7) * max(top, 1e-9))
 
-    def signature(self, robot: Robot, motion: Motion, joint: str | None, shape: float) -> Signature:
+    def refined(self, coefficients: Array, shape: Shape) -> tuple[Shape, ...]:
+        """The same velocity, and a sixth less and more."""
+        return tuple((factor * shape[0],) for factor in (0.85, 1.0, 1.18))
+
+    def signature(self, robot: Robot, operation: Operation, joint: str | None, shape: Shape) -> Signature:
         """Direction of motion, and the same faded out with speed at ``shape`` = vs."""
-        v, unit = motion.v[:, row_of(robot, joint)], torque_unit(robot, joint)
+        v, unit = operation.v[:, row_of(robot, joint)], torque_unit(robot, joint)
         s = np.sign(v)
-        return on_one_joint(robot, joint, coulomb_torque=(s, unit), excess=(s * np.exp(-((v / shape) ** 2)), unit))
+        return on_one_joint(robot, joint, coulomb_torque=(s, unit), excess=(s * np.exp(-((v / shape[0]) ** 2)), unit))
 
-    def from_coefficients(self, robot: Robot, joint: str | None, coefficients: Array, shape: float) -> Array:
+    def from_coefficients(self, robot: Robot, joint: str | None, coefficients: Array, shape: Shape) -> Array:
         """``Ts`` is the level at speed plus the excess."""
-        return np.array([coefficients[0], coefficients[0] + coefficients[1], shape])
+        return np.array([coefficients[0], coefficients[0] + coefficients[1], shape[0]])
 
-    def probe(self, robot: Robot, motion: Motion, joint: str | None) -> tuple[str, Array]:
+    def coefficient_bounds(self, robot: Robot, joint: str | None, shape: Shape) -> tuple[tuple[float, float], ...]:
+        """The excess at rest is not negative."""
+        return ((-np.inf, np.inf), (0.0, np.inf))
+
+    def probe(self, robot: Robot, operation: Operation, joint: str | None) -> tuple[str, Array]:
         """Torque at rest beyond the level at speed."""
         return "static_torque", np.array([0.0, 1.0])
 
-    def torque(self, robot: Robot, motion: Motion, joint: str | None, theta: Array) -> Array:
+    def torque(self, robot: Robot, operation: Operation, joint: str | None, theta: Array) -> Array:
         """The law, zero at rest."""
-        v = motion.v[:, row_of(robot, joint)]
+        v = operation.v[:, row_of(robot, joint)]
         level = theta[0] + (theta[1] - theta[0]) * np.exp(-((v / theta[2]) ** 2))
         return torque_on_joint(robot, joint, -level * np.sign(v))

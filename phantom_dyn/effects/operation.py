@@ -1,0 +1,67 @@
+"""What effects look at: motion, the drive torque of the model, and the drive torque of the recording."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from functools import cached_property
+
+import numpy as np
+from jaxtyping import Float
+
+from phantom_dyn.dynamics import inverse_dynamics
+from phantom_dyn.motion import Motion, read_only
+from phantom_dyn.robot import Robot
+
+Array = np.ndarray
+
+
+@dataclass(frozen=True)
+class Operation(Motion):
+    """A motion with the torque that drives it.
+
+    Attributes:
+        robot: The given model, which the cached quantities below are of.
+        tau: Drive torque that the model needs (modelled friction and armature included, and effects that are known),
+            shape ``(N, nv)``. Signatures are made of it, not of the measured one, whose noise would bias a fit.
+        expected: The same with the findings so far, shape ``(N, nv)``: what a late or saturated drive is asked for.
+        logged: Drive torque of the recording, shape ``(N, nv)``; ``tau`` where there is none.
+    """
+
+    robot: Robot = field(repr=False)
+    tau: Float[Array, "N nv"]
+    expected: Float[Array, "N nv"]
+    logged: Float[Array, "N nv"]
+
+    def __post_init__(self):
+        super().__post_init__()
+        for name in ("tau", "expected", "logged"):
+            object.__setattr__(self, name, read_only(getattr(self, name)))
+
+    @classmethod
+    def of(cls, robot: Robot, motion: Motion, logged: Float[Array, "N nv"] | None = None) -> Operation:
+        """``motion`` with the torque of the given model, and the recorded one if it is given."""
+        tau = inverse_dynamics(robot, motion)
+        return cls(motion.t, motion.q, motion.v, motion.a, robot, tau, tau, tau if logged is None else logged)
+
+    @property
+    def dt(self) -> float:
+        """Mean time step [s]."""
+        return float((self.t[-1] - self.t[0]) / max(len(self.t) - 1, 1))
+
+    @cached_property
+    def own_friction(self) -> Float[Array, "N nv"]:
+        """Modelled friction as part of the drive torque."""
+        return self.v * self.robot.viscous_friction + np.sign(self.v) * self.robot.coulomb_friction
+
+    @cached_property
+    def transmitted(self) -> Float[Array, "N nv"]:
+        """Torque that the transmissions pass to the links: drive torque less the rotors' share."""
+        return self.tau - self.a * self.robot.model.armature
+
+    @cached_property
+    def partials(self) -> tuple[Float[Array, "N nv nv"], Float[Array, "N nv nv"], Float[Array, "N nv nv"]]:
+        """Derivatives of the rigid-body torque to positions, velocities and accelerations (armature included)."""
+        from phantom_dyn.dynamics import inverse_dynamics_derivatives, mass_matrix
+
+        to_q, to_v = inverse_dynamics_derivatives(self.robot, self)
+        return to_q, to_v, mass_matrix(self.robot, self.q)
