@@ -18,6 +18,8 @@ from jaxtyping import install_import_hook
 # an int is a fine float (PEP 484).
 install_import_hook(
     [
+        "phantom_dyn.devices.phantom",
+        "phantom_dyn.devices.phantom_dynamics",
         "phantom_dyn.dynamics",
         "phantom_dyn.effects",
         "phantom_dyn.inertia",

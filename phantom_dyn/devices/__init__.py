@@ -1,0 +1,1 @@
+"""Devices with their published constants and closed forms."""
