@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from phantom_dyn import load_robot
+from phantom_dyn.effects.operation import Operation
 from phantom_dyn.motion import Motion
 from phantom_dyn.robot import Robot
 
@@ -21,8 +22,8 @@ def arm() -> Robot:
 
 
 @pytest.fixture
-def motion(rng: np.random.Generator) -> Motion:
-    """Forty random states of the arm; joint 0 is at rest in the first."""
+def operation(arm: Robot, rng: np.random.Generator) -> Operation:
+    """Forty random states of the arm under the torque that they need; joint 0 is at rest in the first."""
     q, v, a = rng.uniform(-1.5, 1.5, (3, 40, 3))
     v[0, 0] = 0.0
-    return Motion(np.arange(40) / 100.0, q, v, a)
+    return Operation.of(arm, Motion(np.arange(40) / 100.0, q, v, a))

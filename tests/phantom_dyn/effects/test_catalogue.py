@@ -40,6 +40,10 @@ PARAMETERS = {
     "parasitic_spring": {"stiffness": ("N m/rad", "N/m"), "rest_position": ("rad", "m")},
 }
 ON_A_JOINT = [effect for effect in EFFECTS if effect.scope == "joint"]
+ON_ONE_JOINT = [effect for effect in ON_A_JOINT if effect.name != "joint_coupling"]
+# Effects of one joint that the drives of others have to make up for too.
+SPREADING = {"inertial_parameters", "backlash", "transmission_compliance", "encoder_offset", "encoder_eccentricity",
+             "encoder_quantization"}  # fmt: skip
 # Effects whose parameters are their coefficients; others have a law of their own in the file of that effect.
 LINEAR = [e for e in EFFECTS if e.name in {"viscous_friction", "coulomb_friction", "direction_dependent_friction",
                                            "torque_offset", "rotor_inertia", "inertial_parameters"}]  # fmt: skip
@@ -90,58 +94,81 @@ def test_parameters_have_the_names_and_units_of_the_contract(arm, name, joint, k
     assert list(given) == list(PARAMETERS[name])
 
 
-@pytest.mark.parametrize("effect", ON_A_JOINT, ids=name_of)
-def test_an_unknown_joint_is_refused_with_the_known_names(arm, motion, effect):
+@pytest.mark.parametrize("effect", ON_ONE_JOINT, ids=name_of)
+def test_an_unknown_joint_is_refused_with_the_known_names(arm, operation, effect):
+    shape = effect.shapes(arm, operation, "turn")[0]
     with pytest.raises(RobotError, match=r"No joint 'knee' in this robot: its joints are turn, tilt, slide\."):
-        effect.signature(arm, motion, "knee", 0.3)
+        effect.signature(arm, operation, "knee", shape)
+
+
+@pytest.mark.parametrize("effect", EFFECTS, ids=name_of)
+def test_places_are_joints_of_the_robot_each_once(arm, effect):
+    places = effect.places(arm)
+    assert len(set(places)) == len(places) > 0
+    assert {name for place in places if place for name in place.split("+")} <= set(arm.joint_names)
 
 
 @pytest.mark.parametrize("effect", LINEAR, ids=name_of)
 @pytest.mark.parametrize("joint", ["tilt", "slide"])
-def test_the_drive_makes_up_for_the_torque_of_a_linear_effect(arm, motion, rng, effect, joint):
+def test_the_drive_makes_up_for_the_torque_of_a_linear_effect(arm, operation, rng, effect, joint):
     # Measured torque = model + columns @ coefficients, and the effect's own torque is what the drive makes up for.
-    signature = effect.signature(arm, motion, joint, np.nan)
+    signature = effect.signature(arm, operation, joint, ())
     theta = rng.normal(size=len(signature.names))
     expected = np.zeros((40, 3))
     expected[:, list(signature.rows)] = -signature.columns @ theta
-    np.testing.assert_allclose(effect.torque(arm, motion, joint, theta), expected, atol=1e-12)
+    np.testing.assert_allclose(effect.torque(arm, operation, joint, theta), expected, atol=1e-12)
 
 
 @pytest.mark.parametrize("effect", LINEAR, ids=name_of)
 def test_the_coefficients_of_a_linear_effect_are_its_parameters(arm, rng, effect):
     theta = rng.normal(size=len(effect.parameters(arm, "tilt")))
-    np.testing.assert_array_equal(effect.from_coefficients(arm, "tilt", theta, np.nan), theta)
+    np.testing.assert_array_equal(effect.from_coefficients(arm, "tilt", theta, ()), theta)
 
 
-@pytest.mark.parametrize("effect", [e for e in ON_A_JOINT if e.name != "inertial_parameters"], ids=name_of)
-def test_an_effect_of_one_joint_touches_no_other(arm, motion, effect):
-    shape = effect.shapes(arm, motion, "tilt")[0]
-    assert effect.signature(arm, motion, "tilt", shape).rows == (1,)
-    theta = effect.from_coefficients(arm, "tilt", effect.probe(arm, motion, "tilt")[1] * 0.5, shape)
-    torque = effect.torque(arm, motion, "tilt", theta)
+@pytest.mark.parametrize("effect", [e for e in ON_ONE_JOINT if e.name not in SPREADING], ids=name_of)
+def test_an_effect_of_one_joint_touches_no_other(arm, operation, effect):
+    shape = effect.shapes(arm, operation, "tilt")[0]
+    assert effect.signature(arm, operation, "tilt", shape).rows == (1,)
+    theta = effect.from_coefficients(arm, "tilt", effect.probe(arm, operation, "tilt")[1] * 0.5, shape)
+    torque = effect.torque(arm, operation, "tilt", theta)
     assert np.all(torque[:, [0, 2]] == 0)
     assert np.any(torque[:, 1] != 0)
 
 
-@pytest.mark.parametrize("effect", ON_A_JOINT, ids=name_of)
-def test_columns_have_a_name_and_a_unit_each(arm, motion, effect):
-    signature = effect.signature(arm, motion, "turn", 0.3)
+@pytest.mark.parametrize("effect", EFFECTS, ids=name_of)
+def test_columns_have_a_name_a_unit_and_no_more_bounds_than_there_are(arm, operation, effect):
+    place = effect.places(arm)[-1]
+    shape = effect.shapes(arm, operation, place)[0]
+    signature = effect.signature(arm, operation, place, shape)
     assert signature.columns.shape == (40, len(signature.rows), len(signature.names))
     assert len(signature.units) == len(signature.names)
+    assert len(effect.coefficient_bounds(arm, place, shape)) in {0, len(signature.names)}
 
 
-@pytest.mark.parametrize("effect", [e for e in EFFECTS if e.name != "inertial_parameters"], ids=name_of)
-def test_the_probe_is_one_unit_of_the_named_parameter(arm, motion, effect):
+@pytest.mark.parametrize("effect", EFFECTS, ids=name_of)
+def test_the_next_shapes_are_as_long_as_the_last(arm, operation, effect):
+    place = effect.places(arm)[-1]
+    shape = effect.shapes(arm, operation, place)[0]
+    coefficients = np.full(len(effect.signature(arm, operation, place, shape).names), 0.1)
+    assert {len(next_shape) for next_shape in effect.refined(coefficients, shape)} == {len(shape)}
+
+
+# Effects whose torque is linear in the probed parameter about zero, with one number for each parameter.
+PROBED = [e for e in EFFECTS if e.name in PARAMETERS or e.name in {"payload"}]
+
+
+@pytest.mark.parametrize("effect", PROBED, ids=name_of)
+def test_the_probe_is_one_unit_of_the_named_parameter(arm, operation, effect):
     # Finite difference of the torque in that parameter, where the others are those of the probe.
     joint = "tilt" if effect.scope == "joint" else None
-    shape = effect.shapes(arm, motion, joint)[0]
-    name, direction = effect.probe(arm, motion, joint)
+    shape = effect.shapes(arm, operation, joint)[0]
+    name, direction = effect.probe(arm, operation, joint)
     names = [p.name for p in effect.parameters(arm, joint)]
     step = 1e-6
     none = effect.from_coefficients(arm, joint, 0.0 * direction, shape)
     some = effect.from_coefficients(arm, joint, step * direction, shape)
     start = np.where([n == name for n in names], none, some)
-    change = (effect.torque(arm, motion, joint, some) - effect.torque(arm, motion, joint, start)) / step
+    change = (effect.torque(arm, operation, joint, some) - effect.torque(arm, operation, joint, start)) / step
     assert (some - none)[names.index(name)] == pytest.approx(step, rel=1e-5)
-    signature = effect.signature(arm, motion, joint, shape)
+    signature = effect.signature(arm, operation, joint, shape)
     np.testing.assert_allclose(change[:, list(signature.rows)], -signature.columns @ direction, rtol=1e-4, atol=1e-5)

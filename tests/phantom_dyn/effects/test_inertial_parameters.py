@@ -5,14 +5,14 @@ import pinocchio as pin
 import pytest
 
 from phantom_dyn.effects.inertial_parameters import InertialParameters, bodies_of
+from phantom_dyn.effects.operation import Operation
 from phantom_dyn.errors import RobotError
-from phantom_dyn.motion import Motion
 from phantom_dyn.robot import Robot
 
 EFFECT = InertialParameters()
 
 
-def torque_of_changed(robot: Robot, motion: Motion, changes: dict[str, np.ndarray]) -> np.ndarray:
+def torque_of_changed(robot: Robot, operation: Operation, changes: dict[str, np.ndarray]) -> np.ndarray:
     """Pinocchio: what the given model needs less what one with changed bodies needs."""
     changed = robot.model.copy()
     for joint, change in changes.items():
@@ -23,22 +23,23 @@ def torque_of_changed(robot: Robot, motion: Motion, changes: dict[str, np.ndarra
 
     def needed(model: pin.Model) -> np.ndarray:
         data = model.createData()
-        return np.array([pin.rnea(model, data, *state) for state in zip(motion.q, motion.v, motion.a, strict=True)])
+        states = zip(operation.q, operation.v, operation.a, strict=True)
+        return np.array([pin.rnea(model, data, *state) for state in states])
 
     return needed(robot.model) - needed(changed)
 
 
-def test_the_torque_of_one_link_is_minus_what_its_changes_need(arm, motion, rng):
+def test_the_torque_of_one_link_is_minus_what_its_changes_need(arm, operation, rng):
     change = 0.01 * rng.normal(size=10)
-    expected = torque_of_changed(arm, motion, {"tilt": change})
-    np.testing.assert_allclose(EFFECT.torque(arm, motion, "tilt", change), expected, atol=1e-12)
+    expected = torque_of_changed(arm, operation, {"tilt": change})
+    np.testing.assert_allclose(EFFECT.torque(arm, operation, "tilt", change), expected, atol=1e-12)
 
 
-def test_without_a_joint_every_link_may_change(arm, motion, rng):
+def test_without_a_joint_every_link_may_change(arm, operation, rng):
     changes = dict(zip(arm.joint_names, 0.01 * rng.normal(size=(3, 10)), strict=True))
-    expected = torque_of_changed(arm, motion, changes)
+    expected = torque_of_changed(arm, operation, changes)
     theta = np.concatenate(list(changes.values()))
-    np.testing.assert_allclose(EFFECT.torque(arm, motion, None, theta), expected, atol=1e-12)
+    np.testing.assert_allclose(EFFECT.torque(arm, operation, None, theta), expected, atol=1e-12)
 
 
 def test_names_say_link_and_parameter(arm):
@@ -47,8 +48,8 @@ def test_names_say_link_and_parameter(arm):
     assert [p.unit for p in EFFECT.parameters(arm, "tilt")] == ["kg", *["kg m"] * 3, *["kg m^2"] * 6]
 
 
-def test_the_probe_is_one_kilogram_at_the_center_of_the_last_free_link(arm, motion):
-    name, direction = EFFECT.probe(arm, motion, None)
+def test_the_probe_is_one_kilogram_at_the_center_of_the_last_free_link(arm, operation):
+    name, direction = EFFECT.probe(arm, operation, None)
     assert name == EFFECT.parameters(arm, None)[20].name
     point = pin.Inertia(1.0, arm.model.inertias[3].lever, np.zeros((3, 3)))
     np.testing.assert_allclose(direction, [*np.zeros(20), *point.toDynamicParameters()], atol=1e-15)

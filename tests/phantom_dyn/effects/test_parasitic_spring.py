@@ -5,19 +5,19 @@ import numpy as np
 from phantom_dyn.effects.parasitic_spring import ParasiticSpring
 
 
-def test_the_torque_is_minus_k_times_the_way_from_rest(arm, motion):
+def test_the_torque_is_minus_k_times_the_way_from_rest(arm, operation):
     # Contract: -k (q - q0).
-    torque = ParasiticSpring().torque(arm, motion, "tilt", np.array([4.0, 0.25]))
-    np.testing.assert_array_equal(torque[:, 1], -4.0 * (motion.q[:, 1] - 0.25))
+    torque = ParasiticSpring().torque(arm, operation, "tilt", np.array([4.0, 0.25]))
+    np.testing.assert_array_equal(torque[:, 1], -4.0 * (operation.q[:, 1] - 0.25))
 
 
-def test_coefficients_give_stiffness_and_rest_position(arm, motion):
+def test_coefficients_give_stiffness_and_rest_position(arm, operation):
     effect = ParasiticSpring()
-    theta = effect.from_coefficients(arm, "tilt", np.array([4.0, -1.0]), np.nan)
+    theta = effect.from_coefficients(arm, "tilt", np.array([4.0, -1.0]), ())
     np.testing.assert_allclose(theta, [4.0, 0.25])
-    columns = effect.signature(arm, motion, "tilt", np.nan).columns
-    np.testing.assert_allclose(effect.torque(arm, motion, "tilt", theta)[:, 1], -columns[:, 0] @ [4.0, -1.0])
+    columns = effect.signature(arm, operation, "tilt", ()).columns
+    np.testing.assert_allclose(effect.torque(arm, operation, "tilt", theta)[:, 1], -columns[:, 0] @ [4.0, -1.0])
 
 
 def test_a_spring_without_stiffness_has_a_finite_rest_position(arm):
-    assert np.all(np.isfinite(ParasiticSpring().from_coefficients(arm, "tilt", np.array([0.0, 0.0]), np.nan)))
+    assert np.all(np.isfinite(ParasiticSpring().from_coefficients(arm, "tilt", np.array([0.0, 0.0]), ())))

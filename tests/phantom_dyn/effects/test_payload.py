@@ -5,37 +5,38 @@ from dataclasses import replace
 import numpy as np
 import pinocchio as pin
 
+from phantom_dyn.effects.operation import Operation
 from phantom_dyn.effects.payload import Payload, payload_body, point_mass_parameters
-from phantom_dyn.motion import Motion
 from phantom_dyn.robot import Robot
 
 THETA = np.array([0.8, 0.1, -0.05, 0.2])  # kg, m
 
 
-def added_torque(robot: Robot, motion: Motion, joint: str, inertia: pin.Inertia) -> np.ndarray:
+def added_torque(robot: Robot, operation: Operation, joint: str, inertia: pin.Inertia) -> np.ndarray:
     """Pinocchio: torque that a body more on a joint adds."""
     loaded = robot.model.copy()
     loaded.appendBodyToJoint(loaded.getJointId(joint), inertia, pin.SE3.Identity())
 
     def needed(model: pin.Model) -> np.ndarray:
         data = model.createData()
-        return np.array([pin.rnea(model, data, *state) for state in zip(motion.q, motion.v, motion.a, strict=True)])
+        states = zip(operation.q, operation.v, operation.a, strict=True)
+        return np.array([pin.rnea(model, data, *state) for state in states])
 
     return needed(loaded) - needed(robot.model)
 
 
-def test_the_torque_is_minus_what_a_point_mass_more_needs(arm, motion):
+def test_the_torque_is_minus_what_a_point_mass_more_needs(arm, operation):
     point = pin.Inertia(0.8, np.array([0.1, -0.05, 0.2]), np.zeros((3, 3)))
-    expected = -added_torque(arm, motion, "slide", point)
-    np.testing.assert_allclose(Payload().torque(arm, motion, None, THETA), expected, atol=1e-12)
+    expected = -added_torque(arm, operation, "slide", point)
+    np.testing.assert_allclose(Payload().torque(arm, operation, None, THETA), expected, atol=1e-12)
 
 
-def test_a_payload_frame_says_which_link_carries_it(arm, motion):
+def test_a_payload_frame_says_which_link_carries_it(arm, operation):
     loaded = replace(arm, payload_frame="beam")
     point = pin.Inertia(0.8, np.array([0.1, -0.05, 0.2]), np.zeros((3, 3)))
-    expected = -added_torque(arm, motion, "tilt", point)
+    expected = -added_torque(arm, operation, "tilt", point)
     assert payload_body(loaded) == 2
-    np.testing.assert_allclose(Payload().torque(loaded, motion, None, THETA), expected, atol=1e-12)
+    np.testing.assert_allclose(Payload().torque(loaded, operation, None, THETA), expected, atol=1e-12)
 
 
 def test_ten_parameters_of_a_point_mass_are_those_of_pinocchio():
@@ -43,15 +44,15 @@ def test_ten_parameters_of_a_point_mass_are_those_of_pinocchio():
     np.testing.assert_allclose(point_mass_parameters(0.8, THETA[1:]), point.toDynamicParameters(), atol=1e-15)
 
 
-def test_columns_of_a_point_mass_give_its_torque(arm, motion):
-    columns = Payload().signature(arm, motion, None, np.nan).columns
+def test_columns_of_a_point_mass_give_its_torque(arm, operation):
+    columns = Payload().signature(arm, operation, None, ()).columns
     coefficients = point_mass_parameters(THETA[0], THETA[1:])
-    np.testing.assert_allclose(Payload().torque(arm, motion, None, THETA), -columns @ coefficients, atol=1e-12)
+    np.testing.assert_allclose(Payload().torque(arm, operation, None, THETA), -columns @ coefficients, atol=1e-12)
 
 
 def test_coefficients_give_mass_and_center(arm):
     coefficients = point_mass_parameters(THETA[0], THETA[1:])
-    np.testing.assert_allclose(Payload().from_coefficients(arm, None, coefficients, np.nan), THETA)
+    np.testing.assert_allclose(Payload().from_coefficients(arm, None, coefficients, ()), THETA)
 
 
 def test_parameters_are_a_mass_and_a_place(arm):
@@ -65,4 +66,4 @@ def test_parameters_are_a_mass_and_a_place(arm):
 
 
 def test_no_mass_has_a_finite_center(arm):
-    assert np.all(np.isfinite(Payload().from_coefficients(arm, None, np.zeros(10), np.nan)))
+    assert np.all(np.isfinite(Payload().from_coefficients(arm, None, np.zeros(10), ())))

@@ -3,48 +3,50 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from phantom_dyn.effects.operation import Operation
 from phantom_dyn.effects.stribeck_friction import StribeckFriction
 from phantom_dyn.motion import Motion
+from phantom_dyn.robot import Robot
 
 THETA = np.array([0.4, 0.9, 0.2])  # Tc, Ts, vs
 
 
-def at_speed(v: float) -> Motion:
-    return Motion(np.zeros(1), np.zeros((1, 3)), np.array([[0.0, v, 0.0]]), np.zeros((1, 3)))
+def at_speed(arm: Robot, v: float) -> Operation:
+    return Operation.of(arm, Motion(np.zeros(1), np.zeros((1, 3)), np.array([[0.0, v, 0.0]]), np.zeros((1, 3))))
 
 
-def test_the_torque_follows_the_contract(arm, motion):
+def test_the_torque_follows_the_contract(arm, operation):
     # Contract: -(Tc + (Ts - Tc) exp(-(v/vs)^2)) s.
-    v = motion.v[:, 1]
+    v = operation.v[:, 1]
     expected = -(0.4 + (0.9 - 0.4) * np.exp(-((v / 0.2) ** 2))) * np.sign(v)
-    np.testing.assert_allclose(StribeckFriction().torque(arm, motion, "tilt", THETA)[:, 1], expected)
+    np.testing.assert_allclose(StribeckFriction().torque(arm, operation, "tilt", THETA)[:, 1], expected)
 
 
 @pytest.mark.parametrize(("v", "level"), [(1e-9, 0.9), (0.2, 0.4 + 0.5 / np.e), (50.0, 0.4)])
 def test_the_level_falls_from_static_to_coulomb_torque(arm, v, level):
-    assert -StribeckFriction().torque(arm, at_speed(v), "tilt", THETA)[0, 1] == pytest.approx(level)
+    assert -StribeckFriction().torque(arm, at_speed(arm, v), "tilt", THETA)[0, 1] == pytest.approx(level)
 
 
 def test_there_is_no_torque_at_rest(arm):
-    assert StribeckFriction().torque(arm, at_speed(0.0), "tilt", THETA)[0, 1] == 0.0
+    assert StribeckFriction().torque(arm, at_speed(arm, 0.0), "tilt", THETA)[0, 1] == 0.0
 
 
-def test_coefficients_and_shape_give_the_three_parameters(arm, motion, rng):
+def test_coefficients_and_shape_give_the_three_parameters(arm, operation, rng):
     effect = StribeckFriction()
     coefficients = rng.uniform(0.1, 1.0, 2)
-    theta = effect.from_coefficients(arm, "tilt", coefficients, 0.35)
+    theta = effect.from_coefficients(arm, "tilt", coefficients, (0.35,))
     np.testing.assert_allclose(theta, [coefficients[0], coefficients.sum(), 0.35])
-    columns = effect.signature(arm, motion, "tilt", 0.35).columns
-    np.testing.assert_allclose(effect.torque(arm, motion, "tilt", theta)[:, 1], -columns[:, 0] @ coefficients)
+    columns = effect.signature(arm, operation, "tilt", (0.35,)).columns
+    np.testing.assert_allclose(effect.torque(arm, operation, "tilt", theta)[:, 1], -columns[:, 0] @ coefficients)
 
 
-def test_velocities_that_are_tried_go_from_a_fiftieth_to_half_of_top_speed(arm, motion):
-    shapes = StribeckFriction().shapes(arm, motion, "tilt")
-    top = np.percentile(np.abs(motion.v[:, 1]), 99)
-    assert shapes[0] == pytest.approx(0.02 * top)
-    assert shapes[-1] == pytest.approx(0.5 * top)
+def test_velocities_that_are_tried_go_from_a_fiftieth_to_half_of_top_speed(arm, operation):
+    shapes = StribeckFriction().shapes(arm, operation, "tilt")
+    top = np.percentile(np.abs(operation.v[:, 1]), 99)
+    assert shapes[0][0] == pytest.approx(0.02 * top)
+    assert shapes[-1][0] == pytest.approx(0.5 * top)
     assert list(shapes) == sorted(shapes)
 
 
 def test_a_joint_at_rest_has_velocities_to_try_too(arm):
-    assert all(shape > 0 for shape in StribeckFriction().shapes(arm, at_speed(0.0), "tilt"))
+    assert all(shape > 0 for (shape,) in StribeckFriction().shapes(arm, at_speed(arm, 0.0), "tilt"))
