@@ -1,0 +1,229 @@
+r"""Upper branch of the CEA LIST haptic interface: published numbers, geometry, and dynamics in closed form.
+
+A shoulder (q1), an arm (q2) and a forearm that a parallelogram drives (q5); a second parallelogram keeps the support of
+the handle parallel to the shoulder. Angles: frames of the modified Denavit-Hartenberg table (Khalil), frame 0 at the
+crossing of the axes of q1 and q2, z0 along the axis of q1. Tip: origin of frame 4.
+
+Where the source is wrong or silent (each is held by a test):
+
+- Table 1 prints :math:`d_8 = -d_6`; the loop then misses closure by :math:`2 d_6`. It closes with :math:`+d_6`.
+- The link lengths d3, d4, d6 are not given: see `LinkLengths`.
+- Nor is the direction of gravity in frame 0: see `GRAVITY`.
+- Table 2 and the electric stiffness are printed in N m/rad, which is impossible: see `STIFFNESS_UNITS`.
+- The last row of Table 3 is printed ``FV5t3`` and is ``FC5t3``; axes "2 and 3" of the text are 2 and 5.
+
+References:
+    .. [CEA] A. Janot, C. Bidard, F. Gosselin, M. Gautier et al., Modeling and Identification of a 3 DOF Haptic
+       Interface, IEEE International Conference on Robotics and Automation, 2007. Equation and table numbers are its.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from types import MappingProxyType
+
+import numpy as np
+from jaxtyping import Float
+
+from phantom_dyn.errors import ParameterError
+
+Array = np.ndarray
+
+JOINTS = ("q1", "q2", "q5")
+"""Active joints; q3, q4, q6 follow them, and q7 is the joint at which the loop is cut."""
+
+GRAVITY = (0.0, -9.81, 0.0)
+"""Default gravity in frame 0 [m/s^2]. Not given in the source: the first moments MX1 and MY1R that it identifies show
+in the torques only if the axis of q1 is not vertical. With this default the arm is held level at q1 = 0."""
+
+
+@dataclass(frozen=True)
+class LinkLengths:
+    """Lengths of arm, forearm and parallelogram lever [m]; not given in the source, so that they are free inputs.
+
+    The default is the longest arm up to 0.4 m whose apparent mass, Coulomb force and stiffness come nearest to the
+    published ranges, and for which rigid links with the parameters of Table 4 exist (for 0.592 m, which comes nearer,
+    none do). `d6` enters no equation that has only the parameters of Table 4.
+    """
+
+    d3: float = 0.400
+    d4: float = 0.311
+    d6: float = 0.080
+
+    def __post_init__(self):
+        for name in ("d3", "d4", "d6"):
+            value = getattr(self, name)
+            if not (np.isfinite(value) and value > 0):
+                raise ParameterError(f"The link length {name} is {value:g} m: give a positive length.")
+
+
+LENGTHS = LinkLengths()
+"""The default lengths, those of the built-in robot."""
+
+
+@dataclass(frozen=True)
+class Published:
+    """A number of the source: value, relative standard deviation [%] and unit."""
+
+    value: float
+    deviation: float
+    unit: str
+
+    @property
+    def std(self) -> float:
+        """Standard deviation in the unit of the value; (7) divides by the size of the value."""
+        return abs(self.value) * self.deviation / 100
+
+
+def _table(unit_of: Mapping[str, str], rows: Mapping[str, tuple[float, float]]) -> Mapping[str, Published]:
+    def unit(name: str) -> str:
+        return next(unit for start, unit in unit_of.items() if name.startswith(start))
+
+    return MappingProxyType({name: Published(*row, unit(name)) for name, row in rows.items()})
+
+
+_FRICTION_UNITS = {"FV": "N m s/rad", "FS": "N m", "FC": "N m", "OFF": "N m"}
+
+TRANSMISSION_STIFFNESS = _table(
+    {"K": "N m/rad"},  # as printed; see STIFFNESS_UNITS
+    {"K1": (2.0, 0.4), "K2": (2.0, 0.3), "K5": (2.0, 0.5)},
+)
+"""Table 2, with the unit that is printed there."""
+
+ELECTRIC_STIFFNESS = 2.0
+"""K_E of (19), in the unit of Table 2."""
+
+FRICTION_TESTS = _table(
+    _FRICTION_UNITS,
+    {
+        "FV1": (0.020, 15.0),
+        "FS1": (0.130, 0.9),
+        "FV2t1": (0.021, 10.0),
+        "FC2t1": (0.120, 0.8),
+        "FV2t2": (0.022, 9.0),
+        "FC2t2": (0.120, 0.7),
+        "FV5t1": (0.018, 20.0),
+        "FC5t1": (0.120, 0.9),
+        "FV5t3": (0.020, 15.0),
+        "FC5t3": (0.120, 0.9),
+    },
+)
+"""Table 3: friction of the active joints from the tests t1, t2 and t3."""
+
+INERTIAL = _table(
+    {"MX": "kg m", "MY": "kg m", "XX": "kg m^2", "ZZ": "kg m^2", **_FRICTION_UNITS},
+    {
+        "ZZ1R": (0.0510, 0.448),
+        "MY1R": (-0.0260, 1.2),
+        "FV1": (0.023, 22.0),
+        "FS1": (0.1179, 0.7823),
+        "XX2R": (-0.0209, 0.8488),
+        "ZZ2R": (0.0295, 0.3538),
+        "MX2R": (-0.0225, 0.7660),
+        "FV2R": (0.032, 21.0),
+        "FS2": (0.1240, 0.8120),
+        "OFF2": (0.0200, 3.347),
+        "XX3R": (-0.0110, 1.25),
+        "ZZ3R": (0.0130, 0.432),
+        "MX3R": (-0.0310, 0.413),
+        "FV5R": (0.031, 20.0),
+        "FS5R": (0.1152, 1.258),
+        "OFF5": (0.0300, 1.1),
+    },
+)
+"""Table 4: the 16 parameters of the inverse dynamic model. Its viscous coefficients are 15 to 60 % above Table 3."""
+
+STIFFNESS_UNITS = MappingProxyType({"N m/rad": 1.0, "N m/deg": 180.0 / np.pi, "N m/mrad": 1000.0})
+"""Readings of the unit of Table 2, each in N m/rad.
+
+As printed, joint 5 would resonate at 2 Hz (the source: about 20 Hz) and 2000 to 5000 N/m at the tip would need levers
+of 14 to 22 mm. N m/mrad is the only reading within a factor of about two of both."""
+
+VISCOUS_FRICTION = (INERTIAL["FV1"].value, INERTIAL["FV2R"].value, INERTIAL["FV5R"].value)
+"""Viscous coefficients of the active joints, Table 4 [N m s/rad]; its F_v of (18)."""
+
+COULOMB_FRICTION = (INERTIAL["FS1"].value, INERTIAL["FS2"].value, INERTIAL["FS5R"].value)
+"""Coulomb torques of the active joints, Table 4 [N m]; its F_c of (18)."""
+
+MASS_RANGE_KG = (0.0, 0.65)
+"""Published apparent mass near the natural posture; up to 0.8 kg elsewhere."""
+STIFFNESS_RANGE = (2000.0, 5000.0)
+"""Published stiffness at the tip [N/m]."""
+COULOMB_RANGE_N = (0.3, 0.4)
+"""Published Coulomb force at the tip [N], the weight of 30 to 40 g."""
+BANDWIDTH_HZ = 20.0
+"""Published bandwidth of the transmission."""
+
+
+def joint_stiffness(unit: str = "N m/mrad") -> Float[Array, " 3"]:
+    r"""Stiffness of transmission and motor in series [N m/rad], (19): :math:`K_{tot} = 1/(1/K_T + 1/K_E)`.
+
+    Args:
+        unit: How to read the unit of the source, one of `STIFFNESS_UNITS`.
+
+    Returns:
+        One per active joint, shape ``(3,)``.
+
+    Raises:
+        ParameterError: If the reading is unknown.
+    """
+    if unit not in STIFFNESS_UNITS:
+        known = ", ".join(STIFFNESS_UNITS)
+        raise ParameterError(f"{unit!r} is no reading of the stiffness of the CEA branch: take one of {known}.")
+    transmission = np.array([K.value for K in TRANSMISSION_STIFFNESS.values()])
+    return STIFFNESS_UNITS[unit] / (1 / transmission + 1 / ELECTRIC_STIFFNESS)
+
+
+def passive_positions(q: Float[Array, "N 3"]) -> Float[Array, "N 4"]:
+    """Angles q3, q4, q6, q7 [rad] of the passive joints and the cut one, by (8), (11), (9), (10).
+
+    Args:
+        q: Active angles q1, q2, q5 [rad].
+    """
+    q2, q5 = q[:, 1], q[:, 2]
+    return np.stack([q5 - q2, 0.5 * np.pi - q5, q2 - q5, q5 - q2], axis=1)
+
+
+def passive_jacobian() -> Float[Array, "3 3"]:
+    r"""L of (12), :math:`\partial q_p / \partial q_a` with rows q3, q6, q4 (the order of the source)."""
+    return np.array([[0.0, -1.0, 1.0], [0.0, 1.0, -1.0], [0.0, 0.0, -1.0]])
+
+
+def motor_torque(tree_torque: Float[Array, "N 6"]) -> Float[Array, "N 3"]:
+    r"""Torque of the motors from the torques of the open tree [N m], (12).
+
+    Args:
+        tree_torque: Of q1, q2, q5, q3, q6, q4 in this order.
+    """
+    return tree_torque[:, :3] + tree_torque[:, 3:] @ passive_jacobian()
+
+
+def tip_position(q: Float[Array, "N 3"], lengths: LinkLengths = LENGTHS) -> Float[Array, "N 3"]:
+    """Tip in frame 0 [m].
+
+    Args:
+        q: Active angles q1, q2, q5 [rad].
+        lengths: Of the links.
+    """
+    q1, q2, q5 = q.T
+    reach = lengths.d3 * np.cos(q2) + lengths.d4 * np.cos(q5)
+    height = -(lengths.d3 * np.sin(q2) + lengths.d4 * np.sin(q5))
+    return np.stack([reach * np.cos(q1), reach * np.sin(q1), height], axis=1)
+
+
+def tip_jacobian(q: Float[Array, "N 3"], lengths: LinkLengths = LENGTHS) -> Float[Array, "N 3 3"]:
+    """Derivative of `tip_position` by the active angles, axes of frame 0 [m/rad].
+
+    Args:
+        q: Active angles q1, q2, q5 [rad].
+        lengths: Of the links.
+    """
+    q1, q2, q5 = q.T
+    c1, s1, nothing = np.cos(q1), np.sin(q1), np.zeros(len(q))
+    reach = lengths.d3 * np.cos(q2) + lengths.d4 * np.cos(q5)
+    columns = [np.stack([-reach * s1, reach * c1, nothing], axis=1)]
+    for length, angle in ((lengths.d3, q2), (lengths.d4, q5)):
+        fall = -length * np.sin(angle)
+        columns.append(np.stack([fall * c1, fall * s1, -length * np.cos(angle)], axis=1))
+    return np.stack(columns, axis=2)
