@@ -13,6 +13,7 @@ from identification.signals import low_pass
 from phantom_dyn import load_robot
 from phantom_dyn.dynamics import inverse_dynamics, rigid_body_regressor, standard_parameters
 from phantom_dyn.effects.catalogue import effect_named
+from phantom_dyn.effects.operation import Operation
 from phantom_dyn.errors import LogError, ParameterError
 from phantom_dyn.motion import Motion
 
@@ -103,8 +104,8 @@ def test_one_sample_of_a_robot_with_one_joint_keeps_three_axes(rng):
 def test_a_shape_is_held_at_the_given_value(arm, rng):
     log = some_log(arm, rng)
     stribeck = effect_named("stribeck_friction")
-    column = gap_regressor(arm, log, [(stribeck, "turn", 0.3)]).W
-    expected = stribeck.signature(arm, log.motion, "turn", 0.3).columns
+    column = gap_regressor(arm, log, [(stribeck, "turn", (0.3,))]).W
+    expected = stribeck.signature(arm, Operation.of(arm, log.motion), "turn", (0.3,)).columns
     np.testing.assert_array_equal(column[:, 0], expected[:, 0])
 
 
