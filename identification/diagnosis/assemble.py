@@ -8,8 +8,8 @@ from collections.abc import Callable
 import numpy as np
 from jaxtyping import Float
 
-from identification.diagnosis.bounds import sensor_blind, smallest_seen
-from identification.diagnosis.columns import Columns, Term, merged_motion
+from identification.diagnosis.bounds import smallest_seen
+from identification.diagnosis.columns import Columns
 from identification.diagnosis.fitting import Fitted
 from identification.diagnosis.flexible import held_out_ridge, state_features
 from identification.diagnosis.gap import (
@@ -22,7 +22,7 @@ from identification.diagnosis.gap import (
 from identification.diagnosis.judge import Judge, gap_is_there, narrow_search, noise_floor, visible
 from identification.diagnosis.locate import regime_shares
 from identification.diagnosis.noise import rms
-from identification.diagnosis.parameters import finding_parameters
+from identification.diagnosis.parameters import Neighbour, finding_parameters
 from identification.diagnosis.problem import Problem
 from identification.diagnosis.result import (
     Adjusted,
@@ -34,6 +34,7 @@ from identification.diagnosis.result import (
 )
 from identification.diagnosis.rivals import block_counts, stand
 from identification.diagnosis.search import Search, ordered
+from identification.diagnosis.terms import Term, merged
 from identification.log import Log
 from identification.recordings import Recording
 from phantom_dyn import __version__
@@ -64,21 +65,28 @@ def assemble(
         chosen = frozenset()
     problem = plain.problem
     columns = problem.columns
-    found = plain.evaluate(chosen)
-    torque = held_out_torque(problem, chosen, found)
+    named = frozenset(term for term in chosen if term.named)
+    found = plain.evaluate(named)
+    torque = held_out_torque(problem, named, found)
     rest = in_judged_band(residual_after(problem, torque), logs, cutoff_hz)
     given = in_judged_band(columns.residual, logs, cutoff_hz)
     before, after = sums(problem, given), sums(problem, rest)
+    whole = rest
+    if named != chosen:
+        whole = in_judged_band(
+            residual_after(problem, held_out_torque(problem, chosen, plain.evaluate(chosen))), logs, cutoff_hz
+        )
     # What is left is at least noise, so noise is at most what is left.
-    floor = np.minimum(noise_floor(columns, logs, cutoff_hz, noise), np.where(after.rms() > 0, after.rms(), np.inf))
+    left = sums(problem, whole).rms()
+    floor = np.minimum(noise_floor(columns, logs, cutoff_hz, noise), np.where(left > 0, left, np.inf))
     judge = Judge(problem, logs, cutoff_hz, floor)
-    predicted = _flexible_rest(problem, logs, rest)
-    smooth = sums(problem, tuple(r - p for r, p in zip(rest, predicted, strict=True)))
-    findings = _findings(robot, search, plain, chosen, judge, before, after)
+    smooth = tuple(w - p for w, p in zip(whole, _flexible_rest(problem, logs, whole), strict=True))
+    predicted = tuple(r - s for r, s in zip(rest, smooth, strict=True))
+    findings = _findings(robot, search, plain, chosen, judge, before)
     shares = [regime_shares(columns, logs, given, j) for j in range(robot.nv)]
-    unexplained = _unexplained(robot, judge, predicted, before, after, smooth)
+    unexplained = _unexplained(robot, judge, predicted, before, after, sums(problem, smooth), chosen - named)
     progress("stating what would have been seen")
-    bounds, untested = smallest_seen(robot, merged_motion(logs), search, chosen)
+    bounds, untested = smallest_seen(robot, merged(columns.operations), search, chosen)
     gaps = tuple(
         JointGap(
             joint,
@@ -100,7 +108,7 @@ def assemble(
         adjusted=_adjusted(problem, found),
         unexplained=unexplained,
         bounds=bounds,
-        not_testable=(*untested, *sensor_blind(robot)),
+        not_testable=untested,
         data_warnings=(*robot.warnings, *(w for recording in recordings for w in recording.warnings)),
         next_experiment=None,
         rollout=None,
@@ -117,14 +125,16 @@ def _findings(
     chosen: frozenset[Term],
     judge: Judge,
     before: Sums,
-    after: Sums,
 ) -> tuple[Finding, ...]:
     """Findings with their gap closed and rivals, the largest first."""
     problem, floor, found = plain.problem, judge.floor, plain.evaluate(chosen)
+    after = sums(problem, judge.narrow(residual_after(problem, held_out_torque(problem, chosen, found))))
     counts = block_counts(len(before.counts), np.random.default_rng(20260105))
     once = np.ones((1, len(before.counts)))
     out = []
     for term in ordered(chosen):
+        if not term.named:
+            continue
         without = plain.evaluate(chosen - {term})
         torque = held_out_torque(problem, chosen - {term}, without)
         lost = sums(problem, judge.narrow(residual_after(problem, torque)))
@@ -140,7 +150,7 @@ def _findings(
                 effect=term.effect.name,
                 joint=term.joint,
                 regime=term.effect.regime,
-                parameters=finding_parameters(robot, term, found),
+                parameters=finding_parameters(robot, term, found, neighbours_of(plain, chosen, term)),
                 gap_closed=float(closed(once)[0]),
                 gap_closed_interval=(float(low), float(high)),
                 probability=standing.probability,
@@ -149,6 +159,16 @@ def _findings(
             )
         )
     return tuple(sorted(out, key=lambda finding: -finding.gap_closed))
+
+
+def neighbours_of(search: Search, chosen: frozenset[Term], term: Term) -> tuple[Neighbour, ...]:
+    """Fits with the other shapes of one finding."""
+    out = []
+    for other in search.terms:
+        if other.place == term.place and other is not term and len(other.shape) == len(term.shape) == 1:
+            found = search.evaluate(chosen - {term} | {other})
+            out.append(Neighbour(other.shape[0], found.objective, found.theta[list(other.columns)]))
+    return tuple(out)
 
 
 def _flexible_rest(
@@ -174,6 +194,7 @@ def _unexplained(
     before: Sums,
     after: Sums,
     smooth: Sums,
+    nameless: frozenset[Term],
 ) -> Unexplained:
     """How much of the explainable gap is left, and where it sits if it has structure."""
     floor = judge.floor
@@ -182,7 +203,7 @@ def _unexplained(
     gains = (after.squares - smooth.squares) / floor**2
     total = gains.sum(axis=1)
     error = float(np.sqrt(len(total)) * total.std()) + 1e-12
-    structured = bool(left - best > _STRUCTURE * left and total.sum() > _STRUCTURE_ERRORS * error)
+    structured = bool(nameless) or bool(left - best > _STRUCTURE * left and total.sum() > _STRUCTURE_ERRORS * error)
     explainable = given - min(best, left)
     fraction = float(np.clip((left - best) / explainable, 0.0, 1.0)) if explainable > 0 else 0.0
     joint, regime = None, None
@@ -190,6 +211,8 @@ def _unexplained(
         row = int(np.argmax(gains.sum(axis=0)))
         joint = robot.joint_names[row]
         _, regime = regime_shares(judge.problem.columns, judge.logs, predicted, row)
+        here = [term.effect.regime for term in ordered(nameless) if term.joint == joint]
+        regime = here[0] if here else regime
     return Unexplained(fraction, structured, joint, regime)
 
 

@@ -6,10 +6,10 @@ import numpy as np
 from jaxtyping import Float
 
 from identification.diagnosis.bounded import solve
-from identification.diagnosis.columns import Term
 from identification.diagnosis.result import Bound, NotTestable
 from identification.diagnosis.search import PARAMETER_PRICE, Search, contains, least_gain, price
-from phantom_dyn.motion import Motion
+from identification.diagnosis.terms import Term, untestable_places
+from phantom_dyn.effects.operation import Operation
 from phantom_dyn.robot import Robot
 
 Array = np.ndarray
@@ -19,7 +19,7 @@ _POWER = 1.645
 
 
 def smallest_seen(
-    robot: Robot, motion: Motion, search: Search, chosen: frozenset[Term]
+    robot: Robot, operation: Operation, search: Search, chosen: frozenset[Term]
 ) -> tuple[tuple[Bound, ...], tuple[NotTestable, ...]]:
     """Bounds of every effect and joint that is not a finding, and what cannot be tested at all.
 
@@ -36,14 +36,14 @@ def smallest_seen(
     inverse = solve(problem.total_a[np.ix_(base, base)] + np.diag(problem.precision[base]), np.eye(len(base)))
     tested = set(search.terms)
     for term in problem.columns.terms:
-        if term.place in found or any(contains(other, term) for other in chosen):
+        if not term.named or term.place in found or any(contains(other, term) for other in chosen):
             continue
         joint = term.joint if term.joint is not None else "the robot"
         if term not in tested:
             why = f"{joint} moves too little: the effect leaves no trace in this recording"
             hopeless[term.place] = NotTestable(*term.place, why)
             continue
-        name, direction = term.effect.probe(robot, motion, term.joint)
+        name, direction = term.effect.probe(robot, operation, term.joint)
         information = _information(search, term, direction, base, inverse)
         needed = (
             np.sqrt(least_gain(search, frozenset([term])) + max(price(search.sizes[term]) - PARAMETER_PRICE, 0.0) + 2.0)
@@ -57,8 +57,9 @@ def smallest_seen(
         unit = next((p.unit for p in term.effect.parameters(robot, term.joint) if p.name == name), "")
         if term.place not in bounds or size > bounds[term.place].below:
             bounds[term.place] = Bound(*term.place, name, float(size), unit)
-    left = tuple(value for place, value in hopeless.items() if place not in bounds)
-    return tuple(bounds.values()), left
+    left = [value for place, value in hopeless.items() if place not in bounds]
+    left += [NotTestable(*place) for place in untestable_places(robot, operation)]
+    return tuple(bounds.values()), tuple(left)
 
 
 def _information(
@@ -85,11 +86,3 @@ def _largest(search: Search, term: Term, direction: Float[Array, " k"]) -> float
         for j in rows
     )
     return float(np.sqrt(measured / energy)) if energy > 0 else 0.0
-
-
-def sensor_blind(robot: Robot) -> tuple[NotTestable, ...]:
-    """Effects that a measured torque cannot show, whatever the recording."""
-    if robot.torque_source != "sensor":
-        return ()
-    why = "the torque columns come from a sensor, behind the drive: its torque constant leaves no trace in them"
-    return tuple(NotTestable("torque_constant", joint, why) for joint in robot.joint_names)

@@ -10,13 +10,15 @@ from jaxtyping import Float, Int
 
 from identification.diagnosis.assemble import assemble
 from identification.diagnosis.blocks import Block, assign_folds, build_grams, split_blocks
-from identification.diagnosis.columns import Columns, KnownEffect, Term, build_columns
+from identification.diagnosis.columns import Columns, build_columns
+from identification.diagnosis.fitting import Fitted
 from identification.diagnosis.gap import row_counts, row_losses
 from identification.diagnosis.noise import estimate_noise, smaller_noise, weights_of
 from identification.diagnosis.null import null_threshold
 from identification.diagnosis.problem import set_up
 from identification.diagnosis.result import Diagnosis
-from identification.diagnosis.search import Search, explain, set_up_search
+from identification.diagnosis.search import Search, explain, ordered, set_up_search
+from identification.diagnosis.terms import FoundEffect, KnownEffect, Term
 from identification.diagnosis.whitening import whitened
 from identification.recordings import Recording
 from identification.signals import process_all
@@ -27,6 +29,8 @@ Array = np.ndarray
 
 # Noise floors are refined if the explanation leaves less than this share of one.
 _LOWER = 0.9
+# Passes that take laws again about what the last one found.
+_REFINEMENTS = 3
 # A claim closes at least this share of the gap: less is what a law of the right kind leaves that is off by 6 %.
 _LEAST_SHARE = 0.004
 # Fewer blocks of at least a second cannot be held out in turn.
@@ -74,9 +78,15 @@ def diagnose(
     progress("estimating the noise")
     noise = estimate_noise(columns, logs, blocks, folds)
     search, chosen = _search(columns, blocks, folds, noise, progress)
-    noise, ratio = smaller_noise(search, chosen, noise)
-    if ratio < _LOWER:
-        search, chosen = _search(columns, blocks, folds, noise, progress)
+    for _ in range(_REFINEMENTS):
+        noise, ratio = smaller_noise(search, chosen, noise)
+        found = found_effects(search.evaluate(chosen), chosen)
+        if ratio >= _LOWER and not needs_refinement(found):
+            break
+        # Laws that are not linear are taken again about what was found, and noise is what the findings leave.
+        if found:
+            columns = build_columns(robot, logs, cutoff_hz, known, found)
+        search, chosen = _search(columns, blocks, folds, noise, progress, found)
     progress("comparing rivals")
     return assemble(robot, every, logs, cutoff_hz, search, chosen, noise, progress, started)
 
@@ -87,8 +97,9 @@ def _search(
     folds: Int[Array, " B"],
     noise: tuple[Float[Array, "n nv"], ...],
     progress: Callable[[str], None],
+    found: tuple[FoundEffect, ...] = (),
 ) -> tuple[Search, frozenset[Term]]:
-    """The best set of effects for given noise."""
+    """The best set of effects for given noise, starting from what an earlier search has found."""
     white, white_noise = whitened(columns, noise)
     weights = weights_of(white, white_noise)
     problem = set_up(columns, white, blocks, weights, build_grams(white, blocks, folds, weights))
@@ -99,4 +110,31 @@ def _search(
         np.maximum(loss - row_counts(problem), 0.0) for loss in row_losses(problem, search.evaluate(frozenset()))
     )
     search = set_up_search(problem, threshold, _LEAST_SHARE * gap + _ACCURACY * given)
-    return search, explain(search, progress)
+    return search, explain(search, progress, same_effects(search, found))
+
+
+def found_effects(fitted: Fitted, chosen: frozenset[Term]) -> tuple[FoundEffect, ...]:
+    """What a fit has found, as points to take laws about."""
+    return tuple(
+        FoundEffect(term.effect, term.joint, term.shape, fitted.theta[list(term.columns)]) for term in ordered(chosen)
+    )
+
+
+def needs_refinement(found: tuple[FoundEffect, ...]) -> bool:
+    """True if a law is not linear in its parameters, or made of a torque that the other findings change."""
+    return any(point.shape or point.effect.follows_torque for point in found)
+
+
+def same_effects(search: Search, found: tuple[FoundEffect, ...]) -> frozenset[Term]:
+    """The terms of a new search that stand where an earlier one has found effects, with the shape nearest to it."""
+    out = []
+    for point in found:
+        here = [term for term in search.terms if term.place == (point.effect.name, point.joint)]
+        if here:
+            out.append(min(here, key=lambda term: (abs(len(term.shape) - len(point.shape)), _apart(term, point))))
+    return frozenset(out)
+
+
+def _apart(term: Term, point: FoundEffect) -> float:
+    """How far two shapes of one effect are apart."""
+    return sum(abs(a - b) for a, b in zip(term.shape, point.shape, strict=False))

@@ -8,9 +8,9 @@ import numpy as np
 from jaxtyping import Float, Int
 
 from identification.diagnosis.bounded import bounded_solve, solve
-from identification.diagnosis.columns import Term
 from identification.diagnosis.point_mass import point_mass_map
 from identification.diagnosis.problem import Problem
+from identification.diagnosis.terms import Term
 from phantom_dyn.effects.payload import Payload
 from phantom_dyn.effects.torque_constant import TorqueConstant
 

@@ -7,10 +7,10 @@ from dataclasses import dataclass
 import numpy as np
 from jaxtyping import Float
 
-from identification.diagnosis.columns import Term
 from identification.diagnosis.fitting import Fitted, predict
 from identification.diagnosis.problem import Problem
 from identification.diagnosis.search import ordered
+from identification.diagnosis.terms import Term
 from identification.log import Log
 from identification.signals import smoothed
 

@@ -8,7 +8,7 @@ import numpy as np
 from jaxtyping import Float
 
 from identification.diagnosis.blocks import build_grams
-from identification.diagnosis.columns import Columns, Term
+from identification.diagnosis.columns import Columns
 from identification.diagnosis.gap import (
     held_out_torque,
     in_judged_band,
@@ -18,6 +18,7 @@ from identification.diagnosis.gap import (
 from identification.diagnosis.noise import rms, weights_of
 from identification.diagnosis.problem import Problem, set_up
 from identification.diagnosis.search import Search, ordered, set_up_search
+from identification.diagnosis.terms import Term
 from identification.log import Log
 from identification.signals import smoothed
 

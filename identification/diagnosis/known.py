@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from identification.diagnosis.columns import KnownEffect
+from identification.diagnosis.terms import KnownEffect
 from identification.export.corrected import read_corrected
 from phantom_dyn.effects.catalogue import effect_named
 from phantom_dyn.effects.inertial_parameters import InertialParameters
@@ -25,11 +25,14 @@ def known_effects(files: tuple[Path, ...], robot: Robot) -> tuple[KnownEffect, .
                 effect = effect_named(entry.effect)
             except PhantomDynError as error:
                 raise ParameterError(f"{file}: {error}") from error
-            if entry.joint is None and effect.scope == "joint":
+            places = effect.places(robot)
+            if entry.joint is None and None not in places and not isinstance(effect, InertialParameters):
                 raise ParameterError(
                     f"{file}: effect {entry.effect} has no joint, wanted one of {', '.join(robot.joint_names)}."
                 )
-            if entry.joint is not None and entry.joint not in robot.joint_names:
+            # Two joints that are coupled need not be neighbours to be known.
+            apart = entry.joint.split("+") if entry.joint is not None else []
+            if entry.joint not in places and not set(apart) <= set(robot.joint_names):
                 raise ParameterError(
                     f"{file}: effect {entry.effect} is on joint '{entry.joint}', which this robot does not have: "
                     f"its joints are {', '.join(robot.joint_names)}."
@@ -43,7 +46,9 @@ def known_effects(files: tuple[Path, ...], robot: Robot) -> tuple[KnownEffect, .
                     f"{file}: effect {entry.effect} has parameters {', '.join(entry.parameters)}, wanted "
                     f"{', '.join(names)}: correct the file or diagnose again."
                 )
-            values = (entry.parameters[n].value if n in entry.parameters else 0.0 for n in names)
-            theta = tuple(float(value) for value in values if not isinstance(value, list))
-            out.append(KnownEffect(entry.effect, entry.joint, theta))
+            theta: list[float] = []
+            for name in names:
+                value = entry.parameters[name].value if name in entry.parameters else 0.0
+                theta += [float(x) for x in value] if isinstance(value, list) else [float(value)]
+            out.append(KnownEffect(entry.effect, entry.joint, tuple(theta)))
     return tuple(out)

@@ -6,10 +6,11 @@ import numpy as np
 from jaxtyping import Float, Int
 
 from identification.diagnosis.blocks import Block, Weights
-from identification.diagnosis.columns import Columns, Term
+from identification.diagnosis.columns import Columns
 from identification.diagnosis.flexible import held_out_ridge, state_features
 from identification.diagnosis.gap import held_out_torque, residual_after
 from identification.diagnosis.search import Search
+from identification.diagnosis.terms import Term
 from identification.log import Log
 
 Array = np.ndarray

@@ -58,8 +58,8 @@ def set_up(columns: Columns, white: Columns, blocks: tuple[Block, ...], weights:
         precision[k] = 1.0 / nuisance.sigma**2
         lower[k], upper[k] = -nuisance.bound, nuisance.bound
     for term in columns.terms:
-        for k, bound in zip(term.columns, term.lower, strict=True):
-            lower[k] = max(lower[k], bound)
+        lower[list(term.columns)] = np.maximum(lower[list(term.columns)], term.lower)
+        upper[list(term.columns)] = np.minimum(upper[list(term.columns)], term.upper)
     touched = tuple(frozenset(j for j, index in enumerate(columns.rows) if k in index) for k in range(count))
     train = grams.fold >= 0
     total_a, total_b = grams.a[train].sum(axis=0), grams.b[train].sum(axis=0)

@@ -7,9 +7,9 @@ from dataclasses import dataclass
 import numpy as np
 from jaxtyping import Float
 
-from identification.diagnosis.columns import Term
 from identification.diagnosis.result import EffectAt, Rival
 from identification.diagnosis.search import PARAMETER_PRICE, Search, contains, least_gain, ordered, relevant, replaced
+from identification.diagnosis.terms import Term
 
 Array = np.ndarray
 
@@ -45,6 +45,8 @@ def stand(search: Search, chosen: frozenset[Term], term: Term) -> Standing:
     options: dict[frozenset[Term], tuple[Array, float]] = {}
     names: dict[frozenset[Term], frozenset[Term]] = {}
     for others in relevant(search, chosen, term):
+        if not all(other.named for other in others):
+            continue
         swapped = replaced(chosen, term, others)
         if swapped == chosen or swapped in options or not others <= swapped:
             continue

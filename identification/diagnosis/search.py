@@ -10,9 +10,9 @@ from itertools import combinations
 import numpy as np
 from jaxtyping import Float
 
-from identification.diagnosis.columns import Term
 from identification.diagnosis.fitting import Fitted, fit
 from identification.diagnosis.problem import Problem
+from identification.diagnosis.terms import Term
 from phantom_dyn.effects.payload import Payload
 
 Array = np.ndarray
@@ -87,7 +87,7 @@ def rank_of(problem: Problem, term: Term) -> int:
     normal = a[np.ix_(alive, alive)] / np.outer(scale[alive], scale[alive])
     values = np.linalg.eigvalsh(normal)
     rank = int(np.sum(values > 1e-7 * values[-1]))
-    return min(rank + (0 if np.isnan(term.shape) else 1), term.size)
+    return min(rank + (0 if term.effect.shape_is_estimate else len(term.shape)), term.size)
 
 
 def set_up_search(problem: Problem, threshold: float, row_thresholds: Float[Array, " nv"]) -> Search:
@@ -168,14 +168,15 @@ def claimed(search: Search, chosen: frozenset[Term], without: frozenset[Term]) -
     return gain > needed and (gain > _SIGNIFICANT * error or gain > 10 * needed)
 
 
-def explain(search: Search, progress: Callable[[str], None]) -> frozenset[Term]:
+def explain(search: Search, progress: Callable[[str], None], start: frozenset[Term] = frozenset()) -> frozenset[Term]:
     """The set of effects that explains the recordings with the fewest parameters.
 
     Args:
         search: Problem, rivals, threshold.
         progress: Told in words what is being done.
+        start: What an earlier search has found.
     """
-    chosen: frozenset[Term] = frozenset()
+    chosen = _drop(search, start)
     for _ in range(4):
         before = chosen
         chosen = _forward(search, chosen, progress)

@@ -107,6 +107,7 @@ class Effect:
         regime: Where the effect shows most.
         contains: Names of the effects that are special cases of it.
         uses_acceleration: True if its columns carry the noise of a twice differentiated position.
+        shape_is_estimate: True if the shape is the last estimate of a coefficient, and no parameter of its own.
         follows_torque: True if its columns are made of the modelled torque, other findings included.
     """
 
@@ -115,6 +116,7 @@ class Effect:
     regime: str
     contains: tuple[str, ...] = ()
     uses_acceleration: bool = False
+    shape_is_estimate: bool = False
     follows_torque: bool = False
 
     def places(self, robot: Robot) -> tuple[str | None, ...]:

@@ -1,0 +1,139 @@
+"""Structure of a residual that no effect of the catalogue has a name for: what makes a gap `unknown`.
+
+Each is a small group of columns that stands for a class of causes: something that changes slowly with time, something
+with a rhythm of its own in time, a force that depends on where the robot is, and a drive that weakens with the load of
+all joints. They compete with the catalogue at the price of their parameters, so that an effect that merely resembles
+one of these is not blamed, and one that is in the catalogue is not lost to them.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from jaxtyping import Float
+
+from phantom_dyn.effects.effect import Effect, Shape, Signature
+from phantom_dyn.effects.operation import Operation
+from phantom_dyn.effects.rows import row_of
+from phantom_dyn.robot import Robot
+
+Array = np.ndarray
+
+_SLOW = 3
+
+
+def _on_row(robot: Robot, joint: str | None, columns: list[Float[Array, " N"]]) -> Signature:
+    names = tuple(f"c{k}" for k in range(len(columns)))
+    return Signature((row_of(robot, joint),), np.stack(columns, axis=-1)[:, None, :], names, ("",) * len(columns))
+
+
+def _scaled(x: Float[Array, " N"]) -> Float[Array, " N"]:
+    return x / max(float(np.percentile(np.abs(x), 95)), 1e-12)
+
+
+class Drift(Effect):
+    """An offset, a friction or a gain of one joint that changes slowly over the recording."""
+
+    regime = "time_drift"
+    uses_acceleration = True
+
+    def __init__(self, name: str, steady: str):
+        self.name, self.contains = name, (steady,)
+
+    def signature(self, robot: Robot, operation: Operation, joint: str | None, shape: Shape) -> Signature:
+        """What changes, as it is and times slow cosines of time."""
+        j = row_of(robot, joint)
+        v = operation.v[:, j]
+        whole = {
+            "torque_offset": np.ones(len(v)),
+            "coulomb_friction": np.sign(v),
+            "viscous_friction": _scaled(v),
+            "torque_constant": _scaled(operation.expected[:, j]),
+        }[self.contains[0]]
+        phase = np.pi * (operation.t - operation.t[0]) / max(operation.t[-1] - operation.t[0], 1e-9)
+        return _on_row(robot, joint, [whole * np.cos(k * phase) for k in range(_SLOW + 1)])
+
+
+class Rhythm(Effect):
+    """A force with a period of its own in time, whatever the robot does."""
+
+    name = "rhythm"
+    regime = "everywhere"
+
+    def shapes(self, robot: Robot, operation: Operation, joint: str | None) -> tuple[Shape, ...]:
+        """The two strongest frequencies [Hz] of what is left of the torque."""
+        j = row_of(robot, joint)
+        rest = operation.logged[:, j] - operation.expected[:, j]
+        v = operation.v[:, j]
+        plain = np.column_stack([np.ones(len(v)), np.sign(v), v, operation.expected[:, j], operation.q[:, j]])
+        rest = rest - plain @ np.linalg.lstsq(plain, rest, rcond=None)[0]
+        # Four times as long with zeros: the frequency is wanted to a fraction of a line.
+        power = np.abs(np.fft.rfft(rest * np.hanning(len(rest)), 4 * len(rest))) ** 2
+        frequency = np.fft.rfftfreq(4 * len(rest), operation.dt)
+        seconds = operation.t[-1] - operation.t[0]
+        power[(frequency < 4.0 / seconds) | (frequency > 25.0)] = 0.0
+        out = []
+        for _ in range(2):
+            peak = int(np.argmax(power))
+            if power[peak] <= 0:
+                break
+            out.append((float(frequency[peak]),))
+            power[np.abs(frequency - frequency[peak]) < 2.0 / seconds] = 0.0
+        return tuple(out)
+
+    def refined(self, coefficients: Float[Array, " k"], shape: Shape) -> tuple[Shape, ...]:
+        """The frequency that was found."""
+        return (shape,)
+
+    def signature(self, robot: Robot, operation: Operation, joint: str | None, shape: Shape) -> Signature:
+        """Sine and cosine of time."""
+        phase = 2 * np.pi * shape[0] * (operation.t - operation.t[0])
+        return _on_row(robot, joint, [np.sin(phase), np.cos(phase)])
+
+
+class Field(Effect):
+    """A force on one joint that depends on the positions of all: a contact, a cable that catches."""
+
+    name = "field"
+    regime = "posture"
+    contains = ("torque_offset", "parasitic_spring")
+
+    def signature(self, robot: Robot, operation: Operation, joint: str | None, shape: Shape) -> Signature:
+        """Hinge functions of each position, which a contact that starts somewhere leaves."""
+        columns = [np.ones(len(operation.t))]
+        for k in range(robot.nv):
+            q = operation.q[:, k]
+            low, high = np.percentile(q, [2, 98])
+            x = (q - low) / max(high - low, 1e-3)
+            knots = (0.15, 0.3, 0.5, 0.7, 0.85) if k == row_of(robot, joint) else (0.25, 0.75)
+            columns.append(x)
+            columns += [np.maximum(x - knot, 0.0) for knot in knots]
+        return _on_row(robot, joint, columns)
+
+
+class Supply(Effect):
+    """A drive that gives less when all drives together ask for more."""
+
+    name = "supply"
+    regime = "high_load"
+    contains = ("torque_constant",)
+    uses_acceleration = True
+
+    def signature(self, robot: Robot, operation: Operation, joint: str | None, shape: Shape) -> Signature:
+        """Modelled torque, and the same times the load and the power of all joints."""
+        j = row_of(robot, joint)
+        tau = operation.expected
+        load = _scaled(np.abs(tau).sum(axis=1))
+        power = _scaled(np.maximum((tau * operation.v).sum(axis=1), 0.0))
+        own = _scaled(tau[:, j])
+        return _on_row(robot, joint, [own, own * load, own * power, own * np.abs(own)])
+
+
+STRUCTURES: tuple[Effect, ...] = (
+    Drift("drifting_offset", "torque_offset"),
+    Drift("drifting_friction", "coulomb_friction"),
+    Drift("drifting_damping", "viscous_friction"),
+    Drift("drifting_gain", "torque_constant"),
+    Rhythm(),
+    Field(),
+    Supply(),
+)

@@ -1,0 +1,123 @@
+"""Rivals: one effect in one place with one shape, and where a fit has found one."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from jaxtyping import Float
+
+from identification.diagnosis.structure import STRUCTURES
+from identification.log import Log
+from phantom_dyn.effects.catalogue import EFFECTS
+from phantom_dyn.effects.effect import Effect, Shape
+from phantom_dyn.effects.operation import Operation
+from phantom_dyn.robot import Robot
+
+Array = np.ndarray
+
+
+@dataclass(frozen=True)
+class KnownEffect:
+    """An effect that an earlier diagnosis added to the model, with the contract's parameters in order."""
+
+    effect: str
+    joint: str | None
+    theta: tuple[float, ...]
+
+
+@dataclass(frozen=True)
+class FoundEffect:
+    """An effect that the last fit has found: the point about which laws that are not linear are taken next.
+
+    Attributes:
+        effect: Of the catalogue.
+        joint: Its joint, None for the whole robot.
+        shape: Its shape in that fit.
+        coefficients: Of its columns.
+    """
+
+    effect: Effect
+    joint: str | None
+    shape: Shape
+    coefficients: Float[Array, " k"]
+
+
+@dataclass(frozen=True, eq=False)
+class Term:
+    """One effect in one place with one shape, and the columns that it sets free.
+
+    Attributes:
+        effect: Of the catalogue, or a structure that has no name there.
+        joint: Its joint, None for the whole robot.
+        shape: What the torque is not linear in, () if there is nothing.
+        columns: Indices among all columns.
+        size: Number of parameters that it adds.
+        lower, upper: Bounds of each coefficient.
+    """
+
+    effect: Effect
+    joint: str | None
+    shape: Shape
+    columns: tuple[int, ...]
+    size: int
+    lower: tuple[float, ...]
+    upper: tuple[float, ...]
+
+    @property
+    def place(self) -> tuple[str, str | None]:
+        """Effect and joint, whatever the shape."""
+        return self.effect.name, self.joint
+
+    @property
+    def named(self) -> bool:
+        """False for a structure that the catalogue has no name for."""
+        return self.effect not in STRUCTURES
+
+
+def shapes_of(
+    robot: Robot, operation: Operation, found: tuple[FoundEffect, ...]
+) -> tuple[tuple[Effect, str | None, tuple[Shape, ...]], ...]:
+    """Effects, places and shapes to try in a recording that can show them; about a fit, shapes near what it found."""
+    near = {(point.effect.name, point.joint): point for point in found}
+    out = []
+    for effect in (*EFFECTS, *STRUCTURES):
+        for joint in effect.places(robot):
+            if effect.untestable(robot, operation, joint) is not None:
+                continue
+            point = near.get((effect.name, joint))
+            if point is None:
+                shapes = effect.shapes(robot, operation, joint)
+            else:
+                shapes = effect.refined(point.coefficients, point.shape)
+            out.append((effect, joint, tuple(shapes)))
+    return tuple(out)
+
+
+def untestable_places(robot: Robot, operation: Operation) -> tuple[tuple[str, str | None, str], ...]:
+    """Effects and places that a recording like this cannot show, and why, in words."""
+    out = []
+    for effect in EFFECTS:
+        for joint in effect.places(robot):
+            why = effect.untestable(robot, operation, joint)
+            if why is not None:
+                out.append((effect.name, joint, why))
+    return tuple(out)
+
+
+def merged(operations: tuple[Operation, ...]) -> Operation:
+    """All operations one after the other, as one that is used for ranges and periodograms only."""
+    if len(operations) == 1:
+        return operations[0]
+    start, times = 0.0, []
+    for operation in operations:
+        times.append(operation.t - operation.t[0] + start)
+        start = float(times[-1][-1]) + operation.dt
+    joined = (np.concatenate([getattr(o, name) for o in operations]) for name in ("q", "v", "a"))
+    torques = (np.concatenate([getattr(o, name) for o in operations]) for name in ("tau", "expected", "logged"))
+    return Operation(np.concatenate(times), *joined, operations[0].robot, *torques)
+
+
+def sampling(log: Log) -> float:
+    """Samples per second in the band."""
+    return log.band.rate_hz / log.band.step
