@@ -1,5 +1,9 @@
 # pyright: reportAttributeAccessIssue=false
-"""Rigid-body dynamics of whole trajectories, through Pinocchio."""
+r"""Rigid-body dynamics of whole trajectories, through Pinocchio.
+
+Of a closed chain, motion and torque are those of its active joints: Pinocchio works on the tree, and
+`phantom_dyn.closed_chain` projects.
+"""
 
 from __future__ import annotations
 
@@ -7,6 +11,7 @@ import numpy as np
 import pinocchio as pin
 from jaxtyping import Float
 
+from phantom_dyn.closed_chain import TreeMotion, passive_friction, project, tree_motion
 from phantom_dyn.errors import LogError
 from phantom_dyn.motion import Motion
 from phantom_dyn.robot import Robot
@@ -21,6 +26,29 @@ def _require_finite(motion: Motion) -> None:
         if len(bad):
             row, joint = bad[0]
             raise LogError(f"{name} of joint number {joint} is not finite at sample {row}: give finite motion.")
+
+
+def _rigid_body_torque(robot: Robot, tree: TreeMotion) -> Float[Array, "N nt"]:
+    """Torque on the joints of the tree with armature, without friction."""
+    data = robot.model.createData()
+    out = np.empty_like(tree.v)
+    for k, (q, v, a) in enumerate(zip(tree.configuration, tree.v, tree.a, strict=True)):
+        out[k] = pin.rnea(robot.model, data, q, v, a)
+    return out
+
+
+def _active(robot: Robot, tree: TreeMotion, torque: Float[Array, "N nt *k"]) -> Float[Array, "N nv *k"]:
+    return torque if robot.chain is None else project(tree.G, torque)
+
+
+def modelled_friction(robot: Robot, motion: Motion) -> Float[Array, "N nv"]:
+    """Drive torque that the modelled friction of active and passive joints takes, ``sign(0) = 0``, shape ``(N, nv)``.
+
+    Raises:
+        ChainError: If a loop of a closed chain cannot be closed or is singular at a sample.
+    """
+    own = motion.v * robot.viscous_friction + np.sign(motion.v) * robot.coulomb_friction
+    return own if robot.chain is None else own + passive_friction(robot, tree_motion(robot, motion))
 
 
 def inverse_dynamics(robot: Robot, motion: Motion) -> Float[Array, "N nv"]:
@@ -38,14 +66,50 @@ def inverse_dynamics(robot: Robot, motion: Motion) -> Float[Array, "N nv"]:
 
     Raises:
         LogError: If a value is not finite.
+        ChainError: If a loop of a closed chain cannot be closed or is singular at a sample.
     """
     _require_finite(motion)
-    data = robot.model.createData()
-    q = robot.configuration(motion.q)
-    out = np.empty((len(q), robot.nv))
-    for k in range(len(q)):
-        out[k] = pin.rnea(robot.model, data, q[k], motion.v[k], motion.a[k])
-    return out + motion.v * robot.viscous_friction + np.sign(motion.v) * robot.coulomb_friction
+    tree = tree_motion(robot, motion)
+    torque = _active(robot, tree, _rigid_body_torque(robot, tree)) + passive_friction(robot, tree)
+    return torque + motion.v * robot.viscous_friction + np.sign(motion.v) * robot.coulomb_friction
+
+
+def link_torque(robot: Robot, motion: Motion) -> Float[Array, "N nv"]:
+    """Torque that the links need for a motion, without armature and friction, shape ``(N, nv)`` [N m or N].
+
+    Raises:
+        LogError: If a value is not finite.
+        ChainError: If a loop of a closed chain cannot be closed or is singular at a sample.
+    """
+    _require_finite(motion)
+    tree = tree_motion(robot, motion)
+    return _active(robot, tree, _rigid_body_torque(robot, tree) - robot.model.armature * tree.a)
+
+
+def gravity_torque(
+    robot: Robot, q: Float[Array, "N nv"], gravity: Float[Array, " 3"] | None = None
+) -> Float[Array, "N nv"]:
+    """Torque that holds the links against gravity, shape ``(N, nv)`` [N m or N].
+
+    Args:
+        robot: Gives the model.
+        q: Joint positions [rad or m].
+        gravity: Acceleration [m/s^2] in the base frame; by default the robot's.
+
+    Raises:
+        ChainError: If a loop of a closed chain cannot be closed or is singular at a sample.
+    """
+    model = robot.model
+    if gravity is not None:
+        model = model.copy()
+        model.gravity = pin.Motion(np.asarray(gravity, dtype=float), np.zeros(3))
+    rest = np.zeros_like(q)
+    tree = tree_motion(robot, Motion(np.arange(float(len(q))), q, rest, rest))
+    data = model.createData()
+    out = np.empty_like(tree.v)
+    for k, configuration in enumerate(tree.configuration):
+        out[k] = pin.computeGeneralizedGravity(model, data, configuration)
+    return _active(robot, tree, out)
 
 
 def rigid_body_regressor(robot: Robot, motion: Motion) -> Float[Array, "N nv p"]:
@@ -63,16 +127,17 @@ def rigid_body_regressor(robot: Robot, motion: Motion) -> Float[Array, "N nv p"]
 
     Raises:
         LogError: If a value is not finite.
+        ChainError: If a loop of a closed chain cannot be closed or is singular at a sample.
     """
     _require_finite(motion)
+    tree = tree_motion(robot, motion)
     data = robot.model.createData()
-    q = robot.configuration(motion.q)
     p = 10 * (robot.model.njoints - 1)
-    out = np.empty((len(q), robot.nv, p))
-    for k in range(len(q)):
+    out = np.empty((*tree.v.shape, p))
+    for k, (q, v, a) in enumerate(zip(tree.configuration, tree.v, tree.a, strict=True)):
         # Pinocchio returns a 1-D array for a robot with one joint.
-        out[k] = pin.computeJointTorqueRegressor(robot.model, data, q[k], motion.v[k], motion.a[k]).reshape(-1, p)
-    return out
+        out[k] = pin.computeJointTorqueRegressor(robot.model, data, q, v, a).reshape(-1, p)
+    return _active(robot, tree, out)
 
 
 def standard_parameters(robot: Robot) -> Float[Array, " p"]:
@@ -81,11 +146,37 @@ def standard_parameters(robot: Robot) -> Float[Array, " p"]:
 
 
 def mass_matrix(robot: Robot, q: Float[Array, "N nv"]) -> Float[Array, "N nv nv"]:
-    """Joint-space mass matrix with armature at N joint positions, shape ``(N, nv, nv)``."""
+    """Joint-space mass matrix with armature at N joint positions, shape ``(N, nv, nv)``.
+
+    Raises:
+        ChainError: If a loop of a closed chain cannot be closed or is singular at a sample.
+    """
+    rest = np.zeros_like(q)
+    tree = tree_motion(robot, Motion(np.arange(float(len(q))), q, rest, rest))
     data = robot.model.createData()
-    configurations = robot.configuration(q)
-    out = np.empty((len(q), robot.nv, robot.nv))
-    for k in range(len(q)):
-        upper = np.triu(pin.crba(robot.model, data, configurations[k]))
+    out = np.empty((len(q), robot.model.nv, robot.model.nv))
+    for k, configuration in enumerate(tree.configuration):
+        upper = np.triu(pin.crba(robot.model, data, configuration))
         out[k] = upper + np.triu(upper, 1).T
-    return out
+    return out if robot.chain is None else project(tree.G, out) @ tree.G
+
+
+def forward_dynamics(
+    robot: Robot, q: Float[Array, "N nv"], v: Float[Array, "N nv"], tau: Float[Array, "N nv"]
+) -> Float[Array, "N nv"]:
+    """Acceleration under a drive torque, modelled friction included, shape ``(N, nv)`` [rad/s^2 or m/s^2].
+
+    Friction is that of motion: a joint at rest feels none, so it does not stick.
+
+    Args:
+        robot: Gives model and friction.
+        q: Joint positions [rad or m].
+        v: Velocities.
+        tau: Drive torque [N m or N].
+
+    Raises:
+        LogError: If a value is not finite.
+        ChainError: If a loop of a closed chain cannot be closed or is singular at a sample.
+    """
+    bias = inverse_dynamics(robot, Motion(np.arange(float(len(q))), q, v, np.zeros_like(v)))
+    return np.linalg.solve(mass_matrix(robot, q), (tau - bias)[..., None])[..., 0]

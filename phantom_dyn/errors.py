@@ -17,6 +17,10 @@ class ParameterError(PhantomDynError, ValueError):
     """A parameter has the wrong length, is out of bounds or is not physically consistent."""
 
 
+class ChainError(PhantomDynError, ValueError):
+    """A closed chain cannot be closed, or is singular, where it was asked for: the text names loop and residual."""
+
+
 class UsageError(PhantomDynError, ValueError):
     """The command line was called with something that it does not understand."""
 

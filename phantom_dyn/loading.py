@@ -17,6 +17,7 @@ import pinocchio as pin
 
 from phantom_dyn.errors import RobotError
 from phantom_dyn.inertia import breaks_triangle, impossible_because
+from phantom_dyn.loops.build import closed_chain
 from phantom_dyn.mjcf_xml import mjcf_facts
 from phantom_dyn.naming import known_names
 from phantom_dyn.robot import Actuator, Controller, Robot, Tolerance
@@ -58,7 +59,7 @@ def load_robot(source: str | Path, *, config: Path | None = None) -> Robot:
     model, locked = _hold(full, stated, facts)
     _require_simple_joints(model, path)
     _check_payload_frame(model, stated, config_path)
-    return _robot(model, str(source), path, facts, stated, locked)
+    return _robot(model, str(source), path, facts, stated, locked, config_path)
 
 
 def _facts(path: Path) -> RobotXml:
@@ -129,8 +130,9 @@ def _check_names(model: pin.Model, stated: RobotConfig, config: Path) -> None:
             raise RobotError(f"{config}: {key} names the unknown joint {name!r}, {known_names(name, joints, 'joints')}")
     for key, name in frames:
         _require_frame(model, name, key, config)
-    if stated.loops:
-        raise RobotError(f"{config}: loops are not read yet, closed chains arrive with a later version: remove loops.")
+    held = [(key, name) for key, name in named if key.startswith("loops") and name in stated.lock]
+    for key, name in held:
+        raise RobotError(f"{config}: {key} names {name!r}, which lock holds fixed: take it out of one of the two.")
 
 
 def _require_frame(model: pin.Model, name: str, key: str, config: Path) -> None:
@@ -151,7 +153,9 @@ def _check_payload_frame(model: pin.Model, stated: RobotConfig, config: Path) ->
 
 def _hold(model: pin.Model, stated: RobotConfig, facts: RobotXml) -> tuple[pin.Model, tuple[str, ...]]:
     """Model without its locked and following joints, and their names."""
-    held = [name for name in list(model.names)[1:] if name in stated.lock or name in facts.followers]
+    in_loops = {name for loop in stated.loops if isinstance(loop, LinearLoop) for name in (*loop.active, *loop.passive)}
+    following = facts.followers.keys() - in_loops
+    held = [name for name in list(model.names)[1:] if name in stated.lock or name in following]
     if not held:
         return model, ()
     q = pin.neutral(model)
@@ -212,7 +216,13 @@ def _warnings(facts: RobotXml, stated: RobotConfig, locked: tuple[str, ...], pat
 
 
 def _robot(
-    model: pin.Model, source: str, path: Path, facts: RobotXml, stated: RobotConfig, locked: tuple[str, ...]
+    model: pin.Model,
+    source: str,
+    path: Path,
+    facts: RobotXml,
+    stated: RobotConfig,
+    locked: tuple[str, ...],
+    config: Path,
 ) -> Robot:
     names = tuple(model.names)[1:]
     drives = [stated.joints.get(name, JointConfig()) for name in names]
@@ -220,21 +230,24 @@ def _robot(
     model.armature = np.array([actuator.rotor_inertia for actuator in actuators])
     if stated.gravity is not None:
         model.gravity = pin.Motion(np.array(stated.gravity), np.zeros(3))
+    chain = closed_chain(model, stated, config)
+    rows = list(range(model.nv) if chain is None else chain.active)
     trust = stated.tolerance
     return Robot(
         model=model,
         name=facts.name or path.stem,
         source=source,
         sha256=facts.sha256,
-        joint_names=names,
-        actuators=actuators,
-        viscous_friction=model.damping,
-        coulomb_friction=model.upperDryFrictionLimit,
-        prismatic=np.array([joint.shortname().startswith("JointModelP") for joint in list(model.joints)[1:]]),
+        joint_names=tuple(names[k] for k in rows),
+        actuators=tuple(actuators[k] for k in rows),
+        viscous_friction=model.damping[rows],
+        coulomb_friction=model.upperDryFrictionLimit[rows],
+        prismatic=np.array([list(model.joints)[1 + k].shortname().startswith("JointModelP") for k in rows]),
         torque_hold=stated.torque_hold,
         torque_source=stated.torque_source,
         tolerance=Tolerance(trust.inertia, trust.friction, trust.rotor_inertia),
         payload_frame=stated.payload_frame,
         warnings=_warnings(facts, stated, locked, path),
         locked=locked,
+        chain=chain,
     )

@@ -10,6 +10,9 @@ import numpy as np
 import pinocchio as pin
 from jaxtyping import Float
 
+from phantom_dyn.configuration import configurations
+from phantom_dyn.loops.chain import ClosedChain
+from phantom_dyn.loops.solver import tree_positions
 from phantom_dyn.motion import read_only
 
 Array = np.ndarray
@@ -54,8 +57,11 @@ class Tolerance:
 class Robot:
     """A robot ready for dynamics: fixed base, one velocity per joint.
 
+    The model is a tree. In a closed chain (``chain`` is not None) its joints are active or passive, and all that is
+    said of the robot's joints, their number ``nv`` included, is of the active ones, in the tree's order.
+
     Attributes:
-        model: Private copy of the Pinocchio model; rotor inertias are in ``model.armature``.
+        model: Private copy of the Pinocchio model; rotor inertias are in ``model.armature``, passive joints' included.
         name: Name for reports.
         source: The file or name that was given.
         sha256: Of the robot file.
@@ -70,6 +76,7 @@ class Robot:
         payload_frame: Frame that carries a payload, or None for the last moving link.
         warnings: Sentences about the robot file that the user should read.
         locked: Joints of the file that are held fixed and are no longer in the model.
+        chain: How the passive joints of a closed chain follow the active ones, or None.
     """
 
     model: pin.Model
@@ -87,6 +94,7 @@ class Robot:
     payload_frame: str | None = None
     warnings: tuple[str, ...] = ()
     locked: tuple[str, ...] = ()
+    chain: ClosedChain | None = None
 
     def __post_init__(self):
         object.__setattr__(self, "model", self.model.copy())
@@ -98,13 +106,28 @@ class Robot:
 
     @property
     def nv(self) -> int:
-        """Number of joint velocities."""
-        return self.model.nv
+        """Number of joint velocities; in a closed chain of the active joints."""
+        return self.model.nv if self.chain is None else self.chain.nv
 
     @property
     def nq(self) -> int:
-        """Length of Pinocchio's configuration vector (a continuous joint takes two entries)."""
+        """Length of Pinocchio's configuration vector of the tree (a continuous joint takes two entries)."""
         return self.model.nq
+
+    @property
+    def tree_rows(self) -> tuple[int, ...]:
+        """Place of each joint among the velocities of ``model``."""
+        return tuple(range(self.model.nv)) if self.chain is None else self.chain.active
+
+    @property
+    def passive_names(self) -> tuple[str, ...]:
+        """Joints of a closed chain that follow the active ones."""
+        return () if self.chain is None else self.chain.passive_names
+
+    @property
+    def rotor_inertia(self) -> Float[Array, " nv"]:
+        """Rotor inertia of each joint on the joint side [kg m^2 or kg]."""
+        return self.model.armature[list(self.tree_rows)]
 
     @property
     def torque_units(self) -> tuple[str, ...]:
@@ -117,14 +140,9 @@ class Robot:
         return tuple("m" if p else "rad" for p in self.prismatic)
 
     def configuration(self, q: Float[Array, "N nv"]) -> Float[Array, "N nq"]:
-        """Pinocchio configurations of joint positions ``q`` [rad or m]; a continuous joint becomes cos, sin."""
-        if self.nq == self.nv:
-            return q
-        out = np.empty((len(q), self.nq))
-        for joint in self.model.joints[1:]:
-            column = q[:, joint.idx_v]
-            if joint.nq == 2:
-                out[:, joint.idx_q], out[:, joint.idx_q + 1] = np.cos(column), np.sin(column)
-            else:
-                out[:, joint.idx_q] = column
-        return out
+        """Pinocchio configurations of the tree at joint positions ``q`` [rad or m]; a continuous joint: cos, sin.
+
+        Raises:
+            ChainError: If the loops of a closed chain cannot be closed there.
+        """
+        return configurations(self.model, q if self.chain is None else tree_positions(self.model, self.chain, q))

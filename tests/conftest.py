@@ -20,9 +20,12 @@ install_import_hook(
     [
         "phantom_dyn.devices.phantom",
         "phantom_dyn.devices.phantom_dynamics",
+        "phantom_dyn.closed_chain",
+        "phantom_dyn.configuration",
         "phantom_dyn.dynamics",
         "phantom_dyn.effects",
         "phantom_dyn.inertia",
+        "phantom_dyn.loops",
         "phantom_dyn.motion",
         "phantom_dyn.robot",
         "identification.diagnosis.result",

@@ -122,10 +122,6 @@ def test_a_configuration_that_is_given_replaces_the_one_beside_the_robot(tmp_pat
         ("loops: [{kind: point, frame_a: tool}]", r"loops\[0\]\.frame_b is missing, wanted the name of a frame"),
         ("loops: [{kind: point, frame_a: tool, frame_b: bean}]", r"frame_b names the unknown frame 'bean', .*beam\?"),
         ("loops: [{kind: linear, active: [j], passive: {}}]", r"loops\[0\]\.active names the unknown joint 'j'"),
-        (
-            "loops: [{kind: linear, active: [turn], passive: {tilt: '- turn'}}]",
-            r"closed chains arrive with a later version: remove loops",
-        ),
     ],
 )
 def test_a_wrong_configuration_is_refused_in_a_sentence(load, text, message):
