@@ -1,0 +1,1 @@
+"""Motions that excite a robot's parameters."""
