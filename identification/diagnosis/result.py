@@ -112,6 +112,11 @@ class Evidence:
         tau_before: Torque of the given model, ``(N, nv)``.
         tau_after: Torque of the corrected model, each sample predicted by a fit that has not seen it.
         regime_shares: For each joint a mapping regime -> share of the residual energy before.
+        regime_times: For each joint a mapping regime -> share of the samples; empty where it was not computed.
+        tau_transmitted: Torque that the transmission passes to the link, ``(N, nv)``: the modelled torque less the
+            rotor's share and the friction. None: the report takes the modelled torque.
+        tau_without: For each finding the torque of the model that lacks it and has all others, ``(N, nv)``, by fits
+            that have not seen the sample; empty where it was not computed.
     """
 
     t: Float[Array, " N"]
@@ -122,6 +127,9 @@ class Evidence:
     tau_before: Float[Array, "N nv"]
     tau_after: Float[Array, "N nv"]
     regime_shares: tuple[dict[str, float], ...]
+    regime_times: tuple[dict[str, float], ...] = ()
+    tau_transmitted: Float[Array, "N nv"] | None = None
+    tau_without: tuple[Float[Array, "N nv"], ...] = ()
 
 
 @dataclass(frozen=True)
