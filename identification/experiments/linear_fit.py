@@ -84,7 +84,7 @@ def fit_linear(
     if r <= b:
         raise IdentifiabilityError(f"{r} equations are too few for {b} unknowns and their deviations: record more.")
     norms = np.linalg.norm(W, axis=0)
-    factor = np.linalg.qr(np.column_stack([W, y]), mode="r")
+    factor = np.asarray(np.linalg.qr(np.column_stack([W, y]), mode="r"))
     scaled = np.linalg.svd(factor[:b, :b] / np.where(norms > 0, norms, 1.0), compute_uv=False)
     if scaled[-1] <= _SINGULAR * scaled[0]:
         raise IdentifiabilityError(

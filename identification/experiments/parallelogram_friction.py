@@ -1,0 +1,153 @@
+r"""Friction of a parallelogram's active and passive joints, parted by three tests at constant speeds.
+
+The motors of joints 2 and 5 feel the passive joints through the loop, equations (16) and (17) of the CEA paper:
+
+.. math::
+    \Gamma_{t2} &= F_{V2} v_2 + F_{C2}\,\mathrm{sign}\,v_2 + \Gamma_{fc}, \\
+    \Gamma_{t5} &= F_{V5R} v_5 + F_{C5R}\,\mathrm{sign}\,v_5 - \Gamma_{fc}, \\
+    \Gamma_{fc} &= F_{V3R} (v_2 - v_5) + F_{C3R}\,\mathrm{sign}(v_2 - v_5).
+
+Joint 4 turns at -v5 and counts with joint 5 (5R); joints 3, 6 and the cut 7 turn at plus or minus v5 - v2 and count
+together (3R). Test t1 (v5 = v2) shows joints 2 and 5 alone, t2 (v5 = 0) joint 2 with the passive ones, t3 (v2 = 0)
+joint 5 with the passive ones; so t2 and t3 minus t1 are the passive joints. (The text names the results of t3 once
+``F_V5t2`` and ``F_C5t2``, and its table has ``F_V5t3`` twice: the second is ``FC5t3``.)
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+from jaxtyping import Float
+
+from identification.excitation.waves import Triangle
+from identification.experiments.linear_fit import LinearFit, fit_linear, without_nuisance
+from phantom_dyn.errors import LogError, ParameterError
+from phantom_dyn.motion import Motion
+
+Array = np.ndarray
+
+FrictionTest = Literal["t1", "t2", "t3"]
+MOVING: Mapping[FrictionTest, tuple[int, ...]] = {"t1": (1, 2), "t2": (1,), "t3": (2,)}
+"""Numbers of the active joints (q1, q2, q5) that move in each test, and whose torque tells something."""
+
+_STEADY = 1.0  # 1/s: a speed is constant where its acceleration would change it by less than 1 % in 10 ms
+
+
+@dataclass(frozen=True)
+class Friction:
+    """Viscous coefficient [N m s/rad] and Coulomb torque [N m] of one joint or of several in one."""
+
+    viscous: float = 0.0
+    coulomb: float = 0.0
+
+    def torque(self, v: Float[Array, " N"]) -> Float[Array, " N"]:
+        """Drive torque at velocities ``v`` [N m], (15), with ``sign(0) = 0``."""
+        return self.viscous * v + self.coulomb * np.sign(v)
+
+
+def loop_friction(
+    v2: Float[Array, " N"], v5: Float[Array, " N"], *, arm: Friction, forearm: Friction, passive: Friction
+) -> tuple[Float[Array, " N"], Float[Array, " N"]]:
+    """Drive torque of joints 2 and 5 against friction [N m], (16) and (17).
+
+    Args:
+        v2: Velocity of joint 2 [rad/s].
+        v5: Velocity of joint 5 [rad/s].
+        arm: Of joint 2.
+        forearm: Of joints 5 and 4, 5R.
+        passive: Of joints 3, 6 and 7, 3R.
+    """
+    coupling = passive.torque(v2 - v5)
+    return arm.torque(v2) + coupling, forearm.torque(v5) - coupling
+
+
+def friction_test_motion(
+    test: FrictionTest,
+    *,
+    speeds: Sequence[float] = (0.1, 0.2, 0.4, 0.8),
+    amplitude: float = 0.4,
+    center: tuple[float, float, float] = (0.0, -2.8, -1.3),
+    rate_hz: float = 500.0,
+) -> Motion:
+    """Triangles of two periods at each speed in turn, on the joints of a friction test; the others hold still.
+
+    Args:
+        test: Which of the three.
+        speeds: Of the straight parts, nearly [rad/s]: the turns take a tenth of the time.
+        amplitude: To either side of the center [rad].
+        center: Posture of q1, q2, q5 [rad].
+        rate_hz: Sampling rate.
+
+    Raises:
+        ParameterError: If the test is unknown.
+    """
+    if test not in MOVING:
+        raise ParameterError(f"There is no friction test {test!r}: take one of {', '.join(MOVING)}.")
+    parts = []
+    for speed in speeds:
+        frequency = speed / (4 * amplitude)
+        t = np.arange(round(2 / frequency * rate_hz)) / rate_hz
+        parts.append(Triangle(amplitude, frequency).motion(t))
+    wave = np.concatenate(parts, axis=1)
+    q, v, a = (np.zeros((wave.shape[1], 3)) for _ in range(3))
+    for array, values in zip((q, v, a), wave, strict=True):
+        array[:, MOVING[test]] = values[:, None]
+    return Motion(np.arange(wave.shape[1]) / rate_hz, q + np.array(center), v, a)
+
+
+def fit_friction_test(test: FrictionTest, motion: Motion, tau: Float[Array, "N 3"]) -> dict[int, LinearFit]:
+    """Viscous and Coulomb friction that each moving joint shows in a test.
+
+    Only stretches of constant speed are used. There, offset, gravity (a sine of the joint's position) and centrifugal
+    torque (the square of its speed) are nuisances; inertia adds nothing.
+
+    Args:
+        test: Which of the three.
+        motion: Of q1, q2, q5.
+        tau: Drive torque of q1, q2, q5 [N m].
+
+    Returns:
+        By number of the joint (1 is q2, 2 is q5), with unknowns named as in Table 3, such as ``FV2t1`` and ``FC2t1``.
+        `LinearFit.condition` is that of velocity and sign, nuisances taken out.
+
+    Raises:
+        LogError: If a joint of the test is never at a constant speed.
+        IdentifiabilityError: If there is one speed only.
+    """
+    return {joint: _fit_joint(test, joint, motion, tau[:, joint]) for joint in MOVING[test]}
+
+
+def passive_friction(tests: Mapping[FrictionTest, Mapping[int, LinearFit]]) -> dict[str, tuple[float, float]]:
+    """Friction of the passive joints and its standard deviation, from what the tests differ by.
+
+    Args:
+        tests: Results of t1, t2 and t3.
+
+    Returns:
+        ``FV3R`` [N m s/rad] and ``FC3R`` [N m]: mean of t2 - t1 on joint 2 and t3 - t1 on joint 5, weighted by their
+        certainty. It can be neglected where it is within two deviations of zero.
+    """
+    out = {}
+    for kind in ("FV", "FC"):
+        with_passive = [tests["t2"][1].value(f"{kind}2t2"), tests["t3"][2].value(f"{kind}5t3")]
+        without = [tests["t1"][1].value(f"{kind}2t1"), tests["t1"][2].value(f"{kind}5t1")]
+        pairs = list(zip(with_passive, without, strict=True))
+        difference = np.array([more[0] - less[0] for more, less in pairs])
+        weight = np.array([1 / (more[1] ** 2 + less[1] ** 2) for more, less in pairs])
+        out[f"{kind}3R"] = (float(weight @ difference / weight.sum()), float(weight.sum() ** -0.5))
+    return out
+
+
+def _fit_joint(test: FrictionTest, joint: int, motion: Motion, tau: Array) -> LinearFit:
+    name = f"{2 if joint == 1 else 5}{test}"
+    q, v, a = motion.q[:, joint], motion.v[:, joint], motion.a[:, joint]
+    steady = np.abs(a) < _STEADY * np.abs(v)
+    if not steady.any():
+        raise LogError(f"Joint {name[0]} has no constant speed in test {test}: move it in triangles of several speeds.")
+    q, v, tau = q[steady], v[steady], tau[steady]
+    nuisance = np.stack([np.ones_like(q), np.cos(q), np.sin(q), v**2], axis=1)
+    free = without_nuisance(np.stack([v, np.sign(v), tau], axis=1), nuisance)
+    return fit_linear(free[:, :2], free[:, 2], (f"FV{name}", f"FC{name}"), ("N m s/rad", "N m"))

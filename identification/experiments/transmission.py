@@ -1,0 +1,126 @@
+r"""Stiffness of a transmission from the hysteresis loops of a blocked arm.
+
+Arm and forearm are held rigidly, the motor torque goes up and down in triangles, and the motor's position is measured:
+:math:`\Gamma = K\,dq + B\,d\dot q + \mathrm{offset}`, equations (13) and (14) of the CEA paper. Dry friction on the
+motor's side opens the loop by twice its torque; the paper has no term for it, and here it is an unknown of its own.
+Loops of one rate cannot tell it from damping: record several.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from jaxtyping import Float
+
+from identification.excitation.waves import Triangle
+from identification.experiments.linear_fit import LinearFit, fit_linear
+from identification.signals import differentiate
+from phantom_dyn.errors import LogError, ParameterError
+from phantom_dyn.motion import read_only
+
+Array = np.ndarray
+
+_STUCK = 0.5  # of the loop's median speed: below it the motor is stuck or about to be, and friction takes any value
+
+
+@dataclass(frozen=True)
+class Loop:
+    """A hysteresis loop: torque up and down against a blocked arm.
+
+    Attributes:
+        t: Time [s], in equal steps, shape ``(N,)``.
+        torque: Of the motor, on the joint side [N m], shape ``(N,)``.
+        position: Of the motor, on the joint side [rad], shape ``(N,)``.
+    """
+
+    t: Float[Array, " N"]
+    torque: Float[Array, " N"]
+    position: Float[Array, " N"]
+
+    def __post_init__(self):
+        for name in ("t", "torque", "position"):
+            object.__setattr__(self, name, read_only(getattr(self, name)))
+
+
+def triangular_torque(t: Float[Array, " N"], amplitude: float, frequency: float) -> Float[Array, " N"]:
+    """Torque [N m] that goes up and down between ``-amplitude`` and ``amplitude``, its corners rounded.
+
+    Args:
+        t: Time [s].
+        amplitude: Largest torque [N m].
+        frequency: Of the triangle [Hz].
+    """
+    return Triangle(amplitude, frequency, turn=0.02).motion(t)[0]
+
+
+def blocked_arm_loop(
+    t: Float[Array, " N"], torque: Float[Array, " N"], *, stiffness: float, damping: float, coulomb: float
+) -> Loop:
+    """What a motor does against a blocked arm, its inertia left out, from rest at zero.
+
+    Between two samples the torque is that of the later one and the motor moves at one speed (implicit Euler), so that
+    with ``damping = 0`` the result is exact: dry friction lets the torque play by ``coulomb`` to either side.
+
+    Args:
+        t: Time [s], in equal steps.
+        torque: Of the motor, on the joint side [N m].
+        stiffness: Of the transmission [N m/rad].
+        damping: Of the transmission [N m s/rad].
+        coulomb: Dry friction on the motor's side [N m].
+
+    Raises:
+        ParameterError: If the stiffness is not positive, or another is negative.
+    """
+    if not (stiffness > 0 and damping >= 0 and coulomb >= 0):
+        raise ParameterError(
+            f"A blocked arm of stiffness {stiffness:g}, damping {damping:g} and friction {coulomb:g} was asked for: "
+            "give a positive stiffness and no negative damping or friction."
+        )
+    resistance = damping / (t[1] - t[0]) if len(t) > 1 else 0.0
+    position = np.empty_like(torque)
+    q = 0.0
+    for k, given in enumerate(torque):
+        excess = given - stiffness * q
+        q += np.sign(excess) * max(abs(excess) - coulomb, 0.0) / (resistance + stiffness)
+        position[k] = q
+    return Loop(t, torque, position)
+
+
+def fit_transmission(loops: Sequence[Loop], *, cutoff_hz: float) -> LinearFit:
+    """Stiffness K, damping B, dry friction C and offset of a transmission from its hysteresis loops.
+
+    Samples near the turns are left out: there the motor sticks, and friction takes whatever value holds it.
+
+    Args:
+        loops: Of several rates; of one rate, B and C come out with the deviations of things hardly parted.
+        cutoff_hz: Positions are low-passed here before they are differentiated [Hz].
+
+    Returns:
+        Unknowns ``K`` [N m/rad], ``B`` [N m s/rad], ``C`` [N m] and ``offset`` [N m].
+
+    Raises:
+        LogError: If the motor does not move in a loop.
+        IdentifiabilityError: If the motor moves in one direction only.
+    """
+    parts = [_equations(loop, cutoff_hz) for loop in loops]
+    W, torque = np.concatenate([W for W, _ in parts]), np.concatenate([y for _, y in parts])
+    return fit_linear(W, torque, ("K", "B", "C", "offset"), ("N m/rad", "N m s/rad", "N m", "N m"))
+
+
+def resonance_hz(stiffness: float, inertia: float) -> float:
+    r"""Frequency :math:`\sqrt{K/I}/2\pi` of an inertia [kg m^2] on a stiffness [N m/rad], a rough bandwidth [Hz]."""
+    return float(np.sqrt(stiffness / inertia) / (2 * np.pi))
+
+
+def _equations(loop: Loop, cutoff_hz: float) -> tuple[Array, Array]:
+    if np.ptp(loop.position) == 0:
+        raise LogError("The motor does not move against the blocked arm: give more torque than its dry friction.")
+    rate = (len(loop.t) - 1) / (loop.t[-1] - loop.t[0])
+    q, v, _ = (column[:, 0] for column in differentiate(loop.position[:, None], rate, cutoff_hz))
+    moving = np.abs(v) > _STUCK * np.median(np.abs(v))
+    # The filter smears the start and end of a stop over a quarter of its period: leave that out, too.
+    reach = int(np.ceil(0.25 * rate / cutoff_hz))
+    stuck = np.convolve(~moving, np.ones(2 * reach + 1), mode="same") > 0.5
+    return np.stack([q, v, np.sign(v), np.ones_like(q)], axis=1)[~stuck], loop.torque[~stuck]
