@@ -8,7 +8,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from phantom_dyn.effects.effect import Effect, Parameter, Shape, Signature
+from phantom_dyn.effects.changed_robot import with_friction
+from phantom_dyn.effects.effect import Effect, Parameter, Shape, Signature, Simulated
 from phantom_dyn.effects.operation import Operation
 from phantom_dyn.effects.rows import on_one_joint, row_of, torque_on_joint, torque_unit
 from phantom_dyn.robot import Robot
@@ -42,3 +43,7 @@ class CoulombFriction(Effect):
     def torque(self, robot: Robot, operation: Operation, joint: str | None, theta: Array) -> Array:
         """``-T sign(v)`` on the joint."""
         return torque_on_joint(robot, joint, -theta[0] * np.sign(operation.v[:, row_of(robot, joint)]))
+
+    def simulated(self, robot: Robot, joint: str | None, theta: Array) -> Simulated:
+        """More modelled friction, which sticks at rest."""
+        return Simulated(robot=lambda moved: with_friction(moved, joint, coulomb=theta[0]))

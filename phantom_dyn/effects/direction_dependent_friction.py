@@ -9,7 +9,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from phantom_dyn.effects.effect import Effect, Parameter, Shape, Signature
+from phantom_dyn.effects.changed_robot import with_friction
+from phantom_dyn.effects.effect import Effect, Moment, Parameter, Shape, Signature, Simulated
 from phantom_dyn.effects.operation import Operation
 from phantom_dyn.effects.rows import damping_unit, on_one_joint, row_of, torque_on_joint, torque_unit
 from phantom_dyn.robot import Robot
@@ -57,3 +58,16 @@ class DirectionDependentFriction(Effect):
         v = operation.v[:, row_of(robot, joint)]
         law = np.where(v > 0, -(theta[0] + theta[2] * v), np.where(v < 0, theta[1] - theta[3] * v, 0.0))
         return torque_on_joint(robot, joint, law)
+
+    def simulated(self, robot: Robot, joint: str | None, theta: Array) -> Simulated:
+        """The mean of both levels as Coulomb friction, which sticks at rest; half their difference as an offset."""
+        row = row_of(robot, joint)
+
+        def torque(state: Array, dt: float, moment: Moment) -> tuple[Array, Array]:
+            v = moment.v[row]
+            out = np.zeros(robot.nv)
+            out[row] = -0.5 * (theta[0] - theta[1]) - (theta[2] if v > 0 else theta[3]) * v
+            return state, out
+
+        level = 0.5 * (theta[0] + theta[1])
+        return Simulated(robot=lambda moved: with_friction(moved, joint, coulomb=level), torque=torque)

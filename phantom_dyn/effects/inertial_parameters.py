@@ -10,7 +10,8 @@ from __future__ import annotations
 import numpy as np
 
 from phantom_dyn.dynamics import rigid_body_regressor
-from phantom_dyn.effects.effect import Effect, Parameter, Shape, Signature
+from phantom_dyn.effects.changed_robot import with_parameters
+from phantom_dyn.effects.effect import Effect, Parameter, Shape, Signature, Simulated
 from phantom_dyn.effects.operation import Operation
 from phantom_dyn.effects.payload import point_mass_parameters
 from phantom_dyn.effects.rows import row_of
@@ -72,3 +73,9 @@ class InertialParameters(Effect):
     def torque(self, robot: Robot, operation: Operation, joint: str | None, theta: Array) -> Array:
         """Minus the torque that the changes need."""
         return -self.signature(robot, operation, joint, ()).columns @ theta
+
+    def simulated(self, robot: Robot, joint: str | None, theta: Array) -> Simulated:
+        """Other links."""
+        change = np.zeros(10 * (robot.model.njoints - 1))
+        change[list(self.columns_of(robot, joint))] = theta
+        return Simulated(robot=lambda moved: with_parameters(moved, change))

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from phantom_dyn.effects.effect import Effect, Parameter, Shape, Signature
+from phantom_dyn.effects.effect import Effect, Moment, Parameter, Shape, Signature, Simulated
 from phantom_dyn.effects.operation import Operation
 from phantom_dyn.effects.rows import on_one_joint, row_of, torque_on_joint, torque_unit
 from phantom_dyn.robot import Robot
@@ -54,6 +54,17 @@ class ParasiticSpring(Effect):
     def torque(self, robot: Robot, operation: Operation, joint: str | None, theta: Array) -> Array:
         """``-k (q - q0)`` on the joint."""
         return torque_on_joint(robot, joint, -theta[0] * (operation.q[:, row_of(robot, joint)] - theta[1]))
+
+    def simulated(self, robot: Robot, joint: str | None, theta: Array) -> Simulated:
+        """The law at the true position."""
+        row = row_of(robot, joint)
+
+        def torque(state: Array, dt: float, moment: Moment) -> tuple[Array, Array]:
+            out = np.zeros(robot.nv)
+            out[row] = -theta[0] * (moment.q[row] - theta[1])
+            return state, out
+
+        return Simulated(torque=torque)
 
 
 def _stiffness_unit(robot: Robot, joint: str | None) -> str:

@@ -11,7 +11,8 @@ from __future__ import annotations
 import numpy as np
 
 from phantom_dyn.dynamics import rigid_body_regressor, standard_parameters
-from phantom_dyn.effects.effect import Effect, Parameter, Shape, Signature
+from phantom_dyn.effects.changed_robot import with_parameters
+from phantom_dyn.effects.effect import Effect, Parameter, Shape, Signature, Simulated
 from phantom_dyn.effects.operation import Operation
 from phantom_dyn.inertia import STANDARD_NAMES, STANDARD_UNITS, body_parameters
 from phantom_dyn.robot import Robot
@@ -68,3 +69,9 @@ class Payload(Effect):
         added = np.zeros_like(standard_parameters(robot))
         added[list(self.columns_of(robot, joint))] = point_mass_parameters(theta[0], theta[1:4])
         return -rigid_body_regressor(robot, operation) @ added
+
+    def simulated(self, robot: Robot, joint: str | None, theta: Array) -> Simulated:
+        """A heavier last link."""
+        added = np.zeros_like(standard_parameters(robot))
+        added[list(self.columns_of(robot, joint))] = point_mass_parameters(theta[0], theta[1:4])
+        return Simulated(robot=lambda moved: with_parameters(moved, added))

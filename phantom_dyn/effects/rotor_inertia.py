@@ -9,7 +9,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from phantom_dyn.effects.effect import Effect, Parameter, Shape, Signature
+from phantom_dyn.effects.changed_robot import with_rotor_inertia
+from phantom_dyn.effects.effect import Effect, Parameter, Shape, Signature, Simulated
 from phantom_dyn.effects.operation import Operation
 from phantom_dyn.effects.rows import on_one_joint, row_of, torque_on_joint
 from phantom_dyn.robot import Robot
@@ -43,6 +44,10 @@ class RotorInertia(Effect):
     def torque(self, robot: Robot, operation: Operation, joint: str | None, theta: Array) -> Array:
         """``-I a`` on the joint."""
         return torque_on_joint(robot, joint, -theta[0] * operation.a[:, row_of(robot, joint)])
+
+    def simulated(self, robot: Robot, joint: str | None, theta: Array) -> Simulated:
+        """A heavier rotor."""
+        return Simulated(robot=lambda moved: with_rotor_inertia(moved, joint, theta[0]))
 
 
 def _unit(robot: Robot, joint: str | None) -> str:

@@ -8,7 +8,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from phantom_dyn.effects.effect import Effect, Parameter, Shape, Signature
+from phantom_dyn.effects.changed_robot import with_friction
+from phantom_dyn.effects.effect import Effect, Moment, Parameter, Shape, Signature, Simulated
 from phantom_dyn.effects.operation import Operation
 from phantom_dyn.effects.rows import on_one_joint, row_of, torque_on_joint, torque_unit, velocity_unit
 from phantom_dyn.robot import Robot
@@ -64,3 +65,15 @@ class StribeckFriction(Effect):
         v = operation.v[:, row_of(robot, joint)]
         level = theta[0] + (theta[1] - theta[0]) * np.exp(-((v / theta[2]) ** 2))
         return torque_on_joint(robot, joint, -level * np.sign(v))
+
+    def simulated(self, robot: Robot, joint: str | None, theta: Array) -> Simulated:
+        """The level at rest as Coulomb friction, which sticks; what it falls by with speed as a torque."""
+        row = row_of(robot, joint)
+
+        def torque(state: Array, dt: float, moment: Moment) -> tuple[Array, Array]:
+            v = moment.v[row]
+            out = np.zeros(robot.nv)
+            out[row] = (theta[1] - theta[0]) * (1.0 - np.exp(-((v / theta[2]) ** 2))) * np.sign(v)
+            return state, out
+
+        return Simulated(robot=lambda moved: with_friction(moved, joint, coulomb=theta[1]), torque=torque)

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from phantom_dyn.effects.effect import Effect, Parameter, Shape, Signature
+from phantom_dyn.effects.effect import Effect, Parameter, Shape, Signature, Simulated
 from phantom_dyn.effects.operation import Operation
 from phantom_dyn.effects.rows import on_one_joint, row_of, torque_on_joint
 from phantom_dyn.robot import Robot
@@ -52,3 +52,9 @@ class TorqueConstant(Effect):
         """What the drive gives beyond the logged torque when the logged torque is what the true motion needs."""
         needed = operation.tau[:, row_of(robot, joint)]
         return torque_on_joint(robot, joint, needed * (1.0 - 1.0 / theta[0]))
+
+    def simulated(self, robot: Robot, joint: str | None, theta: Array) -> Simulated:
+        """The drive gives ``ratio`` times what is asked of it."""
+        scale = np.ones(robot.nv)
+        scale[row_of(robot, joint)] = theta[0]
+        return Simulated(command=lambda state, dt, tau: (state, scale * tau))

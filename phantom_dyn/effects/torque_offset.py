@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from phantom_dyn.effects.effect import Effect, Parameter, Shape, Signature
+from phantom_dyn.effects.effect import Effect, Parameter, Shape, Signature, Simulated
 from phantom_dyn.effects.operation import Operation
 from phantom_dyn.effects.rows import on_one_joint, torque_on_joint, torque_unit
 from phantom_dyn.robot import Robot
@@ -37,3 +37,8 @@ class TorqueOffset(Effect):
     def torque(self, robot: Robot, operation: Operation, joint: str | None, theta: Array) -> Array:
         """The constant on the joint."""
         return torque_on_joint(robot, joint, np.full(len(operation.t), theta[0]))
+
+    def simulated(self, robot: Robot, joint: str | None, theta: Array) -> Simulated:
+        """A constant torque on the joint."""
+        constant = torque_on_joint(robot, joint, np.array([theta[0]]))[0]
+        return Simulated(torque=lambda state, dt, moment: (state, constant))

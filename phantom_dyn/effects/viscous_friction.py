@@ -9,7 +9,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from phantom_dyn.effects.effect import Effect, Parameter, Shape, Signature
+from phantom_dyn.effects.changed_robot import with_friction
+from phantom_dyn.effects.effect import Effect, Parameter, Shape, Signature, Simulated
 from phantom_dyn.effects.operation import Operation
 from phantom_dyn.effects.rows import damping_unit, on_one_joint, row_of, torque_on_joint
 from phantom_dyn.robot import Robot
@@ -43,3 +44,7 @@ class ViscousFriction(Effect):
     def torque(self, robot: Robot, operation: Operation, joint: str | None, theta: Array) -> Array:
         """``-c v`` on the joint."""
         return torque_on_joint(robot, joint, -theta[0] * operation.v[:, row_of(robot, joint)])
+
+    def simulated(self, robot: Robot, joint: str | None, theta: Array) -> Simulated:
+        """More modelled friction."""
+        return Simulated(robot=lambda moved: with_friction(moved, joint, viscous=theta[0]))
