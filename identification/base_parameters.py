@@ -90,7 +90,9 @@ class BaseParameters:
 
     def _shown(self) -> Array:
         size = np.abs(self.grouping) * self.norms[list(self.independent)][:, None]
-        return size > _SHOWN * self.norms[list(self.dependent)][None, :]
+        # A column that produces no torque but by rounding is a combination of anything, to no purpose.
+        torque = np.array([k not in self.zero for k in self.dependent], dtype=bool)
+        return (size > _SHOWN * self.norms[list(self.dependent)][None, :]) & torque[None, :]
 
 
 def r_factor(blocks: Iterable[Float[Array, "... p"]]) -> Float[Array, "k p"]:

@@ -218,6 +218,13 @@ def test_a_column_below_the_tolerance_of_its_unit_is_zero():
     assert base.zero == (1,)
 
 
+def test_a_column_of_rounding_errors_regroups_into_nothing():
+    # A passive joint that stands still against the base: its angle cancels to 1e-16.
+    W = np.array([[1.0, 1e-16, 2.0], [0.0, 3e-17, 1.0], [1.0, 2e-16, 2.0]])
+    base = base_parameters_of_matrix(W, ["a", "b", "c"])
+    assert (base.zero, base.base_names, base.regroupings()) == ((1,), ("a", "c"), ())
+
+
 def test_a_small_column_of_another_unit_is_kept():
     base = base_parameters_of_matrix(np.diag([1.0, 1e-9]), ["a.m", "a.Izz"], ["kg", "kg m^2"])
     assert base.independent == (0, 1)
