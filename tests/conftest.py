@@ -19,6 +19,9 @@ from jaxtyping import install_import_hook
 install_import_hook(
     [
         "phantom_dyn.devices.phantom",
+        "phantom_dyn.devices.cea",
+        "phantom_dyn.devices.cea_dynamics",
+        "phantom_dyn.devices.cea_loop",
         "phantom_dyn.devices.phantom_dynamics",
         "phantom_dyn.closed_chain",
         "phantom_dyn.configuration",
@@ -30,6 +33,8 @@ install_import_hook(
         "phantom_dyn.robot",
         "identification.diagnosis.result",
         "identification.estimators",
+        "identification.excitation",
+        "identification.experiments",
         "identification.log",
         "identification.readers",
         "identification.recordings",
