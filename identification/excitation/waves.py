@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Protocol
+from typing import Protocol, runtime_checkable
 
 import numpy as np
 from jaxtyping import Float
@@ -18,6 +18,7 @@ from phantom_dyn.motion import Motion
 Array = np.ndarray
 
 
+@runtime_checkable
 class Wave(Protocol):
     """A periodic motion of one joint about zero."""
 

@@ -109,11 +109,6 @@ def fit_transmission(loops: Sequence[Loop], *, cutoff_hz: float) -> LinearFit:
     return fit_linear(W, torque, ("K", "B", "C", "offset"), ("N m/rad", "N m s/rad", "N m", "N m"))
 
 
-def resonance_hz(stiffness: float, inertia: float) -> float:
-    r"""Frequency :math:`\sqrt{K/I}/2\pi` of an inertia [kg m^2] on a stiffness [N m/rad], a rough bandwidth [Hz]."""
-    return float(np.sqrt(stiffness / inertia) / (2 * np.pi))
-
-
 def _equations(loop: Loop, cutoff_hz: float) -> tuple[Array, Array]:
     if np.ptp(loop.position) == 0:
         raise LogError("The motor does not move against the blocked arm: give more torque than its dry friction.")

@@ -175,6 +175,11 @@ def joint_stiffness(unit: str = "N m/mrad") -> Float[Array, " 3"]:
     return STIFFNESS_UNITS[unit] / (1 / transmission + 1 / ELECTRIC_STIFFNESS)
 
 
+def resonance_hz(stiffness: float, inertia: float) -> float:
+    r"""Frequency :math:`\sqrt{K/I}/2\pi` of an inertia [kg m^2] on a stiffness [N m/rad], a rough bandwidth [Hz]."""
+    return float(np.sqrt(stiffness / inertia) / (2 * np.pi))
+
+
 def passive_positions(q: Float[Array, "N 3"]) -> Float[Array, "N 4"]:
     """Angles q3, q4, q6, q7 [rad] of the passive joints and the cut one, by (8), (11), (9), (10).
 
