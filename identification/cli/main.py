@@ -19,6 +19,7 @@ DONE, BAD_INPUT, INTERRUPTED = 0, 2, 130
 COMMANDS: dict[str, tuple[str, str]] = {
     "diagnose": ("identification.cli.diagnose", "find what the model of a robot lacks, from recordings"),
     "check": ("identification.cli.check", "tell what is wrong with a recording, nothing else"),
+    "map": ("identification.cli.map", "map what is felt at the tip over the workspace: mass, friction, stiffness"),
     "datasets": ("identification.cli.datasets", "list and fetch recordings of real robots"),
 }
 

@@ -36,7 +36,7 @@ def phantom_urdf(parameters: PhantomParameters, name: str) -> str:
     """
     p = parameters
     # The base's mass and its moments about x and z are not published and move nothing: it only turns about y.
-    shoulder = _link("shoulder", 0.3, (0, 0, 0), (p.inertia_base,) * 3)
+    shoulder = _link("shoulder", 0.3, (0, 0, 0), (p.inertia_base, p.inertia_base, p.inertia_base))
     links = [
         '  <link name="base"/>',
         shoulder,

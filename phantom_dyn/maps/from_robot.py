@@ -1,0 +1,188 @@
+# pyright: reportAttributeAccessIssue=false
+"""From a `Robot` to what a map needs of it."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import pinocchio as pin
+from jaxtyping import Float
+
+from phantom_dyn.closed_chain import tree_motion
+from phantom_dyn.errors import ChainError, ParameterError, RobotError
+from phantom_dyn.maps import built_in
+from phantom_dyn.maps.model import MapModel
+from phantom_dyn.maps.tree import Tree
+from phantom_dyn.motion import Motion
+from phantom_dyn.naming import known_names
+from phantom_dyn.robot import Robot
+
+Array = np.ndarray
+
+
+def map_model(
+    robot: Robot,
+    *,
+    frame: str | None = None,
+    stiffness: Float[Array, " nv"] | None = None,
+    posture: Float[Array, " nv"] | None = None,
+) -> MapModel:
+    """What a map needs to know of a robot.
+
+    Args:
+        robot: A plain robot or a closed chain.
+        frame: Tip; by default ``tip`` where the robot has such a frame, else its last frame.
+        stiffness: Of each joint [N m/rad]; by default the published one of a built-in device, else the position gain
+            ``kp`` of the controllers in ``robot.yaml``, else none.
+        posture: Configuration [rad or m] near which a branch is taken; by default that of a built-in device, else
+            zero, or the middle of the range of a joint that cannot reach zero.
+
+    Raises:
+        RobotError: If the robot has no such frame, or the frame does not move.
+        ParameterError: If stiffness or posture do not fit the robot.
+    """
+    model = robot.model
+    chosen = _frame(robot, frame)
+    joint = model.frames[chosen].parentJoint
+    if joint == 0:
+        raise RobotError(f"The frame {model.frames[chosen].name!r} of {robot.name} does not move: name a moving one.")
+    name = model.frames[chosen].name
+    device = built_in.device(robot.source, name)
+    lower, upper = _limits(robot)
+    stiff, note = _stiffness(robot, device, stiffness)
+    active = list(robot.tree_rows)
+    return MapModel(
+        name=robot.name,
+        frame=name,
+        joint_names=robot.joint_names,
+        active=robot.tree_rows,
+        tree=tree_of(model, chosen),
+        linear_map=np.eye(robot.nv) if robot.chain is None else robot.chain.linear_map[:, : robot.nv],
+        offset=np.zeros(robot.nv) if robot.chain is None else robot.chain.offset,
+        solve=None if robot.chain is None or not robot.chain.unknowns else NumericChain(robot),
+        lower=lower,
+        upper=upper,
+        prismatic=robot.prismatic,
+        viscous=_on_tree(robot, "viscous_friction"),
+        coulomb=_on_tree(robot, "coulomb_friction"),
+        stiffness=stiff,
+        stiffness_note=note,
+        posture=_posture(robot, device, posture, lower[active], upper[active]),
+        branches=None if device is None else device.branches,
+    )
+
+
+def _frame(robot: Robot, frame: str | None) -> int:
+    names = [f.name for f in robot.model.frames]
+    if frame is None:
+        return robot.model.getFrameId("tip") if "tip" in names else len(names) - 1
+    if frame not in names:
+        raise RobotError(f"{robot.name} has no frame {frame!r}: {known_names(frame, dict.fromkeys(names), 'frames')}")
+    return robot.model.getFrameId(frame)
+
+
+def tree_of(model: pin.Model, frame: int) -> Tree:
+    """Arrays of a Pinocchio model whose joints have one velocity each, with ``frame`` (its index) as the tip."""
+    data = model.createData()
+    axes = []
+    for k in range(model.nv):
+        pin.forwardKinematics(model, data, pin.neutral(model), np.eye(model.nv)[k])
+        axes.append(data.v[k + 1].vector.copy())
+    twists = np.array(axes)
+    placements, inertias = list(model.jointPlacements)[1:], list(model.inertias)[1:]
+    tip = model.frames[frame]
+    return Tree(
+        parents=tuple(int(parent) - 1 for parent in list(model.parents)[1:]),
+        rotations=np.array([placement.rotation for placement in placements]),
+        translations=np.array([placement.translation for placement in placements]),
+        linear=twists[:, :3],
+        angular=twists[:, 3:],
+        masses=np.array([inertia.mass for inertia in inertias]),
+        centers=np.array([inertia.lever for inertia in inertias]),
+        inertias=np.array([inertia.inertia for inertia in inertias]),
+        armature=np.array(model.armature),
+        gravity=np.array(model.gravity.linear),
+        tip_joint=int(tip.parentJoint) - 1,
+        tip_offset=np.array(tip.placement.translation),
+    )
+
+
+def _limits(robot: Robot) -> tuple[Array, Array]:
+    """Range of each tree joint; infinite for a whole turn or more, and where the file states none."""
+    model = robot.model
+    lower, upper = np.full(model.nv, -np.inf), np.full(model.nv, np.inf)
+    for joint in list(model.joints)[1:]:
+        low, high = float(model.lowerPositionLimit[joint.idx_q]), float(model.upperPositionLimit[joint.idx_q])
+        turns = not joint.shortname().startswith("JointModelP")
+        if joint.nq == 1 and low < high and not (turns and high - low >= 2 * np.pi - 1e-6):
+            lower[joint.idx_v], upper[joint.idx_v] = low, high
+    return lower, upper
+
+
+def _on_tree(robot: Robot, name: str) -> Array:
+    """Friction of every joint of the tree."""
+    out = np.zeros(robot.model.nv)
+    out[list(robot.tree_rows)] = getattr(robot, name)
+    if robot.chain is not None:
+        out[list(robot.chain.passive)] = getattr(robot.chain, name)
+    return out
+
+
+def _stiffness(robot: Robot, device: built_in.Device | None, given: Array | None) -> tuple[Array | None, str]:
+    if given is not None:
+        if given.shape != (robot.nv,) or not (np.isfinite(given).all() and (given > 0).all()):
+            raise ParameterError(
+                f"The stiffness {np.array2string(given, separator=', ')} does not fit {robot.name}: give one number "
+                f"above 0 for each of {', '.join(robot.joint_names)}."
+            )
+        return given, f"joint stiffness as given, {_numbers(given)} N m/rad"
+    if device is not None and device.stiffness is not None:
+        return device.stiffness(), device.stiffness_note
+    gains = [actuator.controller.kp if actuator.controller else 0.0 for actuator in robot.actuators]
+    if all(gain > 0 for gain in gains):
+        return np.array(gains), f"joint stiffness from the controllers' kp, {_numbers(np.array(gains))} N m/rad"
+    return None, ""
+
+
+def _numbers(values: Array) -> str:
+    return ", ".join(f"{value:g}" for value in values)
+
+
+def _posture(robot: Robot, device: built_in.Device | None, given: Array | None, lower: Array, upper: Array) -> Array:
+    if given is not None:
+        if given.shape != (robot.nv,) or not np.isfinite(given).all():
+            raise ParameterError(
+                f"The configuration {np.array2string(given, separator=', ')} does not fit {robot.name}: give one "
+                f"number for each of {', '.join(robot.joint_names)}."
+            )
+        return given
+    if device is not None and device.posture is not None:
+        return np.array(device.posture)
+    middle = np.where(np.isfinite(lower + upper), (lower + upper) / 2, 0.0)
+    return np.where((lower <= 0) & (upper >= 0), 0.0, middle)
+
+
+@dataclass(frozen=True)
+class NumericChain:
+    """Closes a chain numerically, each sample from the one before, in halves where some cannot be closed.
+
+    Attributes:
+        robot: With a chain that has unknowns.
+    """
+
+    robot: Robot
+
+    def __call__(self, q: Array) -> tuple[Array, Array]:
+        """Positions ``(N, nt)`` and slopes ``(N, nt, nv)`` at ``(N, nv)``; NaN where the chain cannot be closed."""
+        rest = np.zeros_like(q)
+        try:
+            tree = tree_motion(self.robot, Motion(np.arange(float(len(q))), q, rest, rest))
+        except ChainError:
+            if len(q) > 1:
+                half = len(q) // 2
+                parts = [self(q[:half]), self(q[half:])]
+                return np.concatenate([p for p, _ in parts]), np.concatenate([s for _, s in parts])
+            nt = self.robot.model.nv
+            return np.full((1, nt), np.nan), np.full((1, nt, self.robot.nv), np.nan)
+        return tree.q, tree.G

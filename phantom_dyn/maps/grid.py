@@ -1,0 +1,97 @@
+"""Grids over the position of the tip or over joints, as ``x=START:STOP:COUNT,y=...`` says."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+
+from phantom_dyn.errors import ParameterError
+from phantom_dyn.naming import known_names
+
+Array = np.ndarray
+TIP_AXES = ("x", "y", "z")
+
+
+@dataclass(frozen=True)
+class Grid:
+    """Points in the order of the axes, the last one changing fastest.
+
+    Attributes:
+        names: ``x``, ``y``, ``z``, or ``q.<joint>``.
+        values: Coordinates along each axis [m or rad], both ends included.
+    """
+
+    names: tuple[str, ...]
+    values: tuple[Array, ...]
+
+    @property
+    def cartesian(self) -> bool:
+        """True for a grid over the position of the tip."""
+        return self.names[0] in TIP_AXES
+
+    @property
+    def shape(self) -> tuple[int, ...]:
+        """Points along each axis."""
+        return tuple(len(values) for values in self.values)
+
+    @property
+    def size(self) -> int:
+        """Points in all."""
+        return math.prod(self.shape)
+
+    def points(self, start: int, stop: int) -> Array:
+        """Coordinates of points ``start`` to ``stop`` in order, shape ``(stop - start, axes)``."""
+        index = np.unravel_index(np.arange(start, stop), self.shape)
+        return np.stack([values[i] for values, i in zip(self.values, index, strict=True)], axis=-1)
+
+
+def read_grid(text: str, joint_names: tuple[str, ...]) -> Grid:
+    """Grid of its text.
+
+    Args:
+        text: For example ``x=-0.1:0.1:41,y=0:0:1`` or ``q.theta1=-1:1:21``.
+        joint_names: Active joints of the robot.
+
+    Raises:
+        ParameterError: If it cannot be read; the sentence says which axis and what is wanted.
+    """
+    names, values = [], []
+    for part in text.split(","):
+        name, mark, span = (piece.strip() for piece in part.partition("="))
+        if not mark:
+            raise ParameterError(f"The grid has {part.strip()!r}, wanted NAME=START:STOP:COUNT such as x=-0.1:0.1:41.")
+        _require_axis(name, joint_names)
+        if name in names:
+            raise ParameterError(f"The grid has the axis {name} twice: give it once.")
+        names.append(name)
+        values.append(_axis(name, span))
+    if len({name in TIP_AXES for name in names}) > 1:
+        raise ParameterError(
+            f"The grid mixes {', '.join(names)}: give a grid over the tip (x, y, z) or one over joints (q.<joint>)."
+        )
+    return Grid(tuple(names), tuple(values))
+
+
+def _require_axis(name: str, joint_names: tuple[str, ...]) -> None:
+    axes = [*TIP_AXES, *(f"q.{joint}" for joint in joint_names)]
+    if name not in axes:
+        raise ParameterError(f"The grid has the unknown axis {name!r}: {known_names(name, axes, 'axes')}")
+
+
+def _axis(name: str, span: str) -> Array:
+    wanted = "wanted START:STOP:COUNT such as -0.1:0.1:41"
+    parts = span.split(":")
+    try:
+        start, stop, count = float(parts[0]), float(parts[1]), int(parts[2])
+    except (ValueError, IndexError):
+        raise ParameterError(f"The axis {name} of the grid is {span!r}, {wanted}.") from None
+    if len(parts) != 3 or not (math.isfinite(start) and math.isfinite(stop)):
+        raise ParameterError(f"The axis {name} of the grid is {span!r}, {wanted}.")
+    if count < 1 or (start == stop) != (count == 1):
+        raise ParameterError(
+            f"The axis {name} of the grid is {span!r}: give START and STOP apart with at least 2 points, or both the "
+            "same with 1 point."
+        )
+    return np.linspace(start, stop, count)

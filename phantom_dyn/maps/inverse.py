@@ -1,0 +1,143 @@
+"""Joint positions that bring the tip to points, on the branch nearest to a configuration."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from phantom_dyn.errors import ParameterError
+from phantom_dyn.maps.model import MapModel, tip_of, within_limits
+
+Array = np.ndarray
+
+CLOSE = 1e-9
+"""Distance [m] between the tip and the point at which it has arrived: far above rounding, far below any tip."""
+_SAMPLES, _NEAR, _STARTS, _STEPS = 20000, 24, 6, 60
+_SAME_BRANCH = 0.6
+"""Starts closer than this in every joint [rad or m] lead to the same branch."""
+
+
+@dataclass(frozen=True)
+class Cloud:
+    """Random configurations within the limits and where the tip is at each: starts on every branch.
+
+    Attributes:
+        q: Shape ``(n, nv)``.
+        tip: Shape ``(n, 3)``.
+    """
+
+    q: Array
+    tip: Array
+
+
+def require_three_joints(model: MapModel) -> None:
+    """Refuse a grid over the tip where a point leaves joints free or cannot be reached in general.
+
+    Raises:
+        ParameterError: In a sentence.
+    """
+    if model.nv != 3:
+        many = "a tip position does not determine them" if model.nv > 3 else "they cannot follow a tip position"
+        raise ParameterError(
+            f"{model.name} has {model.nv} active joints, and {many}: give a grid over joints, such as "
+            f"q.{model.joint_names[0]}=-1:1:21."
+        )
+
+
+def cloud_of(model: MapModel) -> Cloud | None:
+    """Starts for points without a closed form; None where there is one."""
+    if model.branches is not None:
+        return None
+    active = list(model.active)
+    low, high = model.lower[active], model.upper[active]
+    span = np.where(model.prismatic, 1.0, np.pi)
+    low = np.where(np.isfinite(low), low, model.posture - span)
+    high = np.where(np.isfinite(high), high, model.posture + span)
+    # The same cloud in every process and run.
+    q = np.random.default_rng(0).uniform(low, high, (_SAMPLES, model.nv))
+    q = q[within_limits(model, q)]
+    return Cloud(q, tip_of(model, q)[0])
+
+
+def nearest_branch(model: MapModel, points: Array, cloud: Cloud | None) -> Array:
+    """Joint positions for tip positions.
+
+    Args:
+        model: With three active joints.
+        points: In the root frame [m], shape ``(N, 3)``.
+        cloud: From `cloud_of`.
+
+    Returns:
+        Active positions, shape ``(N, 3)``: of all branches within the limits the nearest to ``model.posture``; a row
+        of NaN where there is none.
+    """
+    if model.branches is not None:
+        candidates = model.branches(points)
+    else:
+        assert cloud is not None
+        candidates = _searched(model, points, cloud)
+    best, least = np.full((len(points), model.nv), np.nan), np.full(len(points), np.inf)
+    for q in candidates:
+        q = _near_posture(model, q)
+        rows = np.flatnonzero(np.isfinite(q).all(axis=1))
+        rows = rows[within_limits(model, q[rows])]
+        rows = rows[np.linalg.norm(tip_of(model, q[rows])[0] - points[rows], axis=1) < CLOSE]
+        distance = np.full(len(q), np.inf)
+        distance[rows] = np.linalg.norm(q[rows] - model.posture, axis=1)
+        nearer = distance < least
+        best[nearer], least[nearer] = q[nearer], distance[nearer]
+    return best
+
+
+def _near_posture(model: MapModel, q: Array) -> Array:
+    """Angles turned by whole turns: within half a turn of the posture, or beyond it where the limits want that."""
+    active = list(model.active)
+    turns = np.where(model.prismatic, 0.0, 2 * np.pi)
+    q = q - turns * np.round((q - model.posture) / (2 * np.pi))
+    q = q + turns * (q < model.lower[active] - 1e-9)
+    return q - turns * (q > model.upper[active] + 1e-9)
+
+
+def _searched(model: MapModel, points: Array, cloud: Cloud) -> Array:
+    """Candidates ``(starts, N, nv)`` by Newton from configurations whose tips are close, from every branch."""
+    from scipy.spatial import KDTree
+
+    if not len(cloud.q):
+        return np.full((1, len(points), model.nv), np.nan)
+    _, index = KDTree(cloud.tip).query(points, k=min(_NEAR, len(cloud.q)))
+    near = cloud.q[index.reshape(len(points), -1)]
+    return np.stack([_newton(model, points, start) for start in _distinct(model, near)])
+
+
+def _distinct(model: MapModel, near: Array) -> list[Array]:
+    """Up to `_STARTS` of the configurations ``(N, k, nv)`` of each point, on different branches, NaN when used up."""
+    rows = np.arange(len(near))
+    away = np.linalg.norm(near - model.posture, axis=2)
+    starts = []
+    for _ in range(_STARTS):
+        pick = np.argmin(away, axis=1)
+        start = near[rows, pick]
+        start = np.where(np.isfinite(away[rows, pick])[:, None], start, np.nan)
+        starts.append(start)
+        same = (np.abs(near - start[:, None]) < _SAME_BRANCH).all(axis=2)
+        away = np.where(same, np.inf, away)
+    return starts
+
+
+def _newton(model: MapModel, points: Array, start: Array) -> Array:
+    """Joint positions by damped Newton; NaN where it does not arrive."""
+    q = start.copy()
+    left = np.flatnonzero(np.isfinite(q).all(axis=1))
+    for _ in range(_STEPS):
+        if not len(left):
+            break
+        tip, J = tip_of(model, q[left])
+        gap = points[left] - tip
+        # Damping that vanishes with the gap: safe far away, quadratic close by.
+        damping = np.sum(gap**2, axis=1)[:, None, None] * np.eye(3) + 1e-14 * np.eye(3)
+        step = np.einsum("nji,nj->ni", J, np.linalg.solve(J @ np.swapaxes(J, 1, 2) + damping, gap[..., None])[..., 0])
+        q[left] += step * np.minimum(1, 0.5 / np.maximum(np.abs(step).max(axis=1), 1e-12))[:, None]
+        moving = np.abs(step).max(axis=1) > 1e-13
+        left = left[moving & np.isfinite(q[left]).all(axis=1)]
+    return q

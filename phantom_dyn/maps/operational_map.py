@@ -1,0 +1,137 @@
+"""Maps: quantities at every point of a grid, block by block, in one or several processes."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Callable, Iterable, Iterator
+from dataclasses import dataclass, field
+from typing import cast
+
+import numpy as np
+
+from phantom_dyn.maps.grid import TIP_AXES, Grid
+from phantom_dyn.maps.inverse import Cloud, cloud_of, nearest_branch, require_three_joints
+from phantom_dyn.maps.model import MapModel, tip_of, within_limits
+from phantom_dyn.maps.quantities import felt_at, require_quantities, shape_of
+
+Array = np.ndarray
+
+BLOCK = 8192
+"""Points computed at once: their arrays stay within the caches, and within some tens of megabytes."""
+
+
+@dataclass(frozen=True)
+class OperationalMap:
+    """Quantities over a grid.
+
+    Attributes:
+        model: The robot.
+        grid: The points.
+        values: By quantity: the grid's shape, then that of one value; NaN where the tip cannot be or is singular.
+        unreachable: Number of points that no configuration within the limits reaches.
+        singular: Number of points at which the tip cannot move in some direction.
+    """
+
+    model: MapModel
+    grid: Grid
+    values: dict[str, Array]
+    unreachable: int
+    singular: int
+
+
+@dataclass(frozen=True)
+class _Job:
+    model: MapModel
+    grid: Grid
+    names: tuple[str, ...]
+    cloud: Cloud | None
+
+
+@dataclass(frozen=True)
+class _Block:
+    start: int
+    stop: int
+    values: dict[str, Array] = field(repr=False)
+    unreachable: int = 0
+    singular: int = 0
+
+
+def operational_map(
+    model: MapModel,
+    grid: Grid,
+    names: Iterable[str],
+    *,
+    jobs: int | None = None,
+    progress: Callable[[int], None] | None = None,
+) -> OperationalMap:
+    """Quantities at every point of a grid.
+
+    Args:
+        model: From `phantom_dyn.maps.from_robot.map_model`.
+        grid: Over the tip or over joints. What it leaves out stays as in ``model.posture``.
+        names: Of quantities.
+        jobs: Processes at most; by default one per processor core.
+        progress: Called with the number of points that are done.
+
+    Raises:
+        ParameterError: If a quantity is unknown or nothing states it, or a grid over the tip is asked of a robot
+            without exactly three active joints.
+    """
+    names = tuple(dict.fromkeys(names))
+    require_quantities(names, model)
+    if grid.cartesian:
+        require_three_joints(model)
+    job = _Job(model, grid, names, cloud_of(model) if grid.cartesian else None)
+    values = {name: np.empty((grid.size, *shape_of(name, model.nv))) for name in names}
+    done = unreachable = singular = 0
+    for block in _blocks(job, jobs):
+        for name in names:
+            values[name][block.start : block.stop] = block.values[name]
+        done += block.stop - block.start
+        unreachable += block.unreachable
+        singular += block.singular
+        if progress is not None:
+            progress(done)
+    shaped = {name: array.reshape(*grid.shape, *array.shape[1:]) for name, array in values.items()}
+    return OperationalMap(model, grid, shaped, unreachable, singular)
+
+
+def _blocks(job: _Job, jobs: int | None) -> Iterator[_Block]:
+    """Blocks as they are finished; in this process alone where there are few, as others need a second to start."""
+    starts = range(0, job.grid.size, BLOCK)
+    wanted = (len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else 1) if jobs is None else jobs
+    processes = min(wanted, len(starts))
+    if processes <= 1 or (jobs is None and len(starts) < 8 and job.cloud is None):
+        yield from (_block(job, start) for start in starts)
+        return
+    from joblib import Parallel, delayed
+
+    parallel = Parallel(n_jobs=processes, return_as="generator_unordered", pre_dispatch="2*n_jobs", max_nbytes=None)
+    yield from cast("Iterable[_Block]", parallel(delayed(_block)(job, start) for start in starts))
+
+
+def _block(job: _Job, start: int) -> _Block:
+    model, stop = job.model, min(start + BLOCK, job.grid.size)
+    q = _joint_positions(job, start, stop)
+    rows = np.flatnonzero(np.isfinite(q).all(axis=1))
+    rows = rows[within_limits(model, q[rows])]
+    values = {name: np.full((stop - start, *shape_of(name, model.nv)), np.nan) for name in job.names}
+    singular = 0
+    if len(rows):
+        found, mask = felt_at(model, q[rows], job.names)
+        for name in job.names:
+            values[name][rows] = found[name]
+        singular = int(mask.sum())
+    return _Block(start, stop, values, stop - start - len(rows), singular)
+
+
+def _joint_positions(job: _Job, start: int, stop: int) -> Array:
+    """Active positions of the points; NaN where a point is out of reach."""
+    model, points = job.model, job.grid.points(start, stop)
+    if job.grid.cartesian:
+        tip = np.repeat(tip_of(model, model.posture[None])[0], len(points), axis=0)
+        tip[:, [TIP_AXES.index(name) for name in job.grid.names]] = points
+        return nearest_branch(model, tip, job.cloud)
+    q = np.repeat(model.posture[None], len(points), axis=0)
+    q[:, [model.joint_names.index(name.removeprefix("q.")) for name in job.grid.names]] = points
+    return q

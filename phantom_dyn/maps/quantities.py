@@ -1,0 +1,157 @@
+r"""What is felt at the tip, for a block of samples.
+
+With the translational Jacobian J of the tip and ``A = J^+``, a velocity of the tip becomes joint velocities:
+:math:`M_{op} = A^T M A`, :math:`B_{op} = A^T F_v A`, :math:`K_{op} = A^T K A`, :math:`F_{cop} = A^T F_c`, weight
+:math:`A^T g`. For three active joints A is the inverse of J, and these are (18) of the source. With more joints A is
+the inverse that costs least: least kinetic energy for masses, friction and weight, so that
+:math:`M_{op} = (J M^{-1} J^T)^{-1}`, and least elastic energy for the stiffness. With fewer joints A is the
+pseudo-inverse, and what is felt in a direction in which the tip cannot move is zero.
+
+References:
+    A. Janot et al., *Modeling and Identification of a 3 DOF Haptic Interface*, ICRA 2007, section VII: (18), (19).
+    O. Khatib, *A unified approach for motion and force control of robot manipulators*, IEEE J. Robotics and
+    Automation 3(1), 1987, for more joints than directions.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from phantom_dyn.errors import ParameterError
+from phantom_dyn.maps.model import JointSpace, MapModel, joint_space, projected_friction
+from phantom_dyn.naming import known_names
+
+Array = np.ndarray
+
+SINGULAR = 1e-6
+"""Ratio of the smallest to the largest singular value of J below which a point counts as singular: there the smallest
+velocity that can be felt would need a million times the joint speed, and the inverse has lost twelve digits of M_op."""
+
+
+@dataclass(frozen=True)
+class Quantity:
+    """One quantity of a map.
+
+    Attributes:
+        name: As on the command line and in the files.
+        title: In words.
+        unit: Of the values; empty for a ratio.
+        kind: ``scalar``, ``vector`` (x, y, z) or ``matrix`` (x, y, z twice; of friction, x, y, z by joint).
+    """
+
+    name: str
+    title: str
+    unit: str
+    kind: str
+
+
+_LIST = (
+    Quantity("manipulability", "manipulability, smallest over largest singular value", "", "scalar"),
+    Quantity("apparent_mass", "apparent mass, largest singular value", "kg", "scalar"),
+    Quantity("apparent_mass_matrix", "apparent mass", "kg", "matrix"),
+    Quantity("stiffness", "stiffness", "N/m", "matrix"),
+    Quantity("viscous_friction", "viscous friction", "N s/m", "matrix"),
+    Quantity("coulomb_friction", "Coulomb friction", "N", "matrix"),
+    Quantity("gravity_force", "force that holds the weight", "N", "vector"),
+)
+QUANTITIES = {quantity.name: quantity for quantity in _LIST}
+_WITHOUT_INERTIA = {"manipulability"}
+
+
+def require_quantities(names: tuple[str, ...], model: MapModel) -> None:
+    """Refuse what is no quantity, or cannot be told of this robot.
+
+    Raises:
+        ParameterError: In a sentence.
+    """
+    if not names:
+        raise ParameterError(f"No quantity was given: name some of {', '.join(QUANTITIES)}.")
+    for name in names:
+        if name not in QUANTITIES:
+            raise ParameterError(f"Unknown quantity {name!r}: {known_names(name, QUANTITIES, 'quantities')}")
+    if "stiffness" in names and model.stiffness is None:
+        raise ParameterError(
+            f"Nothing states how stiff the joints of {model.name} are: give --stiffness, or each joint a controller "
+            "with kp in robot.yaml, or leave the quantity stiffness out."
+        )
+
+
+def shape_of(name: str, nv: int) -> tuple[int, ...]:
+    """Shape of one value of a quantity."""
+    kind = QUANTITIES[name].kind
+    if kind == "matrix":
+        return (3, nv) if name == "coulomb_friction" else (3, 3)
+    return (3,) if kind == "vector" else ()
+
+
+def _times_transposed(A: Array, B: Array) -> Array:
+    """``A^T B`` for each sample."""
+    return np.swapaxes(A, 1, 2) @ B
+
+
+def _cheapest_inverse(J: Array, W: Array) -> Array:
+    """Inverse of J with the least ``v^T W v``; the inverse itself for three joints."""
+    nv = J.shape[2]
+    if nv == 3:
+        return np.linalg.inv(J)
+    if nv < 3:
+        return np.linalg.pinv(J)
+    back = np.linalg.solve(W, np.swapaxes(J, 1, 2))
+    return back @ np.linalg.inv(J @ back)
+
+
+def felt_at(model: MapModel, q: Array, names: tuple[str, ...]) -> tuple[dict[str, Array], Array]:
+    """Quantities at joint positions.
+
+    Args:
+        model: The robot.
+        q: Active positions [rad or m], shape ``(N, nv)``, finite.
+        names: Some of `QUANTITIES`.
+
+    Returns:
+        Values by name, NaN where the tip is singular, and a mask of these, shape ``(N,)``.
+    """
+    space = joint_space(model, q, inertia=bool(set(names) - _WITHOUT_INERTIA))
+    sigma = np.linalg.svd(space.J, compute_uv=False)
+    singular = ~(sigma[:, -1] > SINGULAR * sigma[:, 0])
+    out = {name: np.full((len(q), *shape_of(name, model.nv)), np.nan) for name in names}
+    good = np.flatnonzero(~singular)
+    if "manipulability" in out:
+        out["manipulability"][good] = sigma[good, -1] / sigma[good, 0]
+    rest = [name for name in names if name != "manipulability"]
+    if rest and len(good):
+        values = _felt(model, space, good, rest)
+        for name in rest:
+            out[name][good] = values[name]
+    return out, singular
+
+
+def _felt(model: MapModel, space: JointSpace, rows: Array, names: list[str]) -> dict[str, Array]:
+    assert space.M is not None
+    assert space.weight is not None
+    J, M = space.J[rows], space.M[rows]
+    A = _cheapest_inverse(J, M)
+    viscous, coulomb = projected_friction(model, space.slope, len(space.J))
+    out: dict[str, Array] = {}
+    if {"apparent_mass", "apparent_mass_matrix"} & set(names):
+        mass = _symmetric(_times_transposed(A, M) @ A)
+        out["apparent_mass_matrix"] = mass
+        if "apparent_mass" in names:  # symmetric and not negative: its largest eigenvalue
+            out["apparent_mass"] = np.linalg.eigvalsh(mass)[:, -1]
+    if "viscous_friction" in names:
+        out["viscous_friction"] = _symmetric(_times_transposed(A, viscous[rows]) @ A)
+    if "coulomb_friction" in names:
+        out["coulomb_friction"] = np.swapaxes(A, 1, 2) * coulomb[rows, None, :]
+    if "gravity_force" in names:
+        out["gravity_force"] = np.einsum("nji,nj->ni", A, space.weight[rows])
+    if "stiffness" in names and model.stiffness is not None:
+        A = A if model.nv <= 3 else _cheapest_inverse(J, np.diag(model.stiffness))
+        out["stiffness"] = _symmetric(np.swapaxes(A, 1, 2) @ (model.stiffness[:, None] * A))
+    return out
+
+
+def _symmetric(matrices: Array) -> Array:
+    """Both halves alike to the last bit, which rounding leaves unequal."""
+    return (matrices + np.swapaxes(matrices, 1, 2)) / 2
