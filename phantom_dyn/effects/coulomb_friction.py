@@ -11,7 +11,7 @@ import numpy as np
 from phantom_dyn.effects.changed_robot import with_friction
 from phantom_dyn.effects.effect import Effect, Parameter, Shape, Signature, Simulated
 from phantom_dyn.effects.operation import Operation
-from phantom_dyn.effects.rows import on_one_joint, row_of, torque_on_joint, torque_unit
+from phantom_dyn.effects.rows import modelled_friction_of, on_any_joint, speed_of, torque_on_any_joint, torque_unit
 from phantom_dyn.robot import Robot
 
 Array = np.ndarray
@@ -23,18 +23,22 @@ class CoulombFriction(Effect):
     name = "coulomb_friction"
     regime = "velocity_reversal"
 
+    def places(self, robot: Robot) -> tuple[str | None, ...]:
+        """Every joint, the passive ones of a closed chain too."""
+        return (*robot.joint_names, *robot.passive_names)
+
     def parameters(self, robot: Robot, joint: str | None) -> tuple[Parameter, ...]:
         """``torque`` T."""
         return (Parameter("torque", torque_unit(robot, joint), 0.0),)
 
     def signature(self, robot: Robot, operation: Operation, joint: str | None, shape: Shape) -> Signature:
         """Direction of operation."""
-        s = np.sign(operation.v[:, row_of(robot, joint)])
-        return on_one_joint(robot, joint, torque=(s, torque_unit(robot, joint)))
+        s = np.sign(speed_of(robot, operation, joint))
+        return on_any_joint(robot, operation, joint, torque=(s, torque_unit(robot, joint)))
 
     def coefficient_bounds(self, robot: Robot, joint: str | None, shape: Shape) -> tuple[tuple[float, float], ...]:
         """Together with the modelled torque it is not negative."""
-        return ((-float(robot.coulomb_friction[row_of(robot, joint)]), np.inf),)
+        return ((-modelled_friction_of(robot, joint)[1], np.inf),)
 
     def probe(self, robot: Robot, operation: Operation, joint: str | None) -> tuple[str, Array]:
         """The parameter itself."""
@@ -42,7 +46,7 @@ class CoulombFriction(Effect):
 
     def torque(self, robot: Robot, operation: Operation, joint: str | None, theta: Array) -> Array:
         """``-T sign(v)`` on the joint."""
-        return torque_on_joint(robot, joint, -theta[0] * np.sign(operation.v[:, row_of(robot, joint)]))
+        return torque_on_any_joint(robot, operation, joint, -theta[0] * np.sign(speed_of(robot, operation, joint)))
 
     def simulated(self, robot: Robot, joint: str | None, theta: Array) -> Simulated:
         """More modelled friction, which sticks at rest."""

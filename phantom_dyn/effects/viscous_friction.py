@@ -12,7 +12,7 @@ import numpy as np
 from phantom_dyn.effects.changed_robot import with_friction
 from phantom_dyn.effects.effect import Effect, Parameter, Shape, Signature, Simulated
 from phantom_dyn.effects.operation import Operation
-from phantom_dyn.effects.rows import damping_unit, on_one_joint, row_of, torque_on_joint
+from phantom_dyn.effects.rows import damping_unit, modelled_friction_of, on_any_joint, speed_of, torque_on_any_joint
 from phantom_dyn.robot import Robot
 
 Array = np.ndarray
@@ -24,18 +24,22 @@ class ViscousFriction(Effect):
     name = "viscous_friction"
     regime = "high_speed"
 
+    def places(self, robot: Robot) -> tuple[str | None, ...]:
+        """Every joint, the passive ones of a closed chain too."""
+        return (*robot.joint_names, *robot.passive_names)
+
     def parameters(self, robot: Robot, joint: str | None) -> tuple[Parameter, ...]:
         """``coefficient`` c."""
         return (Parameter("coefficient", damping_unit(robot, joint), 0.0),)
 
     def signature(self, robot: Robot, operation: Operation, joint: str | None, shape: Shape) -> Signature:
         """Velocity."""
-        v = operation.v[:, row_of(robot, joint)]
-        return on_one_joint(robot, joint, coefficient=(v, damping_unit(robot, joint)))
+        v = speed_of(robot, operation, joint)
+        return on_any_joint(robot, operation, joint, coefficient=(v, damping_unit(robot, joint)))
 
     def coefficient_bounds(self, robot: Robot, joint: str | None, shape: Shape) -> tuple[tuple[float, float], ...]:
         """Together with the modelled coefficient it is not negative."""
-        return ((-float(robot.viscous_friction[row_of(robot, joint)]), np.inf),)
+        return ((-modelled_friction_of(robot, joint)[0], np.inf),)
 
     def probe(self, robot: Robot, operation: Operation, joint: str | None) -> tuple[str, Array]:
         """The parameter itself."""
@@ -43,7 +47,7 @@ class ViscousFriction(Effect):
 
     def torque(self, robot: Robot, operation: Operation, joint: str | None, theta: Array) -> Array:
         """``-c v`` on the joint."""
-        return torque_on_joint(robot, joint, -theta[0] * operation.v[:, row_of(robot, joint)])
+        return torque_on_any_joint(robot, operation, joint, -theta[0] * speed_of(robot, operation, joint))
 
     def simulated(self, robot: Robot, joint: str | None, theta: Array) -> Simulated:
         """More modelled friction."""
