@@ -75,6 +75,14 @@ def align_held_torque(tau: Float[Array, "N nv"]) -> Float[Array, "N nv"]:
     return (13.0 * (tau + before) - earlier - later) / 24.0
 
 
+def within_limits(tau: Float[Array, "N nv"], robot: Robot) -> Float[Array, "N nv"]:
+    """What drives with stated limits give when ``tau`` is asked for; a measured torque is what it is."""
+    if robot.torque_source != "command":
+        return tau
+    limits = np.array([np.inf if a.torque_limit is None else a.torque_limit for a in robot.actuators])
+    return np.clip(tau, -limits, limits)
+
+
 def low_pass(cutoff_hz: float, rate_hz: float) -> Band:
     """Hamming-windowed band of half length two periods of its edge, decimated to 2.5 samples per period."""
     from scipy.signal import firwin
@@ -129,6 +137,7 @@ def process(recording: Recording, robot: Robot, *, cutoff_hz: float | None = Non
     """
     t, q, tau, valid = uniform(recording)
     rate = (len(t) - 1) / (t[-1] - t[0])
+    tau = within_limits(tau, robot)
     if robot.torque_hold == "zoh":
         tau = align_held_torque(tau)
     if cutoff_hz is None:
