@@ -83,6 +83,7 @@ class Simulated:
         torque: ``(state, dt, moment) -> (state, torque)``: torque that it adds on the joints.
         reading: Position readings ``(nv,)`` from true positions at the encoders.
         transmission: A motor that is not rigidly tied to its link.
+        inertia: What it adds to the joints' mass matrix, shape ``(nv, nv)``.
     """
 
     start: Float[Array, " s"] = field(default_factory=lambda: np.zeros(0))
@@ -91,6 +92,7 @@ class Simulated:
     torque: Callable[[Array, float, Moment], tuple[Array, Array]] | None = None
     reading: Callable[[Array], Array] | None = None
     transmission: Transmission | None = None
+    inertia: Float[Array, "nv nv"] | None = None
 
 
 class Effect:

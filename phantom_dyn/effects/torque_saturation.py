@@ -1,0 +1,89 @@
+"""A drive that gives no more than ``limit``: the true torque is the command held within ``+-limit``.
+
+It leaves an error only where the command is beyond the limit, as large as the excess, and it spoils every other fit.
+It is confused with nothing that acts below the limit. The command is smoothed a little before it is compared with
+the limit: its noise beyond the limit would explain itself. URDF: ``<limit effort>``; MJCF: ``ctrlrange`` or
+``actuatorfrcrange``.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from phantom_dyn.effects.effect import Effect, Parameter, Shape, Signature, Simulated
+from phantom_dyn.effects.operation import Operation
+from phantom_dyn.effects.rows import (
+    hidden_behind_drive,
+    moving_average,
+    on_one_joint,
+    row_of,
+    torque_on_joint,
+    torque_unit,
+)
+from phantom_dyn.robot import Robot
+
+Array = np.ndarray
+
+# Shares of the recording beyond the limits that are tried, and the time over which the command is averaged [s].
+_BEYOND = (0.3, 0.15, 0.07, 0.03, 0.012, 0.004)
+_SECONDS = 0.01
+
+
+class TorqueSaturation(Effect):
+    """See the module."""
+
+    name = "torque_saturation"
+    regime = "saturated"
+
+    def parameters(self, robot: Robot, joint: str | None) -> tuple[Parameter, ...]:
+        """``limit`` of the true torque."""
+        return (Parameter("limit", torque_unit(robot, joint), 0.0),)
+
+    def shapes(self, robot: Robot, operation: Operation, joint: str | None) -> tuple[Shape, ...]:
+        """Limits that the command exceeds for 0.4 % to 30 % of the recording."""
+        level = np.abs(_command(operation, row_of(robot, joint)))
+        limits = np.quantile(level, 1.0 - np.array(_BEYOND))
+        return tuple((float(x),) for x in np.unique(limits))
+
+    def refined(self, coefficients: Array, shape: Shape) -> tuple[Shape, ...]:
+        """The same limit and some next to it."""
+        return tuple((factor * shape[0],) for factor in (0.92, 0.97, 1.0, 1.03, 1.08))
+
+    def signature(self, robot: Robot, operation: Operation, joint: str | None, shape: Shape) -> Signature:
+        """Command beyond the limit; its coefficient is one if the limit is right."""
+        return on_one_joint(robot, joint, excess=(_excess(operation, row_of(robot, joint), shape[0]), "1"))
+
+    def coefficient_bounds(self, robot: Robot, joint: str | None, shape: Shape) -> tuple[tuple[float, float], ...]:
+        """About one: with another coefficient it is no saturation."""
+        return ((0.6, 1.4),)
+
+    def from_coefficients(self, robot: Robot, joint: str | None, coefficients: Array, shape: Shape) -> Array:
+        """The limit is the shape."""
+        return np.array([shape[0]])
+
+    def probe(self, robot: Robot, operation: Operation, joint: str | None) -> tuple[str, Array]:
+        """All that is beyond the limit."""
+        return "limit", np.array([1.0])
+
+    def untestable(self, robot: Robot, operation: Operation, joint: str | None) -> str | None:
+        """A torque sensor sits behind the drive."""
+        return hidden_behind_drive(robot, "the limit of the drive")
+
+    def torque(self, robot: Robot, operation: Operation, joint: str | None, theta: Array) -> Array:
+        """Minus what the logged command has beyond the limit."""
+        return torque_on_joint(robot, joint, -_excess(operation, row_of(robot, joint), theta[0]))
+
+    def simulated(self, robot: Robot, joint: str | None, theta: Array) -> Simulated:
+        """The command held within the limit."""
+        limit = np.full(robot.nv, np.inf)
+        limit[row_of(robot, joint)] = theta[0]
+        return Simulated(command=lambda state, dt, tau: (state, np.clip(tau, -limit, limit)))
+
+
+def _command(operation: Operation, row: int) -> Array:
+    return moving_average(operation.logged[:, row], operation.dt, _SECONDS)
+
+
+def _excess(operation: Operation, row: int, limit: float) -> Array:
+    command = _command(operation, row)
+    return command - np.clip(command, -limit, limit)
