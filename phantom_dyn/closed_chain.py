@@ -14,7 +14,7 @@ from jaxtyping import Float
 
 from phantom_dyn.configuration import configurations
 from phantom_dyn.errors import RobotError
-from phantom_dyn.loops.solver import solve
+from phantom_dyn.loops.solver import drift, solve
 from phantom_dyn.motion import Motion
 from phantom_dyn.naming import known_names
 from phantom_dyn.robot import Robot
@@ -55,9 +55,10 @@ def tree_motion(robot: Robot, motion: Motion) -> TreeMotion:
     if robot.chain is None:
         G = np.broadcast_to(np.eye(robot.nv), (len(motion.q), robot.nv, robot.nv))
         return TreeMotion(robot.configuration(motion.q), motion.q, motion.v, motion.a, G)
-    q, G = solve(robot.model, robot.chain, motion.q)
-    v, a = apply(G, motion.v), apply(G, motion.a)
-    return TreeMotion(configurations(robot.model, q), q, v, a, G)
+    found = solve(robot.model, robot.chain, motion.q)
+    v = apply(found.G, motion.v)
+    a = apply(found.G, motion.a) + drift(robot.model, robot.chain, found, v)
+    return TreeMotion(configurations(robot.model, found.x), found.x, v, a, found.G)
 
 
 def apply(G: Float[Array, "N nt nv"], values: Float[Array, "N nv"]) -> Float[Array, "N nt"]:

@@ -3,14 +3,7 @@
 
 from __future__ import annotations
 
-import os
-import re
-import sys
-import tempfile
-from collections.abc import Iterator
-from contextlib import contextmanager
 from pathlib import Path
-from typing import Literal
 
 import numpy as np
 import pinocchio as pin
@@ -18,10 +11,13 @@ import pinocchio as pin
 from phantom_dyn.errors import RobotError
 from phantom_dyn.inertia import breaks_triangle, impossible_because
 from phantom_dyn.loops.build import closed_chain
+from phantom_dyn.loops.chain import ClosedChain
+from phantom_dyn.mjcf_loops import add_loop_frames
 from phantom_dyn.mjcf_xml import mjcf_facts
 from phantom_dyn.naming import known_names
+from phantom_dyn.parsing import parse_model
 from phantom_dyn.robot import Actuator, Controller, Robot, Tolerance
-from phantom_dyn.robot_config import JointConfig, LinearLoop, PointLoop, RobotConfig, read_robot_config
+from phantom_dyn.robot_config import JointConfig, LinearLoop, RobotConfig, read_robot_config
 from phantom_dyn.robot_files import find_robot
 from phantom_dyn.robot_xml import RobotXml, read_root, urdf_facts
 
@@ -33,6 +29,15 @@ _KINDS = {
     "JointModelSphericalZYX": "a ball joint",
     "JointModelComposite": "several joints on one body",
 }
+_DRIVE = (
+    "gear_ratio",
+    "torque_constant",
+    "torque_limit",
+    "encoder_counts",
+    "resistance",
+    "voltage_limit",
+    "controller",
+)
 
 
 def load_robot(source: str | Path, *, config: Path | None = None) -> Robot:
@@ -43,7 +48,8 @@ def load_robot(source: str | Path, *, config: Path | None = None) -> Robot:
         config: Its ``robot.yaml``; by default the one in the folder of the robot file, if there is one.
 
     Returns:
-        Robot with one velocity per joint. Joints under ``lock`` and joints that mimic another are held fixed.
+        Robot with one velocity per joint. Joints under ``lock`` and joints that mimic another are held fixed;
+        joints that close a loop are passive, see `phantom_dyn.loops.build`.
 
     Raises:
         RobotError: If file, name or configuration cannot be used; one sentence says why and what to do.
@@ -56,10 +62,13 @@ def load_robot(source: str | Path, *, config: Path | None = None) -> Robot:
     if facts.gravity is not None:
         full.gravity = pin.Motion(np.array(facts.gravity), np.zeros(3))
     _check_names(full, stated, config_path)
+    carried = add_loop_frames(full, facts.loops, path)
     model, locked = _hold(full, stated, facts)
     _require_simple_joints(model, path)
     _check_payload_frame(model, stated, config_path)
-    return _robot(model, str(source), path, facts, stated, locked, config_path)
+    idle = frozenset(model.names) - facts.driven if facts.driven and facts.loops else frozenset()
+    chain = closed_chain(model, stated, config_path if stated.loops else path, carried=carried, without_drive=idle)
+    return _robot(model, str(source), path, facts, stated, locked, chain)
 
 
 def _facts(path: Path) -> RobotXml:
@@ -73,58 +82,18 @@ def _facts(path: Path) -> RobotXml:
     return facts
 
 
-@contextmanager
-def _captured_output() -> Iterator[list[str]]:
-    """Collect what C++ code prints: its streams know nothing of `sys.stderr`, so the descriptors are swapped."""
-    lines: list[str] = []
-    sys.stdout.flush()
-    sys.stderr.flush()
-    saved = [os.dup(1), os.dup(2)]
-    with tempfile.TemporaryFile() as sink:
-        try:
-            os.dup2(sink.fileno(), 1)
-            os.dup2(sink.fileno(), 2)
-            yield lines
-        finally:
-            for descriptor, original in zip((1, 2), saved, strict=True):
-                os.dup2(original, descriptor)
-                os.close(original)
-            sink.seek(0)
-            lines.extend(sink.read().decode(errors="replace").splitlines())
-
-
-def parse_model(path: Path, kind: Literal["urdf", "mjcf"]) -> pin.Model:
-    """Pinocchio's model of a file, meshes not read.
-
-    Raises:
-        RobotError: If Pinocchio refuses it, or its parser drops the inertia of a link.
-    """
-    build = pin.buildModelFromUrdf if kind == "urdf" else pin.buildModelFromMJCF
-    model, reason = None, ""
-    with _captured_output() as printed:
-        try:
-            model = build(str(path))
-        except Exception as problem:  # Boost.Python turns C++ exceptions into several Python ones
-            # Pinocchio puts its source position in front of the message.
-            reason = str(problem).rpartition("message:")[2].strip()
-    errors = [line.removeprefix("Error:").strip() for line in printed if line.startswith("Error:")]
-    # The URDF parser goes on without an inertia or a visual that it cannot read; only the first changes the dynamics.
-    if model is None or any("inertial" in line.casefold() for line in errors):
-        reason = "; ".join(re.sub(r"\s+", " ", text).rstrip(".") for text in errors or [reason])
-        raise RobotError(f"{path} is not a robot that Pinocchio can read ({reason}): correct the file.")
-    return model
-
-
 def _check_names(model: pin.Model, stated: RobotConfig, config: Path) -> None:
     joints = list(model.names)[1:]
     named = [("joints", name) for name in stated.joints] + [("lock", name) for name in stated.lock]
     frames = []
     for index, loop in enumerate(stated.loops):
+        key = f"loops[{index}]"
+        named += [(f"{key}.active", name) for name in loop.active or ()]
         if isinstance(loop, LinearLoop):
-            named += [(f"loops[{index}].active", name) for name in loop.active]
-            named += [(f"loops[{index}].passive", name) for name in loop.passive]
-        if isinstance(loop, PointLoop):
-            frames += [(f"loops[{index}].frame_a", loop.frame_a), (f"loops[{index}].frame_b", loop.frame_b)]
+            named += [(f"{key}.passive", name) for name in loop.passive]
+        else:
+            named += [(f"{key}.start", name) for name in loop.start or ()]
+            frames += [(f"{key}.frame_a", loop.frame_a), (f"{key}.frame_b", loop.frame_b)]
     for key, name in named:
         if name not in joints:
             raise RobotError(f"{config}: {key} names the unknown joint {name!r}, {known_names(name, joints, 'joints')}")
@@ -198,7 +167,14 @@ def _actuator(stated: JointConfig, armature: float) -> Actuator:
     )
 
 
-def _warnings(facts: RobotXml, stated: RobotConfig, locked: tuple[str, ...], path: Path) -> tuple[str, ...]:
+def _has_drive(stated: JointConfig) -> bool:
+    plain = JointConfig()
+    return any(getattr(stated, key) != getattr(plain, key) for key in _DRIVE)
+
+
+def _warnings(
+    facts: RobotXml, stated: RobotConfig, locked: tuple[str, ...], chain: ClosedChain | None, path: Path
+) -> tuple[str, ...]:
     broken = [body.name for body in facts.bodies if breaks_triangle(body.central_inertia)]
     sentences = list(facts.warnings)
     if broken:
@@ -212,6 +188,12 @@ def _warnings(facts: RobotXml, stated: RobotConfig, locked: tuple[str, ...], pat
     unused = [name for name in locked if name in stated.joints]
     if unused:
         sentences.append(f"The drives stated for {', '.join(unused)} are not used, as these joints are held fixed.")
+    passive = () if chain is None else chain.passive_names
+    idle = [name for name in passive if _has_drive(stated.joints.get(name, JointConfig()))]
+    if idle:
+        sentences.append(
+            f"Of the drives stated for {', '.join(idle)} only the rotors count, as these joints are passive."
+        )
     return tuple(sentences)
 
 
@@ -222,7 +204,7 @@ def _robot(
     facts: RobotXml,
     stated: RobotConfig,
     locked: tuple[str, ...],
-    config: Path,
+    chain: ClosedChain | None,
 ) -> Robot:
     names = tuple(model.names)[1:]
     drives = [stated.joints.get(name, JointConfig()) for name in names]
@@ -230,7 +212,6 @@ def _robot(
     model.armature = np.array([actuator.rotor_inertia for actuator in actuators])
     if stated.gravity is not None:
         model.gravity = pin.Motion(np.array(stated.gravity), np.zeros(3))
-    chain = closed_chain(model, stated, config)
     rows = list(range(model.nv) if chain is None else chain.active)
     trust = stated.tolerance
     return Robot(
@@ -247,7 +228,7 @@ def _robot(
         torque_source=stated.torque_source,
         tolerance=Tolerance(trust.inertia, trust.friction, trust.rotor_inertia),
         payload_frame=stated.payload_frame,
-        warnings=_warnings(facts, stated, locked, path),
+        warnings=_warnings(facts, stated, locked, chain, path),
         locked=locked,
         chain=chain,
     )

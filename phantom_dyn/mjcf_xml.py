@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import Literal
 
 import numpy as np
 
 from phantom_dyn.errors import RobotError
-from phantom_dyn.robot_xml import Body, Element, RobotXml, numbers, require_not_negative, symmetric
+from phantom_dyn.robot_xml import Body, Element, MjcfLoop, RobotXml, numbers, require_not_negative, symmetric
 
 _STRUCTURE = ("include", "frame", "replicate", "attach", "composite", "flexcomp")
 """Elements that change the tree of bodies when MuJoCo compiles the file; Pinocchio does not compile it."""
@@ -31,10 +32,10 @@ _LEFT_OUT = (
 
 
 def mjcf_facts(root: Element, sha256: str, path: Path) -> RobotXml:
-    """Facts of a MJCF file; actuators, keyframes and contacts are not looked at.
+    """Facts of a MJCF file; keyframes and contacts are not looked at.
 
     Raises:
-        RobotError: If the file has to be compiled by MuJoCo first, closes a chain, or holds an impossible number.
+        RobotError: If the file has to be compiled by MuJoCo first, or holds an impossible number.
     """
     for tag in _STRUCTURE:
         if any(True for _ in root.iter(tag)):
@@ -54,7 +55,15 @@ def mjcf_facts(root: Element, sha256: str, path: Path) -> RobotXml:
         raise RobotError(f"{path}: gravity in <option> has {len(gravity)} numbers, wanted three.")
     x, y, z = gravity or (0.0, 0.0, -9.81)
     return RobotXml(
-        "mjcf", root.get("model", ""), sha256, tuple(bodies), _followers(root, path), (x, y, z), _warnings(root, path)
+        "mjcf",
+        root.get("model", ""),
+        sha256,
+        tuple(bodies),
+        _followers(root, path),
+        (x, y, z),
+        _warnings(root, path),
+        _loops(root, path),
+        _driven(root),
     )
 
 
@@ -90,18 +99,47 @@ def _geoms_have_mass(root: Element) -> bool:
 def _followers(root: Element, path: Path) -> dict[str, tuple[str, float]]:
     followers = {}
     for constraint in (element for group in root.iter("equality") for element in group):
-        if constraint.get("active", "true") == "false":
-            continue
-        if constraint.tag in ("connect", "weld"):
-            raise RobotError(
-                f"{path} closes a chain of bodies with <{constraint.tag}>: closed chains arrive with a later version, "
-                "give an open chain."
-            )
-        if constraint.tag == "joint":
+        if constraint.tag == "joint" and constraint.get("active", "true") != "false":
             name = constraint.get("joint1", "")
             offset = numbers(constraint, "polycoef", f"the equality of joint {name}", path) or [0.0]
             followers[name] = (constraint.get("joint2", "nothing"), offset[0])
     return followers
+
+
+def _loops(root: Element, path: Path) -> tuple[MjcfLoop, ...]:
+    """The equalities that close chains and are active."""
+    constraints = [element for group in root.iter("equality") for element in group]
+    return tuple(
+        _loop(element, path)
+        for element in constraints
+        if element.tag in ("connect", "weld") and element.get("active", "true") != "false"
+    )
+
+
+def _loop(element: Element, path: Path) -> MjcfLoop:
+    on_sites = element.get("site1") is not None
+    one, other = ("site1", "site2") if on_sites else ("body1", "body2")
+    first, second = element.get(one), element.get(other, None if on_sites else "universe")
+    if first is None or second is None:
+        raise RobotError(f"{path}: <{element.tag}> in <equality> names no {one if first is None else other}: add it.")
+    label = f"<{element.tag}> of {first} and {'the world' if second == 'universe' else second}"
+    anchor = numbers(element, "anchor", label, path) or [0.0, 0.0, 0.0]
+    relative = numbers(element, "relpose", label, path)
+    turns = numbers(element, "torquescale", label, path) or [1.0]
+    if len(anchor) != 3 or len(relative) not in (0, 7):
+        raise RobotError(f"{path}: {label} needs three numbers as anchor and seven as relpose.")
+    # MuJoCo takes a quaternion of zeros, its default, for the pose that the bodies have in the file.
+    stated = tuple(relative) if any(relative[3:]) else None
+    kind: Literal["point", "frame"] = "frame" if element.tag == "weld" and turns[0] > 0 else "point"
+    frames = ["universe" if name == "world" else name for name in (first, second)]
+    return MjcfLoop(label, kind, frames[0], frames[1], tuple(anchor), stated, element.tag == "connect", on_sites)
+
+
+def _driven(root: Element) -> frozenset[str]:
+    """Joints that an actuator of the file acts on."""
+    actuators = [element for group in root.iter("actuator") for element in group]
+    names = [element.get(attribute) for element in actuators for attribute in ("joint", "jointinparent")]
+    return frozenset(name for name in names if name is not None)
 
 
 def _warnings(root: Element, path: Path) -> tuple[str, ...]:

@@ -66,12 +66,29 @@ class LinearLoop(_Strict, frozen=True):
     passive: Annotated[dict[str, str], Meta(description='joint names, each with a formula such as "j5 - j2"')]
 
 
-class PointLoop(_Strict, frozen=True):
-    """Closed chain that keeps the origins of two frames together."""
+class _AnchorLoop(_Strict, frozen=True):
+    """Closed chain that keeps two frames together.
 
-    kind: Literal["point"]
+    Of the joints between the frames, those in ``active`` are driven and the others passive; without ``active``, those
+    with ``actuated: false`` are passive. ``start`` says near which positions the loop is assembled (0 for the rest).
+    """
+
     frame_a: Annotated[str, Meta(description="the name of a frame")]
     frame_b: Annotated[str, Meta(description="the name of a frame")]
+    active: Names | None = None
+    start: Annotated[dict[str, float], Meta(description="joint names, each with a position")] | None = None
+
+
+class PointLoop(_AnchorLoop, frozen=True, kw_only=True):
+    """Closed chain that keeps the origins of two frames together."""
+
+    kind: Literal["point"] = "point"
+
+
+class FrameLoop(_AnchorLoop, frozen=True, kw_only=True):
+    """Closed chain that keeps the origins and the axes of two frames together."""
+
+    kind: Literal["frame"] = "frame"
 
 
 class RobotConfig(_Strict, frozen=True):
@@ -84,7 +101,7 @@ class RobotConfig(_Strict, frozen=True):
     joints: dict[str, JointConfig] = {}
     lock: Names = []
     payload_frame: Annotated[str, Meta(description="the name of a frame")] | None = None
-    loops: list[LinearLoop | PointLoop] = []
+    loops: list[LinearLoop | PointLoop | FrameLoop] = []
 
 
 class _File(RobotConfig, frozen=True):
@@ -111,8 +128,8 @@ def read_robot_config(path: Path) -> RobotConfig:
     return RobotConfig(**(values | {"joints": joints, "loops": loops}))
 
 
-def _loop(raw: dict[str, Any], path: Path, prefix: str) -> LinearLoop | PointLoop:
-    kinds = {"linear": LinearLoop, "point": PointLoop}
+def _loop(raw: dict[str, Any], path: Path, prefix: str) -> LinearLoop | PointLoop | FrameLoop:
+    kinds = {"linear": LinearLoop, "point": PointLoop, "frame": FrameLoop}
     kind = raw.get("kind")
     if kind not in kinds:
         raise RobotError(f"{path}: {prefix}kind is {describe(kind)}, wanted one of {', '.join(kinds)}.")

@@ -27,6 +27,30 @@ class Body:
 
 
 @dataclass(frozen=True)
+class MjcfLoop:
+    """One equality that keeps two bodies or sites together.
+
+    Attributes:
+        label: For messages, such as ``<connect> of coupler and rocker``.
+        kind: ``point``, or ``frame`` for a weld that holds rotation too.
+        frame_a, frame_b: Names of bodies or sites; ``universe`` is the world.
+        anchor: Point of the loop [m] in the axes of one of the bodies.
+        relative: Pose of the second body in the first where the file states it: position [m], quaternion w x y z.
+        anchor_on_first: Whether the anchor is in the first body's axes.
+        on_sites: True if the frames are those of sites, which coincide.
+    """
+
+    label: str
+    kind: Literal["point", "frame"]
+    frame_a: str
+    frame_b: str
+    anchor: tuple[float, ...]
+    relative: tuple[float, ...] | None
+    anchor_on_first: bool
+    on_sites: bool
+
+
+@dataclass(frozen=True)
 class RobotXml:
     """Facts of a robot file.
 
@@ -38,6 +62,8 @@ class RobotXml:
         followers: Joints that copy another one: the other's name and the position where that one is at zero.
         gravity: [m/s^2] where the file states it.
         warnings: Sentences on what will be left out.
+        loops: Closed chains that the file states.
+        driven: Joints that an actuator of the file acts on.
     """
 
     kind: Literal["urdf", "mjcf"]
@@ -47,6 +73,8 @@ class RobotXml:
     followers: dict[str, tuple[str, float]] = field(default_factory=dict)
     gravity: tuple[float, float, float] | None = None
     warnings: tuple[str, ...] = ()
+    loops: tuple[MjcfLoop, ...] = ()
+    driven: frozenset[str] = frozenset()
 
 
 def read_root(path: Path) -> tuple[Element, str]:

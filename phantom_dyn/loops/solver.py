@@ -1,34 +1,199 @@
 # pyright: reportAttributeAccessIssue=false
-"""Positions of the tree and their slope ``G`` along a trajectory of the active joints."""
+"""Positions of the tree along a trajectory of the active joints, with their slope ``G`` and their drift.
+
+Anchors are closed by Newton's method, each sample from the one before: the way of assembly in which the chain starts
+is kept, because no step is taken that the slope does not foresee.
+"""
 
 from __future__ import annotations
+
+from dataclasses import dataclass
 
 import numpy as np
 import pinocchio as pin
 from jaxtyping import Float
 
+from phantom_dyn.errors import ChainError
 from phantom_dyn.loops.chain import ClosedChain
+from phantom_dyn.loops.constraints import Constraints, bias, constraints_of, error_and_slope, sentence_of_worst
 
 Array = np.ndarray
 
+CLOSED = 1e-6
+"""Frames this close [m, rad] count as together: robot files carry about six digits."""
+SINGULAR = 1e-5
+"""Smallest over largest singular value of the constraint's slope in the unknowns, below which they are not determined:
+Newton's steps then end in rounding."""
+_STEP = 1e-11
+"""Newton's last step [rad or m]; it is quadratic, so that what is left is rounding."""
+_ITERATIONS = 12
+_REACH = 0.3
+"""Longest step of a joint between two solutions [rad or m]."""
+_FORESEEN = 0.25
+"""Largest correction of a step, relative to the step: beyond it, the way of assembly may have changed."""
+_SHORTEST = 1e-4
+"""Smallest part of the way to a sample that is tried: what fails there, fails."""
 
-def solve(
-    model: pin.Model, chain: ClosedChain, q: Float[Array, "N nv"]
-) -> tuple[Float[Array, "N nt"], Float[Array, "N nt nv"]]:
-    """Positions of all joints of the tree [rad or m] and their slope in the active ones, for N samples.
+
+@dataclass(frozen=True)
+class _State:
+    """One solution: active and unknown positions, slope of the unknowns, and the inverse of the constraint's slope."""
+
+    q: Float[Array, " nv"]
+    z: Float[Array, " nz"]
+    slope: Float[Array, "nz nv"]
+    inverse: Float[Array, "nz m"]
+
+
+@dataclass(frozen=True)
+class Solution:
+    """Positions ``x`` [rad or m] of the tree for N samples, and what follows from them.
+
+    Attributes:
+        x: Shape ``(N, nt)``.
+        G: Slope in the active joints, shape ``(N, nt, nv)``, read-only.
+        inverse: Unknown accelerations per acceleration of the constraint, ``(N, nz, m)``; no anchors: ``nz`` is 0.
+    """
+
+    x: Float[Array, "N nt"]
+    G: Float[Array, "N nt nv"]
+    inverse: Float[Array, "N nz m"]
+
+
+def solve(model: pin.Model, chain: ClosedChain, q: Float[Array, "N nv"]) -> Solution:
+    """Positions of all joints of the tree, and their slope in the active ones, for N samples.
 
     Args:
         model: The tree.
         chain: Its loops.
-        q: Positions of the active joints.
+        q: Positions of the active joints [rad or m].
 
     Raises:
         ChainError: If a loop cannot be closed or is singular at a sample.
     """
-    nt = len(chain.offset)
-    return q @ chain.linear_map.T + chain.offset, np.broadcast_to(chain.linear_map, (len(q), nt, chain.nv))
+    S, nv = chain.linear_map, chain.nv
+    if not chain.anchors:
+        G = np.broadcast_to(S, (len(q), *S.shape))
+        return Solution(q @ S.T + chain.offset, G, np.zeros((len(q), 0, 0)))
+    at = constraints_of(model, chain.anchors)
+    state = _newton(chain, at, chain.start[list(chain.active)], chain.start[list(chain.unknowns)])
+    if state is None:
+        raise ChainError(_why(chain, at, chain.start[list(chain.active)], chain.start[list(chain.unknowns)], "start"))
+    z = np.empty((len(q), len(chain.unknowns)))
+    slopes, inverses = np.empty((*z.shape, nv)), np.empty((*z.shape, state.inverse.shape[1]))
+    for k, wanted in enumerate(q):
+        state = _follow(chain, at, state, wanted, f"sample {k}")
+        z[k], slopes[k], inverses[k] = state.z, state.slope, state.inverse
+    return Solution(np.hstack([q, z]) @ S.T + chain.offset, S[:, :nv] + S[:, nv:] @ slopes, inverses)
 
 
 def tree_positions(model: pin.Model, chain: ClosedChain, q: Float[Array, "N nv"]) -> Float[Array, "N nt"]:
     """Positions of all joints of the tree [rad or m], see `solve`."""
-    return solve(model, chain, q)[0]
+    return solve(model, chain, q).x
+
+
+def drift(model: pin.Model, chain: ClosedChain, solution: Solution, v: Float[Array, "N nt"]) -> Float[Array, "N nt"]:
+    """Accelerations of the tree [rad/s^2 or m/s^2] while no active joint accelerates.
+
+    Args:
+        model: The tree.
+        chain: Its loops.
+        solution: What `solve` gave.
+        v: Velocities of the tree.
+    """
+    out = np.zeros_like(v)
+    if not chain.anchors:
+        return out
+    at = constraints_of(model, chain.anchors)
+    to_tree = chain.linear_map[:, chain.nv :]
+    for k in range(len(v)):
+        out[k] = to_tree @ (-solution.inverse[k] @ bias(at, solution.x[k], v[k]))
+    return out
+
+
+def _follow(chain: ClosedChain, at: Constraints, state: _State, wanted: Float[Array, " nv"], where: str) -> _State:
+    """The solution at ``wanted``, reached along the straight line from ``state``."""
+    way, done, part = wanted - state.q, 0.0, 1.0
+    begin = state.q
+    while done < 1.0:
+        part = min(part, 1.0 - done)
+        step = part * way
+        foreseen = state.slope @ step
+        reach = max(np.abs(step).max(), np.abs(foreseen).max())
+        found = None
+        if reach <= _REACH:
+            target = wanted if done + part >= 1.0 else begin + (done + part) * way
+            found = _newton(chain, at, target, state.z + foreseen)
+        if found is not None and np.abs(found.z - state.z - foreseen).max() <= _FORESEEN * reach + _STEP:
+            state, done, part = found, done + part, 2 * part
+            continue
+        part /= 2
+        if part < _SHORTEST and reach < _REACH:
+            raise ChainError(_why(chain, at, wanted, state.z, where))
+    return state
+
+
+def _newton(chain: ClosedChain, at: Constraints, q: Float[Array, " nv"], z: Float[Array, " nz"]) -> _State | None:
+    """The solution at ``q`` next to ``z``; None where there is none or it is singular."""
+    S, nv = chain.linear_map, chain.nv
+    fixed = S[:, :nv] @ q + chain.offset
+    for _ in range(_ITERATIONS):
+        error, slope = error_and_slope(at, fixed + S[:, nv:] @ z)
+        slope = slope @ S
+        inverse = _inverse(slope[:, nv:])
+        if inverse is None:
+            return None
+        step = -inverse @ error
+        z = z + step
+        if np.abs(step).max() <= _STEP:
+            return _State(q, z, -inverse @ slope[:, :nv], inverse) if np.abs(error).max() <= CLOSED else None
+    return None
+
+
+def _inverse(slope: Float[Array, "m nz"]) -> Float[Array, "nz m"] | None:
+    """Pseudo-inverse, or None where the unknowns are not determined. More rows than unknowns are usual: flat loops."""
+    left, values, right = np.linalg.svd(slope, full_matrices=False)
+    if len(values) < slope.shape[1] or not values[-1] > SINGULAR * values[0]:
+        return None
+    return (right.T / values) @ left.T
+
+
+def _why(chain: ClosedChain, at: Constraints, q: Float[Array, " nv"], z: Float[Array, " nz"], where: str) -> str:
+    """Sentence on a loop that does not close: unreachable if its frames stay apart at their nearest, else singular."""
+    z, error, slope = nearest(chain, at, q, z)
+    label, apart = sentence_of_worst(chain, at, error)
+    if np.abs(error).max() > CLOSED:
+        return (
+            f"The loop {label} cannot be closed at {where}: its frames stay {apart} apart; "
+            "give positions that the linkage reaches."
+        )
+    return (
+        f"The loop {label} is singular at or before {where} (residual {apart}, smallest singular value "
+        f"{np.linalg.svd(slope, compute_uv=False)[-1]:.2g}): there the passive joints do not follow from the active "
+        "ones; keep the motion away from it."
+    )
+
+
+def nearest(
+    chain: ClosedChain, at: Constraints, q: Float[Array, " nv"], z: Float[Array, " nz"]
+) -> tuple[Float[Array, " nz"], Float[Array, " m"], Float[Array, "m nz"]]:
+    """Unknowns at which the frames come nearest to each other (Levenberg-Marquardt), error and slope there."""
+    S, nv = chain.linear_map, chain.nv
+    fixed, damping = S[:, :nv] @ q + chain.offset, 1e-3
+
+    def evaluate(unknowns: Array) -> tuple[Array, Array]:
+        found, slope = error_and_slope(at, fixed + S[:, nv:] @ unknowns)
+        return found, slope @ S[:, nv:]
+
+    error, slope = evaluate(z)
+    for _ in range(100):
+        normal = slope.T @ slope
+        step = np.linalg.solve(normal + damping * max(np.trace(normal), 1e-12) * np.eye(len(z)), -slope.T @ error)
+        tried, tried_slope = evaluate(z + step)
+        if tried @ tried < error @ error:
+            z, error, slope, damping = z + step, tried, tried_slope, max(damping / 10, 1e-12)
+        else:
+            damping *= 10
+        if np.abs(step).max() <= _STEP:
+            break
+    return z, error, slope

@@ -103,8 +103,18 @@ def test_a_broken_urdf_is_refused_with_its_place(tmp_path, old, new, message):
         ("<compiler", '<include file="other.xml"/><compiler', "uses <include>, .*mj_saveLastXML"),
         (
             "<actuator>",
-            '<equality><connect body1="tool" body2="beam" anchor="0 0 0"/></equality><actuator>',
-            "closes a chain of bodies with <connect>: closed chains arrive with a later version",
+            '<equality><connect body1="tool" body2="bean" anchor="0 0 0"/></equality><actuator>',
+            "<connect> of tool and bean names 'bean', which the model does not have, .*did you mean beam",
+        ),
+        (
+            "<actuator>",
+            '<equality><connect body2="beam" anchor="0 0 0"/></equality><actuator>',
+            "<connect> in <equality> names no body1: add it",
+        ),
+        (
+            "<actuator>",
+            '<equality><weld body1="tool" body2="beam" relpose="0 0 0"/></equality><actuator>',
+            "<weld> of tool and beam needs three numbers as anchor and seven as relpose",
         ),
         (
             '<inertial pos="0 0 0.1" mass="0.4" diaginertia="0.001 0.001 0.001"/>',

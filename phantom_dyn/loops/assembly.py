@@ -1,0 +1,92 @@
+# pyright: reportAttributeAccessIssue=false
+"""The way of assembly that a closed chain starts in, and whether its loops determine every passive joint."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pinocchio as pin
+from jaxtyping import Float
+
+from phantom_dyn.errors import RobotError
+from phantom_dyn.loops.chain import ClosedChain
+from phantom_dyn.loops.constraints import constraints_of, error_and_slope, sentence_of_worst
+from phantom_dyn.loops.solver import CLOSED, SINGULAR, nearest
+
+Array = np.ndarray
+
+_HINT = "give start: {joint: position} near a position that closes the loop"
+
+
+def assembled(model: pin.Model, chain: ClosedChain, config: Path) -> ClosedChain:
+    """The chain with a start at which its loops are closed, as near as it gets to the one given.
+
+    The active joints stay where they are if the passive ones alone can close the loops; else all joints move.
+
+    Args:
+        model: The tree.
+        chain: Its ``start`` need not close the loops.
+        config: The file, for messages.
+
+    Raises:
+        RobotError: If no position near the start closes the loops.
+    """
+    at = constraints_of(model, chain.anchors)
+    active, unknowns = chain.start[list(chain.active)], chain.start[list(chain.unknowns)]
+    z, error, _ = nearest(chain, at, active, unknowns)
+    y = np.concatenate([active, z])
+    if not _closed(error):
+        every = replace(chain, active=(), unknowns=(*chain.active, *chain.unknowns))
+        y, error, _ = nearest(every, at, np.zeros(0), np.concatenate([active, unknowns]))
+    if not _closed(error):
+        label, apart = sentence_of_worst(chain, at, error)
+        raise RobotError(f"{config}: {label} cannot be closed, its frames stay {apart} apart: {_HINT}.")
+    return replace(chain, start=chain.linear_map @ y + chain.offset)
+
+
+def _closed(error: Float[Array, " m"]) -> bool:
+    return bool(np.abs(error).max() <= CLOSED)
+
+
+def _rank(slope: Float[Array, "m n"]) -> int:
+    values = np.linalg.svd(slope, compute_uv=False)
+    return int((values > SINGULAR * values[0]).sum()) if values[0] > 0 else 0
+
+
+def require_determined(model: pin.Model, chain: ClosedChain, config: Path) -> None:
+    """Refuse a chain with more passive joints than its loops determine, or with fewer.
+
+    Args:
+        model: The tree.
+        chain: With a start that closes its loops.
+        config: The file, for messages.
+
+    Raises:
+        RobotError: If the numbers do not fit, or the start is singular.
+    """
+    at = constraints_of(model, chain.anchors)
+    slope = error_and_slope(at, chain.start)[1] @ chain.linear_map
+    nv, names = chain.nv, [model.names[1 + k] for k in chain.unknowns]
+    labels = " and ".join(anchor.label for anchor in chain.anchors)
+    passive, every = _rank(slope[:, nv:]) if names else 0, _rank(slope)
+    if passive < len(names) and every >= len(names):
+        raise RobotError(f"{config}: {labels} is singular at its start, so the way of assembly is open: {_HINT}.")
+    if passive < len(names):
+        loose = _loose(slope[:, nv:], names)
+        raise RobotError(
+            f"{config}: {labels} determine {every} passive joints of {len(names)}, {loose} is not determined: "
+            "make it active, lock it, or state the loop that is missing."
+        )
+    if every > len(names):
+        raise RobotError(
+            f"{config}: {labels} determine {every} joints and {', '.join(names) or 'none'} is passive: "
+            f"make {every - len(names)} more passive (actuated: false), or list the others under active."
+        )
+
+
+def _loose(slope: Float[Array, "m n"], names: list[str]) -> str:
+    """The joint that moves most while the loops stay closed and the active joints at rest."""
+    right = np.linalg.svd(slope)[2]
+    return names[int(np.abs(right[-1]).argmax())]

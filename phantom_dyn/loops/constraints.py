@@ -1,0 +1,88 @@
+# pyright: reportAttributeAccessIssue=false
+"""What keeps two frames together, as Pinocchio evaluates it: error, its slope, and its acceleration."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import pinocchio as pin
+from jaxtyping import Float
+
+from phantom_dyn.configuration import configurations
+from phantom_dyn.loops.chain import Anchor, ClosedChain
+
+Array = np.ndarray
+
+_MODELS = {"point": pin.PointAnchorConstraintModel, "frame": pin.FrameAnchorConstraintModel}
+
+
+@dataclass(frozen=True)
+class Constraints:
+    """Pinocchio's constraint models of the anchors, made anew for each trajectory, as they hold working memory."""
+
+    model: pin.Model
+    anchors: tuple[Anchor, ...]
+    data: pin.Data
+    pairs: tuple[tuple[Any, Any], ...]
+
+    @property
+    def slices(self) -> tuple[slice, ...]:
+        """Rows of each anchor."""
+        ends = np.cumsum([6 if anchor.kind == "frame" else 3 for anchor in self.anchors])
+        return tuple(slice(int(a), int(b)) for a, b in zip([0, *ends[:-1]], ends, strict=True))
+
+
+def constraints_of(model: pin.Model, anchors: tuple[Anchor, ...]) -> Constraints:
+    """Working memory for the anchors of a model."""
+    made = []
+    for anchor in anchors:
+        a, b = model.frames[anchor.frame_a], model.frames[anchor.frame_b]
+        made.append(_MODELS[anchor.kind](model, a.parentJoint, a.placement, b.parentJoint, b.placement))
+    return Constraints(model, anchors, model.createData(), tuple((one, one.createData()) for one in made))
+
+
+def error_and_slope(at: Constraints, x: Float[Array, " nt"]) -> tuple[Float[Array, " m"], Float[Array, "m nt"]]:
+    """How far the frames of each anchor are apart [m, then rad], in the axes of its first frame, and its Jacobian."""
+    pin.computeJointJacobians(at.model, at.data, configurations(at.model, x[None])[0])
+    errors, slopes = [], []
+    for constraint, data in at.pairs:
+        constraint.calc(at.model, at.data, data)
+        errors.append(data.constraint_position_error)
+        slopes.append(constraint.jacobian(at.model, at.data, data))
+    return np.concatenate(errors), np.concatenate(slopes)
+
+
+def bias(at: Constraints, x: Float[Array, " nt"], v: Float[Array, " nt"]) -> Float[Array, " m"]:
+    """Acceleration of the second frame against the first where no joint accelerates, anchors closed; rows as above.
+
+    Pinocchio 4.1 leaves its own bias term at zero, so it comes from the accelerations of the frames.
+    """
+    pin.forwardKinematics(at.model, at.data, configurations(at.model, x[None])[0], v, np.zeros_like(v))
+    out = []
+    for anchor in at.anchors:
+        turn = _rotation(at, anchor.frame_a).T
+        a, b = (
+            pin.getFrameClassicalAcceleration(at.model, at.data, frame, pin.LOCAL_WORLD_ALIGNED)
+            for frame in (anchor.frame_a, anchor.frame_b)
+        )
+        out.append(turn @ (b.linear - a.linear))
+        if anchor.kind == "frame":
+            out.append(turn @ (b.angular - a.angular))
+    return np.concatenate(out)
+
+
+def _rotation(at: Constraints, frame: int) -> Array:
+    fixed = at.model.frames[frame]
+    return at.data.oMi[fixed.parentJoint].rotation @ fixed.placement.rotation
+
+
+def sentence_of_worst(chain: ClosedChain, at: Constraints, error: Float[Array, " m"]) -> tuple[str, str]:
+    """Label of the anchor that is farthest from closed, and its distance in words."""
+    worst = max(range(len(chain.anchors)), key=lambda k: float(np.linalg.norm(error[at.slices[k]])))
+    rows = error[at.slices[worst]]
+    apart = f"{np.linalg.norm(rows[:3]):.3g} m"
+    if len(rows) == 6:
+        apart += f" and {np.linalg.norm(rows[3:]):.3g} rad"
+    return chain.anchors[worst].label, apart
