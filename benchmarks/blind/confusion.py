@@ -19,12 +19,21 @@ class Confusion:
 
 
 def confusion(cases: Sequence[Judged]) -> Confusion:
-    """Counts over all cases; a column that is also a row comes in the order of the rows."""
-    rows = tuple(sorted({x.effect for x in cases}))
-    said = {x.leading for x in cases}
+    """Counts over all cases but pairs, the effects first, then nulls, then causes outside the catalogue.
+
+    A twin of the truth counts as the truth. A column that is also a row comes in the order of the rows.
+    """
+    kinds = ("single", "null", "outside")
+    cases = [x for x in cases if x.kind in kinds]
+    rows = tuple(dict.fromkeys(x.effect for x in sorted(cases, key=lambda x: (kinds.index(x.kind), x.effect))))
+    said = {_said(x) for x in cases}
     columns = (*[r for r in rows if r in said], *sorted(said - set(rows)))
-    counts = tuple(tuple(sum(x.effect == r and x.leading == c for x in cases) for c in columns) for r in rows)
+    counts = tuple(tuple(sum(x.effect == r and _said(x) == c for x in cases) for c in columns) for r in rows)
     return Confusion(rows, columns, counts)
+
+
+def _said(case: Judged) -> str:
+    return case.effect if case.top1 and case.kind == "single" else case.leading
 
 
 def confusion_text(table: Confusion) -> str:
@@ -38,10 +47,10 @@ def confusion_text(table: Confusion) -> str:
 
 
 def draw_confusion(table: Confusion, path: Path) -> None:
-    """The same as a picture."""
+    """The same as a picture: numbers are cases, the shade is the share of the row."""
     from matplotlib.figure import Figure
 
-    figure = Figure(figsize=(2.5 + 0.5 * len(table.columns), 2.5 + 0.4 * len(table.rows)), layout="constrained")
+    figure = Figure(figsize=(3.0 + 0.32 * len(table.columns), 2.6 + 0.27 * len(table.rows)), layout="constrained")
     axes = figure.subplots()
     if table.rows:
         shares = [[n / max(1, sum(row)) for n in row] for row in table.counts]
@@ -49,9 +58,15 @@ def draw_confusion(table: Confusion, path: Path) -> None:
         for i, row in enumerate(table.counts):
             for j, n in enumerate(row):
                 if n:
-                    axes.text(j, i, str(n), ha="center", va="center", color="white" if shares[i][j] > 0.6 else "black")
-    axes.set_xticks(range(len(table.columns)), table.columns, rotation=60, ha="right")
-    axes.set_yticks(range(len(table.rows)), table.rows)
+                    dark = shares[i][j] > 0.6
+                    axes.text(j, i, str(n), ha="center", va="center", size=8, color="white" if dark else "black")
+    axes.set_xticks(range(len(table.columns)), [_plain(c) for c in table.columns], rotation=60, ha="right")
+    axes.set_yticks(range(len(table.rows)), [_plain(r) for r in table.rows])
     axes.set_xlabel("leading finding, or the verdict without one")
     axes.set_ylabel("truth")
-    figure.savefig(path, dpi=120)
+    # Without the date and the version in the file, the same counts give the same bytes.
+    figure.savefig(path, dpi=110, metadata={"Software": None})
+
+
+def _plain(name: str) -> str:
+    return name.replace("_", " ")

@@ -1,97 +1,44 @@
 """Diagnoses sealed cases through the command line, while no answer can be read, and scores the results.
 
-Example: ``python benchmarks/blind/run.py --seeds 1000:1200 --kind single``. Without arguments: the reporting seeds.
+Example: ``python benchmarks/blind/run.py --seeds 100:140 --kind single``. Without ``--seeds``: the reporting seeds.
 Resumable: a case that has its result is not diagnosed again.
 """
 
 from __future__ import annotations
 
 import argparse
-import json
-import os
-import shutil
-import subprocess
 import sys
-import tempfile
 import time
 from collections.abc import Sequence
-from concurrent.futures import ThreadPoolExecutor, as_completed
 from pathlib import Path
 
 if __package__ in (None, ""):  # called by its path: the checkout is not on the module path
     sys.path.insert(0, str(Path(__file__).resolve().parents[2]))
 
-from benchmarks.blind.generate import FILES, KINDS, draw_many, seed_range
-from benchmarks.blind.score import load_pairs, write_score
+from benchmarks.blind.generate import KINDS, draw_many, seed_range
+from benchmarks.blind.processes import BASELINES, ORACLE, default_command, run_all
+from benchmarks.blind.publish import publish
+from benchmarks.blind.score import load_baselines, load_pairs, write_score
 from benchmarks.blind.seal import sealed
 
-TIMEOUT = 600.0
-REPORTING = (("single", range(1000, 1120)), ("null", range(2000, 2120)))
-HIDDEN = ("PYTHONPATH", "PWD", "OLDPWD")
-
-
-def default_command() -> list[str]:
-    """The installed command beside this interpreter, else the one on the search path."""
-    beside = Path(sys.executable).with_name("phantom-dyn")
-    found = str(beside) if beside.is_file() else shutil.which("phantom-dyn")
-    if found is None:
-        raise SystemExit("The command phantom-dyn is not installed: run 'make setup' first.")
-    return [found, "diagnose"]
-
-
-def diagnose(command: Sequence[str], case: Path, results: Path) -> Path:
-    """One case in its own process: it gets a copy of the case folder at a random place, and nothing else.
-
-    Returns the result file, ``<id>.json``: the diagnosis, or what went wrong, with the seconds of the whole process.
-    """
-    result = results / f"{case.name}.json"
-    with tempfile.TemporaryDirectory(prefix="case-") as place:
-        for name in FILES:
-            shutil.copy(case / name, Path(place) / name)
-        environment = {k: v for k, v in os.environ.items() if k not in HIDDEN}
-        environment |= {"OMP_NUM_THREADS": "1", "OPENBLAS_NUM_THREADS": "1"}
-        start = time.perf_counter()
-        try:
-            done = subprocess.run(
-                [*command, "robot.urdf", "log.csv", "--json", "diagnosis.json"],
-                cwd=place,
-                env=environment,
-                stdin=subprocess.DEVNULL,
-                capture_output=True,
-                text=True,
-                timeout=TIMEOUT,
-            )
-            code, said = done.returncode, done.stderr
-        except subprocess.TimeoutExpired:
-            code, said = -1, f"no result within {TIMEOUT:.0f} s"
-        seconds = time.perf_counter() - start
-        written = Path(place) / "diagnosis.json"
-        diagnosis = json.loads(written.read_text()) if code == 0 and written.is_file() else None
-    entry = {"id": case.name, "exit_code": code, "seconds": seconds, "said": said[-2000:], "diagnosis": diagnosis}
-    part = result.with_suffix(".part")
-    part.write_text(json.dumps(entry, indent=1) + "\n")
-    part.replace(result)
-    return result
+# Opened once, for the report: nothing is tuned on them.
+REPORTING = (
+    ("single", range(3000, 3250)),
+    ("null", range(4000, 4300)),
+    ("pair", range(5000, 5080)),
+    ("outside", range(6000, 6080)),
+)
+# The baselines make false claims on nearly every null: a third of them is enough to say so.
+BASELINE_NULLS = 100
+INSIDE = ("single", "pair")
 
 
 def diagnose_all(
     names: Sequence[str], cases: Path, answers: Path, results: Path, *, command: Sequence[str], jobs: int
 ) -> None:
     """Diagnoses the cases that have no result yet, the answers sealed all the while."""
-    results.mkdir(parents=True, exist_ok=True)
-    waiting = [name for name in names if not (results / f"{name}.json").is_file()]
-    with sealed(answers), ThreadPoolExecutor(jobs) as pool:
-        running = [pool.submit(diagnose, command, cases / name, results) for name in waiting]
-        try:
-            for count, one in enumerate(as_completed(running), start=1):
-                one.result()
-                print(f"\r{count} of {len(waiting)} cases diagnosed", end="", file=sys.stderr, flush=True)
-        except BaseException:
-            for one in running:
-                one.cancel()
-            raise
-    if waiting:
-        print(file=sys.stderr)
+    with sealed(answers):
+        run_all(command, names, cases, results, jobs=jobs, what="diagnosed")
 
 
 def main(arguments: list[str] | None = None) -> int:
@@ -100,12 +47,32 @@ def main(arguments: list[str] | None = None) -> int:
     parser.add_argument("--kind", choices=KINDS, default="mixed", help="only with --seeds")
     parser.add_argument("--work", type=Path, default=Path("build/blind"), metavar="DIR")
     parser.add_argument("--jobs", type=int, default=2)
+    parser.add_argument("--quick", action="store_true", help="no baselines and no oracle")
+    parser.add_argument("--publish", action="store_true", help="write table and figure into README.md and docs/")
     given = parser.parse_args(arguments)
-    cases, answers, results = (given.work / name for name in ("cases", "answers", "results"))
+    start = time.perf_counter()
+    cases, answers, results, baselines, oracle = (
+        given.work / name for name in ("cases", "answers", "results", "baselines", "oracle")
+    )
     batches = REPORTING if given.seeds is None else ((given.kind, given.seeds),)
-    names = [name for kind, seeds in batches for name in draw_many(seeds, kind, cases, answers, given.jobs)]
+    drawn = {kind: draw_many(seeds, kind, cases, answers, given.jobs) for kind, seeds in batches}
+    names = [name for batch in drawn.values() for name in batch]
     diagnose_all(names, cases, answers, results, command=default_command(), jobs=given.jobs)
-    print(write_score(load_pairs(answers, results, names), given.work / "score"))
+    if not given.quick:
+        tried = [name for kind, batch in drawn.items() for name in batch[: BASELINE_NULLS if kind == "null" else None]]
+        with sealed(answers):
+            run_all(BASELINES, tried, cases, baselines, jobs=given.jobs, what="baselines")
+        # From here on answers are open: every diagnosis is written.
+        inside = [name for kind in (*INSIDE, "mixed") for name in drawn.get(kind, [])]
+        run_all(ORACLE, inside, cases, oracle, jobs=given.jobs, what="told the cause", answers=answers)
+    scored = load_pairs(answers, results, names, oracle=oracle)
+    beside = None if given.quick else load_baselines(answers, baselines, names)
+    out = given.work / "score"
+    print(write_score(scored, out, beside))
+    minutes = (time.perf_counter() - start) / 60.0
+    print(f"{len(names)} cases in {minutes:.0f} minutes, written to {out}")
+    if given.publish:
+        publish(out, [(kind, seeds) for kind, seeds in batches], Path(__file__).resolve().parents[2])
     return 0
 
 

@@ -8,145 +8,122 @@ from __future__ import annotations
 import argparse
 import json
 import sys
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import asdict
 from math import isfinite
 from pathlib import Path
-from statistics import mean, median
 
 if __package__ in (None, ""):  # called by its path: the checkout is not on the module path
     sys.path.insert(0, str(Path(__file__).resolve().parents[2]))
 
 from benchmarks.blind.confusion import confusion, confusion_text, draw_confusion
+from benchmarks.blind.figures import FIGURES, beyond
 from benchmarks.blind.judged import Judged, judged
-from benchmarks.blind.proportions import Proportion, proportion
+from benchmarks.blind.proportions import proportion
+from benchmarks.blind.reliability import calibration_error, reliability
+from benchmarks.blind.tables import FLOORS, aims, beside, calibration, others, singles
 
-FLOORS = (2.0, 4.0)
-COLUMNS: tuple[tuple[str, Callable[[Sequence[Judged]], object]], ...] = (
-    ("cases", len),
-    ("top-1", lambda c: proportion(x.top1 for x in c)),
-    ("by twins", lambda c: proportion(x.top1_table for x in c)),
-    ("strict", lambda c: proportion(x.top1_strict for x in c)),
-    ("nothing else", lambda c: proportion(x.exact for x in c)),
-    ("truth in set", lambda c: proportion(x.in_set for x in c)),
-    ("set size", lambda c: average(x.set_size for x in c if x.set_size)),
-    ("joint", lambda c: proportion(x.joint for x in c)),
-    ("extra finding", lambda c: proportion(x.extra for x in c)),
-    ("fits but wrong", lambda c: proportion(x.wrong_but_fits for x in c)),
-    ("no claim", lambda c: proportion(not x.claims for x in c)),
-    ("gap closed", lambda c: middle(x.gap_closed for x in c)),
-    ("magnitude error", lambda c: middle(e for x in c for e in x.errors)),
-    ("95 % covers", lambda c: proportion(e for x in c for e in x.covered)),
-    ("seconds", lambda c: middle(x.seconds for x in c)),
-)
+BASELINES = ("always_coulomb", "independent_bic", "mujoco_sysid")
 
 
-def middle(values: Iterable[float]) -> float | None:
-    """Median of the finite values; None without any."""
-    finite = [x for x in values if isfinite(x)]
-    return float(median(finite)) if finite else None
+def _read(path: Path) -> dict:
+    return json.loads(path.read_text())
 
 
-def average(values: Iterable[float]) -> float | None:
-    """Mean; None without any value."""
-    values = list(values)
-    return float(mean(values)) if values else None
-
-
-def load_pairs(answers: Path, results: Path, names: Sequence[str] | None = None) -> list[Judged]:
+def load_pairs(
+    answers: Path, results: Path, names: Sequence[str] | None = None, *, oracle: Path | None = None
+) -> list[Judged]:
     """Judges every case that has both an answer and a result; ``names`` restricts and must all be there."""
     wanted = sorted(p.stem for p in results.glob("*.json")) if names is None else names
     missing = [n for n in wanted if not (answers / f"{n}.json").is_file() or not (results / f"{n}.json").is_file()]
     if missing:
         raise SystemExit(f"{len(missing)} cases lack a result or an answer, first {missing[0]}: run run.py first.")
-    return [
-        judged(json.loads((answers / f"{n}.json").read_text()), json.loads((results / f"{n}.json").read_text()))
-        for n in wanted
-    ]
+
+    def told(name: str) -> dict | None:
+        path = oracle / f"{name}.json" if oracle else None
+        return _read(path) if path and path.is_file() else None
+
+    return [judged(_read(answers / f"{n}.json"), _read(results / f"{n}.json"), told(n)) for n in wanted]
 
 
-def groups_of(singles: Sequence[Judged]) -> list[tuple[str, list[Judged]]]:
-    """Single-effect cases by size, then those of at least the last floor by effect and by robot."""
-    large = [x for x in singles if x.gap >= FLOORS[-1]]
-    out = [("all", list(singles))]
-    out += [(f"gap >= {floor:g}", [x for x in singles if x.gap >= floor]) for floor in FLOORS]
-    out += [(f"beyond tolerance >= {floor:g}", [x for x in singles if x.beyond >= floor]) for floor in FLOORS]
-    out += [
-        (f"gap >= {FLOORS[-1]:g}: {e}", [x for x in large if x.effect == e]) for e in sorted({x.effect for x in large})
-    ]
-    out += [
-        (f"gap >= {FLOORS[-1]:g}: {r}", [x for x in large if x.robot == r]) for r in sorted({x.robot for x in large})
-    ]
+def load_baselines(answers: Path, results: Path, names: Sequence[str]) -> dict[str, list[Judged]]:
+    """The same for the baselines; each over the cases that it was given."""
+    out: dict[str, list[Judged]] = {name: [] for name in BASELINES}
+    for case in names:
+        path = results / f"{case}.json"
+        if not path.is_file():
+            continue
+        entry, answer = _read(path), _read(answers / f"{case}.json")
+        said = entry["diagnosis"] or {}
+        for name, cases in out.items():
+            diagnosis = said.get(name)
+            if diagnosis and diagnosis.get("left_out"):
+                continue
+            seconds = diagnosis["seconds"] if diagnosis else entry["seconds"]
+            if diagnosis and diagnosis["verdict"] == "failed":
+                diagnosis = None
+            if diagnosis and diagnosis["joints"]:
+                # A baseline states no noise floor: its residuals are judged by the true ones.
+                floors = zip(diagnosis["joints"], answer["noise_floor"], strict=True)
+                diagnosis = {**diagnosis, "joints": [{**j, "noise_floor": floor} for j, floor in floors]}
+            cases.append(judged(answer, {**entry, "diagnosis": diagnosis, "seconds": seconds}))
     return out
 
 
-def _cell(value: object) -> str:
-    if value is None:
-        return "-"
-    return f"{value:.2g}" if isinstance(value, float) else str(value)
-
-
-def _table(header: Sequence[str], rows: Sequence[Sequence[str]]) -> list[str]:
-    """A markdown table whose columns also line up in a terminal."""
-    widths = [max(len(row[i]) for row in (header, *rows)) for i in range(len(header))]
-    lines = [
-        "| " + " | ".join(cell.ljust(w) for cell, w in zip(row, widths, strict=True)) + " |" for row in (header, *rows)
-    ]
-    return [lines[0], "|" + "|".join("-" * (w + 2) for w in widths) + "|", *lines[1:]]
-
-
-def null_rows(cases: Sequence[Judged]) -> list[tuple[str, Proportion]]:
-    """False claims on null cases: any finding, or any verdict other than ``no_gap``."""
-    nulls = [x for x in cases if x.kind == "null"]
-    rows = [("all", proportion(x.false_claim for x in nulls))]
-    return rows + [
-        (r, proportion(x.false_claim for x in nulls if x.robot == r)) for r in sorted({x.robot for x in nulls})
-    ]
-
-
-def report(cases: Sequence[Judged]) -> str:
-    """The figures as text and markdown."""
-    singles, outside = ([x for x in cases if x.kind == kind] for kind in ("single", "outside"))
+def report(cases: Sequence[Judged], baselines: Mapping[str, Sequence[Judged]] | None = None) -> str:
+    """The figures as markdown."""
     failed = proportion(x.verdict == "failed" for x in cases)
-    lines = ["# Sealed cases", "", "In brackets: 95 % Wilson interval. Gap: paired difference in noise floors.", ""]
-    lines += [
-        "## Null cases",
+    lines = [
+        "In brackets: 95 % intervals (Wilson's for shares). Gap: paired difference to the same run without the effect, "
+        "in noise floors; of a pair that of the smaller effect.",
         "",
-        *_table(("robot", "cases", "false claims"), [(r, str(p.total), str(p)) for r, p in null_rows(cases)]),
+        aims(cases),
+        "",
+        f"Cases: {len(cases)}. Diagnoses that failed: {failed}.",
     ]
-    lines += ["", f"Diagnoses that failed: {failed}", "", "## Single effects", ""]
-    rows = [(name, *(_cell(f(group)) for _, f in COLUMNS)) for name, group in groups_of(singles)]
-    lines += _table(("group", *(name for name, _ in COLUMNS)), rows)
-    unknown = proportion(x.verdict == "unknown" for x in outside)
-    lines += ["", f"Outside the catalogue, {len(outside)} cases: unknown said in {unknown}"]
-    lines += ["", "## Truth against leading finding", "", "```", confusion_text(confusion(cases)), "```", ""]
+    if baselines:
+        lines += ["", beside(cases, baselines)]
+    lines += ["", singles(cases), "", others(cases), "", calibration(cases), ""]
+    error = calibration_error(cases)
+    if isfinite(error):
+        lines += [f"Mean distance of stated probability and share right: {error:.2f}.", ""]
     return "\n".join(lines)
 
 
-def as_json(cases: Sequence[Judged]) -> dict:
+def _plain(case: Judged) -> dict:
+    return {k: None if isinstance(v, float) and not isfinite(v) else v for k, v in asdict(case).items()}
+
+
+def as_json(cases: Sequence[Judged], baselines: Mapping[str, Sequence[Judged]] | None = None) -> dict:
     """The same figures for programs, and the outcome of every case."""
-
-    def plain(value: object) -> object:
-        return value.as_json() if isinstance(value, Proportion) else value
-
-    singles = [x for x in cases if x.kind == "single"]
+    groups = {f"gap >= {floor:g}": beyond(cases, floor) for floor in (*FLOORS, 0.0)}
     return {
-        "schema": "blind-score/1",
-        "false_claims": {r: p.as_json() for r, p in null_rows(cases)},
-        "single": {name: {key: plain(f(group)) for key, f in COLUMNS} for name, group in groups_of(singles)},
-        "cases": [
-            {k: None if isinstance(v, float) and not isfinite(v) else v for k, v in asdict(x).items()} for x in cases
+        "schema": "blind-score/2",
+        "figures": {
+            figure.name: {"aim": figure.aim, **{name: figure.of(group).as_json() for name, group in groups.items()}}
+            for figure in FIGURES
+        },
+        "baselines": {
+            name: {figure.name: figure.of(beyond(group, FLOORS[0])).as_json() for figure in FIGURES}
+            for name, group in (baselines or {}).items()
+        },
+        "reliability": [
+            {"low": b.low, "high": b.high, "stated": b.stated, **proportion(b.right).as_json()}
+            for b in reliability(cases)
+            if b.right
         ],
+        "cases": [_plain(x) for x in cases],
     }
 
 
-def write_score(cases: Sequence[Judged], out: Path) -> str:
+def write_score(cases: Sequence[Judged], out: Path, baselines: Mapping[str, Sequence[Judged]] | None = None) -> str:
     """Writes ``score.md``, ``score.json`` and ``confusion.png``; returns the text of the first."""
     out.mkdir(parents=True, exist_ok=True)
-    text = report(cases)
+    text, counts = report(cases, baselines), confusion(cases)
     (out / "score.md").write_text(text)
-    (out / "score.json").write_text(json.dumps(as_json(cases), indent=1) + "\n")
-    draw_confusion(confusion(cases), out / "confusion.png")
+    (out / "score.json").write_text(json.dumps(as_json(cases, baselines), indent=1) + "\n")
+    (out / "confusion.txt").write_text(confusion_text(counts) + "\n")
+    draw_confusion(counts, out / "confusion.png")
     return text
 
 
@@ -155,8 +132,12 @@ def main(arguments: list[str] | None = None) -> int:
     parser.add_argument("--answers", type=Path, required=True, metavar="DIR")
     parser.add_argument("--results", type=Path, required=True, metavar="DIR")
     parser.add_argument("--out", type=Path, required=True, metavar="DIR")
+    parser.add_argument("--oracle", type=Path, metavar="DIR", help="fits that were told the cause")
+    parser.add_argument("--baselines", type=Path, metavar="DIR", help="what the baselines said")
     given = parser.parse_args(arguments)
-    print(write_score(load_pairs(given.answers, given.results), given.out))
+    cases = load_pairs(given.answers, given.results, oracle=given.oracle)
+    baselines = load_baselines(given.answers, given.baselines, [x.id for x in cases]) if given.baselines else None
+    print(write_score(cases, given.out, baselines))
     return 0
 
 

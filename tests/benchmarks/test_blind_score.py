@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import sys
 from pathlib import Path
 
@@ -11,9 +12,10 @@ import pytest
 sys.path.insert(0, str(Path(__file__).resolve().parents[2]))
 
 from benchmarks.blind.confusion import confusion, confusion_text
+from benchmarks.blind.figures import FIGURES, beyond
 from benchmarks.blind.judged import judged
-from benchmarks.blind.proportions import proportion, wilson
-from benchmarks.blind.score import as_json, groups_of, load_pairs, null_rows, report, write_score
+from benchmarks.blind.proportions import average, proportion, wilson
+from benchmarks.blind.score import as_json, load_baselines, load_pairs, report, write_score
 
 PARAMETERS = {
     "viscous_friction": {"coefficient": 0.5},
@@ -164,7 +166,7 @@ def claims_of(texts):
 @pytest.mark.parametrize(("effect", "joint", "robot", "said"), TWINS)
 def test_a_twin_is_right_as_a_class_and_not_strictly(effect, joint, robot, said):
     x = judged(answer(effect, joint, robot=robot), entry(*claims_of(said)))
-    assert (x.top1_strict, x.top1_table, x.top1, x.exact, x.in_set) == (False, True, True, True, True)
+    assert (x.top1_strict, x.top1, x.exact, x.in_set) == (False, True, True, True)
 
 
 NO_TWINS = [
@@ -191,7 +193,7 @@ def test_direction_dependent_viscous_parts_have_no_twin():
 def test_what_the_recording_cannot_part_is_right_and_no_twin_of_the_robot():
     truth = answer("inertial_parameters", "j2") | {"alike": [{"effect": "payload", "joint": None, "leaves": 0.02}]}
     x = judged(truth, entry(finding("payload", None)))
-    assert (x.top1_strict, x.top1_table, x.top1, x.in_set) == (False, False, True, True)
+    assert (x.top1_strict, x.top1, x.in_set) == (False, True, True)
 
 
 def some_cases():
@@ -200,35 +202,137 @@ def some_cases():
     return [right, missed, judged(answer(), entry()), judged(answer(), entry(finding("payload", None)))]
 
 
-def test_groups_are_by_size_effect_and_robot():
-    groups = {name: len(cases) for name, cases in groups_of([x for x in some_cases() if x.kind == "single"])}
-    assert (groups["all"], groups["gap >= 2"], groups["gap >= 4: viscous_friction"], groups["gap >= 4: planar2"]) == (
-        2,
-        1,
-        1,
-        1,
-    )
-
-
-def test_false_claims_are_counted_over_nulls_alone():
-    assert dict(null_rows(some_cases()))["all"] == proportion([False, True])
-
-
 def test_confusion_counts_truth_against_what_leads():
     table = confusion(some_cases())
     assert table.counts[table.rows.index("none")][table.columns.index("payload")] == 1
     assert "viscous_friction" in confusion_text(table)
 
 
+def figure(name, cases):
+    return next(f for f in FIGURES if f.name == name).of(cases)
+
+
+def test_false_claims_are_counted_over_nulls_alone():
+    assert figure("false claims on nulls", some_cases()) == proportion([False, True])
+
+
+def test_large_gaps_keep_the_nulls():
+    assert [x.kind for x in beyond(some_cases(), 2.0)] == ["single", "null", "null"]
+
+
+def test_an_aim_is_met_at_its_edge_and_missed_beyond_it():
+    aim = next(f for f in FIGURES if f.name == "false claims on nulls")
+    assert (aim.met(proportion([True] + 49 * [False])), aim.met(proportion([True] + 48 * [False]))) == (True, False)
+
+
+def test_no_case_meets_no_aim():
+    assert FIGURES[0].met(proportion([])) is None
+
+
+def test_a_mean_has_the_normal_interval():
+    """Closed form: 1, 2, 3 have the mean 2 and the standard error 1 / sqrt 3."""
+    assert average([1.0, 2.0, 3.0]).interval == pytest.approx((2 - 1.959964 / 3**0.5, 2 + 1.959964 / 3**0.5))
+
+
+PAIR = {
+    **answer("viscous_friction"),
+    "kind": "pair",
+    "effects": [
+        {"effect": "viscous_friction", "joint": "j1", "parameters": {"coefficient": 0.5}},
+        {"effect": "coulomb_friction", "joint": "j2", "parameters": {"torque": 0.2}},
+    ],
+    "gap_in_floors": [6.0, 3.0],
+}
+
+
+def test_both_effects_of_a_pair_are_both_named():
+    x = judged(PAIR, entry(finding("viscous_friction"), finding("coulomb_friction", "j2", closed=0.3)))
+    assert (x.all_named, x.exact, x.in_set, x.joint, x.extra, x.set_size) == (True, True, True, True, False, 2)
+
+
+def test_one_effect_of_a_pair_is_not_both():
+    x = judged(PAIR, entry(finding("viscous_friction")))
+    assert (x.top1, x.all_named, x.in_set, x.joint, x.wrong_but_fits) == (True, False, False, False, True)
+
+
+def test_a_pair_with_one_effect_among_the_rivals_is_in_the_set_and_not_both_named():
+    other = finding("stribeck_friction", "j2", closed=0.3, rivals=[[("coulomb_friction", "j2")]])
+    x = judged(PAIR, entry(finding("viscous_friction"), other))
+    assert (x.all_named, x.in_set, x.extra, x.set_size) == (False, True, False, 3)
+
+
+def test_the_gap_of_a_pair_is_that_of_the_smaller_effect():
+    assert judged(PAIR, entry()).gap == 3.0
+
+
+def test_a_second_finding_that_shares_its_rival_with_the_first_is_extra():
+    rivals = [[("viscous_friction", "j1")]]
+    twice = [finding("coulomb_friction", rivals=rivals), finding("stribeck_friction", closed=0.1, rivals=rivals)]
+    assert judged(answer("viscous_friction"), entry(*twice)).extra
+
+
+OUTSIDE = {**answer(), "kind": "outside", "outside": {"name": "shaker", "joint": "j1"}, "paired_gap": 5.0}
+
+
+@pytest.mark.parametrize(("verdict", "wrong"), [("unknown", False), ("explained", True), ("partly_explained", True)])
+def test_a_closed_gap_outside_the_catalogue_is_wrong_unless_it_is_called_unknown(verdict, wrong):
+    x = judged(OUTSIDE, entry(finding("viscous_friction"), verdict=verdict))
+    assert (x.effect, x.wrong_but_fits) == ("shaker", wrong)
+
+
+def test_explained_outside_the_catalogue_is_wrong_however_little_is_closed():
+    assert judged(OUTSIDE, entry(finding("viscous_friction"), verdict="explained", after=4.9)).wrong_but_fits
+
+
+def test_what_is_closed_is_measured_against_a_fit_that_knows_the_cause():
+    """Closed form: losses 25, 4 and 1 of the given model, the diagnosis and the oracle."""
+    x = judged(answer("viscous_friction"), entry(finding("viscous_friction"), after=2.0), entry(after=1.0))
+    assert x.of_oracle == pytest.approx((25.0 - 4.0) / (25.0 - 1.0))
+
+
+def test_a_list_of_parameters_is_compared_number_by_number_and_phases_around_the_circle():
+    truth = answer("cogging", parameters={"order": [12], "amplitude": [0.1], "phase": [3.1]})
+    said = finding("cogging")
+    said["parameters"] = {
+        "order": {"value": [12], "std": [0.0], "unit": ""},
+        "amplitude": {"value": [0.11], "std": [0.01], "unit": "N m"},
+        "phase": {"value": [-3.1], "std": [0.01], "unit": "rad"},
+    }
+    x = judged(truth, entry(said))
+    assert x.covered == (True, False)
+    assert x.errors == pytest.approx((0.1, (2 * 3.141592653589793 - 6.2) / 3.141592653589793))
+
+
+def test_baselines_are_scored_in_the_true_noise_floors(tmp_path):
+    """A baseline knows no noise floor: with the true one, 4 after a gap of 5 floors is no fit."""
+    said = entry(finding("coulomb_friction"), before=5.0, after=4.0)["diagnosis"]
+    said["joints"][0]["noise_floor"] = 4.0
+    (tmp_path / "c1.json").write_text(json.dumps({**FAILED, "diagnosis": {"always_coulomb": {**said, "seconds": 0.5}}}))
+    answers = tmp_path / "answers"
+    answers.mkdir()
+    (answers / "c1.json").write_text(json.dumps(answer("viscous_friction") | {"noise_floor": [1.0]}))
+    case = load_baselines(answers, tmp_path, ["c1"])["always_coulomb"][0]
+    assert (case.gap_closed, case.seconds) == (pytest.approx((25.0 - 16.0) / 24.0), 0.5)
+
+
+def test_a_baseline_that_was_left_out_has_no_cases(tmp_path):
+    said = {"mujoco_sysid": {"left_out": "not installed", "verdict": "failed", "findings": [], "joints": []}}
+    (tmp_path / "c1.json").write_text(json.dumps({**FAILED, "diagnosis": said}))
+    answers = tmp_path / "answers"
+    answers.mkdir()
+    (answers / "c1.json").write_text(json.dumps(answer("viscous_friction")))
+    assert load_baselines(answers, tmp_path, ["c1"])["mujoco_sysid"] == []
+
+
 def test_the_score_is_written_as_text_numbers_and_picture(tmp_path):
     text = write_score(some_cases(), tmp_path)
-    assert sorted(p.name for p in tmp_path.iterdir()) == ["confusion.png", "score.json", "score.md"]
+    assert sorted(p.name for p in tmp_path.iterdir()) == ["confusion.png", "confusion.txt", "score.json", "score.md"]
     assert "50 % (9 to 91)" in text
 
 
 def test_the_report_of_no_case_has_no_numbers():
-    assert "| all   | 0     | -" in report([])
-    assert as_json([])["single"]["all"]["cases"] == 0
+    assert "| false claims on nulls                               | at most 2 %   | -" in report([])
+    assert as_json([])["figures"]["false claims on nulls"]["gap >= 2"]["total"] == 0
 
 
 def test_a_missing_result_is_told(tmp_path):

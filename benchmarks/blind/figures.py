@@ -1,0 +1,113 @@
+"""The figures of the sealed cases, what is to be reached, and whether it is."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from math import isfinite
+
+from benchmarks.blind.judged import Judged
+from benchmarks.blind.proportions import Average, Proportion, average, proportion
+
+Cases = Sequence[Judged]
+Score = Proportion | Average
+
+
+@dataclass(frozen=True)
+class Figure:
+    """One row of the table.
+
+    Attributes:
+        name: As printed.
+        low, high: What is to be reached, both ends included; a row without an aim leaves both open.
+        aim: The same in words.
+        of: The figure of some cases.
+    """
+
+    name: str
+    low: float
+    high: float
+    aim: str
+    of: Callable[[Cases], Score]
+
+    def met(self, score: Score) -> bool | None:
+        """Whether the aim is reached; None without an aim or without cases."""
+        if not self.aim or not isfinite(score.value):
+            return None
+        return self.low <= score.value <= self.high
+
+
+def of_kind(cases: Cases, *kinds: str) -> list[Judged]:
+    """Those of the given kinds."""
+    return [x for x in cases if x.kind in kinds]
+
+
+def _singles(cases: Cases) -> list[Judged]:
+    return of_kind(cases, "single")
+
+
+def _inside(cases: Cases) -> list[Judged]:
+    return of_kind(cases, "single", "pair")
+
+
+def _at_most(name: str, share: float, of: Callable[[Cases], Score]) -> Figure:
+    return Figure(name, 0.0, share, f"at most {100 * share:.0f} %", of)
+
+
+def _at_least(name: str, share: float, of: Callable[[Cases], Score]) -> Figure:
+    return Figure(name, share, 1.0, f"at least {100 * share:.0f} %", of)
+
+
+FIGURES = (
+    _at_most("false claims on nulls", 0.02, lambda c: proportion(x.false_claim for x in of_kind(c, "null"))),
+    _at_most("extra finding that is not there", 0.05, lambda c: proportion(x.extra for x in _inside(c))),
+    _at_most("`unknown` inside the catalogue", 0.05, lambda c: proportion(x.verdict == "unknown" for x in _inside(c))),
+    _at_least("joint named right", 0.98, lambda c: proportion(x.joint for x in _inside(c))),
+    _at_least("top-1 effect, twins as one", 0.90, lambda c: proportion(x.top1 for x in _singles(c))),
+    Figure("top-1 effect, strict", 0.0, 1.0, "", lambda c: proportion(x.top1_strict for x in _singles(c))),
+    _at_least("truth in returned set", 0.97, lambda c: proportion(x.in_set for x in _inside(c))),
+    Figure(
+        "mean set size, singles",
+        0.0,
+        1.6,
+        "at most 1.6",
+        lambda c: average(x.set_size for x in _singles(c) if x.claims),
+    ),
+    Figure(
+        "mean set size, pairs",
+        0.0,
+        3.2,
+        "at most 3.2",
+        lambda c: average(x.set_size for x in of_kind(c, "pair") if x.claims),
+    ),
+    _at_least("both effects of a pair", 0.80, lambda c: proportion(x.all_named for x in of_kind(c, "pair"))),
+    _at_least(
+        "`unknown` outside the catalogue",
+        0.85,
+        lambda c: proportion(x.verdict == "unknown" for x in of_kind(c, "outside")),
+    ),
+    _at_most(
+        "fits but wrong", 0.02, lambda c: proportion(x.wrong_but_fits for x in of_kind(c, "single", "pair", "outside"))
+    ),
+    Figure(
+        "parameter within its 95 % interval",
+        0.90,
+        0.98,
+        "90 to 98 %",
+        lambda c: proportion(e for x in _inside(c) for e in x.covered),
+    ),
+    _at_least(
+        "gap closed, share of an oracle that knows the cause",
+        0.95,
+        lambda c: average((x.of_oracle for x in _inside(c)), share=True),
+    ),
+    Figure("no claim on a case with an effect", 0.0, 1.0, "", lambda c: proportion(not x.claims for x in _inside(c))),
+    Figure("nothing but the truth named", 0.0, 1.0, "", lambda c: proportion(x.exact for x in _inside(c))),
+)
+# Of a method that states neither residuals, rivals nor intervals.
+BASELINE_FIGURES = tuple(f for f in FIGURES if not f.name.startswith(("parameter", "gap closed")))
+
+
+def beyond(cases: Cases, floors: float) -> list[Judged]:
+    """Nulls, and the other cases of at least so many noise floors (of a pair: the smaller effect)."""
+    return [x for x in cases if x.kind == "null" or x.gap >= floors]

@@ -1,0 +1,64 @@
+"""A fit that is told the cause: what the best explanation would close of the gap.
+
+``python oracle.py robot.urdf log.csv --json FILE`` in a folder that also holds the ``answer.json`` of the case. Same
+columns, nuisances, noise, blocks and refits as a diagnosis, but in the place of its search stand the true effects, each
+with the best of its shapes. Run after the diagnoses, in a process of its own, because it opens answers.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import sys
+from collections.abc import Callable
+from itertools import product
+from pathlib import Path
+
+from identification.diagnosis import diagnose as pieces
+from identification.diagnosis.outputs import write_outputs
+from identification.diagnosis.search import Search
+from identification.diagnosis.terms import Term
+from identification.recordings import read_recording
+from phantom_dyn.loading import load_robot
+
+Place = tuple[str, str | None]
+
+
+def told(truth: frozenset[Place]) -> Callable[..., frozenset[Term]]:
+    """A search that returns the true effects; those that leave no trace in the recording are left out."""
+
+    def search_told(search: Search, progress: Callable[[str], None], *_: object) -> frozenset[Term]:
+        by_place: dict[Place, list[Term]] = {}
+        for term in search.terms:
+            if term.place in truth:
+                by_place.setdefault(term.place, []).append(term)
+        progress("fitting what is true")
+        sets = [frozenset(chosen) for chosen in product(*by_place.values())]
+        return min(sets, key=search.score)
+
+    return search_told
+
+
+def oracle(robot_file: Path, log_file: Path, truth: frozenset[Place], json_file: Path) -> None:
+    """Writes the diagnosis of a case whose search is told the truth."""
+    robot = load_robot(robot_file)
+    # The one place where a piece of the diagnosis is exchanged: this process does nothing else.
+    pieces.explain = told(truth)
+    diagnosis = pieces.diagnose(robot, (read_recording(log_file, robot),))
+    write_outputs(diagnosis, robot, out=None, json_file=json_file)
+
+
+def main(arguments: list[str] | None = None) -> int:
+    parser = argparse.ArgumentParser(description="Fit the true effects of one case.")
+    parser.add_argument("robot", type=Path)
+    parser.add_argument("log", type=Path)
+    parser.add_argument("--json", type=Path, required=True, metavar="FILE")
+    given = parser.parse_args(arguments)
+    answer = json.loads(Path("answer.json").read_text())
+    truth = frozenset((e["effect"], e["joint"]) for e in answer.get("truth", answer["effects"]))
+    oracle(given.robot, given.log, truth, given.json)
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())

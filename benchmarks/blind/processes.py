@@ -1,0 +1,103 @@
+"""One process for each case, in a folder of its own that holds the case and nothing else."""
+
+from __future__ import annotations
+
+import json
+import os
+import shutil
+import subprocess
+import sys
+import tempfile
+import time
+from collections.abc import Sequence
+from concurrent.futures import ThreadPoolExecutor, as_completed
+from pathlib import Path
+
+from benchmarks.blind.generate import FILES
+
+TIMEOUT = 600.0
+HIDDEN = ("PYTHONPATH", "PWD", "OLDPWD")
+HERE = Path(__file__).resolve().parent
+BASELINES = (sys.executable, str(HERE / "baselines" / "answers.py"))
+ORACLE = (sys.executable, str(HERE / "oracle.py"))
+
+
+def default_command() -> list[str]:
+    """The installed command beside this interpreter, else the one on the search path."""
+    beside = Path(sys.executable).with_name("phantom-dyn")
+    found = str(beside) if beside.is_file() else shutil.which("phantom-dyn")
+    if found is None:
+        raise SystemExit("The command phantom-dyn is not installed: run 'make setup' first.")
+    return [found, "diagnose"]
+
+
+def run_case(command: Sequence[str], case: Path, results: Path, answer: Path | None = None) -> Path:
+    """One case in its own process: it gets a copy of the case folder at a random place, and nothing else.
+
+    Args:
+        command: Called with robot, log and ``--json FILE``.
+        case: Folder of the case.
+        results: Where the result file ``<id>.json`` goes: what the command wrote, or what went wrong, with the seconds
+            of the whole process.
+        answer: Put beside the case as ``answer.json``; only for what runs after the diagnoses.
+    """
+    result = results / f"{case.name}.json"
+    with tempfile.TemporaryDirectory(prefix="case-") as place:
+        for name in FILES:
+            shutil.copy(case / name, Path(place) / name)
+        if answer is not None:
+            shutil.copy(answer, Path(place) / "answer.json")
+        environment = {k: v for k, v in os.environ.items() if k not in HIDDEN}
+        environment |= {"OMP_NUM_THREADS": "1", "OPENBLAS_NUM_THREADS": "1"}
+        start = time.perf_counter()
+        try:
+            done = subprocess.run(
+                [*command, "robot.urdf", "log.csv", "--json", "diagnosis.json"],
+                cwd=place,
+                env=environment,
+                stdin=subprocess.DEVNULL,
+                capture_output=True,
+                text=True,
+                timeout=TIMEOUT,
+            )
+            code, said = done.returncode, done.stderr
+        except subprocess.TimeoutExpired:
+            code, said = -1, f"no result within {TIMEOUT:.0f} s"
+        seconds = time.perf_counter() - start
+        written = Path(place) / "diagnosis.json"
+        diagnosis = json.loads(written.read_text()) if code == 0 and written.is_file() else None
+    entry = {"id": case.name, "exit_code": code, "seconds": seconds, "said": said[-2000:], "diagnosis": diagnosis}
+    part = result.with_suffix(".part")
+    part.write_text(json.dumps(entry, indent=1) + "\n")
+    part.replace(result)
+    return result
+
+
+def run_all(
+    command: Sequence[str],
+    names: Sequence[str],
+    cases: Path,
+    results: Path,
+    *,
+    jobs: int,
+    what: str,
+    answers: Path | None = None,
+) -> None:
+    """Runs a command on the cases that have no result yet; ``answers`` only for what may open them."""
+    results.mkdir(parents=True, exist_ok=True)
+    waiting = [name for name in names if not (results / f"{name}.json").is_file()]
+    with ThreadPoolExecutor(jobs) as pool:
+        running = [
+            pool.submit(run_case, command, cases / name, results, answers / f"{name}.json" if answers else None)
+            for name in waiting
+        ]
+        try:
+            for count, one in enumerate(as_completed(running), start=1):
+                one.result()
+                print(f"\r{what}: {count} of {len(waiting)} cases", end="", file=sys.stderr, flush=True)
+        except BaseException:
+            for one in running:
+                one.cancel()
+            raise
+    if waiting:
+        print(file=sys.stderr)
