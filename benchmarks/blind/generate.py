@@ -1,6 +1,8 @@
 """Writes sealed cases: what the diagnosis may see into one folder, the answers into another.
 
-Example: ``python benchmarks/blind/generate.py --seeds 0:40 --kind mixed --cases DIR --answers DIR``
+Example: ``python -m benchmarks.blind.generate --singles 0:120 --nulls 0:60 --cases DIR --answers DIR``, or one kind
+with ``--seeds 0:40 --kind single``. Without any seeds: the reporting ranges (`REPORTING`).
+Cases that are there are kept.
 """
 
 from __future__ import annotations
@@ -16,7 +18,16 @@ if __package__ in (None, ""):  # called by its path: the checkout is not on the 
 
 from benchmarks.blind.generator.case import case_id, draw_case, resolved_kind, write_case
 
-KINDS = ("mixed", "null", "single")
+KINDS = ("mixed", "null", "single", "pair", "outside")
+# Every kind has its own stream, so a seed may serve once for each. Below 1000: development. 1000 to 2999 were opened
+# for earlier reports. From 3000 on: opened once, for the report.
+REPORTING = {
+    "single": range(3000, 3250),
+    "null": range(4000, 4300),
+    "pair": range(5000, 5080),
+    "outside": range(6000, 6080),
+}
+OPTIONS = {"single": "--singles", "null": "--nulls", "pair": "--pairs", "outside": "--outside"}
 FILES = ("robot.urdf", "robot.yaml", "log.csv")
 
 
@@ -67,16 +78,27 @@ def draw_many(seeds: range, kind: str, cases: Path, answers: Path, jobs: int) ->
         return [one.result() for one in waiting]
 
 
+def chosen_batches(given: argparse.Namespace) -> list[tuple[str, range]]:
+    """Kinds and seeds that were asked for; the reporting ranges where nothing was."""
+    batches = [(given.kind, given.seeds)] if given.seeds else []
+    batches += [(kind, seeds) for kind in OPTIONS if (seeds := getattr(given, kind))]
+    return batches or list(REPORTING.items())
+
+
 def main(arguments: list[str] | None = None) -> int:
     parser = argparse.ArgumentParser(description="Write sealed cases and their answers.")
-    parser.add_argument("--seeds", type=seed_range, default=range(40), metavar="FIRST:END")
+    parser.add_argument("--seeds", type=seed_range, metavar="FIRST:END", help="of --kind")
     parser.add_argument("--kind", choices=KINDS, default="mixed")
+    for kind, option in OPTIONS.items():
+        parser.add_argument(option, dest=kind, type=seed_range, metavar="FIRST:END", help=f"seeds of kind {kind}")
     parser.add_argument("--cases", type=Path, required=True, metavar="DIR", help="what the diagnosis may see")
     parser.add_argument("--answers", type=Path, required=True, metavar="DIR", help="what only the scorer may see")
     parser.add_argument("--jobs", type=int, default=2)
     given = parser.parse_args(arguments)
-    names = draw_many(given.seeds, given.kind, given.cases, given.answers, given.jobs)
-    print(f"{len(names)} cases in {given.cases}, their answers in {given.answers}")
+    count = 0
+    for kind, seeds in chosen_batches(given):
+        count += len(draw_many(seeds, kind, given.cases, given.answers, given.jobs))
+    print(f"{count} cases in {given.cases}, their answers in {given.answers}")
     return 0
 
 

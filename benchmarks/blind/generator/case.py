@@ -7,7 +7,7 @@ Case folder: ``robot.urdf``, ``robot.yaml``, ``log.csv`` (`FILES`). Answer: ``<i
 ``id``, ``seed``, ``kind``
     Kind is ``null``, ``single``, ``pair`` or ``outside``.
 ``robot``, ``joints``, ``passive_joints``
-    ``pendulum``, ``planar2``, ``spatial3``, ``phantom``, ``six``, ``panda``; its active and its passive joints in order.
+    ``pendulum``, ``planar2``, ``spatial3``, ``phantom``, ``six``, ``panda``; its active and its passive joints.
 ``truth`` (``effects`` is the same list)
     Findings: ``effect``, ``joint`` (a name; null for the whole robot; ``j2+j3`` for a coupling), ``parameters`` as in
     the contract, and ``gap_in_floors``: root mean square of the paired difference to the same run without this effect,
@@ -26,8 +26,8 @@ Case folder: ``robot.urdf``, ``robot.yaml``, ``log.csv`` (`FILES`). Answer: ``<i
     One list of ``{effect, joint, leaves}`` for single cases; for pairs each entry also has ``of``, the index in
     ``truth`` of the effect that it stands in for: what this recording cannot part from that effect.
 ``null_kind``, ``inside``
-    Of a null: ``normal`` (draws of the tolerance), ``full`` (even draws over the whole of it) or ``effect_inside``, with
-    the effect that stays inside the tolerance as ``{effect, joint}``.
+    Of a null: ``normal`` (draws of the tolerance), ``full`` (even draws over the whole of it) or ``effect_inside``,
+    with the effect that stays inside the tolerance as ``{effect, joint}``.
 ``rate``, ``torque_hold``, ``encoder_counts``, ``reference``
     Of the recording.
 """
@@ -39,38 +39,31 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
-from scipy.signal import lfilter
 
-from benchmarks.blind.generator.effects import SINGLE_EFFECTS, Effect, draw_recipe, plant_with
-from benchmarks.blind.generator.reference import KINDS, draw_reference
+from benchmarks.blind.generator.drawing import draw_cause, draw_pair, draw_single
+from benchmarks.blind.generator.effects import SINGLE_EFFECTS, Effect, joint_name, stated_parameters
+from benchmarks.blind.generator.files import robot_yaml, urdf_text
+from benchmarks.blind.generator.outside import NAMES
 from benchmarks.blind.generator.rivals import alike
-from benchmarks.blind.generator.robots import ROBOTS, Table, Tolerance, draw_table, perturbed, robot_yaml, urdf_text
-from benchmarks.blind.generator.simulate import Run, Session, feedforward, simulate
-from benchmarks.blind.generator.sizing import BAND, over_reached, paired_gap, ruler, sized
+from benchmarks.blind.generator.robots import Tolerance
+from benchmarks.blind.generator.setup import (
+    CODES,
+    TRIES_PER_ROBOT,
+    Setup,
+    draw_setup,
+    generators,
+    logged_torque,
+    run_of,
+    tracks,
+)
+from benchmarks.blind.generator.simulate import Run
+from benchmarks.blind.generator.sizing import BAND, Ruler, noise_floor, rms, ruler, size_of
 
-SIZES = (0.5, 16.0)  # noise floors, drawn evenly in the logarithm
-NOISE = (0.01, 0.03)  # disturbance over the torque of the motion, drawn evenly in the logarithm
-
-
-@dataclass(frozen=True)
-class Setup:
-    """A robot, its model and a session, before any effect.
-
-    Attributes:
-        owner: The model that the diagnosis is given.
-        truth: The robot that moves.
-        tolerance: What the model states about itself.
-        torque_hold: ``zoh`` or ``instant``, as the log is written.
-        reference_kind: Of the motion.
-        session: Reference, noise and encoder.
-    """
-
-    owner: Table
-    truth: Table
-    tolerance: Tolerance
-    torque_hold: str
-    reference_kind: str
-    session: Session
+KINDS = tuple(CODES)
+NULL_KINDS = ("normal", "full", "effect_inside")
+INSIDE = ("viscous_friction", "coulomb_friction", "rotor_inertia", "inertial_parameters")
+NEARLY_ALL = (1.6, 2.0)  # sigmas: how far an effect goes that stays inside the tolerance
+ATTEMPTS = 8 * TRIES_PER_ROBOT
 
 
 @dataclass(frozen=True)
@@ -94,127 +87,136 @@ def resolved_kind(seed: int, kind: str) -> str:
     """``mixed`` becomes ``null`` or ``single`` with equal chance, by the seed alone."""
     if kind == "mixed":
         return ("null", "single")[int(np.random.default_rng([seed, 0]).integers(2))]
-    if kind not in ("null", "single"):
-        raise ValueError(f"No kind {kind!r}: there are null, single and mixed.")
+    if kind not in KINDS:
+        raise ValueError(f"No kind {kind!r}: there are {', '.join(KINDS)} and mixed.")
     return kind
 
 
-def _disturbance(rng: np.random.Generator, n: int, rate: float, level: np.ndarray) -> np.ndarray:
-    """Torque noise, white and first-order coloured in equal parts within the band, ``(n, nv)`` [N m]."""
-    white = rng.normal(size=(n, len(level))) * np.sqrt(0.5 * rate / (2.0 * BAND))
-    keep = np.exp(-2.0 * np.pi * rng.uniform(5.0, 15.0) / rate)
-    coloured = lfilter([np.sqrt(1.0 - keep**2)], [1.0, -keep], rng.normal(size=(n, len(level))), axis=0)
-    return level * np.sqrt(0.5) * (white + coloured)
-
-
-def draw_setup(seed: int, attempt: int = 0, *, robot: str | None = None, tolerance: Tolerance | None = None) -> Setup:
-    """Robot, truth, motion and noise of a seed; ``attempt`` counts redraws of an impossible motion."""
-    rng = {
-        name: np.random.default_rng([seed, attempt, i]) for i, name in enumerate(("robot", "truth", "motion", "noise"))
+def _entry(effect: Effect, change: np.ndarray, setup: Setup) -> dict:
+    return {
+        "effect": effect.effect,
+        "joint": joint_name(effect, setup.owner),
+        "parameters": stated_parameters(effect),
+        "gap_in_floors": size_of(change),
     }
-    tolerance = tolerance or Tolerance()
-    name = robot or ROBOTS[int(rng["robot"].integers(len(ROBOTS)))]
-    owner = draw_table(rng["robot"], name)
-    rate = float(rng["motion"].choice((500.0, 1000.0)))
-    n = round(rate * rng["motion"].uniform(18.0, 20.0))
-    kind = str(rng["motion"].choice(KINDS, p=(0.25, 0.15, 0.6)))
-    reference = draw_reference(rng["motion"], name, kind, np.arange(n) / rate)
-    noise = rng["noise"]
-    level = np.exp(noise.uniform(*np.log(NOISE))) * np.sqrt(np.mean(feedforward(owner, reference, rate) ** 2, axis=0))
-    counts = 4096 * int(np.exp(noise.uniform(np.log(4), np.log(128.999))))
-    hold = str(noise.choice(("zoh", "instant")))
-    dither = noise.normal(size=reference.shape) * 0.2 * 2.0 * np.pi / counts
-    session = Session(
-        rate, reference, _disturbance(noise, n, rate, level), counts, dither, float(noise.uniform(3.0, 6.0))
-    )
-    return Setup(owner, perturbed(rng["truth"], owner, tolerance), tolerance, hold, kind, session)
 
 
-def quiet(setup: Setup) -> Setup:
-    """The same setup without any noise and with an ideal encoder."""
-    session, none = setup.session, np.zeros_like(setup.session.reference)
-    return replace(setup, session=replace(session, disturbance=none, dither=none, encoder_counts=0))
-
-
-def run_of(setup: Setup, effect: Effect | None) -> Run:
-    """The recording of the setup with the effect in the robot."""
-    return simulate(plant_with(effect, setup.truth), setup.owner, setup.session)
-
-
-def logged_torque(run: Run, torque_hold: str) -> np.ndarray:
-    """The torque column: the held value, or at the sample itself the mean of the holds on both sides of it."""
-    if torque_hold == "zoh":
-        return run.command
-    before = np.vstack([run.command[:1], run.command[:-1]])
-    return 0.5 * (before + run.command)
-
-
-def _tracks(run: Run, setup: Setup) -> bool:
-    """The robot went where it was sent, and not through its joint limits."""
-    error = np.abs(run.q[:-1] - setup.session.reference)
-    return bool(np.isfinite(run.q).all() and error.max() < 0.6 and np.abs(run.q).max() < 3.0)
-
-
-def _drawn_effect(seed: int, attempt: int, setup: Setup, without: Run) -> tuple[Effect, Run, dict] | None:
-    rng = np.random.default_rng([seed, attempt, 9])
-    measure = ruler(setup.owner, setup.truth, setup.tolerance, setup.session, without)
-    size = float(np.exp(rng.uniform(*np.log(SIZES))))
-    # By the seed and not drawn: a block of seeds then holds every effect equally often.
-    effect = sized(draw_recipe(rng, SINGLE_EFFECTS[seed % len(SINGLE_EFFECTS)], setup.owner), measure, size)
-    if effect is None:
-        return None
-    run = run_of(setup, effect)
-    if not _tracks(run, setup):
-        return None
-    reached = rms_reached(measure.change(effect))
-    gap = paired_gap(run, without, setup.truth, setup.session, measure.floor)
-    figures = {
+def _figures(change: np.ndarray, measure: Ruler, size: float) -> dict:
+    return {
         "drawn_size": size,
-        "size": measure.size(effect),
-        "beyond_tolerance": measure.beyond_tolerance(effect),
-        "paired_gap": over_reached(np.where(reached, gap, 0.0)),
-        "paired_gap_per_joint": gap.tolist(),
+        "paired_gap": size_of(change),
+        "paired_gap_per_joint": rms(change).tolist(),
+        "beyond_tolerance": measure.beyond_tolerance(change),
         "noise_floor": measure.floor.tolist(),
-        "alike": alike(effect, measure),
     }
-    return effect, run, figures
 
 
-def rms_reached(change: np.ndarray) -> np.ndarray:
-    """Which joints a change of torque ``(n, nv)`` reaches at all."""
-    return np.sqrt(np.mean(change**2, axis=0)) > 1e-6
+def _single(seed: int, rng: np.random.Generator, setup: Setup, measure: Ruler) -> tuple[Run, dict] | None:
+    # By the seed and not drawn: a block of seeds then holds every effect equally often.
+    drawn = draw_single(rng, SINGLE_EFFECTS[seed % len(SINGLE_EFFECTS)], setup, measure)
+    if drawn is None:
+        return None
+    effect, found, size = drawn
+    truth = [_entry(effect, found.change, setup)]
+    return found.run, {
+        "truth": truth,
+        **_figures(found.change, measure, size),
+        "alike": alike(effect, found.change, measure),
+    }
 
 
-def draw_case(seed: int, kind: str = "mixed") -> Case:
-    """The case of a seed; the same seed and kind give the same bytes."""
+def _pair(seed: int, rng: np.random.Generator, setup: Setup, measure: Ruler) -> tuple[Run, dict] | None:
+    drawn = draw_pair(rng, SINGLE_EFFECTS[seed % len(SINGLE_EFFECTS)], setup, measure)
+    if drawn is None:
+        return None
+    effects, found, own, size = drawn
+    same = [
+        {"of": i, **one}
+        for i, (effect, change) in enumerate(zip(effects, own, strict=True))
+        for one in alike(effect, change, measure)
+    ]
+    truth = [_entry(effect, change, setup) for effect, change in zip(effects, own, strict=True)]
+    return found.run, {"truth": truth, **_figures(found.change, measure, size), "alike": same}
+
+
+def _outside(seed: int, rng: np.random.Generator, setup: Setup, measure: Ruler) -> tuple[Run, dict] | None:
+    drawn = draw_cause(rng, NAMES[seed % len(NAMES)], setup, measure)
+    if drawn is None:
+        return None
+    cause, found, size = drawn
+    joint = None if cause.joint < 0 else setup.owner.links[cause.joint].joint
+    outside = {"name": cause.name, "joint": joint, "parameters": dict(cause.parameters)}
+    figures = _figures(found.change, measure, size)
+    return found.run, {"truth": [], "outside": outside, **figures, "gap_in_floors": [figures["paired_gap"]]}
+
+
+def _inside(rng: np.random.Generator, setup: Setup) -> tuple[Setup, dict]:
+    """The setup with one modelled quantity of one link moved by nearly the whole tolerance: no gap by definition."""
+    name, i, tolerance = str(rng.choice(INSIDE)), int(rng.choice(setup.owner.active)), setup.tolerance
+    mine, true, sigmas = setup.owner.links[i], setup.truth.links[i], rng.uniform(*NEARLY_ALL)
+    if name == "viscous_friction":
+        true = replace(true, viscous=mine.viscous * (1.0 + sigmas * tolerance.friction))
+    elif name == "coulomb_friction":
+        true = replace(true, coulomb=mine.coulomb * (1.0 + sigmas * tolerance.friction))
+    elif name == "rotor_inertia":
+        true = replace(true, rotor_inertia=mine.rotor_inertia * (1.0 + sigmas * tolerance.rotor_inertia))
+    else:
+        factor = 1.0 + sigmas * tolerance.inertia * float(rng.choice((-1.0, 1.0)))
+        true = replace(true, mass=mine.mass * factor, inertia=tuple(factor * x for x in mine.inertia))
+    return replace(setup, truth=setup.truth.with_link(i, true)), {"effect": name, "joint": mine.joint}
+
+
+def _null(seed: int, attempt: int, robot: str | None) -> Case | None:
+    kind = NULL_KINDS[seed // 6 % len(NULL_KINDS)]
+    setup, inside = draw_setup(seed, attempt, kind="null", robot=robot, full=kind == "full"), None
+    if kind == "effect_inside":
+        setup, inside = _inside(np.random.default_rng([seed, CODES["null"], attempt, 9]), setup)
+    run = run_of(setup)
+    if not tracks(run, setup):
+        return None
+    floor = noise_floor(setup.owner, setup.session, run)
+    figures = {"truth": [], "paired_gap": 0.0, "paired_gap_per_joint": [0.0] * len(floor), "beyond_tolerance": 0.0}
+    said = {"noise_floor": floor.tolist(), "alike": [], "null_kind": kind, "inside": inside}
+    return _packed(seed, "null", setup, run, {**figures, **said})
+
+
+def _gap(seed: int, kind: str, attempt: int, robot: str | None) -> Case | None:
+    outside = NAMES[seed % len(NAMES)] if kind == "outside" else ""
+    setup = draw_setup(seed, attempt, kind=kind, robot=robot, outside=outside)
+    without = run_of(setup)
+    if not tracks(without, setup):
+        return None
+    measure = ruler(setup.owner, setup.truth, setup.tolerance, setup.session, without)
+    draw = {"single": _single, "pair": _pair, "outside": _outside}[kind]
+    found = draw(seed, generators(seed, kind, attempt + 1000, "effect")["effect"], setup, measure)
+    return None if found is None else _packed(seed, kind, setup, *found)
+
+
+def draw_case(seed: int, kind: str = "mixed", *, robot: str | None = None) -> Case:
+    """The case of a seed; the same seed and kind give the same bytes. ``robot`` in place of the seed's for trials."""
     kind = resolved_kind(seed, kind)
-    for attempt in range(20):
-        setup = draw_setup(seed, attempt)
-        without = run_of(setup, None)
-        if not _tracks(without, setup):
-            continue
-        if kind == "null":
-            return _packed(seed, kind, setup, without, [], {"paired_gap": 0.0})
-        drawn = _drawn_effect(seed, attempt, setup, without)
-        if drawn is not None:
-            effect, run, figures = drawn
-            joint = None if effect.effect == "payload" else setup.owner.joints[effect.joint]
-            entry = {"effect": effect.effect, "joint": joint, "parameters": dict(effect.parameters)}
-            return _packed(seed, kind, setup, run, [entry], figures)
-    raise RuntimeError(f"Seed {seed} gives no possible case in 20 draws: use another seed.")
+    for attempt in range(ATTEMPTS):
+        case = _null(seed, attempt, robot) if kind == "null" else _gap(seed, kind, attempt, robot)
+        if case is not None:
+            return case
+    raise RuntimeError(f"Seed {seed} gives no possible case in {ATTEMPTS} draws: use another seed.")
 
 
-def _packed(seed: int, kind: str, setup: Setup, run: Run, effects: list[dict], figures: dict) -> Case:
-    joints, session = setup.owner.joints, setup.session
-    name = case_id(seed, kind)
+def _packed(seed: int, kind: str, setup: Setup, run: Run, figures: dict) -> Case:
+    owner, session = setup.owner, setup.session
+    joints, name = owner.joints, case_id(seed, kind)
     answer = {
-        "schema": "blind-answer/1",
+        "schema": "blind-answer/2",
         "id": name,
         "seed": seed,
         "kind": kind,
-        "robot": setup.owner.name,
+        "robot": owner.name,
         "joints": list(joints),
-        "effects": effects,
+        "passive_joints": [passive for passive, _ in owner.passive],
+        "effects": figures["truth"],
+        "outside": None,
+        "gap_in_floors": [one["gap_in_floors"] for one in figures["truth"]],
+        "alike": [],
         **figures,
         "band_hz": [0.0, BAND],
         "rate": session.rate,
@@ -224,10 +226,9 @@ def _packed(seed: int, kind: str, setup: Setup, run: Run, effects: list[dict], f
     }
     header = ("t", *(f"q.{j}" for j in joints), *(f"tau.{j}" for j in joints))
     log = np.column_stack([run.t, run.measured, logged_torque(run, setup.torque_hold)])
-    yaml = robot_yaml(
-        setup.owner, torque_hold=setup.torque_hold, encoder_counts=session.encoder_counts, tolerance=setup.tolerance
-    )
-    return Case(name, urdf_text(setup.owner), yaml, header, log, answer)
+    tolerance: Tolerance = setup.tolerance
+    yaml = robot_yaml(owner, torque_hold=setup.torque_hold, encoder_counts=session.encoder_counts, tolerance=tolerance)
+    return Case(name, urdf_text(owner), yaml, header, log, answer)
 
 
 def write_case(case: Case, cases: Path) -> Path:

@@ -1,13 +1,14 @@
-"""The effects, from their equations: how each is drawn, what it does to the plant, and the torque it adds."""
+"""The effects of the catalogue, from their equations: what each does to the machine."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 
-from benchmarks.blind.generator.plant import JointFriction, Plant, bare_plant, rigid_torque, with_point_mass
+from benchmarks.blind.generator.arms import rotation
+from benchmarks.blind.generator.plant import Channel, Coupling, Encoder, JointFriction, Plant, with_point_mass
 from benchmarks.blind.generator.robots import Table, scaled_link
 
 SINGLE_EFFECTS = (
@@ -15,107 +16,59 @@ SINGLE_EFFECTS = (
     "coulomb_friction",
     "direction_dependent_friction",
     "stribeck_friction",
+    "presliding_friction",
+    "load_dependent_friction",
+    "backlash",
+    "transmission_compliance",
+    "joint_coupling",
+    "cogging",
+    "torque_saturation",
+    "torque_constant",
     "torque_offset",
+    "input_delay",
+    "actuator_lag",
     "rotor_inertia",
     "payload",
     "inertial_parameters",
-    "torque_constant",
+    "base_tilt",
     "parasitic_spring",
+    "encoder_offset",
+    "encoder_eccentricity",
+    "encoder_quantization",
 )
-FRICTION = SINGLE_EFFECTS[:4]
-INERTIAL = ("rotor_inertia", "payload", "inertial_parameters")
-
-
-@dataclass(frozen=True)
-class Recipe:
-    """An effect whose one magnitude is still open; the other numbers are drawn."""
-
-    effect: str
-    joint: int
-    shape: Mapping[str, float]
+LEVELS = ("viscous_friction", "coulomb_friction", "direction_dependent_friction", "stribeck_friction")
+WHOLE = -1  # in place of a joint: the whole robot
 
 
 @dataclass(frozen=True)
 class Effect:
-    """An effect with its parameters, named and signed as in the contract's table; ``joint`` is an index."""
+    """An effect with its parameters, named and signed as in the contract's table.
+
+    Attributes:
+        effect: Name.
+        joint: Index of the link whose joint it is; `WHOLE` for all.
+        parameters: By the contract's names; of a cogging its one wave.
+        second: Index of the other link of a coupling.
+    """
 
     effect: str
     joint: int
     parameters: Mapping[str, float]
+    second: int = WHOLE
 
 
-def draw_recipe(rng: np.random.Generator, effect: str, table: Table) -> Recipe:
-    """Joint and shape of an effect; the joint is one whose torque the effect can reach."""
-    nv = len(table.links)
-    joint, sign = int(rng.integers(nv)), float(rng.choice((-1.0, 1.0)))
-    shape: dict[str, float] = {}
-    if effect == "direction_dependent_friction":
-        level = sign * rng.uniform(0.2, 0.7)
-        viscous = float(rng.choice((0.0, 1.0), p=(0.25, 0.75)))
-        shape = {
-            "positive": 1.0 + level,
-            "negative": 1.0 - level,
-            "c_positive": viscous * rng.uniform(0.1, 0.9),
-            "c_negative": viscous * rng.uniform(0.1, 0.9),
-        }
-    elif effect == "stribeck_friction":
-        shape = {"coulomb": rng.uniform(0.3, 0.65), "speed": float(np.exp(rng.uniform(np.log(0.05), np.log(0.3))))}
-    elif effect in ("torque_offset", "torque_constant"):
-        shape = {"sign": sign}
-    elif effect == "parasitic_spring":
-        shape = {"rest": rng.uniform(-0.5, 0.5)}
-    elif effect == "payload":
-        joint = nv - 1
-        tip = 2.0 * np.asarray(table.links[-1].center) * rng.uniform(0.6, 1.1) + rng.uniform(-0.04, 0.04, size=3)
-        shape = {f"center_{axis}": float(x) for axis, x in zip("xyz", tip, strict=True)}
-    elif effect == "inertial_parameters":
-        # Of a link behind a vertical first joint only one moment is visible; the others carry gravity too.
-        joint = int(rng.integers(1, nv)) if abs(table.links[0].axis[2]) > 0.5 else joint
-        pull = rng.uniform(0.3, 1.0, size=3)
-        shape = {
-            name: float(sign * x) for name, x in zip(("mass", "center", "inertia"), pull / pull.max(), strict=True)
-        }
-    return Recipe(effect, joint, shape)
+def joint_name(effect: Effect, table: Table) -> str | None:
+    """The joint as the contract writes it."""
+    if effect.joint == WHOLE or effect.effect == "payload":
+        return None
+    name = table.links[effect.joint].joint
+    return f"{name}+{table.links[effect.second].joint}" if effect.second != WHOLE else name
 
 
-def realised(recipe: Recipe, m: float) -> Effect:
-    """The effect at magnitude ``m`` > 0 (a torque, a coefficient, a mass or a relative change)."""
-    s = recipe.shape
-    build = {
-        "viscous_friction": lambda: {"coefficient": m},
-        "coulomb_friction": lambda: {"torque": m},
-        "direction_dependent_friction": lambda: {
-            "torque_positive": m * s["positive"],
-            "torque_negative": m * s["negative"],
-            "coefficient_positive": m * s["c_positive"],
-            "coefficient_negative": m * s["c_negative"],
-        },
-        "stribeck_friction": lambda: {
-            "coulomb_torque": m * s["coulomb"],
-            "static_torque": m,
-            "stribeck_velocity": s["speed"],
-        },
-        "torque_offset": lambda: {"torque": s["sign"] * m},
-        "rotor_inertia": lambda: {"inertia": m},
-        "payload": lambda: {"mass": m, **s},
-        "inertial_parameters": lambda: {f"{name}_factor": 1.0 + m * x for name, x in s.items()},
-        "torque_constant": lambda: {"ratio": 1.0 + s["sign"] * m},
-        "parasitic_spring": lambda: {"stiffness": m, "rest_position": s["rest"]},
-    }
-    return Effect(recipe.effect, recipe.joint, build[recipe.effect]())
-
-
-def largest_magnitude(recipe: Recipe) -> float:
-    """Beyond this the machine is no longer the same robot, or not physical."""
-    if recipe.effect == "torque_constant":
-        return 0.5
-    if recipe.effect == "inertial_parameters":
-        return 0.6 if recipe.shape["mass"] < 0 else 1.5
-    return np.inf
-
-
-def _at(values: tuple, joint: int, value) -> tuple:
-    return (*values[:joint], value, *values[joint + 1 :])
+def stated_parameters(effect: Effect) -> dict:
+    """The parameters as the contract states them: those of a cogging are lists."""
+    plain = {name: float(value) for name, value in effect.parameters.items()}
+    return {name: [value] for name, value in plain.items()} if effect.effect == "cogging" else plain
 
 
 def joint_friction(effect: Effect) -> JointFriction:
@@ -129,73 +82,107 @@ def joint_friction(effect: Effect) -> JointFriction:
         return JointFriction(
             p["torque_positive"], p["torque_negative"], p["coefficient_positive"], p["coefficient_negative"]
         )
+    level = p["coulomb_torque"]
+    return JointFriction(level, level, extra=p["static_torque"] - level, speed=p["stribeck_velocity"])
+
+
+def both(one: JointFriction | None, other: JointFriction) -> JointFriction:
+    """Two frictions of one joint as one; at most one of them may fade with speed."""
+    if one is None:
+        return other
+    fading = one if one.extra else other
     return JointFriction(
-        p["coulomb_torque"],
-        p["coulomb_torque"],
-        extra=p["static_torque"] - p["coulomb_torque"],
-        speed=p["stribeck_velocity"],
+        one.positive + other.positive,
+        one.negative + other.negative,
+        one.c_positive + other.c_positive,
+        one.c_negative + other.c_negative,
+        fading.extra,
+        fading.speed,
     )
 
 
+def tilted(gravity: Sequence[float], roll: float, pitch: float) -> tuple[float, ...]:
+    """R_x(roll) R_y(pitch) applied to the given gravity."""
+    turn = rotation((roll, 0.0, 0.0)) @ rotation((0.0, pitch, 0.0))
+    return tuple(float(x) for x in turn @ np.asarray(gravity))
+
+
 def changed_table(effect: Effect, table: Table) -> Table:
-    """The links after an effect on inertias; the table itself for every other effect."""
-    p, link = effect.parameters, table.links[effect.joint]
+    """The robot after an effect on inertias or gravity; the table itself for every other effect."""
+    p, j = effect.parameters, effect.joint
+    if effect.effect == "base_tilt":
+        return replace(table, gravity=tilted(table.gravity, p["roll"], p["pitch"]))
     if effect.effect == "rotor_inertia":
-        link = replace(link, rotor_inertia=link.rotor_inertia + p["inertia"])
-    elif effect.effect == "payload":
-        link = with_point_mass(link, p["mass"], np.array([p["center_x"], p["center_y"], p["center_z"]]))
-    elif effect.effect == "inertial_parameters":
-        link = scaled_link(link, p["mass_factor"], p["center_factor"], p["inertia_factor"])
-    return Table(table.name, _at(table.links, effect.joint, link))
+        link = table.links[j]
+        return table.with_link(j, replace(link, rotor_inertia=link.rotor_inertia + p["inertia"]))
+    if effect.effect == "payload":
+        place = np.array([p["center_x"], p["center_y"], p["center_z"]])
+        return table.with_link(j, with_point_mass(table.links[j], p["mass"], place))
+    if effect.effect == "inertial_parameters":
+        factors = (p["mass_factor"], p["center_factor"], p["inertia_factor"])
+        return table.with_link(j, scaled_link(table.links[j], *factors))
+    return table
 
 
-def plant_with(effect: Effect | None, table: Table) -> Plant:
-    """The true machine with the effect in it; None is the machine without one."""
-    if effect is None:
-        return bare_plant(table)
-    plant, j, p = bare_plant(changed_table(effect, table)), effect.joint, effect.parameters
-    if effect.effect in FRICTION:
-        return replace(plant, friction=_at(plant.friction, j, joint_friction(effect)))
-    if effect.effect == "torque_offset":
-        return replace(plant, offset=_at(plant.offset, j, p["torque"]))
-    if effect.effect == "torque_constant":
-        return replace(plant, ratio=_at(plant.ratio, j, p["ratio"]))
-    if effect.effect == "parasitic_spring":
-        return replace(
-            plant,
-            stiffness=_at(plant.stiffness, j, p["stiffness"]),
-            rest=_at(plant.rest, j, p["rest_position"]),
-        )
+def _channels(plant: Plant, effect: Effect) -> Plant:
+    """Delay, lag, saturation and torque constant, on one drive or on all."""
+    p, name = effect.parameters, effect.effect
+    change = {
+        "input_delay": lambda: {"delay": p["delay"]},
+        "actuator_lag": lambda: {"lag": p["time_constant"]},
+        "torque_saturation": lambda: {"limit": p["limit"]},
+        "torque_constant": lambda: {"ratio": p["ratio"]},
+    }[name]()
+    where = plant.table.active if effect.joint == WHOLE else (effect.joint,)
+    return replace(
+        plant,
+        channels={**plant.channels, **{i: replace(plant.channels.get(i, Channel()), **change) for i in where}},
+    )
+
+
+def _encoder(plant: Plant, effect: Effect) -> Plant:
+    p, j = effect.parameters, effect.joint
+    change = {
+        "encoder_offset": lambda: {"offset": p["offset"]},
+        "encoder_eccentricity": lambda: {"amplitude": p["amplitude"], "phase": p["phase"], "order": p["order"]},
+        "encoder_quantization": lambda: {"step": p["step"]},
+    }[effect.effect]()
+    return replace(plant, encoders={**plant.encoders, j: replace(plant.encoders.get(j, Encoder()), **change)})
+
+
+def with_effect(plant: Plant, effect: Effect) -> Plant:
+    """The machine with one more effect in it."""
+    name, p, j = effect.effect, effect.parameters, effect.joint
+    plant = replace(plant, table=changed_table(effect, plant.table))
+    if name in LEVELS:
+        return replace(plant, friction={**plant.friction, j: both(plant.friction.get(j), joint_friction(effect))})
+    if name in ("input_delay", "actuator_lag", "torque_saturation", "torque_constant"):
+        return _channels(plant, effect)
+    if name.startswith("encoder_"):
+        return _encoder(plant, effect)
+    if name == "joint_coupling":
+        numbers = (p["ratio"], p["coulomb_torque"], p["coefficient"], p["inertia"])
+        return replace(plant, couplings=(*plant.couplings, Coupling(j, effect.second, *numbers)))
+    if name == "torque_offset":
+        return replace(plant, offset={**plant.offset, j: p["torque"]})
+    if name == "parasitic_spring":
+        return replace(plant, springs={**plant.springs, j: (p["stiffness"], p["rest_position"])})
+    if name == "presliding_friction":
+        return replace(plant, bristles={**plant.bristles, j: (p["torque"], p["displacement"])})
+    if name == "load_dependent_friction":
+        return replace(plant, load_ratio={**plant.load_ratio, j: p["ratio"]})
+    if name == "backlash":
+        return replace(plant, gaps={**plant.gaps, j: p["gap"]})
+    if name == "transmission_compliance":
+        return replace(plant, compliance={**plant.compliance, j: p["stiffness"]})
+    if name == "cogging":
+        return replace(plant, cogging={**plant.cogging, j: (p["order"], p["amplitude"], p["phase"])})
     return plant
 
 
-def needed_torque(
-    effect: Effect, table: Table, q: np.ndarray, v: np.ndarray, a: np.ndarray, tau: np.ndarray
-) -> np.ndarray:
-    """Logged torque that the motion needs more because of the effect, ``(N, nv)`` [N m].
-
-    Args:
-        effect: What the model lacks.
-        table: True links without the effect.
-        q: Motion, ``(N, nv)``.
-        v: Its velocity.
-        a: Its acceleration.
-        tau: Logged torque of the same motion without the effect.
-    """
-    p, j, out = effect.parameters, effect.joint, np.zeros_like(q)
-    sign = np.tanh(v[:, j] / 1e-3)
-    if effect.effect in FRICTION:
-        law = joint_friction(effect)
-        up, down = law.positive + law.c_positive * v[:, j], -law.negative + law.c_negative * v[:, j]
-        # A blend over a millirad per second stands for the step at zero: only the size is set with it.
-        out[:, j] = 0.5 * (1.0 + sign) * up + 0.5 * (1.0 - sign) * down
-        out[:, j] += law.extra * np.exp(-((v[:, j] / law.speed) ** 2)) * sign
-    elif effect.effect == "torque_offset":
-        out[:, j] = -p["torque"]
-    elif effect.effect == "parasitic_spring":
-        out[:, j] = p["stiffness"] * (q[:, j] - p["rest_position"])
-    elif effect.effect == "torque_constant":
-        out[:, j] = tau[:, j] / p["ratio"] - tau[:, j]
-    else:
-        out = rigid_torque(changed_table(effect, table), q, v, a) - rigid_torque(table, q, v, a)
-    return out
+def plant_with(effects: Sequence[Effect], table: Table) -> Plant:
+    """The true machine with all effects in it."""
+    plant = Plant(table)
+    for effect in effects:
+        plant = with_effect(plant, effect)
+    return plant

@@ -1,16 +1,21 @@
-"""Reference motions: Fourier series, slow ramps with reversals and holds, and mixes of both."""
+"""Reference motions that a careful user would record: fast sums of sines, and slow constant speeds with reversals."""
 
 from __future__ import annotations
 
 import numpy as np
 
+from benchmarks.blind.generator.robots import Table
+
 KINDS = ("fourier", "ramps", "mixed")
 AMPLITUDES = {
-    "pendulum": ((0.8, 2.2),),
-    "planar2": ((0.5, 1.5), (0.7, 1.8)),
-    "spatial3": ((0.6, 1.8), (0.5, 1.2), (0.7, 1.7)),
+    "pendulum": ((0.9, 2.2),),
+    "planar2": ((0.6, 1.5), (0.8, 1.8)),
+    "spatial3": ((0.7, 1.8), (0.6, 1.2), (0.8, 1.7)),
+    "phantom": ((0.5, 1.0), (0.35, 0.6), (0.35, 0.6)),
+    "six": ((0.6, 1.4), (0.4, 0.8), (0.5, 0.9), (0.6, 1.2), (0.6, 1.2), (0.8, 1.8)),
+    "panda": ((0.6, 1.2), (0.4, 0.7), (0.6, 1.2), (0.5, 0.9), (0.7, 1.4), (0.6, 1.1), (0.8, 1.5)),
 }
-SMOOTHING = 0.25  # [s]: width of the window that rounds the corners of a ramp
+SMOOTHING = 0.03  # [s]: width of the window that limits the jerk at the ends of an acceleration
 
 
 def _fade(t: np.ndarray, width: float) -> np.ndarray:
@@ -20,47 +25,60 @@ def _fade(t: np.ndarray, width: float) -> np.ndarray:
 
 
 def fourier(rng: np.random.Generator, t: np.ndarray, amplitude: float) -> np.ndarray:
-    """Sum of six sines between 0.1 and 1.3 Hz, starting and ending at rest at zero."""
-    frequency = rng.choice(np.arange(0.1, 1.35, 0.05), size=6, replace=False)
+    """Sum of six sines between 0.15 and 1.4 Hz, starting and ending at rest at zero."""
+    frequency = rng.choice(np.arange(0.15, 1.45, 0.05), size=6, replace=False)
     weight = rng.uniform(0.5, 1.0, size=6) / (0.3 + frequency)
     phase = rng.uniform(0.0, 2.0 * np.pi, size=6)
     wave = (weight * np.sin(2.0 * np.pi * frequency * t[:, None] + phase)).sum(axis=1)
-    wave *= _fade(t, 1.5)
+    wave *= _fade(t, 1.2)
     return amplitude * wave / np.abs(wave).max()
 
 
 def ramps(rng: np.random.Generator, t: np.ndarray, amplitude: float) -> np.ndarray:
-    """Constant speeds from 0.03 to 1.5 rad/s in both directions, with holds, corners rounded."""
-    times, places = [t[0], t[0] + 0.3], [0.0, 0.0]
-    while times[-1] < t[-1]:
-        if rng.random() < 0.15:
-            times.append(times[-1] + rng.uniform(0.3, 0.8))
-            places.append(places[-1])
-            continue
-        speed, duration = np.exp(rng.uniform(np.log(0.03), np.log(1.5))), rng.uniform(0.5, 2.0)
-        turn = -np.sign(places[-1]) if abs(places[-1]) > 0.6 * amplitude else rng.choice((-1.0, 1.0))
-        target = float(np.clip(places[-1] + turn * speed * duration, -amplitude, amplitude))
-        times.append(times[-1] + max(abs(target - places[-1]) / speed, 0.1))
-        places.append(target)
+    """Constant speeds from 0.03 to 1.5 rad/s, mostly turning round between them, at 1 to 25 rad/s2; few short holds."""
     dt = t[1] - t[0]
-    window = np.hanning(max(3, round(SMOOTHING / dt)))
-    line = np.interp(t, times, places)
-    padded = np.pad(line, len(window), mode="edge")
-    return np.convolve(padded, window / window.sum(), mode="same")[len(window) : -len(window)]
-
-
-def draw_reference(rng: np.random.Generator, robot: str, kind: str, t: np.ndarray) -> np.ndarray:
-    """Joint references [rad], shape ``(N, nv)``; a mix is a Fourier stretch followed by ramps."""
-    columns = []
-    for low, high in AMPLITUDES[robot]:
-        amplitude = rng.uniform(low, high)
-        if kind == "fourier":
-            columns.append(fourier(rng, t, amplitude))
-        elif kind == "ramps":
-            columns.append(ramps(rng, t, amplitude))
-        elif kind == "mixed":
-            split = round(len(t) * rng.uniform(0.4, 0.6))
-            columns.append(np.concatenate([fourier(rng, t[:split], amplitude), ramps(rng, t[split:], amplitude)]))
+    speeds, place, time, v, sign = [np.zeros(round(0.2 / dt))], 0.0, 0.2, 0.0, float(rng.choice((-1.0, 1.0)))
+    while time < t[-1] - t[0]:
+        if rng.random() < 0.08:
+            target, duration = 0.0, rng.uniform(0.15, 0.4)
         else:
-            raise ValueError(f"No reference {kind!r}: there are {', '.join(KINDS)}.")
-    return np.stack(columns, axis=1)
+            speed = float(np.exp(rng.uniform(np.log(0.03), np.log(1.5))))
+            duration = rng.uniform(0.35, 1.0) if speed < 0.3 else rng.uniform(0.3, 0.3 + min(1.2, amplitude / speed))
+            sign = -sign if rng.random() < 0.75 else sign
+            ends = place + sign * speed * duration
+            sign = -float(np.sign(place)) if abs(ends) > amplitude and place else sign
+            target = sign * speed
+        acceleration = float(np.exp(rng.uniform(np.log(1.0), np.log(25.0))))
+        turn = max(2, round(abs(target - v) / acceleration / dt))
+        piece = np.concatenate(
+            [np.linspace(v, target, turn, endpoint=False), np.full(max(1, round(duration / dt)), target)]
+        )
+        path = place + np.cumsum(piece) * dt
+        over = np.abs(path) > amplitude
+        if over.any() and abs(path[-1]) > abs(place):
+            piece = piece[: max(int(np.argmax(over)), 2)]
+        speeds.append(piece)
+        place += float(piece.sum()) * dt
+        time += len(piece) * dt
+        v = float(piece[-1])
+    window = np.hanning(max(3, round(SMOOTHING / dt)) + 2)
+    profile = np.concatenate(speeds)[: len(t)]
+    smooth = np.convolve(np.pad(profile, len(window), mode="edge"), window / window.sum(), mode="same")
+    return np.concatenate([[0.0], np.cumsum(smooth[len(window) : -len(window)])[:-1]]) * dt
+
+
+def _joint(rng: np.random.Generator, kind: str, t: np.ndarray, amplitude: float) -> np.ndarray:
+    if kind == "fourier":
+        return fourier(rng, t, amplitude)
+    if kind == "ramps":
+        return ramps(rng, t, amplitude)
+    if kind == "mixed":
+        split = round(len(t) * rng.uniform(0.4, 0.5))
+        return np.concatenate([fourier(rng, t[:split], amplitude), ramps(rng, t[split:], amplitude)])
+    raise ValueError(f"No reference {kind!r}: there are {', '.join(KINDS)}.")
+
+
+def draw_reference(rng: np.random.Generator, table: Table, kind: str, t: np.ndarray) -> np.ndarray:
+    """Joint references [rad], shape ``(N, nv)``; a mix is a Fourier stretch followed by ramps."""
+    columns = [_joint(rng, kind, t, rng.uniform(low, high)) for low, high in AMPLITUDES[table.name]]
+    return np.stack(columns, axis=1) + np.array(table.posture or (0.0,) * len(columns))

@@ -6,89 +6,132 @@ from collections.abc import Iterator
 
 import numpy as np
 from scipy.optimize import least_squares, lsq_linear
+from scipy.signal import lfilter
 
-from benchmarks.blind.generator.effects import Effect
-from benchmarks.blind.generator.plant import rigid_torque, with_point_mass
-from benchmarks.blind.generator.robots import Table
-from benchmarks.blind.generator.sizing import Ruler, banded, rms
+from benchmarks.blind.generator.effects import WHOLE, Effect, joint_name
+from benchmarks.blind.generator.guess import unit_change
+from benchmarks.blind.generator.inverse import rigid_torque
+from benchmarks.blind.generator.plant import with_point_mass
+from benchmarks.blind.generator.recipes import Recipe, payload_link
+from benchmarks.blind.generator.sizing import Ruler, at_samples, banded, reached
 
-# Noise floors: over 18 s below 20 Hz, some 700 independent samples, less than this is no significant misfit (chi
-# square of 7 or less).
+# Noise floors: over 12 s below 20 Hz, some 500 independent samples, less than this is no significant misfit (chi
+# square of 5 or less).
 ALIKE = 0.1
 PARAMETERS = {
-    "viscous_friction": 1,
-    "coulomb_friction": 1,
-    "torque_offset": 1,
-    "rotor_inertia": 1,
-    "torque_constant": 1,
-    "parasitic_spring": 2,
     "stribeck_friction": 3,
     "direction_dependent_friction": 4,
+    "presliding_friction": 2,
+    "joint_coupling": 4,
+    "cogging": 3,
     "payload": 4,
     "inertial_parameters": 4,
-}
+    "base_tilt": 2,
+    "parasitic_spring": 2,
+    "encoder_eccentricity": 2,
+}  # of the others: one
 STRIBECK_SPEEDS = (0.03, 0.05, 0.08, 0.12, 0.2, 0.3)
+DISPLACEMENTS = (0.003, 0.006, 0.012, 0.025, 0.05)
+TIMES = (0.7, 0.85, 1.0, 1.2, 1.4)  # of the true delay or lag
+ONE_COLUMN = (
+    "viscous_friction",
+    "coulomb_friction",
+    "torque_offset",
+    "rotor_inertia",
+    "torque_constant",
+    "load_dependent_friction",
+    "transmission_compliance",
+    "encoder_offset",
+)
+AT_LEAST_ZERO = (*ONE_COLUMN[:2], "rotor_inertia", "load_dependent_friction", "transmission_compliance")
+Rival = tuple[str, str | None, np.ndarray, float]
 
 
-def _columns(measure: Ruler, j: int) -> Iterator[tuple[str, np.ndarray, float]]:
-    """Name, torque of joint ``j`` per unit of each coefficient ``(n, k)``, and the coefficients' lower bound."""
-    q, v, a, tau = (x[:, j] for x in measure.full)
-    sign = np.tanh(v / 1e-3)
-
-    def band(*columns: np.ndarray) -> np.ndarray:
-        return banded(np.stack(columns, axis=1), measure.rate)
-
-    yield "viscous_friction", band(v), 0.0
-    yield "coulomb_friction", band(sign), 0.0
-    yield "torque_offset", band(np.ones_like(v)), -np.inf
-    yield "rotor_inertia", band(a), 0.0
-    yield "torque_constant", band(tau), -np.inf
-    yield "parasitic_spring", band(q, np.ones_like(q)), -np.inf
-    up, down = 0.5 * (1.0 + sign), 0.5 * (1.0 - sign)
-    yield "direction_dependent_friction", band(up, -down, v * up, v * down), -np.inf
-    for speed in STRIBECK_SPEEDS:
-        yield "stribeck_friction", band(sign, sign * np.exp(-((v / speed) ** 2))), 0.0
+def _bristle(q: np.ndarray, displacement: float) -> np.ndarray:
+    """Torque of a Dahl bristle of unit level along positions ``(n,)``."""
+    out, state = np.empty_like(q), 0.0
+    keep = np.exp(-np.abs(np.diff(q, prepend=q[0])) / displacement)
+    goal = np.sign(np.diff(q, prepend=q[0]))
+    for k in range(len(q)):
+        state = goal[k] + (state - goal[k]) * keep[k]
+        out[k] = state
+    return out
 
 
-def _misfit(measure: Ruler, change: np.ndarray, columns: np.ndarray, lower: float) -> float:
-    """What the best coefficients and the best moves within the tolerance leave, root of the sum of squares."""
+def _late(measure: Ruler, effect: Effect, joint: int) -> Iterator[Rival]:
+    """Delays and lags near the true time, second order included."""
+    rate, tau = measure.session.rate, at_samples(measure.run.command)
+    time = next(iter(effect.parameters.values()))
+    here = np.ones(tau.shape[1]) if joint == WHOLE else np.arange(tau.shape[1]) == measure.truth.active.index(joint)
+    t = np.arange(len(tau)) / rate
+    label = None if joint == WHOLE else measure.truth.links[joint].joint
+    for factor in TIMES:
+        moved = np.stack([np.interp(t - factor * time, t, x) for x in tau.T], axis=1)
+        yield "input_delay", label, banded(tau - moved, rate) * here / measure.floor, 0.0
+        keep = np.exp(-1.0 / (rate * factor * time))
+        slow = lfilter([1.0 - keep], [1.0, -keep], tau - tau[0], axis=0) + tau[0]
+        yield "actuator_lag", label, banded(tau - slow, rate) * here / measure.floor, 0.0
+
+
+def _rivals(effect: Effect, measure: Ruler) -> Iterator[Rival]:
+    """Name, joint, torque per coefficient ``(n, nv)`` or ``(n, nv, k)``, lower bound of the coefficients."""
+    table, rate = measure.truth, measure.session.rate
+
+    def column(name: str, i: int, **shape: float) -> np.ndarray:
+        change = unit_change(Recipe(name, i, shape), measure)
+        assert change is not None
+        return change
+
+    for i, link in enumerate(table.links):
+        passive = i not in table.active
+        for name in ONE_COLUMN[:2] if passive else ONE_COLUMN:
+            yield name, link.joint, column(name, i), 0.0 if name in AT_LEAST_ZERO else -np.inf
+        if passive:
+            continue
+        one = column("torque_offset", i)
+        sign, speed = column("coulomb_friction", i), column("viscous_friction", i)
+        yield "parasitic_spring", link.joint, np.stack([column("parasitic_spring", i, rest=0.0), one], -1), -np.inf
+        waves = [column("encoder_eccentricity", i, phase=p) for p in (0.0, 0.5 * np.pi)]
+        yield "encoder_eccentricity", link.joint, np.stack(waves, -1), -np.inf
+        lean, side = np.abs(sign) * np.sign(one), np.abs(speed) * np.sign(one)
+        yield "direction_dependent_friction", link.joint, np.stack([sign, lean, speed, side], -1), -np.inf
+        for s in STRIBECK_SPEEDS:
+            fade = column("stribeck_friction", i, coulomb=0.0, speed=s)
+            yield "stribeck_friction", link.joint, np.stack([sign, fade], -1), 0.0
+        for d in DISPLACEMENTS:
+            j = table.active.index(i)
+            torque = np.zeros_like(measure.run.seen)
+            torque[:, j] = _bristle(measure.run.seen[:, j], d)
+            yield "presliding_friction", link.joint, banded(torque, rate) / measure.floor, 0.0
+    angles = [column("base_tilt", WHOLE, roll=a, pitch=b) for a, b in ((1.0, 0.0), (0.0, 1.0))]
+    yield "base_tilt", None, np.stack(angles, -1), -np.inf
+    if effect.effect in ("input_delay", "actuator_lag"):
+        for joint in (WHOLE, *table.active):
+            yield from _late(measure, effect, joint)
+    else:
+        for joint in (WHOLE, *table.active):
+            label = None if joint == WHOLE else table.links[joint].joint
+            for name in ("input_delay", "actuator_lag"):
+                yield name, label, column(name, joint), 0.0
+
+
+def _misfit(measure: Ruler, change: np.ndarray, columns: np.ndarray, lower: float, enough: float) -> float:
+    """What the best coefficients and the best moves within the tolerance leave, root of the sum of squares.
+
+    More than ``enough`` without any bound is not looked at further.
+    """
     basis, triangle = measure.nuisance
-    both = np.hstack([columns, basis @ triangle]) if triangle.size else columns
-    q, r = np.linalg.qr(both)
-    seen, k = q.T @ change, columns.shape[1]
+    k, p = columns.shape[1], len(triangle)
+    beside, own = np.linalg.qr(columns - basis @ (basis.T @ columns))
+    seen, more = basis.T @ change, beside.T @ change
+    outside = max(float(change @ change - seen @ seen - more @ more), 0.0)
+    if np.sqrt(outside) > enough:
+        return float(np.sqrt(outside))
+    r = np.block([[basis.T @ columns, triangle], [own, np.zeros((k, p))]])
     low = np.concatenate([np.full(k, lower), -2.0 - measure.place - 1e-9])
     high = np.concatenate([np.full(k, np.inf), 2.0 - measure.place + 1e-9])
-    fit = lsq_linear(r, seen, bounds=(low, high))
-    return float(np.sqrt(max(change @ change - seen @ seen, 0.0) + 2.0 * fit.cost))
-
-
-def _payload_misfit(measure: Ruler, change: np.ndarray, length: float) -> float:
-    """The same for a point mass on the last link at the best place, within twice the reach of that link."""
-    truth, thin = measure.truth, measure.thin
-    base = rigid_torque(truth, *thin)
-
-    def torque(mass: float, center: np.ndarray) -> np.ndarray:
-        last = with_point_mass(truth.links[-1], mass, center)
-        links = Table(truth.name, (*truth.links[:-1], last))
-        return ((rigid_torque(links, *thin) - base) / measure.floor).reshape(-1)
-
-    # The torque is linear in m, m c and m (c_i c_j): ten columns from ten point masses, then only algebra.
-    places = length * np.array([[i, j, k] for i in (-1, 0, 1) for j in (-1, 0, 1) for k in (-1, 0, 1)], dtype=float)
-    basis, triangle = measure.nuisance
-    columns = np.linalg.lstsq(np.array([_moments(p) for p in places]), np.array([torque(1.0, p) for p in places]))[0].T
-    q, r = np.linalg.qr(np.hstack([columns, basis @ triangle]) if triangle.size else columns)
-    seen = q.T @ change
-    scale = measure.truth.links[-1].mass
-
-    def residual(x: np.ndarray) -> np.ndarray:
-        return r @ np.concatenate([x[0] * scale * _moments(length * x[1:4]), x[4:]]) - seen
-
-    place = measure.place
-    low = np.concatenate([[0.0, -2.0, -2.0, -2.0], -2.0 - place - 1e-9])
-    high = np.concatenate([[10.0, 2.0, 2.0, 2.0], 2.0 - place + 1e-9])
-    start = np.concatenate([[0.1], np.asarray(truth.links[-1].center) / length, np.zeros(len(place))])
-    fit = least_squares(residual, np.clip(start, low + 1e-6, high - 1e-6), bounds=(low, high), max_nfev=100)
-    return float(np.sqrt(max(change @ change - seen @ seen, 0.0) + 2.0 * fit.cost))
+    fit = lsq_linear(r, np.concatenate([seen, more]), bounds=(low, high), tol=1e-6)
+    return float(np.sqrt(outside + 2.0 * fit.cost))
 
 
 def _moments(c: np.ndarray) -> np.ndarray:
@@ -97,25 +140,53 @@ def _moments(c: np.ndarray) -> np.ndarray:
     return np.array([1.0, x, y, z, x * x, y * y, z * z, x * y, x * z, y * z])
 
 
-def alike(effect: Effect, measure: Ruler) -> list[dict]:
+def _payload_misfit(measure: Ruler, change: np.ndarray) -> float:
+    """The same for a point mass on the last link at the best place, within twice the reach of that link."""
+    truth, thin, last = measure.truth, measure.thin[:3], payload_link(measure.truth)
+    link = truth.links[last]
+    length = max(2.0 * float(np.linalg.norm(link.center)), 0.1)
+    base = rigid_torque(truth, *thin)
+
+    def torque(mass: float, center: np.ndarray) -> np.ndarray:
+        loaded = truth.with_link(last, with_point_mass(link, mass, center))
+        return ((rigid_torque(loaded, *thin) - base) / measure.floor).reshape(-1)
+
+    # The torque is linear in m, m c and m (c_i c_j): ten columns from ten point masses, then only algebra.
+    places = length * np.array([[i, j, k] for i in (-1, 0, 1) for j in (-1, 0, 1) for k in (-1, 0, 1)], dtype=float)
+    basis, triangle = measure.nuisance
+    columns = np.linalg.lstsq(np.array([_moments(p) for p in places]), np.array([torque(1.0, p) for p in places]))[0].T
+    q, r = np.linalg.qr(np.hstack([columns, basis @ triangle]) if triangle.size else columns)
+    seen, place = q.T @ change, measure.place
+
+    def residual(x: np.ndarray) -> np.ndarray:
+        return r @ np.concatenate([x[0] * link.mass * _moments(length * x[1:4]), x[4:]]) - seen
+
+    low = np.concatenate([[0.0, -2.0, -2.0, -2.0], -2.0 - place - 1e-9])
+    high = np.concatenate([[10.0, 2.0, 2.0, 2.0], 2.0 - place + 1e-9])
+    start = np.concatenate([[0.1], np.asarray(link.center) / length, np.zeros(len(place))])
+    fit = least_squares(residual, np.clip(start, low + 1e-6, high - 1e-6), bounds=(low, high), max_nfev=100)
+    return float(np.sqrt(max(change @ change - seen @ seen, 0.0) + 2.0 * fit.cost))
+
+
+def alike(effect: Effect, change: np.ndarray, measure: Ruler) -> list[dict]:
     """Answers with no more parameters than the truth that leave less than `ALIKE`: effect, joint, what they leave.
 
     An answer with more parameters that holds the truth as a special case is not among them: the data part them as far
     as the simpler one is enough.
+
+    Args:
+        effect: The truth.
+        change: Its paired difference, ``(n, nv)`` [noise floors].
+        measure: Of the run without it.
     """
-    change = measure.change(effect)
-    reached, flat = max(1, int(np.sum(rms(change) > 1e-6))), change.reshape(-1)
-    unit = np.sqrt(len(change) * reached)
+    unit = np.sqrt(len(change) * max(1, int(reached(change).sum())))
+    flat, mine = change.reshape(-1), (effect.effect, joint_name(effect, measure.truth))
     best: dict[tuple[str, str | None], float] = {}
-    for j, name in enumerate(measure.truth.joints):
-        for rival, torque, lower in _columns(measure, j):
-            if PARAMETERS[rival] > PARAMETERS[effect.effect] or (rival, j) == (effect.effect, effect.joint):
-                continue
-            columns = np.zeros((*change.shape, torque.shape[1]))
-            columns[:, j] = torque / measure.floor[j]
-            left = _misfit(measure, flat, columns.reshape(len(flat), -1), lower) / unit
-            best[rival, name] = min(left, best.get((rival, name), np.inf))
+    for name, joint, torque, lower in _rivals(effect, measure):
+        if (name, joint) == mine or PARAMETERS.get(name, 1) > PARAMETERS.get(effect.effect, 1):
+            continue
+        left = _misfit(measure, flat, torque.reshape(len(flat), -1), lower, ALIKE * unit) / unit
+        best[name, joint] = min(left, best.get((name, joint), np.inf))
     if effect.effect == "inertial_parameters":
-        reach = float(np.linalg.norm(measure.truth.links[-1].center)) * 2.0
-        best["payload", None] = _payload_misfit(measure, flat, reach) / unit
+        best["payload", None] = _payload_misfit(measure, flat) / unit
     return [{"effect": e, "joint": j, "leaves": float(left)} for (e, j), left in best.items() if left < ALIKE]

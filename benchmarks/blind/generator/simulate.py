@@ -8,8 +8,13 @@ from dataclasses import dataclass
 import mujoco
 import numpy as np
 
-from benchmarks.blind.generator.plant import INNER_STEP, JointFriction, Plant, compiled, mass_matrix, rigid_torque
+from benchmarks.blind.generator.channel import Drive
+from benchmarks.blind.generator.inverse import mass_matrix, rigid_torque
+from benchmarks.blind.generator.laws import laws_of
+from benchmarks.blind.generator.plant import INNER_STEP, Channel, Encoder, Plant, compiled
 from benchmarks.blind.generator.robots import Table
+
+LAW_STEP = 2  # inner steps between two evaluations of a law
 
 
 @dataclass(frozen=True)
@@ -35,88 +40,138 @@ class Session:
 
 @dataclass(frozen=True)
 class Run:
-    """One recording: what the log holds (`measured`, `command`) and the truth (`q`, `v`, one sample longer).
+    """One recording: what the log holds (`measured`, `command`), and what encoders without noise would have read.
 
     Attributes:
         t: ``(N,)`` [s].
         measured: Encoder readings, ``(N, nv)`` [rad].
         command: Torque held from sample k to k + 1, ``(N, nv)`` [N m].
-        q: True positions, ``(N + 1, nv)``.
-        v: True velocities, ``(N + 1, nv)``.
+        seen: Readings without noise and without the stated quantum, ``(N, nv)``.
+        q: True positions of what the encoders sit on, ``(N, nv)``.
     """
 
     t: np.ndarray
     measured: np.ndarray
     command: np.ndarray
+    seen: np.ndarray
     q: np.ndarray
-    v: np.ndarray
 
 
 def feedforward(model: Table, reference: np.ndarray, rate: float) -> np.ndarray:
     """Torque that the owner's model asks for along the reference, friction included, ``(N, nv)`` [N m]."""
     v = np.gradient(reference, 1.0 / rate, axis=0)
     a = np.gradient(v, 1.0 / rate, axis=0)
-    viscous, coulomb = (np.array([getattr(link, name) for link in model.links]) for name in ("viscous", "coulomb"))
+    viscous, coulomb = (np.array([getattr(link, name) for link in model.driven]) for name in ("viscous", "coulomb"))
     return rigid_torque(model, reference, v, a) + viscous * v + coulomb * np.tanh(v / 0.02)
 
 
-def _moves_with_speed(friction: JointFriction) -> bool:
-    return friction.extra != 0.0 or friction.c_positive != friction.c_negative
+def _readings(plant: Plant, q: np.ndarray) -> np.ndarray:
+    """What encoders without noise read at true positions ``(nv,)``."""
+    out = q.copy()
+    for i, e in plant.encoders.items():
+        j = plant.table.active.index(i)
+        out[j] += e.offset + e.amplitude * np.sin(e.order * q[j] + e.phase)
+        if e.step:
+            out[j] = np.round(out[j] / e.step) * e.step
+    return out
 
 
-def _set_friction(model: mujoco.MjModel, plant: Plant, v: np.ndarray) -> None:
-    """Friction level and viscous coefficient of the joints whose law changes with speed."""
-    for j, law in enumerate(plant.friction):
-        if _moves_with_speed(law):
-            link = plant.table.links[j]
-            level = 0.5 * (law.positive + law.negative) + law.extra * np.exp(-((v[j] / law.speed) ** 2))
-            model.dof_frictionloss[j] = link.coulomb + level
-            model.dof_damping[j] = link.viscous + (law.c_positive if v[j] > 0 else law.c_negative)
+def _start(plant: Plant, reading: np.ndarray) -> np.ndarray:
+    """MuJoCo's positions, all at rest, for which the encoders read ``reading``; eccentricity by fixed-point steps."""
+    place = reading.copy()
+    for i, e in plant.encoders.items():
+        j = plant.table.active.index(i)
+        for _ in range(30):
+            place[j] = reading[j] - e.offset - e.amplitude * np.sin(e.order * place[j] + e.phase)
+    tree = plant.table.selection() @ place
+    return np.concatenate([tree, tree[list(plant.motors)]])
+
+
+def _offsets(plant: Plant) -> np.ndarray:
+    """Constant torque per drive: offset, and half the difference of the two directions (MuJoCo's level is even)."""
+    lean = np.zeros(len(plant.table.links))
+    for i, value in plant.offset.items():
+        lean[i] += value
+    for i, law in plant.friction.items():
+        lean[i] -= 0.5 * (law.positive - law.negative)
+    return lean[list(plant.table.active)]
+
+
+def _sag(plant: Plant, command: np.ndarray, load: float, dt: float) -> tuple[float, float]:
+    """Share of the torque that a weak supply leaves, and the filtered load ``sum |tau| / scale`` behind it."""
+    cause = plant.outside
+    if cause is None or cause.name != "voltage_sag":
+        return 1.0, load
+    p = cause.parameters
+    keep = np.exp(-dt / p["time_constant"])
+    load = keep * load + (1.0 - keep) * float(np.abs(command).sum()) / p["scale"]
+    return 1.0 - p["depth"] * load, load
 
 
 def simulate(plant: Plant, owner: Table, session: Session) -> Run:
-    """The machine under feedforward of the owner's model and a sampled PD controller on the encoder."""
+    """The machine under feedforward of the owner's model and a sampled PD controller on the encoder.
+
+    MuJoCo's Euler steps are a leapfrog: velocities lie half a step before positions. So positions are read half a
+    step back, at the time of the velocities, where a hold begins; that is exact to second order.
+    """
     n, nv = session.reference.shape
-    dt = 1.0 / session.rate
+    dt, active = 1.0 / session.rate, plant.table.active
     inner = round(dt / INNER_STEP)
     model = compiled(plant)
     data = mujoco.MjData(model)
-    data.qpos[:] = session.reference[0]
+    data.qpos[:] = _start(plant, session.reference[0])
+    drives = np.array([plant.drive(i) for i in active])
     ahead = feedforward(owner, session.reference, session.rate)
     speed = np.gradient(session.reference, dt, axis=0)
     omega = 2.0 * np.pi * session.bandwidth
     inertia = np.diag(mass_matrix(owner, session.reference[:: max(1, n // 50)]))
     kp, kd = inertia * omega**2, inertia * 1.6 * omega
-    # Constant parts: offset, and half the difference of the two directions (MuJoCo's Coulomb level is symmetric).
-    lean = np.array(plant.offset) - np.array([0.5 * (f.positive - f.negative) for f in plant.friction])
-    ratio, varies = np.array(plant.ratio), any(_moves_with_speed(f) for f in plant.friction)
+    held = [[] for _ in active]
+    channels = [
+        Drive(plant.channels.get(i, Channel()), held[j], dt, LAW_STEP * INNER_STEP) for j, i in enumerate(active)
+    ]
+    timed = [j for j, drive in enumerate(channels) if drive.channel.delay or drive.channel.lag]
+    ratio = np.array([drive.channel.ratio for drive in channels])
+    limit = np.array([drive.channel.limit for drive in channels])
+    laws, lean = laws_of(plant, data.qpos[list(active)]), _offsets(plant)
+    level0, damping = model.dof_frictionloss.copy(), model.dof_damping.copy()
+    coarse = any(e != Encoder() for e in plant.encoders.values())
     quantum = 2.0 * np.pi / session.encoder_counts if session.encoder_counts else 0.0
     keep = np.exp(-2.0 * np.pi * 40.0 * dt)
-    measured, command = np.empty((n, nv)), np.empty((n, nv))
-    q, v = np.empty((n + 1, nv)), np.empty((n + 1, nv))
-    estimate, last = np.zeros(nv), None
+    measured, command, seen, q = (np.empty((n, nv)) for _ in range(4))
+    estimate, last, load = np.zeros(nv), None, 0.0
+    torque = np.zeros(model.nv)
     for k in range(n):
-        q[k], v[k] = data.qpos, data.qvel
-        reading = q[k] + session.dither[k]
+        q[k] = data.qpos[drives] - 0.5 * INNER_STEP * data.qvel[drives]
+        seen[k] = _readings(plant, q[k]) if coarse else q[k]
+        reading = seen[k] + session.dither[k]
         if quantum:
             reading = np.round(reading / quantum) * quantum
         if last is not None:
             estimate = keep * estimate + (1.0 - keep) * (reading - last) / dt
         last = measured[k] = reading
         command[k] = ahead[k] + kp * (session.reference[k] - reading) + kd * (speed[k] - estimate)
-        data.qfrc_applied[:] = ratio * command[k] + session.disturbance[k] + lean
-        if varies:
-            for _ in range(inner):
-                _set_friction(model, plant, data.qvel)
-                mujoco.mj_step(model, data)
-        else:
+        left, load = _sag(plant, command[k], load, dt)
+        drive = left * ratio * np.minimum(np.maximum(command[k], -limit), limit)
+        beside = session.disturbance[k] + lean
+        if not laws and not timed:
+            data.qfrc_applied[drives] = drive + beside
             mujoco.mj_step(model, data, inner)
-    q[n], v[n] = data.qpos, data.qvel
-    return Run(np.arange(n) * dt, measured, command, q, v)
-
-
-def midpoint_motion(run: Run) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """True q, v, a at the middle of every hold, each ``(N, nv)``; a is the mean over the hold."""
-    dt = run.t[1] - run.t[0]
-    q = 0.5 * (run.q[1:] + run.q[:-1]) - 0.125 * dt * (run.v[1:] - run.v[:-1])
-    return q, 0.5 * (run.v[1:] + run.v[:-1]), (run.v[1:] - run.v[:-1]) / dt
+            continue
+        for j in timed:
+            held[j].append(float(command[k, j]))
+        for step in range(inner // LAW_STEP):
+            since = step * LAW_STEP * INNER_STEP
+            for j in timed:
+                drive[j] = left * channels[j].torque(k + since / dt)
+            level = level0.copy()
+            torque[:] = 0.0
+            torque[drives] = drive + beside
+            for law in laws:
+                law(data, k * dt + since, level, torque, damping)
+            if laws:
+                model.dof_frictionloss[:] = np.maximum(level, 0.0)
+                model.dof_damping[:] = damping
+            data.qfrc_applied[:] = torque
+            mujoco.mj_step(model, data, LAW_STEP)
+    return Run(np.arange(n) * dt, measured, command, seen, q)
