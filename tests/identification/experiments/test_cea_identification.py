@@ -1,0 +1,98 @@
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from identification.experiments.cea_identification import (
+    Conditions,
+    equations,
+    exciting_motion,
+    identify,
+    record,
+    simulate_identification,
+)
+from phantom_dyn.devices.cea import GRAVITY, INERTIAL, LinkLengths
+from phantom_dyn.devices.cea_dynamics import NAMES, VALUES, regressor
+
+SHORT = Conditions(duration=40.0)
+
+
+@pytest.fixture(scope="module")
+def result():
+    return simulate_identification(np.random.default_rng(4))
+
+
+def test_the_identification_has_the_published_15000_equations(result):
+    assert result.fit.rows == pytest.approx(15000, rel=0.005)
+    assert result.fit.names == tuple(INERTIAL)
+
+
+def test_all_16_parameters_of_table_4_are_within_their_intervals(result):
+    # Known truth: Table 4; 99.7 % for each of the 16.
+    assert (np.abs(result.fit.theta - VALUES) < 3 * result.fit.std()).all()
+
+
+def test_all_16_parameters_are_within_the_published_intervals(result):
+    # Published: the relative deviations of Table 4, with the simulation's own added.
+    published = np.array([parameter.std for parameter in INERTIAL.values()])
+    assert (np.abs(result.fit.theta - VALUES) < 2 * np.hypot(published, result.fit.std())).all()
+
+
+def test_95_per_cent_intervals_hold_the_truth_in_about_95_per_cent_of_the_draws(rng):
+    # Known truth; 12 recordings of 16 parameters each.
+    inside = []
+    for _ in range(12):
+        fit = simulate_identification(rng, SHORT).fit
+        inside.append(np.abs(fit.theta - VALUES) < 1.96 * fit.std())
+    assert 0.90 < np.mean(inside) < 0.99
+
+
+def test_without_noise_the_parameters_are_recovered(rng):
+    # Known truth; what is left is the error of differentiating sampled triangles.
+    fit = simulate_identification(rng, replace(SHORT, torque_noise=0.0, encoder_step=0.0)).fit
+    np.testing.assert_allclose(fit.theta, VALUES, rtol=0.02)
+
+
+def test_the_condition_number_is_no_worse_than_the_published_one(result):
+    assert 10 < result.fit.condition < 60
+
+
+def test_sines_alone_excite_friction_and_gravity_less(rng):
+    # The source's reason for mixing: condition number of the friction and offset columns.
+    motion = exciting_motion(SHORT, rng)
+    slow = np.sin(2 * np.pi * np.outer(motion.t, [0.9, 1.1, 1.3]))
+    sines = replace(motion, q=0.1 * slow, v=np.gradient(0.1 * slow, motion.t, axis=0), a=0 * slow)
+    columns = [k for k, name in enumerate(NAMES) if name[0] in "FO" or name.startswith("M")]
+    mixed, plain = (np.linalg.cond(regressor(m)[:, :, columns].reshape(-1, len(columns))) for m in (motion, sines))
+    assert plain > 2 * mixed
+
+
+def test_the_cross_test_error_is_that_of_the_noise(rng):
+    # Known truth: torque noise of 0.05 N m at 200 Hz, of which a fifth lies below 20 Hz, over the torque of the motion.
+    train, test = (record(exciting_motion(SHORT, rng), SHORT, rng) for _ in range(2))
+    torque = equations(test, SHORT)[1]
+    expected = 100 * 0.05 * np.sqrt(0.2) / np.sqrt(np.mean(torque**2, axis=0))
+    np.testing.assert_allclose(identify(train, test, SHORT).cross_error, expected, rtol=0.1)
+
+
+def test_the_cross_test_shows_a_wrong_direction_of_gravity(rng):
+    train, test = (record(exciting_motion(SHORT, rng), SHORT, rng) for _ in range(2))
+    right, wrong = (
+        identify(train, test, replace(SHORT, gravity=gravity)).cross_error for gravity in (GRAVITY, (-9.81, 0.0, 0.0))
+    )
+    assert (wrong > 1.5 * right).any()
+
+
+def test_the_parameters_are_recovered_with_other_link_lengths(rng):
+    # Known truth; the lengths are not published, so that they are free.
+    fit = simulate_identification(rng, replace(SHORT, lengths=LinkLengths(0.25, 0.2, 0.05))).fit
+    assert (np.abs(fit.theta - VALUES) < 3.5 * fit.std()).all()
+
+
+def test_the_summary_shows_every_parameter_the_condition_number_and_the_error_of_each_axis(result):
+    text = result.summary()
+    assert all(f"\n{name} " in text for name in NAMES)
+    assert f"condition number {result.fit.condition:.1f}" in text
+    assert text.endswith("q1 {:.2f} %, q2 {:.2f} %, q5 {:.2f} %".format(*result.cross_error))
