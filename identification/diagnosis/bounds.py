@@ -44,6 +44,8 @@ def smallest_seen(
             hopeless[term.place] = NotTestable(*term.place, why)
             continue
         name, direction = term.effect.probe(robot, operation, term.joint)
+        # Several orders of a cogging torque: one unit of the first.
+        direction = np.concatenate([direction, np.zeros(len(term.columns) - len(direction))])
         information = _information(search, term, direction, base, inverse)
         needed = (
             np.sqrt(least_gain(search, frozenset([term])) + max(price(search.sizes[term]) - PARAMETER_PRICE, 0.0) + 2.0)
