@@ -53,6 +53,7 @@ class Recording:
         forces: Measured external forces [N] by frame, world axes, each ``(N, 3)``.
         excluded: Stretches of time [s] that are left out of every fit.
         warnings: Sentences about the data.
+        passive_q: Measured positions [rad or m] of passive joints of a closed chain by joint, each ``(N,)``.
     """
 
     file: str
@@ -68,6 +69,7 @@ class Recording:
     forces: Mapping[str, Float[Array, "N 3"]] = field(default_factory=dict)
     excluded: tuple[tuple[float, float], ...] = ()
     warnings: tuple[str, ...] = ()
+    passive_q: Mapping[str, Float[Array, " N"]] = field(default_factory=dict)
 
 
 def _joints_of(table: Table, quantity: str) -> list[str]:
@@ -128,14 +130,14 @@ def _require_joints(table: Table, robot: Robot) -> tuple[str, ...]:
     locked: dict[str, None] = {}
     for name in table.columns:
         column = column_of(name)
-        if column is None or column.quantity in ("t", "f") or column.of in robot.joint_names:
+        if column is None or column.quantity in ("t", "f") or column.of in (*robot.joint_names, *robot.passive_names):
             continue
         if column.of in robot.locked:
             locked[column.of] = None
             continue
         raise LogError(
             f"{table.file}: column {name} is of the joint {column.of}, which {robot.name} does not have: "
-            f"{known_names(column.of, robot.joint_names, 'joints')}"
+            f"{known_names(column.of, [*robot.joint_names, *robot.passive_names], 'joints')}"
         )
     for joint in robot.joint_names:
         if f"q.{joint}" not in table.columns:
@@ -175,6 +177,11 @@ def recording(
         optional[key], sentences = _complete(table, quantity, joints)
         # Current and voltage of some joints only are usual: the torque of the others may be measured.
         warnings += sentences if quantity not in ("i", "u") else ()
+    warnings += [
+        f"{table.file}: the torque of {joint} is not used, as the joint is passive: it has no drive."
+        for joint in robot.passive_names
+        if np.any(table.columns.get(f"tau.{joint}", 0.0))
+    ]
     tau, sentences = drive_torque(table, robot, torque_needed)
     return Recording(
         file=table.file,
@@ -185,6 +192,11 @@ def recording(
         forces=_forces(table),
         excluded=_excluded(table, excluded),
         warnings=(*warnings, *sentences),
+        passive_q={
+            joint: read_only(table.columns[f"q.{joint}"])
+            for joint in robot.passive_names
+            if f"q.{joint}" in table.columns
+        },
         **optional,
     )
 
@@ -212,12 +224,14 @@ def read_recording(
         LogError: If the file, a column or a value cannot be used; one sentence says which and what to do.
     """
     from identification.checks import check_recording
+    from identification.checks.passive import check_passive
     from identification.readers import read_table
 
     found = recording(
         read_table(path, columns=columns, topic=topic), robot, excluded=excluded, torque_needed=torque_needed
     )
-    return replace(found, warnings=(*found.warnings, *check_recording(found, robot)))
+    # Loops first: where they do not close there is no model to check against.
+    return replace(found, warnings=(*found.warnings, *check_passive(found, robot), *check_recording(found, robot)))
 
 
 def unassigned_recording(table: Table) -> Recording:

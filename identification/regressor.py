@@ -16,7 +16,7 @@ import numpy as np
 from jaxtyping import Float
 
 from identification.log import Log
-from phantom_dyn.dynamics import inverse_dynamics, rigid_body_regressor
+from phantom_dyn.dynamics import inverse_dynamics, modelled_friction, rigid_body_regressor, rotor_torque
 from phantom_dyn.effects.effect import Effect
 from phantom_dyn.errors import LogError, ParameterError
 from phantom_dyn.inertia import parameter_names, parameter_units
@@ -175,8 +175,7 @@ def known_torque(robot: Robot, motion: Motion, *, rigid_body: bool) -> Float[Arr
     """
     if not rigid_body:
         return inverse_dynamics(robot, motion)
-    friction = robot.viscous_friction * motion.v + robot.coulomb_friction * np.sign(motion.v)
-    return robot.model.armature * motion.a + friction
+    return rotor_torque(robot, motion) + modelled_friction(robot, motion)
 
 
 def _regressor(robot: Robot, logs: Log | Sequence[Log], effects: Sequence[EffectOnJoint], *, rigid_body: bool):

@@ -21,6 +21,9 @@ from phantom_dyn.robot import Robot
 
 Array = np.ndarray
 
+_REMEMBERED = 3
+"""Motions whose numeric solution is kept, as one motion is asked for by every effect that it is fitted with."""
+
 
 @dataclass(frozen=True)
 class TreeMotion:
@@ -55,10 +58,16 @@ def tree_motion(robot: Robot, motion: Motion) -> TreeMotion:
     if robot.chain is None:
         G = np.broadcast_to(np.eye(robot.nv), (len(motion.q), robot.nv, robot.nv))
         return TreeMotion(robot.configuration(motion.q), motion.q, motion.v, motion.a, G)
+    for model, moved, tree in robot.chain.recent:
+        if model is robot.model and moved is motion:
+            return tree
     found = solve(robot.model, robot.chain, motion.q)
     v = apply(found.G, motion.v)
     a = apply(found.G, motion.a) + drift(robot.model, robot.chain, found, v)
-    return TreeMotion(configurations(robot.model, found.x), found.x, v, a, found.G)
+    tree = TreeMotion(configurations(robot.model, found.x), found.x, v, a, found.G)
+    if robot.chain.anchors:
+        robot.chain.recent[:] = [*robot.chain.recent[-_REMEMBERED + 1 :], (robot.model, motion, tree)]
+    return tree
 
 
 def apply(G: Float[Array, "N nt nv"], values: Float[Array, "N nv"]) -> Float[Array, "N nt"]:

@@ -8,7 +8,7 @@ import numpy as np
 from jaxtyping import Float
 
 from identification.checks.smooth import Smooth
-from phantom_dyn.dynamics import inverse_dynamics
+from phantom_dyn.dynamics import inverse_dynamics, modelled_friction
 from phantom_dyn.motion import Motion
 from phantom_dyn.robot import Robot
 
@@ -53,8 +53,7 @@ def sample(smooth: Smooth) -> Sample | None:
 
 def model_torque(robot: Robot, motion: Motion) -> Float[Array, "N nv"]:
     """Torque of the rigid model without its modelled friction, which the fits leave free."""
-    full = inverse_dynamics(robot, motion)
-    return full - motion.v * robot.viscous_friction - np.sign(motion.v) * robot.coulomb_friction
+    return inverse_dynamics(robot, motion) - modelled_friction(robot, motion)
 
 
 def _left(columns: Float[Array, "N k"], target: Float[Array, " N"]) -> tuple[Float[Array, " k"], float]:

@@ -25,12 +25,12 @@ _MOST_JOINTS = 12
 def joint_limits(robot: Robot) -> Float[Array, "nv 2"]:
     """Lower and upper position limit of each joint [rad or m]; infinite where there is none."""
     out = np.tile([-np.inf, np.inf], (robot.nv, 1))
-    for joint in robot.model.joints[1:]:
-        if joint.nq == 1 and robot.model.upperPositionLimit[joint.idx_q] > robot.model.lowerPositionLimit[joint.idx_q]:
-            out[joint.idx_v] = (
-                robot.model.lowerPositionLimit[joint.idx_q],
-                robot.model.upperPositionLimit[joint.idx_q],
-            )
+    lower, upper = robot.model.lowerPositionLimit, robot.model.upperPositionLimit
+    joints = list(robot.model.joints)[1:]
+    for row, place in enumerate(robot.tree_rows):
+        joint = joints[place]
+        if joint.nq == 1 and upper[joint.idx_q] > lower[joint.idx_q]:
+            out[row] = lower[joint.idx_q], upper[joint.idx_q]
     return out
 
 

@@ -56,7 +56,7 @@ class Operation(Motion):
     @cached_property
     def transmitted(self) -> Float[Array, "N nv"]:
         """Torque that the transmissions pass to the links: drive torque less the rotors' share."""
-        return self.tau - self.a * self.robot.model.armature
+        return self.tau - self.a * self.robot.rotor_inertia
 
     @cached_property
     def partials(self) -> tuple[Float[Array, "N nv nv"], Float[Array, "N nv nv"], Float[Array, "N nv nv"]]:

@@ -35,7 +35,7 @@ class RotorInertia(Effect):
 
     def coefficient_bounds(self, robot: Robot, joint: str | None, shape: Shape) -> tuple[tuple[float, float], ...]:
         """Together with the modelled rotor it is not negative."""
-        return ((-float(robot.model.armature[row_of(robot, joint)]), np.inf),)
+        return ((-float(robot.rotor_inertia[row_of(robot, joint)]), np.inf),)
 
     def probe(self, robot: Robot, operation: Operation, joint: str | None) -> tuple[str, Array]:
         """The parameter itself."""
