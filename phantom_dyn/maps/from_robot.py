@@ -35,8 +35,9 @@ def map_model(
         frame: Tip; by default ``tip`` where the robot has such a frame, else its last frame.
         stiffness: Of each joint [N m/rad]; by default the published one of a built-in device, else the position gain
             ``kp`` of the controllers in ``robot.yaml``, else none.
-        posture: Configuration [rad or m] near which a branch is taken; by default that of a built-in device, else
-            zero, or the middle of the range of a joint that cannot reach zero.
+        posture: Configuration [rad or m] near which a branch is taken; by default that of a built-in device or the
+            start of a numerically closed chain, else zero, and for a joint that cannot reach zero the middle of its
+            range.
 
     Raises:
         RobotError: If the robot has no such frame, or the frame does not move.
@@ -60,7 +61,7 @@ def map_model(
         tree=tree_of(model, chosen),
         linear_map=np.eye(robot.nv) if robot.chain is None else robot.chain.linear_map[:, : robot.nv],
         offset=np.zeros(robot.nv) if robot.chain is None else robot.chain.offset,
-        solve=None if robot.chain is None or not robot.chain.unknowns else NumericChain(robot),
+        solve=None if robot.chain is None or not robot.chain.anchors else NumericChain(robot),
         lower=lower,
         upper=upper,
         prismatic=robot.prismatic,
@@ -159,8 +160,12 @@ def _posture(robot: Robot, device: built_in.Device | None, given: Array | None, 
         return given
     if device is not None and device.posture is not None:
         return np.array(device.posture)
-    middle = np.where(np.isfinite(lower + upper), (lower + upper) / 2, 0.0)
-    return np.where((lower <= 0) & (upper >= 0), 0.0, middle)
+    if robot.chain is not None and robot.chain.anchors:
+        return robot.chain.start[list(robot.chain.active)]
+    bounded = np.isfinite(lower) & np.isfinite(upper)
+    middle = (np.where(bounded, lower, 0.0) + np.where(bounded, upper, 0.0)) / 2
+    nearest_to_zero = np.where(bounded, middle, np.clip(0.0, lower, upper))
+    return np.where((lower <= 0) & (upper >= 0), 0.0, nearest_to_zero)
 
 
 @dataclass(frozen=True)
