@@ -31,6 +31,7 @@ class LoadDependentFriction(Effect):
     def signature(self, robot: Robot, operation: Operation, joint: str | None, shape: Shape) -> Signature:
         """Load in the direction of motion."""
         row = row_of(robot, joint)
+        direction = np.sign(operation.v[:, row])
         return on_one_joint(
             robot, joint, ratio=(np.abs(operation.transmitted[:, row]) * np.sign(operation.v[:, row]), "1")
         )
@@ -50,7 +51,8 @@ class LoadDependentFriction(Effect):
     def torque(self, robot: Robot, operation: Operation, joint: str | None, theta: Array) -> Array:
         """``-ratio |tl| sign(v)`` on the joint."""
         row = row_of(robot, joint)
-        return torque_on_joint(robot, joint, _law(theta[0], operation.transmitted[:, row], operation.v[:, row]))
+        law = -theta[0] * np.abs(operation.transmitted[:, row]) * np.sign(operation.v[:, row])
+        return torque_on_joint(robot, joint, law)
 
     def simulated(self, robot: Robot, joint: str | None, theta: Array) -> Simulated:
         """The law with the load of the moment."""
@@ -58,11 +60,7 @@ class LoadDependentFriction(Effect):
 
         def torque(state: Array, dt: float, moment: Moment) -> tuple[Array, Array]:
             out = np.zeros(robot.nv)
-            out[row] = _law(theta[0], moment.transmitted[row], moment.v[row])
+            out[row] = -theta[0] * abs(moment.transmitted[row]) * np.sign(moment.v[row])
             return state, out
 
         return Simulated(torque=torque)
-
-
-def _law(ratio: float, load: Array, v: Array) -> Array:
-    return -ratio * np.abs(load) * np.sign(v)

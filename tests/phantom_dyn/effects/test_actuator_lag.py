@@ -1,0 +1,87 @@
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from phantom_dyn.effects.actuator_lag import ActuatorLag
+from phantom_dyn.effects.operation import Operation
+
+EFFECT = ActuatorLag()
+THETA = np.array([0.02])
+W = 10.0  # rad/s
+
+
+@pytest.fixture(scope="module")
+def sine(arm, smooth) -> Operation:
+    """The drives are to give sines of 3, 2 and 1 N m."""
+    return replace(smooth, expected=np.sin(W * smooth.t)[:, None] * [3.0, 2.0, 1.0])
+
+
+def low_passed(t: np.ndarray, time_constant: float) -> np.ndarray:
+    """Closed form: answer of a first-order low pass to sin(W t) after the start has faded."""
+    gain = 1 / np.sqrt(1 + (W * time_constant) ** 2)
+    return gain * np.sin(W * t - np.arctan(W * time_constant))
+
+
+def test_the_command_leads_a_sine_as_a_low_pass_lags(arm, sine):
+    # Closed form: gain sqrt(1 + (w T)^2), phase atan(w T).
+    command = sine.expected - EFFECT.torque(arm, sine, None, THETA)
+    lead = np.hypot(1, W * 0.02) * np.sin(W * sine.t + np.arctan(W * 0.02))
+    np.testing.assert_allclose(command[1:-1], (lead[:, None] * [3.0, 2.0, 1.0])[1:-1], atol=1e-4)
+
+
+def test_a_lag_of_one_joint_touches_no_other(arm, sine):
+    torque = EFFECT.torque(arm, sine, "tilt", THETA)
+    assert np.all(torque[:, [0, 2]] == 0)
+    np.testing.assert_array_equal(torque[:, 1], EFFECT.torque(arm, sine, None, THETA)[:, 1])
+
+
+@pytest.mark.parametrize("joint", [None, "slide"])
+def test_the_drive_makes_up_for_the_torque(arm, sine, joint):
+    signature = EFFECT.signature(arm, sine, joint, ())
+    torque = EFFECT.torque(arm, sine, joint, THETA)[:, list(signature.rows)]
+    np.testing.assert_array_equal(torque, -signature.columns @ THETA)
+
+
+def test_a_simulated_drive_is_a_low_pass(arm, sine, given_in_steps):
+    command = np.sin(W * sine.t)[:, None] * np.ones(3)
+    given = given_in_steps(EFFECT.simulated(arm, None, THETA), sine.t, command)
+    np.testing.assert_allclose(given[300:, 1], low_passed(sine.t[300:], 0.02), atol=2e-3)
+
+
+def test_only_the_named_drive_lags(arm, given_in_steps, rng):
+    command = rng.normal(size=(30, 3))
+    given = given_in_steps(EFFECT.simulated(arm, "tilt", THETA), np.arange(30) * 0.01, command)
+    np.testing.assert_array_equal(given[:, [0, 2]], command[:, [0, 2]])
+    assert np.abs(given[1:, 1] - command[1:, 1]).min() > 0
+
+
+def test_uneven_steps_give_the_same_impulse_as_even_ones(arm, given_in_steps, rng):
+    # The exact solution for a held command: a step cut in parts gives the mean of the parts.
+    command = rng.normal(size=(20, 3))
+    simulated = EFFECT.simulated(arm, None, THETA)
+    whole = given_in_steps(simulated, np.arange(20) * 0.01, command)
+    uneven = np.array([0.0, 0.002, 0.009])
+    t = (np.arange(20)[:, None] * 0.01 + uneven).ravel()
+    parts = given_in_steps(simulated, t, np.repeat(command, 3, axis=0)).reshape(20, 3, 3)
+    weights = np.array([0.2, 0.7, 0.1])
+    np.testing.assert_allclose(np.einsum("p,kpj->kj", weights, parts)[:-1], whole[:-1], atol=1e-12)
+
+
+def test_it_starts_at_the_first_command(arm, given_in_steps):
+    given = given_in_steps(EFFECT.simulated(arm, None, THETA), np.arange(5) * 0.01, np.full((5, 3), 1.7))
+    np.testing.assert_allclose(given, 1.7, rtol=1e-14)
+
+
+def test_without_a_time_constant_the_command_is_given(arm, given_in_steps, rng):
+    command = rng.normal(size=(10, 3))
+    given = given_in_steps(EFFECT.simulated(arm, None, np.zeros(1)), np.arange(10) * 0.01, command)
+    np.testing.assert_array_equal(given, command)
+
+
+def test_a_sensor_behind_the_drive_does_not_show_it(arm, sine):
+    why = EFFECT.untestable(replace(arm, torque_source="sensor"), sine, None)
+    assert why is not None
+    assert why.endswith("behind the drive: the lag of the drive leaves no trace in them")

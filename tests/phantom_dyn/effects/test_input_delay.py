@@ -1,0 +1,119 @@
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from phantom_dyn import load_robot
+from phantom_dyn.effects.input_delay import InputDelay
+from phantom_dyn.effects.operation import Operation
+
+EFFECT = InputDelay()
+W = 10.0  # rad/s
+
+
+@pytest.fixture(scope="module")
+def sine(arm, smooth) -> Operation:
+    """The drives are to give sines of 3, 2 and 1 N m."""
+    return replace(smooth, expected=np.sin(W * smooth.t)[:, None] * [3.0, 2.0, 1.0])
+
+
+@pytest.mark.parametrize("delay", [0.0, 0.0007, 0.002, 0.0123])
+def test_the_command_of_a_sine_is_the_sine_a_delay_later(arm, sine, delay):
+    # Closed form; the delays are no multiples of the 2 ms between samples.
+    command = sine.expected - EFFECT.torque(arm, sine, None, np.array([delay]))
+    ahead = np.sin(W * (sine.t + delay))[:, None] * [3.0, 2.0, 1.0]
+    np.testing.assert_allclose(command[5:-10], ahead[5:-10], atol=3e-6)
+
+
+def test_uneven_samples_give_the_same_command(arm, sine):
+    t = sine.t + 0.0005 * np.sin(np.arange(len(sine.t)))
+    uneven = replace(sine, t=t, expected=np.sin(W * t)[:, None] * np.ones(3))
+    command = uneven.expected - EFFECT.torque(arm, uneven, "tilt", np.array([0.005]))
+    np.testing.assert_allclose(command[5:-10, 1], np.sin(W * (t[5:-10] + 0.005)), atol=1e-5)
+
+
+@pytest.mark.parametrize("joint", [None, "slide"])
+def test_the_column_is_exact_where_coefficient_and_shape_agree(arm, sine, joint):
+    signature = EFFECT.signature(arm, sine, joint, (0.007,))
+    torque = EFFECT.torque(arm, sine, joint, np.array([0.007]))[:, list(signature.rows)]
+    np.testing.assert_allclose(torque, -signature.columns @ [0.007], atol=1e-14)
+
+
+def test_a_delay_of_one_joint_touches_no_other(arm, sine):
+    assert EFFECT.signature(arm, sine, "tilt", (0.002,)).rows == (1,)
+    assert np.all(EFFECT.torque(arm, sine, "tilt", np.array([0.01]))[:, [0, 2]] == 0)
+
+
+def test_the_smallest_shape_is_one_sample(arm, sine, smooth):
+    assert EFFECT.shapes(arm, sine, None)[0][0] == pytest.approx(0.002)
+    assert [len(shape) for shape in EFFECT.shapes(arm, sine, None)] == [1, 1, 1]
+
+
+def test_the_next_shape_is_the_last_estimate(arm):
+    assert EFFECT.refined(np.array([0.0043]), (0.002,)) == ((0.0043,),)
+    assert EFFECT.refined(np.array([-0.001]), (0.002,)) == ((1e-5,),)
+
+
+def test_estimates_settle_on_the_delay(arm, sine):
+    # Known truth: a delay of 8 ms, found from a first shape of one sample.
+    truth = 0.008
+    measured = np.sin(W * (sine.t + truth)) * 3.0 - sine.expected[:, 0]
+    shape = EFFECT.shapes(arm, sine, "turn")[0]
+    for _ in range(4):
+        column = EFFECT.signature(arm, sine, "turn", shape).columns[:-10, 0, 0]
+        estimate = column @ measured[:-10] / (column @ column)
+        shape = EFFECT.refined(np.array([estimate]), shape)[0]
+    assert shape[0] == pytest.approx(truth, rel=1e-4)
+
+
+@pytest.mark.parametrize("delay", [0.0, 0.004, 0.0051, 0.0199])
+def test_a_simulated_drive_is_late_by_the_delay(arm, given_in_steps, sine, delay):
+    # Closed form, up to what the hold leaves: a command is given in the step that it is asked for, if nothing is late.
+    command = np.sin(W * sine.t)[:, None] * np.ones(3)
+    given = given_in_steps(EFFECT.simulated(arm, None, np.array([delay])), sine.t, command)
+    late = np.sin(W * (sine.t - delay))
+    np.testing.assert_allclose(given[20:, 1], late[20:], atol=1e-3)
+
+
+def test_a_delay_of_whole_steps_shifts_the_commands(arm, given_in_steps, rng):
+    command = rng.normal(size=(30, 3))
+    given = given_in_steps(EFFECT.simulated(arm, "tilt", np.array([0.03])), np.arange(30) * 0.01, command)
+    np.testing.assert_allclose(given[3:, 1], command[:-3, 1], atol=1e-12)
+    np.testing.assert_array_equal(given[:, [0, 2]], command[:, [0, 2]])
+
+
+def test_before_the_first_command_that_one_is_given(arm, given_in_steps, rng):
+    command = rng.normal(size=(30, 3))
+    given = given_in_steps(EFFECT.simulated(arm, None, np.array([0.03])), np.arange(30) * 0.01, command)
+    np.testing.assert_allclose(given[:3], command[[0, 0, 0]], atol=1e-12)
+
+
+def test_uneven_steps_give_the_same_impulse_as_even_ones(arm, given_in_steps, rng):
+    command = rng.normal(size=(20, 3))
+    simulated = EFFECT.simulated(arm, None, np.array([0.0137]))
+    whole = given_in_steps(simulated, np.arange(20) * 0.01, command)
+    t = (np.arange(20)[:, None] * 0.01 + np.array([0.0, 0.002, 0.009])).ravel()
+    parts = given_in_steps(simulated, t, np.repeat(command, 3, axis=0)).reshape(20, 3, 3)
+    np.testing.assert_allclose(np.einsum("p,kpj->kj", [0.2, 0.7, 0.1], parts)[:-1], whole[:-1], atol=1e-12)
+
+
+def test_the_history_is_no_longer_than_needed(arm, rng):
+    simulated = EFFECT.simulated(arm, "tilt", np.array([0.02]))
+    state = simulated.start
+    for tau in rng.normal(size=(500, 3)):
+        state, _ = simulated.command(state, 0.01, tau)
+    assert len(state) <= 2 * 4
+
+
+def test_on_a_robot_with_one_joint_the_delay_is_that_joint_s(arm):
+    pendulum = load_robot(arm.source.replace("arm3", "pendulum"))
+    assert EFFECT.places(pendulum) == pendulum.joint_names
+    assert EFFECT.places(arm) == (None, "turn", "tilt", "slide")
+
+
+def test_a_sensor_behind_the_drive_does_not_show_it(arm, sine):
+    why = EFFECT.untestable(replace(arm, torque_source="sensor"), sine, None)
+    assert why is not None
+    assert why.endswith("behind the drive: the delay of the drive leaves no trace in them")

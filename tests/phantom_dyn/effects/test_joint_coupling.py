@@ -1,0 +1,114 @@
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pinocchio as pin
+import pytest
+
+from phantom_dyn import load_robot
+from phantom_dyn.effects.joint_coupling import JointCoupling
+from phantom_dyn.effects.operation import Operation
+from phantom_dyn.errors import RobotError
+from phantom_dyn.motion import Motion
+
+EFFECT = JointCoupling()
+THETA = np.array([-0.7, 0.3, 0.2, 0.05])  # ratio, T, c, I
+
+
+def test_the_torque_follows_the_contract(arm, smooth):
+    # Contract: w = v_i + ratio v_j; -(T sign w + c w + I dw/dt) times (1, ratio) on (i, j).
+    torque = EFFECT.torque(arm, smooth, "turn+slide", THETA)
+    w = smooth.v[:, 0] - 0.7 * smooth.v[:, 2]
+    dw = smooth.a[:, 0] - 0.7 * smooth.a[:, 2]
+    inner = 0.3 * np.sign(w) + 0.2 * w + 0.05 * dw
+    np.testing.assert_allclose(torque, np.column_stack([-inner, 0 * w, 0.7 * inner]), atol=1e-12)
+
+
+def test_friction_takes_out_the_power_of_w(arm, operation):
+    # Closed form: the power of both joints is -(T |w| + c w^2).
+    torque = EFFECT.torque(arm, operation, "turn+tilt", np.array([0.5, 0.3, 0.2, 0.0]))
+    w = operation.v[:, 0] + 0.5 * operation.v[:, 1]
+    power = np.sum(torque * operation.v, axis=1)
+    np.testing.assert_allclose(power, -(0.3 * np.abs(w) + 0.2 * w**2), atol=1e-12)
+
+
+def test_its_inertia_changes_kinetic_energy_by_half_i_w_squared(arm, smooth):
+    # Finite differences: the power of the inertial torque is minus the rate of I w^2 / 2.
+    torque = EFFECT.torque(arm, smooth, "turn+tilt", np.array([0.5, 0.0, 0.0, 0.4]))
+    w = smooth.v[:, 0] + 0.5 * smooth.v[:, 1]
+    power = np.sum(torque * smooth.v, axis=1)
+    rate = np.gradient(0.5 * 0.4 * w**2, smooth.t)
+    np.testing.assert_allclose(power[1:-1], -rate[1:-1], atol=2e-3)
+
+
+def test_the_drives_make_up_for_the_torque(arm, smooth):
+    signature = EFFECT.signature(arm, smooth, "turn+slide", (-0.7,))
+    torque = EFFECT.torque(arm, smooth, "turn+slide", THETA)
+    assert signature.rows == (0, 2)
+    np.testing.assert_allclose(torque[:, [0, 2]], -signature.columns @ THETA[1:], atol=1e-12)
+    np.testing.assert_array_equal(EFFECT.from_coefficients(arm, "turn+slide", THETA[1:], (-0.7,)), THETA)
+
+
+def test_parameters_have_the_names_of_the_contract_and_the_units_of_the_first_joint(arm):
+    given = {p.name: p.unit for p in EFFECT.parameters(arm, "tilt+slide")}
+    assert given == {"ratio": "1", "coulomb_torque": "N m", "coefficient": "N m s/rad", "inertia": "kg m^2"}
+
+
+def test_any_two_joints_of_a_short_arm_may_be_coupled(arm):
+    assert EFFECT.places(arm) == ("turn+tilt", "turn+slide", "tilt+slide")
+
+
+def test_on_a_long_arm_only_neighbours_and_next_neighbours_are_coupled(arm):
+    long = load_robot("example:ur10")
+    a, b, c, d, e, f = long.joint_names
+    pairs = [(a, b), (a, c), (b, c), (b, d), (c, d), (c, e), (d, e), (d, f), (e, f)]
+    assert EFFECT.places(long) == tuple("+".join(pair) for pair in pairs)
+
+
+def test_one_joint_is_coupled_to_nothing(arm):
+    assert EFFECT.places(load_robot(arm.source.replace("arm3", "pendulum"))) == ()
+
+
+def test_an_unknown_second_joint_is_refused(arm, smooth):
+    with pytest.raises(RobotError, match=r"No joint 'knee' in this robot: its joints are turn, tilt, slide\."):
+        EFFECT.torque(arm, smooth, "turn+knee", THETA)
+
+
+def test_a_simulation_gives_the_same_friction(arm, smooth, torque_in_steps):
+    without_inertia = np.array([-0.7, 0.3, 0.2, 0.0])
+    expected = EFFECT.torque(arm, smooth, "turn+slide", without_inertia)
+    simulated = EFFECT.simulated(arm, "turn+slide", THETA)
+    np.testing.assert_allclose(torque_in_steps(simulated, smooth), expected, atol=1e-12)
+
+
+def test_a_simulation_adds_the_inertia_to_the_mass_matrix(arm, smooth):
+    expected = EFFECT.torque(arm, smooth, "turn+slide", np.array([-0.7, 0.0, 0.0, 0.05]))
+    inertia = EFFECT.simulated(arm, "turn+slide", THETA).inertia
+    np.testing.assert_allclose(-smooth.a @ inertia, expected, atol=1e-12)
+
+
+def test_an_inertia_on_both_joints_alike_is_more_than_two_rotors(arm, smooth):
+    # Pinocchio: rotors add to the diagonal only, the coupling ties the joints together.
+    heavier = arm.model.copy()
+    heavier.armature = np.array([0.05, 0.05, 0.0])
+
+    def needed(model: pin.Model) -> np.ndarray:
+        data = model.createData()
+        return np.array([pin.rnea(model, data, q, 0 * q, a) for q, a in zip(smooth.q[:50], smooth.a[:50], strict=True)])
+
+    rotors = needed(heavier) - needed(arm.model)
+    coupled = -EFFECT.torque(arm, smooth, "turn+tilt", np.array([1.0, 0.0, 0.0, 0.05]))[:50, :2]
+    np.testing.assert_allclose(coupled - rotors[:, :2], 0.05 * smooth.a[:50, [1, 0]], atol=1e-12)
+
+
+def test_a_joint_at_rest_hides_the_coupling(arm, smooth):
+    q, v, a = (x * [1.0, 0.0, 1.0] for x in (smooth.q, smooth.v, smooth.a))
+    still = Operation.of(arm, Motion(smooth.t, q, v, a))
+    why = EFFECT.untestable(arm, still, "turn+tilt")
+    assert why == "tilt does not move: a coupling looks like friction of the other joint"
+    assert EFFECT.untestable(arm, replace(still), "turn+slide") is None
+
+
+def test_friction_and_inertia_are_not_negative(arm):
+    assert EFFECT.coefficient_bounds(arm, "turn+tilt", (1.0,)) == ((0.0, np.inf),) * 3

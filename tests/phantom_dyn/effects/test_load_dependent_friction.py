@@ -1,0 +1,55 @@
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from phantom_dyn.dynamics import inverse_dynamics
+from phantom_dyn.effects.load_dependent_friction import LoadDependentFriction
+from phantom_dyn.effects.operation import Operation
+from phantom_dyn.motion import Motion
+
+EFFECT = LoadDependentFriction()
+THETA = np.array([0.15])
+
+
+@pytest.fixture(scope="module")
+def geared(arm):
+    """The arm with rotors, whose torque does not pass the transmission."""
+    model = arm.model.copy()
+    model.armature = np.array([0.4, 0.5, 0.6])
+    return replace(arm, model=model)
+
+
+def test_the_torque_follows_the_contract(arm, geared, smooth):
+    # Contract: -ratio |tl| s. Pinocchio: tl is the torque of the same robot without rotors.
+    operation = Operation.of(geared, smooth)
+    load = inverse_dynamics(arm, smooth)[:, 1]
+    torque = EFFECT.torque(geared, operation, "tilt", THETA)[:, 1]
+    np.testing.assert_allclose(torque, -0.15 * np.abs(load) * np.sign(smooth.v[:, 1]), atol=1e-12)
+
+
+def test_it_takes_energy_out(arm, operation):
+    torque = EFFECT.torque(arm, operation, "slide", THETA)
+    assert np.all(torque[:, 2] * operation.v[:, 2] < 0)
+
+
+def test_the_drive_makes_up_for_the_torque(arm, smooth):
+    columns = EFFECT.signature(arm, smooth, "tilt", ()).columns
+    np.testing.assert_allclose(EFFECT.torque(arm, smooth, "tilt", THETA)[:, 1], -columns[:, 0] @ THETA, atol=1e-12)
+
+
+def test_a_simulation_gives_the_same_torque(arm, smooth, torque_in_steps):
+    expected = EFFECT.torque(arm, smooth, "tilt", THETA)
+    np.testing.assert_allclose(torque_in_steps(EFFECT.simulated(arm, "tilt", THETA), smooth), expected, atol=1e-12)
+
+
+def test_friction_is_not_negative(arm):
+    assert EFFECT.coefficient_bounds(arm, "tilt", ()) == ((0.0, np.inf),)
+
+
+def test_a_joint_that_never_reverses_cannot_show_it(arm, smooth):
+    forwards = Operation.of(arm, Motion(smooth.t, smooth.q, np.abs(smooth.v) + 0.1, smooth.a))
+    assert EFFECT.untestable(arm, forwards, "turn") == "turn never reverses: its friction looks like a constant torque"
+    assert EFFECT.untestable(arm, smooth, "turn") is None

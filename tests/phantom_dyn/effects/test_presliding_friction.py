@@ -1,0 +1,136 @@
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from phantom_dyn.effects.catalogue import effect_named
+from phantom_dyn.effects.operation import Operation
+from phantom_dyn.effects.presliding_friction import PreslidingFriction, bristle, strokes
+from phantom_dyn.motion import Motion
+
+EFFECT = PreslidingFriction()
+STICKING = np.array([0.5, 0.01, 1.05, 0.3])  # torque, displacement, static ratio, stick velocity
+
+
+def there_and_back(arm, speed: float, way: float, samples: int, turns: int = 3) -> Operation:
+    """``tilt`` moves at constant speed over ``way`` and back, ``turns`` times, ``samples`` each."""
+    q = np.concatenate([np.linspace(0, way, samples, endpoint=False), np.linspace(way, 0, samples, endpoint=False)])
+    q = np.tile(q, turns)
+    v = np.tile(np.repeat([speed, -speed], samples), turns)
+    states = np.zeros((2, len(q), 3))
+    states[0, :, 1], states[1, :, 1] = q, v
+    t = np.arange(len(q)) * way / speed / samples
+    return Operation.of(arm, Motion(t, states[0], states[1], np.zeros((len(q), 3))))
+
+
+@pytest.mark.parametrize("displacement", [0.003, 0.05, 0.4, 3.0])
+def test_the_bristle_follows_its_law_sample_by_sample(rng, displacement):
+    # Contract and elasto-plastic law: z += dq, held within +-d.
+    q = np.cumsum(rng.normal(size=700)) * 0.05
+    z, expected = 0.0, [0.0]
+    for step in np.diff(q):
+        z = np.clip(z + step, -displacement, displacement)
+        expected.append(z / displacement)
+    np.testing.assert_allclose(bristle(q, displacement), expected, atol=1e-11)
+
+
+def test_one_sample_has_no_deflection():
+    np.testing.assert_array_equal(bristle(np.array([0.7]), 0.1), [0.0])
+
+
+def test_a_loop_loses_the_area_of_its_hysteresis(arm):
+    # Closed form: the loop is a parallelogram of height 2 T and width w - 2 d.
+    operation = there_and_back(arm, 0.5, 0.4, 4000)
+    torque = EFFECT.torque(arm, operation, "tilt", np.array([0.6, 0.05]))[:, 1]
+    last = slice(2 * 4000, 4 * 4000 + 1)
+    q, torque = operation.q[last, 1], torque[last]
+    work = np.sum(0.5 * (torque[1:] + torque[:-1]) * np.diff(q))
+    assert work == pytest.approx(-2 * 0.6 * (0.4 - 2 * 0.05), rel=1e-3)
+
+
+def test_within_its_displacement_it_is_a_spring_of_torque_over_displacement(arm):
+    operation = there_and_back(arm, 0.1, 0.04, 100)
+    torque = EFFECT.torque(arm, operation, "tilt", np.array([0.6, 0.05]))[:, 1]
+    np.testing.assert_allclose(torque, -0.6 / 0.05 * operation.q[:, 1], atol=1e-12)
+
+
+def test_a_short_displacement_is_coulomb_friction(arm, smooth):
+    coulomb = effect_named("coulomb_friction").torque(arm, smooth, "tilt", np.array([0.6]))[:, 1]
+    torque = EFFECT.torque(arm, smooth, "tilt", np.array([0.6, 1e-9]))[:, 1]
+    slip = np.abs(np.diff(smooth.q[:, 1], prepend=smooth.q[0, 1])) > 1e-6
+    slip &= np.sign(np.diff(smooth.q[:, 1], prepend=smooth.q[0, 1])) == np.sign(smooth.v[:, 1])
+    np.testing.assert_allclose(torque[slip], coulomb[slip])
+
+
+def test_the_torque_does_not_depend_on_speed(arm):
+    slow, fast = there_and_back(arm, 0.1, 0.4, 500), there_and_back(arm, 10.0, 0.4, 500)
+    theta = np.array([0.6, 0.05])
+    np.testing.assert_allclose(
+        EFFECT.torque(arm, slow, "tilt", theta), EFFECT.torque(arm, fast, "tilt", theta), atol=1e-12
+    )
+
+
+def test_the_drive_makes_up_for_the_torque(arm, smooth):
+    shape = EFFECT.shapes(arm, smooth, "slide")[2]
+    theta = EFFECT.from_coefficients(arm, "slide", np.array([0.7]), shape)
+    columns = EFFECT.signature(arm, smooth, "slide", shape).columns
+    np.testing.assert_allclose(EFFECT.torque(arm, smooth, "slide", theta)[:, 2], -columns[:, 0, 0] * 0.7)
+
+
+def test_displacements_that_are_tried_follow_the_way_between_reversals(arm):
+    # Known truth: every stroke is 0.4 rad long.
+    operation = there_and_back(arm, 0.5, 0.4, 200)
+    np.testing.assert_allclose(strokes(operation, 1), 0.4, rtol=0.01)
+    shapes = EFFECT.shapes(arm, operation, "tilt")
+    assert shapes[0][0] == pytest.approx(0.0016, rel=0.01)
+    assert shapes[-1][0] == pytest.approx(0.16, rel=0.01)
+
+
+def test_a_joint_that_never_reverses_cannot_show_it(arm):
+    operation = there_and_back(arm, 0.5, 0.4, 200)
+    forwards = Operation.of(arm, Motion(*(x[:200] for x in (operation.t, operation.q, operation.v, operation.a))))
+    assert EFFECT.untestable(arm, forwards, "tilt") == (
+        "tilt never reverses: its friction looks like a constant torque"
+    )
+    assert EFFECT.untestable(arm, operation, "tilt") is None
+
+
+@pytest.mark.parametrize("theta", [np.array([0.5, 0.02]), STICKING], ids=["bristle", "sticking"])
+def test_a_simulation_gives_the_same_torque(arm, smooth, torque_in_steps, theta):
+    expected = EFFECT.torque(arm, smooth, "tilt", theta)
+    np.testing.assert_allclose(torque_in_steps(EFFECT.simulated(arm, "tilt", theta), smooth), expected, atol=1e-12)
+
+
+@pytest.mark.parametrize("theta", [np.array([0.5, 0.02]), STICKING], ids=["bristle", "sticking"])
+def test_half_the_samples_give_the_same_torque(arm, smooth, theta):
+    # Time-step independence: away from reversals, where the turning point itself falls between samples.
+    half = Operation.of(arm, Motion(*(x[::2] for x in (smooth.t, smooth.q, smooth.v, smooth.a))))
+    whole = EFFECT.torque(arm, smooth, "tilt", theta)[::2, 1]
+    error = np.abs(EFFECT.torque(arm, half, "tilt", theta)[:, 1] - whole)
+    assert np.quantile(error, 0.9) < 0.05 * theta[0]
+
+
+def test_a_stuck_joint_breaks_loose_at_the_static_ratio(arm):
+    # Published value: seed model of haptic hardware, 1.05 times the slip friction.
+    operation = there_and_back(arm, 0.01, 0.2, 40_000, turns=1)
+    torque = EFFECT.torque(arm, operation, "tilt", STICKING)[:, 1]
+    assert np.abs(torque).max() == pytest.approx(1.05 * 0.5, rel=1e-3)
+
+
+def test_above_the_stick_velocity_it_slips(arm):
+    operation = there_and_back(arm, 0.5, 0.2, 400)
+    torque = EFFECT.torque(arm, operation, "tilt", STICKING)[:, 1]
+    np.testing.assert_array_equal(torque, -0.5 * np.sign(operation.v[:, 1]))
+
+
+def test_on_sticking_the_torque_drops_to_almost_nothing(arm):
+    # Published behaviour: the glitch at the change from slip to stick.
+    operation = there_and_back(arm, 0.5, 0.2, 400, turns=1)
+    v = operation.v.copy()
+    v[400:, 1] = -0.2  # creeps back below the stick velocity
+    creeping = Operation.of(arm, replace(Motion(operation.t, operation.q, v, operation.a)))
+    torque = EFFECT.torque(arm, creeping, "tilt", STICKING)[:, 1]
+    assert torque[399] == -0.5
+    assert abs(torque[400]) < 0.1 * 0.5

@@ -1,0 +1,72 @@
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from phantom_dyn.effects.operation import Operation
+from phantom_dyn.effects.torque_saturation import TorqueSaturation
+
+EFFECT = TorqueSaturation()
+
+
+@pytest.fixture(scope="module")
+def saturated(arm, smooth) -> Operation:
+    """The command of ``tilt`` is a sine of 4 N m that lasts 2 s; what the drive gives of it is not looked at here."""
+    logged = smooth.tau.copy()
+    logged[:, 1] = 4.0 * np.sin(np.pi * smooth.t)
+    return Operation.of(arm, smooth, logged)
+
+
+def test_the_true_torque_is_the_command_within_the_limit(arm, saturated):
+    # Contract: clip at +-limit; the torque is the clipped command less the command.
+    true = saturated.logged + EFFECT.torque(arm, saturated, "tilt", np.array([2.5]))
+    np.testing.assert_allclose(true[:, 1], np.clip(saturated.logged[:, 1], -2.5, 2.5), atol=4e-3)
+    np.testing.assert_array_equal(true[:, [0, 2]], saturated.logged[:, [0, 2]])
+
+
+def test_below_the_limit_there_is_nothing(arm, saturated):
+    assert np.all(EFFECT.torque(arm, saturated, "tilt", np.array([4.1])) == 0)
+
+
+def test_the_drive_is_asked_for_the_excess_with_coefficient_one(arm, saturated):
+    columns = EFFECT.signature(arm, saturated, "tilt", (2.5,)).columns
+    torque = EFFECT.torque(arm, saturated, "tilt", np.array([2.5]))
+    np.testing.assert_array_equal(torque[:, 1], -columns[:, 0, 0])
+    assert EFFECT.from_coefficients(arm, "tilt", np.array([0.97]), (2.5,)) == pytest.approx([2.5])
+
+
+def test_limits_that_are_tried_are_exceeded_for_a_known_share(arm, saturated):
+    # Closed form: |sine| exceeds sin(x) for the share 1 - 2 x / pi.
+    limits = [limit for (limit,) in EFFECT.shapes(arm, saturated, "tilt")]
+    shares = [0.3, 0.15, 0.07, 0.03, 0.012, 0.004]
+    np.testing.assert_allclose(limits, 4.0 * np.cos(np.pi / 2 * np.array(shares)), rtol=5e-3)
+
+
+def test_noise_beyond_the_limit_is_averaged_out(arm, saturated, rng):
+    # White noise of 1 N m, averaged over five samples: a command at the limit exceeds it by 0.4 / sqrt(5) on average.
+    logged = saturated.logged.copy()
+    logged[:, 1] = 2.5 + rng.normal(size=len(logged))
+    excess = -EFFECT.torque(arm, Operation.of(arm, saturated, logged), "tilt", np.array([2.5]))[:, 1]
+    assert excess.mean() == pytest.approx(0.4 / np.sqrt(5), rel=0.15)
+
+
+def test_a_simulated_drive_holds_the_limit(arm, given_in_steps):
+    command = np.array([[3.0, -3.0, 3.0], [1.0, 1.0, 1.0], [-9.0, 9.0, 9.0]])
+    given = given_in_steps(EFFECT.simulated(arm, "tilt", np.array([2.0])), np.arange(3) * 0.01, command)
+    np.testing.assert_array_equal(given, [[3.0, -2.0, 3.0], [1.0, 1.0, 1.0], [-9.0, 2.0, 9.0]])
+
+
+def test_holding_the_limit_twice_is_holding_it_once(arm, given_in_steps, rng):
+    simulated, t = EFFECT.simulated(arm, "tilt", np.array([0.5])), np.arange(20) * 0.01
+    once = given_in_steps(simulated, t, rng.normal(size=(20, 3)))
+    np.testing.assert_array_equal(given_in_steps(simulated, t, once), once)
+
+
+def test_a_sensor_behind_the_drive_does_not_show_it(arm, saturated):
+    why = EFFECT.untestable(replace(arm, torque_source="sensor"), saturated, "tilt")
+    assert why == (
+        "the torque columns come from a sensor, behind the drive: the limit of the drive leaves no trace in them"
+    )
+    assert EFFECT.untestable(arm, saturated, "tilt") is None
