@@ -98,20 +98,20 @@ def operational_map(
 
 def _blocks(job: _Job, jobs: int | None) -> Iterator[_Block]:
     """Blocks as they are finished; in this process alone where there are few, as others need a second to start."""
-    starts = range(0, job.grid.size, BLOCK)
+    spans = [(start, min(start + BLOCK, job.grid.size)) for start in range(0, job.grid.size, BLOCK)]
     wanted = (len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else 1) if jobs is None else jobs
-    processes = min(wanted, len(starts))
-    if processes <= 1 or (jobs is None and len(starts) < 8 and job.cloud is None):
-        yield from (_block(job, start) for start in starts)
+    processes = min(wanted, len(spans))
+    if processes <= 1 or (jobs is None and len(spans) < 8 and job.cloud is None):
+        yield from (_block(job, *span) for span in spans)
         return
     from joblib import Parallel, delayed
 
     parallel = Parallel(n_jobs=processes, return_as="generator_unordered", pre_dispatch="2*n_jobs", max_nbytes=None)
-    yield from cast("Iterable[_Block]", parallel(delayed(_block)(job, start) for start in starts))
+    yield from cast("Iterable[_Block]", parallel(delayed(_block)(job, *span) for span in spans))
 
 
-def _block(job: _Job, start: int) -> _Block:
-    model, stop = job.model, min(start + BLOCK, job.grid.size)
+def _block(job: _Job, start: int, stop: int) -> _Block:
+    model = job.model
     q = _joint_positions(job, start, stop)
     rows = np.flatnonzero(np.isfinite(q).all(axis=1))
     rows = rows[within_limits(model, q[rows])]
