@@ -32,9 +32,7 @@ class LoadDependentFriction(Effect):
         """Load in the direction of motion."""
         row = row_of(robot, joint)
         direction = np.sign(operation.v[:, row])
-        return on_one_joint(
-            robot, joint, ratio=(np.abs(operation.transmitted[:, row]) * np.sign(operation.v[:, row]), "1")
-        )
+        return on_one_joint(robot, joint, ratio=(np.abs(operation.transmitted[:, row]) * direction, "1"))
 
     def coefficient_bounds(self, robot: Robot, joint: str | None, shape: Shape) -> tuple[tuple[float, float], ...]:
         """Friction holds back."""
