@@ -41,6 +41,7 @@ EFFECTS: dict[str, EffectWords] = {
         "friction that is larger in one direction than in the other",
         "Put both directions into the model, and look at the drive for a cause that prefers one direction "
         "(cable, seal, amplifier offset).",
+        "less friction than modelled, by direction",
     ),
     "stribeck_friction": EffectWords(
         "Stribeck friction",
@@ -56,6 +57,7 @@ EFFECTS: dict[str, EffectWords] = {
         "load-dependent friction",
         "friction that grows with the torque that the transmission passes on",
         "Record the same motion with two payloads, then scale the joint's friction with the load in the model.",
+        "less load-dependent friction than modelled",
     ),
     "backlash": EffectWords(
         "backlash",
@@ -114,6 +116,7 @@ EFFECTS: dict[str, EffectWords] = {
         "a payload",
         "a mass on the last link that the model does not carry",
         "Weigh the tool, cable or load at the last link, and add it to the model.",
+        "less mass on the last link than modelled",
     ),
     "inertial_parameters": EffectWords(
         "wrong inertial parameters",

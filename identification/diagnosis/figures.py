@@ -2,19 +2,15 @@
 
 from __future__ import annotations
 
-import io
-import re
-from collections.abc import Callable
-from typing import Any
-
-import matplotlib
 import numpy as np
 from jaxtyping import Bool, Float
 from matplotlib.axes import Axes
-from matplotlib.backends.backend_svg import FigureCanvasSVG
 from matplotlib.figure import Figure
 
+from identification.diagnosis.explaining import Variable, explaining_variable, joint_of, strongest_variable
+from identification.diagnosis.joint_motion import JointMotion
 from identification.diagnosis.result import Diagnosis, Evidence, JointGap
+from identification.diagnosis.svg import INK, drawn_svg
 from identification.diagnosis.thinning import binned_median, eventful_stretch, gap_starts, scatter_choice, thinned
 
 Array = np.ndarray
@@ -24,25 +20,8 @@ BEFORE_POINTS, AFTER_POINTS = "#eba36f", "#6fb1d8"
 # Samples of which a median is drawn, each with the dashes of its line.
 Groups = tuple[tuple[Bool[Array, " N"], str | tuple[int, tuple[float, ...]]], ...]
 
-INK = "#010203"  # stands for the colour of the page's text until the SVG is written
 STRETCH_S = 10.0
 FINER_FROM = 3.0  # ratio of residuals from which the corrected model's panel has a scale of its own
-STYLE = {
-    "svg.fonttype": "none",
-    "font.size": 10.5,
-    "text.parse_math": False,
-    "text.color": INK,
-    "axes.labelcolor": INK,
-    "axes.edgecolor": INK,
-    "xtick.color": INK,
-    "ytick.color": INK,
-    "axes.spines.top": False,
-    "axes.spines.right": False,
-    "axes.linewidth": 0.7,
-    "axes.formatter.useoffset": False,
-    "legend.frameon": False,
-    "path.simplify_threshold": 0.2,
-}
 
 
 def gap_bars(joints: tuple[JointGap, ...]) -> str:
@@ -66,13 +45,13 @@ def gap_bars(joints: tuple[JointGap, ...]) -> str:
         axes.set_xlabel("RMS torque residual [noise floors]")
         _legend(figure, axes)
 
-    return _svg(draw, "gap", (5.7, 1.0 + 0.5 * len(joints)), "Gap of each joint before and after, in noise floors")
+    return drawn_svg(draw, "gap", (5.7, 1.0 + 0.5 * len(joints)), "Gap of each joint before and after, in noise floors")
 
 
 def torque_figure(diagnosis: Diagnosis, joint: int) -> str:
     """Torque measured and modelled over a stretch that shows something, and the residuals below it."""
     evidence, gap = diagnosis.evidence, diagnosis.joints[joint]
-    rows = eventful_stretch(evidence.t, _residual(evidence.tau_before, evidence, joint), STRETCH_S)
+    rows = eventful_stretch(evidence.t, residual(evidence.tau_before, evidence, joint), STRETCH_S)
     t = evidence.t[rows]
 
     def draw(figure: Figure) -> None:
@@ -80,8 +59,8 @@ def torque_figure(diagnosis: Diagnosis, joint: int) -> str:
         _curve(top, t, evidence.tau_measured[rows, joint], INK, "measured", 1.8, 0.55)
         _curve(top, t, evidence.tau_before[rows, joint], BEFORE, "given model", 1.1)
         _curve(top, t, evidence.tau_after[rows, joint], AFTER, "corrected model", 1.1)
-        _curve(bottom, t, _residual(evidence.tau_before, evidence, joint)[rows], BEFORE, "", 0.9)
-        _curve(bottom, t, _residual(evidence.tau_after, evidence, joint)[rows], AFTER, "", 0.9)
+        _curve(bottom, t, residual(evidence.tau_before, evidence, joint)[rows], BEFORE, "", 0.9)
+        _curve(bottom, t, residual(evidence.tau_after, evidence, joint)[rows], AFTER, "", 0.9)
         _noise_band(bottom, gap.noise_floor)
         top.set_ylabel(f"torque [{gap.unit}]" if gap.unit != "N" else "force [N]")
         bottom.set_ylabel(f"residual [{gap.unit}]")
@@ -89,14 +68,15 @@ def torque_figure(diagnosis: Diagnosis, joint: int) -> str:
         _legend(figure, top)
         figure.align_ylabels()
 
-    return _svg(draw, f"torque{joint}", (11.5, 4.2), f"Measured and modelled torque of joint {gap.joint} over time")
+    return drawn_svg(
+        draw, f"torque{joint}", (11.5, 4.2), f"Measured and modelled torque of joint {gap.joint} over time"
+    )
 
 
 def residual_over_velocity(diagnosis: Diagnosis, joint: int) -> str:
     """Residual over the joint's own velocity, given model above, corrected model below."""
     unit = "m/s" if diagnosis.joints[joint].unit == "N" else "rad/s"
-    v = diagnosis.evidence.v[:, joint]
-    return _residual_figure(diagnosis, joint, v, ((np.isfinite(v), "-"),), f"velocity [{unit}]")
+    return _before_after(diagnosis, joint, Variable("velocity", unit, diagnosis.evidence.v[:, joint]), "velocity")
 
 
 def residual_over_position(diagnosis: Diagnosis, joint: int) -> str:
@@ -105,33 +85,72 @@ def residual_over_position(diagnosis: Diagnosis, joint: int) -> str:
     One median over both directions would jump between the two branches that friction makes.
     """
     unit = "m" if diagnosis.joints[joint].unit == "N" else "rad"
-    v = diagnosis.evidence.v[:, joint]
-    groups = ((v > 0, "-"), (v < 0, (0, (3, 1.5))))
-    return _residual_figure(diagnosis, joint, diagnosis.evidence.q[:, joint], groups, f"position [{unit}]")
+    q = diagnosis.evidence.q[:, joint]
+    return _before_after(diagnosis, joint, Variable("position", unit, q, by_direction=True), "position")
 
 
-def _residual_figure(diagnosis: Diagnosis, joint: int, x: Float[Array, " N"], groups: Groups, label: str) -> str:
-    evidence, gap = diagnosis.evidence, diagnosis.joints[joint]
-    quantity = label.split()[0]
+def finding_figure(diagnosis: Diagnosis, motions: dict[str, JointMotion], index: int) -> str:
+    """Residual over the variable that explains a finding: without it above, with everything that was found below."""
+    evidence, finding = diagnosis.evidence, diagnosis.findings[index]
+    row = joint_of(diagnosis, finding.joint)
+    alone = bool(evidence.tau_without)
+    before = residual(evidence.tau_without[index] if alone else evidence.tau_before, evidence, row)
+    variable = explaining_variable(diagnosis, motions, finding, before)
+    titles = ("without this finding", "with it") if alone else ("given model", "corrected model")
+    after = residual(evidence.tau_after, evidence, row)
+    return _residual_figure(diagnosis, row, variable, (before, after), titles, f"finding{index}")
 
-    residuals = [_residual(tau, evidence, joint) for tau in (evidence.tau_before, evidence.tau_after)]
-    reach = [max(_reach(residual), 3 * np.nan_to_num(gap.noise_floor)) for residual in residuals]
+
+def rest_figure(diagnosis: Diagnosis, motions: dict[str, JointMotion], joint: str) -> str:
+    """Residual of a joint over what explains most of its rest, which no effect of the catalogue explains."""
+    evidence, row = diagnosis.evidence, joint_of(diagnosis, joint)
+    after = residual(evidence.tau_after, evidence, row)
+    variable = strongest_variable(diagnosis, motions, diagnosis.joints[row].joint, after)
+    return _before_after(diagnosis, row, variable, "rest")
+
+
+def residual(tau: Float[Array, "N nv"], evidence: Evidence, joint: int) -> Float[Array, " N"]:
+    """Measured less modelled torque of one joint."""
+    return evidence.tau_measured[:, joint] - tau[:, joint]
+
+
+def _before_after(diagnosis: Diagnosis, joint: int, variable: Variable, key: str) -> str:
+    evidence = diagnosis.evidence
+    both = (residual(evidence.tau_before, evidence, joint), residual(evidence.tau_after, evidence, joint))
+    return _residual_figure(diagnosis, joint, variable, both, ("given model", "corrected model"), key)
+
+
+def _residual_figure(
+    diagnosis: Diagnosis,
+    joint: int,
+    variable: Variable,
+    residuals: tuple[Float[Array, " N"], Float[Array, " N"]],
+    titles: tuple[str, str],
+    key: str,
+) -> str:
+    gap, v = diagnosis.joints[joint], diagnosis.evidence.v[:, joint]
+    within = np.isfinite(variable.x)
+    if variable.reach:
+        within &= np.abs(variable.x) <= variable.reach
+    groups: Groups = ((v > 0, "-"), (v < 0, (0, (3, 1.5)))) if variable.by_direction else ((within, "-"),)
+    reach = [max(_reach(values[within]), 3 * np.nan_to_num(gap.noise_floor)) for values in residuals]
     # What is left would be a flat line on the scale of a large gap.
     finer = reach[0] > FINER_FROM * reach[1]
 
     def draw(figure: Figure) -> None:
         panels = figure.subplots(2, 1, sharex=True, sharey=not finer)
         colours = ((BEFORE_POINTS, BEFORE), (AFTER_POINTS, AFTER))
-        titles = ("given model", "corrected model, finer scale" if finer else "corrected model")
-        for axes, residual, (points, line), title in zip(panels, residuals, colours, titles, strict=True):
-            _cloud(axes, x, residual, groups, points, line)
+        named = (titles[0], f"{titles[1]}, finer scale" if finer else titles[1])
+        for axes, values, (points, line), title in zip(panels, residuals, colours, named, strict=True):
+            _cloud(axes, np.where(within, variable.x, np.nan), values, groups, points, line)
             _noise_band(axes, gap.noise_floor)
             axes.set_ylabel(f"residual [{gap.unit}]")
             axes.set_title(f"{title}: samples and median", loc="left", fontsize=10.5)
-        panels[1].set_xlabel(label)
+        panels[1].set_xlabel(f"{variable.name} [{variable.unit}]")
         figure.align_ylabels()
 
-    return _svg(draw, f"{quantity}{joint}", (5.7, 4.2), f"Residual of joint {gap.joint} over {quantity}")
+    title = f"Residual of joint {gap.joint} over {variable.name}"
+    return drawn_svg(draw, f"{key}-{joint}", (5.7, 4.2), title)
 
 
 def _cloud(axes: Axes, x: Array, y: Array, groups: Groups, points: str, line: str) -> None:
@@ -159,10 +178,6 @@ def _noise_band(axes: Axes, noise_floor: float) -> None:
     axes.axhline(0.0, color=INK, linewidth=0.5, alpha=0.6)
 
 
-def _residual(tau: Array, evidence: Evidence, joint: int) -> Float[Array, " N"]:
-    return evidence.tau_measured[:, joint] - tau[:, joint]
-
-
 def _reach(residual: Float[Array, " N"]) -> float:
     finite = residual[np.isfinite(residual)]
     return float(np.max(np.abs(finite))) if len(finite) else 0.0
@@ -182,49 +197,3 @@ def short_name(name: str, length: int = 18) -> str:
         return name
     kept = length - 1
     return f"{name[: kept - kept // 2]}…{name[-(kept // 2) :]}"
-
-
-def _svg(draw: Callable[[Figure], None], key: str, size: tuple[float, float], title: str) -> str:
-    style: dict[Any, Any] = {**STYLE, "svg.hashsalt": key}  # matplotlib's own type lists every key there is
-    with matplotlib.rc_context(style):
-        figure = Figure(figsize=size, layout="constrained", dpi=110)
-        FigureCanvasSVG(figure)
-        draw(figure)
-        buffer = io.StringIO()
-        nothing = dict.fromkeys(("Creator", "Date", "Format", "Type"))
-        figure.savefig(buffer, format="svg", transparent=True, metadata=nothing, dpi=110)
-    return inline_svg(buffer.getvalue(), key, title)
-
-
-def inline_svg(svg: str, key: str, title: str) -> str:
-    """The SVG element alone, ready to stand in a page beside others.
-
-    Args:
-        svg: A whole file as matplotlib writes it.
-        key: Marks the ids of this figure, so that no two figures share one.
-        title: What the figure shows, for readers who cannot see it.
-
-    Returns:
-        The element with the page's font and colour, coordinates to a tenth of a point, and no unused id.
-    """
-    svg = re.sub(r"<!--.*?-->", "", svg[svg.index("<svg") :], flags=re.DOTALL)
-    used = set(re.findall(r'(?:href="|url\()#([^")]+)', svg))
-    # Only tags are rewritten: a joint's name in a text element stays as it is.
-    svg = re.sub(r"<[^>]*>", lambda tag: _tag(tag[0], key, used), svg)
-    return re.sub(r"<svg ", f'<svg role="img" aria-label="{_attribute(title)}" ', svg, count=1)
-
-
-def _tag(tag: str, key: str, used: set[str]) -> str:
-    tag = re.sub(r' id="([^"]*)"', lambda m: f' id="{key}-{m[1]}"' if m[1] in used else "", tag)
-    tag = re.sub(r'(href="|url\()#', rf"\1#{key}-", tag)
-    tag = re.sub(r' (?:d|x|y)="[^"]*"', lambda m: re.sub(r"-?\d+\.\d+", _tenth, m[0]).replace(" \n", " "), tag)
-    tag = re.sub(r"(font: [^;\"]*?[\d.]+px )[^;\"]*", r"\1system-ui, sans-serif", tag)
-    return tag.replace(INK, "currentColor")
-
-
-def _tenth(number: re.Match[str]) -> str:
-    return f"{float(number[0]):.1f}".removesuffix(".0")
-
-
-def _attribute(text: str) -> str:
-    return text.replace("&", "&amp;").replace("<", "&lt;").replace(">", "&gt;").replace('"', "&quot;")

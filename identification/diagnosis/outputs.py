@@ -36,7 +36,7 @@ def write_outputs(diagnosis: Diagnosis, robot: Robot, *, out: Path | None, json_
 
     Args:
         diagnosis: What was found.
-        robot: The robot as it was given; its source and hash go into ``corrected.yaml``.
+        robot: The robot as it was given; its source and hash go into ``corrected.yaml``, its shape into the report.
         out: The folder, made where it is missing; other files in it are kept. None: no folder.
         json_file: Another place for the JSON. None: nowhere.
 
@@ -51,7 +51,7 @@ def write_outputs(diagnosis: Diagnosis, robot: Robot, *, out: Path | None, json_
     contents: dict[Path, str] = {}
     if out is not None:
         corrected = write_corrected(diagnosis, robot.source, robot.sha256)
-        texts = (json_text(diagnosis), _report(diagnosis), corrected)
+        texts = (json_text(diagnosis), _report(diagnosis, robot), corrected)
         contents = {out / name: text for name, text in zip(NAMES, texts, strict=True)}
     if json_file is not None:
         contents[json_file] = json_text(diagnosis)
@@ -61,11 +61,11 @@ def write_outputs(diagnosis: Diagnosis, robot: Robot, *, out: Path | None, json_
     return tuple(contents)
 
 
-def _report(diagnosis: Diagnosis) -> str:
+def _report(diagnosis: Diagnosis, robot: Robot) -> str:
     # Drawing loads matplotlib, which whoever wants the JSON alone need not wait for.
     from identification.diagnosis.report import report_html
 
-    return report_html(diagnosis)
+    return report_html(diagnosis, robot)
 
 
 def _check_file(path: Path, option: str) -> None:

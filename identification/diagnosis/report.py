@@ -2,17 +2,39 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from importlib.resources import files
 
+import numpy as np
 from jinja2 import Environment, StrictUndefined
 from markupsafe import Markup
 
 from identification.diagnosis import words
-from identification.diagnosis.effect_words import REGIMES, effect_words, regime_words
-from identification.diagnosis.figures import gap_bars, residual_over_position, residual_over_velocity, torque_figure
-from identification.diagnosis.result import Bound, Diagnosis, Finding, JointGap, NotTestable
-
-Row = tuple[str, ...]
+from identification.diagnosis.explaining import joint_of
+from identification.diagnosis.figures import (
+    finding_figure,
+    gap_bars,
+    residual_over_position,
+    residual_over_velocity,
+    rest_figure,
+    torque_figure,
+)
+from identification.diagnosis.gap_shares import gap_shares, joint_colours
+from identification.diagnosis.joint_motion import JointMotion, joint_motions
+from identification.diagnosis.numbers import percent
+from identification.diagnosis.report_tables import (
+    RegimeShare,
+    Row,
+    gap_row,
+    parameter_rows,
+    regime_table,
+    rollout_rows,
+    seen_from,
+    untestable_rows,
+)
+from identification.diagnosis.result import Diagnosis, Finding
+from identification.diagnosis.words import FindingWords
+from phantom_dyn.robot import Robot
 
 VERDICTS = {
     "explained": "Explained",
@@ -21,92 +43,139 @@ VERDICTS = {
     "no_gap": "No gap",
     "not_testable": "Not testable",
 }
+_SOME = 0.02  # share of the gap from which a joint's residual is drawn over velocity and position
+_OPEN_JOINTS = 2  # so many joints with the largest gap have their figures unfolded
 
 
-def report_html(diagnosis: Diagnosis) -> str:
-    """The whole page as text; everything it shows is inside it, and every name is escaped."""
+@dataclass(frozen=True)
+class Card:
+    """One finding on the page: the parts of its sentence, its sizes, and its figure, empty without samples."""
+
+    name: str
+    share: str
+    sentence: FindingWords
+    sizes: list[Row]
+    figure: Markup
+
+
+@dataclass(frozen=True)
+class JointView:
+    """One joint on the page: name, share of the gap, figures over time and over its own motion, regimes."""
+
+    name: str
+    share: str
+    torque: Markup
+    clouds: list[Markup]
+    regimes: list[RegimeShare]
+    unfolded: bool
+
+
+@dataclass(frozen=True)
+class SceneView:
+    """The robot in three dimensions on the page.
+
+    Attributes:
+        script: Plotly's own library.
+        figure: The figure as JSON that may stand in a script element.
+        legend: For each joint its name, share of the gap and colour.
+        from_meshes: False if the links are drawn as capsules.
+        has_gap: False if no joint has a residual above its noise floor.
+    """
+
+    script: Markup
+    figure: Markup
+    legend: list[Row]
+    from_meshes: bool
+    has_gap: bool
+
+
+def report_html(diagnosis: Diagnosis, robot: Robot | None = None) -> str:
+    """The whole page as text; everything it shows is inside it, and every name is escaped.
+
+    Args:
+        diagnosis: What is shown.
+        robot: Drawn in three dimensions if it is given; the page then holds Plotly's library, about 5 MB.
+    """
     environment = Environment(autoescape=True, undefined=StrictUndefined, trim_blocks=True, lstrip_blocks=True)
     source = files("identification.diagnosis").joinpath("report.html.jinja").read_text(encoding="utf-8")
     has_samples = len(diagnosis.evidence.t) > 1
+    motions = joint_motions(robot, diagnosis) if has_samples else {}
     return environment.from_string(source).render(
         diagnosis=diagnosis,
         badge=VERDICTS.get(diagnosis.verdict, diagnosis.verdict.replace("_", " ")),
         verdict=words.verdict_sentence(diagnosis),
-        findings=[(words.finding_words(f), words.capital(words.finding_name(f))) for f in diagnosis.findings],
+        cards=[_card(diagnosis, motions, index) for index in range(len(diagnosis.findings))],
         say=(diagnosis.next_experiment or {}).get("say"),
-        parameters=parameter_rows(diagnosis.findings),
+        scene=None if robot is None else _scene(robot, diagnosis),
         gaps=[gap_row(joint) for joint in diagnosis.joints],
         gap_figure=Markup(gap_bars(diagnosis.joints)),
-        joint_figures=[joint_figures(diagnosis, k) for k in range(len(diagnosis.joints))] if has_samples else [],
-        regimes=regime_rows(diagnosis),
+        joints=_joint_views(diagnosis) if has_samples else [],
+        has_times=bool(diagnosis.evidence.regime_times),
         rollout=rollout_rows(diagnosis),
         adjusted=[(a.quantity, f"{100 * a.change:+.2g} %", f"±{100 * a.tolerance:.2g} %") for a in diagnosis.adjusted],
         rest=words.capital(words.rest_phrase(diagnosis.unexplained)),
-        bounds=[bound_row(bound) for bound in diagnosis.bounds],
-        not_testable=[not_testable_row(entry) for entry in diagnosis.not_testable],
+        rest_figure=_rest(diagnosis, motions),
+        bounds=seen_from(diagnosis.bounds),
+        not_testable=untestable_rows(diagnosis.not_testable, diagnosis.joints),
         band=f"{diagnosis.band_hz[0]:g} to {diagnosis.band_hz[1]:.3g} Hz",
         seconds=f"{diagnosis.seconds:.1f}",
     )
 
 
-def parameter_rows(findings: tuple[Finding, ...]) -> list[Row]:
-    """Finding, parameter, and value with its standard deviation and unit."""
-    return [
-        (words.capital(words.effect_at_finding(finding)), words.parameter_name(name), words.value_words(value))
-        for finding in findings
-        for name, value in finding.parameters.items()
-    ]
-
-
-def gap_row(joint: JointGap) -> Row:
-    """Joint, residual before and after, noise floor, unit, samples."""
-    numbers = (joint.rms_before, joint.rms_after, joint.noise_floor)
-    return (joint.joint, *(words.number(value) for value in numbers), joint.unit, str(joint.hold_out_samples))
-
-
-def joint_figures(diagnosis: Diagnosis, joint: int) -> tuple[str, Markup, Markup, Markup]:
-    """Name of a joint with its three figures."""
-    return (
-        diagnosis.joints[joint].joint,
-        Markup(torque_figure(diagnosis, joint)),
-        Markup(residual_over_velocity(diagnosis, joint)),
-        Markup(residual_over_position(diagnosis, joint)),
+def _card(diagnosis: Diagnosis, motions: dict[str, JointMotion], index: int) -> Card:
+    finding = diagnosis.findings[index]
+    return Card(
+        name=_title(finding),
+        share=percent(finding.gap_closed),
+        sentence=words.finding_words(finding, diagnosis.next_experiment),
+        sizes=parameter_rows(finding),
+        figure=Markup(finding_figure(diagnosis, motions, index) if motions else ""),
     )
 
 
-def regime_rows(diagnosis: Diagnosis) -> list[tuple[str, list[tuple[str, bool]]]]:
-    """For each regime that occurs its words and the share of each joint, with whether that share stands out."""
-    shares = diagnosis.evidence.regime_shares
-    known = [regime for regime in REGIMES if any(regime in joint for joint in shares)]
-    others = sorted({regime for joint in shares for regime in joint} - set(known))
-    rows = []
-    for regime in known + others:
-        values = [joint.get(regime, float("nan")) for joint in shares]
-        rows.append((words.capital(regime_words(regime)), [(words.percent(v), v >= 0.25) for v in values]))
-    return rows
+def _title(finding: Finding) -> str:
+    return f"{words.capital(words.finding_name(finding))} {words.on_place(finding.effect, finding.joint)}"
 
 
-def rollout_rows(diagnosis: Diagnosis) -> list[Row]:
-    """Joint with the error of a simulated motion before and after; empty without a rollout."""
-    rollout = diagnosis.rollout or {}
-    before, after = rollout.get("rms_before") or {}, rollout.get("rms_after") or {}
-    units = {joint.joint: "m" if joint.unit == "N" else "rad" for joint in diagnosis.joints}
-    return [
-        (joint, _number(value), _number(after.get(joint)), units.get(joint, "rad")) for joint, value in before.items()
+def _joint_views(diagnosis: Diagnosis) -> list[JointView]:
+    shares = gap_shares(diagnosis.joints)
+    largest = set(np.argsort(-shares, kind="stable")[:_OPEN_JOINTS].tolist())
+    named = {joint_of(diagnosis, finding.joint) for finding in diagnosis.findings}
+    views = []
+    for k, gap in enumerate(diagnosis.joints):
+        # Drawing takes time, and clouds of noise say nothing.
+        clouds = (residual_over_velocity, residual_over_position) if k in largest | named or shares[k] > _SOME else ()
+        views.append(
+            JointView(
+                name=gap.joint,
+                share=percent(float(shares[k])),
+                torque=Markup(torque_figure(diagnosis, k)),
+                clouds=[Markup(cloud(diagnosis, k)) for cloud in clouds],
+                regimes=regime_table(diagnosis, k),
+                unfolded=k in largest,
+            )
+        )
+    return views
+
+
+def _rest(diagnosis: Diagnosis, motions: dict[str, JointMotion]) -> Markup:
+    rest = diagnosis.unexplained
+    if not motions or not rest.structured or rest.joint is None:
+        return Markup("")
+    return Markup(rest_figure(diagnosis, motions, rest.joint))
+
+
+def _scene(robot: Robot, diagnosis: Diagnosis) -> SceneView:
+    # Plotly takes its time to load, and whoever wants no picture of the robot need not wait for it.
+    from plotly.offline import get_plotlyjs
+
+    from identification.diagnosis.robot_scene import robot_scene
+
+    scene = robot_scene(robot, diagnosis)
+    shares = gap_shares(diagnosis.joints)
+    legend = [
+        (gap.joint, percent(float(share)), colour)
+        for gap, share, colour in zip(diagnosis.joints, shares, joint_colours(shares), strict=True)
     ]
-
-
-def bound_row(bound: Bound) -> Row:
-    """Effect, place, parameter and the size from which it would have been seen."""
-    effect = words.capital(effect_words(bound.effect).name)
-    size = words.with_unit(words.number(bound.below), bound.unit)
-    return (effect, words.place(bound.effect, bound.joint), words.parameter_name(bound.parameter), size)
-
-
-def not_testable_row(entry: NotTestable) -> Row:
-    """Effect, place and reason."""
-    return (words.capital(effect_words(entry.effect).name), words.place(entry.effect, entry.joint), entry.why)
-
-
-def _number(value: object) -> str:
-    return words.number(float(value)) if isinstance(value, int | float) else "–"
+    figure = scene.figure.replace("<", "\\u003c").replace("\u2028", "\\u2028").replace("\u2029", "\\u2029")
+    return SceneView(Markup(get_plotlyjs()), Markup(figure), legend, scene.from_meshes, bool(shares.any()))

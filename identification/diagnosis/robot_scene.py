@@ -12,20 +12,18 @@ import plotly.graph_objects as go
 from jaxtyping import Float
 
 from identification.diagnosis.figures import short_name
-from identification.diagnosis.result import Diagnosis, JointGap
+from identification.diagnosis.gap_shares import Colour, gap_shares, relative, share_colour
+from identification.diagnosis.numbers import percent
+from identification.diagnosis.result import Diagnosis
 from identification.diagnosis.robot_shapes import joint_axis, joint_solid, robot_shapes
 from identification.diagnosis.solids import Mesh, capsule, joined, moved
-from identification.diagnosis.words import finding_name, percent
+from identification.diagnosis.words import finding_name
 from phantom_dyn.robot import Robot
 
 Array = np.ndarray
 
-Colour = Float[Array, "3"]
-
-NONE, ALL = np.array([0xD3, 0xDA, 0xE3], dtype=float), np.array([0xE8, 0x66, 0x00], dtype=float)
 LIGHT = np.array([0.53, -0.8, 0.27])  # from beside the camera
 _LINK_TINT = 0.4  # a link is paler than its joint
-_GAMMA = 0.7  # a tenth of the gap is still to be seen
 _LABELLED = 0.05  # joints with a smaller share of the gap have no label
 
 
@@ -40,21 +38,6 @@ class Scene:
 
     figure: str
     from_meshes: bool
-
-
-def gap_shares(joints: tuple[JointGap, ...]) -> Float[Array, " nv"]:
-    """Share of each joint in the given model's gap: its mean square beyond the noise floor, in noise floors."""
-    before = np.array([joint.rms_before for joint in joints])
-    floor = np.array([joint.noise_floor for joint in joints])
-    with np.errstate(divide="ignore", invalid="ignore"):
-        excess = np.nan_to_num((before / floor) ** 2 - 1.0, nan=0.0, posinf=0.0, neginf=0.0)
-    excess = np.maximum(excess, 0.0)
-    return excess / excess.sum() if excess.sum() > 0 else excess
-
-
-def share_colour(share: float, tint: float = 1.0) -> Colour:
-    """Red, green and blue of a share of the gap, from grey for none to orange for all; paler for a small tint."""
-    return NONE + (ALL - NONE) * tint * np.clip(share, 0.0, 1.0) ** _GAMMA
 
 
 def robot_scene(robot: Robot, diagnosis: Diagnosis) -> Scene:
@@ -77,9 +60,10 @@ def robot_scene(robot: Robot, diagnosis: Diagnosis) -> Scene:
     size = extent(np.concatenate([*(mesh.points for mesh in links + rails), origins]))
     joints = [_placed(joint_solid(model, k, size), data.oMi[k]) for k in range(1, model.njoints)]
     shares = dict(zip((gap.joint for gap in diagnosis.joints), gap_shares(diagnosis.joints).tolist(), strict=True))
+    strengths = dict(zip(shares, relative(gap_shares(diagnosis.joints)).tolist(), strict=True))
     traces = [_solid(mesh, "", share_colour(0.0)) for mesh in (links[0], *rails) if len(mesh.faces)]
     for name, link, joint in zip(list(model.names)[1:], links[1:], joints, strict=True):
-        share, text = shares.get(name, 0.0), _hover(name, shares.get(name), diagnosis)
+        share, text = strengths.get(name, 0.0), _hover(name, shares.get(name), diagnosis)
         if len(link.faces):
             traces.append(_solid(link, text, share_colour(share, _LINK_TINT)))
         traces.append(_solid(joint, text, share_colour(share)))
@@ -172,7 +156,8 @@ def _layout(points: Float[Array, "P 3"], labels: list[dict]) -> go.Layout:
     axes = {f"{a}axis": {**hidden, "range": [m - half, m + half]} for a, m in zip("xyz", middle, strict=True)}
     return go.Layout(
         scene={**axes, "annotations": labels, "aspectmode": "cube", "dragmode": "orbit",
-               "camera": {"eye": {"x": 0.8, "y": -0.97, "z": 0.5}, "projection": {"type": "perspective"}}},
+               "camera": {"eye": {"x": 0.9, "y": -1.09, "z": 0.56}, "projection": {"type": "perspective"}}},
         margin={"l": 0, "r": 0, "t": 0, "b": 0}, showlegend=False, template="none",
         paper_bgcolor="rgba(0,0,0,0)", hoverlabel={"align": "left"},
+        modebar={"bgcolor": "rgba(0,0,0,0)", "color": "#808a98"},
     )  # fmt: skip

@@ -5,6 +5,7 @@ from __future__ import annotations
 import textwrap
 
 from identification.diagnosis import words
+from identification.diagnosis.numbers import NO_BREAK, number, value_words
 from identification.diagnosis.result import Diagnosis, Finding, JointGap
 
 WIDTH = 100
@@ -30,7 +31,7 @@ def summary(diagnosis: Diagnosis) -> str:
         blocks += ["", _wrapped(f"Next experiment: {say}")]
     if diagnosis.data_warnings:
         blocks += ["", *(_wrapped(f"Warning: {warning}", "  ") for warning in diagnosis.data_warnings)]
-    return "\n".join(blocks).replace(words.NO_BREAK, " ")
+    return "\n".join(blocks).replace(NO_BREAK, " ")
 
 
 def _finding_lines(findings: tuple[Finding, ...]) -> list[str]:
@@ -38,7 +39,7 @@ def _finding_lines(findings: tuple[Finding, ...]) -> list[str]:
 
 
 def _finding_line(finding: Finding) -> str:
-    sizes = ", ".join(words.value_words(value) for value in finding.parameters.values())
+    sizes = ", ".join(value_words(value) for value in finding.parameters.values())
     size = f": {sizes}" if sizes and len(finding.parameters) <= 2 else ""
     sure = f"{words.sureness(finding.probability)}, {words.gap_closed(finding)} of the gap"
     rivals = f"; {words.rivals_words(finding.rivals)}" if finding.rivals else ""
@@ -50,8 +51,7 @@ def _gap_table(joints: tuple[JointGap, ...]) -> list[str]:
     width = max([len("joint"), *map(len, names)])
     head = f"{'joint':<{width}}  {'before':>10}  {'after':>10}  {'noise floor':>11}"
     rows = [
-        f"{name:<{width}}  {words.number(j.rms_before):>10}  {words.number(j.rms_after):>10}  "
-        f"{words.number(j.noise_floor):>11}  {j.unit}"
+        f"{name:<{width}}  {number(j.rms_before):>10}  {number(j.rms_after):>10}  {number(j.noise_floor):>11}  {j.unit}"
         for name, j in zip(names, joints, strict=True)
     ]
     return ["RMS torque residual on held-out samples", head, *rows]
@@ -71,4 +71,4 @@ def _wrapped(text: str, indent: str = "") -> str:
 
 def _printable(text: str) -> str:
     # A control character in the name of a file or joint must not reach the terminal.
-    return "".join(c if c.isprintable() or c == words.NO_BREAK else " " for c in text)
+    return "".join(c if c.isprintable() or c == NO_BREAK else " " for c in text)

@@ -98,11 +98,16 @@ def binned_median(
     span = float(np.ptp(x)) if len(x) else 0.0
     if span == 0.0:
         return np.zeros(0), np.zeros(0)
-    which = np.floor(x / (span / bins)).astype(int)
-    centres, medians = [], []
-    for k in np.unique(which):
-        inside = which == k
-        if np.count_nonzero(inside) >= LEAST_IN_BIN:
-            centres.append((k + 0.5) * span / bins)
-            medians.append(float(np.median(y[inside])))
-    return np.array(centres), np.array(medians)
+    which = bin_numbers(x, bins)
+    order = np.argsort(which, kind="stable")
+    numbers, starts = np.unique(which[order], return_index=True)
+    groups = np.split(y[order], starts[1:])
+    kept = [(k, group) for k, group in zip(numbers, groups, strict=True) if len(group) >= LEAST_IN_BIN]
+    centres = np.array([(k + 0.5) * span / bins for k, _ in kept])
+    return centres, np.array([float(np.median(group)) for _, group in kept])
+
+
+def bin_numbers(x: Float[Array, " N"], bins: int = 48) -> Int[Array, " N"]:
+    """Number of the bin of each sample: `bins` equal ones over the range of `x`, with an edge at zero."""
+    span = float(np.ptp(x)) if len(x) else 0.0
+    return np.zeros(len(x), dtype=int) if span == 0.0 else np.floor(x / (span / bins)).astype(int)

@@ -2,58 +2,93 @@
 
 from __future__ import annotations
 
-import math
+from collections.abc import Mapping
 from dataclasses import dataclass
+from typing import Any
 
 from identification.diagnosis.effect_words import effect_words, regime_words
-from identification.diagnosis.result import Diagnosis, EffectAt, Finding, Rival, Unexplained, Value
+from identification.diagnosis.numbers import NO_BREAK, percent
+from identification.diagnosis.result import Diagnosis, EffectAt, Finding, Rival, Unexplained
+from identification.diagnosis.size_words import shortfall_words, size_words
 
 SURENESS = ((0.99, "practically certain"), (0.9, "very likely"), (0.7, "likely"), (0.5, "more likely than not"))
-NO_BREAK = "\N{NO-BREAK SPACE}"  # a number never parts from its unit at the end of a line
 NO_RIVAL = "nothing else in the catalogue explains the data as well"
 
 
 @dataclass(frozen=True)
 class FindingWords:
-    """One finding, each part a phrase without a full stop; `what_next` is a sentence."""
+    """One finding in five parts that make one sentence, each without its punctuation.
+
+    Attributes:
+        what: The effect, its size and what it is.
+        where: Joint and part of the motion.
+        how_sure: Probability and share of the gap.
+        what_else: Rivals.
+        what_next: What to do, with a full stop and a small first letter.
+    """
 
     what: str
-    meaning: str
     where: str
     how_sure: str
-    gap_closed: str
     what_else: str
     what_next: str
 
 
-def finding_words(finding: Finding) -> FindingWords:
-    """The parts of one finding in words."""
+def finding_words(finding: Finding, next_experiment: Mapping[str, Any] | None = None) -> FindingWords:
+    """The parts of one finding in words.
+
+    Args:
+        finding: What was found.
+        next_experiment: That of the diagnosis; it is the next step of the findings that it separates.
+    """
+    words = effect_words(finding.effect)
+    head = " ".join(part for part in (finding_name(finding), _size(finding)) if part).replace(" :", ":")
     return FindingWords(
-        what=finding_name(finding),
-        meaning=effect_words(finding.effect).meaning,
-        where=", ".join(part for part in (place(finding.effect, finding.joint), regime_words(finding.regime)) if part),
-        how_sure=sureness(finding.probability),
-        gap_closed=gap_closed(finding),
+        what=capital(f"{head} ({words.meaning})" if words.meaning != words.name else head),
+        where=", ".join(filter(None, (on_place(finding.effect, finding.joint), regime_words(finding.regime)))),
+        how_sure=f"{sureness(finding.probability)}; it accounts for {gap_closed(finding)} of the gap",
         what_else=rivals_words(finding.rivals),
-        what_next=effect_words(finding.effect).next_step,
+        what_next=small(_next_step(finding, next_experiment or {})),
     )
 
 
-def finding_sentence(finding: Finding) -> str:
+def finding_sentence(finding: Finding, next_experiment: Mapping[str, Any] | None = None) -> str:
     """One finding as a single sentence."""
-    words = finding_words(finding)
-    return (
-        f"{capital(words.what)}, {words.where}: {words.how_sure}, accounts for {words.gap_closed} of the gap; "
-        f"{words.what_else}; next: {words.what_next[0].lower()}{words.what_next[1:]}"
-    )
+    words = finding_words(finding, next_experiment)
+    return f"{words.what}, {words.where}: {words.how_sure}; {words.what_else}; next: {words.what_next}"
 
 
 def finding_name(finding: Finding) -> str:
     """Plain name of the effect; a negative size is named for what it is: less than modelled."""
     words = effect_words(finding.effect)
+    return words.less if _is_less(finding) else words.name
+
+
+def on_place(effect: str, joint: str | None) -> str:
+    """``on joint j2``; of a coupling ``between joints j2 and j3``; on the robot as a whole for None."""
+    if joint is None:
+        return "on the robot as a whole"
+    where = place(effect, joint)
+    return f"between {where}" if where.startswith("joints ") else f"on {where}"
+
+
+def _size(finding: Finding) -> str:
+    if _is_less(finding):
+        return shortfall_words(next(iter(finding.parameters.values())))
+    return size_words(finding)
+
+
+def _is_less(finding: Finding) -> bool:
     first = next(iter(finding.parameters.values()), None)
     negative = first is not None and not isinstance(first.value, list) and first.value < 0
-    return words.less if negative and words.less else words.name
+    return negative and bool(effect_words(finding.effect).less)
+
+
+def _next_step(finding: Finding, experiment: Mapping[str, Any]) -> str:
+    separated = [tuple(entry) for entry in experiment.get("separates") or ()]
+    if experiment.get("say") and (finding.effect, finding.joint) in separated:
+        return str(experiment["say"])
+    return effect_words(finding.effect).next_step
 
 
 def place(effect: str, joint: str | None) -> str:
@@ -133,52 +168,9 @@ def rest_phrase(rest: Unexplained) -> str:
     return f"{share} of what could be explained is left" + (f", mostly at {at}" if rest.joint else f", {at}" * bool(at))
 
 
-def value_words(value: Value) -> str:
-    """An estimate as ``0.0510 ± 0.0006 N m``; entries of a list are parted by commas."""
-    values = value.value if isinstance(value.value, list) else [value.value]
-    stds = value.std if isinstance(value.std, list) else [value.std] * len(values)
-    numbers = ", ".join(with_std(v, s) for v, s in zip(values, stds, strict=True))
-    return with_unit(numbers, value.unit)
-
-
-def with_unit(text: str, unit: str) -> str:
-    """A number with its unit; ``1``, the unit of a ratio, is not written."""
-    return text if unit in ("", "1") else f"{text} {unit}"
-
-
 def parameter_name(name: str) -> str:
     """``torque positive`` for ``torque_positive``; the parameters of a body keep the body's name as it is."""
     return name if "." in name else name.replace("_", " ")
-
-
-def with_std(value: float, std: float) -> str:
-    """A number with its standard deviation, both to the second digit of the latter."""
-    if not (math.isfinite(std) and std > 0 and math.isfinite(value)):
-        return number(value)
-    largest = max(abs(value), std)
-    exponent = math.floor(math.log10(largest))
-    digits = max(0, 1 - math.floor(math.log10(std)))
-    if -4 <= exponent <= 5 and digits <= 8:
-        return f"{value:.{digits}f} ± {std:.{digits}f}"
-    scale = 10.0**exponent
-    digits = min(12, max(0, 1 - math.floor(math.log10(std / scale))))
-    return f"({value / scale:.{digits}f} ± {std / scale:.{digits}f})e{exponent}"
-
-
-def number(value: float) -> str:
-    """Three significant digits; a dash where there is no number."""
-    return f"{value:.3g}" if math.isfinite(value) else "–"
-
-
-def percent(share: float) -> str:
-    """A share as a percentage, never rounded to none or all; a dash where there is no number."""
-    if not math.isfinite(share):
-        return "–"
-    if 0 < share < 0.005:
-        return f"under 1{NO_BREAK}%"
-    if 0.995 <= share < 1:
-        return f"over 99{NO_BREAK}%"
-    return f"{100 * share:.0f}{NO_BREAK}%"
 
 
 def joined(parts: list[str], last: str = " and ") -> str:
@@ -189,3 +181,8 @@ def joined(parts: list[str], last: str = " and ") -> str:
 def capital(text: str) -> str:
     """The text with a capital first letter."""
     return text[:1].upper() + text[1:]
+
+
+def small(text: str) -> str:
+    """The text with a small first letter; a name such as J2 stays as it is."""
+    return text[:1].lower() + text[1:] if text[1:2].islower() else text

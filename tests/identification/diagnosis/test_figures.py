@@ -1,5 +1,6 @@
 from __future__ import annotations
 
+import dataclasses
 import re
 import xml.etree.ElementTree as ET
 
@@ -7,13 +8,15 @@ import numpy as np
 import pytest
 
 from identification.diagnosis.figures import (
+    finding_figure,
     gap_bars,
-    inline_svg,
     residual_over_position,
     residual_over_velocity,
+    rest_figure,
     short_name,
     torque_figure,
 )
+from identification.diagnosis.joint_motion import joint_motions
 from identification.diagnosis.result import JointGap
 
 SVG = "{http://www.w3.org/2000/svg}"
@@ -100,13 +103,34 @@ def test_samples_that_are_not_finite_are_left_out(made_up):
     assert "position [rad]" in texts(residual_over_position(diagnosis, 0))
 
 
-def test_text_of_an_element_is_never_rewritten():
-    raw = '<svg width="1"><g id="u"/><use href="#u"/><text x="1.23456">d="0.123456" id="u" #010203</text></svg>'
-    assert inline_svg(raw, "k", "t") == (
-        '<svg role="img" aria-label="t" width="1"><g id="k-u"/><use href="#k-u"/>'
-        '<text x="1.2">d="0.123456" id="u" #010203</text></svg>'
-    )
-
-
 def test_a_long_name_loses_its_middle():
     assert short_name("shoulder_pan_joint_of_the_left_arm", 11) == "shoul…t_arm"
+
+
+def test_a_finding_is_drawn_over_what_its_law_depends_on(made_up):
+    diagnosis = made_up(findings=3, samples=400)
+    motions = joint_motions(None, diagnosis)
+    assert "velocity [rad/s]" in texts(finding_figure(diagnosis, motions, 0))
+    assert "angle in one of 6 periods of a turn [rad]" in texts(finding_figure(diagnosis, motions, 2))
+
+
+def test_before_is_the_given_model_where_the_model_without_the_finding_is_not_known(made_up):
+    diagnosis = made_up(samples=400)
+    shown = texts(finding_figure(diagnosis, joint_motions(None, diagnosis), 0))
+    assert "given model: samples and median" in shown
+
+
+def test_before_is_the_model_without_this_finding_alone_where_it_is_known(made_up):
+    diagnosis = made_up(samples=400)
+    evidence = dataclasses.replace(diagnosis.evidence, tau_without=(diagnosis.evidence.tau_before,))
+    diagnosis = dataclasses.replace(diagnosis, evidence=evidence)
+    shown = texts(finding_figure(diagnosis, joint_motions(None, diagnosis), 0))
+    assert {"without this finding: samples and median", "with it, finer scale: samples and median"} <= set(shown)
+
+
+def test_a_rest_that_grows_with_time_is_drawn_over_time(made_up):
+    diagnosis = made_up(samples=2000)
+    evidence = diagnosis.evidence
+    drift = dataclasses.replace(evidence, tau_after=evidence.tau_measured - 0.1 * evidence.t[:, None])
+    diagnosis = dataclasses.replace(diagnosis, evidence=drift)
+    assert "time [s]" in texts(rest_figure(diagnosis, joint_motions(None, diagnosis), "j2"))

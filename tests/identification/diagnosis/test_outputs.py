@@ -3,42 +3,45 @@ from __future__ import annotations
 import dataclasses
 import json
 import math
-from types import SimpleNamespace
-from typing import cast
+from pathlib import Path
 
 import pytest
 
 from identification.diagnosis.outputs import write_outputs
-from identification.diagnosis.result import Value
+from identification.diagnosis.result import Diagnosis, Value
 from identification.export.corrected import read_corrected
 from phantom_dyn.errors import ParameterError, UsageError
-from phantom_dyn.robot import Robot
+from phantom_dyn.loading import load_robot
 
-ROBOT = cast(Robot, SimpleNamespace(source="arm.urdf", sha256="ab" * 32))
+ROBOT = load_robot(Path(__file__).resolve().parents[2] / "robots" / "planar2.urdf")
+
+
+def diagnosis(made_up) -> Diagnosis:
+    return made_up(ROBOT.joint_names, samples=400)
 
 
 def test_a_folder_gets_the_three_files(made_up, tmp_path):
     out = tmp_path / "new" / "report"
-    written = write_outputs(made_up(samples=400), ROBOT, out=out, json_file=None)
+    written = write_outputs(diagnosis(made_up), ROBOT, out=out, json_file=None)
     assert [path.name for path in written] == ["diagnosis.json", "report.html", "corrected.yaml"]
     assert sorted(path.name for path in out.iterdir()) == ["corrected.yaml", "diagnosis.json", "report.html"]
-    assert read_corrected(out / "corrected.yaml").sha256 == "ab" * 32
+    assert read_corrected(out / "corrected.yaml").sha256 == ROBOT.sha256
 
 
 def test_the_json_can_go_to_another_place(made_up, tmp_path):
-    written = write_outputs(made_up(samples=400), ROBOT, out=None, json_file=tmp_path / "a.json")
+    written = write_outputs(diagnosis(made_up), ROBOT, out=None, json_file=tmp_path / "a.json")
     assert written == (tmp_path / "a.json",)
     assert json.loads(written[0].read_text())["schema"] == "gap-diagnosis/1"
 
 
 def test_without_a_target_nothing_is_written(made_up):
-    assert write_outputs(made_up(samples=400), ROBOT, out=None, json_file=None) == ()
+    assert write_outputs(diagnosis(made_up), ROBOT, out=None, json_file=None) == ()
 
 
 def test_files_of_others_stay_and_ours_are_replaced(made_up, tmp_path):
     (tmp_path / "mine.txt").write_text("mine")
     (tmp_path / "diagnosis.json").write_text("old")
-    write_outputs(made_up(samples=400), ROBOT, out=tmp_path, json_file=None)
+    write_outputs(diagnosis(made_up), ROBOT, out=tmp_path, json_file=None)
     assert (tmp_path / "mine.txt").read_text() == "mine"
     assert (tmp_path / "diagnosis.json").read_text().startswith("{")
 
@@ -46,33 +49,38 @@ def test_files_of_others_stay_and_ours_are_replaced(made_up, tmp_path):
 def test_a_file_as_folder_is_refused(made_up, tmp_path):
     (tmp_path / "report").write_text("")
     with pytest.raises(UsageError, match=r"--out .*report is a file, wanted a folder; name another folder"):
-        write_outputs(made_up(samples=400), ROBOT, out=tmp_path / "report", json_file=None)
+        write_outputs(diagnosis(made_up), ROBOT, out=tmp_path / "report", json_file=None)
 
 
 def test_nothing_is_written_when_one_target_cannot_be(made_up, tmp_path):
     (tmp_path / "file").write_text("")
     with pytest.raises(UsageError, match=r"--json: cannot write .*a\.json: .*file is no folder; name a file"):
-        write_outputs(made_up(samples=400), ROBOT, out=tmp_path / "out", json_file=tmp_path / "file" / "a.json")
+        write_outputs(diagnosis(made_up), ROBOT, out=tmp_path / "out", json_file=tmp_path / "file" / "a.json")
     assert not (tmp_path / "out").exists()
 
 
 def test_a_folder_in_the_place_of_a_file_is_refused(made_up, tmp_path):
     (tmp_path / "report.html").mkdir()
     with pytest.raises(UsageError, match=r"--out: .*report\.html is a folder, wanted a file"):
-        write_outputs(made_up(samples=400), ROBOT, out=tmp_path, json_file=None)
+        write_outputs(diagnosis(made_up), ROBOT, out=tmp_path, json_file=None)
     assert [path.name for path in tmp_path.iterdir()] == ["report.html"]
 
 
 def test_a_folder_without_the_right_to_write_is_refused(made_up, tmp_path, monkeypatch):
     monkeypatch.setattr("os.access", lambda *_: False)  # the superuser may write anywhere
     with pytest.raises(UsageError, match=r"no right to write in .*; name another place"):
-        write_outputs(made_up(samples=400), ROBOT, out=tmp_path, json_file=None)
+        write_outputs(diagnosis(made_up), ROBOT, out=tmp_path, json_file=None)
 
 
 def test_a_parameter_without_a_value_leaves_no_file(made_up, tmp_path):
     bad = dataclasses.replace(made_up().findings[0], parameters={"torque": Value(math.nan, 0.1, "N m")})
     with pytest.raises(ParameterError, match="torque of coulomb_friction is nan, wanted a finite number"):
         write_outputs(
-            dataclasses.replace(made_up(samples=400), findings=(bad,)), ROBOT, out=tmp_path / "out", json_file=None
+            dataclasses.replace(diagnosis(made_up), findings=(bad,)), ROBOT, out=tmp_path / "out", json_file=None
         )
     assert not (tmp_path / "out").exists()
+
+
+def test_the_report_shows_the_robot(made_up, tmp_path):
+    write_outputs(diagnosis(made_up), ROBOT, out=tmp_path, json_file=None)
+    assert 'id="robot-figure"' in (tmp_path / "report.html").read_text()

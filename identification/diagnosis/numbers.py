@@ -1,0 +1,52 @@
+"""Numbers as text: values with their deviation and unit, shares as percentages."""
+
+from __future__ import annotations
+
+import math
+
+from identification.diagnosis.result import Value
+
+NO_BREAK = "\N{NO-BREAK SPACE}"  # a number never parts from its unit at the end of a line
+
+
+def value_words(value: Value) -> str:
+    """An estimate as ``0.0510 ± 0.0006 N m``; entries of a list are parted by commas."""
+    values = value.value if isinstance(value.value, list) else [value.value]
+    stds = value.std if isinstance(value.std, list) else [value.std] * len(values)
+    numbers = ", ".join(with_std(v, s) for v, s in zip(values, stds, strict=True))
+    return with_unit(numbers, value.unit)
+
+
+def with_unit(text: str, unit: str) -> str:
+    """A number with its unit; ``1``, the unit of a ratio, is not written."""
+    return text if unit in ("", "1") else f"{text} {unit}"
+
+
+def with_std(value: float, std: float) -> str:
+    """A number with its standard deviation, both to the second digit of the latter."""
+    if not (math.isfinite(std) and std > 0 and math.isfinite(value)):
+        return number(value)
+    largest = max(abs(value), std)
+    exponent = math.floor(math.log10(largest))
+    digits = max(0, 1 - math.floor(math.log10(std)))
+    if -4 <= exponent <= 5 and digits <= 8:
+        return f"{value:.{digits}f} ± {std:.{digits}f}"
+    scale = 10.0**exponent
+    digits = min(12, max(0, 1 - math.floor(math.log10(std / scale))))
+    return f"({value / scale:.{digits}f} ± {std / scale:.{digits}f})e{exponent}"
+
+
+def number(value: float) -> str:
+    """Three significant digits; a dash where there is no number."""
+    return f"{value:.3g}" if math.isfinite(value) else "–"
+
+
+def percent(share: float) -> str:
+    """A share as a percentage, never rounded to none or all; a dash where there is no number."""
+    if not math.isfinite(share):
+        return "–"
+    if 0 < share < 0.005:
+        return f"under 1{NO_BREAK}%"
+    if 0.995 <= share < 1:
+        return f"over 99{NO_BREAK}%"
+    return f"{100 * share:.0f}{NO_BREAK}%"

@@ -1,0 +1,32 @@
+from __future__ import annotations
+
+import math
+
+import pytest
+
+from identification.diagnosis.numbers import NO_BREAK, percent, value_words
+from identification.diagnosis.result import Value
+
+
+@pytest.mark.parametrize(
+    ("share", "text"), [(0.001, "under 1 %"), (0.0, "0 %"), (-0.2, "-20 %"), (1.3, "130 %"), (math.nan, "–")]
+)
+def test_a_share_is_never_rounded_to_none_or_all(share, text):
+    assert percent(share).replace(NO_BREAK, " ") == text
+
+
+@pytest.mark.parametrize(
+    ("value", "text"),
+    [
+        (Value(0.051, 0.0006, "N m"), "0.05100 ± 0.00060 N m"),
+        (Value(95.1, 1.234, "kg"), "95.1 ± 1.2 kg"),
+        (Value(-12.0, 340.0, "N"), "-12 ± 340 N"),
+        (Value(1.02, 0.004, "1"), "1.0200 ± 0.0040"),
+        (Value(2.5e-6, 3e-7, "kg m^2"), "(2.50 ± 0.30)e-6 kg m^2"),
+        (Value(0.25, math.nan, "N m"), "0.25 N m"),
+        (Value(0.25, 0.0, "N m"), "0.25 N m"),
+        (Value([6.0, 12.0], [0.0, 0.1], "1/rev"), "6, 12.00 ± 0.10 1/rev"),
+    ],
+)
+def test_a_value_is_shown_to_the_second_digit_of_its_deviation(value, text):
+    assert value_words(value) == text
