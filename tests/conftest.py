@@ -22,6 +22,7 @@ install_import_hook(
         "phantom_dyn.devices.cea",
         "phantom_dyn.devices.cea_dynamics",
         "phantom_dyn.devices.cea_loop",
+        "phantom_dyn.devices.cea_operational",
         "phantom_dyn.devices.phantom_dynamics",
         "phantom_dyn.closed_chain",
         "phantom_dyn.configuration",

@@ -43,7 +43,7 @@ class Conditions:
 
     lengths: LinkLengths = LENGTHS
     gravity: tuple[float, float, float] = GRAVITY
-    center: tuple[float, float, float] = (0.0, -2.8, -1.3)
+    center: tuple[float, float, float] = (0.0, -0.26, -1.83)
     torque_noise: float = 0.05
     encoder_step: float = 1e-4
     rate_hz: float = 200.0

@@ -113,5 +113,5 @@ def without_nuisance(columns: Float[Array, "r b"], nuisance: Float[Array, "r k"]
         columns: Columns or right-hand sides.
         nuisance: What else may act, of no interest.
     """
-    basis = np.linalg.qr(nuisance)[0]
-    return columns - basis @ (basis.T @ columns)
+    # By least squares and not by an orthonormal basis, which nuisances that depend on each other would not have.
+    return columns - nuisance @ np.linalg.lstsq(nuisance, columns, rcond=None)[0]

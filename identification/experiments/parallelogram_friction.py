@@ -67,7 +67,7 @@ def friction_test_motion(
     *,
     speeds: Sequence[float] = (0.1, 0.2, 0.4, 0.8),
     amplitude: float = 0.4,
-    center: tuple[float, float, float] = (0.0, -2.8, -1.3),
+    center: tuple[float, float, float] = (0.0, -0.26, -1.83),
     rate_hz: float = 500.0,
 ) -> Motion:
     """Triangles of two periods at each speed in turn, on the joints of a friction test; the others hold still.
@@ -99,7 +99,8 @@ def fit_friction_test(test: str, motion: Motion, tau: Float[Array, "N 3"]) -> di
     """Viscous and Coulomb friction that each moving joint shows in a test.
 
     Only stretches of constant speed are used. There, offset, gravity (a sine of the joint's position) and centrifugal
-    torque (the square of its speed) are nuisances; inertia adds nothing. One speed hardly parts the two: take several.
+    torque (the square of its speed) and what is left of inertia are nuisances. One speed hardly parts the two unknowns:
+    take several.
 
     Args:
         test: Which of the three.
@@ -150,7 +151,7 @@ def _fit_joint(test: str, joint: int, motion: Motion, tau: Array) -> LinearFit:
     steady = np.abs(a) < _STEADY * np.abs(v)
     if not steady.any():
         raise LogError(f"Joint {name[0]} has no constant speed in test {test}: move it in triangles of several speeds.")
-    q, v, tau = q[steady], v[steady], tau[steady]
-    nuisance = np.stack([np.ones_like(q), np.cos(q), np.sin(q), v**2], axis=1)
+    q, v, a, tau = q[steady], v[steady], a[steady], tau[steady]
+    nuisance = np.stack([np.ones_like(q), np.cos(q), np.sin(q), v**2, a], axis=1)
     free = without_nuisance(np.stack([v, np.sign(v), tau], axis=1), nuisance)
     return fit_linear(free[:, :2], free[:, 2], (f"FV{name}", f"FC{name}"), ("N m s/rad", "N m"))

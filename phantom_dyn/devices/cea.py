@@ -42,9 +42,9 @@ in the torques only if the axis of q1 is not vertical. With this default the arm
 class LinkLengths:
     """Lengths of arm, forearm and parallelogram lever [m]; not given in the source, so that they are free inputs.
 
-    The default is the longest arm up to 0.4 m whose apparent mass, Coulomb force and stiffness come nearest to the
-    published ranges, and for which rigid links with the parameters of Table 4 exist (for 0.592 m, which comes nearer,
-    none do). `d6` enters no equation that has only the parameters of Table 4.
+    With the default, the published apparent mass, Coulomb force and stiffness hold together at one posture (see
+    `phantom_dyn.devices.cea_operational.nearest_posture`). They do for arms of 0.35 to 0.59 m, too, but for 0.57 m and
+    more no rigid links have the parameters of Table 4. `d6` enters no equation that has these parameters only.
     """
 
     d3: float = 0.400

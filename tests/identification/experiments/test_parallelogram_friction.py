@@ -81,6 +81,13 @@ def test_friction_without_noise_is_found_under_gravity_inertia_and_offset(rng):
     np.testing.assert_allclose(fits[2].theta, [FOREARM.viscous, FOREARM.coulomb], rtol=1e-9)
 
 
+@pytest.mark.parametrize("test", MOVING)
+def test_gravity_centrifugal_torque_and_offset_leave_nothing_at_constant_speed(test, rng):
+    # Closed form: the nuisances are all that rigid bodies do while one joint, or two alike, move steadily.
+    fits = fit_friction_test(test, *measured(test, Friction(), rng, noise=0.0))
+    assert all(fit.sigma < 1e-11 for fit in fits.values())
+
+
 def test_t1_finds_the_active_joints_whatever_the_passive_ones_do(rng):
     # Published values as truth; three deviations.
     fits = fit_friction_test("t1", *measured("t1", Friction(0.01, 0.05), rng))
