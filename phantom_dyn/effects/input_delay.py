@@ -88,9 +88,8 @@ class InputDelay(Effect):
             ends = np.cumsum(history[:, 0]) - history[:, 0].sum()  # time before the end of this step
             out = tau.copy()
             out[rows] = _mean_held(history, ends, -delay - dt, -delay)
-            # A step that ends before the next mean begins is not needed any more, but for the last one of them.
-            old = np.count_nonzero(ends <= -delay)
-            return history[max(old - 1, 0) :].ravel(), out
+            # The next mean begins a delay ago: what ended by then is not needed any more.
+            return history[ends > -delay].ravel(), out
 
         return Simulated(command=command)
 

@@ -133,4 +133,6 @@ def test_on_sticking_the_torque_drops_to_almost_nothing(arm):
     creeping = Operation.of(arm, replace(Motion(operation.t, operation.q, v, operation.a)))
     torque = EFFECT.torque(arm, creeping, "tilt", STICKING)[:, 1]
     assert torque[399] == -0.5
+    # The spring is attached to where the joint was the sample before.
+    assert torque[400] == pytest.approx(-1.05 * 0.5 / 0.01 * (operation.q[400, 1] - operation.q[399, 1]))
     assert abs(torque[400]) < 0.1 * 0.5
