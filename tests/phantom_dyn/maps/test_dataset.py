@@ -1,0 +1,122 @@
+"""Maps as arrays with coordinates and as figures. Oracles: the contract, xarray, the image's own pixels."""
+
+from __future__ import annotations
+
+from io import BytesIO
+
+import matplotlib.image
+import numpy as np
+import pytest
+
+from phantom_dyn import load_robot
+from phantom_dyn.maps.dataset import arrays, dataset
+from phantom_dyn.maps.figures import figure
+from phantom_dyn.maps.from_robot import map_model
+from phantom_dyn.maps.grid import read_grid
+from phantom_dyn.maps.operational_map import operational_map
+
+NAMES = ("manipulability", "apparent_mass_matrix", "stiffness", "coulomb_friction", "gravity_force")
+
+
+@pytest.fixture(scope="module")
+def result():
+    model = map_model(load_robot("cea_branch"))
+    return operational_map(model, read_grid("x=0.3:0.9:4,z=-0.1:0.1:3", model.joint_names), NAMES)
+
+
+def pixels(result, name):
+    """A figure drawn, shape (height, width, 4)."""
+    file = BytesIO()
+    figure(result, name).savefig(file, format="png")
+    return matplotlib.image.imread(BytesIO(file.getvalue()))
+
+
+def test_the_arrays_are_the_coordinates_and_the_quantities(result):
+    found = arrays(result)
+    assert set(found) == {"x", "z", *NAMES}
+    assert found["coulomb_friction"].shape == (4, 3, 3, 3)
+
+
+def test_the_dataset_finds_a_value_by_its_coordinates(result):
+    # Oracle: xarray's own selection.
+    value = dataset(result)["apparent_mass_matrix"].sel(x=0.5, z=0.0, row="y", column="y", method=None)
+    assert float(value) == result.values["apparent_mass_matrix"][1, 1, 1, 1]
+
+
+def test_coulomb_friction_has_a_column_for_each_joint(result):
+    assert dataset(result)["coulomb_friction"].coords["joint"].values.tolist() == ["q1", "q2", "q5"]
+
+
+def test_the_dataset_says_units_and_counts(result):
+    data = dataset(result)
+    assert data["x"].attrs["units"] == "m"
+    assert data["apparent_mass_matrix"].attrs["units"] == "kg"
+    assert (data.attrs["points"], data.attrs["unreachable_points"]) == (12, result.unreachable)
+
+
+def test_the_unit_reading_of_the_stiffness_goes_with_it(result):
+    assert "N m/mrad" in dataset(result)["stiffness"].attrs["comment"]
+    assert "N m/mrad" in figure(result, "stiffness").get_suptitle()
+
+
+def test_joint_coordinates_are_in_radians_or_metres(arm):
+    # Known truth: turn is a rotation, slide is linear.
+    model = map_model(arm)
+    data = dataset(operational_map(model, read_grid("q.turn=0:1:2,q.slide=0:0.1:2", model.joint_names), NAMES[:1]))
+    assert (data["q.turn"].attrs["units"], data["q.slide"].attrs["units"]) == ("rad", "m")
+
+
+@pytest.mark.parametrize(
+    "grid",
+    [
+        "x=0.5:0.5:1",
+        "x=0.3:0.6:7",
+        "x=0.3:0.9:7,z=-0.1:0.1:5",
+        "x=0.3:0.9:5,y=-0.1:0.1:4,z=-0.1:0.1:3",
+        "x=5:6:3,z=0:1:3",
+        "q.q1=0:1:2,q.q2=-1:0:2,q.q5=0.2:1:2",
+    ],
+    ids=["point", "curve", "section", "space", "out of reach", "joints"],
+)
+def test_every_kind_of_grid_is_drawn(grid, recwarn):
+    # Oracle: an image that is more than white.
+    model = map_model(load_robot("cea_branch"))
+    image = pixels(operational_map(model, read_grid(grid, model.joint_names), NAMES[:1]), NAMES[0])
+    assert image[..., :3].min() < 0.9
+    assert [str(warning.message) for warning in recwarn] == []
+
+
+@pytest.mark.parametrize("name", NAMES[1:])
+def test_every_quantity_is_drawn(result, name):
+    # Oracle: an image that is more than white.
+    assert pixels(result, name)[..., :3].min() < 0.9
+
+
+def test_a_matrix_is_drawn_by_its_diagonal(result):
+    titles = [ax.get_title() for ax in figure(result, "apparent_mass_matrix").axes if ax.get_title()]
+    assert titles == [f"apparent mass, {axis} [kg]" for axis in ("xx", "yy", "zz")]
+
+
+def test_height_goes_up_in_a_section():
+    # The convention of figure 3: y upwards, z to the right.
+    model = map_model(load_robot("phantom_1_5"))
+    grid = read_grid("x=0:0:1,y=-0.1:0.1:3,z=-0.1:0.1:4", model.joint_names)
+    (ax, _) = figure(operational_map(model, grid, NAMES[:1]), "manipulability").axes
+    assert (ax.get_xlabel(), ax.get_ylabel()) == ("z [m]", "y [m]")
+
+
+def test_the_caption_says_where_the_section_is_and_what_is_blank():
+    model = map_model(load_robot("phantom_1_5"))
+    result = operational_map(model, read_grid("x=0.05:0.05:1,y=0:0.5:4,z=0:0.5:4", model.joint_names), NAMES[:1])
+    caption = figure(result, "manipulability").get_suptitle()
+    assert "section at x = 0.05" in caption
+    assert f"16 points, {result.unreachable} out of reach, 0 singular (blank)" in caption
+
+
+def test_a_field_that_is_the_same_everywhere_is_drawn(phantom, recwarn):
+    # The PHANToM's model has no friction.
+    model = map_model(phantom)
+    result = operational_map(model, read_grid("y=-0.1:0.1:3,z=-0.1:0.1:4", model.joint_names), ["viscous_friction"])
+    assert pixels(result, "viscous_friction").shape[2] == 4
+    assert np.nanmax(np.abs(result.values["viscous_friction"])) == 0
+    assert [str(warning.message) for warning in recwarn] == []
