@@ -7,7 +7,9 @@ from jaxtyping import Float
 
 from identification.diagnosis.bounded import solve
 from identification.diagnosis.problem import Problem
+from identification.diagnosis.projection import fold_projection
 from identification.diagnosis.search import PARAMETER_PRICE, Search, price
+from identification.diagnosis.terms import Term
 
 Array = np.ndarray
 
@@ -32,25 +34,20 @@ def null_threshold(search: Search, noise: tuple[Float[Array, "n nv"], ...]) -> f
     if not search.terms:
         return 0.0
     rng = np.random.default_rng(20260102)
-    b, core_b, core_c = _null_products(problem, noise, rng)
-    base = _losses(problem, np.arange(problem.nuisances), b, core_b, core_c)
-    best = np.full(_REPLICATES, -np.inf)
-    for term in search.terms:
-        active = np.array([*range(problem.nuisances), *sorted(term.columns)])
-        gain = base - _losses(problem, active, b, core_b, core_c)
-        best = np.maximum(best, gain - max(price(search.sizes[term]) - PARAMETER_PRICE, 0.0))
+    b, core_b = _null_products(problem, noise, rng)
+    extra = np.array([max(price(search.sizes[term]) - PARAMETER_PRICE, 0.0) for term in search.terms])
+    best = (_gains(problem, search.terms, b, core_b) - extra[:, None]).max(axis=0)
     spread = best.std() * np.sqrt(6) / np.pi
     return float(best.mean() - _EULER * spread - spread * np.log(-np.log(_LEVEL)))
 
 
 def _null_products(
     problem: Problem, noise: tuple[Float[Array, "n nv"], ...], rng: np.random.Generator
-) -> tuple[Array, Array, Array]:
-    """Products of all columns with null residuals: ``(B, K, R)`` whole and core, ``(B, R)`` squares."""
+) -> tuple[Array, Array]:
+    """Products of all columns with null residuals, ``(B, K, R)``, over whole blocks and over cores."""
     columns, blocks, grams = problem.white, problem.blocks, problem.grams
     count, total = len(blocks), len(columns.names)
     b, core_b = np.zeros((count, total, _REPLICATES)), np.zeros((count, total, _REPLICATES))
-    core_c = np.zeros((count, _REPLICATES))
     signs = rng.choice([-1.0, 1.0], size=(count, _REPLICATES))
     sigma = np.array([n.sigma for n in columns.nuisances])
     bound = np.array([n.bound for n in columns.nuisances])
@@ -65,32 +62,41 @@ def _null_products(
             inside = np.flatnonzero(use) >= block.core - block.start
             b[k][index] += weight * np.outer(x.T @ e, signs[k])
             core_b[k][index] += weight * np.outer(x[inside].T @ e[inside], signs[k])
-            core_c[k] += weight * float(e[inside] @ e[inside])
     nuisance = np.arange(len(sigma))
     for k in range(count):
-        core_c[k] += 2 * np.einsum("ir,ir->r", core_b[k][nuisance], moves)
-        core_c[k] += np.einsum("ir,ij,jr->r", moves, grams.core_a[k][np.ix_(nuisance, nuisance)], moves)
         b[k] += grams.a[k][:, nuisance] @ moves
         core_b[k] += grams.core_a[k][:, nuisance] @ moves
-    return b, core_b, core_c
+    return b, core_b
 
 
-def _losses(problem: Problem, active: Array, b: Array, core_b: Array, core_c: Array) -> Float[Array, " R"]:
-    """Held-out loss and penalty of each null recording with the active columns; bounds are left out."""
-    grams = problem.grams
-    grid = np.ix_(active, active)
-    prior = np.diag(problem.precision[active])
+def _gains(problem: Problem, terms: tuple[Term, ...], b: Array, core_b: Array) -> Float[Array, "T R"]:
+    """Held-out gain of each rival on each null recording beside the nuisances; bounds are left out."""
+    grams, n = problem.grams, problem.nuisances
     train = grams.fold >= 0
-    a = problem.total_a[grid] + prior
-    right = b[train][:, active].sum(axis=0)
-    whole = solve(a, right)
-    nuisances = np.arange(problem.nuisances)
-    loss = (whole[nuisances] ** 2 * problem.precision[nuisances][:, None]).sum(axis=0)
+    right = b[train].sum(axis=0)
+    own = [list(term.columns) for term in terms]
+    gains = np.zeros((len(terms), b.shape[2]))
     for fold in range(int(grams.fold.max()) + 1):
-        mine = grams.fold == fold
-        block_a = grams.a[mine][:, *grid].sum(axis=0)
-        x = solve(a - block_a, right - b[mine][:, active].sum(axis=0))
-        core_a = grams.core_a[mine][:, *grid].sum(axis=0)
-        loss += core_c[mine].sum(axis=0)
-        loss += (x * (core_a @ x - 2 * core_b[mine][:, active].sum(axis=0))).sum(axis=0)
-    return loss
+        mine = np.flatnonzero(grams.fold == fold)
+        part = fold_projection(problem, mine)
+        products = right - b[mine].sum(axis=0)
+        held = core_b[mine].sum(axis=0)
+        base = solve(part.inner, products[:n])
+        # Products with what the nuisances leave, on the blocks that train and on those that are held out.
+        products = products - part.made.T @ products[:n]
+        inside, across = part.core
+        held = held - part.made.T @ held[:n] - (across.T - part.made.T @ inside) @ base
+        for k, columns in enumerate(own):
+            x = solve(part.a[np.ix_(columns, columns)], products[columns])
+            core = part.core_a[np.ix_(columns, columns)]
+            gains[k] += (x * (2 * held[columns] - core @ x)).sum(axis=0)
+    # A rival also relieves the nuisances of moves that cost.
+    whole = fold_projection(problem, np.zeros(0, dtype=int))
+    base = solve(whole.inner, right[:n])
+    products = right - whole.made.T @ right[:n]
+    precision = problem.precision[:n, None]
+    cost = (base**2 * precision).sum(axis=0)
+    for k, columns in enumerate(own):
+        moves = base - whole.made[:, columns] @ solve(whole.a[np.ix_(columns, columns)], products[columns])
+        gains[k] += cost - (moves**2 * precision).sum(axis=0)
+    return gains

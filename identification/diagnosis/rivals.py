@@ -44,7 +44,7 @@ def stand(search: Search, chosen: frozenset[Term], term: Term) -> Standing:
     base = search.evaluate(chosen)
     options: dict[frozenset[Term], tuple[Array, float]] = {}
     names: dict[frozenset[Term], frozenset[Term]] = {}
-    for others in relevant(search, chosen, term):
+    for others in relevant(search, chosen, term, _FAR):
         if not all(other.named for other in others):
             continue
         swapped = replaced(chosen, term, others)

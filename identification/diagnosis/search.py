@@ -12,6 +12,7 @@ from jaxtyping import Float
 
 from identification.diagnosis.fitting import Fitted, fit
 from identification.diagnosis.problem import Problem
+from identification.diagnosis.projection import Beside, beside, gain_of
 from identification.diagnosis.terms import Term
 from phantom_dyn.effects.payload import Payload
 
@@ -23,6 +24,8 @@ PARAMETER_PRICE = 5.0
 # Standard errors over blocks by which a gain has to be positive, unless it is very large.
 _SIGNIFICANT = 2.0
 _MOST_TERMS = 40
+# Rivals that are judged on held-out data in one step, the best in sample.
+_MOST_JUDGED = 24
 # Swaps that are evaluated on held-out data, the best in sample.
 _WORTH_TRYING = 8
 
@@ -37,6 +40,7 @@ class Search:
         sizes: Number of parameters that each rival really adds (its rank), by rival.
         evaluate: Fit with held-out losses of a set of rivals, remembered.
         quick: Loss in sample of a set of rivals, a tenth of the work; it ranks what is worth evaluating.
+        besides: All columns with what a set can make of them taken out, remembered.
         threshold: Held-out gain below which no effect is claimed.
         row_thresholds: The same for the part of the gain on each row, ``(nv,)``: what touches a row with a large gap
             has to close a fair part of it.
@@ -47,6 +51,7 @@ class Search:
     sizes: dict[Term, int]
     evaluate: Callable[[frozenset[Term]], Fitted]
     quick: Callable[[frozenset[Term]], float]
+    besides: Callable[[frozenset[Term]], Beside]
     threshold: float
     row_thresholds: Float[Array, " nv"]
 
@@ -56,6 +61,19 @@ class Search:
         A hair is added for parameters that add no rank, so that of exact twins the one that says less is named.
         """
         return self.evaluate(chosen).total + self.price_of(chosen) + 0.02 * sum(term.size for term in chosen)
+
+    def gains(self, chosen: frozenset[Term], terms: tuple[Term, ...]) -> dict[Term, float]:
+        """What each term gains in sample beside a set, less the price of its parameters."""
+        besides = self.besides(chosen)
+        out = {}
+        for term in terms:
+            replaced_ones = chosen - with_term(chosen, term)
+            cost = price(self.sizes[term]) - self.price_of(replaced_ones)
+            if replaced_ones:
+                out[term] = self.quick(chosen) - self.quick(with_term(chosen, term)) - cost
+            else:
+                out[term] = gain_of(self.problem, besides, term) - cost
+        return out
 
     def price_of(self, chosen: frozenset[Term]) -> float:
         """Price of the parameters of a set."""
@@ -113,7 +131,11 @@ def set_up_search(problem: Problem, threshold: float, row_thresholds: Float[Arra
     def quick(chosen: frozenset[Term]) -> float:
         return fitted(chosen, False).objective
 
-    return Search(problem, terms, sizes, evaluate, quick, threshold, row_thresholds)
+    @cache
+    def besides(chosen: frozenset[Term]) -> Beside:
+        return beside(problem, fitted(chosen, False))
+
+    return Search(problem, terms, sizes, evaluate, quick, besides, threshold, row_thresholds)
 
 
 def contains(rich: Term, simple: Term) -> bool:
@@ -188,35 +210,25 @@ def explain(search: Search, progress: Callable[[str], None], start: frozenset[Te
 
 
 def _forward(search: Search, chosen: frozenset[Term], progress: Callable[[str], None]) -> frozenset[Term]:
-    """Add the effect that helps most until none helps more than chance; gains are refreshed lazily."""
-    start = search.quick(chosen)
-    gains = {
-        # In sample a gain is larger than on held-out data.
-        term: start - search.quick(with_term(chosen, term)) if possible(chosen, term) else np.inf
-        for term in search.terms
-    }
+    """Add the effect that helps most until none helps more than chance.
+
+    In sample a gain is larger than on held-out data, so rivals are judged there in the order of their gains in sample
+    until none that is left can do better than the best so far.
+    """
     while len(chosen) < _MOST_TERMS:
         progress(f"trying rivals, {len(chosen)} found")
         base = search.score(chosen)
-        fresh: set[Term] = set()
         rivals = [term for term in search.terms if possible(chosen, term)]
-        while True:
-            # An effect's gain hardly grows when another is added, so old gains are good upper guesses.
-            best = max(rivals, key=lambda term: gains[term], default=None)
-            if best is None or best in fresh:
+        promised = search.gains(chosen, tuple(rivals))
+        best, most = None, 0.0
+        for term in sorted(rivals, key=lambda term: -promised[term])[:_MOST_JUDGED]:
+            if promised[term] < max(most, search.threshold):
                 break
-            gains[best] = base - search.score(with_term(chosen, best))
-            fresh.add(best)
-        if best is None or gains[best] <= 0 or not claimed(search, with_term(chosen, best), chosen):
-            # A stale gain may hide an effect that has become visible: look at all of them once before giving up.
-            stale = [term for term in rivals if term not in fresh]
-            if not stale or len(fresh) > len(rivals) // 2:
-                return chosen
-            for term in stale:
-                gains[term] = base - search.score(with_term(chosen, term))
-            best = max(rivals, key=lambda term: gains[term])
-            if gains[best] <= 0 or not claimed(search, with_term(chosen, best), chosen):
-                return chosen
+            gain = base - search.score(with_term(chosen, term))
+            if gain > most and claimed(search, with_term(chosen, term), chosen):
+                best, most = term, gain
+        if best is None:
+            return chosen
         chosen = _drop(search, with_term(chosen, best))
     return chosen
 
@@ -254,7 +266,9 @@ def _swap(search: Search, chosen: frozenset[Term]) -> frozenset[Term]:
     for _ in range(20):
         base, quick = search.score(chosen), search.quick(chosen) + search.price_of(chosen)
         tried = {
-            replaced(chosen, term, others) for term in ordered(chosen) for others in relevant(search, chosen, term)
+            replaced(chosen, term, others)
+            for term in ordered(chosen)
+            for others in relevant(search, chosen, term, 2 * PARAMETER_PRICE)
         }
         ranked = sorted(tried - {chosen}, key=lambda other: (search.quick(other) + search.price_of(other), _key(other)))
         better = [
@@ -276,15 +290,29 @@ def _key(chosen: frozenset[Term]) -> list[tuple[int, ...]]:
     return [term.columns for term in ordered(chosen)]
 
 
-def relevant(search: Search, chosen: frozenset[Term], term: Term) -> tuple[frozenset[Term], ...]:
-    """Alternatives of ``term`` that touch a joint that it touches, and could gain a fair part of what it gains."""
+def relevant(search: Search, chosen: frozenset[Term], term: Term, slack: float) -> tuple[frozenset[Term], ...]:
+    """Alternatives of ``term`` that touch a joint that it touches and could gain in sample what it gains.
+
+    Args:
+        search: Rivals.
+        chosen: A set with ``term`` in it.
+        term: What is to be replaced.
+        slack: By how much less an alternative may gain, prices counted.
+    """
+    rest = chosen - {term}
     rows = rows_of(search.problem, term)
-    return tuple(
+    near = [
         others
         for others in alternatives(search, term)
         if any(rows & rows_of(search.problem, other) for other in others)
-        and not any(contains(kept, other) for other in others for kept in chosen - {term})
-    )
+        and not any(contains(kept, other) for other in others for kept in rest)
+    ]
+    singles = tuple(other for others in near if len(others) == 1 for other in others if other not in rest)
+    lost = search.quick(rest) - search.quick(chosen)
+    promised = search.gains(rest, singles)
+    # Promises are to second order, and may be off by a few per cent where a law is not linear.
+    least = lost - price(search.sizes[term]) - max(slack, 0.05 * lost)
+    return tuple(others for others in near if len(others) > 1 or promised.get(next(iter(others)), -np.inf) >= least)
 
 
 def rows_of(problem: Problem, term: Term) -> frozenset[int]:
