@@ -10,6 +10,7 @@ Where the source is wrong or silent (each is held by a test):
 - The link lengths d3, d4, d6 are not given: see `LinkLengths`.
 - Nor is the direction of gravity in frame 0: see `GRAVITY`.
 - Table 2 and the electric stiffness are printed in N m/rad, which is impossible: see `STIFFNESS_UNITS`.
+- All of link 4 is said to regroup with link 1; its radial first moment MY4 does not, and is missing in the list of V.D.
 - The last row of Table 3 is printed ``FV5t3`` and is ``FC5t3``; axes "2 and 3" of the text are 2 and 5.
 
 References:
