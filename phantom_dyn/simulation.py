@@ -17,7 +17,7 @@ from phantom_dyn.effects.effect import Effect, Moment, Simulated
 from phantom_dyn.errors import ParameterError
 from phantom_dyn.motion import Motion, read_only
 from phantom_dyn.robot import Robot
-from phantom_dyn.stepping import Machine, State, at_rest, longest_step, machine_of, stepped
+from phantom_dyn.stepping import Machine, State, in_balance, longest_step, machine_of, stepped
 
 Array = np.ndarray
 
@@ -94,7 +94,7 @@ def simulate(
         true = true if part.robot is None else part.robot(true)
     machine = machine_of(true, tuple(part.transmission for part in parts if part.transmission is not None))
     channels = _Channels(machine, parts, controller, held=robot.torque_hold == "zoh")
-    state, rows = at_rest(machine, np.asarray(q0, dtype=float), np.asarray(v0, dtype=float)), []
+    state, rows = in_balance(machine, np.asarray(q0, dtype=float), np.asarray(v0, dtype=float)), []
     limit = min(max_step, longest_step(machine, q0))
     for k in range(len(t)):
         before, after = state, state.a

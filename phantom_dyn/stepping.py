@@ -106,11 +106,14 @@ def longest_step(machine: Machine, q: Float[Array, " nv"]) -> float:
     return _PHASE_PER_STEP / float(np.sqrt(np.max(machine.stiffness * (1.0 / rotor + 1.0 / link))))
 
 
-def at_rest(machine: Machine, q: Float[Array, " nv"], v: Float[Array, " nv"]) -> State:
-    """State whose transmissions are relaxed, in the middle of their play."""
+def in_balance(machine: Machine, q: Float[Array, " nv"], v: Float[Array, " nv"]) -> State:
+    """State whose transmissions carry what the links need to go on at this speed."""
     rows = list(machine.loose)
-    x, speed = np.concatenate([q, q[rows]]), np.concatenate([v, v[rows]])
-    return State(x, speed, np.zeros(len(x)), np.zeros(len(q)))
+    links = Motion(np.zeros(1), q[None], v[None], np.zeros((1, len(q))))
+    load = link_torque(machine.robot, links)[0]
+    ahead = load[rows] / machine.stiffness + 0.5 * machine.gap * np.sign(load[rows])
+    x, speed = np.concatenate([q, q[rows] + ahead]), np.concatenate([v, v[rows]])
+    return State(x, speed, np.zeros(len(x)), load)
 
 
 def stepped(machine: Machine, state: State, t: float, h: float, torques: Torques) -> State:

@@ -3,10 +3,15 @@
 from __future__ import annotations
 
 from phantom_dyn.effects.actuator_lag import ActuatorLag
+from phantom_dyn.effects.backlash import Backlash
+from phantom_dyn.effects.base_tilt import BaseTilt
 from phantom_dyn.effects.cogging import Cogging
 from phantom_dyn.effects.coulomb_friction import CoulombFriction
 from phantom_dyn.effects.direction_dependent_friction import DirectionDependentFriction
 from phantom_dyn.effects.effect import Effect
+from phantom_dyn.effects.encoder_eccentricity import EncoderEccentricity
+from phantom_dyn.effects.encoder_offset import EncoderOffset
+from phantom_dyn.effects.encoder_quantization import EncoderQuantization
 from phantom_dyn.effects.inertial_parameters import InertialParameters
 from phantom_dyn.effects.input_delay import InputDelay
 from phantom_dyn.effects.joint_coupling import JointCoupling
@@ -19,6 +24,7 @@ from phantom_dyn.effects.stribeck_friction import StribeckFriction
 from phantom_dyn.effects.torque_constant import TorqueConstant
 from phantom_dyn.effects.torque_offset import TorqueOffset
 from phantom_dyn.effects.torque_saturation import TorqueSaturation
+from phantom_dyn.effects.transmission_compliance import TransmissionCompliance
 from phantom_dyn.effects.viscous_friction import ViscousFriction
 from phantom_dyn.errors import ParameterError
 
@@ -40,6 +46,12 @@ EFFECTS: tuple[Effect, ...] = (
     TorqueSaturation(),
     InputDelay(),
     ActuatorLag(),
+    Backlash(),
+    TransmissionCompliance(),
+    BaseTilt(),
+    EncoderOffset(),
+    EncoderEccentricity(),
+    EncoderQuantization(),
 )
 
 

@@ -1,0 +1,132 @@
+"""An encoder coarser than stated: the reading is rounded to a ``step``.
+
+In a torque it leaves noise, and no shape that could be fitted: `signature` has no column. The readings themselves show
+it, as they lie on a lattice: `step_of` finds it. Text files with few digits, or positions of a fieldbus, look alike,
+and harm alike. URDF has no place for it; MJCF: none either (a sensor's ``cutoff`` and ``noise`` are others).
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from jaxtyping import Float
+
+from phantom_dyn.effects.effect import Effect, Parameter, Shape, Signature, Simulated
+from phantom_dyn.effects.operation import Operation
+from phantom_dyn.effects.rows import row_of
+from phantom_dyn.robot import Robot
+
+Array = np.ndarray
+
+# A lattice is believed if this share of the readings lies within a tenth of a step of it; a fifth would by chance.
+_SHARE = 0.98
+_NEAR = 0.1
+# Fewer levels than this may lie on any lattice.
+_LEAST_LEVELS = 8
+# Places among the sorted distances of neighbouring levels to begin with: a few wrong readings make some too short.
+_PLACES = (0.0, 0.05, 0.2, 0.5)
+# A distance may be some steps, where the joint passes levels without being read there.
+_STEPS = 6
+
+
+def stated_step(robot: Robot, row: int) -> float | None:
+    """Step [rad or m] that ``encoder_counts`` states: one turn (or metre) over the counts, on the joint side."""
+    counts = robot.actuators[row].encoder_counts
+    if counts is None:
+        return None
+    return (1.0 if robot.prismatic[row] else 2.0 * np.pi) / counts
+
+
+def step_of(readings: Float[Array, " N"], stated: float | None = None) -> float | None:
+    """The largest step such that almost all readings are multiples of it, whatever their zero.
+
+    Args:
+        readings: Raw positions of one joint, as recorded, rounded by a text file or not.
+        stated: Step that they should have, tried besides those that the readings suggest.
+
+    Returns:
+        The step, or None where the readings are on no lattice or take too few values to tell.
+    """
+    levels = _levels(np.asarray(readings, dtype=float))
+    if len(levels) < _LEAST_LEVELS:
+        return None
+    distances = np.diff(levels)
+    near = np.quantile(distances, _PLACES, method="lower")
+    candidates = {float(distance) / k for distance in near for k in range(1, _STEPS + 1)}
+    if stated is not None:
+        candidates |= {stated * k for k in range(1, _STEPS + 1)}
+    for step in sorted(candidates, reverse=True):
+        sharp = _sharpened(distances, step)
+        if sharp is not None and _share_on_lattice(levels, sharp) >= _SHARE:
+            return sharp
+    return None
+
+
+def _levels(readings: Array) -> Array:
+    """Distinct readings in order; what differs by rounding of floating-point numbers only is the same."""
+    levels = np.unique(readings)
+    if len(levels) < 2:
+        return levels
+    least = 1e-11 * max(float(np.abs(levels).max()), float(levels[-1] - levels[0]))
+    return levels[np.concatenate([[True], np.diff(levels) > least])]
+
+
+def _sharpened(distances: Array, step: float) -> float | None:
+    """``step`` by least squares over all distances, in which it may be many times; None if it comes to nothing."""
+    for _ in range(5):
+        counts = np.round(distances / step)
+        if not counts.any():
+            return None
+        # Distances that are no multiple are left out, or one wrong reading would pull the step.
+        good = np.abs(distances - counts * step) < 2.0 * _NEAR * step
+        if not counts[good].any():
+            return None
+        step = float(distances[good] @ counts[good] / (counts[good] @ counts[good]))
+    return step
+
+
+def _share_on_lattice(levels: Array, step: float) -> float:
+    """Share of the levels near a multiple of ``step`` from where most of them lie, followed from level to level."""
+    phase = (levels - levels[0]) / step
+    # Over many steps the error of the step adds up: the lattice is followed over stretches of a hundred levels.
+    shares = []
+    for start in range(0, len(phase), 100):
+        part = phase[start : start + 100]
+        turn = np.exp(2j * np.pi * part)
+        off = np.angle(turn / (np.mean(turn) or 1.0)) / (2.0 * np.pi)
+        shares.append((np.abs(off) < _NEAR).sum())
+    return float(sum(shares)) / len(phase)
+
+
+class EncoderQuantization(Effect):
+    """See the module."""
+
+    name = "encoder_quantization"
+    regime = "low_speed"
+
+    def parameters(self, robot: Robot, joint: str | None) -> tuple[Parameter, ...]:
+        """``step``."""
+        return (Parameter("step", robot.position_units[row_of(robot, joint)], 0.0),)
+
+    def signature(self, robot: Robot, operation: Operation, joint: str | None, shape: Shape) -> Signature:
+        """No column."""
+        return Signature((row_of(robot, joint),), np.zeros((len(operation.t), 1, 0)), (), ())
+
+    def probe(self, robot: Robot, operation: Operation, joint: str | None) -> tuple[str, Array]:
+        """The step; there is no coefficient."""
+        return "step", np.zeros(0)
+
+    def untestable(self, robot: Robot, operation: Operation, joint: str | None) -> str | None:
+        """Where no step is stated."""
+        if stated_step(robot, row_of(robot, joint)) is None:
+            return f"no step is stated: give joints.{joint}.encoder_counts to have the readings compared with it"
+        return None
+
+    def torque(self, robot: Robot, operation: Operation, joint: str | None, theta: Array) -> Array:
+        """None: it is noise."""
+        row_of(robot, joint)
+        return np.zeros((len(operation.t), robot.nv))
+
+    def simulated(self, robot: Robot, joint: str | None, theta: Array) -> Simulated:
+        """The reading rounded to the step."""
+        here = np.arange(robot.nv) == row_of(robot, joint)
+        return Simulated(reading=lambda q: np.where(here, np.round(q / theta[0]) * theta[0], q))
