@@ -31,6 +31,7 @@ class InputDelay(Effect):
     scope = "either"
     regime = "high_acceleration"
     uses_acceleration = True
+    shape_is_estimate = True
     follows_torque = True
 
     def places(self, robot: Robot) -> tuple[str | None, ...]:
