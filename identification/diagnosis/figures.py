@@ -21,6 +21,7 @@ BEFORE_POINTS, AFTER_POINTS = "#eba36f", "#6fb1d8"
 Groups = tuple[tuple[Bool[Array, " N"], str | tuple[int, tuple[float, ...]]], ...]
 
 STRETCH_S = 10.0
+FEW_POINTS = 600  # fewer are drawn larger
 FINER_FROM = 3.0  # ratio of residuals from which the corrected model's panel has a scale of its own
 
 
@@ -157,7 +158,8 @@ def _cloud(axes: Axes, x: Array, y: Array, groups: Groups, points: str, line: st
     finite = np.isfinite(x) & np.isfinite(y)
     chosen = scatter_choice(finite)
     # Thousands of markers as vectors would weigh megabytes: the cloud is a picture, the median a curve.
-    axes.scatter(x[chosen], y[chosen], s=2.0, color=points, linewidths=0, rasterized=True)
+    size = 2.0 if len(chosen) > FEW_POINTS else 9.0
+    axes.scatter(x[chosen], y[chosen], s=size, color=points, linewidths=0, rasterized=True)
     for members, dashes in groups:
         inside = finite & members
         axes.plot(*binned_median(x[inside], y[inside]), color=line, linewidth=1.8, linestyle=dashes)

@@ -14,6 +14,7 @@ Row = tuple[str, ...]
 
 _STANDS_OUT = 1.5  # times its share of the time
 _STANDS_OUT_ALONE = 0.25  # share that stands out where the time is not known
+_HALVES = {"one_direction": 0.5, "time_drift": 0.5}  # of two halves the stronger: about so much by chance
 _LEAST = 0.1  # a smaller share of the energy never stands out
 
 
@@ -60,7 +61,8 @@ def regime_table(diagnosis: Diagnosis, joint: int) -> list[RegimeShare]:
     rows = []
     for regime in sorted(shares, key=lambda name: (-shares[name], list(REGIMES).index(name) if name in REGIMES else 0)):
         share, time = shares[regime], times.get(regime)
-        least = _STANDS_OUT_ALONE if time is None else max(_LEAST, _STANDS_OUT * time)
+        expected = _HALVES.get(regime) if time is None else time
+        least = _STANDS_OUT_ALONE if expected is None else max(_LEAST, _STANDS_OUT * expected)
         width = 100 * min(max(share, 0.0), 1.0) if share == share else 0.0
         in_time = "" if time is None else percent(time)
         rows.append(RegimeShare(words.capital(regime_words(regime)), percent(share), in_time, width, share >= least))

@@ -11,6 +11,9 @@ Array = np.ndarray
 
 CURVE_POINTS = 1500
 CLOUD_POINTS = 6000
+BINS = 48
+LEAST_BINS = 8
+PER_BIN = 12  # samples on average, so that few bins are too empty for a median
 LEAST_IN_BIN = 5
 
 
@@ -83,14 +86,14 @@ def scatter_choice(finite: Bool[Array, " N"], most: int = CLOUD_POINTS) -> Int[A
 
 
 def binned_median(
-    x: Float[Array, " N"], y: Float[Array, " N"], bins: int = 48
+    x: Float[Array, " N"], y: Float[Array, " N"], bins: int = BINS
 ) -> tuple[Float[Array, " b"], Float[Array, " b"]]:
     """Median of `y` in equal bins of `x`; zero is an edge, so that no bin mixes the two directions of motion.
 
     Args:
         x: Abscissa, shape ``(N,)``, finite.
         y: Ordinate, shape ``(N,)``, finite.
-        bins: About how many bins; those with fewer than five samples are left out.
+        bins: About how many bins at most, fewer for few samples; those with fewer than five samples are left out.
 
     Returns:
         Centres and medians, shape ``(b,)`` each.
@@ -98,6 +101,7 @@ def binned_median(
     span = float(np.ptp(x)) if len(x) else 0.0
     if span == 0.0:
         return np.zeros(0), np.zeros(0)
+    bins = min(bins, max(LEAST_BINS, len(x) // PER_BIN))
     which = bin_numbers(x, bins)
     order = np.argsort(which, kind="stable")
     numbers, starts = np.unique(which[order], return_index=True)
@@ -107,7 +111,7 @@ def binned_median(
     return centres, np.array([float(np.median(group)) for _, group in kept])
 
 
-def bin_numbers(x: Float[Array, " N"], bins: int = 48) -> Int[Array, " N"]:
+def bin_numbers(x: Float[Array, " N"], bins: int = BINS) -> Int[Array, " N"]:
     """Number of the bin of each sample: `bins` equal ones over the range of `x`, with an edge at zero."""
     span = float(np.ptp(x)) if len(x) else 0.0
     return np.zeros(len(x), dtype=int) if span == 0.0 else np.floor(x / (span / bins)).astype(int)
