@@ -115,7 +115,9 @@ def _draw(out: Figure, ax: Axes, panel: _Panel, axes: list[int], result: Operati
         ax.text(0.5, 0.5, "no point can be reached", ha="center", transform=ax.transAxes)
         return
     levels = MaxNLocator(_LEVELS).tick_values(scale.vmin or 0.0, scale.vmax or 0.0)
-    shown = ax.contourf(grid.values[across], grid.values[up], values, levels, cmap=_COLORS, extend="both")
+    beyond = bool(np.nanmin(values) < levels[0]), bool(np.nanmax(values) > levels[-1])
+    extend = {(False, False): "neither", (True, False): "min", (False, True): "max", (True, True): "both"}[beyond]
+    shown = ax.contourf(grid.values[across], grid.values[up], values, levels, cmap=_COLORS, extend=extend)
     if ((levels > np.nanmin(values)) & (levels < np.nanmax(values))).any():
         lines = ax.contour(grid.values[across], grid.values[up], values, levels, colors="k", linewidths=0.4)
         ax.clabel(lines, fontsize=6)
@@ -146,6 +148,7 @@ def _draw_space(out: Figure, ax: Axes3D, panel: _Panel, axes: list[int], result:
     for k, label in zip(axes, (ax.set_xlabel, ax.set_ylabel, ax.set_zlabel), strict=True):
         label(_label(result, k), fontsize=7)
     ax.tick_params(labelsize=6)
+    ax.set_box_aspect(None, zoom=0.85)  # leaves room for the upright label
     out.colorbar(coloured, ax=ax, shrink=0.6)
 
 

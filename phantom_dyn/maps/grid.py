@@ -12,6 +12,8 @@ from phantom_dyn.naming import known_names
 
 Array = np.ndarray
 TIP_AXES = ("x", "y", "z")
+MOST_POINTS = 20_000_000
+"""Points of a grid at most: one matrix over them takes 1.4 GB."""
 
 
 @dataclass(frozen=True)
@@ -71,7 +73,10 @@ def read_grid(text: str, joint_names: tuple[str, ...]) -> Grid:
         raise ParameterError(
             f"The grid mixes {', '.join(names)}: give a grid over the tip (x, y, z) or one over joints (q.<joint>)."
         )
-    return Grid(tuple(names), tuple(values))
+    grid = Grid(tuple(names), tuple(values))
+    if grid.size > MOST_POINTS:
+        raise ParameterError(f"The grid has {grid.size} points, wanted at most {MOST_POINTS}: take larger steps.")
+    return grid
 
 
 def _require_axis(name: str, joint_names: tuple[str, ...]) -> None:
@@ -94,4 +99,6 @@ def _axis(name: str, span: str) -> Array:
             f"The axis {name} of the grid is {span!r}: give START and STOP apart with at least 2 points, or both the "
             "same with 1 point."
         )
+    if count > MOST_POINTS:
+        raise ParameterError(f"The axis {name} of the grid has {count} points, wanted at most {MOST_POINTS}.")
     return np.linspace(start, stop, count)

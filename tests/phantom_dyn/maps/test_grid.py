@@ -49,6 +49,8 @@ def test_one_point_makes_a_section():
         ("x=0:0:5", "give START and STOP apart"),
         ("x=0:1:0", "give START and STOP apart"),
         ("x=0:1:-3", "give START and STOP apart"),
+        ("x=0:1:90000000000", "axis x of the grid has 90000000000 points, wanted at most"),
+        ("x=0:1:1000,y=0:1:1000,z=0:1:1000", "The grid has 1000000000 points, wanted at most 20000000: take larger"),
         ("x=0:1:3,x=0:1:3", "has the axis x twice: give it once"),
         ("x=0:1:3,q.theta1=0:1:3", r"mixes x, q\.theta1: give a grid over the tip"),
     ],
