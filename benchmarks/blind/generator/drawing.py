@@ -155,7 +155,7 @@ def draw_cause(
 ) -> tuple[Outside, Measured, float] | None:
     """A cause outside the catalogue at about the size that was drawn."""
     size, make = drawn_size(rng), draw_outside(rng, name, measure)
-    m = size
+    m, wanted = size, size
     for count in range(RUNS):
         cause = make(m)
         if not sound(cause, setup.truth):
@@ -163,8 +163,11 @@ def draw_cause(
         found = _measured(setup, measure, outside=cause)
         if found is None or found.size < 1e-3:
             return None
-        off = size / found.size
+        off = wanted / found.size
         if 1.0 / NEAR < off < NEAR or (count == RUNS - 1 and 1.0 / CLOSE < off < CLOSE):
-            return cause, found, size
+            off = _enlarged(measure, found.change)
+            if off < 1.1:
+                return (cause, found, size) if off else None
+            wanted *= off
         m *= float(np.clip(off, 0.1, 20.0))
     return None

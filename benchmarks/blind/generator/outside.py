@@ -43,7 +43,8 @@ def draw_outside(rng: np.random.Generator, name: str, measure: Ruler) -> Callabl
         p = {"position": place, "side": side}
         return lambda m: Outside(name, i, {"stiffness": m * unit, "damping": 0.02 * m * unit, **p})
     if name == "voltage_sag":
-        p = {"scale": float(tau.sum()), "time_constant": rng.uniform(0.02, 0.3)}
+        load = float(np.abs(measure.run.command).sum(axis=1).mean())
+        p = {"scale": load, "time_constant": rng.uniform(0.02, 0.3)}
         return lambda m: Outside(name, -1, {"depth": m * float(np.sqrt(np.mean((measure.floor / tau) ** 2))), **p})
     sign = float(rng.choice((-1.0, 1.0)))
     return lambda m: Outside(name, i, {"torque": 1.7 * m * sign * floor, "duration": duration})
@@ -55,5 +56,5 @@ def sound(cause: Outside, table: Table) -> bool:
     if cause.name == "friction_warm_up":
         return p["torque"] * p["settled"] < 0.95 * table.links[cause.joint].coulomb
     if cause.name == "voltage_sag":
-        return p["depth"] < 0.3
+        return p["depth"] < 0.35
     return True

@@ -121,15 +121,17 @@ def _misfit(measure: Ruler, change: np.ndarray, columns: np.ndarray, lower: floa
     More than ``enough`` without any bound is not looked at further.
     """
     basis, triangle = measure.nuisance
-    k, p = columns.shape[1], len(triangle)
     beside, own = np.linalg.qr(columns - basis @ (basis.T @ columns))
+    # A column that the model's own moves make up adds no direction: it only goes further than they may.
+    new = np.abs(np.diag(own)) > 1e-8 * np.linalg.norm(columns, axis=0)
+    beside, own = beside[:, new], own[new]
     seen, more = basis.T @ change, beside.T @ change
     outside = max(float(change @ change - seen @ seen - more @ more), 0.0)
     if np.sqrt(outside) > enough:
         return float(np.sqrt(outside))
-    r = np.block([[basis.T @ columns, triangle], [own, np.zeros((k, p))]])
-    low = np.concatenate([np.full(k, lower), -2.0 - measure.place - 1e-9])
-    high = np.concatenate([np.full(k, np.inf), 2.0 - measure.place + 1e-9])
+    r = np.block([[basis.T @ columns, triangle], [own, np.zeros((len(own), len(triangle)))]])
+    low = np.concatenate([np.full(columns.shape[1], lower), -2.0 - measure.place - 1e-9])
+    high = np.concatenate([np.full(columns.shape[1], np.inf), 2.0 - measure.place + 1e-9])
     fit = lsq_linear(r, np.concatenate([seen, more]), bounds=(low, high), tol=1e-6)
     return float(np.sqrt(outside + 2.0 * fit.cost))
 
@@ -168,8 +170,18 @@ def _payload_misfit(measure: Ruler, change: np.ndarray) -> float:
     return float(np.sqrt(max(change @ change - seen @ seen, 0.0) + 2.0 * fit.cost))
 
 
+def _own_misfit(effect: Effect, flat: np.ndarray, measure: Ruler) -> float:
+    """What the first order of the truth itself leaves: its approximation, which is no fault of a rival."""
+    if effect.effect not in ONE_COLUMN:
+        return 0.0
+    change = unit_change(Recipe(effect.effect, effect.joint, {}), measure)
+    return 0.0 if change is None else _misfit(measure, flat, change.reshape(len(flat), 1), -np.inf, np.inf)
+
+
 def alike(effect: Effect, change: np.ndarray, measure: Ruler) -> list[dict]:
     """Answers with no more parameters than the truth that leave less than `ALIKE`: effect, joint, what they leave.
+
+    What the truth's own first order leaves, where it has one, is taken off: both lack the same.
 
     An answer with more parameters that holds the truth as a special case is not among them: the data part them as far
     as the simpler one is enough.
@@ -182,11 +194,14 @@ def alike(effect: Effect, change: np.ndarray, measure: Ruler) -> list[dict]:
     unit = np.sqrt(len(change) * max(1, int(reached(change).sum())))
     flat, mine = change.reshape(-1), (effect.effect, joint_name(effect, measure.truth))
     best: dict[tuple[str, str | None], float] = {}
+    own = _own_misfit(effect, flat, measure) / unit
+    enough = float(np.hypot(ALIKE, own)) * unit
     for name, joint, torque, lower in _rivals(effect, measure):
         if (name, joint) == mine or PARAMETERS.get(name, 1) > PARAMETERS.get(effect.effect, 1):
             continue
-        left = _misfit(measure, flat, torque.reshape(len(flat), -1), lower, ALIKE * unit) / unit
+        left = _misfit(measure, flat, torque.reshape(len(flat), -1), lower, enough) / unit
         best[name, joint] = min(left, best.get((name, joint), np.inf))
     if effect.effect == "inertial_parameters":
         best["payload", None] = _payload_misfit(measure, flat) / unit
-    return [{"effect": e, "joint": j, "leaves": float(left)} for (e, j), left in best.items() if left < ALIKE]
+    over = {who: float(np.sqrt(max(left**2 - own**2, 0.0))) for who, left in best.items()}
+    return [{"effect": e, "joint": j, "leaves": left} for (e, j), left in over.items() if left < ALIKE]

@@ -15,6 +15,7 @@ from benchmarks.blind.generator.plant import INNER_STEP, Channel, Encoder, Plant
 from benchmarks.blind.generator.robots import Table
 
 LAW_STEP = 2  # inner steps between two evaluations of a law
+RUNAWAY = 300.0  # [rad/s]: an unstable loop, stopped before the engine complains
 
 
 @dataclass(frozen=True)
@@ -98,14 +99,14 @@ def _offsets(plant: Plant) -> np.ndarray:
 
 
 def _sag(plant: Plant, command: np.ndarray, load: float, dt: float) -> tuple[float, float]:
-    """Share of the torque that a weak supply leaves, and the filtered load ``sum |tau| / scale`` behind it."""
+    """Share of the torque that a weak supply gives, one at mean load, and the filtered load ``sum |tau| / scale``."""
     cause = plant.outside
     if cause is None or cause.name != "voltage_sag":
         return 1.0, load
     p = cause.parameters
     keep = np.exp(-dt / p["time_constant"])
     load = keep * load + (1.0 - keep) * float(np.abs(command).sum()) / p["scale"]
-    return 1.0 - p["depth"] * load, load
+    return 1.0 - p["depth"] * (load - 1.0), load
 
 
 def simulate(plant: Plant, owner: Table, session: Session) -> Run:
@@ -139,9 +140,12 @@ def simulate(plant: Plant, owner: Table, session: Session) -> Run:
     quantum = 2.0 * np.pi / session.encoder_counts if session.encoder_counts else 0.0
     keep = np.exp(-2.0 * np.pi * 40.0 * dt)
     measured, command, seen, q = (np.empty((n, nv)) for _ in range(4))
-    estimate, last, load = np.zeros(nv), None, 0.0
+    estimate, last, load = np.zeros(nv), None, 1.0
     torque = np.zeros(model.nv)
     for k in range(n):
+        if not np.abs(data.qvel).max() < RUNAWAY:
+            q[k:] = seen[k:] = measured[k:] = command[k:] = np.nan
+            break
         q[k] = data.qpos[drives] - 0.5 * INNER_STEP * data.qvel[drives]
         seen[k] = _readings(plant, q[k]) if coarse else q[k]
         reading = seen[k] + session.dither[k]
