@@ -1,7 +1,7 @@
 # phantom-dyn: every target sets up what it needs; the second call starts at once.
 #   make demo   the main job, end to end          make test   the whole test suite
 #   make lint   ruff and pyright                  make bench  benchmarks with timing
-#   make blind  sealed cases, scored              make lock   renew requirements.txt
+#   make blind  sealed cases, into the README     make lock   renew requirements.txt
 #   make clean  removes the environment and what was built
 
 PYTHON ?= python3
@@ -35,7 +35,7 @@ bench: setup
 	@$(BIN)/python -m pytest benchmarks --benchmark-enable -n 0
 
 blind: setup
-	@$(BIN)/python benchmarks/blind/run.py
+	@$(BIN)/python benchmarks/blind/run.py --publish
 
 setup: $(STAMP)
 

@@ -46,12 +46,12 @@ def publish(score: Path, batches: Sequence[tuple[str, range]], checkout: Path) -
 
 
 def main(arguments: list[str] | None = None) -> int:
-    from benchmarks.blind.run import REPORTING
+    from benchmarks.blind.generate import REPORTING
 
     parser = argparse.ArgumentParser(description="Write a finished score into the README.")
     parser.add_argument("--score", type=Path, default=Path("build/blind/score"), metavar="DIR")
     given = parser.parse_args(arguments)
-    publish(given.score, REPORTING, CHECKOUT)
+    publish(given.score, list(REPORTING.items()), CHECKOUT)
     return 0
 
 

@@ -15,19 +15,12 @@ from pathlib import Path
 if __package__ in (None, ""):  # called by its path: the checkout is not on the module path
     sys.path.insert(0, str(Path(__file__).resolve().parents[2]))
 
-from benchmarks.blind.generate import KINDS, draw_many, seed_range
+from benchmarks.blind.generate import KINDS, REPORTING, draw_many, seed_range
 from benchmarks.blind.processes import BASELINES, ORACLE, default_command, run_all
 from benchmarks.blind.publish import publish
 from benchmarks.blind.score import load_baselines, load_pairs, write_score
 from benchmarks.blind.seal import sealed
 
-# Opened once, for the report: nothing is tuned on them.
-REPORTING = (
-    ("single", range(3000, 3250)),
-    ("null", range(4000, 4300)),
-    ("pair", range(5000, 5080)),
-    ("outside", range(6000, 6080)),
-)
 # The baselines make false claims on nearly every null: a third of them is enough to say so.
 BASELINE_NULLS = 100
 INSIDE = ("single", "pair")
@@ -54,7 +47,7 @@ def main(arguments: list[str] | None = None) -> int:
     cases, answers, results, baselines, oracle = (
         given.work / name for name in ("cases", "answers", "results", "baselines", "oracle")
     )
-    batches = REPORTING if given.seeds is None else ((given.kind, given.seeds),)
+    batches = list(REPORTING.items()) if given.seeds is None else [(given.kind, given.seeds)]
     drawn = {kind: draw_many(seeds, kind, cases, answers, given.jobs) for kind, seeds in batches}
     names = [name for batch in drawn.values() for name in batch]
     diagnose_all(names, cases, answers, results, command=default_command(), jobs=given.jobs)
@@ -72,7 +65,7 @@ def main(arguments: list[str] | None = None) -> int:
     minutes = (time.perf_counter() - start) / 60.0
     print(f"{len(names)} cases in {minutes:.0f} minutes, written to {out}")
     if given.publish:
-        publish(out, [(kind, seeds) for kind, seeds in batches], Path(__file__).resolve().parents[2])
+        publish(out, batches, Path(__file__).resolve().parents[2])
     return 0
 
 
