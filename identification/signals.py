@@ -137,7 +137,6 @@ def process(recording: Recording, robot: Robot, *, cutoff_hz: float | None = Non
     """
     t, q, tau, valid = uniform(recording)
     rate = (len(t) - 1) / (t[-1] - t[0])
-    tau = within_limits(tau, robot)
     if robot.torque_hold == "zoh":
         tau = align_held_torque(tau)
     if cutoff_hz is None:

@@ -10,6 +10,8 @@ from jaxtyping import Float
 Array = np.ndarray
 
 _BINS_PER_OCTAVE = 6
+# White noise of a position rises with the fourth power of frequency in the acceleration's spectrum; motion does not.
+_RISE = 2.5
 
 
 def _welch(x: Float[Array, " N"], rate_hz: float) -> tuple[Array, Array, int]:
@@ -49,9 +51,28 @@ def acceleration_edge(q: Float[Array, " N"], rate_hz: float) -> float | None:
         elif envelope[k] > 20 * envelope[lowest]:
             break
     if np.sqrt(level[start : lowest + 1].max() / envelope[lowest]) < 5 * np.sqrt(10):
-        return None
+        return _edge_above_encoder_noise(centre, level, rate_hz)
     edge = next(k for k in range(start, lowest + 1) if envelope[k] <= 10 * envelope[lowest])
     return float(centre[edge])
+
+
+def _edge_above_encoder_noise(centre: Float[Array, " b"], level: Float[Array, " b"], rate_hz: float) -> float | None:
+    """Frequency up to which an acceleration spectrum stands 10 dB above white noise of the position; None if nowhere.
+
+    Ramps leave steps of velocity, whose acceleration is too flat to show a peak and a floor. The noise of the encoder
+    is then read where nothing else can be, above a tenth of the rate.
+    """
+    high = centre > 0.1 * rate_hz
+    if not high.any():
+        return None
+    rise = np.polyfit(np.log(centre[high]), np.log(np.maximum(level[high], 1e-300)), 1)[0] if high.sum() > 2 else 0.0
+    if rise < _RISE:
+        return None
+    noise = float(np.median(level[high] / centre[high] ** 4)) * centre**4
+    above = np.flatnonzero(level < 10 * noise)
+    last = int(above[0]) if len(above) else len(centre)
+    # Three bins are half an octave: less is a line or a chance peak, not motion.
+    return float(centre[last - 1]) if last >= 3 else None
 
 
 def torque_edge(tau: Float[Array, " N"], rate_hz: float) -> float:

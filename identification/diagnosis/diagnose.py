@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable
+from dataclasses import replace
 
 import numpy as np
 from jaxtyping import Float, Int
@@ -21,7 +22,7 @@ from identification.diagnosis.search import Search, explain, ordered, set_up_sea
 from identification.diagnosis.terms import FoundEffect, KnownEffect, Term
 from identification.diagnosis.whitening import whitened
 from identification.recordings import Recording
-from identification.signals import process_all
+from identification.signals import process_all, within_limits
 from phantom_dyn.errors import LogError
 from phantom_dyn.robot import Robot
 
@@ -65,6 +66,7 @@ def diagnose(
     progress("filtering")
     every = (*recordings, *hold_out)
     logs, cutoff_hz = process_all(every, robot)
+    logs = tuple(replace(log, tau=within_limits(log.tau, robot)) for log in logs)
     progress("computing regressors")
     columns = build_columns(robot, logs, cutoff_hz, known)
     blocks = split_blocks(logs, cutoff_hz)
