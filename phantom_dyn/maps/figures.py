@@ -148,7 +148,7 @@ def _draw_space(out: Figure, ax: Axes3D, panel: _Panel, axes: list[int], result:
     for k, label in zip(axes, (ax.set_xlabel, ax.set_ylabel, ax.set_zlabel), strict=True):
         label(_label(result, k), fontsize=7)
     ax.tick_params(labelsize=6)
-    ax.set_box_aspect(None, zoom=0.85)  # leaves room for the upright label
+    ax.set_box_aspect(None, zoom=0.85)  # pyright: ignore[reportArgumentType]  # room for the upright label
     out.colorbar(coloured, ax=ax, shrink=0.6)
 
 

@@ -53,6 +53,15 @@ def test_inverse_kinematics_gives_back_the_angles(q):
     np.testing.assert_allclose(phantom.inverse_kinematics(phantom.tip_position(q)), q, rtol=0, atol=1e-11)
 
 
+def test_outside_the_possible_assembly_the_published_inverse_gives_the_other_one():
+    # Closed form: the elbow folded to the other side reaches the same point.
+    folded = np.array([[0.2, -0.3, -0.3 + 1.8]])
+    back = phantom.inverse_kinematics(phantom.tip_position(folded))
+    np.testing.assert_allclose(phantom.tip_position(back), phantom.tip_position(folded), rtol=0, atol=1e-15)
+    assert abs(back[0, 2] - back[0, 1]) < np.pi / 2
+    assert back[0, 2] - back[0, 1] == pytest.approx(np.pi - 1.8)
+
+
 def test_other_sizes_of_the_family_have_their_own_kinematics(q):
     # Round trip with other lengths.
     longer = replace(PHANTOM_1_5, l1=0.4, l2=0.45)
