@@ -193,9 +193,7 @@ def recording(
         excluded=_excluded(table, excluded),
         warnings=(*warnings, *sentences),
         passive_q={
-            joint: read_only(table.columns[f"q.{joint}"])
-            for joint in robot.passive_names
-            if f"q.{joint}" in table.columns
+            name: read_only(table.columns[f"q.{name}"]) for name in robot.passive_names if f"q.{name}" in table.columns
         },
         **optional,
     )

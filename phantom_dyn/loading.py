@@ -192,7 +192,7 @@ def _warnings(
     idle = [name for name in passive if _has_drive(stated.joints.get(name, JointConfig()))]
     if idle:
         sentences.append(
-            f"Of the drives stated for {', '.join(idle)} only the rotors count, as these joints are passive."
+            f"Of the drives of {', '.join(idle)} only the rotors count, as these joints are passive."
         )
     return tuple(sentences)
 

@@ -37,7 +37,7 @@ def check_passive(recording: Recording, robot: Robot) -> tuple[str, ...]:
         rms = float(np.sqrt(np.mean(apart**2)))
         if rms > _SHARE * np.ptp(tree[:, place]):
             out.append(
-                f"{recording.file}: the measured position of {joint} is {rms:.3g} {'m' if linear else 'rad'} (rms) from "
-                f"where the loops of {robot.name} put it: look at its sign, its zero and the loops in robot.yaml."
+                f"{recording.file}: the measured position of {joint} is {rms:.3g} {'m' if linear else 'rad'} (rms) "
+                f"from where the loops of {robot.name} put it: look at its sign, its zero and the loops in robot.yaml."
             )
     return tuple(out)

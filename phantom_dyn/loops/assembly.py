@@ -12,7 +12,7 @@ from jaxtyping import Float
 
 from phantom_dyn.errors import RobotError
 from phantom_dyn.loops.chain import ClosedChain
-from phantom_dyn.loops.constraints import constraints_of, error_and_slope, sentence_of_worst
+from phantom_dyn.loops.constraints import Constraints, constraints_of, error_and_slope, sentence_of_worst
 from phantom_dyn.loops.solver import CLOSED, SINGULAR, nearest
 
 Array = np.ndarray
@@ -71,7 +71,7 @@ def require_determined(model: pin.Model, chain: ClosedChain, config: Path) -> No
     nv, names = chain.nv, [model.names[1 + k] for k in chain.unknowns]
     labels = " and ".join(anchor.label for anchor in chain.anchors)
     passive, every = _rank(slope[:, nv:]) if names else 0, _rank(slope)
-    if passive < len(names) and every >= len(names):
+    if passive < len(names) and _rank(_elsewhere(chain, at)[:, nv:]) >= len(names):
         raise RobotError(f"{config}: {labels} is singular at its start, so the way of assembly is open: {_HINT}.")
     if passive < len(names):
         loose = _loose(slope[:, nv:], names)
@@ -84,6 +84,12 @@ def require_determined(model: pin.Model, chain: ClosedChain, config: Path) -> No
             f"{config}: {labels} determine {every} joints and {', '.join(names) or 'none'} is passive: "
             f"make {every - len(names)} more passive (actuated: false), or list the others under active."
         )
+
+
+def _elsewhere(chain: ClosedChain, at: Constraints) -> Float[Array, "m n"]:
+    """The slope where nothing is lined up by chance: at joints turned from the start by angles without a pattern."""
+    turned = 0.3 * np.sin(1 + np.arange(chain.linear_map.shape[1]) ** 2)
+    return error_and_slope(at, chain.start + chain.linear_map @ turned)[1] @ chain.linear_map
 
 
 def _loose(slope: Float[Array, "m n"], names: list[str]) -> str:

@@ -1,5 +1,6 @@
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -7,7 +8,16 @@ import pinocchio as pin
 import pytest
 
 from phantom_dyn import load_robot
-from phantom_dyn.dynamics import inverse_dynamics, mass_matrix, rigid_body_regressor, standard_parameters
+from phantom_dyn.dynamics import (
+    forward_dynamics,
+    gravity_torque,
+    inverse_dynamics,
+    inverse_dynamics_derivatives,
+    link_torque,
+    mass_matrix,
+    rigid_body_regressor,
+    standard_parameters,
+)
 from phantom_dyn.errors import LogError
 from phantom_dyn.motion import Motion
 
@@ -69,3 +79,47 @@ def test_a_value_that_is_not_finite_is_refused_with_its_place():
     motion = Motion(np.arange(2.0), np.zeros((2, 1)), np.array([[0], [np.nan]]), np.zeros((2, 1)))
     with pytest.raises(LogError, match="v of joint number 0 is not finite at sample 1"):
         inverse_dynamics(load_robot("emps"), motion)
+
+
+@pytest.mark.parametrize("source", SOURCES)
+def test_the_torque_of_the_links_has_neither_rotors_nor_friction(source, rng):
+    robot = load_robot(source)
+    motion = some_motion(rng, robot.nv)
+    torque = rigid_body_regressor(robot, motion) @ standard_parameters(robot)
+    np.testing.assert_allclose(link_torque(robot, motion), torque, atol=1e-9)
+
+
+def test_gravity_torque_of_a_pendulum_is_that_of_the_closed_form(rng):
+    # m g l sin q, and m g l cos q where gravity points sideways.
+    robot, q = load_robot(ROBOTS / "pendulum.urdf"), rng.normal(size=(5, 1))
+    np.testing.assert_allclose(gravity_torque(robot, q), 9.81 * np.sin(q), atol=1e-12)
+    sideways = gravity_torque(robot, q, np.array([-9.81, 0.0, 0.0]))
+    np.testing.assert_allclose(np.abs(sideways), 9.81 * np.abs(np.cos(q)), atol=1e-12)
+
+
+@pytest.mark.parametrize("source", SOURCES)
+def test_a_given_gravity_leaves_the_model_as_it_was(source):
+    robot = load_robot(source)
+    before = robot.model.gravity.linear.copy()
+    gravity_torque(robot, np.zeros((1, robot.nv)), np.array([1.0, 2.0, 3.0]))
+    np.testing.assert_array_equal(robot.model.gravity.linear, before)
+
+
+@pytest.mark.parametrize("source", SOURCES)
+def test_forward_dynamics_undoes_inverse_dynamics(source, rng):
+    robot = load_robot(source)
+    m = some_motion(rng, robot.nv)
+    np.testing.assert_allclose(forward_dynamics(robot, m.q, m.v, inverse_dynamics(robot, m)), m.a, atol=1e-8)
+
+
+@pytest.mark.parametrize("source", SOURCES)
+def test_the_derivatives_of_inverse_dynamics_are_its_slopes(source, rng):
+    # Finite differences of the torque of the links, to which the armature adds nothing.
+    robot = load_robot(source)
+    m, step = some_motion(rng, robot.nv, 3), 1e-5
+    for found, name in zip(inverse_dynamics_derivatives(robot, m), ("q", "v"), strict=True):
+        for j, unit in enumerate(np.eye(robot.nv)):
+            ahead, behind = (
+                link_torque(robot, replace(m, **{name: getattr(m, name) + sign * step * unit})) for sign in (1, -1)
+            )
+            np.testing.assert_allclose(found[:, :, j], (ahead - behind) / (2 * step), atol=1e-5)

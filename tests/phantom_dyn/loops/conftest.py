@@ -1,0 +1,28 @@
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
+
+from phantom_dyn import load_robot
+from phantom_dyn.robot import Robot
+
+ROBOTS = Path(__file__).parents[2] / "robots"
+
+
+@pytest.fixture
+def load(tmp_path) -> Callable[..., Robot]:
+    """A robot of the tests with a robot.yaml of the given text, and changes to its file."""
+
+    def loaded(robot: str, config: str, *changes: tuple[str, str]) -> Robot:
+        path = tmp_path / robot
+        text = (ROBOTS / robot).read_text()
+        for old, new in changes:
+            assert old in text
+            text = text.replace(old, new)
+        path.write_text(text)
+        (tmp_path / "robot.yaml").write_text(config)
+        return load_robot(path)
+
+    return loaded
