@@ -24,8 +24,10 @@ from phantom_dyn.robot import Robot
 
 Array = np.ndarray
 
-# Shares of the recording beyond the limits that are tried, and the time over which the command is averaged [s].
-_BEYOND = (0.3, 0.15, 0.07, 0.03, 0.012, 0.004)
+# Shares of the recording in which the command, and the torque that was needed, exceeds the limits that are tried.
+_BEYOND = (0.4, 0.2, 0.1, 0.04, 0.01)
+_NEEDED_BEYOND = 0.02
+# Time over which the command is averaged [s].
 _SECONDS = 0.01
 
 
@@ -40,14 +42,18 @@ class TorqueSaturation(Effect):
         return (Parameter("limit", torque_unit(robot, joint), 0.0),)
 
     def shapes(self, robot: Robot, operation: Operation, joint: str | None) -> tuple[Shape, ...]:
-        """Limits that the command exceeds for 0.4 % to 30 % of the recording."""
-        level = np.abs(_command(operation, row_of(robot, joint)))
-        limits = np.quantile(level, 1.0 - np.array(_BEYOND))
-        return tuple((float(x),) for x in np.unique(limits))
+        """Limits that the command exceeds for 1 % to 40 % of the recording, and one from the motion.
+
+        However far the command is beyond the limit, the motion needs no more torque than the limit.
+        """
+        row = row_of(robot, joint)
+        limits = np.quantile(np.abs(_command(operation, row)), 1.0 - np.array(_BEYOND))
+        needed = np.quantile(np.abs(operation.tau[:, row]), 1.0 - _NEEDED_BEYOND)
+        return tuple((float(x),) for x in np.unique([*limits, needed]))
 
     def refined(self, coefficients: Array, shape: Shape) -> tuple[Shape, ...]:
         """The same limit and some next to it."""
-        return tuple((factor * shape[0],) for factor in (0.92, 0.97, 1.0, 1.03, 1.08))
+        return tuple((factor * shape[0],) for factor in (0.9, 0.97, 0.99, 1.0, 1.01, 1.03, 1.1))
 
     def signature(self, robot: Robot, operation: Operation, joint: str | None, shape: Shape) -> Signature:
         """Command beyond the limit; its coefficient is one if the limit is right."""

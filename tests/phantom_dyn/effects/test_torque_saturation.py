@@ -39,9 +39,16 @@ def test_the_drive_is_asked_for_the_excess_with_coefficient_one(arm, saturated):
 
 def test_limits_that_are_tried_are_exceeded_for_a_known_share(arm, saturated):
     # Closed form: |sine| exceeds sin(x) for the share 1 - 2 x / pi.
-    limits = [limit for (limit,) in EFFECT.shapes(arm, saturated, "tilt")]
-    shares = [0.3, 0.15, 0.07, 0.03, 0.012, 0.004]
-    np.testing.assert_allclose(limits, 4.0 * np.cos(np.pi / 2 * np.array(shares)), rtol=5e-3)
+    limits = [limit for (limit,) in EFFECT.shapes(arm, replace(saturated, tau=9.0 * np.ones((2000, 3))), "tilt")]
+    shares = [0.4, 0.2, 0.1, 0.04, 0.01]
+    np.testing.assert_allclose(limits, [*4.0 * np.cos(np.pi / 2 * np.array(shares)), 9.0], rtol=5e-3)
+
+
+def test_a_limit_is_tried_that_the_motion_shows(arm, saturated, rng):
+    # Known truth: the motion needs 1.3 N m at most, whatever is commanded.
+    tau = np.clip(saturated.tau, -1.3, 1.3) + 0.005 * rng.normal(size=saturated.tau.shape)
+    wound_up = replace(saturated, tau=tau, logged=20.0 * saturated.logged)
+    assert min(abs(limit - 1.3) for (limit,) in EFFECT.shapes(arm, wound_up, "tilt")) < 0.02
 
 
 def test_noise_beyond_the_limit_is_averaged_out(arm, saturated, rng):
