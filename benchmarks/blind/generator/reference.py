@@ -38,7 +38,7 @@ def ramps(rng: np.random.Generator, t: np.ndarray, amplitude: float) -> np.ndarr
     """Constant speeds from 0.03 to 1.5 rad/s, mostly turning round between them, at 1 to 25 rad/s2; few short holds."""
     dt = t[1] - t[0]
     speeds, place, time, v, sign = [np.zeros(round(0.2 / dt))], 0.0, 0.2, 0.0, float(rng.choice((-1.0, 1.0)))
-    while time < t[-1] - t[0]:
+    while time < t[-1] - t[0] + 2 * dt:
         if rng.random() < 0.08:
             target, duration = 0.0, rng.uniform(0.15, 0.4)
         else:
