@@ -100,6 +100,15 @@ PARAMETERS: dict[str, dict[str, str]] = {
 }
 
 
+# Of a body, in the frame of the joint that moves it; a name is BODY.QUANTITY.
+INERTIAL: dict[str, str] = {
+    "m": "mass",
+    **{f"m{a}": f"mass times the place of its centre along {a}" for a in "xyz"},
+    **{f"I{a}{a}": f"moment of inertia about {a}" for a in "xyz"},
+    **{f"I{a}{b}": f"product of inertia in {a} and {b}" for a, b in ("xy", "xz", "yz")},
+}
+
+
 def size_words(finding: Finding) -> str:
     """What follows a finding's name, as in ``of 0.051 N m``; empty where a parameter is missing."""
     template = SIZES.get(finding.effect, "")
@@ -116,7 +125,8 @@ def shortfall_words(value: Value) -> str:
 
 def meaning_of(effect: str, parameter: str) -> str:
     """What a parameter of an effect means; empty where its name says it."""
-    return PARAMETERS.get(effect, {}).get(parameter, "")
+    _, dot, quantity = parameter.rpartition(".")
+    return INERTIAL.get(quantity, "") if dot else PARAMETERS.get(effect, {}).get(parameter, "")
 
 
 def value_cell(value: Value) -> str:
