@@ -27,7 +27,7 @@ Newton's steps then end in rounding."""
 _STEP = 1e-11
 """Newton's last step [rad or m]; it is quadratic, so that what is left is rounding."""
 _ITERATIONS = 12
-_REACH = 0.3
+REACH = 0.3
 """Longest step of a joint between two solutions [rad or m]."""
 _FORESEEN = 0.25
 """Largest correction of a step, relative to the step: beyond it, the way of assembly may have changed."""
@@ -60,13 +60,16 @@ class Solution:
     inverse: Float[Array, "N nz m"]
 
 
-def solve(model: pin.Model, chain: ClosedChain, q: Float[Array, "N nv"]) -> Solution:
+def solve(
+    model: pin.Model, chain: ClosedChain, q: Float[Array, "N nv"], near: Float[Array, " nt"] | None = None
+) -> Solution:
     """Positions of all joints of the tree, and their slope in the active ones, for N samples.
 
     Args:
         model: The tree.
         chain: Its loops.
         q: Positions of the active joints [rad or m].
+        near: Positions of the tree that close its loops, to begin at; by default where the chain starts.
 
     Raises:
         ChainError: If a loop cannot be closed or is singular at a sample.
@@ -76,9 +79,10 @@ def solve(model: pin.Model, chain: ClosedChain, q: Float[Array, "N nv"]) -> Solu
         G = np.broadcast_to(S, (len(q), *S.shape))
         return Solution(q @ S.T + chain.offset, G, np.zeros((len(q), 0, 0)))
     at = constraints_of(model, chain.anchors)
-    state = _newton(chain, at, chain.start[list(chain.active)], chain.start[list(chain.unknowns)])
+    begin = chain.start if near is None else near
+    state = _newton(chain, at, begin[list(chain.active)], begin[list(chain.unknowns)])
     if state is None:
-        raise ChainError(_why(chain, at, chain.start[list(chain.active)], chain.start[list(chain.unknowns)], "start"))
+        raise ChainError(_why(chain, at, begin[list(chain.active)], begin[list(chain.unknowns)], "the start"))
     z = np.empty((len(q), len(chain.unknowns)))
     slopes, inverses = np.empty((*z.shape, nv)), np.empty((*z.shape, state.inverse.shape[1]))
     for k, wanted in enumerate(q):
@@ -121,14 +125,14 @@ def _follow(chain: ClosedChain, at: Constraints, state: _State, wanted: Float[Ar
         foreseen = state.slope @ step
         reach = max(np.abs(step).max(), np.abs(foreseen).max())
         found = None
-        if reach <= _REACH:
+        if reach <= REACH:
             target = wanted if done + part >= 1.0 else begin + (done + part) * way
             found = _newton(chain, at, target, state.z + foreseen)
         if found is not None and np.abs(found.z - state.z - foreseen).max() <= _FORESEEN * reach + _STEP:
             state, done, part = found, done + part, 2 * part
             continue
         part /= 2
-        if part < _SHORTEST and reach < _REACH:
+        if part < _SHORTEST and reach < REACH:
             raise ChainError(_why(chain, at, wanted, state.z, where))
     return state
 

@@ -116,3 +116,12 @@ def test_gravity_torque_is_the_slope_of_the_potential_of_loop_coordinates(fourba
     q, step = turning().q[:, 0], 1e-5
     slope = (loop_coordinates(q + step)[1] - loop_coordinates(q - step)[1]) / (2 * step)
     np.testing.assert_allclose(gravity_torque(fourbar, q[:, None])[:, 0], slope, atol=1e-8)
+
+
+def test_samples_one_by_one_are_those_of_the_whole_motion(fourbar):
+    m = turning()
+    one_by_one = [
+        inverse_dynamics(fourbar, Motion(m.t[k : k + 1], m.q[k : k + 1], m.v[k : k + 1], m.a[k : k + 1]))[0]
+        for k in range(len(m.t))
+    ]
+    np.testing.assert_allclose(one_by_one, inverse_dynamics(fourbar, m), atol=1e-12)
