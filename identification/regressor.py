@@ -17,7 +17,8 @@ from jaxtyping import Float
 
 from identification.log import Log
 from phantom_dyn.dynamics import inverse_dynamics, modelled_friction, rigid_body_regressor, rotor_torque
-from phantom_dyn.effects.effect import Effect
+from phantom_dyn.effects.effect import Effect, Shape
+from phantom_dyn.effects.operation import Operation
 from phantom_dyn.errors import LogError, ParameterError
 from phantom_dyn.inertia import parameter_names, parameter_units
 from phantom_dyn.motion import Motion
@@ -25,22 +26,28 @@ from phantom_dyn.robot import Robot
 
 Array = np.ndarray
 
-EffectOnJoint = tuple[Effect, str | None] | tuple[Effect, str | None, float]
-"""An effect, its joint (None for the whole robot) and, where the torque is not linear in it, the shape to hold."""
+EffectOnJoint = tuple[Effect, str | None] | tuple[Effect, str | None, Shape | float]
+"""An effect, its joint (None for the whole robot) and, where the torque is not linear in it, the shape to hold.
+
+A shape of one number may be given as that number.
+"""
 
 WHOLE_LIMIT = 20_000_000
 """Entries of the largest ``W`` that is kept whole (160 MB); beyond it, equations are made again for each pass."""
+
+# Samples from which a signature tells how many columns it has.
+_FEW = 8
 
 _BLOCK = 4096  # full-rate samples per block: 4096 x 6 joints x 80 columns are 16 MB
 
 
 @dataclass(frozen=True)
 class Term:
-    """An effect on a joint with its shape held (nan where it has none)."""
+    """An effect on a joint with its shape held (empty where it has none)."""
 
     effect: Effect
     joint: str | None
-    shape: float
+    shape: Shape
 
     @property
     def label(self) -> str:
@@ -188,33 +195,38 @@ def _regressor(robot: Robot, logs: Log | Sequence[Log], effects: Sequence[Effect
             )
     if not any(log.valid_in_band.any() for log in several):
         raise LogError("No valid sample is left to fit: give a longer recording or exclude less of it.")
-    motion = next(log for log in several if log.valid_in_band.any()).motion
-    terms = tuple(_term(robot, motion, given) for given in effects)
-    signatures = [(term, term.effect.signature(robot, part(motion, 0, 1), term.joint, term.shape)) for term in terms]
+    log = next(log for log in several if log.valid_in_band.any())
+    signatures = []
+    if effects:
+        operation = Operation.of(robot, log.motion, log.tau)
+        start = Operation.of(robot, part(log.motion, 0, _FEW), log.tau[:_FEW])
+        terms = (_term(robot, operation, given) for given in effects)
+        signatures = [(term, term.effect.signature(robot, start, term.joint, term.shape)) for term in terms]
     effect_names = tuple(f"{term.label}.{name}" for term, signature in signatures for name in signature.names)
     effect_units = tuple(unit for _, signature in signatures for unit in signature.units)
     return Regressor(
         robot,
         several,
-        terms,
+        tuple(term for term, _ in signatures),
         rigid_body,
         (parameter_names(robot) if rigid_body else ()) + effect_names,
         (parameter_units(robot) if rigid_body else ()) + effect_units,
     )
 
 
-def _term(robot: Robot, motion: Motion, given: EffectOnJoint) -> Term:
+def _term(robot: Robot, operation: Operation, given: EffectOnJoint) -> Term:
     effect, joint = given[0], given[1]
-    shape = given[2] if len(given) == 3 else np.nan
-    if np.isnan(shape):
-        shapes = effect.shapes(robot, motion, joint)
-        if len(shapes) != 1:
-            raise ParameterError(
-                f"{effect.name} is not linear in one of its parameters: give its shape as the third entry, "
-                f"(effect, joint, shape), for instance {shapes[len(shapes) // 2]:.3g}."
-            )
-        shape = shapes[0]
-    return Term(effect, joint, shape)
+    if len(given) == 3:
+        shape = given[2] if isinstance(given[2], tuple) else (float(given[2]),)
+        return Term(effect, joint, shape)
+    shapes = effect.shapes(robot, operation, joint)
+    if len(shapes) != 1:
+        like = f", for instance ({', '.join(f'{x:.3g}' for x in shapes[len(shapes) // 2])},)" if shapes else ""
+        raise ParameterError(
+            f"{effect.name} is not linear in one of its parameters: give its shape as the third entry, "
+            f"(effect, joint, shape){like}."
+        )
+    return Term(effect, joint, shapes[0])
 
 
 def part(motion: Motion, start: int, stop: int) -> Motion:
@@ -226,9 +238,10 @@ def _blocks_of(regressor: Regressor, log: Log) -> Iterator[Float[Array, "n nv p"
     robot, band, kept = regressor.robot, log.band, log.valid_in_band
     # Effects see the whole motion, as some of them remember the past; the wide rigid-body columns come in blocks.
     effects = []
-    for term in regressor.terms:
-        signature = term.effect.signature(robot, log.motion, term.joint, term.shape)
-        effects.append((list(signature.rows), band(signature.columns)))
+    if regressor.terms:
+        operation = Operation.of(robot, log.motion, log.tau)
+        signatures = (term.effect.signature(robot, operation, term.joint, term.shape) for term in regressor.terms)
+        effects = [(list(signature.rows), band(signature.columns)) for signature in signatures]
     size = max(1, _BLOCK // band.step)
     for first in range(0, len(kept), size):
         last = min(first + size, len(kept))

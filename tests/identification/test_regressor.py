@@ -109,8 +109,23 @@ def test_a_shape_is_held_at_the_given_value(arm, rng):
     np.testing.assert_array_equal(column[:, 0], expected[:, 0])
 
 
+def test_a_shape_of_one_number_may_be_given_as_that_number(arm, rng):
+    log, stribeck = some_log(arm, rng), effect_named("stribeck_friction")
+    number, whole = (gap_regressor(arm, log, [(stribeck, "turn", shape)]) for shape in (0.3, (0.3,)))
+    assert number.terms == whole.terms
+    np.testing.assert_array_equal(number.W, whole.W)
+
+
+def test_columns_that_follow_the_torque_are_made_of_the_given_models(arm, rng):
+    # Closed form: what a lag of one second needs is the time derivative of the modelled torque.
+    log = some_log(arm, rng)
+    column = gap_regressor(arm, log, [(effect_named("actuator_lag"), "turn")]).W[:, 0, 0]
+    np.testing.assert_allclose(column, np.gradient(inverse_dynamics(arm, log.motion)[:, 0], log.motion.t))
+
+
 def test_an_effect_without_the_shape_it_needs_is_refused(arm, rng):
-    with pytest.raises(ParameterError, match=r"stribeck_friction is not linear .* give its shape as the third entry"):
+    asked = r"stribeck_friction is not linear .* give its shape as the third entry, .*, for instance \([\d.]+,\)\.$"
+    with pytest.raises(ParameterError, match=asked):
         torque_regressor(arm, some_log(arm, rng), [(effect_named("stribeck_friction"), "turn")])
 
 
