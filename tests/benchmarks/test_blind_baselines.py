@@ -179,10 +179,36 @@ def test_the_simulated_model_has_what_urdf_and_yaml_say(sticky):
     assert (model.dof_armature[0], model.dof_damping[0], model.dof_frictionloss[0]) == (0.01, 0.05, 0.02)
 
 
-def test_a_closed_chain_is_refused(sticky, tmp_path):
+PARALLELOGRAM = """
+<robot name="links">
+  <link name="base"/>
+  <link name="a"><inertial><origin xyz="0.2 0 0"/><mass value="1"/>
+    <inertia ixx="0.01" iyy="0.01" izz="0.01" ixy="0" ixz="0" iyz="0"/></inertial></link>
+  <link name="b"><inertial><origin xyz="0.1 0 0"/><mass value="1"/>
+    <inertia ixx="0.01" iyy="0.01" izz="0.01" ixy="0" ixz="0" iyz="0"/></inertial></link>
+  <joint name="j1" type="continuous"><parent link="base"/><child link="a"/><axis xyz="0 0 1"/></joint>
+  <joint name="p" type="continuous"><parent link="a"/><child link="b"/><origin xyz="0.4 0 0"/>
+    <axis xyz="0 0 1"/></joint>
+</robot>
+"""
+
+
+def test_a_linear_loop_holds_its_passive_joint(tmp_path):
+    """Closed form: b does not turn, so the drive moves the inertia of a and the mass of b at 0.4 m: 0.21 kg m^2."""
+    (tmp_path / "robot.urdf").write_text(PARALLELOGRAM)
+    (tmp_path / "robot.yaml").write_text('loops: [{kind: linear, active: [j1], passive: {p: "-j1"}}]')
+    model = robot_spec(tmp_path / "robot.urdf", 1e-3).compile()
+    data = mujoco.MjData(model)
+    data.ctrl[:] = 0.21
+    for _ in range(500):
+        mujoco.mj_step(model, data)
+    assert data.qvel == pytest.approx([0.5, -0.5], rel=0.02)
+
+
+def test_a_loop_of_points_is_refused(tmp_path):
     (tmp_path / "robot.urdf").write_text(URDF)
-    (tmp_path / "robot.yaml").write_text("loops: [{kind: linear, active: [j1], passive: {j2: j1}}]")
-    with pytest.raises(ValueError, match="no closed chain of joint angles"):
+    (tmp_path / "robot.yaml").write_text("loops: [{kind: point, frame_a: a, frame_b: b}]")
+    with pytest.raises(ValueError, match="a loop of kind point was given: this baseline knows linear ones"):
         robot_spec(tmp_path / "robot.urdf", DT)
 
 
@@ -198,7 +224,7 @@ def test_windows_hold_the_motion_of_the_log(sticky):
 
 def test_the_torque_of_a_parameter_has_its_closed_form():
     n = np.arange(4.0)[:, None]
-    windows = Windows(("j1",), 0.1, n, n, 2.0 + 0.0 * n, 10.0 + 0.0 * n, np.array([0]), 2)
+    windows = Windows(("j1",), 0.1, n, n, 2.0 + 0.0 * n, 10.0 + 0.0 * n, np.array([0]), 2, {})
     assert torque_of("armature.j1", 3.0, windows) == pytest.approx(0.6)
     assert torque_of(DELAY, 0.01, windows) == pytest.approx(0.0)
 

@@ -18,7 +18,7 @@ import numpy as np
 from mujoco import rollout
 from scipy.special import stdtrit
 
-from benchmarks.blind.baselines.windows import Windows, read_windows, robot_spec
+from benchmarks.blind.baselines.windows import Windows, read_windows, robot_spec, spread
 
 DEVIATIONS = 3.0
 ITERATIONS = 8
@@ -60,6 +60,12 @@ def parameters_of(spec: mujoco.MjSpec, windows: Windows):
     return out
 
 
+def _state(model: mujoco.MjModel, windows: Windows, k: int) -> np.ndarray:
+    """Measured state at a sample, passive joints where the active ones put them."""
+    every = spread(model, windows)
+    return sysid.create_initial_state(model, every @ windows.q[k], every @ windows.v[k], np.zeros(0))
+
+
 def _follow(windows: Windows, *, models, datas, param_dicts, rollout_signal_mapping, **_: object) -> Sequence:
     """Rolls every candidate model through all windows: positions and velocities behind each other."""
     at = windows.starts[:, None] + np.arange(windows.length)
@@ -68,7 +74,7 @@ def _follow(windows: Windows, *, models, datas, param_dicts, rollout_signal_mapp
     for model, candidate in zip(models, param_dicts, strict=True):
         late = times - float(candidate[DELAY].value[0])
         tau = np.column_stack([np.interp(late, times, column) for column in windows.tau.T])
-        start = [sysid.create_initial_state(model, windows.q[k], windows.v[k], np.zeros(0)) for k in windows.starts]
+        start = [_state(model, windows, k) for k in windows.starts]
         state, sensors = map(np.asarray, rollout.rollout(model, datas, np.array(start), tau[at]))
         whole = state.reshape(-1, state.shape[2]).copy()
         whole[:, 0] = windows.dt * np.arange(len(whole))  # time starts anew in every window, and may not
@@ -98,7 +104,7 @@ def _fitted(spec: mujoco.MjSpec, windows: Windows):
     measured = sysid.TimeSeries(times, both, sysid.TimeSeries.compute_all_sensor_mapping(model))
     assert names == [f"{kind}.{joint}" for joint in windows.joints for kind in "qv"]
     control = sysid.TimeSeries(times, np.zeros((len(times), model.nu)))
-    start = sysid.create_initial_state(model, windows.q[0], windows.v[0], np.zeros(0))
+    start = _state(model, windows, 0)
     sequence = sysid.ModelSequences("case", spec, "log", start, control, measured)
     residual = sysid.build_residual_fn(
         models_sequences=[sequence],
