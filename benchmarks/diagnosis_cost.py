@@ -22,8 +22,8 @@ from pathlib import Path
 
 import numpy as np
 
-from phantom_dyn.dynamics import inverse_dynamics
 from phantom_dyn.effects.catalogue import effect_named
+from phantom_dyn.effects.operation import Operation
 from phantom_dyn.loading import load_robot
 from phantom_dyn.motion import Motion
 from phantom_dyn.robot import Robot
@@ -74,12 +74,13 @@ def sines(robot: Robot, seconds: float, rng: np.random.Generator) -> Motion:
 
 def drive_torque(robot: Robot, motion: Motion, rng: np.random.Generator) -> np.ndarray:
     """Torque of a robot with friction and rotor inertia that the model lacks, ``(N, nv)``, with noise."""
-    model = inverse_dynamics(robot, motion)
+    operation = Operation.of(robot, motion)
+    model = operation.tau
     tau = model.copy()
     for k, joint in enumerate(robot.joint_names):
         scale = float(np.abs(model[:, k]).max())
         for name, theta in (("coulomb_friction", 0.1), ("viscous_friction", 0.1), ("rotor_inertia", 0.02)):
-            tau -= effect_named(name).torque(robot, motion, joint, np.array([theta * scale]))
+            tau -= effect_named(name).torque(robot, operation, joint, np.array([theta * scale]))
     return tau + TORQUE_NOISE * np.abs(model).max(axis=0) * rng.standard_normal(tau.shape)
 
 
