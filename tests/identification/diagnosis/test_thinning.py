@@ -1,6 +1,7 @@
 from __future__ import annotations
 
 import numpy as np
+import pytest
 
 from identification.diagnosis.thinning import binned_median, eventful_stretch, gap_starts, scatter_choice, thinned
 
@@ -59,3 +60,10 @@ def test_the_median_over_velocity_mixes_no_two_directions():
 
 def test_without_motion_there_is_no_median():
     assert len(binned_median(np.zeros(100), np.ones(100))[0]) == 0
+
+
+def test_few_samples_get_few_bins_so_that_each_has_a_median():
+    x = np.linspace(-1, 1, 150)
+    centres, medians = binned_median(x, x)
+    assert len(centres) >= 8
+    assert medians == pytest.approx(centres, abs=0.1)
