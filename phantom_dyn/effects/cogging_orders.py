@@ -42,7 +42,7 @@ def order_range(operation: Operation, row: int) -> tuple[float, float]:
     if len(operation.t) < 2 or high - low < 1e-6 or speed < 1e-9:
         return np.inf, 0.0
     finest = 2 * np.pi * _MOST_BINS / (_BINS * float(np.ptp(operation.q[:, row])))
-    return 2 * np.pi / (high - low), min(2 * np.pi * _RATE_SHARE / (operation.dt * speed), finest)
+    return 2 * np.pi / float(high - low), min(2 * np.pi * _RATE_SHARE / (operation.dt * speed), finest)
 
 
 def orders_in(operation: Operation, row: int, *, whole_numbers: bool) -> tuple[tuple[float, ...], ...]:

@@ -1,13 +1,18 @@
 from __future__ import annotations
 
+from pathlib import Path
+
 import numpy as np
 import pytest
+from scipy.ndimage import uniform_filter1d
 
+from phantom_dyn import load_robot
 from phantom_dyn.effects.cogging import Cogging
 from phantom_dyn.effects.cogging_orders import order_range
 from phantom_dyn.effects.operation import Operation
 from phantom_dyn.motion import Motion
 
+ROBOTS = Path(__file__).resolve().parents[2] / "robots"
 EFFECT = Cogging()
 THETA = np.array([6.0, 24.5, 0.03, 0.01, 0.7, -2.0])  # two orders, their amplitudes, their phases
 
@@ -93,6 +98,24 @@ def test_noise_alone_has_one_order_beside_the_largest(arm, wide, rng):
     shapes = EFFECT.shapes(arm, recorded(wide, rng.normal(size=len(wide.t))), "tilt")
     assert all(len(shape) == 1 for shape in shapes)
     assert len(shapes) <= 2
+
+
+@pytest.mark.parametrize("run", ["slow2_nocomp_0", "slow2_nocomp_1", "slow2_slower_nocomp_0"])
+def test_the_orders_of_a_real_motor_are_those_of_its_published_map(data_folder, run):
+    # Published value: the cogging map of this motor (12 slots, 7 pole pairs) is dominated by 7, 28, 14, 36, 12.
+    recording = np.load(data_folder / "odrive_cogging" / "slow_and_pull.npz")
+    q = recording[f"{run}__pos_counts"] * 2 * np.pi / 8192
+    t = recording[f"{run}__t"]
+    v = uniform_filter1d(np.gradient(q, t), 101)
+    still = np.zeros((len(t), 1))
+    motor = load_robot(ROBOTS / "pendulum.urdf")
+    operation = Operation(
+        t, q[:, None], v[:, None], still, motor, still, still, recording[f"{run}__iq_A"][:, None].astype(float)
+    )
+    shapes = EFFECT.shapes(motor, operation, motor.joint_names[0])
+    assert shapes[0] == (7.0,)
+    assert len(shapes[2]) == 3
+    assert set(shapes[2]) <= {7.0, 28.0, 14.0, 36.0, 12.0}
 
 
 def test_orders_go_from_one_period_of_the_range_to_a_fifth_of_the_sampling_rate(wide):
