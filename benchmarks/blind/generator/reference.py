@@ -15,6 +15,7 @@ AMPLITUDES = {
     "six": ((0.6, 1.4), (0.4, 0.8), (0.5, 0.9), (0.6, 1.2), (0.6, 1.2), (0.8, 1.8)),
     "panda": ((0.6, 1.2), (0.4, 0.7), (0.6, 1.2), (0.5, 0.9), (0.7, 1.4), (0.6, 1.1), (0.8, 1.5)),
 }
+TURNS = 0.85  # of the changes of a constant speed: reversals
 SMOOTHING = 0.03  # [s]: width of the window that limits the jerk at the ends of an acceleration
 
 
@@ -35,7 +36,7 @@ def fourier(rng: np.random.Generator, t: np.ndarray, amplitude: float) -> np.nda
 
 
 def ramps(rng: np.random.Generator, t: np.ndarray, amplitude: float) -> np.ndarray:
-    """Constant speeds from 0.03 to 1.5 rad/s, mostly turning round between them, at 1 to 25 rad/s2; few short holds."""
+    """Constant speeds from 0.03 to 1.5 rad/s, mostly turning round between them, at 2 to 30 rad/s2; few short holds."""
     dt = t[1] - t[0]
     speeds, place, time, v, sign = [np.zeros(round(0.2 / dt))], 0.0, 0.2, 0.0, float(rng.choice((-1.0, 1.0)))
     while time < t[-1] - t[0] + 2 * dt:
@@ -43,12 +44,13 @@ def ramps(rng: np.random.Generator, t: np.ndarray, amplitude: float) -> np.ndarr
             target, duration = 0.0, rng.uniform(0.15, 0.4)
         else:
             speed = float(np.exp(rng.uniform(np.log(0.03), np.log(1.5))))
-            duration = rng.uniform(0.35, 1.0) if speed < 0.3 else rng.uniform(0.3, 0.3 + min(1.2, amplitude / speed))
-            sign = -sign if rng.random() < 0.75 else sign
+            longest = 0.6 if speed < 0.3 else 0.2 + min(0.8, amplitude / speed)
+            duration = rng.uniform(0.2, longest)
+            sign = -sign if rng.random() < TURNS else sign
             ends = place + sign * speed * duration
             sign = -float(np.sign(place)) if abs(ends) > amplitude and place else sign
             target = sign * speed
-        acceleration = float(np.exp(rng.uniform(np.log(1.0), np.log(25.0))))
+        acceleration = float(np.exp(rng.uniform(np.log(2.0), np.log(30.0))))
         turn = max(2, round(abs(target - v) / acceleration / dt))
         piece = np.concatenate(
             [np.linspace(v, target, turn, endpoint=False), np.full(max(1, round(duration / dt)), target)]
