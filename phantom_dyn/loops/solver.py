@@ -29,9 +29,9 @@ _STEP = 1e-11
 _ITERATIONS = 12
 REACH = 0.3
 """Longest step of a joint between two solutions [rad or m]."""
-_FORESEEN = 0.25
+_FORESEEN = 0.5
 """Largest correction of a step, relative to the step: beyond it, the way of assembly may have changed."""
-_SHORTEST = 1e-4
+_SHORTEST = 1e-7
 """Smallest part of the way to a sample that is tried: what fails there, fails."""
 
 

@@ -77,6 +77,19 @@ def test_a_position_out_of_reach_is_refused_with_loop_sample_and_distance(load):
         tree_positions(robot.model, robot.chain, q)
 
 
+@pytest.mark.parametrize("gap", [0.1, 1e-2, 1e-3, 1e-4])
+def test_next_to_the_limit_of_the_linkage_the_elbow_stays_on_its_side(load, rng, gap):
+    # Closed form: at the limits crank and coupler are in line, folded at one and stretched at the other.
+    robot = load("fourbar.urdf", f"loops: [{{kind: point, {PINS}, active: [rocker], start: {{crank: 0.1}}}}]")
+    folded, stretched = (
+        np.arcsin(((np.hypot(0.25, 0.05) + sign * 0.1) ** 2 - 0.3**2 - 0.2**2) / (2 * 0.3 * 0.2)) for sign in (-1, 1)
+    )
+    inside = gap * rng.uniform(1, 4, 100)
+    q = np.where(rng.random(100) < 0.5, folded + inside, stretched - inside)[:, None]
+    elbow = tree_positions(robot.model, robot.chain, q)[:, 1] - np.arctan2(0.05, 0.25)
+    assert (np.sin(elbow) < 0).all()
+
+
 def test_the_distance_that_is_left_is_that_of_the_closed_form(load):
     robot = load("fourbar.urdf", f"loops: [{{kind: point, {PINS}, active: [rocker], start: {{crank: 0.1}}}}]")
     pin = np.array([0.3 + 0.2 * np.sin(1.5), 0.2 * np.cos(1.5)])
