@@ -28,6 +28,7 @@ _MOST_BINS = 2**16
 _LINES = 4  # points of the periodogram per resolved order
 _BACKGROUND = 30  # resolved orders over which the background is taken
 _SIGNIFICANT = 15.0  # power over background; for noise it exceeds 9 about once in ten thousand orders
+_LEAST_POWER = 0.02  # of the first order's: less is not worth three parameters
 _SAMPLES = 8000  # enough to place an order
 _LOSS = 0.01  # share of what an order explains that a whole number may leave
 
@@ -35,14 +36,16 @@ _LOSS = 0.01  # share of what an order explains that a whole number may leave
 def order_range(operation: Operation, row: int) -> tuple[float, float]:
     """Lowest and highest order to look for: a period over the range, a fifth of the sampling rate at speed.
 
-    Where the joint does not move, the lowest is above the highest.
+    A wave that the averaging takes out even in the slowest quarter of the recording is not looked for either. Where
+    the joint does not move, the lowest is above the highest.
     """
     low, high = np.percentile(operation.q[:, row], [0.5, 99.5])
-    speed = float(np.percentile(np.abs(operation.v[:, row]), 95))
+    slow, speed = (float(np.percentile(np.abs(operation.v[:, row]), share)) for share in (25, 95))
     if len(operation.t) < 2 or high - low < 1e-6 or speed < 1e-9:
         return np.inf, 0.0
     finest = 2 * np.pi * _MOST_BINS / (_BINS * float(np.ptp(operation.q[:, row])))
-    return 2 * np.pi / float(high - low), min(2 * np.pi * _RATE_SHARE / (operation.dt * speed), finest)
+    fastest = min(_RATE_SHARE / (operation.dt * speed), 0.5 / (_SECONDS * max(slow, 1e-9)))
+    return 2 * np.pi / float(high - low), min(2 * np.pi * fastest, finest)
 
 
 def orders_in(operation: Operation, row: int, *, whole_numbers: bool) -> tuple[tuple[float, ...], ...]:
@@ -61,13 +64,14 @@ def orders_in(operation: Operation, row: int, *, whole_numbers: bool) -> tuple[t
     residual = _Residual(operation.q[::step, row], _background(operation, row, low)[::step], rest, low)
     sets: list[tuple[float, ...]] = []
     orders: tuple[float, ...] = ()
-    largest = 0.0
+    largest, most = 0.0, 0.0
     for _ in range(_MOST):
         n, power = _periodogram(residual.q, residual.without(orders), low, high)
         prominence = power / np.maximum(_background_power(power), 1e-3 * np.median(power) + 1e-300)
+        prominence[power < _LEAST_POWER * most] = 0.0
         peak = int(np.argmax(prominence))
         if not orders:
-            largest = residual.placed((), float(n[np.argmax(power)]), whole_numbers)
+            largest, most = residual.placed((), float(n[np.argmax(power)]), whole_numbers), float(power[peak])
         elif prominence[peak] < _SIGNIFICANT:
             break
         found = residual.placed(orders, float(n[peak]), whole_numbers)
