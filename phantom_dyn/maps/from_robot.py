@@ -110,13 +110,12 @@ def tree_of(model: pin.Model, frame: int) -> Tree:
 
 
 def _limits(robot: Robot) -> tuple[Array, Array]:
-    """Range of each tree joint; infinite for a whole turn or more, and where the file states none."""
+    """Range of each tree joint, infinite where the file states none."""
     model = robot.model
     lower, upper = np.full(model.nv, -np.inf), np.full(model.nv, np.inf)
     for joint in list(model.joints)[1:]:
         low, high = float(model.lowerPositionLimit[joint.idx_q]), float(model.upperPositionLimit[joint.idx_q])
-        turns = not joint.shortname().startswith("JointModelP")
-        if joint.nq == 1 and low < high and not (turns and high - low >= 2 * np.pi - 1e-6):
+        if joint.nq == 1 and low < high:
             lower[joint.idx_v], upper[joint.idx_v] = low, high
     return lower, upper
 

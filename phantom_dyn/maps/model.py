@@ -101,17 +101,14 @@ def tree_positions(model: MapModel, q: Array) -> tuple[Array, Slope]:
 def within_limits(model: MapModel, q: Array) -> Array:
     """True where no joint of the tree is beyond its range, and the chain can be closed, shape ``(N,)``."""
     positions, _ = tree_positions(model, q)
-    # A passive angle that followed its expression round the circle is the same angle a turn away.
     slack = 1e-9
-    inside = np.ones(len(q), dtype=bool)
+    inside: Array = np.isfinite(positions).all(axis=0)
     for joint, values in enumerate(positions):
         low, high = model.lower[joint] - slack, model.upper[joint] + slack
-        turned = values
-        if model.tree.angular[joint].any() and np.isfinite(low):
-            turned = low + np.mod(values - low, 2 * np.pi)
-        inside &= ~(turned > high) & np.isfinite(values)
-        if not model.tree.angular[joint].any():
-            inside &= ~(values < low)
+        if joint not in model.active and model.tree.angular[joint].any() and np.isfinite(low):
+            # A passive angle that followed its expression round the circle is the same angle a turn away.
+            values = low + np.mod(values - low, 2 * np.pi)
+        inside &= (values >= low) & (values <= high)
     return inside
 
 

@@ -121,6 +121,27 @@ def test_the_branches_of_the_cea_branch_all_reach_the_point(rng):
         np.testing.assert_allclose(cea.tip_position(q[reached]), p[reached], rtol=0, atol=1e-12)
 
 
+def test_the_branches_of_the_cea_branch_are_four(rng):
+    # Closed form: on either side of the axis of q1, with the elbow on either side.
+    q = cea_branches(rng.uniform(0.1, 0.3, (1, 3)))[:, 0]
+    apart = np.abs(np.exp(1j * q[:, None]) - np.exp(1j * q[None])).max(axis=2)
+    assert (apart[~np.eye(4, dtype=bool)] > 0.1).all()
+
+
+def test_a_passive_angle_beyond_half_a_turn_is_the_same_angle_a_turn_away():
+    # Known truth: q4 = pi / 2 - q5 of the CEA branch leaves its range of half a turn for q5 below -pi / 2.
+    model = map_model(load_robot("cea_branch"))
+    found = operational_map(model, read_grid("q.q5=-3:-2:2", model.joint_names), ["manipulability"])
+    assert found.unreachable == 0
+
+
+def test_an_active_joint_beyond_its_range_is_out_of_reach(phantom):
+    # Known truth: theta1 goes from -pi to pi.
+    model = map_model(phantom)
+    found = operational_map(model, read_grid("q.theta1=3.1:3.2:2", model.joint_names), ["manipulability"])
+    assert found.unreachable == 1
+
+
 def test_newton_and_the_closed_form_of_the_cea_branch_choose_the_same_configurations(rng):
     # Oracle: all four branches in closed form.
     model = map_model(load_robot("cea_branch"), posture=np.array([0.1, -0.5, 0.9]))
