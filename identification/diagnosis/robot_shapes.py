@@ -3,7 +3,6 @@
 
 from __future__ import annotations
 
-import os
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -56,11 +55,8 @@ def robot_shapes(robot: Robot, faces: int = FACES) -> Shapes:
 
 
 def package_folders(file: Path) -> list[str]:
-    """Where ``package://`` may lead: the folders above the file, then the workspaces that the environment names."""
-    around = [str(folder) for folder in file.resolve().parents]
-    ros = [folder for folder in os.environ.get("ROS_PACKAGE_PATH", "").split(os.pathsep) if folder]
-    ament = [f"{folder}/share" for folder in os.environ.get("AMENT_PREFIX_PATH", "").split(os.pathsep) if folder]
-    return around + ros + ament
+    """Where ``package://`` may lead: the folders above the file; Pinocchio adds those that ROS's variables name."""
+    return [str(folder) for folder in file.resolve().parents]
 
 
 def capsules(model: pin.Model) -> tuple[Mesh, ...]:

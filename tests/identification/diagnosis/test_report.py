@@ -207,6 +207,7 @@ def test_the_figure_of_the_robot_is_json_whatever_joints_are_called(made_up, pla
     text = re.search(r'<script type="application/json" id="robot-figure">(.*?)</script>', page, re.DOTALL)
     assert text is not None
     assert len(json.loads(text[1])["data"]) == 4
+    assert "<" not in text[1]
 
 
 def test_the_list_beside_the_robot_says_each_joints_share_of_the_gap(drawn):

@@ -53,19 +53,19 @@ def test_the_shape_of_the_base_is_not_moved_by_a_joint(arm):
     assert np.ptp(robot_shapes(load_robot(arm)).links[0].points, axis=0) == pytest.approx([0.2, 0.4, 0.6])
 
 
-def test_a_package_is_found_through_the_environment(arm, tmp_path, monkeypatch):
+@pytest.mark.parametrize(("variable", "folder"), [("AMENT_PREFIX_PATH", "ws"), ("ROS_PACKAGE_PATH", "ws/share")])
+def test_a_package_is_found_through_the_environment_of_ros(arm, tmp_path, monkeypatch, variable, folder):
     (tmp_path / "ws" / "share").mkdir(parents=True)
     (tmp_path / "arm_package").rename(tmp_path / "ws" / "share" / "arm_package")
     other = tmp_path / "elsewhere.urdf"
     other.write_text((tmp_path / "ws/share/arm_package/urdf/arm.urdf").read_text())
     assert not robot_shapes(load_robot(other)).from_meshes
-    monkeypatch.setenv("AMENT_PREFIX_PATH", str(tmp_path / "ws"))
+    monkeypatch.setenv(variable, str(tmp_path / folder))
     assert robot_shapes(load_robot(other)).from_meshes
 
 
-def test_a_workspace_of_ros_1_is_looked_into(monkeypatch):
-    monkeypatch.setenv("ROS_PACKAGE_PATH", "/ws/src:/opt/share")
-    assert package_folders(Path("/robots/arm.urdf")) == ["/robots", "/", "/ws/src", "/opt/share"]
+def test_packages_are_looked_for_above_the_file():
+    assert package_folders(Path("/robots/arm/arm.urdf")) == ["/robots/arm", "/robots", "/"]
 
 
 def test_a_missing_mesh_gives_capsules_for_the_whole_robot(arm):
