@@ -13,8 +13,8 @@ Array = np.ndarray
 
 CLOSE = 1e-9
 """Distance [m] between the tip and the point at which it has arrived: far above rounding, far below any tip."""
-_SAMPLES, _NEAR, _STARTS, _STEPS = 20000, 24, 6, 60
-_SAME_BRANCH = 0.6
+_SAMPLES, _NEAR, _STARTS, _STEPS = 20000, 48, 8, 25
+_SAME_BRANCH = 0.5
 """Starts closer than this in every joint [rad or m] lead to the same branch."""
 
 
@@ -51,9 +51,10 @@ def cloud_of(model: MapModel) -> Cloud | None:
         return None
     active = list(model.active)
     low, high = model.lower[active], model.upper[active]
+    # A turn holds every pose of a rotation, and a metre is far for the rare linear joint without a range.
     span = np.where(model.prismatic, 1.0, np.pi)
-    low = np.where(np.isfinite(low), low, model.posture - span)
-    high = np.where(np.isfinite(high), high, model.posture + span)
+    narrow = np.isfinite(high - low) & (model.prismatic | (high - low < 2 * np.pi))
+    low, high = np.where(narrow, low, model.posture - span), np.where(narrow, high, model.posture + span)
     # The same cloud in every process and run.
     q = np.random.default_rng(0).uniform(low, high, (_SAMPLES, model.nv))
     q = q[within_limits(model, q)]
@@ -111,14 +112,13 @@ def _searched(model: MapModel, points: Array, cloud: Cloud) -> Array:
 
 
 def _distinct(model: MapModel, near: Array) -> list[Array]:
-    """Up to `_STARTS` of the configurations ``(N, k, nv)`` of each point, on different branches, NaN when used up."""
+    """Up to `_STARTS` of the configurations ``(N, k, nv)`` of each point, nearest first and well apart, else NaN."""
     rows = np.arange(len(near))
     away = np.linalg.norm(near - model.posture, axis=2)
     starts = []
     for _ in range(_STARTS):
         pick = np.argmin(away, axis=1)
-        start = near[rows, pick]
-        start = np.where(np.isfinite(away[rows, pick])[:, None], start, np.nan)
+        start = np.where(np.isfinite(away[rows, pick])[:, None], near[rows, pick], np.nan)
         starts.append(start)
         same = (np.abs(near - start[:, None]) < _SAME_BRANCH).all(axis=2)
         away = np.where(same, np.inf, away)

@@ -102,13 +102,13 @@ def within_limits(model: MapModel, q: Array) -> Array:
     """True where no joint of the tree is beyond its range, and the chain can be closed, shape ``(N,)``."""
     positions, _ = tree_positions(model, q)
     slack = 1e-9
-    inside: Array = np.isfinite(positions).all(axis=0)
+    inside = np.ones(len(q), dtype=bool)
     for joint, values in enumerate(positions):
         low, high = model.lower[joint] - slack, model.upper[joint] + slack
         if joint not in model.active and model.tree.angular[joint].any() and np.isfinite(low):
             # A passive angle that followed its expression round the circle is the same angle a turn away.
             values = low + np.mod(values - low, 2 * np.pi)
-        inside &= (values >= low) & (values <= high)
+        inside &= (values >= low) & (values <= high)  # NaN is neither
     return inside
 
 

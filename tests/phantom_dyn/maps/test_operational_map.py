@@ -152,6 +152,18 @@ def test_newton_and_the_closed_form_of_the_cea_branch_choose_the_same_configurat
     np.testing.assert_allclose(found, nearest_branch(model, points, None), rtol=0, atol=1e-8)
 
 
+def test_newton_finds_no_branch_that_is_farther_than_a_known_one(tmp_path, rng):
+    # Known truth: the configuration that the point was made from. A UR10 with its wrist held has up to four.
+    (tmp_path / "robot.yaml").write_text("lock: [wrist_1_joint, wrist_2_joint, wrist_3_joint]")
+    robot = load_robot("example:ur10", config=tmp_path / "robot.yaml")
+    for _ in range(3):
+        posture = rng.uniform(-1.5, 1.5, 3)
+        model = map_model(robot, posture=posture)
+        q = posture + rng.uniform(-1.5, 1.5, (100, 3))
+        found = nearest_branch(model, tip_of(model, q)[0], cloud_of(model))
+        assert (np.linalg.norm(found - posture, axis=1) <= np.linalg.norm(q - posture, axis=1) + 1e-9).all()
+
+
 def test_another_posture_gives_another_branch():
     # Closed form: with q2 above and below q5 the elbow is on either side.
     robot = load_robot("cea_branch")
