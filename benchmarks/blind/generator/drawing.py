@@ -64,14 +64,25 @@ def _enlarged(measure: Ruler, change: np.ndarray) -> float:
     return 0.0
 
 
-def _next(recipe: Recipe, measure: Ruler, m: float, off: float) -> float:
-    """The next magnitude where the size has to change by the factor ``off``."""
+def _least(recipe: Recipe, measure: Ruler) -> float:
+    """Magnitude below which nothing happens: a limit above the largest torque."""
     if recipe.effect != "torque_saturation":
-        return m * float(np.clip(off, 0.1, 20.0))
-    # Nothing happens below the largest torque, and beyond it the controller asks for ever more.
-    j = measure.truth.active.index(recipe.joint)
-    least = 1.0 / float(np.abs(measure.run.command[:, j]).max())
-    return least + (m - least) * float(np.clip(off**0.6, 0.05, 3.0))
+        return 0.0
+    return 1.0 / float(np.abs(measure.run.command[:, measure.truth.active.index(recipe.joint)]).max())
+
+
+def _next(tried: list[tuple[float, float]], wanted: float, least: float) -> float:
+    """The next magnitude from those tried and their sizes: between two of them, else in proportion."""
+    below = max((one for one in tried if one[1] < wanted), default=None)
+    above = min((one for one in tried if one[1] >= wanted), default=None)
+    if below and above and least < below[0] < above[0]:
+        low, high = (np.log(one[0] - least) for one in (below, above))
+        share = np.log(wanted / below[1]) / np.log(above[1] / below[1])
+        return least + float(np.exp(low + np.clip(share, 0.1, 0.9) * (high - low)))
+    m, size = tried[-1]
+    # Beyond a limit the controller asks for ever more: the size grows faster than what is cut off.
+    power = 0.5 if least else 1.0
+    return least + (m - least) * float(np.clip((wanted / size) ** power, 0.05, 20.0))
 
 
 def sized(recipe: Recipe, setup: Setup, measure: Ruler, size: float) -> tuple[Effect, Measured] | None:
@@ -80,12 +91,14 @@ def sized(recipe: Recipe, setup: Setup, measure: Ruler, size: float) -> tuple[Ef
     if m <= 0.0:
         return None
     m, wanted, checked = min(m, largest), size, False
-    runs = SATURATION_RUNS if recipe.effect == "torque_saturation" else RUNS
+    least, tried = _least(recipe, measure), []
+    runs = SATURATION_RUNS if least else RUNS
     for count in range(runs):
         effect = realised(recipe, m)
         found = _measured(setup, measure, effect)
         if found is None or found.size < 1e-3:
             return None
+        tried.append((m, found.size))
         off = wanted / found.size
         near = 1.0 / NEAR < off < NEAR or (count == runs - 1 and 1.0 / CLOSE < off < CLOSE)
         if near and not checked:
@@ -99,7 +112,7 @@ def sized(recipe: Recipe, setup: Setup, measure: Ruler, size: float) -> tuple[Ef
             return effect, found
         if m >= largest and off > 1.0:
             return None
-        m = min(_next(recipe, measure, m, off), largest)
+        m = min(_next(tried, wanted, least), largest)
     return None
 
 

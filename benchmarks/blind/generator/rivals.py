@@ -8,7 +8,7 @@ import numpy as np
 from scipy.optimize import least_squares, lsq_linear
 from scipy.signal import lfilter
 
-from benchmarks.blind.generator.effects import WHOLE, Effect, joint_name
+from benchmarks.blind.generator.effects import WHOLE, Effect, changed_table, joint_name
 from benchmarks.blind.generator.guess import unit_change
 from benchmarks.blind.generator.inverse import rigid_torque
 from benchmarks.blind.generator.plant import with_point_mass
@@ -18,6 +18,7 @@ from benchmarks.blind.generator.sizing import Ruler, at_samples, banded, reached
 # Noise floors: over 12 s below 20 Hz, some 500 independent samples, less than this is no significant misfit (chi
 # square of 5 or less).
 ALIKE = 0.1
+MOST_OF_ITS_OWN = 0.5  # of an effect: where its first order leaves more, it says nothing about rivals
 PARAMETERS = {
     "stribeck_friction": 3,
     "direction_dependent_friction": 4,
@@ -170,38 +171,42 @@ def _payload_misfit(measure: Ruler, change: np.ndarray) -> float:
     return float(np.sqrt(max(change @ change - seen @ seen, 0.0) + 2.0 * fit.cost))
 
 
-def _own_misfit(effect: Effect, flat: np.ndarray, measure: Ruler) -> float:
-    """What the first order of the truth itself leaves: its approximation, which is no fault of a rival."""
-    if effect.effect not in ONE_COLUMN:
-        return 0.0
-    change = unit_change(Recipe(effect.effect, effect.joint, {}), measure)
-    return 0.0 if change is None else _misfit(measure, flat, change.reshape(len(flat), 1), -np.inf, np.inf)
+def _exact(effect: Effect, change: np.ndarray, measure: Ruler) -> np.ndarray:
+    """The change without what the closed loop hands on, where the robot's own equations say it exactly."""
+    if effect.effect not in ("payload", "inertial_parameters", "rotor_inertia", "base_tilt"):
+        return change
+    thin, truth = measure.thin[:3], measure.truth
+    return (rigid_torque(changed_table(effect, truth), *thin) - rigid_torque(truth, *thin)) / measure.floor
 
 
 def alike(effect: Effect, change: np.ndarray, measure: Ruler) -> list[dict]:
     """Answers with no more parameters than the truth that leave less than `ALIKE`: effect, joint, what they leave.
 
-    What the truth's own first order leaves, where it has one, is taken off: both lack the same.
-
-    An answer with more parameters that holds the truth as a special case is not among them: the data part them as far
-    as the simpler one is enough.
+    What the truth's own first order leaves, where it has one, is taken off: both lack the same. An answer with more
+    parameters that holds the truth as a special case is not among them: the data part them as far as the simpler one
+    is enough.
 
     Args:
         effect: The truth.
         change: Its paired difference, ``(n, nv)`` [noise floors].
         measure: Of the run without it.
     """
+    change = _exact(effect, change, measure)
     unit = np.sqrt(len(change) * max(1, int(reached(change).sum())))
     flat, mine = change.reshape(-1), (effect.effect, joint_name(effect, measure.truth))
+    size, rivals = float(np.linalg.norm(flat)) / unit, list(_rivals(effect, measure))
+
+    def left(torque: np.ndarray, lower: float, enough: float) -> float:
+        return _misfit(measure, flat, torque.reshape(len(flat), -1), lower, enough * unit) / unit
+
+    own = min((left(torque, lower, np.inf) for *who, torque, lower in rivals if tuple(who) == mine), default=0.0)
+    own = own if own < MOST_OF_ITS_OWN * size else 0.0
     best: dict[tuple[str, str | None], float] = {}
-    own = _own_misfit(effect, flat, measure) / unit
-    enough = float(np.hypot(ALIKE, own)) * unit
-    for name, joint, torque, lower in _rivals(effect, measure):
-        if (name, joint) == mine or PARAMETERS.get(name, 1) > PARAMETERS.get(effect.effect, 1):
-            continue
-        left = _misfit(measure, flat, torque.reshape(len(flat), -1), lower, enough) / unit
-        best[name, joint] = min(left, best.get((name, joint), np.inf))
+    for name, joint, torque, lower in rivals:
+        if (name, joint) != mine and PARAMETERS.get(name, 1) <= PARAMETERS.get(effect.effect, 1):
+            found = left(torque, lower, float(np.hypot(ALIKE, own)))
+            best[name, joint] = min(found, best.get((name, joint), np.inf))
     if effect.effect == "inertial_parameters":
         best["payload", None] = _payload_misfit(measure, flat) / unit
-    over = {who: float(np.sqrt(max(left**2 - own**2, 0.0))) for who, left in best.items()}
-    return [{"effect": e, "joint": j, "leaves": left} for (e, j), left in over.items() if left < ALIKE]
+    over = {who: float(np.sqrt(max(found**2 - own**2, 0.0))) for who, found in best.items()}
+    return [{"effect": e, "joint": j, "leaves": found} for (e, j), found in over.items() if found < ALIKE]
