@@ -23,6 +23,8 @@ Array = np.ndarray
 
 # What a drive is asked for [N m or N], shape (nv,), from time, position readings and velocities at the encoders.
 Controller = Callable[[float, Array, Array], Array]
+# No robot moves at this speed [rad/s or m/s]: the integration has blown up, or the drives push without end.
+_TOO_FAST = 1e6
 
 
 @dataclass(frozen=True)
@@ -104,15 +106,12 @@ def simulate(
             h = float(t[k + 1] - t[k]) / count
             for i in range(count):
                 state = stepped(machine, state, float(t[k]) + i * h, h, channels.torques(h))
+                _require_bounded(state, float(t[k]))
                 if i == 0:
                     after = state.a
         logged = given if robot.torque_source == "sensor" else asked
         a = after if k == 0 else (before.a if k + 1 == len(t) else 0.5 * (before.a + after))
         rows.append((channels.reading(before), logged, before.x, before.v, a))
-        if not np.isfinite(state.x).all() or np.abs(state.x).max() > 1e6:
-            raise ParameterError(
-                f"The motion leaves all bounds at {t[k]:.4g} s: check the controller, or shorten max_step."
-            )
     return _recorded(machine, t, rows)
 
 
@@ -122,6 +121,13 @@ def _check(robot: Robot, t: Array, q0: Array, v0: Array) -> None:
     for name, values in (("q0", q0), ("v0", v0)):
         if np.shape(values) != (robot.nv,):
             raise ParameterError(f"{name} has shape {np.shape(values)}, wanted {robot.nv} numbers, one a joint.")
+
+
+def _require_bounded(state: State, t: float) -> None:
+    if not np.abs(state.v).max() < _TOO_FAST:
+        raise ParameterError(
+            f"The motion leaves all bounds after {t:.4g} s: check controller and parameters, or shorten max_step."
+        )
 
 
 def _recorded(machine: Machine, t: Array, rows: list[tuple[Array, ...]]) -> Simulation:
@@ -178,7 +184,10 @@ class _Channels:
             for i, command in enumerate(self._commands):
                 self._command_states[i], tau = command(self._command_states[i], h, tau)
             self._given = tau
-            moment, added = Moment(t, x[self._drives], v[self._drives], transmitted), np.zeros(len(tau))
+            added = np.zeros(len(tau))
+            if not self._laws:
+                return tau, added
+            moment = Moment(t, x[self._drives], v[self._drives], transmitted)
             for i, law in enumerate(self._laws):
                 self._law_states[i], torque = law(self._law_states[i], h, moment)
                 added = added + torque

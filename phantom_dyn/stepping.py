@@ -1,3 +1,4 @@
+# pyright: reportAttributeAccessIssue=false
 r"""One step of a machine with dry friction that truly sticks, and with motors that may move apart from their links.
 
 The step is the midpoint rule on velocity level: with :math:`x` the joints and, behind them, the motors that are not
@@ -13,6 +14,7 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
+import pinocchio as pin
 from jaxtyping import Float
 
 from phantom_dyn.dynamics import link_torque, mass_matrix, modelled_friction
@@ -47,6 +49,21 @@ class Machine:
     stiffness: Float[Array, " m"]
     damping: Float[Array, " m"]
     gap: Float[Array, " m"]
+
+    @cached_property
+    def nv(self) -> int:
+        """Number of joints."""
+        return self.robot.nv
+
+    @cached_property
+    def rotor(self) -> Float[Array, " nv"]:
+        """Rotor inertia of each joint."""
+        return self.robot.rotor_inertia
+
+    @cached_property
+    def data(self) -> pin.Data:
+        """Pinocchio's workspace."""
+        return self.robot.model.createData()
 
     @cached_property
     def drives(self) -> tuple[int, ...]:
@@ -118,18 +135,17 @@ def in_balance(machine: Machine, q: Float[Array, " nv"], v: Float[Array, " nv"])
 
 def stepped(machine: Machine, state: State, t: float, h: float, torques: Torques) -> State:
     """The state after one step of ``h`` seconds from time ``t``."""
-    robot, nv, drives = machine.robot, machine.robot.nv, list(machine.drives)
+    robot, nv, drives = machine.robot, machine.nv, list(machine.drives)
     x, v = state.x + 0.5 * h * state.v, state.v + 0.5 * h * state.a
-    links = Motion(np.array([t]), x[None, :nv], v[None, :nv], np.zeros((1, nv)))
+    inertia, bias = _links(machine, x[:nv], v[:nv])
     spring = _spring_torque(machine, x, v)
     given, added = torques(t + 0.5 * h, x, v, state.transmitted)
 
     force = np.zeros(len(x))
-    force[:nv] = -link_torque(robot, links)[0] + _passive_friction(robot, links)
+    force[:nv] = -bias
     force[drives] += given + added
     force[list(machine.loose)] += spring
     force[nv:] -= spring
-    inertia = _inertia(machine, x[:nv])
     viscous = np.zeros(len(x))
     viscous[drives] = robot.viscous_friction
 
@@ -137,26 +153,39 @@ def stepped(machine: Machine, state: State, t: float, h: float, torques: Torques
     free = state.v + mobility @ (h * (force - viscous * state.v))
     speed = _with_friction(mobility, free, drives, h * robot.coulomb_friction)
     a = (speed - state.v) / h
-    transmitted = given - robot.rotor_inertia * a[:nv]
+    transmitted = given - machine.rotor * a[:nv]
     transmitted[list(machine.loose)] = spring
     return State(x + 0.5 * h * speed, speed, a, transmitted)
 
 
-def _inertia(machine: Machine, q: Float[Array, " nv"]) -> Float[Array, "n n"]:
-    """Mass matrix of joints and motors: the rotor of a motor that may move apart is its own."""
-    nv, rows = machine.robot.nv, list(machine.loose)
+def _links(
+    machine: Machine, q: Float[Array, " nv"], v: Float[Array, " nv"]
+) -> tuple[Float[Array, "n n"], Float[Array, " nv"]]:
+    """Mass matrix of joints and motors, and the torque that the links need to go on at their speed."""
+    robot, nv, rows = machine.robot, machine.nv, list(machine.loose)
+    if robot.chain is None:
+        # Pinocchio itself, as a simulation asks for one state at a time.
+        configuration = q if robot.model.nq == nv else robot.configuration(q[None])[0]
+        upper = pin.crba(robot.model, machine.data, configuration)
+        mass = np.where(np.tri(nv, dtype=bool).T, upper, upper.T)
+        bias = pin.nonLinearEffects(robot.model, machine.data, configuration, v)
+    else:
+        links = Motion(np.zeros(1), q[None], v[None], np.zeros((1, nv)))
+        mass = mass_matrix(robot, q[None])[0]
+        bias = link_torque(robot, links)[0] - _passive_friction(robot, links)
     out = np.zeros((nv + len(rows), nv + len(rows)))
-    out[:nv, :nv] = mass_matrix(machine.robot, q[None])[0]
-    rotor = machine.robot.rotor_inertia[rows]
+    out[:nv, :nv] = mass
+    rotor = machine.rotor[rows]
+    # The rotor of a motor that may move apart is its own.
     out[rows, rows] -= rotor
     motors = np.arange(nv, len(out))
     out[motors, motors] = rotor
-    return out
+    return out, bias
 
 
 def _spring_torque(machine: Machine, x: Float[Array, " n"], v: Float[Array, " n"]) -> Float[Array, " m"]:
     """Torque on the links behind their transmissions: none inside the play, and contact never pulls."""
-    nv, rows = machine.robot.nv, list(machine.loose)
+    nv, rows = machine.nv, list(machine.loose)
     apart, rate = x[nv:] - x[rows], v[nv:] - v[rows]
     side = np.sign(apart)
     pressed = np.abs(apart) - 0.5 * machine.gap

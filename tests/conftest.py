@@ -14,8 +14,8 @@ from pathlib import Path
 from jaxtyping import install_import_hook
 
 # Shape annotations of these modules are checked at every call. By name: never a whole package, for what numba
-# compiles cannot be wrapped. Not with pytest's flag --jaxtyping-packages, which cannot pass an option to the checker:
-# an int is a fine float (PEP 484).
+# compiles cannot be wrapped; nor phantom_dyn.simulation and stepping, as checks cost ten times a step. Not with
+# pytest's flag --jaxtyping-packages, which cannot pass an option to the checker: an int is a fine float (PEP 484).
 install_import_hook(
     [
         "identification.diagnosis.explaining",
@@ -53,8 +53,6 @@ install_import_hook(
         "phantom_dyn.maps.disturbance",
         "phantom_dyn.motion",
         "phantom_dyn.robot",
-        "phantom_dyn.simulation",
-        "phantom_dyn.stepping",
     ],
     "beartype.beartype(conf=beartype.BeartypeConf(is_pep484_tower=True))",
 )

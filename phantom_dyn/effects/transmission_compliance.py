@@ -15,6 +15,7 @@ import numpy as np
 from phantom_dyn.dynamics import mass_matrix
 from phantom_dyn.effects.displaced import behind_encoder, change_by_link, exact_change_by_link, load_and_inertia
 from phantom_dyn.effects.effect import Effect, Parameter, Shape, Signature, Simulated, Transmission
+from phantom_dyn.effects.encoder_quantization import stated_step
 from phantom_dyn.effects.operation import Operation
 from phantom_dyn.effects.rows import row_of
 from phantom_dyn.robot import Robot
@@ -28,12 +29,12 @@ _SWINGS = np.array([70.0, 35.0, 22.0, 14.0, 9.0])
 _SPREAD = 2.5
 # Damping ratio of link and motor on the spring in a simulation; gears and belts have 0.02 to 0.1.
 _DAMPING = 0.05
-# And of the swing that is computed: at its own frequency the motor of a true spring stands still, so all that is read
-# there is noise, which less damping would amplify. With it 1 % to 4 % too much stiffness is found.
-_SMOOTHING = 0.2
-# The load is followed up to the first [Hz], above it the noise of an encoder outweighs what a stiff spring does with
-# it; where the swing is slow, up to the second [Hz^2] over its frequency.
-_EDGE, _SLOW_EDGE = 12.0, 250.0
+# And of the swing that is computed: at its own frequency the motor of a true spring nearly stands still, so much of
+# what is read there is noise, which less damping would amplify more.
+_SMOOTHING = 0.1
+# The load is followed up to an edge [Hz]: where the noise of the stated encoder has half its amplitude, within the
+# second and third number; the first where no step is stated.
+_EDGE, _LOWEST_EDGE, _HIGHEST_EDGE = 12.0, 8.0, 20.0
 # Compliance [rad/(N m) or m/N] at which a spring is as good as none.
 _LEAST = 1e-10
 
@@ -111,7 +112,7 @@ def swing(operation: Operation, row: int, stiffness: float) -> tuple[Array, Arra
     """
     load, inertia = load_and_inertia(operation, row)
     to_q, to_v = (part[:, row, row] for part in operation.partials[:2])
-    edge = max(_EDGE, _SLOW_EDGE * 2.0 * np.pi / float(np.sqrt(stiffness / np.median(inertia))))
+    edge = _edge(operation.t, load, float(np.median(inertia)), stated_step(operation.robot, row))
     pull = (-_followed(operation.t, load, edge) / inertia).tolist()
     spring = (np.maximum(stiffness + to_q, 0.1 * stiffness) / inertia).tolist()
     drag = (np.maximum(2.0 * _SMOOTHING * np.sqrt(stiffness * inertia) + to_v, 0.0) / inertia).tolist()
@@ -128,6 +129,19 @@ def swing(operation: Operation, row: int, stiffness: float) -> tuple[Array, Arra
         speeds.append(speed)
         gains.append(gain)
     return np.array(places), np.array(speeds), np.array(gains)
+
+
+def _edge(t: Array, load: Array, inertia: float, step: float | None) -> float:
+    """Frequency [Hz] up to which ``load`` is more than what the rounding of an encoder to ``step`` makes of it."""
+    from scipy.signal import welch
+
+    if step is None or len(t) < 16:
+        return _EDGE
+    rate = (len(t) - 1) / float(t[-1] - t[0])
+    f, power = welch(load, rate, nperseg=min(len(t), int(2.0 * rate)))
+    noise = (inertia * step * (2.0 * np.pi * f) ** 2) ** 2 / (6.0 * rate)
+    lost = np.flatnonzero((power < 4.0 * noise) & (f > _LOWEST_EDGE))
+    return _HIGHEST_EDGE if len(lost) == 0 else min(float(f[lost[0]]), _HIGHEST_EDGE)
 
 
 def _followed(t: Array, load: Array, edge: float) -> Array:
