@@ -70,7 +70,8 @@ def capsules(model: pin.Model) -> tuple[Mesh, ...]:
     links = []
     for joint, link in enumerate(ends):
         solids = [capsule(np.zeros(3), end, radius) for end in link if np.linalg.norm(end) > _SHORT]
-        if joint and not solids:
+        # A linear joint without length is its own carriage, see `joint_solid`.
+        if joint and not solids and not joint_axis(model, joint)[1]:
             solids = [ball(np.zeros(3), radius)]
         links.append(joined(solids))
     return tuple(links)

@@ -131,15 +131,15 @@ def meaning_of(effect: str, parameter: str) -> str:
 
 def value_cell(value: Value) -> str:
     """A value for a table; a single angle in degrees as well."""
-    shown = value_words(value).replace(" ± ", f"{NO_BREAK}±{NO_BREAK}").replace("1/rev", "per turn")
+    shown = value_words(value).replace(" ", NO_BREAK).replace(f",{NO_BREAK}", ", ")
     if value.unit != "rad" or isinstance(value.value, list) or not math.isfinite(value.value):
         return shown
-    return f"{shown} ({number(math.degrees(value.value))}°)"
+    return f"{shown}{NO_BREAK}({number(math.degrees(value.value))}°)"
 
 
 def _shown(value: Value) -> str:
     """A value in a sentence, without its deviation: that is in the table of sizes."""
-    return with_unit(" and ".join(number(v) for v in _listed(value)), "" if value.unit == "1/rev" else value.unit)
+    return with_unit(" and ".join(number(v) for v in _listed(value)), value.unit)
 
 
 def _listed(value: Value) -> list[float]:

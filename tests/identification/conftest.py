@@ -43,7 +43,7 @@ def _finding(k: int, joint: str) -> Finding:
         (
             "cogging",
             "periodic_in_angle",
-            {"order": Value([6.0, 12.0], [0.0, 0.0], "1/rev"), "amplitude": Value([0.02, 0.004], [1e-3, 4e-4], "N m")},
+            {"order": Value([6.0, 12.0], [0.0, 0.0], "1"), "amplitude": Value([0.02, 0.004], [1e-3, 4e-4], "N m")},
         ),
     )
     effect, regime, parameters = effects[k % 3]

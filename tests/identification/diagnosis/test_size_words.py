@@ -47,3 +47,8 @@ def test_an_angle_is_shown_in_degrees_too():
 
 def test_a_body_parameter_is_told_by_its_quantity():
     assert meaning_of("inertial_parameters", "wrist.link.mx") == "mass times the place of its centre along x"
+
+
+def test_a_number_never_parts_from_its_unit_in_a_table():
+    assert " " not in value_cell(Value(0.25, 0.01, "N m s/rad"))
+    assert value_cell(Value([1.0, 2.0], [0.1, 0.1], "N m")).count(" ") == 1
