@@ -290,6 +290,22 @@ def test_what_is_closed_is_measured_against_a_fit_that_knows_the_cause():
     assert x.of_oracle == pytest.approx((25.0 - 4.0) / (25.0 - 1.0))
 
 
+def test_joints_count_by_their_noise_floors_in_the_oracle():
+    """Closed form: joint j2 has a floor of 2, so the losses are (25 + 4) / 2, (9 + 1) / 2 and (1 + 1) / 2."""
+
+    def of_two(first, second):
+        said = entry(finding("viscous_friction"))
+        joints = [(5.0, first, 1.0), (4.0, second, 2.0)]
+        said["diagnosis"]["joints"] = [
+            {"joint": f"j{k}", "rms_before": b, "rms_after": a, "noise_floor": n}
+            for k, (b, a, n) in enumerate(joints, start=1)
+        ]
+        return said
+
+    x = judged(answer("viscous_friction"), of_two(3.0, 2.0), of_two(1.0, 2.0))
+    assert x.of_oracle == pytest.approx((14.5 - 5.0) / (14.5 - 1.0))
+
+
 def test_a_list_of_parameters_is_compared_number_by_number_and_phases_around_the_circle():
     truth = answer("cogging", parameters={"order": [12], "amplitude": [0.1], "phase": [3.1]})
     said = finding("cogging")
