@@ -1,0 +1,64 @@
+# pyright: reportAttributeAccessIssue=false
+from __future__ import annotations
+
+import numpy as np
+import pinocchio as pin
+import pytest
+
+from phantom_dyn.dynamics import inverse_dynamics
+from phantom_dyn.effects.base_tilt import INVISIBLE, BaseTilt
+from phantom_dyn.effects.changed_robot import with_gravity
+from phantom_dyn.effects.operation import Operation
+from phantom_dyn.motion import Motion
+
+EFFECT = BaseTilt()
+THETA = np.array([0.2, -0.3])
+
+
+def test_the_law_is_inverse_dynamics_as_modelled_less_that_under_turned_gravity(arm, operation):
+    # Oracle for R_x(roll) R_y(pitch): Pinocchio's rotations.
+    turned = pin.utils.rotate("x", THETA[0]) @ pin.utils.rotate("y", THETA[1]) @ arm.model.gravity.linear
+    expected = operation.tau - inverse_dynamics(with_gravity(arm, turned), operation)
+    np.testing.assert_allclose(EFFECT.torque(arm, operation, None, THETA), expected, atol=1e-9)
+
+
+def test_the_tangent_is_the_slope_of_the_law(arm, operation):
+    columns = EFFECT.signature(arm, operation, None, (0.0, 0.0)).columns
+    for axis in (0, 1):
+        ends = [EFFECT.torque(arm, operation, None, sign * 1e-6 * np.eye(2)[axis]) for sign in (-1.0, 1.0)]
+        np.testing.assert_allclose((ends[1] - ends[0]) / 2e-6, -columns[:, :, axis], atol=1e-6)
+
+
+def test_the_law_is_exact_where_coefficients_and_shape_agree(arm, operation):
+    columns = EFFECT.signature(arm, operation, None, (0.2, -0.3)).columns
+    np.testing.assert_allclose(EFFECT.torque(arm, operation, None, THETA), -columns @ THETA, atol=1e-9)
+
+
+def test_roll_of_an_arm_that_turns_about_y_is_left_out(planar):
+    # Closed form: gravity turned about x gains a component along the joints' axes, which moves nothing.
+    q = np.linspace(-1.0, 1.0, 40)[:, None] * np.ones(2)
+    swung = Operation.of(planar, Motion(np.arange(40.0), q, 0 * q, 0 * q))
+    (shape,) = EFFECT.shapes(planar, swung, None)
+    assert shape == (INVISIBLE, 0.0)
+    assert EFFECT.signature(planar, swung, None, shape).names == ("pitch",)
+    np.testing.assert_array_equal(EFFECT.from_coefficients(planar, None, np.array([0.1]), shape), [0.0, 0.1])
+    assert EFFECT.refined(np.array([0.1]), shape) == ((INVISIBLE, 0.1),)
+    assert EFFECT.probe(planar, swung, None)[0] == "pitch"
+
+
+def test_a_robot_without_weight_shows_no_tilt(planar):
+    q = np.linspace(-1.0, 1.0, 40)[:, None] * np.ones(2)
+    floating = with_gravity(planar, np.zeros(3))
+    swung = Operation.of(floating, Motion(np.arange(40.0), q, 0 * q, q))
+    assert EFFECT.untestable(floating, swung, None) == "no joint feels gravity turn: a tilt of the base leaves no trace"
+
+
+def test_wide_postures_can_show_it(arm, operation):
+    assert EFFECT.untestable(arm, operation, None) is None
+
+
+def test_a_simulated_base_is_tilted_by_both_angles(arm):
+    simulated = EFFECT.simulated(arm, None, THETA)
+    assert simulated.robot is not None
+    turned = pin.utils.rotate("x", THETA[0]) @ pin.utils.rotate("y", THETA[1]) @ np.array([0.0, 0.0, -9.81])
+    assert simulated.robot(arm).model.gravity.linear == pytest.approx(turned)

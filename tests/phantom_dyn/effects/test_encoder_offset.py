@@ -1,0 +1,58 @@
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from phantom_dyn.dynamics import inverse_dynamics
+from phantom_dyn.effects.encoder_offset import EncoderOffset
+from phantom_dyn.effects.operation import Operation
+from phantom_dyn.motion import Motion
+from phantom_dyn.simulation import Cause, simulate
+
+EFFECT = EncoderOffset()
+
+
+def test_the_tangent_is_the_finite_difference_of_inverse_dynamics(arm, operation):
+    step, here = 1e-6, np.array([0.0, 1.0, 0.0])
+    moved = [Motion(operation.t, operation.q + sign * step * here, operation.v, operation.a) for sign in (-1.0, 1.0)]
+    slope = (inverse_dynamics(arm, moved[0]) - inverse_dynamics(arm, moved[1])) / (2 * step)
+    columns = EFFECT.signature(arm, operation, "tilt", (0.0,)).columns[:, :, 0]
+    np.testing.assert_allclose(columns, slope, rtol=1e-6, atol=1e-6)
+
+
+@pytest.mark.parametrize("joint", ["tilt", "slide"])
+def test_the_law_is_exact_where_coefficient_and_shape_agree(arm, operation, joint):
+    columns = EFFECT.signature(arm, operation, joint, (0.3,)).columns[:, :, 0]
+    np.testing.assert_allclose(EFFECT.torque(arm, operation, joint, np.array([0.3])), -0.3 * columns, atol=1e-9)
+
+
+def test_the_recording_shows_the_law_exactly(planar, swinging):
+    controller, q0, v0 = swinging
+    s = simulate(planar, (Cause(EFFECT, "elbow", np.array([0.03])),), controller, np.linspace(0, 0.3, 61), q0, v0)
+    read = Operation.of(planar, Motion(s.t, s.q, s.encoders.v, s.encoders.a))
+    law = EFFECT.torque(planar, read, "elbow", np.array([0.03]))
+    steady = np.abs(s.links.v).min(axis=1) > 0.3
+    assert np.abs(law).max() > 0.1
+    np.testing.assert_allclose((s.tau - read.tau + law)[steady][1:-1], 0.0, atol=0.01)
+
+
+def test_the_next_shape_is_the_last_estimate():
+    assert EFFECT.refined(np.array([0.07]), (0.0,)) == ((0.07,),)
+
+
+def test_a_first_joint_that_stands_upright_has_no_zero(arm, operation):
+    assert EFFECT.untestable(arm, operation, "turn") == (
+        "no torque depends on the position of this joint: its zero leaves no trace"
+    )
+
+
+def test_an_inclined_joint_has_a_zero(arm, operation):
+    assert EFFECT.untestable(arm, operation, "tilt") is None
+
+
+def test_the_side_of_the_encoder_makes_no_difference(arm, operation):
+    other = replace(arm, actuators=tuple(replace(one, encoder_side="link") for one in arm.actuators))
+    ours, theirs = (EFFECT.torque(robot, operation, "tilt", np.array([0.1])) for robot in (arm, other))
+    np.testing.assert_array_equal(ours, theirs)

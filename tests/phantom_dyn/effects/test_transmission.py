@@ -1,0 +1,146 @@
+"""Backlash and compliance: hidden motion between motor and link."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from scipy.interpolate import make_interp_spline
+from scipy.signal import butter, sosfiltfilt
+
+from phantom_dyn.effects.backlash import Backlash, play
+from phantom_dyn.effects.operation import Operation
+from phantom_dyn.effects.transmission_compliance import TransmissionCompliance, swing
+from phantom_dyn.errors import RobotError
+from phantom_dyn.motion import Motion
+from phantom_dyn.simulation import Cause, simulate
+
+BACKLASH, COMPLIANCE = Backlash(), TransmissionCompliance()
+
+
+def low_passed(x: np.ndarray, rate: float, edge: float = 25.0) -> np.ndarray:
+    return np.asarray(sosfiltfilt(butter(4, edge, fs=rate, output="sos"), x, axis=0))
+
+
+def recorded(robot, effect, theta, swinging):
+    """What a recording of the arm shows in 25 Hz: the operation as read, and the torque beyond the model's."""
+    controller, q0, v0 = swinging
+    held = replace(robot, torque_hold="zoh")
+    t = np.arange(0.0, 2.5, 2e-3)
+    s = simulate(held, (Cause(effect, "elbow", theta),), controller, t, q0, v0, max_step=1e-3)
+    # Velocity and acceleration from positions: sampled ones would alias the impacts. A held torque acts half a sample
+    # late, so the mean of two is that of the sample.
+    spline = make_interp_spline(t, low_passed(s.q, 500.0, 40.0), k=5)
+    tau = 0.5 * (s.tau + np.vstack([s.tau[:1], s.tau[:-1]]))
+    operation = Operation.of(held, Motion(t, spline(t), spline(t, 1), spline(t, 2)), tau)
+    return operation, low_passed(tau - operation.tau, 500.0)[100:-100]
+
+
+def agreement(predicted: np.ndarray, seen: np.ndarray) -> tuple[float, float]:
+    """Correlation, and by how much the prediction has to be scaled."""
+    inner = float(np.sum(predicted * seen))
+    return inner / float(np.linalg.norm(predicted) * np.linalg.norm(seen)), inner / float(np.sum(predicted**2))
+
+
+@pytest.mark.parametrize("gap", [0.003, 0.01])
+def test_a_simulated_backlash_leaves_the_torque_that_the_law_says(planar, swinging, gap):
+    # Oracle: the two-mass simulation, which knows nothing of loose phases and impacts.
+    operation, seen = recorded(planar, BACKLASH, np.array([gap]), swinging)
+    law = BACKLASH.torque(planar, operation, "elbow", np.array([gap]))
+    correlation, scale = agreement(-low_passed(law, 500.0)[100:-100], seen)
+    assert correlation > 0.95
+    assert scale == pytest.approx(1.0, abs=0.1)
+
+
+@pytest.mark.parametrize("stiffness", [200.0, 600.0])
+def test_a_simulated_spring_leaves_the_torque_that_the_law_says(frictionless, swinging, stiffness):
+    # The recording begins in motion, of which the law cannot know how the spring was bent: it has to fade first.
+    operation, seen = recorded(frictionless, COMPLIANCE, np.array([stiffness]), swinging)
+    law = COMPLIANCE.torque(frictionless, operation, "elbow", np.array([stiffness]))
+    correlation, scale = agreement(-low_passed(law, 500.0)[500:-100], seen[400:])
+    assert correlation > 0.97
+    assert scale == pytest.approx(1.0, abs=0.05)
+
+
+def test_a_link_crosses_its_gap_in_free_fall():
+    # Closed form: pull -5 rad/s^2 from t = 0.1 s, gap 0.01 rad: landed after sqrt(2 x 0.01 / 5) s at 0.316 rad/s.
+    t = np.arange(0.0, 0.4, 1e-4)
+    moved = play(t, np.where(t < 0.1, 1.0, -5.0), 0.01)
+    assert moved.loose.sum() * 1e-4 == pytest.approx(np.sqrt(0.004), rel=0.01)
+    assert moved.impact.sum() * 1e-4 == pytest.approx(-np.sqrt(2 * 5 * 0.01), rel=0.01)
+    assert moved.lead[0] == 0.005
+    assert moved.lead[-1] == -0.005
+
+
+def test_what_a_link_loses_in_flight_the_impact_gives_back():
+    # Momentum: the mean of the missing torque over flight and impact is zero.
+    t = np.arange(0.0, 3.0, 1e-3)
+    pull = 4.0 * np.sin(9.0 * t) + 2.0 * np.sin(14.0 * t)
+    moved = play(t, pull, 0.02)
+    assert (moved.loose > 0).any()
+    assert np.sum(moved.impact - pull * moved.loose) == pytest.approx(0.0, abs=1e-9 * np.sum(np.abs(moved.impact)))
+
+
+def test_the_motor_stays_within_the_gap():
+    t = np.sort(np.random.default_rng(1).uniform(0.0, 3.0, 3000))
+    assert np.abs(play(t, 4.0 * np.sin(9.0 * t), 0.02).lead).max() <= 0.01 + 1e-12
+
+
+def test_uneven_samples_see_the_same_play(rng):
+    pull, t = lambda time: 4.0 * np.sin(9.0 * time), np.arange(0.0, 2.0, 1e-3)
+    uneven = np.sort(np.append(rng.uniform(0.0, 2.0, 4000), [0.0, 2.0]))
+    lead = np.interp(t, uneven, play(uneven, pull(uneven), 0.02).lead)
+    assert np.mean(np.abs(lead - play(t, pull(t), 0.02).lead)) < 2e-5
+
+
+def test_a_slow_load_deflects_a_spring_by_load_over_stiffness(planar):
+    # Closed form: delta = -tl / k, far below the frequency of the swing.
+    t = np.arange(0.0, 20.0, 1e-2)
+    q = np.column_stack([0 * t, 0.5 * np.sin(0.3 * t)])
+    operation = Operation.of(planar, Motion(t, q, 0 * q, 0 * q))
+    delta = swing(operation, 1, 500.0)[0]
+    hanging = 1.5 * 9.81 * 0.2 * np.sin(q[:, 1])
+    np.testing.assert_allclose(delta[50:-50], -hanging[50:-50] / 500.0, atol=3e-2 * np.abs(hanging).max() / 500.0)
+
+
+def test_the_column_of_a_spring_is_the_law_per_compliance_to_first_order(arm, smooth):
+    stiffness = 1e6
+    column = COMPLIANCE.signature(arm, smooth, "tilt", (1 / stiffness,)).columns[:, :, 0]
+    law = COMPLIANCE.torque(arm, smooth, "tilt", np.array([stiffness]))
+    np.testing.assert_allclose(law, -column / stiffness, atol=1e-3 * np.abs(law).max())
+
+
+def test_the_column_of_a_gap_is_the_law(arm, smooth):
+    column = BACKLASH.signature(arm, smooth, "tilt", (0.01,)).columns[:, :, 0]
+    np.testing.assert_allclose(BACKLASH.torque(arm, smooth, "tilt", np.array([0.01])), -column)
+
+
+def test_stiffness_is_one_over_the_coefficient(arm):
+    assert COMPLIANCE.from_coefficients(arm, "tilt", np.array([1e-3]), (2e-3,)) == pytest.approx([1000.0])
+
+
+def test_a_load_that_never_changes_sign_shows_no_backlash(planar):
+    q = np.full((50, 2), 0.5)
+    operation = Operation.of(planar, Motion(np.arange(50) / 50.0, q, 0 * q, 0 * q))
+    assert BACKLASH.untestable(planar, operation, "elbow") == "the transmitted torque never changes sign"
+
+
+@pytest.mark.parametrize("effect", [BACKLASH, COMPLIANCE], ids=lambda effect: effect.name)
+def test_an_encoder_on_the_link_sees_nothing_of_the_transmission(arm, smooth, effect):
+    linked = replace(arm, actuators=tuple(replace(one, encoder_side="link") for one in arm.actuators))
+    assert "the encoder sits on the link's side" in str(effect.untestable(linked, smooth, "tilt"))
+    assert effect.untestable(arm, smooth, "tilt") is None
+
+
+@pytest.mark.parametrize("effect", [BACKLASH, COMPLIANCE], ids=lambda effect: effect.name)
+def test_shapes_are_positive_and_refined_about_the_last(arm, smooth, effect):
+    shapes = effect.shapes(arm, smooth, "tilt")
+    assert min(shapes)[0] > 0
+    assert any(shape == pytest.approx(shapes[0]) for shape in effect.refined(np.array(shapes[0]), shapes[0]))
+
+
+@pytest.mark.parametrize("effect", [BACKLASH, COMPLIANCE], ids=lambda effect: effect.name)
+def test_an_unknown_joint_is_refused(arm, smooth, effect):
+    with pytest.raises(RobotError, match="No joint 'knee'"):
+        effect.torque(arm, smooth, "knee", np.array([1.0]))
