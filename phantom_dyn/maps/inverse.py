@@ -16,6 +16,8 @@ CLOSE = 1e-9
 _SAMPLES, _NEAR, _STARTS, _STEPS = 20000, 48, 8, 25
 _SAME_BRANCH = 0.5
 """Starts closer than this in every joint [rad or m] lead to the same branch."""
+_NUMERIC_SAMPLES, _NUMERIC_STARTS = 4000, 6
+"""Of a chain that is closed numerically, where each sample costs about a millisecond."""
 
 
 @dataclass(frozen=True)
@@ -56,7 +58,8 @@ def cloud_of(model: MapModel) -> Cloud | None:
     narrow = np.isfinite(high - low) & (model.prismatic | (high - low < 2 * np.pi))
     low, high = np.where(narrow, low, model.posture - span), np.where(narrow, high, model.posture + span)
     # The same cloud in every process and run.
-    q = np.random.default_rng(0).uniform(low, high, (_SAMPLES, model.nv))
+    samples = _SAMPLES if model.solve is None else _NUMERIC_SAMPLES
+    q = np.random.default_rng(0).uniform(low, high, (samples, model.nv))
     q = q[within_limits(model, q)]
     return Cloud(q, tip_of(model, q)[0])
 
@@ -116,7 +119,7 @@ def _distinct(model: MapModel, near: Array) -> list[Array]:
     rows = np.arange(len(near))
     away = np.linalg.norm(near - model.posture, axis=2)
     starts = []
-    for _ in range(_STARTS):
+    for _ in range(_STARTS if model.solve is None else _NUMERIC_STARTS):
         pick = np.argmin(away, axis=1)
         start = np.where(np.isfinite(away[rows, pick])[:, None], near[rows, pick], np.nan)
         starts.append(start)
