@@ -38,7 +38,9 @@ def test_everything_between_the_markers_is_replaced_and_nothing_else():
     assert between_markers(text, "new\n") == f"before\n{BEGIN}\nnew\n{END}\nafter\n"
 
 
-@pytest.mark.parametrize("text", ["", f"{BEGIN} only", f"{END} and then {BEGIN}", f"{BEGIN}{END}{BEGIN}{END}", f"{BEGIN}{BEGIN}{END}"])
+@pytest.mark.parametrize(
+    "text", ["", f"{BEGIN} only", f"{END} and then {BEGIN}", f"{BEGIN}{END}{BEGIN}{END}", f"{BEGIN}{BEGIN}{END}"]
+)
 def test_a_text_without_its_two_markers_is_refused(text):
     with pytest.raises(ValueError, match="each once: put them where the table goes"):
         between_markers(text, "new")
