@@ -14,16 +14,13 @@ from jaxtyping import Float
 
 from phantom_dyn.configuration import configurations
 from phantom_dyn.errors import RobotError
-from phantom_dyn.loops.chain import ClosedChain
-from phantom_dyn.loops.solver import REACH, drift, solve
+from phantom_dyn.loops.remembered import solved
+from phantom_dyn.loops.solver import drift
 from phantom_dyn.motion import Motion
 from phantom_dyn.naming import known_names
 from phantom_dyn.robot import Robot
 
 Array = np.ndarray
-
-_REMEMBERED = 3
-"""Motions whose numeric solution is kept, as one motion is asked for by every effect that it is fitted with."""
 
 
 @dataclass(frozen=True)
@@ -59,30 +56,10 @@ def tree_motion(robot: Robot, motion: Motion) -> TreeMotion:
     if robot.chain is None:
         G = np.broadcast_to(np.eye(robot.nv), (len(motion.q), robot.nv, robot.nv))
         return TreeMotion(robot.configuration(motion.q), motion.q, motion.v, motion.a, G)
-    for model, moved, tree in robot.chain.recent:
-        if model is robot.model and moved is motion:
-            return tree
-    found = solve(robot.model, robot.chain, motion.q, _near(robot.chain, motion.q))
+    found = solved(robot.model, robot.chain, motion.q)
     v = apply(found.G, motion.v)
     a = apply(found.G, motion.a) + drift(robot.model, robot.chain, found, v)
-    tree = TreeMotion(configurations(robot.model, found.x), found.x, v, a, found.G)
-    if robot.chain.anchors:
-        robot.chain.recent[:] = [*robot.chain.recent[-_REMEMBERED + 1 :], (robot.model, motion, tree)]
-    return tree
-
-
-def _near(chain: ClosedChain, q: Float[Array, "N nv"]) -> Float[Array, " nt"] | None:
-    """Where a single sample may begin: a simulation asks sample by sample, each next to the one before.
-
-    Whole motions always begin where the chain starts, so that they do not depend on what was asked before.
-    """
-    if len(q) != 1 or not chain.recent:
-        return None
-    ends = [tree.q[-1] for _, _, tree in chain.recent if len(tree.q)]
-    nearest = min(ends, key=lambda x: np.abs(x[list(chain.active)] - q[0]).max(), default=None)
-    if nearest is None or np.abs(nearest[list(chain.active)] - q[0]).max() > REACH:
-        return None
-    return nearest
+    return TreeMotion(configurations(robot.model, found.x), found.x, v, a, found.G)
 
 
 def apply(G: Float[Array, "N nt nv"], values: Float[Array, "N nv"]) -> Float[Array, "N nt"]:

@@ -88,7 +88,7 @@ def _movers(robot: Robot, operation: Operation, joint: str) -> tuple[tuple[int, 
 def _prismatic(robot: Robot, joint: str | None) -> bool:
     """True if an active or passive joint is linear."""
     if joint in robot.passive_names:
-        return "Prismatic" in robot.model.joints[robot.model.getJointId(joint)].shortname()
+        return robot.model.joints[robot.model.getJointId(joint)].shortname().startswith("JointModelP")
     return bool(robot.prismatic[row_of(robot, joint)])
 
 

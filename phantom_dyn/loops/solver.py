@@ -50,8 +50,8 @@ class Solution:
     """Positions ``x`` [rad or m] of the tree for N samples, and what follows from them.
 
     Attributes:
-        x: Shape ``(N, nt)``.
-        G: Slope in the active joints, shape ``(N, nt, nv)``, read-only.
+        x: Shape ``(N, nt)``; read-only where anchors were solved, as are the others.
+        G: Slope in the active joints, shape ``(N, nt, nv)``.
         inverse: Unknown accelerations per acceleration of the constraint, ``(N, nz, m)``; no anchors: ``nz`` is 0.
     """
 
@@ -88,7 +88,10 @@ def solve(
     for k, wanted in enumerate(q):
         state = _follow(chain, at, state, wanted, f"sample {k}")
         z[k], slopes[k], inverses[k] = state.z, state.slope, state.inverse
-    return Solution(np.hstack([q, z]) @ S.T + chain.offset, S[:, :nv] + S[:, nv:] @ slopes, inverses)
+    found = Solution(np.hstack([q, z]) @ S.T + chain.offset, S[:, :nv] + S[:, nv:] @ slopes, inverses)
+    for array in (found.x, found.G, found.inverse):
+        array.flags.writeable = False
+    return found
 
 
 def tree_positions(model: pin.Model, chain: ClosedChain, q: Float[Array, "N nv"]) -> Float[Array, "N nt"]:
@@ -106,7 +109,7 @@ def drift(model: pin.Model, chain: ClosedChain, solution: Solution, v: Float[Arr
         v: Velocities of the tree.
     """
     out = np.zeros_like(v)
-    if not chain.anchors:
+    if not (chain.anchors and v.any()):
         return out
     at = constraints_of(model, chain.anchors)
     to_tree = chain.linear_map[:, chain.nv :]
