@@ -158,7 +158,7 @@ def _cloud(axes: Axes, x: Array, y: Array, groups: Groups, points: str, line: st
     finite = np.isfinite(x) & np.isfinite(y)
     chosen = scatter_choice(finite)
     # Thousands of markers as vectors would weigh megabytes: the cloud is a picture, the median a curve.
-    size = 2.0 if len(chosen) > FEW_POINTS else 9.0
+    size = 3.0 if len(chosen) > FEW_POINTS else 9.0
     axes.scatter(x[chosen], y[chosen], s=size, color=points, linewidths=0, rasterized=True)
     for members, dashes in groups:
         inside = finite & members

@@ -43,6 +43,10 @@ VERDICTS = {
     "no_gap": "No gap",
     "not_testable": "Not testable",
 }
+# Figures take time and room: of a robot with many joints those with the largest gap are drawn.
+_FIGURES = 20  # findings
+_CURVES = 12  # joints over time
+_CLOUDS = 8  # joints over velocity and position
 _SOME = 0.02  # share of the gap from which a joint's residual is drawn over velocity and position
 _OPEN_JOINTS = 2  # so many joints with the largest gap have their figures unfolded
 
@@ -129,7 +133,7 @@ def _card(diagnosis: Diagnosis, motions: dict[str, JointMotion], index: int) -> 
         share=percent(finding.gap_closed),
         sentence=words.finding_words(finding, diagnosis.next_experiment),
         sizes=parameter_rows(finding),
-        figure=Markup(finding_figure(diagnosis, motions, index) if motions else ""),
+        figure=Markup(finding_figure(diagnosis, motions, index) if motions and index < _FIGURES else ""),
     )
 
 
@@ -139,23 +143,20 @@ def _title(finding: Finding) -> str:
 
 def _joint_views(diagnosis: Diagnosis) -> list[JointView]:
     shares = gap_shares(diagnosis.joints)
-    largest = set(np.argsort(-shares, kind="stable")[:_OPEN_JOINTS].tolist())
-    named = {joint_of(diagnosis, finding.joint) for finding in diagnosis.findings}
-    views = []
-    for k, gap in enumerate(diagnosis.joints):
-        # Drawing takes time, and clouds of noise say nothing.
-        clouds = (residual_over_velocity, residual_over_position) if k in largest | named or shares[k] > _SOME else ()
-        views.append(
-            JointView(
-                name=gap.joint,
-                share=percent(float(shares[k])),
-                torque=Markup(torque_figure(diagnosis, k)),
-                clouds=[Markup(cloud(diagnosis, k)) for cloud in clouds],
-                regimes=regime_table(diagnosis, k),
-                unfolded=k in largest,
-            )
+    ranked = np.argsort(-shares, kind="stable").tolist()
+    named = {joint_of(diagnosis, finding.joint) for finding in diagnosis.findings[:_FIGURES]}
+    telling = [k for k in ranked if shares[k] > _SOME or k in named or k in ranked[:_OPEN_JOINTS]][:_CLOUDS]
+    return [
+        JointView(
+            name=gap.joint,
+            share=percent(float(shares[k])),
+            torque=Markup(torque_figure(diagnosis, k) if k in ranked[:_CURVES] else ""),
+            clouds=[Markup(f(diagnosis, k)) for f in (residual_over_velocity, residual_over_position) if k in telling],
+            regimes=regime_table(diagnosis, k),
+            unfolded=k in ranked[:_OPEN_JOINTS],
         )
-    return views
+        for k, gap in enumerate(diagnosis.joints)
+    ]
 
 
 def _rest(diagnosis: Diagnosis, motions: dict[str, JointMotion]) -> Markup:

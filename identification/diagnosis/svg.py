@@ -46,7 +46,7 @@ def drawn_svg(draw: Callable[[Figure], None], key: str, size: tuple[float, float
         draw(figure)
         buffer = io.StringIO()
         nothing = dict.fromkeys(("Creator", "Date", "Format", "Type"))
-        figure.savefig(buffer, format="svg", transparent=True, metadata=nothing, dpi=110)
+        figure.savefig(buffer, format="svg", transparent=True, metadata=nothing, dpi=90)
     return inline_svg(buffer.getvalue(), key, title)
 
 

@@ -9,8 +9,8 @@ from jaxtyping import Bool, Float, Int
 
 Array = np.ndarray
 
-CURVE_POINTS = 1500
-CLOUD_POINTS = 6000
+CURVE_POINTS = 1000
+CLOUD_POINTS = 3000
 BINS = 48
 LEAST_BINS = 8
 PER_BIN = 12  # samples on average, so that few bins are too empty for a median

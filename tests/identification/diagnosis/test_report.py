@@ -131,12 +131,16 @@ def test_names_with_markup_are_escaped(made_up):
     assert nasty in shown.text
 
 
-@pytest.mark.parametrize(("joints", "findings"), [(1, 0), (7, 9)])
-def test_a_page_without_a_robot_stays_below_three_megabytes(made_up, joints, findings):
-    names = tuple(f"shoulder_pan_joint_of_the_left_arm_{k}" for k in range(joints))
-    html = report_html(made_up(names, findings, samples=20_000))
-    assert len(html.encode()) < 3_000_000
-    assert html.count("<svg") == 1 + 3 * joints + findings
+def test_every_joint_and_finding_of_a_small_robot_has_its_figures(made_up):
+    assert report_html(made_up(findings=3, samples=400)).count("<svg") == 1 + 3 * 2 + 3
+
+
+def test_a_page_of_a_robot_with_many_joints_and_findings_leaves_room_for_the_drawn_robot(made_up):
+    names = tuple(f"shoulder_pan_joint_of_the_left_arm_{k}" for k in range(20))
+    html = report_html(made_up(names, 25, samples=8_000))
+    assert html.count("<svg") == 1 + 20 + 12 + 2 * 8
+    assert len(html.encode()) < 2_900_000
+    assert "Joints with the smallest share of the gap are left out." in html
 
 
 def test_ids_on_the_page_are_unique(shown):
