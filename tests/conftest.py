@@ -51,6 +51,7 @@ install_import_hook(
         "phantom_dyn.kinematics",
         "phantom_dyn.loops",
         "phantom_dyn.maps.disturbance",
+        "phantom_dyn.maps.from_robot",
         "phantom_dyn.motion",
         "phantom_dyn.robot",
     ],
