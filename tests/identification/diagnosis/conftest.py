@@ -10,16 +10,19 @@ import numpy as np
 import pytest
 
 from identification.diagnosis.blocks import Block, Weights, assign_folds, build_grams, split_blocks
-from identification.diagnosis.columns import Columns, Term, build_columns
+from identification.diagnosis.columns import Columns, build_columns
 from identification.diagnosis.noise import estimate_noise, weights_of
 from identification.diagnosis.problem import Problem, set_up
 from identification.diagnosis.search import Search, set_up_search
+from identification.diagnosis.terms import FoundEffect, Term
 from identification.diagnosis.whitening import whitened
 from identification.log import Log
 from identification.recordings import Recording
 from identification.signals import process_all
 from phantom_dyn import load_robot
 from phantom_dyn.dynamics import inverse_dynamics
+from phantom_dyn.effects.catalogue import effect_named
+from phantom_dyn.effects.operation import Operation
 from phantom_dyn.motion import Motion
 from phantom_dyn.robot import Robot, Tolerance
 
@@ -45,7 +48,11 @@ class Prepared:
     @property
     def search(self) -> Search:
         """A search that claims a held-out gain of ten."""
-        return set_up_search(self.problem, 10.0, np.zeros(len(self.columns.rows)))
+        return self.searched(10.0)
+
+    def searched(self, threshold: float) -> Search:
+        """A search that claims a held-out gain of ``threshold``."""
+        return set_up_search(self.problem, threshold, np.zeros(len(self.columns.rows)), {})
 
     def term(self, effect: str, joint: str | None) -> Term:
         """The first rival of that effect and joint."""
@@ -56,17 +63,28 @@ class Lab:
     """Makes robots move, measures them, and prepares the recordings for fits."""
 
     def motion(
-        self, nv: int, seed: int = 0, *, seconds: float = 10.0, rate: float = 200.0, swing: float = 1.0
+        self,
+        nv: int,
+        seed: int = 0,
+        *,
+        seconds: float = 10.0,
+        rate: float = 200.0,
+        swing: float = 1.0,
+        ahead: float = 0.0,
     ) -> Motion:
-        """Three sines a joint, between 0.2 and 1.5 Hz, with exact derivatives."""
+        """Three sines a joint, between 0.2 and 1.5 Hz, with exact derivatives; that of ``ahead`` seconds later."""
         rng = np.random.default_rng(seed)
         t = np.arange(round(seconds * rate)) / rate
         w = 2 * np.pi * np.array([[0.23 + 0.07 * j, 0.61 + 0.11 * j, 1.13 - 0.09 * j] for j in range(nv)])
         amplitude = swing * rng.uniform(0.25, 0.5, (nv, 3)) / (1 + w / (2 * np.pi))
-        angle = w * t[:, None, None] + rng.uniform(0, 2 * np.pi, (nv, 3))
+        angle = w * (t + ahead)[:, None, None] + rng.uniform(0, 2 * np.pi, (nv, 3))
         q = (amplitude * np.sin(angle)).sum(axis=2)
         v = (amplitude * w * np.cos(angle)).sum(axis=2)
         return Motion(t, q, v, -(amplitude * w**2 * np.sin(angle)).sum(axis=2))
+
+    def acting(self, robot: Robot, motion: Motion, effect: str, joint: str | None, *theta: float) -> Array:
+        """Torque of one effect with the contract's parameters, beside the given model alone."""
+        return effect_named(effect).torque(robot, Operation.of(robot, motion), joint, np.array(theta))
 
     def recording(
         self, robot: Robot, motion: Motion, torque: Array | float = 0.0, *, noise: float = 0.05, seed: int = 0
@@ -77,11 +95,20 @@ class Lab:
         return Recording("sim.csv", robot.joint_names, motion.t, motion.q + 1e-5 * rng.standard_normal(tau.shape), tau)
 
     def prepared(
-        self, robot: Robot, recordings: tuple[Recording, ...], *, held_out: int = 0, white: bool = True
+        self,
+        robot: Robot,
+        recordings: tuple[Recording, ...],
+        *,
+        held_out: int = 0,
+        white: bool = True,
+        found: tuple[FoundEffect, ...] = (),
     ) -> Prepared:
-        """Columns, noise, blocks and products of recordings; the last ``held_out`` of them are seen by no fit."""
+        """Columns, noise, blocks and products of recordings; the last ``held_out`` of them are seen by no fit.
+
+        Laws that are not linear are taken about ``found``.
+        """
         logs, cutoff_hz = process_all(recordings, robot)
-        columns = build_columns(robot, logs, cutoff_hz)
+        columns = build_columns(robot, logs, cutoff_hz, found=found)
         blocks = split_blocks(logs, cutoff_hz)
         folds = assign_folds(blocks, np.arange(len(logs)) >= len(logs) - held_out)
         noise = estimate_noise(columns, logs, blocks, folds)

@@ -5,11 +5,12 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from identification.diagnosis.columns import KnownEffect, build_columns, merged_motion
+from identification.diagnosis.columns import build_columns
 from identification.diagnosis.rest import standing_still, usable_samples
+from identification.diagnosis.terms import KnownEffect
+from identification.log import Log
 from identification.signals import process, process_all
 from phantom_dyn.dynamics import inverse_dynamics
-from phantom_dyn.effects.catalogue import effect_named
 from phantom_dyn.motion import Motion
 
 # Parameters of one effect each that the columns are asked for.
@@ -23,7 +24,7 @@ LINEAR = {
 
 
 @pytest.mark.parametrize("name", LINEAR)
-def test_the_columns_of_an_effect_give_its_torque_in_the_band(quiet, planar2, name):
+def test_the_columns_of_an_effect_give_its_torque_in_the_band(lab, quiet, planar2, name):
     # The law itself, filtered once: measured torque = model - effect.
     term = quiet.term(name, "elbow")
     theta = np.array(LINEAR[name])
@@ -32,7 +33,7 @@ def test_the_columns_of_an_effect_give_its_torque_in_the_band(quiet, planar2, na
         coefficients = np.array([theta[0], -theta[0] * theta[1]])
     log, index = quiet.logs[0], quiet.columns.rows[1]
     at = [index.index(column) for column in term.columns]
-    expected = -log.band(term.effect.torque(planar2, log.motion, "elbow", theta)[:, 1])
+    expected = -log.band(lab.acting(planar2, log.motion, name, "elbow", *theta)[:, 1])
     np.testing.assert_allclose(quiet.columns.values[0][1][:, at] @ coefficients, expected, atol=1e-12)
 
 
@@ -104,7 +105,7 @@ def test_modelled_friction_plus_an_effect_may_not_be_negative(quiet, planar2):
 
 def test_known_effects_belong_to_the_model(lab, planar2):
     motion = lab.motion(2)
-    viscous = effect_named("viscous_friction").torque(planar2, motion, "elbow", np.array([0.6]))
+    viscous = lab.acting(planar2, motion, "viscous_friction", "elbow", 0.6)
     logs, cutoff = process_all((lab.recording(planar2, motion, viscous, noise=0.01),), planar2)
     known = (KnownEffect("viscous_friction", "elbow", (0.6,)),)
     plain, corrected = build_columns(planar2, logs, cutoff), build_columns(planar2, logs, cutoff, known)
@@ -136,11 +137,18 @@ def stop_and_go(lab, rate: float = 200.0) -> Motion:
     return Motion(t, *parts)
 
 
+def with_motion(log: Log, motion: Motion) -> Log:
+    """A log of another motion, of which nothing else is known."""
+    return replace(
+        log, motion=motion, tau=np.zeros_like(motion.q), valid=np.ones(len(motion.t), dtype=bool), raw_q=None
+    )
+
+
 def test_a_joint_at_rest_is_told_from_one_that_turns_round(lab, pendulum, rng):
     log = process(lab.recording(pendulum, lab.motion(1)), pendulum, cutoff_hz=10.0)
     motion = stop_and_go(lab)
     noisy = Motion(motion.t, motion.q, motion.v + 1e-3 * rng.normal(size=motion.v.shape), motion.a)
-    still = standing_still(replace(log, motion=noisy, tau=np.zeros_like(motion.q), valid=np.ones(len(motion.t), bool)))
+    still = standing_still(with_motion(log, noisy))
     assert still[850:1350].mean() > 0.99
     assert still[:790].mean() < 0.02
     assert still[1410:].mean() < 0.02
@@ -149,7 +157,7 @@ def test_a_joint_at_rest_is_told_from_one_that_turns_round(lab, pendulum, rng):
 def test_samples_at_rest_are_left_out(lab, pendulum):
     log = process(lab.recording(pendulum, lab.motion(1)), pendulum, cutoff_hz=10.0)
     motion = stop_and_go(lab)
-    log = replace(log, motion=motion, tau=np.zeros_like(motion.q), valid=np.ones(len(motion.t), bool))
+    log = with_motion(log, motion)
     use, at = usable_samples(log)[:, 0], log.samples
     assert not use[(at > 850) & (at < 1350)].any()
     assert use[at < 700].mean() > 0.95
@@ -165,9 +173,3 @@ def test_a_joint_that_is_held_is_left_out(lab, planar2, rng, noise):
     use = usable_samples(process(replace(recording, q=positions), planar2, cutoff_hz=10.0))
     assert not use[:, 1].any()
     assert use[:, 0].mean() > 0.9
-
-
-def test_motions_of_several_logs_follow_each_other(lab, pendulum):
-    logs = tuple(process(lab.recording(pendulum, lab.motion(1, seed)), pendulum, cutoff_hz=10.0) for seed in (0, 1))
-    merged = merged_motion(logs)
-    np.testing.assert_array_equal(merged.q, np.concatenate([log.motion.q for log in logs]))

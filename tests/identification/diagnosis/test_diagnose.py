@@ -10,7 +10,6 @@ import pytest
 from identification.diagnosis.diagnose import diagnose
 from identification.diagnosis.result import Diagnosis
 from phantom_dyn import load_robot
-from phantom_dyn.effects.catalogue import effect_named
 from phantom_dyn.errors import LogError
 from phantom_dyn.motion import Motion
 
@@ -45,7 +44,7 @@ def diagnosed(lab, planar2):
         motion = lab.motion(2, seed, seconds=20.0, swing=1.5)
         torque = 0.0
         if effect is not None:
-            torque = effect_named(effect).torque(planar2, motion, joint, np.array(list(theta.values())))
+            torque = lab.acting(planar2, motion, effect, joint, *theta.values())
         return diagnose(planar2, (lab.recording(planar2, motion, torque, seed=seed),), **more)
 
     return run
@@ -92,7 +91,7 @@ def test_rotor_inertia_within_its_tolerance_is_adjusted_and_no_finding(lab, plan
     model.armature = np.array([0.0, 0.2])
     robot = replace(planar2, model=model)
     motion = lab.motion(2, 3, seconds=20.0, swing=1.5)
-    torque = effect_named("rotor_inertia").torque(robot, motion, "elbow", np.array([0.016]))
+    torque = lab.acting(robot, motion, "rotor_inertia", "elbow", 0.016)
     found = diagnose(robot, (lab.recording(robot, motion, torque, noise=0.01),))
     assert found.verdict == "no_gap"
     assert found.findings == ()

@@ -12,7 +12,6 @@ from identification.diagnosis.bounded import bounded_solve
 from identification.diagnosis.fitting import active_columns, fit, predict
 from identification.diagnosis.point_mass import point_mass_map
 from phantom_dyn.dynamics import inverse_dynamics
-from phantom_dyn.effects.catalogue import effect_named
 from phantom_dyn.effects.payload import point_mass_parameters
 from phantom_dyn.robot import Tolerance
 
@@ -175,11 +174,11 @@ def test_a_known_payload_comes_back(lab, planar2, trusted, mass, center):
     robot = trusted(planar2)
     motion = lab.motion(2, 4)
     theta = np.array([mass, *center])
-    torque = effect_named("payload").torque(robot, motion, None, theta)
+    torque = lab.acting(robot, motion, "payload", None, *theta)
     prepared = lab.prepared(robot, (lab.recording(robot, motion, torque, noise=0.01),))
     term = prepared.term("payload", None)
     found = fit(prepared.problem, (term,))
-    got = term.effect.from_coefficients(robot, None, found.theta[list(term.columns)], np.nan)
+    got = term.effect.from_coefficients(robot, None, found.theta[list(term.columns)], ())
     # The arm is planar: the centre along the hinges leaves no trace.
     np.testing.assert_allclose(got[[0, 1, 3]], theta[[0, 1, 3]], atol=0.03 * max(mass, 0.3))
 
@@ -196,7 +195,7 @@ def test_a_known_torque_constant_comes_back(lab, planar2, trusted, ratio):
     prepared = lab.prepared(robot, (recording,))
     terms = (prepared.term("torque_constant", "shoulder"), prepared.term("coulomb_friction", "elbow"))
     found = fit(prepared.problem, terms)
-    got = terms[0].effect.from_coefficients(robot, "shoulder", found.theta[list(terms[0].columns)], np.nan)
+    got = terms[0].effect.from_coefficients(robot, "shoulder", found.theta[list(terms[0].columns)], ())
     assert got[0] == pytest.approx(ratio, rel=2e-3)
 
 

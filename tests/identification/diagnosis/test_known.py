@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 import yaml
 
-from identification.diagnosis.columns import KnownEffect
 from identification.diagnosis.diagnose import diagnose
 from identification.diagnosis.known import known_effects
 from identification.diagnosis.result import Diagnosis
+from identification.diagnosis.terms import KnownEffect
 from identification.export.corrected import write_corrected
 from phantom_dyn.effects.catalogue import effect_named
 from phantom_dyn.errors import ParameterError
@@ -99,7 +99,7 @@ def test_what_a_diagnosis_found_is_no_gap_when_it_is_known(lab, planar2, tmp_pat
     # Known truth: the only gap is what the first diagnosis found.
     joint, theta = ROUND_TRIPS[name]
     motion = lab.motion(2, 3, seconds=20.0, swing=1.5)
-    torque = effect_named(name).torque(planar2, motion, joint, np.array(theta))
+    torque = lab.acting(planar2, motion, name, joint, *theta)
     recording = lab.recording(planar2, motion, torque)
     first = diagnose(planar2, (recording,))
     assert first.findings
@@ -113,7 +113,7 @@ def test_a_load_is_all_that_is_left_of_a_loaded_robot_whose_friction_is_known(la
     # Contract: diagnose the bare robot, then the loaded one with it, and only the load is left to find.
     motion = lab.motion(2, 3, seconds=20.0, swing=1.5)
     friction = -0.3 * np.sign(motion.v) * [0.0, 1.0]
-    load = effect_named("payload").torque(planar2, motion, None, np.array([0.6, 0.03, 0.0, -0.35]))
+    load = lab.acting(planar2, motion, "payload", None, 0.6, 0.03, 0.0, -0.35)
     bare = diagnose(planar2, (lab.recording(planar2, motion, friction),))
     known = known_effects((saved(bare, planar2, tmp_path),), planar2)
     loaded = diagnose(planar2, (lab.recording(planar2, motion, friction + load, seed=1),), known=known)

@@ -12,7 +12,7 @@ from phantom_dyn.effects.catalogue import effect_named
 def loaded(lab, planar2):
     """The arm with a load of 0.6 kg, 0.35 m below the elbow, and friction on the elbow."""
     motion = lab.motion(2, 4, seconds=20.0)
-    torque = effect_named("payload").torque(planar2, motion, None, np.array([0.6, 0.0, 0.0, -0.35]))
+    torque = lab.acting(planar2, motion, "payload", None, 0.6, 0.0, 0.0, -0.35)
     torque = torque - 0.3 * np.sign(motion.v) * [0.0, 1.0]
     return lab.prepared(planar2, (lab.recording(planar2, motion, torque),))
 
@@ -78,8 +78,8 @@ def test_base_parameters_alone_predict_what_all_of_them_do(loaded, planar2, lab,
     alone = np.array([values[name].value if name in values else 0.0 for name in names])
     motion = lab.motion(2, 77, seconds=2.0)
     np.testing.assert_allclose(
-        effect.torque(planar2, motion, joint, alone),
-        effect.torque(planar2, motion, joint, found.theta[list(term.columns)]),
+        lab.acting(planar2, motion, effect.name, joint, *alone),
+        lab.acting(planar2, motion, effect.name, joint, *found.theta[list(term.columns)]),
         atol=1e-8,
     )
 

@@ -15,7 +15,6 @@ from identification.diagnosis.search import (
     price,
     rank_of,
     replaced,
-    set_up_search,
     with_term,
 )
 from phantom_dyn.motion import Motion
@@ -164,7 +163,7 @@ def test_two_effects_at_once_are_found_on_their_joints(lab, planar2):
 def test_a_threshold_that_no_gain_reaches_keeps_every_claim_away(lab, planar2):
     motion = lab.motion(2, 3)
     prepared = lab.prepared(planar2, (lab.recording(planar2, motion, -np.sign(motion.v) * [0.0, 0.3]),))
-    assert explain(set_up_search(prepared.problem, 1e9, np.zeros(2)), silent) == frozenset()
+    assert explain(prepared.searched(1e9), silent) == frozenset()
 
 
 def test_the_search_tells_what_it_does(quiet):
