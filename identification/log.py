@@ -64,6 +64,7 @@ class Log:
         tau: Drive torque [N m or N] at the same instants, shape ``(N, nv)``.
         band: Filter for torque and regressor columns alike.
         valid: False where a sample must not be used (excluded, in a gap), shape ``(N,)``.
+        raw_q: Positions [rad or m] before they were low-passed, shape ``(N, nv)``; None where nobody kept them.
     """
 
     file: str
@@ -72,6 +73,7 @@ class Log:
     tau: Float[Array, "N nv"]
     band: Band
     valid: Bool[Array, " N"]
+    raw_q: Float[Array, "N nv"] | None = None
 
     def __post_init__(self):
         object.__setattr__(self, "tau", read_only(self.tau))

@@ -124,6 +124,11 @@ def differentiate(q: Float[Array, "N nv"], rate_hz: float, cutoff_hz: float) -> 
     return q, spline(grid, 1), spline(grid, 2)
 
 
+def motion_edge(band: Band) -> float:
+    """Frequency [Hz] up to which the positions are kept: far above the band, so that it leaves no trace inside."""
+    return min(_MOTION_BAND * band.cutoff_hz, 0.4 * band.rate_hz)
+
+
 def process(recording: Recording, robot: Robot, *, cutoff_hz: float | None = None) -> Log:
     """The log of one recording; the band is chosen from the data unless it is given.
 
@@ -147,8 +152,8 @@ def process(recording: Recording, robot: Robot, *, cutoff_hz: float | None = Non
             f"{recording.file} lasts {t[-1] - t[0]:.2f} s, too short for a band of {band.cutoff_hz:.1f} Hz: "
             "record at least ten seconds of motion."
         )
-    q, v, a = differentiate(q, rate, min(_MOTION_BAND * band.cutoff_hz, 0.4 * rate))
-    return Log(recording.file, recording.joint_names, Motion(t, q, v, a), tau, band, valid)
+    smooth, v, a = differentiate(q, rate, motion_edge(band))
+    return Log(recording.file, recording.joint_names, Motion(t, smooth, v, a), tau, band, valid, q)
 
 
 def process_all(recordings: tuple[Recording, ...], robot: Robot) -> tuple[tuple[Log, ...], float]:

@@ -10,6 +10,7 @@ from jaxtyping import Float
 
 from identification.diagnosis.bounds import smallest_seen
 from identification.diagnosis.columns import Columns
+from identification.diagnosis.encoder_noise import Coarse
 from identification.diagnosis.fitting import Fitted
 from identification.diagnosis.flexible import held_out_ridge, state_features
 from identification.diagnosis.gap import (
@@ -24,6 +25,7 @@ from identification.diagnosis.locate import regime_shares
 from identification.diagnosis.noise import rms
 from identification.diagnosis.parameters import Neighbour, finding_parameters
 from identification.diagnosis.problem import Problem
+from identification.diagnosis.quantized import findings_of, floor_without, rounded
 from identification.diagnosis.result import (
     Adjusted,
     Diagnosis,
@@ -55,6 +57,7 @@ def assemble(
     search: Search,
     chosen: frozenset[Term],
     noise: tuple[Float[Array, "n nv"], ...],
+    coarse: tuple[Coarse, ...],
     progress: Callable[[str], None],
     started: float,
 ) -> Diagnosis:
@@ -79,10 +82,16 @@ def assemble(
     # What is left is at least noise, so noise is at most what is left.
     left = sums(problem, whole).rms()
     floor = np.minimum(noise_floor(columns, logs, cutoff_hz, noise), np.where(left > 0, left, np.inf))
+    rounding = rounded(problem, logs, cutoff_hz, coarse, floor)
+    floor = floor_without(rounding, floor)
     judge = Judge(problem, logs, cutoff_hz, floor)
     smooth = tuple(w - p for w, p in zip(whole, _flexible_rest(problem, logs, whole), strict=True))
     predicted = tuple(r - s for r, s in zip(rest, smooth, strict=True))
-    findings = _findings(robot, search, plain, chosen, judge, before)
+    findings = (
+        *_findings(robot, search, plain, chosen, judge, before),
+        *findings_of(robot, rounding, before, floor),
+    )
+    findings = tuple(sorted(findings, key=lambda finding: -finding.gap_closed))
     shares = [regime_shares(columns, logs, given, j) for j in range(robot.nv)]
     unexplained = _unexplained(robot, judge, predicted, before, after, sums(problem, smooth), chosen - named)
     progress("stating what would have been seen")
@@ -92,7 +101,7 @@ def assemble(
             joint,
             robot.torque_units[j],
             float(before.rms()[j]),
-            float(after.rms()[j]),
+            float(np.sqrt(max(after.rms()[j] ** 2 - rounding.total[j], 0.0))),
             float(judge.floor[j]),
             int(after.counts[:, j].sum()),
         )
@@ -158,7 +167,7 @@ def _findings(
                 verdict="one_of" if standing.rivals else "supported",
             )
         )
-    return tuple(sorted(out, key=lambda finding: -finding.gap_closed))
+    return tuple(out)
 
 
 def neighbours_of(search: Search, chosen: frozenset[Term], term: Term) -> tuple[Neighbour, ...]:

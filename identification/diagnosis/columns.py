@@ -43,6 +43,7 @@ class Columns:
         model_torque: For each log, modelled torque in the band, ``(n, nv)``.
         usable: For each log, samples that may be used on each row, ``(n, nv)``.
         operations: For each log, motion and torque at the full rate.
+        local: Where the columns of each effect stand.
     """
 
     names: tuple[str, ...]
@@ -54,6 +55,7 @@ class Columns:
     model_torque: tuple[Float[Array, "n nv"], ...]
     usable: tuple[Bool[Array, "n nv"], ...]
     operations: tuple[Operation, ...]
+    local: tuple[Local, ...]
 
 
 @dataclass(frozen=True)
@@ -100,6 +102,7 @@ def build_columns(
     cutoff_hz: float,
     known: tuple[KnownEffect, ...] = (),
     found: tuple[FoundEffect, ...] = (),
+    like: Columns | None = None,
 ) -> Columns:
     """Columns of every nuisance and of every effect at every place.
 
@@ -110,11 +113,15 @@ def build_columns(
             the same noise as in the residual, and a fit would take it for inertia that is too large.
         known: Effects that belong to the given model already.
         found: What the last fit has found, about which laws that are not linear are taken.
+        like: Columns of other logs of the same robot, whose effects and shapes are taken.
     """
     moves = moves_of(robot)
     operations = tuple(operate(robot, log, known, found) for log in logs)
-    names = [move.nuisance.name for move in moves] + list(parameter_names(robot))
-    terms, local = _lay_out(robot, merged(operations), len(moves), names, found)
+    if like is None:
+        names = [move.nuisance.name for move in moves] + list(parameter_names(robot))
+        terms, local = _lay_out(robot, merged(operations), len(moves), names, found)
+    else:
+        names, terms, local = list(like.names), like.terms, like.local
     bodies = range(len(moves), len(moves) + len(parameter_names(robot)))
     rows = []
     for j in range(robot.nv):
@@ -142,6 +149,7 @@ def build_columns(
         tuple(torque),
         tuple(usable),
         operations,
+        local,
     )
 
 

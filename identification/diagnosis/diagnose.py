@@ -12,6 +12,7 @@ from jaxtyping import Float, Int
 from identification.diagnosis.assemble import assemble
 from identification.diagnosis.blocks import Block, assign_folds, build_grams, split_blocks
 from identification.diagnosis.columns import Columns, build_columns
+from identification.diagnosis.encoder_noise import coarse_joints, reading_steps, spurious_gains
 from identification.diagnosis.fitting import Fitted
 from identification.diagnosis.gap import row_counts, row_losses
 from identification.diagnosis.noise import estimate_noise, smaller_noise, weights_of
@@ -20,7 +21,7 @@ from identification.diagnosis.problem import set_up
 from identification.diagnosis.result import Diagnosis
 from identification.diagnosis.search import Search, explain, ordered, set_up_search
 from identification.diagnosis.terms import FoundEffect, KnownEffect, Term
-from identification.diagnosis.whitening import whitened
+from identification.diagnosis.whitening import whitened, whitened_noise
 from identification.recordings import Recording
 from identification.signals import process_all, within_limits
 from phantom_dyn.errors import LogError
@@ -79,7 +80,11 @@ def diagnose(
         )
     progress("estimating the noise")
     noise = estimate_noise(columns, logs, blocks, folds)
-    search, chosen = _search(columns, blocks, folds, noise, progress)
+    steps = reading_steps(robot, every)
+    search = _set_up(columns, blocks, folds, noise)
+    spurious = spurious_gains(robot, search, logs, cutoff_hz, steps, known, noise)
+    search = _with_thresholds(search, noise, spurious, progress)
+    chosen = explain(search, progress)
     for _ in range(_REFINEMENTS):
         noise, ratio = smaller_noise(search, chosen, noise)
         found = found_effects(search.evaluate(chosen), chosen)
@@ -88,31 +93,37 @@ def diagnose(
         # Laws that are not linear are taken again about what was found, and noise is what the findings leave.
         if found:
             columns = build_columns(robot, logs, cutoff_hz, known, found)
-        search, chosen = _search(columns, blocks, folds, noise, progress, found)
+        search = _with_thresholds(_set_up(columns, blocks, folds, noise), noise, spurious, progress)
+        chosen = explain(search, progress, same_effects(search, found))
+    coarse = coarse_joints(robot, columns, logs, steps)
     progress("comparing rivals")
-    return assemble(robot, every, logs, cutoff_hz, search, chosen, noise, progress, started)
+    return assemble(robot, every, logs, cutoff_hz, search, chosen, noise, coarse, progress, started)
 
 
-def _search(
-    columns: Columns,
-    blocks: tuple[Block, ...],
-    folds: Int[Array, " B"],
-    noise: tuple[Float[Array, "n nv"], ...],
-    progress: Callable[[str], None],
-    found: tuple[FoundEffect, ...] = (),
-) -> tuple[Search, frozenset[Term]]:
-    """The best set of effects for given noise, starting from what an earlier search has found."""
+def _set_up(
+    columns: Columns, blocks: tuple[Block, ...], folds: Int[Array, " B"], noise: tuple[Float[Array, "n nv"], ...]
+) -> Search:
+    """Rivals with products for given noise, without thresholds yet."""
     white, white_noise = whitened(columns, noise)
     weights = weights_of(white, white_noise)
     problem = set_up(columns, white, blocks, weights, build_grams(white, blocks, folds, weights))
-    search = set_up_search(problem, 0.0, np.zeros(len(columns.rows)))
+    return set_up_search(problem, 0.0, np.zeros(len(columns.rows)), {})
+
+
+def _with_thresholds(
+    search: Search,
+    noise: tuple[Float[Array, "n nv"], ...],
+    spurious: dict[tuple[str, str | None], float],
+    progress: Callable[[str], None],
+) -> Search:
+    """The same rivals with what chance, encoder noise and the accuracy of the method give."""
     progress("measuring what chance gives")
-    threshold = max(_LEAST_GAIN, null_threshold(search, white_noise))
+    problem = search.problem
+    threshold = max(_LEAST_GAIN, null_threshold(search, whitened_noise(noise)))
     given, gap = (
         np.maximum(loss - row_counts(problem), 0.0) for loss in row_losses(problem, search.evaluate(frozenset()))
     )
-    search = set_up_search(problem, threshold, _LEAST_SHARE * gap + _ACCURACY * given)
-    return search, explain(search, progress, same_effects(search, found))
+    return set_up_search(problem, threshold, _LEAST_SHARE * gap + _ACCURACY * given, spurious)
 
 
 def found_effects(fitted: Fitted, chosen: frozenset[Term]) -> tuple[FoundEffect, ...]:

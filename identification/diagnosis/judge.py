@@ -129,4 +129,4 @@ def narrow_search(
     weights = weights_of(narrow, in_judged_band(noise, logs, cutoff_hz))
     grams = build_grams(narrow, problem.blocks, problem.grams.fold, weights)
     plain = set_up(columns, narrow, problem.blocks, weights, grams)
-    return set_up_search(plain, search.threshold, search.row_thresholds)
+    return set_up_search(plain, search.threshold, search.row_thresholds, search.spurious)

@@ -24,8 +24,13 @@ PARAMETER_PRICE = 5.0
 # Standard errors over blocks by which a gain has to be positive, unless it is very large.
 _SIGNIFICANT = 2.0
 _MOST_TERMS = 40
+# A gain has to be this many times what encoder noise alone gives, beyond what chance gives.
+_SPURIOUS = 2.0
 # Rivals that are judged on held-out data in one step, the best in sample.
 _MOST_JUDGED = 24
+# Structures without a name that are taken in, and how many of them are judged on held-out data in one step.
+_MOST_NAMELESS = 4
+_NAMELESS_JUDGED = 8
 # Swaps that are evaluated on held-out data, the best in sample.
 _WORTH_TRYING = 8
 
@@ -44,6 +49,7 @@ class Search:
         threshold: Held-out gain below which no effect is claimed.
         row_thresholds: The same for the part of the gain on each row, ``(nv,)``: what touches a row with a large gap
             has to close a fair part of it.
+        spurious: What encoder noise alone lets each effect gain.
     """
 
     problem: Problem
@@ -54,6 +60,7 @@ class Search:
     besides: Callable[[frozenset[Term]], Beside]
     threshold: float
     row_thresholds: Float[Array, " nv"]
+    spurious: dict[tuple[str, str | None], float]
 
     def score(self, chosen: frozenset[Term]) -> float:
         """Held-out loss plus the price of the parameters; lower is better.
@@ -108,7 +115,12 @@ def rank_of(problem: Problem, term: Term) -> int:
     return min(rank + (0 if term.effect.shape_is_estimate else len(term.shape)), term.size)
 
 
-def set_up_search(problem: Problem, threshold: float, row_thresholds: Float[Array, " nv"]) -> Search:
+def set_up_search(
+    problem: Problem,
+    threshold: float,
+    row_thresholds: Float[Array, " nv"],
+    spurious: dict[tuple[str, str | None], float],
+) -> Search:
     """A search over all terms that leave any trace in the recordings."""
     sizes = {term: rank_of(problem, term) for term in problem.columns.terms}
     terms = tuple(term for term in problem.columns.terms if sizes[term] > 0)
@@ -135,7 +147,7 @@ def set_up_search(problem: Problem, threshold: float, row_thresholds: Float[Arra
     def besides(chosen: frozenset[Term]) -> Beside:
         return beside(problem, fitted(chosen, False))
 
-    return Search(problem, terms, sizes, evaluate, quick, besides, threshold, row_thresholds)
+    return Search(problem, terms, sizes, evaluate, quick, besides, threshold, row_thresholds, spurious)
 
 
 def contains(rich: Term, simple: Term) -> bool:
@@ -171,14 +183,16 @@ def possible(chosen: frozenset[Term], term: Term) -> bool:
 def least_gain(search: Search, terms: frozenset[Term]) -> float:
     """Held-out gain that a claim of these effects needs: more than chance, and a fair part of the gap it touches."""
     rows = sorted(set().union(*(rows_of(search.problem, term) for term in terms)))
-    return max(search.threshold, float(search.row_thresholds[rows].sum()))
+    noise = sum(search.spurious.get(term.place, 0.0) for term in terms)
+    return max(search.threshold, float(search.row_thresholds[rows].sum())) + _SPURIOUS * noise
 
 
 def claimed(search: Search, chosen: frozenset[Term], without: frozenset[Term]) -> bool:
     """True if what ``chosen`` has beyond ``without`` gains on held-out data what chance does not.
 
-    The gain has to be above the threshold, in sample too, and positive from block to block; a gain ten times the
-    threshold may sit in a few blocks only, as that of an effect that acts rarely does.
+    The gain has to be above the threshold, in sample too, and either positive from block to block or above the
+    threshold without its best block too; a gain ten times the threshold may sit in few blocks only, as that of an
+    effect that acts rarely does.
     """
     rich, plain = search.evaluate(chosen), search.evaluate(without)
     # In sample a gain can only be larger, unless chance has made the few held-out blocks agree.
@@ -187,7 +201,8 @@ def claimed(search: Search, chosen: frozenset[Term], without: frozenset[Term]) -
     extra = search.price_of(chosen) - search.price_of(without)
     needed = least_gain(search, chosen - without) + max(extra - PARAMETER_PRICE, 0.0)
     error = float(np.sqrt(len(gains)) * gains.std()) + 1e-12
-    return gain > needed and (gain > _SIGNIFICANT * error or gain > 10 * needed)
+    lasting = gain > _SIGNIFICANT * error or gain - float(gains.max()) > needed
+    return gain > needed and (lasting or gain > 10 * needed)
 
 
 def explain(search: Search, progress: Callable[[str], None], start: frozenset[Term] = frozenset()) -> frozenset[Term]:
@@ -198,7 +213,7 @@ def explain(search: Search, progress: Callable[[str], None], start: frozenset[Te
         progress: Told in words what is being done.
         start: What an earlier search has found.
     """
-    chosen = _drop(search, start)
+    chosen = _drop(search, frozenset(term for term in start if term.named))
     for _ in range(4):
         before = chosen
         chosen = _forward(search, chosen, progress)
@@ -206,7 +221,43 @@ def explain(search: Search, progress: Callable[[str], None], start: frozenset[Te
         chosen = _swap(search, _drop(search, chosen))
         if chosen == before:
             break
+    return _nameless(search, chosen, progress)
+
+
+def _nameless(search: Search, chosen: frozenset[Term], progress: Callable[[str], None]) -> frozenset[Term]:
+    """Structures that the catalogue has no name for, added to what it explains or put in its place.
+
+    A structure has to gain what any claim has to gain beyond the best that named effects do; what it makes needless
+    is then dropped. One that stands for several effects at a lower price takes their place.
+    """
+    progress("looking for what has no name")
+    nameless = tuple(term for term in search.terms if not term.named)
+    for _ in range(_MOST_NAMELESS):
+        best, lowest = None, search.score(chosen)
+        for base in {chosen, frozenset(term for term in chosen if not term.named)}:
+            promised = search.gains(base, nameless)
+            for term in sorted(nameless, key=lambda term: -promised[term])[:_NAMELESS_JUDGED]:
+                if promised[term] < search.threshold or not possible(base, term):
+                    continue
+                tried = _drop_named(search, with_term(base, term), chosen)
+                if search.score(tried) < lowest - search.threshold and claimed(search, tried, tried - {term}):
+                    best, lowest = tried, search.score(tried)
+        if best is None:
+            return chosen
+        chosen = best
     return chosen
+
+
+def _drop_named(search: Search, tried: frozenset[Term], chosen: frozenset[Term]) -> frozenset[Term]:
+    """A set with a structure in it, with the named effects that it still needs and without the others."""
+    for term in ordered(chosen):
+        if term.named and possible(tried, term) and claimed(search, with_term(tried, term), tried):
+            tried = with_term(tried, term) if with_term(tried, term) >= tried else tried
+    while True:
+        needless = [t for t in ordered(tried) if t.named and not claimed(search, tried, tried - {t})]
+        if not needless:
+            return tried
+        tried = tried - {min(needless, key=lambda term: search.score(tried - {term}))}
 
 
 def _forward(search: Search, chosen: frozenset[Term], progress: Callable[[str], None]) -> frozenset[Term]:
@@ -218,7 +269,7 @@ def _forward(search: Search, chosen: frozenset[Term], progress: Callable[[str], 
     while len(chosen) < _MOST_TERMS:
         progress(f"trying rivals, {len(chosen)} found")
         base = search.score(chosen)
-        rivals = [term for term in search.terms if possible(chosen, term)]
+        rivals = [term for term in search.terms if term.named and possible(chosen, term)]
         promised = search.gains(chosen, tuple(rivals))
         best, most = None, 0.0
         for term in sorted(rivals, key=lambda term: -promised[term])[:_MOST_JUDGED]:
@@ -245,7 +296,7 @@ def _drop(search: Search, chosen: frozenset[Term]) -> frozenset[Term]:
 
 def alternatives(search: Search, term: Term) -> tuple[frozenset[Term], ...]:
     """Sets of effects that could stand for ``term``: single ones, and pairs and triples of its special cases."""
-    single = [frozenset([other]) for other in search.terms if other.place != term.place]
+    single = [frozenset([other]) for other in search.terms if other.named and other.place != term.place]
     parts = [other for other in search.terms if contains(term, other) and other.joint == term.joint]
     several = [frozenset(group) for size in (2, 3) for group in combinations(parts, size)]
     same = [frozenset([other]) for other in search.terms if other.place == term.place and other is not term]

@@ -61,7 +61,14 @@ def whitened(
     white = replace(
         columns, values=tuple(values), residual=tuple(residual), model_torque=tuple(torque), usable=tuple(usable)
     )
-    return white, tuple(np.column_stack([filtered(kernels[j], part[:, j]) for j in rows]) for part in noise)
+    return white, whitened_noise(noise)
+
+
+def whitened_noise(noise: tuple[Float[Array, "n nv"], ...]) -> tuple[Float[Array, "n nv"], ...]:
+    """The noise of each log through the filters that whiten it."""
+    rows = range(noise[0].shape[1])
+    kernels = [noise_filter([part[:, j] for part in noise]) for j in rows]
+    return tuple(np.column_stack([filtered(kernels[j], part[:, j]) for j in rows]) for part in noise)
 
 
 def _reached(length: int, usable: Bool[Array, " n"]) -> Bool[Array, " n"]:

@@ -20,6 +20,10 @@ Array = np.ndarray
 # A lattice is believed if this share of the readings lies within a tenth of a step of it; a fifth would by chance.
 _SHARE = 0.98
 _NEAR = 0.1
+# Height of the first line of a comb that is believed, of one at most.
+_COMB = 0.6
+# Stated steps over the whole travel beyond which a comb is not looked for.
+_LONGEST = 20_000_000
 # Fewer levels than this may lie on any lattice.
 _LEAST_LEVELS = 8
 # Places among the sorted distances of neighbouring levels to begin with: a few wrong readings make some too short.
@@ -59,6 +63,34 @@ def step_of(readings: Float[Array, " N"], stated: float | None = None) -> float 
         if sharp is not None and _share_on_lattice(levels, sharp) >= _SHARE:
             return sharp
     return None
+
+
+def coarse_step(readings: Float[Array, " N"], stated: float) -> float | None:
+    """A step coarser than ``stated`` about whose multiples the readings gather, noise of a few stated steps allowed.
+
+    The levels that were read, each counted once, are seen as a comb: its spectrum is near one at the frequency of its
+    teeth, and near zero where every level in between was read.
+
+    Args:
+        readings: Raw positions of one joint, as recorded.
+        stated: Step that they should have.
+    """
+    places = np.unique(np.round((readings - readings.min()) / stated).astype(int))
+    length = int(places[-1]) + 1
+    if len(places) < 2 * _LEAST_LEVELS or length > _LONGEST:
+        return None
+    comb = np.zeros(length)
+    comb[places] = 1.0
+    # Four times as long with zeros: the step is wanted to a fraction of a line.
+    height = np.abs(np.fft.rfft(comb, 4 * length)) / len(places)
+    first = 4 * _LEAST_LEVELS
+    teeth = np.flatnonzero(height[first:] > _COMB)
+    if len(teeth) == 0:
+        return None
+    start = first + int(teeth[0])
+    peak = start + int(np.argmax(height[start : start + 8]))
+    step = 4 * length * stated / peak
+    return step if step > 1.5 * stated else None
 
 
 def _levels(readings: Array) -> Array:

@@ -1,0 +1,79 @@
+"""Readings coarser than stated, as findings: their lattice proves them, and the torque they feign is their gap."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from jaxtyping import Float
+
+from identification.diagnosis.encoder_noise import Coarse
+from identification.diagnosis.gap import Sums, in_judged_band, sums
+from identification.diagnosis.problem import Problem
+from identification.diagnosis.result import Finding, Value
+from identification.log import Log
+from phantom_dyn.effects.encoder_quantization import EncoderQuantization
+from phantom_dyn.robot import Robot
+
+Array = np.ndarray
+
+# A coarse reading counts if it makes at least this share of some joint's squared noise.
+_LEAST = 0.05
+# The noise that is left when what the reading makes is taken out is not known better than to this share.
+_CERTAIN = 0.3
+
+
+@dataclass(frozen=True)
+class Rounded:
+    """Coarse joints that matter, and the squared torque that their rounding feigns.
+
+    Attributes:
+        coarse: The joints.
+        energy: Of each, mean squared torque on every joint, ``(nv,)``.
+    """
+
+    coarse: tuple[Coarse, ...]
+    energy: tuple[Float[Array, " nv"], ...]
+
+    @property
+    def total(self) -> Float[Array, " nv"]:
+        """Of all together."""
+        return np.sum(self.energy, axis=0)
+
+
+def rounded(
+    problem: Problem, logs: tuple[Log, ...], cutoff_hz: float, coarse: tuple[Coarse, ...], floor: Float[Array, " nv"]
+) -> Rounded:
+    """Coarse joints whose rounding is seen in the judged band, above a share of the noise on some joint."""
+    kept, energy = [], []
+    for one in coarse:
+        squares = sums(problem, in_judged_band(one.torque, logs, cutoff_hz)).rms() ** 2
+        if np.any(squares > _LEAST * floor**2):
+            kept.append(one)
+            energy.append(squares)
+    if not kept:
+        return Rounded((), (np.zeros(len(floor)),))
+    return Rounded(tuple(kept), tuple(energy))
+
+
+def floor_without(rounding: Rounded, floor: Float[Array, " nv"]) -> Float[Array, " nv"]:
+    """Noise floor of encoders as fine as stated."""
+    return np.sqrt(np.maximum(floor**2 - rounding.total, (_CERTAIN * floor) ** 2)) if rounding.coarse else floor
+
+
+def findings_of(robot: Robot, rounding: Rounded, before: Sums, floor: Float[Array, " nv"]) -> tuple[Finding, ...]:
+    """One finding for each coarse joint."""
+    effect = EncoderQuantization()
+    gap = max(float(np.mean(before.rms() ** 2 / floor**2)) - 1.0, 1e-9)
+    out = []
+    for one, energy in zip(rounding.coarse, rounding.energy, strict=False):
+        joint = robot.joint_names[one.row]
+        closed = float(min(np.mean(energy / floor**2) / gap, 1.0))
+        # The energy of rounding is that of a uniform law: known to about the root of two over the samples' number.
+        spread = 2.0 * closed / np.sqrt(max(before.counts.sum() / len(floor), 1.0))
+        unit = effect.parameters(robot, joint)[0].unit
+        # Distances of levels are known to rounding of numbers; a hundredth of a step is on the safe side.
+        step = Value(one.step, 0.01 * one.step, unit)
+        interval = (max(closed - spread, 0.0), min(closed + spread, 1.0))
+        out.append(Finding(effect.name, joint, effect.regime, {"step": step}, closed, interval, 1.0, (), "supported"))
+    return tuple(out)
