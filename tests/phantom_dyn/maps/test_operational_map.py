@@ -168,7 +168,9 @@ def test_another_posture_gives_another_branch():
     # Closed form: with q2 above and below q5 the elbow is on either side.
     robot = load_robot("cea_branch")
     point = np.array([[0.5, 0.0, 0.1]])
-    up, down = (nearest_branch(map_model(robot, posture=np.array(q)), point, None)[0] for q in ([0, -1, 1], [0, 1, -1]))
+    up, down = (
+        nearest_branch(map_model(robot, posture=np.array(q)), point, None)[0] for q in ([0.0, -1, 1], [0.0, 1, -1])
+    )
     assert up[1] < up[2]
     assert down[1] > down[2]
 
@@ -185,7 +187,7 @@ def test_a_map_over_joints_of_a_six_joint_arm(configurations):
     from phantom_dyn.kinematics import frame_jacobian
 
     robot = load_robot("example:ur10")
-    model = map_model(robot, posture=np.array([0, -1, 1, 0.3, 0.5, 0]))
+    model = map_model(robot, posture=np.array([0.0, -1, 1, 0.3, 0.5, 0]))
     grid = read_grid("q.elbow_joint=0.5:1.5:3", model.joint_names)
     q = np.repeat(model.posture[None], 3, axis=0)
     q[:, 2] = grid.values[0]
