@@ -1,0 +1,57 @@
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from phantom_dyn.dynamics import inverse_dynamics, link_torque
+from phantom_dyn.effects.displaced import (
+    change_by_link,
+    change_by_reading,
+    displaced,
+    exact_change_by_link,
+    exact_change_by_reading,
+    link_load,
+)
+from phantom_dyn.effects.operation import Operation
+from phantom_dyn.motion import Motion
+
+STEP = 1e-6
+
+
+@pytest.fixture
+def moving(planar, rng):
+    q, v, a = rng.uniform(-1.5, 1.5, (3, 30, 2))
+    return Operation.of(planar, Motion(np.arange(30.0), q, v, a))
+
+
+@pytest.fixture
+def shifts(rng):
+    return rng.normal(size=(3, 30))
+
+
+def slope(torque, robot, motion, shifts):
+    """Central finite difference of a torque along a shift of the elbow."""
+    ends = [torque(robot, displaced(motion, 1, *(sign * STEP * shifts))) for sign in (-1.0, 1.0)]
+    return (ends[1] - ends[0]) / (2 * STEP)
+
+
+def test_a_reading_moves_rotor_friction_and_link(planar, moving, shifts):
+    expected = slope(inverse_dynamics, planar, moving, shifts)
+    np.testing.assert_allclose(change_by_reading(moving, 1, *shifts), expected, atol=1e-6)
+
+
+def test_a_link_moves_without_rotor_and_friction(planar, moving, shifts):
+    expected = slope(link_torque, planar, moving, shifts)
+    np.testing.assert_allclose(change_by_link(moving, 1, *shifts), expected, atol=1e-6)
+
+
+@pytest.mark.parametrize(
+    ("exact", "first_order"), [(exact_change_by_link, change_by_link), (exact_change_by_reading, change_by_reading)]
+)
+def test_the_exact_change_is_that_of_first_order_for_small_shifts(planar, moving, shifts, exact, first_order):
+    change = exact(planar, moving, 1, *(STEP * shifts)) / STEP
+    np.testing.assert_allclose(change, first_order(moving, 1, *shifts), atol=1e-4)
+
+
+def test_the_load_of_a_link_is_the_torque_without_rotor_and_friction(planar, moving):
+    np.testing.assert_allclose(link_load(moving, 1), link_torque(planar, moving)[:, 1], atol=1e-10)
