@@ -85,16 +85,22 @@ def chosen_batches(given: argparse.Namespace) -> list[tuple[str, range]]:
     return batches or list(REPORTING.items())
 
 
-def main(arguments: list[str] | None = None) -> int:
-    parser = argparse.ArgumentParser(description="Write sealed cases and their answers.")
-    parser.add_argument("--seeds", type=seed_range, metavar="FIRST:END", help="of --kind")
-    parser.add_argument("--kind", choices=KINDS, default="mixed")
+def parser() -> argparse.ArgumentParser:
+    """The options of this command."""
+    out = argparse.ArgumentParser(description="Write sealed cases and their answers.")
+    out.add_argument("--seeds", type=seed_range, metavar="FIRST:END", help="of --kind")
+    out.add_argument("--kind", choices=KINDS, default="mixed")
     for kind, option in OPTIONS.items():
-        parser.add_argument(option, dest=kind, type=seed_range, metavar="FIRST:END", help=f"seeds of kind {kind}")
-    parser.add_argument("--cases", type=Path, required=True, metavar="DIR", help="what the diagnosis may see")
-    parser.add_argument("--answers", type=Path, required=True, metavar="DIR", help="what only the scorer may see")
-    parser.add_argument("--jobs", type=int, default=2)
-    given = parser.parse_args(arguments)
+        out.add_argument(option, dest=kind, type=seed_range, metavar="FIRST:END", help=f"seeds of kind {kind}")
+    out.add_argument("--cases", type=Path, required=True, metavar="DIR", help="what the diagnosis may see")
+    out.add_argument("--answers", type=Path, required=True, metavar="DIR", help="what only the scorer may see")
+    out.add_argument("--jobs", type=int, default=2)
+    return out
+
+
+def main(arguments: list[str] | None = None) -> int:
+    """Writes the cases that are not there yet."""
+    given = parser().parse_args(arguments)
     count = 0
     for kind, seeds in chosen_batches(given):
         count += len(draw_many(seeds, kind, given.cases, given.answers, given.jobs))

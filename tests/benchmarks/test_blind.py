@@ -14,7 +14,7 @@ import pytest
 # The benchmarks are no part of the installed packages.
 sys.path.insert(0, str(Path(__file__).resolve().parents[2]))
 
-from benchmarks.blind.generate import draw_many, draw_one, main, seed_range
+from benchmarks.blind.generate import KINDS, REPORTING, chosen_batches, draw_many, draw_one, main, parser, seed_range
 from benchmarks.blind.generator.case import case_id, draw_case, resolved_kind
 from benchmarks.blind.generator.effects import SINGLE_EFFECTS
 from benchmarks.blind.run import default_command, diagnose_all
@@ -22,9 +22,16 @@ from benchmarks.blind.score import load_pairs
 from benchmarks.blind.seal import NAME, decrypted, encrypted, sealed
 
 CHECKOUT = Path(__file__).resolve().parents[2]
-SEED = 11  # a pendulum: the quickest to move
-DOZEN = (("single", range(20, 28)), ("null", range(30, 34)))
-TOP1_OF_LARGE_SINGLES = 4  # at least so many of the dozen's single effects of four noise floors or more
+SEED = 12  # a pendulum: the quickest to move
+# Pendulum, planar arm, three-joint arm and PHANToM, an offset, and each other kind.
+DOZEN = (
+    ("single", range(4)),
+    ("single", range(12, 13)),
+    ("null", range(4)),
+    ("pair", range(1, 2)),
+    ("outside", range(0, 2)),
+)
+TOP1_OF_LARGE_SINGLES = 3  # at least so many of the dozen's single effects of four noise floors or more
 LARGE = 4.0
 
 
@@ -44,7 +51,7 @@ def test_the_generator_runs_where_the_diagnosis_and_its_engine_cannot_be_importe
 
         sys.meta_path.insert(0, Refuse())
         from benchmarks.blind.generator.case import draw_case
-        print(draw_case(11, "null").answer["kind"])
+        print(draw_case(0, "null").answer["kind"])
     """
     done = subprocess.run(
         [sys.executable, "-c", textwrap.dedent(code)], cwd=CHECKOUT, capture_output=True, text=True, check=False
@@ -59,7 +66,7 @@ def test_a_case_is_a_function_of_its_seed(case):
 
 
 def test_other_seeds_give_other_ids():
-    assert len({case_id(seed, kind) for seed in range(50) for kind in ("null", "single")}) == 100
+    assert len({case_id(seed, kind) for seed in range(50) for kind in KINDS[1:]}) == 200
 
 
 def test_a_mixed_case_is_the_same_case_as_the_kind_it_turns_out_to_be():
@@ -72,7 +79,7 @@ def test_about_half_of_mixed_cases_are_nulls():
 
 
 def test_an_unknown_kind_is_refused():
-    with pytest.raises(ValueError, match="No kind 'double': there are null, single and mixed"):
+    with pytest.raises(ValueError, match="No kind 'double': there are null, single, pair, outside and mixed"):
         draw_case(SEED, "double")
 
 
@@ -87,7 +94,7 @@ def test_the_case_folder_holds_robot_configuration_and_log_only(tmp_path):
 
 def test_the_effect_of_a_single_case_is_outside_the_tolerance(case):
     answer = case.answer
-    assert answer["beyond_tolerance"] >= min(0.5 * answer["size"], 2.0)
+    assert answer["beyond_tolerance"] >= 0.9 * min(0.5 * answer["paired_gap"], 2.0)
 
 
 def test_the_log_has_the_columns_of_the_contract(case):
@@ -101,6 +108,39 @@ def test_seeds_that_are_no_range_are_refused(text, capsys):
     with pytest.raises(SystemExit):
         main([f"--seeds={text}", "--cases", "x", "--answers", "y"])
     assert "are no seeds: give FIRST:END" in capsys.readouterr().err
+
+
+def test_without_seeds_the_reporting_ranges_are_written():
+    given = parser().parse_args(["--cases", "x", "--answers", "y"])
+    assert dict(chosen_batches(given)) == REPORTING
+
+
+def test_ranges_of_several_kinds_are_chosen_together():
+    given = parser().parse_args(["--singles", "0:9", "--outside", "3", "--cases", "x", "--answers", "y"])
+    assert chosen_batches(given) == [("single", range(9)), ("outside", range(3, 4))]
+
+
+def test_reporting_starts_behind_every_seed_that_was_opened_before():
+    assert min(seeds[0] for seeds in REPORTING.values()) >= 3000
+    assert {kind: len(seeds) for kind, seeds in REPORTING.items()} == {
+        "single": 250,
+        "null": 300,
+        "pair": 80,
+        "outside": 80,
+    }
+
+
+@pytest.mark.parametrize(("seed", "kind"), [(0, "normal"), (6, "full"), (12, "effect_inside")])
+def test_nulls_use_the_tolerance_in_three_ways(seed, kind):
+    answer = draw_case(seed, "null").answer
+    assert (answer["null_kind"], answer["truth"], answer["paired_gap"]) == (kind, [], 0.0)
+    assert (answer["inside"] is not None) == (kind == "effect_inside")
+
+
+def test_a_case_from_outside_names_its_cause_and_no_finding():
+    answer = draw_case(0, "outside").answer
+    assert (answer["truth"], answer["outside"]["name"]) == ([], "friction_warm_up")
+    assert answer["gap_in_floors"] == [answer["paired_gap"]]
 
 
 def test_one_seed_is_a_range_of_one():
