@@ -82,7 +82,9 @@ def assemble(
     # What is left is at least noise, so noise is at most what is left.
     left = sums(problem, whole).rms()
     floor = np.minimum(noise_floor(columns, logs, cutoff_hz, noise), np.where(left > 0, left, np.inf))
-    rounding = rounded(problem, logs, cutoff_hz, coarse, floor)
+    moved = held_out_torque(problem, frozenset(), plain.evaluate(frozenset()))
+    within = sums(problem, in_judged_band(residual_after(problem, moved), logs, cutoff_hz))
+    rounding = rounded(problem, logs, cutoff_hz, coarse, floor, noise)
     floor = floor_without(rounding, floor)
     judge = Judge(problem, logs, cutoff_hz, floor)
     smooth = tuple(w - p for w, p in zip(whole, _flexible_rest(problem, logs, whole), strict=True))
@@ -93,7 +95,7 @@ def assemble(
     )
     findings = tuple(sorted(findings, key=lambda finding: -finding.gap_closed))
     shares = [regime_shares(columns, logs, given, j) for j in range(robot.nv)]
-    unexplained = _unexplained(robot, judge, predicted, before, after, sums(problem, smooth), chosen - named)
+    unexplained = _unexplained(robot, judge, predicted, before, within, after, sums(problem, smooth), chosen - named)
     progress("stating what would have been seen")
     bounds, untested = smallest_seen(robot, merged(columns.operations), search, chosen)
     gaps = tuple(
@@ -201,6 +203,7 @@ def _unexplained(
     judge: Judge,
     predicted: tuple[Float[Array, "n nv"], ...],
     before: Sums,
+    within: Sums,
     after: Sums,
     smooth: Sums,
     nameless: frozenset[Term],
@@ -208,12 +211,13 @@ def _unexplained(
     """How much of the explainable gap is left, and where it sits if it has structure."""
     floor = judge.floor
     once = np.ones((1, len(before.counts)))
-    given, left, best = (float(s.loss(floor, once)[0]) for s in (before, after, smooth))
+    allowed, left, best = (float(s.loss(floor, once)[0]) for s in (within, after, smooth))
     gains = (after.squares - smooth.squares) / floor**2
     total = gains.sum(axis=1)
     error = float(np.sqrt(len(total)) * total.std()) + 1e-12
     structured = bool(nameless) or bool(left - best > _STRUCTURE * left and total.sum() > _STRUCTURE_ERRORS * error)
-    explainable = given - min(best, left)
+    # What moves within the tolerances explain is no gap.
+    explainable = allowed - min(best, left)
     fraction = float(np.clip((left - best) / explainable, 0.0, 1.0)) if explainable > 0 else 0.0
     joint, regime = None, None
     if structured:
@@ -231,7 +235,6 @@ def _verdict(findings: tuple[Finding, ...], unexplained: Unexplained, columns: C
         return "not_testable"
     little = not unexplained.structured or unexplained.fraction_of_explainable < 0.1
     if not findings:
-        # What the tolerance explains nine tenths of is a robot within its tolerance, not a gap of unknown cause.
         return "no_gap" if little else "unknown"
     if little:
         return "explained"

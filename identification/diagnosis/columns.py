@@ -6,11 +6,13 @@ times unknown numbers. Columns of one recording are computed once; every later f
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Callable
+from dataclasses import dataclass, replace
 
 import numpy as np
 from jaxtyping import Bool, Float
 
+from identification.diagnosis.bounded import solve
 from identification.diagnosis.nuisances import Move, Nuisance, move_columns, moves_of
 from identification.diagnosis.rest import standing_still, usable_samples
 from identification.diagnosis.terms import FoundEffect, KnownEffect, Term, merged, shapes_of
@@ -102,6 +104,7 @@ def build_columns(
     cutoff_hz: float,
     known: tuple[KnownEffect, ...] = (),
     found: tuple[FoundEffect, ...] = (),
+    rest: tuple[Float[Array, "n nv"], ...] | None = None,
     like: Columns | None = None,
 ) -> Columns:
     """Columns of every nuisance and of every effect at every place.
@@ -113,44 +116,97 @@ def build_columns(
             the same noise as in the residual, and a fit would take it for inertia that is too large.
         known: Effects that belong to the given model already.
         found: What the last fit has found, about which laws that are not linear are taken.
+        rest: What the last fit left of each log's torque, in the band; a fit of the tolerances alone if it is None.
         like: Columns of other logs of the same robot, whose effects and shapes are taken.
     """
     moves = moves_of(robot)
-    operations = tuple(operate(robot, log, known, found) for log in logs)
+    operations = [operate(robot, log, known, found) for log in logs]
+    bodies = [_bodies(robot, log, o, cutoff_hz) for log, o in zip(logs, operations, strict=True)]
+    moved = [
+        move_columns(robot, o, moves, body, log.band, _narrow(log, cutoff_hz))
+        for log, o, body in zip(logs, operations, bodies, strict=True)
+    ]
+    torque = tuple(log.band(o.tau) for log, o in zip(logs, operations, strict=True))
+    residual = tuple(log.band(log.tau) - model for log, model in zip(logs, torque, strict=True))
+    usable = tuple(usable_samples(log) for log in logs)
     if like is None:
+        rest = left_by_moves(moves, moved, residual, usable) if rest is None else rest
+        operations = [with_rest(log, o, part) for log, o, part in zip(logs, operations, rest, strict=True)]
         names = [move.nuisance.name for move in moves] + list(parameter_names(robot))
-        terms, local = _lay_out(robot, merged(operations), len(moves), names, found)
+        terms, local = _lay_out(robot, merged(tuple(operations)), len(moves), names, found)
     else:
         names, terms, local = list(like.names), like.terms, like.local
-    bodies = range(len(moves), len(moves) + len(parameter_names(robot)))
+    first = range(len(moves), len(moves) + len(parameter_names(robot)))
     rows = []
     for j in range(robot.nv):
         mine = [k for k, move in enumerate(moves) if move.touches(j)]
-        mine += bodies
+        mine += first
         for block in local:
             if j in block.rows:
                 mine += range(block.first, block.first + block.count)
         rows.append(tuple(mine))
-    values, residual, torque, usable = [], [], [], []
-    for log, operation in zip(logs, operations, strict=True):
-        columns, model = _values(robot, log, operation, cutoff_hz, moves, local)
-        values.append(columns)
-        torque.append(model)
-        residual.append(log.band(log.tau) - model)
-        usable.append(usable_samples(log))
+    values = tuple(
+        _values(robot, log, o, _narrow(log, cutoff_hz), own, body, local)
+        for log, o, own, body in zip(logs, operations, moved, bodies, strict=True)
+    )
     nuisances = tuple(move.nuisance for move in moves)
     return Columns(
-        tuple(names),
-        nuisances,
-        terms,
-        tuple(rows),
-        tuple(values),
-        tuple(residual),
-        tuple(torque),
-        tuple(usable),
-        operations,
-        local,
+        tuple(names), nuisances, terms, tuple(rows), values, residual, torque, usable, tuple(operations), local
     )
+
+
+def left_by_moves(
+    moves: tuple[Move, ...],
+    columns: list[list[list[Float[Array, " n"]]]],
+    residual: tuple[Float[Array, "n nv"], ...],
+    usable: tuple[Bool[Array, "n nv"], ...],
+) -> tuple[Float[Array, "n nv"], ...]:
+    """What moves within the tolerances leave of the residual, by weighted least squares with the tolerances as prior.
+
+    Rows are weighed by a tenth of their residual, which is about its noise where the model is off.
+    """
+    rows = range(residual[0].shape[1])
+    touching = [[k for k, move in enumerate(moves) if move.touches(j)] for j in rows]
+    a = np.diag([1.0 / move.nuisance.sigma**2 for move in moves])
+    b = np.zeros(len(moves))
+    for j in rows:
+        x = np.concatenate(
+            [np.column_stack(log[j][: len(touching[j])])[u[:, j]] for log, u in zip(columns, usable, strict=True)]
+        )
+        y = np.concatenate([r[:, j][u[:, j]] for r, u in zip(residual, usable, strict=True)])
+        weight = 100.0 / max(float(y @ y) / max(len(y), 1), 1e-30)
+        a[np.ix_(touching[j], touching[j])] += weight * x.T @ x
+        b[touching[j]] += weight * x.T @ y
+    move = solve(a, b)
+    return tuple(
+        np.column_stack([r[:, j] - np.column_stack(log[j][: len(touching[j])]) @ move[touching[j]] for j in rows])
+        for log, r in zip(columns, residual, strict=True)
+    )
+
+
+def with_rest(log: Log, operation: Operation, rest: Float[Array, "n nv"]) -> Operation:
+    """An operation that knows what a fit left, brought to the full rate."""
+    t = operation.t
+    full = np.column_stack([np.interp(t, t[log.samples], column) for column in rest.T])
+    return replace(operation, rest=full)
+
+
+def _narrow(log: Log, cutoff_hz: float) -> Callable[[Array], Array]:
+    """Filter of columns made of accelerations: they end with the judged band."""
+
+    def narrow(x: Array) -> Array:
+        if cutoff_hz >= 0.99 * log.band.cutoff_hz:
+            return x
+        return smoothed(x, log.band.rate_hz / log.band.step, cutoff_hz)
+
+    return narrow
+
+
+def _bodies(robot: Robot, log: Log, operation: Operation, cutoff_hz: float) -> Float[Array, "nv n p"]:
+    """Columns of the rigid-body regressor in the band, by row."""
+    regressor = rigid_body_regressor(robot, operation)
+    narrow = _narrow(log, cutoff_hz)
+    return np.stack([narrow(log.band(regressor[:, j, :])) for j in range(robot.nv)])
 
 
 def _lay_out(
@@ -193,27 +249,16 @@ def _values(
     robot: Robot,
     log: Log,
     operation: Operation,
-    cutoff_hz: float,
-    moves: tuple[Move, ...],
+    narrow: Callable[[Array], Array],
+    moved: list[list[Float[Array, " n"]]],
+    body: Float[Array, "nv n p"],
     local: tuple[Local, ...],
-) -> tuple[tuple[Float[Array, "n k"], ...], Float[Array, "n nv"]]:
-    """In-band columns of one log row by row, and its modelled torque in the band."""
-    band = log.band
-
-    def narrow(x: Array) -> Array:
-        if cutoff_hz >= 0.99 * band.cutoff_hz:
-            return x
-        return smoothed(x, band.rate_hz / band.step, cutoff_hz)
-
-    regressor = rigid_body_regressor(robot, operation)
-    body = np.stack([narrow(band(regressor[:, j, :])) for j in range(robot.nv)])
-    del regressor
-    rows = move_columns(robot, operation, moves, body, band, narrow)
-    for j in range(robot.nv):
-        rows[j].extend(body[j].T)
+) -> tuple[Float[Array, "n k"], ...]:
+    """In-band columns of one log row by row."""
+    rows = [[*moved[j], *body[j].T] for j in range(robot.nv)]
     for block in local:
         signature = block.effect.signature(robot, operation, block.joint, block.shape)
         for k, row in enumerate(signature.rows):
-            column = band(signature.columns[:, k, :])
+            column = log.band(signature.columns[:, k, :])
             rows[row].extend((narrow(column) if block.effect.uses_acceleration else column).T)
-    return tuple(np.column_stack(columns) for columns in rows), band(operation.tau)
+    return tuple(np.column_stack(columns) for columns in rows)

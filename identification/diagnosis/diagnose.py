@@ -14,7 +14,7 @@ from identification.diagnosis.blocks import Block, assign_folds, build_grams, sp
 from identification.diagnosis.columns import Columns, build_columns
 from identification.diagnosis.encoder_noise import coarse_joints, reading_steps, spurious_gains
 from identification.diagnosis.fitting import Fitted
-from identification.diagnosis.gap import row_counts, row_losses
+from identification.diagnosis.gap import held_out_torque, residual_after, row_counts, row_losses
 from identification.diagnosis.noise import estimate_noise, smaller_noise, weights_of
 from identification.diagnosis.null import null_threshold
 from identification.diagnosis.problem import set_up
@@ -33,8 +33,8 @@ Array = np.ndarray
 _LOWER = 0.9
 # Passes that take laws again about what the last one found.
 _REFINEMENTS = 3
-# A claim closes at least this share of the gap: less is what a law of the right kind leaves that is off by 6 %.
-_LEAST_SHARE = 0.004
+# A claim closes at least this share of the gap: less is what a law of the right kind leaves that is off by a tenth.
+_LEAST_SHARE = 0.01
 # Fewer blocks of at least a second cannot be held out in turn.
 _LEAST_BLOCKS = 4
 # Alignment, derivatives and the tolerance taken as linear are right to about 1.5 % of the torque they explain.
@@ -92,7 +92,8 @@ def diagnose(
             break
         # Laws that are not linear are taken again about what was found, and noise is what the findings leave.
         if found:
-            columns = build_columns(robot, logs, cutoff_hz, known, found)
+            rest = residual_after(search.problem, held_out_torque(search.problem, chosen, search.evaluate(chosen)))
+            columns = build_columns(robot, logs, cutoff_hz, known, found, rest)
         search = _with_thresholds(_set_up(columns, blocks, folds, noise), noise, spurious, progress)
         chosen = explain(search, progress, same_effects(search, found))
     coarse = coarse_joints(robot, columns, logs, steps)

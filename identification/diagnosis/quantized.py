@@ -42,13 +42,20 @@ class Rounded:
 
 
 def rounded(
-    problem: Problem, logs: tuple[Log, ...], cutoff_hz: float, coarse: tuple[Coarse, ...], floor: Float[Array, " nv"]
+    problem: Problem,
+    logs: tuple[Log, ...],
+    cutoff_hz: float,
+    coarse: tuple[Coarse, ...],
+    floor: Float[Array, " nv"],
+    noise: tuple[Float[Array, "n nv"], ...],
 ) -> Rounded:
-    """Coarse joints whose rounding is seen in the judged band, above a share of the noise on some joint."""
+    """Coarse joints whose rounding makes a share of the noise on some joint, in the judged band or above it."""
     kept, energy = [], []
     for one in coarse:
         squares = sums(problem, in_judged_band(one.torque, logs, cutoff_hz)).rms() ** 2
-        if np.any(squares > _LEAST * floor**2):
+        # The judged band ends where the reading drowns the motion: what matters may lie above it.
+        wide = sums(problem, one.torque).rms() ** 2 > _LEAST * sums(problem, noise).rms() ** 2
+        if np.any(squares > _LEAST * floor**2) or np.any(wide):
             kept.append(one)
             energy.append(squares)
     if not kept:

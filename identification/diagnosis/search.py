@@ -28,6 +28,12 @@ _MOST_TERMS = 40
 _SPURIOUS = 2.0
 # Rivals that are judged on held-out data in one step, the best in sample.
 _MOST_JUDGED = 24
+# Rivals that are fitted to know their gains in sample: the best ranked, with at least this share of the best gain.
+_MOST_FITTED = 30
+_WORTH_FITTING = 0.2
+# By how many thresholds a structure has to be better than the named effects whose place it takes, by their number:
+# several effects together that do no better than one structure are the less likely cause.
+_MARGIN = (1.0, 1.0, 0.0, -0.5)
 # Structures without a name that are taken in, and how many of them are judged on held-out data in one step.
 _MOST_NAMELESS = 4
 _NAMELESS_JUDGED = 8
@@ -70,16 +76,19 @@ class Search:
         return self.evaluate(chosen).total + self.price_of(chosen) + 0.02 * sum(term.size for term in chosen)
 
     def gains(self, chosen: frozenset[Term], terms: tuple[Term, ...]) -> dict[Term, float]:
-        """What each term gains in sample beside a set, less the price of its parameters."""
+        """What each term gains in sample beside a set, less the price of its parameters.
+
+        All are ranked with the bounds that bind the set held; the best of them are then fitted.
+        """
         besides = self.besides(chosen)
-        out = {}
-        for term in terms:
-            replaced_ones = chosen - with_term(chosen, term)
-            cost = price(self.sizes[term]) - self.price_of(replaced_ones)
-            if replaced_ones:
-                out[term] = self.quick(chosen) - self.quick(with_term(chosen, term)) - cost
-            else:
-                out[term] = gain_of(self.problem, besides, term) - cost
+        costs = {term: price(self.sizes[term]) - self.price_of(chosen - with_term(chosen, term)) for term in terms}
+        out = {term: gain_of(self.problem, besides, term) - costs[term] for term in terms}
+        ranked = sorted(terms, key=lambda term: -out[term])
+        least = _WORTH_FITTING * max(out[ranked[0]], 0.0) if ranked else 0.0
+        for k, term in enumerate(ranked):
+            richer = not chosen <= with_term(chosen, term)
+            if richer or (out[term] > least and (k < _MOST_FITTED or out[term] > 0.8 * out[ranked[0]])):
+                out[term] = self.quick(chosen) - self.quick(with_term(chosen, term)) - costs[term]
         return out
 
     def price_of(self, chosen: frozenset[Term]) -> float:
@@ -240,7 +249,8 @@ def _nameless(search: Search, chosen: frozenset[Term], progress: Callable[[str],
                 if promised[term] < search.threshold or not possible(base, term):
                     continue
                 tried = _drop_named(search, with_term(base, term), chosen)
-                if search.score(tried) < lowest - search.threshold and claimed(search, tried, tried - {term}):
+                limit = lowest - _MARGIN[min(len(chosen - tried), len(_MARGIN) - 1)] * search.threshold
+                if search.score(tried) < limit and claimed(search, tried, tried - {term}):
                     best, lowest = tried, search.score(tried)
         if best is None:
             return chosen

@@ -62,7 +62,7 @@ class Rhythm(Effect):
     def shapes(self, robot: Robot, operation: Operation, joint: str | None) -> tuple[Shape, ...]:
         """The two strongest frequencies [Hz] of what is left of the torque."""
         j = row_of(robot, joint)
-        rest = operation.logged[:, j] - operation.expected[:, j]
+        rest = np.array(operation.rest[:, j])
         v = operation.v[:, j]
         plain = np.column_stack([np.ones(len(v)), np.sign(v), v, operation.expected[:, j], operation.q[:, j]])
         rest = rest - plain @ np.linalg.lstsq(plain, rest, rcond=None)[0]
@@ -110,6 +110,29 @@ class Field(Effect):
         return _on_row(robot, joint, columns)
 
 
+class Contact(Effect):
+    """A spring on one joint that acts on one side of a position only."""
+
+    name = "contact"
+    regime = "posture"
+
+    def shapes(self, robot: Robot, operation: Operation, joint: str | None) -> tuple[Shape, ...]:
+        """Positions over the travel, and on which side of them."""
+        low, high = np.percentile(operation.q[:, row_of(robot, joint)], [1, 99])
+        return tuple(
+            (low + part * (high - low), side) for side in (-1.0, 1.0) for part in (0.15, 0.32, 0.5, 0.68, 0.85)
+        )
+
+    def refined(self, coefficients: Float[Array, " k"], shape: Shape) -> tuple[Shape, ...]:
+        """The same position, and some before and after."""
+        return tuple((shape[0] + step, shape[1]) for step in (-0.1, -0.03, 0.0, 0.03, 0.1))
+
+    def signature(self, robot: Robot, operation: Operation, joint: str | None, shape: Shape) -> Signature:
+        """How deep the joint is in."""
+        q = operation.q[:, row_of(robot, joint)]
+        return _on_row(robot, joint, [np.maximum(shape[1] * (q - shape[0]), 0.0)])
+
+
 class Supply(Effect):
     """A drive that gives less when all drives together ask for more."""
 
@@ -135,5 +158,6 @@ STRUCTURES: tuple[Effect, ...] = (
     Drift("drifting_gain", "torque_constant"),
     Rhythm(),
     Field(),
+    Contact(),
     Supply(),
 )

@@ -114,7 +114,8 @@ def merged(operations: tuple[Operation, ...]) -> Operation:
         times.append(operation.t - operation.t[0] + start)
         start = float(times[-1][-1]) + operation.dt
     joined = (np.concatenate([getattr(o, name) for o in operations]) for name in ("q", "v", "a"))
-    torques = (np.concatenate([getattr(o, name) for o in operations]) for name in ("tau", "expected", "logged"))
+    names = ("tau", "expected", "logged", "rest")
+    torques = (np.concatenate([getattr(o, name) for o in operations]) for name in names)
     return Operation(np.concatenate(times), *joined, operations[0].robot, *torques)
 
 

@@ -60,7 +60,7 @@ def orders_in(operation: Operation, row: int, *, whole_numbers: bool) -> tuple[t
     if low >= high:
         return ()
     step = max(1, int(0.5 * _SECONDS / operation.dt), -(-len(operation.t) // _SAMPLES))
-    rest = moving_average(operation.logged[:, row] - operation.tau[:, row], operation.dt, _SECONDS)[::step]
+    rest = moving_average(operation.rest[:, row], operation.dt, _SECONDS)[::step]
     residual = _Residual(operation.q[::step, row], _background(operation, row, low)[::step], rest, low)
     sets: list[tuple[float, ...]] = []
     orders: tuple[float, ...] = ()
