@@ -260,5 +260,8 @@ def _values(
         signature = block.effect.signature(robot, operation, block.joint, block.shape)
         for k, row in enumerate(signature.rows):
             column = log.band(signature.columns[:, k, :])
-            rows[row].extend((narrow(column) if block.effect.uses_acceleration else column).T)
+            if block.effect.uses_acceleration:
+                steps = 0.0 if signature.steps is None else log.band(signature.steps[:, k, :])
+                column = narrow(column - steps) + steps
+            rows[row].extend(column.T)
     return tuple(np.column_stack(columns) for columns in rows)

@@ -37,12 +37,14 @@ class Signature:
         columns: Shape ``(N, len(rows), k)``; measured torque = model + ``columns @ coefficients``.
         names: One per coefficient.
         units: One per coefficient.
+        steps: The part of the columns that is made of the signs of velocities: it has no noise of accelerations.
     """
 
     rows: tuple[int, ...]
     columns: Float[Array, "N m k"]
     names: tuple[str, ...]
     units: tuple[str, ...]
+    steps: Float[Array, "N m k"] | None = None
 
 
 @dataclass(frozen=True)

@@ -7,6 +7,8 @@ friction that is trusted, parts the two. URDF has no place for it; MJCF: actuato
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 
 from phantom_dyn.effects.effect import Effect, Parameter, Shape, Signature, Simulated
@@ -38,7 +40,9 @@ class TorqueConstant(Effect):
 
     def signature(self, robot: Robot, operation: Operation, joint: str | None, shape: Shape) -> Signature:
         """Modelled torque; its coefficient is ``1/ratio - 1``."""
-        return on_one_joint(robot, joint, excess=(operation.tau[:, row_of(robot, joint)], "1"))
+        row = row_of(robot, joint)
+        signature = on_one_joint(robot, joint, excess=(operation.tau[:, row], "1"))
+        return replace(signature, steps=operation.own_friction[:, row][:, None, None])
 
     def from_coefficients(self, robot: Robot, joint: str | None, coefficients: Array, shape: Shape) -> Array:
         """``ratio = 1 / (1 + excess)``; an excess of -1 or less would be a drive that pulls the wrong way."""
