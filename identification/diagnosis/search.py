@@ -233,6 +233,15 @@ def explain(search: Search, progress: Callable[[str], None], start: frozenset[Te
     return _nameless(search, chosen, progress)
 
 
+def best_short(search: Search, chosen: frozenset[Term]) -> frozenset[Term] | None:
+    """The set with the named effect in it that gains most beside ``chosen``, if it gains more than its price."""
+    rivals = tuple(term for term in search.terms if term.named and possible(chosen, term))
+    promised = search.gains(chosen, rivals)
+    best = sorted(rivals, key=lambda term: -promised[term])[:_NAMELESS_JUDGED]
+    tried = min((with_term(chosen, term) for term in best), key=search.score, default=None)
+    return tried if tried is not None and search.score(tried) < search.score(chosen) else None
+
+
 def _nameless(search: Search, chosen: frozenset[Term], progress: Callable[[str], None]) -> frozenset[Term]:
     """Structures that the catalogue has no name for, added to what it explains or put in its place.
 

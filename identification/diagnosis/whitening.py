@@ -64,10 +64,12 @@ def whitened(
     return white, whitened_noise(noise)
 
 
-def whitened_noise(noise: tuple[Float[Array, "n nv"], ...]) -> tuple[Float[Array, "n nv"], ...]:
-    """The noise of each log through the filters that whiten it."""
+def whitened_noise(
+    noise: tuple[Float[Array, "n nv"], ...], like: tuple[Float[Array, "n nv"], ...] | None = None
+) -> tuple[Float[Array, "n nv"], ...]:
+    """The noise of each log through the filters that whiten it, or another noise if ``like`` is given."""
     rows = range(noise[0].shape[1])
-    kernels = [noise_filter([part[:, j] for part in noise]) for j in rows]
+    kernels = [noise_filter([part[:, j] for part in (noise if like is None else like)]) for j in rows]
     return tuple(np.column_stack([filtered(kernels[j], part[:, j]) for j in rows]) for part in noise)
 
 
