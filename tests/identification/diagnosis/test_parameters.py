@@ -3,8 +3,10 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from identification.diagnosis.assemble import neighbours_of
 from identification.diagnosis.fitting import fit
-from identification.diagnosis.parameters import finding_parameters
+from identification.diagnosis.parameters import Neighbour, finding_parameters
+from identification.diagnosis.terms import FoundEffect
 from phantom_dyn.effects.catalogue import effect_named
 
 
@@ -61,11 +63,71 @@ def test_the_deviation_of_a_ratio_is_that_of_its_inverse(loaded, planar2):
     assert ratio.std == pytest.approx(ratio.value**2 * np.sqrt(found.cov[at, at]), rel=0.01)
 
 
-def test_a_shape_that_is_one_of_a_grid_is_known_to_its_spacing(loaded, planar2):
-    term = loaded.term("stribeck_friction", "elbow")
-    _, (values,) = estimates(loaded, planar2, term)
-    assert values["stribeck_velocity"].value == term.shape
-    assert values["stribeck_velocity"].std >= 0.3 * term.shape
+STRIBECK_VELOCITY = 0.2
+
+
+@pytest.fixture(scope="module")
+def slipping(lab, planar2):
+    """The arm with friction on the elbow that falls from 0.9 to 0.3 N m at 0.2 rad/s; the shapes tried are near it."""
+    motion = lab.motion(2, 4, seconds=20.0, swing=1.5)
+    torque = lab.acting(planar2, motion, "stribeck_friction", "elbow", 0.3, 0.9, STRIBECK_VELOCITY)
+    near = FoundEffect(effect_named("stribeck_friction"), "elbow", (0.21,), np.array([0.3, 0.6]))
+    return lab.prepared(planar2, (lab.recording(planar2, motion, torque),), found=(near,))
+
+
+def shape_of(slipping, planar2, neighbours):
+    """The Stribeck velocity that neighbours on a made-up loss give to the term in the middle."""
+    terms = [term for term in slipping.columns.terms if term.place == ("stribeck_friction", "elbow")]
+    term = sorted(terms, key=lambda term: term.shape)[len(terms) // 2]
+    found = fit(slipping.problem, (term,))
+    made = tuple(
+        Neighbour(shape, found.objective + rise, found.theta[list(term.columns)])
+        for shape, rise in neighbours(term.shape[0])
+    )
+    return term.shape[0], finding_parameters(planar2, term, found, made)["stribeck_velocity"]
+
+
+@pytest.mark.parametrize(("low", "high"), [(0.85, 1.18), (0.7, 1.1)])
+@pytest.mark.parametrize("best", [1.0, 0.95, 1.05])
+def test_a_shape_is_the_lowest_point_of_a_parabola_through_its_neighbours(slipping, planar2, low, high, best):
+    # Closed form: a loss of ((x - x0) / sigma)^2 in squared deviations has its lowest point at x0, and x0 is known to
+    # sigma; coefficients that do not follow the shape add nothing.
+    sigma = 0.03
+
+    def losses(middle):
+        def at(x):
+            return ((x - best * middle) ** 2 - (middle - best * middle) ** 2) / sigma**2
+
+        return [(x * middle, at(x * middle)) for x in (low, high)]
+
+    middle, value = shape_of(slipping, planar2, losses)
+    assert value.value == pytest.approx(best * middle, rel=1e-6)
+    assert value.std == pytest.approx(sigma, rel=1e-3)
+
+
+def test_at_the_end_of_the_shapes_that_were_tried_half_of_the_value_is_its_deviation(slipping, planar2):
+    middle, value = shape_of(slipping, planar2, lambda middle: [(1.18 * middle, 5.0)])
+    assert value.value == middle
+    assert value.std == pytest.approx(0.5 * middle, rel=1e-3)
+
+
+def test_a_loss_that_does_not_tell_shapes_apart_leaves_them_as_uncertain_as_their_spacing(slipping, planar2):
+    middle, value = shape_of(slipping, planar2, lambda middle: [(0.8 * middle, -1.0), (1.1 * middle, -1.0)])
+    assert value.value == middle
+    assert value.std == pytest.approx(0.2 * middle, rel=1e-3)
+
+
+def test_a_known_shape_lies_within_three_deviations(slipping, planar2):
+    # Known truth, with the neighbours that the diagnosis takes.
+    terms = [term for term in slipping.columns.terms if term.place == ("stribeck_friction", "elbow")]
+    best = min(terms, key=lambda term: fit(slipping.problem, (term,)).objective)
+    neighbours = neighbours_of(slipping.search, frozenset([best]), best)
+    assert len(neighbours) == len(terms) - 1
+    values = finding_parameters(planar2, best, fit(slipping.problem, (best,)), neighbours)
+    truth = {"coulomb_torque": 0.3, "static_torque": 0.9, "stribeck_velocity": STRIBECK_VELOCITY}
+    for name, known in truth.items():
+        assert abs(values[name].value - known) < 3 * values[name].std
+    assert values["stribeck_velocity"].std < 0.1 * STRIBECK_VELOCITY
 
 
 @pytest.mark.parametrize("joint", ["elbow", None])

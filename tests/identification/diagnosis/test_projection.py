@@ -1,0 +1,87 @@
+"""What rivals gain beside a fit, by projection: against fits of the same columns, which are tested against scipy."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from identification.diagnosis.bounded import solve
+from identification.diagnosis.fitting import fit
+from identification.diagnosis.projection import beside, fold_projection, gain_of
+
+
+@pytest.fixture(scope="module")
+def rough(lab, planar2, trusted):
+    """A trusted arm with friction on both joints and an offset, none of which its model has."""
+    robot, motion = trusted(planar2), lab.motion(2, 3)
+    torque = -np.sign(motion.v) * [0.0, 0.25] - motion.v * [0.15, 0.0] + [0.0, 0.1]
+    return lab.prepared(robot, (lab.recording(robot, motion, torque),))
+
+
+@pytest.mark.parametrize(
+    "rival",
+    [
+        ("torque_offset", "elbow"),
+        ("viscous_friction", "elbow"),
+        ("parasitic_spring", "shoulder"),
+        ("rotor_inertia", "elbow"),
+    ],
+)
+def test_a_gain_is_the_difference_of_two_fits_where_no_bound_binds(rough, rival):
+    chosen, term = (rough.term("coulomb_friction", "elbow"),), rough.term(*rival)
+    without, with_it = (fit(rough.problem, terms, held_out=False) for terms in (chosen, (*chosen, term)))
+    expected = without.objective - with_it.objective
+    assert gain_of(rough.problem, beside(rough.problem, without), term) == pytest.approx(expected, rel=1e-6, abs=1e-9)
+
+
+def test_a_gain_stops_at_the_bound_of_the_coefficient(lab, planar2, trusted):
+    # Closed form: a delay of a drive that is early is zero, so it gains nothing, whatever a free fit would.
+    robot = trusted(planar2)
+    early = lab.recording(robot, lab.motion(2, 3), 0.0)
+    early = type(early)(early.file, early.joint_names, early.t, early.q, np.roll(early.tau, 3, axis=0))
+    prepared = lab.prepared(robot, (early,))
+    besides = beside(prepared.problem, fit(prepared.problem, (), held_out=False))
+    term = prepared.term("input_delay", None)
+    (k,) = term.columns
+    assert besides.b[k] < 0
+    assert gain_of(prepared.problem, besides, term) == pytest.approx(0.0, abs=1e-12)
+
+
+def test_a_rival_whose_columns_are_all_in_the_fit_gains_nothing(rough):
+    term = rough.term("coulomb_friction", "elbow")
+    besides = beside(rough.problem, fit(rough.problem, (term,), held_out=False))
+    assert gain_of(rough.problem, besides, term) == 0.0
+
+
+def test_what_a_fit_has_used_is_taken_out_of_all_columns(rough):
+    # The normal equations of a fit: what is left of the residual is orthogonal to its own columns.
+    term = rough.term("coulomb_friction", "elbow")
+    besides = beside(rough.problem, fit(rough.problem, (term,), held_out=False))
+    scale = np.abs(rough.problem.total_b[list(term.columns)]).max()
+    np.testing.assert_allclose(besides.b[list(term.columns)], 0.0, atol=1e-6 * scale)
+
+
+@pytest.fixture(scope="module")
+def sprung(lab, planar2, trusted):
+    """A trusted arm with a spring on its elbow: smooth, so that nothing else goes to a bound."""
+    robot, motion = trusted(planar2), lab.motion(2, 3)
+    return lab.prepared(robot, (lab.recording(robot, motion, -(0.8 * motion.q + 0.1) * [0.0, 1.0]),))
+
+
+@pytest.mark.parametrize("rival", [("torque_offset", "elbow"), ("parasitic_spring", "elbow")])
+@pytest.mark.parametrize("fold", [0, 5])
+def test_the_projection_of_a_fold_is_the_fit_without_it(sprung, rival, fold):
+    problem, term = sprung.problem, sprung.term(*rival)
+    n, own, mine = problem.nuisances, list(term.columns), np.flatnonzero(sprung.folds == fold)
+    part = fold_projection(problem, mine)
+    right = problem.total_b - problem.grams.b[mine].sum(axis=0)
+    held = problem.grams.core_b[mine].sum(axis=0)
+    base = solve(part.inner, right[:n])
+    x = solve(part.a[np.ix_(own, own)], (right - part.made.T @ right[:n])[own])
+    explicit, plain = fit(problem, (term,)), fit(problem, ())
+    np.testing.assert_allclose(x, explicit.fold_theta[fold][own], rtol=1e-6)
+    np.testing.assert_allclose(base, plain.fold_theta[fold][:n], rtol=1e-6)
+    inside, across = part.core
+    left = held - part.made.T @ held[:n] - (across.T - part.made.T @ inside) @ base
+    gain = x @ (2 * left[own] - part.core_a[np.ix_(own, own)] @ x)
+    assert gain == pytest.approx(plain.loss[mine].sum() - explicit.loss[mine].sum(), rel=1e-6)
