@@ -12,7 +12,13 @@ from jaxtyping import Float, Int
 from identification.diagnosis.assemble import assemble
 from identification.diagnosis.blocks import Block, assign_folds, build_grams, split_blocks
 from identification.diagnosis.columns import Columns, build_columns
-from identification.diagnosis.encoder_noise import coarse_joints, reading_steps, spurious_gains
+from identification.diagnosis.encoder_noise import (
+    at_least_encoder_noise,
+    coarse_joints,
+    columns_read_again,
+    reading_steps,
+    spurious_gains,
+)
 from identification.diagnosis.fitting import Fitted
 from identification.diagnosis.gap import held_out_torque, residual_after, row_counts, row_losses
 from identification.diagnosis.noise import estimate_noise, smaller_noise, weights_of
@@ -81,10 +87,12 @@ def diagnose(
             "record at least ten seconds of motion."
         )
     progress("estimating the noise")
-    noise = estimate_noise(columns, logs, blocks, folds)
     steps = reading_steps(robot, every)
+    again = columns_read_again(robot, columns, logs, cutoff_hz, steps, known)
+    noise = at_least_encoder_noise(estimate_noise(columns, logs, blocks, folds), again)
     search = _set_up(columns, blocks, folds, noise)
-    spurious = spurious_gains(robot, search, logs, cutoff_hz, steps, known, noise)
+    spurious = spurious_gains(search, again, noise)
+    del again
     search = _with_thresholds(search, noise, spurious, progress)
     search, chosen = _search(search, noise, progress)
     for _ in range(_REFINEMENTS):

@@ -15,6 +15,7 @@ from jaxtyping import Float
 from identification.diagnosis.blocks import build_grams
 from identification.diagnosis.columns import Columns, build_columns
 from identification.diagnosis.fitting import fit
+from identification.diagnosis.noise import rms
 from identification.diagnosis.problem import set_up
 from identification.diagnosis.projection import beside, gain_of
 from identification.diagnosis.search import Search
@@ -112,33 +113,60 @@ def coarse_joints(
     return tuple(out)
 
 
-def spurious_gains(
+def columns_read_again(
     robot: Robot,
-    search: Search,
+    columns: Columns,
     logs: tuple[Log, ...],
     cutoff_hz: float,
     steps: tuple[float | None, ...],
     known: tuple[KnownEffect, ...],
-    noise: tuple[Float[Array, "n nv"], ...],
-) -> dict[tuple[str, str | None], float]:
-    """What each effect gains, in sample, on a robot without a gap whose encoders are as noisy as these.
+) -> Columns:
+    """The same columns of a robot without a gap whose encoders are as noisy as these; its residual is their noise.
 
     Args:
         robot: The given model.
-        search: Rivals, weights and noise of the recordings.
+        columns: Of the recordings.
         logs: The recordings.
         cutoff_hz: Edge of the judged band.
         steps: Of the readings, see `reading_steps`.
         known: Effects that belong to the model.
+    """
+    rng = np.random.default_rng(20260107)
+    again = tuple(read_again(log, o, steps, rng) for log, o in zip(logs, columns.operations, strict=True))
+    return build_columns(robot, again, cutoff_hz, known, like=columns)
+
+
+def at_least_encoder_noise(noise: tuple[Float[Array, "n nv"], ...], again: Columns) -> tuple[Float[Array, "n nv"], ...]:
+    """Noise of each row, that of the encoders where the estimate is below it.
+
+    Free fits explain encoder noise by columns that share it, and so take noise for less than it is.
+    """
+    out = [part.copy() for part in noise]
+    for j in range(noise[0].shape[1]):
+        use = [u[:, j] for u in again.usable]
+        encoders = [r[:, j] for r in again.residual]
+        if rms([e[:, j][u] for e, u in zip(noise, use, strict=True)]) < rms(
+            [r[u] for r, u in zip(encoders, use, strict=True)]
+        ):
+            for k, r in enumerate(encoders):
+                out[k][:, j] = np.where(use[k], r, 0.0)
+    return tuple(out)
+
+
+def spurious_gains(
+    search: Search, again: Columns, noise: tuple[Float[Array, "n nv"], ...]
+) -> dict[tuple[str, str | None], float]:
+    """What each effect gains, in sample, from encoder noise alone.
+
+    Args:
+        search: Rivals, weights and noise of the recordings.
+        again: Of `columns_read_again`.
         noise: Unpredicted residual, which whitens.
     """
     problem = search.problem
-    rng = np.random.default_rng(20260107)
-    again = tuple(read_again(log, o, steps, rng) for log, o in zip(logs, problem.columns.operations, strict=True))
-    columns = build_columns(robot, again, cutoff_hz, known, like=problem.columns)
-    white, _ = whitened(columns, noise)
+    white, _ = whitened(again, noise)
     grams = build_grams(white, problem.blocks, problem.grams.fold, problem.weights)
-    null = set_up(columns, white, problem.blocks, problem.weights, grams)
+    null = set_up(again, white, problem.blocks, problem.weights, grams)
     besides = beside(null, fit(null, (), held_out=False))
     out: dict[tuple[str, str | None], float] = {}
     for term in search.terms:

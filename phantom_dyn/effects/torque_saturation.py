@@ -27,6 +27,11 @@ Array = np.ndarray
 # Shares of the recording in which the command, and the torque that was needed, exceeds the limits that are tried.
 _BEYOND = (0.4, 0.2, 0.1, 0.04, 0.01)
 _NEEDED_BEYOND = 0.02
+# A limit is believed if the command is beyond it for that long once, and for no more than that share of the time.
+_LEAST_SECONDS = 0.03
+_MOST = 0.45
+# While the command is beyond the limit, the model needs this much of the limit at its median.
+_NEEDED = (0.6, 1.4)
 # Time over which the command is averaged [s].
 _SECONDS = 0.01
 
@@ -56,12 +61,17 @@ class TorqueSaturation(Effect):
         return tuple((factor * shape[0],) for factor in (0.9, 0.97, 0.99, 1.0, 1.01, 1.03, 1.1))
 
     def signature(self, robot: Robot, operation: Operation, joint: str | None, shape: Shape) -> Signature:
-        """Command beyond the limit; its coefficient is one if the limit is right."""
-        return on_one_joint(robot, joint, excess=(_excess(operation, row_of(robot, joint), shape[0]), "1"))
+        """Command beyond the limit; its coefficient is one if the limit is right.
+
+        Zero where the motion speaks against a limit there: a drive at its limit gives just that.
+        """
+        row = row_of(robot, joint)
+        excess = _excess(operation, row, shape[0])
+        return on_one_joint(robot, joint, excess=(excess * _plausible(operation, row, shape[0], excess), "1"))
 
     def coefficient_bounds(self, robot: Robot, joint: str | None, shape: Shape) -> tuple[tuple[float, float], ...]:
         """About one: with another coefficient it is no saturation."""
-        return ((0.6, 1.4),)
+        return ((0.85, 1.15),)
 
     def from_coefficients(self, robot: Robot, joint: str | None, coefficients: Array, shape: Shape) -> Array:
         """The limit is the shape."""
@@ -88,6 +98,20 @@ class TorqueSaturation(Effect):
 
 def _command(operation: Operation, row: int) -> Array:
     return moving_average(operation.logged[:, row], operation.dt, _SECONDS)
+
+
+def _plausible(operation: Operation, row: int, limit: float, excess: Array) -> bool:
+    """True if the command stays beyond the limit for a while, not for most of the time, and the motion needs just it.
+
+    Without this, a limit near zero would make the whole logged torque its excess, noise and missing friction included.
+    """
+    beyond = excess != 0
+    runs = np.diff(np.flatnonzero(np.diff(np.concatenate([[False], beyond, [False]]).astype(int))))[::2]
+    if len(runs) == 0 or runs.max() * operation.dt < _LEAST_SECONDS or beyond.mean() > _MOST:
+        return False
+    # Signed, as the noise of accelerations has no sign of its own.
+    needed = float(np.median(operation.expected[beyond, row] * np.sign(excess[beyond])))
+    return _NEEDED[0] * limit < needed < _NEEDED[1] * limit
 
 
 def _excess(operation: Operation, row: int, limit: float) -> Array:
