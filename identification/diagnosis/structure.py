@@ -34,10 +34,10 @@ class Drift(Effect):
     """An offset, a friction or a gain of one joint that changes slowly over the recording."""
 
     regime = "time_drift"
-    uses_acceleration = True
 
     def __init__(self, name: str, steady: str):
         self.name, self.contains = name, (steady,)
+        self.uses_acceleration = steady == "torque_constant"
 
     def signature(self, robot: Robot, operation: Operation, joint: str | None, shape: Shape) -> Signature:
         """What changes, as it is and times slow cosines of time."""
