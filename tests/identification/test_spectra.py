@@ -61,3 +61,24 @@ def test_white_torque_reaches_half_the_rate(rng):
 
 def test_no_torque_has_no_band():
     assert torque_edge(np.zeros(len(T)), RATE) == 0.0
+
+
+def ramps(amplitude: float, hz: float) -> np.ndarray:
+    """A triangle wave of a position."""
+    return amplitude * (2 / np.pi) * np.arcsin(np.sin(2 * np.pi * hz * T))
+
+
+@pytest.mark.parametrize("noise", [5e-4, 1e-3, 3e-3])
+def test_the_edge_of_ramps_is_where_the_noise_of_the_encoder_takes_over(rng, noise):
+    # Closed form: a triangle wave has acceleration lines of 32 A f^2 every 2 f, a density of (32 A f^2)^2 / (4 f), flat;
+    # white noise of the position has 2 s^2 / rate (2 pi f)^4. Where they sum to ten times the noise is the edge.
+    amplitude, hz = 0.5, 0.4
+    flat = (32 * amplitude * hz**2) ** 2 / (4 * hz)
+    expected = (flat * RATE / (18 * noise**2)) ** 0.25 / (2 * np.pi)
+    edge = acceleration_edge(ramps(amplitude, hz) + noise * rng.normal(size=len(T)), RATE)
+    assert edge == pytest.approx(expected, rel=0.3)
+
+
+def test_a_spectrum_that_does_not_rise_like_that_of_an_encoder_has_no_edge(rng):
+    # White acceleration, twice integrated: nothing tells its end.
+    assert acceleration_edge(np.cumsum(np.cumsum(1e-5 * rng.normal(size=len(T)))), RATE) is None
