@@ -13,7 +13,8 @@ from jaxtyping import Float
 
 from identification.log import Band, Log
 from identification.recordings import Recording
-from identification.spectra import acceleration_edge, torque_edge
+from identification.spectra import acceleration_edge, driven_edge, torque_edge
+from phantom_dyn.dynamics import inverse_dynamics
 from phantom_dyn.errors import LogError
 from phantom_dyn.motion import Motion
 from phantom_dyn.robot import Robot
@@ -169,7 +170,25 @@ def process_all(recordings: tuple[Recording, ...], robot: Robot) -> tuple[tuple[
     judged = choose_cutoff(signals)
     smoothed = max(torque_edge(column, rate) for _, tau, rate in signals for column in tau.T)
     wide = max(judged, min(4 * judged, _WIDEST_HZ, _HIGHEST * min(rates), smoothed))
+    driven = _driven_edge(robot, signals, wide)
+    judged, wide = min(judged, driven), min(wide, 1.3 * driven)
     return tuple(process(recording, robot, cutoff_hz=wide) for recording in recordings), judged
+
+
+def _driven_edge(
+    robot: Robot, signals: list[tuple[Float[Array, "_ nv"], Float[Array, "_ nv"], float]], cutoff_hz: float
+) -> float:
+    """Edge [Hz] above which the drives move nothing: the median over joints of `driven_edge` on the longest recording.
+
+    What moves there is disturbance or encoder noise, which torque and acceleration share with opposite signs: a fit
+    would take it for a lack of inertia, or for a delay.
+    """
+    q, tau, rate = max(signals, key=lambda signal: len(signal[0]))
+    smooth, v, a = differentiate(q, rate, min(_MOTION_BAND * cutoff_hz, 0.4 * rate))
+    model = inverse_dynamics(robot, Motion(np.arange(len(q)) / rate, smooth, v, a))
+    moving = np.ptp(q, axis=0) > 1e-6
+    edges = [driven_edge(tau[:, j], model[:, j], rate, cutoff_hz) for j in np.flatnonzero(moving)]
+    return float(np.median(edges)) if edges else np.inf
 
 
 def choose_cutoff(signals: list[tuple[Float[Array, "_ nv"], Float[Array, "_ nv"], float]]) -> float:

@@ -12,6 +12,8 @@ Array = np.ndarray
 _BINS_PER_OCTAVE = 6
 # White noise of a position rises with the fourth power of frequency in the acceleration's spectrum; motion does not.
 _RISE = 2.5
+# Below this share of the modelled torque's power, what moves a joint is not its drive.
+_DRIVEN = 0.5
 
 
 def _welch(x: Float[Array, " N"], rate_hz: float) -> tuple[Array, Array, int]:
@@ -84,3 +86,22 @@ def torque_edge(tau: Float[Array, " N"], rate_hz: float) -> float:
     above = np.cumsum(power[::-1])[::-1] / total
     below = np.flatnonzero(above < 1e-4)
     return float(f[below[0]]) if len(below) else 0.5 * rate_hz
+
+
+def driven_edge(tau: Float[Array, " N"], model: Float[Array, " N"], rate_hz: float, highest_hz: float) -> float:
+    """Frequency [Hz] above which the modelled torque of a motion is more than twice as strong as the measured one.
+
+    Followed downwards from ``highest_hz`` in third-octave bins, at least 2 Hz; infinite if it never is at the top.
+    """
+    f, drive, _ = _welch(tau, rate_hz)
+    _, needed, _ = _welch(model, rate_hz)
+    edge = np.inf
+    top = highest_hz
+    while top > 2.0:
+        inside = (f > top / 2 ** (1 / 3)) & (f <= top)
+        if inside.any() and drive[inside].sum() > _DRIVEN * needed[inside].sum():
+            break
+        if inside.any():
+            edge = top / 2 ** (1 / 3)
+        top /= 2 ** (1 / 3)
+    return float(edge)
