@@ -25,6 +25,7 @@ from identification.diagnosis.noise import estimate_noise, smaller_noise, weight
 from identification.diagnosis.null import null_threshold
 from identification.diagnosis.problem import set_up
 from identification.diagnosis.result import Diagnosis
+from identification.diagnosis.rivals import settled
 from identification.diagnosis.search import Search, best_short, claimed, explain, ordered, set_up_search
 from identification.diagnosis.terms import FoundEffect, KnownEffect, Term
 from identification.diagnosis.whitening import whitened, whitened_noise
@@ -106,6 +107,7 @@ def diagnose(
             columns = build_columns(robot, logs, cutoff_hz, known, found, rest)
         search = _with_thresholds(_set_up(columns, blocks, folds, noise), noise, spurious, progress)
         search, chosen = _search(search, noise, progress, same_effects(search, found))
+    chosen = settled(search, chosen)
     coarse = coarse_joints(robot, columns, logs, steps)
     progress("comparing rivals")
     return assemble(robot, every, logs, cutoff_hz, search, chosen, noise, coarse, progress, started)

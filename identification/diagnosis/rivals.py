@@ -15,6 +15,8 @@ Array = np.ndarray
 
 REPLICATES = 1000
 _LISTED = 0.05
+# A rival that wins this many times as often as the finding takes its place.
+_OUTDONE = 1.5
 # A rival that is this much worse in sample (ten standard deviations of one parameter) wins no replicate.
 _FAR = 100.0
 # Held-out losses that differ by less (in units of one squared standard deviation) are the same predictions.
@@ -82,6 +84,28 @@ def stand(search: Search, chosen: frozenset[Term], term: Term) -> Standing:
         for effects, share in sorted(kept.items(), key=lambda item: -item[1])
     )
     return Standing(own / total, rivals)
+
+
+def settled(search: Search, chosen: frozenset[Term]) -> frozenset[Term]:
+    """``chosen`` with findings replaced by the rival that wins more often than they do, if there is one.
+
+    The search compares sums over all blocks; a rival that wins in most bootstrap replicates is the better name.
+    """
+    for term in ordered(chosen):
+        if not term.named or term not in chosen:
+            continue
+        standing = stand(search, chosen, term)
+        if not standing.rivals or standing.rivals[0].probability <= _OUTDONE * standing.probability:
+            continue
+        wanted = {(at.effect, at.joint) for at in standing.rivals[0].effects}
+        options = [
+            replaced(chosen, term, others)
+            for others in relevant(search, chosen, term, _FAR)
+            if {other.place for other in others} == wanted and others <= replaced(chosen, term, others)
+        ]
+        if options:
+            chosen = min(options, key=search.score)
+    return chosen
 
 
 def _fixed(search: Search, chosen: frozenset[Term], penalty: float) -> float:
