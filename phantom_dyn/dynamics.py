@@ -222,8 +222,10 @@ def _mass_matrix(robot: Robot, tree: TreeMotion) -> Float[Array, "N nv nv"]:
     data = robot.model.createData()
     out = np.empty((len(tree.v), robot.model.nv, robot.model.nv))
     for k, configuration in enumerate(tree.configuration):
-        upper = np.triu(pin.crba(robot.model, data, configuration))
-        out[k] = upper + np.triu(upper, 1).T
+        out[k] = pin.crba(robot.model, data, configuration)
+    # Only the upper triangle is filled.
+    lower = np.tril_indices(robot.model.nv, -1)
+    out[:, lower[0], lower[1]] = out[:, lower[1], lower[0]]
     return out if robot.chain is None else project(tree.G, out) @ tree.G
 
 

@@ -100,14 +100,14 @@ class Grams:
 
 
 def split_blocks(logs: tuple[Log, ...], cutoff_hz: float) -> tuple[Block, ...]:
-    """Blocks of at least a second and five periods of the judged band's edge, some twelve to forty in all.
+    """Blocks of at least a second and five periods of the judged band's edge, some twelve to twenty-four in all.
 
     The core leaves out as many samples as the filter's kernel reaches, so that the noise of a core is not that of
     the block before it.
     """
     period = 1.0 / cutoff_hz
     total = sum(log.motion.t[-1] - log.motion.t[0] for log in logs)
-    length = max(1.0, min(5 * period, total / 12), total / 40)
+    length = max(1.0, min(5 * period, total / 12), total / 24)
     blocks = []
     for k, log in enumerate(logs):
         count = len(log.samples)
@@ -147,9 +147,10 @@ def row_grams(columns: Columns, blocks: tuple[Block, ...], weights: Weights, row
         x = columns.values[block.log][row][part][use]
         joined = np.column_stack([x, columns.residual[block.log][part, row][use]])
         whole.append(weight * (joined.T @ joined))
-        inside = joined[np.flatnonzero(use) >= block.core - block.start]
-        core.append(weight * (inside.T @ inside))
-        count.append(len(inside) / weights.spread[row])
+        # The core is the block less its first few samples.
+        guard = joined[: int(np.searchsorted(np.flatnonzero(use), block.core - block.start))]
+        core.append(whole[-1] - weight * (guard.T @ guard))
+        count.append((len(joined) - len(guard)) / weights.spread[row])
     w, o = np.array(whole), np.array(core)
     return RowGrams(
         index=np.array(columns.rows[row]),
