@@ -15,7 +15,7 @@ from jaxtyping import Bool, Float
 from identification.diagnosis.bounded import solve
 from identification.diagnosis.nuisances import Move, Nuisance, move_columns, moves_of
 from identification.diagnosis.rest import standing_still, usable_samples
-from identification.diagnosis.terms import FoundEffect, KnownEffect, Term, merged, shapes_of
+from identification.diagnosis.terms import SERIES, FoundEffect, KnownEffect, Term, merged, shapes_of
 from identification.log import Log
 from identification.signals import smoothed
 from phantom_dyn.dynamics import inverse_dynamics, rigid_body_regressor
@@ -188,7 +188,7 @@ def with_rest(log: Log, operation: Operation, rest: Float[Array, "n nv"]) -> Ope
     """An operation that knows what a fit left, brought to the full rate."""
     t = operation.t
     full = np.column_stack([np.interp(t, t[log.samples], column) for column in rest.T])
-    return replace(operation, rest=full)
+    return replace(operation, fit_rest=full)
 
 
 def _narrow(log: Log, cutoff_hz: float) -> Callable[[Array], Array]:
@@ -240,9 +240,8 @@ def _lay_out(
 
 def _first(operation: Operation) -> Operation:
     """A few samples, enough to see how many columns a signature has."""
-    few = (getattr(operation, name)[:8] for name in "tqva")
-    torques = (getattr(operation, name)[:8] for name in ("tau", "expected", "logged"))
-    return Operation(*few, operation.robot, *torques)
+    t, q, v, a, tau, expected, logged = (getattr(operation, name)[:8] for name in SERIES)
+    return Operation(t, q, v, a, operation.robot, tau, expected, logged)
 
 
 def _values(

@@ -8,13 +8,14 @@ import numpy as np
 from jaxtyping import Float
 
 from identification.diagnosis.structure import STRUCTURES
-from identification.log import Log
 from phantom_dyn.effects.catalogue import EFFECTS
 from phantom_dyn.effects.effect import Effect, Shape
 from phantom_dyn.effects.operation import Operation
 from phantom_dyn.robot import Robot
 
 Array = np.ndarray
+# What an operation has one row a sample of.
+SERIES = ("t", "q", "v", "a", "tau", "expected", "logged")
 
 
 @dataclass(frozen=True)
@@ -113,12 +114,6 @@ def merged(operations: tuple[Operation, ...]) -> Operation:
     for operation in operations:
         times.append(operation.t - operation.t[0] + start)
         start = float(times[-1][-1]) + operation.dt
-    joined = (np.concatenate([getattr(o, name) for o in operations]) for name in ("q", "v", "a"))
-    names = ("tau", "expected", "logged", "rest")
-    torques = (np.concatenate([getattr(o, name) for o in operations]) for name in names)
-    return Operation(np.concatenate(times), *joined, operations[0].robot, *torques)
-
-
-def sampling(log: Log) -> float:
-    """Samples per second in the band."""
-    return log.band.rate_hz / log.band.step
+    q, v, a, tau, expected, logged = (np.concatenate([getattr(o, name) for o in operations]) for name in SERIES[1:])
+    rest = np.concatenate([o.rest for o in operations])
+    return Operation(np.concatenate(times), q, v, a, operations[0].robot, tau, expected, logged, rest)

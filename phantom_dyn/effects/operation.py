@@ -25,21 +25,22 @@ class Operation(Motion):
             shape ``(N, nv)``. Signatures are made of it, not of the measured one, whose noise would bias a fit.
         expected: The same with the findings so far, shape ``(N, nv)``: what a late or saturated drive is asked for.
         logged: Drive torque of the recording, shape ``(N, nv)``; ``tau`` where there is none.
-        rest: What a fit of the tolerances and the findings so far leaves of the torque, shape ``(N, nv)``: where to
-            look for rhythms. The recorded torque less the modelled one where nothing was fitted yet.
+        fit_rest: What a fit of the tolerances and the findings so far leaves of the torque, shape ``(N, nv)``; None
+            where nothing was fitted yet.
     """
 
     robot: Robot = field(repr=False)
     tau: Float[Array, "N nv"]
     expected: Float[Array, "N nv"]
     logged: Float[Array, "N nv"]
-    rest: Float[Array, "N nv"] | None = None
+    fit_rest: Float[Array, "N nv"] | None = None
 
     def __post_init__(self):
         super().__post_init__()
         for name in ("tau", "expected", "logged"):
             object.__setattr__(self, name, read_only(getattr(self, name)))
-        object.__setattr__(self, "rest", read_only(self.logged - self.tau if self.rest is None else self.rest))
+        if self.fit_rest is not None:
+            object.__setattr__(self, "fit_rest", read_only(self.fit_rest))
 
     @classmethod
     def of(cls, robot: Robot, motion: Motion, logged: Float[Array, "N nv"] | None = None) -> Operation:
@@ -51,6 +52,11 @@ class Operation(Motion):
     def dt(self) -> float:
         """Mean time step [s]."""
         return float((self.t[-1] - self.t[0]) / max(len(self.t) - 1, 1))
+
+    @property
+    def rest(self) -> Float[Array, "N nv"]:
+        """Where to look for rhythms: what the last fit left, or else what the model leaves of the recorded torque."""
+        return self.logged - self.tau if self.fit_rest is None else self.fit_rest
 
     @cached_property
     def own_friction(self) -> Float[Array, "N nv"]:
