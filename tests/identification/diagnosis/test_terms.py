@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from identification.diagnosis.structure import STRUCTURES
-from identification.diagnosis.terms import FoundEffect, merged, sampling, shapes_of, untestable_places
+from identification.diagnosis.terms import FoundEffect, merged, shapes_of, untestable_places
 from phantom_dyn.effects.catalogue import EFFECTS, effect_named
 from phantom_dyn.effects.operation import Operation
 
@@ -87,9 +87,3 @@ def test_operations_follow_each_other_in_time(lab, planar2):
 
 def test_one_operation_is_itself(operation):
     assert merged((operation,)) is operation
-
-
-def test_samples_per_second_are_those_in_the_band(quiet):
-    log = quiet.logs[0]
-    times = log.motion.t[log.samples]
-    assert sampling(log) == pytest.approx((len(times) - 1) / (times[-1] - times[0]))
