@@ -10,6 +10,7 @@ _Vector = tuple[float, float, float]
 
 ROBOT_YAML = """\
 gravity: [0, -9.81, 0]      # y is up
+payload_frame: tip          # what a hand loads is the forearm, which is not the last link of the tree
 joints:                     # rotors of theta2 and theta3 as seen at the joint; the one of theta1 is part of the base
   theta2: {{rotor_inertia: {rotor!r}, gear_ratio: {gear!r}}}
   theta3: {{rotor_inertia: {rotor!r}, gear_ratio: {gear!r}}}
@@ -19,7 +20,7 @@ loops:                      # the parallelogram of upper arm, forearm, parallel 
 
 
 def phantom_yaml(parameters: PhantomParameters) -> str:
-    """The ``robot.yaml`` beside `phantom_urdf`: gravity, rotors and the closed chain."""
+    """The ``robot.yaml`` beside `phantom_urdf`: gravity, what carries a payload, rotors and the closed chain."""
     return ROBOT_YAML.format(rotor=parameters.rotor_inertia, gear=parameters.gear_ratio)
 
 

@@ -14,6 +14,7 @@ from phantom_dyn.devices import phantom_dynamics as closed
 from phantom_dyn.devices.phantom import JOINTS, PHANTOM_1_5
 from phantom_dyn.devices.phantom_urdf import phantom_urdf, phantom_yaml
 from phantom_dyn.dynamics import inverse_dynamics, mass_matrix
+from phantom_dyn.effects.payload import payload_body
 from phantom_dyn.motion import Motion
 from phantom_dyn.robot_files import find_robot
 
@@ -258,3 +259,10 @@ def test_the_built_in_files_are_those_of_the_parameters():
     folder = Path(find_robot("phantom_1_5")).parent
     assert (folder / "robot.urdf").read_text() == phantom_urdf(PHANTOM_1_5, "phantom_1_5")
     assert (folder / "robot.yaml").read_text() == phantom_yaml(PHANTOM_1_5)
+
+
+def test_a_payload_of_the_built_in_sits_on_the_forearm_that_carries_the_tip():
+    # Oracle: the URDF, whose fixed joint tip_mount hangs the tip on the forearm, the child of the joint elbow.
+    robot = load_robot("phantom_1_5")
+    assert robot.payload_frame == "tip"
+    assert robot.model.names[payload_body(robot)] == "elbow"
