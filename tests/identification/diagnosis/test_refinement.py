@@ -1,0 +1,87 @@
+"""Laws that are not linear, or made of a torque that other findings change: taken again about what was found."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from identification.diagnosis.diagnose import diagnose, found_effects, needs_refinement, same_effects
+from identification.diagnosis.fitting import fit
+from identification.diagnosis.terms import FoundEffect
+from phantom_dyn.effects.catalogue import effect_named
+
+
+@pytest.fixture(scope="module")
+def late(lab, planar2):
+    """Recordings at 500 Hz of the planar arm whose drives are late, with Coulomb friction on the elbow."""
+
+    def record(delay: float, friction: float = 0.0):
+        now, then = (lab.motion(2, 3, rate=500.0, swing=1.5, ahead=lead) for lead in (0.0, delay))
+        # Closed form of the motion: the command of now is the torque that is needed a delay later.
+        tau = lab.recording(planar2, then, -friction * np.sign(then.v) * [0.0, 1.0]).tau
+        return replace(lab.recording(planar2, now), tau=tau)
+
+    return record
+
+
+def test_a_late_drive_is_found_with_its_delay(late, planar2):
+    # Known truth: 4 ms. At 1.5 Hz a lag of the same time differs from it by a part in two thousand of the torque, so
+    # that either may be named, but not without the other.
+    (finding,) = diagnose(planar2, (late(0.004),)).findings
+    named = {finding.effect, *(rival.effects[0].effect for rival in finding.rivals)}
+    assert finding.joint is None
+    assert {"input_delay", "actuator_lag"} <= named
+    (time,) = finding.parameters.values()
+    # The alignment of torque and motion is known to a quarter of a sample of 2 ms.
+    assert abs(time.value - 0.004) < 3 * time.std
+    assert time.std < 0.001
+
+
+def test_a_late_drive_and_friction_are_found_beside_each_other(late, planar2):
+    # Known truth: 4 ms on all joints, 0.3 N m on the elbow.
+    found = diagnose(planar2, (late(0.004, 0.3),)).findings
+    friction, drive = sorted(found, key=lambda finding: finding.joint is None)
+    assert (friction.effect, friction.joint) == ("coulomb_friction", "elbow")
+    assert drive.effect in {"input_delay", "actuator_lag"}
+    assert drive.joint is None
+    (time,) = drive.parameters.values()
+    assert time.value == pytest.approx(0.004, abs=0.001)
+    assert friction.parameters["torque"].value == pytest.approx(0.3, rel=0.1)
+
+
+def test_taking_a_delay_again_about_its_last_estimate_converges(late, lab, planar2):
+    # Known truth; the fixed point of the secant is where coefficient and shape agree.
+    recording, effect = late(0.004), effect_named("input_delay")
+    last, estimate = 0.0, 0.012
+    for _ in range(3):
+        about = (FoundEffect(effect, None, (estimate,), np.array([estimate])),)
+        prepared = lab.prepared(planar2, (recording,), found=about)
+        term = prepared.term("input_delay", None)
+        (point,) = found_effects(fit(prepared.problem, (term,)), frozenset([term]))
+        last, estimate = estimate, float(point.coefficients[0])
+    assert estimate == pytest.approx(last, rel=0.01)
+    assert estimate == pytest.approx(0.004, abs=0.001)
+
+
+def test_laws_that_are_linear_need_no_second_look():
+    linear = FoundEffect(effect_named("viscous_friction"), "elbow", (), np.array([0.3]))
+    assert not needs_refinement((linear,))
+
+
+@pytest.mark.parametrize(("effect", "shape"), [("stribeck_friction", (0.2,)), ("actuator_lag", ())])
+def test_laws_that_are_not_linear_or_follow_the_torque_are_looked_at_again(effect, shape):
+    assert needs_refinement((FoundEffect(effect_named(effect), "elbow", shape, np.array([0.3, 0.2])),))
+
+
+def test_a_new_search_starts_from_the_shape_nearest_to_what_was_found(quiet):
+    shapes = [term.shape[0] for term in quiet.search.terms if term.place == ("stribeck_friction", "elbow")]
+    point = FoundEffect(effect_named("stribeck_friction"), "elbow", (1.05 * shapes[2],), np.array([0.3, 0.2]))
+    (start,) = same_effects(quiet.search, (point,))
+    assert start.shape == (shapes[2],)
+
+
+def test_what_a_new_search_does_not_have_is_not_started_from(quiet):
+    gone = FoundEffect(effect_named("viscous_friction"), "wrist", (), np.array([0.3]))
+    assert same_effects(quiet.search, (gone,)) == frozenset()
