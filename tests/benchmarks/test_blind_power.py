@@ -97,7 +97,7 @@ def test_the_report_counts_in_all_and_by_effect():
 
 
 def test_a_seed_is_recorded_twice_with_the_same_motion_and_noise(tmp_path):
-    """Known truth: an offset of 1 N m is the whole difference in mean torque between the two recordings."""
+    """Known truth: an offset of 1 N m is the difference in mean torque, but for gravity where the joint shifts."""
     stub = tmp_path / "stub.py"
     stub.write_text(STUB)
     outcomes = check(range(PENDULUM, PENDULUM + 1), tmp_path, 1, [sys.executable, str(stub)])
@@ -105,7 +105,7 @@ def test_a_seed_is_recorded_twice_with_the_same_motion_and_noise(tmp_path):
     without, with_effect = (
         np.genfromtxt(tmp_path / "cases" / f"p{PENDULUM:05d}{x}" / "log.csv", delimiter=",", names=True) for x in "ab"
     )
-    assert abs(np.mean(with_effect["tauj1"] - without["tauj1"])) == pytest.approx(1.0, rel=0.05)
+    assert abs(np.mean(with_effect["tauj1"] - without["tauj1"])) == pytest.approx(1.0, rel=0.1)
     assert json.loads((tmp_path / "answers" / f"p{PENDULUM:05d}b.json").read_text())["bound"]["below"] == 1.0
 
 

@@ -31,10 +31,24 @@ def test_below_the_limit_there_is_nothing(arm, saturated):
 
 
 def test_the_drive_is_asked_for_the_excess_with_coefficient_one(arm, saturated):
-    columns = EFFECT.signature(arm, saturated, "tilt", (2.5,)).columns
-    torque = EFFECT.torque(arm, saturated, "tilt", np.array([2.5]))
+    driven = replace(saturated, expected=np.clip(saturated.logged, -3.3, 3.3))
+    columns = EFFECT.signature(arm, driven, "tilt", (3.3,)).columns
+    torque = EFFECT.torque(arm, saturated, "tilt", np.array([3.3]))
     np.testing.assert_array_equal(torque[:, 1], -columns[:, 0, 0])
-    assert EFFECT.from_coefficients(arm, "tilt", np.array([0.97]), (2.5,)) == pytest.approx([2.5])
+    assert EFFECT.from_coefficients(arm, "tilt", np.array([0.97]), (3.3,)) == pytest.approx([3.3])
+
+
+@pytest.mark.parametrize("share", [0.3, 1.8])
+def test_a_limit_that_the_motion_speaks_against_leaves_nothing(arm, saturated, share):
+    # At its limit a drive gives just the limit, so the model needs neither a third of it nor twice as much.
+    driven = replace(saturated, expected=share * np.clip(saturated.logged, -3.3, 3.3))
+    assert not EFFECT.signature(arm, driven, "tilt", (3.3,)).columns.any()
+
+
+def test_a_limit_that_the_command_exceeds_most_of_the_time_leaves_nothing(arm, saturated):
+    # Closed form: a sine of amplitude 4 is beyond 0.5 for 92 % of the time.
+    driven = replace(saturated, expected=np.clip(saturated.logged, -0.5, 0.5))
+    assert not EFFECT.signature(arm, driven, "tilt", (0.5,)).columns.any()
 
 
 def test_limits_that_are_tried_are_exceeded_for_a_known_share(arm, saturated):
