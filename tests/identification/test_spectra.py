@@ -70,7 +70,7 @@ def ramps(amplitude: float, hz: float) -> np.ndarray:
 
 @pytest.mark.parametrize("noise", [5e-4, 1e-3, 3e-3])
 def test_the_edge_of_ramps_is_where_the_noise_of_the_encoder_takes_over(rng, noise):
-    # Closed form: a triangle wave has acceleration lines of 32 A f^2 every 2 f, a density of (32 A f^2)^2 / (4 f), flat;
+    # Closed form: a triangle wave has acceleration lines of 32 A f^2 every 2 f, a flat density of (32 A f^2)^2 / (4 f);
     # white noise of the position has 2 s^2 / rate (2 pi f)^4. Where they sum to ten times the noise is the edge.
     amplitude, hz = 0.5, 0.4
     flat = (32 * amplitude * hz**2) ** 2 / (4 * hz)
