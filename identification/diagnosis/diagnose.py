@@ -26,7 +26,8 @@ from identification.diagnosis.null import null_threshold
 from identification.diagnosis.problem import set_up
 from identification.diagnosis.result import Diagnosis
 from identification.diagnosis.rivals import settled
-from identification.diagnosis.search import Search, best_short, claimed, explain, ordered, set_up_search
+from identification.diagnosis.search import Search, claimed, ordered, set_up_search
+from identification.diagnosis.stepwise import best_short, explain
 from identification.diagnosis.terms import FoundEffect, KnownEffect, Term
 from identification.diagnosis.whitening import whitened, whitened_noise
 from identification.recordings import Recording

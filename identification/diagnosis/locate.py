@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 import numpy as np
 from jaxtyping import Bool, Float
 
@@ -35,9 +37,32 @@ def regimes(log: Log, columns: Columns, index: int, row: int) -> dict[str, Bool[
     }
 
 
+@dataclass(frozen=True)
+class RegimeSplit:
+    """How one joint's residual energy is spread over regimes.
+
+    Attributes:
+        shares: Of the energy, by regime.
+        times: Of the samples, by regime.
+        best: The regime that holds most beyond its share of time, or ``everywhere``.
+    """
+
+    shares: dict[str, float]
+    times: dict[str, float]
+    best: str
+
+
 def regime_shares(
     columns: Columns, logs: tuple[Log, ...], residual: tuple[Float[Array, "n nv"], ...], row: int
 ) -> tuple[dict[str, float], str]:
+    """Shares of one joint's residual energy, and the regime that stands out; see `regime_split`."""
+    split = regime_split(columns, logs, residual, row)
+    return split.shares, split.best
+
+
+def regime_split(
+    columns: Columns, logs: tuple[Log, ...], residual: tuple[Float[Array, "n nv"], ...], row: int
+) -> RegimeSplit:
     """Share of one joint's residual energy in each regime, and the regime that holds most beyond its share of time.
 
     The direction and the half of the record that hold more are the ones that are counted. A regime is named if it
@@ -53,7 +78,7 @@ def regime_shares(
             energy[name] = energy.get(name, 0.0) + float(square[mask].sum())
             samples[name] = samples.get(name, 0) + int((use & mask).sum())
     if total == 0 or count == 0:
-        return dict.fromkeys(energy, 0.0), "everywhere"
+        return RegimeSplit(dict.fromkeys(energy, 0.0), dict.fromkeys(energy, 0.0), "everywhere")
     shares = {name: value / total for name, value in energy.items()}
     times = {name: value / count for name, value in samples.items()}
     for name in ("one_direction", "time_drift"):
@@ -61,4 +86,4 @@ def regime_shares(
             shares[name], times[name] = 1 - shares[name], 1 - times[name]
     lift = {name: shares[name] / times[name] if times[name] > 0.02 else 0.0 for name in shares}
     best = max(lift, key=lambda name: lift[name])
-    return shares, best if lift[best] >= 1.5 else "everywhere"
+    return RegimeSplit(shares, times, best if lift[best] >= 1.5 else "everywhere")

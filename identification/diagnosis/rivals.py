@@ -8,7 +8,8 @@ import numpy as np
 from jaxtyping import Float
 
 from identification.diagnosis.result import EffectAt, Rival
-from identification.diagnosis.search import PARAMETER_PRICE, Search, contains, least_gain, ordered, relevant, replaced
+from identification.diagnosis.search import PARAMETER_PRICE, Search, contains, least_gain, ordered
+from identification.diagnosis.swaps import relevant, replaced
 from identification.diagnosis.terms import Term
 
 Array = np.ndarray

@@ -1,11 +1,10 @@
-"""Which set of effects explains the residual: stepwise in, out again, and swapped for simpler or better ones."""
+"""Rivals, how sets of them are judged, and what a claim needs."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from functools import cache
-from itertools import combinations
 
 import numpy as np
 from jaxtyping import Float
@@ -23,22 +22,11 @@ Array = np.ndarray
 PARAMETER_PRICE = 5.0
 # Standard errors over blocks by which a gain has to be positive, unless it is very large.
 _SIGNIFICANT = 2.0
-_MOST_TERMS = 40
 # A gain has to be this many times what encoder noise alone gives, beyond what chance gives.
 _SPURIOUS = 2.0
-# Rivals that are judged on held-out data in one step, the best in sample.
-_MOST_JUDGED = 24
 # Rivals that are fitted to know their gains in sample: the best ranked, with at least this share of the best gain.
 _MOST_FITTED = 30
 _WORTH_FITTING = 0.2
-# By how many thresholds a structure has to be better than the named effects whose place it takes, by their number:
-# several effects together that do no better than one structure are the less likely cause.
-_MARGIN = (1.0, 1.0, 0.0, -0.5)
-# Structures without a name that are taken in, and how many of them are judged on held-out data in one step.
-_MOST_NAMELESS = 4
-_NAMELESS_JUDGED = 8
-# Swaps that are evaluated on held-out data, the best in sample.
-_WORTH_TRYING = 8
 
 
 @dataclass(frozen=True)
@@ -214,96 +202,7 @@ def claimed(search: Search, chosen: frozenset[Term], without: frozenset[Term]) -
     return gain > needed and (lasting or gain > 10 * needed)
 
 
-def explain(search: Search, progress: Callable[[str], None], start: frozenset[Term] = frozenset()) -> frozenset[Term]:
-    """The set of effects that explains the recordings with the fewest parameters.
-
-    Args:
-        search: Problem, rivals, threshold.
-        progress: Told in words what is being done.
-        start: What an earlier search has found.
-    """
-    chosen = _drop(search, frozenset(term for term in start if term.named))
-    for _ in range(4):
-        before = chosen
-        chosen = _forward(search, chosen, progress)
-        progress("weighing alternatives")
-        chosen = _swap(search, _drop(search, chosen))
-        if chosen == before:
-            break
-    return _nameless(search, chosen, progress)
-
-
-def best_short(search: Search, chosen: frozenset[Term]) -> frozenset[Term] | None:
-    """The set with the named effect in it that gains most beside ``chosen``, if it gains more than its price."""
-    rivals = tuple(term for term in search.terms if term.named and possible(chosen, term))
-    promised = search.gains(chosen, rivals)
-    best = sorted(rivals, key=lambda term: -promised[term])[:_NAMELESS_JUDGED]
-    tried = min((with_term(chosen, term) for term in best), key=search.score, default=None)
-    return tried if tried is not None and search.score(tried) < search.score(chosen) else None
-
-
-def _nameless(search: Search, chosen: frozenset[Term], progress: Callable[[str], None]) -> frozenset[Term]:
-    """Structures that the catalogue has no name for, added to what it explains or put in its place.
-
-    A structure has to gain what any claim has to gain beyond the best that named effects do; what it makes needless
-    is then dropped. One that stands for several effects at a lower price takes their place.
-    """
-    progress("looking for what has no name")
-    nameless = tuple(term for term in search.terms if not term.named)
-    for _ in range(_MOST_NAMELESS):
-        best, lowest = None, search.score(chosen)
-        for base in {chosen, frozenset(term for term in chosen if not term.named)}:
-            promised = search.gains(base, nameless)
-            for term in sorted(nameless, key=lambda term: -promised[term])[:_NAMELESS_JUDGED]:
-                if promised[term] < search.threshold or not possible(base, term):
-                    continue
-                tried = _drop_named(search, with_term(base, term), chosen)
-                limit = lowest - _MARGIN[min(len(chosen - tried), len(_MARGIN) - 1)] * search.threshold
-                if search.score(tried) < limit and claimed(search, tried, tried - {term}):
-                    best, lowest = tried, search.score(tried)
-        if best is None:
-            return chosen
-        chosen = best
-    return chosen
-
-
-def _drop_named(search: Search, tried: frozenset[Term], chosen: frozenset[Term]) -> frozenset[Term]:
-    """A set with a structure in it, with the named effects that it still needs and without the others."""
-    for term in ordered(chosen):
-        if term.named and possible(tried, term) and claimed(search, with_term(tried, term), tried):
-            tried = with_term(tried, term) if with_term(tried, term) >= tried else tried
-    while True:
-        needless = [t for t in ordered(tried) if t.named and not claimed(search, tried, tried - {t})]
-        if not needless:
-            return tried
-        tried = tried - {min(needless, key=lambda term: search.score(tried - {term}))}
-
-
-def _forward(search: Search, chosen: frozenset[Term], progress: Callable[[str], None]) -> frozenset[Term]:
-    """Add the effect that helps most until none helps more than chance.
-
-    In sample a gain is larger than on held-out data, so rivals are judged there in the order of their gains in sample
-    until none that is left can do better than the best so far.
-    """
-    while len(chosen) < _MOST_TERMS:
-        progress(f"trying rivals, {len(chosen)} found")
-        base = search.score(chosen)
-        rivals = [term for term in search.terms if term.named and possible(chosen, term)]
-        promised = search.gains(chosen, tuple(rivals))
-        best, most = None, 0.0
-        for term in sorted(rivals, key=lambda term: -promised[term])[:_MOST_JUDGED]:
-            if promised[term] < max(most, search.threshold):
-                break
-            gain = base - search.score(with_term(chosen, term))
-            if gain > most and claimed(search, with_term(chosen, term), chosen):
-                best, most = term, gain
-        if best is None:
-            return chosen
-        chosen = _drop(search, with_term(chosen, best))
-    return chosen
-
-
-def _drop(search: Search, chosen: frozenset[Term]) -> frozenset[Term]:
+def dropped(search: Search, chosen: frozenset[Term]) -> frozenset[Term]:
     """Take out, one by one, what is no longer needed."""
     while chosen:
         least = min(ordered(chosen), key=lambda term: search.score(chosen - {term}))
@@ -311,78 +210,6 @@ def _drop(search: Search, chosen: frozenset[Term]) -> frozenset[Term]:
             return chosen
         chosen = chosen - {least}
     return chosen
-
-
-def alternatives(search: Search, term: Term) -> tuple[frozenset[Term], ...]:
-    """Sets of effects that could stand for ``term``: single ones, and pairs and triples of its special cases."""
-    single = [frozenset([other]) for other in search.terms if other.named and other.place != term.place]
-    parts = [other for other in search.terms if contains(term, other) and other.joint == term.joint]
-    several = [frozenset(group) for size in (2, 3) for group in combinations(parts, size)]
-    same = [frozenset([other]) for other in search.terms if other.place == term.place and other is not term]
-    return (*single, *several, *same)
-
-
-def replaced(chosen: frozenset[Term], term: Term, others: frozenset[Term]) -> frozenset[Term]:
-    """``chosen`` with ``others`` in place of ``term``."""
-    out = chosen - {term}
-    for other in ordered(others):
-        if possible(out, other):
-            out = with_term(out, other)
-    return out
-
-
-def _swap(search: Search, chosen: frozenset[Term]) -> frozenset[Term]:
-    """Replace single effects by better or simpler ones until no swap lowers the score."""
-    for _ in range(20):
-        base, quick = search.score(chosen), search.quick(chosen) + search.price_of(chosen)
-        tried = {
-            replaced(chosen, term, others)
-            for term in ordered(chosen)
-            for others in relevant(search, chosen, term, 2 * PARAMETER_PRICE)
-        }
-        ranked = sorted(tried - {chosen}, key=lambda other: (search.quick(other) + search.price_of(other), _key(other)))
-        better = [
-            other
-            for other in ranked[:_WORTH_TRYING]
-            if search.quick(other) + search.price_of(other) < quick + PARAMETER_PRICE
-            and search.score(other) < base - 1e-6
-            # A richer set has to earn its place as any new claim has, or dropping it would undo the swap.
-            and (search.price_of(other) <= search.price_of(chosen) or claimed(search, other, chosen))
-        ]
-        if not better:
-            return chosen
-        chosen = _drop(search, min(better, key=lambda other: (search.score(other), _key(other))))
-    return chosen
-
-
-def _key(chosen: frozenset[Term]) -> list[tuple[int, ...]]:
-    """Something to break ties by that does not depend on the order of a set."""
-    return [term.columns for term in ordered(chosen)]
-
-
-def relevant(search: Search, chosen: frozenset[Term], term: Term, slack: float) -> tuple[frozenset[Term], ...]:
-    """Alternatives of ``term`` that touch a joint that it touches and could gain in sample what it gains.
-
-    Args:
-        search: Rivals.
-        chosen: A set with ``term`` in it.
-        term: What is to be replaced.
-        slack: By how much less an alternative may gain, prices counted.
-    """
-    rest = chosen - {term}
-    rows = rows_of(search.problem, term)
-    near = [
-        others
-        for others in alternatives(search, term)
-        if any(rows & rows_of(search.problem, other) for other in others)
-        and not any(contains(kept, other) for other in others for kept in rest)
-    ]
-    singles = tuple(other for others in near if len(others) == 1 for other in others if other not in rest)
-    lost = search.quick(rest) - search.quick(chosen)
-    promised = search.gains(rest, singles)
-    # Promises are to second order, and may be off by a few per cent where a law is not linear.
-    least = lost - price(search.sizes[term]) - max(slack, 0.05 * lost)
-    return tuple(others for others in near if len(others) > 1 or promised.get(next(iter(others)), -np.inf) >= least)
 
 
 def rows_of(problem: Problem, term: Term) -> frozenset[int]:

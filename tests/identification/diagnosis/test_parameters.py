@@ -3,7 +3,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from identification.diagnosis.assemble import neighbours_of
+from identification.diagnosis.findings import neighbours_of
 from identification.diagnosis.fitting import fit
 from identification.diagnosis.parameters import Neighbour, finding_parameters
 from identification.diagnosis.terms import FoundEffect

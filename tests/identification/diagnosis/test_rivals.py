@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from identification.diagnosis.rivals import REPLICATES, block_counts, stand
-from identification.diagnosis.search import explain
+from identification.diagnosis.stepwise import explain
 from phantom_dyn import load_robot
 
 

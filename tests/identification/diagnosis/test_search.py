@@ -7,16 +7,15 @@ import pytest
 
 from identification.diagnosis.search import (
     PARAMETER_PRICE,
-    alternatives,
     contains,
-    explain,
     ordered,
     possible,
     price,
     rank_of,
-    replaced,
     with_term,
 )
+from identification.diagnosis.stepwise import explain
+from identification.diagnosis.swaps import alternatives, replaced
 from phantom_dyn.motion import Motion
 
 

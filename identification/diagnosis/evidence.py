@@ -1,0 +1,53 @@
+"""Samples behind the figures of a report, all in the judged band."""
+
+from __future__ import annotations
+
+import numpy as np
+from jaxtyping import Float
+
+from identification.diagnosis.judge import Judge
+from identification.diagnosis.locate import regime_split
+from identification.diagnosis.result import Evidence
+
+Array = np.ndarray
+
+
+def evidence_of(
+    judge: Judge,
+    given: tuple[Float[Array, "n nv"], ...],
+    after: tuple[Float[Array, "n nv"], ...],
+    without: tuple[tuple[Float[Array, "n nv"], ...], ...],
+) -> Evidence:
+    """Samples of all recordings, one after the other with a second between them.
+
+    Args:
+        judge: Recordings and their band.
+        given: Residual of the given model for each log, in the judged band.
+        after: Torque of the corrected model for each log.
+        without: The same for each finding, of the model that lacks it.
+    """
+    columns, logs = judge.problem.columns, judge.logs
+    start, times = 0.0, []
+    for log in logs:
+        t = log.motion.t[log.samples]
+        times.append(t - t[0] + start)
+        start = float(times[-1][-1]) + 1.0
+    model = np.concatenate(judge.narrow(columns.model_torque))
+    transmitted = tuple(
+        log.band(operation.transmitted - operation.own_friction)
+        for log, operation in zip(logs, columns.operations, strict=True)
+    )
+    splits = [regime_split(columns, logs, given, row) for row in range(len(columns.rows))]
+    return Evidence(
+        t=np.concatenate(times),
+        q=np.concatenate([log.motion.q[log.samples] for log in logs]),
+        v=np.concatenate([log.motion.v[log.samples] for log in logs]),
+        a=np.concatenate([log.motion.a[log.samples] for log in logs]),
+        tau_measured=model + np.concatenate(judge.narrow(columns.residual)),
+        tau_before=model,
+        tau_after=np.concatenate(judge.narrow(after)),
+        regime_shares=tuple(split.shares for split in splits),
+        regime_times=tuple(split.times for split in splits),
+        tau_transmitted=np.concatenate(judge.narrow(transmitted)),
+        tau_without=tuple(np.concatenate(judge.narrow(torque)) for torque in without),
+    )

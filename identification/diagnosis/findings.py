@@ -1,0 +1,74 @@
+"""Effects that were chosen, as findings: parameters, what each closes of the gap, and what else it may be."""
+
+from __future__ import annotations
+
+import numpy as np
+from jaxtyping import Float
+
+from identification.diagnosis.gap import Sums, held_out_torque, residual_after, sums
+from identification.diagnosis.judge import Judge
+from identification.diagnosis.parameters import Neighbour, finding_parameters
+from identification.diagnosis.result import Finding
+from identification.diagnosis.rivals import block_counts, stand
+from identification.diagnosis.search import Search, ordered
+from identification.diagnosis.terms import Term
+from phantom_dyn.robot import Robot
+
+Array = np.ndarray
+# Of each log, ``(n, nv)``.
+Torque = tuple[Float[Array, "n nv"], ...]
+
+
+def findings_without(
+    robot: Robot,
+    search: Search,
+    plain: Search,
+    chosen: frozenset[Term],
+    judge: Judge,
+    before: Sums,
+) -> tuple[tuple[Finding, Torque], ...]:
+    """Each named effect with its gap closed and rivals, and the torque of the other named ones without it."""
+    problem, floor, found = plain.problem, judge.floor, plain.evaluate(chosen)
+    after = sums(problem, judge.narrow(residual_after(problem, held_out_torque(problem, chosen, found))))
+    counts = block_counts(len(before.counts), np.random.default_rng(20260105))
+    once = np.ones((1, len(before.counts)))
+    out = []
+    for term in ordered(chosen):
+        if not term.named:
+            continue
+        others = frozenset(other for other in chosen if other.named and other is not term)
+        without = plain.evaluate(chosen - {term})
+        torque = held_out_torque(problem, chosen - {term}, without)
+        lost = sums(problem, judge.narrow(residual_after(problem, torque)))
+
+        def closed(weights: Float[Array, "R B"], lost: Sums = lost) -> Float[Array, " R"]:
+            gap = np.maximum(before.loss(floor, weights) - 1.0, 1e-9)
+            return (lost.loss(floor, weights) - after.loss(floor, weights)) / gap
+
+        standing = stand(search, chosen, term)
+        low, high = np.percentile(closed(counts), [2.5, 97.5])
+        finding = Finding(
+            effect=term.effect.name,
+            joint=term.joint,
+            regime=term.effect.regime,
+            parameters=finding_parameters(robot, term, found, neighbours_of(plain, chosen, term)),
+            gap_closed=float(closed(once)[0]),
+            gap_closed_interval=(float(low), float(high)),
+            probability=standing.probability,
+            rivals=standing.rivals,
+            verdict="one_of" if standing.rivals else "supported",
+        )
+        if others != chosen - {term}:
+            torque = held_out_torque(problem, others, plain.evaluate(others))
+        out.append((finding, torque))
+    return tuple(out)
+
+
+def neighbours_of(search: Search, chosen: frozenset[Term], term: Term) -> tuple[Neighbour, ...]:
+    """Fits with the other shapes of one finding."""
+    out = []
+    for other in search.terms:
+        if other.place == term.place and other is not term and len(other.shape) == len(term.shape) == 1:
+            found = search.evaluate(chosen - {term} | {other})
+            out.append(Neighbour(other.shape[0], found.objective, found.theta[list(other.columns)]))
+    return tuple(out)
