@@ -191,9 +191,7 @@ def _warnings(
     passive = () if chain is None else chain.passive_names
     idle = [name for name in passive if _has_drive(stated.joints.get(name, JointConfig()))]
     if idle:
-        sentences.append(
-            f"Of the drives of {', '.join(idle)} only the rotors count, as these joints are passive."
-        )
+        sentences.append(f"Of the drives of {', '.join(idle)} only the rotors count, as these joints are passive.")
     return tuple(sentences)
 
 
