@@ -16,6 +16,8 @@ Array = np.ndarray
 
 # Standard normal deviate that is exceeded with 95 % power.
 _POWER = 1.645
+# Effects whose size is their shape.
+_SIZED_BY_SHAPE = ("backlash",)
 
 
 def smallest_seen(
@@ -52,11 +54,33 @@ def smallest_seen(
             + _POWER
         )
         size = needed / np.sqrt(information) if information > 0 else np.inf
+        if term.effect.name in _SIZED_BY_SHAPE:
+            # The shape is the size: it is seen if the whole effect, at coefficient one, carries what is needed.
+            if size < 1.0:
+                known = bounds.get(term.place)
+                smallest = term.shape[0] if known is None else min(term.shape[0], known.below)
+                unit = term.effect.parameters(robot, term.joint)[0].unit
+                bounds[term.place] = Bound(*term.place, name, float(smallest), unit)
+            else:
+                why = f"even the largest tried leaves less on {joint} than this recording shows"
+                hopeless.setdefault(term.place, NotTestable(*term.place, why))
+            continue
+        if term.effect.name == "torque_saturation":
+            # A limit that the command never reaches leaves nothing, however much the recording shows.
+            why = f"the command of {joint} does not stay beyond any limit that its motion would allow"
+            hopeless.setdefault(term.place, NotTestable(*term.place, why))
+            continue
         if not size < _largest(search, term, direction):
             why = f"it would have to exceed the torque measured on {joint} to be seen in this recording"
             hopeless.setdefault(term.place, NotTestable(*term.place, why))
             continue
-        unit = next((p.unit for p in term.effect.parameters(robot, term.joint) if p.name == name), "")
+        if term.effect.name == "transmission_compliance":
+            # Small is stiff: the smallest compliance that is seen, one over the largest stiffness.
+            name, stiffness = "compliance", term.effect.parameters(robot, term.joint)[0].unit
+            numerator, _, denominator = stiffness.partition("/")
+            unit = f"{denominator}/({numerator})"
+        else:
+            unit = next((p.unit for p in term.effect.parameters(robot, term.joint) if p.name == name), "")
         if term.place not in bounds or size > bounds[term.place].below:
             bounds[term.place] = Bound(*term.place, name, float(size), unit)
     left = [value for place, value in hopeless.items() if place not in bounds]
