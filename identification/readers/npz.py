@@ -37,7 +37,8 @@ def read_npz(path: Path) -> RawTable:
         LogError: If it holds no arrays, or Python objects (those are never loaded).
     """
     columns, problems = {}, {}
-    with np.load(path, allow_pickle=False) as archive:
+    # Opened here, as NumPy leaves a file open that it cannot read.
+    with path.open("rb") as file, np.load(file, allow_pickle=False) as archive:
         if not archive.files:
             raise LogError(f"{path.name} is empty: an NPZ log needs one array per column.")
         for name in archive.files:
