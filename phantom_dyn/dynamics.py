@@ -47,14 +47,18 @@ def _active(robot: Robot, tree: TreeMotion, torque: Float[Array, "N nt *k"]) -> 
     return torque if robot.chain is None else project(tree.G, torque)
 
 
+def _friction(robot: Robot, motion: Motion, tree: TreeMotion) -> Float[Array, "N nv"]:
+    own = motion.v * robot.viscous_friction + np.sign(motion.v) * robot.coulomb_friction
+    return own + passive_friction(robot, tree)
+
+
 def modelled_friction(robot: Robot, motion: Motion) -> Float[Array, "N nv"]:
     """Drive torque that the modelled friction of active and passive joints takes, ``sign(0) = 0``, shape ``(N, nv)``.
 
     Raises:
         ChainError: If a loop of a closed chain cannot be closed or is singular at a sample.
     """
-    own = motion.v * robot.viscous_friction + np.sign(motion.v) * robot.coulomb_friction
-    return own if robot.chain is None else own + passive_friction(robot, tree_motion(robot, motion))
+    return _friction(robot, motion, tree_motion(robot, motion))
 
 
 def inverse_dynamics(robot: Robot, motion: Motion) -> Float[Array, "N nv"]:
@@ -76,8 +80,7 @@ def inverse_dynamics(robot: Robot, motion: Motion) -> Float[Array, "N nv"]:
     """
     _require_finite(motion)
     tree = tree_motion(robot, motion)
-    torque = _active(robot, tree, _rigid_body_torque(robot, tree)) + passive_friction(robot, tree)
-    return torque + motion.v * robot.viscous_friction + np.sign(motion.v) * robot.coulomb_friction
+    return _active(robot, tree, _rigid_body_torque(robot, tree)) + _friction(robot, motion, tree)
 
 
 def rotor_torque(robot: Robot, motion: Motion) -> Float[Array, "N nv"]:

@@ -9,6 +9,7 @@ from identification.diagnosis.bounded import solve
 from identification.diagnosis.result import Bound, NotTestable
 from identification.diagnosis.search import PARAMETER_PRICE, Search, contains, least_gain, price
 from identification.diagnosis.terms import Term, untestable_places
+from phantom_dyn.effects.effect import Effect
 from phantom_dyn.effects.operation import Operation
 from phantom_dyn.robot import Robot
 
@@ -16,8 +17,6 @@ Array = np.ndarray
 
 # Standard normal deviate that is exceeded with 95 % power.
 _POWER = 1.645
-# Effects whose size is their shape.
-_SIZED_BY_SHAPE = ("backlash",)
 
 
 def smallest_seen(
@@ -38,54 +37,44 @@ def smallest_seen(
     inverse = solve(problem.total_a[np.ix_(base, base)] + np.diag(problem.precision[base]), np.eye(len(base)))
     tested = set(search.terms)
     for term in problem.columns.terms:
-        if not term.named or term.place in found or any(contains(other, term) for other in chosen):
+        if not isinstance(term.effect, Effect) or term.place in found or any(contains(other, term) for other in chosen):
             continue
         joint = term.joint if term.joint is not None else "the robot"
         if term not in tested:
             why = f"{joint} moves too little: the effect leaves no trace in this recording"
             hopeless[term.place] = NotTestable(*term.place, why)
             continue
+        if term.effect.seen_by == "neither":
+            why = f"what is logged of {joint} does not stay beyond any limit that its motion would allow"
+            hopeless[term.place] = NotTestable(*term.place, why)
+            continue
         name, direction = term.effect.probe(robot, operation, term.joint)
         # Several orders of a cogging torque: one unit of the first.
         direction = np.concatenate([direction, np.zeros(len(term.columns) - len(direction))])
         information = _information(search, term, direction, base, inverse)
-        needed = (
-            np.sqrt(least_gain(search, frozenset([term])) + max(price(search.sizes[term]) - PARAMETER_PRICE, 0.0) + 2.0)
-            + _POWER
-        )
-        size = needed / np.sqrt(information) if information > 0 else np.inf
-        if term.effect.name in _SIZED_BY_SHAPE:
-            # The shape is the size: it is seen if the whole effect, at coefficient one, carries what is needed.
-            if size < 1.0:
-                known = bounds.get(term.place)
-                smallest = term.shape[0] if known is None else min(term.shape[0], known.below)
-                unit = term.effect.parameters(robot, term.joint)[0].unit
-                bounds[term.place] = Bound(*term.place, name, float(smallest), unit)
-            else:
-                why = f"even the largest tried leaves less on {joint} than this recording shows"
-                hopeless.setdefault(term.place, NotTestable(*term.place, why))
-            continue
-        if term.effect.name == "torque_saturation":
-            # A limit that the command never reaches leaves nothing, however much the recording shows.
-            why = f"the command of {joint} does not stay beyond any limit that its motion would allow"
-            hopeless.setdefault(term.place, NotTestable(*term.place, why))
-            continue
-        if not size < _largest(search, term, direction):
+        size = _needed(search, term) / np.sqrt(information) if information > 0 else np.inf
+        by_shape = term.effect.seen_by == "shape"
+        if not size < (1.0 if by_shape else _largest(search, term, direction)):
             why = f"it would have to exceed the torque measured on {joint} to be seen in this recording"
+            if by_shape:
+                why = f"even the largest that was tried leaves less on {joint} than this recording shows"
             hopeless.setdefault(term.place, NotTestable(*term.place, why))
             continue
-        if term.effect.name == "transmission_compliance":
-            # Small is stiff: the smallest compliance that is seen, one over the largest stiffness.
-            name, stiffness = "compliance", term.effect.parameters(robot, term.joint)[0].unit
-            numerator, _, denominator = stiffness.partition("/")
-            unit = f"{denominator}/({numerator})"
-        else:
-            unit = next((p.unit for p in term.effect.parameters(robot, term.joint) if p.name == name), "")
-        if term.place not in bounds or size > bounds[term.place].below:
-            bounds[term.place] = Bound(*term.place, name, float(size), unit)
+        # Of shapes that are sizes the smallest that is seen counts, of other shapes the one that is seen worst.
+        below, better = (term.shape[0], min) if by_shape else (float(size), max)
+        if term.place in bounds:
+            below = better(below, bounds[term.place].below)
+        unit = term.effect.probe_unit(robot, term.joint, name)
+        bounds[term.place] = Bound(*term.place, name, float(below), unit)
     left = [value for place, value in hopeless.items() if place not in bounds]
     left += [NotTestable(*place) for place in untestable_places(robot, operation)]
     return tuple(bounds.values()), tuple(left)
+
+
+def _needed(search: Search, term: Term) -> float:
+    """How many standard deviations of its own size an effect has to have to be claimed with 95 % power."""
+    extra = max(price(search.sizes[term]) - PARAMETER_PRICE, 0.0)
+    return float(np.sqrt(least_gain(search, frozenset([term])) + extra + 2.0)) + _POWER
 
 
 def _information(

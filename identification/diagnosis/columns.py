@@ -20,7 +20,7 @@ from identification.log import Log
 from identification.signals import smoothed
 from phantom_dyn.dynamics import inverse_dynamics, rigid_body_regressor
 from phantom_dyn.effects.catalogue import effect_named
-from phantom_dyn.effects.effect import Effect, Shape
+from phantom_dyn.effects.effect import Rival, Shape
 from phantom_dyn.effects.inertial_parameters import InertialParameters
 from phantom_dyn.effects.operation import Operation
 from phantom_dyn.effects.payload import Payload
@@ -71,7 +71,7 @@ class Local:
         rows: Which rows they touch.
     """
 
-    effect: Effect
+    effect: Rival
     joint: str | None
     shape: Shape
     first: int
@@ -130,7 +130,7 @@ def build_columns(
     residual = tuple(log.band(log.tau) - model for log, model in zip(logs, torque, strict=True))
     usable = tuple(usable_samples(log) for log in logs)
     if like is None:
-        rest = left_by_moves(moves, moved, residual, usable) if rest is None else rest
+        rest = left_by_moves(robot, moves, moved, residual, usable) if rest is None else rest
         operations = [with_rest(log, o, part) for log, o, part in zip(logs, operations, rest, strict=True)]
         names = [move.nuisance.name for move in moves] + list(parameter_names(robot))
         terms, local = _lay_out(robot, merged(tuple(operations)), len(moves), names, found)
@@ -139,7 +139,7 @@ def build_columns(
     first = range(len(moves), len(moves) + len(parameter_names(robot)))
     rows = []
     for j in range(robot.nv):
-        mine = [k for k, move in enumerate(moves) if move.touches(j)]
+        mine = [k for k, move in enumerate(moves) if move.touches(robot, j)]
         mine += first
         for block in local:
             if j in block.rows:
@@ -156,6 +156,7 @@ def build_columns(
 
 
 def left_by_moves(
+    robot: Robot,
     moves: tuple[Move, ...],
     columns: list[list[list[Float[Array, " n"]]]],
     residual: tuple[Float[Array, "n nv"], ...],
@@ -166,7 +167,7 @@ def left_by_moves(
     Rows are weighed by a tenth of their residual, which is about its noise where the model is off.
     """
     rows = range(residual[0].shape[1])
-    touching = [[k for k, move in enumerate(moves) if move.touches(j)] for j in rows]
+    touching = [[k for k, move in enumerate(moves) if move.touches(robot, j)] for j in rows]
     a = np.diag([1.0 / move.nuisance.sigma**2 for move in moves])
     b = np.zeros(len(moves))
     for j in rows:

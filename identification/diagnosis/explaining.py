@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from itertools import pairwise
 
 import numpy as np
 from jaxtyping import Bool, Float
 
+from identification.diagnosis.flexible import displacement_since_reversal
 from identification.diagnosis.joint_motion import JointMotion
 from identification.diagnosis.result import Diagnosis, Evidence, Finding
 from identification.diagnosis.thinning import bin_numbers, gap_starts
@@ -119,21 +121,22 @@ def explained_share(x: Float[Array, " N"], y: Float[Array, " N"], forward: Bool[
     return float(np.clip(spread / (len(groups) * np.var(y[finite])), 0.0, 1.0))
 
 
-def displacement_since_reversal(
+def displacement_by_recording(
     t: Float[Array, " N"], q: Float[Array, " N"], v: Float[Array, " N"]
 ) -> Float[Array, " N"]:
-    """How far a joint has gone since its velocity last changed sign; NaN before the first reversal of a recording."""
-    if not len(t):
-        return np.zeros(0)
+    """How far a joint has gone since its velocity last changed sign; NaN before the first reversal of a recording.
+
+    A joint that stops and goes on has not reversed.
+    """
+    out = np.full(len(t), np.nan)
+    starts = np.concatenate([[0], gap_starts(t), [len(t)]]) if len(t) else np.zeros(0, dtype=int)
     sign = np.sign(v)
-    moving = np.maximum.accumulate(np.where(sign != 0, np.arange(len(v)), 0))
-    sign = sign[moving]
-    firsts = np.concatenate([[0], gap_starts(t)])
-    turns = np.flatnonzero(sign[1:] != sign[:-1]) + 1
-    starts = np.union1d(firsts, turns)
-    since = starts[np.searchsorted(starts, np.arange(len(t)), side="right") - 1]
-    out = q - q[since]
-    out[np.isin(since, firsts)] = np.nan
+    sign = sign[np.maximum.accumulate(np.where(sign != 0, np.arange(len(v)), 0))]
+    for start, stop in pairwise(starts):
+        turns = np.flatnonzero(sign[start + 1 : stop] != sign[start : stop - 1])
+        if len(turns):
+            first = start + 1 + turns[0]
+            out[first:stop] = displacement_since_reversal(q[start:stop], sign[start:stop])[first - start :]
     return out
 
 
@@ -168,7 +171,7 @@ def _variable(name: str, diagnosis: Diagnosis, motions: dict[str, JointMotion], 
         return Variable(f"position{after}", length, motion.q, by_direction=True)
     if name == "displacement":
         width = _first(finding, "displacement")
-        x = displacement_since_reversal(evidence.t, motion.q, motion.v)
+        x = displacement_by_recording(evidence.t, motion.q, motion.v)
         return Variable("displacement since reversal", length, x, reach=width and _PRESLIDING_WIDTHS * abs(width))
     if name == "phase":
         return _phase(finding, motion, length)

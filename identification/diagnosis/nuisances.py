@@ -4,13 +4,17 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Literal
 
 import numpy as np
 from jaxtyping import Float
 
 from identification.log import Band
+from phantom_dyn.effects.coulomb_friction import CoulombFriction
+from phantom_dyn.effects.effect import Effect
 from phantom_dyn.effects.operation import Operation
+from phantom_dyn.effects.rotor_inertia import RotorInertia
+from phantom_dyn.effects.rows import modelled_friction_of
+from phantom_dyn.effects.viscous_friction import ViscousFriction
 from phantom_dyn.inertia import tolerance_directions
 from phantom_dyn.robot import Robot
 
@@ -41,18 +45,18 @@ class Move:
     Attributes:
         nuisance: Name and size.
         kind: Inertial parameters of a body, friction or rotor of a joint, or the timing of all.
-        place: Index of the body or of the joint; -1 for all.
+        place: Index of the body, or name of the joint; None for all.
         direction: Of the move among the ten parameters of the body.
     """
 
     nuisance: Nuisance
-    kind: Literal["body", "viscous", "coulomb", "rotor", "timing"]
-    place: int
+    kind: str
+    place: int | str | None
     direction: Float[Array, " 10"] | None = None
 
-    def touches(self, row: int) -> bool:
-        """True if the move changes the torque of that joint."""
-        return self.kind in {"body", "timing"} or self.place == row
+    def touches(self, robot: Robot, row: int) -> bool:
+        """True if the move may change the torque of that joint: what is passive may on all."""
+        return self.place not in robot.joint_names or self.place == robot.joint_names[row]
 
 
 def moves_of(robot: Robot) -> tuple[Move, ...]:
@@ -66,19 +70,19 @@ def moves_of(robot: Robot) -> tuple[Move, ...]:
                 if np.any(directions[:, k]):
                     nuisance = Nuisance(name, tolerance.inertia, 2 * tolerance.inertia)
                     out.append(Move(nuisance, "body", body, directions[:, k]))
-    for j, joint in enumerate(robot.joint_names):
-        if tolerance.friction > 0:
-            if robot.viscous_friction[j] > 0:
-                nuisance = Nuisance(f"{joint} viscous friction", tolerance.friction, 2 * tolerance.friction)
-                out.append(Move(nuisance, "viscous", j))
-            if robot.coulomb_friction[j] > 0:
-                nuisance = Nuisance(f"{joint} Coulomb friction", tolerance.friction, 2 * tolerance.friction)
-                out.append(Move(nuisance, "coulomb", j))
-        if tolerance.rotor_inertia > 0 and robot.rotor_inertia[j] > 0:
-            nuisance = Nuisance(f"{joint} rotor inertia", tolerance.rotor_inertia, 2 * tolerance.rotor_inertia)
-            out.append(Move(nuisance, "rotor", j))
+    for joint in (*robot.joint_names, *robot.passive_names):
+        viscous, coulomb = modelled_friction_of(robot, joint)
+        rotor = robot.rotor_inertia[robot.joint_names.index(joint)] if joint in robot.joint_names else 0.0
+        modelled = (
+            ("viscous", "viscous friction", viscous, tolerance.friction),
+            ("coulomb", "Coulomb friction", coulomb, tolerance.friction),
+            ("rotor", "rotor inertia", rotor, tolerance.rotor_inertia),
+        )
+        for kind, words, value, sigma in modelled:
+            if value > 0 and sigma > 0:
+                out.append(Move(Nuisance(f"{joint} {words}", sigma, 2 * sigma), kind, joint))
     # What is left of the alignment of torque and motion after the known part: a fraction of a sample.
-    out.append(Move(Nuisance("timing of the torque", 0.25, 0.5, relative=False), "timing", -1))
+    out.append(Move(Nuisance("timing of the torque", 0.25, 0.5, relative=False), "timing", None))
     return tuple(out)
 
 
@@ -101,21 +105,29 @@ def move_columns(
         narrow: Filter of columns made of accelerations.
     """
     drift = narrow(band(np.gradient(operation.tau, axis=0)))
-    v, direction, a = band(operation.v), band(np.sign(operation.v)), narrow(band(operation.a))
-    rows: list[list[Array]] = []
-    for j in range(robot.nv):
-        columns: list[Array] = []
-        for move in moves:
-            if move.kind == "body":
-                columns.append(body[j][:, 10 * (move.place - 1) : 10 * move.place] @ move.direction)
-            elif move.kind == "timing":
-                columns.append(drift[:, j])
-            elif move.place == j:
-                unit = {
-                    "viscous": robot.viscous_friction[j] * v[:, j],
-                    "coulomb": robot.coulomb_friction[j] * direction[:, j],
-                    "rotor": robot.rotor_inertia[j] * a[:, j],
-                }
-                columns.append(unit[move.kind])
-        rows.append(columns)
+    rows: list[list[Array]] = [[] for _ in range(robot.nv)]
+    for move in moves:
+        if isinstance(move.place, int):
+            change = body[:, :, 10 * (move.place - 1) : 10 * move.place] @ move.direction
+        elif move.place is None:
+            change = drift.T
+        else:
+            # The column of the effect that would add to what is modelled, times what is modelled.
+            value, effect = _modelled(robot, move.kind, move.place)
+            signature = effect.signature(robot, operation, move.place, ())
+            change = np.zeros_like(drift.T)
+            for k, row in enumerate(signature.rows):
+                column = band(signature.columns[:, k, 0])
+                change[row] = value * (narrow(column) if effect.uses_acceleration else column)
+        for j in range(robot.nv):
+            if move.touches(robot, j):
+                rows[j].append(change[j])
     return rows
+
+
+def _modelled(robot: Robot, kind: str, joint: str) -> tuple[float, Effect]:
+    """What the model gives a joint of one kind, and the effect that is more of it."""
+    if kind == "rotor":
+        return float(robot.rotor_inertia[robot.joint_names.index(joint)]), RotorInertia()
+    viscous, coulomb = modelled_friction_of(robot, joint)
+    return (viscous, ViscousFriction()) if kind == "viscous" else (coulomb, CoulombFriction())

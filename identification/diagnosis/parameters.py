@@ -12,7 +12,7 @@ from identification.diagnosis.fitting import Fitted
 from identification.diagnosis.result import Value
 from identification.diagnosis.terms import Term
 from phantom_dyn.dynamics import rigid_body_regressor
-from phantom_dyn.effects.effect import Parameter
+from phantom_dyn.effects.effect import Effect, Parameter
 from phantom_dyn.effects.inertial_parameters import InertialParameters
 from phantom_dyn.effects.payload import Payload
 from phantom_dyn.motion import Motion
@@ -51,33 +51,35 @@ def finding_parameters(
         found: Fit of the whole model.
         neighbours: Fits with other shapes of the same effect, which tell how well the shape is known.
     """
+    effect = term.effect
+    assert isinstance(effect, Effect)
     coefficients = found.theta[list(term.columns)]
     at = np.searchsorted(found.active, term.columns)
     cov = found.cov[np.ix_(at, at)]
-    if isinstance(term.effect, InertialParameters):
+    if isinstance(effect, InertialParameters):
         return _inertial(robot, term, coefficients, cov)
-    if isinstance(term.effect, Payload):
+    if isinstance(effect, Payload):
         coefficients, cov = coefficients[:4], cov[:4, :4]
     shape, spread, drift = term.shape, 0.0, np.zeros(len(coefficients))
-    if len(shape) == 1 and not term.effect.shape_is_estimate:
+    if len(shape) == 1 and not effect.shape_is_estimate:
         best, spread, drift = _shape(shape[0], found.objective, coefficients, neighbours)
         coefficients = coefficients + drift * (best - shape[0])
         shape = (best,)
     cov = cov + np.outer(drift, drift) * spread**2
-    values = term.effect.from_coefficients(robot, term.joint, coefficients, shape)
+    values = effect.from_coefficients(robot, term.joint, coefficients, shape)
     slope = np.empty((len(values), len(coefficients)))
     for k in range(len(coefficients)):
         # A step of a hundredth of a deviation keeps the difference inside the linear range of every law.
         step = 0.01 * np.sqrt(max(cov[k, k], 1e-30))
         moved = coefficients.copy()
         moved[k] += step
-        slope[:, k] = (term.effect.from_coefficients(robot, term.joint, moved, shape) - values) / step
+        slope[:, k] = (effect.from_coefficients(robot, term.joint, moved, shape) - values) / step
     std = np.sqrt(np.maximum(np.diag(slope @ cov @ slope.T), 0.0))
     if spread > 0:
         step = 0.01 * spread
-        moved = term.effect.from_coefficients(robot, term.joint, coefficients, (shape[0] + step,))
+        moved = effect.from_coefficients(robot, term.joint, coefficients, (shape[0] + step,))
         std = np.hypot(std, np.abs(moved - values) / 0.01)
-    return _named(term.effect.parameters(robot, term.joint), values, std)
+    return _named(effect.parameters(robot, term.joint), values, std)
 
 
 def _named(parameters: tuple[Parameter, ...], values: Float[Array, " p"], std: Float[Array, " p"]) -> dict[str, Value]:
@@ -113,11 +115,11 @@ def _shape(
 
 def _inertial(robot: Robot, term: Term, coefficients: Float[Array, " k"], cov: Float[Array, "k k"]) -> dict[str, Value]:
     """Base parameters among the free ones: independent columns of the regressor over random motions."""
-    parameters = term.effect.parameters(robot, term.joint)
     rng = np.random.default_rng(20260104)
     motion = Motion(np.arange(200.0), *(rng.uniform(-3, 3, (200, robot.nv)) for _ in range(3)))
     effect = term.effect
     assert isinstance(effect, InertialParameters)
+    parameters = effect.parameters(robot, term.joint)
     columns = list(effect.columns_of(robot, term.joint))
     w = rigid_body_regressor(robot, motion)[:, :, columns].reshape(-1, len(columns))
     base = base_parameters_of_matrix(w, [p.name for p in parameters], [p.unit for p in parameters])

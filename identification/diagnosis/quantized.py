@@ -29,16 +29,16 @@ class Rounded:
 
     Attributes:
         coarse: The joints.
-        energy: Of each, mean squared torque on every joint, ``(nv,)``.
+        energy: Of each, mean squared torque on every joint, ``(k, nv)``.
     """
 
     coarse: tuple[Coarse, ...]
-    energy: tuple[Float[Array, " nv"], ...]
+    energy: Float[Array, "k nv"]
 
     @property
     def total(self) -> Float[Array, " nv"]:
         """Of all together."""
-        return np.sum(self.energy, axis=0)
+        return self.energy.sum(axis=0)
 
 
 def rounded(
@@ -58,9 +58,7 @@ def rounded(
         if np.any(squares > _LEAST * floor**2) or np.any(wide):
             kept.append(one)
             energy.append(squares)
-    if not kept:
-        return Rounded((), (np.zeros(len(floor)),))
-    return Rounded(tuple(kept), tuple(energy))
+    return Rounded(tuple(kept), np.array(energy).reshape(len(kept), len(floor)))
 
 
 def floor_without(rounding: Rounded, floor: Float[Array, " nv"]) -> Float[Array, " nv"]:
@@ -73,7 +71,7 @@ def findings_of(robot: Robot, rounding: Rounded, before: Sums, floor: Float[Arra
     effect = EncoderQuantization()
     gap = max(float(np.mean(before.rms() ** 2 / floor**2)) - 1.0, 1e-9)
     out = []
-    for one, energy in zip(rounding.coarse, rounding.energy, strict=False):
+    for one, energy in zip(rounding.coarse, rounding.energy, strict=True):
         joint = robot.joint_names[one.row]
         closed = float(min(np.mean(energy / floor**2) / gap, 1.0))
         # The energy of rounding is that of a uniform law: known to about the root of two over the samples' number.

@@ -26,10 +26,17 @@ _SAME = 0.05
 
 @dataclass(frozen=True)
 class Standing:
-    """How a finding stands against its rivals: its own share of wins, and theirs."""
+    """How a finding stands against its rivals.
+
+    Attributes:
+        probability: Its own share of wins.
+        rivals: Theirs, the likeliest first.
+        instead: The whole set with the likeliest rival in the finding's place, None if there is no rival.
+    """
 
     probability: float
     rivals: tuple[Rival, ...]
+    instead: frozenset[Term] | None = None
 
 
 def block_counts(blocks: int, rng: np.random.Generator) -> Float[Array, "R B"]:
@@ -84,7 +91,9 @@ def stand(search: Search, chosen: frozenset[Term], term: Term) -> Standing:
         Rival(tuple(EffectAt(*place) for place in effects), share / total)
         for effects, share in sorted(kept.items(), key=lambda item: -item[1])
     )
-    return Standing(own / total, rivals)
+    first = next(iter(sorted(kept, key=lambda effects: -kept[effects])), None)
+    there = [key for key in keys[1:] if tuple(other.place for other in ordered(names[key])) == first]
+    return Standing(own / total, rivals, min(there, key=search.score) if there else None)
 
 
 def settled(search: Search, chosen: frozenset[Term]) -> frozenset[Term]:
@@ -96,16 +105,8 @@ def settled(search: Search, chosen: frozenset[Term]) -> frozenset[Term]:
         if not term.named or term not in chosen:
             continue
         standing = stand(search, chosen, term)
-        if not standing.rivals or standing.rivals[0].probability <= _OUTDONE * standing.probability:
-            continue
-        wanted = {(at.effect, at.joint) for at in standing.rivals[0].effects}
-        options = [
-            replaced(chosen, term, others)
-            for others in relevant(search, chosen, term, _FAR)
-            if {other.place for other in others} == wanted and others <= replaced(chosen, term, others)
-        ]
-        if options:
-            chosen = min(options, key=search.score)
+        if standing.instead is not None and standing.rivals[0].probability > _OUTDONE * standing.probability:
+            chosen = standing.instead
     return chosen
 
 

@@ -11,7 +11,7 @@ from __future__ import annotations
 import numpy as np
 from jaxtyping import Float
 
-from phantom_dyn.effects.effect import Effect, Shape, Signature
+from phantom_dyn.effects.effect import Rival, Shape, Signature
 from phantom_dyn.effects.operation import Operation
 from phantom_dyn.effects.rows import row_of
 from phantom_dyn.robot import Robot
@@ -30,7 +30,7 @@ def _scaled(x: Float[Array, " N"]) -> Float[Array, " N"]:
     return x / max(float(np.percentile(np.abs(x), 95)), 1e-12)
 
 
-class Drift(Effect):
+class Drift(Rival):
     """An offset, a friction or a gain of one joint that changes slowly over the recording."""
 
     regime = "time_drift"
@@ -53,7 +53,7 @@ class Drift(Effect):
         return _on_row(robot, joint, [whole * np.cos(k * phase) for k in range(_SLOW + 1)])
 
 
-class Rhythm(Effect):
+class Rhythm(Rival):
     """A force with a period of its own in time, whatever the robot does."""
 
     name = "rhythm"
@@ -90,7 +90,7 @@ class Rhythm(Effect):
         return _on_row(robot, joint, [np.sin(phase), np.cos(phase)])
 
 
-class Field(Effect):
+class Field(Rival):
     """A force on one joint that depends on the positions of all: a contact, a cable that catches."""
 
     name = "field"
@@ -110,7 +110,7 @@ class Field(Effect):
         return _on_row(robot, joint, columns)
 
 
-class Contact(Effect):
+class Contact(Rival):
     """A spring on one joint that acts on one side of a position only."""
 
     name = "contact"
@@ -133,7 +133,7 @@ class Contact(Effect):
         return _on_row(robot, joint, [np.maximum(shape[1] * (q - shape[0]), 0.0)])
 
 
-class Supply(Effect):
+class Supply(Rival):
     """A drive that gives less when all drives together ask for more."""
 
     name = "supply"
@@ -151,7 +151,7 @@ class Supply(Effect):
         return _on_row(robot, joint, [own, own * load, own * power, own * np.abs(own)])
 
 
-STRUCTURES: tuple[Effect, ...] = (
+STRUCTURES: tuple[Rival, ...] = (
     Drift("drifting_offset", "torque_offset"),
     Drift("drifting_friction", "coulomb_friction"),
     Drift("drifting_damping", "viscous_friction"),

@@ -9,7 +9,7 @@ from jaxtyping import Float
 
 from identification.diagnosis.structure import STRUCTURES
 from phantom_dyn.effects.catalogue import EFFECTS
-from phantom_dyn.effects.effect import Effect, Shape
+from phantom_dyn.effects.effect import Effect, Rival, Shape
 from phantom_dyn.effects.operation import Operation
 from phantom_dyn.robot import Robot
 
@@ -32,13 +32,13 @@ class FoundEffect:
     """An effect that the last fit has found: the point about which laws that are not linear are taken next.
 
     Attributes:
-        effect: Of the catalogue.
+        effect: Of the catalogue, or a structure that has no name there.
         joint: Its joint, None for the whole robot.
         shape: Its shape in that fit.
         coefficients: Of its columns.
     """
 
-    effect: Effect
+    effect: Rival
     joint: str | None
     shape: Shape
     coefficients: Float[Array, " k"]
@@ -57,7 +57,7 @@ class Term:
         lower, upper: Bounds of each coefficient.
     """
 
-    effect: Effect
+    effect: Rival
     joint: str | None
     shape: Shape
     columns: tuple[int, ...]
@@ -73,12 +73,12 @@ class Term:
     @property
     def named(self) -> bool:
         """False for a structure that the catalogue has no name for."""
-        return self.effect not in STRUCTURES
+        return isinstance(self.effect, Effect)
 
 
 def shapes_of(
     robot: Robot, operation: Operation, found: tuple[FoundEffect, ...]
-) -> tuple[tuple[Effect, str | None, tuple[Shape, ...]], ...]:
+) -> tuple[tuple[Rival, str | None, tuple[Shape, ...]], ...]:
     """Effects, places and shapes to try in a recording that can show them; about a fit, shapes near what it found."""
     near = {(point.effect.name, point.joint): point for point in found}
     out = []

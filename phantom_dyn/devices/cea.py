@@ -141,9 +141,6 @@ STIFFNESS_UNITS = MappingProxyType({"N m/rad": 1.0, "N m/deg": 180.0 / np.pi, "N
 As printed, joint 5 would resonate at 2 Hz (the source: about 20 Hz) and 2000 to 5000 N/m at the tip would need levers
 of 14 to 22 mm. N m/mrad is the only reading within a factor of about two of both."""
 
-VISCOUS_FRICTION = (INERTIAL["FV1"].value, INERTIAL["FV2R"].value, INERTIAL["FV5R"].value)
-"""Viscous coefficients of the active joints, Table 4 [N m s/rad]; its F_v of (18)."""
-
 COULOMB_FRICTION = (INERTIAL["FS1"].value, INERTIAL["FS2"].value, INERTIAL["FS5R"].value)
 """Coulomb torques of the active joints, Table 4 [N m]; its F_c of (18)."""
 
@@ -153,8 +150,6 @@ STIFFNESS_RANGE = (2000.0, 5000.0)
 """Published stiffness at the tip [N/m]."""
 COULOMB_RANGE_N = (0.3, 0.4)
 """Published Coulomb force at the tip [N], the weight of 30 to 40 g."""
-BANDWIDTH_HZ = 20.0
-"""Published bandwidth of the transmission."""
 
 
 def joint_stiffness(unit: str = "N m/mrad") -> Float[Array, " 3"]:

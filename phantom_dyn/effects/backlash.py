@@ -35,6 +35,7 @@ class Backlash(Effect):
 
     name = "backlash"
     regime = "velocity_reversal"
+    seen_by = "shape"
     uses_acceleration = True
 
     def parameters(self, robot: Robot, joint: str | None) -> tuple[Parameter, ...]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from abc import ABC, abstractmethod
 from collections.abc import Callable
 from dataclasses import dataclass, field
 from typing import Literal
@@ -10,7 +11,6 @@ import numpy as np
 from jaxtyping import Float
 
 from phantom_dyn.effects.operation import Operation
-from phantom_dyn.motion import Motion
 from phantom_dyn.robot import Robot
 
 Array = np.ndarray
@@ -97,16 +97,16 @@ class Simulated:
     inertia: Float[Array, "nv nv"] | None = None
 
 
-class Effect:
-    """One cause of a gap between robot and model; ``joint`` is None for an effect of the whole robot.
+class Rival(ABC):
+    """A cause that leaves columns in inverse dynamics; ``joint`` is None where it is one of the whole robot.
 
-    The parameters are the contract's; the coefficients are what the measured torque is linear in, once the ``shape``
-    (a Stribeck velocity) is fixed. Where both agree, the coefficients are the parameters. A law that is not linear in
-    its parameter at all (a delay) takes its last estimate as shape: its column is the change of torque per unit of
-    the parameter between zero and the shape, so that the law is exact where coefficient and shape agree.
+    The coefficients are what the measured torque is linear in, once the ``shape`` (a Stribeck velocity) is fixed. A law
+    that is not linear in its parameter at all (a delay) takes its last estimate as shape: its column is the change of
+    torque per unit of the parameter between zero and the shape, so that the law is exact where coefficient and shape
+    agree.
 
     Attributes:
-        name: The contract's.
+        name: The contract's, or one of its own for a cause that the catalogue has no name for.
         scope: Whether it sits on a joint (a name, or two joined by ``+``), on the whole robot, or on either.
         regime: Where the effect shows most.
         contains: Names of the effects that are special cases of it.
@@ -129,10 +129,6 @@ class Effect:
             return (None,)
         return (None, *robot.joint_names) if self.scope == "either" else robot.joint_names
 
-    def parameters(self, robot: Robot, joint: str | None) -> tuple[Parameter, ...]:
-        """The contract's parameters with units and bounds."""
-        raise NotImplementedError
-
     def shapes(self, robot: Robot, operation: Operation, joint: str | None) -> tuple[Shape, ...]:
         """Shapes to try at first: one that is empty if the torque is linear in every parameter."""
         return ((),)
@@ -141,13 +137,34 @@ class Effect:
         """Shapes to try next, about a fit: the same and its neighbours, or the last estimate of a secant."""
         return (shape,)
 
+    @abstractmethod
     def signature(self, robot: Robot, operation: Operation, joint: str | None, shape: Shape) -> Signature:
         """Columns of the effect, see `Signature`."""
-        raise NotImplementedError
 
     def coefficient_bounds(self, robot: Robot, joint: str | None, shape: Shape) -> tuple[tuple[float, float], ...]:
         """Lower and upper bound of each coefficient where physics has any; empty if it has none at all."""
         return ()
+
+    def untestable(self, robot: Robot, operation: Operation, joint: str | None) -> str | None:
+        """Why no recording like this one can show the effect, in words; None if it may."""
+        return None
+
+
+class Effect(Rival):
+    """One cause of a gap between robot and model that the catalogue has a name for.
+
+    The parameters are the contract's; where they are what the torque is linear in, they are the coefficients.
+
+    Attributes:
+        seen_by: What makes it large: its coefficients, its shape (coefficient one is the whole effect), or neither,
+            where no size is too small to be seen.
+    """
+
+    seen_by: Literal["coefficient", "shape", "neither"] = "coefficient"
+
+    @abstractmethod
+    def parameters(self, robot: Robot, joint: str | None) -> tuple[Parameter, ...]:
+        """The contract's parameters with units and bounds."""
 
     def from_coefficients(
         self, robot: Robot, joint: str | None, coefficients: Float[Array, " k"], shape: Shape
@@ -155,14 +172,15 @@ class Effect:
         """The contract's parameters, in the order of `parameters`, from linear coefficients."""
         return coefficients
 
+    @abstractmethod
     def probe(self, robot: Robot, operation: Operation, joint: str | None) -> tuple[str, Float[Array, " k"]]:
         """The parameter that says how large the effect is, and the coefficients of one unit of it."""
-        raise NotImplementedError
 
-    def untestable(self, robot: Robot, operation: Operation, joint: str | None) -> str | None:
-        """Why no recording like this one can show the effect, in words; None if it may."""
-        return None
+    def probe_unit(self, robot: Robot, joint: str | None, name: str) -> str:
+        """Unit of what `probe` names."""
+        return next(parameter.unit for parameter in self.parameters(robot, joint) if parameter.name == name)
 
+    @abstractmethod
     def torque(
         self, robot: Robot, operation: Operation, joint: str | None, theta: Float[Array, " p"]
     ) -> Float[Array, "N nv"]:
@@ -171,13 +189,7 @@ class Effect:
         For an effect of a reading, of the drive or of the transmission: minus the drive torque beyond the model's
         that the recording shows because of it.
         """
-        raise NotImplementedError
 
+    @abstractmethod
     def simulated(self, robot: Robot, joint: str | None, theta: Float[Array, " p"]) -> Simulated:
         """How it enters a simulation, with the contract's parameters."""
-        raise NotImplementedError
-
-
-def operation_of(robot: Robot, motion: Motion) -> Operation:
-    """``motion`` as an operation whose drive torque is that of the given model."""
-    return motion if isinstance(motion, Operation) else Operation.of(robot, motion)

@@ -8,7 +8,13 @@ from functools import cached_property
 import numpy as np
 from jaxtyping import Float
 
-from phantom_dyn.dynamics import inverse_dynamics
+from phantom_dyn.dynamics import (
+    inverse_dynamics,
+    inverse_dynamics_derivatives,
+    mass_matrix,
+    modelled_friction,
+    rotor_torque,
+)
 from phantom_dyn.motion import Motion, read_only
 from phantom_dyn.robot import Robot
 
@@ -61,17 +67,15 @@ class Operation(Motion):
     @cached_property
     def own_friction(self) -> Float[Array, "N nv"]:
         """Modelled friction as part of the drive torque."""
-        return self.v * self.robot.viscous_friction + np.sign(self.v) * self.robot.coulomb_friction
+        return modelled_friction(self.robot, self)
 
     @cached_property
     def transmitted(self) -> Float[Array, "N nv"]:
         """Torque that the transmissions pass to the links: drive torque less the rotors' share."""
-        return self.tau - self.a * self.robot.rotor_inertia
+        return self.tau - rotor_torque(self.robot, self)
 
     @cached_property
     def partials(self) -> tuple[Float[Array, "N nv nv"], Float[Array, "N nv nv"], Float[Array, "N nv nv"]]:
         """Derivatives of the rigid-body torque to positions, velocities and accelerations (armature included)."""
-        from phantom_dyn.dynamics import inverse_dynamics_derivatives, mass_matrix
-
         to_q, to_v = inverse_dynamics_derivatives(self.robot, self)
         return to_q, to_v, mass_matrix(self.robot, self.q)

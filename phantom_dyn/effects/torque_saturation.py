@@ -41,6 +41,7 @@ class TorqueSaturation(Effect):
 
     name = "torque_saturation"
     regime = "saturated"
+    seen_by = "neither"
 
     def parameters(self, robot: Robot, joint: str | None) -> tuple[Parameter, ...]:
         """``limit`` of the true torque."""

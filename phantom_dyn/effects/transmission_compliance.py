@@ -77,8 +77,13 @@ class TransmissionCompliance(Effect):
         return np.array([1.0 / max(float(coefficients[0]), _LEAST)])
 
     def probe(self, robot: Robot, operation: Operation, joint: str | None) -> tuple[str, Array]:
-        """One unit of compliance: what is seen from a compliance on is a stiffness below one over it."""
-        return "stiffness", np.array([1.0])
+        """One unit of compliance: small is stiff, so what is seen is a compliance above, a stiffness below."""
+        return "compliance", np.array([1.0])
+
+    def probe_unit(self, robot: Robot, joint: str | None, name: str) -> str:
+        """Of a compliance, one over a stiffness."""
+        numerator, _, denominator = self.parameters(robot, joint)[0].unit.partition("/")
+        return f"{denominator}/({numerator})"
 
     def untestable(self, robot: Robot, operation: Operation, joint: str | None) -> str | None:
         """Where the encoder sits on the link's side."""

@@ -9,7 +9,7 @@ from identification.diagnosis.effect_words import EFFECTS
 from identification.diagnosis.explaining import (
     CANDIDATES,
     Variable,
-    displacement_since_reversal,
+    displacement_by_recording,
     explained_share,
     explaining_variable,
     joint_of,
@@ -63,7 +63,7 @@ def test_displacement_counts_from_the_last_reversal():
     t = np.arange(0, 6, 0.01)
     q = np.abs((t + 1) % 4 - 2)
     v = np.gradient(q, t)
-    x = displacement_since_reversal(t, q, v)
+    x = displacement_by_recording(t, q, v)
     assert np.isnan(x[t < 0.98]).all()
     assert x[np.searchsorted(t, 2.0)] == pytest.approx(q[200] - q[100], abs=0.03)
     assert np.nanmax(np.abs(x)) == pytest.approx(2.0, abs=0.05)
@@ -71,14 +71,14 @@ def test_displacement_counts_from_the_last_reversal():
 
 def test_standing_still_is_no_reversal():
     v = np.array([1.0, 1, 0, 0, 1, 1, -1, -1])
-    x = displacement_since_reversal(np.arange(8.0), np.arange(8.0), v)
+    x = displacement_by_recording(np.arange(8.0), np.arange(8.0), v)
     assert np.flatnonzero(x == 0).tolist() == [6]
 
 
 def test_a_new_recording_has_no_reversal_yet():
     t = np.concatenate([np.arange(0, 1, 0.1), 50 + np.arange(0, 1, 0.1)])
     v = np.where(np.arange(20) % 10 < 5, 1.0, -1.0)
-    assert np.isnan(displacement_since_reversal(t, np.zeros(20), v)).tolist() == ([True] * 5 + [False] * 5) * 2
+    assert np.isnan(displacement_by_recording(t, np.zeros(20), v)).tolist() == ([True] * 5 + [False] * 5) * 2
 
 
 def test_a_function_of_the_variable_is_explained_and_noise_is_not(rng):
