@@ -108,6 +108,11 @@ FIGURES = (
 BASELINE_FIGURES = tuple(f for f in FIGURES if not f.name.startswith(("parameter", "gap closed")))
 
 
+def missed(cases: Cases, floors: float) -> list[Judged]:
+    """Singles of at least so many noise floors in which neither the truth nor a twin of it is a finding."""
+    return [x for x in beyond(of_kind(cases, "single"), floors) if not x.all_named]
+
+
 def beyond(cases: Cases, floors: float) -> list[Judged]:
     """Nulls, and the other cases of at least so many noise floors (of a pair: the smaller effect)."""
     return [x for x in cases if x.kind == "null" or x.gap >= floors]

@@ -10,6 +10,7 @@ from __future__ import annotations
 import argparse
 import json
 import sys
+from collections.abc import Iterable
 from concurrent.futures import ProcessPoolExecutor
 from pathlib import Path
 
@@ -19,13 +20,13 @@ if __package__ in (None, ""):  # called by its path: the checkout is not on the 
 from benchmarks.blind.generator.case import case_id, draw_case, resolved_kind, write_case
 
 KINDS = ("mixed", "null", "single", "pair", "outside")
-# Every kind has its own stream, so a seed may serve once for each. Below 1000: development. 1000 to 2999 were opened
-# for earlier reports. From 3000 on: opened once, for the report.
+# Every kind has its own stream, so a seed may serve once for each. Below 1000: development. 1000 to 6999 were opened
+# for earlier reports. From 7000 on: opened once, for the report.
 REPORTING = {
-    "single": range(3000, 3250),
-    "null": range(4000, 4300),
-    "pair": range(5000, 5080),
-    "outside": range(6000, 6080),
+    "single": range(7000, 7250),
+    "null": range(8000, 8300),
+    "pair": range(9000, 9080),
+    "outside": range(10000, 10080),
 }
 OPTIONS = {"single": "--singles", "null": "--nulls", "pair": "--pairs", "outside": "--outside"}
 FILES = ("robot.urdf", "robot.yaml", "log.csv")
@@ -78,6 +79,19 @@ def draw_many(seeds: range, kind: str, cases: Path, answers: Path, jobs: int) ->
         return [one.result() for one in waiting]
 
 
+def case_ids(batches: Iterable[tuple[str, range]]) -> list[str]:
+    """Ids of the cases of some kinds and seeds, each once, without drawing any."""
+    return list(dict.fromkeys(case_id(seed, resolved_kind(seed, kind)) for kind, seeds in batches for seed in seeds))
+
+
+def add_seed_options(to: argparse.ArgumentParser) -> None:
+    """Adds the options that `chosen_batches` reads; without any of them it takes the reporting ranges."""
+    to.add_argument("--seeds", type=seed_range, metavar="FIRST:END", help="of --kind")
+    to.add_argument("--kind", choices=KINDS, default="mixed", help="of --seeds")
+    for kind, option in OPTIONS.items():
+        to.add_argument(option, dest=kind, type=seed_range, metavar="FIRST:END", help=f"seeds of kind {kind}")
+
+
 def chosen_batches(given: argparse.Namespace) -> list[tuple[str, range]]:
     """Kinds and seeds that were asked for; the reporting ranges where nothing was."""
     batches = [(given.kind, given.seeds)] if given.seeds else []
@@ -88,10 +102,7 @@ def chosen_batches(given: argparse.Namespace) -> list[tuple[str, range]]:
 def parser() -> argparse.ArgumentParser:
     """The options of this command."""
     out = argparse.ArgumentParser(description="Write sealed cases and their answers.")
-    out.add_argument("--seeds", type=seed_range, metavar="FIRST:END", help="of --kind")
-    out.add_argument("--kind", choices=KINDS, default="mixed")
-    for kind, option in OPTIONS.items():
-        out.add_argument(option, dest=kind, type=seed_range, metavar="FIRST:END", help=f"seeds of kind {kind}")
+    add_seed_options(out)
     out.add_argument("--cases", type=Path, required=True, metavar="DIR", help="what the diagnosis may see")
     out.add_argument("--answers", type=Path, required=True, metavar="DIR", help="what only the scorer may see")
     out.add_argument("--jobs", type=int, default=2)

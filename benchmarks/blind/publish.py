@@ -1,17 +1,25 @@
 """Writes the table of the sealed cases and the confusion matrix into the README.
 
-Example: ``python benchmarks/blind/publish.py --score build/blind/score``
+Example: ``python benchmarks/blind/publish.py --score build/blind/score``, with the seeds that were run (``--singles
+100:140 --nulls 100:120``) unless these were the reporting ranges.
 """
 
 from __future__ import annotations
 
 import argparse
 import datetime
+import json
 import re
 import shutil
 import sys
 from collections.abc import Sequence
 from pathlib import Path
+
+if __package__ in (None, ""):  # called by its path: the checkout is not on the module path
+    sys.path.insert(0, str(Path(__file__).resolve().parents[2]))
+
+from benchmarks.blind.generate import OPTIONS, REPORTING, add_seed_options, case_ids, chosen_batches
+from benchmarks.blind.tables import wrapped
 
 CHECKOUT = Path(__file__).resolve().parents[2]
 BEGIN, END = "<!-- blind:begin -->", "<!-- blind:end -->"
@@ -27,14 +35,40 @@ def between_markers(text: str, inside: str) -> str:
     return pattern.sub(lambda _: f"{BEGIN}\n{inside.strip()}\n{END}", text)
 
 
+def command(batches: Sequence[tuple[str, range]]) -> str:
+    """What draws, diagnoses and scores these cases."""
+    if set(case_ids(batches)) == set(case_ids(REPORTING.items())):
+        return "make blind"
+    options = [f"{OPTIONS.get(kind, f'--kind {kind} --seeds')} {r.start}:{r.stop}" for kind, r in batches]
+    return " ".join(["python benchmarks/blind/run.py", *options])
+
+
 def heading(batches: Sequence[tuple[str, range]], day: datetime.date) -> str:
-    """When, and which seeds."""
+    """When and with which command, how many cases, how much of the reporting ranges, and which seeds."""
+    mine, whole = set(case_ids(batches)), set(case_ids(REPORTING.items()))
+    if mine == whole:
+        extent = "the reporting ranges; seeds, opened once"
+    elif mine < whole:
+        extent = f"part of the reporting ranges ({len(whole)} cases); seeds, opened once"
+    else:
+        extent = "not those of the reporting ranges; seeds"
     seeds = ", ".join(f"{kind} {r.start} to {r.stop - 1}" for kind, r in batches)
-    return f"Measured on {day.isoformat()} with `make blind`; seeds, opened once: {seeds}."
+    cases = f"{len(mine)} case{'' if len(mine) == 1 else 's'}"
+    return wrapped(f"Measured on {day.isoformat()} with `{command(batches)}`: {cases}, {extent}: {seeds}.")
 
 
 def publish(score: Path, batches: Sequence[tuple[str, range]], checkout: Path) -> None:
-    """Puts ``score.md`` between the README's markers and the confusion matrix beside it."""
+    """Puts ``score.md`` between the README's markers and the confusion matrix beside it.
+
+    Raises:
+        ValueError: If the score is not that of these seeds.
+    """
+    scored, wanted = {x["id"] for x in json.loads((score / "score.json").read_text())["cases"]}, set(case_ids(batches))
+    if scored != wanted:
+        raise ValueError(
+            f"{score} holds {len(scored)} cases, {len(scored & wanted)} of them among the {len(wanted)} of the given "
+            "seeds: give the seeds that were scored."
+        )
     text = (score / "score.md").read_text()
     image = f"![Confusion matrix of the sealed cases]({IMAGE.as_posix()})"
     inside = "\n\n".join([heading(batches, datetime.datetime.now(datetime.UTC).date()), text.strip(), image, CAPTION])
@@ -46,15 +80,13 @@ def publish(score: Path, batches: Sequence[tuple[str, range]], checkout: Path) -
 
 
 def main(arguments: list[str] | None = None) -> int:
-    from benchmarks.blind.generate import REPORTING
-
     parser = argparse.ArgumentParser(description="Write a finished score into the README.")
     parser.add_argument("--score", type=Path, default=Path("build/blind/score"), metavar="DIR")
+    add_seed_options(parser)
     given = parser.parse_args(arguments)
-    publish(given.score, list(REPORTING.items()), CHECKOUT)
+    publish(given.score, chosen_batches(given), CHECKOUT)
     return 0
 
 
 if __name__ == "__main__":
-    sys.path.insert(0, str(CHECKOUT))
     sys.exit(main())

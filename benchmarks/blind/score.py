@@ -21,7 +21,7 @@ from benchmarks.blind.figures import FIGURES, beyond
 from benchmarks.blind.judged import Judged, judged
 from benchmarks.blind.proportions import proportion
 from benchmarks.blind.reliability import calibration_error, reliability
-from benchmarks.blind.tables import FLOORS, aims, beside, calibration, others, singles
+from benchmarks.blind.tables import FLOORS, aims, beside, calibration, misses, others, singles, wrapped
 
 BASELINES = ("always_coulomb", "independent_bic", "mujoco_sysid")
 
@@ -74,8 +74,10 @@ def report(cases: Sequence[Judged], baselines: Mapping[str, Sequence[Judged]] | 
     """The figures as markdown."""
     failed = proportion(x.verdict == "failed" for x in cases)
     lines = [
-        "In brackets: 95 % intervals (Wilson's for shares). Gap: paired difference to the same run without the effect, "
-        "in noise floors; of a pair that of the smaller effect.",
+        wrapped(
+            "In brackets: 95 % intervals (Wilson's for shares). Gap: paired difference to the same run without the "
+            "effect, in noise floors; of a pair that of the smaller effect."
+        ),
         "",
         aims(cases),
         "",
@@ -83,6 +85,8 @@ def report(cases: Sequence[Judged], baselines: Mapping[str, Sequence[Judged]] | 
     ]
     if baselines:
         lines += ["", beside(cases, baselines)]
+    if said := misses(cases):
+        lines += ["", said]
     lines += ["", singles(cases), "", others(cases), "", calibration(cases), ""]
     error = calibration_error(cases)
     if isfinite(error):

@@ -2,14 +2,22 @@
 
 from __future__ import annotations
 
+import textwrap
 from collections.abc import Mapping, Sequence
 
-from benchmarks.blind.figures import BASELINE_FIGURES, FIGURES, Cases, beyond, of_kind
+from benchmarks.blind.figures import BASELINE_FIGURES, FIGURES, Cases, beyond, missed, of_kind
 from benchmarks.blind.proportions import middle, proportion
 from benchmarks.blind.reliability import reliability
 
 FLOORS = (2.0, 4.0)
 OWN = "phantom-dyn"
+LITTLE_BEYOND = 3.0  # noise floors: a gap of which the tolerance leaves no more is hard to tell from it
+WIDTH = 120  # of a line of prose
+
+
+def wrapped(text: str) -> str:
+    """One paragraph in lines of at most `WIDTH` characters."""
+    return textwrap.fill(text, WIDTH, break_long_words=False, break_on_hyphens=False)
 
 
 def cell(value: object) -> str:
@@ -87,6 +95,20 @@ def singles(cases: Cases) -> str:
         "seconds",
     )
     return table(header, rows)
+
+
+def misses(cases: Cases) -> str:
+    """One sentence on the singles of at least two noise floors that are not named; empty without such singles."""
+    large, not_named = beyond(of_kind(cases, "single"), FLOORS[0]), missed(cases, FLOORS[0])
+    if not large:
+        return ""
+    silent = sum(not x.claims for x in not_named)
+    little = sum(x.beyond < LITTLE_BEYOND for x in not_named)
+    return wrapped(
+        f"Of {len(large)} singles with a gap of {FLOORS[0]:g} floors or more the truth is not named in "
+        f"{len(not_named)}; in {silent} of these nothing at all is named, and {little} of these keep less than "
+        f"{LITTLE_BEYOND:g} floors beyond the tolerance."
+    )
 
 
 def others(cases: Cases) -> str:
