@@ -1,0 +1,26 @@
+"""``jit``: compiles a function at its first call and keeps the machine code on disk; the identity without numba."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any, TypeVar
+
+F = TypeVar("F", bound=Callable[..., Any])
+
+try:
+    from numba import njit
+except ImportError:  # numba has no build for this Python: the same functions, uncompiled
+
+    def jit(function: F) -> F:
+        """The function itself: slower, with the same result."""
+        return function
+
+else:
+
+    def jit(function: F) -> F:
+        """The compiled function: free of the GIL, division as in NumPy, machine code kept on disk.
+
+        Arguments are scalars, arrays and other compiled functions; a first call takes a second or so, later processes
+        load what the first one wrote.
+        """
+        return njit(cache=True, nogil=True, error_model="numpy")(function)
