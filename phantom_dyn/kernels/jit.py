@@ -10,17 +10,15 @@ F = TypeVar("F", bound=Callable[..., Any])
 try:
     from numba import njit
 except ImportError:  # numba has no build for this Python: the same functions, uncompiled
+    njit = None
 
-    def jit(function: F) -> F:
-        """The function itself: slower, with the same result."""
+
+def jit(function: F) -> F:
+    """The compiled function: free of the GIL, division as in NumPy, machine code kept on disk.
+
+    Arguments are scalars, arrays and other compiled functions; a first call takes a second or so, later processes load
+    what the first one wrote. Without numba the function itself: slower, with the same result.
+    """
+    if njit is None:
         return function
-
-else:
-
-    def jit(function: F) -> F:
-        """The compiled function: free of the GIL, division as in NumPy, machine code kept on disk.
-
-        Arguments are scalars, arrays and other compiled functions; a first call takes a second or so, later processes
-        load what the first one wrote.
-        """
-        return cast(F, njit(cache=True, nogil=True, error_model="numpy")(function))
+    return cast(F, njit(cache=True, nogil=True, error_model="numpy")(function))
