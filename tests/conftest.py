@@ -54,6 +54,7 @@ install_import_hook(
         "phantom_dyn.maps.from_robot",
         "phantom_dyn.motion",
         "phantom_dyn.robot",
+        "phantom_dyn.walking",
     ],
     "beartype.beartype(conf=beartype.BeartypeConf(is_pep484_tower=True))",
 )

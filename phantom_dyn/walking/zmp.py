@@ -1,0 +1,147 @@
+# pyright: reportAttributeAccessIssue=false
+r"""Zero moment point of a whole robot on level ground, three ways, and of the linear inverted pendulum.
+
+Seed equations of this section are lost; it cites [Huang]_. With :math:`L` the angular momentum of a body about its own
+centre of mass, right-handed, :math:`z` up and counted from the ground:
+
+.. math::
+    x_{zmp} = \frac{\sum m (\ddot z + g) x - \sum m \ddot x z - \sum \dot L_y}{\sum m (\ddot z + g)}, \qquad
+    y_{zmp} = \frac{\sum m (\ddot z + g) y - \sum m \ddot y z + \sum \dot L_x}{\sum m (\ddot z + g)}
+
+The sign of :math:`\dot L_x` is plus. [Huang]_ prints minus in both rows, which holds for another convention of the
+axes only; with a right-handed :math:`L_x` it moves the point by up to a metre in fast motion. Leaving :math:`\dot L`
+out (point masses) does nearly as much. Both are held by a test.
+
+References:
+    .. [Huang] Q. Huang et al., Planning walking patterns for a biped robot, IEEE Trans. Robotics and Automation 17(3),
+       2001 (recalled, not read); the equations here are derived, and checked against each other and a closed form.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+import pinocchio as pin
+from jaxtyping import Float
+
+from phantom_dyn.errors import ParameterError, RobotError
+
+Array = np.ndarray
+
+
+def zmp_from_bodies(
+    model: pin.Model, q: Float[Array, "N nq"], v: Float[Array, "N nv"], a: Float[Array, "N nv"], *, ground: float = 0.0
+) -> Float[Array, "N 2"]:
+    """Zero moment point [m] in world axes from the sum over bodies, shape ``(N, 2)``.
+
+    Args:
+        model: Robot with a free-flyer as its first joint.
+        q: Configurations, quaternion of the base included, shape ``(N, nq)``.
+        v: Velocities, of the base in its own frame, shape ``(N, nv)``.
+        a: Their time derivatives, shape ``(N, nv)``.
+        ground: Height of the ground [m].
+
+    Raises:
+        RobotError: If the base does not float or gravity is not vertical.
+        ParameterError: If the robot does not press on the ground in a sample.
+    """
+    g = _vertical_gravity(model)
+    data = model.createData()
+    moments, forces = np.zeros((len(q), 2)), np.zeros(len(q))
+    for k in range(len(q)):
+        pin.forwardKinematics(model, data, q[k], v[k], a[k])
+        for joint in range(1, model.njoints):
+            mass, point, acceleration, spin = _body_motion(model, data, joint)
+            press = mass * (acceleration[2] + g)
+            moments[k] += press * point[:2] - mass * acceleration[:2] * (point[2] - ground) + (-spin[1], spin[0])
+            forces[k] += press
+    return moments / _pressing(forces)[:, None]
+
+
+def zmp_from_centroidal_momentum(
+    model: pin.Model, q: Float[Array, "N nq"], v: Float[Array, "N nv"], a: Float[Array, "N nv"], *, ground: float = 0.0
+) -> Float[Array, "N 2"]:
+    """Zero moment point [m] from the rate of change of the centroidal momentum, shape ``(N, 2)``.
+
+    Arguments and errors as `zmp_from_bodies`.
+    """
+    g = _vertical_gravity(model)
+    data = model.createData()
+    mass = pin.computeTotalMass(model)
+    com, rate = np.zeros((len(q), 3)), np.zeros((len(q), 6))
+    for k in range(len(q)):
+        pin.computeCentroidalMomentumTimeVariation(model, data, q[k], v[k], a[k])
+        com[k], rate[k] = data.com[0], data.dhg.vector
+    force = _pressing(rate[:, 2] + mass * g)[:, None]
+    turn = np.stack([-rate[:, 4], rate[:, 3]], axis=1)
+    return com[:, :2] + (turn - rate[:, :2] * (com[:, 2:] - ground)) / force
+
+
+def zmp_from_contact_wrench(
+    model: pin.Model, q: Float[Array, "N nq"], v: Float[Array, "N nv"], a: Float[Array, "N nv"], *, ground: float = 0.0
+) -> Float[Array, "N 2"]:
+    """Zero moment point [m] from the wrench that the ground must exert, shape ``(N, 2)``.
+
+    The wrench is what inverse dynamics asks for at the floating base; the feet are its only source. Arguments and
+    errors as `zmp_from_bodies`.
+    """
+    _vertical_gravity(model)
+    data = model.createData()
+    wrench = np.zeros((len(q), 6))
+    for k in range(len(q)):
+        base = pin.Force(pin.rnea(model, data, q[k], v[k], a[k])[:6])
+        wrench[k] = data.liMi[1].act(base).vector
+    force, moment = wrench[:, :3], wrench[:, 3:]
+    # Moment about the point of the ground below the world's origin: n - (0, 0, ground) x f.
+    moment_x = moment[:, 0] + ground * force[:, 1]
+    moment_y = moment[:, 1] - ground * force[:, 0]
+    return np.stack([-moment_y, moment_x], axis=1) / _pressing(force[:, 2])[:, None]
+
+
+def inverted_pendulum_zmp(
+    com: Float[Array, "N 2"], com_acceleration: Float[Array, "N 2"], height: float, *, g: float = 9.81
+) -> Float[Array, "N 2"]:
+    r"""Zero moment point [m] of a point mass at constant height, :math:`x - (z/g) \ddot x`, shape ``(N, 2)``.
+
+    Args:
+        com: Horizontal position of the centre of mass [m], shape ``(N, 2)``.
+        com_acceleration: Its acceleration [m/s^2], shape ``(N, 2)``.
+        height: Of the centre of mass above the ground [m].
+        g: Gravity [m/s^2].
+    """
+    return com - height / g * com_acceleration
+
+
+def _body_motion(model: pin.Model, data: pin.Data, joint: int) -> tuple[float, Array, Array, Array]:
+    """Mass, centre of mass, its acceleration and the body's rate of spin about it, in world axes."""
+    inertia = model.inertias[joint]
+    rotation = data.oMi[joint].rotation
+    omega = data.v[joint].angular
+    alpha = data.a[joint].angular
+    origin = pin.getClassicalAcceleration(model, data, joint, pin.ReferenceFrame.LOCAL).linear
+    lever = inertia.lever
+    acceleration = rotation @ (origin + np.cross(alpha, lever) + np.cross(omega, np.cross(omega, lever)))
+    spin = rotation @ (inertia.inertia @ alpha + np.cross(omega, inertia.inertia @ omega))
+    return inertia.mass, data.oMi[joint].act(lever), acceleration, spin
+
+
+def _vertical_gravity(model: pin.Model) -> float:
+    if model.njoints < 2 or model.joints[1].nv != 6:
+        raise RobotError(
+            "The zero moment point needs a robot on a floating base: give a model whose first joint is one."
+        )
+    x, y, z = model.gravity.linear
+    if x or y or z >= 0:
+        raise RobotError(
+            f"The zero moment point was asked for with gravity ({x:g}, {y:g}, {z:g}): it must point down z."
+        )
+    return -float(z)
+
+
+def _pressing(force: Float[Array, " N"]) -> Float[Array, " N"]:
+    lifted = np.flatnonzero(force <= 0)
+    if lifted.size:
+        raise ParameterError(
+            f"The robot does not press on the ground at sample {lifted[0]}, where the force is {force[lifted[0]]:g} N: "
+            "there is no zero moment point, give a motion with a foot on the ground."
+        )
+    return force
