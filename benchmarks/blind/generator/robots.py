@@ -171,17 +171,25 @@ def scaled_link(link: Link, mass: float, center: float, inertia: float) -> Link:
     )
 
 
+def moved_center(link: Link, by: tuple[float, ...]) -> Link:
+    """The link with its centre moved in three directions, in parts of its distance from the joint."""
+    distance = float(np.linalg.norm(link.center))
+    return replace(link, center=tuple(x + distance * part for x, part in zip(link.center, by, strict=True)))
+
+
 def perturbed(rng: np.random.Generator, table: Table, tolerance: Tolerance, *, full: bool = False) -> Table:
     """The true robot: every inertia, modelled friction and rotor inertia off by an independent draw.
 
-    ``full`` draws evenly over two tolerances in place of normally.
+    A centre of mass is off in three directions alike, in parts of its distance from the joint: a part mounted aside or
+    a cable does not know along which axis the file puts the centre. ``full`` draws evenly over two tolerances in place
+    of normally.
     """
     links = []
     for link in table.links:
-        mass, center, inertia = (_factor(rng, tolerance.inertia, full) for _ in range(3))
+        mass, inertia, *center = (_factor(rng, tolerance.inertia, full) for _ in range(5))
         links.append(
             replace(
-                scaled_link(link, mass, center, inertia),
+                moved_center(scaled_link(link, mass, 1.0, inertia), tuple(x - 1.0 for x in center)),
                 viscous=link.viscous * _factor(rng, tolerance.friction, full),
                 coulomb=link.coulomb * _factor(rng, tolerance.friction, full),
                 rotor_inertia=link.rotor_inertia * _factor(rng, tolerance.rotor_inertia, full),

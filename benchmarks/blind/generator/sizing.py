@@ -17,6 +17,7 @@ BAND = 20.0  # [Hz]: all sizes are stated in this band
 CROP = 0.5  # [s]: left out at both ends, where the filter has no past or no future
 SMALL = 1e-4  # of a sigma: an inertia near the edge of what is physical, moved further, is refused by the engine
 REACHED = 0.1  # of the largest: a joint that an effect reaches; less is what the closed loop hands on
+PRODUCTS = ((0, 1), (0, 2), (1, 2))  # axes of Ixy, Ixz, Iyz
 SHARE_BEYOND, ENOUGH_BEYOND = 0.5, 2.0  # an effect: tolerance leaves half of it, or two noise floors
 
 
@@ -122,28 +123,45 @@ class Ruler:
         return float(np.sqrt(left / len(change) / max(1, int(reached(change).sum()))))
 
 
-def _moves(tolerance: Tolerance) -> list[tuple[float, Callable[[Link, float], Link], Callable[[Link], float]]]:
-    """Sigma, relative move and value of every modelled quantity of a link."""
+Move = tuple[float, Callable[[Link, float], Link], Callable[[Link, Link], float]]
 
-    def component(name: str, places: tuple[int, ...]) -> Callable[[Link, float], Link]:
-        def move(link: Link, by: float) -> Link:
-            values = list(getattr(link, name))
-            for i in places:
-                values[i] *= 1.0 + by
-            return replace(link, **{name: tuple(values)})
 
-        return move
+def _scaled(name: str, sigma: float) -> Move:
+    """The move of one number of a link, in parts of itself."""
 
-    def scalar(name: str) -> Callable[[Link, float], Link]:
-        return lambda link, by: replace(link, **{name: getattr(link, name) * (1.0 + by)})
+    def move(link: Link, by: float) -> Link:
+        return replace(link, **{name: getattr(link, name) * (1.0 + by)})
 
-    out = [(tolerance.inertia, scalar("mass"), lambda link: link.mass)]
-    for i in range(3):
-        out.append((tolerance.inertia, component("center", (i,)), lambda link, i=i: link.center[i]))
-        out.append((tolerance.inertia, component("inertia", (i,)), lambda link, i=i: link.inertia[i]))
-    products = component("inertia", (3, 4, 5))
-    out.append((tolerance.inertia, products, lambda link: max(link.inertia[3:], key=abs)))
-    return [*out, (tolerance.rotor_inertia, scalar("rotor_inertia"), lambda link: link.rotor_inertia)]
+    def place(mine: Link, true: Link) -> float:
+        return getattr(true, name) / getattr(mine, name) - 1.0 if getattr(mine, name) else 0.0
+
+    return sigma, move, place
+
+
+def _shifted(name: str, i: int, sigma: float) -> Move:
+    """The move of one component of the centre (in parts of its distance) or inertia (of sqrt(Iaa Ibb))."""
+
+    def unit(link: Link) -> float:
+        if name == "center":
+            return float(np.linalg.norm(link.center))
+        a, b = PRODUCTS[i - 3] if i >= 3 else (i, i)
+        return float(np.sqrt(link.inertia[a] * link.inertia[b]))
+
+    def move(link: Link, by: float) -> Link:
+        values = list(getattr(link, name))
+        values[i] += unit(link) * by
+        return replace(link, **{name: tuple(values)})
+
+    def place(mine: Link, true: Link) -> float:
+        return (getattr(true, name)[i] - getattr(mine, name)[i]) / unit(mine) if unit(mine) else 0.0
+
+    return sigma, move, place
+
+
+def _moves(tolerance: Tolerance) -> list[Move]:
+    """Sigma, relative move of a link, and where the truth lies, of every modelled quantity of a link."""
+    inertial = [_shifted(name, i, tolerance.inertia) for name, n in (("center", 3), ("inertia", 6)) for i in range(n)]
+    return [_scaled("mass", tolerance.inertia), *inertial, _scaled("rotor_inertia", tolerance.rotor_inertia)]
 
 
 def _nuisance(
@@ -152,12 +170,12 @@ def _nuisance(
     """Columns of one sigma each, ``(n nv, p)`` in noise floors, and where the truth lies, ``(p,)`` in sigmas."""
     base, columns, places, actives = rigid_torque(owner, *thin), [], [], owner.active
     for i, (mine, true) in enumerate(zip(owner.links, truth.links, strict=True)):
-        for sigma, move, value in _moves(tolerance):
-            if sigma == 0.0 or value(mine) == 0.0:
+        for sigma, move, place in _moves(tolerance):
+            moved = move(mine, SMALL * sigma)
+            if moved == mine:
                 continue
-            moved = owner.with_link(i, move(mine, SMALL * sigma))
-            columns.append((rigid_torque(moved, *thin) - base) / (SMALL * floor))
-            places.append((value(true) / value(mine) - 1.0) / sigma)
+            columns.append((rigid_torque(owner.with_link(i, moved), *thin) - base) / (SMALL * floor))
+            places.append(place(mine, true) / sigma)
         for part, name in enumerate(("viscous", "coulomb")):
             if tolerance.friction == 0.0 or getattr(mine, name) == 0.0:
                 continue
