@@ -34,14 +34,19 @@ def diagnose_all(
         run_all(command, names, cases, results, jobs=jobs, what="diagnosed")
 
 
+def parser() -> argparse.ArgumentParser:
+    """The options of this command."""
+    out = argparse.ArgumentParser(description="Diagnose sealed cases and score the results.")
+    add_seed_options(out)
+    out.add_argument("--work", type=Path, default=Path("build/blind"), metavar="DIR")
+    out.add_argument("--jobs", type=int, default=2)
+    out.add_argument("--quick", action="store_true", help="no baselines and no oracle")
+    out.add_argument("--publish", action="store_true", help="write table and figure into README.md and docs/")
+    return out
+
+
 def main(arguments: list[str] | None = None) -> int:
-    parser = argparse.ArgumentParser(description="Diagnose sealed cases and score the results.")
-    add_seed_options(parser)
-    parser.add_argument("--work", type=Path, default=Path("build/blind"), metavar="DIR")
-    parser.add_argument("--jobs", type=int, default=2)
-    parser.add_argument("--quick", action="store_true", help="no baselines and no oracle")
-    parser.add_argument("--publish", action="store_true", help="write table and figure into README.md and docs/")
-    given = parser.parse_args(arguments)
+    given = parser().parse_args(arguments)
     start = time.perf_counter()
     cases, answers, results, baselines, oracle = (
         given.work / name for name in ("cases", "answers", "results", "baselines", "oracle")

@@ -11,10 +11,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-# The benchmarks are no part of the installed packages.
-sys.path.insert(0, str(Path(__file__).resolve().parents[2]))
-
-from benchmarks.blind.generate import KINDS, REPORTING, chosen_batches, draw_many, draw_one, main, parser, seed_range
+from benchmarks.blind.generate import KINDS, draw_many, draw_one
 from benchmarks.blind.generator.case import case_id, draw_case, resolved_kind
 from benchmarks.blind.generator.effects import SINGLE_EFFECTS
 from benchmarks.blind.run import default_command, diagnose_all
@@ -103,33 +100,6 @@ def test_the_log_has_the_columns_of_the_contract(case):
     assert (np.diff(case.log[:, 0]) > 0).all()
 
 
-@pytest.mark.parametrize("text", ["5:3", "a", "-2:4", "3:3"])
-def test_seeds_that_are_no_range_are_refused(text, capsys):
-    with pytest.raises(SystemExit):
-        main([f"--seeds={text}", "--cases", "x", "--answers", "y"])
-    assert "are no seeds: give FIRST:END" in capsys.readouterr().err
-
-
-def test_without_seeds_the_reporting_ranges_are_written():
-    given = parser().parse_args(["--cases", "x", "--answers", "y"])
-    assert dict(chosen_batches(given)) == REPORTING
-
-
-def test_ranges_of_several_kinds_are_chosen_together():
-    given = parser().parse_args(["--singles", "0:9", "--outside", "3", "--cases", "x", "--answers", "y"])
-    assert chosen_batches(given) == [("single", range(9)), ("outside", range(3, 4))]
-
-
-def test_reporting_starts_behind_every_seed_that_was_opened_before():
-    assert min(seeds[0] for seeds in REPORTING.values()) >= 3000
-    assert {kind: len(seeds) for kind, seeds in REPORTING.items()} == {
-        "single": 250,
-        "null": 300,
-        "pair": 80,
-        "outside": 80,
-    }
-
-
 @pytest.mark.parametrize(("seed", "kind"), [(0, "normal"), (6, "full"), (12, "effect_inside")])
 def test_nulls_use_the_tolerance_in_three_ways(seed, kind):
     answer = draw_case(seed, "null").answer
@@ -141,10 +111,6 @@ def test_a_case_from_outside_names_its_cause_and_no_finding():
     answer = draw_case(0, "outside").answer
     assert (answer["truth"], answer["outside"]["name"]) == ([], "friction_warm_up")
     assert answer["gap_in_floors"] == [answer["paired_gap"]]
-
-
-def test_one_seed_is_a_range_of_one():
-    assert seed_range("7") == range(7, 8)
 
 
 def test_a_wrong_key_does_not_open_the_answers():

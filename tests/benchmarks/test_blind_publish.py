@@ -3,15 +3,11 @@
 from __future__ import annotations
 
 import datetime
-import sys
 from dataclasses import replace
-from pathlib import Path
 
 import pytest
 
-# The benchmarks are no part of the installed packages.
-sys.path.insert(0, str(Path(__file__).resolve().parents[2]))
-
+from benchmarks.blind.generate import REPORTING, case_ids
 from benchmarks.blind.judged import judged
 from benchmarks.blind.publish import BEGIN, CHECKOUT, END, IMAGE, between_markers, heading, publish
 from benchmarks.blind.reliability import calibration_error, reliability
@@ -51,19 +47,89 @@ def test_the_readme_has_its_markers():
     assert between_markers(text, "x") != text
 
 
-def test_the_heading_says_which_seeds_were_opened():
-    said = heading([("null", range(4000, 4300))], datetime.date(2026, 11, 21))
-    assert said == "Measured on 2026-11-21 with `make blind`; seeds, opened once: null 4000 to 4299."
+DAY = datetime.date(2026, 11, 21)
+
+
+def in_one_line(batches):
+    return heading(batches, DAY).replace("\n", " ")
+
+
+def test_the_heading_of_the_whole_ranges_gives_the_one_command_and_says_that_they_were_opened_once():
+    assert in_one_line(list(REPORTING.items())) == (
+        "Measured on 2026-11-21 with `make blind`: 710 cases, the reporting ranges; seeds, opened once: "
+        "single 7000 to 7249, null 8000 to 8299, pair 9000 to 9079, outside 10000 to 10079."
+    )
+
+
+def test_the_heading_of_a_part_of_the_ranges_says_how_many_cases_the_whole_has():
+    assert in_one_line([("null", range(8000, 8100)), ("pair", range(9000, 9080))]) == (
+        "Measured on 2026-11-21 with `python benchmarks/blind/run.py --nulls 8000:8100 --pairs 9000:9080`: "
+        "180 cases, part of the reporting ranges (710 cases); seeds, opened once: null 8000 to 8099, pair 9000 to 9079."
+    )
+
+
+@pytest.mark.parametrize("seeds", [range(100, 140), range(7990, 8010)])
+def test_the_heading_of_other_seeds_does_not_say_that_they_were_opened_once(seeds):
+    """Also where some of them are among the reporting ranges: these are from 8000 on for nulls."""
+    assert f"{len(seeds)} cases, not those of the reporting ranges; seeds: null" in in_one_line([("null", seeds)])
+
+
+def test_the_heading_of_one_case_speaks_of_one_case():
+    assert " 1 case, " in in_one_line([("single", range(3, 4))])
+
+
+def test_the_heading_of_mixed_cases_names_their_kind_in_the_command():
+    assert "`python benchmarks/blind/run.py --kind mixed --seeds 0:9`" in in_one_line([("mixed", range(9))])
+
+
+def test_no_line_of_the_heading_is_longer_than_a_line_of_code():
+    assert max(map(len, heading(list(REPORTING.items()), DAY).splitlines())) <= 120
+
+
+ONE_NULL = [("null", range(1))]
+
+
+def scored_nulls(batches):
+    return [judged({**NULL, "id": name}, SAID) for name in case_ids(batches)]
+
+
+def checkout_with_score(folder, batches):
+    """A checkout with nothing but a README, and the score of these seeds beside it."""
+    readme = folder / "README.md"
+    readme.write_text(f"# X\n{BEGIN}\n{END}\n")
+    write_score(scored_nulls(batches), folder / "score")
+    return readme
 
 
 def test_a_score_is_published_with_table_and_picture(tmp_path):
-    (tmp_path / "README.md").write_text(f"# X\n{BEGIN}\n{END}\n")
-    write_score(cases_that_state(), tmp_path / "score")
-    publish(tmp_path / "score", [("null", range(1))], tmp_path)
-    text = (tmp_path / "README.md").read_text()
-    assert report(cases_that_state()).strip() in text
+    readme = checkout_with_score(tmp_path, ONE_NULL)
+    publish(tmp_path / "score", ONE_NULL, tmp_path)
+    text = readme.read_text()
+    assert report(scored_nulls(ONE_NULL)).strip() in text
     assert f"]({IMAGE.as_posix()})" in text
     assert (tmp_path / IMAGE).read_bytes() == (tmp_path / "score" / "confusion.png").read_bytes()
+
+
+REFUSED = [
+    ([("null", range(1, 2))], "holds 1 cases, 0 of them among the 1 of the given seeds"),
+    ([("null", range(2))], "holds 1 cases, 1 of them among the 2 of the given seeds"),
+    ([("single", range(1))], "holds 1 cases, 0 of them among the 1 of the given seeds"),
+]
+
+
+@pytest.mark.parametrize(("given", "message"), REFUSED)
+def test_a_score_of_other_seeds_is_not_published(tmp_path, given, message):
+    checkout_with_score(tmp_path, ONE_NULL)
+    with pytest.raises(ValueError, match=f"score {message}: give the seeds that were scored"):
+        publish(tmp_path / "score", given, tmp_path)
+
+
+def test_a_score_of_other_seeds_leaves_the_readme_as_it_was(tmp_path):
+    readme = checkout_with_score(tmp_path, ONE_NULL)
+    before = readme.read_text()
+    with pytest.raises(ValueError, match="give the seeds that were scored"):
+        publish(tmp_path / "score", [("null", range(2))], tmp_path)
+    assert (readme.read_text(), (tmp_path / IMAGE).exists()) == (before, False)
 
 
 def test_the_same_counts_give_the_same_picture(tmp_path):
