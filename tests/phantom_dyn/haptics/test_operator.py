@@ -24,5 +24,5 @@ def test_cited_operator_has_two_kilograms():
 
 
 def test_negative_mass_is_refused():
-    with pytest.raises(ParameterError, match="operator's mass is -1.0: give a number of 0 or more"):
+    with pytest.raises(ParameterError, match=r"operator.s mass is -1\.0: give a number of 0 or more"):
         Operator(-1.0, 0.0, 0.0)
