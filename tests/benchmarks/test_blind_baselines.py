@@ -9,13 +9,9 @@ from collections import namedtuple
 from pathlib import Path
 from types import SimpleNamespace
 
+import mujoco
 import numpy as np
 import pytest
-
-# The benchmarks are no part of the installed packages.
-sys.path.insert(0, str(Path(__file__).resolve().parents[2]))
-
-import mujoco
 
 from benchmarks.blind.baselines import mujoco_sysid as sysid_baseline
 from benchmarks.blind.baselines.always_coulomb import always_coulomb

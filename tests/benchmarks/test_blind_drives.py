@@ -3,17 +3,12 @@
 # pyright: reportAttributeAccessIssue=false
 from __future__ import annotations
 
-import sys
 from dataclasses import replace
-from pathlib import Path
 from types import SimpleNamespace
 
 import mujoco
 import numpy as np
 import pytest
-
-# The benchmarks are no part of the installed packages.
-sys.path.insert(0, str(Path(__file__).resolve().parents[2]))
 
 from benchmarks.blind.generator.channel import Drive
 from benchmarks.blind.generator.drives import draw_table

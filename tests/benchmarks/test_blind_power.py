@@ -4,14 +4,10 @@ from __future__ import annotations
 
 import json
 import sys
-from pathlib import Path
 from types import SimpleNamespace
 
 import numpy as np
 import pytest
-
-# The benchmarks are no part of the installed packages.
-sys.path.insert(0, str(Path(__file__).resolve().parents[2]))
 
 from benchmarks.blind.generator.effects import WHOLE
 from benchmarks.blind.power import ONE_NUMBER, check, chosen_bound, effect_of, found, recorded, report, setup_of

@@ -2,15 +2,10 @@
 
 from __future__ import annotations
 
-import sys
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 import pytest
-
-# The benchmarks are no part of the installed packages.
-sys.path.insert(0, str(Path(__file__).resolve().parents[2]))
 
 from benchmarks.blind.generator.case import draw_case
 from benchmarks.blind.generator.drawing import CLOSE, sized
