@@ -42,8 +42,8 @@ class Operator:
         return np.array([self.mass, self.damping, self.stiffness], dtype=np.float64)
 
     def impedance(self, frequency: Float[Array, " n"]) -> Complex[Array, " n"]:
-        """Force over position [N/m] at the frequencies [Hz], shape ``(n,)``."""
-        return np.polyval(self.polynomial(), 2j * np.pi * frequency)
+        """Force over position [N/m] at the frequencies [rad/s], shape ``(n,)``."""
+        return np.polyval(self.polynomial(), 1j * frequency)
 
 
 FREE_HAND = Operator(0.0, 0.0, 0.0)

@@ -46,7 +46,7 @@ class EstimatorResponse:
     """Fundamental of the estimate over the true velocity, for motions along a sine.
 
     Attributes:
-        frequency: Frequencies [Hz], shape ``(n,)``.
+        frequency: Frequencies [rad/s], shape ``(n,)``.
         response: Complex ratio, shape ``(n,)``.
     """
 
@@ -55,7 +55,7 @@ class EstimatorResponse:
 
     def lag(self) -> Float[Array, " n"]:
         """Phase lag as a time [s], shape ``(n,)``; the phase is unwrapped from the lowest frequency on."""
-        return -np.unwrap(np.angle(self.response)) / (2 * np.pi * self.frequency)
+        return -np.unwrap(np.angle(self.response)) / self.frequency
 
 
 def estimator_figures(
@@ -82,7 +82,8 @@ def estimator_figures(
     """
     if not (math.isfinite(acceleration) and acceleration != 0 and math.isfinite(speed)):
         raise ParameterError(
-            f"A speed of {speed} with an acceleration of {acceleration}: give numbers, and an acceleration that is not 0."
+            f"A speed of {speed} with an acceleration of {acceleration}: "
+            "give numbers, and an acceleration that is not 0."
         )
     fine = np.arange(round((_SETTLING + duration) / period) * _POINTS + 1) * (period / _POINTS)
     t = fine[::_POINTS]
@@ -122,7 +123,7 @@ def estimator_response(
     Args:
         estimator: Any estimator of `velocity_estimators`.
         encoder: The sensor.
-        frequency: Frequencies below half the sampling frequency [Hz], shape ``(n,)``.
+        frequency: Frequencies below half the sampling frequency [rad/s], shape ``(n,)``.
         speed: Peak speed of the motion [m/s or rad/s].
         period: Sampling period [s].
         cycles: Cycles that are evaluated, after 0.6 s of settling.
@@ -130,18 +131,21 @@ def estimator_response(
     Raises:
         ParameterError: If a frequency is not between 0 and half the sampling frequency.
     """
-    if not ((frequency > 0) & (frequency < 0.5 / period)).all():
-        raise ParameterError(f"Frequencies must lie above 0 and below {0.5 / period} Hz, half the sampling frequency.")
+    highest = math.pi / period
+    if not ((frequency > 0) & (frequency < highest)).all():
+        raise ParameterError(
+            f"A frequency outside 0 to {highest:g} rad/s, half the sampling frequency, was given: give ones between."
+        )
     ratio = np.empty(frequency.size, dtype=complex)
-    for index, f in enumerate(frequency):
-        samples = round((_SETTLING + cycles / f) / period)
+    for index, omega in enumerate(frequency):
+        length = cycles * 2 * math.pi / omega
+        samples = round((_SETTLING + length) / period)
         fine = np.arange(samples * _POINTS + 1) * (period / _POINTS)
-        omega = 2 * math.pi * f
         record = record_motion(
             encoder, speed / omega * np.sin(omega * fine), interval=period / _POINTS, samples_apart=_POINTS
         )
         t = fine[::_POINTS]
-        part = t >= t[-1] - cycles / f
+        part = t >= t[-1] - length
         # Least squares, not a sum: the cycles need not be a whole number of samples.
         base = np.column_stack([np.cos(omega * t[part]), np.sin(omega * t[part]), np.ones(part.sum())])
         cosine, sine, _ = np.linalg.lstsq(base, estimate_velocity(estimator, record)[part], rcond=None)[0]

@@ -16,7 +16,7 @@ def test_impedance_at_standstill_is_the_stiffness():
 def test_impedance_at_resonance_is_the_damper_alone():
     hand = Operator(2.0, 3.0, 50.0)
     resonance = 5.0  # rad/s, sqrt(50 / 2)
-    np.testing.assert_allclose(hand.impedance(np.array([resonance / (2 * np.pi)])), [15j], rtol=1e-12, atol=1e-12)
+    np.testing.assert_allclose(hand.impedance(np.array([resonance])), [15j], rtol=1e-12, atol=1e-12)
 
 
 def test_cited_operator_has_two_kilograms():

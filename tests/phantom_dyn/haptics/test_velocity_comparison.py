@@ -77,16 +77,16 @@ def test_kalman_with_more_acceleration_lags_less_and_is_coarser():
 
 
 def test_response_of_an_average_is_the_dirichlet_kernel():
-    frequency = np.array([2.0, 5.0, 7.0])
+    frequency = 2 * np.pi * np.array([2.0, 5.0, 7.0])
     measured = estimator_response(STOCK, Encoder(1e-6), frequency, speed=0.1)
-    half = np.pi * frequency * 1e-3
+    half = frequency * 0.5e-3
     np.testing.assert_allclose(np.abs(measured.response), np.sin(100 * half) / (100 * half), rtol=1e-3)
     np.testing.assert_allclose(measured.lag(), 0.05, rtol=1e-3)
 
 
 def test_the_stock_average_is_deaf_where_its_lag_is_half_a_turn():
     """The 180 degrees that the paper computes at 10 Hz meet a zero of the average: 100 samples are one cycle."""
-    measured = estimator_response(STOCK, Encoder(1e-6), np.array([10.0]), speed=0.1)
+    measured = estimator_response(STOCK, Encoder(1e-6), np.array([20 * np.pi]), speed=0.1)
     assert abs(measured.response[0]) < 1e-3
 
 
@@ -96,5 +96,5 @@ def test_no_acceleration_is_refused():
 
 
 def test_a_frequency_past_half_the_sampling_is_refused():
-    with pytest.raises(ParameterError, match=r"below 500\.0 Hz"):
-        estimator_response(STOCK, Encoder(), np.array([600.0]), speed=0.1)
+    with pytest.raises(ParameterError, match=r"outside 0 to 3141\.59 rad/s"):
+        estimator_response(STOCK, Encoder(), np.array([4000.0]), speed=0.1)
