@@ -20,6 +20,7 @@ from phantom_dyn.effects.effect import Effect, Parameter, Shape, Signature, Simu
 from phantom_dyn.effects.operation import Operation
 from phantom_dyn.effects.rows import row_of
 from phantom_dyn.effects.transmission_compliance import moving_mass
+from phantom_dyn.kernels.jit import jit
 from phantom_dyn.robot import Robot
 
 Array = np.ndarray
@@ -140,6 +141,7 @@ def play(t: Float[Array, " N"], pull: Float[Array, " N"], gap: float) -> Play:
         lead[k] = side * half
 
 
+@jit
 def _fly(
     t: Array, pull: Array, half: float, start: int, side: float, lead: Array, rate: Array, loose: Array
 ) -> tuple[int, float]:

@@ -13,6 +13,7 @@ from jaxtyping import Float
 from phantom_dyn.effects.effect import Effect, Parameter, Shape, Signature, Simulated
 from phantom_dyn.effects.operation import Operation
 from phantom_dyn.effects.rows import row_of
+from phantom_dyn.kernels.jit import jit
 from phantom_dyn.robot import Robot
 
 Array = np.ndarray
@@ -60,8 +61,8 @@ def step_of(readings: Float[Array, " N"], stated: float | None = None) -> float 
         candidates |= {stated * k for k in range(1, _STEPS + 1)}
     for step in sorted(candidates, reverse=True):
         sharp = _sharpened(distances, step)
-        if sharp is not None and _share_on_lattice(levels, sharp) >= _SHARE:
-            return sharp
+        if np.isfinite(sharp) and _on_lattice(levels, sharp):
+            return float(sharp)
     return None
 
 
@@ -102,31 +103,37 @@ def _levels(readings: Array) -> Array:
     return levels[np.concatenate([[True], np.diff(levels) > least])]
 
 
-def _sharpened(distances: Array, step: float) -> float | None:
-    """``step`` by least squares over all distances, in which it may be many times; None if it comes to nothing."""
+@jit
+def _sharpened(distances: Array, step: float) -> float:
+    """``step`` by least squares over all distances, in which it may be many times; NaN if it comes to nothing."""
     for _ in range(5):
-        counts = np.round(distances / step)
-        if not counts.any():
-            return None
-        # Distances that are no multiple are left out, or one wrong reading would pull the step.
-        good = np.abs(distances - counts * step) < 2.0 * _NEAR * step
-        if not counts[good].any():
-            return None
-        step = float(distances[good] @ counts[good] / (counts[good] @ counts[good]))
+        squares, products = 0.0, 0.0
+        for distance in distances:
+            count = np.rint(distance / step)
+            # Distances that are no multiple are left out, or one wrong reading would pull the step.
+            if abs(distance - count * step) < 2.0 * _NEAR * step:
+                squares += count * count
+                products += distance * count
+        if squares == 0.0:
+            return np.nan
+        step = products / squares
     return step
 
 
-def _share_on_lattice(levels: Array, step: float) -> float:
-    """Share of the levels near a multiple of ``step`` from where most of them lie, followed from level to level."""
+def _on_lattice(levels: Array, step: float) -> bool:
+    """True if almost all levels lie near a multiple of ``step`` from where most lie, followed from level to level."""
     phase = (levels - levels[0]) / step
+    most = (1.0 - _SHARE) * len(phase)
     # Over many steps the error of the step adds up: the lattice is followed over stretches of a hundred levels.
-    shares = []
+    missed = 0
     for start in range(0, len(phase), 100):
         part = phase[start : start + 100]
         turn = np.exp(2j * np.pi * part)
         off = np.angle(turn / (np.mean(turn) or 1.0)) / (2.0 * np.pi)
-        shares.append((np.abs(off) < _NEAR).sum())
-    return float(sum(shares)) / len(phase)
+        missed += int((np.abs(off) >= _NEAR).sum())
+        if missed > most:
+            return False
+    return True
 
 
 class EncoderQuantization(Effect):

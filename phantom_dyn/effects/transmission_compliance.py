@@ -18,6 +18,7 @@ from phantom_dyn.effects.effect import Effect, Parameter, Shape, Signature, Simu
 from phantom_dyn.effects.encoder_quantization import stated_step
 from phantom_dyn.effects.operation import Operation
 from phantom_dyn.effects.rows import row_of
+from phantom_dyn.kernels.jit import jit
 from phantom_dyn.robot import Robot
 
 Array = np.ndarray
@@ -118,22 +119,33 @@ def swing(operation: Operation, row: int, stiffness: float) -> tuple[Array, Arra
     load, inertia = load_and_inertia(operation, row)
     to_q, to_v = (part[:, row, row] for part in operation.partials[:2])
     edge = _edge(operation.t, load, float(np.median(inertia)), stated_step(operation.robot, row))
-    pull = (-_followed(operation.t, load, edge) / inertia).tolist()
-    spring = (np.maximum(stiffness + to_q, 0.1 * stiffness) / inertia).tolist()
-    drag = (np.maximum(2.0 * _SMOOTHING * np.sqrt(stiffness * inertia) + to_v, 0.0) / inertia).tolist()
-    half = (0.5 * np.diff(operation.t)).tolist()
-    place, speed, gain = pull[0] / spring[0], 0.0, 0.0
-    places, speeds, gains = [place], [speed], [gain]
-    for k, h in enumerate(half):
+    pull = -_followed(operation.t, load, edge) / inertia
+    spring = np.maximum(stiffness + to_q, 0.1 * stiffness) / inertia
+    drag = np.maximum(2.0 * _SMOOTHING * np.sqrt(stiffness * inertia) + to_v, 0.0) / inertia
+    return swing_steps(0.5 * np.diff(operation.t), pull, spring, drag)
+
+
+@jit
+def swing_steps(half: Array, pull: Array, spring: Array, drag: Array) -> tuple[Array, Array, Array]:
+    """Place, speed and acceleration along all samples of what is pulled, held by a spring and dragged.
+
+    Args:
+        half: Half the time between samples [s], ``(N - 1,)``.
+        pull: Acceleration by the load, ``(N,)``.
+        spring: Acceleration back per unit of place, ``(N,)``.
+        drag: Acceleration back per unit of speed, ``(N,)``.
+    """
+    places, speeds, gains = np.zeros(len(pull)), np.zeros(len(pull)), np.zeros(len(pull))
+    places[0] = pull[0] / spring[0]
+    place, speed, gain = places[0], 0.0, 0.0
+    for k in range(1, len(pull)):
+        h = half[k - 1]
         # Place and speed of the next sample are those without its acceleration, plus h^2 and h times it.
         ahead, faster = place + h * (2.0 * speed + h * gain), speed + h * gain
-        gain = pull[k + 1] - drag[k + 1] * faster - spring[k + 1] * ahead
-        gain /= 1.0 + h * (drag[k + 1] + h * spring[k + 1])
+        gain = (pull[k] - drag[k] * faster - spring[k] * ahead) / (1.0 + h * (drag[k] + h * spring[k]))
         place, speed = ahead + h * h * gain, faster + h * gain
-        places.append(place)
-        speeds.append(speed)
-        gains.append(gain)
-    return np.array(places), np.array(speeds), np.array(gains)
+        places[k], speeds[k], gains[k] = place, speed, gain
+    return places, speeds, gains
 
 
 def _edge(t: Array, load: Array, inertia: float, step: float | None) -> float:

@@ -9,9 +9,10 @@ import pytest
 from scipy.interpolate import make_interp_spline
 from scipy.signal import butter, sosfiltfilt
 
+from phantom_dyn.effects import backlash
 from phantom_dyn.effects.backlash import Backlash, play
 from phantom_dyn.effects.operation import Operation
-from phantom_dyn.effects.transmission_compliance import TransmissionCompliance, swing
+from phantom_dyn.effects.transmission_compliance import TransmissionCompliance, swing, swing_steps
 from phantom_dyn.errors import RobotError
 from phantom_dyn.motion import Motion
 from phantom_dyn.simulation import Cause, simulate
@@ -144,3 +145,29 @@ def test_shapes_are_positive_and_refined_about_the_last(arm, smooth, effect):
 def test_an_unknown_joint_is_refused(arm, smooth, effect):
     with pytest.raises(RobotError, match="No joint 'knee'"):
         effect.torque(arm, smooth, "knee", np.array([1.0]))
+
+
+def test_a_swing_under_a_constant_load_stays_where_the_spring_holds_it():
+    # Closed form: load over stiffness, whatever the drag and the time step.
+    half = 0.5 * np.array([1e-3, 2e-3, 1e-4, 5e-2])
+    place, speed, gain = swing_steps(half, np.full(5, -3.0), np.full(5, 400.0), np.full(5, 2.0))
+    np.testing.assert_allclose(place, -3.0 / 400.0, rtol=1e-12)
+    np.testing.assert_allclose([speed, gain], 0.0, atol=1e-12)
+
+
+def test_the_compiled_swing_is_that_of_the_same_function_in_python(rng):
+    pull, spring, drag = rng.normal(size=300), 1e4 * rng.random(300) + 1e3, 10.0 * rng.random(300)
+    half = 5e-4 + 1e-4 * rng.random(299)
+    plain = getattr(swing_steps, "py_func", swing_steps)(half, pull, spring, drag)
+    np.testing.assert_allclose(swing_steps(half, pull, spring, drag), plain, rtol=1e-12, atol=1e-15)
+
+
+def test_a_compiled_flight_is_that_of_the_same_function_in_python(rng, monkeypatch):
+    t = np.cumsum(1e-3 + 1e-4 * rng.random(2000))
+    pull = np.sin(20 * t) + 0.3 * rng.normal(size=2000)
+    compiled = play(t, pull, 1e-3)
+    monkeypatch.setattr(backlash, "_fly", getattr(backlash._fly, "py_func", backlash._fly))
+    plain = play(t, pull, 1e-3)
+    for name in ("lead", "rate", "loose", "impact"):
+        np.testing.assert_allclose(getattr(compiled, name), getattr(plain, name), rtol=1e-12, atol=1e-15)
+    assert 0 < compiled.loose.sum() < 2000
