@@ -126,13 +126,11 @@ def _body_motion(model: pin.Model, data: pin.Data, joint: int) -> tuple[float, A
 
 def _vertical_gravity(model: pin.Model) -> float:
     if model.njoints < 2 or model.joints[1].nv != 6:
-        raise RobotError(
-            "The zero moment point needs a robot on a floating base: give a model whose first joint is one."
-        )
+        raise RobotError("The zero moment point needs a robot on a floating base: give a model with a free-flyer.")
     x, y, z = model.gravity.linear
     if x or y or z >= 0:
         raise RobotError(
-            f"The zero moment point was asked for with gravity ({x:g}, {y:g}, {z:g}): it must point down z."
+            f"The zero moment point needs gravity along -z, and it is ({x:g}, {y:g}, {z:g}): turn the model's gravity."
         )
     return -float(z)
 

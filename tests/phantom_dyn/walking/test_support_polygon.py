@@ -45,7 +45,8 @@ def test_random_convex_combinations_are_inside_and_far_points_are_not(rng):
 def test_two_feet_span_the_ground_between_them():
     # Closed form: two soles of 0.2 x 0.1 m at y = +-0.1 m; each alone does not hold the origin.
     sole = np.array([[0.1, 0.05], [0.1, -0.05], [-0.1, 0.05], [-0.1, -0.05]])
-    left, right = sole + [0, 0.1], sole - [0, 0.1]
+    aside = np.array([0.0, 0.1])
+    left, right = sole + aside, sole - aside
     origin = np.zeros((1, 2))
     assert support_polygon(left).margin(origin) == pytest.approx(-0.05)
     assert support_polygon(np.vstack([left, right])).margin(origin) == pytest.approx(0.1)

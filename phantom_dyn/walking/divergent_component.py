@@ -1,0 +1,125 @@
+r"""Closed form of the linear inverted pendulum under a zero moment point that ramps and then holds.
+
+With :math:`\omega = \sqrt{g/z}` the pendulum :math:`\ddot x = \omega^2 (x - p)` splits into a part that falls away, the
+divergent component :math:`\xi = x + \dot x / \omega` (the capture point), :math:`\dot \xi = \omega (\xi - p)`, and one
+that follows it, :math:`\dot x = \omega (\xi - x)`. To walk is to keep :math:`\xi` bounded by the choice of :math:`p`.
+Everything here is linear in points on the ground, so that one set of scalars serves x and y.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from jaxtyping import Float
+
+Array = np.ndarray
+
+
+@dataclass(frozen=True)
+class Profile:
+    """Zero moment point that goes in a line from one point to another in ``ramp`` [s], then stays: ``duration`` [s]."""
+
+    ramp: float
+    duration: float
+
+
+def forward_weights(profile: Profile, omega: float) -> tuple[float, float, float]:
+    r"""Weights of :math:`\xi(T) = E \xi(0) + F_0 p_0 + F_1 p_1`; they sum to one."""
+    k = 1.0 / (omega * profile.ramp)
+    grown = np.exp(omega * profile.ramp)
+    held = np.exp(omega * (profile.duration - profile.ramp))
+    first = held * (k * (grown - 1.0) - grown)
+    last = (1.0 - held) + held * (1.0 - k * (grown - 1.0))
+    return float(held * grown), float(first), float(last)
+
+
+def entry(points: Float[Array, "n 2"], profiles: tuple[Profile, ...], omega: float) -> tuple[float, Float[Array, " 2"]]:
+    r"""Divergent component with which a row of phases must be entered to end at rest over its last point.
+
+    Args:
+        points: Where the zero moment point holds in each phase [m], shape ``(n, 2)``.
+        profiles: One for each phase.
+        omega: :math:`\omega` [1/s].
+
+    Returns:
+        ``alpha`` and ``beta``: it is ``alpha p + beta`` where ``p`` is the point that the first phase ramps away from.
+    """
+    xi = points[-1]
+    for k in range(len(points) - 1, 0, -1):
+        grow, first, last = forward_weights(profiles[k], omega)
+        xi = (xi - first * points[k - 1] - last * points[k]) / grow
+    grow, first, last = forward_weights(profiles[0], omega)
+    return -first / grow, (xi - last * points[0]) / grow
+
+
+def holding_point(
+    xi: Float[Array, " 2"],
+    start: Float[Array, " 2"],
+    profile: Profile,
+    onward: tuple[float, Float[Array, " 2"]],
+    omega: float,
+) -> Float[Array, " 2"]:
+    r"""Point at which the zero moment point must hold in this phase, so that the next phases can be entered.
+
+    Args:
+        xi: Divergent component at the start of the phase [m].
+        start: Point that the phase ramps away from [m].
+        profile: Of the phase.
+        onward: What `entry` says of the phases after it.
+        omega: :math:`\omega` [1/s].
+    """
+    grow, first, last = forward_weights(profile, omega)
+    alpha, beta = onward
+    return (beta - grow * xi - first * start) / (last - alpha)
+
+
+@dataclass(frozen=True)
+class PendulumState:
+    """Samples of a pendulum: all horizontal, in metres and seconds, shape ``(N, 2)``."""
+
+    zmp: Float[Array, "N 2"]
+    dcm: Float[Array, "N 2"]
+    com: Float[Array, "N 2"]
+    velocity: Float[Array, "N 2"]
+    acceleration: Float[Array, "N 2"]
+
+
+def pendulum(
+    t: Float[Array, " N"],
+    profile: Profile,
+    points: tuple[Float[Array, " 2"], Float[Array, " 2"]],
+    xi: Float[Array, " 2"],
+    com: Float[Array, " 2"],
+    omega: float,
+) -> PendulumState:
+    r"""Samples within one phase.
+
+    Args:
+        t: Times since the start of the phase [s], shape ``(N,)``.
+        profile: Of the phase.
+        points: Where the zero moment point starts and where it holds [m].
+        xi: Divergent component at the start [m].
+        com: Centre of mass at the start [m].
+        omega: :math:`\omega` [1/s].
+    """
+    start, hold = points
+    slope = (hold - start) / profile.ramp
+    ramp = _linear(np.minimum(t, profile.ramp), start, slope, xi, com, omega)
+    end = _linear(np.array([profile.ramp]), start, slope, xi, com, omega)
+    still = _linear(np.maximum(t - profile.ramp, 0.0), hold, 0 * slope, end.dcm[0], end.com[0], omega)
+    late = (t > profile.ramp)[:, None]
+    names = ("zmp", "dcm", "com", "velocity", "acceleration")
+    return PendulumState(*(np.where(late, getattr(still, name), getattr(ramp, name)) for name in names))
+
+
+def _linear(t: Array, p: Array, slope: Array, xi: Array, com: Array, omega: float) -> PendulumState:
+    """Samples under a point that moves at constant speed: x = p + A exp(omega t) + B exp(-omega t)."""
+    t = t[:, None]
+    grow, decay = np.exp(omega * t), np.exp(-omega * t)
+    a = (xi - p - slope / omega) / 2
+    b = com - p - a
+    zmp = p + slope * t
+    x = zmp + a * grow + b * decay
+    velocity = slope + omega * (a * grow - b * decay)
+    return PendulumState(zmp, x + velocity / omega, x, velocity, omega**2 * (x - zmp))

@@ -1,0 +1,134 @@
+"""Where the feet go: from what the joystick says at a landing to the next footstep."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import Literal
+
+import numpy as np
+from jaxtyping import Float
+
+from phantom_dyn.errors import ParameterError
+from phantom_dyn.walking.joystick import Command
+
+Array = np.ndarray
+Side = Literal["left", "right"]
+
+
+@dataclass(frozen=True)
+class Gait:
+    """How to step; times in s, lengths in m, angles in rad.
+
+    Attributes:
+        foot_distance: Between the middles of the soles, sideways; a walker says what its posture has.
+        single_support: Time on one foot in each step.
+        double_support: Time on both feet in each step, before it.
+        settle: Time in which the weight goes to the middle between the feet after the last step.
+        step_height: Of the swinging sole.
+        longest_step: Longest advance of the body in one step.
+        largest_turn: Largest turn of the body in one step.
+    """
+
+    foot_distance: float
+    single_support: float = 0.6
+    double_support: float = 0.2
+    settle: float = 0.6
+    step_height: float = 0.04
+    longest_step: float = 0.15
+    largest_turn: float = 0.2
+
+    def __post_init__(self):
+        for name in self.__dataclass_fields__:
+            value = getattr(self, name)
+            if not (np.isfinite(value) and value > 0):
+                raise ParameterError(f"The gait's {name} is {value:g}: give a positive number.")
+
+    @property
+    def step_time(self) -> float:
+        """Time of one step [s]."""
+        return self.double_support + self.single_support
+
+
+@dataclass(frozen=True)
+class Footstep:
+    """A sole on the ground: its middle [m] and its heading [rad, about z, not wrapped]."""
+
+    x: float
+    y: float
+    heading: float
+
+    @property
+    def point(self) -> Float[Array, " 2"]:
+        """Middle of the sole [m], shape ``(2,)``."""
+        return np.array([self.x, self.y])
+
+
+@dataclass(frozen=True)
+class Stance:
+    """Both soles, and the path of the body: the point and heading that the next step advances."""
+
+    left: Footstep
+    right: Footstep
+    body: Footstep
+
+    def foot(self, side: Side) -> Footstep:
+        """Sole of a side."""
+        return self.left if side == "left" else self.right
+
+    @property
+    def middle(self) -> Float[Array, " 2"]:
+        """Point between the soles [m], shape ``(2,)``."""
+        return (self.left.point + self.right.point) / 2
+
+
+def standing(gait: Gait) -> Stance:
+    """Both feet beside the origin, heading along x."""
+    body = Footstep(0.0, 0.0, 0.0)
+    return Stance(_beside(body, "left", gait), _beside(body, "right", gait), body)
+
+
+def other(side: Side) -> Side:
+    """The other side."""
+    return "right" if side == "left" else "left"
+
+
+def stepped(stance: Stance, swing: Side, command: Command, gait: Gait) -> Stance:
+    """Feet after a step of side ``swing`` under a command.
+
+    Raises:
+        ParameterError: If the command asks for a longer step or a larger turn than the gait has.
+    """
+    advance, turn = command.speed * gait.step_time, command.turn * gait.step_time
+    for what, value, limit, unit in (
+        ("an advance", advance, gait.longest_step, "m"),
+        ("a turn", turn, gait.largest_turn, "rad"),
+    ):
+        if abs(value) > limit:
+            raise ParameterError(
+                f"The joystick asks for {what} of {value:g} {unit} in a step, more than the gait's {limit:g} {unit}: "
+                "move the stick less or take another gait."
+            )
+    along = stance.body.heading + turn / 2
+    body = Footstep(
+        stance.body.x + advance * np.cos(along), stance.body.y + advance * np.sin(along), stance.body.heading + turn
+    )
+    return _with_foot(stance, swing, _beside(body, swing, gait), body)
+
+
+def closed(stance: Stance, swing: Side, gait: Gait) -> Stance:
+    """Feet after side ``swing`` was put beside the other foot."""
+    fixed = stance.foot(other(swing))
+    aside = gait.foot_distance / 2 * (1 if swing == "left" else -1)
+    body = Footstep(fixed.x - aside * np.sin(fixed.heading), fixed.y + aside * np.cos(fixed.heading), fixed.heading)
+    return _with_foot(stance, swing, _beside(body, swing, gait), body)
+
+
+def _with_foot(stance: Stance, side: Side, foot: Footstep, body: Footstep) -> Stance:
+    return replace(stance, left=foot, body=body) if side == "left" else replace(stance, right=foot, body=body)
+
+
+def _beside(body: Footstep, side: Side, gait: Gait) -> Footstep:
+    aside = gait.foot_distance / 2 * (1 if side == "left" else -1)
+    return Footstep(
+        float(body.x - aside * np.sin(body.heading)), float(body.y + aside * np.cos(body.heading)), body.heading
+    )

@@ -1,0 +1,133 @@
+"""The plan of a walk: phases in time, each with its feet and its zero moment point.
+
+The plan is causal: each step is decided at the landing before it, from what the joystick says then. What comes later is
+assumed to go on as it is; where it does not, the zero moment point leaves the middle of the sole for one step, by two
+centimetres when the stick is thrown from full forward to full backward.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from jaxtyping import Float
+
+from phantom_dyn.walking.divergent_component import Profile, entry, holding_point, pendulum
+from phantom_dyn.walking.footsteps import Gait, Side, Stance, closed, other, standing, stepped
+from phantom_dyn.walking.joystick import Command, Joystick
+
+Array = np.ndarray
+
+PREVIEW = 6
+"""Steps assumed to follow. What lies behind them counts by exp(-omega T PREVIEW), under 1e-5 at usual gaits."""
+
+
+@dataclass(frozen=True)
+class Phase:
+    """A stretch of the walk.
+
+    Attributes:
+        start: Time [s].
+        profile: Of the zero moment point.
+        points: Where it starts and where it holds [m].
+        dcm: Divergent component at the start [m].
+        com: Centre of mass at the start [m].
+        stance: Feet at the start.
+        landing: Feet at the end, the same as at the start in a phase on both feet.
+        swing: Foot that is in the air after the ramp, or None.
+    """
+
+    start: float
+    profile: Profile
+    points: tuple[Float[Array, " 2"], Float[Array, " 2"]]
+    dcm: Float[Array, " 2"]
+    com: Float[Array, " 2"]
+    stance: Stance
+    landing: Stance
+    swing: Side | None
+
+    @property
+    def end(self) -> float:
+        """Time at which it ends [s]."""
+        return self.start + self.profile.duration
+
+
+def plan_walk(joystick: Joystick, gait: Gait, duration: float, omega: float) -> tuple[Phase, ...]:
+    """Phases that cover ``duration`` [s] from standing at the origin.
+
+    Args:
+        joystick: What the user does.
+        gait: How to step.
+        duration: Time to plan for [s].
+        omega: Square root of gravity over the height of the centre of mass [1/s].
+
+    Raises:
+        ParameterError: If the joystick asks for more than the gait has.
+    """
+    stance = standing(gait)
+    phases: list[Phase] = []
+    time, swing, com = 0.0, "right", stance.middle
+    while time < duration:
+        start = joystick.next_start(time)
+        rest = duration if start is None else min(start, duration)
+        if rest > time:
+            phases.append(_rest(time, rest - time, stance, com))
+            time, com = rest, _end(phases[-1], omega)[1]
+            continue
+        walked = _walk_until_stop(joystick, gait, time, duration, stance, com, swing, omega)
+        phases += walked
+        time, stance, com = phases[-1].end, phases[-1].landing, _end(phases[-1], omega)[1]
+        swing = "right"
+    return tuple(phases)
+
+
+def _walk_until_stop(
+    joystick: Joystick, gait: Gait, time: float, duration: float, stance: Stance, com: Array, swing: Side, omega: float
+) -> list[Phase]:
+    step = Profile(gait.double_support, gait.step_time)
+    settle = Profile(gait.settle, gait.settle)
+    point, dcm, phases = stance.middle, stance.middle, []
+
+    def add(profile: Profile, landing: Stance, moving: Side | None, onward: tuple[float, Array]) -> None:
+        nonlocal time, point, dcm, com, stance
+        hold = holding_point(dcm, point, profile, onward, omega)
+        phases.append(Phase(time, profile, (point, hold), dcm, com, stance, landing, moving))
+        dcm, com = _end(phases[-1], omega)
+        time, point, stance = phases[-1].end, hold, landing
+
+    # From rest the weight must first lean on the foot that lifts, to fall towards the other one.
+    add(step, stance, None, _onward(stance, swing, joystick.at(time), gait, omega))
+    while True:
+        command = joystick.at(time)
+        if not command.walking:
+            landing = closed(stance, swing, gait)
+            add(step, landing, swing, entry(landing.middle[None], (settle,), omega))
+            # The end is at rest over the middle by the choice of the hold before; to the last bit, as errors grow.
+            phases.append(Phase(time, settle, (point, landing.middle), dcm, com, landing, landing, None))
+            return phases
+        landing = stepped(stance, swing, command, gait)
+        add(step, landing, swing, _onward(landing, other(swing), command, gait, omega))
+        swing = other(swing)
+        if time >= duration:
+            return phases
+
+
+def _onward(stance: Stance, swing: Side, command: Command, gait: Gait, omega: float) -> tuple[float, Array]:
+    """How to enter the step of ``swing`` and those after it, if the command stays as it is."""
+    points = []
+    for _ in range(PREVIEW):
+        points.append(stance.foot(other(swing)).point)
+        stance, swing = stepped(stance, swing, command, gait), other(swing)
+    profile = Profile(gait.double_support, gait.step_time)
+    return entry(np.array(points), (profile,) * len(points), omega)
+
+
+def _rest(time: float, duration: float, stance: Stance, com: Array) -> Phase:
+    middle = stance.middle
+    return Phase(time, Profile(duration, duration), (middle, middle), middle, com, stance, stance, None)
+
+
+def _end(phase: Phase, omega: float) -> tuple[Array, Array]:
+    """Divergent component and centre of mass at the end of a phase."""
+    last = pendulum(np.array([phase.profile.duration]), phase.profile, phase.points, phase.dcm, phase.com, omega)
+    return last.dcm[0], last.com[0]

@@ -1,0 +1,152 @@
+"""A joystick in, a walk and what the hand should feel of it out."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from jaxtyping import Float, Int
+
+from phantom_dyn.errors import ParameterError
+from phantom_dyn.motion import read_only
+from phantom_dyn.walking.divergent_component import PendulumState
+from phantom_dyn.walking.footsteps import Gait
+from phantom_dyn.walking.joystick import Joystick
+from phantom_dyn.walking.pattern import Phase, plan_walk
+from phantom_dyn.walking.support_polygon import SupportPolygon, support_polygon
+from phantom_dyn.walking.trajectories import FootMotion, foot_motion, pendulum_motion
+from phantom_dyn.walking.walker import Walker
+from phantom_dyn.walking.whole_body import ComMotion, WholeBodyMotion, whole_body_motion
+from phantom_dyn.walking.zmp import zmp_from_contact_wrench
+
+Array = np.ndarray
+
+
+@dataclass(frozen=True)
+class WalkingReference:
+    """A walk of ``N`` samples; world axes, the ground at z = 0.
+
+    Attributes:
+        t: Time [s], shape ``(N,)``.
+        joystick: What the user did.
+        gait: How it steps.
+        phases: The plan.
+        pendulum: Planned zero moment point, divergent component and centre of mass.
+        left: Motion of the left sole.
+        right: Motion of the right sole.
+        motion: Motion of the whole robot.
+        zmp: Zero moment point of the whole robot [m], all bodies and their spin included, shape ``(N, 2)``.
+        polygons: Support polygons, one for each stretch of time with the same feet on the ground.
+        polygon_index: Which of them holds at each sample, shape ``(N,)``.
+        margin: Distance of the zero moment point to the edge of its polygon [m], negative outside, shape ``(N,)``.
+    """
+
+    t: Float[Array, " N"]
+    joystick: Joystick
+    gait: Gait
+    phases: tuple[Phase, ...]
+    pendulum: PendulumState
+    left: FootMotion
+    right: FootMotion
+    motion: WholeBodyMotion
+    zmp: Float[Array, "N 2"]
+    polygons: tuple[SupportPolygon, ...]
+    polygon_index: Int[Array, " N"]
+    margin: Float[Array, " N"]
+
+    def __post_init__(self):
+        for name in ("t", "zmp", "margin"):
+            object.__setattr__(self, name, read_only(getattr(self, name)))
+
+    @property
+    def landings(self) -> Float[Array, " L"]:
+        """Times at which a foot comes down [s], shape ``(L,)``."""
+        return np.array([phase.end for phase in self.phases if phase.swing is not None and phase.end <= self.t[-1]])
+
+    def haptic_signal(self, *, silent_above: float) -> Float[Array, " N"]:
+        """Drive of the controller's motor between 0 and 1, shape ``(N,)``; see `haptic_signal`."""
+        return haptic_signal(self.margin, silent_above=silent_above)
+
+
+def haptic_signal(margin: Float[Array, " N"], *, silent_above: float) -> Float[Array, " N"]:
+    """Drive of the controller's motor: 0 with margin to spare, rising in a line to 1 where the robot starts to tip.
+
+    The published fragment has a motor that tells the user how the walk is, and no equation for it; this one is ours.
+
+    Args:
+        margin: Of the zero moment point [m], shape ``(N,)``.
+        silent_above: Margin at and above which nothing is felt [m].
+
+    Raises:
+        ParameterError: If ``silent_above`` is not positive.
+    """
+    if not silent_above > 0:
+        raise ParameterError(
+            f"The haptic signal is to be silent above a margin of {silent_above:g} m: give more than 0."
+        )
+    return np.clip(1.0 - margin / silent_above, 0.0, 1.0)
+
+
+def walk(
+    walker: Walker, joystick: Joystick, *, duration: float, gait: Gait | None = None, rate: float = 100.0
+) -> WalkingReference:
+    """Walk from standing at the origin as the joystick says.
+
+    Footsteps follow the stick at each landing, so that a stop ends within two steps: the one under way, and one that
+    closes the feet. The centre of mass is a linear inverted pendulum whose divergent component is planned in closed
+    form; joints follow by inverse kinematics; the zero moment point is that of all bodies. The walk is a reference:
+    where its margin is negative, the robot would tip, and nothing is done about it but to tell the hand.
+
+    Args:
+        walker: Biped.
+        joystick: What the user does; it is not looked at ahead of time.
+        duration: Time to walk for [s].
+        gait: How to step; by default the standard gait at the walker's own distance between its feet.
+        rate: Samples in a second [Hz].
+
+    Raises:
+        ParameterError: If the joystick asks for more than the gait has, or a leg cannot follow.
+    """
+    if not (duration > 0 and rate > 0 and duration * rate >= 1):
+        raise ParameterError(f"A walk of {duration:g} s at {rate:g} Hz has no sample: give a longer one.")
+    gait = gait or Gait(foot_distance=walker.foot_distance)
+    g = -float(walker.model.gravity.linear[2])
+    omega = float(np.sqrt(g / walker.com_height))
+    phases = plan_walk(joystick, gait, duration, omega)
+    t = np.arange(round(duration * rate)) / rate
+    pendulum = pendulum_motion(phases, t, omega)
+    left, right = (foot_motion(phases, t, side, gait.step_height) for side in ("left", "right"))
+    motion = whole_body_motion(walker, _at_height(pendulum, walker.com_height), left, right)
+    zmp = zmp_from_contact_wrench(walker.model, motion.q, motion.v, motion.a)
+    polygons, index = _polygons(walker, left, right)
+    margin = np.empty(len(t))
+    for k, polygon in enumerate(polygons):
+        margin[index == k] = polygon.margin(zmp[index == k])
+    return WalkingReference(t, joystick, gait, phases, pendulum, left, right, motion, zmp, polygons, index, margin)
+
+
+def _at_height(pendulum: PendulumState, height: float) -> ComMotion:
+    level = np.zeros((len(pendulum.com), 1))
+    return ComMotion(
+        np.hstack([pendulum.com, level + height]),
+        np.hstack([pendulum.velocity, level]),
+        np.hstack([pendulum.acceleration, level]),
+    )
+
+
+def _polygons(walker: Walker, left: FootMotion, right: FootMotion) -> tuple[tuple[SupportPolygon, ...], Array]:
+    """Support polygons and the one that holds at each sample."""
+    on_ground = np.stack([left.contact, right.contact], axis=1)
+    placed = np.hstack([left.position * on_ground[:, :1], right.position * on_ground[:, 1:]])
+    state = np.hstack([on_ground, placed])
+    changed = np.concatenate([[True], (state[1:] != state[:-1]).any(axis=1)])
+    polygons = []
+    for k in np.flatnonzero(changed):
+        feet = [foot.position[k] for foot in (left, right) if foot.contact[k]]
+        polygons.append(support_polygon(np.vstack([_placed(walker.corners, foot) for foot in feet])))
+    return tuple(polygons), np.cumsum(changed) - 1
+
+
+def _placed(corners: Array, foot: Array) -> Array:
+    cosine, sine = np.cos(foot[3]), np.sin(foot[3])
+    return corners @ np.array([[cosine, sine], [-sine, cosine]]) + foot[:2]

@@ -1,0 +1,159 @@
+# pyright: reportAttributeAccessIssue=false
+"""Joint motion of a biped that puts centre of mass, base and both soles where they are wanted.
+
+Eighteen coordinates (the base and two legs of six joints) meet eighteen wishes: the centre of mass, an upright base
+with a heading, and two sole poses. Velocities and accelerations follow exactly; nothing is differentiated numerically.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import pinocchio as pin
+from jaxtyping import Float
+
+from phantom_dyn.errors import ParameterError
+from phantom_dyn.motion import read_only
+from phantom_dyn.walking.trajectories import FootMotion
+from phantom_dyn.walking.walker import Walker
+
+Array = np.ndarray
+
+TOLERANCE = 1e-10
+"""Residual in m and rad at which Newton's method stops: rounding, far below what shows in a zero moment point."""
+MAX_STEPS = 30
+_WORLD = pin.ReferenceFrame.LOCAL_WORLD_ALIGNED
+
+
+@dataclass(frozen=True)
+class ComMotion:
+    """Centre of mass over time [m, s], shapes ``(N, 3)``."""
+
+    position: Float[Array, "N 3"]
+    velocity: Float[Array, "N 3"]
+    acceleration: Float[Array, "N 3"]
+
+
+@dataclass(frozen=True)
+class WholeBodyMotion:
+    """Motion of a floating-base model in Pinocchio's coordinates; shapes ``(N, nq)`` and ``(N, nv)``."""
+
+    q: Float[Array, "N nq"]
+    v: Float[Array, "N nv"]
+    a: Float[Array, "N nv"]
+
+    def __post_init__(self):
+        for name in ("q", "v", "a"):
+            object.__setattr__(self, name, read_only(getattr(self, name)))
+
+
+def whole_body_motion(walker: Walker, com: ComMotion, left: FootMotion, right: FootMotion) -> WholeBodyMotion:
+    """Motion of base and legs; the other joints stay in the walker's posture.
+
+    Args:
+        walker: Biped.
+        com: Where the centre of mass should be.
+        left: Where the left sole should be.
+        right: Where the right sole should be; the base heads where both soles head on average.
+
+    Raises:
+        ParameterError: If a leg cannot reach its sole, or goes beyond a joint's limits.
+    """
+    model = walker.model
+    data = model.createData()
+    columns = list(walker.leg_columns)
+    samples = len(com.position)
+    q, v, a = np.zeros((samples, model.nq)), np.zeros((samples, model.nv)), np.zeros((samples, model.nv))
+    now = np.array(walker.posture)
+    for k in range(samples):
+        base = _turned((left.position[k, 3] + right.position[k, 3]) / 2)
+        soles = [_sole(left.position[k]), _sole(right.position[k])]
+        now = _solve(walker, data, now, com.position[k], base, soles, k)
+        jacobian = _jacobian(model, data, now)[:, columns]
+        q[k] = now
+        v[k, columns] = np.linalg.solve(jacobian, _rates(com.velocity[k], left.velocity[k], right.velocity[k]))
+        wanted = _rates(com.acceleration[k], left.acceleration[k], right.acceleration[k])
+        a[k, columns] = np.linalg.solve(jacobian, wanted - _drift(model, data, now, v[k]))
+    _within_limits(model, q)
+    return WholeBodyMotion(q, v, a)
+
+
+def _solve(
+    walker: Walker, data: pin.Data, q: Array, com: Array, base: Array, soles: list[pin.SE3], sample: int
+) -> Array:
+    model, columns = walker.model, list(walker.leg_columns)
+    residual = _residual(model, data, q, com, base, soles)
+    for _ in range(MAX_STEPS):
+        if np.abs(residual).max() < TOLERANCE:
+            return q
+        step = np.zeros(model.nv)
+        step[columns] = np.linalg.solve(_jacobian(model, data, q)[:, columns], residual)
+        q = pin.integrate(model, q, step)
+        residual = _residual(model, data, q, com, base, soles)
+    raise ParameterError(
+        f"No posture of the legs was found at sample {sample}, where {np.abs(residual).max():.1e} m or rad are left: "
+        "give a slower or shorter step, or bend the knees more in the posture."
+    )
+
+
+def _residual(model: pin.Model, data: pin.Data, q: Array, com: Array, base: Array, soles: list[pin.SE3]) -> Array:
+    """What is still to go: centre of mass, base and soles, rotations as vectors in world axes."""
+    pin.framesForwardKinematics(model, data, q)
+    parts = [com - pin.centerOfMass(model, data, q), pin.log3(base @ data.oMi[1].rotation.T)]
+    for name, wanted in zip(("left_sole", "right_sole"), soles, strict=True):
+        pose = data.oMf[model.getFrameId(name)]
+        parts += [wanted.translation - pose.translation, pin.log3(wanted.rotation @ pose.rotation.T)]
+    return np.concatenate(parts)
+
+
+def _jacobian(model: pin.Model, data: pin.Data, q: Array) -> Array:
+    """Rows as `_rates`."""
+    pin.computeJointJacobians(model, data, q)
+    pin.updateFramePlacements(model, data)
+    rows = [pin.jacobianCenterOfMass(model, data, q, False)]
+    rows.append(pin.getJointJacobian(model, data, 1, _WORLD)[3:])
+    rows += [pin.getFrameJacobian(model, data, model.getFrameId(name), _WORLD) for name in ("left_sole", "right_sole")]
+    return np.vstack(rows)
+
+
+def _drift(model: pin.Model, data: pin.Data, q: Array, v: Array) -> Array:
+    """Accelerations that the velocities alone bring, rows as `_rates`."""
+    rest = np.zeros(model.nv)
+    pin.centerOfMass(model, data, q, v, rest)
+    parts = [data.acom[0].copy()]
+    pin.forwardKinematics(model, data, q, v, rest)
+    pin.updateFramePlacements(model, data)
+    parts.append(pin.getClassicalAcceleration(model, data, 1, _WORLD).angular)
+    for name in ("left_sole", "right_sole"):
+        index = model.getFrameId(name)
+        parts.append(pin.getFrameClassicalAcceleration(model, data, index, _WORLD).vector)
+    return np.concatenate(parts)
+
+
+def _rates(com: Array, left: Array, right: Array) -> Array:
+    """Velocities or accelerations in world axes: centre of mass, base turning, then each sole moving and turning."""
+    turn = np.array([0.0, 0.0, (left[3] + right[3]) / 2])
+    soles = [np.concatenate([foot[:3], [0.0, 0.0, foot[3]]]) for foot in (left, right)]
+    return np.concatenate([com, turn, *soles])
+
+
+def _turned(heading: float) -> Array:
+    return pin.utils.rotate("z", float(heading))
+
+
+def _sole(pose: Array) -> pin.SE3:
+    return pin.SE3(_turned(pose[3]), pose[:3].copy())
+
+
+def _within_limits(model: pin.Model, q: Array) -> None:
+    outside = (q < model.lowerPositionLimit - 1e-9) | (q > model.upperPositionLimit + 1e-9)
+    outside[:, :7] = False
+    if outside.any():
+        sample, entry = np.argwhere(outside)[0]
+        name = next(n for n, j in zip(model.names, model.joints, strict=True) if j.nq == 1 and j.idx_q == entry)
+        raise ParameterError(
+            f"{name} is at {q[sample, entry]:.3f} rad at sample {sample}, beyond its limits "
+            f"[{model.lowerPositionLimit[entry]:.3f}, {model.upperPositionLimit[entry]:.3f}]: "
+            "give a slower or shorter step, or another posture."
+        )
