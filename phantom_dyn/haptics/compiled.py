@@ -195,3 +195,47 @@ def crossings(grid, period, loop, scaled, fixed):
     edge = np.pi / period
     found[count] = edge, gain_on_axis(edge, period, loop, scaled, fixed).real
     return found[: count + 1]
+
+
+@jit
+def lowest_gain(low, modes, period, delay, loop, virtual_damping):
+    """Critical stiffness and its frequency, as `phantom_dyn.haptics.stability.critical_stiffness` has them.
+
+    Whether soft walls are stable is told without eigenvalues: the damping at the lowest frequency must be positive,
+    and the virtual damping between the two edges nearest to none. Holds for a device that is stable by itself.
+    """
+    grid = frequency_grid(low, period, delay, modes)
+    rate = virtual_damping / period
+    spring = (1.0, 0.0)
+    fixed = (rate, -rate)
+    if gain_on_axis(grid[0], period, loop, spring, fixed).imag >= 0.0:
+        return 0.0, np.nan
+    if virtual_damping != 0.0:
+        for edge in crossings(grid, period, loop, (1.0 / period, -1.0 / period), (0.0, 0.0))[:, 1]:
+            if (0.0 < edge <= virtual_damping) or (virtual_damping <= edge < 0.0):
+                return 0.0, np.nan
+    best, at = np.inf, np.nan
+    for w, gain in crossings(grid, period, loop, spring, fixed):
+        if 0.0 < gain < best:
+            best, at = gain, w
+    return best, at
+
+
+@jit
+def map_lowest_gain(A, B, C, low, modes, period, virtual_damping, steps, rest, stiffness, frequency):
+    """Fill the two maps, ``(damping, virtual damping, delay, period)``.
+
+    ``A`` and ``modes`` have one matrix for each damping; ``low`` is a frequency for each damping, virtual damping,
+    delay and period; ``steps`` and ``rest`` one for each delay and period.
+    """
+    for i in range(A.shape[0]):
+        for k in range(steps.shape[0]):
+            for m in range(len(period)):
+                transition, newer, older = with_delay(A[i], B, period[m], rest[k, m])
+                polynomials = loop_polynomials(transition, newer, older, C)
+                loop = (steps[k, m], 0.0, 0.0, polynomials[0], polynomials[1], polynomials[2])
+                delay = steps[k, m] * period[m] + rest[k, m]
+                for j in range(len(virtual_damping)):
+                    stiffness[i, j, k, m], frequency[i, j, k, m] = lowest_gain(
+                        low[i, j, k, m], modes[i], period[m], delay, loop, virtual_damping[j]
+                    )
