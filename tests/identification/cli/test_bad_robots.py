@@ -9,8 +9,6 @@ import re
 
 import pytest
 
-from phantom_dyn.robot_files import examples_folder
-
 PNG = b"\x89PNG\r\n\x1a\n\x00\x00\x00\rIHDR" + bytes(200)
 
 
@@ -56,7 +54,6 @@ def test_a_file_that_is_no_robot(tmp_path, log, refusal, content):
     assert re.search(r"robot\.urdf is (empty|not valid XML)", refusal(robot, log))
 
 
-@pytest.mark.skipif(examples_folder() is None, reason="example-robot-data is not installed")
 def test_an_example_that_does_not_exist(log, refusal):
     assert re.search(r"There is no example robot 'nosuch'", refusal("example:nosuch", log))
 
