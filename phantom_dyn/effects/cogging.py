@@ -80,4 +80,16 @@ class Cogging(Effect):
 
 def _law(q: Float[Array, " N"], theta: Float[Array, " p"]) -> Float[Array, " N"]:
     orders, amplitudes, phases = np.split(np.asarray(theta, dtype=float), 3)
-    return np.sin(q[:, None] * orders + phases) @ amplitudes
+    return cogging_torque(q[:, None], orders, amplitudes, phases)
+
+
+def cogging_torque(q, orders, amplitudes, phases):
+    """The law at one position, or at many, shape ``(N, 1)``; kernels compile it for one.
+
+    Args:
+        q: Position [rad or m].
+        orders: Cycles per revolution (rad/m on a linear joint), shape ``(k,)``.
+        amplitudes: Torques [N m or N], shape ``(k,)``.
+        phases: Phases [rad], shape ``(k,)``.
+    """
+    return np.dot(np.sin(q * orders + phases), amplitudes)

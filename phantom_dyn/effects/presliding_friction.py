@@ -26,6 +26,7 @@ from phantom_dyn.effects.rows import (
     torque_unit,
     turning_points,
 )
+from phantom_dyn.kernels.jit import jit
 from phantom_dyn.robot import Robot
 
 Array = np.ndarray
@@ -140,11 +141,38 @@ def bristle_step(state: Float[Array, " 3"], q: float, v: float, theta: Array) ->
 
 def stick_step(state: Float[Array, " 3"], q: float, v: float, theta: Array) -> tuple[Array, float]:
     """The next state and the torque of Karnopp friction; ``theta`` has static ratio and stick velocity too."""
-    torque, displacement, ratio, stick_velocity = theta
-    last, stuck, anchor = state
-    if not stuck and abs(v) < stick_velocity:
-        stuck, anchor = 1.0, q if np.isnan(last) else last
+    stuck, anchor, torque = stick_law(state[0], state[1], state[2], q, v, theta[0], theta[1], theta[2], theta[3])
+    return np.array([q, stuck, anchor]), torque
+
+
+@jit
+def stick_law(
+    last: float,
+    stuck: float,
+    anchor: float,
+    q: float,
+    v: float,
+    torque: float,
+    displacement: float,
+    ratio: float,
+    stick_velocity: float,
+) -> tuple[float, float, float]:
+    """Whether it sticks now (1 or 0), what to, and the torque of Karnopp friction.
+
+    Args:
+        last: Position at the sample before, NaN at the first.
+        stuck: 1 if it stuck there.
+        anchor: Position that it stuck to.
+        q: Position now.
+        v: Velocity now.
+        torque: Friction in slip.
+        displacement: Way over which the spring of the stuck state reaches ``ratio`` times ``torque``.
+        ratio: Torque at which it breaks loose, over ``torque``.
+        stick_velocity: It sticks below that speed.
+    """
+    if stuck == 0.0 and abs(v) < stick_velocity:
+        stuck, anchor = 1.0, (q if np.isnan(last) else last)
     held = -ratio * torque * (q - anchor) / max(displacement, _LEAST_DISPLACEMENT)
-    if stuck and abs(held) < ratio * torque:
-        return np.array([q, 1.0, anchor]), held
-    return np.array([q, 0.0, anchor]), -torque * np.sign(v)
+    if stuck == 1.0 and abs(held) < ratio * torque:
+        return 1.0, anchor, held
+    return 0.0, anchor, -torque * np.sign(v)

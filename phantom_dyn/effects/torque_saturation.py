@@ -94,7 +94,7 @@ class TorqueSaturation(Effect):
         """The command held within the limit."""
         limit = np.full(robot.nv, np.inf)
         limit[row_of(robot, joint)] = theta[0]
-        return Simulated(command=lambda state, dt, tau: (state, np.clip(tau, -limit, limit)))
+        return Simulated(command=lambda state, dt, tau: (state, held_within(tau, limit)))
 
 
 def _command(operation: Operation, row: int) -> Array:
@@ -117,4 +117,9 @@ def _plausible(operation: Operation, row: int, limit: float, excess: Array) -> b
 
 def _excess(operation: Operation, row: int, limit: float) -> Array:
     command = _command(operation, row)
-    return command - np.clip(command, -limit, limit)
+    return command - held_within(command, limit)
+
+
+def held_within(tau, limit):
+    """``tau`` held within ``+-limit``, numbers or arrays; kernels compile it for numbers."""
+    return np.minimum(np.maximum(tau, -limit), limit)

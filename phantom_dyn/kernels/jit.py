@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import inspect
 from collections.abc import Callable
 from typing import Any, TypeVar, cast
 
@@ -17,8 +18,9 @@ def jit(function: F) -> F:
     """The compiled function: free of the GIL, division as in NumPy, machine code kept on disk.
 
     Arguments are scalars, arrays and other compiled functions; a first call takes a second or so, later processes load
-    what the first one wrote. Without numba the function itself: slower, with the same result.
+    what the first one wrote. Without numba the function itself: slower, with the same result. What wraps a function to
+    check its annotations, as the tests do, is taken off: it cannot be compiled.
     """
     if njit is None:
         return function
-    return cast(F, njit(cache=True, nogil=True, error_model="numpy")(function))
+    return cast(F, njit(cache=True, nogil=True, error_model="numpy")(inspect.unwrap(function)))

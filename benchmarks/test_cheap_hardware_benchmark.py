@@ -1,0 +1,60 @@
+"""Cost of simulated cheap hardware over 10 000 cycles of six motors, effect by effect, like the published Figure 10.
+
+Divide by 60 000 for one cycle of one motor; ``one cycle at a time`` is 1000 calls from Python.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from phantom_dyn.haptics.cheap_axis import CheapAxis, cheap_translation
+from phantom_dyn.haptics.cheap_hardware import at_rest, felt, rendered, rendered_axes
+
+CYCLES, MOTORS = 10_000, 6
+ALL = cheap_translation(slip=1.0, order=600.0, limit=2.0)
+AXES = {
+    "nothing": CheapAxis(),
+    "saturation": CheapAxis(limit=2.0),
+    "cogging": CheapAxis(cogging=ALL.cogging),
+    "friction": CheapAxis(friction=ALL.friction),
+    "inertia": CheapAxis(mass=ALL.mass),
+    "backlash": CheapAxis(mass=ALL.mass, gap=ALL.gap),
+    "all": ALL,
+}
+
+
+@pytest.fixture(scope="module")
+def hand() -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Times of a rate between 500 and 2000 Hz, six moving probes, six forces."""
+    rng = np.random.default_rng(0)
+    t = np.cumsum(rng.uniform(1 / 2000, 1 / 500, CYCLES))
+    q = 0.01 * np.sin(np.outer(t, 3.0 + np.arange(MOTORS)))
+    return t, q, rng.standard_normal((CYCLES, MOTORS))
+
+
+@pytest.mark.parametrize("name", AXES)
+def test_ten_thousand_cycles_of_six_motors(benchmark, hand, name):
+    t, q, force = hand
+    rendered(AXES[name], t[:10], q[:10, 0], force[:10, 0])  # compiled before it is timed
+    given = benchmark(rendered_axes, (AXES[name],) * MOTORS, t, q, force)
+    benchmark.extra_info["us_per_cycle_and_motor"] = 1e6 * _mean(benchmark) / (CYCLES * MOTORS)
+    assert given.shape == (CYCLES, MOTORS)
+
+
+def test_one_cycle_at_a_time(benchmark, hand):
+    t, q, force = hand
+    steps = np.diff(t[:1000], prepend=t[0])
+
+    def run():
+        state = at_rest()
+        for dt, x, asked in zip(steps, q[:1000, 0], force[:1000, 0], strict=True):
+            state, _ = felt(ALL, state, float(dt), float(x), float(asked))
+        return state
+
+    assert np.isfinite(benchmark(run)).all()
+
+
+def _mean(benchmark) -> float:
+    """Mean time [s]; nothing where benchmarks are switched off."""
+    return benchmark.stats.stats.mean if benchmark.stats else np.nan

@@ -1,0 +1,261 @@
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from phantom_dyn.devices.phantom import inverse_kinematics
+from phantom_dyn.effects.presliding_friction import stick_step
+from phantom_dyn.errors import ParameterError
+from phantom_dyn.haptics.cheap_axis import (
+    CheapAxis,
+    CoggingTorque,
+    StickingFriction,
+    VirtualMass,
+    cheap_rotation,
+    cheap_translation,
+)
+from phantom_dyn.haptics.cheap_hardware import at_rest, felt, phantom_tip_force, rendered, rendered_axes
+
+RATES = [500, 1000, 2000]
+FRICTION = StickingFriction(torque=2.0, displacement=100e-6, stick_velocity=5e-3)
+GAP = CheapAxis(mass=VirtualMass(0.2, 600.0), gap=1e-3, cutoff_hz=np.inf)
+EVERYTHING = cheap_translation(slip=1.0, order=600.0, limit=2.0)
+
+
+def hand(rate: float, seconds: float = 6.0, amplitude: float = 0.01, hz: float = 0.7) -> tuple[np.ndarray, np.ndarray]:
+    """A hand that swings the probe to and fro, as in the seed's Figure 9."""
+    t = np.arange(round(seconds * rate)) / rate
+    return t, amplitude * np.sin(2 * np.pi * hz * t)
+
+
+def uneven(rng: np.random.Generator, count: int) -> np.ndarray:
+    """Sample times of a rate that wanders between 500 and 2000 Hz, the published range."""
+    return np.cumsum(rng.uniform(1 / 2000, 1 / 500, count))
+
+
+def creeping(rate: float) -> tuple[np.ndarray, np.ndarray]:
+    """Figure 8: a probe that slows down below the stick velocity, creeps on, turns and speeds up again."""
+    t = np.arange(round(2.0 * rate)) / rate
+    v = np.interp(t, [0.0, 0.3, 0.4, 0.6, 0.7, 1.2, 1.5, 2.0], [0.05, 0.05, 1e-4, 1e-4, -1e-3, -1e-3, -0.05, -0.05])
+    return t, np.concatenate([[0.0], np.cumsum(0.5 * (v[1:] + v[:-1]) / rate)])
+
+
+def test_with_everything_off_the_hand_feels_what_is_asked_for(rng):
+    t = uneven(rng, 500)
+    x, force = 0.01 * rng.standard_normal((2, 500))
+    np.testing.assert_array_equal(rendered(CheapAxis(), t, x, force).force, force)
+
+
+def test_without_friction_force_the_device_is_the_identity_too(rng):
+    # Every part there, each of no size.
+    axis = CheapAxis(friction=StickingFriction(0.0, 1e-4, 5e-3), cogging=CoggingTorque((600.0,), (0.0,), (0.0,)))
+    t = uneven(rng, 500)
+    x, force = 0.01 * rng.standard_normal((2, 500))
+    np.testing.assert_array_equal(rendered(axis, t, x, force).force, force)
+
+
+def test_saturation_twice_is_saturation_once(rng):
+    t, axis = uneven(rng, 500), CheapAxis(limit=1.0)
+    x, force = rng.standard_normal((2, 500))
+    once = rendered(axis, t, 0 * x, 3 * force).force
+    assert np.abs(once).max() == 1.0
+    np.testing.assert_array_equal(rendered(axis, t, 0 * x, once).force, once)
+
+
+def test_cogging_takes_out_no_work_over_a_period():
+    # Closed form: the integral of a sine over its period.
+    x = np.linspace(0.0, 2 * np.pi / 600.0, 20_001)
+    axis = CheapAxis(cogging=CoggingTorque((600.0,), (0.6,), (0.4,)))
+    force = rendered(axis, np.arange(len(x)) / 1000.0, x, 0 * x).force
+    assert np.abs(force).max() == pytest.approx(0.6, rel=1e-6)
+    assert np.trapezoid(force, x) == pytest.approx(0.0, abs=1e-12)
+
+
+def test_friction_is_the_catalogues_law_of_the_probes_position_and_filtered_velocity(rng):
+    t = uneven(rng, 1000)
+    x = 0.01 * np.sin(5 * t)
+    out = rendered(CheapAxis(friction=FRICTION), t, x, 0 * x)
+    theta = np.array([FRICTION.torque, FRICTION.displacement, FRICTION.static_ratio, FRICTION.stick_velocity])
+    state, expected = np.array([np.nan, 0.0, 0.0]), []
+    for place, speed in zip(x, out.velocity, strict=True):
+        state, torque = stick_step(state, place, speed, theta)
+        expected.append(torque)
+    np.testing.assert_array_equal(out.force, expected)
+
+
+@pytest.mark.parametrize("rate", RATES)
+def test_the_largest_friction_is_that_of_the_stuck_spring(rate):
+    # Published: 1.05 times the friction in slip, at every rate.
+    t, x = creeping(rate)
+    force = rendered(CheapAxis(friction=FRICTION), t, x, 0 * x).force
+    assert np.abs(force).max() / FRICTION.torque == pytest.approx(1.05, abs=0.02)
+
+
+@pytest.mark.parametrize("rate", RATES)
+def test_friction_drops_on_sticking_grows_while_the_hand_creeps_and_changes_sign_with_it(rate):
+    # Published behaviour: Figure 8, and a force just after sticking of at most a quarter of that in slip.
+    t, x = creeping(rate)
+    out = rendered(CheapAxis(friction=FRICTION), t, x, 0 * x)
+    k = int(np.flatnonzero(out.stuck & (t > 0.1))[0])
+    assert out.force[k - 1] == -FRICTION.torque
+    assert abs(out.force[k]) <= 0.26 * FRICTION.torque
+    assert (np.diff(out.force[(t >= t[k]) & (t < 0.6)]) < 0).all()
+    back = int(np.flatnonzero((out.force > 0) & (t > 0.6))[0])
+    assert out.stuck[back]
+    assert out.force[-1] == FRICTION.torque
+    assert not out.stuck[-1]
+
+
+def test_the_filter_lets_friction_stick_although_the_encoder_is_coarse():
+    # Published: 8 um, quanta of 4, 8 and 16 mm/s against a stick velocity of 5 mm/s; the hand creeps at 2 mm/s.
+    t = np.arange(2000) / 2000.0
+    x = np.round(2e-3 * t / 8e-6) * 8e-6
+    out = rendered(CheapAxis(friction=FRICTION), t, x, 0 * x)
+    raw = np.abs(np.diff(x)) * 2000.0
+    assert raw.max() == pytest.approx(16e-3)
+    assert np.abs(out.velocity[1000:]).max() < 5e-3
+
+
+@pytest.mark.parametrize("rate", RATES)
+def test_a_mass_in_a_gap_hits_both_walls_every_period(rate):
+    # Published: Figure 9 (0.2 kg, 600 N/m, 1 mm, +-10 mm at 0.7 Hz): two contacts a period.
+    t, x = hand(rate, seconds=0.5 + 5 / 0.7)
+    axis = CheapAxis(mass=VirtualMass(0.2, 600.0), gap=1e-3)
+    contact = rendered(axis, t, x, 0 * x).contact[t > 0.5]
+    assert np.count_nonzero(~contact[:-1] & contact[1:]) == 2 * 5
+
+
+@pytest.mark.parametrize(("rate", "apart"), [(500, 0.567e-3), (1000, 0.571e-3), (2000, 0.572e-3)])
+def test_the_mass_stays_within_the_gap_and_the_bend_of_its_coupling(rate, apart):
+    # Computed with another integrator and without the velocity's filter; half the gap and M a / K are 0.565 mm.
+    t, x = hand(rate)
+    out = rendered(GAP, t, x, 0 * x)
+    assert np.abs(x - out.mass_position)[t > 3].max() == pytest.approx(apart, rel=0.02)
+    assert np.abs(out.coupling).max() == pytest.approx(0.715, rel=0.04)
+
+
+def test_the_force_of_the_contact_hardly_depends_on_the_rate():
+    # Computed with another integrator: within 1.2 %.
+    peaks = [np.abs(rendered(GAP, *hand(rate), np.zeros(6 * rate)).coupling).max() for rate in RATES]
+    assert np.ptp(peaks) / np.mean(peaks) < 0.02
+
+
+def test_the_filter_of_the_velocity_changes_the_play_by_little():
+    # Known truth: the same without it; 70 Hz against contacts that last tens of milliseconds.
+    t, x = hand(1000)
+    bare, filtered = (x - rendered(axis, t, x, 0 * x).mass_position for axis in (GAP, replace(GAP, cutoff_hz=70.0)))
+    np.testing.assert_allclose(filtered, bare, atol=0.08e-3)
+
+
+def test_a_stiff_coupling_is_the_rotor_inertia_of_the_catalogue():
+    # Known truth: -M a of the motion, late by the mean of 12 samples.
+    t, x = hand(1000.0, seconds=4.0, hz=1.0)
+    out = rendered(CheapAxis(mass=VirtualMass(0.1, 1e5)), t, x, 0 * x)
+    late = t - 12e-3
+    expected = 0.1 * 0.01 * (2 * np.pi) ** 2 * np.sin(2 * np.pi * late)
+    np.testing.assert_allclose(out.force[1000:], expected[1000:], atol=0.02 * np.abs(expected).max())
+
+
+@pytest.mark.parametrize(("rate", "degrees"), [(500, 51.8), (1000, 25.9), (2000, 13.0)])
+def test_the_mean_over_25_samples_is_late_as_published(rate, degrees):
+    # Closed form: 12 samples; at 6 Hz these angles, and nothing is left at rate / 25.
+    t, x = hand(rate, seconds=4.0, amplitude=1e-3, hz=6.0)
+    out = rendered(CheapAxis(mass=VirtualMass(0.1, 150.0)), t, x, 0 * x)
+    wave = np.exp(-2j * np.pi * 6.0 * t)[t >= 2]
+    late = np.angle((out.coupling[t >= 2] @ wave) / (out.force[t >= 2] @ wave), deg=True)
+    assert late == pytest.approx(degrees, abs=0.1)
+    t, x = hand(rate, seconds=4.0, amplitude=1e-4, hz=rate / 25)
+    null = rendered(CheapAxis(mass=VirtualMass(0.1, 150.0)), t, x, 0 * x)
+    assert np.abs(null.force[t >= 3]).max() < 1e-3 * np.abs(null.coupling[t >= 3]).max()
+
+
+def test_in_the_gap_nothing_but_the_mass_is_felt():
+    # Figure 7: the switch blocks the virtual environment, cogging and friction.
+    t, x = hand(1000.0)
+    out = rendered(EVERYTHING, t, x, np.full(len(t), 1.5))
+    mean = np.convolve(out.coupling, np.ones(25) / 25)[: len(t)]
+    direct = out.force - mean
+    assert (~out.contact).sum() > 100
+    np.testing.assert_allclose(direct[~out.contact], 0.0, atol=1e-12)
+    assert (np.abs(direct[out.contact]) > 0.1).mean() > 0.9
+
+
+def test_everything_together_stays_bounded_at_a_rate_that_wanders(rng):
+    # Limit + cogging + stuck friction, and what a coupling of 0.1 kg can give at this motion.
+    t = uneven(rng, 20_000)
+    x = 0.01 * np.sin(2 * np.pi * 0.7 * t)
+    out = rendered(EVERYTHING, t, x, 5 * rng.standard_normal(len(t)))
+    assert np.abs(out.force).max() < 2.0 + 0.6 + 1.05 + 1.0
+
+
+def test_a_rate_that_wanders_gives_what_a_steady_one_does(rng):
+    # Known truth: the same motion sampled at 2000 Hz.
+    axis = CheapAxis(mass=VirtualMass(0.2, 600.0), gap=1e-3)
+    steady, wandering = np.arange(8000) / 2000.0, uneven(rng, 3000)
+    apart = []
+    for t in (steady, wandering):
+        x = 0.01 * np.sin(2 * np.pi * 0.7 * t)
+        apart.append(x - rendered(axis, t, x, 0 * x).mass_position)
+    np.testing.assert_allclose(apart[1], np.interp(wandering, steady, apart[0]), atol=0.06e-3)
+
+
+def test_one_cycle_after_the_other_is_the_whole(rng):
+    t = uneven(rng, 300)
+    x, force = 0.01 * np.sin(20 * t), rng.standard_normal(300)
+    state, out = at_rest(), []
+    for dt, place, asked in zip(np.diff(t, prepend=t[0]), x, force, strict=True):
+        state, given = felt(EVERYTHING, state, float(dt), float(place), float(asked))
+        out.append(given)
+    np.testing.assert_array_equal(out, rendered(EVERYTHING, t, x, force).force)
+
+
+def test_each_axis_has_a_model_of_its_own(rng):
+    t, axes = uneven(rng, 200), (EVERYTHING, CheapAxis(limit=0.5), CheapAxis())
+    q, force = 0.01 * rng.standard_normal((2, 200, 3))
+    given = rendered_axes(axes, t, q, force)
+    for k, axis in enumerate(axes):
+        np.testing.assert_array_equal(given[:, k], rendered(axis, t, q[:, k], force[:, k]).force)
+
+
+def test_a_phantom_with_good_motors_passes_the_force_at_its_tip(rng):
+    t = uneven(rng, 200)
+    q = inverse_kinematics(0.03 * np.sin(np.outer(t, [3.0, 4.0, 5.0])))
+    force = rng.standard_normal((200, 3))
+    given = phantom_tip_force((CheapAxis(),) * 3, t, q, force)
+    np.testing.assert_allclose(given, force, atol=1e-12)
+
+
+def test_a_limited_motor_of_a_phantom_limits_the_force_along_its_own_direction():
+    # Published geometry: at zero angles motor 1 moves the tip along x with a lever of 0.215 m.
+    t, q = np.arange(50) / 1000.0, np.zeros((50, 3))
+    axes = (CheapAxis(limit=0.215), CheapAxis(), CheapAxis())
+    given = phantom_tip_force(axes, t, q, np.tile([4.0, 1.0, 2.0], (50, 1)))
+    np.testing.assert_allclose(given, np.tile([1.0, 1.0, 2.0], (50, 1)), atol=1e-12)
+
+
+def test_a_cheap_phantom_cogs_at_its_tip():
+    t = np.arange(4000) / 1000.0
+    q = np.stack([0.3 * np.sin(t), 0.2 * np.sin(2 * t), 0.2 * np.cos(t)], axis=1)
+    axis = cheap_rotation(slip=0.01, order=20.0, limit=0.5)
+    still = phantom_tip_force((CheapAxis(), CheapAxis(), CheapAxis(cogging=axis.cogging)), t, q, np.zeros((4000, 3)))
+    # 0.04 N m over the forearm of 0.170 m.
+    assert np.linalg.norm(still, axis=1).max() >= 0.04 / 0.170 * 0.99
+
+
+@pytest.mark.parametrize(
+    ("t", "words"),
+    [
+        ([0.0, 0.01, 0.02], "up to 10 ms apart and the velocity is filtered at 70 Hz"),
+        ([0.0, 0.0, 0.1], "do not increase"),
+    ],
+)
+def test_times_that_the_filter_cannot_take_are_refused(t, words):
+    with pytest.raises(ParameterError, match=words):
+        rendered(CheapAxis(), np.array(t), np.zeros(3), np.zeros(3))
+
+
+def test_as_many_axes_as_columns_are_wanted():
+    with pytest.raises(ParameterError, match="There are 2 axes, 3 positions and 3 forces a sample"):
+        rendered_axes((CheapAxis(),) * 2, np.arange(2) / 1000.0, np.zeros((2, 3)), np.zeros((2, 3)))
