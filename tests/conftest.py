@@ -39,6 +39,7 @@ install_import_hook(
         "phantom_dyn.closed_chain",
         "phantom_dyn.configuration",
         "phantom_dyn.control",
+        "phantom_dyn.devices.biped",
         "phantom_dyn.devices.cea",
         "phantom_dyn.devices.cea_dynamics",
         "phantom_dyn.devices.cea_loop",

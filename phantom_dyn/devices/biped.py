@@ -1,0 +1,219 @@
+r"""Six-link biped of the humanoid fragment: projection (1) and (2), joint coordinates (3), turning (4) to (6).
+
+Points 0 to 6 are ankle, knee and hip of the supporting leg, then hip, knee and ankle of the swinging leg, then the end
+of its foot. x is forward, y to the left, z up. Sagittal angles :math:`\theta_1 \ldots \theta_6` add up along the chain
+and count from the horizontal: an upright supporting leg has :math:`\theta_1 = \pi/2`. The chain goes up the supporting
+leg and down the other, so that :math:`\theta_3`, through the upper body, and :math:`\theta_4` together turn it round.
+One coronal angle :math:`\beta` leans both legs alike, so that pelvis and feet stay level and the upper body upright; it
+is positive to the left.
+A turn :math:`\psi` is about +z: to the right it is negative. Samples come first in every array.
+
+What the fragment does not give, or cannot be right, each held by a test:
+
+- Its link lengths are not given, and its Greek letters are lost; the names here are ours.
+- (2) is lost. It is read as :math:`l^c_i = l_i S_{1..i}`, with which (3) is the coronal view of (1).
+- (3) survives without its subscripts; what is here is reconstructed from them, and agrees with a rigid chain where the
+  projection is exact. The foot is not projected, as it does not lean: :math:`l^s_6 = l_6`, :math:`y_6 = y_5`.
+- Point 3 lies beside point 2 by the pelvis :math:`l_7`, on the side of the swinging leg: minus y if the left leg
+  supports.
+- **The projection is not a rotation.** (1) shortens a link by :math:`\cos \beta` along x as well as along z, but
+  leaning about x moves nothing along x. The error of one link is :math:`l |\cos \phi| (1 - \cos \beta)`, along x only,
+  where :math:`\phi` is its sagittal angle from the horizontal: none for an upright link. `true_joint_coordinates`
+  rotates; `projection_error` is the difference.
+
+References:
+    .. [Humanoid] Implementation of a Wireless Haptic Controller for Humanoid Robot Walking, in Advances in Haptics
+       (fragment: sections 1, 2 and the first lines of 3). Equation numbers are its.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+from jaxtyping import Float
+
+from phantom_dyn.errors import ParameterError
+
+Array = np.ndarray
+Side = Literal["left", "right"]
+Angles = Float[Array, "N 6"]
+Points = Float[Array, "N 7 3"]
+
+_LEANS = np.array([True, True, False, True, True, False])
+"""Upper body and feet stay upright in the coronal view."""
+
+
+@dataclass(frozen=True)
+class BipedLengths:
+    """Lengths of the links [m]; not given in the source, so that they are free inputs.
+
+    Attributes:
+        shank_support: l1, ankle to knee of the supporting leg.
+        thigh_support: l2.
+        upper_body: l3; no point of (3) depends on it.
+        thigh_swing: l4.
+        shank_swing: l5.
+        foot: l6, from the ankle of the swinging leg.
+        pelvis: l7, between the hips.
+    """
+
+    shank_support: float = 0.10
+    thigh_support: float = 0.10
+    upper_body: float = 0.20
+    thigh_swing: float = 0.10
+    shank_swing: float = 0.10
+    foot: float = 0.05
+    pelvis: float = 0.08
+
+    def __post_init__(self):
+        for name in self.__dataclass_fields__:
+            value = getattr(self, name)
+            if not (np.isfinite(value) and value > 0):
+                raise ParameterError(f"The link length {name} is {value:g} m: give a positive length.")
+
+    @property
+    def sagittal(self) -> Float[Array, " 6"]:
+        """l1 to l6 [m], shape ``(6,)``."""
+        return np.array(
+            [
+                self.shank_support,
+                self.thigh_support,
+                self.upper_body,
+                self.thigh_swing,
+                self.shank_swing,
+                self.foot,
+            ]
+        )
+
+
+def sagittal_lengths(lengths: BipedLengths, beta: Float[Array, " N"]) -> Float[Array, "N 6"]:
+    """Links as the sagittal plane shows them (1) [m]: legs shortened by cos beta, upper body and foot as they are.
+
+    Args:
+        lengths: Of the links.
+        beta: Coronal angle [rad], shape ``(N,)``.
+    """
+    return lengths.sagittal * np.where(_LEANS, np.cos(beta)[:, None], 1.0)
+
+
+def coronal_lengths(lengths: BipedLengths, theta: Angles) -> Float[Array, "N 6"]:
+    """Links as the coronal plane shows them (2) [m]: their vertical part, negative in a leg that goes down.
+
+    Args:
+        lengths: Of the links.
+        theta: Sagittal angles [rad], shape ``(N, 6)``.
+    """
+    return lengths.sagittal * np.sin(np.cumsum(theta, axis=1))
+
+
+def joint_coordinates(
+    lengths: BipedLengths,
+    theta: Angles,
+    beta: Float[Array, " N"],
+    *,
+    support: Side = "left",
+    ankle: Float[Array, " 3"] | None = None,
+) -> Points:
+    """Points 0 to 6 by the projected links (3) [m], shape ``(N, 7, 3)``.
+
+    Args:
+        lengths: Of the links.
+        theta: Sagittal angles [rad], shape ``(N, 6)``.
+        beta: Coronal angle [rad], positive to the left, shape ``(N,)``.
+        support: Leg that stands. The fragment gives the left one; the right one is its mirror.
+        ankle: Point 0 [m], by default the origin.
+    """
+    phi = np.cumsum(theta, axis=1)
+    shown = sagittal_lengths(lengths, beta)
+    links = np.stack(
+        [
+            shown * np.cos(phi),
+            coronal_lengths(lengths, theta) * _LEANS * np.sin(beta)[:, None],
+            shown * np.sin(phi),
+        ],
+        axis=-1,
+    )
+    return _chain(lengths, links, support, ankle)
+
+
+def true_joint_coordinates(
+    lengths: BipedLengths,
+    theta: Angles,
+    beta: Float[Array, " N"],
+    *,
+    support: Side = "left",
+    ankle: Float[Array, " 3"] | None = None,
+) -> Points:
+    """Points 0 to 6 of rigid links [m]: each sagittal link leaned by a rotation about x, shape ``(N, 7, 3)``.
+
+    Arguments as `joint_coordinates`.
+    """
+    phi = np.cumsum(theta, axis=1)
+    up = lengths.sagittal * np.sin(phi)
+    lean = beta[:, None] * _LEANS
+    links = np.stack([lengths.sagittal * np.cos(phi), up * np.sin(lean), up * np.cos(lean)], axis=-1)
+    return _chain(lengths, links, support, ankle)
+
+
+def projection_error(
+    lengths: BipedLengths, theta: Angles, beta: Float[Array, " N"], *, support: Side = "left"
+) -> Points:
+    """Points of the projected links minus those of rigid links [m], shape ``(N, 7, 3)``; along x only.
+
+    Arguments as `joint_coordinates`.
+    """
+    given, true = (way(lengths, theta, beta, support=support) for way in (joint_coordinates, true_joint_coordinates))
+    return given - true
+
+
+def link_projection_error(length: float, phi: Float[Array, " N"], beta: Float[Array, " N"]) -> Float[Array, " N"]:
+    """Size of the error of one projected link [m]: ``length |cos phi| (1 - cos beta)``, shape ``(N,)``.
+
+    Args:
+        length: Of the link [m].
+        phi: Its sagittal angle from the horizontal [rad], shape ``(N,)``.
+        beta: Coronal angle [rad], shape ``(N,)``.
+    """
+    return length * np.abs(np.cos(phi)) * (1.0 - np.cos(beta))
+
+
+def turned_on_support(points: Points, psi: Float[Array, " N"]) -> Points:
+    """Points after the hip of the supporting leg has turned (4), (5): 3 to 6 go about the vertical through point 2.
+
+    With the left leg standing this is the first half of a turn to the right, by a negative ``psi``.
+
+    Args:
+        points: Of (3) [m], shape ``(N, 7, 3)``.
+        psi: Angle of the transverse joint about +z [rad], shape ``(N,)``.
+    """
+    return _turned(points, psi, centre=2)
+
+
+def turned_on_swing(points: Points, psi: Float[Array, " N"]) -> Points:
+    """Points after the hip of the swinging leg has turned (6): 4 to 6 go about the vertical through point 3.
+
+    With the right leg standing this aligns the left foot: the second half of a turn to the right.
+
+    Args:
+        points: Of (3), with the right leg standing [m], shape ``(N, 7, 3)``.
+        psi: Angle of the transverse joint about +z [rad], shape ``(N,)``.
+    """
+    return _turned(points, psi, centre=3)
+
+
+def _chain(lengths: BipedLengths, links: Float[Array, "N 6 3"], support: Side, ankle: Array | None) -> Points:
+    """Points from link vectors; the pelvis takes the place of the upper body, which ends in no point."""
+    steps = np.concatenate([np.zeros_like(links[:, :1]), links], axis=1)
+    steps[:, 3] = [0.0, -lengths.pelvis if support == "left" else lengths.pelvis, 0.0]
+    return np.cumsum(steps, axis=1) + (np.zeros(3) if ankle is None else ankle)
+
+
+def _turned(points: Points, psi: Float[Array, " N"], *, centre: int) -> Points:
+    cosine, sine = np.cos(psi)[:, None], np.sin(psi)[:, None]
+    x, y = np.moveaxis(points[:, centre:, :2] - points[:, centre : centre + 1, :2], -1, 0)
+    turned = points.copy()
+    turned[:, centre:, 0] = points[:, centre : centre + 1, 0] + cosine * x - sine * y
+    turned[:, centre:, 1] = points[:, centre : centre + 1, 1] + sine * x + cosine * y
+    return turned
