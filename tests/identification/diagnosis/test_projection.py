@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from identification.diagnosis.bounded import solve
+from identification.diagnosis.bounded import bounded_solve, solve
 from identification.diagnosis.fitting import fit
 from identification.diagnosis.projection import beside, fold_projection, gain_of
 
@@ -59,6 +59,27 @@ def test_what_a_fit_has_used_is_taken_out_of_all_columns(rough):
     besides = beside(rough.problem, fit(rough.problem, (term,), held_out=False))
     scale = np.abs(rough.problem.total_b[list(term.columns)]).max()
     np.testing.assert_allclose(besides.b[list(term.columns)], 0.0, atol=1e-6 * scale)
+
+
+def test_gains_of_all_rivals_are_those_of_each_alone(rough):
+    # The bounded minimum of each rival's own products, made from whole matrices.
+    problem, term = rough.problem, rough.term("coulomb_friction", "elbow")
+    fitted = fit(problem, (term,), held_out=False)
+    besides, x = beside(problem, fitted), fitted.theta[fitted.active]
+    # A move that stands at its bound stays there.
+    free = fitted.active[np.abs(x - problem.lower[fitted.active]) > 1e-12]
+    free = free[np.abs(fitted.theta[free] - problem.upper[free]) > 1e-12]
+    inner = problem.total_a[np.ix_(free, free)] + np.diag(problem.precision[free])
+    left = problem.total_a - problem.total_a[free].T @ solve(inner, problem.total_a[free]) + np.diag(problem.precision)
+    seen = 0
+    for rival in problem.columns.terms:
+        own = [k for k in rival.columns if k not in besides.active]
+        if len(own) == 2:
+            a, b = left[np.ix_(own, own)], besides.b[own]
+            x = bounded_solve(a, b, problem.lower[own], problem.upper[own])
+            assert gain_of(problem, besides, rival) == pytest.approx(2 * b @ x - x @ a @ x, rel=1e-6, abs=1e-9)
+            seen += 1
+    assert seen > 5
 
 
 @pytest.fixture(scope="module")
