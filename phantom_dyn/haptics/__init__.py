@@ -4,7 +4,7 @@
 - `published`: the devices of the sources, LHIfAM, PHANToM 1.0 and PHANToM 1.5.
 - `discretisation`: zero-order hold and any delay, exactly; `compiled`: the loops behind it.
 - `stability`, `stability_map`, `passivity`: how stiff a virtual wall may be.
-- `white_noise`, `frequency_response`, `frequency_identification`: from a white-noise experiment to the two-mass model.
+- `white_noise`, `frequency_response`, `frequency_identification`: from an experiment to the two-mass model.
 - `relay`: how stiff a virtual wall may be, measured by a relay.
 - `feedforward`: how much lighter force feedforward makes a device.
 - `encoder`, `velocity_estimators`, `drives`, `virtual_wall`, `teleoperation`: what sensing and drives do to a loop.

@@ -19,7 +19,7 @@ import numpy as np
 from jaxtyping import Complex, Float
 
 from phantom_dyn.errors import ParameterError
-from phantom_dyn.haptics.compiled import inverse_loop, loop_polynomials, with_delay
+from phantom_dyn.haptics.compiled import loop_polynomials, with_delay
 from phantom_dyn.haptics.transfer_function import Axis
 from phantom_dyn.motion import read_only
 
@@ -70,7 +70,13 @@ class SampledAxis:
 
     def response(self, frequency: Float[Array, " k"]) -> Complex[Array, " k"]:
         """:math:`Z[H(s) G(s) e^{-t_d s}]` at the frequencies [rad/s] up to the Nyquist frequency, shape ``(k,)``."""
-        return np.array([1.0 / inverse_loop(w, self.period, *self.loop) for w in frequency], dtype=complex)
+        steps, direct_now, direct_before, denominator, now, before = self.loop
+        x = frequency * self.period
+        back = np.exp(-1j * x)
+        delta = -2.0 * np.sin(0.5 * x) ** 2 + 1j * np.sin(x)
+        low = np.polyval(denominator, delta)
+        high = np.polyval(now, delta) + np.polyval(before, delta) * back
+        return (high / low + direct_now + direct_before * back) * np.exp(-1j * steps * x)
 
     def closed_loop(self, stiffness: float, virtual_damping: float = 0.0) -> Float[Array, "m m"]:
         r"""Transition matrix of device and virtual wall :math:`u = -(K + B (z - 1) / (T z))\, y`.

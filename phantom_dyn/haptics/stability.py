@@ -23,7 +23,7 @@ from jaxtyping import Complex, Float
 
 from phantom_dyn.errors import ParameterError
 from phantom_dyn.haptics.axis import RigidAxis, TwoMassAxis
-from phantom_dyn.haptics.compiled import crossings, frequency_grid, inverse_loop
+from phantom_dyn.haptics.compiled import crossings, frequency_grid
 from phantom_dyn.haptics.discretisation import SampledAxis, discretise
 from phantom_dyn.haptics.transfer_function import Axis
 from phantom_dyn.motion import read_only
@@ -229,7 +229,7 @@ def loop_bode(axis: Axis, *, period: float, delay: float = 0.0) -> LoopBode:
     """Sampled open loop of an axis from well under its crossings to the Nyquist frequency, with its margins."""
     sampled: SampledAxis = discretise(axis, period=period, delay=delay)
     frequency = search_grid(axis, period, delay, 0.0)
-    response = np.array([1.0 / inverse_loop(w, period, *sampled.loop) for w in frequency])
+    response = sampled.response(frequency)
     linear = math.nan
     if isinstance(axis, RigidAxis | TwoMassAxis):
         rigid = axis.rigid if isinstance(axis, TwoMassAxis) else axis

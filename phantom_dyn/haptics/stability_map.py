@@ -97,7 +97,7 @@ def stability_map(
 
 
 def _same_length(modes: list[Float[Array, "_ 2"]]) -> Float[Array, "i most 2"]:
-    """Modes of all devices in one array: a device that damping has robbed of one has wide ones of frequency 0 instead."""
+    """Modes of all devices in one array: frequency 0 fills up where damping has taken one."""
     most = max(len(part) for part in modes)
     out = np.zeros((len(modes), most, 2))
     for row, part in zip(out, modes, strict=True):

@@ -1,0 +1,66 @@
+"""White-noise experiment on a device: force in, position out."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from jaxtyping import Float
+
+from phantom_dyn.haptics.axis import RigidAxis, TwoMassAxis
+from phantom_dyn.haptics.compiled import held_forces
+from phantom_dyn.haptics.discretisation import discretise
+from phantom_dyn.haptics.frequency_response import FrequencyResponse, estimate_frequency_response
+from phantom_dyn.motion import read_only
+
+Array = np.ndarray
+
+
+@dataclass(frozen=True)
+class WhiteNoiseExperiment:
+    """Recorded force and position.
+
+    Attributes:
+        period: Sampling period [s].
+        force: As given by the computer [N or N m], shape ``(N,)``.
+        position: As read [m or rad], shape ``(N,)``.
+    """
+
+    period: float
+    force: Float[Array, " N"]
+    position: Float[Array, " N"]
+
+    def __post_init__(self):
+        for name in ("force", "position"):
+            object.__setattr__(self, name, read_only(getattr(self, name)))
+
+    def frequency_response(self, *, segment: float) -> FrequencyResponse:
+        """Empirical transfer function from segments of this length [s]."""
+        return estimate_frequency_response(self.force, self.position, period=self.period, segment=segment)
+
+
+def simulate_white_noise(
+    axis: RigidAxis | TwoMassAxis,
+    *,
+    period: float,
+    delay: float = 0.0,
+    force: float,
+    position_noise: float,
+    duration: float,
+    rng: np.random.Generator,
+) -> WhiteNoiseExperiment:
+    """Device driven by white noise behind hold and delay, from rest, its position read with white noise.
+
+    Args:
+        axis: Model of the device.
+        period: Sampling period [s].
+        delay: Of the loop beside the hold [s].
+        force: Standard deviation of the force [N or N m].
+        position_noise: Standard deviation of the reading [m or rad].
+        duration: [s].
+        rng: Draws force and noise.
+    """
+    given = force * rng.standard_normal(round(duration / period))
+    s = discretise(axis, period=period, delay=delay)
+    position = held_forces(s.transition, s.newer, s.older, s.output, s.steps, axis.rest(0.0), given)
+    return WhiteNoiseExperiment(period, given, position + position_noise * rng.standard_normal(len(given)))
