@@ -73,7 +73,7 @@ class Robot:
         torque_hold: ``zoh`` if ``tau[k]`` acts from ``t[k]`` to ``t[k+1]``.
         torque_source: What the torque columns of recordings are.
         tolerance: How far the model is trusted.
-        payload_frame: Frame that carries a payload, or None for the last moving link.
+        payload_frame: Frame that carries a payload, or None for frame ``tip`` if there is one, else the last link.
         warnings: Sentences about the robot file that the user should read.
         locked: Joints of the file that are held fixed and are no longer in the model.
         chain: How the passive joints of a closed chain follow the active ones, or None.

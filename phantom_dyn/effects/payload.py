@@ -1,5 +1,5 @@
 # pyright: reportAttributeAccessIssue=false
-"""A point mass on the last moving link (or on ``payload_frame``) that the model lacks.
+"""A point mass on ``payload_frame`` (else on the link with frame ``tip``, else on the last) that the model lacks.
 
 It leaves gravity and inertia in one fixed ratio on every joint before it. A payload is the inertial parameters of the
 last link with four numbers instead of ten; on a pendulum the two are the same thing.
@@ -19,11 +19,18 @@ from phantom_dyn.robot import Robot
 
 Array = np.ndarray
 
+_TIP = "tip"
+
 
 def payload_body(robot: Robot) -> int:
-    """Pinocchio index of the joint whose link carries the payload."""
-    if robot.payload_frame is not None:
-        return robot.model.frames[robot.model.getFrameId(robot.payload_frame)].parentJoint
+    """Pinocchio index of the joint whose link carries the payload.
+
+    The last link of a tree with several ends is that of the end that the file happens to state last, so a frame that is
+    called ``tip``, as in the built-in robots, says it better.
+    """
+    frame = robot.payload_frame or _TIP
+    if robot.model.existFrame(frame) and robot.model.frames[robot.model.getFrameId(frame)].parentJoint > 0:
+        return robot.model.frames[robot.model.getFrameId(frame)].parentJoint
     return robot.model.njoints - 1
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from benchmarks.blind.generator.recipes import payload_link
 from benchmarks.blind.generator.robots import Table, Tolerance
 
 
@@ -57,4 +58,5 @@ def robot_yaml(table: Table, *, torque_hold: str, encoder_counts: int, tolerance
     if table.passive:
         passive = ", ".join(f'{name}: "{_followed(follows)}"' for name, follows in table.passive)
         lines += ["loops:", f"  - {{kind: linear, active: [{', '.join(table.joints)}], passive: {{{passive}}}}}"]
+        lines += [f"payload_frame: link{payload_link(table) + 1}"]
     return "\n".join([*lines, ""])
