@@ -6,6 +6,7 @@ import pytest
 from phantom_dyn.errors import ParameterError
 from phantom_dyn.walking.footsteps import Gait
 from phantom_dyn.walking.joystick import Joystick
+from phantom_dyn.walking.support_polygon import support_polygon
 from phantom_dyn.walking.walker import g1
 from phantom_dyn.walking.walking_reference import haptic_signal, walk
 from phantom_dyn.walking.zmp import zmp_from_bodies, zmp_from_centroidal_momentum
@@ -13,6 +14,10 @@ from phantom_dyn.walking.zmp import zmp_from_bodies, zmp_from_centroidal_momentu
 
 def going(speed, turn=0.0) -> Joystick:
     return Joystick(np.array([0.2]), np.array([speed]), np.array([turn]), np.array([True]))
+
+
+def placed(points, foot):
+    return foot[:2] + points @ np.array([[np.cos(foot[3]), np.sin(foot[3])], [-np.sin(foot[3]), np.cos(foot[3])]])
 
 
 def test_ten_seconds_with_a_turn_keep_the_zero_moment_point_of_all_bodies_inside_in_every_sample(reference):
@@ -31,6 +36,19 @@ def test_the_stop_ends_within_two_steps(reference):
     assert reference.landings[-1] <= stop + 2 * reference.gait.step_time
     after = reference.t > reference.landings[-1]
     assert (reference.left.contact & reference.right.contact)[after].all()
+
+
+def test_the_soles_never_overlap_at_the_largest_turn_of_the_standard_gait(biped):
+    turning = walk(biped, going(0.15, 0.24), duration=5.0, rate=25.0)
+    sides = zip(biped.corners, np.roll(biped.corners, 1, axis=0), strict=True)
+    outline = np.concatenate([np.linspace(start, end, 20) for start, end in sides])
+    for left, right in zip(turning.left.position, turning.right.position, strict=True):
+        assert support_polygon(placed(biped.corners, left)).margin(placed(outline, right)).max() < -0.01
+
+
+def test_joints_stay_within_their_speed_limits(biped, reference):
+    speed = np.abs(reference.motion.v[:, 6:]).max(axis=0)
+    assert (speed < biped.model.velocityLimit[6:]).all()
 
 
 def test_the_zero_moment_point_of_the_walk_is_the_same_three_ways(biped, reference):
