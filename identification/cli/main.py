@@ -20,6 +20,7 @@ COMMANDS: dict[str, tuple[str, str]] = {
     "diagnose": ("identification.cli.diagnose", "find what the model of a robot lacks, from recordings"),
     "check": ("identification.cli.check", "tell what is wrong with a recording, nothing else"),
     "map": ("identification.cli.map", "map what is felt at the tip over the workspace: mass, friction, stiffness"),
+    "degrade": ("identification.cli.degrade", "write the log that a cheaper device would have given"),
     "datasets": ("identification.cli.datasets", "list and fetch recordings of real robots"),
 }
 

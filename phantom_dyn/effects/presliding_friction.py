@@ -25,6 +25,7 @@ from phantom_dyn.effects.rows import (
     torque_on_joint,
     torque_unit,
     turning_points,
+    velocity_unit,
 )
 from phantom_dyn.kernels.jit import jit
 from phantom_dyn.robot import Robot
@@ -99,6 +100,11 @@ class PreslidingFriction(Effect):
             return state, out
 
         return Simulated(start=_NEW, torque=torque)
+
+
+def sticking_parameters(robot: Robot, joint: str | None) -> tuple[Parameter, ...]:
+    """The two numbers more that make it stick, see the module."""
+    return (Parameter("static_ratio", "1", 1.0), Parameter("stick_velocity", velocity_unit(robot, joint), 0.0))
 
 
 # No position yet; no deflection (or: not stuck, no anchor).

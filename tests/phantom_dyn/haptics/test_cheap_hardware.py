@@ -223,7 +223,7 @@ def test_a_phantom_with_good_motors_passes_the_force_at_its_tip(rng):
     t = uneven(rng, 200)
     q = inverse_kinematics(0.03 * np.sin(np.outer(t, [3.0, 4.0, 5.0])))
     force = rng.standard_normal((200, 3))
-    given = phantom_tip_force((CheapAxis(),) * 3, t, q, force)
+    given = phantom_tip_force((CheapAxis(), CheapAxis(), CheapAxis()), t, q, force)
     np.testing.assert_allclose(given, force, atol=1e-12)
 
 
