@@ -16,7 +16,8 @@ import subprocess
 import sys
 from pathlib import Path
 
-from emps_log import CHECKOUT, PUBLISHED, write_emps_log
+from arguments import CHECKOUT
+from emps_log import PUBLISHED, write_emps_log
 
 from identification.diagnosis.effect_words import effect_words
 from phantom_dyn.errors import LogError

@@ -5,7 +5,8 @@ from __future__ import annotations
 import sys
 from pathlib import Path
 
-from emps_log import CHECKOUT, PUBLISHED, write_emps_log
+from arguments import chosen_folder
+from emps_log import PUBLISHED, write_emps_log
 
 from identification.diagnosis.diagnose import diagnose
 from identification.diagnosis.summary import summary
@@ -28,6 +29,6 @@ def main(folder: Path) -> None:
 
 if __name__ == "__main__":
     try:
-        main(Path(sys.argv[1]) if len(sys.argv) > 1 else CHECKOUT / "demo" / "emps")
+        main(chosen_folder(__doc__, "emps"))
     except LogError as error:
         sys.exit(str(error))

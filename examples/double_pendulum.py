@@ -8,7 +8,8 @@ from __future__ import annotations
 import sys
 from pathlib import Path
 
-from double_pendulum_logs import CHECKOUT, write_double_pendulum_logs
+from arguments import chosen_folder
+from double_pendulum_logs import write_double_pendulum_logs
 
 from identification import datasets
 from identification.diagnosis.diagnose import diagnose
@@ -30,6 +31,6 @@ def main(folder: Path) -> None:
 
 if __name__ == "__main__":
     try:
-        main(Path(sys.argv[1]) if len(sys.argv) > 1 else CHECKOUT / "demo" / "double_pendulum")
+        main(chosen_folder(__doc__, "double_pendulum"))
     except LogError as error:
         sys.exit(str(error))

@@ -10,11 +10,11 @@ import sys
 from pathlib import Path
 
 import numpy as np
+from arguments import chosen_folder
 
 from identification import datasets
 from phantom_dyn.errors import LogError
 
-CHECKOUT = Path(__file__).resolve().parents[1]
 JOINTS = ("Joint1", "Joint2")
 
 
@@ -40,9 +40,7 @@ def write_double_pendulum_logs(folder: Path) -> tuple[Path, ...]:
 
 if __name__ == "__main__":
     try:
-        for path in write_double_pendulum_logs(
-            Path(sys.argv[1]) if len(sys.argv) > 1 else CHECKOUT / "demo" / "double_pendulum"
-        ):
+        for path in write_double_pendulum_logs(chosen_folder(__doc__, "double_pendulum")):
             print(path)
     except LogError as error:
         sys.exit(str(error))

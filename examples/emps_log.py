@@ -10,12 +10,11 @@ import sys
 from pathlib import Path
 
 import numpy as np
+from arguments import chosen_folder
 from scipy.io import loadmat
 
 from identification import datasets
 from phantom_dyn.errors import LogError
-
-CHECKOUT = Path(__file__).resolve().parents[1]
 
 # Janot, Gautier and Brunot (2019), estimated from this recording. Our torque offset is the force that acts on the
 # axis; theirs (-3.1648 N) is the force that the drive spends on it.
@@ -46,6 +45,6 @@ def write_emps_log(folder: Path) -> Path:
 
 if __name__ == "__main__":
     try:
-        print(write_emps_log(Path(sys.argv[1]) if len(sys.argv) > 1 else CHECKOUT / "demo" / "emps"))
+        print(write_emps_log(chosen_folder(__doc__, "emps")))
     except LogError as error:
         sys.exit(str(error))

@@ -5,7 +5,8 @@ from __future__ import annotations
 import sys
 from pathlib import Path
 
-from emps_log import CHECKOUT, write_emps_log
+from arguments import chosen_folder
+from emps_log import write_emps_log
 
 from identification.estimators.cross_validation import cross_validate
 from identification.estimators.ols import fit_ols
@@ -44,6 +45,6 @@ def main(folder: Path) -> None:
 
 if __name__ == "__main__":
     try:
-        main(Path(sys.argv[1]) if len(sys.argv) > 1 else CHECKOUT / "demo" / "emps")
+        main(chosen_folder(__doc__, "emps"))
     except LogError as error:
         sys.exit(str(error))

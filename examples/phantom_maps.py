@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-import sys
 from pathlib import Path
 
 import numpy as np
+from arguments import chosen_folder
 
 from identification.export.map_files import write_map
 from phantom_dyn import load_robot
@@ -13,7 +13,6 @@ from phantom_dyn.maps.from_robot import map_model
 from phantom_dyn.maps.grid import read_grid
 from phantom_dyn.maps.operational_map import operational_map
 
-CHECKOUT = Path(__file__).resolve().parents[1]
 QUANTITIES = ("manipulability", "apparent_mass", "apparent_mass_matrix", "gravity_force")
 
 # Section through the workspace with theta1 = 0: the origin of the frame is one of the points.
@@ -38,4 +37,4 @@ def main(folder: Path) -> None:
 
 
 if __name__ == "__main__":
-    main(Path(sys.argv[1]) if len(sys.argv) > 1 else CHECKOUT / "demo" / "maps")
+    main(chosen_folder(__doc__, "maps"))

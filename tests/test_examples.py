@@ -190,6 +190,30 @@ def test_without_recording_and_network_an_example_says_in_one_sentence_how_to_ge
     assert re.fullmatch(r"(could not fetch .*: take it from|.* is published in another form at) .*\n", done.stderr)
 
 
+FOLDER_TAKERS = (
+    "diagnose_emps.py",
+    "identify_emps.py",
+    "emps_log.py",
+    "double_pendulum.py",
+    "double_pendulum_logs.py",
+    "phantom_maps.py",
+)
+
+
+@pytest.mark.parametrize("script", FOLDER_TAKERS)
+@pytest.mark.parametrize("word", ["--help", "--no-such-option"])
+def test_an_option_is_no_folder_to_write_into(script, word, offline, tmp_path):
+    done = subprocess.run(
+        [sys.executable, str(EXAMPLES / script), word],
+        cwd=tmp_path,
+        env={**os.environ, **offline},
+        capture_output=True,
+        text=True,
+    )
+    assert f"usage: {script} [-h] [FOLDER]" in done.stdout + done.stderr
+    assert (done.returncode, list(tmp_path.iterdir())) == (0 if word == "--help" else 2, [])
+
+
 def test_the_demo_diagnoses_before_it_opens_the_envelope_and_names_reports_that_exist(mirror, tmp_path):
     # Known truth and published values: seed 1 draws Coulomb friction, and EMPS stands beside its authors' estimates.
     out = printed("demo.py", "--seed", 1, "--out", tmp_path, **mirror)
