@@ -2,7 +2,7 @@
 
 - `axis`, `transfer_function`: one axis of a device, rigid or of two masses; `operator`: the hand that holds it.
 - `published`: the devices of the sources, LHIfAM, PHANToM 1.0 and PHANToM 1.5.
-- `discretisation`: zero-order hold and any delay, exactly; `compiled`: the loops behind it.
+- `discretisation`: zero-order hold and any delay, exactly; `compiled`, `held_steps`: the loops behind it.
 - `stability`, `stability_map`, `passivity`: how stiff a virtual wall may be.
 - `white_noise`, `frequency_response`, `frequency_identification`: from an experiment to the two-mass model.
 - `relay`: how stiff a virtual wall may be, measured by a relay.

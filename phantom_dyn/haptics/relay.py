@@ -3,7 +3,7 @@ r"""Relay experiment: critical stiffness from the oscillation of a device under 
 A relay :math:`u = -F\,\mathrm{sign}(x)` makes the device swing about zero at a frequency where the loop's phase is
 -180 degrees; the quotient of the first harmonics of force and position is the critical stiffness there (Astrom and
 Hagglund, 1995). A device with a vibration has several such frequencies, and **two limit cycles coexist**: a small start
-ends in the vibration's, a large one in that of the rigid device. Which of them an experiment shows depends on its start.
+ends in the vibration's, a large one in that of the rigid device. Which one an experiment shows depends on its start.
 
 The relay is sampled: it sees a zero crossing up to one period late, which counts as half a period of delay on average;
 at the vibration's frequency and little delay that is visible, at a few hertz it is not.
@@ -19,8 +19,8 @@ from jaxtyping import Float
 
 from phantom_dyn.errors import ParameterError
 from phantom_dyn.haptics.axis import RigidAxis, TwoMassAxis
-from phantom_dyn.haptics.compiled import relay_loop
 from phantom_dyn.haptics.discretisation import discretise
+from phantom_dyn.haptics.held_steps import relay_loop
 from phantom_dyn.motion import read_only
 
 Array = np.ndarray

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Protocol
+from typing import Protocol, runtime_checkable
 
 import numpy as np
 from jaxtyping import Complex, Float
@@ -35,6 +35,7 @@ class StateSpace:
             object.__setattr__(self, name, read_only(getattr(self, name)))
 
 
+@runtime_checkable
 class Axis(Protocol):
     """One axis of a haptic device, from motor force [N or N m] to motor position [m or rad]."""
 

@@ -8,9 +8,9 @@ import numpy as np
 from jaxtyping import Float
 
 from phantom_dyn.haptics.axis import RigidAxis, TwoMassAxis
-from phantom_dyn.haptics.compiled import held_forces
 from phantom_dyn.haptics.discretisation import discretise
 from phantom_dyn.haptics.frequency_response import FrequencyResponse, estimate_frequency_response
+from phantom_dyn.haptics.held_steps import held_forces
 from phantom_dyn.motion import read_only
 
 Array = np.ndarray
