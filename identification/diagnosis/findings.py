@@ -6,8 +6,9 @@ import numpy as np
 from jaxtyping import Float
 
 from identification.diagnosis.gap import Sums, held_out_torque, residual_after, sums
+from identification.diagnosis.joint_fit import joint_fit
 from identification.diagnosis.judge import Judge
-from identification.diagnosis.parameters import Neighbour, finding_parameters
+from identification.diagnosis.parameters import finding_parameters
 from identification.diagnosis.result import Finding
 from identification.diagnosis.rivals import block_counts, stand
 from identification.diagnosis.search import Search, ordered
@@ -32,6 +33,7 @@ def findings_without(
     after = sums(problem, judge.narrow(residual_after(problem, held_out_torque(problem, chosen, found))))
     counts = block_counts(len(before.counts), np.random.default_rng(20260105))
     once = np.ones((1, len(before.counts)))
+    fitted = joint_fit(robot, problem, judge.logs, judge.cutoff_hz, ordered(chosen), found)
     out = []
     for term in ordered(chosen):
         if not term.named:
@@ -51,7 +53,7 @@ def findings_without(
             effect=term.effect.name,
             joint=term.joint,
             regime=term.effect.regime,
-            parameters=finding_parameters(robot, term, found, neighbours_of(plain, chosen, term)),
+            parameters=finding_parameters(robot, term, fitted),
             gap_closed=float(closed(once)[0]),
             gap_closed_interval=(float(low), float(high)),
             probability=standing.probability,
@@ -61,14 +63,4 @@ def findings_without(
         if others != chosen - {term}:
             torque = held_out_torque(problem, others, plain.evaluate(others))
         out.append((finding, torque))
-    return tuple(out)
-
-
-def neighbours_of(search: Search, chosen: frozenset[Term], term: Term) -> tuple[Neighbour, ...]:
-    """Fits with the other shapes of one finding."""
-    out = []
-    for other in search.terms:
-        if other.place == term.place and other is not term and len(other.shape) == len(term.shape) == 1:
-            found = search.evaluate(chosen - {term} | {other})
-            out.append(Neighbour(other.shape[0], found.objective, found.theta[list(other.columns)]))
     return tuple(out)

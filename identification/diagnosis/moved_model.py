@@ -1,0 +1,58 @@
+"""The given model with the moves within its tolerances made: what effects of readings, drives and loads are taken of.
+
+A late drive lags the torque that the robot truly needs, and a tilted base turns the weights that it truly has: taken of
+the given model their sizes would be wrong by as much as the model is.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+from jaxtyping import Float
+
+from identification.diagnosis.nuisances import moves_of
+from phantom_dyn.dynamics import inverse_dynamics, standard_parameters
+from phantom_dyn.effects.changed_robot import with_friction, with_parameters, with_rotor_inertia
+from phantom_dyn.effects.operation import Operation
+from phantom_dyn.effects.rows import modelled_friction_of
+from phantom_dyn.robot import Robot
+
+Array = np.ndarray
+
+# A mass is lessened by this share at most: tolerances are meant small, but nobody has to keep to that.
+_LEAST = -0.9
+
+
+def moved_robot(robot: Robot, moves: Float[Array, " n"]) -> Robot:
+    """The given model with its tolerances used.
+
+    Args:
+        robot: The given model.
+        moves: Relative changes, one for each of `moves_of`.
+    """
+    change = np.zeros_like(standard_parameters(robot))
+    out = robot
+    for move, value in zip(moves_of(robot), np.maximum(moves, _LEAST), strict=True):
+        place = move.place
+        if isinstance(place, int):
+            if move.direction is not None:
+                change[10 * (place - 1) : 10 * place] += value * move.direction
+        elif place is not None and move.kind == "rotor":
+            out = with_rotor_inertia(out, place, value * float(robot.rotor_inertia[robot.joint_names.index(place)]))
+        elif place is not None:
+            viscous, coulomb = modelled_friction_of(robot, place)
+            more = {"viscous": value * viscous} if move.kind == "viscous" else {"coulomb": value * coulomb}
+            out = with_friction(out, place, **more)
+    return with_parameters(out, change)
+
+
+def moved_operation(operation: Operation, robot: Robot) -> Operation:
+    """The same motion and record, with the torque of another model in place of that of the given one.
+
+    Args:
+        operation: Of the given model.
+        robot: The other model.
+    """
+    more = inverse_dynamics(robot, operation) - inverse_dynamics(operation.robot, operation)
+    return replace(operation, robot=robot, tau=operation.tau + more, expected=operation.expected + more)
