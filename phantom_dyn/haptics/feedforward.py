@@ -121,7 +121,7 @@ def feedforward_loop(axis: RigidAxis, hand: Operator, feedforward: Feedforward) 
     """
     if hand.mass == 0 and hand.damping == 0 and hand.stiffness == 0:
         raise ParameterError("Nobody holds the device, so force feedforward has no loop: give an operator.")
-    return SampledLoop(_hand_loop(axis, hand, feedforward), scaled=feedforward.filter)
+    return SampledLoop((_hand_loop(axis, hand, feedforward),), scaled=feedforward.filter)
 
 
 def critical_feedforward(axis: RigidAxis, hand: Operator, feedforward: Feedforward) -> CriticalGain:

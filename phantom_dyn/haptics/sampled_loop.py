@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, replace
-from functools import cached_property
+from functools import cached_property, reduce
 
 import numpy as np
 from jaxtyping import Complex, Float
@@ -74,14 +74,30 @@ class SampledLoop:
     """Device and digital controller ``u = -(g scaled + fixed) y``.
 
     Attributes:
-        plant: The sampled device.
+        plants: The sampled device, or several under one force whose positions add up.
         scaled: Filter whose gain is looked for.
         fixed: Filter beside it.
+
+    Raises:
+        ParameterError: If the devices differ in period or delay.
     """
 
-    plant: SampledAxis
+    plants: tuple[SampledAxis, ...]
     scaled: DigitalFilter = UNFILTERED
     fixed: DigitalFilter = NOTHING
+
+    def __post_init__(self) -> None:
+        for other in self.plants[1:]:
+            if (other.period, other.delay) != (self.period, self.plants[0].delay):
+                raise ParameterError(
+                    f"Devices sampled every {self.period:g} s and {other.period:g} s with delays of "
+                    f"{self.plants[0].delay:g} s and {other.delay:g} s: give all the same period and delay."
+                )
+
+    @property
+    def period(self) -> float:
+        """Sampling period [s]."""
+        return self.plants[0].period
 
     def open_loop(self, frequency: Float[Array, " k"]) -> Complex[Array, " k"]:
         """Open loop per unit of gain, the fixed filter closed, at the frequencies [rad/s], shape ``(k,)``."""
@@ -89,10 +105,15 @@ class SampledLoop:
 
     def gain_on_axis(self, frequency: Float[Array, " k"]) -> Complex[Array, " k"]:
         """The gain that puts a root on the unit circle at each frequency [rad/s]: one where it is real and positive."""
-        period = self.plant.period
-        held = 1.0 / self.plant.response(frequency) + self.fixed.response(frequency, period)
+        response = sum(plant.response(frequency) for plant in self.plants)
+        held = 1.0 / response + self.fixed.response(frequency, self.period)
         with np.errstate(divide="ignore", invalid="ignore"):
-            return -held / self.scaled.response(frequency, period)
+            return -held / self.scaled.response(frequency, self.period)
+
+    @cached_property
+    def plant(self) -> SampledAxis:
+        """All devices as one."""
+        return reduce(_in_parallel, self.plants)
 
     @cached_property
     def _parts(self) -> tuple[tuple[Array, Array, Array, float], tuple[Array, Array, Array, float]]:
@@ -179,13 +200,14 @@ def critical_gain(loop: SampledLoop, *, lowest: float = 1e-2) -> CriticalGain:
     Raises:
         ParameterError: If the lowest frequency is not between 0 and half the sampling frequency.
     """
-    period = loop.plant.period
+    period = loop.period
     if not 0 < lowest < math.pi / period:
         raise ParameterError(
             f"The lowest frequency is {lowest} rad/s: give one above 0 and below {math.pi / period:g} rad/s."
         )
     stored = max(len(loop.scaled.numerator), len(loop.fixed.numerator), 1) - 1
-    grid = frequency_grid(lowest, period, loop.plant.delay + stored * period, _modes(loop.plant))
+    modes = np.concatenate([_modes(plant) for plant in loop.plants])
+    grid = frequency_grid(lowest, period, loop.plants[0].delay + stored * period, modes)
     gains = loop.gain_on_axis(grid)
     found = [(loop.gain_on_axis(np.array([math.pi / period]))[0].real, math.pi / period)]
     for k in np.flatnonzero(np.signbit(gains.imag[1:]) != np.signbit(gains.imag[:-1])):
@@ -206,17 +228,7 @@ def critical_gain(loop: SampledLoop, *, lowest: float = 1e-2) -> CriticalGain:
     return CriticalGain(end, frequency, crossing[:, 1], crossing[:, 0], stable, grid, -1.0 / gains)
 
 
-def in_parallel(first: SampledAxis, second: SampledAxis) -> SampledAxis:
-    """Two devices under one force, their positions added.
-
-    Raises:
-        ParameterError: If they differ in period or delay.
-    """
-    if (first.period, first.delay) != (second.period, second.delay):
-        raise ParameterError(
-            f"Two devices sampled every {first.period:g} s and {second.period:g} s with delays of {first.delay:g} s "
-            f"and {second.delay:g} s: give both the same period and delay."
-        )
+def _in_parallel(first: SampledAxis, second: SampledAxis) -> SampledAxis:
     return replace(
         first,
         transition=block_diag(first.transition, second.transition),

@@ -11,7 +11,7 @@ from phantom_dyn.errors import ParameterError
 from phantom_dyn.haptics.axis import RigidAxis, TwoMassAxis
 from phantom_dyn.haptics.discretisation import discretise
 from phantom_dyn.haptics.operator import Operator
-from phantom_dyn.haptics.sampled_loop import DigitalFilter, SampledLoop, critical_gain, in_parallel
+from phantom_dyn.haptics.sampled_loop import DigitalFilter, SampledLoop, critical_gain
 
 PERIOD = 1e-3
 LHIFAM = RigidAxis(5.4, 3.5)
@@ -21,7 +21,7 @@ AVERAGE = DigitalFilter(np.concatenate([[1.0], np.zeros(9), [-1.0]]) / (10 * PER
 
 def test_wall_of_a_rigid_device_is_as_stiff_as_the_exact_eigenvalues_say():
     """7000.8 N/m for 5.4 kg and 3.5 N s/m, beside 7000 of the linear condition."""
-    result = critical_gain(SampledLoop(discretise(LHIFAM, period=PERIOD)))
+    result = critical_gain(SampledLoop((discretise(LHIFAM, period=PERIOD),)))
     assert result.gain == pytest.approx(7000.8, abs=0.5)
 
 
@@ -30,7 +30,7 @@ def test_wall_of_a_rigid_device_is_as_stiff_as_the_exact_eigenvalues_say():
 def test_spectral_radius_passes_one_at_the_critical_gain(delay, scaled):
     axis = TWO_MASS.held_by(Operator(0.1, 1.0, 100.0))
     fixed = DigitalFilter(np.array([1.0, -1.0]) / PERIOD, np.ones(1))
-    loop = SampledLoop(discretise(axis, period=PERIOD, delay=delay), scaled, fixed)
+    loop = SampledLoop((discretise(axis, period=PERIOD, delay=delay),), scaled, fixed)
     gain = critical_gain(loop).gain
     assert loop.spectral_radius(0.999 * gain) < 1 < loop.spectral_radius(1.001 * gain)
 
@@ -40,14 +40,14 @@ def test_lowest_margin_is_that_of_python_control():
     b, a = butter(2, 0.2)
     system = control.StateSpace(plant.transition, plant.newer[:, None], plant.output[None, :], 0, PERIOD)
     margins = control.stability_margins(system * control.TransferFunction(b, a, PERIOD), returnall=True, method="frd")
-    assert critical_gain(SampledLoop(plant, DigitalFilter(b, a))).gain == pytest.approx(min(margins[0]), rel=1e-5)
+    assert critical_gain(SampledLoop((plant,), DigitalFilter(b, a))).gain == pytest.approx(min(margins[0]), rel=1e-5)
 
 
 def test_closed_loop_steps_as_device_and_filter_do(rng):
     """One step of the matrix against the two recursions written out, under a delay of 1.3 periods."""
     plant = discretise(LHIFAM, period=PERIOD, delay=1.3e-3)
     b, a = butter(2, 0.2)
-    loop = SampledLoop(plant, DigitalFilter(b, a))
+    loop = SampledLoop((plant,), DigitalFilter(b, a))
     x = rng.normal(size=2)
     forces = rng.normal(size=2)
     filtered_state = rng.normal(size=2)
@@ -70,23 +70,23 @@ def test_response_of_a_filter_is_that_of_its_matrices():
 
 def test_two_equal_devices_in_parallel_have_half_the_critical_gain():
     plant = discretise(LHIFAM.held_by(Operator(0, 0, 50.0)), period=PERIOD)
-    both = critical_gain(SampledLoop(in_parallel(plant, plant)))
-    assert both.gain == pytest.approx(critical_gain(SampledLoop(plant)).gain / 2, rel=1e-9)
+    both = critical_gain(SampledLoop((plant, plant)))
+    assert both.gain == pytest.approx(critical_gain(SampledLoop((plant,))).gain / 2, rel=1e-9)
 
 
 def test_an_undamped_device_bears_no_wall():
-    assert critical_gain(SampledLoop(discretise(RigidAxis(1.0, 0.0), period=PERIOD))).gain == 0.0
+    assert critical_gain(SampledLoop((discretise(RigidAxis(1.0, 0.0), period=PERIOD),))).gain == 0.0
 
 
 def test_open_loop_is_minus_one_at_the_critical_gain():
-    loop = SampledLoop(discretise(LHIFAM, period=PERIOD, delay=2e-3))
+    loop = SampledLoop((discretise(LHIFAM, period=PERIOD, delay=2e-3),))
     result = critical_gain(loop)
     assert result.gain * loop.open_loop(np.array([result.frequency]))[0] == pytest.approx(-1.0, abs=1e-9)
 
 
 def test_devices_of_different_periods_are_refused():
-    with pytest.raises(ParameterError, match="give both the same period and delay"):
-        in_parallel(discretise(LHIFAM, period=1e-3), discretise(LHIFAM, period=2e-3))
+    with pytest.raises(ParameterError, match="give all the same period and delay"):
+        SampledLoop((discretise(LHIFAM, period=1e-3), discretise(LHIFAM, period=2e-3)))
 
 
 def test_a_filter_that_starts_with_zero_below_is_refused():
@@ -101,4 +101,4 @@ def test_a_filter_with_a_gap_is_refused():
 
 def test_a_lowest_frequency_of_nothing_is_refused():
     with pytest.raises(ParameterError, match="lowest frequency is 0"):
-        critical_gain(SampledLoop(discretise(LHIFAM, period=PERIOD)), lowest=0.0)
+        critical_gain(SampledLoop((discretise(LHIFAM, period=PERIOD),)), lowest=0.0)

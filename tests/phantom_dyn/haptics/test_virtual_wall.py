@@ -1,0 +1,139 @@
+"""Virtual walls and dampers: linear limits against simulated ones, and what the published fits can give."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+
+from phantom_dyn.errors import ParameterError
+from phantom_dyn.haptics.axis import RigidAxis
+from phantom_dyn.haptics.discretisation import discretise
+from phantom_dyn.haptics.encoder import Encoder, record_motion
+from phantom_dyn.haptics.loop_simulation import LoopSettings
+from phantom_dyn.haptics.published import PHANTOM_1_5_X, PHANTOM_1_5_Y, PHANTOM_1_5_Z
+from phantom_dyn.haptics.sampled_loop import SampledLoop
+from phantom_dyn.haptics.transfer_function import TransferFunction
+from phantom_dyn.haptics.velocity_estimators import (
+    IMPROVED,
+    STOCK,
+    AdaptiveWindow,
+    AveragedDifference,
+    KalmanVelocity,
+    PeriodMeasurement,
+    estimate_velocity,
+)
+from phantom_dyn.haptics.virtual_wall import (
+    critical_damping_gain,
+    critical_wall,
+    simulate_wall,
+    simulated_damping_gain,
+    simulated_wall,
+    velocity_filter,
+)
+
+TIP = RigidAxis(0.0525, 0.0)
+DAMPED = RigidAxis(0.0525, 1.0)
+
+
+def net_lead(axis: TransferFunction) -> float:
+    """Time by which the fit turns the phase forward at low frequency [s]."""
+    top, bottom = axis.numerator, axis.denominator[:3]
+    return top[-2] / top[-1] - bottom[-2] / bottom[-1]
+
+
+@pytest.mark.parametrize(
+    ("axis", "lead"), [(PHANTOM_1_5_X, -7.36e-4), (PHANTOM_1_5_Y, -4.96e-4), (PHANTOM_1_5_Z, 2.05e-3)]
+)
+def test_net_lead_of_the_published_fits(axis, lead):
+    assert net_lead(axis) == pytest.approx(lead, rel=3e-3)
+
+
+@pytest.mark.parametrize(
+    ("axis", "stable"), [(PHANTOM_1_5_X, False), (PHANTOM_1_5_Y, False), (PHANTOM_1_5_Z, True)], ids=["x", "y", "z"]
+)
+def test_the_published_fits_bear_no_wall_in_x_and_y_and_every_one_in_z(axis, stable):
+    """So they cannot give the published 2.0 and 2.7 N/mm, whatever their unit."""
+    loop = SampledLoop((discretise(axis, period=1e-3),))
+    radius = np.array([loop.spectral_radius(gain) for gain in np.geomspace(1e-3, 100, 41)])
+    assert (radius < 1).all() if stable else (radius > 1).all()
+    assert critical_wall(axis, LoopSettings()).gain == (math.inf if stable else 0.0)
+
+
+@pytest.mark.parametrize("estimator", [AveragedDifference(7), STOCK, KalmanVelocity(3.0)])
+def test_the_filter_of_an_estimator_is_the_estimator(estimator, rng):
+    record = record_motion(Encoder(1e-9), np.cumsum(rng.normal(size=400)) * 1e-3, interval=1e-3, samples_apart=1)
+    filter_ = velocity_filter(estimator, step=1e-9, period=1e-3)
+    a, b = filter_.denominator, filter_.numerator
+    v, x = estimate_velocity(estimator, record), record.reading
+    past = slice(150, 400)
+    left = sum(a[i] * v[150 - i : 400 - i] for i in range(len(a)))
+    right = sum(b[i] * x[150 - i : 400 - i] for i in range(len(b)))
+    assert v[past].any()
+    np.testing.assert_allclose(left, right, rtol=0, atol=1e-9 * np.abs(v).max())
+
+
+@pytest.mark.parametrize("estimator", [AveragedDifference(1), AveragedDifference(16), STOCK, KalmanVelocity(10.0)])
+def test_simulated_virtual_damping_fails_where_the_linear_loop_does(estimator):
+    settings = LoopSettings(estimator=estimator)
+    linear = critical_damping_gain(TIP, settings).gain
+    assert simulated_damping_gain(TIP, settings, low=0.3 * linear, high=3 * linear) == pytest.approx(linear, rel=0.03)
+
+
+def test_virtual_damping_of_a_mass_is_that_of_its_lag():
+    """Phase of an integrator and a pure lag: B = m pi / (2 lag), over what the average leaves at that frequency."""
+    lag = 50e-3 + 0.5e-3  # and half a period of the hold
+    average = 2 / math.pi  # what a moving average leaves at the frequency whose half cycle is its length
+    measured = critical_damping_gain(TIP, LoopSettings(estimator=STOCK)).gain
+    assert measured == pytest.approx(TIP.mass * math.pi / (2 * lag) / average, rel=0.02)
+
+
+def test_a_shorter_lag_allows_more_virtual_damping():
+    stock = critical_damping_gain(TIP, LoopSettings(estimator=STOCK)).gain
+    improved = critical_damping_gain(TIP, LoopSettings(estimator=IMPROVED)).gain
+    assert improved / stock == pytest.approx(5.68, abs=0.01)
+
+
+def test_period_measurement_swings_below_its_linear_limit():
+    """The wait for edges at low speed is lag, so that a swing of some steps lasts."""
+    settings = LoopSettings(estimator=IMPROVED)
+    linear = critical_damping_gain(TIP, settings).gain
+    found = simulated_damping_gain(TIP, settings, low=0.1, high=100.0)
+    assert 0.4 * linear < found < 0.8 * linear
+
+
+def test_a_counter_that_wraps_spoils_virtual_damping():
+    bounded = simulated_damping_gain(TIP, LoopSettings(estimator=IMPROVED), low=0.01, high=100.0)
+    wraps = LoopSettings(estimator=PeriodMeasurement(overflow="wraps"))
+    assert simulated_damping_gain(TIP, wraps, low=0.01, high=100.0) < 0.2 * bounded
+
+
+def test_adaptive_window_bears_more_virtual_damping_than_the_average_of_its_length():
+    stock = simulated_damping_gain(TIP, LoopSettings(estimator=STOCK), low=0.1, high=1000.0)
+    adaptive = simulated_damping_gain(TIP, LoopSettings(estimator=AdaptiveWindow(100)), low=0.1, high=1000.0)
+    assert adaptive > 10 * stock
+
+
+def test_simulated_wall_fails_where_the_linear_loop_does():
+    linear = critical_wall(DAMPED, LoopSettings()).gain
+    assert simulated_wall(DAMPED, LoopSettings(), low=200.0, high=20e3) == pytest.approx(linear, rel=0.03)
+
+
+@pytest.mark.parametrize("estimator", [AveragedDifference(1), KalmanVelocity(10.0)])
+def test_simulated_wall_with_damping_fails_where_the_linear_loop_does(estimator):
+    settings = LoopSettings(estimator=estimator)
+    linear = critical_wall(DAMPED, settings, damping=3.0).gain
+    found = simulated_wall(DAMPED, settings, damping=3.0, low=0.2 * linear, high=5 * linear, push=5.0)
+    # A swing that leaves the wall for part of its cycle is no longer linear.
+    assert found == pytest.approx(linear, rel=0.08)
+
+
+def test_a_pressed_wall_gives_way_by_force_over_stiffness():
+    trace = simulate_wall(DAMPED, LoopSettings(), 1000.0, push=1.0)
+    assert trace.position[-1, 0] == pytest.approx(1e-3, abs=LoopSettings().encoder.step)
+
+
+def test_adaptive_windowing_is_no_filter():
+    with pytest.raises(ParameterError, match="simulate the loop instead"):
+        critical_damping_gain(TIP, LoopSettings(estimator=AdaptiveWindow()))
