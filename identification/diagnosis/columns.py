@@ -105,6 +105,7 @@ def build_columns(
     known: tuple[KnownEffect, ...] = (),
     found: tuple[FoundEffect, ...] = (),
     rest: tuple[Float[Array, "n nv"], ...] | None = None,
+    near: tuple[FoundEffect, ...] = (),
     like: Columns | None = None,
 ) -> Columns:
     """Columns of every nuisance and of every effect at every place.
@@ -117,6 +118,7 @@ def build_columns(
         known: Effects that belong to the given model already.
         found: What the last fit has found, about which laws that are not linear are taken.
         rest: What the last fit left of each log's torque, in the band; a fit of the tolerances alone if it is None.
+        near: Runners-up, about which laws are taken too.
         like: Columns of other logs of the same robot, whose effects and shapes are taken.
     """
     moves = moves_of(robot)
@@ -133,7 +135,7 @@ def build_columns(
         rest = left_by_moves(robot, moves, moved, residual, usable) if rest is None else rest
         operations = [with_rest(log, o, part) for log, o, part in zip(logs, operations, rest, strict=True)]
         names = [move.nuisance.name for move in moves] + list(parameter_names(robot))
-        terms, local = _lay_out(robot, merged(tuple(operations)), len(moves), names, found)
+        terms, local = _lay_out(robot, merged(tuple(operations)), len(moves), names, (*found, *near))
     else:
         names, terms, local = list(like.names), like.terms, like.local
     first = range(len(moves), len(moves) + len(parameter_names(robot)))

@@ -19,14 +19,14 @@ from identification.diagnosis.encoder_noise import (
     reading_steps,
     spurious_gains,
 )
-from identification.diagnosis.fitting import Fitted
 from identification.diagnosis.gap import held_out_torque, residual_after, row_counts, row_losses
 from identification.diagnosis.noise import estimate_noise, smaller_noise, weights_of
 from identification.diagnosis.null import null_threshold
 from identification.diagnosis.problem import set_up
 from identification.diagnosis.result import Diagnosis
+from identification.diagnosis.retaken import found_effects, needs_refinement, runners_up, same_effects, unchanged
 from identification.diagnosis.rivals import settled
-from identification.diagnosis.search import Search, claimed, ordered, set_up_search
+from identification.diagnosis.search import Search, claimed, set_up_search
 from identification.diagnosis.stepwise import best_short, explain
 from identification.diagnosis.terms import FoundEffect, KnownEffect, Term
 from identification.diagnosis.whitening import whitened, whitened_noise
@@ -48,7 +48,7 @@ _LEAST_SHARE = 0.01
 # Fewer blocks of at least a second cannot be held out in turn.
 _LEAST_BLOCKS = 4
 # Alignment, derivatives and the tolerance taken as linear are right to about 1.5 % of the torque they explain.
-_ACCURACY = 0.0002
+_ACCURACY = 0.0007
 # A claim gains at least this on held-out data, whatever chance gives.
 _LEAST_GAIN = 10.0
 
@@ -97,15 +97,19 @@ def diagnose(
     del again
     search = _with_thresholds(search, noise, spurious, progress)
     search, chosen = _search(search, noise, progress)
+    before: tuple[FoundEffect, ...] = ()
     for _ in range(_REFINEMENTS):
         noise, ratio = smaller_noise(search, chosen, noise)
         found = found_effects(search.evaluate(chosen), chosen)
-        if ratio >= _LOWER and not needs_refinement(found):
+        near = runners_up(search, chosen)
+        points = (*found, *near)
+        if ratio >= _LOWER and (not needs_refinement(points) or unchanged(points, before)):
             break
+        before = points
         # Laws that are not linear are taken again about what was found, and noise is what the findings leave.
-        if found:
+        if points:
             rest = residual_after(search.problem, held_out_torque(search.problem, chosen, search.evaluate(chosen)))
-            columns = build_columns(robot, logs, cutoff_hz, known, found, rest)
+            columns = build_columns(robot, logs, cutoff_hz, known, found, rest, near)
         search = _with_thresholds(_set_up(columns, blocks, folds, noise), noise, spurious, progress)
         search, chosen = _search(search, noise, progress, same_effects(search, found))
     chosen = settled(search, chosen)
@@ -167,30 +171,3 @@ def _search(
         search, chosen = lower, explain(lower, progress, tried)
         noise = quiet
     return search, chosen
-
-
-def found_effects(fitted: Fitted, chosen: frozenset[Term]) -> tuple[FoundEffect, ...]:
-    """What a fit has found, as points to take laws about."""
-    return tuple(
-        FoundEffect(term.effect, term.joint, term.shape, fitted.theta[list(term.columns)]) for term in ordered(chosen)
-    )
-
-
-def needs_refinement(found: tuple[FoundEffect, ...]) -> bool:
-    """True if a law is not linear in its parameters, or made of a torque that the other findings change."""
-    return any(point.shape or point.effect.follows_torque for point in found)
-
-
-def same_effects(search: Search, found: tuple[FoundEffect, ...]) -> frozenset[Term]:
-    """The terms of a new search that stand where an earlier one has found effects, with the shape nearest to it."""
-    out = []
-    for point in found:
-        here = [term for term in search.terms if term.place == (point.effect.name, point.joint)]
-        if here:
-            out.append(min(here, key=lambda term: (abs(len(term.shape) - len(point.shape)), _apart(term, point))))
-    return frozenset(out)
-
-
-def _apart(term: Term, point: FoundEffect) -> float:
-    """How far two shapes of one effect are apart."""
-    return sum(abs(a - b) for a, b in zip(term.shape, point.shape, strict=False))

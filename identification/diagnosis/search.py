@@ -22,6 +22,8 @@ Array = np.ndarray
 PARAMETER_PRICE = 5.0
 # Standard errors over blocks by which a gain has to be positive, unless it is very large.
 _SIGNIFICANT = 2.0
+# Or without its best blocks, so many, still as large as it has to be.
+_BEST_BLOCKS = 2
 # A gain has to be this many times what encoder noise alone gives, beyond what chance gives.
 _SPURIOUS = 2.0
 # Rivals that are fitted to know their gains in sample: the best ranked, with at least this share of the best gain.
@@ -188,17 +190,18 @@ def claimed(search: Search, chosen: frozenset[Term], without: frozenset[Term]) -
     """True if what ``chosen`` has beyond ``without`` gains on held-out data what chance does not.
 
     The gain has to be above the threshold, in sample too, and either positive from block to block or above the
-    threshold without its best block too; a gain ten times the threshold may sit in few blocks only, as that of an
+    threshold without its two best blocks too; a gain ten times the threshold may sit in few blocks only, as that of an
     effect that acts rarely does.
     """
     rich, plain = search.evaluate(chosen), search.evaluate(without)
     # In sample a gain can only be larger, unless chance has made the few held-out blocks agree.
-    gain = min(plain.total - rich.total, plain.objective - rich.objective)
+    held_out = plain.total - rich.total
+    gain = min(held_out, plain.objective - rich.objective)
     gains = plain.loss - rich.loss
     extra = search.price_of(chosen) - search.price_of(without)
     needed = least_gain(search, chosen - without) + max(extra - PARAMETER_PRICE, 0.0)
     error = float(np.sqrt(len(gains)) * gains.std()) + 1e-12
-    lasting = gain > _SIGNIFICANT * error or gain - float(gains.max()) > needed
+    lasting = held_out > _SIGNIFICANT * error or held_out - float(np.sort(gains)[-_BEST_BLOCKS:].sum()) > needed
     return gain > needed and (lasting or gain > 10 * needed)
 
 

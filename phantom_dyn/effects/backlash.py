@@ -19,14 +19,14 @@ from phantom_dyn.effects.displaced import behind_encoder, change_by_link, link_l
 from phantom_dyn.effects.effect import Effect, Parameter, Shape, Signature, Simulated, Transmission
 from phantom_dyn.effects.operation import Operation
 from phantom_dyn.effects.rows import row_of
-from phantom_dyn.effects.transmission_compliance import moving_mass
+from phantom_dyn.effects.transmission_compliance import followed_load, moving_mass
 from phantom_dyn.kernels.jit import jit
 from phantom_dyn.robot import Robot
 
 Array = np.ndarray
 
 # Times of flight [s] whose gaps are tried: shorter ones end inside the band of a recording, longer ones are rattling.
-_FLIGHTS = np.geomspace(0.008, 0.06, 6)
+_FLIGHTS = np.geomspace(0.008, 0.06, 12)
 # Frequency [Hz] and damping ratio of rotor against link in contact, in a simulation: stiff, and hardly bouncing.
 _CONTACT, _CONTACT_DAMPING = 120.0, 0.7
 
@@ -37,7 +37,6 @@ class Backlash(Effect):
     name = "backlash"
     regime = "velocity_reversal"
     seen_by = "shape"
-    uses_acceleration = True
 
     def parameters(self, robot: Robot, joint: str | None) -> tuple[Parameter, ...]:
         """``gap``."""
@@ -163,7 +162,7 @@ def _fly(
 
 def _change(operation: Operation, row: int, gap: float) -> Float[Array, "N nv"]:
     """Torque of the links more than if they were tied to their motors."""
-    load, inertia = load_and_inertia(operation, row)
+    load, inertia = followed_load(operation, row)
     moved = play(operation.t, load / inertia, gap)
     gained = moved.impact - load / inertia * moved.loose
     change = change_by_link(operation, row, -moved.lead, -moved.rate, gained)

@@ -30,6 +30,7 @@ class EncoderOffset(Effect):
 
     name = "encoder_offset"
     regime = "posture"
+    uses_acceleration = True
     shape_is_estimate = True
 
     def parameters(self, robot: Robot, joint: str | None) -> tuple[Parameter, ...]:

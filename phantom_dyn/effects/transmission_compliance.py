@@ -116,13 +116,22 @@ def swing(operation: Operation, row: int, stiffness: float) -> tuple[Array, Arra
     would need to follow its motor and the derivatives :math:`m, c, g` of that torque; by the trapezoidal rule, which
     no stiffness makes unstable, from where the spring is in balance.
     """
-    load, inertia = load_and_inertia(operation, row)
+    load, inertia = followed_load(operation, row)
     to_q, to_v = (part[:, row, row] for part in operation.partials[:2])
-    edge = _edge(operation.t, load, float(np.median(inertia)), stated_step(operation.robot, row))
-    pull = -_followed(operation.t, load, edge) / inertia
+    pull = -load / inertia
     spring = np.maximum(stiffness + to_q, 0.1 * stiffness) / inertia
     drag = np.maximum(2.0 * _SMOOTHING * np.sqrt(stiffness * inertia) + to_v, 0.0) / inertia
     return swing_steps(0.5 * np.diff(operation.t), pull, spring, drag)
+
+
+def followed_load(operation: Operation, row: int) -> tuple[Array, Array]:
+    """Torque that a transmission passes, as far as it is more than the rounding of the encoder, and the link's inertia.
+
+    Both of shape ``(N,)``.
+    """
+    load, inertia = load_and_inertia(operation, row)
+    edge = _edge(operation.t, load, float(np.median(inertia)), stated_step(operation.robot, row))
+    return _followed(operation.t, load, edge), inertia
 
 
 @jit
