@@ -203,15 +203,12 @@ FOLDER_TAKERS = (
 @pytest.mark.parametrize("script", FOLDER_TAKERS)
 @pytest.mark.parametrize("word", ["--help", "--no-such-option"])
 def test_an_option_is_no_folder_to_write_into(script, word, offline, tmp_path):
-    done = subprocess.run(
-        [sys.executable, str(EXAMPLES / script), word],
-        cwd=tmp_path,
-        env={**os.environ, **offline},
-        capture_output=True,
-        text=True,
-    )
+    here = tmp_path / "here"  # beside it, libraries keep their caches
+    here.mkdir()
+    command, environment = [sys.executable, str(EXAMPLES / script), word], {**os.environ, **offline}
+    done = subprocess.run(command, cwd=here, env=environment, capture_output=True, text=True)
     assert f"usage: {script} [-h] [FOLDER]" in done.stdout + done.stderr
-    assert (done.returncode, list(tmp_path.iterdir())) == (0 if word == "--help" else 2, [])
+    assert (done.returncode, list(here.iterdir())) == (0 if word == "--help" else 2, [])
 
 
 def test_the_demo_diagnoses_before_it_opens_the_envelope_and_names_reports_that_exist(mirror, tmp_path):
