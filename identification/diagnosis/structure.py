@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import numpy as np
 from jaxtyping import Float
+from scipy.signal import lfilter
 
 from phantom_dyn.effects.effect import Rival, Shape, Signature
 from phantom_dyn.effects.operation import Operation
@@ -134,21 +135,34 @@ class Contact(Rival):
 
 
 class Supply(Rival):
-    """A drive that gives less when all drives together ask for more."""
+    """Drives that give less when all of them together ask for more, one of them or all alike."""
 
     name = "supply"
+    scope = "either"
     regime = "high_load"
     contains = ("torque_constant",)
     uses_acceleration = True
 
+    def shapes(self, robot: Robot, operation: Operation, joint: str | None) -> tuple[Shape, ...]:
+        """How long [s] a supply takes to give way."""
+        return ((0.03,), (0.1,), (0.3,))
+
     def signature(self, robot: Robot, operation: Operation, joint: str | None, shape: Shape) -> Signature:
-        """Modelled torque, and the same times the load and the power of all joints."""
-        j = row_of(robot, joint)
+        """Modelled torque, and the same times the load of all joints; of one joint also the power and its own load."""
         tau = operation.expected
-        load = _scaled(np.abs(tau).sum(axis=1))
-        power = _scaled(np.maximum((tau * operation.v).sum(axis=1), 0.0))
-        own = _scaled(tau[:, j])
+        load = _scaled(_followed(np.abs(tau).sum(axis=1), operation.dt, shape[0]))
+        if joint is None:
+            columns = np.stack([tau, tau * load[:, None]], axis=-1)
+            return Signature(tuple(range(robot.nv)), columns, ("gain", "sag"), ("1", "1"))
+        power = _scaled(_followed(np.maximum((tau * operation.v).sum(axis=1), 0.0), operation.dt, shape[0]))
+        own = _scaled(tau[:, row_of(robot, joint)])
         return _on_row(robot, joint, [own, own * load, own * power, own * np.abs(own)])
+
+
+def _followed(x: Float[Array, " N"], dt: float, seconds: float) -> Float[Array, " N"]:
+    """``x`` behind a first-order lag."""
+    step = -np.expm1(-dt / seconds)
+    return np.asarray(lfilter([step], [1.0, step - 1.0], x, zi=[(1.0 - step) * x[0]])[0])
 
 
 STRUCTURES: tuple[Rival, ...] = (
