@@ -15,11 +15,8 @@ Sufficient for stability with any passive operator, and far more than a free dev
 from __future__ import annotations
 
 import numpy as np
-from jaxtyping import Complex, Float
 
 from phantom_dyn.haptics.discretisation import split_delay
-
-Array = np.ndarray
 
 # Points between 0 and the Nyquist frequency; the greatest value is smooth there, most often at an end.
 _POINTS = 2000
@@ -37,15 +34,17 @@ def passive_damping(stiffness: float, *, period: float, delay: float = 0.0, virt
     """
     steps, rest = split_delay(period, delay)
     x = np.linspace(0.0, np.pi, _POINTS + 1)[1:]
-    x = np.concatenate([np.geomspace(1e-4, x[0], 20)[:-1], x])
-    z = np.exp(1j * x)
-    wall = stiffness + virtual_damping / period * (1.0 - 1.0 / z)
-    alpha = (1.0 - 1.0 / z) * wall / period * z**-steps
-    square = period**2 / (2.0 * (1.0 - np.cos(x)))  # sum of 1/w_n^2 over all aliases
-    cross = alpha * _alias_sum(z, period, rest)
-    form = 0.5 * (cross.real + np.sqrt(np.maximum((np.abs(alpha) * square) ** 2 - cross.imag**2, 0.0)))
-    # The root is that of a difference which vanishes without a fraction of a period: the exact value then.
-    return float(np.max(cross.real if rest == 0 else form))
+    x = np.concatenate([np.geomspace(1e-3 * x[0], x[0], 20)[:-1], x])
+    back = -np.expm1(-1j * x)  # 1 - 1/z, exact where z is near one
+    wall = stiffness + virtual_damping / period * back
+    alpha = back * wall / period * np.exp(-1j * steps * x)
+    square = (0.5 * period / np.sin(0.5 * x)) ** 2  # sum of 1/w_n^2 over all aliases
+    if rest == 0:
+        return float(np.max((alpha * square).real))
+    # Sum of exp(-j w_n rest)/w_n^2 over the aliases: the z transform of a ramp that starts `rest` before the samples.
+    cross = alpha * -period * np.conj(rest / back + period * (1.0 - back) / back**2)
+    apart = np.maximum((np.abs(alpha) * square) ** 2 - cross.imag**2, 0.0)
+    return float(np.max(0.5 * (cross.real + np.sqrt(apart))))
 
 
 def passive_stiffness(damping: float, *, period: float, delay: float = 0.0, virtual_damping: float = 0.0) -> float:
@@ -67,12 +66,3 @@ def passive_stiffness(damping: float, *, period: float, delay: float = 0.0, virt
         needed = passive_damping(middle, period=period, delay=delay, virtual_damping=virtual_damping)
         low, high = (middle, high) if needed <= damping else (low, middle)
     return low
-
-
-def _alias_sum(z: Complex[Array, " k"], period: float, rest: float) -> Float[Array, " k"] | Complex[Array, " k"]:
-    r"""Sum of :math:`e^{-j\omega_n\tau}/\omega_n^2` over the aliases of a frequency: the z transform of a ramp."""
-    if rest == 0:
-        return period**2 / (2.0 * (1.0 - z.real))
-    back = 1.0 / z
-    ramp = rest / (1.0 - back) + period * back / (1.0 - back) ** 2
-    return -period * np.conj(ramp)

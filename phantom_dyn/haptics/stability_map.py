@@ -16,6 +16,7 @@ from phantom_dyn.haptics.stability import linear_stiffness, lowest_frequency, ro
 from phantom_dyn.motion import read_only
 
 Array = np.ndarray
+Values = Sequence[float] | Float[Array, " _"]
 
 
 @dataclass(frozen=True)
@@ -53,10 +54,10 @@ class StabilityMap:
 def stability_map(
     axis: RigidAxis | TwoMassAxis,
     *,
-    period: Sequence[float],
-    delay: Sequence[float] = (0.0,),
-    damping: Sequence[float] = (0.0,),
-    virtual_damping: Sequence[float] = (0.0,),
+    period: Values,
+    delay: Values = (0.0,),
+    damping: Values = (0.0,),
+    virtual_damping: Values = (0.0,),
 ) -> StabilityMap:
     """Critical stiffness for every combination, each as exact as that of `critical_stiffness`.
 

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import itertools
+
 import control
 import numpy as np
 import pytest
@@ -43,12 +45,11 @@ def test_samples_are_those_of_the_continuous_device(delay):
             + sampled.newer * given(k - sampled.steps)
             + sampled.older * given(k - sampled.steps - 1)
         )
-    y, now = np.zeros(4), 0.0
+    y = np.zeros(4)
     edges = np.unique(np.concatenate([np.arange(len(forces)) * T + delay, [0.0, len(forces) * T]]))
     edges = edges[edges <= len(forces) * T + 1e-12]
-    for start, stop in zip(edges[:-1], edges[1:], strict=True):
-        now = given(int(np.floor((0.5 * (start + stop) - delay) / T)))
-        held = now
+    for start, stop in itertools.pairwise(edges):
+        held = given(int(np.floor((0.5 * (start + stop) - delay) / T)))
         y = solve_ivp(
             lambda _, z, held=held: system.A @ z + system.B * held,
             (start, stop),

@@ -1,0 +1,260 @@
+"""Critical stiffness: published and derived figures of the LHIfAM and the PHANToM, closed forms, python-control."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+
+import control
+import numpy as np
+import pytest
+
+from phantom_dyn.errors import ParameterError
+from phantom_dyn.haptics.axis import RigidAxis, TwoMassAxis
+from phantom_dyn.haptics.discretisation import discretise
+from phantom_dyn.haptics.operator import YOKOKOHJI_YOSHIKAWA
+from phantom_dyn.haptics.published import (
+    LHIFAM,
+    LHIFAM_HEAVIER_MOTOR,
+    LHIFAM_NEW_CABLE,
+    PHANTOM_1_5_X,
+    PHANTOM_1_5_Y,
+    PHANTOM_1_5_Z,
+    PRINTED_CROSSING,
+    phantom_1_0,
+)
+from phantom_dyn.haptics.stability import (
+    critical_stiffness,
+    critical_virtual_damping,
+    linear_ratio,
+    linear_stiffness,
+    loop_bode,
+)
+
+T = 1e-3
+ORIGINAL = replace(LHIFAM, cable_damping=13.82)
+SOFT_MODE = TwoMassAxis(0.001, 0.05, 0.01, 0.0, 500.0, 0.02)
+
+
+def below_nyquist(found):
+    return [crossing for crossing in found.crossings if crossing.frequency < 0.999 * math.pi / T]
+
+
+def test_gain_margin_and_its_frequency_are_those_of_python_control():
+    s = LHIFAM_NEW_CABLE.state_space
+    sampled = control.c2d(control.ss(s.A, s.B[:, None], s.C[None], 0), T)
+    f = np.linspace(300.0, 600.0, 30001)
+    answer = np.array([complex(sampled(np.exp(1j * w * T))) for w in f])
+    at = int(np.flatnonzero(np.diff(np.sign(answer.imag)))[0])
+    found = critical_stiffness(LHIFAM_NEW_CABLE, period=T)
+    assert found.frequency == pytest.approx(f[at], abs=0.02)
+    assert found.stiffness == pytest.approx(-1 / answer[at].real, rel=1e-4)
+
+
+@pytest.mark.parametrize("delay", [0.0, 0.25e-3, 1e-3, 2e-3, 4e-3, 8e-3])
+@pytest.mark.parametrize("axis", [ORIGINAL, LHIFAM_NEW_CABLE, SOFT_MODE], ids=["original", "new", "soft"])
+def test_spectral_radius_is_one_at_the_critical_stiffness(axis, delay):
+    found, sampled = critical_stiffness(axis, period=T, delay=delay), discretise(axis, period=T, delay=delay)
+    assert sampled.spectral_radius(found.stiffness) == pytest.approx(1.0, abs=1e-8)
+    assert found.radius_below < 1 < found.radius_above
+    assert found.verified
+
+
+@pytest.mark.parametrize("virtual_damping", [0.5, 2.0])
+def test_a_rigid_device_without_damping_has_a_closed_form(virtual_damping):
+    # Jury on (z-1)^2 z + (T^2/2m)(z+1)(K z + (B/T)(z-1)): by numpy's roots of that polynomial.
+    m = 1.0
+    found = critical_stiffness(RigidAxis(m, 0.0), period=T, virtual_damping=virtual_damping).stiffness
+    for factor, stable in ((0.9999, True), (1.0001, False)):
+        K, rate, half = factor * found, virtual_damping / T, T**2 / (2 * m)
+        polynomial = np.polymul([1, -2, 1], [1, 0]) + half * np.concatenate(
+            [[0], np.polymul([1, 1], [K + rate, -rate])]
+        )
+        assert (np.abs(np.roots(polynomial)).max() < 1) == stable
+
+
+def test_original_cable_has_three_crossings():
+    # 38.52, 100.9 and 595 rad/s at 78.89, 103.6 and 89.9 dB; the vibration is not the lowest.
+    found = critical_stiffness(ORIGINAL, period=T)
+    assert found.stiffness == pytest.approx(8804, abs=0.5)
+    assert [c.frequency for c in below_nyquist(found)] == pytest.approx([38.52, 100.9, 595.0], rel=1e-3)
+    assert [c.decibels for c in below_nyquist(found)] == pytest.approx([78.89, 103.6, 89.9], abs=0.05)
+
+
+def test_linear_condition_of_the_lhifam_is_7000_newton_per_metre():
+    assert linear_stiffness(ORIGINAL.rigid.damping, period=T) == pytest.approx(7000)
+    assert 20 * math.log10(7000) == pytest.approx(76.90, abs=5e-3)
+
+
+def test_new_cable_has_a_single_higher_crossing():
+    # Printed 411.23 rad/s; the masses that follow from the printed resonance give 445.06 rad/s and 87.74 dB.
+    found = critical_stiffness(LHIFAM_NEW_CABLE, period=T)
+    assert len(below_nyquist(found)) == 1
+    assert found.frequency == pytest.approx(445.06, abs=0.01)
+    assert found.stiffness == pytest.approx(24372, abs=1)
+    assert found.decibels == pytest.approx(87.74, abs=5e-3)
+    assert found.frequency == pytest.approx(PRINTED_CROSSING, rel=0.10)
+    assert found.stiffness > critical_stiffness(ORIGINAL, period=T).stiffness
+
+
+def test_a_heavier_motor_gives_the_printed_crossing():
+    found = critical_stiffness(LHIFAM_HEAVIER_MOTOR, period=T)
+    assert found.frequency == pytest.approx(PRINTED_CROSSING, abs=0.05)
+    assert found.decibels == pytest.approx(87.84, abs=0.01)
+
+
+@pytest.mark.parametrize(("damping", "crossings"), [(3.2, 1), (7.5, 1)])
+def test_damping_of_the_body_that_the_source_allows_leaves_one_crossing_with_the_new_cable(damping, crossings):
+    found = critical_stiffness(replace(LHIFAM_NEW_CABLE, body_damping=damping), period=T)
+    assert len(below_nyquist(found)) == crossings
+
+
+def test_less_damping_of_the_body_brings_the_low_crossing_back():
+    assert len(below_nyquist(critical_stiffness(replace(LHIFAM_NEW_CABLE, body_damping=3.1), period=T))) == 3
+
+
+def test_more_damping_of_the_body_loses_the_low_crossing_of_the_original_cable():
+    assert len(below_nyquist(critical_stiffness(replace(ORIGINAL, body_damping=7.65), period=T))) == 3
+    assert len(below_nyquist(critical_stiffness(replace(ORIGINAL, body_damping=7.8), period=T))) == 1
+
+
+def test_crossing_does_not_depend_on_the_damping_of_the_body():
+    other = critical_stiffness(replace(LHIFAM_NEW_CABLE, body_damping=7.0), period=T)
+    assert other.frequency == pytest.approx(445.06, rel=2e-3)
+
+
+# Delay [ms]: frequency [rad/s and Hz], margin [dB], critical stiffness, linear condition [N/m].
+SWEEP = [
+    (0, 445.06, 70.83, 87.74, 24372, 7000),
+    (1, 21.60, 3.44, 68.56, 2677.9, 2333),
+    (2, 16.43, 2.62, 63.58, 1510.4, 1400),
+    (3, 13.79, 2.20, 60.46, 1053.9, 1000),
+    (4, 12.12, 1.93, 58.17, 809.8, 777.8),
+    (5, 10.94, 1.74, 56.36, 657.6, 636.4),
+    (6, 10.05, 1.60, 54.86, 553.6, 538.5),
+    (7, 9.35, 1.49, 53.59, 478.0, 466.7),
+    (8, 8.77, 1.40, 52.48, 420.7, 411.8),
+]
+
+
+@pytest.mark.parametrize(("delay", "frequency", "hertz", "decibels", "stiffness", "linear"), SWEEP)
+def test_delay_sweep(delay, frequency, hertz, decibels, stiffness, linear):
+    found = critical_stiffness(LHIFAM_NEW_CABLE, period=T, delay=delay * T)
+    assert found.frequency == pytest.approx(frequency, abs=6e-3)
+    assert found.frequency / (2 * math.pi) == pytest.approx(hertz, abs=6e-3)
+    assert found.decibels == pytest.approx(decibels, abs=6e-3)
+    assert found.stiffness == pytest.approx(stiffness, rel=5e-5, abs=0.06)
+    assert linear_stiffness(3.5, period=T, delay=delay * T) == pytest.approx(linear, rel=2e-4)
+
+
+def test_an_inherent_delay_of_250_microseconds_is_not_worth_seven_decibels():
+    # Printed: more than 7 dB. Found: 11.2 dB at the low crossing, 3.4 dB at that of the vibration.
+    prompt = critical_stiffness(LHIFAM_NEW_CABLE, period=T)
+    late = critical_stiffness(LHIFAM_NEW_CABLE, period=T, delay=0.25e-3)
+    low, _, high = below_nyquist(late)
+    assert (low.decibels, low.frequency) == (pytest.approx(76.56, abs=6e-3), pytest.approx(32.8, abs=0.05))
+    assert (high.decibels, high.frequency) == (pytest.approx(84.37, abs=6e-3), pytest.approx(416.9, abs=0.06))
+    assert prompt.decibels - low.decibels == pytest.approx(11.2, abs=0.05)
+    assert prompt.decibels - high.decibels == pytest.approx(3.4, abs=0.05)
+
+
+@pytest.mark.parametrize(("delay", "frequency"), [(0.30e-3, 413.0), (0.40e-3, 407.0)])
+def test_a_delay_that_gives_the_printed_crossing_brings_the_low_one_back(delay, frequency):
+    crossings = below_nyquist(critical_stiffness(LHIFAM_NEW_CABLE, period=T, delay=delay))
+    assert len(crossings) == 3
+    assert crossings[-1].frequency == pytest.approx(frequency, abs=0.5)
+
+
+@pytest.mark.parametrize(("damping", "stiffness"), [(0.001, 18.9), (0.002, 22.1), (0.004, 26.8), (0.008, 35.9)])
+def test_phantom_depends_on_the_lost_damping_of_its_cable(damping, stiffness):
+    assert critical_stiffness(phantom_1_0(damping), period=T).stiffness == pytest.approx(stiffness, abs=0.05)
+
+
+def test_linear_condition_of_the_phantom():
+    linear = linear_stiffness(phantom_1_0(0.001).rigid.damping, period=T)
+    assert linear == pytest.approx(17.0, abs=0.05)
+    assert linear / 0.12**2 == pytest.approx(1180, abs=1)
+
+
+@pytest.mark.parametrize(
+    ("axis", "delay", "virtual_damping", "ratio"),
+    [
+        (RigidAxis(5.4, 3.5), 0.0, 0.0, 1.0001),
+        (RigidAxis(5.4, 3.5), 8e-3, 0.0, 1.0009),
+        (RigidAxis(5.4, 3.5), 0.0, 20.0, 0.996),
+        (RigidAxis(0.073, 0.59), 0.0, 5.0, 0.935),
+        (RigidAxis(0.073, 0.59), 0.0, 20.0, 0.761),
+    ],
+)
+def test_linear_condition_against_the_exact_boundary(axis, delay, virtual_damping, ratio):
+    found = linear_ratio(axis, period=T, delay=delay, virtual_damping=virtual_damping)
+    assert found == pytest.approx(ratio, abs=5e-4)
+
+
+def test_exact_values_behind_the_ratios():
+    assert critical_stiffness(RigidAxis(5.4, 3.5), period=T).stiffness == pytest.approx(7000.8, abs=0.05)
+    assert critical_stiffness(RigidAxis(5.4, 3.5), period=T, delay=8e-3).stiffness == pytest.approx(412.1, abs=0.06)
+
+
+def test_linear_ratio_of_two_masses_takes_them_for_one():
+    assert linear_ratio(LHIFAM_NEW_CABLE, period=T) == pytest.approx(24372 / 7000, rel=1e-4)
+
+
+@pytest.mark.parametrize(("axis", "stiffness"), [(PHANTOM_1_5_X, 0.0), (PHANTOM_1_5_Y, 0.0), (PHANTOM_1_5_Z, math.inf)])
+def test_published_fits_of_the_phantom_say_nothing_about_walls(axis, stiffness):
+    # Derived: x and y are unstable with every wall, z is stable with every wall; none gives 2.0 or 2.7 N/mm.
+    found = critical_stiffness(axis, period=T)
+    assert found.stiffness == stiffness
+    assert found.verified
+    radii = [discretise(axis, period=T).spectral_radius(K) for K in np.geomspace(1e-3, 100, 26)]
+    assert all((radius < 1) == math.isinf(stiffness) for radius in radii)
+
+
+def test_a_device_without_damping_has_no_stable_wall():
+    found = critical_stiffness(RigidAxis(1.0, 0.0), period=T)
+    assert found.stiffness == 0.0
+    assert found.decibels == -math.inf
+    assert found.verified
+
+
+def test_a_hand_stabilises_the_wall():
+    held = critical_stiffness(LHIFAM_NEW_CABLE.held_by(YOKOKOHJI_YOSHIKAWA), period=T, delay=4e-3)
+    assert held.verified
+    assert held.stiffness > 1.5 * critical_stiffness(LHIFAM_NEW_CABLE, period=T, delay=4e-3).stiffness
+
+
+def test_critical_virtual_damping_of_a_free_rigid_mass_is_two_masses_per_period():
+    # Closed form: z^2 - (1 - c) z + c with c = B T / (2 m).
+    (edge, *_) = critical_virtual_damping(RigidAxis(2.0, 0.0), period=T)
+    assert edge.gain == pytest.approx(2 * 2.0 / T, rel=1e-9)
+
+
+def test_virtual_damping_between_its_edges_is_stable_and_beyond_is_not():
+    sampled = discretise(LHIFAM_NEW_CABLE, period=T, delay=1e-3)
+    edges = critical_virtual_damping(LHIFAM_NEW_CABLE, period=T, delay=1e-3, stiffness=5000.0)
+    low, high = (edge.gain for edge in edges if edge.gain > 0)
+    assert sampled.spectral_radius(5000.0, 0.5 * (low + high)) < 1
+    assert sampled.spectral_radius(5000.0, 1.01 * high) > 1
+    assert sampled.spectral_radius(5000.0, 0.99 * low) > 1
+
+
+def test_too_much_virtual_damping_leaves_no_stable_wall():
+    assert critical_stiffness(SOFT_MODE, period=T, virtual_damping=10.0).stiffness == 0.0
+
+
+def test_bode_diagram_holds_response_and_margin():
+    found = loop_bode(LHIFAM_NEW_CABLE, period=T)
+    at = int(np.argmin(np.abs(found.frequency - found.margin.frequency)))
+    assert found.decibels[at] == pytest.approx(-found.margin.decibels, abs=0.5)
+    assert found.phase[at] == pytest.approx(-math.pi, abs=0.1)
+    assert found.phase[0] == pytest.approx(-math.pi / 2, abs=0.1)  # the dampers to ground rule there
+    assert found.linear == pytest.approx(7000)
+
+
+def test_bode_diagram_of_a_fraction_has_no_linear_condition():
+    assert math.isnan(loop_bode(PHANTOM_1_5_Z, period=T).linear)
+
+
+def test_linear_condition_of_no_period_is_refused():
+    with pytest.raises(ParameterError, match="sampling period of 0 s"):
+        linear_stiffness(1.0, period=0.0)
