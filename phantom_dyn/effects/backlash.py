@@ -27,6 +27,8 @@ Array = np.ndarray
 
 # Times of flight [s] whose gaps are tried: shorter ones end inside the band of a recording, longer ones are rattling.
 _FLIGHTS = np.geomspace(0.008, 0.06, 12)
+# The load is followed up to an edge [Hz] within the first and third: it has to tell when a link comes loose.
+_EDGES = (15.0, 60.0, 60.0)
 # Frequency [Hz] and damping ratio of rotor against link in contact, in a simulation: stiff, and hardly bouncing.
 _CONTACT, _CONTACT_DAMPING = 120.0, 0.7
 
@@ -162,7 +164,7 @@ def _fly(
 
 def _change(operation: Operation, row: int, gap: float) -> Float[Array, "N nv"]:
     """Torque of the links more than if they were tied to their motors."""
-    load, inertia = followed_load(operation, row)
+    load, inertia = followed_load(operation, row, _EDGES)
     moved = play(operation.t, load / inertia, gap)
     gained = moved.impact - load / inertia * moved.loose
     change = change_by_link(operation, row, -moved.lead, -moved.rate, gained)

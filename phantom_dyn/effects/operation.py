@@ -79,3 +79,8 @@ class Operation(Motion):
         """Derivatives of the rigid-body torque to positions, velocities and accelerations (armature included)."""
         to_q, to_v = inverse_dynamics_derivatives(self.robot, self)
         return to_q, to_v, mass_matrix(self.robot, self.q)
+
+    @cached_property
+    def kept(self) -> dict[tuple, tuple[Array, Array]]:
+        """What effects make of it once for all their shapes, by a name and a row."""
+        return {}

@@ -34,8 +34,9 @@ _DAMPING = 0.05
 # what is read there is noise, which less damping would amplify more.
 _SMOOTHING = 0.1
 # The load is followed up to an edge [Hz]: where the noise of the stated encoder has half its amplitude, within the
-# second and third number; the first where no step is stated.
-_EDGE, _LOWEST_EDGE, _HIGHEST_EDGE = 12.0, 8.0, 20.0
+# first and third number; the second where no step is stated.
+Edges = tuple[float, float, float]
+_EDGES: Edges = (8.0, 12.0, 20.0)
 # Compliance [rad/(N m) or m/N] at which a spring is as good as none.
 _LEAST = 1e-10
 
@@ -116,7 +117,7 @@ def swing(operation: Operation, row: int, stiffness: float) -> tuple[Array, Arra
     would need to follow its motor and the derivatives :math:`m, c, g` of that torque; by the trapezoidal rule, which
     no stiffness makes unstable, from where the spring is in balance.
     """
-    load, inertia = followed_load(operation, row)
+    load, inertia = followed_load(operation, row, _EDGES)
     to_q, to_v = (part[:, row, row] for part in operation.partials[:2])
     pull = -load / inertia
     spring = np.maximum(stiffness + to_q, 0.1 * stiffness) / inertia
@@ -124,14 +125,23 @@ def swing(operation: Operation, row: int, stiffness: float) -> tuple[Array, Arra
     return swing_steps(0.5 * np.diff(operation.t), pull, spring, drag)
 
 
-def followed_load(operation: Operation, row: int) -> tuple[Array, Array]:
+def followed_load(operation: Operation, row: int, edges: Edges) -> tuple[Array, Array]:
     """Torque that a transmission passes, as far as it is more than the rounding of the encoder, and the link's inertia.
 
-    Both of shape ``(N,)``.
+    Args:
+        operation: Motion and torque.
+        row: Of the joint.
+        edges: Frequencies [Hz] between which the load ends, the second one where no step of the encoder is stated.
+
+    Returns:
+        Load [N m or N] and inertia [kg m^2 or kg], shape ``(N,)`` each.
     """
-    load, inertia = load_and_inertia(operation, row)
-    edge = _edge(operation.t, load, float(np.median(inertia)), stated_step(operation.robot, row))
-    return _followed(operation.t, load, edge), inertia
+    key = ("followed_load", row, edges)
+    if key not in operation.kept:
+        load, inertia = load_and_inertia(operation, row)
+        edge = _edge(operation.t, load, float(np.median(inertia)), stated_step(operation.robot, row), edges)
+        operation.kept[key] = _followed(operation.t, load, edge), inertia
+    return operation.kept[key]
 
 
 @jit
@@ -157,17 +167,17 @@ def swing_steps(half: Array, pull: Array, spring: Array, drag: Array) -> tuple[A
     return places, speeds, gains
 
 
-def _edge(t: Array, load: Array, inertia: float, step: float | None) -> float:
+def _edge(t: Array, load: Array, inertia: float, step: float | None, edges: Edges) -> float:
     """Frequency [Hz] up to which ``load`` is more than what the rounding of an encoder to ``step`` makes of it."""
     from scipy.signal import welch
 
     if step is None or len(t) < 16:
-        return _EDGE
+        return edges[1]
     rate = (len(t) - 1) / float(t[-1] - t[0])
     f, power = welch(load, rate, nperseg=min(len(t), int(2.0 * rate)))
     noise = (inertia * step * (2.0 * np.pi * f) ** 2) ** 2 / (6.0 * rate)
-    lost = np.flatnonzero((power < 4.0 * noise) & (f > _LOWEST_EDGE))
-    return _HIGHEST_EDGE if len(lost) == 0 else min(float(f[lost[0]]), _HIGHEST_EDGE)
+    lost = np.flatnonzero((power < 4.0 * noise) & (f > edges[0]))
+    return edges[2] if len(lost) == 0 else min(float(f[lost[0]]), edges[2])
 
 
 def _followed(t: Array, load: Array, edge: float) -> Array:
