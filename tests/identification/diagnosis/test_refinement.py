@@ -7,8 +7,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from identification.diagnosis.diagnose import diagnose, found_effects, needs_refinement, same_effects
+from identification.diagnosis.diagnose import diagnose
 from identification.diagnosis.fitting import fit
+from identification.diagnosis.retaken import found_effects, needs_refinement, runners_up, same_effects, unchanged
 from identification.diagnosis.terms import FoundEffect
 from phantom_dyn.effects.catalogue import effect_named
 
@@ -85,3 +86,46 @@ def test_a_new_search_starts_from_the_shape_nearest_to_what_was_found(quiet):
 def test_what_a_new_search_does_not_have_is_not_started_from(quiet):
     gone = FoundEffect(effect_named("viscous_friction"), "wrist", (), np.array([0.3]))
     assert same_effects(quiet.search, (gone,)) == frozenset()
+
+
+@pytest.fixture(scope="module")
+def turned(lab, planar2):
+    """A recording of the planar arm whose elbow stands 0.3 rad further than its encoder says."""
+    recording = lab.recording(planar2, lab.motion(2, 3, swing=1.5), noise=0.02)
+    return replace(recording, q=recording.q - [0.0, 0.3])
+
+
+def test_an_offset_too_large_for_its_tangent_is_a_runner_up_of_the_inertias_that_outdo_it(lab, planar2, turned):
+    # Known truth: 0.3 rad; a tangent there is off by a twentieth.
+    prepared = lab.prepared(planar2, (turned,))
+    (point,) = [
+        point
+        for point in runners_up(prepared.search, frozenset([prepared.term("inertial_parameters", "elbow")]))
+        if (point.effect.name, point.joint) == ("encoder_offset", "elbow")
+    ]
+    assert abs(point.coefficients[0]) == pytest.approx(0.3, rel=0.1)
+
+
+def test_a_large_offset_is_named_and_not_the_inertias_that_nearly_do_the_same(planar2, turned):
+    (finding,) = diagnose(planar2, (turned,)).findings
+    assert (finding.effect, finding.joint) == ("encoder_offset", "elbow")
+    assert abs(finding.parameters["offset"].value) == pytest.approx(0.3, abs=0.02)
+
+
+def test_without_a_gap_nothing_is_nearly_good_enough(quiet):
+    assert runners_up(quiet.search, frozenset()) == ()
+
+
+@pytest.mark.parametrize(
+    ("effect", "joint", "shape", "same"),
+    [
+        ("stribeck_friction", "elbow", (0.202,), True),
+        ("stribeck_friction", "elbow", (0.25,), False),
+        ("stribeck_friction", "shoulder", (0.2,), False),
+        ("backlash", "elbow", (0.2,), False),
+    ],
+)
+def test_points_are_the_same_if_effect_and_joint_are_and_the_shape_has_hardly_moved(effect, joint, shape, same):
+    before = FoundEffect(effect_named("stribeck_friction"), "elbow", (0.2,), np.array([0.3, 0.2]))
+    now = FoundEffect(effect_named(effect), joint, shape, np.array([0.4, 0.1]))
+    assert unchanged((now,), (before,)) is same

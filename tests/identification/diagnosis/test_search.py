@@ -7,6 +7,7 @@ import pytest
 
 from identification.diagnosis.search import (
     PARAMETER_PRICE,
+    claimed,
     contains,
     ordered,
     possible,
@@ -145,6 +146,17 @@ def test_a_fit_is_made_once(quiet):
     search = quiet.search
     chosen = frozenset([quiet.term("viscous_friction", "elbow")])
     assert search.evaluate(chosen) is search.evaluate(frozenset(chosen))
+
+
+@pytest.mark.parametrize(("gains", "claims"), [([40.0, 40.0], False), ([40.0, 40.0, 15.0], True), ([150.0], True)])
+def test_a_gain_of_few_blocks_is_claimed_if_it_is_enough_without_the_best_two_or_very_large(quiet, gains, claims):
+    # Closed form: a threshold of ten; all other blocks gain nothing, so two standard errors are more than the gain.
+    plain = quiet.search.evaluate(frozenset())
+    loss = plain.loss.copy()
+    loss[: len(gains)] -= gains
+    rich = replace(plain, loss=loss, objective=plain.objective - sum(gains))
+    search = replace(quiet.search, evaluate=lambda chosen: rich if chosen else plain)
+    assert claimed(search, frozenset([quiet.term("viscous_friction", "elbow")]), frozenset()) is claims
 
 
 def test_nothing_is_claimed_without_a_gap(quiet):

@@ -78,6 +78,25 @@ def test_what_drifts_is_said_to_drift_with_time(diagnosed, cause):
     assert diagnosed(cause).unexplained.regime == "time_drift"
 
 
+@pytest.mark.parametrize("seconds", [0.02, 0.1, 0.4])
+def test_a_supply_that_takes_its_time_weakens_all_drives_alike(lab, planar2, seconds):
+    # Known truth: every drive lacks a quarter of its torque at the largest load, a first-order lag later.
+    motion = lab.motion(2, 3, seconds=20.0, swing=1.5)
+    recording = lab.recording(planar2, motion, noise=0.02)
+    needed = inverse_dynamics(planar2, motion)
+    asked = np.abs(needed).sum(axis=1)
+    late = asked.copy()
+    for k in range(1, len(late)):
+        late[k] = late[k - 1] + (asked[k] - late[k - 1]) * (motion.t[k] - motion.t[k - 1]) / seconds
+    prepared = lab.prepared(
+        planar2, (replace(recording, tau=recording.tau + 0.25 * needed * (late / late.max())[:, None]),)
+    )
+    terms = [term for term in prepared.columns.terms if term.place == ("supply", None)]
+    best = min(terms, key=lambda term: fit(prepared.problem, (term,)).total)
+    assert fit(prepared.problem, (best,)).total < 0.2 * fit(prepared.problem, ()).total
+    assert best.shape[0] == min((term.shape[0] for term in terms), key=lambda tried: abs(np.log(tried / seconds)))
+
+
 def test_a_rhythm_is_tried_at_its_own_frequency(lab, planar2, recorded):
     # Known truth: 3.3 Hz; 20 s part frequencies by a twentieth of a hertz.
     prepared = lab.prepared(planar2, (recorded("rhythm"),))
