@@ -7,5 +7,7 @@
 - `white_noise`, `frequency_response`, `frequency_identification`: from an experiment to the two-mass model.
 - `relay`: how stiff a virtual wall may be, measured by a relay.
 - `feedforward`: how much lighter force feedforward makes a device.
-- `encoder`, `velocity_estimators`, `drives`, `virtual_wall`, `teleoperation`: what sensing and drives do to a loop.
+- `encoder`, `velocity_estimators`, `velocity_comparison`, `drives`: what sensing and drives do.
+- `sampled_loop`, `loop_simulation`, `virtual_wall`, `teleoperation`: loops with these estimators, linear and in time.
+- `phantom_improvements`: the improvements published for the PHANToM 1.5 beside what models give.
 """

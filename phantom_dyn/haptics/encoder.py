@@ -13,7 +13,7 @@ import numpy as np
 from jaxtyping import Float, Int
 
 from phantom_dyn.errors import ParameterError
-from phantom_dyn.kernels.jit import jit
+from phantom_dyn.haptics.encoder_kernel import follow_motion
 
 Array = np.ndarray
 
@@ -69,46 +69,6 @@ class EncoderRecord:
         object.__setattr__(self, "reading", self.counts * self.step)
 
 
-@jit
-def edge_position(count, step, spacing):
-    """Position of the edge below a count: between it and the count before."""
-    return (count - 0.5 + spacing[count % 4]) * step
-
-
-@jit
-def count_through(count, t0, x0, t1, x1, step, spacing, times, directions, used):
-    """Follow the straight motion from (t0, x0) to (t1, x1); write edges from index `used` on; new count and index.
-
-    Edges that no longer fit into `times` overwrite the last ones modulo its length, so it can be a ring.
-    """
-    while x1 >= edge_position(count + 1, step, spacing):
-        level = edge_position(count + 1, step, spacing)
-        times[used % times.size] = t0 + (t1 - t0) * min(max((level - x0) / (x1 - x0), 0.0), 1.0) if x1 > x0 else t0
-        directions[used % times.size] = 1.0
-        used += 1
-        count += 1
-    while x1 < edge_position(count, step, spacing):
-        level = edge_position(count, step, spacing)
-        times[used % times.size] = t0 + (t1 - t0) * min(max((level - x0) / (x1 - x0), 0.0), 1.0) if x1 < x0 else t0
-        directions[used % times.size] = -1.0
-        used += 1
-        count -= 1
-    return count, used
-
-
-@jit
-def _follow(x, dt, per_sample, step, spacing, counts, times, directions):
-    count = int(np.floor(x[0] / step + 0.5))
-    count, _ = count_through(count, 0.0, x[0], 0.0, x[0], step, spacing, times, directions, 0)
-    counts[0] = count
-    used = 0
-    for i in range(1, x.size):
-        count, used = count_through(count, (i - 1) * dt, x[i - 1], i * dt, x[i], step, spacing, times, directions, used)
-        if i % per_sample == 0:
-            counts[i // per_sample] = count
-    return used
-
-
 def record_motion(
     encoder: Encoder, position: Float[Array, " n"], *, interval: float, samples_apart: int
 ) -> EncoderRecord:
@@ -135,5 +95,5 @@ def record_motion(
     room = int(np.sum(np.abs(np.diff(x))) / encoder.step * 2) + x.size + 8
     counts = np.zeros((x.size - 1) // samples_apart + 1, dtype=np.int64)
     times, directions = np.zeros(room), np.zeros(room)
-    used = _follow(x, interval, samples_apart, encoder.step, spacing, counts, times, directions)
+    used = follow_motion(x, interval, samples_apart, encoder.step, spacing, counts, times, directions)
     return EncoderRecord(interval * samples_apart, encoder.step, counts, times[:used], directions[:used])

@@ -24,6 +24,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from typing import cast
 
 import numpy as np
 from jaxtyping import Complex, Float
@@ -109,7 +110,7 @@ def low_pass(cutoff: float, *, period: float, order: int = 2) -> DigitalFilter:
     """
     if not 0 < cutoff < math.pi / period:
         raise ParameterError(f"The cutoff is {cutoff:g} rad/s: give one above 0 and below {math.pi / period:g} rad/s.")
-    numerator, denominator = butter(order, cutoff * period / math.pi)
+    numerator, denominator = cast("tuple[Array, Array]", butter(order, cutoff * period / math.pi))
     return DigitalFilter(numerator, denominator)
 
 

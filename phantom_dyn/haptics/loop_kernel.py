@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from phantom_dyn.haptics.encoder import count_through
+from phantom_dyn.haptics.encoder_kernel import count_through
 from phantom_dyn.haptics.velocity_kernel import EDGES_KEPT, READINGS_KEPT, next_velocity
 from phantom_dyn.kernels.jit import jit
 

@@ -136,23 +136,24 @@ def damping_improvement() -> Improvement:
     stock, improved = LoopSettings(estimator=STOCK), LoopSettings(estimator=IMPROVED)
     mass = operational_masses()[1]
     rigid = RigidAxis(mass, 0.0)
-    linear = [critical_damping_gain(rigid, settings).gain for settings in (stock, improved)]
-    simulated = [simulated_damping_gain(rigid, settings, low=0.1, high=100.0) for settings in (stock, improved)]
+    linear = _linear_damping(rigid)
+    before, after = (simulated_damping_gain(rigid, s, low=0.1, high=100.0) for s in (stock, improved))
+    name = f"rigid, {mass * 1e3:.1f} g"
     figures = [
+        ModelFigure(f"{name}, linear", "N s/m", *linear, "The two lags alone, without hand or resonance."),
         ModelFigure(
-            f"rigid, {mass * 1e3:.1f} g, linear", "N s/m", *linear, "The two lags alone, without hand or resonance."
-        ),
-        ModelFigure(
-            f"rigid, {mass * 1e3:.1f} g, simulated",
+            f"{name}, simulated",
             "N s/m",
-            *simulated,
+            before,
+            after,
             "At low speed the period measurement waits for edges: a swing of some steps lasts before the linear limit.",
         ),
     ]
-    for name, axis in _FITS:
-        gains = [critical_damping_gain(axis, settings).gain for settings in (stock, improved)]
+    for fit, axis in _FITS:
         says = "The fit's units are not stated: its ratio counts, not its values."
-        figures.append(ModelFigure(f"published fit of {name}, linear", "in the fit's units", *gains, says))
+        figures.append(
+            ModelFigure(f"published fit of {fit}, linear", "in the fit's units", *_linear_damping(axis), says)
+        )
     needed = [published / gain * mass * 1e3 for published, gain in zip(PUBLISHED_DAMPING, linear, strict=True)]
     return Improvement(
         "virtual damping",
@@ -168,6 +169,12 @@ def damping_improvement() -> Improvement:
 def phantom_improvements() -> tuple[Improvement, Improvement, Improvement]:
     """Wall, damping and loop gain, in the order of the paper's abstract."""
     return wall_improvement(), damping_improvement(), loop_gain_improvement()
+
+
+def _linear_damping(axis: Axis) -> tuple[float, float]:
+    """Largest virtual damping with the stock estimator and with the improved one."""
+    stock, improved = LoopSettings(estimator=STOCK), LoopSettings(estimator=IMPROVED)
+    return critical_damping_gain(axis, stock).gain, critical_damping_gain(axis, improved).gain
 
 
 def _models() -> list[tuple[str, Axis]]:

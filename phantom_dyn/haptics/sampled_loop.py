@@ -14,7 +14,7 @@ from functools import cached_property, reduce
 import numpy as np
 from jaxtyping import Complex, Float
 from scipy.linalg import block_diag
-from scipy.optimize import brentq
+from scipy.optimize import root_scalar
 from scipy.signal import tf2ss
 
 from phantom_dyn.errors import ParameterError
@@ -209,9 +209,13 @@ def critical_gain(loop: SampledLoop, *, lowest: float = 1e-2) -> CriticalGain:
     modes = np.concatenate([_modes(plant) for plant in loop.plants])
     grid = frequency_grid(lowest, period, loop.plants[0].delay + stored * period, modes)
     gains = loop.gain_on_axis(grid)
+
+    def imaginary(w: float) -> float:
+        return float(np.imag(loop.gain_on_axis(np.array([w]))[0]))
+
     found = [(loop.gain_on_axis(np.array([math.pi / period]))[0].real, math.pi / period)]
-    for k in np.flatnonzero(np.signbit(gains.imag[1:]) != np.signbit(gains.imag[:-1])):
-        w = brentq(lambda w: loop.gain_on_axis(np.array([w]))[0].imag, grid[k], grid[k + 1], xtol=1e-12, rtol=1e-13)
+    for k in np.flatnonzero(np.diff(np.signbit(np.imag(gains)))):
+        w = float(root_scalar(imaginary, bracket=(grid[k], grid[k + 1]), xtol=1e-12, rtol=1e-13).root)
         gain = loop.gain_on_axis(np.array([w]))[0]
         # Through infinity, where the filter is deaf, the sign changes without a crossing.
         if np.isfinite(gain) and abs(gain) < 1e3 * (abs(gains[k]) + abs(gains[k + 1])):

@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import Literal
 
 import numpy as np
 from jaxtyping import Float
@@ -17,8 +16,6 @@ from scipy.linalg import solve_discrete_are
 from phantom_dyn.errors import ParameterError
 from phantom_dyn.haptics import velocity_kernel as kernel
 from phantom_dyn.haptics.encoder import EncoderRecord
-from phantom_dyn.haptics.velocity_kernel import next_velocity
-from phantom_dyn.kernels.jit import jit
 
 Array = np.ndarray
 
@@ -98,7 +95,7 @@ class PeriodMeasurement:
     bits: int = 16
     edges: int = 1
     samples: int = 16
-    overflow: Literal["bounded", "wraps"] = "bounded"
+    overflow: str = "bounded"
 
     def __post_init__(self) -> None:
         _check_window("samples", self.samples)
@@ -158,16 +155,6 @@ def kernel_form(estimator: Estimator, *, step: float, period: float) -> tuple[in
             return kernel.PERIOD_MEASUREMENT, p
 
 
-@jit
-def _run(kind, parameters, period, readings, edge_time, edge_direction, ring, memory, velocities):
-    edges = 0
-    for k in range(readings.size):
-        while edges < edge_time.size and edge_time[edges] <= k * period:
-            edges += 1
-        ring[k % ring.size] = readings[k]
-        velocities[k] = next_velocity(kind, parameters, k, period, ring, memory, edge_time, edge_direction, edges)
-
-
 def estimate_velocity(estimator: Estimator, record: EncoderRecord) -> Float[Array, " N"]:
     """Velocity [m/s or rad/s] at each sample, from what was known then, shape ``(N,)``."""
     kind, parameters = kernel_form(estimator, step=record.step, period=record.period)
@@ -176,5 +163,7 @@ def estimate_velocity(estimator: Estimator, record: EncoderRecord) -> Float[Arra
     # An index modulo the size needs one edge even where there is none.
     times = np.append(record.edge_time, np.inf)
     directions = np.append(record.edge_direction, 0.0)
-    _run(kind, parameters, record.period, record.reading, times, directions, ring, memory, velocities)
+    kernel.velocities_of_record(
+        kind, parameters, record.period, record.reading, times, directions, ring, memory, velocities
+    )
     return velocities

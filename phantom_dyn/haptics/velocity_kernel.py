@@ -118,3 +118,14 @@ def moving_average(value, samples, k, memory):
     for i in range(n):
         total += memory[(k - i) % size]
     return total / n
+
+
+@jit
+def velocities_of_record(kind, parameters, period, readings, edge_time, edge_direction, ring, memory, velocities):
+    """Fill `velocities` from readings and edges in time; `ring` and `memory` as in `next_velocity`, zero at first."""
+    edges = 0
+    for k in range(readings.size):
+        while edges < edge_time.size and edge_time[edges] <= k * period:
+            edges += 1
+        ring[k % ring.size] = readings[k]
+        velocities[k] = next_velocity(kind, parameters, k, period, ring, memory, edge_time, edge_direction, edges)

@@ -148,4 +148,4 @@ def test_a_clock_that_stands_is_refused():
 
 def test_an_unknown_overflow_is_refused():
     with pytest.raises(ParameterError, match="give 'bounded' or 'wraps'"):
-        PeriodMeasurement(overflow="forgets")  # pyright: ignore[reportArgumentType]
+        PeriodMeasurement(overflow="forgets")

@@ -12,8 +12,9 @@ from phantom_dyn.haptics.axis import RigidAxis
 from phantom_dyn.haptics.discretisation import discretise
 from phantom_dyn.haptics.encoder import Encoder, record_motion
 from phantom_dyn.haptics.loop_simulation import LoopSettings
-from phantom_dyn.haptics.published import PHANTOM_1_5_X, PHANTOM_1_5_Y, PHANTOM_1_5_Z
+from phantom_dyn.haptics.published import LHIFAM, PHANTOM_1_5_X, PHANTOM_1_5_Y, PHANTOM_1_5_Z
 from phantom_dyn.haptics.sampled_loop import SampledLoop
+from phantom_dyn.haptics.stability import critical_stiffness
 from phantom_dyn.haptics.transfer_function import TransferFunction
 from phantom_dyn.haptics.velocity_estimators import (
     IMPROVED,
@@ -59,6 +60,13 @@ def test_the_published_fits_bear_no_wall_in_x_and_y_and_every_one_in_z(axis, sta
     radius = np.array([loop.spectral_radius(gain) for gain in np.geomspace(1e-3, 100, 41)])
     assert (radius < 1).all() if stable else (radius > 1).all()
     assert critical_wall(axis, LoopSettings()).gain == (math.inf if stable else 0.0)
+
+
+@pytest.mark.parametrize("damping", [0.0, 5.0])
+def test_critical_wall_is_the_critical_stiffness_of_the_two_coefficient_loop(damping):
+    settings = LoopSettings(delay=0.4e-3)
+    other = critical_stiffness(LHIFAM, period=1e-3, delay=0.4e-3, virtual_damping=damping)
+    assert critical_wall(LHIFAM, settings, damping=damping).gain == pytest.approx(other.stiffness, rel=1e-6)
 
 
 @pytest.mark.parametrize("estimator", [AveragedDifference(7), STOCK, KalmanVelocity(3.0)])
