@@ -41,6 +41,8 @@ _STARTS = (0.01, 0.05, 0.2)
 _QUANTILE_95 = 1.959963984540054
 # Mean square of the residuals, in deviations, above which the model is not that of the data.
 _MISFIT = 4.0
+# Deviations by which both masses and the stiffness must differ from zero: else there is no second mass.
+_SURE = 3.0
 
 
 @dataclass(frozen=True)
@@ -173,8 +175,15 @@ def _fit(response: FrequencyResponse, model: Callable[[TwoMassAxis, Array], Arra
     slope = np.where(_IN_LOG, values, best.unit)
     information = best.jacobian.T @ best.jacobian / _SHARED
     covariance = slope[:, None] * np.linalg.pinv(information, rcond=1e-14, hermitian=True) * slope
+    covariance = max(misfit, 1.0) * covariance
+    unsure = np.sqrt(np.diag(covariance)[_IN_LOG]) > values[_IN_LOG] / _SURE
+    if np.any(unsure) or best.axis.free_frequency > w[-1]:
+        raise EstimationError(
+            f"The response tells no vibration from none: the best resonance is {best.axis.free_frequency:.3g} rad/s, "
+            f"the band ends at {w[-1]:.3g} rad/s. A rigid device, or a band that leaves its vibration out."
+        )
     zero = tuple(NAMES[k] for k in np.flatnonzero(~_IN_LOG & (best.x < 1e-6)))
-    return TwoMassFit(values, max(misfit, 1.0) * covariance, response, model(best.axis, w), misfit, zero)
+    return TwoMassFit(values, covariance, response, model(best.axis, w), misfit, zero)
 
 
 @dataclass(frozen=True)
