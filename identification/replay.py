@@ -18,6 +18,8 @@ Array = np.ndarray
 
 # How fast a position controller takes out an error, where robot.yaml states none [rad/s]; critically damped.
 _BANDWIDTH = 2.0 * np.pi * 4.0
+# Steps [s] of the midpoint rule: at 10 Hz it has the phase right to 0.2 %.
+_LONGEST_STEP = 2e-3
 
 
 def replayed(
@@ -54,7 +56,7 @@ def replayed(
 
     instant = replace(robot, torque_hold="instant", torque_source="command")
     try:
-        moved = simulate(instant, (), controller, motion.t, motion.q[0], motion.v[0]).encoders
+        moved = simulate(instant, (), controller, motion.t, motion.q[0], motion.v[0], max_step=_LONGEST_STEP).encoders
     except ParameterError as error:
         said = ", ".join(f"{limit:g}" for limit in limits)
         raise ParameterError(

@@ -18,6 +18,8 @@ from jaxtyping import install_import_hook
 # pytest's flag --jaxtyping-packages, which cannot pass an option to the checker: an int is a fine float (PEP 484).
 install_import_hook(
     [
+        "identification.degradation",
+        "identification.degrade",
         "identification.diagnosis.explaining",
         "identification.diagnosis.figures",
         "identification.diagnosis.gap_shares",
@@ -36,10 +38,12 @@ install_import_hook(
         "identification.estimators",
         "identification.excitation",
         "identification.experiments",
+        "identification.export.log_files",
         "identification.log",
         "identification.readers",
         "identification.recordings",
         "identification.regressor",
+        "identification.replay",
         "identification.signals",
         "phantom_dyn.closed_chain",
         "phantom_dyn.configuration",
@@ -54,6 +58,8 @@ install_import_hook(
         "phantom_dyn.dynamics",
         "phantom_dyn.effects",
         "phantom_dyn.haptics.axis",
+        "phantom_dyn.haptics.cheap_axis",
+        "phantom_dyn.haptics.cheap_hardware",
         "phantom_dyn.haptics.discretisation",
         "phantom_dyn.haptics.drives",
         "phantom_dyn.haptics.encoder",

@@ -52,9 +52,7 @@ def parser() -> argparse.ArgumentParser:
     out.add_argument("robot", metavar="ROBOT", help="URDF or MJCF file, example:NAME, or a built-in device")
     out.add_argument("log", metavar="LOG", help="CSV, Parquet, NPZ, ROS bag or MCAP")
     grouped = {"action": _Grouped, "dest": "effects", "default": None}
-    out.add_argument(
-        "--effect", metavar="NAME", **grouped, help="what the device gets, such as coulomb_friction"
-    )
+    out.add_argument("--effect", metavar="NAME", **grouped, help="what the device gets, such as coulomb_friction")
     out.add_argument("--joint", metavar="J", **grouped, help="where; J1+J2 for a coupling; none for the whole robot")
     out.add_argument(
         "--set", metavar="NAME=VALUE", nargs="+", **grouped, help="its parameters; lists are separated by commas"

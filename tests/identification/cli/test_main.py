@@ -149,12 +149,14 @@ def test_the_package_runs_as_a_module():
         (["diagnose", "--help"], 0),
         (["check", "--help"], 0),
         (["datasets", "--help"], 0),
+        (["degrade", "--help"], 0),
         (["datasets", "list"], 0),
         (["nonsense"], 2),
         (["diagnose"], 2),
         (["diagnose", "no_robot.urdf", "no_log.csv"], 2),
         (["check", "no_log.csv"], 2),
         (["datasets", "fetch", "nonsense"], 2),
+        (["degrade", "no_robot.urdf", "no_log.csv", "--effect", "cogging", "--out", "out.csv"], 2),
     ],
 )
 def test_help_and_early_refusals_import_nothing_heavy(words, code, tmp_path):
