@@ -14,8 +14,10 @@ from jaxtyping import Float
 
 from identification.diagnosis.bounded import bounded_solve, solve
 from identification.diagnosis.fitting import Fitted
-from identification.diagnosis.point import Linearised, Place, Setting, change_by_model, lay_out, linearised
+from identification.diagnosis.other_laws import OtherLaw, other_law
+from identification.diagnosis.point import Linearised, by_other_law, change_by_model, law_of, linearised
 from identification.diagnosis.problem import Problem
+from identification.diagnosis.setting import Place, Setting, lay_out
 from identification.diagnosis.terms import Term
 from identification.log import Log
 from phantom_dyn.robot import Robot
@@ -75,7 +77,34 @@ def joint_fit(
     cov = _covariance(a, b, precision, x)
     if setting.of_model:
         cov = cov + _by_model(setting, model, x, cov, a.sum(axis=0) + np.diag(precision))
+    for place in setting.places:
+        law = other_law(place.term.effect)
+        if law is not None:
+            shift = _by_law(setting, model, x, place, law, a.sum(axis=0) + np.diag(precision))
+            cov = cov + np.outer(shift, shift)
     return JointFit(setting.places, x, cov)
+
+
+def _by_law(
+    setting: Setting, model: Linearised, x: Float[Array, " p"], place: Place, law: OtherLaw, total: Float[Array, "p p"]
+) -> Float[Array, " p"]:
+    """How far all numbers move when one term follows another law: a few quasi-Newton steps with the slopes of its own.
+
+    It is within a factor of two of a shape that another law means the same by it.
+    """
+    at = [*range(place.coefficients.start, place.coefficients.stop), *range(place.shape.start, place.shape.stop)]
+    own = tuple(law_of(setting, place, x))
+    shift = np.zeros(len(x))
+    for _ in range(_STEPS):
+        tried = x + shift
+        tried[place.shape] = np.clip(tried[place.shape], 0.5 * x[place.shape], 2.0 * x[place.shape])
+        other = by_other_law(setting, place, tried, law)
+        # What it gives less than the tangent of the term's own law promises there.
+        less = tuple(
+            o + slopes[:, :, at] @ (tried - x)[at] - t for o, slopes, t in zip(own, model.slopes, other, strict=True)
+        )
+        shift = solve(total, _products(setting, model, less)[1].sum(axis=0))
+    return shift
 
 
 def _descended(

@@ -2,86 +2,25 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 from jaxtyping import Float
 
-from identification.diagnosis.fitting import Fitted
 from identification.diagnosis.gap import in_judged_band
-from identification.diagnosis.moved_model import moved_operation, moved_robot
+from identification.diagnosis.other_laws import OtherLaw
 from identification.diagnosis.point_mass import point_mass_map
 from identification.diagnosis.problem import Problem
-from identification.diagnosis.terms import Term
-from identification.log import Log
-from phantom_dyn.effects.actuator_lag import ActuatorLag
-from phantom_dyn.effects.backlash import Backlash
-from phantom_dyn.effects.base_tilt import BaseTilt
-from phantom_dyn.effects.cogging import Cogging
+from identification.diagnosis.setting import Place, Setting, of_model
 from phantom_dyn.effects.effect import Shape
 from phantom_dyn.effects.encoder_eccentricity import EncoderEccentricity
-from phantom_dyn.effects.encoder_offset import EncoderOffset
-from phantom_dyn.effects.input_delay import InputDelay
-from phantom_dyn.effects.load_dependent_friction import LoadDependentFriction
-from phantom_dyn.effects.operation import Operation
 from phantom_dyn.effects.payload import Payload
 from phantom_dyn.effects.torque_constant import TorqueConstant
-from phantom_dyn.effects.transmission_compliance import TransmissionCompliance
-from phantom_dyn.robot import Robot
 
 Array = np.ndarray
 
 # Step of a difference in a shape, in shares of it: what is made of samples (a bristle, a play) changes in jumps.
 _STEP = 0.03
-
-
-@dataclass(frozen=True)
-class Place:
-    """Where the numbers of one term stand among all.
-
-    Attributes:
-        term: The effect with the shape that the search has found.
-        coefficients: Of its columns; of a payload mass and first moments only.
-        shape: Numbers of its shape that are moved; empty where there are none, or they follow the coefficients.
-    """
-
-    term: Term
-    coefficients: slice
-    shape: slice
-
-
-@dataclass(frozen=True)
-class Setting:
-    """What a model is made of.
-
-    Attributes:
-        robot: The given model, or that with moves within its tolerances made.
-        problem: Columns and fits in the judged band.
-        logs: Recordings, ready for fitting.
-        operations: Their motions with the torque of the robot.
-        cutoff_hz: Edge of the judged band.
-        places: Of all terms.
-        size: How many numbers there are; the first are the moves within the tolerances.
-    """
-
-    robot: Robot
-    problem: Problem
-    logs: tuple[Log, ...]
-    operations: tuple[Operation, ...]
-    cutoff_hz: float
-    places: tuple[Place, ...]
-    size: int
-
-    @property
-    def of_model(self) -> bool:
-        """True if some column is made of the model's torque."""
-        return any(_of_model(place.term) for place in self.places)
-
-    def moved(self, moves: Float[Array, " n"]) -> Setting:
-        """The same with moves within the tolerances made, in what columns are made of."""
-        given = self.problem.columns.operations
-        robot = moved_robot(given[0].robot, moves)
-        return replace(self, robot=robot, operations=tuple(moved_operation(operation, robot) for operation in given))
 
 
 @dataclass(frozen=True)
@@ -97,40 +36,6 @@ class Linearised:
     slopes: tuple[Float[Array, "n nv p"], ...]
 
 
-def lay_out(
-    robot: Robot, problem: Problem, logs: tuple[Log, ...], cutoff_hz: float, terms: tuple[Term, ...], found: Fitted
-) -> tuple[Setting, Float[Array, " p"]]:
-    """Where each number stands, and their values in a fit."""
-    values, places = [found.theta[: problem.nuisances]], []
-    start = problem.nuisances
-    for term in terms:
-        own = found.theta[list(term.columns)]
-        own = own[:4] if isinstance(term.effect, Payload) else own
-        held = term.effect.shape_is_estimate or isinstance(term.effect, Cogging)
-        shape = np.array(() if held else term.shape, dtype=float)
-        middle, stop = start + len(own), start + len(own) + len(shape)
-        places.append(Place(term, slice(start, middle), slice(middle, stop)))
-        values += [own, shape]
-        start = stop
-    setting = Setting(robot, problem, logs, problem.columns.operations, cutoff_hz, tuple(places), start)
-    return setting, np.concatenate(values)
-
-
-def _of_model(term: Term) -> bool:
-    """True if the columns of an effect are made of the model's torque; the regressor's own are linear in the model."""
-    return isinstance(
-        term.effect,
-        ActuatorLag
-        | Backlash
-        | BaseTilt
-        | EncoderEccentricity
-        | EncoderOffset
-        | InputDelay
-        | LoadDependentFriction
-        | TransmissionCompliance,
-    )
-
-
 def linearised(setting: Setting, x: Float[Array, " p"]) -> Linearised:
     """The model about a point."""
     return Linearised(*zip(*(_one_log(setting, x, log) for log in range(len(setting.logs))), strict=True))
@@ -141,10 +46,24 @@ def change_by_model(setting: Setting, moved: Setting, x: Float[Array, " p"]) -> 
     out = [np.zeros_like(residual) for residual in setting.problem.white.residual]
     for log, change in enumerate(out):
         for place in setting.places:
-            if _of_model(place.term):
+            if of_model(place.term):
                 own, shape = x[place.coefficients], x[place.shape]
                 change += _law(moved, place, own, shape, log) - _law(setting, place, own, shape, log)
     return tuple(out)
+
+
+def law_of(setting: Setting, place: Place, x: Float[Array, " p"]) -> tuple[Float[Array, "n nv"], ...]:
+    """Torque of one term, for each log."""
+    return tuple(_law(setting, place, x[place.coefficients], x[place.shape], log) for log in range(len(setting.logs)))
+
+
+def by_other_law(setting: Setting, place: Place, x: Float[Array, " p"], law: OtherLaw) -> tuple[Array, ...]:
+    """Torque of a term by another law of the same parameters, for each log ``(n, nv)``."""
+    own, shape = x[place.coefficients], x[place.shape]
+    return tuple(
+        in_band(setting, log, law(setting.operations[log], place.term.joint, own, shape))
+        for log in range(len(setting.logs))
+    )
 
 
 def _one_log(setting: Setting, x: Float[Array, " p"], log: int) -> tuple[Float[Array, "n nv"], Float[Array, "n nv p"]]:
@@ -210,7 +129,7 @@ def _law(
         # The columns are to first order in the amplitude, the law is not.
         theta = term.effect.from_coefficients(setting.robot, term.joint, own, ())
         torque = -term.effect.torque(setting.robot, setting.operations[log], term.joint, theta)
-        return _in_band(setting, log, torque, accelerations=True)
+        return in_band(setting, log, torque)
     at = tuple(shape.tolist()) or term.shape
     if term.effect.shape_is_estimate:
         # A law that takes its own parameter as shape is exact where they agree.
@@ -234,26 +153,21 @@ def _columns(problem: Problem, wanted: tuple[int, ...], log: int) -> Float[Array
 def _at_shape(setting: Setting, place: Place, shape: Shape, log: int) -> Float[Array, "n nv k"]:
     """Columns of an effect at a shape, in the judged band."""
     term = place.term
-    if shape == term.shape and not _of_model(term):
+    if shape == term.shape and not (term.effect.uses_acceleration or of_model(term)):
         return _columns(setting.problem, term.columns, log)
     operation = setting.operations[log]
     signature = term.effect.signature(setting.robot, operation, term.joint, shape)
-    if signature.steps is None:
-        narrow = _in_band(setting, log, signature.columns, accelerations=term.effect.uses_acceleration)
-    else:
-        narrow = _in_band(
-            setting, log, signature.columns - signature.steps, accelerations=term.effect.uses_acceleration
-        )
-        narrow = narrow + _in_band(setting, log, signature.steps, accelerations=False)
+    narrow = in_band(setting, log, signature.columns)
     out = np.zeros((len(narrow), setting.robot.nv, narrow.shape[2]))
     out[:, list(signature.rows)] = narrow
     return out
 
 
-def _in_band(setting: Setting, log: int, x: Float[Array, "N ..."], *, accelerations: bool) -> Float[Array, "n ..."]:
-    """Series in the judged band as the columns of the problem are: of accelerations it is filtered once more."""
+def in_band(setting: Setting, log: int, x: Float[Array, "N ..."]) -> Float[Array, "n ..."]:
+    """Series in the judged band, filtered as the recorded torque is.
+
+    The columns of the problem that are made of accelerations are filtered there twice, which takes from them what the
+    torque keeps near the edge of the band: a stiffness that shows there would come out a tenth too low.
+    """
     record = setting.logs[log]
-    x = record.band(x)
-    if accelerations:
-        x = in_judged_band((x,), (record,), setting.cutoff_hz)[0]
-    return in_judged_band((x,), (record,), setting.cutoff_hz)[0]
+    return in_judged_band((record.band(x),), (record,), setting.cutoff_hz)[0]

@@ -8,8 +8,10 @@ from identification.diagnosis.joint_fit import joint_fit
 from identification.diagnosis.judge import narrow_search
 from identification.diagnosis.moved_model import moved_robot
 from identification.diagnosis.nuisances import moves_of
+from identification.diagnosis.other_laws import dahl
 from identification.diagnosis.parameters import finding_parameters
-from identification.diagnosis.point import lay_out, linearised
+from identification.diagnosis.point import linearised
+from identification.diagnosis.setting import lay_out
 from identification.diagnosis.terms import FoundEffect
 from phantom_dyn.dynamics import inverse_dynamics
 from phantom_dyn.effects.catalogue import effect_named
@@ -105,6 +107,19 @@ def test_a_tilted_base_turns_the_weights_of_the_true_robot(lab, planar2):
     assert abs(pitch.value - 0.3) < 3 * pitch.std
     given = fit(problem, (term,), held_out=False).theta[term.columns[-1]]
     assert abs(given - 0.3) > abs(pitch.value - 0.3)
+
+
+def test_a_bristle_that_yields_by_another_law_is_within_the_interval(lab, planar2):
+    # Known truth: a bristle of Dahl's, 0.5 N m over 0.02 rad; the law of the catalogue fits best with a fifth less.
+    motion = lab.motion(2, 4, seconds=20.0)
+    torque = np.zeros_like(motion.q)
+    torque[:, 1] = -0.5 * dahl(motion.q[:, 1], 0.02)
+    prepared, problem = judged(lab, planar2, motion, torque, ("presliding_friction", "elbow", (0.02,), [0.5]))
+    term = middle(prepared, ("presliding_friction", "elbow"))
+    values = finding_parameters(planar2, term, fitted_with(planar2, prepared, problem, term))
+    assert abs(values["torque"].value - 0.5) < 1.96 * values["torque"].std
+    assert abs(values["displacement"].value - 0.02) < 1.96 * values["displacement"].std
+    assert values["displacement"].value < 0.02
 
 
 def test_an_interval_of_95_per_cent_holds_the_truth_about_as_often(lab, planar2):
