@@ -149,11 +149,11 @@ def _fit(response: FrequencyResponse, model: Callable[[TwoMassAxis, Array], Arra
 
         def by_ratio(x: Array, axis_of: Callable[[Array], TwoMassAxis] = axis_of) -> Array:
             ratio = np.log(measured[good] / model(axis_of(x), w[good]))
-            return np.concatenate([ratio.real * weight, ratio.imag * weight])
+            return np.concatenate([np.real(ratio) * weight, np.imag(ratio) * weight])
 
         def by_difference(x: Array, axis_of: Callable[[Array], TwoMassAxis] = axis_of) -> Array:
             difference = (measured - model(axis_of(x), w)) / error
-            return np.concatenate([difference.real, difference.imag])
+            return np.concatenate([np.real(difference), np.imag(difference)])
 
         # Ratios get there from afar, differences end without bias: their errors do not depend on what is measured.
         x = np.where(_IN_LOG, np.log(start), 1.0)

@@ -69,8 +69,10 @@ class FrequencyResponse:
     def between(self, low: float, high: float) -> FrequencyResponse:
         """Only the frequencies from ``low`` to ``high`` [rad/s]."""
         kept = (self.frequency >= low) & (self.frequency <= high)
-        parts = (part[kept] for part in (self.frequency, self.response, self.coherence, self.deviation))
-        return FrequencyResponse(self.period, *parts, self.averages)
+        w, response, coherence, deviation = (
+            part[kept] for part in (self.frequency, self.response, self.coherence, self.deviation)
+        )
+        return FrequencyResponse(self.period, w, response, coherence, deviation, self.averages)
 
 
 def estimate_frequency_response(

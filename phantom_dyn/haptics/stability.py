@@ -170,8 +170,8 @@ def roots_of_modes(axis: Axis) -> tuple[Float[Array, "m 2"], float]:
     size = np.abs(roots)
     largest = float(size.max()) if len(size) else 0.0
     corners = size[size > _ZERO * largest]
-    bent = roots[roots.imag > _ZERO * largest]
-    modes = np.column_stack([bent.imag, np.maximum(np.abs(bent.real), _ZERO * largest)])
+    bent = roots[np.imag(roots) > _ZERO * largest]
+    modes = np.column_stack([np.imag(bent), np.maximum(np.abs(np.real(bent)), _ZERO * largest)])
     return modes, float(corners.min()) if len(corners) else math.inf
 
 
