@@ -50,7 +50,7 @@ _LEAST_BLOCKS = 4
 # Alignment, derivatives and the tolerance taken as linear are right to about 1.5 % of the torque they explain.
 _ACCURACY = 0.0007
 # A claim gains at least this on held-out data, whatever chance gives.
-_LEAST_GAIN = 10.0
+_LEAST_GAIN = 20.0
 
 
 def diagnose(

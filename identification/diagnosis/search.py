@@ -22,8 +22,9 @@ Array = np.ndarray
 PARAMETER_PRICE = 5.0
 # Standard errors over blocks by which a gain has to be positive, unless it is very large.
 _SIGNIFICANT = 2.0
-# Or without its best blocks, so many, still as large as it has to be.
-_BEST_BLOCKS = 2
+# Or without its best blocks, so many, still as large as it has to be; a structure without a name may act more rarely,
+# as a contact does, since to say that something is unknown is not to blame anything.
+_BEST_BLOCKS, _BEST_BLOCKS_NAMELESS = 2, 1
 # A gain has to be this many times what encoder noise alone gives, beyond what chance gives.
 _SPURIOUS = 2.0
 # Rivals that are fitted to know their gains in sample: the best ranked, with at least this share of the best gain.
@@ -201,7 +202,8 @@ def claimed(search: Search, chosen: frozenset[Term], without: frozenset[Term]) -
     extra = search.price_of(chosen) - search.price_of(without)
     needed = least_gain(search, chosen - without) + max(extra - PARAMETER_PRICE, 0.0)
     error = float(np.sqrt(len(gains)) * gains.std()) + 1e-12
-    lasting = held_out > _SIGNIFICANT * error or held_out - float(np.sort(gains)[-_BEST_BLOCKS:].sum()) > needed
+    few = _BEST_BLOCKS if any(term.named for term in chosen - without) else _BEST_BLOCKS_NAMELESS
+    lasting = held_out > _SIGNIFICANT * error or held_out - float(np.sort(gains)[-few:].sum()) > needed
     return gain > needed and (lasting or gain > 10 * needed)
 
 

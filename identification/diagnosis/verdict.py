@@ -24,6 +24,8 @@ Array = np.ndarray
 # A rest is structured if a flexible model takes at least this share off its loss, three standard errors over blocks.
 _STRUCTURE = 0.08
 _STRUCTURE_ERRORS = 3.0
+# Or this share on blocks that it has not seen, in however few of them.
+_PLAIN_STRUCTURE = 0.5
 
 
 def verdict(findings: tuple[Finding, ...], unexplained: Unexplained, columns: Columns) -> str:
@@ -55,7 +57,8 @@ def unexplained(
     gains = (after.squares - smooth.squares) / floor**2
     total = gains.sum(axis=1)
     error = float(np.sqrt(len(total)) * total.std()) + 1e-12
-    structured = bool(nameless) or bool(left - best > _STRUCTURE * left and total.sum() > _STRUCTURE_ERRORS * error)
+    lasting = left - best > _STRUCTURE * left and total.sum() > _STRUCTURE_ERRORS * error
+    structured = bool(nameless) or bool(lasting or left - best > _PLAIN_STRUCTURE * left)
     # What moves within the tolerances explain is no gap.
     explainable = allowed - min(best, left)
     fraction = float(np.clip((left - best) / explainable, 0.0, 1.0)) if explainable > 0 else 0.0
