@@ -32,6 +32,27 @@ def test_bounds_have_the_parameter_and_unit_of_the_contract(quiet, planar2):
     assert all(bound.below > 0 for bound in bounds.values())
 
 
+@pytest.mark.parametrize(
+    ("effect", "parameter", "unit"),
+    [("backlash", "gap", "rad"), ("transmission_compliance", "compliance", "rad/(N m)")],
+)
+def test_play_and_elasticity_are_bounded_by_what_is_none_at_zero(quiet, planar2, effect, parameter, unit):
+    # Bounds say below which size an effect would go unseen: a stiffness would be seen below one, not above.
+    bounds = [b for b in seen(quiet, planar2)[0] if b.effect == effect]
+    assert {(b.parameter, b.unit) for b in bounds} == {(parameter, unit)}
+    assert all(0 < b.below < 1 for b in bounds)
+
+
+def test_a_drive_that_never_clips_cannot_show_its_limit(quiet, planar2):
+    # Known truth: the recording has no clipping at all.
+    bounds, left = seen(quiet, planar2)
+    assert {n.joint: n.why for n in left if n.effect == "torque_saturation"} == {
+        joint: f"what is logged of {joint} does not stay beyond any limit that its motion would allow"
+        for joint in ("shoulder", "elbow")
+    }
+    assert not [b for b in bounds if b.effect == "torque_saturation"]
+
+
 def test_what_is_found_has_no_bound_nor_have_its_special_cases(quiet, planar2):
     chosen = frozenset([quiet.term("direction_dependent_friction", "elbow")])
     bounds, left = seen(quiet, planar2, chosen)
