@@ -9,6 +9,7 @@ import numpy as np
 from jaxtyping import Bool, Float, Int
 
 from identification.diagnosis.columns import Columns
+from identification.diagnosis.row_products import RowProducts
 from identification.log import Log
 
 Array = np.ndarray
@@ -80,7 +81,7 @@ class Grams:
 
     Attributes:
         rows: The rows that were summed.
-        a: Columns times columns over whole blocks, ``(B, K, K)``.
+        a: Columns times columns over whole blocks, as if ``(B, K, K)``.
         b: Columns times residual, ``(B, K)``.
         c: Residual times residual, ``(B,)``.
         core_a, core_b, core_c: The same over the cores of blocks, on which fits of other blocks are judged.
@@ -89,10 +90,10 @@ class Grams:
     """
 
     rows: tuple[RowGrams, ...]
-    a: Float[Array, "B K K"]
+    a: RowProducts
     b: Float[Array, "B K"]
     c: Float[Array, " B"]
-    core_a: Float[Array, "B K K"]
+    core_a: RowProducts
     core_b: Float[Array, "B K"]
     core_c: Float[Array, " B"]
     fold: Int[Array, " B"]
@@ -168,12 +169,11 @@ def build_grams(columns: Columns, blocks: tuple[Block, ...], folds: Int[Array, "
     """Products of all rows, summed."""
     rows = tuple(row_grams(columns, blocks, weights, row) for row in range(len(columns.rows)))
     count, total = len(blocks), len(columns.names)
-    a, core_a = np.zeros((count, total, total)), np.zeros((count, total, total))
+    index, always = tuple(row.index for row in rows), len(columns.nuisances)
+    a = RowProducts(index, tuple(row.a for row in rows), total, always)
+    core_a = RowProducts(index, tuple(row.core_a for row in rows), total, always)
     b, core_b = np.zeros((count, total)), np.zeros((count, total))
     for row in rows:
-        grid = (slice(None), row.index[:, None], row.index[None, :])
-        a[grid] += row.a
-        core_a[grid] += row.core_a
         b[:, row.index] += row.b
         core_b[:, row.index] += row.core_b
     c, core_c, samples = (sum(getattr(row, name) for row in rows) for name in ("c", "core_c", "count"))

@@ -7,13 +7,13 @@ times unknown numbers. Columns of one recording are computed once; every later f
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 from jaxtyping import Bool, Float
 
-from identification.diagnosis.bounded import solve
-from identification.diagnosis.nuisances import Move, Nuisance, move_columns, moves_of
+from identification.diagnosis.first_rest import left_by_moves, with_rest
+from identification.diagnosis.nuisances import Nuisance, move_columns, moves_of
 from identification.diagnosis.rest import standing_still, usable_samples
 from identification.diagnosis.terms import SERIES, FoundEffect, KnownEffect, Term, merged, shapes_of
 from identification.log import Log
@@ -155,43 +155,6 @@ def build_columns(
     return Columns(
         tuple(names), nuisances, terms, tuple(rows), values, residual, torque, usable, tuple(operations), local
     )
-
-
-def left_by_moves(
-    robot: Robot,
-    moves: tuple[Move, ...],
-    columns: list[list[list[Float[Array, " n"]]]],
-    residual: tuple[Float[Array, "n nv"], ...],
-    usable: tuple[Bool[Array, "n nv"], ...],
-) -> tuple[Float[Array, "n nv"], ...]:
-    """What moves within the tolerances leave of the residual, by weighted least squares with the tolerances as prior.
-
-    Rows are weighed by a tenth of their residual, which is about its noise where the model is off.
-    """
-    rows = range(residual[0].shape[1])
-    touching = [[k for k, move in enumerate(moves) if move.touches(robot, j)] for j in rows]
-    a = np.diag([1.0 / move.nuisance.sigma**2 for move in moves])
-    b = np.zeros(len(moves))
-    for j in rows:
-        x = np.concatenate(
-            [np.column_stack(log[j][: len(touching[j])])[u[:, j]] for log, u in zip(columns, usable, strict=True)]
-        )
-        y = np.concatenate([r[:, j][u[:, j]] for r, u in zip(residual, usable, strict=True)])
-        weight = 100.0 / max(float(y @ y) / max(len(y), 1), 1e-30)
-        a[np.ix_(touching[j], touching[j])] += weight * x.T @ x
-        b[touching[j]] += weight * x.T @ y
-    move = solve(a, b)
-    return tuple(
-        np.column_stack([r[:, j] - np.column_stack(log[j][: len(touching[j])]) @ move[touching[j]] for j in rows])
-        for log, r in zip(columns, residual, strict=True)
-    )
-
-
-def with_rest(log: Log, operation: Operation, rest: Float[Array, "n nv"]) -> Operation:
-    """An operation that knows what a fit left, brought to the full rate."""
-    t = operation.t
-    full = np.column_stack([np.interp(t, t[log.samples], column) for column in rest.T])
-    return replace(operation, fit_rest=full)
 
 
 def _narrow(log: Log, cutoff_hz: float) -> Callable[[Array], Array]:

@@ -51,9 +51,9 @@ def products_of(problem: Problem, active: Int[Array, " k"], scalings: tuple[Scal
     blocks = None
     if held_out:
         blocks = (
-            grams.a[:, *grid],
+            grams.a.among(active),
             grams.b[:, active],
-            grams.core_a[:, *grid],
+            grams.core_a.among(active),
             grams.core_b[:, active],
             grams.core_c.copy(),
         )

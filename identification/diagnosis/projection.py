@@ -105,8 +105,8 @@ class FoldProjection:
 def fold_projection(problem: Problem, blocks: Int[Array, " m"]) -> FoldProjection:
     """The projection of the fold that holds ``blocks`` out."""
     grams, n = problem.grams, problem.nuisances
-    a = problem.total_a - grams.a[blocks].sum(axis=0)
-    core = grams.core_a[blocks].sum(axis=0)
+    a = problem.total_a - grams.a.over(blocks)
+    core = grams.core_a.over(blocks)
     inner = a[:n, :n] + np.diag(problem.precision[:n])
     made = solve(inner, a[:n])
     left = a - a[:n].T @ made

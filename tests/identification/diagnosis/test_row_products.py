@@ -1,0 +1,65 @@
+"""Products kept row by row: against the same written out block by block."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from identification.diagnosis import row_products
+from identification.diagnosis.row_products import RowProducts
+
+COLUMNS, BLOCKS, ALWAYS = 20, 5, 4
+
+
+@pytest.fixture
+def kept(rng) -> RowProducts:
+    """Three rows; the first four columns touch all, the fifth touches none."""
+    index = tuple(np.array([*range(ALWAYS), *np.sort(5 + rng.choice(15, 8, replace=False))]) for _ in range(3))
+    values = []
+    for columns in index:
+        x = rng.normal(size=(BLOCKS, 40, len(columns)))
+        values.append(x.transpose(0, 2, 1) @ x)
+    return RowProducts(index, tuple(0.5 * (v + v.transpose(0, 2, 1)) for v in values), COLUMNS, ALWAYS)
+
+
+@pytest.fixture
+def written(kept) -> np.ndarray:
+    out = np.zeros((BLOCKS, COLUMNS, COLUMNS))
+    for index, values in zip(kept.index, kept.values, strict=True):
+        for block in range(BLOCKS):
+            out[block][np.ix_(index, index)] += values[block]
+    return out
+
+
+@pytest.mark.parametrize(
+    "columns", [[0, 1, 2, 3], [0, 1, 2, 3, 6, 11, 19], [0, 1, 2, 3, 4, 5], [2, 5, 17], [4], []], ids=str
+)
+def test_products_among_some_columns(kept, written, columns):
+    columns = np.array(columns, dtype=int)
+    np.testing.assert_allclose(kept.among(columns), written[:, columns[:, None], columns], rtol=1e-13)
+
+
+def test_products_written_out(kept, written):
+    assert kept.shape == written.shape
+    np.testing.assert_allclose(np.asarray(kept), written, rtol=1e-13)
+    np.testing.assert_allclose(kept[3], written[3], rtol=1e-13)
+    late = np.array([False, False, True, False, True])
+    np.testing.assert_allclose(kept[late], written[late], rtol=1e-13)
+
+
+def test_products_of_some_columns_with_all(kept, written):
+    np.testing.assert_allclose(kept[:, [1, 4, 13]], written[:, [1, 4, 13]], rtol=1e-13)
+
+
+def test_products_over_all_blocks_over_some_and_over_none(kept, written):
+    np.testing.assert_allclose(kept.sum(axis=0), written.sum(axis=0), rtol=1e-12)
+    np.testing.assert_allclose(kept.over(np.array([1, 4])), written[[1, 4]].sum(axis=0), rtol=1e-12)
+    assert not kept.over(np.zeros(0, dtype=int)).any()
+
+
+def test_the_compiled_sum_is_that_of_the_same_function_in_python(kept, monkeypatch):
+    columns = np.array([0, 1, 2, 3, 7, 9, 14])
+    compiled = kept.among(columns)
+    monkeypatch.setattr(row_products, "_add", getattr(row_products._add, "py_func", row_products._add))
+    plain = RowProducts(kept.index, kept.values, COLUMNS, ALWAYS).among(columns)
+    np.testing.assert_array_equal(compiled, plain)
