@@ -1,0 +1,29 @@
+"""Figures of haptics: each function takes results and returns a matplotlib figure; nothing is shown or written."""
+
+from phantom_dyn.haptics.figures.bode import loop_bode_figure, phase_margins
+from phantom_dyn.haptics.figures.cheap_hardware import backlash_figure, cheap_axis_figure, sticking_figure
+from phantom_dyn.haptics.figures.experiments import limit_cycles_figure, two_mass_fit_figure
+from phantom_dyn.haptics.figures.improvements import improvements_figure, loop_traces_figure
+from phantom_dyn.haptics.figures.maps import critical_stiffness_figure, linear_condition_figure
+from phantom_dyn.haptics.figures.sensing import drive_heat_figure, velocity_estimators_figure
+from phantom_dyn.haptics.figures.transparency import transparency_figure, worst_delay_figure
+from phantom_dyn.haptics.figures.walking import walk_figure
+
+__all__ = (
+    "backlash_figure",
+    "cheap_axis_figure",
+    "critical_stiffness_figure",
+    "drive_heat_figure",
+    "improvements_figure",
+    "limit_cycles_figure",
+    "linear_condition_figure",
+    "loop_bode_figure",
+    "loop_traces_figure",
+    "phase_margins",
+    "sticking_figure",
+    "transparency_figure",
+    "two_mass_fit_figure",
+    "velocity_estimators_figure",
+    "walk_figure",
+    "worst_delay_figure",
+)
