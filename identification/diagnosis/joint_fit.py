@@ -20,6 +20,8 @@ from identification.diagnosis.problem import Problem
 from identification.diagnosis.setting import Place, Setting, lay_out
 from identification.diagnosis.terms import Term
 from identification.log import Log
+from phantom_dyn.effects.backlash import Backlash
+from phantom_dyn.effects.torque_saturation import TorqueSaturation
 from phantom_dyn.robot import Robot
 
 Array = np.ndarray
@@ -78,11 +80,24 @@ def joint_fit(
     if setting.of_model:
         cov = cov + _by_model(setting, model, x, cov, a.sum(axis=0) + np.diag(precision))
     for place in setting.places:
+        shift = _by_share(place, x)
+        cov = cov + np.outer(shift, shift)
         law = other_law(place.term.effect)
         if law is not None:
             shift = _by_law(setting, model, x, place, law, a.sum(axis=0) + np.diag(precision))
             cov = cov + np.outer(shift, shift)
     return JointFit(setting.places, x, cov)
+
+
+def _by_share(place: Place, x: Float[Array, " p"]) -> Float[Array, " p"]:
+    """What a share that should be one and is not says of its shape, to first order: it may be off by as much.
+
+    A gap or a limit is the whole of its effect. Where only a part of it fits, the shape is not what it seems.
+    """
+    shift = np.zeros(len(x))
+    if isinstance(place.term.effect, Backlash | TorqueSaturation):
+        shift[place.shape] = (1.0 - x[place.coefficients]) * x[place.shape]
+    return shift
 
 
 def _by_law(

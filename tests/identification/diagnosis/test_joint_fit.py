@@ -122,6 +122,19 @@ def test_a_bristle_that_yields_by_another_law_is_within_the_interval(lab, planar
     assert values["displacement"].value < 0.02
 
 
+def test_a_gap_of_which_only_a_share_fits_is_known_no_better_than_the_share(lab, planar2):
+    # Known truth: four fifths of what a gap leaves, which no gap does.
+    motion = lab.motion(2, 4, seconds=12.0, swing=1.5)
+    torque = 0.8 * lab.acting(planar2, motion, "backlash", "elbow", 0.02)
+    prepared, problem = judged(lab, planar2, motion, torque, ("backlash", "elbow", (0.02,), [0.8]))
+    term = middle(prepared, ("backlash", "elbow"))
+    fitted = fitted_with(planar2, prepared, problem, term)
+    share = fitted.x[fitted.place(term).coefficients][0]
+    gap = finding_parameters(planar2, term, fitted)["gap"]
+    assert share < 0.95
+    assert gap.std > (1.0 - share) * gap.value
+
+
 def test_an_interval_of_95_per_cent_holds_the_truth_about_as_often(lab, planar2):
     # Known truth over seeds of the noise: 3 numbers each, of 36 at least 30 (less, 1 in 500 by chance).
     motion = lab.motion(2, 4, seconds=12.0, swing=1.5)
