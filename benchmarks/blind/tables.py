@@ -47,8 +47,9 @@ def aims(cases: Cases) -> str:
 
 
 def beside(cases: Cases, baselines: Mapping[str, Cases]) -> str:
-    """The same figures of the baselines for gaps of at least two noise floors."""
-    methods = {OWN: cases, **baselines}
+    """The same figures of the baselines for gaps of at least two noise floors, over the cases that they were given."""
+    given = {x.id for group in baselines.values() for x in group}
+    methods = {OWN: [x for x in cases if x.id in given], **baselines}
     rows: list[tuple[object, ...]] = [
         (figure.name, *(figure.of(beyond(group, FLOORS[0])) for group in methods.values()))
         for figure in BASELINE_FIGURES

@@ -9,7 +9,7 @@ from scored_by_hand import answer, entry, finding, some_cases
 
 from benchmarks.blind.judged import judged
 from benchmarks.blind.score import report
-from benchmarks.blind.tables import aims, cell, misses, table, wrapped
+from benchmarks.blind.tables import aims, beside, cell, misses, table, wrapped
 
 
 def single(*said, gap=6.0, beyond=6.0, verdict=None):
@@ -77,6 +77,12 @@ def test_no_line_of_the_sentence_on_misses_is_longer_than_a_line_of_code():
 def test_wrapping_splits_neither_words_nor_hyphenated_ones():
     words = ["independent-sample"] * 20
     assert wrapped(" ".join(words)).split() == words
+
+
+def test_baselines_stand_beside_what_was_said_of_the_same_cases():
+    mine = [replace(single("coulomb_friction"), id=name) for name in ("a", "b", "c")]
+    counts = next(line for line in beside(mine, {"always_coulomb": mine[:1]}).splitlines() if line.startswith("| cases"))
+    assert [cell.strip() for cell in counts.split("|")[2:4]] == ["1", "1"]
 
 
 @pytest.mark.parametrize(("value", "text"), [(None, "-"), (0.12345, "0.12"), (3, "3"), ("j1", "j1")])
