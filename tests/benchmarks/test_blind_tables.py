@@ -81,7 +81,8 @@ def test_wrapping_splits_neither_words_nor_hyphenated_ones():
 
 def test_baselines_stand_beside_what_was_said_of_the_same_cases():
     mine = [replace(single("coulomb_friction"), id=name) for name in ("a", "b", "c")]
-    counts = next(line for line in beside(mine, {"always_coulomb": mine[:1]}).splitlines() if line.startswith("| cases"))
+    lines = beside(mine, {"always_coulomb": mine[:1]}).splitlines()
+    counts = next(line for line in lines if line.startswith("| cases"))
     assert [cell.strip() for cell in counts.split("|")[2:4]] == ["1", "1"]
 
 
