@@ -87,7 +87,7 @@ def limit_cycles() -> Figure:
 
 def empirical_transfer_function() -> Figure:
     experiment = simulate_white_noise(
-        LHIFAM, period=T, force=5.0, position_noise=1e-6, duration=100.0, rng=np.random.default_rng(1)
+        LHIFAM, period=T, force=5.0, position_noise=2e-5, duration=100.0, rng=np.random.default_rng(1)
     )
     response = experiment.frequency_response(segment=4.0).between(0.0, 2 * np.pi * 300)
     return figures.two_mass_fit_figure(fit_two_mass(response), name="LHIfAM")
@@ -158,7 +158,7 @@ def virtual_wall() -> Figure:
     limit = critical_wall(HELD_TIP, settings).gain
     traces = {
         f"{share * limit:.0f} N/m": simulate_wall(HELD_TIP, settings, share * limit, duration=0.4)
-        for share in (0.5, 0.95, 1.05)
+        for share in (0.5, 0.9, 1.6)
     }
     return figures.loop_traces_figure(traces, title=f"PHANToM tip on a virtual wall: stable up to {limit:.0f} N/m")
 
@@ -186,7 +186,7 @@ def sticking_friction() -> Figure:
 def backlash() -> Figure:
     axis = CheapAxis(mass=VirtualMass(0.2, 600.0), gap=1e-3)
     t = np.arange(3000) / 1000.0
-    x = 0.01 * np.sin(2 * np.pi * 0.7 * t)
+    x = -0.01 * np.cos(2 * np.pi * 0.7 * t)
     return figures.backlash_figure(t, x, rendered(axis, t, x, 0 * x), axis)
 
 
@@ -194,7 +194,7 @@ def cheap_axis() -> Figure:
     # Friction in slip, cogging's period and the level of clipping are not published: 0.3 N, 10 mm, 1.5 N.
     axis = cheap_translation(slip=0.3, order=2 * np.pi / 0.01, limit=1.5)
     t = np.cumsum(np.random.default_rng(1).uniform(1 / 2000, 1 / 500, 3000))
-    x = 0.01 * np.sin(2 * np.pi * 0.7 * t)
+    x = -0.01 * np.cos(2 * np.pi * 0.7 * t)
     asked = np.where(x > 0.004, -400.0 * (x - 0.004), 0.0)
     return figures.cheap_axis_figure(t, x, asked, rendered(axis, t, x, asked), axis)
 

@@ -48,7 +48,7 @@ def loop_bode_figure(bode: LoopBode, *, name: str, stiffness: float = 1.0, rotar
         rotary: Whether the axis turns, for the units.
     """
     unit = stiffness_unit(rotary)
-    title = f"{name}: {_verdict(bode.margin, unit)}\nloop with a wall of {stiffness:g} {unit}"
+    title = f"{name}, with a virtual wall of {stiffness:g} {unit}\n{_verdict(bode.margin, unit)}"
     out, ((gain,), (phase,)) = panels(2, title=title, together=True, height=3.0)
     raised = 20 * math.log10(stiffness)
     gain.plot(bode.frequency, bode.decibels + raised, color=COLORS[0], gid="gain")

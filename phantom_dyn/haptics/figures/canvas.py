@@ -4,13 +4,14 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from typing import cast
+from typing import Literal, cast
 
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 Array = np.ndarray
+Place = Literal["best", "upper left", "upper right", "lower left", "lower right", "center left"]
 
 # Of Okabe and Ito; the markers and dashes that go with them tell them apart without any colour.
 COLORS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9")
@@ -56,7 +57,9 @@ def frequency_axis(top: Axes, bottom: Axes) -> None:
     for ax in (top, bottom):
         ax.set_xscale("log")
     bottom.set_xlabel("frequency [rad/s]")
-    hertz = top.secondary_xaxis("top", functions=(lambda w: w / (2 * np.pi), lambda f: f * 2 * np.pi))
+    hertz = top.secondary_xaxis(
+        "top", functions=(lambda w: np.divide(w, 2 * np.pi), lambda f: np.multiply(f, 2 * np.pi))
+    )
     hertz.set_xlabel("frequency [Hz]", fontsize=8)
     hertz.tick_params(labelsize=8)
 
@@ -66,9 +69,14 @@ def shade(ax: Axes, x: Array, where: Array, label: str) -> None:
     ax.fill_between(x, 0, 1, where=where.tolist(), transform=ax.get_xaxis_transform(), color=PALE, lw=0, label=label)
 
 
-def key(ax: Axes, place: str = "best", columns: int = 1) -> None:
+def key(ax: Axes, place: Place = "best", columns: int = 1) -> None:
     """A small legend."""
     ax.legend(loc=place, fontsize=8, ncols=columns, framealpha=0.85)
+
+
+def beside(ax: Axes) -> None:
+    """A small legend right of the panel, where it hides nothing."""
+    ax.legend(loc="upper left", bbox_to_anchor=(1.0, 1.0), fontsize=8, frameon=False)
 
 
 def stiffness_unit(rotary: bool) -> str:

@@ -8,7 +8,7 @@ from matplotlib.figure import Figure
 
 from phantom_dyn.haptics.cheap_axis import CheapAxis
 from phantom_dyn.haptics.cheap_hardware import Rendered
-from phantom_dyn.haptics.figures.canvas import COLORS, GREY, key, panels, shade
+from phantom_dyn.haptics.figures.canvas import COLORS, GREY, beside, panels, shade
 
 Array = np.ndarray
 
@@ -23,7 +23,7 @@ def sticking_figure(t: Float[Array, " N"], x: Float[Array, " N"], out: Rendered,
         axis: What is cheap; its friction gives the levels that are drawn.
     """
     title = "Friction that sticks: it drops, grows while the hand creeps, turns with it, and slips again"
-    figure, ((place,), (force,), (speed,)) = panels(3, title=title, together=True, height=2.2)
+    figure, ((place,), (force,), (speed,)) = panels(3, title=title, together=True, height=2.2, width=10)
     place.plot(t, 1e3 * x, color=COLORS[0], gid="position")
     force.plot(t, out.force, color=COLORS[1], gid="force")
     speed.plot(t, 1e3 * out.velocity, color=COLORS[0], gid="velocity")
@@ -41,8 +41,8 @@ def sticking_figure(t: Float[Array, " N"], x: Float[Array, " N"], out: Rendered,
     force.set_ylabel("friction on\nthe hand [N]")
     speed.set_ylabel("velocity, filtered\n[mm/s]")
     speed.set_xlabel("time [s]")
-    key(force, "lower right")
-    key(speed, "lower left")
+    for ax in (force, speed):
+        beside(ax)
     return figure
 
 
@@ -57,7 +57,7 @@ def backlash_figure(t: Float[Array, " N"], x: Float[Array, " N"], out: Rendered,
     """
     mass = "" if axis.mass is None else f", mass {axis.mass.inertia:g} kg on {axis.mass.stiffness:g} N/m"
     title = f"Play of {1e3 * axis.gap:g} mm: the mass drifts from wall to wall{mass}"
-    figure, ((place,), (apart,), (force,)) = panels(3, title=title, together=True, height=2.2)
+    figure, ((place,), (apart,), (force,)) = panels(3, title=title, together=True, height=2.2, width=10)
     place.plot(t, 1e3 * x, color=COLORS[0], label="probe", gid="probe")
     place.plot(t, 1e3 * out.mass_position, color=COLORS[1], ls="--", label="virtual mass", gid="mass")
     apart.plot(t, 1e3 * (x - out.mass_position), color=COLORS[2], gid="apart")
@@ -72,7 +72,7 @@ def backlash_figure(t: Float[Array, " N"], x: Float[Array, " N"], out: Rendered,
     force.set_ylabel("force [N]")
     force.set_xlabel("time [s]")
     for ax in (place, apart, force):
-        key(ax, "upper right")
+        beside(ax)
     return figure
 
 
@@ -96,15 +96,17 @@ def cheap_axis_figure(
         f"motor of {axis.limit:g} N": np.isfinite(axis.limit),
     }
     title = f"A cheap axis ({', '.join(name for name, there in parts.items() if there)}): asked for and felt"
-    figure, ((place,), (force,), (step,)) = panels(3, title=title, together=True, ratios=(2, 3, 1.5), height=2.3)
+    figure, ((place,), (force,), (step,)) = panels(
+        3, title=title, together=True, ratios=(2, 3, 1.5), height=2.3, width=10
+    )
     place.plot(t, 1e3 * x, color=COLORS[0], label="probe", gid="probe")
     place.plot(t, 1e3 * out.mass_position, color=COLORS[1], ls="--", label="virtual mass", gid="mass")
     force.plot(t, asked, color="black", lw=1, label="asked for", gid="asked")
     force.plot(t, out.force, color=COLORS[1], lw=0.9, label="felt", gid="felt")
-    step.plot(t[1:], 1 / np.diff(t), ",", color=COLORS[0], gid="rate")
+    step.plot(t[1:], 1 / np.diff(t), ".", ms=1.5, color=COLORS[0], gid="rate")
     for ax in (place, force):
         shade(ax, t, out.contact, "contact")
-        key(ax, "upper right")
+        beside(ax)
     place.set_ylabel("position [mm]")
     force.set_ylabel("force [N]")
     step.set_ylabel("sampling [Hz]")

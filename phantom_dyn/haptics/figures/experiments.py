@@ -62,8 +62,8 @@ def two_mass_fit_figure(fit: TwoMassFit, *, name: str) -> Figure:
     """
     (high, high_error), (low, low_error) = fit.resonance, fit.anti_resonance
     title = (
-        f"{name} from white noise: anti-resonance {hertz(low):.2f} ± {hertz(low_error):.2f} Hz, "
-        f"resonance {hertz(high):.2f} ± {hertz(high_error):.2f} Hz\n"
+        f"{name} from white noise: anti-resonance {hertz(low):.2f} ± {hertz(low_error):.1g} Hz, "
+        f"resonance {hertz(high):.2f} ± {hertz(high_error):.1g} Hz\n"
         f"motor {fit.axis.motor_mass:.3g}, body {fit.axis.body_mass:.3g}, cable {fit.axis.cable_stiffness:.4g} "
         "(SI units)"
     )

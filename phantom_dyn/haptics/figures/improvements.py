@@ -22,6 +22,8 @@ def improvements_figure(improvements: Sequence[Improvement]) -> Figure:
         improvements: Results of `phantom_improvements`.
     """
     title = "PHANToM 1.5, improved over stock: published ratios and those of models"
+    answers = [model.ratio for one in improvements for model in one.models]
+    most = float(np.nanmax([2.0, *(one.published_ratio for one in improvements), *answers]))
     rows = [1 + len(one.models) for one in improvements]
     out, axes = panels(len(rows), title=title, width=9.5, height=0.42 * max(rows) + 0.7, ratios=rows)
     for (ax,), one in zip(axes, improvements, strict=True):
@@ -35,12 +37,13 @@ def improvements_figure(improvements: Sequence[Improvement]) -> Figure:
                 continue
             ax.plot([1, ratio], [k, k], color=COLORS[1 if k == 0 else 0], lw=2)
             ax.plot([ratio], [k], MARKERS[k == 0], color=COLORS[1 if k == 0 else 0], gid=names[k])
-            values = "" if pair is None else f" ({pair[0]:.3g} to {pair[1]:.3g} {unit})"
+            values = "" if pair is None else f" ({pair[0]:.4g} to {pair[1]:.4g} {unit})"
             ax.text(ratio * 1.03, k, f"{100 * (ratio - 1):+.0f} %{values}", va="center", fontsize=8)
         ax.axvline(one.published_ratio, color=COLORS[1], ls=":", lw=1)
         ax.set_xscale("log")
-        ax.set_xlim(0.95, 16)
-        ax.set_xticks([1, 1.5, 2, 3, 5, 10], ["1", "1.5", "2", "3", "5", "10"])
+        ax.set_xlim(0.95, 6 * most)
+        ax.set_xticks([1, 1.5, 2, 3, 5, 10, 20], ["1", "1.5", "2", "3", "5", "10", "20"])
+        ax.grid(False, axis="y")
         ax.minorticks_off()
         ax.set_yticks(range(len(names)), names, fontsize=8)
         ax.set_ylim(len(names) - 0.4, -0.6)
@@ -67,8 +70,8 @@ def loop_traces_figure(traces: Mapping[str, LoopTrace], *, title: str) -> Figure
         position.set_title(f"{name}{ended}", fontsize=9)
         position.set_ylabel("position [mm]")
         force.set_ylabel("force [N]")
-        if trace.position.shape[1] > 1:
-            key(position)
+        if trace.position.shape[1] > 1 and position is rows[0][0]:
+            key(position, "upper right")
         for ax in (position, force):
             ax.set_xlabel("time [s]")
     return out

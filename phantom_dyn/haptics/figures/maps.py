@@ -37,7 +37,9 @@ def critical_stiffness_figure(found: StabilityMap, *, name: str, rotary: bool = 
         (left, stiffness, "viridis", f"critical stiffness [{stiffness_unit(rotary)}]"),
         (right, frequency / (2 * np.pi), "cividis", "frequency of the oscillation [Hz]"),
     ):
-        _coloured(out, ax, (_shown(found, across), _shown(found, up)), values, colors, label)
+        place = (_shown(found, across), _shown(found, up))
+        # Where another oscillation takes over the frequency jumps: lines of equal value would pile up there.
+        _coloured(out, ax, place, values, colors, label, lines=ax is left)
         ax.set_xlabel(_label(across, rotary))
         ax.set_ylabel(_label(up, rotary))
     return out
@@ -115,7 +117,9 @@ def _fixed(found: StabilityMap, axis: str, rotary: bool, k: int = 0) -> str:
     return f"{words[axis]} {_shown(found, axis)[k]:g} {unit}"
 
 
-def _coloured(out: Figure, ax: Axes, place: tuple[Array, Array], values: Array, colors: str, label: str) -> None:
+def _coloured(
+    out: Figure, ax: Axes, place: tuple[Array, Array], values: Array, colors: str, label: str, *, lines: bool
+) -> None:
     stable = np.ma.masked_invalid(np.ma.masked_less_equal(values, 0))
     ax.grid(False)
     if stable.count() == 0:
@@ -124,8 +128,8 @@ def _coloured(out: Figure, ax: Axes, place: tuple[Array, Array], values: Array, 
     low, high = float(stable.min()), float(stable.max())
     shown = ax.pcolormesh(*place, stable, norm=LogNorm(low, high), cmap=colors, shading="nearest", rasterized=True)
     out.colorbar(shown, ax=ax, label=label)
-    levels = LogLocator(subs=(1.0, 2.0, 5.0), numticks=30).tick_values(low, high)
+    levels = np.asarray(LogLocator(subs=(1.0, 2.0, 5.0), numticks=30).tick_values(low, high))
     levels = levels[(levels > low) & (levels < high)]
-    if len(levels):
-        lines = ax.contour(*place, stable, levels, colors="white", linewidths=0.8)
-        ax.clabel(lines, fmt=lambda value: f"{value:g}", fontsize=8)
+    if lines and len(levels):
+        drawn = ax.contour(*place, stable, levels, colors="white", linewidths=0.8)
+        ax.clabel(drawn, fmt=lambda value: f"{value:g}", fontsize=8)

@@ -54,7 +54,13 @@ def velocity_estimators_figure(estimators: Mapping[str, EstimatorFigures]) -> Fi
     for ax in (fast, steady):
         ax.set_xlabel("time [s]")
         ax.set_ylabel("velocity [mm/s]")
-    key(steady, "lower center", columns=2)
+    # The coarsest estimator would take all the room: it is cut off.
+    late_by = max(abs(one.lag) for one in found) * (first.velocity[-1] - first.velocity[0]) / first.t[-1]
+    reach = 1.6e3 * max(abs(late_by), sorted(one.granularity for one in found)[-2:][0])
+    low, high = np.sort(1e3 * first.velocity[late][[0, -1]])
+    fast.set_ylim(low - reach, high + reach)
+    steady.set_ylim(1e3 * first.velocity[0] - reach, 1e3 * first.velocity[0] + reach)
+    out.legend(*steady.get_legend_handles_labels(), loc="outside lower center", ncols=len(found) + 1, fontsize=8)
     return out
 
 

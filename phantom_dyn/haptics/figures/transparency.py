@@ -59,11 +59,16 @@ def worst_delay_figure(
     title = f"{name}: a short delay raises the stable force gain, longer ones lower it towards 1 + m/m_h"
     out, ((gain,), (frequency,)) = panels(2, title=title, together=True, ratios=(3, 2))
     for k, (label, found) in enumerate(limits.items()):
-        look = {"color": COLORS[k % len(COLORS)], "marker": MARKERS[k % len(MARKERS)], "ms": 3.5}
+        # The frequencies of several hands may lie on each other: later marks are larger and hollow.
+        look = {"color": COLORS[k % len(COLORS)], "marker": MARKERS[k % len(MARKERS)], "ms": 3 + 3 * k, "mfc": "none"}
         gain.semilogy(1e3 * delay, [one.gain for one in found], **look, label=label, gid=label)
         words = f"{label}, worst case {worst[label]:.2f}"
         gain.axhline(worst[label], color=look["color"], ls="--", lw=1, label=words)
         frequency.semilogy(1e3 * delay, [one.frequency / (2 * np.pi) for one in found], **look)
+    for ax in (gain, frequency):
+        ax.yaxis.set_major_formatter("{x:g}")
+        ax.yaxis.set_minor_formatter("{x:g}")
+        ax.tick_params(axis="y", which="both", labelsize=8)
     gain.set_ylabel("largest stable force gain")
     frequency.set_ylabel("it then swings at [Hz]")
     frequency.set_xlabel("delay beside the hold [ms]")

@@ -17,7 +17,7 @@ def walk_figure(reference: WalkingReference, *, silent_above: float) -> Figure:
     """
     least = 1e3 * reference.margin.min()
     title = f"Biped on a joystick: the zero moment point keeps {least:.0f} mm or more inside the support polygon"
-    drawing, ((ground,), (margin,)) = panels(2, title=title, width=9, height=3.8, ratios=(2, 1))
+    drawing, ((ground,), (margin,)) = panels(2, title=title, width=9, height=3.2, ratios=(1.5, 1))
     for k, polygon in enumerate(reference.polygons):
         label = "support polygons" if k == 0 else None
         ground.fill(*polygon.vertices.T, facecolor="#0072B210", edgecolor="#0072B270", linewidth=0.8, label=label)
@@ -37,5 +37,5 @@ def walk_figure(reference: WalkingReference, *, silent_above: float) -> Figure:
     hand.fill_between(reference.t, felt, color=COLORS[2], alpha=0.3, lw=0)
     hand.set_ylabel("drive of the motor\nin the hand [-]", color=COLORS[2])
     hand.set_ylim(0, 1)
-    key(margin, "lower left")
+    key(margin, "center left")
     return drawing
