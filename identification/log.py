@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from jaxtyping import Bool, Float, Int
 
+from phantom_dyn.kernels.fir import filtered
 from phantom_dyn.motion import Motion, read_only
 
 Array = np.ndarray
@@ -41,16 +42,8 @@ class Band:
         """Samples of ``x`` in the band, first axis time; only those whose kernel lies inside the recording."""
         if len(self.kernel) == 1:
             return x[:: self.step]
-        from scipy.signal import upfirdn
-
-        flat = x.reshape(len(x), -1)
-        count = len(self.samples(len(x)))
-        # upfirdn keeps outputs 0, step, 2 step, ...; zeros in front put the first full overlap on one of these.
-        lead = -2 * self.half % self.step
-        padded = np.concatenate([np.zeros((lead, flat.shape[1])), flat])
-        first = (2 * self.half + lead) // self.step
-        out = upfirdn(self.kernel, padded, down=self.step, axis=0)[first : first + count]
-        return out.reshape(count, *x.shape[1:])
+        flat = np.asarray(x, dtype=float).reshape(len(x), -1)
+        return filtered(self.kernel, flat, self.step).reshape(-1, *x.shape[1:])
 
 
 @dataclass(frozen=True)

@@ -16,6 +16,7 @@ from identification.recordings import Recording
 from identification.spectra import acceleration_edge, driven_edge, torque_edge
 from phantom_dyn.dynamics import inverse_dynamics
 from phantom_dyn.errors import LogError
+from phantom_dyn.kernels.fir import filtered
 from phantom_dyn.motion import Motion
 from phantom_dyn.robot import Robot
 
@@ -97,15 +98,14 @@ def low_pass(cutoff_hz: float, rate_hz: float) -> Band:
 
 def smoothed(x: Float[Array, "n ..."], rate_hz: float, cutoff_hz: float) -> Float[Array, "n ..."]:
     """``x`` without what lies above ``cutoff_hz``, of the same length; the ends see their mirror image."""
-    from scipy.signal import upfirdn
-
     band = low_pass(cutoff_hz, rate_hz)
     half = min(band.half, len(x) - 1)
     if half == 0:
         return x
     kernel = band.kernel[band.half - half : band.half + half + 1]
     padded = np.concatenate([x[half:0:-1], x, x[-2 : -half - 2 : -1]])
-    return upfirdn(kernel / kernel.sum(), padded, axis=0)[2 * half : 2 * half + len(x)]
+    flat = np.asarray(padded, dtype=float).reshape(len(padded), -1)
+    return filtered(kernel / kernel.sum(), flat, 1).reshape(x.shape)
 
 
 def differentiate(q: Float[Array, "N nv"], rate_hz: float, cutoff_hz: float) -> tuple[Array, Array, Array]:

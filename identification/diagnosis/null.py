@@ -63,9 +63,8 @@ def _null_products(
             b[k][index] += weight * np.outer(x.T @ e, signs[k])
             core_b[k][index] += weight * np.outer(x[inside].T @ e[inside], signs[k])
     nuisance = np.arange(len(sigma))
-    for k in range(count):
-        b[k] += grams.a[k][:, nuisance] @ moves
-        core_b[k] += grams.core_a[k][:, nuisance] @ moves
+    b += grams.a[:, nuisance].transpose(0, 2, 1) @ moves
+    core_b += grams.core_a[:, nuisance].transpose(0, 2, 1) @ moves
     return b, core_b
 
 

@@ -50,7 +50,7 @@ def set_up(columns: Columns, white: Columns, blocks: tuple[Block, ...], weights:
     The width is thirty times the size at which a column alone would carry the whole residual.
     """
     count = len(columns.names)
-    energy = np.einsum("bkk->k", grams.a)
+    energy = np.diag(grams.a.sum(axis=0))
     with np.errstate(divide="ignore"):
         precision = np.where(energy > 0, energy / (900.0 * max(grams.c.sum(), 1e-30)), 1.0)
     lower, upper = np.full(count, -np.inf), np.full(count, np.inf)

@@ -154,10 +154,10 @@ def contains(rich: Term, simple: Term) -> bool:
     """True if ``simple`` is a special case of ``rich``."""
     if rich is simple:
         return False
-    if set(simple.columns) < set(rich.columns):
+    if simple.column_set < rich.column_set:
         return True
     if simple.effect.name in rich.effect.contains:
-        return simple.joint == rich.joint or set(simple.columns) == set(rich.columns)
+        return simple.joint == rich.joint or simple.column_set == rich.column_set
     return False
 
 
@@ -169,10 +169,9 @@ def with_term(chosen: frozenset[Term], term: Term) -> frozenset[Term]:
 
 def _exclude(one: Term, other: Term) -> bool:
     """The same effect of another shape, or two rich friction laws on one joint, which collapse into the better."""
-    if one.place == other.place:
-        return True
-    shared = set(one.effect.contains) & set(other.effect.contains)
-    return bool(shared) and one.joint == other.joint
+    if one.joint != other.joint:
+        return False
+    return one.effect.name == other.effect.name or not set(one.effect.contains).isdisjoint(other.effect.contains)
 
 
 def possible(chosen: frozenset[Term], term: Term) -> bool:

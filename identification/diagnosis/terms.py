@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from jaxtyping import Float
@@ -69,6 +70,11 @@ class Term:
     def place(self) -> tuple[str, str | None]:
         """Effect and joint, whatever the shape."""
         return self.effect.name, self.joint
+
+    @cached_property
+    def column_set(self) -> frozenset[int]:
+        """Its columns without an order."""
+        return frozenset(self.columns)
 
     @property
     def named(self) -> bool:

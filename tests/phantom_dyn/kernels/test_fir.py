@@ -1,0 +1,21 @@
+"""The compiled filter that keeps some samples, against scipy's."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from scipy.signal import firwin, oaconvolve
+
+from phantom_dyn.kernels.fir import filtered
+
+
+@pytest.mark.parametrize("step", [1, 3, 7])
+def test_samples_that_are_kept_are_those_of_a_whole_convolution(step):
+    rng = np.random.default_rng(4)
+    x, kernel = rng.normal(size=(200, 3)), firwin(31, 0.2)
+    whole = oaconvolve(x, kernel[:, None], mode="valid", axes=0)
+    np.testing.assert_allclose(filtered(kernel, x, step), whole[::step], atol=1e-14)
+
+
+def test_a_record_shorter_than_the_kernel_has_no_sample_inside():
+    assert filtered(firwin(31, 0.2), np.ones((30, 2)), 2).shape == (0, 2)
