@@ -1,10 +1,14 @@
 """What a diagnosis costs: seconds, imports included, and peak memory of ``phantom-dyn diagnose`` in a fresh process.
 
-    python benchmarks/diagnosis_cost.py                # six joints, 20 s at 1 kHz
-    python benchmarks/diagnosis_cost.py --all          # 60 s too, and seven joints
+    python benchmarks/diagnosis_cost.py              # the goal: six joints, 60 s at 1 kHz
+    python benchmarks/diagnosis_cost.py --samples    # six joints, 15, 30 and 60 s
+    python benchmarks/diagnosis_cost.py --joints     # two, three, six and seven joints, 15 s
+    python benchmarks/diagnosis_cost.py --seconds 15 --stages    # another length, and where the time goes
 
 The recording is made with Pinocchio: sums of sines, friction on every joint and an inertia that the model does not
-have, noise on torque and position. The goal for six joints and 20 s is 20 s and 1.5 GB on two cores.
+have, noise on torque and position. The goal for six joints, 60 s and the full catalogue is under 20 s on two cores and
+under 2 GB, with a cost that is linear in samples and at most quadratic in joints. Processor seconds count where other
+programs run beside it. A power of one in samples says linear; what a process costs that only imports is taken off.
 """
 
 from __future__ import annotations
@@ -16,6 +20,7 @@ import subprocess
 import sys
 import tempfile
 import time
+from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import pairwise
 from pathlib import Path
@@ -29,7 +34,10 @@ from phantom_dyn.motion import Motion
 from phantom_dyn.robot import Robot
 
 RATE_HZ = 1000.0
-REPEATS = 3
+GOAL_SECONDS, GOAL_CORES, GOAL_MEGABYTES = 20.0, 2, 2000.0
+RECORDED, SHORT = (15.0, 30.0, 60.0), 15.0  # seconds
+JOINTS = (2, 3, 6, 7)
+IMPORTS = "import identification.cli.main, identification.diagnosis.diagnose, identification.diagnosis.report"
 PANDA_CONFIG = "lock: [panda_finger_joint1, panda_finger_joint2]\n"
 # Relative to the greatest torque of each joint.
 TORQUE_NOISE = 0.01
@@ -54,8 +62,15 @@ class Cost:
     megabytes: float
 
 
-SIX_JOINTS = Case("example:ur10", "", 20.0)
-CASES = (SIX_JOINTS, Case("example:ur10", "", 60.0), Case("example:panda", PANDA_CONFIG, 20.0))
+UR10 = ("shoulder_pan", "shoulder_lift", "elbow", "wrist_1", "wrist_2", "wrist_3")
+
+
+def arm_of(joints: int, seconds: float) -> Case:
+    """A UR10 whose last joints are held, or all seven of a Panda."""
+    if joints > len(UR10):
+        return Case("example:panda", PANDA_CONFIG, seconds)
+    held = ", ".join(f"{name}_joint" for name in UR10[joints:])
+    return Case("example:ur10", f"lock: [{held}]\n" if held else "", seconds)
 
 
 def sines(robot: Robot, seconds: float, rng: np.random.Generator) -> Motion:
@@ -96,14 +111,14 @@ def write_recording(robot: Robot, seconds: float, path: Path) -> None:
 
 
 def fresh_process(words: list[str]) -> Cost:
-    """Seconds and peak memory of the command in a process of its own."""
+    """Seconds and peak memory of Python with these arguments, in a process of its own."""
     started = time.perf_counter()
-    child = subprocess.Popen([sys.executable, "-m", "identification.cli", *words], stdout=subprocess.DEVNULL)
+    child = subprocess.Popen([sys.executable, *words], stdout=subprocess.DEVNULL)
     _, status, usage = os.wait4(child.pid, 0)
     seconds = time.perf_counter() - started
     child.returncode = os.waitstatus_to_exitcode(status)
     if child.returncode != 0:
-        raise SystemExit(f"phantom-dyn {' '.join(words)} ended with exit code {child.returncode}")
+        raise SystemExit(f"python {' '.join(words)} ended with exit code {child.returncode}")
     return Cost(seconds, usage.ru_utime + usage.ru_stime, usage.ru_maxrss / 1024)
 
 
@@ -123,33 +138,70 @@ def stages(robot: Robot, log: Path) -> dict[str, float]:
     return out
 
 
-def measure(case: Case, repeats: int) -> None:
-    """Print the cost of one case."""
+def measure(case: Case, repeats: int, *, with_stages: bool = False) -> Cost:
+    """Print the cost of one case, the median of some processes; return it with the largest memory."""
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
         config, log = folder / "robot.yaml", folder / "log.csv"
         config.write_text(case.config)
         robot = load_robot(case.robot, config=config)
         write_recording(robot, case.seconds, log)
-        words = ["diagnose", case.robot, str(log), "--robot-config", str(config), "--out", str(folder / "out")]
-        costs = [fresh_process(words) for _ in range(repeats)]
-        seconds, busy = statistics.median(c.seconds for c in costs), statistics.median(c.busy for c in costs)
-        print(
-            f"{case.robot}, {robot.nv} joints, {case.seconds:g} s at {RATE_HZ:g} Hz: {seconds:.1f} s "
-            f"({busy:.1f} s of processor time), {max(c.megabytes for c in costs):.0f} MB"
+        diagnose = ["-m", "identification.cli", "diagnose", case.robot, str(log), "--robot-config", str(config)]
+        costs = [fresh_process([*diagnose, "--out", str(folder / "out")]) for _ in range(repeats)]
+        cost = Cost(
+            statistics.median(c.seconds for c in costs),
+            statistics.median(c.busy for c in costs),
+            max(c.megabytes for c in costs),
         )
-        for stage, spent in stages(robot, log).items():
-            print(f"  {spent:6.2f} s  {stage}")
+        print(
+            f"{case.robot:<14} {robot.nv} joints {case.seconds:4g} s at {RATE_HZ:g} Hz: {cost.seconds:6.1f} s, "
+            f"{cost.busy:6.1f} s of processor time, {cost.megabytes:5.0f} MB",
+            flush=True,
+        )
+        if with_stages:
+            for stage, spent in stages(robot, log).items():
+                print(f"  {spent:6.2f} s  {stage}")
+    return cost
+
+
+def beside_goal(cost: Cost) -> str:
+    """What was to be reached, and whether it is."""
+    yes = {True: "reached", False: "not reached"}
+    return (
+        f"goal: under {GOAL_SECONDS:g} s on {GOAL_CORES} cores and under {GOAL_MEGABYTES:g} MB; "
+        f"{cost.seconds:.1f} s: {yes[cost.seconds < GOAL_SECONDS]}, "
+        f"{cost.busy:.1f} s of processor time on one core: {yes[cost.busy < GOAL_SECONDS]}, "
+        f"{cost.megabytes:.0f} MB: {yes[cost.megabytes < GOAL_MEGABYTES]}"
+    )
+
+
+def power(sizes: Sequence[float], costs: Sequence[Cost], idle: float) -> float:
+    """Power of the size with which the processor seconds grow: slope of a line through both logarithms."""
+    busy = [max(cost.busy - idle, 1e-9) for cost in costs]
+    return float(np.polyfit(np.log(sizes), np.log(busy), 1)[0])
 
 
 def main() -> None:
     """Measure what the arguments ask for."""
     parser = argparse.ArgumentParser(description="What a diagnosis costs.")
-    parser.add_argument("--all", action="store_true", help="60 s and seven joints too")
-    parser.add_argument("--repeats", type=int, default=REPEATS, help="fresh processes a case; the median counts")
-    arguments = parser.parse_args()
-    for case in CASES if arguments.all else (SIX_JOINTS,):
-        measure(case, arguments.repeats)
+    parser.add_argument("--samples", action="store_true", help="six joints, 15, 30 and 60 s")
+    parser.add_argument("--joints", action="store_true", help="two, three, six and seven joints, 15 s")
+    parser.add_argument("--seconds", type=float, default=RECORDED[-1], help="recorded, without the two above")
+    parser.add_argument("--stages", action="store_true", help="once more in this process: where the time goes")
+    parser.add_argument("--repeats", type=int, default=1, help="fresh processes a case; the median counts")
+    given = parser.parse_args()
+    idle = fresh_process(["-c", IMPORTS]).busy if given.samples or given.joints else 0.0
+    if given.samples:
+        costs = [measure(arm_of(6, seconds), given.repeats) for seconds in RECORDED]
+        print(f"processor seconds beyond {idle:.1f} s of imports go with samples^{power(RECORDED, costs, idle):.2f}")
+        print(beside_goal(costs[-1]))
+    if given.joints:
+        costs = [measure(arm_of(joints, SHORT), given.repeats) for joints in JOINTS]
+        print(f"processor seconds beyond {idle:.1f} s of imports go with joints^{power(JOINTS, costs, idle):.2f}")
+    if not (given.samples or given.joints):
+        cost = measure(arm_of(6, given.seconds), given.repeats, with_stages=given.stages)
+        if given.seconds == RECORDED[-1]:
+            print(beside_goal(cost))
 
 
 if __name__ == "__main__":
