@@ -64,6 +64,7 @@ install_import_hook(
         "phantom_dyn.haptics.drives",
         "phantom_dyn.haptics.encoder",
         "phantom_dyn.haptics.feedforward",
+        "phantom_dyn.haptics.figures",
         "phantom_dyn.haptics.frequency_identification",
         "phantom_dyn.haptics.frequency_response",
         "phantom_dyn.haptics.loop_simulation",
