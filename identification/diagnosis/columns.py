@@ -13,19 +13,18 @@ import numpy as np
 from jaxtyping import Bool, Float
 
 from identification.diagnosis.first_rest import left_by_moves, with_rest
-from identification.diagnosis.nuisances import Nuisance, move_columns, moves_of
-from identification.diagnosis.rest import standing_still, usable_samples
+from identification.diagnosis.nuisances import Move, Nuisance, move_columns, moves_of
+from identification.diagnosis.operations import expecting, operate
+from identification.diagnosis.rest import usable_samples
 from identification.diagnosis.terms import SERIES, FoundEffect, KnownEffect, Term, merged, shapes_of
 from identification.log import Log
 from identification.signals import smoothed
-from phantom_dyn.dynamics import inverse_dynamics, rigid_body_regressor
-from phantom_dyn.effects.catalogue import effect_named
+from phantom_dyn.dynamics import rigid_body_regressor
 from phantom_dyn.effects.effect import Rival, Shape
 from phantom_dyn.effects.inertial_parameters import InertialParameters
 from phantom_dyn.effects.operation import Operation
 from phantom_dyn.effects.payload import Payload
 from phantom_dyn.inertia import parameter_names
-from phantom_dyn.motion import Motion
 from phantom_dyn.robot import Robot
 
 Array = np.ndarray
@@ -79,25 +78,6 @@ class Local:
     rows: tuple[int, ...]
 
 
-def operate(robot: Robot, log: Log, known: tuple[KnownEffect, ...], found: tuple[FoundEffect, ...]) -> Operation:
-    """Motion of a log with the torque of the given model, and with that of the effects that the last fit found."""
-    # The noise of a joint that is held has a sign, which friction would follow, and an acceleration, which couples.
-    moves = ~standing_still(log).all(axis=0)
-    motion = Motion(log.motion.t, log.motion.q, log.motion.v * moves, log.motion.a * moves)
-    tau = inverse_dynamics(robot, motion)
-    plain = Operation(motion.t, motion.q, motion.v, motion.a, robot, tau, tau, log.tau)
-    for effect in known:
-        # The drive has to give what the model needs less what the effect gives.
-        tau = tau - effect_named(effect.effect).torque(robot, plain, effect.joint, np.array(effect.theta))
-    expected = tau
-    for point in found:
-        if not point.effect.follows_torque and point.effect.name != "torque_constant":
-            signature = point.effect.signature(robot, plain, point.joint, point.shape)
-            expected = expected.copy()
-            expected[:, list(signature.rows)] += signature.columns @ point.coefficients
-    return Operation(motion.t, motion.q, motion.v, motion.a, robot, tau, expected, log.tau)
-
-
 def build_columns(
     robot: Robot,
     logs: tuple[Log, ...],
@@ -107,6 +87,7 @@ def build_columns(
     rest: tuple[Float[Array, "n nv"], ...] | None = None,
     near: tuple[FoundEffect, ...] = (),
     like: Columns | None = None,
+    before: Columns | None = None,
 ) -> Columns:
     """Columns of every nuisance and of every effect at every place.
 
@@ -120,19 +101,21 @@ def build_columns(
         rest: What the last fit left of each log's torque, in the band; a fit of the tolerances alone if it is None.
         near: Runners-up, about which laws are taken too.
         like: Columns of other logs of the same robot, whose effects and shapes are taken.
+        before: Columns of the same logs before the last fit: what it does not change is taken from there.
     """
     moves = moves_of(robot)
-    operations = [operate(robot, log, known, found) for log in logs]
-    bodies = [_bodies(robot, log, o, cutoff_hz) for log, o in zip(logs, operations, strict=True)]
-    moved = [
-        move_columns(robot, o, moves, body, log.band, _narrow(log, cutoff_hz))
-        for log, o, body in zip(logs, operations, bodies, strict=True)
-    ]
-    torque = tuple(log.band(o.tau) for log, o in zip(logs, operations, strict=True))
-    residual = tuple(log.band(log.tau) - model for log, model in zip(logs, torque, strict=True))
-    usable = tuple(usable_samples(log) for log in logs)
+    if before is None:
+        operations = [operate(robot, log, known) for log in logs]
+        plain = [_plain(robot, log, o, moves, cutoff_hz) for log, o in zip(logs, operations, strict=True)]
+        torque = tuple(log.band(o.tau) for log, o in zip(logs, operations, strict=True))
+        residual = tuple(log.band(log.tau) - model for log, model in zip(logs, torque, strict=True))
+        usable = tuple(usable_samples(log) for log in logs)
+    else:
+        operations, plain = list(before.operations), [_plain_before(before, k) for k in range(len(logs))]
+        torque, residual, usable = before.model_torque, before.residual, before.usable
+    operations = [expecting(robot, o, found) for o in operations]
     if like is None:
-        rest = left_by_moves(robot, moves, moved, residual, usable) if rest is None else rest
+        rest = left_by_moves(robot, moves, plain, residual, usable) if rest is None else rest
         operations = [with_rest(log, o, part) for log, o, part in zip(logs, operations, rest, strict=True)]
         names = [move.nuisance.name for move in moves] + list(parameter_names(robot))
         terms, local = _lay_out(robot, merged(tuple(operations)), len(moves), names, (*found, *near))
@@ -148,8 +131,8 @@ def build_columns(
                 mine += range(block.first, block.first + block.count)
         rows.append(tuple(mine))
     values = tuple(
-        _values(robot, log, o, _narrow(log, cutoff_hz), own, body, local)
-        for log, o, own, body in zip(logs, operations, moved, bodies, strict=True)
+        _values(robot, log, o, _narrow(log, cutoff_hz), own, local, _kept(before, k))
+        for k, (log, o, own) in enumerate(zip(logs, operations, plain, strict=True))
     )
     nuisances = tuple(move.nuisance for move in moves)
     return Columns(
@@ -168,11 +151,41 @@ def _narrow(log: Log, cutoff_hz: float) -> Callable[[Array], Array]:
     return narrow
 
 
-def _bodies(robot: Robot, log: Log, operation: Operation, cutoff_hz: float) -> Float[Array, "nv n p"]:
-    """Columns of the rigid-body regressor in the band, by row."""
+def _plain(
+    robot: Robot, log: Log, operation: Operation, moves: tuple[Move, ...], cutoff_hz: float
+) -> list[list[Float[Array, " n"]]]:
+    """Columns of the moves and of the rigid-body regressor in the band, row by row."""
     regressor = rigid_body_regressor(robot, operation)
     narrow = _narrow(log, cutoff_hz)
-    return np.stack([narrow(log.band(regressor[:, j, :])) for j in range(robot.nv)])
+    bodies = np.stack([narrow(log.band(regressor[:, j, :])) for j in range(robot.nv)])
+    moved = move_columns(robot, operation, moves, bodies, log.band, narrow)
+    return [[*moved[j], *bodies[j].T] for j in range(robot.nv)]
+
+
+def _plain_before(before: Columns, log: int) -> list[list[Float[Array, " n"]]]:
+    """The same, from columns of the same log."""
+    others = min((block.first for block in before.local), default=len(before.names))
+    return [
+        [*before.values[log][j][:, : sum(column < others for column in row)].T] for j, row in enumerate(before.rows)
+    ]
+
+
+Place = tuple[str, str | None, Shape]
+
+
+def _kept(before: Columns | None, log: int) -> dict[Place, tuple[Float[Array, "n c"], ...]]:
+    """Columns of one log, by effect, joint and shape, that no fit changes: one array for each row that they touch."""
+    out: dict[Place, tuple[Array, ...]] = {}
+    if before is None:
+        return out
+    for block in before.local:
+        if block.effect.stays:
+            places = [before.rows[row].index(block.first) for row in block.rows]
+            parts = zip(block.rows, places, strict=True)
+            out[block.effect.name, block.joint, block.shape] = tuple(
+                before.values[log][row][:, place : place + block.count] for row, place in parts
+            )
+    return out
 
 
 def _lay_out(
@@ -215,13 +228,18 @@ def _values(
     log: Log,
     operation: Operation,
     narrow: Callable[[Array], Array],
-    moved: list[list[Float[Array, " n"]]],
-    body: Float[Array, "nv n p"],
+    plain: list[list[Float[Array, " n"]]],
     local: tuple[Local, ...],
+    kept: dict[Place, tuple[Float[Array, "n c"], ...]],
 ) -> tuple[Float[Array, "n k"], ...]:
-    """In-band columns of one log row by row."""
-    rows = [[*moved[j], *body[j].T] for j in range(robot.nv)]
+    """In-band columns of one log row by row, those that are kept as they are."""
+    rows = [list(columns) for columns in plain]
     for block in local:
+        known = kept.get((block.effect.name, block.joint, block.shape))
+        if known is not None:
+            for row, columns in zip(block.rows, known, strict=True):
+                rows[row].extend(columns.T)
+            continue
         signature = block.effect.signature(robot, operation, block.joint, block.shape)
         for k, row in enumerate(signature.rows):
             column = log.band(signature.columns[:, k, :])

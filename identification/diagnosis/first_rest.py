@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 import numpy as np
 from jaxtyping import Bool, Float
 
@@ -50,4 +48,4 @@ def with_rest(log: Log, operation: Operation, rest: Float[Array, "n nv"]) -> Ope
     """An operation that knows what a fit left, brought to the full rate."""
     t = operation.t
     full = np.column_stack([np.interp(t, t[log.samples], column) for column in rest.T])
-    return replace(operation, fit_rest=full)
+    return operation.again(operation.expected, full)

@@ -26,6 +26,7 @@ class ActuatorLag(Effect):
     regime = "high_acceleration"
     uses_acceleration = True
     follows_torque = True
+    stays = False
 
     def places(self, robot: Robot) -> tuple[str | None, ...]:
         """All joints alike, or one."""

@@ -113,6 +113,8 @@ class Rival(ABC):
         uses_acceleration: True if its columns carry the noise of a twice differentiated position.
         shape_is_estimate: True if the shape is the last estimate of a coefficient, and no parameter of its own.
         follows_torque: True if its columns are made of the modelled torque, other findings included.
+        stays: True if its columns of one shape stay the same whatever a fit has found: they are not made of the
+            ``expected`` torque or of what a fit leaves.
     """
 
     name: str
@@ -122,6 +124,7 @@ class Rival(ABC):
     uses_acceleration: bool = False
     shape_is_estimate: bool = False
     follows_torque: bool = False
+    stays: bool = False
 
     def places(self, robot: Robot) -> tuple[str | None, ...]:
         """Where it may sit: every joint, the whole robot (None), or both."""
@@ -160,6 +163,7 @@ class Effect(Rival):
             where no size is too small to be seen.
     """
 
+    stays: bool = True
     seen_by: Literal["coefficient", "shape", "neither"] = "coefficient"
 
     @abstractmethod

@@ -33,6 +33,7 @@ class InputDelay(Effect):
     uses_acceleration = True
     shape_is_estimate = True
     follows_torque = True
+    stays = False
 
     def places(self, robot: Robot) -> tuple[str | None, ...]:
         """All joints alike, or one."""

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 
 import numpy as np
@@ -19,6 +19,9 @@ from phantom_dyn.motion import Motion, read_only
 from phantom_dyn.robot import Robot
 
 Array = np.ndarray
+
+# Cached quantities that neither a fit nor what it leaves changes.
+_OF_THE_MOTION = ("own_friction", "transmitted", "partials", "kept")
 
 
 @dataclass(frozen=True)
@@ -53,6 +56,12 @@ class Operation(Motion):
         """``motion`` with the torque of the given model, and the recorded one if it is given."""
         tau = inverse_dynamics(robot, motion)
         return cls(motion.t, motion.q, motion.v, motion.a, robot, tau, tau, tau if logged is None else logged)
+
+    def again(self, expected: Float[Array, "N nv"], fit_rest: Float[Array, "N nv"] | None = None) -> Operation:
+        """The same motion after another fit; what was computed of motion and model is kept."""
+        out = replace(self, expected=expected, fit_rest=fit_rest)
+        out.__dict__.update({name: self.__dict__[name] for name in _OF_THE_MOTION if name in self.__dict__})
+        return out
 
     @property
     def dt(self) -> float:

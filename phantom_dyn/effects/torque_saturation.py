@@ -41,6 +41,7 @@ class TorqueSaturation(Effect):
 
     name = "torque_saturation"
     regime = "saturated"
+    stays = False
     seen_by = "neither"
 
     def parameters(self, robot: Robot, joint: str | None) -> tuple[Parameter, ...]:

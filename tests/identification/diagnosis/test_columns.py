@@ -7,10 +7,11 @@ import pytest
 
 from identification.diagnosis.columns import build_columns
 from identification.diagnosis.rest import standing_still, usable_samples
-from identification.diagnosis.terms import KnownEffect
+from identification.diagnosis.terms import FoundEffect, KnownEffect
 from identification.log import Log
 from identification.signals import process, process_all
 from phantom_dyn.dynamics import inverse_dynamics
+from phantom_dyn.effects.catalogue import effect_named
 from phantom_dyn.motion import Motion
 
 # Parameters of one effect each that the columns are asked for.
@@ -173,3 +174,19 @@ def test_a_joint_that_is_held_is_left_out(lab, planar2, rng, noise):
     use = usable_samples(process(replace(recording, q=positions), planar2, cutoff_hz=10.0))
     assert not use[:, 1].any()
     assert use[:, 0].mean() > 0.9
+
+
+def test_columns_after_a_fit_are_those_made_from_nothing(lab, planar2):
+    # Oracle: the same columns, of which nothing is taken from before.
+    logs, cutoff = process_all((lab.recording(planar2, lab.motion(2, 3)),), planar2)
+    before = build_columns(planar2, logs, cutoff)
+    delay = FoundEffect(effect_named("input_delay"), None, (0.004,), np.array([0.004]))
+    friction = FoundEffect(effect_named("stribeck_friction"), "elbow", (0.1,), np.array([0.3, 0.1]))
+    rest = tuple(0.5 * residual for residual in before.residual)
+    after = build_columns(planar2, logs, cutoff, (), (delay, friction), rest, before=before)
+    anew = build_columns(planar2, logs, cutoff, (), (delay, friction), rest)
+    assert after.names == anew.names
+    for mine, theirs in zip(after.values[0], anew.values[0], strict=True):
+        np.testing.assert_array_equal(mine, theirs)
+    np.testing.assert_array_equal(after.residual[0], anew.residual[0])
+
