@@ -57,6 +57,7 @@ install_import_hook(
         "phantom_dyn.devices.phantom_dynamics",
         "phantom_dyn.dynamics",
         "phantom_dyn.effects",
+        "phantom_dyn.haptics.arguments",
         "phantom_dyn.haptics.axis",
         "phantom_dyn.haptics.cheap_axis",
         "phantom_dyn.haptics.cheap_hardware",

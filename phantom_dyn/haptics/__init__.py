@@ -10,5 +10,6 @@
 - `encoder`, `velocity_estimators`, `velocity_comparison`, `drives`: what sensing and drives do.
 - `sampled_loop`, `loop_simulation`, `virtual_wall`, `teleoperation`: loops with these estimators, linear and in time.
 - `phantom_improvements`: the improvements published for the PHANToM 1.5 beside what models give.
-- `cheap_axis`, `cheap_hardware`, `virtual_mass`, `gap_switch`: a good device made to feel like a cheap one.
+- `cheap_axis`, `cheap_hardware`, `cheap_kernel`, `virtual_mass`, `gap_switch`: a good device made to feel cheap.
+- `arguments`: numbers that are refused.
 """

@@ -21,6 +21,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from phantom_dyn.errors import ParameterError
+from phantom_dyn.haptics.arguments import require_positive
 from phantom_dyn.haptics.operator import Operator
 from phantom_dyn.haptics.transfer_function import StateSpace, TransferFunction
 
@@ -197,8 +198,9 @@ def masses_from_resonance(total: float, stiffness: float, resonance: float) -> t
         resonance: [rad/s].
 
     Raises:
-        ParameterError: If two masses on that spring cannot swing so slowly.
+        ParameterError: If a value is not above 0, or two masses on that spring cannot swing so slowly.
     """
+    require_positive(total_of_both_masses=total, stiffness=stiffness, resonance=resonance)
     reduced = stiffness / resonance**2
     if not 0 < 4 * reduced <= total:
         raise ParameterError(

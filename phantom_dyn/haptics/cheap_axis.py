@@ -62,7 +62,12 @@ class StickingFriction:
 
     def __post_init__(self):
         _require(self, "torque", "stick_velocity")
-        _require(self, "displacement", "static_ratio", above_zero=True)
+        _require(self, "displacement", above_zero=True)
+        if not (np.isfinite(self.static_ratio) and self.static_ratio >= 1):
+            raise ParameterError(
+                f"The static_ratio of a StickingFriction is {self.static_ratio:g}: give 1 or more, as breaking loose "
+                "takes at least what slipping does."
+            )
 
 
 @dataclass(frozen=True)
@@ -86,6 +91,10 @@ class CoggingTorque:
                 f"A cogging torque has {len(self.order)} orders, {len(self.amplitude)} amplitudes and "
                 f"{len(self.phase)} phases: give one of each a wave."
             )
+        for name in ("order", "amplitude", "phase"):
+            for value in getattr(self, name):
+                if not np.isfinite(value):
+                    raise ParameterError(f"The {name} of a cogging torque is {value:g}: give finite numbers.")
 
 
 @dataclass(frozen=True)

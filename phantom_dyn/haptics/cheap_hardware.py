@@ -22,23 +22,29 @@ import numpy as np
 from jaxtyping import Bool, Float
 
 from phantom_dyn.devices.phantom import PHANTOM_1_5, PhantomParameters, hybrid_jacobian
-from phantom_dyn.effects.cogging import cogging_torque
-from phantom_dyn.effects.presliding_friction import stick_law
-from phantom_dyn.effects.torque_saturation import held_within
 from phantom_dyn.errors import ParameterError
+from phantom_dyn.haptics.arguments import require_columns, require_not_negative, require_numbers
 from phantom_dyn.haptics.cheap_axis import CheapAxis
-from phantom_dyn.haptics.gap_switch import GAP_DAMPING, coupling_force, side_of
-from phantom_dyn.haptics.virtual_mass import WINDOW, low_passed, mass_step
-from phantom_dyn.kernels.jit import jit
+from phantom_dyn.haptics.cheap_kernel import (
+    COLUMNS,
+    COUPLING,
+    FORCE,
+    FORCES,
+    LAST,
+    PROBE_SPEED,
+    SIDE,
+    STICKS,
+    V,
+    X,
+    along,
+    axis_numbers,
+)
+from phantom_dyn.haptics.virtual_mass import WINDOW
 
 Array = np.ndarray
 
-_clipped, _cogging = jit(held_within), jit(cogging_torque)
-# Places in the state of an axis; the last forces of the coupling are behind them.
-_LAST, _RAW, _SPEED, _MASS_X, _MASS_V, _STUCK, _ANCHOR, _COUNT = range(8)
-_FORCES = 8
-# Columns of what is rendered.
-_FORCE, _COUPLING, _SIDE, _X, _V, _PROBE_SPEED, _STICKS = range(7)
+# Condition number of a Jacobian, of metres by radians, beyond which a force is rounding.
+_SINGULAR = 1e8
 
 
 @dataclass(frozen=True)
@@ -66,8 +72,8 @@ class Rendered:
 
 def at_rest() -> Float[Array, " s"]:
     """State of an axis before its first sample, which it takes to be at rest there."""
-    state = np.zeros(_FORCES + WINDOW)
-    state[_LAST] = np.nan
+    state = np.zeros(FORCES + WINDOW)
+    state[LAST] = np.nan
     return state
 
 
@@ -82,10 +88,16 @@ def felt(
         dt: Time since the cycle before [s].
         x: Position of the probe [m or rad].
         force: That the virtual environment asks for [N or N m].
+
+    Raises:
+        ParameterError: If a number is not finite, time goes back, or the step is too long for the velocity's filter.
     """
-    state, out = state.copy(), np.zeros((1, 7))
-    _along(*_numbers(axis), state, np.array([dt]), np.array([x]), np.array([force]), out)
-    return state, float(out[0, _FORCE])
+    require_not_negative(time_step=dt)
+    require_numbers(position_of_the_probe=x, force=force)
+    _require_rate(axis, dt)
+    state, out = state.copy(), np.zeros((1, COLUMNS))
+    along(*axis_numbers(axis), state, np.array([dt]), np.array([x]), np.array([force]), out)
+    return state, float(out[0, FORCE])
 
 
 def rendered(axis: CheapAxis, t: Float[Array, " N"], x: Float[Array, " N"], force: Float[Array, " N"]) -> Rendered:
@@ -98,27 +110,29 @@ def rendered(axis: CheapAxis, t: Float[Array, " N"], x: Float[Array, " N"], forc
         force: That the virtual environment asks for [N or N m].
 
     Raises:
-        ParameterError: If times do not increase or lie too far apart for the velocity's filter.
+        ParameterError: If there is no sample, a column has another length or holds no number, or times do not increase
+            or lie too far apart for the velocity's filter.
     """
+    if np.ndim(t) != 1 or len(t) == 0:
+        raise ParameterError(
+            f"Sample times of shape {np.shape(t)} were given: give one for each of one or more samples."
+        )
+    require_columns(len(t), sample_times=t, position_of_the_probe=x, force=force)
     steps = np.diff(t, prepend=t[:1])
     if not (steps[1:] > 0).all():
         raise ParameterError("The sample times do not increase: give each sample a time later than the last.")
-    if np.isfinite(axis.cutoff_hz) and not steps.max() < 0.5 / axis.cutoff_hz:
-        raise ParameterError(
-            f"Samples are up to {1e3 * steps.max():.3g} ms apart and the velocity is filtered at {axis.cutoff_hz:g} "
-            f"Hz: give more than {2 * axis.cutoff_hz:g} samples a second."
-        )
-    out = np.zeros((len(t), 7))
+    _require_rate(axis, float(steps.max()))
+    out = np.zeros((len(t), COLUMNS))
     x, force = (np.ascontiguousarray(values, dtype=float) for values in (x, force))
-    _along(*_numbers(axis), at_rest(), steps, x, force, out)
+    along(*axis_numbers(axis), at_rest(), steps, x, force, out)
     return Rendered(
-        force=out[:, _FORCE],
-        coupling=out[:, _COUPLING],
-        mass_position=out[:, _X],
-        mass_velocity=out[:, _V],
-        velocity=out[:, _PROBE_SPEED],
-        contact=out[:, _SIDE] != 0,
-        stuck=out[:, _STICKS] != 0,
+        force=out[:, FORCE],
+        coupling=out[:, COUPLING],
+        mass_position=out[:, X],
+        mass_velocity=out[:, V],
+        velocity=out[:, PROBE_SPEED],
+        contact=out[:, SIDE] != 0,
+        stuck=out[:, STICKS] != 0,
     )
 
 
@@ -130,9 +144,10 @@ def rendered_axes(
     Raises:
         ParameterError: If the axes are not as many as the columns, or the times are refused.
     """
-    if q.shape[1] != len(axes) or force.shape[1] != len(axes):
+    if not axes or np.shape(q) != (len(t), len(axes)) or np.shape(force) != (len(t), len(axes)):
         raise ParameterError(
-            f"There are {len(axes)} axes, {q.shape[1]} positions and {force.shape[1]} forces a sample: give as many."
+            f"There are {len(t)} times, {len(axes)} axes, and positions and forces of the shapes {np.shape(q)} and "
+            f"{np.shape(force)}: give one or more axes, and for each sample as many positions and forces."
         )
     return np.column_stack([rendered(axis, t, q[:, k], force[:, k]).force for k, axis in enumerate(axes)])
 
@@ -154,85 +169,30 @@ def phantom_tip_force(
         q: Absolute joint angles of seed 003 [rad].
         tip_force: That the virtual environment asks for, in the axes of the zero configuration.
         parameters: Of the device.
+
+    Raises:
+        ParameterError: If a column has another shape, the times are refused, or the device is singular in a sample.
     """
+    if np.shape(q) != (len(t), 3) or np.shape(tip_force) != (len(t), 3):
+        raise ParameterError(
+            f"Joint angles and tip forces of the shapes {np.shape(q)} and {np.shape(tip_force)} were given for "
+            f"{len(t)} times: give three of each for every time."
+        )
     J = hybrid_jacobian(q, parameters)[:, :3]
+    singular = np.flatnonzero(np.linalg.cond(J) > _SINGULAR)
+    if len(singular):
+        raise ParameterError(
+            f"The PHANToM is singular at sample {singular[0]}, where a force at its tip does not tell those of its "
+            "motors: give a motion that keeps away from there."
+        )
     tau = np.einsum("nij,ni->nj", J, tip_force)
     given = rendered_axes(axes, t, q, tau)
     return np.linalg.solve(np.swapaxes(J, 1, 2), given[:, :, None])[:, :, 0]
 
 
-def _numbers(axis: CheapAxis) -> tuple[Array, Array, Array, Array]:
-    """An axis as arrays for the compiled loop: ten numbers, and the waves of its cogging."""
-    mass, friction, waves = axis.mass, axis.friction, axis.cogging
-    numbers = [0.0] * 3 if mass is None else [mass.inertia, mass.stiffness, mass.damping]
-    numbers += [axis.gap, axis.limit]
-    if friction is None:
-        numbers += [0.0] * 4
-    else:
-        numbers += [friction.torque, friction.displacement, friction.static_ratio, friction.stick_velocity]
-    numbers.append(axis.cutoff_hz)
-    table = ((), (), ()) if waves is None else (waves.order, waves.amplitude, waves.phase)
-    orders, amplitudes, phases = (np.array(values, dtype=float) for values in table)
-    return np.array(numbers, dtype=float), orders, amplitudes, phases
-
-
-@jit
-def _along(
-    numbers: Array,
-    orders: Array,
-    amplitudes: Array,
-    phases: Array,
-    state: Array,
-    steps: Array,
-    positions: Array,
-    asked: Array,
-    out: Array,
-) -> None:
-    """One cycle a sample; ``state`` moves on, ``out`` is filled."""
-    mass, stiffness, damping, gap, limit = numbers[0], numbers[1], numbers[2], numbers[3], numbers[4]
-    cutoff = numbers[9]
-    slip, displacement, ratio, stick_velocity = numbers[5], numbers[6], numbers[7], numbers[8]
-    for k in range(len(steps)):
-        x, dt, last = positions[k], steps[k], state[_LAST]
-        if np.isnan(last):
-            state[_MASS_X] = x
-        elif dt > 0.0:
-            raw = (x - last) / dt
-            state[_SPEED] = raw if cutoff == np.inf else low_passed(state[_SPEED], state[_RAW], raw, dt, cutoff)
-            state[_RAW] = raw
-        speed = state[_SPEED]
-
-        side, coupling = 1.0, 0.0
-        if mass > 0.0:
-            x_mass, v_mass = state[_MASS_X], state[_MASS_V]
-            if not np.isnan(last):
-                side = side_of(last - x_mass, gap)
-                held, drag = (stiffness, damping) if side != 0.0 else (0.0, GAP_DAMPING * damping)
-                middle = 0.5 * (last + x) - 0.5 * side * gap
-                state[_MASS_X], state[_MASS_V] = mass_step(x_mass, v_mass, dt, mass, middle, held, drag, speed)
-            apart = x - state[_MASS_X]
-            side = side_of(apart, gap)
-            # A difference of positions is the velocity half a step ago, so the mass's is taken there too.
-            rate = speed - 0.5 * (v_mass + state[_MASS_V])
-            coupling = coupling_force(apart, rate, side, gap, stiffness, damping)
-        else:
-            state[_MASS_X], state[_MASS_V] = x, speed
-        state[_FORCES + int(state[_COUNT]) % WINDOW] = coupling
-        state[_COUNT] += 1.0
-
-        friction = 0.0
-        if slip > 0.0:
-            state[_STUCK], state[_ANCHOR], friction = stick_law(
-                last, state[_STUCK], state[_ANCHOR], x, speed, slip, displacement, ratio, stick_velocity
-            )
-        direct = _clipped(asked[k], limit) + friction
-        if len(orders) > 0:
-            direct += _cogging(x, orders, amplitudes, phases)
-        if side == 0.0:
-            direct = 0.0
-        if mass > 0.0:
-            direct += np.sum(state[_FORCES:]) / WINDOW
-        out[k, _FORCE], out[k, _COUPLING], out[k, _SIDE] = direct, coupling, side
-        out[k, _X], out[k, _V], out[k, _PROBE_SPEED] = state[_MASS_X], state[_MASS_V], speed
-        out[k, _STICKS] = state[_STUCK]
-        state[_LAST] = x
+def _require_rate(axis: CheapAxis, longest: float) -> None:
+    if np.isfinite(axis.cutoff_hz) and not longest < 0.5 / axis.cutoff_hz:
+        raise ParameterError(
+            f"Samples are up to {1e3 * longest:.3g} ms apart and the velocity is filtered at {axis.cutoff_hz:g} "
+            f"Hz: give more than {2 * axis.cutoff_hz:g} samples a second."
+        )

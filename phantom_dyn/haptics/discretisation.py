@@ -24,6 +24,7 @@ from phantom_dyn.haptics.transfer_function import Axis
 from phantom_dyn.motion import read_only
 
 Array = np.ndarray
+Controller = tuple[Array, Array, Array, float]
 
 # A delay that is this close to a multiple of the period, relative to the period, is one.
 _SAME = 1e-9
@@ -81,16 +82,27 @@ class SampledAxis:
     def closed_loop(self, stiffness: float, virtual_damping: float = 0.0) -> Float[Array, "m m"]:
         r"""Transition matrix of device and virtual wall :math:`u = -(K + B (z - 1) / (T z))\, y`.
 
-        State: that of the device, the last position, the last ``steps + 1`` forces.
+        State: that of the device, the last ``steps + 1`` forces, the last position.
         """
-        n, kept = len(self.output), self.steps + 1
-        size = n + 1 + kept
         rate = virtual_damping / self.period
-        gain = stiffness + rate
+        return self.closed_by((np.zeros((1, 1)), np.ones(1), np.array([-rate]), stiffness + rate))
+
+    def closed_by(self, controller: Controller) -> Float[Array, "m m"]:
+        """Transition matrix of device and controller, the force minus what the controller makes of the position.
+
+        State: that of the device, the last ``steps + 1`` forces, that of the controller.
+
+        Args:
+            controller: ``A``, ``B``, ``C``, ``D`` of ``x[k+1] = A x[k] + B y[k]``, ``-u[k] = C x[k] + D y[k]``.
+        """
+        A, B, C, D = controller
+        n, kept = len(self.output), self.steps + 1
+        own = n + kept
+        size = own + len(B)
 
         def forces(back: int) -> Array:
             row = np.zeros(size)
-            row[n + back] = 1.0
+            row[n + back - 1] = 1.0
             return row
 
         position = np.zeros(size)
@@ -98,20 +110,21 @@ class SampledAxis:
         position += self.direct_before * forces(self.steps + 1)
         if self.steps > 0:
             position += self.direct_now * forces(self.steps)
-        last = np.zeros(size)
-        last[n] = 1.0
-        force = -gain * position + rate * last
+        force = -D * position
+        force[own:] -= C
         if self.steps == 0:
             # Force and position of one instant depend on each other: solved for the force.
-            force = force / (1.0 + gain * self.direct_now)
+            force = force / (1.0 + D * self.direct_now)
             position = position + self.direct_now * force
         out = np.zeros((size, size))
         out[:n, :n] = self.transition
         out[:n] += np.outer(self.newer, force if self.steps == 0 else forces(self.steps))
         out[:n] += np.outer(self.older, forces(self.steps + 1))
-        out[n], out[n + 1] = position, force
+        out[n] = force
         for back in range(1, kept):
-            out[n + 1 + back] = forces(back)
+            out[n + back] = forces(back)
+        out[own:, own:] = A
+        out[own:] += np.outer(B, position)
         return out
 
     def spectral_radius(self, stiffness: float, virtual_damping: float = 0.0) -> float:

@@ -16,6 +16,7 @@ import numpy as np
 from jaxtyping import Float
 
 from phantom_dyn.errors import ParameterError
+from phantom_dyn.haptics.arguments import require_not_negative, require_positive
 
 Array = np.ndarray
 
@@ -160,10 +161,14 @@ def warming(
         t: Times [s], shape ``(n,)``.
 
     Raises:
-        ParameterError: If the time constant is not above 0.
+        ParameterError: If the time constant is not above 0, or heat, resistance or a time is negative.
     """
-    if not (math.isfinite(time_constant) and time_constant > 0):
-        raise ParameterError(f"The thermal time constant is {time_constant}: give seconds above 0.")
+    require_positive(thermal_time_constant=time_constant)
+    require_not_negative(heat_under_pulses=heat_pulses, heat_of_the_linear_drive=heat_linear, resistance=resistance)
+    if not (t >= 0).all():
+        raise ParameterError(
+            "The times of the warming hold one that is negative or no number: give seconds of 0 or more."
+        )
     share = -np.expm1(-t / time_constant)
     return Warming(t, heat_pulses * resistance * share, heat_linear * resistance * share)
 

@@ -13,9 +13,13 @@ import numpy as np
 from jaxtyping import Float, Int
 
 from phantom_dyn.errors import ParameterError
+from phantom_dyn.haptics.arguments import require_positive, require_whole
 from phantom_dyn.haptics.encoder_kernel import follow_motion
 
 Array = np.ndarray
+
+# Edges of one recording; each takes 32 bytes while it is made.
+_MOST_EDGES = 2e7
 
 PHANTOM_STEP = 0.03e-3
 """Position precision of the PHANToM 1.5 at the centre of the workspace [m] (seed of 2002, section 4.1.2)."""
@@ -81,9 +85,12 @@ def record_motion(
         samples_apart: The controller samples every so many points.
 
     Raises:
-        ParameterError: If there are fewer than two samples, or a position is not finite.
+        ParameterError: If there are fewer than two samples, a position is not finite, the interval not above 0, or the
+            motion passes more edges than a computer holds.
     """
-    if samples_apart < 1 or position.size <= samples_apart:
+    require_positive(interval=interval)
+    require_whole(1, samples_apart=samples_apart)
+    if position.size <= samples_apart:
         raise ParameterError(
             f"{position.size} points with {samples_apart} to a sample are less than two samples: give a longer motion."
         )
@@ -92,7 +99,13 @@ def record_motion(
     x = np.ascontiguousarray(position, dtype=np.float64)
     spacing = np.array(encoder.spacing)
     # An interval passes at most its length in steps, and one more edge for where it starts and ends.
-    room = int(np.sum(np.abs(np.diff(x))) / encoder.step * 2) + x.size + 8
+    passed = float(np.sum(np.abs(np.diff(x)))) / encoder.step
+    if passed > _MOST_EDGES:
+        raise ParameterError(
+            f"The motion passes {passed:.3g} edges of {encoder.step:g} each, more than the {_MOST_EDGES:.0g} that are "
+            "kept: give a coarser encoder or a shorter motion."
+        )
+    room = int(2 * passed) + x.size + 8
     counts = np.zeros((x.size - 1) // samples_apart + 1, dtype=np.int64)
     times, directions = np.zeros(room), np.zeros(room)
     used = follow_motion(x, interval, samples_apart, encoder.step, spacing, counts, times, directions)

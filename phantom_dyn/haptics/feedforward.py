@@ -31,6 +31,7 @@ from jaxtyping import Complex, Float
 from scipy.signal import butter
 
 from phantom_dyn.errors import ParameterError
+from phantom_dyn.haptics.arguments import require_positive, require_whole
 from phantom_dyn.haptics.axis import RigidAxis
 from phantom_dyn.haptics.discretisation import SampledAxis, discretise
 from phantom_dyn.haptics.operator import Operator
@@ -106,8 +107,11 @@ def low_pass(cutoff: float, *, period: float, order: int = 2) -> DigitalFilter:
         order: Order of the filter.
 
     Raises:
-        ParameterError: If the cutoff is not below half the sampling frequency.
+        ParameterError: If the cutoff is not below half the sampling frequency, the period not positive, or the order no
+            whole number above 0.
     """
+    require_positive(period=period)
+    require_whole(1, order_of_the_filter=order)
     if not 0 < cutoff < math.pi / period:
         raise ParameterError(f"The cutoff is {cutoff:g} rad/s: give one above 0 and below {math.pi / period:g} rad/s.")
     numerator, denominator = cast("tuple[Array, Array]", butter(order, cutoff * period / math.pi))
@@ -142,7 +146,14 @@ def worst_critical_feedforward(mass: float, hand_mass: float) -> float:
 
 
 def felt_mass(mass: float, gain: float) -> float:
-    """Mass that the hand feels under an ideal force gain, m / (1 + K_f) [kg]."""
+    """Mass that the hand feels under an ideal force gain, m / (1 + K_f) [kg].
+
+    Raises:
+        ParameterError: If the mass is negative, or the gain not above -1.
+    """
+    if not (math.isfinite(mass) and mass >= 0):
+        raise ParameterError(f"The mass is {mass} kg: give a number of 0 or more.")
+    _require_gain(gain)
     return mass / (1.0 + gain)
 
 
@@ -154,9 +165,10 @@ def transparency(
     What is sampled has images beyond half the sampling frequency; they are left out, so this holds below it.
 
     Raises:
-        ParameterError: If a frequency is not above 0.
+        ParameterError: If a frequency is not a number above 0, or the gain not above -1.
     """
-    if not (frequency > 0).all():
+    _require_gain(gain)
+    if not (np.isfinite(frequency) & (frequency > 0)).all():
         raise ParameterError("A frequency of 0 or less was given: a Bode diagram needs frequencies above 0.")
     device = 1.0 / axis.transfer_function.response(frequency)
     impedance = hand.impedance(frequency)
@@ -168,6 +180,11 @@ def transparency(
         device=felt,
         apparent_inertia=np.real(felt / (1j * frequency) ** 2),
     )
+
+
+def _require_gain(gain: float) -> None:
+    if not (math.isfinite(gain) and gain > -1):
+        raise ParameterError(f"The force gain is {gain}: give a number above -1, which would take all resistance away.")
 
 
 def _hand_loop(axis: RigidAxis, hand: Operator, feedforward: Feedforward) -> SampledAxis:

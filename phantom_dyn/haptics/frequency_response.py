@@ -14,6 +14,7 @@ import numpy as np
 from jaxtyping import Complex, Float
 
 from phantom_dyn.errors import ParameterError
+from phantom_dyn.haptics.arguments import require_columns, require_positive
 from phantom_dyn.motion import read_only
 
 Array = np.ndarray
@@ -91,20 +92,24 @@ def estimate_frequency_response(
         Frequencies from the third line on (force and leakage share the first two) to under the Nyquist frequency.
 
     Raises:
-        ParameterError: If the recording is shorter than two segments, a segment is under 16 samples, or the force is
-            constant.
+        ParameterError: If the recording is shorter than two segments, a segment is under 16 samples, force or position
+            are constant, or hold what is no number.
     """
     from scipy.signal import csd, welch
 
-    length = round(segment / period)
+    require_positive(period=period, segment=segment)
+    length = round(min(segment / period, 1e9))
     if len(force) != len(position) or length < 16 or len(force) < 2 * length + 2:
         raise ParameterError(
             f"{len(force)} forces and {len(position)} positions were given for segments of {length} samples: "
             "give as many of both, at least two segments of at least 16 samples."
         )
+    require_columns(len(force), force=force, position=position)
     if np.ptp(force) == 0:
         raise ParameterError("The force never changes: record the device while its motor is driven by white noise.")
     bent = position[2:] - 2.0 * position[1:-1] + position[:-2]
+    if not bent.any():
+        raise ParameterError("The position never answers the force: record the device while it is free to move.")
     driven = force[1:-1]
     rate = 1.0 / period
     f, drive = welch(driven, rate, nperseg=length)

@@ -10,6 +10,7 @@ import numpy as np
 from jaxtyping import Float
 
 from phantom_dyn.errors import ParameterError
+from phantom_dyn.haptics.arguments import require_columns, require_numbers
 from phantom_dyn.haptics.compiled import held_input
 from phantom_dyn.haptics.encoder import Encoder
 from phantom_dyn.haptics.loop_kernel import run_loop
@@ -78,10 +79,15 @@ class LoopTrace:
 
         As wide is nine tenths. An oscillation of a few steps is what rounding sustains in a stable loop; one that goes
         nowhere and back is none.
+
+        Raises:
+            ParameterError: If there are fewer than nine samples, which tell nothing.
         """
         if self.ran_away:
             return True
         third = len(self.t) // 3
+        if third < 3:
+            raise ParameterError(f"{len(self.t)} samples tell no swing from none: simulate for nine periods or more.")
         difference = self.position[:, 0] if self.position.shape[1] == 1 else self.position[:, 0] - self.position[:, 1]
         last = difference[-third:]
         turns = np.count_nonzero(np.diff(np.sign(np.diff(last))))
@@ -113,14 +119,18 @@ def simulate_loop(
         one_sided: Whether the force acts on positions above zero only, a wall.
 
     Raises:
-        ParameterError: If there are not one or two devices, or a list has another length.
+        ParameterError: If there are not one or two devices, a list has another length, or a number is not finite.
     """
     count = len(devices)
-    if count not in (1, 2) or len(start) != count or len(speed) != count or hand.shape[1] != count:
+    if count not in (1, 2) or len(start) != count or len(speed) != count or np.shape(hand)[1:] != (count,):
         raise ParameterError(
-            f"{count} devices with {len(start)} positions, {len(speed)} speeds and {hand.shape[1]} hands were given: "
-            "give one or two devices and as many of each."
+            f"{count} devices with {len(start)} positions, {len(speed)} speeds and hands of shape {np.shape(hand)} "
+            "were given: give one or two devices and as many of each."
         )
+    require_numbers(gain=gain, damping=damping)
+    for k in range(count):
+        require_numbers(start=start[k], speed=speed[k])
+        require_columns(len(hand), force_of_the_hand=hand[:, k])
     systems = [device.state_space for device in devices]
     order = max(len(system.B) for system in systems)
     transition, push = np.zeros((count, order, order)), np.zeros((count, order))

@@ -16,6 +16,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from phantom_dyn.haptics.arguments import require_not_negative, require_numbers
 from phantom_dyn.haptics.discretisation import split_delay
 
 # Points between 0 and the Nyquist frequency; the greatest value is smooth there, most often at an end.
@@ -31,7 +32,12 @@ def passive_damping(stiffness: float, *, period: float, delay: float = 0.0, virt
         period: Sampling period T [s].
         delay: Of the loop beside the hold [s]; any number of 0 or more.
         virtual_damping: B of the wall.
+
+    Raises:
+        ParameterError: If stiffness or delay is negative, the period not positive, or a number not finite.
     """
+    require_not_negative(stiffness=stiffness)
+    require_numbers(virtual_damping=virtual_damping)
     steps, rest = split_delay(period, delay)
     x = np.linspace(0.0, np.pi, _POINTS + 1)[1:]
     x = np.concatenate([np.geomspace(1e-3 * x[0], x[0], 20)[:-1], x])
@@ -55,7 +61,12 @@ def passive_stiffness(damping: float, *, period: float, delay: float = 0.0, virt
         period: Sampling period T [s].
         delay: Of the loop beside the hold [s].
         virtual_damping: B of the wall.
+
+    Raises:
+        ParameterError: If damping or delay is negative, the period not positive, or a number not finite.
     """
+    require_not_negative(damping=damping)
+    require_numbers(virtual_damping=virtual_damping)
     if virtual_damping == 0:
         return damping / passive_damping(1.0, period=period, delay=delay)
     if passive_damping(0.0, period=period, delay=delay, virtual_damping=virtual_damping) > damping:

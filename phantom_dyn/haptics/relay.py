@@ -18,6 +18,7 @@ import numpy as np
 from jaxtyping import Float
 
 from phantom_dyn.errors import ParameterError
+from phantom_dyn.haptics.arguments import require_columns, require_numbers, require_positive, sample_count
 from phantom_dyn.haptics.axis import RigidAxis, TwoMassAxis
 from phantom_dyn.haptics.discretisation import discretise
 from phantom_dyn.haptics.held_steps import relay_loop
@@ -99,11 +100,12 @@ def simulate_relay(
         duration: [s].
 
     Raises:
-        ParameterError: If the force is not positive, or the duration is under a hundred periods.
+        ParameterError: If the force or period is not positive, the delay is negative, the start no number, or the
+            duration under a hundred periods.
     """
-    if not force > 0:
-        raise ParameterError(f"The relay's force is {force:g}: give a positive force.")
-    count = round(duration / period)
+    require_positive(force_of_the_relay=force)
+    require_numbers(start=start)
+    count = sample_count(duration, period)
     if count < 100:
         raise ParameterError(f"A relay experiment of {count} samples was asked for: give a duration of 100 or more.")
     sampled = discretise(axis, period=period, delay=delay)
@@ -120,15 +122,22 @@ def limit_cycle(experiment: RelayExperiment) -> LimitCycle:
     the stiffness is the inverse of the empirical transfer function there.
 
     Raises:
-        ParameterError: If fewer than 64 samples are left after the device has settled.
+        ParameterError: If fewer than 64 samples are left after the device has settled, the relay does not switch any
+            more, or force or position are not finite.
     """
     from scipy.signal import csd, welch
 
+    require_columns(len(experiment.t), force=experiment.force, position=experiment.position)
     first = int(_SETTLING * len(experiment.t))
     force, position = experiment.force[first:], experiment.position[first:]
     length = min(_SEGMENT, len(force))
     if length < 64:
         raise ParameterError(f"{length} samples are left of the relay experiment after settling: record 64 or more.")
+    if np.ptp(force) == 0 or np.ptp(position) == 0:
+        raise ParameterError(
+            "After settling the relay never switches, so that there is no limit cycle: "
+            "record for longer, and for several times the delay."
+        )
     rate = 1.0 / experiment.period
     f, density = welch(position, rate, nperseg=length, detrend="constant")
     _, force_density = welch(force, rate, nperseg=length, detrend="constant")

@@ -79,7 +79,7 @@ class SampledLoop:
         fixed: Filter beside it.
 
     Raises:
-        ParameterError: If the devices differ in period or delay.
+        ParameterError: If there is no device, or devices differ in period or delay.
     """
 
     plants: tuple[SampledAxis, ...]
@@ -87,6 +87,8 @@ class SampledLoop:
     fixed: DigitalFilter = NOTHING
 
     def __post_init__(self) -> None:
+        if not self.plants:
+            raise ParameterError("The loop has no device: give at least one.")
         for other in self.plants[1:]:
             if (other.period, other.delay) != (self.period, self.plants[0].delay):
                 raise ParameterError(
@@ -121,41 +123,15 @@ class SampledLoop:
 
     def closed_loop(self, gain: float) -> Float[Array, "m m"]:
         """Transition matrix; states of the device, past forces, states of both filters."""
-        plant, (scaled, fixed) = self.plant, self._parts
-        n, kept = len(plant.output), plant.steps + 1
-        sizes = (n, kept, len(scaled[1]), len(fixed[1]))
-        starts = np.cumsum((0, *sizes))
-        total = int(starts[-1])
-
-        def force(back: int) -> Array:
-            row = np.zeros(total)
-            row[n + back - 1] = 1.0
-            return row
-
-        position = np.zeros(total)
-        position[:n] = plant.output
-        position += plant.direct_before * force(plant.steps + 1)
-        if plant.steps > 0:
-            position += plant.direct_now * force(plant.steps)
-        direct = gain * scaled[3] + fixed[3]
-        command = -direct * position
-        command[starts[2] : starts[3]] -= gain * scaled[2]
-        command[starts[3] :] -= fixed[2]
-        if plant.steps == 0:
-            # Force and position of one instant depend on each other: solved for the force.
-            command = command / (1.0 + direct * plant.direct_now)
-            position = position + plant.direct_now * command
-        out = np.zeros((total, total))
-        out[:n, :n] = plant.transition
-        out[:n] += np.outer(plant.newer, command if plant.steps == 0 else force(plant.steps))
-        out[:n] += np.outer(plant.older, force(plant.steps + 1))
-        out[n] = command
-        for back in range(1, kept):
-            out[n + back] = force(back)
-        for (A, B, _, _), start, end in ((scaled, starts[2], starts[3]), (fixed, starts[3], starts[4])):
-            out[start:end, start:end] = A
-            out[start:end] += np.outer(B, position)
-        return out
+        scaled, fixed = self._parts
+        return self.plant.closed_by(
+            (
+                block_diag(scaled[0], fixed[0]),
+                np.concatenate([scaled[1], fixed[1]]),
+                np.concatenate([gain * scaled[2], fixed[2]]),
+                gain * scaled[3] + fixed[3],
+            )
+        )
 
     def spectral_radius(self, gain: float) -> float:
         """Largest absolute eigenvalue of the closed loop: stable below one."""

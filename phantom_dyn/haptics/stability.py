@@ -21,10 +21,10 @@ from dataclasses import dataclass
 import numpy as np
 from jaxtyping import Complex, Float
 
-from phantom_dyn.errors import ParameterError
+from phantom_dyn.haptics.arguments import require_numbers
 from phantom_dyn.haptics.axis import RigidAxis, TwoMassAxis
 from phantom_dyn.haptics.compiled import crossings, frequency_grid
-from phantom_dyn.haptics.discretisation import SampledAxis, discretise
+from phantom_dyn.haptics.discretisation import SampledAxis, discretise, split_delay
 from phantom_dyn.haptics.transfer_function import Axis
 from phantom_dyn.motion import read_only
 
@@ -99,6 +99,9 @@ def critical_stiffness(
         period: Sampling period T [s].
         delay: Of the loop beside the hold [s]; any number of 0 or more.
         virtual_damping: B of the wall, on the backward difference of the position [N s/m or N m s/rad].
+
+    Raises:
+        ParameterError: If the period is not positive, the delay negative, or the virtual damping not finite.
     """
     sampled = discretise(axis, period=period, delay=delay)
     rate = virtual_damping / period
@@ -124,7 +127,11 @@ def critical_virtual_damping(
 
     `Crossing.gain` is the damping B [N s/m or N m s/rad], negative ones included, lowest first: a wall that is stable
     between two of them for one damping is so for all.
+
+    Raises:
+        ParameterError: If the period is not positive, the delay negative, or the stiffness not finite.
     """
+    require_numbers(stiffness=stiffness)
     sampled = discretise(axis, period=period, delay=delay)
     grid = search_grid(axis, period, delay, 0.0)
     found = crossings(grid, period, sampled.loop, (1.0 / period, -1.0 / period), (float(stiffness), 0.0))
@@ -144,23 +151,24 @@ def linear_stiffness(damping: float, *, period: float, delay: float = 0.0, virtu
         virtual_damping: B of the wall.
 
     Raises:
-        ParameterError: If the period is not positive, or the delay is negative.
+        ParameterError: If the period is not positive, the delay is negative, or a damping is not finite.
     """
-    if not (period > 0 and delay >= 0):
-        raise ParameterError(
-            f"A sampling period of {period:g} s and a delay of {delay:g} s were given: "
-            "give a positive period and a delay of 0 or more."
-        )
+    split_delay(period, delay)
+    require_numbers(damping=damping, virtual_damping=virtual_damping)
     return (damping + virtual_damping) / (0.5 * period + delay)
 
 
 def linear_ratio(
     axis: RigidAxis | TwoMassAxis, *, period: float, delay: float = 0.0, virtual_damping: float = 0.0
 ) -> float:
-    """Exact critical stiffness over that of the linear condition, which takes the device for rigid."""
+    """Exact critical stiffness over that of the linear condition, which takes the device for rigid.
+
+    NaN where the linear condition leaves no wall.
+    """
     exact = critical_stiffness(axis, period=period, delay=delay, virtual_damping=virtual_damping).stiffness
     rigid = axis.rigid if isinstance(axis, TwoMassAxis) else axis
-    return exact / linear_stiffness(rigid.damping, period=period, delay=delay, virtual_damping=virtual_damping)
+    linear = linear_stiffness(rigid.damping, period=period, delay=delay, virtual_damping=virtual_damping)
+    return exact / linear if linear > 0 else math.nan
 
 
 def roots_of_modes(axis: Axis) -> tuple[Float[Array, "m 2"], float]:
@@ -177,6 +185,7 @@ def roots_of_modes(axis: Axis) -> tuple[Float[Array, "m 2"], float]:
 
 def lowest_frequency(axis: Axis, corner: float, period: float, delay: float, virtual_damping: float) -> float:
     """Frequency [rad/s] well under every crossing: ``corner`` is the lowest corner of the axis."""
+    require_numbers(virtual_damping=virtual_damping)
     function = axis.transfer_function
     damper = abs(virtual_damping) * abs(function.numerator[-1])
     inertia = np.abs(function.denominator[:-2]).max() if len(function.denominator) > 2 else 0.0

@@ -47,8 +47,9 @@ class StabilityMap:
 
     @property
     def ratio(self) -> Float[Array, "i j k m"]:
-        """Exact critical stiffness over that of the linear condition."""
-        return self.stiffness / self.linear
+        """Exact critical stiffness over that of the linear condition; NaN where that leaves no wall."""
+        out = np.full(self.stiffness.shape, np.nan)
+        return np.divide(self.stiffness, self.linear, out=out, where=self.linear > 0)
 
 
 def stability_map(
@@ -69,12 +70,13 @@ def stability_map(
         virtual_damping: Of the wall, on the backward difference of the position.
 
     Raises:
-        ParameterError: If a sequence is empty, a period is not positive, or a delay or damping is negative.
+        ParameterError: If a sequence is empty or none, a period is not positive, a delay or damping is negative, or a
+            number not finite.
     """
     values = {"period": period, "delay": delay, "damping": damping, "virtual_damping": virtual_damping}
     for name, given in values.items():
-        if len(given) == 0:
-            raise ParameterError(f"The map has no {name}: give at least one.")
+        if np.ndim(given) != 1 or len(given) == 0:
+            raise ParameterError(f"The {name} of the map is {given}: give a sequence of at least one number.")
     added, virtual, delays, periods = (
         np.array(values[name], dtype=float) for name in ("damping", "virtual_damping", "delay", "period")
     )

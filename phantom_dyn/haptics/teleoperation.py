@@ -11,6 +11,7 @@ from functools import partial
 
 import numpy as np
 
+from phantom_dyn.haptics.arguments import sample_count
 from phantom_dyn.haptics.discretisation import SampledAxis, discretise
 from phantom_dyn.haptics.loop_simulation import LoopSettings, LoopTrace, gain_until_swinging, simulate_loop
 from phantom_dyn.haptics.sampled_loop import (
@@ -56,7 +57,7 @@ def simulate_teleoperation(
     duration: float = 2.0,
 ) -> LoopTrace:
     """Master and slave let go in free space `offset` [m] apart; column 0 of the traces is the master."""
-    hand = np.zeros((round(duration / settings.period), 2))
+    hand = np.zeros((sample_count(duration, settings.period), 2))
     return simulate_loop(
         (master, slave), settings, gain=gain, damping=damping, start=(offset, 0.0), speed=(0.0, 0.0), hand=hand
     )

@@ -69,7 +69,7 @@ class TransferFunction:
         for name in ("numerator", "denominator"):
             values = read_only(getattr(self, name))
             object.__setattr__(self, name, values)
-            if not (len(values) and np.all(np.isfinite(values)) and values[0] != 0):
+            if not (values.ndim == 1 and len(values) and np.all(np.isfinite(values)) and values[0] != 0):
                 raise ParameterError(
                     f"The {name} of a transfer function is {values.tolist()}: give finite coefficients, "
                     "the highest power of s first and not zero."
@@ -102,8 +102,16 @@ class TransferFunction:
 
     @property
     def state_space(self) -> StateSpace:
-        """Observer form, in the time scale of the fastest root so that no state dwarfs another."""
+        """Observer form, in the time scale of the fastest root so that no state dwarfs another.
+
+        Raises:
+            ParameterError: If it is a bare spring, which has no state.
+        """
         order = len(self.denominator) - 1
+        if order == 0:
+            raise ParameterError(
+                "A transfer function without any power of s has no state: give a device with a mass or a damper."
+            )
         roots = np.abs(np.concatenate([self.poles, self.zeros]))
         scale = float(roots.max()) if len(roots) and roots.max() > 0 else 1.0
         powers = scale ** np.arange(order, -1.0, -1.0)

@@ -9,6 +9,7 @@ import numpy as np
 from jaxtyping import Complex, Float
 
 from phantom_dyn.errors import ParameterError
+from phantom_dyn.haptics.arguments import require_positive, require_whole, sample_count
 from phantom_dyn.haptics.encoder import Encoder, record_motion
 from phantom_dyn.haptics.velocity_estimators import Estimator, estimate_velocity
 
@@ -78,13 +79,14 @@ def estimator_figures(
         duration: Length of either motion after 0.6 s of settling [s].
 
     Raises:
-        ParameterError: If the acceleration is zero, or a value is not finite.
+        ParameterError: If the acceleration is zero, a value is not finite, or the duration is under a period.
     """
     if not (math.isfinite(acceleration) and acceleration != 0 and math.isfinite(speed)):
         raise ParameterError(
             f"A speed of {speed} with an acceleration of {acceleration}: "
             "give numbers, and an acceleration that is not 0."
         )
+    sample_count(duration, period)
     fine = np.arange(round((_SETTLING + duration) / period) * _POINTS + 1) * (period / _POINTS)
     t = fine[::_POINTS]
     settled = t >= _SETTLING
@@ -129,8 +131,11 @@ def estimator_response(
         cycles: Cycles that are evaluated, after 0.6 s of settling.
 
     Raises:
-        ParameterError: If a frequency is not between 0 and half the sampling frequency.
+        ParameterError: If a frequency is not between 0 and half the sampling frequency, the peak speed or period not
+            above 0, or cycles no whole number above 0.
     """
+    require_positive(peak_speed=speed, period=period)
+    require_whole(1, cycles=cycles)
     highest = math.pi / period
     if not ((frequency > 0) & (frequency < highest)).all():
         raise ParameterError(

@@ -15,13 +15,14 @@ from scipy.linalg import solve_discrete_are
 
 from phantom_dyn.errors import ParameterError
 from phantom_dyn.haptics import velocity_kernel as kernel
+from phantom_dyn.haptics.arguments import require_positive
 from phantom_dyn.haptics.encoder import EncoderRecord
 
 Array = np.ndarray
 
 
 def _check_window(name: str, value: int) -> None:
-    if not 1 <= value <= kernel.READINGS_KEPT - 12:
+    if not (1 <= value <= kernel.READINGS_KEPT - 12 and value == int(value)):
         raise ParameterError(f"The estimator's {name} is {value}: give a whole number from 1 to 500.")
 
 
@@ -100,7 +101,7 @@ class PeriodMeasurement:
     def __post_init__(self) -> None:
         _check_window("samples", self.samples)
         _check_window("edges", self.edges)
-        if not (math.isfinite(self.clock) and self.clock > 0 and 1 <= self.bits <= 52):
+        if not (math.isfinite(self.clock) and self.clock > 0 and self.bits in range(1, 53)):
             raise ParameterError(
                 f"A clock of {self.clock} Hz with a counter of {self.bits} bits: give a clock above 0 and 1 to 52 bits."
             )
@@ -126,7 +127,12 @@ IMPROVED = PeriodMeasurement()
 
 
 def kalman_gains(estimator: KalmanVelocity, *, step: float, period: float) -> tuple[float, float]:
-    """Stationary gains of position [-] and velocity [1/s] on the innovation."""
+    """Stationary gains of position [-] and velocity [1/s] on the innovation.
+
+    Raises:
+        ParameterError: If encoder step or period are not above 0.
+    """
+    require_positive(encoder_step=step, period=period)
     transition = np.array([[1.0, period], [0.0, 1.0]])
     push = np.array([[period**2 / 2], [period]]) * estimator.acceleration
     reading = np.array([[1.0, 0.0]])

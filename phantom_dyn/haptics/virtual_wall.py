@@ -14,6 +14,7 @@ import numpy as np
 from jaxtyping import Float
 
 from phantom_dyn.errors import ParameterError
+from phantom_dyn.haptics.arguments import sample_count
 from phantom_dyn.haptics.discretisation import discretise
 from phantom_dyn.haptics.loop_simulation import LoopSettings, LoopTrace, gain_until_swinging, simulate_loop
 from phantom_dyn.haptics.sampled_loop import (
@@ -92,7 +93,7 @@ def simulate_damping(
     axis: Axis, settings: LoopSettings, damping: float, *, speed: float = 0.1, duration: float = 2.0
 ) -> LoopTrace:
     """A device pushed off at a speed [m/s] into a virtual liquid of this damping [N s/m]."""
-    hand = np.zeros((round(duration / settings.period), 1))
+    hand = np.zeros((sample_count(duration, settings.period), 1))
     return simulate_loop((axis,), settings, gain=0.0, damping=damping, start=(0.0,), speed=(speed,), hand=hand)
 
 
@@ -107,7 +108,7 @@ def simulate_wall(
     duration: float = 2.0,
 ) -> LoopTrace:
     """A device that meets a one-sided wall at zero with a speed [m/s], pressed on it by a constant force [N]."""
-    hand: Float[Array, "N d"] = np.full((round(duration / settings.period), 1), push)
+    hand: Float[Array, "N d"] = np.full((sample_count(duration, settings.period), 1), push)
     return simulate_loop(
         (axis,), settings, gain=stiffness, damping=damping, start=(0.0,), speed=(speed,), hand=hand, one_sided=True
     )

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from jaxtyping import Float
 
+from phantom_dyn.haptics.arguments import require_not_negative, sample_count
 from phantom_dyn.haptics.axis import RigidAxis, TwoMassAxis
 from phantom_dyn.haptics.discretisation import discretise
 from phantom_dyn.haptics.frequency_response import FrequencyResponse, estimate_frequency_response
@@ -59,8 +60,12 @@ def simulate_white_noise(
         position_noise: Standard deviation of the reading [m or rad].
         duration: [s].
         rng: Draws force and noise.
+
+    Raises:
+        ParameterError: If a deviation is negative, or period or duration are not positive.
     """
-    given = force * rng.standard_normal(round(duration / period))
+    require_not_negative(force=force, position_noise=position_noise)
+    given = force * rng.standard_normal(sample_count(duration, period))
     s = discretise(axis, period=period, delay=delay)
     position = held_forces(s.transition, s.newer, s.older, s.output, s.steps, axis.rest(0.0), given)
     return WhiteNoiseExperiment(period, given, position + position_noise * rng.standard_normal(len(given)))

@@ -71,7 +71,8 @@ def test_critical_wall_is_the_critical_stiffness_of_the_two_coefficient_loop(dam
 
 @pytest.mark.parametrize("estimator", [AveragedDifference(7), STOCK, KalmanVelocity(3.0)])
 def test_the_filter_of_an_estimator_is_the_estimator(estimator, rng):
-    record = record_motion(Encoder(1e-9), np.cumsum(rng.normal(size=400)) * 1e-3, interval=1e-3, samples_apart=1)
+    # A thousand steps a sample: fine enough, and few enough edges to count.
+    record = record_motion(Encoder(1e-9), np.cumsum(rng.normal(size=400)) * 1e-6, interval=1e-3, samples_apart=1)
     filter_ = velocity_filter(estimator, step=1e-9, period=1e-3)
     a, b = filter_.denominator, filter_.numerator
     v, x = estimate_velocity(estimator, record), record.reading

@@ -1,0 +1,93 @@
+"""Numbers that a caller gave, refused in a sentence where nothing can be computed from them."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from phantom_dyn.errors import ParameterError
+
+Array = np.ndarray
+
+# Samples of one experiment: a hundred million fill a gigabyte for each column.
+_MOST_SAMPLES = 10**8
+
+
+def require_numbers(**values: float) -> None:
+    """Refuse what is not finite; names are those of the arguments, with blanks for underscores in the text.
+
+    Raises:
+        ParameterError: If a value is NaN or infinite.
+    """
+    for name, value in values.items():
+        if not math.isfinite(value):
+            raise ParameterError(f"The {name.replace('_', ' ')} is {value}: give a finite number.")
+
+
+def require_positive(**values: float) -> None:
+    """Refuse what is not a number above 0.
+
+    Raises:
+        ParameterError: If a value is 0 or less, or not finite.
+    """
+    for name, value in values.items():
+        if not (math.isfinite(value) and value > 0):
+            raise ParameterError(f"The {name.replace('_', ' ')} is {value}: give a number above 0.")
+
+
+def require_not_negative(**values: float) -> None:
+    """Refuse what is not a number of 0 or more.
+
+    Raises:
+        ParameterError: If a value is negative or not finite.
+    """
+    for name, value in values.items():
+        if not (math.isfinite(value) and value >= 0):
+            raise ParameterError(f"The {name.replace('_', ' ')} is {value}: give a number of 0 or more.")
+
+
+def require_whole(least: int, **values: float) -> None:
+    """Refuse what is not a whole number of ``least`` or more.
+
+    Raises:
+        ParameterError: If a value has a fraction, is too small or not finite.
+    """
+    for name, value in values.items():
+        if not (math.isfinite(value) and value == int(value) and value >= least):
+            raise ParameterError(f"The {name.replace('_', ' ')} is {value}: give a whole number of {least} or more.")
+
+
+def require_columns(count: int, **values: Array) -> None:
+    """Refuse columns that are not ``count`` finite numbers each.
+
+    Raises:
+        ParameterError: If an array has another shape, or holds a NaN or an infinity.
+    """
+    for name, value in values.items():
+        shape = np.shape(value)
+        if shape != (count,):
+            raise ParameterError(
+                f"The {name.replace('_', ' ')} has the shape {shape}: give one number for each of {count} samples."
+            )
+        bad = np.flatnonzero(~np.isfinite(value))
+        if len(bad):
+            raise ParameterError(
+                f"The {name.replace('_', ' ')} is {np.asarray(value)[bad[0]]} at sample {bad[0]}: give finite numbers."
+            )
+
+
+def sample_count(duration: float, period: float) -> int:
+    """Samples of an experiment of this duration [s] at this sampling period [s], at least one.
+
+    Raises:
+        ParameterError: If either is not above 0, or the duration holds no sample, or more than a computer does.
+    """
+    require_positive(period=period, duration=duration)
+    count = round(min(duration / period, 2.0 * _MOST_SAMPLES))
+    if not 1 <= count <= _MOST_SAMPLES:
+        raise ParameterError(
+            f"A duration of {duration:g} s at a sampling period of {period:g} s was given: give a duration of at least "
+            f"one period and at most {_MOST_SAMPLES} of them."
+        )
+    return count
