@@ -7,6 +7,7 @@ times unknown numbers. Columns of one recording are computed once; every later f
 from __future__ import annotations
 
 from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 
 import numpy as np
@@ -28,6 +29,9 @@ from phantom_dyn.inertia import parameter_names
 from phantom_dyn.robot import Robot
 
 Array = np.ndarray
+
+# Filters and laws let go of the interpreter; more threads than two wait for each other.
+_THREADS = 2
 
 
 @dataclass(frozen=True)
@@ -233,18 +237,24 @@ def _values(
     kept: dict[Place, tuple[Float[Array, "n c"], ...]],
 ) -> tuple[Float[Array, "n k"], ...]:
     """In-band columns of one log row by row, those that are kept as they are."""
-    rows = [list(columns) for columns in plain]
-    for block in local:
+
+    def computed(block: Local) -> tuple[Array, ...]:
         known = kept.get((block.effect.name, block.joint, block.shape))
         if known is not None:
-            for row, columns in zip(block.rows, known, strict=True):
-                rows[row].extend(columns.T)
-            continue
+            return known
         signature = block.effect.signature(robot, operation, block.joint, block.shape)
-        for k, row in enumerate(signature.rows):
+        out = []
+        for k in range(len(signature.rows)):
             column = log.band(signature.columns[:, k, :])
             if block.effect.uses_acceleration:
                 steps = 0.0 if signature.steps is None else log.band(signature.steps[:, k, :])
                 column = narrow(column - steps) + steps
-            rows[row].extend(column.T)
+            out.append(column)
+        return tuple(out)
+
+    rows = [list(columns) for columns in plain]
+    with ThreadPoolExecutor(_THREADS) as pool:
+        for block, parts in zip(local, pool.map(computed, local), strict=True):
+            for row, columns in zip(block.rows, parts, strict=True):
+                rows[row].extend(columns.T)
     return tuple(np.column_stack(columns) for columns in rows)

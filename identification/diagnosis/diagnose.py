@@ -98,14 +98,17 @@ def diagnose(
     search = _with_thresholds(search, noise, spurious, progress)
     search, chosen = _search(search, noise, progress)
     before: tuple[FoundEffect, ...] = ()
+    tried: set[tuple[str, str | None]] = set()
     for _ in range(_REFINEMENTS):
         noise, ratio = smaller_noise(search, chosen, noise)
         found = found_effects(search.evaluate(chosen), chosen)
         near = runners_up(search, chosen)
         points = (*found, *near)
-        if ratio >= _LOWER and (not needs_refinement(points) or unchanged(points, before)):
+        same = unchanged(found, before) and tried.issuperset(point.place for point in near)
+        if ratio >= _LOWER and (same or not needs_refinement(points)):
             break
-        before = points
+        before = found
+        tried.update(point.place for point in near)
         # Laws that are not linear are taken again about what was found, and noise is what the findings leave.
         if points:
             rest = residual_after(search.problem, held_out_torque(search.problem, chosen, search.evaluate(chosen)))

@@ -49,7 +49,7 @@ def needs_refinement(found: tuple[FoundEffect, ...]) -> bool:
 
 def unchanged(found: tuple[FoundEffect, ...], before: tuple[FoundEffect, ...]) -> bool:
     """True if laws would be taken about the same points again."""
-    names = [[(p.effect.name, p.joint, len(p.shape)) for p in points] for points in (found, before)]
+    names = [[(*point.place, len(point.shape)) for point in points] for points in (found, before)]
     if names[0] != names[1]:
         return False
     return all(

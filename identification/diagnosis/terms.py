@@ -44,6 +44,11 @@ class FoundEffect:
     shape: Shape
     coefficients: Float[Array, " k"]
 
+    @property
+    def place(self) -> tuple[str, str | None]:
+        """Effect and joint, whatever the shape."""
+        return self.effect.name, self.joint
+
 
 @dataclass(frozen=True, eq=False)
 class Term:
