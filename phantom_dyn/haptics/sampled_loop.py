@@ -14,7 +14,6 @@ from functools import cached_property, reduce
 import numpy as np
 from jaxtyping import Complex, Float
 from scipy.linalg import block_diag
-from scipy.optimize import root_scalar
 from scipy.signal import tf2ss
 
 from phantom_dyn.errors import ParameterError
@@ -26,6 +25,8 @@ Array = np.ndarray
 
 # A free device keeps an eigenvalue of one, which a hundred stored samples blur by some 1e-9.
 _MARGINAL = 1e-7
+# Halvings of a step of the grid, which is under a tenth of its frequency: to the last bits of it.
+_HALVINGS = 50
 
 
 @dataclass(frozen=True)
@@ -126,7 +127,7 @@ class SampledLoop:
         scaled, fixed = self._parts
         return self.plant.closed_by(
             (
-                block_diag(scaled[0], fixed[0]),
+                np.asarray(block_diag(scaled[0], fixed[0])),
                 np.concatenate([scaled[1], fixed[1]]),
                 np.concatenate([gain * scaled[2], fixed[2]]),
                 gain * scaled[3] + fixed[3],
@@ -186,26 +187,33 @@ def critical_gain(loop: SampledLoop, *, lowest: float = 1e-2) -> CriticalGain:
     grid = frequency_grid(lowest, period, loop.plants[0].delay + stored * period, modes)
     gains = loop.gain_on_axis(grid)
 
-    def imaginary(w: float) -> float:
-        return float(np.imag(loop.gain_on_axis(np.array([w]))[0]))
-
-    found = [(loop.gain_on_axis(np.array([math.pi / period]))[0].real, math.pi / period)]
-    for k in np.flatnonzero(np.diff(np.signbit(np.imag(gains)))):
-        w = float(root_scalar(imaginary, bracket=(grid[k], grid[k + 1]), xtol=1e-12, rtol=1e-13).root)
-        gain = loop.gain_on_axis(np.array([w]))[0]
-        # Through infinity, where the filter is deaf, the sign changes without a crossing.
-        if np.isfinite(gain) and abs(gain) < 1e3 * (abs(gains[k]) + abs(gains[k + 1])):
-            found.append((gain.real, w))
+    changes = np.flatnonzero(np.diff(np.signbit(np.imag(gains))))
+    where = _roots(loop, grid[changes], grid[changes + 1])
+    ends = np.append(where, math.pi / period)
+    there = loop.gain_on_axis(ends)
+    # Through infinity, where the filter is deaf, the sign changes without a crossing.
+    near = np.append(np.abs(there[:-1]) < 1e3 * (np.abs(gains[changes]) + np.abs(gains[changes + 1])), True)
+    found = zip(np.real(there)[near], ends[near], strict=True)
     crossing = np.array(sorted(pair for pair in found if np.isfinite(pair[0]) and pair[0] > 0)).reshape(-1, 2)
     between = _between(crossing[:, 0])
     stable = np.array([loop.is_stable(gain) for gain in between])
-    ends = np.flatnonzero(~stable)
+    unstable = np.flatnonzero(~stable)
     end, frequency = math.inf, math.nan
-    if len(ends) and ends[0] == 0:
+    if len(unstable) and unstable[0] == 0:
         end = 0.0
-    elif len(ends):
-        end, frequency = map(float, crossing[ends[0] - 1])
+    elif len(unstable):
+        end, frequency = map(float, crossing[unstable[0] - 1])
     return CriticalGain(end, frequency, crossing[:, 1], crossing[:, 0], stable, grid, -1.0 / gains)
+
+
+def _roots(loop: SampledLoop, low: Float[Array, " n"], high: Float[Array, " n"]) -> Float[Array, " n"]:
+    """Frequencies between ``low`` and ``high`` at which the gain turns real, all halved at once."""
+    below = np.signbit(np.imag(loop.gain_on_axis(low)))
+    for _ in range(_HALVINGS):
+        middle = 0.5 * (low + high)
+        same = np.signbit(np.imag(loop.gain_on_axis(middle))) == below
+        low, high = np.where(same, middle, low), np.where(same, high, middle)
+    return 0.5 * (low + high)
 
 
 def _in_parallel(first: SampledAxis, second: SampledAxis) -> SampledAxis:

@@ -138,9 +138,12 @@ REFUSED = {
     "felt slow": (lambda: felt(GOOD, at_rest(), 1.0, 0.0, 0.0), "give more than 140 samples a second"),
     "felt NaN": (lambda: felt(GOOD, at_rest(), T, NAN, 0.0), "position of the probe is nan"),
     "no axes": (lambda: rendered_axes((), TEN, np.zeros((10, 0)), np.zeros((10, 0))), "give one or more axes"),
-    "tip": (lambda: phantom_tip_force((GOOD,) * 3, TEN, np.zeros((9, 3)), np.zeros((9, 3))), "give three of each"),
+    "tip": (
+        lambda: phantom_tip_force((GOOD, GOOD, GOOD), TEN, np.zeros((9, 3)), np.zeros((9, 3))),
+        "give three of each",
+    ),
     "tip singular": (
-        lambda: phantom_tip_force((GOOD,) * 3, TEN, np.tile([0.0, np.pi / 2, 0.0], (10, 1)), np.ones((10, 3))),
+        lambda: phantom_tip_force((GOOD, GOOD, GOOD), TEN, np.tile([0.0, np.pi / 2, 0.0], (10, 1)), np.ones((10, 3))),
         "singular at sample 0",
     ),
     "window": (lambda: AveragedDifference(2.5), "samples is 2.5: give a whole number"),  # type: ignore

@@ -257,5 +257,5 @@ def test_times_that_the_filter_cannot_take_are_refused(t, words):
 
 
 def test_as_many_axes_as_columns_are_wanted():
-    with pytest.raises(ParameterError, match="There are 2 axes, 3 positions and 3 forces a sample"):
+    with pytest.raises(ParameterError, match=r"2 axes, and positions and forces of the shapes \(2, 3\) and \(2, 3\)"):
         rendered_axes((CheapAxis(),) * 2, np.arange(2) / 1000.0, np.zeros((2, 3)), np.zeros((2, 3)))
