@@ -89,5 +89,5 @@ def test_pulses_of_no_voltage_are_refused():
 
 
 def test_a_thermal_time_constant_of_nothing_is_refused():
-    with pytest.raises(ParameterError, match="thermal time constant is 0.0: give a number above 0"):
+    with pytest.raises(ParameterError, match=r"thermal time constant is 0\.0: give a number above 0"):
         warming(heat_pulses=1.0, heat_linear=1.0, resistance=1.0, time_constant=0.0, t=np.zeros(1))
