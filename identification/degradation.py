@@ -19,6 +19,9 @@ from phantom_dyn.robot import Robot
 
 Values = Mapping[str, tuple[float, ...]]
 
+# Numbers whose zero no device has, though the catalogue's bounds, which serve a search, include it.
+_NEVER_ZERO = frozenset({("encoder_quantization", "step"), ("transmission_compliance", "stiffness")})
+
 
 @dataclass(frozen=True)
 class Degradation:
@@ -99,6 +102,8 @@ def _require_bounds(effect: str, parameter: Parameter, given: tuple[float, ...])
             raise ParameterError(
                 f"{parameter.name}={value:g} of {effect} is out of bounds: wanted {_words(parameter)}."
             )
+        if value == 0 and (effect, parameter.name) in _NEVER_ZERO:
+            raise ParameterError(f"{parameter.name}=0 of {effect} is out of bounds: wanted a number above 0.")
 
 
 def _require_counts(effect: Effect, values: Values) -> None:

@@ -36,6 +36,9 @@ from phantom_dyn.robot import Robot
 
 Array = np.ndarray
 
+# Torques and positions beyond it are no device's, and overflow when squared.
+_MOST = 1e100
+
 
 @dataclass(frozen=True)
 class Degraded:
@@ -84,6 +87,8 @@ def degrade(robot: Robot, table: Table, recording: Recording, faults: tuple[Degr
     for fault, part in zip(faults, parts, strict=True):
         _require_trace(robot, fault, part)
     (log,), _ = process_all((recording,), robot)
+    for fault in faults:
+        _require_time(robot, log, fault)
     change, notes = _motion_kept(robot, log, faults, parts)
     limits = np.full(robot.nv, np.inf)
     for fault in faults:
@@ -93,7 +98,7 @@ def degrade(robot: Robot, table: Table, recording: Recording, faults: tuple[Degr
     columns, replay_notes = dict(table.columns), ()
     if np.isfinite(limits).any():
         change, replay_notes = _limited(robot, log, change, limits, columns)
-    if not all(np.isfinite(values).all() for values in (change.tau, change.q)):
+    if not all((np.abs(values) < _MOST).all() for values in (change.tau, change.q)):
         raise ParameterError("With these numbers the torque is not finite: give some that a device can have.")
     notes += replay_notes + _write_torque(robot, table, columns, _at_rows(robot, log, table, change.tau, held=True))
     _write_motion(robot, log, table, columns, change, [part for part in parts if part.reading is not None])
@@ -110,6 +115,17 @@ def _require_trace(robot: Robot, fault: Degradation, part: Simulated) -> None:
     if why is not None:
         where = "" if fault.joint is None else f" on {fault.joint}"
         raise ParameterError(f"{fault.effect.name}{where} cannot be put into this log: {why}.")
+
+
+def _require_time(robot: Robot, log: Log, fault: Degradation) -> None:
+    """Refuse a drive that is later than the recording is long."""
+    length = float(log.motion.t[-1] - log.motion.t[0])
+    for parameter, value in zip(fault.effect.parameters(robot, fault.joint), fault.theta, strict=False):
+        if parameter.unit == "s" and value >= length:
+            raise ParameterError(
+                f"{parameter.name}={value:g} s of {fault.effect.name} is no shorter than the recording of "
+                f"{length:.4g} s: give a shorter one."
+            )
 
 
 def _motion_kept(
@@ -163,6 +179,13 @@ def _limited(
     for name in passive:
         del columns[name]
     notes = (f"{', '.join(passive)} left out: clipped drives move the passive joints too",) if passive else ()
+    astray, width = np.abs(moved).max(axis=0), np.ptp(log.motion.q, axis=0)
+    for k in np.flatnonzero(astray > 0.5 * width):
+        joint, unit = robot.joint_names[k], robot.position_units[k]
+        notes += (
+            f"with these limits {joint} strays {astray[k]:.3g} {unit} from a motion that spans {width[k]:.3g} {unit}: "
+            "give higher ones if it is to be followed",
+        )
     return _Change(change.tau + tau - asked, moved, v - log.motion.v, change.x + moved), notes
 
 

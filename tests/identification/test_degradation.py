@@ -74,6 +74,8 @@ def test_parameters_come_in_the_contracts_order(arm, effect, joint, values, thet
             {"order": (6, 12), "amplitude": (0.1,), "phase": (0.0,)},
             "cogging was given 2 of order, 1 of amplitude, 1 of phase: give as many numbers of each",
         ),
+        ("encoder_quantization", "tilt", {"step": (0.0,)}, "step=0 of encoder_quantization .* wanted a number above 0"),
+        ("transmission_compliance", "tilt", {"stiffness": (0.0,)}, "stiffness=0 of transmission_compliance is out"),
         (
             "presliding_friction",
             "tilt",

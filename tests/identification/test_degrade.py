@@ -260,6 +260,22 @@ def test_a_ratio_of_zero_is_refused(arm, clean):
         degraded(arm, clean[1], fault(arm, "torque_constant", ratio=0.0))
 
 
+@pytest.mark.parametrize(("effect", "name"), [("input_delay", "delay"), ("actuator_lag", "time_constant")])
+def test_a_drive_later_than_the_recording_is_long_is_refused(arm, clean, effect, name):
+    with pytest.raises(ParameterError, match=rf"{name}=1000 s of {effect} is no shorter than the recording of"):
+        degraded(arm, clean[1], fault(arm, effect, **{name: 1000.0}))
+
+
+def test_a_torque_that_overflows_when_squared_is_refused(arm, clean):
+    with pytest.raises(ParameterError, match="With these numbers the torque is not finite"):
+        degraded(arm, clean[1], fault(arm, "viscous_friction", coefficient=1e300))
+
+
+def test_a_robot_that_strays_from_its_motion_is_noted(arm, clean):
+    notes = degraded(arm, clean[1], fault(arm, "torque_saturation", limit=0.0)).notes
+    assert any("with these limits elbow strays" in note and "give higher ones" in note for note in notes)
+
+
 def test_a_joint_without_a_torque_column_cannot_be_given_more(arm, clean):
     columns = {name: values for name, values in clean[1].columns.items() if name != "tau.elbow"}
     robot = replace(arm, actuators=(arm.actuators[0], replace(arm.actuators[1], actuated=False)))
