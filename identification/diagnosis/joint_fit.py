@@ -26,6 +26,9 @@ from phantom_dyn.robot import Robot
 
 Array = np.ndarray
 
+# Information on a number, in its own units, below which there is none.
+_NO_TRACE = 1e-200
+
 _STEPS = 4
 # Columns made of the model are taken of the moved one again if a move changes by more than that many sigmas.
 _SAME_MODEL = 0.3
@@ -76,6 +79,8 @@ def joint_fit(
     if setting.of_model and np.any(precision[moves] * (x[moves] - start) ** 2 > _SAME_MODEL**2):
         setting = setting.moved(x[moves])
         x, model, (a, b, _) = _descended(setting, x, precision, lower, upper)
+    # What leaves no trace at all (an inertia of a link that never turns about that axis) stays where it is.
+    precision = np.where(np.einsum("bkk->k", a) + precision < _NO_TRACE, 1.0, precision)
     cov = _covariance(a, b, precision, x)
     if setting.of_model:
         cov = cov + _by_model(setting, model, x, cov, a.sum(axis=0) + np.diag(precision))
@@ -185,7 +190,7 @@ def _limits(setting: Setting, x: Float[Array, " p"]) -> tuple[Array, Array, Arra
 
 
 def _products(
-    setting: Setting, model: Linearised, rest: tuple[Float[Array, "n nv"], ...] | None = None
+    setting: Setting, model: Linearised, rest: tuple[Float[Array, "_ nv"], ...] | None = None
 ) -> tuple[Array, Array, Array]:
     """Weighted products of slopes and rest, of each block that trains; the rest is what the model leaves if None."""
     if rest is None:

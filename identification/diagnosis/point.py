@@ -32,8 +32,8 @@ class Linearised:
         slopes: ``(n, nv, p)`` each.
     """
 
-    torque: tuple[Float[Array, "n nv"], ...]
-    slopes: tuple[Float[Array, "n nv p"], ...]
+    torque: tuple[Float[Array, "_ nv"], ...]
+    slopes: tuple[Float[Array, "_ nv p"], ...]
 
 
 def linearised(setting: Setting, x: Float[Array, " p"]) -> Linearised:
@@ -41,7 +41,7 @@ def linearised(setting: Setting, x: Float[Array, " p"]) -> Linearised:
     return Linearised(*zip(*(_one_log(setting, x, log) for log in range(len(setting.logs))), strict=True))
 
 
-def change_by_model(setting: Setting, moved: Setting, x: Float[Array, " p"]) -> tuple[Float[Array, "n nv"], ...]:
+def change_by_model(setting: Setting, moved: Setting, x: Float[Array, " p"]) -> tuple[Float[Array, "_ nv"], ...]:
     """Torque of the terms more when their columns are made of another model, for each log ``(n, nv)``."""
     out = [np.zeros_like(residual) for residual in setting.problem.white.residual]
     for log, change in enumerate(out):
@@ -52,7 +52,7 @@ def change_by_model(setting: Setting, moved: Setting, x: Float[Array, " p"]) -> 
     return tuple(out)
 
 
-def law_of(setting: Setting, place: Place, x: Float[Array, " p"]) -> tuple[Float[Array, "n nv"], ...]:
+def law_of(setting: Setting, place: Place, x: Float[Array, " p"]) -> tuple[Float[Array, "_ nv"], ...]:
     """Torque of one term, for each log."""
     return tuple(_law(setting, place, x[place.coefficients], x[place.shape], log) for log in range(len(setting.logs)))
 
@@ -66,7 +66,7 @@ def by_other_law(setting: Setting, place: Place, x: Float[Array, " p"], law: Oth
     )
 
 
-def _one_log(setting: Setting, x: Float[Array, " p"], log: int) -> tuple[Float[Array, "n nv"], Float[Array, "n nv p"]]:
+def _one_log(setting: Setting, x: Float[Array, " p"], log: int) -> tuple[Float[Array, "_ nv"], Float[Array, "n nv p"]]:
     problem = setting.problem
     moves = np.arange(problem.nuisances)
     n, nv = problem.white.residual[log].shape
@@ -95,7 +95,7 @@ def _one_log(setting: Setting, x: Float[Array, " p"], log: int) -> tuple[Float[A
 
 def _with_slopes(
     setting: Setting, place: Place, own: Float[Array, " k"], shape: Float[Array, " m"], log: int
-) -> tuple[Float[Array, "n nv"], Float[Array, "n nv p"]]:
+) -> tuple[Float[Array, "_ nv"], Float[Array, "n nv p"]]:
     """Torque of one term, and its slopes to the coefficients and the shape."""
     effect = place.term.effect
     if isinstance(effect, Payload):
