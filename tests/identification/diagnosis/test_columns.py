@@ -189,4 +189,3 @@ def test_columns_after_a_fit_are_those_made_from_nothing(lab, planar2):
     for mine, theirs in zip(after.values[0], anew.values[0], strict=True):
         np.testing.assert_array_equal(mine, theirs)
     np.testing.assert_array_equal(after.residual[0], anew.residual[0])
-
