@@ -26,11 +26,18 @@ def point_mass():
 
 
 def standing_states(model, rng, samples=50):
+    """Random states in which the ground still carries a good part of the weight."""
     limit = np.full(model.nq, np.pi)
     limit[:7] = 1.0
     pin.seed(7)
-    q = np.array([pin.randomConfiguration(model, -limit, limit) for _ in range(samples)])
-    return q, rng.normal(size=(samples, model.nv)), 0.5 * rng.normal(size=(samples, model.nv))
+    data, states = model.createData(), []
+    while len(states) < samples:
+        q = pin.randomConfiguration(model, -limit, limit)
+        v, a = rng.normal(size=model.nv), 0.5 * rng.normal(size=model.nv)
+        pin.centerOfMass(model, data, q, v, a)
+        if data.acom[0][2] > -5.0:
+            states.append((q, v, a))
+    return tuple(np.array(part) for part in zip(*states, strict=True))
 
 
 @pytest.mark.parametrize("ground", [0.0, -0.7])
