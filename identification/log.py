@@ -70,9 +70,7 @@ class Log:
 
     def __post_init__(self):
         object.__setattr__(self, "tau", read_only(self.tau))
-        mask = np.array(self.valid, dtype=bool)
-        mask.flags.writeable = False
-        object.__setattr__(self, "valid", mask)
+        object.__setattr__(self, "valid", read_only(self.valid, bool))
 
     @property
     def samples(self) -> Int[Array, " n"]:

@@ -10,9 +10,9 @@ from jaxtyping import Float
 Array = np.ndarray
 
 
-def read_only(array: Array) -> Array:
+def read_only(array: Array, dtype: type = float) -> Array:
     """Contiguous private copy of ``array`` that cannot be written to."""
-    copy = np.array(array, dtype=float, order="C")
+    copy = np.array(array, dtype=dtype, order="C")
     copy.flags.writeable = False
     return copy
 

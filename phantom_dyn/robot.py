@@ -100,9 +100,7 @@ class Robot:
         object.__setattr__(self, "model", self.model.copy())
         for name in ("viscous_friction", "coulomb_friction"):
             object.__setattr__(self, name, read_only(getattr(self, name)))
-        prismatic = np.array(self.prismatic, dtype=bool)
-        prismatic.flags.writeable = False
-        object.__setattr__(self, "prismatic", prismatic)
+        object.__setattr__(self, "prismatic", read_only(self.prismatic, bool))
 
     @property
     def nv(self) -> int:

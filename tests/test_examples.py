@@ -118,11 +118,14 @@ def test_the_files_that_the_readme_links_are_there():
 
 
 def test_the_yaml_of_the_readme_is_a_valid_column_map_and_a_valid_robot_yaml(tmp_path):
-    # Oracle: the readers of both files.
-    for k, block in enumerate(re.findall(r"```yaml\n(.*?)```", README, flags=re.DOTALL)):
+    # Oracle: the readers of both files, in the order of the README; they raise where a key or value is not theirs.
+    blocks = re.findall(r"```yaml\n(.*?)```", README, flags=re.DOTALL)
+    read = []
+    for k, (block, reader) in enumerate(zip(blocks, (read_column_map, read_robot_config), strict=True)):
         path = tmp_path / f"{k}.yaml"
         path.write_text(block)
-        (read_column_map, read_robot_config)[k](path)
+        read.append(reader(path))
+    assert None not in read
 
 
 @pytest.mark.parametrize("path", sorted(EXAMPLES.glob("data/*/*.yaml")), ids=lambda path: f"{path.parent.name}")

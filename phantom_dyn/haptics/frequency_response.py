@@ -50,9 +50,7 @@ class FrequencyResponse:
     def __post_init__(self):
         for name in ("frequency", "coherence", "deviation"):
             object.__setattr__(self, name, read_only(getattr(self, name)))
-        response = np.array(self.response)
-        response.flags.writeable = False
-        object.__setattr__(self, "response", response)
+        object.__setattr__(self, "response", read_only(self.response, complex))
 
     @property
     def decibels(self) -> Float[Array, " k"]:

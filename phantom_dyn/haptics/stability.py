@@ -218,9 +218,7 @@ class LoopBode:
 
     def __post_init__(self):
         object.__setattr__(self, "frequency", read_only(self.frequency))
-        response = np.array(self.response)
-        response.flags.writeable = False
-        object.__setattr__(self, "response", response)
+        object.__setattr__(self, "response", read_only(self.response, complex))
 
     @property
     def decibels(self) -> Float[Array, " k"]:

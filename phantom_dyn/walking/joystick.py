@@ -44,9 +44,7 @@ class Joystick:
             if not np.isfinite(values).all():
                 raise ParameterError(f"The joystick's {name} has a value that is not finite: give numbers.")
             object.__setattr__(self, name, values)
-        walking = np.array(self.walking, dtype=bool)
-        walking.flags.writeable = False
-        object.__setattr__(self, "walking", walking)
+        object.__setattr__(self, "walking", read_only(self.walking, bool))
         if not len(self.t) or (np.diff(self.t) <= 0).any():
             raise ParameterError("The joystick's times must increase, and there must be one: sort them.")
 

@@ -5,7 +5,6 @@ Oracle: the contract (bad input is one clear sentence).
 
 from __future__ import annotations
 
-import contextlib
 from pathlib import Path
 
 import numpy as np
@@ -56,6 +55,15 @@ def log(request, tmp_path, columns, write, lines) -> Path:
     return _bag(tmp_path, request.param, columns)
 
 
+def refused_or_whole(path: Path) -> bool:
+    """True if a log is refused as a log, or read with one value of every column in every row."""
+    try:
+        table = read_table(path)
+    except LogError:
+        return True
+    return len({len(values) for values in table.columns.values()}) == 1
+
+
 def test_the_undamaged_log_is_read(log):
     assert len(read_table(log).columns["t"]) == 60
 
@@ -65,8 +73,7 @@ def test_a_log_cut_off_anywhere_is_refused_or_read(log, rng, tmp_path):
     path = tmp_path / f"cut{log.suffix}"
     for size in [0, 1, 7, 16, *rng.integers(17, len(data), 40).tolist()]:
         path.write_bytes(data[:size])
-        with contextlib.suppress(LogError):
-            read_table(path)
+        assert refused_or_whole(path)
 
 
 def test_a_log_with_overwritten_bytes_is_refused_or_read(log, rng, tmp_path):
@@ -78,8 +85,7 @@ def test_a_log_with_overwritten_bytes_is_refused_or_read(log, rng, tmp_path):
         size = int(rng.integers(1, 30))
         damaged[start : start + size] = rng.bytes(size)
         path.write_bytes(bytes(damaged))
-        with contextlib.suppress(LogError):
-            read_table(path)
+        assert refused_or_whole(path)
 
 
 def test_half_a_file_says_that_it_is_cut_off(log, tmp_path):
