@@ -11,7 +11,7 @@ from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import Bool, Float
 
 from identification.regressor import Regressor
 from phantom_dyn.errors import ParameterError
@@ -71,6 +71,11 @@ class BaseParameters:
     def base_units(self) -> tuple[str, ...]:
         """Units of the base parameters."""
         return tuple(self.units[k] for k in self.independent)
+
+    @property
+    def regrouped(self) -> Bool[Array, "r d"]:
+        """True where a dependent column is part of a base parameter; rounding errors are left out, shape ``(r, d)``."""
+        return self._shown()
 
     def values(self, pi: Float[Array, " p"]) -> Float[Array, " r"]:
         """Base parameters of given values of all ``p`` parameters."""
