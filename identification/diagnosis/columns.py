@@ -92,6 +92,7 @@ def build_columns(
     near: tuple[FoundEffect, ...] = (),
     like: Columns | None = None,
     before: Columns | None = None,
+    seen: tuple[FoundEffect, ...] = (),
 ) -> Columns:
     """Columns of every nuisance and of every effect at every place.
 
@@ -106,6 +107,7 @@ def build_columns(
         near: Runners-up, about which laws are taken too.
         like: Columns of other logs of the same robot, whose effects and shapes are taken.
         before: Columns of the same logs before the last fit: what it does not change is taken from there.
+        seen: What an experiment of its own says of a law, tried beside its grid of shapes.
     """
     moves = moves_of(robot)
     if before is None:
@@ -122,7 +124,7 @@ def build_columns(
         rest = left_by_moves(robot, moves, plain, residual, usable) if rest is None else rest
         operations = [with_rest(log, o, part) for log, o, part in zip(logs, operations, rest, strict=True)]
         names = [move.nuisance.name for move in moves] + list(parameter_names(robot))
-        terms, local = _lay_out(robot, merged(tuple(operations)), len(moves), names, (*found, *near))
+        terms, local = _lay_out(robot, merged(tuple(operations)), len(moves), names, (*found, *near), seen)
     else:
         names, terms, local = list(like.names), like.terms, like.local
     first = range(len(moves), len(moves) + len(parameter_names(robot)))
@@ -193,13 +195,18 @@ def _kept(before: Columns | None, log: int) -> dict[Place, tuple[Float[Array, "n
 
 
 def _lay_out(
-    robot: Robot, operation: Operation, first_body: int, names: list[str], found: tuple[FoundEffect, ...]
+    robot: Robot,
+    operation: Operation,
+    first_body: int,
+    names: list[str],
+    found: tuple[FoundEffect, ...],
+    seen: tuple[FoundEffect, ...],
 ) -> tuple[tuple[Term, ...], tuple[Local, ...]]:
     """Rivals and where their columns stand; appends the columns' names."""
     terms: list[Term] = []
     local: list[Local] = []
     start = _first(operation)
-    for effect, joint, shapes in shapes_of(robot, operation, found):
+    for effect, joint, shapes in shapes_of(robot, operation, found, seen):
         if isinstance(effect, Payload | InertialParameters):
             columns = tuple(first_body + c for c in effect.columns_of(robot, joint))
             size = 4 if isinstance(effect, Payload) else len(columns)

@@ -23,6 +23,7 @@ from identification.diagnosis.gap import held_out_torque, residual_after, row_co
 from identification.diagnosis.noise import estimate_noise, smaller_noise, weights_of
 from identification.diagnosis.null import null_threshold
 from identification.diagnosis.problem import set_up
+from identification.diagnosis.resonances import resonances
 from identification.diagnosis.result import Diagnosis
 from identification.diagnosis.retaken import found_effects, needs_refinement, runners_up, same_effects, unchanged
 from identification.diagnosis.rivals import settled
@@ -79,7 +80,8 @@ def diagnose(
     logs, cutoff_hz = process_all(every, robot)
     logs = tuple(replace(log, tau=within_limits(log.tau, robot)) for log in logs)
     progress("computing regressors")
-    columns = build_columns(robot, logs, cutoff_hz, known)
+    seen = resonances(robot, logs[: len(recordings)])
+    columns = build_columns(robot, logs, cutoff_hz, known, seen=seen)
     blocks = split_blocks(logs, cutoff_hz)
     folds = assign_folds(blocks, np.array([k >= len(recordings) for k in range(len(every))]))
     if np.sum(folds >= 0) < _LEAST_BLOCKS:
@@ -112,7 +114,7 @@ def diagnose(
         # Laws that are not linear are taken again about what was found, and noise is what the findings leave.
         if points:
             rest = residual_after(search.problem, held_out_torque(search.problem, chosen, search.evaluate(chosen)))
-            columns = build_columns(robot, logs, cutoff_hz, known, found, rest, near, before=columns)
+            columns = build_columns(robot, logs, cutoff_hz, known, found, rest, near, before=columns, seen=seen)
         search = _with_thresholds(_set_up(columns, blocks, folds, noise), noise, spurious, progress)
         search, chosen = _search(search, noise, progress, same_effects(search, found))
     chosen = settled(search, chosen)

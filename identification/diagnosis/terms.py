@@ -88,9 +88,16 @@ class Term:
 
 
 def shapes_of(
-    robot: Robot, operation: Operation, found: tuple[FoundEffect, ...]
+    robot: Robot, operation: Operation, found: tuple[FoundEffect, ...], seen: tuple[FoundEffect, ...] = ()
 ) -> tuple[tuple[Rival, str | None, tuple[Shape, ...]], ...]:
-    """Effects, places and shapes to try in a recording that can show them; about a fit, shapes near what it found."""
+    """Effects, places and shapes to try in a recording that can show them.
+
+    Args:
+        robot: Says what can be where.
+        operation: Of all recordings.
+        found: By the last fit; shapes near these take the place of the effect's grid.
+        seen: By an experiment of its own; these stand beside the grid.
+    """
     near = {(point.effect.name, point.joint): point for point in found}
     out = []
     for effect in (*EFFECTS, *STRUCTURES):
@@ -99,7 +106,8 @@ def shapes_of(
                 continue
             point = near.get((effect.name, joint))
             if point is None:
-                shapes = effect.shapes(robot, operation, joint)
+                beside = (point.shape for point in seen if point.place == (effect.name, joint))
+                shapes = (*effect.shapes(robot, operation, joint), *beside)
             else:
                 shapes = effect.refined(point.coefficients, point.shape)
             out.append((effect, joint, tuple(shapes)))

@@ -61,6 +61,12 @@ def test_a_fit_on_one_joint_leaves_the_shapes_of_the_other(operation, planar2):
     assert after["stribeck_friction", "shoulder"] == before["stribeck_friction", "shoulder"]
 
 
+def test_what_an_experiment_of_its_own_shows_stands_beside_the_grid(operation, planar2):
+    before = tried(planar2, operation)["stribeck_friction", "elbow"]
+    seen = {(e.name, j): shapes for e, j, shapes in shapes_of(planar2, operation, (), (stribeck_at(0.2),))}
+    assert seen["stribeck_friction", "elbow"] == (*before, (0.2,))
+
+
 def test_a_delay_is_taken_again_about_its_last_estimate(operation, planar2):
     found = FoundEffect(effect_named("input_delay"), None, (0.002,), np.array([0.0043]))
     assert tried(planar2, operation, (found,))["input_delay", None] == ((0.0043,),)
