@@ -112,6 +112,8 @@ def coloured_scatter(
     own = [[k for k, column in enumerate(base.independent) if column in set(c)] for c in regressor.touched]
     for _, block in base_blocks(regressor, base):
         length = 2 * len(block)
+        if not length:  # a block whose samples are all left out
+            continue
         for joint, (lags, place) in enumerate(zip(rho, own, strict=True)):
             kept = lags[: len(block)]
             padded = np.zeros(length)
@@ -127,6 +129,33 @@ def coloured_scatter(
             for half in (spectrum.real, spectrum.imag):
                 white = half @ inverse[place]
                 out += scatter[joint] * (white.T @ white)
+    return out
+
+
+def scatter_of_rows(
+    rows: Float[Array, "n nv r"], scatter: Float[Array, " nv"], rho: Sequence[Float[Array, " _"]]
+) -> Float[Array, "r r"]:
+    """`coloured_scatter` of the rows of one block.
+
+    Args:
+        rows: What multiplies the noise of each joint at each sample.
+        scatter: Variance of each joint's noise.
+        rho: Autocorrelation of each joint's noise.
+    """
+    out, length = np.zeros((rows.shape[2], rows.shape[2])), 2 * len(rows)
+    if not length:  # a block whose samples are all left out
+        return out
+    for joint, lags in enumerate(rho):
+        kept = lags[: len(rows)]
+        padded = np.zeros(length)
+        padded[: len(kept)] = kept
+        padded[length - len(kept) + 1 :] += kept[:0:-1]
+        colour = np.maximum(np.fft.rfft(padded).real, 1.0)
+        # The two ends of a real spectrum count once, all other frequencies twice.
+        share = np.full(len(colour), 2.0 / length)
+        share[[0, -1]] = 1.0 / length
+        spectrum = np.fft.rfft(rows[:, joint], length, axis=0) * np.sqrt(colour * share)[:, None]
+        out += scatter[joint] * (spectrum.real.T @ spectrum.real + spectrum.imag.T @ spectrum.imag)
     return out
 
 
