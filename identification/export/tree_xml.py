@@ -71,7 +71,8 @@ def bodies(robot: Robot) -> tuple[TreeBody, ...]:
     out = []
     for j in range(1, model.njoints):
         joint = model.joints[j]
-        column = np.array(pin.getJointJacobian(model, data, j, pin.ReferenceFrame.LOCAL))[:, joint.idx_v]
+        jacobian = pin.getJointJacobian(model, data, j, pin.ReferenceFrame.LOCAL)
+        column = np.reshape(jacobian, (6, -1))[:, joint.idx_v]  # one-dimensional for a robot with one joint
         prismatic = bool(np.abs(column[:3]).sum() > 0.5)
         mass, center, inertia = central_parameters(model.inertias[j].toDynamicParameters())
         name = body_name(robot, j)

@@ -116,19 +116,23 @@ class Export:
 
 @dataclass(frozen=True)
 class Evidence:
-    """Held-out samples in the band.
+    """Held-out samples, for figures.
 
     Attributes:
         t: Time [s]; jumps where another recording begins.
-        measured, predicted, given: Torques of each joint [N m or N], shape ``(N, nv)``.
-        rate_hz: Samples per second.
+        measured, predicted, given: Torques of each joint in the band [N m or N], shape ``(N, nv)``.
+        frequency: Of the spectra, at the recording's full rate [Hz], shape ``(F,)``; empty where data are too short.
+        measured_density, residual_density: Amplitude densities of measured torque and of what the fit leaves
+            [N m or N per root Hz], shape ``(F, nv)``.
     """
 
     t: Float[Array, " N"]
     measured: Float[Array, "N nv"]
     predicted: Float[Array, "N nv"]
     given: Float[Array, "N nv"]
-    rate_hz: float
+    frequency: Float[Array, " F"]
+    measured_density: Float[Array, "F nv"]
+    residual_density: Float[Array, "F nv"]
 
 
 @dataclass(frozen=True)

@@ -1,0 +1,67 @@
+"""Sentences and cells of the report and the summary."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from identification.diagnosis.numbers import number, percent, with_std, with_unit
+from identification.identify.result import Identification, Parameter
+
+SHARES = {"alone": "alone", "combination": "in combination", "none": "not at all"}
+
+
+def headline(found: Identification) -> str:
+    """What was identified and how well it predicts, in one sentence."""
+    sure = sum(parameter.identified for parameter in (*found.base, *found.others))
+    before, after = (
+        np.array([getattr(joint, name) for joint in found.joints], dtype=float) for name in ("given", "relative")
+    )
+    head = f"{found.rank} parameters were estimated, {sure} of them differ from zero beyond doubt"
+    if not np.isfinite(after).any():
+        return f"{head}."
+    spread = f"{percent(float(np.nanmin(after)))} to {percent(float(np.nanmax(after)))}"
+    one = percent(float(np.nanmax(after)))
+    error = one if np.nanmin(after) == np.nanmax(after) else spread
+    given = percent(float(np.nanmedian(before)))
+    middle = "" if len(found.joints) == 1 else " in the median"
+    return f"{head}; on held-out data the torque error is {error} (given model: {given}{middle})."
+
+
+def value_cell(parameter: Parameter) -> str:
+    """Value with its deviation and unit."""
+    return with_unit(with_std(parameter.value, parameter.std), parameter.unit)
+
+
+def relative_cell(parameter: Parameter) -> str:
+    """Relative deviation as a percentage; a dash where there is none."""
+    relative = 100 * parameter.relative_std
+    if not np.isfinite(relative):
+        return "–"
+    return f"{relative:.2g} %" if relative < 100 else "over 100 %"
+
+
+def error_cells(found: Identification) -> list[tuple[str, ...]]:
+    """Joint, given model, identified model, fit, RMS, departure of the full model, unit, samples."""
+    return [
+        (
+            joint.joint,
+            percent(joint.given),
+            percent(joint.relative),
+            percent(joint.fitted),
+            number(joint.rms),
+            number(off),
+            joint.unit,
+            str(joint.samples),
+        )
+        for joint, off in zip(found.joints, found.departure, strict=True)
+    ]
+
+
+def export_sentence(difference: float, tolerance: float, loaded_with: str) -> str:
+    """What loading a file again has shown."""
+    if not loaded_with:
+        return "It was not loaded again."
+    return (
+        f"Loaded again with {loaded_with}, its torques differ by {difference:.1g} of the largest at most "
+        f"(allowed: {tolerance:g})."
+    )
