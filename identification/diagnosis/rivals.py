@@ -8,7 +8,7 @@ import numpy as np
 from jaxtyping import Float
 
 from identification.diagnosis.result import EffectAt, Rival
-from identification.diagnosis.search import PARAMETER_PRICE, Search, contains, least_gain, ordered
+from identification.diagnosis.search import Search, contains, ordered
 from identification.diagnosis.swaps import relevant, replaced
 from identification.diagnosis.terms import Term
 
@@ -49,7 +49,8 @@ def stand(search: Search, chosen: frozenset[Term], term: Term) -> Standing:
     """Compare a finding with everything that could stand in its place.
 
     A richer effect that contains the finding is a rival only if its extra parameters lower the held-out loss, and
-    wins a replicate only if they earn their price in it; predictions that are the same share their wins.
+    wins a replicate only if they earn their price in it; predictions that are the same share their wins. It needs no
+    more than that: what chance gives over the whole catalogue is no measure of laws of one kind on one joint.
     """
     base = search.evaluate(chosen)
     options: dict[frozenset[Term], tuple[Array, float]] = {}
@@ -66,9 +67,7 @@ def stand(search: Search, chosen: frozenset[Term], term: Term) -> Standing:
         richer = any(contains(other, term) for other in others) and search.sizes_of(others) > search.sizes[term]
         if richer and found.total >= base.total:
             continue
-        # What contains the finding would be a new claim, and has to gain what chance does not.
-        more = max(least_gain(search, others) - PARAMETER_PRICE, 0.0) if richer else 0.0
-        options[swapped] = (found.loss, _fixed(search, swapped, base.penalty) + more)
+        options[swapped] = (found.loss, _fixed(search, swapped, base.penalty))
         names[swapped] = others
     for others, swapped in _twins(search, chosen, term):
         options[swapped] = (base.loss, _fixed(search, chosen, base.penalty))

@@ -3,7 +3,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from identification.diagnosis.rivals import REPLICATES, block_counts, stand
+from identification.diagnosis.rivals import REPLICATES, block_counts, settled, stand
 from identification.diagnosis.stepwise import explain
 from phantom_dyn import load_robot
 
@@ -41,6 +41,16 @@ def test_a_clear_finding_has_no_rivals(lab, planar2):
     standing = standings(prepared)[("coulomb_friction", "elbow")]
     assert standing.probability == 1.0
     assert standing.rivals == ()
+
+
+def test_a_richer_law_of_the_same_kind_that_earns_its_price_takes_the_place_of_a_simpler_one(lab, planar2):
+    # Known truth: a drag that is stronger one way, though a search that claims a gain of 2000 sees Coulomb friction.
+    motion = lab.motion(2, 3)
+    drag = np.where(motion.v > 0, 0.06, 0.0) * motion.v + 0.5 * np.sign(motion.v)
+    prepared = lab.prepared(planar2, (lab.recording(planar2, motion, -drag * [0.0, 1.0]),))
+    coulomb = frozenset([prepared.term("coulomb_friction", "elbow")])
+    (term,) = settled(prepared.searched(2000.0), coulomb)
+    assert term.place == ("direction_dependent_friction", "elbow")
 
 
 @pytest.fixture(scope="module")
