@@ -106,7 +106,7 @@ def _urdf_left_out(full: FullModel, given: Robot, file: Path) -> tuple[str, ...]
         for name, value, old in zip(full.robot.joint_names, full.robot.rotor_inertia, given.rotor_inertia, strict=True)
         if value != old
     ]
-    sentences = list(_left_out(full))
+    sentences = _left_out(full, "It has no place for constant torques, positive along the joint [N m or N]")
     if rotors:
         sentences.append(
             f"URDF has no place for rotor inertias: put them into {CONFIG_NAME} (rotor_inertia [kg m^2 or kg]: "
@@ -122,19 +122,19 @@ def _urdf_left_out(full: FullModel, given: Robot, file: Path) -> tuple[str, ...]
 
 
 def _mjcf_left_out(full: FullModel) -> tuple[str, ...]:
-    sentences = list(_left_out(full))
+    sentences = _left_out(full, "Constant torques are not in it: set qfrc_applied [N m or N]")
     if full.robot.chain is not None and len(full.robot.chain.anchors) < len(full.robot.chain.passive):
         sentences.append("Joints that follow others by a formula move freely in this file.")
     return (*sentences, "Shapes and sensors of the given file are not in this one.")
 
 
-def _left_out(full: FullModel) -> tuple[str, ...]:
-    """What neither format says."""
+def _left_out(full: FullModel, constant: str) -> list[str]:
+    """What neither format says; ``constant`` starts the sentence on constant torques."""
     names = full.robot.joint_names
     offsets = [f"{name} {value:.4g}" for name, value in zip(names, full.offset, strict=True) if value]
     out = []
     if offsets:
-        out.append(f"It has no place for constant torques, positive along the joint [N m or N]: {', '.join(offsets)}.")
+        out.append(f"{constant}: {', '.join(offsets)}.")
     if full.asymmetry:
         out.append(f"Friction that depends on direction is the mean of both in it: {', '.join(full.asymmetry)}.")
-    return tuple(out)
+    return out

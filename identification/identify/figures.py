@@ -6,6 +6,7 @@ import numpy as np
 from jaxtyping import Float
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
+from matplotlib.ticker import FuncFormatter, NullFormatter
 
 from identification.diagnosis.figures import AFTER, BEFORE, STRETCH_S, short_name
 from identification.diagnosis.svg import INK, drawn_svg
@@ -13,6 +14,8 @@ from identification.diagnosis.thinning import eventful_stretch, gap_starts, thin
 from identification.identify.result import Identification, JointError
 
 Array = np.ndarray
+
+_DECADES = 5  # of a spectrum
 
 
 def error_bars(joints: tuple[JointError, ...]) -> str:
@@ -78,6 +81,13 @@ def spectrum_figure(found: Identification, joint: int) -> str:
         axes.axvline(found.band_hz[1], color=INK, linewidth=1.0, linestyle=(0, (4, 2)), label="end of the band")
         axes.set_xscale("log")
         axes.set_yscale("log")
+        # What lies far below the rest is rounding.
+        top = float(np.nanmax([evidence.measured_density[:, joint], evidence.residual_density[:, joint]]))
+        if top > 0:
+            axes.set_ylim(top * 10**-_DECADES, 3 * top)
+        for axis in (axes.xaxis, axes.yaxis):  # text is not parsed for powers of ten, see svg.STYLE
+            axis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
+            axis.set_minor_formatter(NullFormatter())
         axes.set_xlabel("frequency [Hz]")
         axes.set_ylabel(f"amplitude density [{error.unit}/√Hz]")
         _legend(figure, axes)

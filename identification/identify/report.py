@@ -41,7 +41,9 @@ def report_html(found: Identification) -> str:
         error_figure=Markup(error_bars(found.joints)),
         joints=_joint_views(found),
         links=[_row(parameter) for parameter in found.base],
-        others=[_row(parameter) for parameter in found.others],
+        others=[
+            (parameter.joint or "all", words.law_cell(parameter), *_row(parameter)[1:]) for parameter in found.others
+        ],
         columns=STANDARD_NAMES,
         shares=words.SHARES,
         exports=[

@@ -95,4 +95,4 @@ def _owners(fit: Fit) -> dict[str, tuple[str | None, str]]:
 def _why(value: float, std: float, unit: str) -> str:
     if not np.isfinite(std):
         return "no more equations than unknowns, so its deviation is not known"
-    return f"not told from zero: its size is below {number(abs(value) + SURE * std)} {unit} with 95 % confidence"
+    return f"not told from zero: its size is below {number(abs(value) + SURE * std)} {unit} (95 %)"

@@ -4,7 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 
+from identification.diagnosis.effect_words import effect_words
 from identification.diagnosis.numbers import number, percent, with_std, with_unit
+from identification.diagnosis.words import capital, parameter_name
 from identification.identify.result import Identification, Parameter
 
 SHARES = {"alone": "alone", "combination": "in combination", "none": "not at all"}
@@ -16,7 +18,7 @@ def headline(found: Identification) -> str:
     before, after = (
         np.array([getattr(joint, name) for joint in found.joints], dtype=float) for name in ("given", "relative")
     )
-    head = f"{found.rank} parameters were estimated, {sure} of them differ from zero beyond doubt"
+    head = f"{found.rank} parameters were estimated, {sure} of them more than two standard deviations from zero"
     if not np.isfinite(after).any():
         return f"{head}."
     spread = f"{percent(float(np.nanmin(after)))} to {percent(float(np.nanmax(after)))}"
@@ -25,6 +27,12 @@ def headline(found: Identification) -> str:
     given = percent(float(np.nanmedian(before)))
     middle = "" if len(found.joints) == 1 else " in the median"
     return f"{head}; on held-out data the torque error is {error} (given model: {given}{middle})."
+
+
+def law_cell(parameter: Parameter) -> str:
+    """Law and coefficient of a parameter of friction or a drive, such as ``Coulomb friction: torque``."""
+    law = effect_words(parameter.effect or "").name
+    return f"{capital(law)}: {parameter_name(parameter.name.rpartition('.')[2])}"
 
 
 def value_cell(parameter: Parameter) -> str:
