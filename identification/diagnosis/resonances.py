@@ -46,6 +46,8 @@ def _stiffness(log: Log, joint: str) -> float | None:
         response = joint_response(log, joint)
         if np.mean(response.coherence >= _COHERENT) < _SHARE:
             return None
-        return fit_two_mass_of_instants(response).axis.cable_stiffness
+        # On its way a fit of what is no two-mass system may overflow; what it comes to is judged by its misfit.
+        with np.errstate(all="ignore"):
+            return fit_two_mass_of_instants(response).axis.cable_stiffness
     except (EstimationError, LogError, ParameterError):
         return None
