@@ -7,7 +7,6 @@ from itertools import pairwise
 
 import numpy as np
 from jaxtyping import Float
-from scipy.fft import rfft
 from scipy.linalg import solve_triangular
 
 from identification.base_parameters import BaseParameters
@@ -109,24 +108,11 @@ def coloured_scatter(
     """
     out = np.zeros((base.rank, base.rank))
     inverse = solve_triangular(solution.factor, np.eye(base.rank))
+    # Columns that a joint does not feel are zero in its rows: before whitening, they cost nothing.
     own = [[k for k, column in enumerate(base.independent) if column in set(c)] for c in regressor.touched]
     for _, block in base_blocks(regressor, base):
-        length = 2 * len(block)
-        if not length:  # a block whose samples are all left out
-            continue
         for joint, (lags, place) in enumerate(zip(rho, own, strict=True)):
-            kept = lags[: len(block)]
-            padded = np.zeros(length)
-            padded[: len(kept)] = kept
-            padded[length - len(kept) + 1 :] += kept[:0:-1]
-            colour = np.maximum(np.fft.rfft(padded).real, 1.0)
-            # The two ends of a real spectrum count once, all other frequencies twice.
-            share = np.full(len(colour), 2.0 / length)
-            share[[0, -1]] = 1.0 / length
-            columns = np.asfortranarray(block[:, joint, place])
-            spectrum = rfft(columns, length, axis=0, overwrite_x=True) * np.sqrt(colour * share)[:, None]
-            # Columns that the joint does not feel are zero, before whitening and in every frequency.
-            for half in (spectrum.real, spectrum.imag):
+            for half in _coloured_spectrum(block[:, joint, place], lags):
                 white = half @ inverse[place]
                 out += scatter[joint] * (white.T @ white)
     return out
@@ -142,21 +128,28 @@ def scatter_of_rows(
         scatter: Variance of each joint's noise.
         rho: Autocorrelation of each joint's noise.
     """
-    out, length = np.zeros((rows.shape[2], rows.shape[2])), 2 * len(rows)
-    if not length:  # a block whose samples are all left out
-        return out
+    out = np.zeros((rows.shape[2], rows.shape[2]))
     for joint, lags in enumerate(rho):
-        kept = lags[: len(rows)]
-        padded = np.zeros(length)
-        padded[: len(kept)] = kept
-        padded[length - len(kept) + 1 :] += kept[:0:-1]
-        colour = np.maximum(np.fft.rfft(padded).real, 1.0)
-        # The two ends of a real spectrum count once, all other frequencies twice.
-        share = np.full(len(colour), 2.0 / length)
-        share[[0, -1]] = 1.0 / length
-        spectrum = np.fft.rfft(rows[:, joint], length, axis=0) * np.sqrt(colour * share)[:, None]
-        out += scatter[joint] * (spectrum.real.T @ spectrum.real + spectrum.imag.T @ spectrum.imag)
+        for half in _coloured_spectrum(rows[:, joint], lags):
+            out += scatter[joint] * (half.T @ half)
     return out
+
+
+def _coloured_spectrum(columns: Float[Array, "n k"], lags: Float[Array, " _"]) -> tuple[Array, ...]:
+    """Real and imaginary part of the spectrum of columns, each frequency times the root of the noise that is there."""
+    if not len(columns):
+        return ()
+    length = 2 * len(columns)
+    kept = lags[: len(columns)]
+    padded = np.zeros(length)
+    padded[: len(kept)] = kept
+    padded[length - len(kept) + 1 :] += kept[:0:-1]
+    colour = np.maximum(np.fft.rfft(padded).real, 1.0)
+    # The two ends of a real spectrum count once, all other frequencies twice.
+    share = np.full(len(colour), 2.0 / length)
+    share[[0, -1]] = 1.0 / length
+    spectrum = np.fft.rfft(np.asfortranarray(columns), length, axis=0) * np.sqrt(colour * share)[:, None]
+    return spectrum.real, spectrum.imag
 
 
 def sandwich(solution: Solution, information: Float[Array, " nv"], scatter: Float[Array, "r r"]) -> Float[Array, "r r"]:
