@@ -123,7 +123,8 @@ def _urdf_left_out(full: FullModel, given: Robot, file: Path) -> tuple[str, ...]
 
 def _mjcf_left_out(full: FullModel) -> tuple[str, ...]:
     sentences = _left_out(full, "Constant torques are not in it: set qfrc_applied [N m or N]")
-    if full.robot.chain is not None and len(full.robot.chain.anchors) < len(full.robot.chain.passive):
+    chain = full.robot.chain
+    if chain is not None and set(chain.passive) - set(chain.unknowns):
         sentences.append("Joints that follow others by a formula move freely in this file.")
     return (*sentences, "Shapes and sensors of the given file are not in this one.")
 

@@ -6,12 +6,17 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
+from jaxtyping import Bool
 
+from identification.checks.motion import still_joints
 from identification.log import Log
 from identification.recordings import Recording
 from identification.signals import choose_cutoff, process, uniform, within_limits
-from phantom_dyn.errors import LogError
+from phantom_dyn.errors import IdentifiabilityError, LogError
+from phantom_dyn.motion import Motion
 from phantom_dyn.robot import Robot
+
+Array = np.ndarray
 
 SHARE = 0.2
 """Of a single recording its last fifth is held out."""
@@ -48,11 +53,21 @@ def split_logs(robot: Robot, recordings: tuple[Recording, ...], hold_out: tuple[
 
     Raises:
         LogError: If a recording is too short, or nothing is left on one side.
+        IdentifiabilityError: If no joint moves in what is for the fit.
     """
     every = (*recordings, *hold_out)
     cutoff = _common_cutoff(every)
+    still = [still_joints(recording, robot.prismatic) for recording in every]
+    if all(joints.all() for joints in still[: len(recordings)]):
+        raise IdentifiabilityError(
+            f"{' and '.join(Path(recording.file).name for recording in recordings)}: no joint moves, so nothing can be "
+            "identified: record a motion."
+        )
     logs = tuple(process(recording, robot, cutoff_hz=cutoff) for recording in every)
-    logs = tuple(replace(log, tau=within_limits(log.tau, robot)) for log in logs)
+    logs = tuple(
+        replace(log, tau=within_limits(log.tau, robot), motion=_held(log.motion, joints))
+        for log, joints in zip(logs, still, strict=True)
+    )
     if hold_out:
         names = " and ".join(Path(recording.file).name for recording in hold_out)
         split = Split(logs[: len(recordings)], logs[len(recordings) :], names, cutoff)
@@ -68,6 +83,12 @@ def split_logs(robot: Robot, recordings: tuple[Recording, ...], hold_out: tuple[
                 "record at least ten seconds of motion, or exclude less."
             )
     return split
+
+
+def _held(motion: Motion, still: Bool[Array, " nv"]) -> Motion:
+    """The motion with joints that never move at rest: the sign of a noise that is taken for a speed is no friction."""
+    q = np.where(still, np.median(motion.q, axis=0), motion.q)
+    return Motion(motion.t, q, np.where(still, 0.0, motion.v), np.where(still, 0.0, motion.a))
 
 
 def _end_of(log: Log, cutoff_hz: float) -> Split:

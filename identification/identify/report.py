@@ -42,7 +42,8 @@ def report_html(found: Identification) -> str:
         joints=_joint_views(found),
         links=[_row(parameter) for parameter in found.base],
         others=[
-            (parameter.joint or "all", words.law_cell(parameter), *_row(parameter)[1:]) for parameter in found.others
+            (parameter.joint or "all", words.law_cell(parameter, found.others), *_row(parameter)[1:])
+            for parameter in found.others
         ],
         columns=STANDARD_NAMES,
         shares=words.SHARES,

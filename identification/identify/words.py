@@ -21,18 +21,18 @@ def headline(found: Identification) -> str:
     head = f"{found.rank} parameters were estimated, {sure} of them more than two standard deviations from zero"
     if not np.isfinite(after).any():
         return f"{head}."
-    spread = f"{percent(float(np.nanmin(after)))} to {percent(float(np.nanmax(after)))}"
-    one = percent(float(np.nanmax(after)))
-    error = one if np.nanmin(after) == np.nanmax(after) else spread
+    low, high = percent(float(np.nanmin(after))), percent(float(np.nanmax(after)))
+    error = low if low == high else f"{low} to {high}"
     given = percent(float(np.nanmedian(before)))
     middle = "" if len(found.joints) == 1 else " in the median"
     return f"{head}; on held-out data the torque error is {error} (given model: {given}{middle})."
 
 
-def law_cell(parameter: Parameter) -> str:
-    """Law and coefficient of a parameter of friction or a drive, such as ``Coulomb friction: torque``."""
-    law = effect_words(parameter.effect or "").name
-    return f"{capital(law)}: {parameter_name(parameter.name.rpartition('.')[2])}"
+def law_cell(parameter: Parameter, everything: tuple[Parameter, ...]) -> str:
+    """Law of a parameter of friction or a drive, with the parameter's own name where the law has several."""
+    law = capital(effect_words(parameter.effect or "").name.removeprefix("a "))
+    several = sum((p.joint, p.effect) == (parameter.joint, parameter.effect) for p in everything) > 1
+    return f"{law}: {parameter_name(parameter.name.rpartition('.')[2])}" if several else law
 
 
 def value_cell(parameter: Parameter) -> str:
