@@ -21,6 +21,7 @@ COMMANDS: dict[str, tuple[str, str]] = {
     "identify": ("identification.cli.identify", "estimate inertias, friction and drives, and write models to simulate"),
     "check": ("identification.cli.check", "tell what is wrong with a recording, nothing else"),
     "map": ("identification.cli.map", "map what is felt at the tip over the workspace: mass, friction, stiffness"),
+    "excite": ("identification.cli.excite", "design a motion that makes a robot's inertias visible"),
     "degrade": ("identification.cli.degrade", "write the log that a cheaper device would have given"),
     "datasets": ("identification.cli.datasets", "list and fetch recordings of real robots"),
 }

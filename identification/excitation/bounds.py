@@ -40,7 +40,9 @@ class Bounds:
 
     def inside(self, margin: float) -> Bounds:
         """Bounds narrowed on both sides by a share of their size."""
-        return Bounds(self.labels, self.units, self.lower + margin * self.size, self.upper - margin * self.size, self.size)
+        return Bounds(
+            self.labels, self.units, self.lower + margin * self.size, self.upper - margin * self.size, self.size
+        )
 
     def reached(self, values: Float[Array, "N m"]) -> tuple[str, ...]:
         """Labels of the bounds that values come near."""

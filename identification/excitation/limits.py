@@ -117,9 +117,13 @@ def limits_of(
     if unlimited.any():
         names = ", ".join(stated.names[row] for row in np.flatnonzero(unlimited))
         kept = " and ".join(
-            f"{SPEED[kind]:g} {unit}" for kind, unit in ((False, "rad/s"), (True, "m/s")) if (linear == kind)[unlimited].any()
+            f"{SPEED[kind]:g} {unit}"
+            for kind, unit in ((False, "rad/s"), (True, "m/s"))
+            if (linear == kind)[unlimited].any()
         )
-        notes.append(f"The robot states no velocity limit of {names}: {kept} is kept; give another velocity to change it.")
+        notes.append(
+            f"The robot states no velocity limit of {names}: {kept} is kept; give another velocity to change it."
+        )
         speed[unlimited] = np.where(linear, SPEED[True], SPEED[False])[unlimited]
     return Limits(
         stated.lower,

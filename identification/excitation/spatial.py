@@ -50,9 +50,7 @@ def momentum(pi: Float[Array, "10 ..."], x: Float[Array, "6 ..."]) -> Float[Arra
     return out
 
 
-def into_child(
-    R: Float[Array, "3 3 N"], p: Float[Array, "3 N"], x: Float[Array, "6 n N"]
-) -> Float[Array, "6 n N"]:
+def into_child(R: Float[Array, "3 3 N"], p: Float[Array, "3 N"], x: Float[Array, "6 n N"]) -> Float[Array, "6 n N"]:
     """Motions of the parent's frame as seen from a child at ``p``, whose axes are the columns of ``R``."""
     at_child = np.stack([x[:3] - cross(p[:, None], x[3:]), x[3:]])
     out = np.empty_like(x)

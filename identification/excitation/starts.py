@@ -33,7 +33,9 @@ def joint_sizes(problem: Problem) -> JointSizes:
     rows, limits = list(problem.robot.tree_rows), problem.limits
     reach = np.where(problem.robot.prismatic, _REACH[1], _REACH[0])
     lower, upper = limits.lower[rows], limits.upper[rows]
-    middle = np.clip(0.0, lower + np.minimum(reach, (upper - lower) / 2), upper - np.minimum(reach, (upper - lower) / 2))
+    middle = np.clip(
+        0.0, lower + np.minimum(reach, (upper - lower) / 2), upper - np.minimum(reach, (upper - lower) / 2)
+    )
     half = np.minimum(np.minimum(upper - middle, middle - lower), reach)
     speed = np.minimum(limits.velocity[rows], np.where(problem.robot.prismatic, 10.0, 100.0))
     return JointSizes(middle, half, speed)

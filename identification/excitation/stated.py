@@ -46,8 +46,12 @@ def stated_limits(robot: Robot) -> StatedLimits:
     joints = list(model.joints)[1:]
     names = tuple(model.names)[1:]
     single = [joint.nq == 1 for joint in joints]
-    lower = np.array([model.lowerPositionLimit[j.idx_q] if one else -np.inf for j, one in zip(joints, single, strict=True)])
-    upper = np.array([model.upperPositionLimit[j.idx_q] if one else np.inf for j, one in zip(joints, single, strict=True)])
+    lower = np.array(
+        [model.lowerPositionLimit[j.idx_q] if one else -np.inf for j, one in zip(joints, single, strict=True)]
+    )
+    upper = np.array(
+        [model.upperPositionLimit[j.idx_q] if one else np.inf for j, one in zip(joints, single, strict=True)]
+    )
     lower[~(np.abs(lower) < _HUGE)] = -np.inf
     upper[~(np.abs(upper) < _HUGE)] = np.inf
     torque = _or_none(np.array(model.effortLimit))[list(robot.tree_rows)]
