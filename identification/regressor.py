@@ -39,7 +39,7 @@ _EFFECTS_LIMIT = 2_000_000  # entries of the columns of effects that are kept (1
 # Samples from which a signature tells how many columns it has.
 _FEW = 8
 
-_BLOCK = 4096  # full-rate samples per block: 4096 x 6 joints x 80 columns are 16 MB
+_BLOCK = 1024  # full-rate samples per block: 1024 x 6 joints x 80 columns are 4 MB
 
 
 @dataclass(frozen=True)

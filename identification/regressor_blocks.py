@@ -79,7 +79,8 @@ def blocks_of(
     """
     band, kept = log.band, log.valid_in_band
     width = (10 * (robot.model.njoints - 1) if rigid_body else 0) + sum(columns.shape[2] for _, columns in effects)
-    size = max(1, samples // band.step)
+    # The ends of a block are made twice, for the filter's reach: a small part of it.
+    size = max(1, max(samples, 8 * band.half) // band.step)
     for first in range(0, len(kept), size):
         last = min(first + size, len(kept))
         block = np.zeros((last - first, robot.nv, width))

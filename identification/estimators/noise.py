@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from itertools import pairwise
 
 import numpy as np
@@ -10,10 +10,12 @@ from jaxtyping import Float
 from scipy.linalg import solve_triangular
 
 from identification.base_parameters import BaseParameters
-from identification.estimators.least_squares import Solution, base_blocks
+from identification.estimators.least_squares import Solution
 from identification.regressor import Regressor
 
 Array = np.ndarray
+
+_STRETCH = 4096  # samples at the full rate whose pairs count: longer than the memory of any residual in a band
 
 
 def autocorrelation(score: Float[Array, " N"], starts: tuple[int, ...]) -> Float[Array, " m"]:
@@ -109,13 +111,29 @@ def coloured_scatter(
     out = np.zeros((base.rank, base.rank))
     inverse = solve_triangular(solution.factor, np.eye(base.rank))
     # Columns that a joint does not feel are zero in its rows: before whitening, they cost nothing.
-    own = [[k for k, column in enumerate(base.independent) if column in set(c)] for c in regressor.touched]
-    for _, block in base_blocks(regressor, base):
-        for joint, (lags, place) in enumerate(zip(rho, own, strict=True)):
-            for half in _coloured_spectrum(block[:, joint, place], lags):
+    places = [[k for k, column in enumerate(base.independent) if column in set(c)] for c in regressor.touched]
+    for stretch in _stretches(regressor, [[base.independent[k] for k in place] for place in places]):
+        for joint, (lags, place) in enumerate(zip(rho, places, strict=True)):
+            for half in _coloured_spectrum(stretch[joint], lags):
                 white = half @ inverse[place]
                 out += scatter[joint] * (white.T @ white)
     return out
+
+
+def _stretches(regressor: Regressor, columns: Sequence[Sequence[int]]) -> Iterator[list[Array]]:
+    """Some columns of each joint's rows, ``(n, k)`` by joint, over stretches of one log."""
+    longest = max(1, _STRETCH // min(log.band.step for log in regressor.logs))
+    parts: list[list[Array]] = [[] for _ in columns]
+    ends, start, count = set(regressor.starts), 0, 0
+    for block in regressor.blocks():
+        for part, joint, own in zip(parts, range(len(columns)), columns, strict=True):
+            part.append(block[:, joint, own])
+        start, count = start + len(block), count + len(block)
+        if count >= longest or start in ends:
+            yield [np.concatenate(part) for part in parts]
+            parts, count = [[] for _ in columns], 0
+    if count:
+        yield [np.concatenate(part) for part in parts]
 
 
 def scatter_of_rows(
