@@ -39,7 +39,7 @@ from phantom_dyn.robot import Robot
 Array = np.ndarray
 
 _SETTLED = 0.05  # standard deviations, see `identification.estimators.iv`
-_HALVINGS = 6  # of a step after which the robot cannot move, or moves worse
+_HALVINGS = 6  # of a step after which the robot cannot move
 
 
 def fit_didim(
@@ -98,25 +98,25 @@ def didim(
     first, start, weights = starting_point(regressor)
     simulation = first_resimulation(regressor, loops, first, start)
     base, theta = simulated_base(simulation)
-    status = Status.NOT_SETTLED
     for _ in range(iterations):
-        rows, left = simulation.rows(base), regressor.measured - simulation.torque
-        step, factor = least_squares(rows, left, weights)
+        rows, target = simulation.rows(base), _target(regressor, simulation)
+        found, factor = least_squares(rows, target, weights)
         influence = influence_of(rows, factor, weights)
         used = np.einsum("njk,njk->j", influence, rows, optimize=True)
-        weights = 1.0 / floored(joint_noise(left - rows @ step, used), regressor)
+        weights = 1.0 / floored(joint_noise(target - rows @ found, used), regressor)
         std = np.sqrt(np.einsum("njk,j->k", influence**2, weights**-2))
+        step = found - theta
+        theta, simulation = _taken(regressor, loops, base, theta, step)
         if (np.abs(step) <= _SETTLED * std + 1e-9 * np.abs(theta)).all():
-            status = Status.SOLVED
-            break
-        theta, simulation, moved = _taken(regressor, loops, base, theta, step, simulation, weights)
-        if not moved:
-            # No part of the step lowers the error: what is left of it is the roughness of dry friction.
-            status = Status.SOLVED if (np.abs(step) <= std).all() else Status.NOT_SETTLED
-            break
-    if status is Status.NOT_SETTLED and on_failure == "raise":
-        raise EstimationError(f"{status.value} ({iterations} steps)")
-    return _fit(regressor, base, theta, simulation, weights, status)
+            return _fit(regressor, base, theta, simulation, weights, Status.SOLVED)
+    if on_failure == "raise":
+        raise EstimationError(f"{Status.NOT_SETTLED.value} ({iterations} steps)")
+    return _fit(regressor, base, theta, simulation, weights, Status.NOT_SETTLED)
+
+
+def _target(regressor: Regressor, simulation: Resimulation) -> Float[Array, "N nv"]:
+    """Measured torque less what the simulated motion takes whatever the unknowns are."""
+    return regressor.measured - (simulation.regressor.measured - simulation.regressor.y)
 
 
 def _taken(
@@ -125,24 +125,14 @@ def _taken(
     base: BaseParameters,
     theta: Float[Array, " r"],
     step: Float[Array, " r"],
-    simulation: Resimulation,
-    weights: Float[Array, " nv"],
-) -> tuple[Float[Array, " r"], Resimulation, bool]:
-    """The estimates after as much of a step as lowers the error, their simulation, and whether there is any."""
-    error = _error(regressor, simulation, weights)
+) -> tuple[Float[Array, " r"], Resimulation]:
+    """The estimates after a step, or as much of it as leaves a robot that can move, and their simulation."""
     for _ in range(_HALVINGS):
         try:
-            tried = resimulated(regressor, loops, base, theta + step)
+            return theta + step, resimulated(regressor, loops, base, theta + step)
         except EstimationError:
-            tried = None
-        if tried is not None and _error(regressor, tried, weights) <= error:
-            return theta + step, tried, True
-        step = 0.5 * step
-    return theta, simulation, False
-
-
-def _error(regressor: Regressor, simulation: Resimulation, weights: Float[Array, " nv"]) -> float:
-    return float(np.sum(((regressor.measured - simulation.torque) * weights) ** 2))
+            step = 0.5 * step
+    return theta + step, resimulated(regressor, loops, base, theta + step)
 
 
 def _fit(
@@ -153,7 +143,8 @@ def _fit(
     weights: Float[Array, " nv"],
     status: Status,
 ) -> Fit:
-    rows, residual = simulation.rows(base), regressor.measured - simulation.torque
+    rows = simulation.rows(base)
+    residual = _target(regressor, simulation) - rows @ theta
     _, factor = least_squares(rows, residual, weights)
     influence = influence_of(rows, factor, weights)
     used = np.einsum("njk,njk->j", influence, rows, optimize=True)
