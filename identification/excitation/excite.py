@@ -67,7 +67,8 @@ class Excitation:
         limits = ", ".join(self.reached) if self.reached else "none"
         return (
             f"{self.robot.name}: condition number {self.condition:.3g} of {self.rank} base parameters over "
-            f"{self.shapes.duration:g} s from rest to rest (best random motion within the limits: {self.random:.3g}).\n"
+            f"{self.shapes.duration:g} s from rest to rest (random motions within the limits: {self.random:.3g} at "
+            "best).\n"
             f"Limits that it reaches: {limits}."
         )
 

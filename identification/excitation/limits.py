@@ -32,8 +32,8 @@ class FrameBox:
             object.__setattr__(self, name, read_only(getattr(self, name)))
         if not (self.lower < self.upper).all():
             raise ParameterError(
-                f"The box of frame {self.frame} goes from {self.lower} to {self.upper} m: give lower corners below upper "
-                "ones."
+                f"The box of frame {self.frame} goes from {self.lower} to {self.upper} m: give lower corners "
+                "below upper ones."
             )
 
 
@@ -69,8 +69,8 @@ class Limits:
         if not (self.lower < self.upper).all():
             row = int(np.flatnonzero(~(self.lower < self.upper))[0])
             raise ParameterError(
-                f"The position limits of joint number {row}, {self.lower[row]:g} to {self.upper[row]:g}, leave no room: "
-                "widen them, or lock the joint."
+                f"The position limits of joint number {row}, {self.lower[row]:g} to {self.upper[row]:g}, leave no "
+                "room: widen them, or lock the joint."
             )
         for name in ("velocity", "acceleration", "torque"):
             if not (getattr(self, name) > 0).all():

@@ -41,7 +41,7 @@ class Shapes(Protocol):
 
 @dataclass(frozen=True)
 class FourierSeries:
-    """Sines and cosines of the first ``harmonics`` multiples of one over ``duration``: periodic, so it can be repeated."""
+    """Sines and cosines of the first ``harmonics`` multiples of one over ``duration``: periodic, it can be repeated."""
 
     duration: float
     harmonics: int = 5

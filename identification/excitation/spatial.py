@@ -28,7 +28,7 @@ def motion_cross(x: Float[Array, "6 ..."], y: Float[Array, "6 ..."]) -> Float[Ar
 
 
 def force_cross(x: Float[Array, "6 ..."], f: Float[Array, "6 ..."]) -> Float[Array, "6 ..."]:
-    """How the force ``f`` changes when it is carried along by ``x``: ``y . force_cross(x, f) = -motion_cross(x, y) . f``."""
+    """How the force ``f`` changes when ``x`` carries it along: its power on y is minus that of f on x cross y."""
     moment = cross(x[3:], f[3:]) + cross(x[:3], f[:3])
     return np.concatenate([cross(x[3:], f[:3]), moment])
 

@@ -92,7 +92,7 @@ def largest(
     posture: Float[Array, " nv"],
     shares: tuple[float, ...] = SHARES,
 ) -> Float[Array, "K nv"]:
-    """The largest of the motions between a posture and the given one that keeps all limits; the posture if none does."""
+    """The largest motion between a posture and the given one that keeps all limits; the posture if none does."""
     still = at_rest(posture, len(weights))
     for share in shares:
         smaller = still + share * (weights - still)

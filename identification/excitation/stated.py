@@ -86,8 +86,8 @@ def require_excitable(robot: Robot, frames: Sequence[str]) -> None:
         )
     if robot.chain is not None and robot.chain.anchors:
         raise RobotError(
-            f"{robot.name} has the loop {robot.chain.anchors[0].label}, and excitation takes chains whose passive joints "
-            "follow by kind: linear only: use a reference of your own."
+            f"{robot.name} has the loop {robot.chain.anchors[0].label}, and excitation takes chains whose passive "
+            "joints follow by kind: linear only: use a reference of your own."
         )
     known = dict.fromkeys(frame.name for frame in robot.model.frames)
     for name in frames:
