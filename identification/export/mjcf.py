@@ -32,7 +32,7 @@ def mjcf_text(robot: Robot) -> str:
         ParameterError: If a body cannot exist, or not in MuJoCo.
     """
     root = ElementTree.Element("mujoco", model=robot.name)
-    ElementTree.SubElement(root, "compiler", angle="radian", inertiafromgeom="false", autolimits="true")
+    ElementTree.SubElement(root, "compiler", angle="radian", autolimits="true")
     ElementTree.SubElement(root, "option", gravity=words(robot.model.gravity.linear))
     world = ElementTree.SubElement(root, "worldbody")
     tree = bodies(robot)
@@ -62,7 +62,7 @@ def _body(parent: Element, body: TreeBody) -> Element:
             f"MuJoCo takes no body whose principal inertia exceeds the sum of the others, and {body.name} is one: "
             "correct it in the robot's file."
         )
-    element = ElementTree.SubElement(parent, "body", name=body.name, **_place(body.position, body.rotation))
+    element = ElementTree.SubElement(parent, "body", {"name": body.name, **_place(body.position, body.rotation)})
     joint = {"name": body.joint, "type": "slide" if body.prismatic else "hinge", "axis": words(body.axis)}
     for name, value in (("damping", body.damping), ("frictionloss", body.friction), ("armature", body.armature)):
         if value:
@@ -78,7 +78,7 @@ def _body(parent: Element, body: TreeBody) -> Element:
 
 
 def _site(parent: Element, site: TreeFrame) -> None:
-    ElementTree.SubElement(parent, "site", name=site.name, size="0.005", **_place(site.position, site.rotation))
+    ElementTree.SubElement(parent, "site", {"name": site.name, "size": "0.005", **_place(site.position, site.rotation)})
 
 
 def _loops(root: Element, robot: Robot, owners: list[Element]) -> None:

@@ -50,7 +50,18 @@ def edited_urdf(robot: Robot, given: Robot, file: Path, folder: Path) -> str:
     _set_friction(root, robot, given)
     _relocate(root, file.resolve().parent, folder)
     ElementTree.indent(root)
-    return f'<?xml version="1.0"?>\n{ElementTree.tostring(root, encoding="unicode")}\n'
+    before = "".join(f"<!--{comment}-->\n" for comment in _comments_before(file))
+    return f'<?xml version="1.0"?>\n{before}{ElementTree.tostring(root, encoding="unicode")}\n'
+
+
+def _comments_before(file: Path) -> list[str]:
+    """Comments in front of the root element, which is no part of them."""
+    out = []
+    for event, element in ElementTree.iterparse(file, events=("start", "comment")):
+        if event == "start":
+            break
+        out.append(element.text or "")
+    return out
 
 
 def inertial_element(inertia: LinkInertia) -> Element:

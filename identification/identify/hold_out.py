@@ -71,15 +71,15 @@ def split_logs(robot: Robot, recordings: tuple[Recording, ...], hold_out: tuple[
     if hold_out:
         names = " and ".join(Path(recording.file).name for recording in hold_out)
         split = Split(logs[: len(recordings)], logs[len(recordings) :], names, cutoff)
-    elif len(logs) > 1:
-        split = Split(logs[:-1], logs[-1:], f"{Path(logs[-1].file).name}, the last of {len(logs)} recordings", cutoff)
-    else:
+    elif len(logs) == 1:
         split = _end_of(logs[0], cutoff)
-    for part, does in ((split.train, "to fit"), (split.test, "to judge on")):
+    else:
+        split = Split(logs[:-1], logs[-1:], f"{Path(logs[-1].file).name}, the last of {len(logs)} recordings", cutoff)
+    for part, file, does in ((split.train, every[0].file, "to fit"), (split.test, every[-1].file, "to judge on")):
         samples = sum(int(log.valid_in_band.sum()) for log in part)
         if samples < _LEAST:
             raise LogError(
-                f"{part[0].file}: {samples} samples in the band of {cutoff:.1f} Hz are left {does}, wanted {_LEAST}: "
+                f"{file}: {samples} samples in the band of {cutoff:.1f} Hz are left {does}, wanted {_LEAST}: "
                 "record at least ten seconds of motion, or exclude less."
             )
     return split
