@@ -64,14 +64,14 @@ class TreeArrays:
             object.__setattr__(self, field.name, read_only(array, array.dtype.type))
 
     @property
-    def kinematics(self) -> tuple[Array, ...]:
-        """All but the inertias, in the order in which compiled loops take them."""
+    def kinematics(self) -> tuple[Array, Array, Array, Array, Array, Array, Array]:
+        """All but the inertias, in the order in which compiled loops take them; rotations as ``(3 n, 3, 3)``."""
         return (
             self.parents,
             self.kinds,
             self.first_q,
             self.first_v,
-            self.rotations,
+            self.rotations.reshape(-1, 3, 3),
             self.translations,
             self.axes,
         )

@@ -4,25 +4,25 @@ from __future__ import annotations
 
 import numpy as np
 
-from phantom_dyn.kernels.jit import jit
+from phantom_dyn.kernels.jit import inlined
 
 Array = np.ndarray
 Vector = tuple[float, float, float]
 
 
-@jit
+@inlined
 def cross(ax: float, ay: float, az: float, bx: float, by: float, bz: float) -> Vector:
     """Cross product of a and b."""
     return ay * bz - az * by, az * bx - ax * bz, ax * by - ay * bx
 
 
-@jit
+@inlined
 def dot(ax: float, ay: float, az: float, bx: float, by: float, bz: float) -> float:
     """Scalar product of a and b."""
     return ax * bx + ay * by + az * bz
 
 
-@jit
+@inlined
 def turned(R: Array, i: int, x: float, y: float, z: float) -> Vector:
     """``R[i]`` times a vector."""
     return (
@@ -32,7 +32,7 @@ def turned(R: Array, i: int, x: float, y: float, z: float) -> Vector:
     )
 
 
-@jit
+@inlined
 def turned_back(R: Array, i: int, x: float, y: float, z: float) -> Vector:
     """``R[i]`` transposed times a vector."""
     return (
