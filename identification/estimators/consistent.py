@@ -13,6 +13,7 @@ from identification.base_parameters import base_parameters_of_matrix, r_factor
 from identification.estimators.consistent_bodies import Region, reference_bodies
 from identification.estimators.consistent_cone import solve_program
 from identification.estimators.consistent_program import (
+    FREE,
     Point,
     Prior,
     Program,
@@ -209,7 +210,7 @@ def _shrunk(free: Fit, program: Program, covariance: Array) -> Array:
     metrics = [np.sqrt(program.prior.weight) * body.metric for body in program.bodies]
     prior = np.asarray(block_diag(*metrics, np.zeros((0, free_columns))))
     equations = program.factor * program.scale
-    finite = program.pull * np.eye(len(program.scale))[10 * len(program.bodies) :]
+    finite = FREE * np.eye(len(program.scale))[10 * len(program.bodies) :]
     # Through a triangular factor, as the square of 1e9 cannot be inverted beside one of 1.
     triangle = np.linalg.qr(np.vstack([equations, prior, finite]), mode="r")
     inverse = np.linalg.inv(triangle)

@@ -8,7 +8,7 @@ Building it through a modelling language would cost more than solving it.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import clarabel
 import numpy as np
@@ -16,16 +16,15 @@ from scipy import sparse
 from scipy.linalg import block_diag, null_space
 
 from identification.estimators.consistent_bodies import PSEUDO, pseudo_inertia
-from identification.estimators.consistent_program import Point, Program, is_possible, nearest_unconstrained
+from identification.estimators.consistent_program import FREE, Point, Program, is_possible, nearest_unconstrained
 from phantom_dyn.errors import EstimationError
 
 Array = np.ndarray
 
-_LARGEST = (1e7, 1e5, 1e4)
-"""Information (root of) beyond which a recording is taken as no better: without noise it is 1e9 and more, beside which
-a solver in double precision does not see a prior. The smaller ones are tried where it does not arrive."""
-
-_TOLERANCE = 1e-9  # of Clarabel; the objective is in units of the log-likelihood
+_ATTEMPTS = ((1e7, 1e-9), (1e7, 1e-7), (1e5, 1e-7), (1e4, 1e-6), (1e3, 1e-6))
+"""Information (root of) beyond which a recording is taken as no better, and tolerance of Clarabel in units of the
+log-likelihood. Without noise the information is 1e9 and more, beside which a solver in double precision does not see a
+prior; the later ones are tried where it does not arrive."""
 
 _AT_EDGE = 1e-5  # room left, in units of the row
 _PUSHED = 1e-3  # gain of the log-likelihood per unit of room, below which an edge does not matter
@@ -37,15 +36,27 @@ def solve_program(program: Program) -> Point:
     Raises:
         EstimationError: If there are none, or the solver does not get to them.
     """
+    # In units of the prior where that is strong: a solver wants an objective of order one.
+    strength = max(1.0, program.prior.weight)
+    root = np.sqrt(strength)
+    prior = replace(program.prior, weight=program.prior.weight / strength)
+    scaled = program if program.exact else replace(
+        program, factor=program.factor / root, target=program.target / root, prior=prior
+    )  # fmt: skip
     status = ""
-    for largest in _LARGEST:
-        point, status = _attempt(program, largest)
+    for largest, tolerance in _ATTEMPTS:
+        point, status = _attempt(scaled, largest, tolerance)
         if point is not None:
             return point
+    if "PrimalInfeasible" in status:
+        raise EstimationError(
+            "No physically possible bodies satisfy these equations within their regions and bounds: widen the regions, "
+            "or fit with a covariance instead of exactly."
+        )
     raise EstimationError(f"The solver of consistent parameters ended with {status}: give a stronger prior.")
 
 
-def _attempt(program: Program, largest: float) -> tuple[Point | None, str]:
+def _attempt(program: Program, largest: float, tolerance: float) -> tuple[Point | None, str]:
     p = program.factor.shape[1]
     n = len(program.bodies)
     scale = program.scale
@@ -74,7 +85,7 @@ def _attempt(program: Program, largest: float) -> tuple[Point | None, str]:
             linear[first + 10 : first + 14] = -weight
     # Cones of bodies come second and, with an entropic prior, every sixth from there.
     bodies = [1 + (6 if entropic else 1) * at for at in range(n)]
-    change, forces, status = _minimised(quadratic, linear, cones)
+    change, forces, status = _minimised(quadratic, linear, cones, tolerance)
     if status not in ("Solved", "AlmostSolved"):
         return None, status
     x = start + back @ change[:d]
@@ -110,7 +121,7 @@ def _coordinates(program: Program, largest: float) -> tuple[Array, Array, Array,
     n, p = len(program.bodies), len(program.scale)
     columns = program.factor * program.scale
     known = np.concatenate([*(body.standard for body in program.bodies), np.zeros(p - 10 * n)]) / program.scale
-    drawn = np.asarray(block_diag(*(body.metric for body in program.bodies), program.pull * np.eye(p - 10 * n)))
+    drawn = np.asarray(block_diag(*(body.metric for body in program.bodies), FREE * np.eye(p - 10 * n)))
     if program.exact:
         start = nearest_unconstrained(program) / program.scale
         free = np.asarray(null_space(columns))
@@ -124,14 +135,7 @@ def _coordinates(program: Program, largest: float) -> tuple[Array, Array, Array,
             np.zeros(0),
         )
     shrunk = min(1.0, largest / max(float(np.linalg.norm(columns)), 1.0))
-    drawn[: 16 * n] *= np.sqrt(program.prior.weight)
-    lone = columns[:, 10 * n :]
-    weak = np.sqrt(program.prior.weight) * program.pull
-    # Coefficients that only other coefficients can replace are kept apart from rounding errors.
-    full = np.linalg.matrix_rank(lone) == lone.shape[1]
-    drawn[16 * n :] = np.eye(p - 10 * n, p, 10 * n) * (
-        weak if full else max(weak, 1e-9 * shrunk * np.linalg.norm(columns))
-    )
+    drawn *= np.sqrt(program.prior.weight)
     q, triangle = np.linalg.qr(np.vstack([shrunk * columns, drawn]))
     left = np.concatenate([shrunk * (program.target - columns @ known), np.zeros(len(drawn))])
     start = known + np.linalg.solve(triangle, q.T @ left)
@@ -196,12 +200,14 @@ def _log_determinant(matrices: Array, constant: Array, first: int, width: int) -
     return cones
 
 
-def _minimised(quadratic: Array, linear: Array, cones: Sequence[_Cone]) -> tuple[Array, list[Array], str]:
+def _minimised(
+    quadratic: Array, linear: Array, cones: Sequence[_Cone], tolerance: float
+) -> tuple[Array, list[Array], str]:
     """Minimum of ``x^T Q x / 2 + c^T x``, what each cone pushes with, and the solver's status."""
     used = [cone for cone in cones if len(cone.offset)]
     settings = clarabel.DefaultSettings()
     settings.verbose = False
-    settings.tol_gap_abs = settings.tol_gap_rel = settings.tol_feas = _TOLERANCE
+    settings.tol_gap_abs = settings.tol_gap_rel = settings.tol_feas = tolerance
     solution = clarabel.DefaultSolver(
         sparse.csc_matrix(np.triu(quadratic)),
         linear,
@@ -211,10 +217,5 @@ def _minimised(quadratic: Array, linear: Array, cones: Sequence[_Cone]) -> tuple
         settings,
     ).solve()
     status = str(solution.status)
-    if status in ("PrimalInfeasible", "AlmostPrimalInfeasible"):
-        raise EstimationError(
-            "No physically possible bodies satisfy these equations within their regions and bounds: widen the regions, "
-            "or fit with a covariance instead of exactly."
-        )
     ends = np.cumsum([len(cone.offset) for cone in cones])
     return np.array(solution.x), np.split(np.array(solution.z), ends[:-1]), status

@@ -76,15 +76,11 @@ class Program:
 
     @property
     def scale(self) -> Float[Array, " p"]:
-        """Unit of each column: the reference's, or the inverse of the column's norm."""
-        rest = np.linalg.norm(self.factor[:, 10 * len(self.bodies) :], axis=0)
-        units = 1 / np.where(rest > 0, rest, 1.0)
-        return np.concatenate([*(body.scale for body in self.bodies), units])
-
-    @property
-    def pull(self) -> float:
-        """Of coefficients towards zero, per unit of their `scale`: what keeps those finite that nothing determines."""
-        return FREE / max(float(np.linalg.norm(self.factor * self.scale)), 1.0)
+        """Unit of each column: the reference's; of a coefficient, what makes its column as large as all bodies'."""
+        own = np.concatenate([np.zeros(0), *(body.scale for body in self.bodies)])
+        rest = np.linalg.norm(self.factor[:, len(own) :], axis=0)
+        size = float(np.linalg.norm(self.factor[:, : len(own)] * own)) or float(rest.max(initial=0.0)) or 1.0
+        return np.concatenate([own, np.where(rest > 0, size / np.where(rest > 0, rest, 1.0), 1.0)])
 
 
 @dataclass(frozen=True)
@@ -121,7 +117,7 @@ def nearest_unconstrained(program: Program) -> Float[Array, " p"]:
     """Parameters nearest to the reference that solve the equations best, possible or not: a closed form."""
     roots = [_root(body) for body in program.bodies]
     free = program.factor.shape[1] - 10 * len(program.bodies)
-    inverse = np.asarray(block_diag(*roots, np.eye(free) / program.pull))
+    inverse = np.asarray(block_diag(*roots, np.eye(free) / FREE))
     scale = program.scale
     start = np.concatenate([*(body.standard for body in program.bodies), np.zeros(free)])
     rows = program.factor * scale @ inverse

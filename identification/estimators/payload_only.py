@@ -28,6 +28,8 @@ Array = np.ndarray
 
 _RADIUS = 0.05  # radius of gyration [m] of the payload that is assumed where a recording says nothing
 
+_SLIGHT = 1e-3  # mass [kg] below which nothing is told of where a payload is
+
 
 @dataclass(frozen=True)
 class PayloadFit:
@@ -218,14 +220,15 @@ def _possible(regressor: Regressor, fit: Fit, expected: Array | None) -> Array:
 
 
 def _expected(fit: Fit, first: int) -> Array:
-    """A ball of the mass and centre that the fit tells, 1 kg in the origin where it does not."""
-    told = {k: value for k, name, value in zip(fit.base.independent, fit.names, fit.theta, strict=True)
+    """A ball of the mass and centre that the fit tells, 1 kg in the origin where it tells none."""
+    told = {k: row for row, (k, name) in enumerate(zip(fit.base.independent, fit.names, strict=True))
             if not name.endswith("R")}  # fmt: skip
-    mass = told.get(first, 0.0)
-    if mass <= 0:
+    row = told.get(first)
+    if row is None or not fit.theta[row] > max(_SLIGHT, 2 * fit.std()[row]):
         return body_parameters(1.0, np.zeros(3), _RADIUS**2 * np.eye(3))
-    center = np.array([told.get(first + 1 + axis, 0.0) for axis in range(3)]) / mass
-    return body_parameters(mass, center, mass * _RADIUS**2 * np.eye(3))
+    mass = float(fit.theta[row])
+    moments = [fit.theta[told[first + axis]] if first + axis in told else 0.0 for axis in (1, 2, 3)]
+    return body_parameters(mass, np.array(moments) / mass, mass * _RADIUS**2 * np.eye(3))
 
 
 def _pose(robot: Robot, body: int) -> Array:
