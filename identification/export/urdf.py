@@ -15,7 +15,7 @@ from phantom_dyn.errors import RobotError
 from phantom_dyn.robot import Robot
 from phantom_dyn.robot_xml import Element
 
-_SCHEMES = ("package://", "file://", "http://", "https://", "model://")
+_SCHEMES = tuple(f"{name}://" for name in ("package", "file", "http", "https", "model"))
 
 
 def edited_urdf(robot: Robot, given: Robot, file: Path, folder: Path) -> str:
