@@ -20,6 +20,7 @@ Array = np.ndarray
 CLEARANCE = 0.01
 """Distance [m] that bodies keep by default: hulls lie outside of the shapes, robots do not track perfectly."""
 _POSTURES = 100
+_NEAR = 0.05  # pairs further apart than this beyond their clearance [m] do not bind, and get no slope
 _TOUCHING = 0.5
 """Pairs that touch in this share of random postures touch by design: shapes of neighbours overlap at their joint."""
 
@@ -80,27 +81,38 @@ def collisions_of(robot: Robot, *, clearance: float = CLEARANCE) -> Collisions:
 def distances(
     model: pin.Model, collisions: Collisions, configuration: Float[Array, "N nq"], *, slopes: bool
 ) -> tuple[Float[Array, "N m"], Float[Array, "N m nt"] | None]:
-    """Distance of each pair [m], negative where they overlap, and its slope in the joint velocities."""
+    """Distance of each pair [m], negative where they overlap, and its slope in the joint velocities where small."""
     shapes = collisions.shapes
     data, placed = model.createData(), shapes.createData()
     pairs = [(pair.first, pair.second) for pair in shapes.collisionPairs]
     joints = [shape.parentJoint for shape in shapes.geometryObjects]
     out = np.empty((len(configuration), len(pairs)))
-    slope = np.zeros((len(configuration), len(pairs), model.nv)) if slopes else None
+    near: list[tuple[int, int, float]] = []  # sample, pair, and the side on which a body moves
+    points, normals, jacobians = [], [], []
     for k, q in enumerate(configuration):
         pin.computeDistances(model, data, shapes, placed, q)
         out[k] = [result.min_distance for result in placed.distanceResults]
-        if slope is not None:
+        close = np.flatnonzero(out[k] < collisions.clearance + _NEAR).tolist() if slopes else []
+        if close:
             pin.computeJointJacobians(model, data, q)
-            # Far pairs do not bind; their slope is not asked for.
-            for m in np.flatnonzero(out[k] < collisions.clearance + 0.1).tolist():
-                result = placed.distanceResults[m]
-                first, second = result.getNearestPoint1(), result.getNearestPoint2()
-                n = np.asarray(result.normal)
-                for joint, point, sign in ((joints[pairs[m][0]], first, -1.0), (joints[pairs[m][1]], second, 1.0)):
-                    J = pin.getJointJacobian(model, data, joint, pin.ReferenceFrame.WORLD) if joint else None
-                    if J is not None:
-                        slope[k, m] += sign * (n @ J[:3] + np.cross(point, n) @ J[3:])
+        for m in close:
+            result, (first, second) = placed.distanceResults[m], pairs[m]
+            sides = ((-1.0, first, result.getNearestPoint1()), (1.0, second, result.getNearestPoint2()))
+            for side, body, point in sides:
+                if joints[body]:
+                    near.append((k, m, side))
+                    points.append(np.array(point))
+                    normals.append(np.array(result.normal))  # a copy: the next sample writes over it
+                    jacobians.append(pin.getJointJacobian(model, data, joints[body], pin.ReferenceFrame.WORLD))
+    if not slopes:
+        return out, None
+    slope = np.zeros((*out.shape, model.nv))
+    if near:
+        n = np.array(normals)
+        along = np.concatenate([n, np.cross(np.array(points), n)], axis=1)
+        rows = np.einsum("ri,rij->rj", along, np.array(jacobians))
+        samples, which, sides = (np.array(part) for part in zip(*near, strict=True))
+        np.add.at(slope, (samples, which), sides[:, None] * rows)
     return out, slope
 
 

@@ -46,8 +46,8 @@ def descend(
     grid: Grid,
     weights: Float[Array, "K nv"],
     *,
-    rounds: int = 6,
-    iterations: int = 50,
+    rounds: int = 5,
+    iterations: int = 40,
     criterion: Criterion | None = None,
     say: Callable[[str], None] = lambda words: None,
 ) -> Float[Array, "K nv"]:

@@ -37,7 +37,7 @@ class Excitation:
         weights: Of each shape for each joint, shape ``(K, nv)``.
         rank: Number of base parameters.
         condition: Condition number of their regressor over motion and earlier recordings, columns of one norm.
-        random: The same of the best random motion within the limits that was looked at.
+        start: The same of the random motion within the limits that it was made from, the best of some.
         reached: What comes near its limit.
         notes: Sentences for the user.
     """
@@ -47,7 +47,7 @@ class Excitation:
     weights: Float[Array, "K nv"]
     rank: int
     condition: float
-    random: float
+    start: float
     reached: tuple[str, ...]
     notes: tuple[str, ...]
 
@@ -67,8 +67,8 @@ class Excitation:
         limits = ", ".join(self.reached) if self.reached else "none"
         return (
             f"{self.robot.name}: condition number {self.condition:.3g} of {self.rank} base parameters over "
-            f"{self.shapes.duration:g} s from rest to rest (random motions within the limits: {self.random:.3g} at "
-            "best).\n"
+            f"{self.shapes.duration:g} s from rest to rest (the best of some random motions: "
+            f"{self.start:.3g}).\n"
             f"Limits that it reaches: {limits}."
         )
 
@@ -119,11 +119,13 @@ def excite(
     tried = []
     for _ in range(starts):
         posture = postures[rng.integers(len(postures))]
-        weights = largest(problem, dense, random_motion(problem, grid, posture, rng), posture)
+        weights = random_motion(problem, grid, posture, rng)
         tried.append((criterion_of(problem, grid, weights), weights, posture))
-    first, start, posture = min(tried, key=lambda one: one[0])
+    _, start, posture = min(tried, key=lambda one: one[0])
+    start = largest(problem, dense, start, posture)
     designed = _within(problem, shapes, dense, descend(problem, grid, start, say=say), posture)
-    weights = designed if criterion_of(problem, grid, designed) <= first else start
+    better = criterion_of(problem, grid, designed) <= criterion_of(problem, grid, start)
+    weights = designed if better else start
     motion = dense.motion(weights)
     if not np.abs(motion.v).max() > 0:
         raise ParameterError(
@@ -136,7 +138,7 @@ def excite(
         weights,
         len(base.columns),
         condition_number(problem.information(W)),
-        min(condition_of(problem, grid, one[1]) for one in tried),
+        condition_of(problem, grid, start),
         problem.bounds.reached(problem.limited(motion, W)),
         (*kept.notes, *(kept.collisions.notes if kept.collisions is not None else ())),
     )
