@@ -121,16 +121,21 @@ class Regressor:
         """Triangular factors of all equations, made in one pass over `blocks`."""
         return reduce_blocks(self.names, self.units, self.robot.joint_names, self.touched, self._with_torque())
 
-    def blocks(self) -> Iterator[Float[Array, "n nv p"]]:
+    def blocks(self, columns: Sequence[int] | None = None) -> Iterator[Float[Array, "n nv p"]]:
         """Blocks of the regressor in the order of the samples, each ``(n, nv, p)`` and of one log.
 
         They are cut out of `W` if that has been made, which pays for many passes, and else made again.
+
+        Args:
+            columns: Which columns to make, ascending; by default all.
         """
         if "W" in self.__dict__:
             for start, stop in pairwise(self.starts):
-                yield from (self.W[k : min(k + _BLOCK, stop)] for k in range(start, stop, _BLOCK))
+                for k in range(start, stop, _BLOCK):
+                    block = self.W[k : min(k + _BLOCK, stop)]
+                    yield block if columns is None else block[:, :, list(columns)]
         else:
-            yield from self._made()
+            yield from self._made(columns)
 
     def _with_torque(self) -> Iterator[tuple[Float[Array, "n nv p"], Float[Array, "n nv"]]]:
         start = 0
@@ -138,9 +143,9 @@ class Regressor:
             yield block, self.y[start : start + len(block)]
             start += len(block)
 
-    def _made(self) -> Iterator[Float[Array, "n nv p"]]:
+    def _made(self, columns: Sequence[int] | None = None) -> Iterator[Float[Array, "n nv p"]]:
         for log, effects in zip(self.logs, self._effects(), strict=True):
-            yield from blocks_of(self.robot, log, effects, rigid_body=self.rigid_body, samples=_BLOCK)
+            yield from blocks_of(self.robot, log, effects, rigid_body=self.rigid_body, samples=_BLOCK, columns=columns)
 
     def _effects(self) -> Iterable[tuple[BandedEffect, ...]]:
         """Columns of the effects by log: kept, as they are few, or made again where the recordings are long."""

@@ -66,7 +66,13 @@ def part(motion: Motion, start: int, stop: int) -> Motion:
 
 
 def blocks_of(
-    robot: Robot, log: Log, effects: Sequence[BandedEffect], *, rigid_body: bool, samples: int
+    robot: Robot,
+    log: Log,
+    effects: Sequence[BandedEffect],
+    *,
+    rigid_body: bool,
+    samples: int,
+    columns: Sequence[int] | None = None,
 ) -> Iterator[Float[Array, "n nv p"]]:
     """Blocks of the equations of one log, valid samples only.
 
@@ -76,23 +82,39 @@ def blocks_of(
         effects: From `banded`.
         rigid_body: True if the first columns are the bodies'.
         samples: Of the log at its full rate, per block.
+        columns: Which columns to make, ascending; by default all.
     """
     band, kept = log.band, log.valid_in_band
-    width = (10 * (robot.model.njoints - 1) if rigid_body else 0) + sum(columns.shape[2] for _, columns in effects)
+    bodies = 10 * (robot.model.njoints - 1) if rigid_body else 0
+    total = bodies + sum(values.shape[2] for _, values in effects)
+    wanted = range(total) if columns is None else columns
+    rigid = tuple(column for column in wanted if column < bodies)
+    chosen = _chosen(effects, np.array([column - bodies for column in wanted[len(rigid) :]], dtype=int))
     # The ends of a block are made twice, for the filter's reach: a small part of it.
     size = max(1, max(samples, 8 * band.half) // band.step)
     for first in range(0, len(kept), size):
         last = min(first + size, len(kept))
-        block = np.zeros((last - first, robot.nv, width))
-        column = 0
-        if rigid_body:
+        block = np.zeros((last - first, robot.nv, len(wanted)))
+        if rigid:
             reach = part(log.motion, first * band.step, (last - 1) * band.step + 2 * band.half + 1)
-            rigid = band(rigid_body_regressor(robot, reach))
-            column = rigid.shape[2]
-            block[:, :, :column] = rigid
-        for rows, columns in effects:
-            wide = columns.shape[2]
-            block[:, rows, column : column + wide] = columns[first:last]
+            block[:, :, : len(rigid)] = band(rigid_body_regressor(robot, reach, columns=rigid))
+        column = len(rigid)
+        for rows, values in chosen:
+            wide = values.shape[2]
+            for place, row in enumerate(rows):
+                block[:, row, column : column + wide] = values[first:last, place]
             column += wide
         valid = kept[first:last]
         yield block if valid.all() else block[valid]
+
+
+def _chosen(effects: Sequence[BandedEffect], columns: Array) -> list[BandedEffect]:
+    """Some columns of the effects, numbered from the first effect's first."""
+    out, start = [], 0
+    for rows, values in effects:
+        stop = start + values.shape[2]
+        own = columns[(columns >= start) & (columns < stop)] - start
+        if len(own):
+            out.append((rows, values if len(own) == values.shape[2] else values[:, :, own]))
+        start = stop
+    return out

@@ -28,7 +28,12 @@ def parser() -> argparse.ArgumentParser:
         required=True,
         help="folder for identification.json, report.html, corrected.urdf and corrected.xml",
     )
-    out.add_argument("--estimator", metavar="NAME", default="wls", help="ols, wls (default), irls, ...")
+    out.add_argument(
+        "--estimator",
+        metavar="NAME",
+        default="wls",
+        help="ols, wls (default), irls, consistent; with q_ref and controllers in robot.yaml: iv, didim, cloe",
+    )
     out.add_argument(
         "--friction",
         metavar="TERM[,TERM]",
@@ -57,14 +62,13 @@ def run(arguments: argparse.Namespace) -> int:
     from identification.cli.progress import Progress
 
     with Progress("reading", sys.stderr) as progress:
-        from identification.identify.choices import choice_named
         from identification.identify.friction import friction_terms
-        from identification.identify.identify import identify
+        from identification.identify.identify import identify, usable_estimator
         from identification.identify.outputs import check_folder, write_outputs
         from identification.recordings import read_recording
         from phantom_dyn.loading import load_robot
 
-        choice_named(arguments.estimator)
+        usable_estimator(arguments.estimator)
         terms = friction_terms([word.strip() for word in arguments.friction.split(",")])
         check_folder(arguments.out)
         robot = load_robot(arguments.robot, config=arguments.robot_config)

@@ -8,6 +8,7 @@ import numpy as np
 from jaxtyping import Float
 
 from identification.base_parameters import BaseParameters
+from identification.estimators.term_columns import term_columns
 from identification.regressor import Regressor
 from phantom_dyn.robot import Robot
 
@@ -91,7 +92,7 @@ def _at_bounds(regressor: Regressor, base: BaseParameters, theta: Array, std: Ar
                     "lacks takes its place; check the torque's sign and delay, or add effects."
                 )
             else:
-                yield f"{value}, at its {side} bound of {bound:.4g} within the uncertainty: it may as well not be there."
+                yield f"{value}, at its {side} bound of {bound:.4g} within its uncertainty: it may not be there."
 
 
 def coefficient_limits(regressor: Regressor) -> tuple[Float[Array, " p"], Float[Array, " p"]]:
@@ -101,12 +102,7 @@ def coefficient_limits(regressor: Regressor) -> tuple[Float[Array, " p"], Float[
         regressor: Gives the terms.
     """
     lower, upper = np.full(len(regressor.names), -np.inf), np.full(len(regressor.names), np.inf)
-    for term in regressor.terms:
-        columns = [
-            k
-            for k in range(regressor.first_effect, len(regressor.names))
-            if regressor.names[k].startswith(f"{term.label}.")
-        ]
+    for term, columns in zip(regressor.terms, term_columns(regressor), strict=True):
         bounds = term.effect.coefficient_bounds(regressor.robot, term.joint, term.shape)
         for k, bound in zip(columns, bounds, strict=False):
             lower[k], upper[k] = bound
@@ -156,6 +152,6 @@ def _at_torque_limits(regressor: Regressor) -> Iterator[str]:
             if share > 0:
                 yield (
                     f"{log.file}: the drive of {log.joint_names[j]} is at its limit of {actuator.torque_limit:.4g} "
-                    f"{regressor.robot.torque_units[j]} in {100 * share:.2g} % of the samples, where it gives less than "
-                    "it is asked for: leave these stretches out (--exclude)."
+                    f"{regressor.robot.torque_units[j]} in {100 * share:.2g} % of the samples, where it gives less "
+                    "than it is asked for: leave these stretches out (--exclude)."
                 )

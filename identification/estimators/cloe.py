@@ -140,7 +140,7 @@ def _weights(left: Float[Array, "N c"], measured: Float[Array, "N c"]) -> Float[
 def _step(slopes: Float[Array, "N c p"], left: Float[Array, "N c"], weights: Float[Array, " c"]) -> tuple[Array, Array]:
     p = slopes.shape[2]
     rows = np.column_stack([(slopes * weights[:, None]).reshape(-1, p), (left * weights).reshape(-1)])
-    R = np.linalg.qr(rows, mode="r")
+    R = np.asarray(np.linalg.qr(rows, mode="r"))
     factor = R[:p, :p]
     norms = np.linalg.norm(factor, axis=0)
     if len(R) < p or not norms.all() or (np.abs(np.diag(factor)) < _LEAST * norms).any():

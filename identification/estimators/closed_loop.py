@@ -166,7 +166,20 @@ def simulated(
     first = log.motion.q[start] if q0 is None else q0
     speed = log.motion.v[start] if v0 is None else v0
     bad = run(
-        *plant.arrays,
+        plant.parents,
+        plant.rotations,
+        plant.translations,
+        plant.angular,
+        plant.linear,
+        plant.gravity,
+        plant.G,
+        plant.offset,
+        plant.pi,
+        plant.rotor,
+        plant.E,
+        plant.dry,
+        plant.push,
+        plant.spring,
         wanted,
         np.array([feedback.kp, feedback.kd, feedback.limit], dtype=float),
         feedback.window,

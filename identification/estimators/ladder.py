@@ -1,4 +1,4 @@
-"""The one list of estimators, from the simplest to the most demanding; adding one touches its own file and this list."""
+"""The one list of estimators, from the simplest on; adding one touches its own file and this list."""
 
 from __future__ import annotations
 
@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from typing import Literal
 
 from identification.estimators.cloe import fit_cloe
+from identification.estimators.consistent import fit_consistent
 from identification.estimators.didim import fit_didim
 from identification.estimators.fit import Fit
 from identification.estimators.irls import fit_irls
@@ -47,6 +48,11 @@ ESTIMATORS: tuple[Estimator, ...] = (
     Estimator("ols", "Ordinary least squares: every row counts the same.", fit_ols),
     Estimator("wls", "Weighted least squares: every joint counts by its own noise.", fit_wls),
     Estimator("irls", "Robust least squares (Huber): outliers are bounded in their pull.", fit_irls),
+    Estimator(
+        "consistent",
+        "Weighted least squares whose bodies could exist: mass, inertia and friction that no physics forbids.",
+        fit_consistent,
+    ),
     Estimator(
         "tls",
         "Total least squares with the gain of every drive, scaled by a payload of known mass.",

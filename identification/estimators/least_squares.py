@@ -71,13 +71,8 @@ def solve(regressor: Regressor, base: BaseParameters, weights: Float[Array, "N n
     factor = _weighted_factor(regressor, base, weights)
     theta, square = solve_factor(factor)
     residual = np.empty_like(regressor.y)
-    everything = np.zeros(len(base.names))
-    everything[list(base.independent)] = theta
-    start = 0
-    for block in regressor.blocks():
-        at = slice(start, start + len(block))
-        np.subtract(regressor.y[at], block @ everything, out=residual[at])
-        start += len(block)
+    for at, block in base_blocks(regressor, base):
+        np.subtract(regressor.y[at], block @ theta, out=residual[at])
     return Solution(theta, square, residual, joint_grams(regressor.reduction.rows(base.independent), square))
 
 
@@ -127,8 +122,8 @@ def base_blocks(regressor: Regressor, base: BaseParameters) -> Iterator[tuple[sl
         base: Which columns are the unknowns.
     """
     start = 0
-    for block in regressor.blocks():
-        yield slice(start, start + len(block)), block[:, :, list(base.independent)]
+    for block in regressor.blocks(base.independent):
+        yield slice(start, start + len(block)), block
         start += len(block)
 
 
@@ -141,19 +136,17 @@ def _weighted_factor(regressor: Regressor, base: BaseParameters, weights: Array)
     r = len(kept)
     own = [[k for k, column in enumerate(kept) if column in set(c)] for c in reduction.columns]
     factors = [np.zeros((len(place) + 1, len(place) + 1), order="F") for place in own]
-    start = 0
     with one_blas_thread():
-        for block in regressor.blocks():
+        for at, block in base_blocks(regressor, base):
             for first in range(0, len(block), ROWS):
                 part = block[first : first + ROWS]
-                at = slice(start + first, start + first + len(part))
+                here = slice(at.start + first, at.start + first + len(part))
                 for joint, place in enumerate(own):
                     rows = np.empty((len(part), len(place) + 1), order="F")
-                    rows[:, :-1] = part[:, joint, [kept[k] for k in place]]
-                    rows[:, -1] = regressor.y[at, joint]
-                    rows *= weights[at, joint, None]
+                    rows[:, :-1] = part[:, joint, place]
+                    rows[:, -1] = regressor.y[here, joint]
+                    rows *= weights[here, joint, None]
                     absorb(factors[joint], rows)
-            start += len(block)
     wide = [np.zeros((len(factor), r + 1)) for factor in factors]
     for rows, place, factor in zip(wide, own, factors, strict=True):
         rows[:, [*place, r]] = factor

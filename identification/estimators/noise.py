@@ -7,10 +7,12 @@ from itertools import pairwise
 
 import numpy as np
 from jaxtyping import Float
+from scipy.fft import next_fast_len
 from scipy.linalg import solve_triangular
 
 from identification.base_parameters import BaseParameters
-from identification.estimators.least_squares import Solution
+from identification.estimators.least_squares import Solution, base_blocks
+from identification.reduction_factor import triangular
 from identification.regressor import Regressor
 
 Array = np.ndarray
@@ -112,28 +114,29 @@ def coloured_scatter(
     inverse = solve_triangular(solution.factor, np.eye(base.rank))
     # Columns that a joint does not feel are zero in its rows: before whitening, they cost nothing.
     places = [[k for k, column in enumerate(base.independent) if column in set(c)] for c in regressor.touched]
-    for stretch in _stretches(regressor, [[base.independent[k] for k in place] for place in places]):
+    for stretch in _stretches(regressor, base, places):
         for joint, (lags, place) in enumerate(zip(rho, places, strict=True)):
-            for half in _coloured_spectrum(stretch[joint], lags):
-                white = half @ inverse[place]
-                out += scatter[joint] * (white.T @ white)
+            white = triangular(_coloured_spectrum(stretch[joint], lags)) @ inverse[place]
+            out += scatter[joint] * (white.T @ white)
     return out
 
 
-def _stretches(regressor: Regressor, columns: Sequence[Sequence[int]]) -> Iterator[list[Array]]:
-    """Some columns of each joint's rows, ``(n, k)`` by joint, over stretches of one log."""
+def _stretches(
+    regressor: Regressor, base: BaseParameters, places: Sequence[Sequence[int]]
+) -> Iterator[list[Float[Array, "n _"]]]:
+    """Some base columns of each joint's rows, by joint, over stretches of one log."""
     longest = max(1, _STRETCH // min(log.band.step for log in regressor.logs))
-    parts: list[list[Array]] = [[] for _ in columns]
-    ends, start, count = set(regressor.starts), 0, 0
-    for block in regressor.blocks():
-        for part, joint, own in zip(parts, range(len(columns)), columns, strict=True):
-            part.append(block[:, joint, own])
-        start, count = start + len(block), count + len(block)
-        if count >= longest or start in ends:
-            yield [np.concatenate(part) for part in parts]
-            parts, count = [[] for _ in columns], 0
+    ends, parts = set(regressor.starts), [[] for _ in places]
+    count = 0
+    for at, block in base_blocks(regressor, base):
+        for joint, place in enumerate(places):
+            parts[joint].append(block[:, joint, place].T)
+        count += len(block)
+        if count >= longest or at.stop in ends:
+            yield [np.concatenate(part, axis=1).T for part in parts]
+            parts, count = [[] for _ in places], 0
     if count:
-        yield [np.concatenate(part) for part in parts]
+        yield [np.concatenate(part, axis=1).T for part in parts]
 
 
 def scatter_of_rows(
@@ -148,16 +151,16 @@ def scatter_of_rows(
     """
     out = np.zeros((rows.shape[2], rows.shape[2]))
     for joint, lags in enumerate(rho):
-        for half in _coloured_spectrum(rows[:, joint], lags):
-            out += scatter[joint] * (half.T @ half)
+        spectrum = _coloured_spectrum(rows[:, joint], lags)
+        out += scatter[joint] * (spectrum.T @ spectrum)
     return out
 
 
-def _coloured_spectrum(columns: Float[Array, "n k"], lags: Float[Array, " _"]) -> tuple[Array, ...]:
-    """Real and imaginary part of the spectrum of columns, each frequency times the root of the noise that is there."""
+def _coloured_spectrum(columns: Float[Array, "n k"], lags: Float[Array, " _"]) -> Float[Array, "f k"]:
+    """Spectrum of columns, real and imaginary part in turn, each times the root of the noise at its frequency."""
     if not len(columns):
-        return ()
-    length = 2 * len(columns)
+        return columns
+    length = 2 * int(next_fast_len(len(columns), real=True) or 0)
     kept = lags[: len(columns)]
     padded = np.zeros(length)
     padded[: len(kept)] = kept
@@ -166,8 +169,9 @@ def _coloured_spectrum(columns: Float[Array, "n k"], lags: Float[Array, " _"]) -
     # The two ends of a real spectrum count once, all other frequencies twice.
     share = np.full(len(colour), 2.0 / length)
     share[[0, -1]] = 1.0 / length
-    spectrum = np.fft.rfft(np.asfortranarray(columns), length, axis=0) * np.sqrt(colour * share)[:, None]
-    return spectrum.real, spectrum.imag
+    spectrum = np.fft.rfft(columns.T, length, axis=1)
+    spectrum *= np.sqrt(colour * share)
+    return spectrum.view(float).T
 
 
 def sandwich(solution: Solution, information: Float[Array, " nv"], scatter: Float[Array, "r r"]) -> Float[Array, "r r"]:

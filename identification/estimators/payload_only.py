@@ -141,11 +141,12 @@ class _Loaded(Regressor):
         """The whole regressor, see `Regressor.W`."""
         return self._without(super().W, 0)
 
-    def blocks(self) -> Iterator[Float[Array, "n nv p"]]:
+    def blocks(self, columns: Sequence[int] | None = None) -> Iterator[Float[Array, "n nv p"]]:
         """Blocks of it, see `Regressor.blocks`."""
         start = 0
         for block in super().blocks():
-            yield self._without(block, start)
+            bare = self._without(block, start)
+            yield bare if columns is None else bare[:, :, list(columns)]
             start += len(block)
 
     def _without(self, block: Array, start: int) -> Array:

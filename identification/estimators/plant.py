@@ -9,6 +9,7 @@ import numpy as np
 from jaxtyping import Float, Int
 
 from identification.base_parameters import BaseParameters
+from identification.estimators.term_columns import term_columns
 from identification.regressor import Regressor, Term
 from phantom_dyn.dynamics import standard_parameters
 from phantom_dyn.effects.inertial_parameters import InertialParameters
@@ -51,26 +52,6 @@ class Plant:
     push: Float[Array, " nv"]
     spring: Float[Array, " nv"]
 
-    @property
-    def arrays(self) -> tuple[Array, ...]:
-        """In the order in which the compiled loop takes them."""
-        return (
-            self.parents,
-            self.rotations,
-            self.translations,
-            self.angular,
-            self.linear,
-            self.gravity,
-            self.G,
-            self.offset,
-            self.pi,
-            self.rotor,
-            self.E,
-            self.dry,
-            self.push,
-            self.spring,
-        )
-
 
 def plant_of(regressor: Regressor, base: BaseParameters, theta: Float[Array, " r"]) -> Plant:
     """The robot with these base parameters: what regroups stays as the model has it, effects that regroup are none.
@@ -83,18 +64,16 @@ def plant_of(regressor: Regressor, base: BaseParameters, theta: Float[Array, " r
     Raises:
         ParameterError: If a loop of the robot is not linear, or a term has no law in the compiled simulation.
     """
-    full = full_parameters(regressor, base, theta)
+    full = all_parameters(regressor, base, theta)
     plant = _given(regressor.robot)
-    start = regressor.first_effect
     if regressor.rigid_body:
-        plant.pi[:] = full[:start].reshape(-1, 10)
-    for term, width in zip(regressor.terms, _widths(regressor), strict=True):
-        _laws(term)(plant, regressor.robot, term, full[start : start + width])
-        start += width
+        plant.pi[:] = full[: regressor.first_effect].reshape(-1, 10)
+    for term, columns in zip(regressor.terms, term_columns(regressor), strict=True):
+        _laws(term)(plant, regressor.robot, term, full[list(columns)])
     return plant
 
 
-def full_parameters(regressor: Regressor, base: BaseParameters, theta: Float[Array, " r"]) -> Float[Array, " p"]:
+def all_parameters(regressor: Regressor, base: BaseParameters, theta: Float[Array, " r"]) -> Float[Array, " p"]:
     """Values of all columns that have the given base parameters; those that regroup are the model's.
 
     Args:
@@ -143,24 +122,6 @@ def _laws(term: Term) -> Callable[[Plant, Robot, Term, Array], None]:
             f"simulation, such as wls; it knows {', '.join(_LAWS)}."
         )
     return _LAWS[name]
-
-
-def _widths(regressor: Regressor) -> list[int]:
-    labels = [name.rsplit(".", 1)[0] for name in regressor.names[regressor.first_effect :]]
-    out, at = [], 0
-    for term in regressor.terms:
-        width = _WIDTHS.get(term.effect.name) or _wide(regressor.robot, term)
-        out.append(width)
-        at += width
-    if at != len(labels):
-        raise ParameterError("Terms and columns of the equations do not match: build them with torque_regressor.")
-    return out
-
-
-def _wide(robot: Robot, term: Term) -> int:
-    if isinstance(term.effect, Payload | InertialParameters):
-        return len(term.effect.columns_of(robot, term.joint))
-    return 1
 
 
 def _given(robot: Robot) -> Plant:
@@ -252,4 +213,3 @@ _LAWS: dict[str, Callable[[Plant, Robot, Term, Array], None]] = {
     "payload": _bodies,
     "inertial_parameters": _bodies,
 }
-_WIDTHS = {"direction_dependent_friction": 4, "stribeck_friction": 2, "parasitic_spring": 2}

@@ -11,7 +11,7 @@ from jaxtyping import Float
 from identification.base_parameters import BaseParameters
 from identification.estimators.closed_loop import Feedback, Loop, feedback_of, loop_of, simulated_log
 from identification.estimators.least_squares import base_of
-from identification.estimators.plant import full_parameters, model_parameters, plant_of, require_simulable
+from identification.estimators.plant import all_parameters, model_parameters, plant_of, require_simulable
 from identification.estimators.rows import base_rows
 from identification.regressor import Regressor
 from phantom_dyn.errors import EstimationError
@@ -73,7 +73,7 @@ def resimulated(
     """
     plant = plant_of(regressor, base, theta)
     logs = tuple(simulated_log(loop, plant) for loop in loops)
-    return Resimulation(full_parameters(regressor, base, theta), replace(regressor, logs=logs))
+    return Resimulation(all_parameters(regressor, base, theta), replace(regressor, logs=logs))
 
 
 def first_resimulation(

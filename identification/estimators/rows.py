@@ -41,7 +41,7 @@ def factor_of(rows: Float[Array, "N nv r"], weights: Float[Array, " nv"]) -> Flo
         IdentifiabilityError: If the rows do not determine the unknowns.
     """
     r = rows.shape[2]
-    factor = np.linalg.qr((rows * weights[:, None]).reshape(-1, r), mode="r")
+    factor = np.asarray(np.linalg.qr((rows * weights[:, None]).reshape(-1, r), mode="r"))
     norms = np.linalg.norm(factor, axis=0)
     if len(factor) < r or not norms.all() or (np.abs(np.diag(factor)) < _LEAST * norms).any():
         raise IdentifiabilityError(

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from itertools import pairwise
 
 import numpy as np
 from jaxtyping import Float
@@ -38,7 +39,7 @@ def stretches_of(loops: tuple[Loop, ...], seconds: float) -> tuple[Stretch, ...]
     for k, loop in enumerate(loops):
         N = len(loop.log.motion.t)
         edges = np.linspace(0, N, max(1, round(N * loop.dt / seconds)) + 1).round().astype(int)
-        out += [Stretch(k, int(a), int(b)) for a, b in zip(edges[:-1], edges[1:], strict=True)]
+        out += [Stretch(k, int(a), int(b)) for a, b in pairwise(edges)]
     return tuple(out)
 
 

@@ -36,7 +36,7 @@ from phantom_dyn.robot import Robot
 
 Array = np.ndarray
 
-_PASSES = 3  # weights need the gains and gains hardly need the weights: the third pass changes nothing
+_PASSES = 2  # weights need the gains, and gains hardly need the weights: a third pass changes nothing
 
 
 @dataclass(frozen=True)
@@ -107,12 +107,13 @@ def tls(regressor: Regressor, payloads: Sequence[KnownPayload | None]) -> Fit:
     known = known + (regressor.measured - regressor.y)
     size = np.sqrt(np.mean(regressor.measured**2, axis=0))
     weights = 1.0 / size
-    gains, parameters = np.ones(nv), np.zeros(X.shape[2])
+    parameters, gains = _null_vector(X, known, V, weights)
+    left = V @ gains - X @ parameters - known
     for _ in range(_PASSES):
-        parameters, gains = _null_vector(X, known, V, weights)
-        left = V @ gains - X @ parameters - known
         noise = np.sqrt(np.mean(left**2, axis=0)) / np.abs(gains)
         weights = 1.0 / np.maximum(noise, 1e-9 * size)
+        parameters, gains = _null_vector(X, known, V, weights)
+        left = V @ gains - X @ parameters - known
     both = np.concatenate([X, -V], axis=2)
     factor = factor_of(both, weights)
     influence = influence_of(both, factor, weights)
@@ -196,7 +197,7 @@ def _null_vector(
     exact = X.shape[2] + 1
     # Errors of one size in every column of the torque: weights give that; only exact columns may be scaled.
     norms[exact:] = 1.0
-    R = np.linalg.qr(flat / norms, mode="r")
+    R = np.asarray(np.linalg.qr(flat / norms, mode="r"))
     if np.abs(np.diag(R)[:exact]).min() < 1e-9:
         raise IdentifiabilityError(
             "The recordings do not part the known payload from the robot: add one without it, or of more motion."

@@ -7,7 +7,7 @@ each column in units of its size in an ordinary motion.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Protocol
+from typing import Protocol, runtime_checkable
 
 import numpy as np
 from jaxtyping import Float
@@ -21,6 +21,7 @@ _ZERO = 1e-15
 """Eigenvalues of a correlation matrix below this are rounding: a condition number above 3e7 is not told apart."""
 
 
+@runtime_checkable
 class Criterion(Protocol):
     """A cost that a better experiment has less of."""
 

@@ -147,5 +147,6 @@ def _per_joint(robot: Robot, value: float | Sequence[float] | None, name: str) -
             f"{', '.join(robot.joint_names)}."
         )
     if not (values > 0).all():
-        raise ParameterError(f"A {name} limit of {values.min():g} was given: give numbers above 0.")
+        article = "An" if name[0] in "aeiou" else "A"
+        raise ParameterError(f"{article} {name} limit of {values.min():g} was given: give numbers above 0.")
     return np.broadcast_to(values, (robot.nv,))

@@ -7,7 +7,7 @@ designs, and the motion is linear in them, so that slopes pass through as matrix
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Protocol
+from typing import Protocol, runtime_checkable
 
 import numpy as np
 from jaxtyping import Float
@@ -21,6 +21,7 @@ SAMPLES_PER_PERIOD = 30
 """Of the fastest part of a motion: between two of them a sine rises half a per cent above the larger one."""
 
 
+@runtime_checkable
 class Shapes(Protocol):
     """A family of motions of one joint over ``duration`` [s], at rest (no velocity, no acceleration) at both ends."""
 

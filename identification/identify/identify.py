@@ -10,7 +10,7 @@ import numpy as np
 from jaxtyping import Float
 
 from identification.estimators.fit import Fit
-from identification.identify.choices import choice_named
+from identification.estimators.ladder import Estimator, estimator_named
 from identification.identify.evidence import held_out_evidence
 from identification.identify.exports import exports
 from identification.identify.friction import DEFAULT_TERMS, effects_of, without_estimated
@@ -23,6 +23,7 @@ from identification.log import Log
 from identification.recordings import Recording
 from identification.regressor import Regressor
 from phantom_dyn import __version__
+from phantom_dyn.errors import ParameterError
 from phantom_dyn.robot import Robot
 
 Array = np.ndarray
@@ -49,7 +50,7 @@ def identify(
         robot: Its inertias are the reference of what the data do not determine.
         recordings: For the fit; the end of a single one, or the last of several, is held out.
         hold_out: Recordings to judge on; then all of ``recordings`` are for the fit.
-        estimator: A name of `identification.identify.choices`.
+        estimator: A name of `identification.estimators.ladder`.
         friction: Terms of `identification.identify.friction`.
         rotors: True if the rotor inertias are unknowns too.
         folder: Where the model files will lie, for the places of meshes; the working folder by default.
@@ -60,10 +61,10 @@ def identify(
         LogError: If a recording cannot be used.
         IdentifiabilityError: If the recordings excite too little.
         EstimationError: If the estimator fails.
-        UsageError: If there is no such estimator.
+        ParameterError: If there is no such estimator, or it needs more than recordings.
     """
     started = time.perf_counter()
-    entry = choice_named(estimator)
+    entry = usable_estimator(estimator)
     progress("filtering")
     split = split_logs(robot, recordings, hold_out)
     effects = effects_of(robot, friction, rotors=rotors)
@@ -115,6 +116,21 @@ def identify(
         seconds=time.perf_counter() - started,
         version=__version__,
     )
+
+
+def usable_estimator(name: str) -> Estimator:
+    """The estimator of that name, if it works on recordings alone.
+
+    Raises:
+        ParameterError: If there is none, or it has to be told of payloads.
+    """
+    entry = estimator_named(name)
+    if not entry.plain:
+        raise ParameterError(
+            f"The estimator {name} has to be told the mass of a payload, which this command does not take: call "
+            f"fit_{name} in Python, or choose another."
+        )
+    return entry
 
 
 def _excitation(fit: Fit, excitable: int, lacking: tuple[str, ...]) -> tuple[str, ...]:

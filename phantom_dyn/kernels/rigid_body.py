@@ -59,8 +59,10 @@ def regressor(
     if slope is not None and slope.shape[:2] != v.shape:
         raise ParameterError(f"slope has shape {slope.shape}: give {v.shape[1]} rows for each of {len(v)} samples.")
     p = 10 * (model.njoints - 1)
-    chosen = np.arange(p) if columns is None else np.asarray(columns, dtype=np.int64).reshape(-1)
-    if len(chosen) and (chosen[0] < 0 or chosen[-1] >= p or (np.diff(chosen) <= 0).any()):
+    wanted = np.arange(p) if columns is None else np.asarray(columns).reshape(-1)
+    whole = len(wanted) == 0 or np.issubdtype(wanted.dtype, np.integer)
+    chosen = wanted.astype(np.int64)
+    if not whole or (len(chosen) and (chosen[0] < 0 or chosen[-1] >= p or (np.diff(chosen) <= 0).any())):
         raise ParameterError(f"columns is {columns}: give ascending column numbers from 0 to {p - 1}.")
     rows = v.shape[1] if slope is None else slope.shape[2]
     if out is None:
