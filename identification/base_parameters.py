@@ -7,14 +7,21 @@ does not change, and not on a pivoting order, which small noise does change.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import Bool, Float
 
-from identification.regressor import Regressor
+from identification.reduction_columns import dependent_columns
+from identification.reduction_factor import r_factor
 from phantom_dyn.errors import ParameterError
+
+if TYPE_CHECKING:
+    from identification.regressor import Regressor
+
+__all__ = ["RANK_TOLERANCE", "BaseParameters", "base_parameters", "base_parameters_of_matrix", "r_factor"]
 
 Array = np.ndarray
 
@@ -72,6 +79,11 @@ class BaseParameters:
         """Units of the base parameters."""
         return tuple(self.units[k] for k in self.independent)
 
+    @property
+    def regrouped(self) -> Bool[Array, "r d"]:
+        """True where a dependent column is part of a base parameter; rounding errors are left out, shape ``(r, d)``."""
+        return self._shown()
+
     def values(self, pi: Float[Array, " p"]) -> Float[Array, " r"]:
         """Base parameters of given values of all ``p`` parameters."""
         if len(pi) != len(self.names):
@@ -95,25 +107,6 @@ class BaseParameters:
         return (size > _SHOWN * self.norms[list(self.dependent)][None, :]) & torque[None, :]
 
 
-def r_factor(blocks: Iterable[Float[Array, "... p"]]) -> Float[Array, "k p"]:
-    """Triangular factor ``R`` with ``R^T R = W^T W`` of a regressor that comes in blocks, which are not kept.
-
-    Args:
-        blocks: Each ``(n, nv, p)`` or rows, ``(m, p)``.
-
-    Returns:
-        Shape ``(min(rows, p), p)``.
-    """
-    factor: Array | None = None
-    for block in blocks:
-        rows = block.reshape(-1, block.shape[-1])
-        stacked = rows if factor is None else np.vstack([factor, rows])
-        factor = np.asarray(np.linalg.qr(stacked, mode="r")) if stacked.size else stacked
-    if factor is None:
-        raise ParameterError("No block of the regressor was given: give at least one.")
-    return factor
-
-
 def base_parameters(regressor: Regressor, *, tolerance: float = RANK_TOLERANCE) -> BaseParameters:
     """Base parameters of a regressor on its own samples.
 
@@ -121,7 +114,7 @@ def base_parameters(regressor: Regressor, *, tolerance: float = RANK_TOLERANCE) 
         regressor: Gives columns, names and units.
         tolerance: See `RANK_TOLERANCE`.
     """
-    factor = r_factor(regressor.blocks())
+    factor = regressor.reduction.factor()[:, :-1]
     return base_parameters_of_matrix(factor, regressor.names, regressor.units, tolerance=tolerance)
 
 
@@ -151,38 +144,19 @@ def base_parameters_of_matrix(
         raise ParameterError("The regressor holds values that are not finite: give finite motion.")
     factor = r_factor([W])
     norms = np.linalg.norm(factor, axis=0)
-    scale = np.array([max(norms[k] for k in range(p) if given[k] == unit) for unit in given])
-    independent, coordinates = _independent_columns(factor, tolerance * scale)
-    dependent = [k for k in range(p) if k not in set(independent)]
-    # Coordinates in the orthonormal basis of the kept columns; those of the kept columns are triangular.
-    grouping = np.linalg.solve(coordinates[:, independent], coordinates[:, dependent])
+    independent, dependent, grouping, scale = dependent_columns(factor, given, tolerance)
     kept = factor[:, independent] / norms[independent]
     return BaseParameters(
         tuple(names),
         given,
-        tuple(independent),
-        tuple(dependent),
-        tuple(k for k in dependent if norms[k] <= tolerance * scale[k]),
+        tuple(independent.tolist()),
+        tuple(dependent.tolist()),
+        tuple(k for k in dependent.tolist() if norms[k] <= tolerance * scale[k]),
         grouping,
         norms,
         np.linalg.svd(kept, compute_uv=False),
         tolerance,
     )
-
-
-def _independent_columns(factor: Array, floor: Array) -> tuple[list[int], Array]:
-    """Columns that add more than ``floor`` to those before them, and all columns in the basis that these span."""
-    basis = np.zeros((len(factor), 0))
-    kept: list[int] = []
-    for k in range(factor.shape[1]):
-        rest = factor[:, k]
-        for _ in range(2):  # once more, so that rounding does not leave a part along the basis
-            rest = rest - basis @ (basis.T @ rest)
-        size = np.linalg.norm(rest)
-        if size > floor[k] and basis.shape[1] < len(factor):
-            kept.append(k)
-            basis = np.column_stack([basis, rest / size])
-    return kept, basis.T @ factor
 
 
 def _signed(coefficient: float, name: str) -> str:

@@ -58,6 +58,7 @@ class Log:
         band: Filter for torque and regressor columns alike.
         valid: False where a sample must not be used (excluded, in a gap), shape ``(N,)``.
         raw_q: Positions [rad or m] before they were low-passed, shape ``(N, nv)``; None where nobody kept them.
+        q_ref: References of the position controllers at the same instants, shape ``(N, nv)``; None where not recorded.
     """
 
     file: str
@@ -67,6 +68,7 @@ class Log:
     band: Band
     valid: Bool[Array, " N"]
     raw_q: Float[Array, "N nv"] | None = None
+    q_ref: Float[Array, "N nv"] | None = None
 
     def __post_init__(self):
         object.__setattr__(self, "tau", read_only(self.tau))

@@ -7,7 +7,7 @@ torque: filtering the torque alone moves friction by one per cent and more.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from itertools import pairwise
@@ -16,43 +16,30 @@ import numpy as np
 from jaxtyping import Float
 
 from identification.log import Log
-from phantom_dyn.dynamics import inverse_dynamics, modelled_friction, rigid_body_regressor, rotor_torque
-from phantom_dyn.effects.effect import Effect, Shape
+from identification.reduction import Reduction
+from identification.reduction_stream import reduce_blocks
+from identification.regressor_blocks import BandedEffect, banded, blocks_of, part, touched_columns
+from identification.regressor_terms import EffectOnJoint, Term, term_of
+from phantom_dyn.dynamics import inverse_dynamics, modelled_friction, rotor_torque
 from phantom_dyn.effects.operation import Operation
 from phantom_dyn.errors import LogError, ParameterError
 from phantom_dyn.inertia import parameter_names, parameter_units
 from phantom_dyn.motion import Motion
 from phantom_dyn.robot import Robot
 
+__all__ = ["EffectOnJoint", "Regressor", "Term", "gap_regressor", "known_torque", "part", "torque_regressor"]
+
 Array = np.ndarray
-
-EffectOnJoint = tuple[Effect, str | None] | tuple[Effect, str | None, Shape | float]
-"""An effect, its joint (None for the whole robot) and, where the torque is not linear in it, the shape to hold.
-
-A shape of one number may be given as that number.
-"""
 
 WHOLE_LIMIT = 20_000_000
 """Entries of the largest ``W`` that is kept whole (160 MB); beyond it, equations are made again for each pass."""
 
+_EFFECTS_LIMIT = 2_000_000  # entries of the columns of effects that are kept (16 MB) for the next pass
+
 # Samples from which a signature tells how many columns it has.
 _FEW = 8
 
-_BLOCK = 4096  # full-rate samples per block: 4096 x 6 joints x 80 columns are 16 MB
-
-
-@dataclass(frozen=True)
-class Term:
-    """An effect on a joint with its shape held (empty where it has none)."""
-
-    effect: Effect
-    joint: str | None
-    shape: Shape
-
-    @property
-    def label(self) -> str:
-        """Start of the names of its coefficients: ``joint.effect``, or the effect alone for the whole robot."""
-        return self.effect.name if self.joint is None else f"{self.joint}.{self.effect.name}"
+_BLOCK = 1024  # full-rate samples per block: 1024 x 6 joints x 80 columns are 4 MB
 
 
 @dataclass(frozen=True)
@@ -66,6 +53,7 @@ class Regressor:
         rigid_body: True if the standard parameters are unknowns too; else the given model is subtracted from ``y``.
         names: Of the columns: ``<body>.m`` and so on, then ``<joint>.<effect>.<coefficient>``.
         units: Of the columns.
+        touched: By joint, the columns that its torque can depend on, ascending; all others are zero in its rows.
     """
 
     robot: Robot
@@ -74,6 +62,7 @@ class Regressor:
     rigid_body: bool
     names: tuple[str, ...]
     units: tuple[str, ...]
+    touched: tuple[tuple[int, ...], ...]
 
     @cached_property
     def count(self) -> int:
@@ -127,17 +116,53 @@ class Regressor:
         """Full-rate ``values`` of a log through its band, valid samples only."""
         return log.band(values)[log.valid_in_band]
 
-    def blocks(self) -> Iterator[Float[Array, "n nv p"]]:
-        """Blocks of the regressor in the order of the samples, each ``(n, nv, p)`` and of one log."""
-        if self.is_small:
-            for start, stop in pairwise(self.starts):
-                yield from (self.W[k : min(k + _BLOCK, stop)] for k in range(start, stop, _BLOCK))
-        else:
-            yield from self._made()
+    @cached_property
+    def reduction(self) -> Reduction:
+        """Triangular factors of all equations, made in one pass over `blocks`."""
+        return reduce_blocks(self.names, self.units, self.robot.joint_names, self.touched, self._with_torque())
 
-    def _made(self) -> Iterator[Float[Array, "n nv p"]]:
-        for log in self.logs:
-            yield from _blocks_of(self, log)
+    def blocks(self, columns: Sequence[int] | None = None) -> Iterator[Float[Array, "n nv p"]]:
+        """Blocks of the regressor in the order of the samples, each ``(n, nv, p)`` and of one log.
+
+        They are cut out of `W` if that has been made, which pays for many passes, and else made again.
+
+        Args:
+            columns: Which columns to make, ascending; by default all.
+        """
+        if "W" in self.__dict__:
+            for start, stop in pairwise(self.starts):
+                for k in range(start, stop, _BLOCK):
+                    block = self.W[k : min(k + _BLOCK, stop)]
+                    yield block if columns is None else block[:, :, list(columns)]
+        else:
+            yield from self._made(columns)
+
+    def _with_torque(self) -> Iterator[tuple[Float[Array, "n nv p"], Float[Array, "n nv"]]]:
+        start = 0
+        for block in self.blocks():
+            yield block, self.y[start : start + len(block)]
+            start += len(block)
+
+    def _made(self, columns: Sequence[int] | None = None) -> Iterator[Float[Array, "n nv p"]]:
+        for log, effects in zip(self.logs, self._effects(), strict=True):
+            yield from blocks_of(self.robot, log, effects, rigid_body=self.rigid_body, samples=_BLOCK, columns=columns)
+
+    def _effects(self) -> Iterable[tuple[BandedEffect, ...]]:
+        """Columns of the effects by log: kept, as they are few, or made again where the recordings are long."""
+        few = self.count * (len(self.names) - self.first_effect) <= _EFFECTS_LIMIT
+        return self._kept_effects if few else map(self._effects_on, self.logs)
+
+    @cached_property
+    def _kept_effects(self) -> tuple[tuple[BandedEffect, ...], ...]:
+        return tuple(map(self._effects_on, self.logs))
+
+    def _effects_on(self, log: Log) -> tuple[BandedEffect, ...]:
+        if not self.terms:
+            return ()
+        operation = Operation.of(self.robot, log.motion, log.tau)
+        return banded(
+            log, (term.effect.signature(self.robot, operation, term.joint, term.shape) for term in self.terms)
+        )
 
 
 def torque_regressor(robot: Robot, logs: Log | Sequence[Log], effects: Sequence[EffectOnJoint] = ()) -> Regressor:
@@ -200,7 +225,7 @@ def _regressor(robot: Robot, logs: Log | Sequence[Log], effects: Sequence[Effect
     if effects:
         operation = Operation.of(robot, log.motion, log.tau)
         start = Operation.of(robot, part(log.motion, 0, _FEW), log.tau[:_FEW])
-        terms = (_term(robot, operation, given) for given in effects)
+        terms = (term_of(robot, operation, given) for given in effects)
         signatures = [(term, term.effect.signature(robot, start, term.joint, term.shape)) for term in terms]
     effect_names = tuple(f"{term.label}.{name}" for term, signature in signatures for name in signature.names)
     effect_units = tuple(unit for _, signature in signatures for unit in signature.units)
@@ -211,49 +236,5 @@ def _regressor(robot: Robot, logs: Log | Sequence[Log], effects: Sequence[Effect
         rigid_body,
         (parameter_names(robot) if rigid_body else ()) + effect_names,
         (parameter_units(robot) if rigid_body else ()) + effect_units,
+        touched_columns(robot, [(s.rows, len(s.names)) for _, s in signatures], rigid_body=rigid_body),
     )
-
-
-def _term(robot: Robot, operation: Operation, given: EffectOnJoint) -> Term:
-    effect, joint = given[0], given[1]
-    if len(given) == 3:
-        shape = given[2] if isinstance(given[2], tuple) else (float(given[2]),)
-        return Term(effect, joint, shape)
-    shapes = effect.shapes(robot, operation, joint)
-    if len(shapes) != 1:
-        like = f", for instance ({', '.join(f'{x:.3g}' for x in shapes[len(shapes) // 2])},)" if shapes else ""
-        raise ParameterError(
-            f"{effect.name} is not linear in one of its parameters: give its shape as the third entry, "
-            f"(effect, joint, shape){like}."
-        )
-    return Term(effect, joint, shapes[0])
-
-
-def part(motion: Motion, start: int, stop: int) -> Motion:
-    """Samples ``start`` to ``stop`` of a motion."""
-    return Motion(motion.t[start:stop], motion.q[start:stop], motion.v[start:stop], motion.a[start:stop])
-
-
-def _blocks_of(regressor: Regressor, log: Log) -> Iterator[Float[Array, "n nv p"]]:
-    robot, band, kept = regressor.robot, log.band, log.valid_in_band
-    # Effects see the whole motion, as some of them remember the past; the wide rigid-body columns come in blocks.
-    effects = []
-    if regressor.terms:
-        operation = Operation.of(robot, log.motion, log.tau)
-        signatures = (term.effect.signature(robot, operation, term.joint, term.shape) for term in regressor.terms)
-        effects = [(list(signature.rows), band(signature.columns)) for signature in signatures]
-    size = max(1, _BLOCK // band.step)
-    for first in range(0, len(kept), size):
-        last = min(first + size, len(kept))
-        block = np.zeros((last - first, robot.nv, len(regressor.names)))
-        column = 0
-        if regressor.rigid_body:
-            reach = part(log.motion, first * band.step, (last - 1) * band.step + 2 * band.half + 1)
-            rigid = band(rigid_body_regressor(robot, reach))
-            column = rigid.shape[2]
-            block[:, :, :column] = rigid
-        for rows, columns in effects:
-            width = columns.shape[2]
-            block[:, rows, column : column + width] = columns[first:last]
-            column += width
-        yield block[kept[first:last]]

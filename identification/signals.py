@@ -154,7 +154,15 @@ def process(recording: Recording, robot: Robot, *, cutoff_hz: float | None = Non
             "record at least ten seconds of motion."
         )
     smooth, v, a = differentiate(q, rate, motion_edge(band))
-    return Log(recording.file, recording.joint_names, Motion(t, smooth, v, a), tau, band, valid, q)
+    wanted = None if recording.q_ref is None else _on_grid(recording.t, recording.q_ref, t)
+    return Log(recording.file, recording.joint_names, Motion(t, smooth, v, a), tau, band, valid, q, wanted)
+
+
+def _on_grid(t: Array, columns: Array, grid: Array) -> Array:
+    """Linear interpolation of references, which are no smoother than their generator left them."""
+    if grid is t:
+        return columns
+    return np.column_stack([np.interp(grid, t, column) for column in columns.T])
 
 
 def process_all(recordings: tuple[Recording, ...], robot: Robot) -> tuple[tuple[Log, ...], float]:

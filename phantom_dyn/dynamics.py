@@ -1,8 +1,8 @@
 # pyright: reportAttributeAccessIssue=false
-r"""Rigid-body dynamics of whole trajectories, through Pinocchio.
+r"""Rigid-body dynamics of whole trajectories, of a Pinocchio model.
 
-Of a closed chain, motion and torque are those of its active joints: Pinocchio works on the tree, and
-`phantom_dyn.closed_chain` projects.
+Of a closed chain, motion and torque are those of its active joints: `phantom_dyn.kernels.rigid_body` works on the
+tree, and `phantom_dyn.closed_chain` projects.
 """
 
 from __future__ import annotations
@@ -16,6 +16,7 @@ from jaxtyping import Float
 
 from phantom_dyn.closed_chain import TreeMotion, passive_friction, project, tree_motion
 from phantom_dyn.errors import LogError
+from phantom_dyn.kernels import rigid_body
 from phantom_dyn.motion import Motion
 from phantom_dyn.robot import Robot
 
@@ -36,11 +37,7 @@ def _require_finite(motion: Motion) -> None:
 
 def _rigid_body_torque(robot: Robot, tree: TreeMotion) -> Float[Array, "N nt"]:
     """Torque on the joints of the tree with armature, without friction."""
-    data = robot.model.createData()
-    out = np.empty_like(tree.v)
-    for k, (q, v, a) in enumerate(zip(tree.configuration, tree.v, tree.a, strict=True)):
-        out[k] = pin.rnea(robot.model, data, q, v, a)
-    return out
+    return rigid_body.torque(robot.model, robot.arrays, tree.configuration, tree.v, tree.a)
 
 
 def _active(robot: Robot, tree: TreeMotion, torque: Float[Array, "N nt *k"]) -> Float[Array, "N nv *k"]:
@@ -165,20 +162,14 @@ def gravity_torque(
     Raises:
         ChainError: If a loop of a closed chain cannot be closed or is singular at a sample.
     """
-    model = robot.model
-    if gravity is not None:
-        model = model.copy()
-        model.gravity = pin.Motion(np.asarray(gravity, dtype=float), np.zeros(3))
     rest = np.zeros_like(q)
     tree = tree_motion(robot, Motion(np.arange(float(len(q))), q, rest, rest))
-    data = model.createData()
-    out = np.empty_like(tree.v)
-    for k, configuration in enumerate(tree.configuration):
-        out[k] = pin.computeGeneralizedGravity(model, data, configuration)
-    return _active(robot, tree, out)
+    return _active(robot, tree, rigid_body.weight(robot.model, robot.arrays, tree.configuration, gravity))
 
 
-def rigid_body_regressor(robot: Robot, motion: Motion) -> Float[Array, "N nv p"]:
+def rigid_body_regressor(
+    robot: Robot, motion: Motion, *, columns: tuple[int, ...] | None = None
+) -> Float[Array, "N nv p"]:
     r"""Rows of the rigid-body torque regressor, one block per sample: :math:`\tau = Y(q, v, a)\,\pi`.
 
     Armature is not part of :math:`\pi`, although `pin.rnea` adds it. Columns are Pinocchio's ten per joint
@@ -187,23 +178,22 @@ def rigid_body_regressor(robot: Robot, motion: Motion) -> Float[Array, "N nv p"]
     Args:
         robot: Gives the model.
         motion: N samples.
+        columns: Which columns to make, ascending: the others take neither time nor memory. By default all.
 
     Returns:
-        Regressor in SI units, shape ``(N, nv, 10 (njoints - 1))``.
+        Regressor in SI units, shape ``(N, nv, p)``, ``p`` the number of columns, by default ``10 (njoints - 1)``.
 
     Raises:
         LogError: If a value is not finite.
+        ParameterError: If a column does not exist, or they do not ascend.
         ChainError: If a loop of a closed chain cannot be closed or is singular at a sample.
     """
     _require_finite(motion)
     tree = tree_motion(robot, motion)
-    data = robot.model.createData()
-    p = 10 * (robot.model.njoints - 1)
-    out = np.empty((*tree.v.shape, p))
-    for k, (q, v, a) in enumerate(zip(tree.configuration, tree.v, tree.a, strict=True)):
-        # Pinocchio returns a 1-D array for a robot with one joint.
-        out[k] = pin.computeJointTorqueRegressor(robot.model, data, q, v, a).reshape(-1, p)
-    return _active(robot, tree, out)
+    slope = None if robot.chain is None else tree.G
+    return rigid_body.regressor(
+        robot.model, robot.arrays, tree.configuration, tree.v, tree.a, slope=slope, columns=columns
+    )
 
 
 def standard_parameters(robot: Robot) -> Float[Array, " p"]:
@@ -222,13 +212,7 @@ def mass_matrix(robot: Robot, q: Float[Array, "N nv"]) -> Float[Array, "N nv nv"
 
 
 def _mass_matrix(robot: Robot, tree: TreeMotion) -> Float[Array, "N nv nv"]:
-    data = robot.model.createData()
-    out = np.empty((len(tree.v), robot.model.nv, robot.model.nv))
-    for k, configuration in enumerate(tree.configuration):
-        out[k] = pin.crba(robot.model, data, configuration)
-    # Only the upper triangle is filled.
-    lower = np.tril_indices(robot.model.nv, -1)
-    out[:, lower[0], lower[1]] = out[:, lower[1], lower[0]]
+    out = rigid_body.mass(robot.model, robot.arrays, tree.configuration)
     return out if robot.chain is None else project(tree.G, out) @ tree.G
 
 

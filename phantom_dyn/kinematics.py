@@ -1,5 +1,5 @@
 # pyright: reportAttributeAccessIssue=false
-"""Pose, Jacobian and acceleration of a frame over whole trajectories, through Pinocchio; closed chains included."""
+"""Pose, Jacobian and acceleration of a frame over whole trajectories of a Pinocchio model; closed chains included."""
 
 from __future__ import annotations
 
@@ -12,6 +12,7 @@ from jaxtyping import Float
 
 from phantom_dyn.closed_chain import TreeMotion, tree_motion
 from phantom_dyn.errors import RobotError
+from phantom_dyn.kernels import rigid_body
 from phantom_dyn.motion import Motion
 from phantom_dyn.naming import known_names
 from phantom_dyn.robot import Robot
@@ -48,13 +49,8 @@ def frame_pose(robot: Robot, q: Float[Array, "N nv"], frame: str) -> tuple[Float
         RobotError: If the robot has no such frame.
         ChainError: If a loop of a closed chain cannot be closed at a sample.
     """
-    index, data = frame_index(robot, frame), robot.model.createData()
-    rotation, position = np.empty((len(q), 3, 3)), np.empty((len(q), 3))
-    for k, configuration in enumerate(_at_rest(robot, q).configuration):
-        pin.forwardKinematics(robot.model, data, configuration)
-        placement = pin.updateFramePlacement(robot.model, data, index)
-        rotation[k], position[k] = placement.rotation, placement.translation
-    return rotation, position
+    index = frame_index(robot, frame)
+    return rigid_body.frame_pose(robot.model, robot.arrays, _at_rest(robot, q).configuration, index)
 
 
 def frame_jacobian(
@@ -72,13 +68,9 @@ def frame_jacobian(
         RobotError: If the robot has no such frame.
         ChainError: If a loop of a closed chain cannot be closed at a sample.
     """
-    index, data = frame_index(robot, frame), robot.model.createData()
-    reference = pin.LOCAL if axes == "body" else pin.LOCAL_WORLD_ALIGNED
-    tree = _at_rest(robot, q)
-    J = np.empty((len(q), 6, robot.model.nv))
-    for k, configuration in enumerate(tree.configuration):
-        J[k] = pin.computeFrameJacobian(robot.model, data, configuration, index, reference)
-    return J @ tree.G
+    index, tree = frame_index(robot, frame), _at_rest(robot, q)
+    J = rigid_body.frame_jacobian(robot.model, robot.arrays, tree.configuration, index, body=axes == "body")
+    return J if robot.chain is None else J @ tree.G
 
 
 def wrench_torque(

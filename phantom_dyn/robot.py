@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
+from functools import cached_property
 from typing import Literal
 
 import numpy as np
@@ -11,6 +12,7 @@ import pinocchio as pin
 from jaxtyping import Float
 
 from phantom_dyn.configuration import configurations
+from phantom_dyn.kernels.tree_arrays import TreeArrays, tree_arrays
 from phantom_dyn.loops.chain import ClosedChain
 from phantom_dyn.loops.solver import tree_positions
 from phantom_dyn.motion import read_only
@@ -101,6 +103,11 @@ class Robot:
         for name in ("viscous_friction", "coulomb_friction"):
             object.__setattr__(self, name, read_only(getattr(self, name)))
         object.__setattr__(self, "prismatic", read_only(self.prismatic, bool))
+
+    @cached_property
+    def arrays(self) -> TreeArrays | None:
+        """The model as compiled loops take it, made at the first use; None for joints that they do not know."""
+        return tree_arrays(self.model)
 
     @property
     def nv(self) -> int:

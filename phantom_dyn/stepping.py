@@ -42,6 +42,7 @@ class Machine:
         robot: True rigid-body model with true friction.
         loose: Rows of the joints whose motor and link may move apart.
         stiffness, damping, gap: Of their transmissions, shape ``(m,)``.
+        coupled: Inertia on the motors' side besides the rotors, shape ``(nv, nv)``.
     """
 
     robot: Robot
@@ -49,6 +50,7 @@ class Machine:
     stiffness: Float[Array, " m"]
     damping: Float[Array, " m"]
     gap: Float[Array, " m"]
+    coupled: Float[Array, "nv nv"]
 
     @cached_property
     def nv(self) -> int:
@@ -89,8 +91,12 @@ class State:
     transmitted: Float[Array, " nv"]
 
 
-def machine_of(robot: Robot, transmissions: tuple[Transmission, ...]) -> Machine:
-    """``robot`` with these transmissions; several on one joint are in series: gaps add, the softest spring counts.
+def machine_of(
+    robot: Robot, transmissions: tuple[Transmission, ...], inertias: tuple[Float[Array, "nv nv"], ...] = ()
+) -> Machine:
+    """``robot`` with these transmissions and, on the motors' side, these inertias.
+
+    Several transmissions on one joint are in series: gaps add, the softest spring counts.
 
     Raises:
         ParameterError: If a motor without inertia would have to move by itself.
@@ -110,6 +116,7 @@ def machine_of(robot: Robot, transmissions: tuple[Transmission, ...]) -> Machine
         np.array([part.stiffness for part in softest]),
         np.array([part.damping for part in softest]),
         np.array([sum(one.gap for one in part) for part in parts]),
+        sum(inertias, np.zeros((robot.nv, robot.nv))),
     )
 
 
@@ -180,6 +187,7 @@ def _links(
     out[rows, rows] -= rotor
     motors = np.arange(nv, len(out))
     out[motors, motors] = rotor
+    out[np.ix_(machine.drives, machine.drives)] += machine.coupled
     return out, bias
 
 

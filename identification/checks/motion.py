@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import Bool, Float
 
 from identification.checks.smooth import Smooth, included
 from identification.recordings import Recording
@@ -108,6 +108,29 @@ def check_coarse_step(recording: Recording, smooth: Smooth, stated: tuple[bool, 
     return tuple(out)
 
 
+def still_joints(recording: Recording, prismatic: Bool[Array, " nv"] | None) -> Bool[Array, " nv"]:
+    """True for joints that never move by more than noise and a few steps of the encoder.
+
+    Args:
+        recording: Raw samples.
+        prismatic: True for linear joints; None where nothing is known of them.
+    """
+    q = recording.q[included(recording)]
+    if len(q) < 20:
+        return np.zeros(q.shape[1], dtype=bool)
+    smallest = _smallest(recording, prismatic)
+    return np.ptp(q, axis=0) <= np.maximum(smallest, 2 * _tolerance(recording, smallest))
+
+
+def _smallest(recording: Recording, prismatic: Bool[Array, " nv"] | None) -> Float[Array, " nv"]:
+    """Least motion that counts [rad or m]."""
+    return np.where(prismatic, 1e-5, 1e-3) if prismatic is not None else np.full(recording.q.shape[1], 1e-5)
+
+
+def _tolerance(recording: Recording, smallest: Float[Array, " nv"]) -> Float[Array, " nv"]:
+    return np.maximum(_stillness(recording), 0.1 * smallest)
+
+
 def check_stillness(recording: Recording, prismatic: Array | None) -> tuple[str, ...]:
     """Joints that never move, and a tail of the record in which none does."""
     out = []
@@ -115,9 +138,8 @@ def check_stillness(recording: Recording, prismatic: Array | None) -> tuple[str,
     t = recording.t[included(recording)]
     if len(q) < 20:
         return ()
-    smallest = np.where(prismatic, 1e-5, 1e-3) if prismatic is not None else np.full(q.shape[1], 1e-5)
-    tolerance = np.maximum(_stillness(recording), 0.1 * smallest)
-    still = np.ptp(q, axis=0) <= np.maximum(smallest, 2 * tolerance)
+    tolerance = _tolerance(recording, _smallest(recording, prismatic))
+    still = still_joints(recording, prismatic)
     for joint in np.array(recording.joint_names)[still]:
         out.append(f"{recording.file}: {joint} never moves, so nothing can be told about it from this recording.")
     if still.all():

@@ -8,6 +8,7 @@ import sys
 from pathlib import Path
 
 from identification.cli.arguments import Parser
+from identification.cli.inputs import require_files, stretch
 from phantom_dyn.errors import UsageError
 
 
@@ -41,12 +42,12 @@ def parser() -> argparse.ArgumentParser:
 
 def run(arguments: argparse.Namespace) -> int:
     """Diagnose and print a summary; write files where they are asked for."""
-    excluded = tuple(_stretch(text) for text in arguments.exclude)
+    excluded = tuple(stretch(text) for text in arguments.exclude)
     if arguments.jobs < 1:
         raise UsageError(
             f"--jobs {arguments.jobs} was given, wanted a number of processes from 1 on; leave it out for 1"
         )
-    _require_files(arguments)
+    require_files(arguments)
     # One BLAS thread: the matrices are small, and two threads on a busy machine wait for each other.
     for name in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"):
         os.environ.setdefault(name, "1")
@@ -80,33 +81,3 @@ def run(arguments: argparse.Namespace) -> int:
     for path in written:
         print(f"wrote {path}")
     return 0
-
-
-def _require_files(arguments: argparse.Namespace) -> None:
-    """Refuse a robot or log that is not there, and a log given twice, before anything heavy is loaded.
-
-    Blocks of a recording that is there twice would be judged by fits that have seen their copy.
-    """
-    from identification.readers import require_existing
-    from phantom_dyn.robot_files import find_robot
-
-    find_robot(arguments.robot)
-    seen: dict[Path, str] = {}
-    for option, paths in (("LOG", arguments.logs), ("--hold-out", arguments.hold_out)):
-        for path in paths:
-            require_existing(path)
-            place = Path(path).resolve()
-            if place in seen:
-                raise UsageError(f"{path} is given twice, as {seen[place]} and as {option}; give every recording once")
-            seen[place] = option
-
-
-def _stretch(text: str) -> tuple[float, float]:
-    """``T0:T1`` as two times."""
-    try:
-        start, stop = (float(part) for part in text.split(":"))
-    except ValueError:
-        raise UsageError(f"--exclude {text} was given, wanted two times in seconds such as 2.5:4") from None
-    if not start < stop:
-        raise UsageError(f"--exclude {text} ends before it begins, wanted T0 < T1; turn the two times round")
-    return start, stop

@@ -18,8 +18,10 @@ DONE, BAD_INPUT, INTERRUPTED = 0, 2, 130
 # only when it computes, so that help and refusals come at once.
 COMMANDS: dict[str, tuple[str, str]] = {
     "diagnose": ("identification.cli.diagnose", "find what the model of a robot lacks, from recordings"),
+    "identify": ("identification.cli.identify", "estimate inertias, friction and drives, and write models to simulate"),
     "check": ("identification.cli.check", "tell what is wrong with a recording, nothing else"),
     "map": ("identification.cli.map", "map what is felt at the tip over the workspace: mass, friction, stiffness"),
+    "excite": ("identification.cli.excite", "design a motion that makes a robot's inertias visible"),
     "degrade": ("identification.cli.degrade", "write the log that a cheaper device would have given"),
     "datasets": ("identification.cli.datasets", "list and fetch recordings of real robots"),
 }

@@ -9,6 +9,7 @@ import numpy as np
 from jaxtyping import Float
 
 from identification.base_parameters import BaseParameters
+from identification.estimators.cautions import cautions, condition_of
 from identification.estimators.least_squares import Solution
 from identification.estimators.noise import (
     autocorrelation,
@@ -24,14 +25,25 @@ from phantom_dyn.robot import Robot
 
 Array = np.ndarray
 
-_POOR_CONDITION = 1000.0  # above it, an error of one per mil in a column may become one of 100 % in a parameter
-
 
 class Status(Enum):
     """How the estimation ended; the value is a sentence with the next step."""
 
     SOLVED = "The equations were solved."
     NOT_CONVERGED = "The weights did not settle within the iterations allowed: look for a joint with a gross outlier."
+    NOT_SETTLED = (
+        "The estimates did not settle within the iterations allowed: check references, controllers and the delay."
+    )
+
+
+@dataclass(frozen=True)
+class Estimate:
+    """A number that was estimated beside the base parameters: a drive gain, a payload, a state at the start."""
+
+    name: str
+    value: float
+    std: float
+    unit: str
 
 
 @dataclass(frozen=True)
@@ -39,7 +51,7 @@ class Fit:
     """Estimated base parameters.
 
     Attributes:
-        estimator: ``ols``, ``wls`` or ``irls``.
+        estimator: Its name in `identification.estimators.ladder.ESTIMATORS`.
         theta: Base parameters, shape ``(r,)``.
         cov: Covariance with the memory of the residual, see `coloured_scatter`.
         cov_white: Covariance if every sample's noise were independent.
@@ -56,6 +68,7 @@ class Fit:
         samples: Number of samples.
         status: How the estimation ended.
         warnings: Sentences on what to be careful with.
+        others: What was estimated beside the base parameters.
     """
 
     estimator: str
@@ -74,6 +87,7 @@ class Fit:
     samples: int
     status: Status
     warnings: tuple[str, ...] = ()
+    others: tuple[Estimate, ...] = ()
 
     @property
     def rank(self) -> int:
@@ -116,12 +130,15 @@ class Fit:
 
     def summary(self) -> str:
         """Table of the estimates and everything that a reader has to know about them."""
-        width = max(len(name) for name in self.names)
+        width = max(len(name) for name in (*self.names, *(other.name for other in self.others)))
         rows = [
             f"{name:<{width}}  {value:12.6g} +- {std:8.2g} {unit:<10} {relative:7.2f} %"
             for name, value, std, unit, relative in zip(
                 self.names, self.theta, self.std(), self.units, self.relative_std(), strict=True
             )
+        ]
+        rows += [
+            f"{other.name:<{width}}  {other.value:12.6g} +- {other.std:8.2g} {other.unit}" for other in self.others
         ]
         head = f"{self.estimator}: {self.rank} base parameters of {len(self.base.names)}, {self.samples} samples, "
         error = ", ".join(f"{e:.3g}" for e in self.relative_error)
@@ -155,41 +172,76 @@ def fit_from(
         status: How the estimation ended.
     """
     rho = [autocorrelation(column, regressor.starts) for column in score.T]
+    return fit_of(
+        estimator,
+        regressor,
+        base,
+        solution.theta,
+        cov=sandwich(solution, information, coloured_scatter(regressor, base, solution, scatter, rho)),
+        cov_white=sandwich(solution, information, white_scatter(solution, scatter)),
+        sigma=sigma,
+        correlation=np.array([correlation_factor(lags) for lags in rho]),
+        residual=solution.residual,
+        factor=solution.factor,
+        status=status,
+    )
+
+
+def fit_of(
+    estimator: str,
+    regressor: Regressor,
+    base: BaseParameters,
+    theta: Float[Array, " r"],
+    *,
+    cov: Float[Array, "r r"],
+    cov_white: Float[Array, "r r"],
+    sigma: Float[Array, " nv"],
+    correlation: Float[Array, " nv"],
+    residual: Float[Array, "N nv"],
+    factor: Float[Array, "r r"],
+    status: Status = Status.SOLVED,
+    others: tuple[Estimate, ...] = (),
+    warnings: tuple[str, ...] = (),
+) -> Fit:
+    """The `Fit` of values whose covariance is known.
+
+    Args:
+        estimator: Its name.
+        regressor: The equations.
+        base: The unknowns.
+        theta: Their values.
+        cov: Their covariance.
+        cov_white: The same if every sample's noise were independent.
+        sigma: Noise of each joint.
+        correlation: Samples per independent sample of each joint's residual.
+        residual: Torque that is left.
+        factor: Triangular factor of the equations that determined the values.
+        status: How the estimation ended.
+        others: What was estimated beside the base parameters.
+        warnings: What the estimator itself has to say, before the sentences that hold for all.
+    """
     measured = np.sqrt(np.mean(regressor.measured**2, axis=0))
-    left = np.sqrt(np.mean(solution.residual**2, axis=0))
+    left = np.sqrt(np.mean(residual**2, axis=0))
     # A joint that is not driven has no torque to compare with.
     error = np.full(len(left), np.nan)
     np.divide(100 * left, measured, out=error, where=measured > 0)
+    said = cautions(regressor, base, theta, np.sqrt(np.diag(cov)), factor)
     return Fit(
         estimator,
-        solution.theta,
-        sandwich(solution, information, coloured_scatter(regressor, base, solution, scatter, rho)),
-        sandwich(solution, information, white_scatter(solution, scatter)),
+        theta,
+        cov,
+        cov_white,
         base.base_names,
         base.base_units,
         sigma,
-        np.array([correlation_factor(lags) for lags in rho]),
+        correlation,
         error,
-        solution.condition,
+        condition_of(factor),
         base,
         regressor.terms,
         regressor.first_effect,
         regressor.count,
         status,
-        _warnings(regressor, base, solution.condition, scatter),
+        (*warnings, *said),
+        others,
     )
-
-
-def _warnings(regressor: Regressor, base: BaseParameters, condition: float, scatter: Array) -> tuple[str, ...]:
-    lost = [regressor.names[k] for k in base.dependent if k >= regressor.first_effect]
-    out = []
-    if lost:
-        out.append(
-            f"Not separable from other parameters in this recording: {', '.join(lost)}; see the regroupings, or record "
-            "a motion that parts them."
-        )
-    if condition > _POOR_CONDITION:
-        out.append(f"The condition number is {condition:.3g}: small errors in the motion move the estimates by much.")
-    if np.isnan(scatter).any():
-        out.append("There are no more equations than unknowns, so that no uncertainty can be given: record more.")
-    return tuple(out)

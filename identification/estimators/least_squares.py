@@ -2,14 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 from jaxtyping import Float
 from scipy.linalg import solve_triangular
 
-from identification.base_parameters import RANK_TOLERANCE, BaseParameters, base_parameters, r_factor
+from identification.base_parameters import RANK_TOLERANCE, BaseParameters, base_parameters
+from identification.reduction_factor import ROWS, absorb, one_blas_thread, triangular
 from identification.regressor import Regressor
 from phantom_dyn.errors import IdentifiabilityError
 
@@ -67,23 +68,40 @@ def solve(regressor: Regressor, base: BaseParameters, weights: Float[Array, "N n
     Raises:
         IdentifiabilityError: If the weights leave fewer independent rows than unknowns.
     """
-    factor = r_factor(_augmented(regressor, base, weights))
-    r = base.rank
+    factor = _weighted_factor(regressor, base, weights)
+    theta, square = solve_factor(factor)
+    residual = np.empty_like(regressor.y)
+    for at, block in base_blocks(regressor, base):
+        np.subtract(regressor.y[at], block @ theta, out=residual[at])
+    return Solution(theta, square, residual, joint_grams(regressor.reduction.rows(base.independent), square))
+
+
+def solve_factor(factor: Float[Array, "q q"]) -> tuple[Float[Array, " r"], Float[Array, "r r"]]:
+    """Base parameters and the triangular factor of the base regressor from that of ``[W y]``, ``(r + 1, r + 1)``.
+
+    Raises:
+        IdentifiabilityError: If there are fewer independent rows than unknowns.
+    """
+    r = len(factor) - 1
     square, right = factor[:r, :r], factor[:r, r]
     norms = np.linalg.norm(square, axis=0)
     # Rows with weight zero can take a column away that the base set has counted on.
-    if len(square) < r or np.abs(np.diag(square) / np.where(norms > 0, norms, 1.0)).min() < 1e-12:
+    if (np.abs(np.diag(square)) < 1e-12 * norms).any() or not norms.all():
         raise IdentifiabilityError(
             f"The weighted equations do not determine the {r} base parameters: record more motion or leave effects out."
         )
-    theta = solve_triangular(square, right)
-    residual = np.empty_like(regressor.y)
-    grams = np.zeros((regressor.robot.nv, r, r))
-    for at, block in base_blocks(regressor, base):
-        residual[at] = regressor.y[at] - block @ theta
-        white = whitened(square, block)
-        grams += np.einsum("njk,njl->jkl", white, white, optimize=True)
-    return Solution(theta, square, residual, grams)
+    return solve_triangular(square, right), square
+
+
+def joint_grams(rows: Sequence[Float[Array, "_ q"]], factor: Float[Array, "r r"]) -> Float[Array, "nv r r"]:
+    """Share of each joint in the information, see `Solution`.
+
+    Args:
+        rows: Of each joint: what has the same products as its base regressor, and the torque behind it.
+        factor: Triangular factor ``R``.
+    """
+    white = [solve_triangular(factor, joint[:, :-1].T, trans=1) for joint in rows]
+    return np.array([w @ w.T for w in white])
 
 
 def whitened(factor: Float[Array, "r r"], block: Float[Array, "n nv r"]) -> Float[Array, "n nv r"]:
@@ -104,12 +122,32 @@ def base_blocks(regressor: Regressor, base: BaseParameters) -> Iterator[tuple[sl
         base: Which columns are the unknowns.
     """
     start = 0
-    for block in regressor.blocks():
-        yield slice(start, start + len(block)), block[:, :, list(base.independent)]
+    for block in regressor.blocks(base.independent):
+        yield slice(start, start + len(block)), block
         start += len(block)
 
 
-def _augmented(regressor: Regressor, base: BaseParameters, weights: Array) -> Iterator[Array]:
-    for at, block in base_blocks(regressor, base):
-        rows = np.concatenate([block, regressor.y[at][:, :, None]], axis=2)
-        yield rows * weights[at][:, :, None]
+def _weighted_factor(regressor: Regressor, base: BaseParameters, weights: Array) -> Array:
+    """Triangular factor of the weighted base regressor and torque."""
+    reduction = regressor.reduction
+    kept = base.independent
+    if (weights == weights[:1]).all():  # then the rows have been reduced already
+        return triangular(np.concatenate(reduction.weighted(weights[0]).rows(kept)))
+    r = len(kept)
+    own = [[k for k, column in enumerate(kept) if column in set(c)] for c in reduction.columns]
+    factors = [np.zeros((len(place) + 1, len(place) + 1), order="F") for place in own]
+    with one_blas_thread():
+        for at, block in base_blocks(regressor, base):
+            for first in range(0, len(block), ROWS):
+                part = block[first : first + ROWS]
+                here = slice(at.start + first, at.start + first + len(part))
+                for joint, place in enumerate(own):
+                    rows = np.empty((len(part), len(place) + 1), order="F")
+                    rows[:, :-1] = part[:, joint, place]
+                    rows[:, -1] = regressor.y[here, joint]
+                    rows *= weights[here, joint, None]
+                    absorb(factors[joint], rows)
+    wide = [np.zeros((len(factor), r + 1)) for factor in factors]
+    for rows, place, factor in zip(wide, own, factors, strict=True):
+        rows[:, [*place, r]] = factor
+    return triangular(np.concatenate(wide))

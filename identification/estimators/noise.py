@@ -2,18 +2,22 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from itertools import pairwise
 
 import numpy as np
 from jaxtyping import Float
+from scipy.fft import next_fast_len
 from scipy.linalg import solve_triangular
 
 from identification.base_parameters import BaseParameters
-from identification.estimators.least_squares import Solution, base_blocks, whitened
+from identification.estimators.least_squares import Solution, base_blocks
+from identification.reduction_factor import triangular
 from identification.regressor import Regressor
 
 Array = np.ndarray
+
+_STRETCH = 4096  # samples at the full rate whose pairs count: longer than the memory of any residual in a band
 
 
 def autocorrelation(score: Float[Array, " N"], starts: tuple[int, ...]) -> Float[Array, " m"]:
@@ -107,21 +111,67 @@ def coloured_scatter(
         rho: Autocorrelation of each joint's score.
     """
     out = np.zeros((base.rank, base.rank))
-    for _, block in base_blocks(regressor, base):
-        white = whitened(solution.factor, block)
-        length = 2 * len(white)
-        for joint, lags in enumerate(rho):
-            kept = lags[: len(white)]
-            padded = np.zeros(length)
-            padded[: len(kept)] = kept
-            padded[length - len(kept) + 1 :] += kept[:0:-1]
-            colour = np.maximum(np.fft.rfft(padded).real, 1.0)
-            # The two ends of a real spectrum count once, all other frequencies twice.
-            share = np.full(len(colour), 2.0 / length)
-            share[[0, -1]] = 1.0 / length
-            spectrum = np.fft.rfft(white[:, joint], length, axis=0) * np.sqrt(colour * share)[:, None]
-            out += scatter[joint] * (spectrum.real.T @ spectrum.real + spectrum.imag.T @ spectrum.imag)
+    inverse = solve_triangular(solution.factor, np.eye(base.rank))
+    # Columns that a joint does not feel are zero in its rows: before whitening, they cost nothing.
+    places = [[k for k, column in enumerate(base.independent) if column in set(c)] for c in regressor.touched]
+    for stretch in _stretches(regressor, base, places):
+        for joint, (lags, place) in enumerate(zip(rho, places, strict=True)):
+            white = triangular(_coloured_spectrum(stretch[joint], lags)) @ inverse[place]
+            out += scatter[joint] * (white.T @ white)
     return out
+
+
+def _stretches(
+    regressor: Regressor, base: BaseParameters, places: Sequence[Sequence[int]]
+) -> Iterator[list[Float[Array, "n _"]]]:
+    """Some base columns of each joint's rows, by joint, over stretches of one log."""
+    longest = max(1, _STRETCH // min(log.band.step for log in regressor.logs))
+    ends, parts = set(regressor.starts), [[] for _ in places]
+    count = 0
+    for at, block in base_blocks(regressor, base):
+        for joint, place in enumerate(places):
+            parts[joint].append(block[:, joint, place].T)
+        count += len(block)
+        if count >= longest or at.stop in ends:
+            yield [np.concatenate(part, axis=1).T for part in parts]
+            parts, count = [[] for _ in places], 0
+    if count:
+        yield [np.concatenate(part, axis=1).T for part in parts]
+
+
+def scatter_of_rows(
+    rows: Float[Array, "n nv r"], scatter: Float[Array, " nv"], rho: Sequence[Float[Array, " _"]]
+) -> Float[Array, "r r"]:
+    """`coloured_scatter` of the rows of one block.
+
+    Args:
+        rows: What multiplies the noise of each joint at each sample.
+        scatter: Variance of each joint's noise.
+        rho: Autocorrelation of each joint's noise.
+    """
+    out = np.zeros((rows.shape[2], rows.shape[2]))
+    for joint, lags in enumerate(rho):
+        spectrum = _coloured_spectrum(rows[:, joint], lags)
+        out += scatter[joint] * (spectrum.T @ spectrum)
+    return out
+
+
+def _coloured_spectrum(columns: Float[Array, "n k"], lags: Float[Array, " _"]) -> Float[Array, "f k"]:
+    """Spectrum of columns, real and imaginary part in turn, each times the root of the noise at its frequency."""
+    if not len(columns):
+        return columns
+    length = 2 * int(next_fast_len(len(columns), real=True) or 0)
+    kept = lags[: len(columns)]
+    padded = np.zeros(length)
+    padded[: len(kept)] = kept
+    padded[length - len(kept) + 1 :] += kept[:0:-1]
+    colour = np.maximum(np.fft.rfft(padded).real, 1.0)
+    # The two ends of a real spectrum count once, all other frequencies twice.
+    share = np.full(len(colour), 2.0 / length)
+    share[[0, -1]] = 1.0 / length
+    spectrum = np.fft.rfft(columns.T, length, axis=1)
+    spectrum *= np.sqrt(colour * share)
+    return spectrum.view(float).T
 
 
 def sandwich(solution: Solution, information: Float[Array, " nv"], scatter: Float[Array, "r r"]) -> Float[Array, "r r"]:

@@ -10,9 +10,10 @@ from __future__ import annotations
 import numpy as np
 from jaxtyping import Float
 
-from phantom_dyn.effects.effect import Effect, Parameter, Shape, Signature, Simulated
+from phantom_dyn.effects.effect import Effect, Law, Parameter, Shape, Signature, Simulated
 from phantom_dyn.effects.operation import Operation
 from phantom_dyn.effects.rows import drive_places, driven_rows, hidden_behind_drive, torque_on_rows
+from phantom_dyn.kernels.jit import jit
 from phantom_dyn.robot import Robot
 
 Array = np.ndarray
@@ -74,9 +75,22 @@ class ActuatorLag(Effect):
             out[rows] = asked - (now - asked) * np.expm1(-steps) / steps
             return asked + (now - asked) * np.exp(-steps), out
 
-        return Simulated(start=np.full(len(rows), np.nan), command=command)
+        laws = tuple(Law(lag_law, row, (time_constant,), (np.nan,)) for row in rows)
+        return Simulated(start=np.full(len(rows), np.nan), command=command, laws=laws)
 
 
 def _slope(operation: Operation, rows: tuple[int, ...]) -> Float[Array, "N m"]:
     asked = operation.expected[:, list(rows)]
     return np.gradient(asked, operation.t, axis=0) if len(asked) > 1 else np.zeros_like(asked)
+
+
+@jit
+def lag_law(now: float, asked: float, dt: float, time_constant: float) -> tuple[float, float]:
+    """Torque at the end of a step and its mean over the step; ``now`` is not a number at the first."""
+    if np.isnan(now):
+        now = asked
+    if time_constant <= 0.0:
+        return asked, asked
+    steps = max(dt / time_constant, 1e-12)
+    rest = np.expm1(-steps)
+    return asked + (now - asked) * (1.0 + rest), asked - (now - asked) * rest / steps

@@ -13,9 +13,10 @@ import numpy as np
 from jaxtyping import Float
 
 from phantom_dyn.effects.cogging_orders import order_range, orders_in
-from phantom_dyn.effects.effect import Effect, Moment, Parameter, Shape, Signature, Simulated
+from phantom_dyn.effects.effect import Effect, Law, Moment, Parameter, Shape, Signature, Simulated
 from phantom_dyn.effects.operation import Operation
 from phantom_dyn.effects.rows import row_of, torque_on_joint, torque_unit
+from phantom_dyn.kernels.jit import jit
 from phantom_dyn.robot import Robot
 
 Array = np.ndarray
@@ -75,7 +76,8 @@ class Cogging(Effect):
         def torque(state: Array, dt: float, moment: Moment) -> tuple[Array, Array]:
             return state, torque_on_joint(robot, joint, _law(moment.q[row : row + 1], theta))[0]
 
-        return Simulated(torque=torque)
+        waves = np.reshape(np.asarray(theta, dtype=float), (3, -1)).T
+        return Simulated(torque=torque, laws=tuple(Law(wave_law, row, tuple(map(float, wave))) for wave in waves))
 
 
 def _law(q: Float[Array, " N"], theta: Float[Array, " p"]) -> Float[Array, " N"]:
@@ -93,3 +95,9 @@ def cogging_torque(q, orders, amplitudes, phases):
         phases: Phases [rad], shape ``(k,)``.
     """
     return np.dot(np.sin(q * orders + phases), amplitudes)
+
+
+@jit
+def wave_law(q: float, order: float, amplitude: float, phase: float) -> float:
+    """One wave of the law."""
+    return amplitude * np.sin(order * q + phase)

@@ -10,9 +10,10 @@ from __future__ import annotations
 import numpy as np
 
 from phantom_dyn.effects.changed_robot import with_friction
-from phantom_dyn.effects.effect import Effect, Moment, Parameter, Shape, Signature, Simulated
+from phantom_dyn.effects.effect import Effect, Law, Moment, Parameter, Shape, Signature, Simulated
 from phantom_dyn.effects.operation import Operation
 from phantom_dyn.effects.rows import damping_unit, on_one_joint, row_of, torque_on_joint, torque_unit
+from phantom_dyn.kernels.jit import jit
 from phantom_dyn.robot import Robot
 
 Array = np.ndarray
@@ -69,5 +70,12 @@ class DirectionDependentFriction(Effect):
             out[row] = -0.5 * (theta[0] - theta[1]) - (theta[2] if v > 0 else theta[3]) * v
             return state, out
 
-        level = 0.5 * (theta[0] + theta[1])
-        return Simulated(robot=lambda moved: with_friction(moved, joint, coulomb=level), torque=torque)
+        level, half = 0.5 * (theta[0] + theta[1]), 0.5 * (theta[0] - theta[1])
+        law = Law(two_way_law, row, (float(half), float(theta[2]), float(theta[3])))
+        return Simulated(robot=lambda moved: with_friction(moved, joint, coulomb=level), torque=torque, laws=(law,))
+
+
+@jit
+def two_way_law(v: float, half: float, positive: float, negative: float) -> float:
+    """Torque besides the mean level: half the difference of both levels, and viscous friction of the direction."""
+    return -half - (positive if v > 0 else negative) * v

@@ -75,6 +75,27 @@ class Transmission:
 
 
 @dataclass(frozen=True)
+class Law:
+    """A channel of `Simulated` on one joint, for compiled steps: a function that `simulation_laws` lists.
+
+    Attributes:
+        function: Compiled law on scalars, in the effect's own file.
+        row: The joint.
+        numbers: Its parameters, at most four.
+        start: Its state at the start, at most three numbers.
+        other: A joint whose speed counts too, ``share`` times, and that takes ``share`` of the torque.
+        share: See ``other``.
+    """
+
+    function: Callable
+    row: int
+    numbers: tuple[float, ...] = ()
+    start: tuple[float, ...] = ()
+    other: int = 0
+    share: float = 0.0
+
+
+@dataclass(frozen=True)
 class Simulated:
     """How one effect enters a simulation: the channels that it changes, and its state; None leaves a channel alone.
 
@@ -86,6 +107,7 @@ class Simulated:
         reading: Position readings ``(nv,)`` from true positions at the encoders.
         transmission: A motor that is not rigidly tied to its link.
         inertia: What it adds to the joints' mass matrix, shape ``(nv, nv)``.
+        laws: The same command, torque or reading once more, compiled; empty if there is only the Python above.
     """
 
     start: Float[Array, " s"] = field(default_factory=lambda: np.zeros(0))
@@ -95,6 +117,7 @@ class Simulated:
     reading: Callable[[Array], Array] | None = None
     transmission: Transmission | None = None
     inertia: Float[Array, "nv nv"] | None = None
+    laws: tuple[Law, ...] = ()
 
 
 class Rival(ABC):

@@ -12,9 +12,10 @@ from __future__ import annotations
 import numpy as np
 
 from phantom_dyn.effects.displaced import change_by_reading, exact_change_by_reading
-from phantom_dyn.effects.effect import Effect, Parameter, Shape, Signature, Simulated
+from phantom_dyn.effects.effect import Effect, Law, Parameter, Shape, Signature, Simulated
 from phantom_dyn.effects.operation import Operation
 from phantom_dyn.effects.rows import row_of
+from phantom_dyn.kernels.jit import jit
 from phantom_dyn.robot import Robot
 
 Array = np.ndarray
@@ -80,8 +81,12 @@ class EncoderEccentricity(Effect):
 
     def simulated(self, robot: Robot, joint: str | None, theta: Array) -> Simulated:
         """Added to the reading."""
-        here, (amplitude, phase, n) = np.arange(robot.nv) == row_of(robot, joint), theta
-        return Simulated(reading=lambda q: q + here * amplitude * np.sin(n * q + phase))
+        row, (amplitude, phase, n) = row_of(robot, joint), (float(x) for x in theta)
+        here = np.arange(robot.nv) == row
+        return Simulated(
+            reading=lambda q: q + here * amplitude * np.sin(n * q + phase),
+            laws=(Law(eccentric_law, row, (amplitude, phase, n)),),
+        )
 
 
 def _error(operation: Operation, row: int, phase: float) -> tuple[Array, Array, Array]:
@@ -89,3 +94,9 @@ def _error(operation: Operation, row: int, phase: float) -> tuple[Array, Array, 
     q, v, a = (x[:, row] for x in (operation.q, operation.v, operation.a))
     sine, cosine = np.sin(ORDER * q + phase), np.cos(ORDER * q + phase)
     return sine, ORDER * cosine * v, ORDER * cosine * a - ORDER**2 * sine * v**2
+
+
+@jit
+def eccentric_law(q: float, amplitude: float, phase: float, order: float) -> float:
+    """Reading of a disc off its centre at position ``q``."""
+    return q + amplitude * np.sin(order * q + phase)

@@ -12,9 +12,10 @@ from __future__ import annotations
 import numpy as np
 
 from phantom_dyn.effects.displaced import change_by_reading, exact_change_by_reading
-from phantom_dyn.effects.effect import Effect, Parameter, Shape, Signature, Simulated
+from phantom_dyn.effects.effect import Effect, Law, Parameter, Shape, Signature, Simulated
 from phantom_dyn.effects.operation import Operation
 from phantom_dyn.effects.rows import row_of, secant
+from phantom_dyn.kernels.jit import jit
 from phantom_dyn.robot import Robot
 
 Array = np.ndarray
@@ -77,5 +78,13 @@ class EncoderOffset(Effect):
 
     def simulated(self, robot: Robot, joint: str | None, theta: Array) -> Simulated:
         """Added to the reading."""
-        row = row_of(robot, joint)
-        return Simulated(reading=lambda q: q + theta[0] * (np.arange(robot.nv) == row))
+        row, offset = row_of(robot, joint), float(theta[0])
+        return Simulated(
+            reading=lambda q: q + offset * (np.arange(robot.nv) == row), laws=(Law(shifted_law, row, (offset,)),)
+        )
+
+
+@jit
+def shifted_law(q: float, offset: float) -> float:
+    """Reading of an encoder with a wrong zero at position ``q``."""
+    return q + offset

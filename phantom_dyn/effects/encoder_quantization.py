@@ -10,7 +10,7 @@ from __future__ import annotations
 import numpy as np
 from jaxtyping import Float
 
-from phantom_dyn.effects.effect import Effect, Parameter, Shape, Signature, Simulated
+from phantom_dyn.effects.effect import Effect, Law, Parameter, Shape, Signature, Simulated
 from phantom_dyn.effects.operation import Operation
 from phantom_dyn.effects.rows import row_of
 from phantom_dyn.kernels.jit import jit
@@ -167,5 +167,14 @@ class EncoderQuantization(Effect):
 
     def simulated(self, robot: Robot, joint: str | None, theta: Array) -> Simulated:
         """The reading rounded to the step."""
-        here = np.arange(robot.nv) == row_of(robot, joint)
-        return Simulated(reading=lambda q: np.where(here, np.round(q / theta[0]) * theta[0], q))
+        row, step = row_of(robot, joint), float(theta[0])
+        here = np.arange(robot.nv) == row
+        return Simulated(
+            reading=lambda q: np.where(here, np.round(q / step) * step, q), laws=(Law(rounded_law, row, (step,)),)
+        )
+
+
+@jit
+def rounded_law(q: float, step: float) -> float:
+    """Reading of a coarse encoder at position ``q``."""
+    return np.round(q / step) * step

@@ -12,9 +12,10 @@ import numpy as np
 from jaxtyping import Float
 from scipy.interpolate import CubicHermiteSpline
 
-from phantom_dyn.effects.effect import Effect, Parameter, Shape, Signature, Simulated
+from phantom_dyn.effects.effect import Effect, Law, Parameter, Shape, Signature, Simulated
 from phantom_dyn.effects.operation import Operation
 from phantom_dyn.effects.rows import drive_places, driven_rows, hidden_behind_drive, secant, torque_on_rows
+from phantom_dyn.kernels.jit import jit
 from phantom_dyn.robot import Robot
 
 Array = np.ndarray
@@ -93,7 +94,7 @@ class InputDelay(Effect):
             # The next mean begins a delay ago: what ended by then is not needed any more.
             return history[ends > -delay].ravel(), out
 
-        return Simulated(command=command)
+        return Simulated(command=command, laws=tuple(Law(delay_law, row, (delay,)) for row in rows))
 
 
 def _ahead(operation: Operation, rows: tuple[int, ...], delay: float) -> Float[Array, "N m"]:
@@ -112,3 +113,35 @@ def _mean_held(history: Float[Array, "n k"], ends: Float[Array, " n"], start: fl
     begin[0] = start
     lengths = np.clip(np.minimum(ends, stop) - begin, 0.0, None)
     return lengths @ history[:, 1:] / lengths.sum()
+
+
+@jit
+def delay_law(
+    line: Float[Array, "n 2"], first: int, last: int, delay: float, dt: float, tau: float
+) -> tuple[int, int, float]:
+    """The delay line one step later: its first and last place, and the mean command that leaves it.
+
+    It holds ``delay`` seconds of commands: what goes in at one end pushes as much out at the other.
+
+    Args:
+        line: Lengths [s] and commands of the steps on their way, a ring; has to hold all steps of one delay and two.
+        first: Place of the oldest.
+        last: Place of the newest, -1 at the first step.
+        delay: Of the line [s].
+        dt: Length of this step [s].
+        tau: Command during it.
+    """
+    if last < 0:
+        first = last = 0
+        line[0, 0], line[0, 1] = delay, tau
+    last = last + 1 if last + 1 < len(line) else 0
+    line[last, 0], line[last, 1] = dt, tau
+    wanted, total = dt, 0.0
+    while True:
+        ready = line[first, 0]
+        if ready > wanted or first == last:
+            line[first, 0] = ready - wanted
+            return first, last, (total + wanted * line[first, 1]) / dt
+        total += ready * line[first, 1]
+        wanted -= ready
+        first = first + 1 if first + 1 < len(line) else 0

@@ -14,9 +14,10 @@ from itertools import combinations
 import numpy as np
 from jaxtyping import Float
 
-from phantom_dyn.effects.effect import Effect, Moment, Parameter, Shape, Signature, Simulated
+from phantom_dyn.effects.effect import Effect, Law, Moment, Parameter, Shape, Signature, Simulated
 from phantom_dyn.effects.operation import Operation
 from phantom_dyn.effects.rows import damping_unit, row_of, torque_on_rows, torque_unit
+from phantom_dyn.kernels.jit import jit
 from phantom_dyn.robot import Robot
 
 Array = np.ndarray
@@ -110,7 +111,8 @@ class JointCoupling(Effect):
             w = float(share @ moment.v)
             return state, -(coulomb * np.sign(w) + viscous * w) * share
 
-        return Simulated(torque=torque, inertia=inertia * np.outer(share, share))
+        law = Law(shared_law, rows[0], (float(coulomb), float(viscous)), other=rows[1], share=float(ratio))
+        return Simulated(torque=torque, inertia=inertia * np.outer(share, share), laws=(law,))
 
 
 def _pair(robot: Robot, joint: str | None) -> tuple[int, int]:
@@ -124,3 +126,9 @@ def _combined(x: Float[Array, "N nv"], rows: tuple[int, int], ratio: float) -> F
 
 def _inertia_unit(robot: Robot, joint: str) -> str:
     return "kg" if robot.prismatic[row_of(robot, joint)] else "kg m^2"
+
+
+@jit
+def shared_law(w: float, coulomb: float, viscous: float) -> float:
+    """Friction of what turns with both joints."""
+    return -(coulomb * np.sign(w) + viscous * w)

@@ -9,9 +9,10 @@ from __future__ import annotations
 
 import numpy as np
 
-from phantom_dyn.effects.effect import Effect, Moment, Parameter, Shape, Signature, Simulated
+from phantom_dyn.effects.effect import Effect, Law, Moment, Parameter, Shape, Signature, Simulated
 from phantom_dyn.effects.operation import Operation
 from phantom_dyn.effects.rows import never_reverses, on_one_joint, row_of, torque_on_joint
+from phantom_dyn.kernels.jit import jit
 from phantom_dyn.robot import Robot
 
 Array = np.ndarray
@@ -61,4 +62,10 @@ class LoadDependentFriction(Effect):
             out[row] = -theta[0] * abs(moment.transmitted[row]) * np.sign(moment.v[row])
             return state, out
 
-        return Simulated(torque=torque)
+        return Simulated(torque=torque, laws=(Law(loaded_law, row, (float(theta[0]),)),))
+
+
+@jit
+def loaded_law(v: float, load: float, ratio: float) -> float:
+    """Friction under a transmitted torque ``load``."""
+    return -ratio * abs(load) * np.sign(v)

@@ -9,9 +9,10 @@ from __future__ import annotations
 
 import numpy as np
 
-from phantom_dyn.effects.effect import Effect, Moment, Parameter, Shape, Signature, Simulated
+from phantom_dyn.effects.effect import Effect, Law, Moment, Parameter, Shape, Signature, Simulated
 from phantom_dyn.effects.operation import Operation
 from phantom_dyn.effects.rows import on_one_joint, row_of, torque_on_joint, torque_unit
+from phantom_dyn.kernels.jit import jit
 from phantom_dyn.robot import Robot
 
 Array = np.ndarray
@@ -64,8 +65,14 @@ class ParasiticSpring(Effect):
             out[row] = -theta[0] * (moment.q[row] - theta[1])
             return state, out
 
-        return Simulated(torque=torque)
+        return Simulated(torque=torque, laws=(Law(spring_law, row, (float(theta[0]), float(theta[1]))),))
 
 
 def _stiffness_unit(robot: Robot, joint: str | None) -> str:
     return "N/m" if robot.prismatic[row_of(robot, joint)] else "N m/rad"
+
+
+@jit
+def spring_law(q: float, stiffness: float, rest_position: float) -> float:
+    """Torque of the spring."""
+    return -stiffness * (q - rest_position)

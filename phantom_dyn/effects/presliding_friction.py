@@ -16,7 +16,7 @@ from __future__ import annotations
 import numpy as np
 from jaxtyping import Float
 
-from phantom_dyn.effects.effect import Effect, Moment, Parameter, Shape, Signature, Simulated
+from phantom_dyn.effects.effect import Effect, Law, Moment, Parameter, Shape, Signature, Simulated
 from phantom_dyn.effects.operation import Operation
 from phantom_dyn.effects.rows import (
     never_reverses,
@@ -99,7 +99,9 @@ class PreslidingFriction(Effect):
             state, out[row] = step(state, moment.q[row], moment.v[row], theta)
             return state, out
 
-        return Simulated(start=_NEW, torque=torque)
+        function = bristle_law if len(theta) == 2 else stick_law
+        law = Law(function, row, tuple(map(float, theta)), tuple(map(float, _NEW)))
+        return Simulated(start=_NEW, torque=torque, laws=(law,))
 
 
 def sticking_parameters(robot: Robot, joint: str | None) -> tuple[Parameter, ...]:
@@ -182,3 +184,12 @@ def stick_law(
     if stuck == 1.0 and abs(held) < ratio * torque:
         return 1.0, anchor, held
     return 0.0, anchor, -torque * np.sign(v)
+
+
+@jit
+def bristle_law(last: float, z: float, q: float, torque: float, displacement: float) -> tuple[float, float]:
+    """Deflection of the bristle at position ``q`` and its torque; ``last`` and ``z`` are those of the step before."""
+    d = max(displacement, _LEAST_DISPLACEMENT)
+    # Comparisons and no isnan: what is not a number yet is nowhere.
+    z = min(max(z + q - last, -d), d) if last == last else 0.0
+    return z, -torque * z / d

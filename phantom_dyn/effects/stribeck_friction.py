@@ -9,9 +9,10 @@ from __future__ import annotations
 import numpy as np
 
 from phantom_dyn.effects.changed_robot import with_friction
-from phantom_dyn.effects.effect import Effect, Moment, Parameter, Shape, Signature, Simulated
+from phantom_dyn.effects.effect import Effect, Law, Moment, Parameter, Shape, Signature, Simulated
 from phantom_dyn.effects.operation import Operation
 from phantom_dyn.effects.rows import on_one_joint, row_of, torque_on_joint, torque_unit, velocity_unit
+from phantom_dyn.kernels.jit import jit
 from phantom_dyn.robot import Robot
 
 Array = np.ndarray
@@ -76,4 +77,11 @@ class StribeckFriction(Effect):
             out[row] = (theta[1] - theta[0]) * (1.0 - np.exp(-((v / theta[2]) ** 2))) * np.sign(v)
             return state, out
 
-        return Simulated(robot=lambda moved: with_friction(moved, joint, coulomb=theta[1]), torque=torque)
+        law = Law(falling_law, row, (float(theta[1] - theta[0]), float(theta[2])))
+        return Simulated(robot=lambda moved: with_friction(moved, joint, coulomb=theta[1]), torque=torque, laws=(law,))
+
+
+@jit
+def falling_law(v: float, fall: float, velocity: float) -> float:
+    """By how much the friction is lower than at rest, as a torque."""
+    return fall * (1.0 - np.exp(-((v / velocity) ** 2))) * np.sign(v)

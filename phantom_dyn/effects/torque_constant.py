@@ -11,9 +11,10 @@ from dataclasses import replace
 
 import numpy as np
 
-from phantom_dyn.effects.effect import Effect, Parameter, Shape, Signature, Simulated
+from phantom_dyn.effects.effect import Effect, Law, Parameter, Shape, Signature, Simulated
 from phantom_dyn.effects.operation import Operation
 from phantom_dyn.effects.rows import on_one_joint, row_of, torque_on_joint
+from phantom_dyn.kernels.jit import jit
 from phantom_dyn.robot import Robot
 
 Array = np.ndarray
@@ -59,6 +60,13 @@ class TorqueConstant(Effect):
 
     def simulated(self, robot: Robot, joint: str | None, theta: Array) -> Simulated:
         """The drive gives ``ratio`` times what is asked of it."""
-        scale = np.ones(robot.nv)
-        scale[row_of(robot, joint)] = theta[0]
-        return Simulated(command=lambda state, dt, tau: (state, scale * tau))
+        scale, row = np.ones(robot.nv), row_of(robot, joint)
+        scale[row] = theta[0]
+        law = Law(scaled_law, row, (float(theta[0]),))
+        return Simulated(command=lambda state, dt, tau: (state, scale * tau), laws=(law,))
+
+
+@jit
+def scaled_law(tau: float, ratio: float) -> float:
+    """What the drive gives when ``tau`` is asked for."""
+    return ratio * tau

@@ -8,9 +8,10 @@ from __future__ import annotations
 
 import numpy as np
 
-from phantom_dyn.effects.effect import Effect, Parameter, Shape, Signature, Simulated
+from phantom_dyn.effects.effect import Effect, Law, Parameter, Shape, Signature, Simulated
 from phantom_dyn.effects.operation import Operation
-from phantom_dyn.effects.rows import on_one_joint, torque_on_joint, torque_unit
+from phantom_dyn.effects.rows import on_one_joint, row_of, torque_on_joint, torque_unit
+from phantom_dyn.kernels.jit import jit
 from phantom_dyn.robot import Robot
 
 Array = np.ndarray
@@ -41,4 +42,11 @@ class TorqueOffset(Effect):
     def simulated(self, robot: Robot, joint: str | None, theta: Array) -> Simulated:
         """A constant torque on the joint."""
         constant = torque_on_joint(robot, joint, np.array([theta[0]]))[0]
-        return Simulated(torque=lambda state, dt, moment: (state, constant))
+        law = Law(constant_law, row_of(robot, joint), (float(theta[0]),))
+        return Simulated(torque=lambda state, dt, moment: (state, constant), laws=(law,))
+
+
+@jit
+def constant_law(torque: float) -> float:
+    """The torque itself."""
+    return torque

@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from phantom_dyn.effects.effect import Effect, Parameter, Shape, Signature, Simulated
+from phantom_dyn.effects.effect import Effect, Law, Parameter, Shape, Signature, Simulated
 from phantom_dyn.effects.operation import Operation
 from phantom_dyn.effects.rows import (
     hidden_behind_drive,
@@ -20,6 +20,7 @@ from phantom_dyn.effects.rows import (
     torque_on_joint,
     torque_unit,
 )
+from phantom_dyn.kernels.jit import jit
 from phantom_dyn.robot import Robot
 
 Array = np.ndarray
@@ -93,9 +94,10 @@ class TorqueSaturation(Effect):
 
     def simulated(self, robot: Robot, joint: str | None, theta: Array) -> Simulated:
         """The command held within the limit."""
-        limit = np.full(robot.nv, np.inf)
-        limit[row_of(robot, joint)] = theta[0]
-        return Simulated(command=lambda state, dt, tau: (state, held_within(tau, limit)))
+        limit, row = np.full(robot.nv, np.inf), row_of(robot, joint)
+        limit[row] = theta[0]
+        law = Law(clipped_law, row, (float(theta[0]),))
+        return Simulated(command=lambda state, dt, tau: (state, held_within(tau, limit)), laws=(law,))
 
 
 def _command(operation: Operation, row: int) -> Array:
@@ -124,3 +126,6 @@ def _excess(operation: Operation, row: int, limit: float) -> Array:
 def held_within(tau, limit):
     """``tau`` held within ``+-limit``, numbers or arrays; kernels compile it for numbers."""
     return np.minimum(np.maximum(tau, -limit), limit)
+
+
+clipped_law = jit(held_within)

@@ -78,7 +78,7 @@ def test_blocks_are_the_whole_regressor_in_pieces(arm, rng, monkeypatch):
     monkeypatch.setattr(identification.regressor, "WHOLE_LIMIT", 0)
     monkeypatch.setattr(identification.regressor, "_BLOCK", 60)
     blocks = list(torque_regressor(arm, logs, effects).blocks())
-    assert len(blocks) > 4
+    assert len(blocks) > len(logs)
     np.testing.assert_allclose(np.concatenate(blocks), whole, atol=1e-12)
 
 

@@ -68,7 +68,7 @@ def test_version_is_the_packages(capsys):
 
 def test_no_command_is_bad_input(capsys):
     assert main([]) == 2
-    assert "phantom-dyn: no command was given, wanted one of diagnose, check" in capsys.readouterr().err
+    assert "phantom-dyn: no command was given, wanted one of diagnose, identify, check" in capsys.readouterr().err
 
 
 def test_an_unknown_command_suggests_the_nearest(capsys):

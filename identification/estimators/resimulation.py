@@ -1,0 +1,109 @@
+"""Equations on simulated motion: what the instruments and the regressors of simulating estimators are made of."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from functools import cached_property
+
+import numpy as np
+from jaxtyping import Float
+
+from identification.base_parameters import BaseParameters
+from identification.estimators.closed_loop import Feedback, Loop, feedback_of, loop_of, simulated_log
+from identification.estimators.least_squares import base_of
+from identification.estimators.plant import all_parameters, model_parameters, plant_of, require_simulable
+from identification.estimators.rows import base_rows
+from identification.regressor import Regressor
+from phantom_dyn.errors import EstimationError
+
+Array = np.ndarray
+
+
+@dataclass(frozen=True)
+class Resimulation:
+    """Simulated motion of all recordings at one set of parameters.
+
+    Attributes:
+        full: Values of all columns.
+        regressor: Equations on the simulated motion and the simulated torque.
+    """
+
+    full: Float[Array, " p"]
+    regressor: Regressor
+
+    def rows(self, base: BaseParameters) -> Float[Array, "N nv r"]:
+        """Rows of the base parameters on the simulated motion."""
+        return base_rows(self.regressor, base)
+
+    @cached_property
+    def torque(self) -> Float[Array, "N nv"]:
+        """Simulated drive torque in the band."""
+        return self.regressor.measured
+
+
+def loops_of(regressor: Regressor, feedback: Feedback | None) -> tuple[Loop, ...]:
+    """The closed loops around the recordings of a regressor.
+
+    Args:
+        regressor: Gives robot and logs.
+        feedback: The controllers; those that the robot states by default.
+
+    Raises:
+        ParameterError: If robot or effects cannot be simulated, or a controller is not stated.
+        LogError: If a log has no references.
+    """
+    require_simulable(regressor)
+    stated = feedback_of(regressor.robot) if feedback is None else feedback
+    return tuple(loop_of(regressor.robot, log, stated) for log in regressor.logs)
+
+
+def resimulated(
+    regressor: Regressor, loops: tuple[Loop, ...], base: BaseParameters, theta: Float[Array, " r"]
+) -> Resimulation:
+    """The recordings again, by a robot with these base parameters.
+
+    Args:
+        regressor: Gives robot, terms and recordings.
+        loops: See `loops_of`.
+        base: The unknowns.
+        theta: Their values.
+
+    Raises:
+        EstimationError: If the robot cannot move with these parameters.
+    """
+    plant = plant_of(regressor, base, theta)
+    logs = tuple(simulated_log(loop, plant) for loop in loops)
+    return Resimulation(all_parameters(regressor, base, theta), replace(regressor, logs=logs))
+
+
+def first_resimulation(
+    regressor: Regressor, loops: tuple[Loop, ...], base: BaseParameters, theta: Float[Array, " r"]
+) -> Resimulation:
+    """As `resimulated`; where a robot with a first estimate cannot move, with the given model and no effect.
+
+    Args:
+        regressor: Gives robot, terms and recordings.
+        loops: See `loops_of`.
+        base: The unknowns.
+        theta: The first estimate, of least squares.
+
+    Raises:
+        EstimationError: If the given model cannot move either.
+    """
+    try:
+        return resimulated(regressor, loops, base, theta)
+    except EstimationError:
+        return resimulated(regressor, loops, base, base.values(model_parameters(regressor)))
+
+
+def simulated_base(simulation: Resimulation) -> tuple[BaseParameters, Float[Array, " r"]]:
+    """Base parameters that the simulated motion excites, which no noise excites, and their values.
+
+    Args:
+        simulation: Of all recordings.
+
+    Raises:
+        IdentifiabilityError: If it excites no parameter.
+    """
+    base = base_of(simulation.regressor)
+    return base, base.values(simulation.full)

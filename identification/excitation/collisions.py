@@ -1,0 +1,161 @@
+# pyright: reportAttributeAccessIssue=false
+"""Bodies of a robot that have to stay apart: convex hulls of the collision shapes of its file, through coal."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+
+import coal
+import numpy as np
+import pinocchio as pin
+from jaxtyping import Float
+
+from phantom_dyn.errors import ParameterError
+from phantom_dyn.robot import Robot
+from phantom_dyn.robot_files import find_robot
+
+Array = np.ndarray
+
+CLEARANCE = 0.01
+"""Distance [m] that bodies keep by default: hulls lie outside of the shapes, robots do not track perfectly."""
+_POSTURES = 100
+_NEAR = 0.05  # pairs further apart than this beyond their clearance [m] do not bind, and get no slope
+_TOUCHING = 0.5
+"""Pairs that touch in this share of random postures touch by design: shapes of neighbours overlap at their joint."""
+
+
+@dataclass(frozen=True)
+class Collisions:
+    """Pairs of bodies that stay ``clearance`` [m] apart.
+
+    Attributes:
+        shapes: Convex shapes with their pairs.
+        clearance: Smallest distance [m].
+        notes: Sentences about what is not seen.
+    """
+
+    shapes: pin.GeometryModel
+    clearance: float = CLEARANCE
+    notes: tuple[str, ...] = ()
+
+    def __post_init__(self):
+        if not (np.isfinite(self.clearance) and self.clearance >= 0):
+            raise ParameterError(f"A clearance of {self.clearance:g} m was given: give 0 or more.")
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Name of each pair."""
+        objects = self.shapes.geometryObjects
+        return tuple(f"{objects[p.first].name} and {objects[p.second].name}" for p in self.shapes.collisionPairs)
+
+
+def collisions_of(robot: Robot, *, clearance: float = CLEARANCE) -> Collisions:
+    """Pairs of bodies of a robot that are not neighbours, from the collision shapes of its file.
+
+    Shapes that the file does not have, or whose mesh is missing, are not seen: a note says so.
+
+    Args:
+        robot: Gives file and joints.
+        clearance: Distance that they keep [m].
+    """
+    model, out = robot.model, pin.GeometryModel()
+    try:
+        full, shapes = _shapes(find_robot(robot.source))
+    except (ValueError, RuntimeError) as problem:
+        reason = str(problem).partition("\n")[0].strip().rstrip(".")
+        return Collisions(out, clearance, (f"Collisions are not looked at, as the shapes cannot be read ({reason}).",))
+    names = list(model.names)
+    for shape in shapes.geometryObjects:
+        joint, placement = shape.parentJoint, shape.placement
+        # Joints that are held fixed are no joints of the robot: their links move with the joint before.
+        while joint and full.names[joint] not in names:
+            placement, joint = full.jointPlacements[joint] * placement, full.parents[joint]
+        index = names.index(full.names[joint]) if joint else 0
+        out.addGeometryObject(pin.GeometryObject(shape.name, index, placement, _hull(shape.geometry)))
+    if not len(out.geometryObjects):
+        return Collisions(out, clearance, (f"{robot.name} has no collision shapes: collisions are not looked at.",))
+    return Collisions(_with_pairs(robot, out), clearance)
+
+
+def distances(
+    model: pin.Model, collisions: Collisions, configuration: Float[Array, "N nq"], *, slopes: bool
+) -> tuple[Float[Array, "N m"], Float[Array, "N m nt"] | None]:
+    """Distance of each pair [m], negative where they overlap, and its slope in the joint velocities where small."""
+    shapes = collisions.shapes
+    data, placed = model.createData(), shapes.createData()
+    pairs = [(pair.first, pair.second) for pair in shapes.collisionPairs]
+    joints = [shape.parentJoint for shape in shapes.geometryObjects]
+    out = np.empty((len(configuration), len(pairs)))
+    near: list[tuple[int, int, float]] = []  # sample, pair, and the side on which a body moves
+    points, normals, jacobians = [], [], []
+    for k, q in enumerate(configuration):
+        pin.computeDistances(model, data, shapes, placed, q)
+        out[k] = [result.min_distance for result in placed.distanceResults]
+        close = np.flatnonzero(out[k] < collisions.clearance + _NEAR).tolist() if slopes else []
+        if close:
+            pin.computeJointJacobians(model, data, q)
+        for m in close:
+            result, (first, second) = placed.distanceResults[m], pairs[m]
+            sides = ((-1.0, first, result.getNearestPoint1()), (1.0, second, result.getNearestPoint2()))
+            for side, body, point in sides:
+                if joints[body]:
+                    near.append((k, m, side))
+                    points.append(np.array(point))
+                    normals.append(np.array(result.normal))  # a copy: the next sample writes over it
+                    jacobians.append(pin.getJointJacobian(model, data, joints[body], pin.ReferenceFrame.WORLD))
+    if not slopes:
+        return out, None
+    slope = np.zeros((*out.shape, model.nv))
+    if near:
+        n = np.array(normals)
+        along = np.concatenate([n, np.cross(np.array(points), n)], axis=1)
+        rows = np.einsum("ri,rij->rj", along, np.array(jacobians))
+        samples, which, sides = (np.array(part) for part in zip(*near, strict=True))
+        np.add.at(slope, (samples, which), sides[:, None] * rows)
+    return out, slope
+
+
+def _shapes(path: Path) -> tuple[pin.Model, pin.GeometryModel]:
+    if path.suffix == ".urdf":
+        full = pin.buildModelFromUrdf(str(path))
+        folders = [str(folder) for folder in path.resolve().parents]
+        return full, pin.buildGeomFromUrdf(full, str(path), pin.COLLISION, package_dirs=folders)
+    full = pin.buildModelFromMJCF(str(path))
+    return full, pin.buildGeomFromMJCF(full, str(path), pin.COLLISION)
+
+
+def _hull(geometry: coal.CollisionGeometry) -> coal.CollisionGeometry:
+    """Distances between convex shapes are a hundred times cheaper than between meshes."""
+    if isinstance(geometry, coal.BVHModelBase):
+        geometry.buildConvexRepresentation(False)
+        return geometry.convex
+    return geometry
+
+
+def _with_pairs(robot: Robot, shapes: pin.GeometryModel) -> pin.GeometryModel:
+    """The shapes with all pairs that are neither neighbours nor touch by design."""
+    model = robot.model
+    joints = [shape.parentJoint for shape in shapes.geometryObjects]
+    for i in range(len(joints)):
+        for j in range(i + 1, len(joints)):
+            a, b = joints[i], joints[j]
+            if a != b and model.parents[a] != b and model.parents[b] != a:
+                shapes.addCollisionPair(pin.CollisionPair(i, j))
+    q = np.random.default_rng(0).uniform(-np.pi, np.pi, (_POSTURES, robot.nv))
+    linear = np.asarray(robot.prismatic)
+    q[:, linear] *= 0.1
+    lower, upper = _ranges(robot)
+    q = np.clip(q, lower, upper)
+    touching = distances(model, Collisions(shapes), robot.configuration(q), slopes=False)[0] < 0
+    for pair, often in zip(list(shapes.collisionPairs), touching.mean(axis=0) > _TOUCHING, strict=True):
+        if often:
+            shapes.removeCollisionPair(pin.CollisionPair(pair.first, pair.second))
+    return shapes
+
+
+def _ranges(robot: Robot) -> tuple[Float[Array, " nv"], Float[Array, " nv"]]:
+    from identification.excitation.stated import stated_limits
+
+    stated, rows = stated_limits(robot), list(robot.tree_rows)
+    return stated.lower[rows], stated.upper[rows]

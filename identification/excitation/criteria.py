@@ -1,0 +1,100 @@
+"""What makes a motion a good experiment: figures of its information matrix, with their exact slopes.
+
+The information matrix is that of the base parameters, :math:`G = W^T W` per sample, recordings made before included,
+each column in units of its size in an ordinary motion.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Protocol, runtime_checkable
+
+import numpy as np
+from jaxtyping import Float
+from scipy.special import logsumexp
+
+from phantom_dyn.errors import ParameterError
+
+Array = np.ndarray
+
+_ZERO = 1e-15
+"""Eigenvalues of a correlation matrix below this are rounding: a condition number above 3e7 is not told apart."""
+
+
+@runtime_checkable
+class Criterion(Protocol):
+    """A cost that a better experiment has less of."""
+
+    def cost(self, G: Float[Array, "r r"]) -> tuple[float, Float[Array, "r r"]]:
+        """Cost and its slope, symmetric, in the entries of the information matrix."""
+        ...
+
+
+@dataclass(frozen=True)
+class DOptimality:
+    """Mean logarithm of the parameters' standard deviations, ``-log det(G + regularisation) / (2 r)``.
+
+    ``regularisation`` is the information that is there already, relative to that of an ordinary motion: with it, a
+    motion that does not excite everything has a finite cost and a slope.
+    """
+
+    regularisation: float = 1e-6
+
+    def __post_init__(self):
+        _require_positive(self.regularisation, "regularisation")
+
+    def cost(self, G: Float[Array, "r r"]) -> tuple[float, Float[Array, "r r"]]:
+        """Cost and its slope."""
+        r = len(G)
+        regular = G + self.regularisation * np.eye(r)
+        return float(-0.5 / r * np.linalg.slogdet(regular)[1]), -0.5 / r * np.linalg.inv(regular)
+
+
+@dataclass(frozen=True)
+class ConditionNumber:
+    """Logarithm of the condition number of the regressor, each column divided by its norm.
+
+    The largest and the smallest eigenvalue are taken as power means of order ``sharpness``: where eigenvalues meet, the
+    condition number itself has no slope. ``information`` is the weight of D-optimality beside it, which decides where
+    the condition number cannot, as for a robot with one parameter.
+    """
+
+    sharpness: float = 6.0
+    information: float = 0.01
+
+    def __post_init__(self):
+        _require_positive(self.sharpness, "sharpness")
+        if not (np.isfinite(self.information) and self.information >= 0):
+            raise ParameterError(f"A weight of information of {self.information:g} was given: give 0 or more.")
+
+    def cost(self, G: Float[Array, "r r"]) -> tuple[float, Float[Array, "r r"]]:
+        """Cost and its slope."""
+        size = np.sqrt(np.maximum(np.diag(G), np.finfo(float).tiny))
+        C = G / np.outer(size, size)
+        eigenvalues, vectors = np.linalg.eigh(C)
+        logs, k = np.log(np.maximum(eigenvalues, _ZERO)), self.sharpness
+        high, low = logsumexp(k * logs), logsumexp(-k * logs)
+        weights = 0.5 * (np.exp((k - 1) * logs - high) - np.exp((-k - 1) * logs - low))
+        of_C = (vectors * weights) @ vectors.T
+        of_G = of_C / np.outer(size, size) - np.diag(np.einsum("ij,ji->i", of_C, C) / size**2)
+        cost, slope = DOptimality().cost(G) if self.information else (0.0, 0.0)
+        return float(0.5 * (high + low) / k + self.information * cost), of_G + self.information * slope
+
+
+def condition_number(G: Float[Array, "r r"]) -> float:
+    """Condition number of the regressor whose information matrix is G, each column divided by its norm.
+
+    Infinite if a column is zero or a combination of the others; nan where there is no column.
+    """
+    if not len(G):
+        return float("nan")
+    size = np.sqrt(np.diag(G))
+    if not (size > 0).all():
+        return float("inf")
+    eigenvalues = np.linalg.eigvalsh(G / np.outer(size, size))
+    return float(np.sqrt(eigenvalues[-1] / eigenvalues[0])) if eigenvalues[0] > _ZERO else float("inf")
+
+
+def _require_positive(value: float, name: str) -> None:
+    if not (np.isfinite(value) and value > 0):
+        raise ParameterError(f"A {name} of {value:g} was given: give more than 0.")

@@ -1,0 +1,86 @@
+"""Descent to a good motion within its limits: an augmented Lagrangian, each round by L-BFGS with exact slopes."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+from jaxtyping import Float
+from scipy.optimize import minimize
+
+from identification.excitation.bounds import Bounds
+from identification.excitation.criteria import Criterion
+from identification.excitation.problem import Grid, Problem
+from identification.excitation.starts import joint_sizes
+
+Array = np.ndarray
+
+MARGIN = 0.01
+"""Share of a bound's size that is kept free: motions peak between samples, and a round ends a little outside."""
+_FIRST, _GROWTH = 30.0, 3.0  # weight of the squared excess, and its growth from round to round
+_CORRECTIONS = 30  # pairs of steps and slopes that L-BFGS keeps
+
+
+@dataclass(frozen=True)
+class Penalty:
+    """What excess over bounds costs: mean over samples of ``(max(0, multiplier + weight excess)^2) / (2 weight)``."""
+
+    bounds: Bounds
+    weight: float
+    multipliers: Float[Array, "2 N m"]
+
+    def __call__(self, values: Float[Array, "N m"]) -> tuple[float, Float[Array, "N m"]]:
+        """Cost of values and its slope."""
+        push = self.pushes(values)
+        paid = 0.5 * float((push**2).sum() - (self.multipliers**2).sum()) / (self.weight * len(values))
+        return paid, (push[1] - push[0]) / (self.bounds.size * len(values))
+
+    def pushes(self, values: Float[Array, "N m"]) -> Float[Array, "2 N m"]:
+        """What the multipliers become in the next round."""
+        return np.maximum(0.0, self.multipliers + self.weight * self.bounds.excess(values))
+
+
+def descend(
+    problem: Problem,
+    grid: Grid,
+    weights: Float[Array, "K nv"],
+    *,
+    rounds: int = 5,
+    iterations: int = 40,
+    criterion: Criterion | None = None,
+    say: Callable[[str], None] = lambda words: None,
+) -> Float[Array, "K nv"]:
+    """Weights of a motion that is better by the criterion, and about within the limits.
+
+    Args:
+        problem: What is designed.
+        grid: Where the motion is looked at.
+        weights: Start.
+        rounds: Of multipliers.
+        iterations: Of L-BFGS in each.
+        criterion: In place of the problem's own.
+        say: Told how far it is.
+    """
+    sizes = joint_sizes(problem)
+    # In units of what each joint may do, every weight is of about one size.
+    unit = np.repeat(sizes.speed[None], len(weights), axis=0)
+    unit[0] = sizes.half
+    bounds = problem.bounds.inside(MARGIN)
+    multipliers = np.zeros((2, len(grid.t), len(bounds.labels)))
+    for number in range(rounds):
+        penalty = Penalty(bounds, _FIRST * _GROWTH**number, multipliers)
+
+        def cost(x: Array, penalty: Penalty = penalty) -> tuple[float, Array]:
+            value, slope = problem.cost(grid, x.reshape(unit.shape) * unit, penalty, criterion)
+            return value, (slope * unit).ravel()
+
+        options = {"maxiter": iterations, "maxcor": _CORRECTIONS}
+        found = minimize(cost, (weights / unit).ravel(), jac=True, method="L-BFGS-B", options=options)
+        weights = found.x.reshape(unit.shape) * unit
+        motion = grid.motion(weights)
+        values = problem.limited(motion, problem.regressor(motion))
+        multipliers = penalty.pushes(values)
+        excess = max(0.0, float(penalty.bounds.excess(values).max()))
+        say(f"round {number + 1} of {rounds}: cost {found.fun:.3f}, limits exceeded by {100 * excess:.1f} %")
+    return weights

@@ -1,0 +1,175 @@
+"""A motion that makes a robot's inertial parameters visible, within its limits."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from jaxtyping import Float
+
+from identification.excitation.base import base_of
+from identification.excitation.criteria import ConditionNumber, Criterion, condition_number
+from identification.excitation.descent import MARGIN, descend
+from identification.excitation.limits import Limits, limits_of
+from identification.excitation.postures import feasible_postures
+from identification.excitation.problem import Grid, Problem
+from identification.excitation.shapes import Shapes
+from identification.excitation.starts import largest, random_motion, worst_excess
+from phantom_dyn.errors import ParameterError
+from phantom_dyn.motion import Motion, read_only
+from phantom_dyn.robot import Robot
+
+Array = np.ndarray
+
+_DENSE = 10
+"""Samples of the last check per sample of the design."""
+_REPAIRS = (1.0, 0.998, 0.995, 0.99, 0.98, 0.96, 0.93, 0.89, 0.84, 0.78, 0.7, 0.6, 0.5, 0.4, 0.3, 0.2, 0.1, 0.05, 0.02)
+
+
+@dataclass(frozen=True)
+class Excitation:
+    """A designed motion.
+
+    Attributes:
+        robot: What moves.
+        shapes: Family of the motion.
+        weights: Of each shape for each joint, shape ``(K, nv)``.
+        rank: Number of base parameters.
+        condition: Condition number of their regressor over motion and earlier recordings, columns of one norm.
+        start: The same of the random motion within the limits that it was made from, the best of some.
+        reached: What comes near its limit.
+        notes: Sentences for the user.
+    """
+
+    robot: Robot
+    shapes: Shapes
+    weights: Float[Array, "K nv"]
+    rank: int
+    condition: float
+    start: float
+    reached: tuple[str, ...]
+    notes: tuple[str, ...]
+
+    def __post_init__(self):
+        object.__setattr__(self, "weights", read_only(self.weights))
+
+    def motion(self, rate_hz: float) -> Motion:
+        """The motion from rest to rest, in equal steps as near to ``rate_hz`` as ends on the last one.
+
+        Raises:
+            ParameterError: If the rate cannot show the motion.
+        """
+        return Grid.of(self.shapes, _count(self.shapes, rate_hz)).motion(self.weights)
+
+    def summary(self) -> str:
+        """Two sentences: what is reached, and which limits stand against more."""
+        limits = ", ".join(self.reached) if self.reached else "none"
+        return (
+            f"{self.robot.name}: condition number {self.condition:.3g} of {self.rank} base parameters over "
+            f"{self.shapes.duration:g} s from rest to rest (the best of some random motions: "
+            f"{self.start:.3g}).\n"
+            f"Limits that it reaches: {limits}."
+        )
+
+
+def excite(
+    robot: Robot,
+    shapes: Shapes,
+    *,
+    limits: Limits | None = None,
+    criterion: Criterion | None = None,
+    earlier: Float[Array, "k p"] | None = None,
+    noise: float | Sequence[float] | None = None,
+    rate_hz: float = 100.0,
+    starts: int = 24,
+    seed: int = 0,
+    say: Callable[[str], None] = lambda words: None,
+) -> Excitation:
+    """A motion that is good by a criterion and keeps all limits, checked at ten times the samples that it is made from.
+
+    Args:
+        robot: A plain robot, or a chain of linear loops.
+        shapes: Family of the motion, see `identification.excitation.shapes`.
+        limits: By default those that the robot states, see `limits_of`.
+        criterion: By default the condition number.
+        earlier: Recordings made before, see `earlier_factor`: the motion adds what they do not show.
+        noise: Torque noise [N m or N] of each joint, or one number, to weigh joints by; by default all alike.
+        rate_hz: Rate of the recording that is planned; it weighs against the earlier ones.
+        starts: Random motions; the best one is improved.
+        seed: Of the random motions.
+        say: Told what is being done.
+
+    Raises:
+        ParameterError: If no motion keeps the limits (the sentence says which one is broken, and by how much), or a
+            value cannot be.
+        RobotError: If the robot has a joint that no reference can drive.
+    """
+    if starts < 1:
+        raise ParameterError(f"{starts} starts were asked for: give at least one.")
+    kept = limits_of(robot) if limits is None else limits
+    planned = float(_count(shapes, rate_hz))
+    base = base_of(robot, planned=planned, noise=noise, earlier=earlier)
+    problem = Problem(robot, base, ConditionNumber() if criterion is None else criterion, kept)
+    grid, dense = Grid.of(shapes, shapes.samples), Grid.of(shapes, _DENSE * shapes.samples)
+    rng = np.random.default_rng(seed)
+    say("looking for postures within the limits")
+    postures = feasible_postures(problem, rng)
+    say("trying random motions")
+    tried = []
+    for _ in range(starts):
+        posture = postures[rng.integers(len(postures))]
+        weights = random_motion(problem, grid, posture, rng)
+        tried.append((criterion_of(problem, grid, weights), weights, posture))
+    _, start, posture = min(tried, key=lambda one: one[0])
+    start = largest(problem, dense, start, posture)
+    designed = _within(problem, shapes, dense, descend(problem, grid, start, say=say), posture)
+    better = criterion_of(problem, grid, designed) <= criterion_of(problem, grid, start)
+    weights = designed if better else start
+    motion = dense.motion(weights)
+    if not np.abs(motion.v).max() > 0:
+        raise ParameterError(
+            f"{robot.name} can rest within its limits, but no motion about that posture keeps them: widen the limits."
+        )
+    W = problem.regressor(motion)
+    return Excitation(
+        robot,
+        shapes,
+        weights,
+        len(base.columns),
+        condition_number(problem.information(W)),
+        condition_of(problem, grid, start),
+        problem.bounds.reached(problem.limited(motion, W)),
+        (*kept.notes, *(kept.collisions.notes if kept.collisions is not None else ())),
+    )
+
+
+def criterion_of(problem: Problem, grid: Grid, weights: Float[Array, "K nv"]) -> float:
+    """The criterion of a motion."""
+    return problem.criterion.cost(problem.information(problem.regressor(grid.motion(weights))))[0]
+
+
+def condition_of(problem: Problem, grid: Grid, weights: Float[Array, "K nv"]) -> float:
+    """Condition number of the regressor of a motion and of earlier recordings, columns of one norm."""
+    return condition_number(problem.information(problem.regressor(grid.motion(weights))))
+
+
+def _within(
+    problem: Problem, shapes: Shapes, dense: Grid, weights: Float[Array, "K nv"], posture: Float[Array, " nv"]
+) -> Float[Array, "K nv"]:
+    """A motion close to the given one that keeps every limit also between the samples that it was made from."""
+    if worst_excess(problem, dense.motion(weights)).max() > 2 * MARGIN:
+        finer = Grid.of(shapes, 2 * shapes.samples)
+        weights = descend(problem, finer, weights, rounds=3, iterations=25)
+    return largest(problem, dense, weights, posture, _REPAIRS)
+
+
+def _count(shapes: Shapes, rate_hz: float) -> int:
+    """Samples of a recording with both ends."""
+    if not (np.isfinite(rate_hz) and rate_hz > 0):
+        raise ParameterError(f"A rate of {rate_hz:g} Hz was given: give more than 0.")
+    count = round(shapes.duration * rate_hz) + 1
+    if count < shapes.samples // 3:
+        least = (shapes.samples // 3) / shapes.duration
+        raise ParameterError(f"A rate of {rate_hz:g} Hz is too low to show this motion: give at least {least:.3g} Hz.")
+    return count

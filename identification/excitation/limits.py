@@ -1,0 +1,152 @@
+"""Limits that an exciting motion keeps: of joints, of a frame's place, of distances between bodies."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+from jaxtyping import Float
+
+from identification.excitation.collisions import Collisions
+from phantom_dyn.errors import ParameterError
+from phantom_dyn.motion import read_only
+from phantom_dyn.robot import Robot
+
+Array = np.ndarray
+
+SPEED = {False: 1.0, True: 0.25}
+"""Speed [rad/s, or m/s where True: linear] that a joint keeps whose robot file states none."""
+
+
+@dataclass(frozen=True)
+class FrameBox:
+    """A box along the axes of the base [m] that the origin of a frame stays in; infinite where it is open."""
+
+    frame: str
+    lower: Float[Array, "3"]
+    upper: Float[Array, "3"]
+
+    def __post_init__(self):
+        for name in ("lower", "upper"):
+            object.__setattr__(self, name, read_only(getattr(self, name)))
+        if not (self.lower < self.upper).all():
+            raise ParameterError(
+                f"The box of frame {self.frame} goes from {self.lower} to {self.upper} m: give lower corners "
+                "below upper ones."
+            )
+
+
+@dataclass(frozen=True)
+class Limits:
+    """What a motion must keep; infinite where there is no limit.
+
+    Positions and velocities are of all joints of the tree, passive ones included; accelerations and drive torques of
+    the active joints.
+
+    Attributes:
+        lower, upper: Positions [rad or m], shape ``(nt,)``.
+        velocity: Largest speed [rad/s or m/s], shape ``(nt,)``.
+        acceleration: Largest acceleration [rad/s^2 or m/s^2], shape ``(nv,)``.
+        torque: Largest drive torque [N m or N], shape ``(nv,)``.
+        boxes: Where frames stay.
+        collisions: Bodies that stay apart.
+        notes: Sentences about limits that are not stated.
+    """
+
+    lower: Float[Array, " nt"]
+    upper: Float[Array, " nt"]
+    velocity: Float[Array, " nt"]
+    acceleration: Float[Array, " nv"]
+    torque: Float[Array, " nv"]
+    boxes: tuple[FrameBox, ...] = ()
+    collisions: Collisions | None = None
+    notes: tuple[str, ...] = field(default=())
+
+    def __post_init__(self):
+        for name in ("lower", "upper", "velocity", "acceleration", "torque"):
+            object.__setattr__(self, name, read_only(getattr(self, name)))
+        if not (self.lower < self.upper).all():
+            row = int(np.flatnonzero(~(self.lower < self.upper))[0])
+            raise ParameterError(
+                f"The position limits of joint number {row}, {self.lower[row]:g} to {self.upper[row]:g}, leave no "
+                "room: widen them, or lock the joint."
+            )
+        for name in ("velocity", "acceleration", "torque"):
+            if not (getattr(self, name) > 0).all():
+                raise ParameterError(f"A limit of {name} is not above 0: give one that lets the robot move.")
+
+
+def limits_of(
+    robot: Robot,
+    *,
+    velocity: float | Sequence[float] | None = None,
+    acceleration: float | Sequence[float] | None = None,
+    share: float = 1.0,
+    boxes: Sequence[FrameBox] = (),
+    collisions: Collisions | None = None,
+) -> Limits:
+    """Limits that a robot states, and further ones.
+
+    Args:
+        robot: Gives position, velocity and torque limits; ``torque_limit`` of its drives goes before the file's.
+        velocity: Largest speed [rad/s or m/s], one number or one per active joint; lowers what the robot states.
+        acceleration: Largest acceleration [rad/s^2 or m/s^2], likewise; without it there is no limit.
+        share: Part of the velocity and torque limits that is used, above 0 and at most 1.
+        boxes: Where frames stay.
+        collisions: Bodies that stay apart.
+
+    Raises:
+        ParameterError: If a limit leaves no room, or the number of values is wrong.
+        RobotError: If a frame is unknown, or a joint has no drive.
+    """
+    if not 0 < share <= 1:
+        raise ParameterError(f"A share of {share:g} of the limits was given: give more than 0 and at most 1.")
+    from identification.excitation.stated import require_excitable, stated_limits
+
+    require_excitable(robot, [box.frame for box in boxes])
+    stated = stated_limits(robot)
+    active = list(robot.tree_rows)
+    notes = list(stated.notes)
+    speed = np.array(stated.velocity)
+    wanted = _per_joint(robot, velocity, "velocity")
+    speed[active] = np.minimum(speed[active], wanted)
+    linear = stated.linear
+    unlimited = ~np.isfinite(speed)
+    unlimited[[row for row in range(len(speed)) if row not in active]] = False  # passive joints follow
+    if unlimited.any():
+        names = ", ".join(stated.names[row] for row in np.flatnonzero(unlimited))
+        kept = " and ".join(
+            f"{SPEED[kind]:g} {unit}"
+            for kind, unit in ((False, "rad/s"), (True, "m/s"))
+            if (linear == kind)[unlimited].any()
+        )
+        notes.append(
+            f"The robot states no velocity limit of {names}: {kept} is kept; give another velocity to change it."
+        )
+        speed[unlimited] = np.where(linear, SPEED[True], SPEED[False])[unlimited]
+    return Limits(
+        stated.lower,
+        stated.upper,
+        share * speed,
+        _per_joint(robot, acceleration, "acceleration"),
+        share * stated.torque,
+        tuple(boxes),
+        collisions,
+        tuple(notes),
+    )
+
+
+def _per_joint(robot: Robot, value: float | Sequence[float] | None, name: str) -> Float[Array, " nv"]:
+    if value is None:
+        return np.full(robot.nv, np.inf)
+    values = np.atleast_1d(np.asarray(value, dtype=float))
+    if values.shape not in ((1,), (robot.nv,)):
+        raise ParameterError(
+            f"{values.size} values of {name} were given for {robot.nv} joints: give one, or one for each of "
+            f"{', '.join(robot.joint_names)}."
+        )
+    if not (values > 0).all():
+        article = "An" if name[0] in "aeiou" else "A"
+        raise ParameterError(f"{article} {name} limit of {values.min():g} was given: give numbers above 0.")
+    return np.broadcast_to(values, (robot.nv,))

@@ -1,0 +1,168 @@
+"""Families of motions from rest to rest: shape functions whose sums, with any weights, begin and end at rest.
+
+A joint's motion is a sum of a family's shapes; the first is the constant one, its posture. Weights are what excitation
+designs, and the motion is linear in them, so that slopes pass through as matrix products.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Protocol, runtime_checkable
+
+import numpy as np
+from jaxtyping import Float
+
+from identification.excitation.waves import Triangle
+from phantom_dyn.errors import ParameterError
+
+Array = np.ndarray
+
+SAMPLES_PER_PERIOD = 30
+"""Of the fastest part of a motion: between two of them a sine rises half a per cent above the larger one."""
+
+
+@runtime_checkable
+class Shapes(Protocol):
+    """A family of motions of one joint over ``duration`` [s], at rest (no velocity, no acceleration) at both ends."""
+
+    @property
+    def duration(self) -> float:
+        """Length of the motion [s]."""
+        ...
+
+    @property
+    def samples(self) -> int:
+        """Samples over the duration that show the motion's extremes to within a per cent."""
+        ...
+
+    def values(self, t: Float[Array, " N"]) -> Float[Array, "3 N K"]:
+        """Position, velocity and acceleration of each shape; the first shape is one, at rest."""
+        ...
+
+
+@dataclass(frozen=True)
+class FourierSeries:
+    """Sines and cosines of the first ``harmonics`` multiples of one over ``duration``: periodic, it can be repeated."""
+
+    duration: float
+    harmonics: int = 5
+
+    def __post_init__(self):
+        _require_duration(self.duration)
+        # Two weights of each harmonic, less two for being at rest.
+        _require_count(self.harmonics, "harmonics", 2)
+
+    @property
+    def samples(self) -> int:
+        """Samples that show the extremes."""
+        return SAMPLES_PER_PERIOD * self.harmonics
+
+    def values(self, t: Float[Array, " N"]) -> Float[Array, "3 N K"]:
+        """Position, velocity and acceleration of each shape."""
+        at_ends = _harmonics(_ends(self), self.duration, self.harmonics)
+        return _from_rest(_harmonics(t, self.duration, self.harmonics), at_ends)
+
+
+@dataclass(frozen=True)
+class BSplines:
+    """Splines of degree five over ``pieces`` equal stretches of time: local, smooth up to the fourth derivative."""
+
+    duration: float
+    pieces: int = 10
+
+    def __post_init__(self):
+        _require_duration(self.duration)
+        _require_count(self.pieces, "pieces", 1)
+
+    @property
+    def samples(self) -> int:
+        """Samples that show the extremes: a piece holds about half a swing."""
+        return SAMPLES_PER_PERIOD * max(self.pieces // 2, 4)
+
+    def values(self, t: Float[Array, " N"]) -> Float[Array, "3 N K"]:
+        """Position, velocity and acceleration of each shape."""
+        from scipy.interpolate import BSpline
+
+        knots = np.concatenate([np.zeros(5), np.linspace(0.0, 1.0, self.pieces + 1), np.ones(5)]) * self.duration
+        spline = BSpline(knots, np.eye(self.pieces + 5), 5)
+
+        def part(times: Array) -> Array:
+            inside = np.clip(times, 0.0, self.duration)
+            values = np.stack([spline(inside), spline.derivative(1)(inside), spline.derivative(2)(inside)])
+            # The constant shape stands for the first three, which alone are not at rest at the start; about unit speed.
+            return values[:, :, 3:] * self.duration / self.pieces
+
+        return _from_rest(part(t), part(_ends(self)))
+
+
+@dataclass(frozen=True)
+class TrianglesAndSines:
+    """Triangles of one to ``triangles`` periods, and sines of up to ``harmonics``.
+
+    Triangles run at constant speed between their turns, which shows friction over speed; sines show inertia.
+    ``turn`` is the part of a triangle's period in which its velocity changes sign.
+    """
+
+    duration: float
+    triangles: int = 3
+    harmonics: int = 4
+    turn: float = 0.15
+
+    def __post_init__(self):
+        _require_duration(self.duration)
+        _require_count(self.triangles, "triangles", 1)
+        _require_count(self.harmonics, "harmonics", 1)
+        self._triangle(1)
+
+    @property
+    def samples(self) -> int:
+        """Samples that show the extremes: ten and more in each turn."""
+        return max(SAMPLES_PER_PERIOD * self.harmonics, int(np.ceil(12 * self.triangles / self.turn)))
+
+    def values(self, t: Float[Array, " N"]) -> Float[Array, "3 N K"]:
+        """Position, velocity and acceleration of each shape."""
+        return _from_rest(self._parts(t), self._parts(_ends(self)))
+
+    def _parts(self, t: Array) -> Array:
+        waves = [self._triangle(k).motion(t) for k in range(1, self.triangles + 1)]
+        return np.concatenate([_harmonics(t, self.duration, self.harmonics), np.stack(waves, axis=2)], axis=2)
+
+    def _triangle(self, periods: int) -> Triangle:
+        # From the lower turn, where its velocity is zero, and of a unit of speed.
+        shape = Triangle(1.0, periods / self.duration, -0.25, self.turn)
+        return Triangle(1.0 / shape.speed, periods / self.duration, -0.25, self.turn)
+
+
+def _ends(shapes: Shapes) -> Float[Array, "2"]:
+    return np.array([0.0, shapes.duration])
+
+
+def _harmonics(t: Array, duration: float, harmonics: int) -> Array:
+    """Sines and cosines with a peak velocity of one."""
+    parts = []
+    for k in range(1, harmonics + 1):
+        w = 2 * np.pi * k / duration
+        s, c = np.sin(w * t), np.cos(w * t)
+        parts += [np.stack([s / w, c, -w * s]), np.stack([c / w, -s, -w * c])]
+    return np.stack(parts, axis=2)
+
+
+def _from_rest(parts: Float[Array, "3 N M"], at_ends: Float[Array, "3 2 M"]) -> Float[Array, "3 N K"]:
+    """The constant shape, and an orthonormal set of those sums of ``parts`` that are at rest at both ends."""
+    moving = at_ends[1:].reshape(4, -1)
+    size = np.linalg.norm(moving, axis=1, keepdims=True)
+    _, singular, rows = np.linalg.svd(moving / np.where(size > 0, size, 1.0))
+    rank = int((singular > 1e-9).sum())  # a periodic family meets the same conditions at both ends
+    constant = np.zeros((3, parts.shape[1], 1))
+    constant[0] = 1.0
+    return np.concatenate([constant, parts @ rows[rank:].T], axis=2)
+
+
+def _require_duration(duration: float) -> None:
+    if not (np.isfinite(duration) and duration > 0):
+        raise ParameterError(f"A motion of {duration:g} s was asked for: give more than 0.")
+
+
+def _require_count(count: int, name: str, least: int) -> None:
+    if count < least:
+        raise ParameterError(f"A motion of {count} {name} was asked for: give at least {least}.")

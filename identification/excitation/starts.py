@@ -1,0 +1,101 @@
+"""Where the design of an excitation begins: postures that keep all limits at rest, and motions about them that do."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from jaxtyping import Float
+
+from identification.excitation.problem import Grid, Problem
+from phantom_dyn.motion import Motion
+
+Array = np.ndarray
+
+POSTURES = 300
+_REACH = (np.pi, 0.5)
+"""Half of the range [rad; m for linear joints] in which a joint without position limits is placed."""
+SHARES = tuple(np.geomspace(1.0, 1e-3, 41).tolist())
+"""Sizes of a motion about its posture that are tried, the largest first, 16 per cent apart."""
+
+
+@dataclass(frozen=True)
+class JointSizes:
+    """Middle and half range of each active joint's position [rad or m], and its largest speed."""
+
+    middle: Float[Array, " nv"]
+    half: Float[Array, " nv"]
+    speed: Float[Array, " nv"]
+
+
+def joint_sizes(problem: Problem) -> JointSizes:
+    """Sizes from the limits; a joint that may go further than half a turn either way stays within one turn."""
+    rows, limits = list(problem.robot.tree_rows), problem.limits
+    reach = np.where(problem.robot.prismatic, _REACH[1], _REACH[0])
+    lower, upper = limits.lower[rows], limits.upper[rows]
+    middle = np.clip(
+        0.0, lower + np.minimum(reach, (upper - lower) / 2), upper - np.minimum(reach, (upper - lower) / 2)
+    )
+    half = np.minimum(np.minimum(upper - middle, middle - lower), reach)
+    speed = np.minimum(limits.velocity[rows], np.where(problem.robot.prismatic, 10.0, 100.0))
+    return JointSizes(middle, half, speed)
+
+
+def rest(q: Float[Array, "N nv"]) -> Motion:
+    """Postures, as samples of a motion that does not move."""
+    return Motion(np.arange(float(len(q))), q, np.zeros_like(q), np.zeros_like(q))
+
+
+def worst_excess(problem: Problem, motion: Motion, margin: float = 0.0) -> Float[Array, " N"]:
+    """How far each sample lies outside the bounds, narrowed by a margin, in units of their sizes; 0 or less: inside."""
+    values = problem.limited(motion, problem.regressor(motion))
+    return problem.bounds.inside(margin).excess(values).max(axis=(0, 2))
+
+
+def random_postures(problem: Problem, rng: np.random.Generator) -> Float[Array, "n nv"]:
+    """The middle of the joints' ranges, then random postures."""
+    sizes = joint_sizes(problem)
+    spread = rng.uniform(-1.0, 1.0, (POSTURES, problem.robot.nv))
+    return sizes.middle + np.concatenate([np.zeros((1, problem.robot.nv)), spread]) * sizes.half
+
+
+def at_rest(posture: Float[Array, " nv"], shapes: int) -> Float[Array, "K nv"]:
+    """Weights of a motion that stays in a posture."""
+    weights = np.zeros((shapes, len(posture)))
+    weights[0] = posture
+    return weights
+
+
+def random_motion(
+    problem: Problem, grid: Grid, posture: Float[Array, " nv"], rng: np.random.Generator
+) -> Float[Array, "K nv"]:
+    """Weights of a motion about a posture, random and as large as the limits let it be.
+
+    Args:
+        problem: Gives the limits.
+        grid: Where they are looked at.
+        posture: One that keeps them at rest.
+        rng: Draws normal weights of the shapes, and how fast each joint is to the others.
+    """
+    moving = rng.normal(size=(grid.values.shape[2], problem.robot.nv))
+    moving[0] = 0.0
+    moving[0] = -(grid.values[0] @ moving).mean(axis=0)
+    peak = np.abs(grid.values[1] @ moving).max(axis=0)
+    moving *= joint_sizes(problem).speed * rng.uniform(0.3, 1.0, problem.robot.nv) / peak
+    return largest(problem, grid, at_rest(posture, len(moving)) + moving, posture)
+
+
+def largest(
+    problem: Problem,
+    grid: Grid,
+    weights: Float[Array, "K nv"],
+    posture: Float[Array, " nv"],
+    shares: tuple[float, ...] = SHARES,
+) -> Float[Array, "K nv"]:
+    """The largest motion between a posture and the given one that keeps all limits; the posture if none does."""
+    still = at_rest(posture, len(weights))
+    for share in shares:
+        smaller = still + share * (weights - still)
+        if worst_excess(problem, grid.motion(smaller)).max() <= 0:
+            return smaller
+    return still

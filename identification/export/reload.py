@@ -1,0 +1,113 @@
+# pyright: reportAttributeAccessIssue=false
+"""Loading a written model again, and comparing the torques that it needs with those of the model it was made from."""
+
+from __future__ import annotations
+
+import tempfile
+from dataclasses import replace
+from importlib.util import find_spec
+from pathlib import Path
+
+import numpy as np
+import pinocchio as pin
+from jaxtyping import Float
+
+from identification.export.tree_friction import tree_torque
+from phantom_dyn.closed_chain import tree_motion
+from phantom_dyn.configuration import configurations
+from phantom_dyn.errors import PhantomDynError, RobotError
+from phantom_dyn.loading import load_robot
+from phantom_dyn.motion import Motion
+from phantom_dyn.robot import Robot
+
+Array = np.ndarray
+
+TOLERANCE = 1e-6
+"""Largest difference over the largest torque of the motion: files carry all digits, so more is a mistake."""
+
+
+def urdf_difference(text: str, robot: Robot, motion: Motion, config: Path | None) -> float:
+    """Largest difference of torques, over the largest torque, of a URDF that Pinocchio has loaded again.
+
+    All joints of the tree are compared, as if each had a drive: a URDF says nothing of loops.
+
+    Args:
+        text: Of the URDF.
+        robot: What the file is to say; rotor inertias are taken from it, as the file has none.
+        motion: N samples of the active joints.
+        config: The robot's ``robot.yaml``, for the joints that are held fixed and for gravity.
+
+    Raises:
+        RobotError: If the text cannot be loaded, or has other joints.
+    """
+    with tempfile.TemporaryDirectory() as folder:
+        path = Path(folder) / "robot.urdf"
+        path.write_text(text, encoding="utf-8")
+        try:
+            loaded = load_robot(path, config=config)
+        except PhantomDynError as error:
+            raise RobotError(str(error).replace(str(path), "the URDF that was written")) from error
+    if list(loaded.model.names) != list(robot.model.names):
+        raise RobotError(
+            f"The URDF that was written has the joints {', '.join(list(loaded.model.names)[1:])}, wanted "
+            f"{', '.join(list(robot.model.names)[1:])}: this is an error of phantom-dyn."
+        )
+    model = loaded.model.copy()
+    model.armature, model.gravity = robot.model.armature, robot.model.gravity
+    tree = tree_motion(robot, motion)
+    again = replace(tree, configuration=configurations(model, tree.q))
+    return _difference(tree_torque(replace(loaded, model=model), again), tree_torque(robot, tree))
+
+
+def mujoco_difference(text: str, robot: Robot, motion: Motion) -> float:
+    """Largest difference of torques, over the largest torque, of a MJCF that MuJoCo has loaded again; NaN without it.
+
+    Args:
+        text: Of the MJCF.
+        robot: What the file is to say.
+        motion: N samples of the active joints.
+
+    Raises:
+        RobotError: If MuJoCo refuses the text.
+    """
+    if find_spec("mujoco") is None:
+        return float("nan")
+    import mujoco
+
+    try:
+        model = mujoco.MjModel.from_xml_string(text)
+    except ValueError as error:
+        raise RobotError(f"MuJoCo refuses the MJCF that was written ({' '.join(str(error).split())}).") from error
+    # Loops and dry friction are constraints: without them the torque is that of the tree, and friction is added.
+    model.opt.disableflags |= mujoco.mjtDisableBit.mjDSBL_CONSTRAINT
+    data = mujoco.MjData(model)
+    tree = tree_motion(robot, motion)
+    names = [mujoco.mj_id2name(model, mujoco.mjtObj.mjOBJ_JOINT, k) for k in range(model.njnt)]
+    order = [names.index(name) for name in list(robot.model.names)[1:]]
+    out = np.empty_like(tree.v)
+    for k, (q, v, a) in enumerate(zip(tree.q, tree.v, tree.a, strict=True)):
+        data.qpos[order], data.qvel[order], data.qacc[order] = q, v, a
+        mujoco.mj_inverse(model, data)
+        out[k] = data.qfrc_inverse[order]
+    return _difference(out + model.dof_frictionloss[order] * np.sign(tree.v), tree_torque(robot, tree))
+
+
+def some_motion(motion: Motion, most: int = 200) -> Motion:
+    """At most so many samples of a motion, evenly spread."""
+    at = np.unique(np.linspace(0, len(motion.t) - 1, most).astype(int))
+    return Motion(motion.t[at], motion.q[at], motion.v[at], motion.a[at])
+
+
+def versions() -> dict[str, str]:
+    """What loads the files again: name and version of Pinocchio, and of MuJoCo where it is installed."""
+    out = {"urdf": f"Pinocchio {pin.__version__}"}
+    if find_spec("mujoco") is not None:
+        import mujoco
+
+        out["mjcf"] = f"MuJoCo {mujoco.__version__}"
+    return out
+
+
+def _difference(found: Float[Array, "N nt"], wanted: Float[Array, "N nt"]) -> float:
+    largest = float(np.abs(wanted).max())
+    return float(np.abs(found - wanted).max() / (largest if largest > 0 else 1.0))

@@ -1,0 +1,105 @@
+# pyright: reportAttributeAccessIssue=false
+"""A robot's URDF with other inertias and friction; all else in the file stays as it is."""
+
+from __future__ import annotations
+
+import os
+from pathlib import Path
+from xml.etree import ElementTree
+
+import numpy as np
+
+from identification.export.rigid_links import LinkInertia, fixed_links, link_of_joint, links_held, own_inertia
+from identification.export.tree_friction import tree_friction
+from phantom_dyn.errors import RobotError
+from phantom_dyn.robot import Robot
+from phantom_dyn.robot_xml import Element
+
+_SCHEMES = tuple(f"{name}://" for name in ("package", "file", "http", "https", "model"))
+
+
+def edited_urdf(robot: Robot, given: Robot, file: Path, folder: Path) -> str:
+    """The text of a URDF in which the inertias and frictions that differ from the given robot's are replaced.
+
+    Args:
+        robot: With the new inertias and friction.
+        given: As the file states it.
+        file: The URDF.
+        folder: Where the text will lie: file names of meshes are made relative to it.
+
+    Raises:
+        RobotError: If the file has no link on a joint of the robot.
+        ParameterError: If no body can have the inertia that is left for a link.
+    """
+    # Comments stay: they often say where numbers come from.
+    parser = ElementTree.XMLParser(target=ElementTree.TreeBuilder(insert_comments=True))
+    root = ElementTree.parse(file, parser).getroot()
+    links = {link.get("name", ""): link for link in root.findall("link")}
+    held = links_held(given, root)
+    for body in range(1, robot.model.njoints):
+        if robot.model.inertias[body] == given.model.inertias[body]:
+            continue
+        own = link_of_joint(root, robot.model.names[body])
+        if own is None or own not in links:
+            raise RobotError(f"{file} hangs no link on the joint {robot.model.names[body]}: give the robot's URDF.")
+        inertia, losing = own_inertia(robot, body, fixed_links(given, root, body, own), held)
+        for name in losing:
+            for element in links[name].findall("inertial"):
+                links[name].remove(element)
+        _set_inertia(links[own], inertia)
+    _set_friction(root, robot, given)
+    _relocate(root, file.resolve().parent, folder)
+    ElementTree.indent(root)
+    before = "".join(f"<!--{comment}-->\n" for comment in _comments_before(file))
+    return f'<?xml version="1.0"?>\n{before}{ElementTree.tostring(root, encoding="unicode")}\n'
+
+
+def _comments_before(file: Path) -> list[str]:
+    """Comments in front of the root element, which is no part of them."""
+    out = []
+    for event, element in ElementTree.iterparse(file, events=("start", "comment")):
+        if event == "start":
+            break
+        out.append(element.text or "")
+    return out
+
+
+def inertial_element(inertia: LinkInertia) -> Element:
+    """The ``<inertial>`` of a link; nothing is rounded."""
+    element = ElementTree.Element("inertial")
+    ElementTree.SubElement(element, "origin", xyz=words(inertia.center), rpy="0 0 0")
+    ElementTree.SubElement(element, "mass", value=repr(float(inertia.mass)))
+    names = (("ixx", 0, 0), ("ixy", 0, 1), ("ixz", 0, 2), ("iyy", 1, 1), ("iyz", 1, 2), ("izz", 2, 2))
+    entries = {name: repr(float(inertia.inertia[i, j])) for name, i, j in names}
+    ElementTree.SubElement(element, "inertia", entries)
+    return element
+
+
+def words(numbers) -> str:
+    """Numbers of an attribute; nothing is rounded."""
+    return " ".join(repr(float(x)) for x in np.ravel(numbers))
+
+
+def _set_inertia(link: Element, inertia: LinkInertia) -> None:
+    for element in link.findall("inertial"):
+        link.remove(element)
+    link.insert(0, inertial_element(inertia))
+
+
+def _set_friction(root: Element, robot: Robot, given: Robot) -> None:
+    joints = {joint.get("name"): joint for joint in root.findall("joint")}
+    new, old = tree_friction(robot), tree_friction(given)
+    for k, name in enumerate(list(robot.model.names)[1:]):
+        for values, before, attribute in zip(new, old, ("damping", "friction"), strict=True):
+            if values[k] != before[k] and name in joints:
+                element = joints[name].find("dynamics")
+                if element is None:
+                    element = ElementTree.SubElement(joints[name], "dynamics")
+                element.set(attribute, repr(float(values[k])))
+
+
+def _relocate(root: Element, source: Path, folder: Path) -> None:
+    for element in root.iter():
+        name = element.get("filename") if isinstance(element.tag, str) else None
+        if name and not name.startswith(_SCHEMES) and not Path(name).is_absolute() and (source / name).exists():
+            element.set("filename", Path(os.path.relpath(source / name, folder.resolve())).as_posix())

@@ -1,0 +1,111 @@
+"""Which parameters a recording determines alone, in combination with others, or not at all, and why."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from identification.base_parameters import BaseParameters, base_parameters
+from identification.identify.result import BodyParameters, Share, Unidentified
+from identification.log import Band, Log
+from identification.regressor import EffectOnJoint, torque_regressor
+from phantom_dyn.inertia import STANDARD_NAMES, body_name
+from phantom_dyn.motion import Motion
+from phantom_dyn.robot import Robot
+
+Array = np.ndarray
+
+_SAMPLES = 200  # many more rows than any robot has base parameters per joint
+_SHOWN = 4  # names in a sentence
+
+
+def excited_base(robot: Robot, log: Log, effects: Sequence[EffectOnJoint]) -> BaseParameters:
+    """Base parameters for motion that excites everything: speeds and accelerations at random, and positions too.
+
+    The positions of a closed chain are those of the recording, as its loops do not close everywhere.
+
+    Args:
+        robot: Gives the rigid body.
+        log: A recording of it.
+        effects: What acts on the joints beside the rigid body.
+    """
+    rng = np.random.default_rng(0)
+    if robot.chain is None:
+        q = np.where(robot.prismatic, 1.0, np.pi) * rng.uniform(-1, 1, (_SAMPLES, robot.nv))
+    else:
+        q = log.motion.q[np.linspace(0, len(log.motion.t) - 1, _SAMPLES).astype(int)]
+    v, a = rng.standard_normal((2, _SAMPLES, robot.nv))
+    motion = Motion(np.arange(float(_SAMPLES)), q, v, a)
+    everything = Band(1.0, 0.5, np.ones(1), 1)
+    at_random = Log("random motion", robot.joint_names, motion, np.zeros_like(q), everything, np.ones(_SAMPLES, bool))
+    return base_parameters(torque_regressor(robot, at_random, effects))
+
+
+def shares(base: BaseParameters) -> tuple[Share, ...]:
+    """For every column whether it is identified alone, in a combination, or not at all.
+
+    A column is identified alone if no null vector of the regressor touches it: an independent one that nothing
+    regroups into.
+    """
+    out: list[Share] = ["combination"] * len(base.names)
+    for row, k in enumerate(base.independent):
+        if not base.regrouped[row].any():
+            out[k] = "alone"
+    for k in base.zero:
+        out[k] = "none"
+    return tuple(out)
+
+
+def members(base: BaseParameters) -> dict[int, tuple[str, ...]]:
+    """For each dependent column the base parameters that it is part of."""
+    names = base.base_names
+    return {k: tuple(names[row] for row in np.flatnonzero(base.regrouped[:, d])) for d, k in enumerate(base.dependent)}
+
+
+def body_table(robot: Robot, base: BaseParameters, excited: BaseParameters) -> tuple[BodyParameters, ...]:
+    """Per body what can be identified of its ten parameters.
+
+    Args:
+        robot: Gives the bodies, whose parameters are the first columns.
+        base: Of the recording.
+        excited: Of motion that excites everything.
+    """
+    now, ever = shares(base), shares(excited)
+    return tuple(
+        BodyParameters(
+            body_name(robot, j),
+            dict(zip(STANDARD_NAMES, now[10 * (j - 1) : 10 * j], strict=True)),
+            dict(zip(STANDARD_NAMES, ever[10 * (j - 1) : 10 * j], strict=True)),
+        )
+        for j in range(1, robot.model.njoints)
+    )
+
+
+def unidentified(base: BaseParameters, excited: BaseParameters) -> tuple[Unidentified, ...]:
+    """Every dependent column with the reason why it is no unknown of its own.
+
+    Args:
+        base: Of the recording.
+        excited: Of motion that excites everything, of the same columns.
+    """
+    part_of = members(base)
+    never, always = set(excited.zero), set(excited.dependent)
+    out = []
+    for k in base.dependent:
+        whole = ", ".join(part_of[k][:_SHOWN]) + (", ..." if len(part_of[k]) > _SHOWN else "")
+        if k in base.zero and k in never:
+            why = "no motion of this robot makes it produce torque"
+        elif k in base.zero:
+            why = "it produces no torque in this recording: move more joints, or in other postures"
+        elif k in always:
+            why = f"in every motion of this robot it is only seen within {whole}"
+        else:
+            why = f"in this recording it is only seen within {whole}; another motion can part them"
+        out.append(Unidentified(base.names[k], base.units[k], why))
+    return tuple(out)
+
+
+def not_excited(base: BaseParameters, excited: BaseParameters) -> tuple[str, ...]:
+    """Columns that other motion could tell apart from those before them, and this recording cannot."""
+    return tuple(base.names[k] for k in base.dependent if k in set(excited.independent))

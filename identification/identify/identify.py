@@ -1,0 +1,149 @@
+"""From a robot and its recordings to an identification."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Sequence
+from pathlib import Path
+
+import numpy as np
+from jaxtyping import Float
+
+from identification.estimators.fit import Fit
+from identification.estimators.ladder import Estimator, estimator_named
+from identification.identify.evidence import held_out_evidence
+from identification.identify.exports import exports
+from identification.identify.friction import DEFAULT_TERMS, effects_of, without_estimated
+from identification.identify.full_model import FullModel, full_model, model_torque
+from identification.identify.hold_out import split_logs
+from identification.identify.identifiability import body_table, excited_base, not_excited, unidentified
+from identification.identify.result import Identification
+from identification.identify.tables import joint_errors, parameters
+from identification.log import Log
+from identification.recordings import Recording
+from identification.regressor import Regressor
+from phantom_dyn import __version__
+from phantom_dyn.errors import ParameterError
+from phantom_dyn.robot import Robot
+
+Array = np.ndarray
+
+_SHOWN = 6  # names in a warning
+_FAR = 2.0  # standard deviations: a larger move of a base parameter is said aloud
+
+
+def identify(
+    robot: Robot,
+    recordings: tuple[Recording, ...],
+    *,
+    hold_out: tuple[Recording, ...] = (),
+    estimator: str = "wls",
+    friction: Sequence[str] = DEFAULT_TERMS,
+    rotors: bool = False,
+    folder: Path | None = None,
+    config: Path | None = None,
+    progress: Callable[[str], None] = lambda _: None,
+) -> Identification:
+    """Base parameters, friction and drives of a robot, judged on held-out data, with a model to simulate.
+
+    Args:
+        robot: Its inertias are the reference of what the data do not determine.
+        recordings: For the fit; the end of a single one, or the last of several, is held out.
+        hold_out: Recordings to judge on; then all of ``recordings`` are for the fit.
+        estimator: A name of `identification.estimators.ladder`.
+        friction: Terms of `identification.identify.friction`.
+        rotors: True if the rotor inertias are unknowns too.
+        folder: Where the model files will lie, for the places of meshes; the working folder by default.
+        config: The robot's ``robot.yaml``, None for the one beside its file.
+        progress: Told in words what is being done.
+
+    Raises:
+        LogError: If a recording cannot be used.
+        IdentifiabilityError: If the recordings excite too little.
+        EstimationError: If the estimator fails.
+        ParameterError: If there is no such estimator, or it needs more than recordings.
+    """
+    started = time.perf_counter()
+    entry = usable_estimator(estimator)
+    progress("filtering")
+    split = split_logs(robot, recordings, hold_out)
+    effects = effects_of(robot, friction, rotors=rotors)
+    fitted = without_estimated(robot, friction, rotors=rotors)
+    progress(f"estimating ({estimator})")
+    fit = entry.fit(fitted, split.train, effects)
+    progress("looking for what cannot be identified")
+    excited = excited_base(fitted, split.train[0], effects)
+    progress("predicting held-out samples")
+    evidence = held_out_evidence(robot, fitted, fit, split.test)
+    progress("choosing possible inertias")
+    full = full_model(robot, fitted, fit)
+    progress("writing and loading models")
+    files = exports(full, robot, split.train[0].motion, folder=folder or Path.cwd(), config=config)
+    base, others = parameters(fit)
+    every = (*recordings, *hold_out)
+    lacking = not_excited(fit.base, excited)
+    return Identification(
+        robot=robot.name if robot.source == "" else Path(robot.source).name,
+        recordings=tuple(Path(recording.file).name for recording in every),
+        estimator=estimator,
+        terms=tuple(friction),
+        band_hz=(0.0, split.cutoff_hz),
+        samples=fit.samples,
+        rank=fit.rank,
+        excitable=excited.rank,
+        condition=fit.cond,
+        base=base,
+        others=others,
+        unidentified=unidentified(fit.base, excited),
+        bodies=body_table(fitted, fit.base, excited),
+        held_out=split.words,
+        joints=joint_errors(robot, evidence.measured, evidence.predicted, evidence.given, fit.relative_error),
+        departure=tuple(_departure(full, fitted, fit, split.test).tolist()),
+        full_words=full.words,
+        exports=files,
+        warnings=tuple(
+            dict.fromkeys(
+                (
+                    *robot.warnings,
+                    *(warning for recording in every for warning in recording.warnings),
+                    *_excitation(fit, excited.rank, lacking),
+                    *(warning for warning in fit.warnings if not warning.startswith("Not separable")),
+                    *([full.words] if not full.possible or full.moved > _FAR else []),
+                )
+            )
+        ),
+        evidence=evidence,
+        seconds=time.perf_counter() - started,
+        version=__version__,
+    )
+
+
+def usable_estimator(name: str) -> Estimator:
+    """The estimator of that name, if it works on recordings alone.
+
+    Raises:
+        ParameterError: If there is none, or it has to be told of payloads.
+    """
+    entry = estimator_named(name)
+    if not entry.plain:
+        raise ParameterError(
+            f"The estimator {name} has to be told the mass of a payload, which this command does not take: call "
+            f"fit_{name} in Python, or choose another."
+        )
+    return entry
+
+
+def _excitation(fit: Fit, excitable: int, lacking: tuple[str, ...]) -> tuple[str, ...]:
+    if not lacking:
+        return ()
+    some = ", ".join(lacking[:_SHOWN]) + (", ..." if len(lacking) > _SHOWN else "")
+    return (
+        f"The recording parts {fit.rank} of the {excitable} parameters that this robot's motion can part; it lacks "
+        f"{some}: record a motion that moves every joint, in several postures.",
+    )
+
+
+def _departure(full: FullModel, fitted: Robot, fit: Fit, logs: tuple[Log, ...]) -> Float[Array, " nv"]:
+    """Root mean square, per joint, of the torque by which the full model differs from the fit."""
+    off = [Regressor.in_band(log, model_torque(full, log.motion) - fit.predict(fitted, log.motion)) for log in logs]
+    return np.sqrt(np.mean(np.concatenate(off) ** 2, axis=0))

@@ -1,0 +1,91 @@
+"""The identification as ``identification.json`` (schema ``identification/1``)."""
+
+from __future__ import annotations
+
+import json
+import math
+
+from identification.identify.result import Export, Identification, Parameter
+
+SCHEMA = "identification/1"
+
+Json = dict[str, "Json"] | list["Json"] | str | float | int | bool | None
+
+
+def to_json(found: Identification) -> dict[str, Json]:
+    """The content of ``identification.json``: plain types, nothing rounded, null where a number is not finite."""
+    return {
+        "schema": SCHEMA,
+        "robot": found.robot,
+        "recordings": list(found.recordings),
+        "estimator": found.estimator,
+        "friction_terms": list(found.terms),
+        "band_hz": [*found.band_hz],
+        "samples": found.samples,
+        "rank": found.rank,
+        "rank_of_exciting_motion": found.excitable,
+        "condition_number": _number(found.condition),
+        "base_parameters": [_parameter(parameter) for parameter in found.base],
+        "friction_and_actuator_parameters": [
+            {"joint": parameter.joint, "effect": parameter.effect, **_parameter(parameter)}
+            for parameter in found.others
+        ],
+        "not_identified": [{"name": u.name, "unit": u.unit, "why": u.why} for u in found.unidentified],
+        "bodies": [
+            {"body": b.body, "this_recording": {**b.this_recording}, "any_motion": {**b.any_motion}}
+            for b in found.bodies
+        ],
+        "held_out": found.held_out,
+        "joints": [
+            {
+                "joint": joint.joint,
+                "unit": joint.unit,
+                "rms": _number(joint.rms),
+                "relative_error": _number(joint.relative),
+                "relative_error_given_model": _number(joint.given),
+                "relative_error_fit": _number(joint.fitted),
+                "full_model_rms_from_fit": _number(off),
+                "hold_out_samples": joint.samples,
+            }
+            for joint, off in zip(found.joints, found.departure, strict=True)
+        ],
+        "full_model": found.full_words,
+        "exports": [_export(export) for export in found.exports],
+        "warnings": list(found.warnings),
+        "seconds": found.seconds,
+        "version": found.version,
+    }
+
+
+def json_text(found: Identification) -> str:
+    """The text of ``identification.json``, ending in a newline."""
+    return json.dumps(to_json(found), indent=1, ensure_ascii=False, allow_nan=False) + "\n"
+
+
+def _parameter(parameter: Parameter) -> dict[str, Json]:
+    return {
+        "name": parameter.name,
+        "value": _number(parameter.value),
+        "std": _number(parameter.std),
+        "relative_std": _number(parameter.relative_std),
+        "unit": parameter.unit,
+        "regroups": parameter.regroups or None,
+        "identified": parameter.identified,
+        "why_not": parameter.why or None,
+    }
+
+
+def _export(export: Export) -> dict[str, Json]:
+    return {
+        "file": export.file,
+        "written": bool(export.text),
+        "loaded_again_with": export.loaded_with or None,
+        "largest_relative_difference": _number(export.difference),
+        "tolerance": export.tolerance,
+        "notes": list(export.left_out),
+    }
+
+
+def _number(value: float) -> float | None:
+    """JSON has no word for a number that is not finite."""
+    return float(value) if math.isfinite(value) else None

@@ -1,0 +1,75 @@
+"""Sentences and cells of the report and the summary."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from identification.diagnosis.effect_words import effect_words
+from identification.diagnosis.numbers import number, percent, with_std, with_unit
+from identification.diagnosis.words import capital, parameter_name
+from identification.identify.result import Identification, Parameter
+
+SHARES = {"alone": "alone", "combination": "in combination", "none": "not at all"}
+
+
+def headline(found: Identification) -> str:
+    """What was identified and how well it predicts, in one sentence."""
+    sure = sum(parameter.identified for parameter in (*found.base, *found.others))
+    before, after = (
+        np.array([getattr(joint, name) for joint in found.joints], dtype=float) for name in ("given", "relative")
+    )
+    head = f"{found.rank} parameters were estimated, {sure} of them more than two standard deviations from zero"
+    if not np.isfinite(after).any():
+        return f"{head}."
+    low, high = percent(float(np.nanmin(after))), percent(float(np.nanmax(after)))
+    error = low if low == high else f"{low} to {high}"
+    given = percent(float(np.nanmedian(before)))
+    middle = "" if len(found.joints) == 1 else " in the median"
+    return f"{head}; on held-out data the torque error is {error} (given model: {given}{middle})."
+
+
+def law_cell(parameter: Parameter, everything: tuple[Parameter, ...]) -> str:
+    """Law of a parameter of friction or a drive, with the parameter's own name where the law has several."""
+    law = capital(effect_words(parameter.effect or "").name.removeprefix("a "))
+    several = sum((p.joint, p.effect) == (parameter.joint, parameter.effect) for p in everything) > 1
+    return f"{law}: {parameter_name(parameter.name.rpartition('.')[2])}" if several else law
+
+
+def value_cell(parameter: Parameter) -> str:
+    """Value with its deviation and unit."""
+    return with_unit(with_std(parameter.value, parameter.std), parameter.unit)
+
+
+def relative_cell(parameter: Parameter) -> str:
+    """Relative deviation as a percentage; a dash where there is none."""
+    relative = 100 * parameter.relative_std
+    if not np.isfinite(relative):
+        return "–"
+    return f"{relative:.2g} %" if relative < 100 else "over 100 %"
+
+
+def error_cells(found: Identification) -> list[tuple[str, ...]]:
+    """Joint, given model, identified model, fit, RMS, departure of the full model, unit, samples."""
+    return [
+        (
+            joint.joint,
+            percent(joint.given),
+            percent(joint.relative),
+            percent(joint.fitted),
+            number(joint.rms),
+            number(off),
+            joint.unit,
+            str(joint.samples),
+        )
+        for joint, off in zip(found.joints, found.departure, strict=True)
+    ]
+
+
+def export_sentence(difference: float, tolerance: float, loaded_with: str) -> str:
+    """What loading a file again has shown."""
+    if not loaded_with:
+        return "It was not loaded again."
+    return (
+        f"Loaded again with {loaded_with}, its torques differ by {difference:.1g} of the largest at most "
+        f"(allowed: {tolerance:g})."
+    )

@@ -1,0 +1,137 @@
+from __future__ import annotations
+
+from dataclasses import replace
+
+import cvxpy as cp
+import numpy as np
+import pytest
+
+from identification.estimators.consistent_bodies import PSEUDO, Region, pseudo_inertia, reference_body
+from identification.estimators.consistent_cone import solve_program
+from identification.estimators.consistent_program import Prior, Program, is_possible, nearest_unconstrained
+from phantom_dyn.errors import EstimationError, ParameterError
+from phantom_dyn.inertia import body_parameters
+
+CAD = body_parameters(2.0, np.array([0.1, 0.0, 0.2]), np.diag([0.05, 0.06, 0.03]))
+
+ALONE = ((reference_body(CAD),), (None,), np.zeros(0), np.zeros(0))  # one body anywhere, no coefficients
+
+
+def one_body(rng, *, rows=14, coefficients=1, shift=3.0, **kwargs):
+    """Equations of one body that ask for what no body can have, and of coefficients below zero."""
+    width = 10 + coefficients
+    factor = rng.normal(size=(rows, width)) * 20
+    wanted = np.concatenate([CAD * rng.uniform(1 - shift, 1 + shift, 10), np.full(coefficients, -0.3)])
+    free = np.full(coefficients, np.inf)
+    return Program(factor, factor @ wanted, (reference_body(CAD),), (None,), 0 * free[:0] if not coefficients else
+                   np.zeros(coefficients), free, **kwargs)  # fmt: skip
+
+
+def by_cvxpy(program):
+    """The same program written for cvxpy, from the definition of each part."""
+    pi = cp.Variable(program.factor.shape[1])
+    (body,) = program.bodies
+    scaled = sum(pi[k] / body.scale[k] * PSEUDO[k] for k in range(10))
+    root = np.linalg.inv(body.whitening)
+    begun = root @ root.T
+    inverse = np.linalg.inv(begun)
+    matrix = cp.Variable((4, 4), symmetric=True)
+    if program.prior.kind == "entropic":
+        distance = cp.trace(inverse @ matrix) - cp.log_det(matrix)
+    else:
+        distance = 0.5 * cp.sum_squares(body.whitening @ (matrix - begun) @ body.whitening.T)
+    within = [matrix == scaled, matrix >> program.margin * np.eye(4), pi[10:] >= program.lower]
+    if program.regions[0] is not None:
+        within.append(program.regions[0].rows() @ pi[:10] >= 0)
+    cost = 0.5 * cp.sum_squares(program.factor @ pi - program.target) + program.prior.weight * distance
+    cp.Problem(cp.Minimize(cost), within).solve(solver="CLARABEL")
+    return pi.value
+
+
+BALL = Region(np.array([0.1, 0.0, 0.2]), 0.02 * np.eye(3))
+
+
+@pytest.mark.parametrize("kind", ["pullback", "entropic"])
+@pytest.mark.parametrize("region", [None, BALL])
+def test_the_solution_is_that_of_cvxpy(rng, kind, region):
+    program = replace(one_body(rng, prior=Prior(2.0, kind)), regions=(region,))
+    np.testing.assert_allclose(solve_program(program).pi, by_cvxpy(program), atol=3e-5)
+
+
+def test_equations_of_an_impossible_body_give_one_that_can_exist(rng):
+    # Oracle: eigenvalues of the central inertia's pseudo-inertia, and which law was in the way.
+    program = one_body(rng)
+    point = solve_program(program)
+    assert np.linalg.eigvalsh(pseudo_inertia(point.pi[:10]))[0] > 0
+    assert point.held_bodies == (0,)
+
+
+def test_a_coefficient_below_its_bound_is_held_at_it(rng):
+    point = solve_program(one_body(rng))
+    assert point.held_bounds == (0,)
+    assert point.pi[10] == pytest.approx(0.0, abs=1e-6)
+
+
+def test_a_centre_outside_the_hull_is_held_at_its_face(rng):
+    # Known truth: exact equations of a ball at x = 0.1, in a hull that ends at x = 0.05.
+    hull = Region(normals=np.array([[1.0, 0, 0]]), offsets=np.array([0.05]))
+    program = Program(np.eye(10) * 100, 100 * CAD, (reference_body(CAD),), (hull,), np.zeros(0), np.zeros(0))
+    point = solve_program(program)
+    assert point.held_regions == (0,)
+    assert point.pi[1] / point.pi[0] == pytest.approx(0.05, abs=1e-6)
+
+
+@pytest.mark.parametrize("kind", ["pullback", "entropic"])
+def test_without_equations_the_reference_comes_back(kind):
+    program = Program(np.zeros((0, 10)), np.zeros(0), *ALONE,
+                      Prior(1.0, kind))  # fmt: skip
+    np.testing.assert_allclose(solve_program(program).pi, CAD, atol=1e-5)
+
+
+@pytest.mark.parametrize("kind", ["pullback", "entropic"])
+def test_a_possible_truth_without_noise_comes_back_whatever_the_prior(rng, kind):
+    truth = CAD * 1.2
+    factor = rng.normal(size=(10, 10)) * 1e9
+    program = Program(factor, factor @ truth, *ALONE, Prior(1.0, kind))
+    np.testing.assert_allclose(solve_program(program).pi, truth, rtol=1e-4, atol=1e-6)
+
+
+def test_exact_equations_are_kept_to_the_last_digit(rng):
+    # Mass and first moments of a lighter body; the inertia that goes with them is free.
+    program = Program(np.eye(10)[:4], 0.3 * CAD[:4], *ALONE, exact=True)
+    point = solve_program(program)
+    np.testing.assert_allclose(point.pi[:4], 0.3 * CAD[:4], rtol=1e-9, atol=1e-12)
+    assert np.linalg.eigvalsh(pseudo_inertia(point.pi))[0] > 0
+
+
+def test_exact_equations_of_a_negative_mass_have_no_solution():
+    program = Program(np.eye(10)[:1], -np.ones(1), *ALONE, exact=True)
+    with pytest.raises(EstimationError, match="No physically possible bodies satisfy these equations"):
+        solve_program(program)
+
+
+def test_the_closed_form_is_the_point_of_the_equations_nearest_to_the_reference(rng):
+    # Optimality: the step from the reference has no part along what the equations leave free.
+    program = one_body(rng, rows=6, coefficients=0, shift=0.1)
+    nearest = nearest_unconstrained(program)
+    np.testing.assert_allclose(program.factor @ nearest, program.target, atol=1e-9)
+    (body,) = program.bodies
+    free = np.linalg.svd(program.factor * body.scale)[2][6:]
+    step = body.metric @ ((nearest - CAD) / body.scale)
+    np.testing.assert_allclose(body.metric.T @ step @ free.T, 0, atol=1e-7)
+
+
+def test_only_what_all_constraints_allow_is_possible(rng):
+    program = replace(one_body(rng), regions=(BALL,))
+    assert is_possible(program, np.r_[body_parameters(2.0, np.array([0.1, 0, 0.2]), 0.004 * np.eye(3)), 0.1])
+    assert not is_possible(program, np.r_[CAD, -0.1])
+    assert not is_possible(program, np.r_[-CAD, 0.1])
+    assert not is_possible(program, np.r_[body_parameters(2.0, np.array([0.9, 0, 0.2]), 0.004 * np.eye(3)), 0.1])
+
+
+@pytest.mark.parametrize(
+    ("given", "message"), [((np.nan,), "weight of a prior is nan"), ((1.0, "log"), "kind 'log' is")]
+)
+def test_a_prior_that_means_nothing_is_refused(given, message):
+    with pytest.raises(ParameterError, match=message):
+        Prior(*given)

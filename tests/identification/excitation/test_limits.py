@@ -1,0 +1,176 @@
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from identification.excitation.bounds import bounds_of
+from identification.excitation.limits import FrameBox, Limits, limits_of
+from identification.excitation.stated import stated_limits
+from phantom_dyn import load_robot
+from phantom_dyn.errors import ParameterError, RobotError
+from phantom_dyn.robot import Actuator
+
+ROBOTS = Path(__file__).resolve().parents[2] / "robots"
+
+HINGE = """<robot name="hinge"><link name="base"/><link name="arm"><inertial><origin xyz="0 0 -0.2"/><mass value="1"/>
+<inertia ixx="0.1" ixy="0" ixz="0" iyy="0.1" iyz="0" izz="0.1"/></inertial></link>
+<joint name="pin" type="{kind}"><parent link="base"/><child link="arm"/><axis xyz="0 1 0"/>{limit}</joint></robot>"""
+
+
+def hinge(tmp_path, kind, limit):
+    path = tmp_path / "hinge.urdf"
+    path.write_text(HINGE.format(kind=kind, limit=limit))
+    return load_robot(path)
+
+
+def test_limits_are_those_of_the_robot_file(planar):
+    limits = limits_of(planar)
+    np.testing.assert_allclose(limits.lower, [-3, -3])
+    np.testing.assert_allclose(limits.upper, [3, 3])
+    np.testing.assert_allclose(limits.velocity, [20, 20])
+    np.testing.assert_allclose(limits.torque, [40, 20])
+    assert np.isinf(limits.acceleration).all()
+    assert limits.notes == ()
+
+
+def test_a_stated_drive_goes_before_the_robot_file(planar):
+    weak = replace(planar, actuators=(Actuator(torque_limit=5.0), planar.actuators[1]))
+    np.testing.assert_allclose(limits_of(weak).torque, [5, 20])
+
+
+def test_a_share_is_taken_of_speed_and_torque(planar):
+    limits = limits_of(planar, share=0.5)
+    np.testing.assert_allclose(limits.velocity, [10, 10])
+    np.testing.assert_allclose(limits.torque, [20, 10])
+
+
+def test_a_wish_does_not_raise_the_speed_of_the_robot(planar):
+    np.testing.assert_allclose(limits_of(planar, velocity=[1.0, 50.0]).velocity, [1, 20])
+
+
+def test_a_continuous_joint_has_no_position_limit(tmp_path):
+    limits = limits_of(hinge(tmp_path, "continuous", '<limit effort="5" velocity="2"/>'))
+    assert limits.lower.tolist() == [-np.inf]
+    assert limits.upper.tolist() == [np.inf]
+
+
+def test_a_joint_without_a_stated_speed_keeps_a_slow_one_and_says_so(tmp_path):
+    limits = limits_of(hinge(tmp_path, "continuous", ""))
+    assert limits.velocity.tolist() == [1.0]
+    assert limits.notes == (
+        "The robot states no torque limit of pin: none is kept there.",
+        "The robot states no velocity limit of pin: 1 rad/s is kept; give another velocity to change it.",
+    )
+
+
+def test_a_linear_joint_without_a_stated_speed_is_slow_in_metres(spatial):
+    limits = limits_of(spatial)
+    assert limits.velocity.tolist() == [1.0, 1.0, 0.25]
+    assert any("1 rad/s and 0.25 m/s is kept" in note for note in limits.notes)
+
+
+def test_a_given_speed_takes_the_place_of_one_that_is_not_stated(spatial):
+    limits = limits_of(spatial, velocity=3.0)
+    assert limits.velocity.tolist() == [3.0, 3.0, 3.0]
+    assert not any("velocity" in note for note in limits.notes)
+
+
+def test_passive_joints_of_a_chain_have_limits_too():
+    robot = load_robot("phantom_1_5")
+    assert len(limits_of(robot).upper) == 5
+    labels = bounds_of(robot, limits_of(robot)).labels
+    assert "position of elbow" in labels
+    assert "torque of elbow" not in labels
+
+
+def test_coulomb_friction_is_taken_off_the_torque(planar):
+    # Known truth: 0.4 and 0.2 N m in the robot file.
+    bounds = bounds_of(planar, limits_of(planar))
+    assert bounds.upper[bounds.labels.index("torque of shoulder")] == pytest.approx(39.6)
+    assert bounds.upper[bounds.labels.index("torque of elbow")] == pytest.approx(19.8)
+
+
+def test_a_drive_weaker_than_its_friction_is_refused(planar):
+    weak = replace(planar, actuators=(Actuator(torque_limit=0.3), planar.actuators[1]))
+    with pytest.raises(ParameterError, match=r"The drive of shoulder gives 0\.3, and .* friction alone takes 0\.4"):
+        bounds_of(weak, limits_of(weak))
+
+
+def test_limits_without_room_are_refused(tmp_path):
+    robot = hinge(tmp_path, "revolute", '<limit lower="0" upper="0" effort="5" velocity="2"/>')
+    with pytest.raises(RobotError, match="lets pin move from 0 to 0, which leaves no room: widen its limits, or hold"):
+        limits_of(robot)
+
+
+def test_zero_and_huge_limits_count_as_none(tmp_path):
+    robot = hinge(tmp_path, "revolute", '<limit lower="-1e9" upper="1e9" effort="0" velocity="0"/>')
+    stated = stated_limits(robot)
+    assert [*stated.lower, *stated.upper, *stated.velocity, *stated.torque] == [-np.inf, np.inf, np.inf, np.inf]
+
+
+@pytest.mark.parametrize("share", [0.0, 1.5, np.nan])
+def test_a_share_that_is_none_is_refused(planar, share):
+    with pytest.raises(ParameterError, match="of the limits was given: give more than 0 and at most 1"):
+        limits_of(planar, share=share)
+
+
+@pytest.mark.parametrize("velocity", [[1.0, 2.0, 3.0], []])
+def test_a_wrong_number_of_speeds_is_refused(planar, velocity):
+    with pytest.raises(ParameterError, match="values of velocity were given for 2 joints: give one, or one for each"):
+        limits_of(planar, velocity=velocity)
+
+
+@pytest.mark.parametrize("acceleration", [0.0, -1.0, np.nan])
+def test_a_limit_that_lets_nothing_move_is_refused(planar, acceleration):
+    with pytest.raises(ParameterError, match=r"An acceleration limit of .* was given: give numbers above 0"):
+        limits_of(planar, acceleration=acceleration)
+
+
+def test_an_unknown_frame_is_refused_with_the_names(planar):
+    box = FrameBox("lowr", np.zeros(3), np.ones(3))
+    with pytest.raises(RobotError, match=r"planar2 has no frame 'lowr': the frames are .*; did you mean lower"):
+        limits_of(planar, boxes=[box])
+
+
+def test_an_empty_box_is_refused():
+    with pytest.raises(ParameterError, match="give lower corners below upper ones"):
+        FrameBox("tip", np.ones(3), np.ones(3))
+
+
+def test_a_joint_without_a_drive_is_refused(planar):
+    idle = replace(planar, actuators=(planar.actuators[0], Actuator(actuated=False)))
+    with pytest.raises(RobotError, match=r"elbow of planar2 has no drive that could follow a reference: hold it"):
+        limits_of(idle)
+
+
+def test_a_chain_whose_loop_is_solved_numerically_is_refused():
+    with pytest.raises(RobotError, match="excitation takes chains whose passive joints follow by kind: linear only"):
+        limits_of(load_robot(ROBOTS / "fourbar.xml"))
+
+
+def test_limits_of_another_robot_are_refused(planar, spatial):
+    with pytest.raises(ParameterError, match="The limits are not those of planar2"):
+        bounds_of(planar, limits_of(spatial))
+
+
+def test_a_speed_of_nan_is_refused():
+    with pytest.raises(ParameterError, match="A limit of velocity is not above 0"):
+        Limits(np.array([-1.0]), np.ones(1), np.array([np.nan]), np.ones(1), np.ones(1))
+
+
+def test_the_worst_bound_says_what_is_reached_and_by_how_much(planar):
+    bounds = bounds_of(planar, limits_of(planar))
+    values = np.zeros((3, len(bounds.labels)))
+    values[1, bounds.labels.index("torque of elbow")] = -29.7
+    assert bounds.worst(values) == "the torque of elbow reaches -29.7 N m, 9.9 N m under its limit of -19.8 N m"
+
+
+def test_a_bound_is_reached_within_a_per_cent(planar):
+    bounds = bounds_of(planar, limits_of(planar))
+    values = np.zeros((3, len(bounds.labels)))
+    values[1, bounds.labels.index("velocity of elbow")] = -19.9
+    values[1, bounds.labels.index("velocity of shoulder")] = 19.0
+    assert bounds.reached(values) == ("velocity of elbow",)

@@ -1,0 +1,75 @@
+"""What a fit sees and what it is judged on."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from identification.identify.hold_out import split_logs
+from phantom_dyn.errors import IdentifiabilityError, LogError
+
+
+def reach(log):
+    """Full-rate samples that the filter reads for the log's valid samples in the band."""
+    at = log.samples[log.valid_in_band]
+    return {k for centre in at for k in range(centre - log.band.half, centre + log.band.half + 1)}
+
+
+def test_of_one_recording_the_last_fifth_is_held_out(arm, recorded):
+    split = split_logs(arm, (recorded(arm),))
+    assert split.words == "the last 20 % of log.csv (from 9.6 s on)"
+    assert [len(split.train), len(split.test)] == [1, 1]
+
+
+def test_both_parts_share_no_sample_of_the_filter(arm, recorded):
+    split = split_logs(arm, (recorded(arm),))
+    assert not reach(split.train[0]) & reach(split.test[0])
+
+
+def test_of_several_recordings_the_last_is_held_out(arm, recorded):
+    split = split_logs(arm, tuple(recorded(arm, file=name, seed=k) for k, name in enumerate(["a.csv", "b.csv"])))
+    assert split.words == "b.csv, the last of 2 recordings"
+    assert [log.file for log in split.train] == ["a.csv"]
+    assert [log.file for log in split.test] == ["b.csv"]
+
+
+def test_named_recordings_are_held_out_and_all_others_fitted(arm, recorded):
+    both = tuple(recorded(arm, file=name, seed=k) for k, name in enumerate(["a.csv", "b.csv"]))
+    split = split_logs(arm, both, (recorded(arm, file="c.csv", seed=3),))
+    assert split.words == "c.csv"
+    assert len(split.train) == 2
+
+
+def test_all_logs_are_in_one_band(arm, recorded):
+    split = split_logs(arm, tuple(recorded(arm, file=name, seed=k) for k, name in enumerate(["a.csv", "b.csv"])))
+    assert {log.band.cutoff_hz for log in (*split.train, *split.test)} == {split.cutoff_hz}
+
+
+def test_a_joint_that_only_trembles_is_taken_to_rest(arm, recorded, rng):
+    recording = recorded(arm, still=("tilt",))
+    q = np.array(recording.q)
+    q[:, 1] += 0.3 + 1e-6 * rng.standard_normal(len(q))
+    log = split_logs(arm, (replace(recording, q=q),)).train[0]
+    assert np.ptp(log.motion.q[:, 1]) == 0
+    assert not log.motion.v[:, 1].any()
+    assert not log.motion.a[:, 1].any()
+    assert log.motion.v[:, 0].any()
+
+
+def test_a_recording_at_rest_is_refused(arm, recorded):
+    with pytest.raises(IdentifiabilityError, match=r"log.csv: no joint moves, so nothing can be identified"):
+        split_logs(arm, (recorded(arm, still=arm.joint_names),))
+
+
+def test_a_recording_that_leaves_too_little_to_judge_on_is_refused(arm, recorded):
+    holes = tuple((start, start + 0.05) for start in np.arange(8.0, 12.0, 0.3))  # closer than the filter is long
+    recording = replace(recorded(arm), excluded=holes)
+    with pytest.raises(LogError, match=r"log.csv: \d+ samples in the band of .* Hz are left to judge on, wanted 20"):
+        split_logs(arm, (recording,))
+
+
+def test_a_recording_without_a_valid_sample_is_refused(arm, recorded):
+    with pytest.raises(LogError, match="every sample is excluded: leave some"):
+        split_logs(arm, (replace(recorded(arm), excluded=((-1.0, 13.0),)),))

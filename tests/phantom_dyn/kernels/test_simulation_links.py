@@ -1,0 +1,85 @@
+# pyright: reportAttributeAccessIssue=false
+from __future__ import annotations
+
+import numpy as np
+import pinocchio as pin
+import pytest
+
+from phantom_dyn.kernels.simulation_friction import invert, rub
+from phantom_dyn.kernels.simulation_links import at_root, joint_rows, links
+from phantom_dyn.kernels.tree_arrays import tree_arrays
+
+AXIS = np.array([0.48, -0.6, 0.64])
+JOINTS = (
+    pin.JointModelRX,
+    pin.JointModelRZ,
+    pin.JointModelPY,
+    pin.JointModelRUBY,
+    lambda: pin.JointModelPrismaticUnaligned(AXIS),
+    lambda: pin.JointModelRevoluteUnaligned(AXIS),
+)
+
+
+def random_tree(seed: int, joints: int) -> pin.Model:
+    """Joints of all kinds, each on the last one or on one that carries that: Pinocchio wants branches in a row."""
+    rng, model, path = np.random.default_rng(seed), pin.Model(), [0]
+    pin.seed(seed)
+    for j in range(joints):
+        made = JOINTS[rng.integers(len(JOINTS))]()
+        path = path[: int(rng.integers(len(path))) + 1]
+        body = model.addJoint(path[-1], made, pin.SE3.Random(), f"joint{j}")
+        path.append(body)
+        model.appendBodyToJoint(body, pin.Inertia.Random(), pin.SE3.Random())
+    model.gravity = pin.Motion(rng.normal(size=3) * 9.81, np.zeros(3))
+    return model
+
+
+@pytest.mark.parametrize("joints", [1, 2, 5, 9])
+@pytest.mark.parametrize("seed", range(4))
+def test_mass_matrix_and_coasting_torque_of_a_branched_tree_are_pinocchios(joints, seed):
+    model = random_tree(seed, joints)
+    arrays = tree_arrays(model)
+    assert arrays is not None
+    rng = np.random.default_rng(seed)
+    q, v = rng.uniform(-2.0, 2.0, (2, model.nv))
+    mass, bias = np.zeros((model.nv, model.nv)), np.zeros(model.nv)
+    links(*joint_rows(arrays), at_root(model.njoints, model.gravity.linear), q, v, mass, bias)
+
+    configuration, data = np.empty(model.nq), model.createData()
+    for joint in list(model.joints)[1:]:
+        own = [q[joint.idx_v]] if joint.nq == 1 else [np.cos(q[joint.idx_v]), np.sin(q[joint.idx_v])]
+        configuration[joint.idx_q : joint.idx_q + joint.nq] = own
+    upper = np.triu(pin.crba(model, data, configuration))
+    expected = upper + np.triu(upper, 1).T
+    np.testing.assert_allclose(mass, expected, rtol=0.0, atol=1e-12 * np.abs(expected).max())
+    coasting = pin.nonLinearEffects(model, data, configuration, v)
+    np.testing.assert_allclose(bias, coasting, rtol=0.0, atol=1e-12 * np.abs(coasting).max())
+
+
+@pytest.mark.parametrize("n", [1, 2, 3, 7])
+def test_the_inverse_is_numpys(n, rng):
+    half = rng.normal(size=(n, n))
+    matrix = half @ half.T + np.eye(n)
+    inverse = matrix.copy()
+    invert(inverse)
+    np.testing.assert_allclose(inverse, np.linalg.inv(matrix), atol=1e-12)
+
+
+def test_friction_stops_what_it_can_and_slips_with_its_limit_where_it_cannot(rng):
+    # The conditions of Coulomb friction: |friction| <= limit; at rest below it; against the motion at it.
+    for _ in range(20):
+        half = rng.normal(size=(4, 4))
+        mobility, free, most, h = half @ half.T + 0.5 * np.eye(4), rng.normal(size=4), rng.uniform(0.0, 80.0, 4), 1e-2
+        speed, friction = free.copy(), rng.uniform(-1.0, 1.0, 4) * most
+        rub(mobility, speed, np.arange(4), friction, most, h)
+        np.testing.assert_allclose(speed, free + mobility @ friction * h, atol=1e-7)
+        sticks = np.abs(friction) < most
+        assert np.all(speed[sticks] == 0.0)
+        np.testing.assert_allclose(friction[~sticks], -np.sign(speed[~sticks]) * most[~sticks])
+
+
+def test_without_friction_no_speed_changes(rng):
+    speed = rng.normal(size=3)
+    same = speed.copy()
+    rub(np.eye(3), speed, np.arange(3), np.zeros(3), np.zeros(3), 1e-3)
+    np.testing.assert_array_equal(speed, same)
