@@ -169,7 +169,8 @@ def _coloured_spectrum(columns: Float[Array, "n k"], lags: Float[Array, " _"]) -
     # The two ends of a real spectrum count once, all other frequencies twice.
     share = np.full(len(colour), 2.0 / length)
     share[[0, -1]] = 1.0 / length
-    spectrum = np.fft.rfft(columns.T, length, axis=1)
+    # The spectrum of a transposed view would be one, too, and have no view as pairs of real numbers.
+    spectrum = np.fft.rfft(np.ascontiguousarray(columns.T), length, axis=1)
     spectrum *= np.sqrt(colour * share)
     return spectrum.view(float).T
 

@@ -10,6 +10,7 @@ from identification.estimators.noise import (
     coloured_scatter,
     correlation_factor,
     joint_noise,
+    scatter_of_rows,
     white_scatter,
 )
 from identification.estimators.ols import ols
@@ -90,3 +91,10 @@ def test_noise_without_a_memory_gives_the_white_scatter(arm, swing, make_log, ru
     scatter = np.array([1.0, 2.0, 3.0])
     coloured = coloured_scatter(regressor, base, solution, scatter, [np.ones(1)] * 3)
     np.testing.assert_allclose(coloured, white_scatter(solution, scatter), atol=1e-12)
+
+
+def test_rows_without_a_memory_scatter_by_their_squares(rng):
+    # Closed form: the sum over samples and joints of variance times x x^T.
+    rows, scatter = rng.normal(size=(50, 2, 3)), np.array([1.0, 4.0])
+    found = scatter_of_rows(rows, scatter, [np.ones(1)] * 2)
+    np.testing.assert_allclose(found, np.einsum("j,njk,njl->kl", scatter, rows, rows), rtol=1e-12)
