@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-import os
+import copy
 from collections.abc import Callable, Iterable, Iterator
-from dataclasses import dataclass, field
-from typing import cast
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
+from phantom_dyn.large_work import spread, starts_processes, worker_count
 from phantom_dyn.maps.grid import TIP_AXES, Grid
 from phantom_dyn.maps.inverse import Cloud, cloud_of, nearest_branch, require_three_joints
 from phantom_dyn.maps.model import MapModel, tip_of, within_limits
@@ -18,6 +18,10 @@ Array = np.ndarray
 
 BLOCK = 8192
 """Points computed at once: their arrays stay within the caches, and within some tens of megabytes."""
+SLOW_BLOCK = 1024
+"""The same where a point is searched for or a chain closed numerically, which takes a thousand times as long."""
+LARGEST_CHUNK = 16
+"""Blocks at most that one call of a worker computes: their result stays within some tens of megabytes."""
 
 
 @dataclass(frozen=True)
@@ -70,12 +74,14 @@ def operational_map(
         model: From `phantom_dyn.maps.from_robot.map_model`.
         grid: Over the tip or over joints. What it leaves out stays as in ``model.posture``.
         names: Of quantities.
-        jobs: Processes at most; by default one per processor core.
+        jobs: Processes at most; by default one per processor core. On Dask or Ray through `joblib.parallel_config`,
+            see `phantom_dyn.large_work`.
         progress: Called with the number of points that are done.
 
     Raises:
         ParameterError: If a quantity is unknown or nothing states it, or a grid over the tip is asked of a robot
-            without exactly three active joints.
+            without exactly three active joints, or ``jobs`` is below one.
+        WorkerLostError: If the processes that compute end again and again.
     """
     names = tuple(dict.fromkeys(names))
     require_quantities(names, model)
@@ -98,19 +104,28 @@ def operational_map(
 
 def _blocks(job: _Job, jobs: int | None) -> Iterator[_Block]:
     """Blocks as they are finished; in this process alone where there are few, as others need a second to start."""
-    spans = [(start, min(start + BLOCK, job.grid.size)) for start in range(0, job.grid.size, BLOCK)]
-    wanted = (len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else 1) if jobs is None else jobs
-    processes = min(wanted, len(spans))
-    if processes <= 1 or (jobs is None and len(spans) < 8 and job.cloud is None):
-        yield from (_block(job, *span) for span in spans)
-        return
-    from joblib import Parallel, delayed
+    size = job.grid.size
+    block = BLOCK if job.cloud is None and job.model.solve is None else min(BLOCK, SLOW_BLOCK)
+    spans = [(start, min(start + block, size)) for start in range(0, size, block)]
+    if jobs is None and len(spans) < 8 and job.cloud is None and job.model.solve is None and starts_processes():
+        jobs = 1
+    workers = worker_count(jobs)
+    # A worker that is done early finds another chunk, and no chunk's result is large.
+    chunk = 1 if workers == 1 else min(LARGEST_CHUNK, -(-len(spans) // (4 * workers)))
+    pieces = ((job, spans[k : k + chunk]) for k in range(0, len(spans), chunk))
+    for _, found in spread(_chunk, pieces, jobs=jobs):
+        yield from found
 
-    parallel = Parallel(n_jobs=processes, return_as="generator_unordered", pre_dispatch="2*n_jobs", max_nbytes=None)
-    yield from cast("Iterable[_Block]", parallel(delayed(_block)(job, *span) for span in spans))
+
+def _chunk(job: _Job, spans: list[tuple[int, int]]) -> list[_Block]:
+    return [_block(job, *span) for span in spans]
 
 
 def _block(job: _Job, start: int, stop: int) -> _Block:
+    if job.model.solve is not None:
+        # A closed chain remembers what it solved last. Without that a block's numbers do not depend on the blocks
+        # before it, and threads share nothing.
+        job = replace(job, model=replace(job.model, solve=copy.deepcopy(job.model.solve)))
     model = job.model
     q = _joint_positions(job, start, stop)
     rows = np.flatnonzero(np.isfinite(q).all(axis=1))

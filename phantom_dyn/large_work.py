@@ -1,0 +1,155 @@
+"""Large work in few large pieces, on joblib: processes by default, Dask, Ray or threads by its backends.
+
+    from joblib import parallel_config
+
+    with parallel_config(backend="dask"):           # with a dask.distributed.Client, for example
+        operational_map(model, grid, names)         # the same call, on the cluster
+
+Every piece runs with one thread of linear algebra, wherever it runs: matrices are small here, and the same sums in the
+same order are the same numbers.
+"""
+
+from __future__ import annotations
+
+import threading
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from typing import Any, TypeVar, cast
+
+from threadpoolctl import threadpool_limits
+
+from phantom_dyn.errors import ParameterError, PhantomDynError
+
+R = TypeVar("R")
+
+_ATTEMPTS = 3
+"""Pools of processes before a piece counts as one that ends its process; Dask's scheduler forgives as often."""
+# By name: joblib keeps its own among its externals, and Dask may not be installed.
+_LOST = ("TerminatedWorkerError", "BrokenProcessPool", "KilledWorker")
+
+
+class WorkerLostError(PhantomDynError):
+    """Processes that worked on some pieces ended again and again.
+
+    Attributes:
+        left: Places of the pieces that are not done, in the order they were given.
+    """
+
+    def __init__(self, left: Sequence[int]):
+        super().__init__(
+            f"{len(left)} pieces of the work are not done, as the processes that worked on them ended {_ATTEMPTS} "
+            "times, perhaps because memory ran out: work with fewer processes."
+        )
+        self.left = tuple(left)
+
+
+class _OneThread:
+    """Context in which linear algebra has one thread; the last thread of this process to leave it gives back more."""
+
+    def __init__(self):
+        self._lock = threading.Lock()
+        self._inside = 0
+        self._limits: threadpool_limits | None = None
+
+    def __enter__(self) -> None:
+        with self._lock:
+            self._inside += 1
+            if self._inside == 1:
+                self._limits = threadpool_limits(limits=1)
+
+    def __exit__(self, *_: object) -> None:
+        with self._lock:
+            self._inside -= 1
+            if self._inside == 0 and self._limits is not None:
+                self._limits.restore_original_limits()
+
+
+# One per process, as the number of threads of a BLAS is.
+_ONE_THREAD = _OneThread()
+
+
+def worker_count(jobs: int | None) -> int:
+    """How many pieces are worked on at once.
+
+    Args:
+        jobs: Processes at most; 1 is this one alone. By default what `joblib.parallel_config` says, else one per core
+            that this process may use; on Dask always the threads of the cluster's workers.
+
+    Raises:
+        ParameterError: If the number is below one.
+    """
+    if jobs is not None and jobs < 1:
+        raise ParameterError(f"jobs = {jobs} was given, wanted a number of processes from 1 on, or None")
+    if jobs == 1:
+        return 1
+    from joblib import effective_n_jobs
+
+    chosen = _backend()[1] if jobs is None else jobs
+    return effective_n_jobs(-1 if chosen is None else chosen)
+
+
+def starts_processes() -> bool:
+    """True where workers are processes that must be started first, which takes a second; False on Dask, in threads."""
+    return type(_backend()[0]).__name__ in ("LokyBackend", "MultiprocessingBackend")
+
+
+def _backend() -> tuple[Any, int | None]:
+    """What `joblib.parallel_config` says: the backend, and how many jobs or None."""
+    from joblib.parallel import get_active_backend
+
+    return cast("tuple[Any, int | None]", get_active_backend())
+
+
+def spread(
+    function: Callable[..., R], pieces: Iterable[tuple[Any, ...]], *, jobs: int | None = None
+) -> Iterator[tuple[int, R]]:
+    """Results of a function for many arguments, each with the place of its piece, as they are finished.
+
+    A process that is lost (killed, out of memory) is survived: what it had not finished is worked on again. On Dask
+    the scheduler does so, here new processes, half as many.
+
+    Args:
+        function: Of a module, as it is sent by name. It must depend on its arguments alone.
+        pieces: Arguments of each call. They are sent with each piece: keep them small.
+        jobs: See `worker_count`.
+
+    Raises:
+        WorkerLostError: If processes are lost again and again.
+        ParameterError: If ``jobs`` is below one.
+    """
+    left = dict(enumerate(pieces))
+    workers = min(worker_count(jobs), len(left))
+    if workers <= 1:
+        for place, arguments in left.items():
+            yield _run((function, place, arguments))
+        return
+    for attempt in range(_ATTEMPTS):
+        try:
+            for place, result in _finished(function, left, max(2, workers >> attempt)):
+                del left[place]
+                yield place, result
+            return
+        except Exception as error:
+            if type(error).__name__ not in _LOST:
+                raise
+    raise WorkerLostError(tuple(left))
+
+
+def _finished(function: Callable[..., R], left: dict[int, tuple[Any, ...]], workers: int) -> Iterable[tuple[int, R]]:
+    from joblib import Parallel, delayed
+
+    # Ray and multiprocessing hand over their results only when all are there.
+    handing_over = "generator_unordered" if _backend()[0].supports_return_generator else "list"
+    # One piece a call, as pieces are large, and no array of theirs in a file for all processes to share.
+    one_each: dict[str, Any] = {"pre_dispatch": "2*n_jobs", "batch_size": 1, "max_nbytes": None}
+    parallel = Parallel(n_jobs=workers, return_as=handing_over, **one_each)
+    # One tuple, which travels with its piece. Of larger arguments of other types joblib leaves one copy with one of
+    # Dask's workers, and all pieces that need it would be lost with that worker.
+    calls = [delayed(_run)((function, place, arguments)) for place, arguments in left.items()]
+    return cast("Iterable[tuple[int, R]]", parallel(calls))
+
+
+def _run(piece: tuple[Callable[..., R], int, tuple[Any, ...]]) -> tuple[int, R]:
+    """One piece, in whatever process or thread it has come to."""
+    function, place, arguments = piece
+    with _ONE_THREAD:
+        return place, function(*arguments)
