@@ -1,17 +1,25 @@
-"""``jit``: compiles a function at its first call and keeps the machine code on disk; the identity without numba."""
+"""``jit``: compiles a function at its first call and keeps the machine code on disk; the identity without numba.
+
+`NUMBA_DISABLE_JIT=1` counts as no numba.
+"""
 
 from __future__ import annotations
 
 import inspect
+import logging
 from collections.abc import Callable
+from functools import cache
 from typing import Any, TypeVar, cast
 
 F = TypeVar("F", bound=Callable[..., Any])
 
 try:
-    from numba import njit
+    from numba import config, njit
 except ImportError:  # numba has no build for this Python: the same functions, uncompiled
     njit = None
+else:
+    if config.DISABLE_JIT:  # NUMBA_DISABLE_JIT=1: as without numba, so that loops over samples are Pinocchio's
+        njit = None
 
 
 def _compiled(function: F, **options: Any) -> F:
@@ -21,7 +29,17 @@ def _compiled(function: F, **options: Any) -> F:
     try:
         return cast(F, njit(cache=True, **options)(plain))
     except RuntimeError:  # neither the folder of the package nor the user's cache can be written to
+        _say_that_nothing_is_kept()
         return cast(F, njit(**options)(plain))
+
+
+@cache
+def _say_that_nothing_is_kept() -> None:
+    """Say it once a process: every compiled function has the same reason."""
+    logging.getLogger("phantom_dyn").warning(
+        "No folder for compiled loops can be written to, so every process compiles them anew (some seconds): set the "
+        "environment variable NUMBA_CACHE_DIR to a folder that can."
+    )
 
 
 def jit(function: F) -> F:
@@ -45,5 +63,5 @@ def inlined(function: F) -> F:
 
 
 def compiles() -> bool:
-    """False where numba is absent: then a loop over Pinocchio is faster than a compiled loop's own Python."""
+    """False where numba is absent or off: then a loop over Pinocchio is faster than a compiled loop's own Python."""
     return njit is not None

@@ -9,7 +9,7 @@ import numpy as np
 
 from phantom_dyn.dynamics import gravity_torque, mass_matrix
 from phantom_dyn.effects.effect import Simulated
-from phantom_dyn.kernels.jit import njit
+from phantom_dyn.kernels.jit import compiles
 from phantom_dyn.kernels.simulation_arm import Arm, run_arm
 from phantom_dyn.kernels.simulation_arrays import AT_SAMPLES, AT_STEPS, GIVEN, Control, Laws, Lines, lines_of, packed
 from phantom_dyn.kernels.simulation_axis import Axis, run_axis
@@ -48,7 +48,7 @@ def compiled(machine: Machine, parts: tuple[Simulated, ...], t: Array, counts: A
 
     That is so without numba, for closed chains, and for effects that have Python laws only.
     """
-    if njit is None or machine.robot.chain is not None:
+    if not compiles() or machine.robot.chain is not None:
         return None
     laws = [law for part in parts for law in part.laws]
     channels = [[law for law in laws if law.function in known] for known in (TORQUES, COMMANDS, READINGS)]

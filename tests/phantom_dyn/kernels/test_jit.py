@@ -1,15 +1,42 @@
-"""What becomes of a function where numba is absent, or has nowhere to keep its machine code."""
+"""What becomes of a function where numba is absent or off, or has nowhere to keep its machine code, and in threads."""
 
 from __future__ import annotations
 
-import numba
+import os
+import subprocess
+import sys
+from concurrent.futures import ThreadPoolExecutor
+from pathlib import Path
+from threading import Barrier
+
 import pytest
 
 from phantom_dyn.kernels import jit
 
+# Every third of the samples 0 to 6 behind a kernel of one sample: known in closed form.
+FILTER = """
+import numpy as np
+from phantom_dyn.kernels.fir import filtered
+print(filtered(np.ones(1), np.arange(7.0)[:, None], 3).ravel().tolist(), hasattr(filtered, "signatures"))
+"""
+
 
 def twice(x: float) -> float:
     return 2 * x
+
+
+def filtered_in_a_fresh_process(**environment: str) -> subprocess.CompletedProcess[str]:
+    words = [sys.executable, "-c", FILTER]
+    return subprocess.run(words, env=os.environ | environment, capture_output=True, text=True, check=True)
+
+
+def no_cache(folder: Path) -> dict[str, str]:
+    """Numba's words for a folder of the package and a home that cannot be written to, for any user, root included."""
+    (folder / "file").touch()
+    return {
+        "NUMBA_CACHE_LOCATOR_CLASSES": "UserProvidedCacheLocator",
+        "NUMBA_CACHE_DIR": str(folder / "file" / "below"),
+    }
 
 
 @pytest.mark.parametrize("decorator", [jit.jit, jit.fused, jit.inlined])
@@ -18,12 +45,38 @@ def test_without_numba_a_function_stays_itself(decorator, monkeypatch):
     assert decorator(twice) is twice
 
 
-def test_a_function_is_compiled_where_no_folder_can_be_written_to(monkeypatch):
-    # Numba's own words there; the oracle is the function itself.
-    def njit(cache=False, **options):
-        if cache:
-            raise RuntimeError("cannot cache function 'twice': no locator available for file")
-        return numba.njit(**options)
+def test_a_function_is_compiled_where_no_folder_can_be_written_to(tmp_path):
+    done = filtered_in_a_fresh_process(**no_cache(tmp_path))
+    assert done.stdout.strip() == "[0.0, 3.0, 6.0] True"
+
+
+def test_one_sentence_says_that_nothing_is_kept(tmp_path):
+    done = filtered_in_a_fresh_process(**no_cache(tmp_path))
+    assert done.stderr.count("No folder for compiled loops can be written to") == 1
+    assert "set the environment variable NUMBA_CACHE_DIR" in done.stderr
+
+
+def test_what_has_another_reason_than_the_cache_is_not_hidden(monkeypatch):
+    def njit(**options):
+        raise RuntimeError("out of order")
 
     monkeypatch.setattr(jit, "njit", njit)
-    assert jit.jit(twice)(1.5) == twice(1.5)
+    with pytest.raises(RuntimeError, match="out of order"):
+        jit.jit(twice)
+
+
+def test_numba_that_is_off_counts_as_absent():
+    done = filtered_in_a_fresh_process(NUMBA_DISABLE_JIT="1")
+    assert done.stdout.strip() == "[0.0, 3.0, 6.0] False"
+
+
+def test_threads_may_make_the_first_call_together():
+
+    start, first = Barrier(4), jit.jit(twice)
+
+    def call(x: float) -> float:
+        start.wait(30)
+        return first(x)
+
+    with ThreadPoolExecutor(4) as threads:
+        assert list(threads.map(call, (1.0, 2.0, 3.0, 4.0))) == [2.0, 4.0, 6.0, 8.0]

@@ -187,10 +187,13 @@ def test_without_numba_pinocchio_gives_the_same(model, samples, monkeypatch):
     agrees(rigid_body.torque(model, arrays, *samples), compiled[1])
 
 
-def test_a_python_without_numba_gives_the_torque_of_one_with_it():
+@pytest.mark.parametrize(
+    "absent", ['import sys; sys.modules["numba"] = None', "import numba; numba.config.DISABLE_JIT = 1"]
+)
+def test_a_python_without_numba_gives_the_torque_of_one_with_it(absent):
     # Known truth: the same call with numba.
-    words = """
-import sys; sys.modules["numba"] = None
+    words = f"""
+{absent}
 import numpy as np
 from phantom_dyn import load_robot
 from phantom_dyn.dynamics import inverse_dynamics
