@@ -29,9 +29,9 @@ _DIFFERENCE = 1e-5
 def _require_finite(motion: Motion) -> None:
     """Pinocchio passes NaN through silently, so it is stopped here."""
     for name in ("q", "v", "a"):
-        bad = np.argwhere(~np.isfinite(getattr(motion, name)))
-        if len(bad):
-            row, joint = bad[0]
+        finite = np.isfinite(getattr(motion, name))
+        if not finite.all():
+            row, joint = np.argwhere(~finite)[0]
             raise LogError(f"{name} of joint number {joint} is not finite at sample {row}: give finite motion.")
 
 
@@ -168,8 +168,8 @@ def gravity_torque(
 
 
 def rigid_body_regressor(
-    robot: Robot, motion: Motion, *, columns: tuple[int, ...] | None = None
-) -> Float[Array, "N nv p"]:
+    robot: Robot, motion: Motion, *, columns: tuple[int, ...] | None = None, out: Float[Array, "N nv c"] | None = None
+) -> Float[Array, "N nv _"]:
     r"""Rows of the rigid-body torque regressor, one block per sample: :math:`\tau = Y(q, v, a)\,\pi`.
 
     Armature is not part of :math:`\pi`, although `pin.rnea` adds it. Columns are Pinocchio's ten per joint
@@ -179,20 +179,22 @@ def rigid_body_regressor(
         robot: Gives the model.
         motion: N samples.
         columns: Which columns to make, ascending: the others take neither time nor memory. By default all.
+        out: Zeros that receive them in their first columns, C-contiguous, ``c`` at least the number of columns.
 
     Returns:
-        Regressor in SI units, shape ``(N, nv, p)``, ``p`` the number of columns, by default ``10 (njoints - 1)``.
+        Regressor in SI units, shape ``(N, nv, p)``, ``p`` the number of columns, by default ``10 (njoints - 1)``; or
+        ``out``.
 
     Raises:
         LogError: If a value is not finite.
-        ParameterError: If a column does not exist, or they do not ascend.
+        ParameterError: If a column does not exist, they do not ascend, or ``out`` has no room for them.
         ChainError: If a loop of a closed chain cannot be closed or is singular at a sample.
     """
     _require_finite(motion)
     tree = tree_motion(robot, motion)
     slope = None if robot.chain is None else tree.G
     return rigid_body.regressor(
-        robot.model, robot.arrays, tree.configuration, tree.v, tree.a, slope=slope, columns=columns
+        robot.model, robot.arrays, tree.configuration, tree.v, tree.a, slope=slope, columns=columns, out=out
     )
 
 

@@ -12,40 +12,79 @@ Array = np.ndarray
 
 
 @inlined
+def first_columns(places: Array) -> Array:
+    """Where the ten columns of each joint begin: -1 if they do not stand side by side, -2 if there are none."""
+    first = np.full(len(places) + 1, -2)
+    for i in range(len(places)):
+        wanted = 0
+        for c in range(10):
+            wanted += places[i, c] >= 0
+        if wanted > 0:
+            first[i + 1] = places[i, 0] if wanted == 10 and places[i, 9] == places[i, 0] + 9 else -1
+    return first
+
+
+@inlined
+def body_terms(R: Array, i: int, acc: Array, w: Array, dw: Array, b: Array) -> None:
+    """What all rows of a body share at one sample, see `write_row`.
+
+    Args:
+        R: Rotations of all joints, with the next four as `place` and `move` write them.
+        i: Which body.
+        acc: .
+        w: .
+        dw: .
+        b: Receives the terms, ``(30,)``: acceleration of the origin in the axes of the root and in those of the body,
+            torque of the first moment per velocity of the origin, and of the inertia per angular velocity.
+    """
+    b[0], b[1], b[2] = acc[i, 0], acc[i, 1], acc[i, 2]
+    b[3], b[4], b[5] = turned_back(R, i, acc[i, 0], acc[i, 1], acc[i, 2])
+    x, y, z = turned_back(R, i, w[i, 0], w[i, 1], w[i, 2])
+    ax, ay, az = turned_back(R, i, dw[i, 0], dw[i, 1], dw[i, 2])
+    xx, yy, zz, xy, xz, yz = x * x, y * y, z * z, x * y, x * z, y * z
+    for c in range(3):
+        rx, ry, rz = R[i, c, 0], R[i, c, 1], R[i, c, 2]
+        b[6 + c] = (xy + az) * ry + (xz - ay) * rz - (yy + zz) * rx
+        b[9 + c] = (xy - az) * rx + (yz + ax) * rz - (xx + zz) * ry
+        b[12 + c] = (xz + ay) * rx + (yz - ax) * ry - (xx + yy) * rz
+    b[15], b[16], b[17], b[18], b[19], b[20] = ax, ay, az, xy, xz, yz
+    b[21], b[22], b[23] = ay - xz, ax + yz, xx - yy
+    b[24], b[25], b[26] = az + xy, zz - xx, ax - yz
+    b[27], b[28], b[29] = yy - zz, az - xy, ay + xz
+
+
+@inlined
 def write_row(
     lx: float, ly: float, lz: float, sx: float, sy: float, sz: float, b: Array, out: Array, k: int, r: int, c: int
 ) -> None:
     """Torque per parameter of one body on a motion that moves its frame.
 
+    Force m d + dw x h + w x (w x h), moment h x d + I dw + w x I w; virtual work gives the row.
+
     Args:
-        lx: Velocity of the body's origin in its axes, with the next two.
+        lx: Velocity of the body's origin in the axes of the root, with the next two.
         ly: .
         lz: .
-        sx: Angular velocity in its axes, with the next two.
+        sx: Angular velocity in the axes of the body, with the next two.
         sy: .
         sz: .
-        b: Acceleration of its origin, its angular velocity and the derivative of that, in its axes, ``(9,)``.
+        b: As `body_terms` writes it.
         out: Receives it for each of the ten parameters.
         k: Sample, with row and first column.
         r: .
         c: .
     """
-    dx, dy, dz, wx, wy, wz, ax, ay, az = b[0], b[1], b[2], b[3], b[4], b[5], b[6], b[7], b[8]
-    # Force m d + dw x h + w x (w x h), moment h x d + I dw + w x I w; virtual work gives the row.
-    kx, ky, kz = cross(dx, dy, dz, sx, sy, sz)
-    ex, ey, ez = cross(lx, ly, lz, ax, ay, az)
-    along, square = dot(wx, wy, wz, lx, ly, lz), dot(wx, wy, wz, wx, wy, wz)
-    ux, uy, uz = cross(sx, sy, sz, wx, wy, wz)
-    out[k, r, c + 0] = dot(lx, ly, lz, dx, dy, dz)
-    out[k, r, c + 1] = kx + ex + wx * along - lx * square
-    out[k, r, c + 2] = ky + ey + wy * along - ly * square
-    out[k, r, c + 3] = kz + ez + wz * along - lz * square
-    out[k, r, c + 4] = sx * ax + ux * wx
-    out[k, r, c + 5] = sx * ay + sy * ax + ux * wy + uy * wx
-    out[k, r, c + 6] = sy * ay + uy * wy
-    out[k, r, c + 7] = sx * az + sz * ax + ux * wz + uz * wx
-    out[k, r, c + 8] = sy * az + sz * ay + uy * wz + uz * wy
-    out[k, r, c + 9] = sz * az + uz * wz
+    kx, ky, kz = cross(b[3], b[4], b[5], sx, sy, sz)
+    out[k, r, c + 0] = dot(lx, ly, lz, b[0], b[1], b[2])
+    out[k, r, c + 1] = kx + dot(lx, ly, lz, b[6], b[7], b[8])
+    out[k, r, c + 2] = ky + dot(lx, ly, lz, b[9], b[10], b[11])
+    out[k, r, c + 3] = kz + dot(lx, ly, lz, b[12], b[13], b[14])
+    out[k, r, c + 4] = sx * b[15] + sy * b[19] - sz * b[18]
+    out[k, r, c + 5] = dot(sx, sy, sz, b[21], b[22], b[23])
+    out[k, r, c + 6] = sy * b[16] + sz * b[18] - sx * b[20]
+    out[k, r, c + 7] = dot(sx, sy, sz, b[24], b[25], b[26])
+    out[k, r, c + 8] = dot(sx, sy, sz, b[27], b[28], b[29])
+    out[k, r, c + 9] = sz * b[17] + sx * b[20] - sy * b[19]
 
 
 @inlined
@@ -93,23 +132,18 @@ def regressor_loop(
     """
     n, nt = len(parents), first_v[len(parents)]
     R, o, w, dw, acc = np.zeros((n, 3, 3)), np.zeros((n, 3)), np.zeros((n, 3)), np.zeros((n, 3)), np.zeros((n, 3))
-    lin, ang, J, b, ten = np.empty((nt, 3)), np.empty((nt, 3)), np.empty((nt, 6)), np.empty(9), np.empty((1, 1, 10))
+    lin, ang, J, b, ten = np.empty((nt, 3)), np.empty((nt, 3)), np.empty((nt, 6)), np.empty(30), np.empty((1, 1, 10))
+    first = first_columns(places)
     for axis in range(3):
         R[0, axis, axis], acc[0, axis] = 1.0, -gravity[axis]
     for k in range(len(q)):
         place(parents, kinds, first_q, first_v, rotations, translations, axes, q, k, R, o, lin, ang)
         move(parents, first_v, o, lin, ang, v, a, k, w, dw, acc)
         for i in range(1, n):
-            wanted, start = 0, places[i - 1, 0]
-            for c in range(10):
-                wanted += places[i - 1, c] >= 0
-            if wanted == 0:
+            start = first[i]
+            if start == -2:
                 continue
-            if wanted < 10 or places[i - 1, 9] != start + 9:
-                start = -1  # not ten columns side by side
-            b[0], b[1], b[2] = turned_back(R, i, acc[i, 0], acc[i, 1], acc[i, 2])
-            b[3], b[4], b[5] = turned_back(R, i, w[i, 0], w[i, 1], w[i, 2])
-            b[6], b[7], b[8] = turned_back(R, i, dw[i, 0], dw[i, 1], dw[i, 2])
+            body_terms(R, i, acc, w, dw, b)
             if len(slope):
                 J.fill(0.0)
             j = i
@@ -117,11 +151,12 @@ def regressor_loop(
                 rx, ry, rz = o[i, 0] - o[j, 0], o[i, 1] - o[j, 1], o[i, 2] - o[j, 2]
                 for d in range(first_v[j], first_v[j + 1]):
                     x, y, z = cross(ang[d, 0], ang[d, 1], ang[d, 2], rx, ry, rz)
-                    lx, ly, lz = turned_back(R, i, lin[d, 0] + x, lin[d, 1] + y, lin[d, 2] + z)
-                    sx, sy, sz = turned_back(R, i, ang[d, 0], ang[d, 1], ang[d, 2])
+                    lx, ly, lz = lin[d, 0] + x, lin[d, 1] + y, lin[d, 2] + z
+                    sx, sy, sz = ang[d, 0], ang[d, 1], ang[d, 2]
                     if len(slope):
                         J[d, 0], J[d, 1], J[d, 2], J[d, 3], J[d, 4], J[d, 5] = lx, ly, lz, sx, sy, sz
                     else:
+                        sx, sy, sz = turned_back(R, i, sx, sy, sz)
                         if start >= 0:
                             write_row(lx, ly, lz, sx, sy, sz, b, out, k, d, start)
                         else:
@@ -136,6 +171,7 @@ def regressor_loop(
                         g = slope[m, d, r]
                         lx, ly, lz = lx + g * J[d, 0], ly + g * J[d, 1], lz + g * J[d, 2]
                         sx, sy, sz = sx + g * J[d, 3], sy + g * J[d, 4], sz + g * J[d, 5]
+                    sx, sy, sz = turned_back(R, i, sx, sy, sz)
                     if start >= 0:
                         write_row(lx, ly, lz, sx, sy, sz, b, out, k, r, start)
                     else:

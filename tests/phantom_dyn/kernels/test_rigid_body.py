@@ -1,3 +1,4 @@
+# pyright: reportAttributeAccessIssue=false
 """Compiled loops over samples against Pinocchio, to 1e-12 of the largest entry."""
 
 from __future__ import annotations
