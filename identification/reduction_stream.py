@@ -38,7 +38,7 @@ class _Lean:
 
     places: tuple[Array, ...]  # by joint: which of its columns are taken in
     widen: tuple[Array, ...]  # by joint: from the columns taken in and the torque to all and the torque
-    probes: tuple[Array, ...]  # by joint: combinations of its columns, all but the last of which are zero
+    probes: Array  # combinations of all columns, all but the last of which are zero, ``(p, 5)``
     samples: int  # that it rests on
 
 
@@ -69,7 +69,7 @@ def reduce_blocks(
                 if lean is None and 0 < samples and attempts < _ATTEMPTS:
                     lean, attempts = _leaner(factors, own, names, units, samples), attempts + 1
                     factors = _narrow(factors, lean)
-                if lean is not None and not _holds(lean, own, part):
+                if lean is not None and not _holds(lean, part):
                     factors, lean = _wide(factors, lean), None
                 for joint, factor in enumerate(factors):
                     place = slice(None) if lean is None else lean.places[joint]
@@ -114,7 +114,7 @@ def _leaner(factors: Sequence[Array], own: Sequence[Array], names: Sequence[str]
         wide[:-1, :-1] = relation[np.ix_(columns[place], columns)]
         wide[-1, -1] = 1.0
         widen.append(wide)
-    return _Lean(tuple(places), tuple(widen), tuple(probes[columns] for columns in own), samples)
+    return _Lean(tuple(places), tuple(widen), probes, samples)
 
 
 def _narrow(factors: Sequence[Array], lean: _Lean) -> list[Array]:
@@ -125,11 +125,8 @@ def _wide(factors: Sequence[Array], lean: _Lean) -> list[Array]:
     return [triangular(factor @ wide) for factor, wide in zip(factors, lean.widen, strict=True)]
 
 
-def _holds(lean: _Lean, own: Sequence[Array], block: Array) -> bool:
+def _holds(lean: _Lean, block: Array) -> bool:
     """False where a column left out is not, in some row, what the columns taken in say."""
-    broken, size = 0.0, len(block) / lean.samples
-    for joint, columns in enumerate(own):
-        seen = block[:, joint, columns] @ lean.probes[joint]
-        squares = np.einsum("nk,nk->k", seen, seen)
-        broken, size = broken + float(squares[:-1].max(initial=0.0)), size + float(squares[-1])
-    return broken <= _HOLDS**2 * size
+    seen = block.reshape(-1, block.shape[2]) @ lean.probes
+    *zero, size = np.einsum("nk,nk->k", seen, seen)
+    return max(zero) <= _HOLDS**2 * (size + len(block) / lean.samples)

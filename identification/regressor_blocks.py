@@ -65,6 +65,12 @@ def part(motion: Motion, start: int, stop: int) -> Motion:
     return Motion(motion.t[start:stop], motion.q[start:stop], motion.v[start:stop], motion.a[start:stop])
 
 
+def _every(motion: Motion, step: int, first: int, last: int) -> Motion:
+    """Samples ``first`` to ``last`` of those that a band without a filter keeps."""
+    at = slice(first * step, (last - 1) * step + 1, step)
+    return Motion(motion.t[at], motion.q[at], motion.v[at], motion.a[at])
+
+
 def blocks_of(
     robot: Robot,
     log: Log,
@@ -95,7 +101,9 @@ def blocks_of(
     for first in range(0, len(kept), size):
         last = min(first + size, len(kept))
         block = np.zeros((last - first, robot.nv, len(wanted)))
-        if rigid:
+        if rigid and band.half == 0:
+            rigid_body_regressor(robot, _every(log.motion, band.step, first, last), columns=rigid, out=block)
+        elif rigid:
             reach = part(log.motion, first * band.step, (last - 1) * band.step + 2 * band.half + 1)
             block[:, :, : len(rigid)] = band(rigid_body_regressor(robot, reach, columns=rigid))
         column = len(rigid)

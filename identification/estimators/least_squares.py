@@ -16,6 +16,9 @@ from phantom_dyn.errors import IdentifiabilityError
 
 Array = np.ndarray
 
+_KEPT = 5_000_000
+"""Entries of the base equations that are kept from one pass to the next (40 MB); of more, they are made again."""
+
 
 @dataclass(frozen=True)
 class Solution:
@@ -27,12 +30,15 @@ class Solution:
         residual: Torque that is left, not weighted, shape ``(N, nv)``.
         grams: Share of each joint in the information, ``(X_j R^-1)^T (X_j R^-1)`` with the unweighted rows of joint
             ``j`` and ``R`` the factor, shape ``(nv, r, r)``.
+        rows: By joint, the columns that its torque can depend on (`base_places`), each contiguous, ``(c, N)``; none
+            where they are too many to be kept.
     """
 
     theta: Float[Array, " r"]
     factor: Float[Array, "r r"]
     residual: Float[Array, "N nv"]
     grams: Float[Array, "nv r r"]
+    rows: tuple[Float[Array, "_ N"], ...] = ()
 
     @property
     def condition(self) -> float:
@@ -70,10 +76,8 @@ def solve(regressor: Regressor, base: BaseParameters, weights: Float[Array, "N n
     """
     factor = _weighted_factor(regressor, base, weights)
     theta, square = solve_factor(factor)
-    residual = np.empty_like(regressor.y)
-    for at, block in base_blocks(regressor, base):
-        np.subtract(regressor.y[at], block @ theta, out=residual[at])
-    return Solution(theta, square, residual, joint_grams(regressor.reduction.rows(base.independent), square))
+    residual, rows = _left_over(regressor, base, theta)
+    return Solution(theta, square, residual, joint_grams(regressor.reduction.rows(base.independent), square), rows)
 
 
 def solve_factor(factor: Float[Array, "q q"]) -> tuple[Float[Array, " r"], Float[Array, "r r"]]:
@@ -127,6 +131,34 @@ def base_blocks(regressor: Regressor, base: BaseParameters) -> Iterator[tuple[sl
         start += len(block)
 
 
+def base_places(regressor: Regressor, base: BaseParameters) -> list[list[int]]:
+    """By joint, which of the base columns its torque can depend on: the others are zero in its rows.
+
+    Args:
+        regressor: The equations.
+        base: Which columns are the unknowns.
+    """
+    own = [set(columns) for columns in regressor.touched]
+    return [[k for k, column in enumerate(base.independent) if column in touched] for touched in own]
+
+
+def _left_over(regressor: Regressor, base: BaseParameters, theta: Array) -> tuple[Array, tuple[Array, ...]]:
+    """Residual, ``(N, nv)``, and the rows that it came from (see `Solution`)."""
+    places, y = base_places(regressor, base), regressor.y
+    residual = np.empty_like(y)
+    few = len(y) * sum(map(len, places)) <= _KEPT
+    rows = tuple(np.empty((len(place), len(y))) for place in places) if few else ()
+    for at, block in base_blocks(regressor, base):
+        if few:
+            for joint, place in enumerate(places):
+                rows[joint][:, at] = block[:, joint, place].T
+        else:
+            np.subtract(y[at], block @ theta, out=residual[at])
+    for joint, mine in enumerate(rows):
+        residual[:, joint] = y[:, joint] - theta[places[joint]] @ mine
+    return residual, rows
+
+
 def _weighted_factor(regressor: Regressor, base: BaseParameters, weights: Array) -> Array:
     """Triangular factor of the weighted base regressor and torque."""
     reduction = regressor.reduction
@@ -134,7 +166,7 @@ def _weighted_factor(regressor: Regressor, base: BaseParameters, weights: Array)
     if (weights == weights[:1]).all():  # then the rows have been reduced already
         return triangular(np.concatenate(reduction.weighted(weights[0]).rows(kept)))
     r = len(kept)
-    own = [[k for k, column in enumerate(kept) if column in set(c)] for c in reduction.columns]
+    own = base_places(regressor, base)
     factors = [np.zeros((len(place) + 1, len(place) + 1), order="F") for place in own]
     with one_blas_thread():
         for at, block in base_blocks(regressor, base):

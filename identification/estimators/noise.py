@@ -11,8 +11,7 @@ from scipy.fft import next_fast_len
 from scipy.linalg import solve_triangular
 
 from identification.base_parameters import BaseParameters
-from identification.estimators.least_squares import Solution, base_blocks
-from identification.reduction_factor import triangular
+from identification.estimators.least_squares import Solution, base_blocks, base_places
 from identification.regressor import Regressor
 
 Array = np.ndarray
@@ -113,19 +112,24 @@ def coloured_scatter(
     out = np.zeros((base.rank, base.rank))
     inverse = solve_triangular(solution.factor, np.eye(base.rank))
     # Columns that a joint does not feel are zero in its rows: before whitening, they cost nothing.
-    places = [[k for k, column in enumerate(base.independent) if column in set(c)] for c in regressor.touched]
-    for stretch in _stretches(regressor, base, places):
+    places = base_places(regressor, base)
+    for stretch in _stretches(regressor, base, solution, places):
         for joint, (lags, place) in enumerate(zip(rho, places, strict=True)):
-            white = triangular(_coloured_spectrum(stretch[joint], lags)) @ inverse[place]
+            white = _coloured_spectrum(stretch[joint], lags) @ inverse[place]
             out += scatter[joint] * (white.T @ white)
     return out
 
 
 def _stretches(
-    regressor: Regressor, base: BaseParameters, places: Sequence[Sequence[int]]
+    regressor: Regressor, base: BaseParameters, solution: Solution, places: Sequence[Sequence[int]]
 ) -> Iterator[list[Float[Array, "n _"]]]:
     """Some base columns of each joint's rows, by joint, over stretches of one log."""
     longest = max(1, _STRETCH // min(log.band.step for log in regressor.logs))
+    if solution.rows:
+        for start, stop in pairwise(regressor.starts):
+            for k in range(start, stop, longest):
+                yield [rows[:, k : min(k + longest, stop)].T for rows in solution.rows]
+        return
     ends, parts = set(regressor.starts), [[] for _ in places]
     count = 0
     for at, block in base_blocks(regressor, base):
@@ -160,8 +164,9 @@ def _coloured_spectrum(columns: Float[Array, "n k"], lags: Float[Array, " _"]) -
     """Spectrum of columns, real and imaginary part in turn, each times the root of the noise at its frequency."""
     if not len(columns):
         return columns
-    length = 2 * int(next_fast_len(len(columns), real=True) or 0)
     kept = lags[: len(columns)]
+    # Zeros behind the columns, so that their end does not meet their beginning within the memory.
+    length = 2 * int(next_fast_len((len(columns) + 1) // 2 + len(kept), real=True) or 0)
     padded = np.zeros(length)
     padded[: len(kept)] = kept
     padded[length - len(kept) + 1 :] += kept[:0:-1]
