@@ -18,7 +18,9 @@ try:
 except ImportError:  # numba has no build for this Python: the same functions, uncompiled
     njit = None
 else:
-    if config.DISABLE_JIT:  # NUMBA_DISABLE_JIT=1: as without numba, so that loops over samples are Pinocchio's
+    if getattr(
+        config, "DISABLE_JIT", 0
+    ):  # NUMBA_DISABLE_JIT=1: as without numba, so that loops over samples are Pinocchio's
         njit = None
 
 

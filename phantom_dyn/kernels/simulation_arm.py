@@ -1,5 +1,7 @@
 """Compiled steps of a tree of one-degree joints, some with motors that may move apart from their links.
 
+Passive joints of a closed chain follow the active ones linearly, and ``nv`` counts the active ones.
+
 The same rule as `phantom_dyn.stepping`.
 """
 
@@ -13,6 +15,7 @@ from phantom_dyn.effects.input_delay import delay_law
 from phantom_dyn.kernels.jit import jit
 from phantom_dyn.kernels.simulation_arrays import Control, Laws, Lines, Moving, Rows
 from phantom_dyn.kernels.simulation_axis import spring_torque
+from phantom_dyn.kernels.simulation_chain import Chain, chained_links
 from phantom_dyn.kernels.simulation_channels import place_in, read, tracking
 from phantom_dyn.kernels.simulation_friction import invert, rub
 from phantom_dyn.kernels.simulation_laws import DELAY, command_of, torque_of
@@ -38,6 +41,7 @@ class Arm(NamedTuple):
         stiffness: Of their transmissions, ``(m,)``.
         damping: The same, ``(m,)``.
         gap: The same, ``(m,)``.
+        chain: How the tree follows the joints.
     """
 
     numbers: Array
@@ -53,6 +57,7 @@ class Arm(NamedTuple):
     stiffness: Array
     damping: Array
     gap: Array
+    chain: Chain
 
 
 @jit
@@ -88,6 +93,9 @@ def run_arm(
     n, nv, m = len(x), len(drives), len(loose)
     mobility, y, w, push, speed = np.zeros((n, n)), np.zeros(n), np.zeros(n), np.zeros(n), np.zeros(n)
     reading, bias = np.zeros(nv), np.zeros(nv)
+    slope, offset, passive_viscous, passive_coulomb, tree_x, tree_v, tree_mass, tree_bias = arm.chain
+    closed = len(slope) > 0
+    tree_x, tree_v, tree_mass, tree_bias = tree_x.copy(), tree_v.copy(), tree_mass.copy(), tree_bias.copy()
     for k in range(len(t)):
         if mode > 0:
             ask(control, readings, seen, x, v, t[k], reading, asked)
@@ -108,7 +116,13 @@ def run_arm(
             for i in range(n):
                 for j in range(n):
                     mobility[i, j] = 0.0
-            links(numbers, places, row, y, w, mobility, bias)
+            if closed:
+                chained_links(
+                    numbers, places, row, slope, offset, passive_viscous, passive_coulomb, tree_x, tree_v, tree_mass,
+                    tree_bias, y, w, mobility, bias,
+                )  # fmt: skip
+            else:
+                links(numbers, places, row, y, w, mobility, bias)
             for i in range(n):
                 push[i] = 0.0
                 for j in range(n):

@@ -13,6 +13,7 @@ from phantom_dyn.kernels.jit import compiles
 from phantom_dyn.kernels.simulation_arm import Arm, run_arm
 from phantom_dyn.kernels.simulation_arrays import AT_SAMPLES, AT_STEPS, GIVEN, Control, Laws, Lines, lines_of, packed
 from phantom_dyn.kernels.simulation_axis import Axis, run_axis
+from phantom_dyn.kernels.simulation_chain import Chain, chain_of
 from phantom_dyn.kernels.simulation_laws import COMMANDS, READINGS, TORQUES
 from phantom_dyn.kernels.simulation_links import at_root, joint_rows
 from phantom_dyn.kernels.tree_arrays import FREE, tree_arrays
@@ -46,15 +47,18 @@ class Compiled(NamedTuple):
 def compiled(machine: Machine, parts: tuple[Simulated, ...], t: Array, counts: Array) -> Compiled | None:
     """Machine and effects for ``counts[k]`` steps between ``t[k]`` and ``t[k + 1]``; None where Python has to step.
 
-    That is so without numba, for closed chains, and for effects that have Python laws only.
+    That is so without numba, for closed chains whose loops are solved numerically, and for effects that have Python
+    laws only.
     """
-    if not compiles() or machine.robot.chain is not None:
+    chain = machine.robot.chain
+    if not compiles() or (chain is not None and chain.anchors):
         return None
     laws = [law for part in parts for law in part.laws]
     channels = [[law for law in laws if law.function in known] for known in (TORQUES, COMMANDS, READINGS)]
     if sum(map(len, channels)) < len(laws) or not all(part.laws or _is_silent(part) for part in parts):
         return None
-    found = (_axis(machine), run_axis) if machine.nv == 1 else (_arm(machine), run_arm)
+    one = machine.nv == 1 and chain is None
+    found = (_axis(machine), run_axis) if one else (_arm(machine), run_arm)
     if found[0] is None:
         return None
     torques, commands, readings = (
@@ -89,14 +93,30 @@ def _arm(machine: Machine) -> Arm | None:
     added = np.zeros((n, n))
     added[drives, drives] = machine.rotor
     added[np.ix_(drives, drives)] += machine.coupled
+    chain, carried = _chain(robot)
+    added[:nv, :nv] += carried
     numbers_of_joints = (machine.rotor, robot.viscous_friction, robot.coulomb_friction)
     rotor, viscous, coulomb = (np.array(part, dtype=float) for part in numbers_of_joints)
     root = at_root(len(places), robot.model.gravity.linear)
-    springs = (np.array(part, dtype=float) for part in (machine.stiffness, machine.damping, machine.gap))
+    stiffness, damping, gap = (
+        np.array(part, dtype=float) for part in (machine.stiffness, machine.damping, machine.gap)
+    )
     return Arm(
         numbers, places, root, added, rotor, viscous, coulomb, drives, encoder_places(machine),
-        np.array(loose, np.int64), *springs,
+        np.array(loose, np.int64), stiffness, damping, gap, chain,
     )  # fmt: skip
+
+
+def _chain(robot: Robot) -> tuple[Chain, Array]:
+    """How the tree follows the active joints, and what inertia rotors on passive joints add to these, ``(nv, nv)``."""
+    given = robot.chain
+    if given is None:
+        return chain_of(np.zeros((0, robot.nv)), *np.zeros((3, 0))), np.zeros((robot.nv, robot.nv))
+    passive, S = list(given.passive), given.linear_map
+    viscous, coulomb = np.zeros((2, len(S)))
+    viscous[passive], coulomb[passive] = given.viscous_friction, given.coulomb_friction
+    rotors = S[passive].T @ (robot.model.armature[passive, None] * S[passive])
+    return chain_of(S, given.offset, viscous, coulomb), rotors
 
 
 def _axis(machine: Machine) -> Axis | None:
