@@ -2,7 +2,8 @@
 
 No derivative of a position and no regressor on recorded motion: Gauss and Newton's method on the simulation itself,
 with the states at the start of every stretch of a few seconds as unknowns (multiple shooting), so that what the model
-lacks in one stretch does not spoil the next.
+lacks in one stretch does not spoil the next. A controller soon forgets the state at a start, often before the band has
+its first sample: the recorded states count, loosely, as measurements, see `Shooting.state_trust`.
 """
 
 from __future__ import annotations
@@ -30,7 +31,12 @@ Array = np.ndarray
 
 _SETTLED = 0.05  # standard deviations, see `identification.estimators.iv`
 _HALVINGS = 8  # of a step that does not lower the error
-_EXACT = 1e-7  # share of a channel below which its error is that of differences and integration, not noise
+# Where a step lowers the error by less than this share, and slopes promise hardly more, what is left is the roughness
+# that dry friction gives the simulation; where slopes promise much and no step keeps it, the fit has failed.
+_FLAT, _PROMISED = 1e-3, 0.1
+# Share of a channel below which its error is that of the integration, which dry friction makes rough, and not noise:
+# no encoder is as good.
+_EXACT = 1e-5
 _LEAST = 1e-9  # a column that adds less than this share of its norm to those before it is not determined
 
 
@@ -103,31 +109,44 @@ def cloe(
     for _ in range(iterations):
         weights = _weights(point.left, measured)
         slopes = shooting.slopes(point.theta, point.states, point.outputs)
-        step, factor = _step(slopes, point.left, weights)
+        step, factor, left = _step(slopes, point, weights)
         inverse = solve_triangular(factor, np.eye(len(factor)))
         std = np.linalg.norm(inverse, axis=1)[-base.rank :]
-        point, moved = _taken(shooting, measured, point, step, weights)
+        error = point.error(weights)
+        point = _taken(shooting, measured, point, step, weights)
         small = np.abs(step[-base.rank :]) <= _SETTLED * std + 1e-6 * np.abs(point.theta)
-        if small.all() or not moved:
+        flat = point.error(weights) >= (1.0 - _FLAT) * error
+        if small.all() or (flat and left >= (1.0 - _PROMISED) * error):
             return _fit(shooting, measured, point, Status.SOLVED)
+        if point.error(weights) >= error:
+            break
     if on_failure == "raise":
-        raise EstimationError(f"{Status.NOT_SETTLED.value} ({iterations} steps)")
+        raise EstimationError(f"{Status.NOT_SETTLED.value} (at most {iterations} steps)")
     return _fit(shooting, measured, point, Status.NOT_SETTLED)
 
 
 @dataclass(frozen=True)
 class _Point:
-    """Parameters and states with their simulation and what it leaves in the band."""
+    """Parameters and states, their simulation, what it leaves in the band, and, in the order of the slopes, by how much
+    the recorded states differ from these and may differ."""
 
     theta: Float[Array, " r"]
     states: Float[Array, "s 2 nv"]
     outputs: list[Array]
     left: Float[Array, "N c"]
+    off: Float[Array, " k"]
+    trust: Float[Array, " k"]
+
+    def error(self, weights: Float[Array, " c"]) -> float:
+        """What is minimised."""
+        return float(np.sum((self.left * weights) ** 2) + np.sum((self.off / self.trust) ** 2))
 
 
 def _point(shooting: Shooting, measured: Array, theta: Array, states: Array) -> _Point:
     outputs = shooting.outputs(theta, states)
-    return _Point(theta, states, outputs, measured - shooting.in_band(outputs))
+    off = (shooting.first_states() - states).transpose(1, 2, 0).ravel()
+    trust = shooting.state_trust().ravel()
+    return _Point(theta, states, outputs, measured - shooting.in_band(outputs), off, trust)
 
 
 def _weights(left: Float[Array, "N c"], measured: Float[Array, "N c"]) -> Float[Array, " c"]:
@@ -137,24 +156,26 @@ def _weights(left: Float[Array, "N c"], measured: Float[Array, "N c"]) -> Float[
     return np.divide(1.0, noise, out=np.zeros_like(noise), where=noise > 0)
 
 
-def _step(slopes: Float[Array, "N c p"], left: Float[Array, "N c"], weights: Float[Array, " c"]) -> tuple[Array, Array]:
-    p = slopes.shape[2]
-    rows = np.column_stack([(slopes * weights[:, None]).reshape(-1, p), (left * weights).reshape(-1)])
-    R = np.asarray(np.linalg.qr(rows, mode="r"))
+def _step(slopes: Float[Array, "N c p"], point: _Point, weights: Float[Array, " c"]) -> tuple[Array, Array, float]:
+    """Step, triangular factor, and the error that is left where slopes tell the truth."""
+    p, k = slopes.shape[2], len(point.off)
+    rows = np.column_stack([(slopes * weights[:, None]).reshape(-1, p), (point.left * weights).reshape(-1)])
+    recorded = np.column_stack([np.eye(k, p) / point.trust[:, None], point.off / point.trust])
+    R = np.asarray(np.linalg.qr(np.concatenate([rows, recorded]), mode="r"))
     factor = R[:p, :p]
     norms = np.linalg.norm(factor, axis=0)
     if len(R) < p or not norms.all() or (np.abs(np.diag(factor)) < _LEAST * norms).any():
         raise IdentifiabilityError(
-            f"{len(left)} samples do not determine {p} parameters and states: record more or give longer stretches."
+            f"{len(point.left)} samples do not determine {p} parameters and states: record more, or in longer stretches."
         )
-    return solve_triangular(factor, R[:p, p]), factor
+    return solve_triangular(factor, R[:p, p]), factor, float(np.sum(R[p:, p] ** 2))
 
 
 def _taken(
     shooting: Shooting, measured: Array, point: _Point, step: Float[Array, " p"], weights: Float[Array, " c"]
-) -> tuple[_Point, bool]:
-    """The point after as much of a step as lowers the error, and whether there is any."""
-    r, error = shooting.base.rank, np.sum((point.left * weights) ** 2)
+) -> _Point:
+    """The point after as much of a step as lowers the error, or the same."""
+    r, error = shooting.base.rank, point.error(weights)
     _, _, nv = point.states.shape
     # Columns come state by state and, within one, stretch by stretch.
     states = step[:-r].reshape(2, nv, -1).transpose(2, 0, 1)
@@ -164,16 +185,16 @@ def _taken(
             tried = _point(shooting, measured, point.theta + share * step[-r:], point.states + share * states)
         except EstimationError:
             continue
-        if np.sum((tried.left * weights) ** 2) < error:
-            return tried, True
-    return point, False
+        if tried.error(weights) < error:
+            return tried
+    return point
 
 
 def _fit(shooting: Shooting, measured: Array, point: _Point, status: Status) -> Fit:
     regressor, base, r = shooting.regressor, shooting.base, shooting.base.rank
     weights = _weights(point.left, measured)
     slopes = shooting.slopes(point.theta, point.states, point.outputs)
-    _, factor = _step(slopes, point.left, weights)
+    _, factor, _ = _step(slopes, point, weights)
     rho = [autocorrelation(column, regressor.starts) for column in point.left.T]
     memory = np.array([correlation_factor(lags) for lags in rho])
     inverse = solve_triangular(factor, np.eye(len(factor)))
@@ -182,7 +203,9 @@ def _fit(shooting: Shooting, measured: Array, point: _Point, status: Status) -> 
     white = inverse @ inverse.T
     # A term more for every parameter that the noise was judged without.
     spare = N * slopes.shape[1] / max(N * slopes.shape[1] - p, 1)
-    cov = spare * inverse @ _remembered(scores, int(np.ceil(4 * memory.max()))) @ inverse.T
+    recorded = inverse[: len(point.trust)] / point.trust[:, None]
+    scatter = _remembered(scores, int(np.ceil(4 * memory.max()))) + recorded.T @ recorded
+    cov = spare * inverse @ scatter @ inverse.T
     nv = regressor.robot.nv
     std = np.sqrt(np.diag(cov))
     return fit_of(

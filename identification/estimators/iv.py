@@ -24,7 +24,7 @@ from identification.estimators.fit import Fit, Status, fit_of
 from identification.estimators.noise import joint_noise
 from identification.estimators.resimulation import first_resimulation, loops_of, resimulated, simulated_base
 from identification.estimators.rows import base_rows, covariances, factor_of, influence_of, least_squares
-from identification.estimators.wls import floored
+from identification.estimators.wls import PASSES, floored, settled
 from identification.log import Log
 from identification.regressor import EffectOnJoint, Regressor, torque_regressor
 from phantom_dyn.errors import EstimationError, IdentifiabilityError
@@ -196,10 +196,13 @@ def starting_point(regressor: Regressor) -> tuple[BaseParameters, Float[Array, "
 
     base = base_of(regressor)
     rows = base_rows(regressor, base)
-    weights = np.ones(regressor.robot.nv)
+    noise = np.ones(regressor.robot.nv)
     theta = np.zeros(base.rank)
-    for _ in range(2):
-        theta, factor = least_squares(rows, regressor.y, weights)
-        used = np.einsum("njk,njk->j", influence_of(rows, factor, weights), rows, optimize=True)
-        weights = 1.0 / floored(joint_noise(regressor.y - rows @ theta, used), regressor)
-    return base, theta, weights
+    for _ in range(PASSES):
+        before = noise
+        theta, factor = least_squares(rows, regressor.y, 1.0 / before)
+        used = np.einsum("njk,njk->j", influence_of(rows, factor, 1.0 / before), rows, optimize=True)
+        noise = floored(joint_noise(regressor.y - rows @ theta, used), regressor)
+        if settled(before, noise):
+            break
+    return base, theta, 1.0 / noise

@@ -17,6 +17,7 @@ Array = np.ndarray
 
 # Share of a signal by which a parameter or a state is moved for a slope: dry friction makes slopes of less rough.
 _NUDGE = 1e-4
+_TRUST = 1e-2  # share of a signal by which a recorded state may be off: many times the noise of any encoder
 
 
 @dataclass(frozen=True)
@@ -126,10 +127,18 @@ class Shooting:
             )
         return np.stack(columns, axis=2)
 
+    def state_trust(self) -> Float[Array, "2 nv s"]:
+        """Standard deviations of the recorded states: a state that the band does not show stays as it was recorded."""
+        sizes = [[self._state_size((i, j)) for j in range(self.regressor.robot.nv)] for i in range(2)]
+        return _TRUST * np.repeat(np.array(sizes)[:, :, None], len(self.stretches), axis=2)
+
     def _state_nudge(self, which: tuple[int, ...]) -> float:
+        return _NUDGE * self._state_size(which)
+
+    def _state_size(self, which: tuple[int, ...]) -> float:
         name, joint = "qv"[which[0]], which[1]
         size = max(float(np.ptp(getattr(loop.log.motion, name)[:, joint])) for loop in self.loops)
-        return _NUDGE * (size if size > 0 else 1.0)
+        return size if size > 0 else 1.0
 
     def _parameter_nudges(self) -> Float[Array, " r"]:
         """What changes the torque by a ten-thousandth."""

@@ -1,4 +1,4 @@
-"""Weighted least squares: every joint counts by its own noise, which a first fit estimates."""
+"""Weighted least squares: every joint counts by its own noise, which the fits before estimate."""
 
 from __future__ import annotations
 
@@ -16,6 +16,12 @@ from phantom_dyn.errors import IdentifiabilityError
 from phantom_dyn.robot import Robot
 
 Array = np.ndarray
+
+# A joint of small torque takes what others have left over in a fit without weights, and keeps much of it in the first
+# fit with weights: fits go on until no joint's noise moves by a tenth against the others'.
+_CHANGE = 0.1
+PASSES = 8
+"""Most fits there are, the one without weights included."""
 
 
 def fit_wls(robot: Robot, logs: Log | Sequence[Log], effects: Sequence[EffectOnJoint] = ()) -> Fit:
@@ -42,10 +48,15 @@ def wls(regressor: Regressor) -> Fit:
         IdentifiabilityError: If the recording excites no parameter, or leaves no equation to judge the noise by.
     """
     base = base_of(regressor)
-    first = solve(regressor, base, np.ones_like(regressor.y))
-    noise = floored(joint_noise(first.residual, leverage(first, np.ones(regressor.robot.nv))), regressor)
-    solution = solve(regressor, base, np.broadcast_to(1 / noise, regressor.y.shape))
-    sigma = joint_noise(solution.residual, leverage(solution, noise**-2))
+    noise = sigma = np.ones(regressor.robot.nv)
+    solution = solve(regressor, base, np.ones_like(regressor.y))
+    for again in reversed(range(PASSES)):
+        sigma = joint_noise(solution.residual, leverage(solution, noise**-2))
+        following = floored(sigma, regressor)
+        if not again or settled(noise, following):
+            break
+        noise = following
+        solution = solve(regressor, base, np.broadcast_to(1 / noise, regressor.y.shape))
     return fit_from(
         "wls",
         regressor,
@@ -56,6 +67,17 @@ def wls(regressor: Regressor) -> Fit:
         scatter=sigma**2 / noise**4,
         score=solution.residual,
     )
+
+
+def settled(before: Float[Array, " nv"], after: Float[Array, " nv"]) -> bool:
+    """True if another fit with the noise ``after`` would weigh the joints as the one with ``before`` did.
+
+    Args:
+        before: Noise of each joint that a fit was weighted by.
+        after: Noise that it has left.
+    """
+    ratio = after / before
+    return bool(ratio.max() <= (1.0 + _CHANGE) * ratio.min())
 
 
 def floored(sigma: Float[Array, " nv"], regressor: Regressor) -> Float[Array, " nv"]:
