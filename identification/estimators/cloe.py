@@ -127,8 +127,10 @@ def cloe(
 
 @dataclass(frozen=True)
 class _Point:
-    """Parameters and states, their simulation, what it leaves in the band, and, in the order of the slopes, by how much
-    the recorded states differ from these and may differ."""
+    """Parameters and states, their simulation, and what it leaves of torques and positions.
+
+    In the order of the slopes: by how much the recorded states differ from these (off), and may differ (trust).
+    """
 
     theta: Float[Array, " r"]
     states: Float[Array, "s 2 nv"]
@@ -166,7 +168,7 @@ def _step(slopes: Float[Array, "N c p"], point: _Point, weights: Float[Array, " 
     norms = np.linalg.norm(factor, axis=0)
     if len(R) < p or not norms.all() or (np.abs(np.diag(factor)) < _LEAST * norms).any():
         raise IdentifiabilityError(
-            f"{len(point.left)} samples do not determine {p} parameters and states: record more, or in longer stretches."
+            f"{len(rows)} equations do not determine {p} parameters and states: record more or give longer stretches."
         )
     return solve_triangular(factor, R[:p, p]), factor, float(np.sum(R[p:, p] ** 2))
 

@@ -1,0 +1,96 @@
+"""Known truth: 95 % intervals hold it in 95 % of draws of noise with a memory, pooled over the parameters of an arm.
+
+Draws differ in the noise of the torque, so that they share the columns; and the simulation of the truth stands for
+those of the estimates, which the last test shows to be as good.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+import pytest
+from scipy.signal import lfilter
+
+from identification.base_parameters import BaseParameters
+from identification.estimators.didim import didim
+from identification.estimators.fit import Fit
+from identification.estimators.iv import iv
+from identification.estimators.least_squares import base_of
+from identification.estimators.ols import ols
+from identification.estimators.resimulation import Resimulation, loops_of, resimulated
+from identification.estimators.rows import base_rows
+from identification.estimators.wls import wls
+from identification.regressor import Regressor, torque_regressor
+from identification.signals import process
+
+DRAWS = 200
+FITS = {"ols": ols, "wls": wls, "iv": iv, "didim": didim}
+
+
+@dataclass(frozen=True)
+class Draws:
+    """Equations on the recorded motion, on that of the true robot, the truth, and noise ``(draws, N, nv)``."""
+
+    regressor: Regressor
+    base: BaseParameters
+    simulation: Resimulation
+    truth: np.ndarray
+    noise: np.ndarray
+
+    def drawn(self, k: int, *, simulated: bool) -> Regressor:
+        """Equations of one draw; the torque is that of the recorded motion, or of the simulated one."""
+        rows = self.simulation.rows(self.base) if simulated else base_rows(self.regressor, self.base)
+        y = rows @ self.truth + self.noise[k]
+        known = self.regressor.measured - self.regressor.y
+        out = replace(self.regressor)
+        out.__dict__.update(W=self.regressor.W, y=y, measured=y + known)
+        return out
+
+    def holds(self, fit: Fit, cov: np.ndarray) -> np.ndarray:
+        """Whether the 95 % interval of each parameter holds the truth."""
+        return np.abs(fit.theta - fit.base.values(self.simulation.full)) < 1.96 * np.sqrt(np.diag(cov))
+
+
+@pytest.fixture(scope="module")
+def draws(case_of) -> Draws:
+    # Encoders with noise of 1e-5 rad; torque with noise of 5 %, a first-order low pass of 8 Hz in a band of 15 Hz.
+    case, rng = case_of("two_joints"), np.random.default_rng(7)
+    q = case.recording.q + 1e-5 * rng.normal(size=case.recording.q.shape)
+    log = process(replace(case.recording, q=q), case.robot, cutoff_hz=15.0)
+    regressor = torque_regressor(case.robot, log, case.effects)
+    base = base_of(regressor)
+    truth = case.truth(base)
+    simulation = resimulated(regressor, loops_of(regressor, None), base, truth)
+    white = rng.normal(size=(len(log.tau) + 500, DRAWS, case.robot.nv))
+    coloured = lfilter([np.sqrt(1 - 0.9**2)], [1.0, -0.9], white, axis=0)[500:]
+    noise = log.band(coloured * 0.05 * np.sqrt(np.mean(log.tau**2, axis=0)))
+    return Draws(regressor, base, simulation, truth, noise[log.valid_in_band].transpose(1, 0, 2))
+
+
+@pytest.fixture
+def simulated_once(draws, monkeypatch) -> None:
+    for module in ("iv", "didim"):
+        for name in ("resimulated", "first_resimulation"):
+            monkeypatch.setattr(f"identification.estimators.{module}.{name}", lambda *_: draws.simulation)
+
+
+@pytest.mark.parametrize("name", FITS)
+@pytest.mark.usefixtures("simulated_once")
+def test_intervals_hold_the_truth_in_92_to_98_per_cent_of_draws(name, draws):
+    fits = [FITS[name](draws.drawn(k, simulated=name == "didim")) for k in range(DRAWS)]
+    assert 0.92 < np.mean([draws.holds(fit, fit.cov) for fit in fits]) < 0.98
+
+
+def test_without_the_memory_of_the_noise_intervals_are_too_short(draws):
+    fits = [wls(draws.drawn(k, simulated=False)) for k in range(DRAWS)]
+    assert np.mean([draws.holds(fit, fit.cov_white) for fit in fits]) < 0.9
+
+
+@pytest.mark.parametrize("name", ["iv", "didim"])
+def test_simulations_of_the_estimates_give_what_that_of_the_truth_gives(name, draws, monkeypatch):
+    regressor = draws.drawn(0, simulated=name == "didim")
+    own = FITS[name](regressor)
+    for function in ("resimulated", "first_resimulation"):
+        monkeypatch.setattr(f"identification.estimators.{name}.{function}", lambda *_: draws.simulation)
+    assert np.all(np.abs(own.theta - FITS[name](regressor).theta) < 0.2 * own.std())
