@@ -11,7 +11,6 @@ same order are the same numbers.
 
 from __future__ import annotations
 
-import threading
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from typing import Any, TypeVar, cast
 
@@ -40,31 +39,6 @@ class WorkerLostError(PhantomDynError):
             "times, perhaps because memory ran out: work with fewer processes."
         )
         self.left = tuple(left)
-
-
-class _OneThread:
-    """Context in which linear algebra has one thread; the last thread of this process to leave it gives back more."""
-
-    def __init__(self):
-        self._lock = threading.Lock()
-        self._inside = 0
-        self._limits: threadpool_limits | None = None
-
-    def __enter__(self) -> None:
-        with self._lock:
-            self._inside += 1
-            if self._inside == 1:
-                self._limits = threadpool_limits(limits=1)
-
-    def __exit__(self, *_: object) -> None:
-        with self._lock:
-            self._inside -= 1
-            if self._inside == 0 and self._limits is not None:
-                self._limits.restore_original_limits()
-
-
-# One per process, as the number of threads of a BLAS is.
-_ONE_THREAD = _OneThread()
 
 
 def worker_count(jobs: int | None) -> int:
@@ -118,9 +92,16 @@ def spread(
     """
     left = dict(enumerate(pieces))
     workers = min(worker_count(jobs), len(left))
+    # The number of threads belongs to a whole process. Where workers are threads of this one, it is set here, as the
+    # first of them to end would give back what it found.
+    with threadpool_limits(limits=1):
+        yield from _spread(function, left, workers)
+
+
+def _spread(function: Callable[..., R], left: dict[int, tuple[Any, ...]], workers: int) -> Iterator[tuple[int, R]]:
+    """Results of the pieces in ``left``, which are taken out of it when they are handed over."""
     if workers <= 1:
-        for place, arguments in left.items():
-            yield _run((function, place, arguments))
+        yield from (_run((function, place, arguments)) for place, arguments in left.items())
         return
     for attempt in range(_ATTEMPTS):
         try:
@@ -151,5 +132,5 @@ def _finished(function: Callable[..., R], left: dict[int, tuple[Any, ...]], work
 def _run(piece: tuple[Callable[..., R], int, tuple[Any, ...]]) -> tuple[int, R]:
     """One piece, in whatever process or thread it has come to."""
     function, place, arguments = piece
-    with _ONE_THREAD:
+    with threadpool_limits(limits=1):
         return place, function(*arguments)

@@ -8,6 +8,7 @@ import sys
 from pathlib import Path
 
 from identification.cli.arguments import Parser
+from identification.cli.each import require_each, run_each
 from identification.cli.inputs import require_files, stretch
 from phantom_dyn.errors import UsageError
 
@@ -36,21 +37,34 @@ def parser() -> argparse.ArgumentParser:
     out.add_argument("--columns", metavar="FILE", type=Path, help="YAML that maps other names, units and signs")
     out.add_argument("--exclude", metavar="T0:T1", **several, help="stretches of time [s] to leave out")
     out.add_argument("--topic", metavar="NAME", help="JointState topic of a bag that has several")
-    out.add_argument("--jobs", metavar="N", type=int, default=1, help="processes at most; this version needs one")
+    out.add_argument(
+        "--each",
+        action="store_true",
+        help="diagnose every LOG by itself; a LOG may be a folder of them. --out gets a folder for each and the table "
+        "of verdicts, diagnoses.csv and diagnoses.json; exit code 2 if one was refused, the others are diagnosed",
+    )
+    out.add_argument(
+        "--jobs",
+        metavar="N",
+        type=int,
+        help="with --each, recordings at once (default: one per core); a single diagnosis needs one process",
+    )
     return out
 
 
 def run(arguments: argparse.Namespace) -> int:
     """Diagnose and print a summary; write files where they are asked for."""
     excluded = tuple(stretch(text) for text in arguments.exclude)
-    if arguments.jobs < 1:
-        raise UsageError(
-            f"--jobs {arguments.jobs} was given, wanted a number of processes from 1 on; leave it out for 1"
-        )
+    if arguments.jobs is not None and arguments.jobs < 1:
+        raise UsageError(f"--jobs {arguments.jobs} was given, wanted a number of processes from 1 on; leave it out")
+    if arguments.each:
+        require_each(arguments)
     require_files(arguments)
     # One BLAS thread: the matrices are small, and two threads on a busy machine wait for each other.
     for name in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"):
         os.environ.setdefault(name, "1")
+    if arguments.each:
+        return run_each(arguments, excluded)
     from identification.cli.progress import Progress
     from identification.diagnosis.outputs import check_targets, write_outputs
 
