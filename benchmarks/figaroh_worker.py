@@ -1,7 +1,8 @@
 # pyright: reportMissingImports=false, reportAttributeAccessIssue=false
 """FIGAROH's own `solve()` on one recording: runs in FIGAROH's environment, prints seconds and memory as JSON.
 
-Called by `compare_figaroh.py`: ``figaroh_worker.py ROBOT.urdf RECORDING.npz CONFIG.yaml``.
+Called by `compare_figaroh.py`: ``figaroh_worker.py ROBOT.urdf PACKAGES RECORDING.npz CONFIG.yaml``. Robot, regressor
+and solution as in FIGAROH's example of a UR10; the samples are taken as they are, without its filter.
 """
 
 from __future__ import annotations
@@ -9,14 +10,16 @@ from __future__ import annotations
 import contextlib
 import io
 import json
-import resource
 import sys
 import time
 from pathlib import Path
 
 import numpy as np
-import pinocchio as pin
 from figaroh.identification.base_identification import BaseIdentification
+from figaroh.tools.robot import load_robot
+
+FEW = 200
+"""Samples of a first run, which is not timed: what is imported or compiled late counts on neither side."""
 
 
 class Identification(BaseIdentification):
@@ -31,32 +34,32 @@ class Identification(BaseIdentification):
         self.processed_data = {key: value for key, value in self.raw_data.items() if key != "torques"}
 
 
-def peak_mb() -> float:
-    """Largest memory that the process has held so far [MB]."""
-    return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024
+def memory_mb(field: str) -> float:
+    """VmRSS (now) or VmHWM (largest so far) of this process [MB]; a parent's memory does not count, as in rusage."""
+    lines = Path("/proc/self/status").read_text().splitlines()
+    return next(int(line.split()[1]) / 1024 for line in lines if line.startswith(field))
 
 
-def main(urdf: str, recording: str, config: str) -> None:
-    robot = pin.RobotWrapper(pin.buildModelFromUrdf(urdf))
-    bare = peak_mb()
-    result = {"regressor": np.inf, "solve": np.inf}
-    for _ in range(2):
-        one = Identification(robot, config)
-        one.recording = Path(recording)
-        one.identif_config.update(act_idxq=list(range(robot.nq)), act_idxv=list(range(robot.nv)))
-        with contextlib.redirect_stdout(io.StringIO()), contextlib.redirect_stderr(io.StringIO()):
-            start = time.process_time()
-            one.initialize()
-            middle = time.process_time()
-            one.solve(decimate=False, plotting=False)
-            end = time.process_time()
-        result["regressor"] = min(result["regressor"], middle - start)
-        result["solve"] = min(result["solve"], end - middle)
-        result["first_peak_mb"] = result.get("first_peak_mb", peak_mb())
-        result["parameters"] = len(one.phi_base)
-        result["rms"] = float(one.rms_error)
-        del one
-    print(json.dumps({**result, "peak_mb": result["first_peak_mb"], "bare_mb": bare}))
+def identified(robot, recording: str, config: str, few: int | None = None) -> tuple[Identification, float, float]:
+    """The identification, seconds from the file to the regressor, and seconds of `solve()`."""
+    one = Identification(robot, config)
+    one.recording = Path(recording)
+    one.identif_config.update(act_idxq=list(range(robot.nq)), act_idxv=list(range(robot.nv)))
+    with contextlib.redirect_stdout(io.StringIO()), contextlib.redirect_stderr(io.StringIO()):
+        start = time.process_time()
+        one.initialize(truncate=None if few is None else (0, few))
+        middle = time.process_time()
+        one.solve(decimate=False, plotting=False)
+        return one, middle - start, time.process_time() - middle
+
+
+def main(urdf: str, packages: str, recording: str, config: str) -> None:
+    robot = load_robot(urdf, package_dirs=packages, load_by_urdf=True)
+    identified(robot, recording, config, FEW)
+    bare = memory_mb("VmRSS")
+    one, regressor, solve = identified(robot, recording, config)
+    result = {"seconds": regressor + solve, "solve": solve, "rank": len(one.phi_base), "rms": float(one.rms_error)}
+    print(json.dumps({**result, "peak_mb": memory_mb("VmHWM"), "bare_mb": bare}))
 
 
 if __name__ == "__main__":

@@ -1,0 +1,141 @@
+"""This library's side of a comparison, in a process of its own: prints seconds and memory as JSON.
+
+own_worker.py fit ROBOT RECORDING.npz [EFFECT,...]    file to base parameters, least squares, deviations
+own_worker.py arm ROBOT RECORDING.npz                 rotor inertia and damping that the given model lacks
+own_worker.py stream ROBOT SAMPLES                    as many samples, in recordings of which one is held at a time
+"""
+
+from __future__ import annotations
+
+import json
+import sys
+import time
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from identification.estimators.ols import fit_ols, ols
+from identification.log import Band, Log
+from identification.recordings import read_recording
+from identification.reduction import combined
+from identification.reduction_fit import refit
+from identification.regressor import EffectOnJoint, gap_regressor, torque_regressor
+from identification.signals import process
+from phantom_dyn import load_robot
+from phantom_dyn.dynamics import inverse_dynamics
+from phantom_dyn.effects.catalogue import effect_named
+from phantom_dyn.motion import Motion
+from phantom_dyn.robot import Robot
+
+FEW = 200
+"""Samples of a first run, which is not timed: what is imported or compiled late counts on neither side."""
+
+CHUNK = 50_000
+NOISE = 0.1  # N m
+
+
+def memory_mb(field: str) -> float:
+    """VmRSS (now) or VmHWM (largest so far) of this process [MB]; a parent's memory does not count, as in rusage."""
+    lines = Path("/proc/self/status").read_text().splitlines()
+    return next(int(line.split()[1]) / 1024 for line in lines if line.startswith(field))
+
+
+def log_of(robot: Robot, motion: Motion, tau: np.ndarray) -> Log:
+    """Samples as they are, without a filter."""
+    rate = 1.0 / float(motion.t[1] - motion.t[0])
+    band = Band(rate, rate / 2, np.ones(1), 1)
+    return Log("recording", robot.joint_names, motion, tau, band, np.ones(len(tau), dtype=bool))
+
+
+def read(robot: Robot, path: str, few: int | None = None) -> Log:
+    """A recording with derivatives."""
+    arrays = np.load(path)
+    motion = Motion(*(arrays[name][:few] for name in ("t", "q", "v", "a")))
+    return log_of(robot, motion, arrays["tau"][:few])
+
+
+def terms(robot: Robot, names: str) -> list[EffectOnJoint]:
+    """Each of these effects on every joint."""
+    return [(effect_named(name), joint) for name in filter(None, names.split(",")) for joint in robot.joint_names]
+
+
+def fit(robot: Robot, path: str, effects: str = "") -> dict[str, float]:
+    """File to base parameters by `fit_ols`, and by reduction alone, which knows the deviations of white noise only."""
+    given = terms(robot, effects)
+    some = read(robot, path, FEW)
+    fit_ols(robot, some, given)
+    refit(torque_regressor(robot, some, given).reduction)
+    bare = memory_mb("VmRSS")
+    start = time.process_time()
+    log = read(robot, path)
+    found = fit_ols(robot, log, given)
+    middle = time.process_time()
+    peak = memory_mb("VmHWM")
+    again = refit(torque_regressor(robot, read(robot, path), given).reduction)
+    end = time.process_time()
+    rms = float(np.sqrt(np.mean((log.tau - found.predict(robot, log.motion)) ** 2)))
+    return {
+        "seconds": middle - start,
+        "reduced": end - middle,
+        "rank": found.rank,
+        "rms": rms,
+        "reduced_gap": float(np.max(np.abs(again.theta - found.theta) / found.std())),
+        "peak_mb": peak,
+        "bare_mb": bare,
+    }
+
+
+def arm(robot: Robot, path: str) -> dict[str, Any]:
+    """Rotor inertia and damping of every joint beyond the model's, from positions and torques, derivatives included."""
+    given = terms(robot, "rotor_inertia,viscous_friction")
+    recording = read_recording(path, robot)
+    ols(gap_regressor(robot, process(recording, robot), given))  # what is imported or compiled late does not count
+    start = time.process_time()
+    found = ols(gap_regressor(robot, process(recording, robot), given))
+    seconds = time.process_time() - start
+    added = dict(zip(found.names, found.theta.tolist(), strict=True))
+    names = {"armature": ("rotor_inertia.inertia", robot.rotor_inertia)}
+    names["damping"] = ("viscous_friction.coefficient", robot.viscous_friction)
+    values = {
+        f"{ours}.{joint}": float(stated[k]) + added[f"{joint}.{effect}"]
+        for ours, (effect, stated) in names.items()
+        for k, joint in enumerate(robot.joint_names)
+    }
+    return {"values": values, "seconds": seconds}
+
+
+def drawn(robot: Robot, samples: int) -> Iterator[Log]:
+    """Recordings of `CHUNK` samples, made one by one."""
+    rng = np.random.default_rng(0)
+    for start in range(0, samples, CHUNK):
+        count = min(CHUNK, samples - start)
+        motion = Motion(np.arange(count) * 1e-3, *rng.normal(size=(3, count, robot.nv)))
+        yield log_of(robot, motion, inverse_dynamics(robot, motion) + NOISE * rng.normal(size=(count, robot.nv)))
+
+
+def stream(robot: Robot, samples: str) -> dict[str, float]:
+    """Reduction of many samples and the fit of all; making the samples is not timed."""
+    for log in drawn(robot, FEW):
+        refit(torque_regressor(robot, log).reduction)
+    seconds, total = 0.0, None
+    for log in drawn(robot, int(samples)):
+        start = time.process_time()
+        one = torque_regressor(robot, log).reduction
+        total = one if total is None else combined([total, one])
+        seconds += time.process_time() - start
+    assert total is not None
+    start = time.process_time()
+    found = refit(total)
+    again = time.process_time() - start
+    peak, rank = memory_mb("VmHWM"), len(found.theta)
+    return {"seconds": seconds + again, "refit": again, "peak_mb": peak, "rank": rank, "samples": found.samples}
+
+
+def main(what: str, robot: str, *words: str) -> None:
+    print(json.dumps({"fit": fit, "arm": arm, "stream": stream}[what](load_robot(robot), *words)))
+
+
+if __name__ == "__main__":
+    main(*sys.argv[1:])
