@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import itertools
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from jaxtyping import Bool, Float, Int
@@ -99,6 +100,15 @@ class Grams:
     fold: Int[Array, " B"]
     count: Float[Array, " B"]
 
+    @cached_property
+    def fold_a(self) -> RowProducts:
+        """Columns times columns, summed over the blocks of each fold."""
+        return self.a.grouped(self.fold)
+
+    def by_fold(self, series: Float[Array, "B ..."]) -> Float[Array, "F ..."]:
+        """What is known of each block, summed over the blocks of each fold."""
+        return np.stack([series[self.fold == fold].sum(axis=0) for fold in range(int(self.fold.max()) + 1)])
+
 
 def split_blocks(logs: tuple[Log, ...], cutoff_hz: float) -> tuple[Block, ...]:
     """Blocks of at least a second and five periods of the judged band's edge, some twelve to twenty-four in all.
@@ -140,28 +150,31 @@ def row_grams(columns: Columns, blocks: tuple[Block, ...], weights: Weights, row
         row: Which joint's torque.
     """
     weight = weights.per_sample[row]
-    whole, core, count = [], [], []
-    for block in blocks:
+    size = len(columns.rows[row]) + 1
+    whole, core, count = np.empty((len(blocks), size, size)), np.empty((len(blocks), size, size)), np.empty(len(blocks))
+    for k, block in enumerate(blocks):
         part = slice(block.start, block.stop)
         use = columns.usable[block.log][part, row]
         # One product of the columns with the residual beside them gives all three.
-        x = columns.values[block.log][row][part][use]
-        joined = np.column_stack([x, columns.residual[block.log][part, row][use]])
-        whole.append(weight * (joined.T @ joined))
+        x, residual = columns.values[block.log][row][part], columns.residual[block.log][part, row]
+        joined = np.column_stack([x, residual] if use.all() else [x[use], residual[use]])
+        np.matmul(joined.T, joined, out=whole[k])
         # The core is the block less its first few samples.
         guard = joined[: int(np.searchsorted(np.flatnonzero(use), block.core - block.start))]
-        core.append(whole[-1] - weight * (guard.T @ guard))
-        count.append((len(joined) - len(guard)) / weights.spread[row])
-    w, o = np.array(whole), np.array(core)
+        np.matmul(guard.T, guard, out=core[k])
+        np.subtract(whole[k], core[k], out=core[k])
+        count[k] = (len(joined) - len(guard)) / weights.spread[row]
+    whole *= weight
+    core *= weight
     return RowGrams(
         index=np.array(columns.rows[row]),
-        a=w[:, :-1, :-1],
-        b=w[:, :-1, -1],
-        c=w[:, -1, -1],
-        core_a=o[:, :-1, :-1],
-        core_b=o[:, :-1, -1],
-        core_c=o[:, -1, -1],
-        count=np.array(count),
+        a=whole[:, :-1, :-1],
+        b=whole[:, :-1, -1],
+        c=whole[:, -1, -1],
+        core_a=core[:, :-1, :-1],
+        core_b=core[:, :-1, -1],
+        core_c=core[:, -1, -1],
+        count=count,
     )
 
 

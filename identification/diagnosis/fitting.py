@@ -2,48 +2,21 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 from jaxtyping import Float, Int
 
-from identification.diagnosis.bounded import bounded_solve, solve
+from identification.diagnosis.bounded import bounded_solve, bounded_solve_without
+from identification.diagnosis.fitted import Fitted, Near
 from identification.diagnosis.point_mass import point_mass_map
 from identification.diagnosis.problem import Problem
-from identification.diagnosis.products import Products, Scaling, products_of, reduced
+from identification.diagnosis.products import Products, Scaling, products_of
 from identification.diagnosis.terms import Term
 from phantom_dyn.effects.payload import Payload
 from phantom_dyn.effects.torque_constant import TorqueConstant
 
 Array = np.ndarray
-
-
-@dataclass(frozen=True)
-class Fitted:
-    """Result of one fit.
-
-    Attributes:
-        theta: All coefficients, zero where a column is not in the model, ``(K,)``.
-        active: Columns in the model.
-        cov: Covariance of the active coefficients, priors counted, ``(len(active), len(active))``.
-        penalty: What the moves of the nuisances cost: their squares in sigmas, summed.
-        objective: Loss over all training blocks with penalty and priors, in sample, up to a constant.
-        loss: Weighted squared residual of each block's core, each predicted by a fit that has not seen it, ``(B,)``.
-        fold_theta: Coefficients of the fit that has not seen each fold, ``(F, K)``.
-    """
-
-    theta: Float[Array, " K"]
-    active: Int[Array, " k"]
-    cov: Float[Array, "k k"]
-    penalty: float
-    objective: float
-    loss: Float[Array, " B"]
-    fold_theta: Float[Array, "F K"]
-
-    @property
-    def total(self) -> float:
-        """Held-out loss over all blocks, and what the moves of the nuisances cost."""
-        return float(self.loss.sum()) + self.penalty
 
 
 def active_columns(problem: Problem, terms: tuple[Term, ...]) -> Int[Array, " k"]:
@@ -52,17 +25,16 @@ def active_columns(problem: Problem, terms: tuple[Term, ...]) -> Int[Array, " k"
     return np.array([*range(problem.nuisances), *chosen], dtype=int)
 
 
-def fit(
-    problem: Problem, terms: tuple[Term, ...], *, held_out: bool = True, near: Float[Array, " 4"] | None = None
-) -> Fitted:
+def fit(problem: Problem, terms: tuple[Term, ...], *, held_out: bool = True, near: Near | None = None) -> Fitted:
     """Fit nuisances and terms together, on all blocks and once without each fold.
 
     Args:
         problem: Columns, products, priors.
         terms: The effects in the model.
         held_out: False leaves the fits without folds out; the loss is then that of the one fit, in sample.
-        near: Mass and first moments of a payload found in a similar fit, to start from.
+        near: A similar fit, to start from.
     """
+    near = Near.nothing(problem) if near is None else near
     scaled = [term for term in terms if isinstance(term.effect, TorqueConstant)]
     if not scaled:
         return _fit_at_point(problem, terms, (), held_out, near)
@@ -111,16 +83,16 @@ def _fit_at_point(
     terms: tuple[Term, ...],
     scalings: tuple[Scaling, ...],
     held_out: bool,
-    near: Float[Array, " 4"] | None,
+    near: Near,
 ) -> Fitted:
     """Fit with the torque constants linear; a payload is linearised about its own last estimate."""
     payload = next((term for term in terms if isinstance(term.effect, Payload)), None)
     active = active_columns(problem, terms)
     products = products_of(problem, active, scalings, held_out)
     if payload is None:
-        return _fit_linear(problem, active, products, None, held_out)
-    start = _point_mass(problem, active, products, payload, near)
-    return _fit_linear(problem, active, products, (payload, start), held_out)
+        return _fit_linear(problem, active, products, None, near)
+    start = _point_mass(problem, active, replace(products, held_out=None), payload, near)
+    return _fit_linear(problem, active, products, (payload, start), near)
 
 
 def _point_mass(
@@ -128,24 +100,24 @@ def _point_mass(
     active: Int[Array, " k"],
     products: Products,
     payload: Term,
-    near: Float[Array, " 4"] | None,
+    near: Near,
 ) -> Float[Array, " 4"]:
     """Mass and first moments of the best point mass.
 
     The inertia ``(h.h 1 - h h^T) / m`` makes the fit quadratic, so it is linearised about the last estimate, from
     several starts: the first moments of a fit without inertia, at distances of 3 cm to 1.5 m.
     """
-    first = _fit_linear(problem, active, products, (payload, np.zeros(4)), False)
+    first = _fit_linear(problem, active, products, (payload, np.zeros(4)), near)
     moments = first.theta[list(payload.columns[1:4])]
     best, lowest, found = np.zeros(4), np.inf, first
     far = max(float(np.linalg.norm(moments)), 1e-9)
     starts = [np.array([far / distance, *moments]) for distance in (0.03, 0.08, 0.2, 0.5, 1.5)]
-    if near is not None and near[0] > 0:
-        starts = [near, starts[2]]
+    if near.payload is not None and near.payload[0] > 0:
+        starts = [near.payload, starts[2]]
     for start in starts:
         for _ in range(8):
             last = start
-            found = _fit_linear(problem, active, products, (payload, last), False)
+            found = _fit_linear(problem, active, products, (payload, last), near)
             step = found.theta[list(payload.columns[:4])] - last
             # A mass may at most double or halve in one step: the linearised inertia goes as 1/m.
             limit = last[0] if step[0] > 0 else 0.5 * last[0]
@@ -180,11 +152,11 @@ def _fit_linear(
     active: Int[Array, " k"],
     products: Products,
     point: tuple[Term, Float[Array, " 4"]] | None,
-    held_out: bool,
+    near: Near,
 ) -> Fitted:
     """Fit with every coefficient linear; a payload through `point_mass_map` about the given start."""
-    precision, lower, upper = problem.precision[active], problem.lower[active], problem.upper[active]
-    expand, shift = np.eye(len(active)), np.zeros(len(active))
+    precision, lower, upper, bound = (x[active] for x in (problem.precision, problem.lower, problem.upper, near.theta))
+    expand, shift = None, 0.0
     total_a, total_b, constant = products.a, products.b, products.c
     if point is not None:
         term, start = point
@@ -194,36 +166,33 @@ def _fit_linear(
         expand = np.zeros((len(active), len(others) + 4))
         expand[others, np.arange(len(others))] = 1.0
         expand[at[:, None], len(others) + np.arange(4)] = jacobian
+        shift = np.zeros(len(active))
         shift[at] = offset
         constant += float(shift @ total_a @ shift - 2 * total_b @ shift)
         total_b = (total_b - total_a @ shift) @ expand
         total_a = expand.T @ total_a @ expand
         keep = np.concatenate([others, at[:4]])
-        precision, lower, upper = precision[keep], lower[keep].copy(), upper[keep]
+        precision, lower, upper, bound = precision[keep], lower[keep], upper[keep], bound[keep]
         lower[len(others)] = 0.0
-    prior = np.diag(precision)
-    x = bounded_solve(total_a + prior, total_b, lower, upper)
+    with_prior = total_a.copy()
+    with_prior.flat[:: len(with_prior) + 1] += precision
+    x = bounded_solve(with_prior, total_b, lower, upper, near=bound)
     theta = np.zeros(len(problem.precision))
-    theta[active] = expand @ x + shift
-    moves = np.arange(problem.nuisances)
+    theta[active] = x if expand is None else expand @ x + shift
+    moves = slice(0, problem.nuisances)
     penalty = float(theta[moves] ** 2 @ problem.precision[moves])
     objective = float(constant - 2 * total_b @ x + x @ total_a @ x + precision @ x**2)
-    if not held_out or products.blocks is None:
-        nothing = np.zeros((0, 0))
-        return Fitted(theta, active, nothing, penalty, objective, np.zeros(0), nothing)
-    a, b, core_a, core_b, core_c = products.blocks
-    if point is not None:
-        a, b, _ = reduced(a, b, core_c, expand, shift)
-        core_a, core_b, core_c = reduced(core_a, core_b, core_c, expand, shift)
+    held_out = products.held_out
+    if held_out is None:
+        return Fitted(theta, active, with_prior, expand, penalty, objective, np.zeros(0), np.zeros((0, 0)))
+    less_a, less_b = held_out.a, held_out.b
+    if expand is not None:
+        less_a, less_b = expand.T @ less_a @ expand, (less_b - less_a @ shift) @ expand
+    fold_x = bounded_solve_without(with_prior, total_b, less_a, less_b, lower, upper, x)
+    if expand is not None:
+        fold_x = fold_x @ expand.T + shift
     fold = problem.grams.fold
-    fold_x = np.tile(x, (int(fold.max()) + 1, 1))
-    loss = core_c - 2 * core_b @ x + (core_a @ x) @ x
-    for k in range(len(fold_x)):
-        mine = fold == k
-        rest_a, rest_b = total_a - a[mine].sum(axis=0), total_b - b[mine].sum(axis=0)
-        y = fold_x[k] = bounded_solve(rest_a + prior, rest_b, lower, upper, near=x)
-        loss[mine] = core_c[mine] - 2 * core_b[mine] @ y + (core_a[mine] @ y) @ y
+    loss = held_out.losses(np.where(fold[:, None] >= 0, fold_x[fold], theta[active]))
     fold_theta = np.zeros((len(fold_x), len(theta)))
-    fold_theta[:, active] = fold_x @ expand.T + shift
-    cov = expand @ solve(total_a + prior, np.eye(len(x))) @ expand.T
-    return Fitted(theta, active, cov, penalty, objective, loss, fold_theta)
+    fold_theta[:, active] = fold_x
+    return Fitted(theta, active, with_prior, expand, penalty, objective, loss, fold_theta)

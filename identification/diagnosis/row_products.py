@@ -12,7 +12,7 @@ from functools import cached_property
 import numpy as np
 from jaxtyping import Float, Int
 
-from phantom_dyn.kernels.jit import jit
+from phantom_dyn.kernels.jit import fused, jit
 
 Array = np.ndarray
 
@@ -41,13 +41,30 @@ class RowProducts:
     def among(self, columns: Int[Array, " k"]) -> Float[Array, "B k k"]:
         """Products among some columns, which are all different."""
         out = np.zeros((self.shape[0], len(columns), len(columns)))
-        known = self.always if np.array_equal(columns[: self.always], np.arange(self.always)) else 0
+        known = self._known(columns)
         if known:
             out[:, :known, :known] = self._first
         for place, values in zip(self._places, self.values, strict=True):
             here = place[columns]
             into = np.flatnonzero(here >= 0)
             _add(out, values, here[into], into, int(np.count_nonzero(into < known)))
+        return out
+
+    def grouped(self, groups: Int[Array, " B"]) -> RowProducts:
+        """Sums over the blocks of each group; groups count from zero, blocks below that belong to none."""
+        chosen = [np.flatnonzero(groups == group) for group in range(int(groups.max(initial=-1)) + 1)]
+        values = tuple(np.stack([_total(v, blocks) for blocks in chosen]) for v in self.values)
+        return RowProducts(self.index, values, self.columns, self.always)
+
+    def squares(self, columns: Int[Array, " k"], x: Float[Array, "B k"]) -> Float[Array, " B"]:
+        """For each block ``x a x`` with its own ``x`` among some columns, which are all different."""
+        known = self._known(columns)
+        first = np.ascontiguousarray(x[:, :known])
+        out = np.einsum("bi,bi->b", (self._first @ first[:, :, None])[:, :, 0], first) if known else np.zeros(len(x))
+        for place, values in zip(self._places, self.values, strict=True):
+            here = place[columns]
+            into = np.flatnonzero(here >= 0)
+            _square(out, values, here[into], np.ascontiguousarray(x[:, into]), int(np.count_nonzero(into < known)))
         return out
 
     def sum(self, axis: int = 0) -> Float[Array, "K K"]:
@@ -57,8 +74,8 @@ class RowProducts:
     def over(self, blocks: Int[Array, " m"]) -> Float[Array, "K K"]:
         """Over some blocks, written out."""
         out = np.zeros((self.columns, self.columns))
-        for block in blocks:
-            out += self[int(block)]
+        for index, values in zip(self.index, self.values, strict=True):
+            out[np.ix_(index, index)] += _total(values, blocks)
         return out
 
     def __getitem__(self, key: int | Array | tuple[slice, list[int] | Array]) -> Float[Array, "*B k K"]:
@@ -82,6 +99,10 @@ class RowProducts:
         """All written out."""
         return self[np.arange(self.shape[0])]
 
+    def _known(self, columns: Int[Array, " k"]) -> int:
+        """How many of the first columns are those of every fit."""
+        return self.always if np.array_equal(columns[: self.always], np.arange(self.always)) else 0
+
     @cached_property
     def _first(self) -> Float[Array, "B n n"]:
         """Among the columns of every fit."""
@@ -94,6 +115,26 @@ class RowProducts:
         for place, index in zip(out, self.index, strict=True):
             place[index] = np.arange(len(index))
         return tuple(out)
+
+
+def _total(values: Float[Array, "B k k"], blocks: Int[Array, " m"]) -> Float[Array, "k k"]:
+    """Sum over some blocks, without a copy of them."""
+    out = np.zeros(values.shape[1:])
+    for block in blocks:
+        out += values[block]
+    return out
+
+
+@fused
+def _square(out: Array, values: Array, source: Array, x: Array, known: int) -> None:
+    """Add ``x values[:, source, source] x`` to ``out`` but for what is among the first ``known`` of them."""
+    for block in range(len(out)):
+        for i in range(known, len(source)):
+            line = values[block, source[i]]
+            inner = 0.5 * line[source[i]] * x[block, i]
+            for k in range(i):
+                inner += line[source[k]] * x[block, k]
+            out[block] += 2.0 * inner * x[block, i]
 
 
 @jit

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import defaultdict
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from functools import cache
@@ -9,11 +10,10 @@ from functools import cache
 import numpy as np
 from jaxtyping import Float
 
-from identification.diagnosis.fitting import Fitted, fit
+from identification.diagnosis.fitting import Fitted, Near, fit
 from identification.diagnosis.problem import Problem
 from identification.diagnosis.projection import Beside, beside, gain_of
 from identification.diagnosis.terms import Term
-from phantom_dyn.effects.payload import Payload
 
 Array = np.ndarray
 
@@ -43,6 +43,8 @@ class Search:
         evaluate: Fit with held-out losses of a set of rivals, remembered.
         quick: Loss in sample of a set of rivals, a tenth of the work; it ranks what is worth evaluating.
         besides: All columns with what a set can make of them taken out, remembered.
+        displaced: Rivals that give way to one that is added, itself among them, remembered.
+        covering: Rivals that one is a special case of, remembered.
         threshold: Held-out gain below which no effect is claimed.
         row_thresholds: The same for the part of the gain on each row, ``(nv,)``: what touches a row with a large gap
             has to close a fair part of it.
@@ -55,6 +57,8 @@ class Search:
     evaluate: Callable[[frozenset[Term]], Fitted]
     quick: Callable[[frozenset[Term]], float]
     besides: Callable[[frozenset[Term]], Beside]
+    displaced: Callable[[Term], frozenset[Term]]
+    covering: Callable[[Term], frozenset[Term]]
     threshold: float
     row_thresholds: Float[Array, " nv"]
     spurious: dict[tuple[str, str | None], float]
@@ -72,14 +76,14 @@ class Search:
         All are ranked with the bounds that bind the set held; the best of them are then fitted.
         """
         besides = self.besides(chosen)
-        costs = {term: price(self.sizes[term]) - self.price_of(chosen - with_term(chosen, term)) for term in terms}
+        gone = {term: (chosen & self.displaced(term)) - {term} for term in terms}
+        costs = {term: price(self.sizes[term]) - self.price_of(gone[term]) for term in terms}
         out = {term: gain_of(self.problem, besides, term) - costs[term] for term in terms}
         ranked = sorted(terms, key=lambda term: -out[term])
         least = _WORTH_FITTING * max(out[ranked[0]], 0.0) if ranked else 0.0
         for k, term in enumerate(ranked):
-            richer = not chosen <= with_term(chosen, term)
-            if richer or (out[term] > least and (k < _MOST_FITTED or out[term] > 0.8 * out[ranked[0]])):
-                out[term] = self.quick(chosen) - self.quick(with_term(chosen, term)) - costs[term]
+            if gone[term] or (out[term] > least and (k < _MOST_FITTED or out[term] > 0.8 * out[ranked[0]])):
+                out[term] = self.quick(chosen) - self.quick((chosen - gone[term]) | {term}) - costs[term]
         return out
 
     def price_of(self, chosen: frozenset[Term]) -> float:
@@ -104,7 +108,7 @@ def ordered(terms: Iterable[Term]) -> tuple[Term, ...]:
 def rank_of(problem: Problem, term: Term) -> int:
     """Independent directions among a term's columns in these recordings, at most its number of parameters."""
     index = list(term.columns)
-    a = problem.grams.a[:, index][:, :, index].sum(axis=0)
+    a = problem.grams.a.among(np.array(index)).sum(axis=0)
     scale = np.sqrt(np.diag(a))
     alive = scale > 1e-9 * max(float(scale.max()), 1e-300)
     if not alive.any():
@@ -125,14 +129,13 @@ def set_up_search(
     sizes = {term: rank_of(problem, term) for term in problem.columns.terms}
     terms = tuple(term for term in problem.columns.terms if sizes[term] > 0)
 
-    # A payload is found by iteration; the one of the last fit is a good start for the next.
-    nearby: dict[str, Float[Array, " 4"]] = {}
+    # Most bounds that bind in one fit bind in the next, and the payload of the last fit is a good start for it.
+    nearby = [Near.nothing(problem)]
 
     def fitted(chosen: frozenset[Term], held_out: bool) -> Fitted:
-        found = fit(problem, ordered(chosen), held_out=held_out, near=nearby.get("payload"))
-        for term in chosen:
-            if isinstance(term.effect, Payload):
-                nearby["payload"] = found.theta[list(term.columns[:4])]
+        terms = ordered(chosen)
+        found = fit(problem, terms, held_out=held_out, near=nearby[0])
+        nearby[0] = nearby[0].after(found, terms)
         return found
 
     @cache
@@ -147,7 +150,10 @@ def set_up_search(
     def besides(chosen: frozenset[Term]) -> Beside:
         return beside(problem, fitted(chosen, False))
 
-    return Search(problem, terms, sizes, evaluate, quick, besides, threshold, row_thresholds, spurious)
+    displaced, covering = relations(problem.columns.terms)
+    return Search(
+        problem, terms, sizes, evaluate, quick, besides, displaced, covering, threshold, row_thresholds, spurious
+    )
 
 
 def contains(rich: Term, simple: Term) -> bool:
@@ -177,6 +183,28 @@ def _exclude(one: Term, other: Term) -> bool:
 def possible(chosen: frozenset[Term], term: Term) -> bool:
     """False if ``term`` is there already, or a special case of what is."""
     return term not in chosen and not any(contains(other, term) for other in chosen)
+
+
+def relations(terms: tuple[Term, ...]) -> tuple[Callable[[Term], frozenset[Term]], Callable[[Term], frozenset[Term]]]:
+    """For one of these terms, those that give way to it, itself among them, and those that contain it."""
+    near: dict[object, list[Term]] = defaultdict(list)
+    for term in terms:
+        # Only terms on one joint or with common columns have anything to do with each other.
+        for key in (("joint", term.joint), *term.columns):
+            near[key].append(term)
+
+    def related(term: Term) -> set[Term]:
+        return {other for key in (("joint", term.joint), *term.columns) for other in near[key]}
+
+    @cache
+    def displaced(term: Term) -> frozenset[Term]:
+        return frozenset(other for other in related(term) if contains(term, other) or _exclude(term, other))
+
+    @cache
+    def covering(term: Term) -> frozenset[Term]:
+        return frozenset(other for other in related(term) if contains(other, term))
+
+    return displaced, covering
 
 
 def least_gain(search: Search, terms: frozenset[Term]) -> float:

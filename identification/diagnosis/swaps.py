@@ -72,7 +72,7 @@ def relevant(search: Search, chosen: frozenset[Term], term: Term, slack: float) 
         others
         for others in alternatives(search, term)
         if any(rows & rows_of(search.problem, other) for other in others)
-        and not any(contains(kept, other) for other in others for kept in rest)
+        and all(rest.isdisjoint(search.covering(other)) for other in others)
     ]
     singles = tuple(other for others in near if len(others) == 1 for other in others if other not in rest)
     lost = search.quick(rest) - search.quick(chosen)

@@ -63,3 +63,16 @@ def test_the_compiled_sum_is_that_of_the_same_function_in_python(kept, monkeypat
     monkeypatch.setattr(row_products, "_add", getattr(row_products._add, "py_func", row_products._add))
     plain = RowProducts(kept.index, kept.values, COLUMNS, ALWAYS).among(columns)
     np.testing.assert_array_equal(compiled, plain)
+
+
+def test_products_summed_over_groups_leave_out_what_is_in_none(kept, written):
+    grouped = kept.grouped(np.array([0, 1, -1, 0, 1]))
+    np.testing.assert_allclose(grouped[0], written[[0, 3]].sum(axis=0), rtol=1e-12)
+    np.testing.assert_allclose(grouped[1], written[[1, 4]].sum(axis=0), rtol=1e-12)
+
+
+@pytest.mark.parametrize("columns", [[0, 1, 2, 3, 6, 11, 19], [5, 2, 17], [4], []], ids=str)
+def test_squares_of_each_block_are_those_of_the_products_written_out(kept, written, rng, columns):
+    x = rng.normal(size=(BLOCKS, len(columns)))
+    expected = [y @ part[np.ix_(columns, columns)] @ y for y, part in zip(x, written, strict=True)]
+    np.testing.assert_allclose(kept.squares(np.array(columns, dtype=int), x), expected, rtol=1e-11)

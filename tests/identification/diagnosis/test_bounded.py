@@ -1,0 +1,43 @@
+"""Minima within bounds, compiled: against the same in plain NumPy and LAPACK, and the same without a start."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from identification.diagnosis import bounded
+from identification.diagnosis.bounded import bounded_solve, bounded_solve_without
+
+
+@pytest.fixture(params=[1, 3, 4, 5, 11, 40])
+def problem(request, rng):
+    """Products of a random least-squares problem in units that differ, with bounds of which about a third bind."""
+    size = request.param
+    x, y = rng.normal(size=(3 * size + 2, size)) * 10.0 ** rng.uniform(-4, 4, size), rng.normal(size=3 * size + 2)
+    reach = 0.5 * np.abs(np.linalg.lstsq(x, y, rcond=None)[0]) * 10.0 ** rng.uniform(-0.5, 1.5, size)
+    return x.T @ x, x.T @ y, -reach, np.where(rng.random(size) < 0.3, np.inf, reach)
+
+
+def test_the_compiled_minimum_is_that_of_lapack(problem, monkeypatch):
+    compiled = bounded_solve(*problem)
+    for name in ("_bounded_minimum", "_free_minimum_compiled"):
+        monkeypatch.setattr(bounded, name, getattr(getattr(bounded, name), "py_func", getattr(bounded, name)))
+    monkeypatch.setattr(bounded, "_free_minimum", bounded._free_minimum_plain)
+    np.testing.assert_allclose(compiled, bounded_solve(*problem), rtol=1e-8)
+
+
+def test_where_a_minimum_starts_does_not_change_it(problem, rng):
+    a, b, lower, upper = problem
+    near = np.where(rng.random(len(b)) < 0.5, lower, np.where(np.isfinite(upper), upper, np.nan))
+    np.testing.assert_allclose(
+        bounded_solve(a, b, lower, upper, near=near), bounded_solve(a, b, lower, upper), rtol=1e-8
+    )
+
+
+def test_minima_without_a_part_are_those_of_the_rest(problem):
+    a, b, lower, upper = problem
+    parts = np.array([0.2, 0.5])
+    found = bounded_solve_without(a, b, parts[:, None, None] * a, parts[:, None] * b[::-1], lower, upper, lower)
+    for share, x in zip(parts, found, strict=True):
+        expected = bounded_solve((1 - share) * a, b - share * b[::-1], lower, upper)
+        np.testing.assert_allclose(x, expected, rtol=1e-8)
