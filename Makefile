@@ -1,8 +1,8 @@
 # phantom-dyn: every target sets up what it needs; the second call starts at once.
 #   make demo   the main job, end to end          make test   the whole test suite
 #   make lint   ruff and pyright                  make bench  benchmarks with timing
-#   make blind  sealed cases, into the README     make lock   renew requirements.txt
-#   make clean  removes the environment and what was built
+#   make blind  sealed cases, into the README     make speed  speed beside other tools, into the README
+#   make lock   renew requirements.txt            make clean  removes the environment and what was built
 
 PYTHON ?= python3
 VENV := .venv
@@ -17,7 +17,7 @@ export PIP_DISABLE_PIP_VERSION_CHECK := 1
 export PYRIGHT_PYTHON_IGNORE_WARNINGS := 1
 
 .DEFAULT_GOAL := test
-.PHONY: demo test lint bench blind lock clean setup tools
+.PHONY: demo test lint bench blind speed lock clean setup tools
 .DELETE_ON_ERROR:
 
 demo: setup
@@ -36,6 +36,9 @@ bench: setup
 
 blind: setup
 	@$(BIN)/python benchmarks/blind/run.py --publish
+
+speed: setup
+	@$(BIN)/python benchmarks/speed_table.py
 
 setup: $(STAMP)
 

@@ -144,13 +144,22 @@ def _rows_of(theirs: dict[str, float], ours: dict[str, float], what: str) -> lis
     ]
 
 
+def installed() -> Path:
+    """Python of FIGAROH's environment.
+
+    Raises:
+        NotInstalled: If it cannot be made.
+    """
+    return environment("figaroh-1.0.2", REQUIREMENT, "figaroh.identification.base_identification")
+
+
 def main(arguments: Sequence[str] | None = None) -> int:
     """Print the table; 1 where a target is missed."""
     parser = argparse.ArgumentParser(description="FIGAROH and this library on the same samples of a UR10.")
     parser.add_argument("--repeats", type=int, default=3, help="processes of each side; the median counts")
     given = parser.parse_args(arguments)
     try:
-        python = environment("figaroh-1.0.2", REQUIREMENT, "figaroh.identification.base_identification")
+        python = installed()
     except NotInstalled as said:
         print(said)
         return 0

@@ -1,0 +1,111 @@
+"""MuJoCo's toolbox for system identification and this library on the toolbox's own arm of five joints.
+
+    python benchmarks/compare_mujoco_sysid.py
+
+Both get the same two seconds of noisy positions, speeds and torques, the same model, and look for armature and damping
+of every joint; the torque of another motion is then predicted with what each has found. Prints a table and exits with
+1 where this library is slower, or further from the truth. The toolbox is installed into an environment of its own at
+the first call; where it cannot be, one sentence says so and the exit code is 0.
+"""
+
+from __future__ import annotations
+
+import sys
+import tempfile
+from pathlib import Path
+
+import numpy as np
+
+if __package__ in (None, ""):  # called by its path: the checkout is not on the module path
+    sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
+
+from benchmarks.comparison import NotInstalled, Row, environment, missed, more_than, own, table, worker
+from phantom_dyn import load_robot
+from phantom_dyn.dynamics import inverse_dynamics
+from phantom_dyn.motion import Motion
+from phantom_dyn.robot import Robot
+
+REQUIREMENT = "mujoco[sysid]>=4.0,<5"
+CONFIG = "torque_hold: zoh\n"
+
+
+def held_out_error(robot: Robot, values: dict[str, float], path: Path) -> float:
+    """Root mean square error of the torque of another motion over that torque [%], the worst joint's.
+
+    Args:
+        robot: The model that the search started from.
+        values: Armature and damping of every joint.
+        path: Its exact positions, speeds and torques.
+    """
+    log = np.load(path)
+    rate = 1.0 / (log["t"][1] - log["t"][0])
+    # A step's torque moves the state in front of it; damping acts on the speed behind it.
+    a = np.diff(log["v"], axis=0) * rate
+    motion = Motion(log["t"][:-1], log["q"][:-1], log["v"][:-1], a)
+    armature, damping = (np.array([values[f"{f}.{j}"] for j in robot.joint_names]) for f in ("armature", "damping"))
+    modelled = inverse_dynamics(robot, motion) - robot.viscous_friction * motion.v - robot.rotor_inertia * a
+    error = modelled + armature * a + damping * log["v"][1:] - log["tau"][:-1]
+    return 100 * float(np.max(np.sqrt(np.mean(error**2, axis=0) / np.mean(log["tau"] ** 2, axis=0))))
+
+
+def worst(values: dict[str, float], truth: dict[str, float]) -> float:
+    """Largest error of a parameter over its true value [%]."""
+    return 100 * max(abs(values[name] / true - 1) for name, true in truth.items())
+
+
+def mujoco_rows(python: Path) -> list[Row]:
+    """Seconds, error of the parameters, error of the torque of another motion."""
+    with tempfile.TemporaryDirectory() as name:
+        folder = Path(name)
+        theirs = worker(python, "mujoco_sysid_worker.py", folder)
+        (folder / "robot.yaml").write_text(CONFIG)
+        ours = own("own_worker.py", "arm", folder / "arm.xml", folder / "fit.npz")
+        robot = load_robot(folder / "arm.xml")
+        torque = [held_out_error(robot, side["values"], folder / "held_out_exact.npz") for side in (theirs, ours)]
+    off = [worst(side["values"], theirs["truth"]) for side in (theirs, ours)]
+    work = "MuJoCo's arm of five joints, 2 s at 500 Hz: armature and damping"
+    return [
+        Row(
+            work,
+            f"{theirs['seconds']:.2f} s",
+            f"{ours['seconds']:.3f} s",
+            *more_than(theirs["seconds"] / ours["seconds"], 1.0),
+        ),
+        _nearer("largest error of a parameter", off),
+        _nearer("error of the torque of another motion", torque),
+    ]
+
+
+def _nearer(what: str, percent: list[float]) -> Row:
+    return Row(
+        f"The same: {what}",
+        f"{percent[0]:.2g} %",
+        f"{percent[1]:.2g} %",
+        f"{percent[1] / percent[0]:.2g} of theirs",
+        "no larger",
+        percent[1] <= percent[0],
+    )
+
+
+def installed() -> Path:
+    """Python of the toolbox's environment.
+
+    Raises:
+        NotInstalled: If it cannot be made.
+    """
+    return environment("mujoco-sysid-4", REQUIREMENT, "mujoco.sysid")
+
+
+def main() -> int:
+    """Print the table; 1 where a target is missed."""
+    try:
+        rows = mujoco_rows(installed())
+    except NotInstalled as said:
+        print(said)
+        return 0
+    print(table(rows))
+    return missed(rows)
+
+
+if __name__ == "__main__":
+    sys.exit(main())
