@@ -56,9 +56,9 @@ def tree_motion(robot: Robot, motion: Motion) -> TreeMotion:
     if robot.chain is None:
         G = np.broadcast_to(np.eye(robot.nv), (len(motion.q), robot.nv, robot.nv))
         return TreeMotion(robot.configuration(motion.q), motion.q, motion.v, motion.a, G)
-    found = solved(robot.model, robot.chain, motion.q)
+    found = solved(robot.model, robot.chain, motion.q, arrays=robot.arrays)
     v = apply(found.G, motion.v)
-    a = apply(found.G, motion.a) + drift(robot.model, robot.chain, found, v)
+    a = apply(found.G, motion.a) + drift(robot.model, robot.chain, found, v, arrays=robot.arrays)
     return TreeMotion(configurations(robot.model, found.x), found.x, v, a, found.G)
 
 

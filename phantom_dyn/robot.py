@@ -150,4 +150,6 @@ class Robot:
         Raises:
             ChainError: If the loops of a closed chain cannot be closed there.
         """
-        return configurations(self.model, q if self.chain is None else tree_positions(self.model, self.chain, q))
+        if self.chain is not None:
+            q = tree_positions(self.model, self.chain, q, arrays=self.arrays)
+        return configurations(self.model, q)

@@ -78,9 +78,9 @@ def regressor(
     places[chosen] = np.arange(len(chosen))
     G = np.empty((0, *v.shape[1:], rows)) if slope is None else slope
     G = G[:1] if len(G) and G.strides[0] == 0 else G
-    samples = _ready(q), _ready(v), _ready(a), _ready(G)
-    _announce(regressor_loop)
-    regressor_loop(*arrays.kinematics, _gravity(model), *samples, _ready(places.reshape(-1, 10)), out)
+    samples = ready(q), ready(v), ready(a), ready(G)
+    announce(regressor_loop)
+    regressor_loop(*arrays.kinematics, _gravity(model), *samples, ready(places.reshape(-1, 10)), out)
     return out
 
 
@@ -120,13 +120,13 @@ def weight(model: pin.Model, arrays: TreeArrays | None, q: Array, gravity: Array
     if arrays is None or not jit.compiles():
         return plain.weight(model, q, pull)
     rest = np.zeros((len(q), model.nv))
-    return _torque(arrays, _ready(pull), q, rest, rest)
+    return _torque(arrays, ready(pull), q, rest, rest)
 
 
 def _torque(arrays: TreeArrays, gravity: Array, q: Array, v: Array, a: Array) -> Array:
     out = np.empty(v.shape)
-    _announce(torque_loop)
-    torque_loop(*arrays.kinematics, arrays.inertias, gravity, _ready(q), _ready(v), _ready(a), out)
+    announce(torque_loop)
+    torque_loop(*arrays.kinematics, arrays.inertias, gravity, ready(q), ready(v), ready(a), out)
     return out
 
 
@@ -136,8 +136,8 @@ def mass(model: pin.Model, arrays: TreeArrays | None, q: Array) -> Array:
     if arrays is None or not jit.compiles():
         return plain.mass(model, q)
     out = np.zeros((len(q), model.nv, model.nv))
-    _announce(mass_loop)
-    mass_loop(*arrays.kinematics, arrays.inertias, _ready(q), out)
+    announce(mass_loop)
+    mass_loop(*arrays.kinematics, arrays.inertias, ready(q), out)
     diagonal = np.arange(model.nv)
     out[:, diagonal, diagonal] += model.armature
     return out
@@ -165,17 +165,17 @@ def _frame(
     placed = model.frames[frame].placement
     joint = model.frames[frame].parentJoint
     out = np.empty((len(q), 3, 3)), np.empty((len(q), 3)), np.zeros((len(q) if jacobian else 0, 6, model.nv))
-    at = _ready(placed.rotation), _ready(placed.translation)
-    _announce(frame_loop)
-    frame_loop(*arrays.kinematics, _ready(q), joint, *at, body, *out)
+    at = ready(placed.rotation), ready(placed.translation)
+    announce(frame_loop)
+    frame_loop(*arrays.kinematics, ready(q), joint, *at, body, *out)
     return out
 
 
 def _gravity(model: pin.Model) -> Array:
-    return _ready(model.gravity.linear)
+    return ready(model.gravity.linear)
 
 
-def _ready(array: Array) -> Array:
+def ready(array: Array) -> Array:
     """Contiguous and not to be written: a loop is compiled once more for every other kind of array."""
     if array.flags.c_contiguous and not array.flags.writeable:
         return array
@@ -184,7 +184,7 @@ def _ready(array: Array) -> Array:
     return view
 
 
-def _announce(loop: Callable[..., Any]) -> None:
+def announce(loop: Callable[..., Any]) -> None:
     """Say what the first use in a process waits for."""
     if not getattr(loop, "signatures", True):
         logging.getLogger("phantom_dyn").info(

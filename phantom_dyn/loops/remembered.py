@@ -7,6 +7,7 @@ import numpy as np
 import pinocchio as pin
 from jaxtyping import Float
 
+from phantom_dyn.kernels.tree_arrays import TreeArrays
 from phantom_dyn.loops.chain import ClosedChain
 from phantom_dyn.loops.solver import REACH, Solution, solve
 
@@ -16,7 +17,9 @@ _REMEMBERED = 4
 """Trajectories whose solution is kept: a motion, its two neighbours in a central difference, and one to spare."""
 
 
-def solved(model: pin.Model, chain: ClosedChain, q: Float[Array, "N nv"]) -> Solution:
+def solved(
+    model: pin.Model, chain: ClosedChain, q: Float[Array, "N nv"], *, arrays: TreeArrays | None = None
+) -> Solution:
     """As `phantom_dyn.loops.solver.solve`, from memory where the same chain was solved at the same positions lately.
 
     Nothing can go out of date, as chains and solutions do not change. A single sample begins at the nearest solution
@@ -27,6 +30,7 @@ def solved(model: pin.Model, chain: ClosedChain, q: Float[Array, "N nv"]) -> Sol
         model: The tree.
         chain: Its loops.
         q: Positions of the active joints [rad or m].
+        arrays: The tree as compiled loops take it; None for steps in Python.
 
     Raises:
         ChainError: If a loop cannot be closed or is singular at a sample.
@@ -38,7 +42,7 @@ def solved(model: pin.Model, chain: ClosedChain, q: Float[Array, "N nv"]) -> Sol
         if positions is q or np.array_equal(positions, q):
             return solution
     near = _nearest(chain, [solution for _, _, solution in kept], q) if len(q) == 1 else None
-    found = solve(model, chain, q, near)
+    found = solve(model, chain, q, near, arrays=arrays)
     chain.recent[:] = [*kept[1 - _REMEMBERED :], (model, np.array(q), found)]
     return found
 

@@ -14,8 +14,13 @@ import pinocchio as pin
 from jaxtyping import Float
 
 from phantom_dyn.errors import ChainError
+from phantom_dyn.kernels.anchors import compiled_tree
+from phantom_dyn.kernels.loop_closing import close_loops, drift_loop
+from phantom_dyn.kernels.rigid_body import announce, ready
+from phantom_dyn.kernels.tree_arrays import TreeArrays
 from phantom_dyn.loops.chain import ClosedChain
 from phantom_dyn.loops.constraints import Constraints, bias, constraints_of, error_and_slope, sentence_of_worst
+from phantom_dyn.loops.nearest import nearest
 
 Array = np.ndarray
 
@@ -33,6 +38,7 @@ _FORESEEN = 0.5
 """Largest correction of a step, relative to the step: beyond it, the way of assembly may have changed."""
 _SHORTEST = 1e-7
 """Smallest part of the way to a sample that is tried: what fails there, fails."""
+_LIMITS = (CLOSED, SINGULAR, _STEP, REACH, _FORESEEN, _SHORTEST, float(_ITERATIONS))
 
 
 @dataclass(frozen=True)
@@ -61,7 +67,12 @@ class Solution:
 
 
 def solve(
-    model: pin.Model, chain: ClosedChain, q: Float[Array, "N nv"], near: Float[Array, " nt"] | None = None
+    model: pin.Model,
+    chain: ClosedChain,
+    q: Float[Array, "N nv"],
+    near: Float[Array, " nt"] | None = None,
+    *,
+    arrays: TreeArrays | None = None,
 ) -> Solution:
     """Positions of all joints of the tree, and their slope in the active ones, for N samples.
 
@@ -70,9 +81,10 @@ def solve(
         chain: Its loops.
         q: Positions of the active joints [rad or m].
         near: Positions of the tree that close its loops, to begin at; by default where the chain starts.
+        arrays: The tree as compiled loops take it; None for steps in Python.
 
     Raises:
-        ChainError: If a loop cannot be closed or is singular at a sample.
+        ChainError: If a loop cannot be closed or is singular at a sample, or a position is not finite.
     """
     S, nv = chain.linear_map, chain.nv
     if not chain.anchors:
@@ -83,23 +95,63 @@ def solve(
     state = _newton(chain, at, begin[list(chain.active)], begin[list(chain.unknowns)])
     if state is None:
         raise ChainError(_why(chain, at, begin[list(chain.active)], begin[list(chain.unknowns)], "the start"))
-    z = np.empty((len(q), len(chain.unknowns)))
-    slopes, inverses = np.empty((*z.shape, nv)), np.empty((*z.shape, state.inverse.shape[1]))
-    for k, wanted in enumerate(q):
-        state = _follow(chain, at, state, wanted, f"sample {k}")
-        z[k], slopes[k], inverses[k] = state.z, state.slope, state.inverse
+    _require_finite(q)
+    z, slopes, inverses = _followed(chain, at, state, q, arrays)
     found = Solution(np.hstack([q, z]) @ S.T + chain.offset, S[:, :nv] + S[:, nv:] @ slopes, inverses)
     for array in (found.x, found.G, found.inverse):
         array.flags.writeable = False
     return found
 
 
-def tree_positions(model: pin.Model, chain: ClosedChain, q: Float[Array, "N nv"]) -> Float[Array, "N nt"]:
+def _require_finite(q: Float[Array, "N nv"]) -> None:
+    """No step leads to what is not a number."""
+    bad = np.argwhere(~np.isfinite(q))
+    if len(bad):
+        raise ChainError(
+            f"The position of active joint number {bad[0, 1]} is not finite at sample {bad[0, 0]}: "
+            "give finite positions."
+        )
+
+
+def _followed(
+    chain: ClosedChain, at: Constraints, state: _State, q: Float[Array, "N nv"], arrays: TreeArrays | None
+) -> tuple[Float[Array, "N nz"], Float[Array, "N nz nv"], Float[Array, "N nz m"]]:
+    """Unknowns, their slope and the inverse of the constraint's slope along a trajectory that begins at ``state``."""
+    rows, start, k = len(q) + 1, state.q, 0
+    z, slopes = np.empty((rows, *state.z.shape)), np.empty((rows, *state.slope.shape))
+    inverses = np.empty((rows, *state.inverse.shape))
+    # The last row is the one before the first.
+    z[-1], slopes[-1], inverses[-1] = state.z, state.slope, state.inverse
+    tree, S = compiled_tree(at.model, chain.anchors, arrays), chain.linear_map
+    while k < len(q):
+        if tree is not None:
+            announce(close_loops)
+            before = ready(q[k - 1] if k else start)
+            k = close_loops(tree, S, chain.offset, _LIMITS, ready(q), before, z, slopes, inverses, k)
+        if k < len(q):
+            # Without compiled loops; and where those end, this says why.
+            before = _State(q[k - 1] if k else start, z[k - 1], slopes[k - 1], inverses[k - 1])
+            found = _follow(chain, at, before, q[k], f"sample {k}")
+            z[k], slopes[k], inverses[k] = found.z, found.slope, found.inverse
+            k += 1
+    return z[:-1], slopes[:-1], inverses[:-1]
+
+
+def tree_positions(
+    model: pin.Model, chain: ClosedChain, q: Float[Array, "N nv"], *, arrays: TreeArrays | None = None
+) -> Float[Array, "N nt"]:
     """Positions of all joints of the tree [rad or m], see `solve`."""
-    return solve(model, chain, q).x
+    return solve(model, chain, q, arrays=arrays).x
 
 
-def drift(model: pin.Model, chain: ClosedChain, solution: Solution, v: Float[Array, "N nt"]) -> Float[Array, "N nt"]:
+def drift(
+    model: pin.Model,
+    chain: ClosedChain,
+    solution: Solution,
+    v: Float[Array, "N nt"],
+    *,
+    arrays: TreeArrays | None = None,
+) -> Float[Array, "N nt"]:
     """Accelerations of the tree [rad/s^2 or m/s^2] while no active joint accelerates.
 
     Args:
@@ -107,12 +159,16 @@ def drift(model: pin.Model, chain: ClosedChain, solution: Solution, v: Float[Arr
         chain: Its loops.
         solution: What `solve` gave.
         v: Velocities of the tree.
+        arrays: As of `solve`.
     """
     out = np.zeros_like(v)
     if not (chain.anchors and v.any()):
         return out
+    to_tree, tree = chain.linear_map[:, chain.nv :], compiled_tree(model, chain.anchors, arrays)
+    if tree is not None:
+        drift_loop(tree, ready(to_tree), ready(solution.x), ready(v), ready(solution.inverse), out)
+        return out
     at = constraints_of(model, chain.anchors)
-    to_tree = chain.linear_map[:, chain.nv :]
     for k in range(len(v)):
         out[k] = to_tree @ (-solution.inverse[k] @ bias(at, solution.x[k], v[k]))
     return out
@@ -179,28 +235,3 @@ def _why(chain: ClosedChain, at: Constraints, q: Float[Array, " nv"], z: Float[A
         f"{np.linalg.svd(slope, compute_uv=False)[-1]:.2g}): there the passive joints do not follow from the active "
         "ones; keep the motion away from it."
     )
-
-
-def nearest(
-    chain: ClosedChain, at: Constraints, q: Float[Array, " nv"], z: Float[Array, " nz"]
-) -> tuple[Float[Array, " nz"], Float[Array, " m"], Float[Array, "m nz"]]:
-    """Unknowns at which the frames come nearest to each other (Levenberg-Marquardt), error and slope there."""
-    S, nv = chain.linear_map, chain.nv
-    fixed, damping = S[:, :nv] @ q + chain.offset, 1e-3
-
-    def evaluate(unknowns: Array) -> tuple[Array, Array]:
-        found, slope = error_and_slope(at, fixed + S[:, nv:] @ unknowns)
-        return found, slope @ S[:, nv:]
-
-    error, slope = evaluate(z)
-    for _ in range(100):
-        normal = slope.T @ slope
-        step = np.linalg.solve(normal + damping * max(np.trace(normal), 1e-12) * np.eye(len(z)), -slope.T @ error)
-        tried, tried_slope = evaluate(z + step)
-        if tried @ tried < error @ error:
-            z, error, slope, damping = z + step, tried, tried_slope, max(damping / 10, 1e-12)
-        else:
-            damping *= 10
-        if np.abs(step).max() <= _STEP:
-            break
-    return z, error, slope

@@ -258,5 +258,5 @@ def test_the_first_use_says_what_it_waits_for(caplog):
         signatures = ()
 
     with caplog.at_level(logging.INFO, "phantom_dyn"):
-        rigid_body._announce(Loop())  # type: ignore[arg-type]
+        rigid_body.announce(Loop())  # type: ignore[arg-type]
     assert "Preparing compiled loops over samples" in caplog.text
