@@ -75,7 +75,7 @@ def _uncertain(std: Array) -> Iterator[str]:
 
 
 def _at_bounds(regressor: Regressor, base: BaseParameters, theta: Array, std: Array) -> Iterator[str]:
-    lower, upper = coefficient_limits(regressor)
+    lower, upper = (bound + 0.0 for bound in coefficient_limits(regressor))  # no "-0" in sentences
     # A coefficient that others regroup into may have any value.
     alone = [not row.any() for row in np.abs(base.grouping) > 1e-9]
     for k, column in enumerate(base.independent):

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, fields, replace
 
 import numpy as np
 from jaxtyping import Float
@@ -20,16 +20,16 @@ from identification.estimators.consistent_program import (
     is_possible,
     nearest_unconstrained,
 )
-from identification.estimators.fit import Fit, fit_from
+from identification.estimators.fit import Fit
 from identification.estimators.full_parameters import (
     coefficient_bounds,
     regions_for,
     selection,
 )
-from identification.estimators.least_squares import Solution, base_blocks, base_of, solve
-from identification.estimators.noise import joint_noise, leverage
-from identification.estimators.wls import floored
+from identification.estimators.least_squares import base_blocks
+from identification.estimators.wls import floored, wls
 from identification.log import Log
+from identification.reduction_factor import triangular
 from identification.regressor import EffectOnJoint, Regressor, torque_regressor
 from phantom_dyn.dynamics import standard_parameters
 from phantom_dyn.errors import ParameterError
@@ -94,25 +94,13 @@ def consistent(
     """
     if not regressor.rigid_body:
         raise ParameterError("The equations hold no rigid body: make them with torque_regressor.")
-    base = base_of(regressor)
-    first = solve(regressor, base, np.ones_like(regressor.y))
-    noise = floored(joint_noise(first.residual, leverage(first, np.ones(regressor.robot.nv))), regressor)
-    solution = solve(regressor, base, np.broadcast_to(1 / noise, regressor.y.shape))
-    sigma = joint_noise(solution.residual, leverage(solution, noise**-2))
-    free = fit_from(
-        "consistent",
-        regressor,
-        base,
-        solution,
-        sigma=sigma,
-        information=noise**-2,
-        scatter=sigma**2 / noise**4,
-        score=solution.residual,
-    )
-    target = solution.factor @ solution.theta
-    program = _program(regressor, solution.factor @ selection(base), target, prior, regions)
+    free = replace(wls(regressor), estimator="consistent")
+    kept = free.base.independent
+    weighted = regressor.reduction.weighted(1 / floored(free.sigma, regressor))
+    factor = triangular(np.concatenate(weighted.rows(kept)))[: len(kept), : len(kept)]
+    program = _program(regressor, factor @ selection(free.base), factor @ free.theta, prior, regions)
     point = consistent_parameters(program, chosen_only=prior is None)
-    return _moved(free, regressor, solution, program, point, prior)
+    return _moved(free, regressor, program, point, prior)
 
 
 def program_of_factor(
@@ -173,15 +161,13 @@ def _program(
     return Program(factor, target, bodies, regions_for(robot, regions), lower, upper, prior or Prior())
 
 
-def _moved(
-    free: Fit, regressor: Regressor, solution: Solution, program: Program, point: Point, prior: Prior | None
-) -> ConsistentFit:
+def _moved(free: Fit, regressor: Regressor, program: Program, point: Point, prior: Prior | None) -> ConsistentFit:
     """The unconstrained fit, moved to the possible point."""
     held = _sentences(regressor, program, point)
     theta = free.base.values(point.pi)
     given = {field.name: getattr(free, field.name) for field in fields(Fit)}
     if held or prior is not None:
-        residual = np.empty_like(solution.residual)
+        residual = np.empty_like(regressor.y)
         for at, block in base_blocks(regressor, free.base):
             residual[at] = regressor.y[at] - block @ theta
         sizes = np.linalg.norm(regressor.measured, axis=0)
@@ -192,8 +178,10 @@ def _moved(
         for name in ("cov", "cov_white"):
             given[name] = _shrunk(free, program, given[name])
     if held:
+        moved = [f"{regressor.names[regressor.first_effect + at]} is " for at in point.held_bounds]
         given["warnings"] = (
-            *free.warnings,
+            # What the free value means at its bound is said by what holds it there.
+            *(said for said in free.warnings if not any(said.startswith(name) for name in moved)),
             *held,
             "The deviations are those without these constraints: the true ones are smaller, and not symmetric.",
         )

@@ -12,6 +12,7 @@ from identification.diagnosis.figures import AFTER, BEFORE, STRETCH_S, short_nam
 from identification.diagnosis.svg import INK, drawn_svg
 from identification.diagnosis.thinning import eventful_stretch, gap_starts, thinned
 from identification.identify.result import Identification, JointError
+from identification.identify.words import error_percent
 
 Array = np.ndarray
 
@@ -29,7 +30,7 @@ def error_bars(joints: tuple[JointError, ...]) -> str:
             (0.19, [100 * joint.relative for joint in joints], AFTER, "identified model"),
         ):
             bars = axes.barh(rows + shift, np.nan_to_num(values), height=0.36, color=colour, label=label)
-            words = [f"{value:.3g} %" if np.isfinite(value) else "–" for value in values]
+            words = [error_percent(value / 100) for value in values]
             axes.bar_label(bars, words, padding=3, fontsize=9.5)
         axes.set_yticks(rows, [short_name(joint.joint) for joint in joints])
         axes.invert_yaxis()

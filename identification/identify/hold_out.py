@@ -21,7 +21,8 @@ Array = np.ndarray
 SHARE = 0.2
 """Of a single recording its last fifth is held out."""
 
-_LEAST = 20  # samples in the band that a fit or a judgement needs at least
+_EQUATIONS = 2.0  # per unknown that a fit needs at least: with fewer its deviations are guesses
+_ROUGH = 0.25  # relative deviation of an error on held-out data from which it is said aloud
 
 
 @dataclass(frozen=True)
@@ -52,7 +53,7 @@ def split_logs(robot: Robot, recordings: tuple[Recording, ...], hold_out: tuple[
         hold_out: Recordings that no fit may see.
 
     Raises:
-        LogError: If a recording is too short, or nothing is left on one side.
+        LogError: If a recording is too short for its band, or all of it is excluded.
         IdentifiabilityError: If no joint moves in what is for the fit.
     """
     every = (*recordings, *hold_out)
@@ -75,14 +76,61 @@ def split_logs(robot: Robot, recordings: tuple[Recording, ...], hold_out: tuple[
         split = _end_of(logs[0], cutoff)
     else:
         split = Split(logs[:-1], logs[-1:], f"{Path(logs[-1].file).name}, the last of {len(logs)} recordings", cutoff)
-    for part, file, does in ((split.train, every[0].file, "to fit"), (split.test, every[-1].file, "to judge on")):
-        samples = sum(int(log.valid_in_band.sum()) for log in part)
-        if samples < _LEAST:
-            raise LogError(
-                f"{file}: {samples} samples in the band of {cutoff:.1f} Hz are left {does}, wanted {_LEAST}: "
-                "record at least ten seconds of motion, or exclude less."
-            )
     return split
+
+
+def require_enough(robot: Robot, split: Split, unknowns: int) -> None:
+    """Refuse what has fewer than two equations per unknown to fit, or fewer to judge on than goes with it.
+
+    Args:
+        robot: Gives the joints: each sample is one equation for each of them.
+        split: What is fitted and judged on.
+        unknowns: Number of parameters that the motion of the robot can part.
+
+    Raises:
+        LogError: Saying what the band is, what it leaves, and how much longer to record.
+    """
+    fit = int(np.ceil(_EQUATIONS * max(unknowns, 1) / robot.nv))
+    judge = max(2, int(np.ceil(SHARE / (1 - SHARE) * fit)))
+    for part, wanted, does in ((split.train, fit, "to fit"), (split.test, judge, "to judge on")):
+        samples = _count(part)
+        if samples < wanted:
+            files = " and ".join(Path(log.file).name for log in part)
+            raise LogError(
+                f"{files}: {samples} independent samples are left {does}, wanted {wanted} for {unknowns} parameters of "
+                f"{_joints(robot)}: motion and torque stand above their noise up to {split.cutoff_hz:.2g} Hz, which "
+                f"makes {_per_second(part):.2g} such samples a second; record more or faster motion, exclude less, or "
+                "fit fewer parameters (--friction)."
+            )
+
+
+def caution(split: Split) -> tuple[str, ...]:
+    """A sentence where errors on held-out data are told by few samples; none where they are many.
+
+    Args:
+        split: What is judged on.
+    """
+    samples = _count(split.test)
+    # Of the root mean square of n independent numbers.
+    rough = 1 / np.sqrt(2 * max(samples, 1))
+    if rough <= _ROUGH:
+        return ()
+    return (
+        f"The errors on held-out data rest on {samples} independent samples (band 0 to {split.cutoff_hz:.2g} Hz) and "
+        f"are known to about {100 * rough:.0f} %: record more, or name a recording to judge on with --hold-out.",
+    )
+
+
+def _count(logs: tuple[Log, ...]) -> int:
+    return sum(int(log.valid_in_band.sum()) for log in logs)
+
+
+def _per_second(logs: tuple[Log, ...]) -> float:
+    return max(log.band.rate_hz / log.band.step for log in logs)
+
+
+def _joints(robot: Robot) -> str:
+    return "one joint" if robot.nv == 1 else f"{robot.nv} joints"
 
 
 def _held(motion: Motion, still: Bool[Array, " nv"]) -> Motion:

@@ -15,7 +15,7 @@ from identification.identify.evidence import held_out_evidence
 from identification.identify.exports import exports
 from identification.identify.friction import DEFAULT_TERMS, effects_of, without_estimated
 from identification.identify.full_model import FullModel, full_model, model_torque
-from identification.identify.hold_out import split_logs
+from identification.identify.hold_out import caution, require_enough, split_logs
 from identification.identify.identifiability import body_table, excited_base, not_excited, unidentified
 from identification.identify.result import Identification
 from identification.identify.tables import joint_errors, parameters
@@ -69,10 +69,11 @@ def identify(
     split = split_logs(robot, recordings, hold_out)
     effects = effects_of(robot, friction, rotors=rotors)
     fitted = without_estimated(robot, friction, rotors=rotors)
-    progress(f"estimating ({estimator})")
-    fit = entry.fit(fitted, split.train, effects)
     progress("looking for what cannot be identified")
     excited = excited_base(fitted, split.train[0], effects)
+    require_enough(robot, split, excited.rank)
+    progress(f"estimating ({estimator})")
+    fit = entry.fit(fitted, split.train, effects)
     progress("predicting held-out samples")
     evidence = held_out_evidence(robot, fitted, fit, split.test)
     progress("choosing possible inertias")
@@ -107,6 +108,7 @@ def identify(
                     *robot.warnings,
                     *(warning for recording in every for warning in recording.warnings),
                     *_excitation(fit, excited.rank, lacking),
+                    *caution(split),
                     *(warning for warning in fit.warnings if not warning.startswith("Not separable")),
                     *([full.words] if not full.possible or full.moved > _FAR else []),
                 )

@@ -9,7 +9,6 @@ import numpy as np
 from jinja2 import Environment, StrictUndefined
 from markupsafe import Markup
 
-from identification.diagnosis.numbers import percent
 from identification.identify import words
 from identification.identify.figures import error_bars, spectrum_figure, torque_figure
 from identification.identify.result import Identification, Parameter
@@ -78,7 +77,7 @@ def _joint_views(found: Identification) -> list[JointView]:
     return [
         JointView(
             joint.joint,
-            percent(joint.relative),
+            words.error_percent(joint.relative),
             Markup(torque_figure(found, k)),
             Markup(spectrum_figure(found, k) if len(found.evidence.frequency) else ""),
             k in ranked[:_OPEN],

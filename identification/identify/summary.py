@@ -2,16 +2,17 @@
 
 from __future__ import annotations
 
-from identification.diagnosis.numbers import percent
 from identification.identify.result import Identification
-from identification.identify.words import export_sentence, headline, relative_cell, value_cell
+from identification.identify.words import error_percent, export_sentence, headline, relative_cell, value_cell
 
 
 def summary(found: Identification) -> str:
     """What was found, a line for each fact."""
     lines = [headline(found), f"held out: {found.held_out}; band 0 to {found.band_hz[1]:.3g} Hz; {found.estimator}"]
     for joint in found.joints:
-        lines.append(f"  {joint.joint}: torque error {percent(joint.relative)}, given model {percent(joint.given)}")
+        lines.append(
+            f"  {joint.joint}: torque error {error_percent(joint.relative)}, given model {error_percent(joint.given)}"
+        )
     if found.others:
         lines.append("friction and drives:")
     for parameter in found.others:

@@ -5,11 +5,21 @@ from __future__ import annotations
 import numpy as np
 
 from identification.diagnosis.effect_words import effect_words
-from identification.diagnosis.numbers import number, percent, with_std, with_unit
+from identification.diagnosis.numbers import NO_BREAK, number, with_std, with_unit
 from identification.diagnosis.words import capital, parameter_name
 from identification.identify.result import Identification, Parameter
 
 SHARES = {"alone": "alone", "combination": "in combination", "none": "not at all"}
+
+
+def error_percent(share: float) -> str:
+    """A relative error as a percentage of two digits, three from 99.5 to 99.9 %; a dash where there is no number."""
+    value = 100 * share
+    if not np.isfinite(value):
+        return "–"
+    if value < 10:
+        return f"{value:.2g}{NO_BREAK}%"
+    return f"{value:.1f}{NO_BREAK}%" if 99.45 <= value < 99.95 else f"{value:.0f}{NO_BREAK}%"
 
 
 def headline(found: Identification) -> str:
@@ -21,9 +31,9 @@ def headline(found: Identification) -> str:
     head = f"{found.rank} parameters were estimated, {sure} of them more than two standard deviations from zero"
     if not np.isfinite(after).any():
         return f"{head}."
-    low, high = percent(float(np.nanmin(after))), percent(float(np.nanmax(after)))
+    low, high = error_percent(float(np.nanmin(after))), error_percent(float(np.nanmax(after)))
     error = low if low == high else f"{low} to {high}"
-    given = percent(float(np.nanmedian(before)))
+    given = error_percent(float(np.nanmedian(before)))
     middle = "" if len(found.joints) == 1 else " in the median"
     return f"{head}; on held-out data the torque error is {error} (given model: {given}{middle})."
 
@@ -53,9 +63,9 @@ def error_cells(found: Identification) -> list[tuple[str, ...]]:
     return [
         (
             joint.joint,
-            percent(joint.given),
-            percent(joint.relative),
-            percent(joint.fitted),
+            error_percent(joint.given),
+            error_percent(joint.relative),
+            error_percent(joint.fitted),
             number(joint.rms),
             number(off),
             joint.unit,

@@ -2,13 +2,23 @@
 
 from __future__ import annotations
 
+import re
 from dataclasses import replace
 
 import numpy as np
 import pytest
 
-from identification.identify.hold_out import split_logs
+from identification.identify.hold_out import caution, require_enough, split_logs
+from identification.recordings import Recording
+from phantom_dyn.dynamics import inverse_dynamics
 from phantom_dyn.errors import IdentifiabilityError, LogError
+from phantom_dyn.loading import load_robot
+from phantom_dyn.motion import Motion
+
+
+@pytest.fixture(scope="module")
+def pendulum(robots):
+    return load_robot(robots / "pendulum.urdf")
 
 
 def reach(log):
@@ -63,11 +73,48 @@ def test_a_recording_at_rest_is_refused(arm, recorded):
         split_logs(arm, (recorded(arm, still=arm.joint_names),))
 
 
-def test_a_recording_that_leaves_too_little_to_judge_on_is_refused(arm, recorded):
-    holes = tuple((start, start + 0.05) for start in np.arange(8.0, 12.0, 0.3))  # closer than the filter is long
-    recording = replace(recorded(arm), excluded=holes)
-    with pytest.raises(LogError, match=r"log.csv: \d+ samples in the band of .* Hz are left to judge on, wanted 20"):
-        split_logs(arm, (recording,))
+HOLES = tuple((start, start + 0.05) for start in np.arange(8.0, 12.0, 0.3))  # closer than the filter is long
+
+
+def test_a_recording_that_leaves_too_little_to_judge_on_is_refused_with_its_band(arm, recorded):
+    split = split_logs(arm, (replace(recorded(arm), excluded=HOLES),))
+    wanted = (
+        r"log.csv: \d+ independent samples are left to judge on, wanted 3 for 18 parameters of 3 joints: .* up to "
+        r"[\d.]+ Hz, which makes [\d.]+ such samples a second"
+    )
+    with pytest.raises(LogError, match=wanted):
+        require_enough(arm, split, 18)
+
+
+@pytest.mark.parametrize(("unknowns", "wanted"), [(300, 200), (301, 201)])
+def test_a_fit_takes_two_equations_for_each_unknown(arm, recorded, unknowns, wanted):
+    # Closed form: every sample is one equation for each of three joints.
+    split = split_logs(arm, (recorded(arm),))
+    few = replace(split.train[0], valid=split.train[0].valid & (split.train[0].motion.t < 2.0))
+    with pytest.raises(LogError, match=rf"are left to fit, wanted {wanted} for {unknowns} parameters"):
+        require_enough(arm, replace(split, train=(few,)), unknowns)
+
+
+def test_slow_motion_of_twelve_seconds_is_enough_for_one_joint(pendulum):
+    # The band of this motion leaves fewer than twenty samples to judge on; four unknowns need two.
+    t = np.arange(0, 12, 0.005)
+    q = 0.5 * np.sin(2 * np.pi * 0.4 * t)[:, None] + 1e-4 * np.random.default_rng(0).standard_normal((len(t), 1))
+    smooth = Motion(t, q, np.gradient(q, t, axis=0), -((2 * np.pi * 0.4) ** 2) * q)
+    split = split_logs(
+        pendulum, (Recording("slow.csv", pendulum.joint_names, t, q, inverse_dynamics(pendulum, smooth)),)
+    )
+    assert split.test[0].valid_in_band.sum() < 20
+    require_enough(pendulum, split, 4)
+
+
+def test_few_samples_to_judge_on_are_said(arm, recorded):
+    split = split_logs(arm, (replace(recorded(arm), excluded=HOLES[1:]),))
+    assert split.test[0].valid_in_band.sum() < 8
+    assert re.search(r"rest on \d independent samples .* are known to about \d+ %: record more", caution(split)[0])
+
+
+def test_many_samples_to_judge_on_need_no_caution(arm, recorded):
+    assert caution(split_logs(arm, (recorded(arm),))) == ()
 
 
 def test_a_recording_without_a_valid_sample_is_refused(arm, recorded):
