@@ -123,7 +123,7 @@ def _finished(function: Callable[..., R], left: dict[int, tuple[Any, ...]], work
     # One piece a call, as pieces are large, and no array of theirs in a file for all processes to share.
     one_each: dict[str, Any] = {"pre_dispatch": "2*n_jobs", "batch_size": 1, "max_nbytes": None}
     parallel = Parallel(n_jobs=workers, return_as=handing_over, **one_each)
-    # One tuple, which travels with its piece. Of larger arguments of other types joblib leaves one copy with one of
+    # One tuple, which travels with its piece. Of an array that is an argument itself joblib leaves one copy with one of
     # Dask's workers, and all pieces that need it would be lost with that worker.
     calls = [delayed(_run)((function, place, arguments)) for place, arguments in left.items()]
     return cast("Iterable[tuple[int, R]]", parallel(calls))
