@@ -133,8 +133,7 @@ def _law(
     at = tuple(shape.tolist()) or term.shape
     if term.effect.shape_is_estimate:
         # A law that takes its own parameter as shape is exact where they agree.
-        near = term.effect.refined(own, term.shape)
-        at = near[len(near) // 2]
+        at = term.effect.at_estimate(own, term.shape)
     return _at_shape(setting, place, at, log) @ own
 
 

@@ -163,6 +163,11 @@ class Rival(ABC):
         """Shapes to try next, about a fit: the same and its neighbours, or the last estimate of a secant."""
         return (shape,)
 
+    def at_estimate(self, coefficients: Float[Array, " k"], shape: Shape) -> Shape:
+        """The shape at which a law that takes its own parameter as shape agrees with its coefficients."""
+        near = self.refined(coefficients, shape)
+        return near[len(near) // 2]
+
     @abstractmethod
     def signature(self, robot: Robot, operation: Operation, joint: str | None, shape: Shape) -> Signature:
         """Columns of the effect, see `Signature`."""

@@ -28,6 +28,8 @@ Array = np.ndarray
 _SWINGS = np.array([70.0, 35.0, 22.0, 14.0, 9.0])
 # A frequency may be off by half the way to the next one: so far may a coefficient be off its shape, in squares.
 _SPREAD = 2.5
+# Compliances that are tried about one that was found, as shares of it.
+_NEARBY = (0.75, 0.9, 1.0, 1.11, 1.33)
 # Damping ratio of link and motor on the spring in a simulation; gears and belts have 0.02 to 0.1.
 _DAMPING = 0.05
 # And of the swing that is computed: at its own frequency the motor of a true spring nearly stands still, so much of
@@ -59,9 +61,12 @@ class TransmissionCompliance(Effect):
         return tuple((float(1.0 / (inertia * (2.0 * np.pi * f) ** 2)),) for f in _SWINGS)
 
     def refined(self, coefficients: Array, shape: Shape) -> tuple[Shape, ...]:
-        """The last estimate, and a ninth less and more."""
-        estimate = max(float(coefficients[0]), _LEAST)
-        return tuple((factor * estimate,) for factor in (0.9, 1.0, 1.11))
+        """Around the last shape, and the last estimate: near its resonance that says how high it is, not where."""
+        return (*((factor * shape[0],) for factor in _NEARBY), self.at_estimate(coefficients, shape))
+
+    def at_estimate(self, coefficients: Array, shape: Shape) -> Shape:
+        """The coefficient."""
+        return (max(float(coefficients[0]), _LEAST),)
 
     def signature(self, robot: Robot, operation: Operation, joint: str | None, shape: Shape) -> Signature:
         """Drive torque more per unit of compliance, between none and ``shape``."""
