@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from jaxtyping import Float
 
+from identification.diagnosis.bounded import solve
 from identification.diagnosis.result import EffectAt, Rival
 from identification.diagnosis.search import Search, contains, ordered
 from identification.diagnosis.swaps import relevant, replaced
@@ -20,6 +21,8 @@ _LISTED = 0.05
 _OUTDONE = 1.5
 # A rival that is this much worse in sample (ten standard deviations of one parameter) wins no replicate.
 _FAR = 100.0
+# Share of the torque that was found which a further parameter of a richer law is expected to carry.
+_EXPECTED = 0.5
 # Held-out losses that differ by less (in units of one squared standard deviation) are the same predictions.
 _SAME = 0.05
 
@@ -53,8 +56,9 @@ def stand(search: Search, chosen: frozenset[Term], term: Term) -> Standing:
     more than that: what chance gives over the whole catalogue is no measure of laws of one kind on one joint.
     """
     base = search.evaluate(chosen)
-    options: dict[frozenset[Term], tuple[Array, float]] = {}
+    options: dict[frozenset[Term], Array] = {chosen: base.loss}
     names: dict[frozenset[Term], frozenset[Term]] = {}
+    richer_laws: list[tuple[frozenset[Term], frozenset[Term]]] = []
     for others in relevant(search, chosen, term, _FAR):
         if not all(other.named for other in others):
             continue
@@ -65,24 +69,27 @@ def stand(search: Search, chosen: frozenset[Term], term: Term) -> Standing:
             continue
         found = search.evaluate(swapped)
         richer = any(contains(other, term) for other in others) and search.sizes_of(others) > search.sizes[term]
+        if richer:
+            richer_laws.append((others, swapped))
         if richer and found.total >= base.total:
             continue
-        options[swapped] = (found.loss, _fixed(search, swapped, base.penalty))
+        options[swapped] = found.loss
         names[swapped] = others
+    same = {}
     for others, swapped in _twins(search, chosen, term):
-        options[swapped] = (base.loss, _fixed(search, chosen, base.penalty))
+        options[swapped], same[swapped] = base.loss, chosen
         names[swapped] = others
-    if not options:
+    if len(options) == 1 and not richer_laws:
         return Standing(1.0, ())
-    keys = [chosen, *options]
-    losses = np.array([base.loss, *(options[k][0] for k in keys[1:])])
-    fixed = np.array([_fixed(search, chosen, base.penalty), *(options[k][1] for k in keys[1:])])
-    counts = block_counts(losses.shape[1], np.random.default_rng(20260103))
-    scores = counts @ losses.T + fixed
-    best = scores.min(axis=1, keepdims=True)
-    tied = scores <= best + _SAME
-    shares = (tied / tied.sum(axis=1, keepdims=True)).mean(axis=0)
-    shares = _by_place(term, keys, names, shares)
+    keys = list(options)
+    counts = block_counts(len(base.loss), np.random.default_rng(20260103))
+    losses = counts @ np.array([options[key] for key in keys]).T
+    costs = _costs(search, [same.get(key, key) for key in keys])
+    shares = _by_place(term, keys, names, np.mean([_wins(losses + cost) for cost in costs], axis=0))
+    for others, swapped in richer_laws:
+        place = tuple(other.place for other in ordered(others))
+        odds = min(odds_of_richer(search, chosen, swapped), 1.0)
+        shares[place] = max(shares.get(place, 0.0), odds * shares[()])
     kept = {effects: share for effects, share in shares.items() if share >= _LISTED and effects}
     own = shares[()]
     total = own + sum(kept.values())
@@ -109,12 +116,51 @@ def settled(search: Search, chosen: frozenset[Term]) -> frozenset[Term]:
     return chosen
 
 
-def _fixed(search: Search, chosen: frozenset[Term], penalty: float) -> float:
-    """What a set costs in every replicate: its price, and moves of the model beyond those of the finding.
+def _costs(search: Search, sets: list[frozenset[Term]]) -> tuple[Float[Array, " m"], Float[Array, " m"]]:
+    """What sets cost in every replicate, in two ways that are both fair: their prices, and moves of the model.
 
-    Moves that cost less than four more (two tolerances of one quantity) are no evidence against a rival.
+    Either all moves count, or those only that cost four more than the first set's (two tolerances of one quantity), or
+    four less: how wrong a model is within its tolerance is not known that well.
     """
-    return search.price_of(chosen) + max(search.evaluate(chosen).penalty - penalty - 4.0, 0.0)
+    prices = np.array([search.price_of(chosen) for chosen in sets])
+    moves = np.array([search.evaluate(chosen).penalty for chosen in sets])
+    more = moves - moves[0]
+    return prices + more, prices + np.sign(more) * np.maximum(np.abs(more) - 4.0, 0.0)
+
+
+def _wins(scores: Float[Array, "R m"]) -> Float[Array, " m"]:
+    """How often each set has the lowest score of a replicate; equal ones share it."""
+    tied = scores <= scores.min(axis=1, keepdims=True) + _SAME
+    return (tied / tied.sum(axis=1, keepdims=True)).mean(axis=0)
+
+
+def odds_of_richer(search: Search, chosen: frozenset[Term], rich: frozenset[Term]) -> float:
+    """Odds of a richer law of the same kind against what it contains, its further parameters not known beforehand.
+
+    By Laplace's approximation: each further direction is expected to carry some half of the torque that was found. If
+    the data hardly show such a direction beside the tolerances, they cannot say that it is not there.
+    """
+    problem, found = search.problem, search.evaluate(chosen)
+    active = found.active
+    x = found.theta[active]
+    free = active[(x > problem.lower[active] + 1e-12) & (x < problem.upper[active] - 1e-12)]
+    more = np.array(sorted({k for term in rich - chosen for k in term.columns} - set(active.tolist())), dtype=int)
+    old = np.array(sorted({k for term in chosen - rich for k in term.columns}), dtype=int)
+    a = problem.total_a
+    energy = float(found.theta[old] @ a[np.ix_(old, old)] @ found.theta[old])
+    own = np.diag(a)[more]
+    if not len(more) or energy <= 0.0 or not np.all(own > 0.0):
+        return 0.0
+    inner = a[np.ix_(free, free)] + np.diag(problem.precision[free])
+    made = solve(inner, a[np.ix_(free, more)])
+    gradient = problem.total_b - a[:, active] @ x
+    pull = gradient[more] - made.T @ (gradient[free] - problem.precision[free] * found.theta[free])
+    left = a[np.ix_(more, more)] - a[np.ix_(free, more)].T @ made
+    size = _EXPECTED * np.sqrt(energy / own)
+    shown = np.eye(len(more)) + left * np.outer(size, size)
+    pull = pull * size
+    log_odds = 0.5 * float(pull @ np.linalg.solve(shown, pull)) - 0.5 * float(np.linalg.slogdet(shown)[1])
+    return float(np.exp(min(log_odds, 0.0)))
 
 
 def _by_place(
