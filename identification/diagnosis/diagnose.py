@@ -27,7 +27,7 @@ from identification.diagnosis.resonances import resonances
 from identification.diagnosis.result import Diagnosis
 from identification.diagnosis.retaken import found_effects, needs_refinement, runners_up, same_effects, unchanged
 from identification.diagnosis.rivals import settled
-from identification.diagnosis.search import Search, claimed, set_up_search
+from identification.diagnosis.search import Search, Threshold, claimed, set_up_search
 from identification.diagnosis.stepwise import best_short, explain
 from identification.diagnosis.terms import FoundEffect, KnownEffect, Term
 from identification.diagnosis.whitening import whitened, whitened_noise
@@ -130,7 +130,7 @@ def _set_up(
     white, white_noise = whitened(columns, noise)
     weights = weights_of(white, white_noise)
     problem = set_up(columns, white, blocks, weights, build_grams(white, blocks, folds, weights))
-    return set_up_search(problem, 0.0, np.zeros(len(columns.rows)), {})
+    return set_up_search(problem, Threshold(0.0, {}), np.zeros(len(columns.rows)), {})
 
 
 def _with_thresholds(
@@ -142,7 +142,7 @@ def _with_thresholds(
     """The same rivals with what chance, encoder noise and the accuracy of the method give."""
     progress("measuring what chance gives")
     problem = search.problem
-    threshold = max(_LEAST_GAIN, null_threshold(search, whitened_noise(noise)))
+    threshold = null_threshold(search, whitened_noise(noise), _LEAST_GAIN)
     given, gap = (
         np.maximum(loss - row_counts(problem), 0.0) for loss in row_losses(problem, search.evaluate(frozenset()))
     )
@@ -169,8 +169,8 @@ def _search(
         quiet, ratio = smaller_noise(search, tried, noise)
         if ratio >= 1.0:
             break
-        least = max(_LEAST_GAIN, null_threshold(search, whitened_noise(quiet, like=noise)))
-        lower = replace(search, threshold=min(least, search.threshold))
+        least = null_threshold(search, whitened_noise(quiet, like=noise), _LEAST_GAIN)
+        lower = replace(search, threshold=search.threshold.lowered(least))
         if not claimed(lower, tried, chosen):
             break
         search, chosen = lower, explain(lower, progress, tried)

@@ -28,10 +28,10 @@ def with_nameless(search: Search, chosen: frozenset[Term], progress: Callable[[s
         for base in {chosen, frozenset(term for term in chosen if not term.named)}:
             promised = search.gains(base, nameless)
             for term in sorted(nameless, key=lambda term: -promised[term])[:_MOST_JUDGED]:
-                if promised[term] < search.threshold or not possible(base, term):
+                if promised[term] < search.threshold.overall or not possible(base, term):
                     continue
                 tried = _only_needed(search, with_term(base, term), chosen)
-                limit = lowest - _MARGIN[min(len(chosen - tried), len(_MARGIN) - 1)] * search.threshold
+                limit = lowest - _MARGIN[min(len(chosen - tried), len(_MARGIN) - 1)] * search.threshold.overall
                 if search.score(tried) < limit and claimed(search, tried, tried - {term}):
                     best, lowest = tried, search.score(tried)
         if best is None:

@@ -8,7 +8,7 @@ from jaxtyping import Float
 from identification.diagnosis.bounded import solve
 from identification.diagnosis.problem import Problem
 from identification.diagnosis.projection import fold_projection
-from identification.diagnosis.search import PARAMETER_PRICE, Search, price
+from identification.diagnosis.search import PARAMETER_PRICE, Search, Threshold, joint_of, price
 from identification.diagnosis.terms import Term
 
 Array = np.ndarray
@@ -18,27 +18,40 @@ _LEVEL = 0.99
 _EULER = 0.5772156649
 
 
-def null_threshold(search: Search, noise: tuple[Float[Array, "n nv"], ...]) -> float:
+def null_threshold(search: Search, noise: tuple[Float[Array, "n nv"], ...], least: float = 0.0) -> Threshold:
     """Held-out gain that no effect of the catalogue reaches by chance in 99 of 100 recordings without a gap.
 
     Recordings without a gap are made from this one: the unpredictable part of its residual with the sign of whole
     blocks drawn anew (which keeps colour, size and the correlation between joints), plus moves of the modelled
     inertias and friction drawn from their tolerances. All rivals are fitted to each, and the largest gain is kept; the
-    quantile is that of a Gumbel law with the mean and deviation of these maxima.
+    quantile is that of a Gumbel law with the mean and deviation of these maxima. The same over the effects of each
+    joint, where all joints together are to be wrong in one recording of 100.
 
     Args:
         search: Rivals and problem.
         noise: Unpredicted residual of each log, white.
+        least: What a threshold is at least.
     """
     problem = search.problem
     if not search.terms:
-        return 0.0
+        return Threshold(least, {})
     rng = np.random.default_rng(20260102)
     b, core_b = _null_products(problem, noise, rng)
     extra = np.array([max(price(search.sizes[term]) - PARAMETER_PRICE, 0.0) for term in search.terms])
-    best = (_gains(problem, search.terms, b, core_b) - extra[:, None]).max(axis=0)
+    gains = _gains(problem, search.terms, b, core_b) - extra[:, None]
+    joints = list(dict.fromkeys(joint_of(term) for term in search.terms))
+    alike = {joint: [k for k, term in enumerate(search.terms) if joint_of(term) == joint] for joint in joints}
+    wrong = (1.0 - _LEVEL) / len(joints)
+    return Threshold(
+        max(_exceeded(gains.max(axis=0), 1.0 - _LEVEL), least),
+        {joint: max(_exceeded(gains[own].max(axis=0), wrong), least) for joint, own in alike.items()},
+    )
+
+
+def _exceeded(best: Float[Array, " R"], wrong: float) -> float:
+    """What a Gumbel law with the mean and deviation of ``best`` exceeds in a share ``wrong`` of all cases."""
     spread = best.std() * np.sqrt(6) / np.pi
-    return float(best.mean() - _EULER * spread - spread * np.log(-np.log(_LEVEL)))
+    return float(best.mean() - _EULER * spread - spread * np.log(-np.log1p(-wrong)))
 
 
 def _null_products(

@@ -3,11 +3,14 @@
 from __future__ import annotations
 
 import numpy as np
-from jaxtyping import Bool
+from jaxtyping import Bool, Float
 
 from identification.log import Log
 
 Array = np.ndarray
+
+# A joint travels, and is not only shaken, if it goes this many times as far as the deviation of what shakes it.
+_FAR = 20.0
 
 
 def moving_joints(log: Log) -> Bool[Array, " nv"]:
@@ -19,23 +22,43 @@ def standing_still(log: Log) -> Bool[Array, "N nv"]:
     """True where a joint rests: its speed is within noise, so static friction may hold any torque.
 
     The threshold is three sigmas of what a short moving average takes off the velocity in the quietest fifth of the
-    record, where the motion itself adds nothing, and at least a thousandth of the joint's top speed.
+    record, where the motion itself adds nothing, and at least a thousandth of the joint's top speed. What shakes on its
+    way, as a drive with play may all the time, is judged by that average.
     """
-    v = log.motion.v
     width = max(3, int(log.band.rate_hz / log.band.cutoff_hz))
     kernel = np.ones(width) / width
-    out = np.empty(v.shape, dtype=bool)
+    out = np.empty(log.motion.v.shape, dtype=bool)
     for j, moves in enumerate(moving_joints(log)):
-        rough = v[:, j] - np.convolve(v[:, j], kernel, mode="same")
-        windows = rough[: len(rough) // width * width].reshape(-1, width)
-        sigma = float(np.percentile(np.sqrt(np.mean(windows**2, axis=1)), 20)) if len(windows) else 0.0
-        slow = np.abs(v[:, j]) < max(3 * sigma, 1e-3 * np.percentile(np.abs(v[:, j]), 99))
+        q, v = log.motion.q[:, j], log.motion.v[:, j]
+        sigma = _noise(v, kernel)
+        noise_only = bool(np.percentile(np.abs(v), 95) < 5 * sigma)
+        if noise_only and moves and _travels(q, kernel):
+            v = np.convolve(v, kernel, mode="same")
+            sigma, noise_only = _noise(v, kernel), False
+        slow = np.abs(v) < max(3 * sigma, 1e-3 * np.percentile(np.abs(v), 99))
         # Passing through zero is no rest: the joint has to be slow for a whole period of the band's edge.
         resting = np.convolve(slow, kernel, mode="same") > 0.999
         # A joint whose fastest speeds are noise too is held all the time.
-        held = not moves or np.percentile(np.abs(v[:, j]), 95) < 5 * sigma
+        held = not moves or noise_only
         out[:, j] = (np.convolve(resting, np.ones(width), mode="same") > 0.5) | held
     return out
+
+
+def _noise(v: Float[Array, " N"], kernel: Float[Array, " w"]) -> float:
+    """What a moving average takes off a series in its quietest fifth, root mean square."""
+    width = len(kernel)
+    rough = v - np.convolve(v, kernel, mode="same")
+    windows = rough[: len(rough) // width * width].reshape(-1, width)
+    return float(np.percentile(np.sqrt(np.mean(windows**2, axis=1)), 20)) if len(windows) else 0.0
+
+
+def _travels(q: Float[Array, " N"], kernel: Float[Array, " w"]) -> bool:
+    """True if a joint goes much further than it shakes."""
+    if len(q) < 4 * len(kernel):
+        return False
+    smooth = np.convolve(q, kernel, mode="valid")
+    rough = q[len(kernel) // 2 :][: len(smooth)] - smooth
+    return bool(np.ptp(smooth) > _FAR * rough.std())
 
 
 def usable_samples(log: Log) -> Bool[Array, "n nv"]:

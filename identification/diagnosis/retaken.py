@@ -30,12 +30,12 @@ def runners_up(search: Search, chosen: frozenset[Term]) -> tuple[FoundEffect, ..
     out: dict[tuple[str, str | None], FoundEffect] = {}
     for finding in (None, *ordered(chosen)):
         rest = chosen - {finding}
-        least = search.threshold if finding is None else search.gains(rest, (finding,))[finding]
+        won = None if finding is None else search.gains(rest, (finding,))[finding]
         rivals = tuple(term for term in shaped if possible(rest, term))
         gains = search.gains(rest, rivals)
         best: dict[tuple[str, str | None], Term] = {}
         for term in sorted(rivals, key=lambda term: -gains[term]):
-            if gains[term] >= _CLOSE * least and len(best) < _MOST_CLOSE:
+            if gains[term] >= _CLOSE * (search.threshold.of(term) if won is None else won) and len(best) < _MOST_CLOSE:
                 best.setdefault(term.place, term)
         for place, term in best.items():
             out.setdefault(place, _point(search.evaluate(with_term(rest, term)), term))

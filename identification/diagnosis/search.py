@@ -33,6 +33,32 @@ _WORTH_FITTING = 0.2
 
 
 @dataclass(frozen=True)
+class Threshold:
+    """Held-out gain below which no effect is claimed: what chance gives over the whole catalogue, or on one joint.
+
+    Attributes:
+        overall: What no effect reaches by chance.
+        joints: The same for the effects of one joint, None for those of no single joint. Noise of a joint that nothing
+            explains raises what chance seems to give there, which is no reason to doubt effects on others.
+    """
+
+    overall: float
+    joints: dict[str | None, float]
+
+    def of(self, *terms: Term) -> float:
+        """For these effects together."""
+        return max((min(self.joints.get(joint_of(term), self.overall), self.overall) for term in terms), default=0.0)
+
+    def lowered(self, other: Threshold) -> Threshold:
+        """The lower one of two, everywhere."""
+        joints = {
+            joint: min(both.joints.get(joint, both.overall) for both in (self, other))
+            for joint in {*self.joints, *other.joints}
+        }
+        return Threshold(min(self.overall, other.overall), joints)
+
+
+@dataclass(frozen=True)
 class Search:
     """Rivals of one problem and how sets of them are judged.
 
@@ -45,7 +71,7 @@ class Search:
         besides: All columns with what a set can make of them taken out, remembered.
         displaced: Rivals that give way to one that is added, itself among them, remembered.
         covering: Rivals that one is a special case of, remembered.
-        threshold: Held-out gain below which no effect is claimed.
+        threshold: What chance gives.
         row_thresholds: The same for the part of the gain on each row, ``(nv,)``: what touches a row with a large gap
             has to close a fair part of it.
         spurious: What encoder noise alone lets each effect gain.
@@ -59,7 +85,7 @@ class Search:
     besides: Callable[[frozenset[Term]], Beside]
     displaced: Callable[[Term], frozenset[Term]]
     covering: Callable[[Term], frozenset[Term]]
-    threshold: float
+    threshold: Threshold
     row_thresholds: Float[Array, " nv"]
     spurious: dict[tuple[str, str | None], float]
 
@@ -95,6 +121,11 @@ class Search:
         return sum(self.sizes[term] for term in chosen)
 
 
+def joint_of(term: Term) -> str | None:
+    """The single joint that a term sits on, None if there is none (a coupling sits on two, joined by ``+``)."""
+    return None if term.joint is None or "+" in term.joint else term.joint
+
+
 def price(size: int) -> float:
     """What an effect with ``size`` parameters has to earn; beyond four, each costs what chance gives it."""
     return PARAMETER_PRICE * min(size, 4) + max(size - 4, 0)
@@ -121,7 +152,7 @@ def rank_of(problem: Problem, term: Term) -> int:
 
 def set_up_search(
     problem: Problem,
-    threshold: float,
+    threshold: Threshold,
     row_thresholds: Float[Array, " nv"],
     spurious: dict[tuple[str, str | None], float],
 ) -> Search:
@@ -211,7 +242,7 @@ def least_gain(search: Search, terms: frozenset[Term]) -> float:
     """Held-out gain that a claim of these effects needs: more than chance, and a fair part of the gap it touches."""
     rows = sorted(set().union(*(rows_of(search.problem, term) for term in terms)))
     noise = sum(search.spurious.get(term.place, 0.0) for term in terms)
-    return max(search.threshold, float(search.row_thresholds[rows].sum())) + _SPURIOUS * noise
+    return max(search.threshold.of(*terms), float(search.row_thresholds[rows].sum())) + _SPURIOUS * noise
 
 
 def claimed(search: Search, chosen: frozenset[Term], without: frozenset[Term]) -> bool:

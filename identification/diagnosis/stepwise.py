@@ -57,8 +57,10 @@ def _forward(search: Search, chosen: frozenset[Term], progress: Callable[[str], 
         promised = search.gains(chosen, tuple(rivals))
         best, most = None, 0.0
         for term in sorted(rivals, key=lambda term: -promised[term])[:_MOST_JUDGED]:
-            if promised[term] < max(most, search.threshold):
+            if promised[term] < most:
                 break
+            if promised[term] < search.threshold.of(term):
+                continue
             gain = base - search.score(with_term(chosen, term))
             if gain > most and claimed(search, with_term(chosen, term), chosen):
                 best, most = term, gain

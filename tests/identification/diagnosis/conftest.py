@@ -13,7 +13,7 @@ from identification.diagnosis.blocks import Block, Weights, assign_folds, build_
 from identification.diagnosis.columns import Columns, build_columns
 from identification.diagnosis.noise import estimate_noise, weights_of
 from identification.diagnosis.problem import Problem, set_up
-from identification.diagnosis.search import Search, set_up_search
+from identification.diagnosis.search import Search, Threshold, set_up_search
 from identification.diagnosis.terms import FoundEffect, Term
 from identification.diagnosis.whitening import whitened
 from identification.log import Log
@@ -52,7 +52,7 @@ class Prepared:
 
     def searched(self, threshold: float) -> Search:
         """A search that claims a held-out gain of ``threshold``."""
-        return set_up_search(self.problem, threshold, np.zeros(len(self.columns.rows)), {})
+        return set_up_search(self.problem, Threshold(threshold, {}), np.zeros(len(self.columns.rows)), {})
 
     def term(self, effect: str, joint: str | None) -> Term:
         """The first rival of that effect and joint."""
