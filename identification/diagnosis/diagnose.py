@@ -27,9 +27,10 @@ from identification.diagnosis.resonances import resonances
 from identification.diagnosis.result import Diagnosis
 from identification.diagnosis.retaken import found_effects, needs_refinement, runners_up, same_effects, unchanged
 from identification.diagnosis.rivals import settled
-from identification.diagnosis.search import Search, Threshold, claimed, set_up_search
+from identification.diagnosis.search import Search, claimed, set_up_search
 from identification.diagnosis.stepwise import best_short, explain
 from identification.diagnosis.terms import FoundEffect, KnownEffect, Term
+from identification.diagnosis.threshold import Threshold
 from identification.diagnosis.whitening import whitened, whitened_noise
 from identification.recordings import Recording
 from identification.signals import process_all, within_limits

@@ -8,8 +8,9 @@ from jaxtyping import Float
 from identification.diagnosis.bounded import solve
 from identification.diagnosis.problem import Problem
 from identification.diagnosis.projection import fold_projection
-from identification.diagnosis.search import PARAMETER_PRICE, Search, Threshold, joint_of, price
+from identification.diagnosis.search import PARAMETER_PRICE, Search, price
 from identification.diagnosis.terms import Term
+from identification.diagnosis.threshold import Threshold, joint_of
 
 Array = np.ndarray
 

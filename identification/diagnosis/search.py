@@ -14,6 +14,7 @@ from identification.diagnosis.fitting import Fitted, Near, fit
 from identification.diagnosis.problem import Problem
 from identification.diagnosis.projection import Beside, beside, gain_of
 from identification.diagnosis.terms import Term
+from identification.diagnosis.threshold import Threshold
 
 Array = np.ndarray
 
@@ -30,32 +31,6 @@ _SPURIOUS = 2.0
 # Rivals that are fitted to know their gains in sample: the best ranked, with at least this share of the best gain.
 _MOST_FITTED = 30
 _WORTH_FITTING = 0.2
-
-
-@dataclass(frozen=True)
-class Threshold:
-    """Held-out gain below which no effect is claimed: what chance gives over the whole catalogue, or on one joint.
-
-    Attributes:
-        overall: What no effect reaches by chance.
-        joints: The same for the effects of one joint, None for those of no single joint. Noise of a joint that nothing
-            explains raises what chance seems to give there, which is no reason to doubt effects on others.
-    """
-
-    overall: float
-    joints: dict[str | None, float]
-
-    def of(self, *terms: Term) -> float:
-        """For these effects together."""
-        return max((min(self.joints.get(joint_of(term), self.overall), self.overall) for term in terms), default=0.0)
-
-    def lowered(self, other: Threshold) -> Threshold:
-        """The lower one of two, everywhere."""
-        joints = {
-            joint: min(both.joints.get(joint, both.overall) for both in (self, other))
-            for joint in {*self.joints, *other.joints}
-        }
-        return Threshold(min(self.overall, other.overall), joints)
 
 
 @dataclass(frozen=True)
@@ -119,11 +94,6 @@ class Search:
     def sizes_of(self, chosen: frozenset[Term]) -> int:
         """Number of parameters of a set."""
         return sum(self.sizes[term] for term in chosen)
-
-
-def joint_of(term: Term) -> str | None:
-    """The single joint that a term sits on, None if there is none (a coupling sits on two, joined by ``+``)."""
-    return None if term.joint is None or "+" in term.joint else term.joint
 
 
 def price(size: int) -> float:

@@ -175,9 +175,7 @@ def test_recordings_that_touch_different_columns_are_put_together(rng):
 def test_a_weight_multiplies_the_rows_of_its_joint(rng):
     W, y, columns = serial(rng, 60, 2, 4, 4)
     weights = np.array([0.5, 3.0])
-    assert_same_products(
-        reduced(W, y, columns).weighted(weights).factor(), stacked(W * weights[:, None], y * weights)
-    )
+    assert_same_products(reduced(W, y, columns).weighted(weights).factor(), stacked(W * weights[:, None], y * weights))
 
 
 def test_weight_zero_takes_a_recording_out(rng):

@@ -13,7 +13,7 @@ from identification.diagnosis.blocks import Block, Weights, assign_folds, build_
 from identification.diagnosis.columns import Columns, build_columns
 from identification.diagnosis.noise import estimate_noise, weights_of
 from identification.diagnosis.problem import Problem, set_up
-from identification.diagnosis.search import Search, Threshold, set_up_search
+from identification.diagnosis.search import Search, set_up_search
 from identification.diagnosis.terms import FoundEffect, Term
 from identification.diagnosis.whitening import whitened
 from identification.log import Log
