@@ -15,6 +15,7 @@ from identification.diagnosis.noise import estimate_noise, weights_of
 from identification.diagnosis.problem import Problem, set_up
 from identification.diagnosis.search import Search, set_up_search
 from identification.diagnosis.terms import FoundEffect, Term
+from identification.diagnosis.threshold import Threshold
 from identification.diagnosis.whitening import whitened
 from identification.log import Log
 from identification.recordings import Recording
