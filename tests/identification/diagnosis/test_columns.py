@@ -164,6 +164,15 @@ def test_samples_at_rest_are_left_out(lab, pendulum):
     assert use[at < 700].mean() > 0.95
 
 
+def test_a_joint_that_shakes_on_its_way_is_not_at_rest(lab, pendulum):
+    # Known truth: a swing of half a radian with a rattle of 3 mrad at 70 Hz on it, whose speed is larger.
+    motion = lab.motion(1)
+    angle = 2 * np.pi * 70.0 * motion.t[:, None]
+    shaken = Motion(motion.t, motion.q + 3e-3 * np.sin(angle), motion.v + 440 * 3e-3 * np.cos(angle), motion.a)
+    log = process(lab.recording(pendulum, motion), pendulum, cutoff_hz=10.0)
+    assert standing_still(with_motion(log, shaken)).mean() < 0.2
+
+
 @pytest.mark.parametrize("noise", [0.0, 1e-5, 1e-3])
 def test_a_joint_that_is_held_is_left_out(lab, planar2, rng, noise):
     # Static friction may hold any torque, and the sign of its velocity is that of the encoder's noise.

@@ -8,6 +8,7 @@ import pytest
 from identification.diagnosis.fitting import fit
 from identification.diagnosis.null import null_threshold
 from identification.diagnosis.search import PARAMETER_PRICE, price
+from identification.diagnosis.threshold import Threshold
 
 FRICTION = ("viscous_friction", "coulomb_friction", "torque_offset")
 
@@ -56,3 +57,32 @@ def test_twice_the_noise_of_a_trusted_model_gains_four_times_as_much_by_chance(l
 def test_more_rivals_gain_more_by_chance(quiet):
     few = replace(quiet.search, terms=quiet.search.terms[:2])
     assert null_threshold(few, quiet.noise).overall < null_threshold(quiet.search, quiet.noise).overall
+
+
+def test_noise_that_nothing_explains_on_one_joint_leaves_the_thresholds_of_others(lab, planar2, rng):
+    # Known truth: bursts on the shoulder that no effect makes; on the elbow nothing but white noise.
+    motion = lab.motion(2, 4)
+    bursts = rng.standard_normal(len(motion.t)) * (np.sin(2 * np.pi * 0.31 * motion.t) > 0.9)
+    prepared = lab.prepared(planar2, (lab.recording(planar2, motion, bursts[:, None] * [8.0, 0.0]),))
+    threshold = null_threshold(prepared.search, prepared.noise)
+    elbow = prepared.term("coulomb_friction", "elbow")
+    shoulder = prepared.term("coulomb_friction", "shoulder")
+    assert threshold.of(elbow) < 0.7 * threshold.overall
+    assert threshold.of(shoulder, elbow) == threshold.of(shoulder)
+
+
+def test_a_threshold_is_nowhere_above_the_overall_one(quiet):
+    threshold = null_threshold(quiet.search, quiet.noise)
+    assert all(threshold.of(term) <= threshold.overall for term in quiet.search.terms)
+
+
+def test_the_lower_of_two_thresholds_is_lower_everywhere(quiet):
+    term = quiet.term("coulomb_friction", "elbow")
+    both = Threshold(40.0, {"elbow": 30.0}).lowered(Threshold(35.0, {"elbow": 33.0, "shoulder": 22.0}))
+    assert both == Threshold(35.0, {"elbow": 30.0, "shoulder": 22.0})
+    assert both.of(term) == 30.0
+
+
+def test_a_threshold_is_never_below_the_least(quiet):
+    threshold = null_threshold(quiet.search, quiet.noise, 500.0)
+    assert {threshold.overall, *threshold.joints.values()} == {500.0}

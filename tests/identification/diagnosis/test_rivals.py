@@ -3,7 +3,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from identification.diagnosis.rivals import REPLICATES, block_counts, settled, stand
+from identification.diagnosis.rivals import REPLICATES, block_counts, odds_of_richer, settled, stand
 from identification.diagnosis.stepwise import explain
 from phantom_dyn import load_robot
 
@@ -103,3 +103,44 @@ def test_rivals_have_a_twentieth_at_least_and_come_in_order(heavier):
     shares = [rival.probability for rival in standing.rivals]
     assert shares == sorted(shares, reverse=True)
     assert min(shares) >= 0.05
+
+
+def odds_of_one_way(lab, robot, motion, drag) -> float:
+    """Odds of direction-dependent against Coulomb friction on the elbow."""
+    prepared = lab.prepared(robot, (lab.recording(robot, motion, -drag[:, None] * [0.0, 1.0]),))
+    coulomb, rich = (
+        frozenset([prepared.term(name, "elbow")]) for name in ("coulomb_friction", "direction_dependent_friction")
+    )
+    return odds_of_richer(prepared.search, coulomb, rich)
+
+
+def test_friction_that_is_clearly_the_same_both_ways_leaves_no_odds_for_another_law(lab, planar2):
+    motion = lab.motion(2, 3)
+    assert odds_of_one_way(lab, planar2, motion, 0.5 * np.sign(motion.v[:, 1])) < 0.01
+
+
+def test_friction_that_is_clearly_stronger_one_way_has_even_odds_at_least(lab, planar2):
+    motion = lab.motion(2, 3)
+    assert odds_of_one_way(lab, planar2, motion, np.where(motion.v[:, 1] > 0, 0.8, -0.2)) == 1.0
+
+
+def test_friction_that_hardly_shows_leaves_room_for_another_law(lab, planar2):
+    # Two tenths of the noise: what it is one way and the other is anyone's guess.
+    motion = lab.motion(2, 3)
+    weak = odds_of_one_way(lab, planar2, motion, 0.01 * np.sign(motion.v[:, 1]))
+    strong = odds_of_one_way(lab, planar2, motion, 0.5 * np.sign(motion.v[:, 1]))
+    assert weak > 10 * strong
+
+
+def test_standings_agree_from_both_sides(lab, planar2):
+    # Stood for by each other, two laws win as often whoever was found first.
+    motion = lab.motion(2, 5)
+    prepared = lab.prepared(planar2, (lab.recording(planar2, motion, -np.tanh(4 * motion.v) * [0.0, 0.05]),))
+    viscous, coulomb = prepared.term("viscous_friction", "elbow"), prepared.term("coulomb_friction", "elbow")
+
+    def share(found, other) -> float:
+        standing = stand(prepared.search, frozenset([found]), found)
+        wins = {rival.effects[0].effect: rival.probability for rival in standing.rivals if len(rival.effects) == 1}
+        return wins.get(other.effect.name, 0.0) / (wins.get(other.effect.name, 0.0) + standing.probability)
+
+    assert share(viscous, coulomb) == pytest.approx(1.0 - share(coulomb, viscous), abs=0.05)

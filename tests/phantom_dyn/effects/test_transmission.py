@@ -141,6 +141,12 @@ def test_shapes_are_positive_and_refined_about_the_last(arm, smooth, effect):
     assert any(shape == pytest.approx(shapes[0]) for shape in effect.refined(np.array(shapes[0]), shapes[0]))
 
 
+def test_a_compliance_is_sought_about_its_shape_however_high_its_resonance_comes_out():
+    # A coefficient of twice the shape says that the link swings twice as far there, not that it swings more slowly.
+    shapes = [shape for (shape,) in COMPLIANCE.refined(np.array([2e-3]), (1e-3,))]
+    assert sorted(shapes) == pytest.approx([0.75e-3, 0.9e-3, 1e-3, 1.11e-3, 1.33e-3, 2e-3])
+
+
 @pytest.mark.parametrize("effect", [BACKLASH, COMPLIANCE], ids=lambda effect: effect.name)
 def test_an_unknown_joint_is_refused(arm, smooth, effect):
     with pytest.raises(RobotError, match="No joint 'knee'"):
