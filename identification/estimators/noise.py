@@ -113,10 +113,15 @@ def coloured_scatter(
     inverse = solve_triangular(solution.factor, np.eye(base.rank))
     # Columns that a joint does not feel are zero in its rows: before whitening, they cost nothing.
     places = base_places(regressor, base)
+    # Whitening is a square matrix of the joint's columns, then orthonormal rows: the long product needs the first only.
+    turned = [np.linalg.qr(inverse[place].T) for place in places]
+    grams = [np.zeros((len(place), len(place))) for place in places]
     for stretch in _stretches(regressor, base, solution, places):
-        for joint, (lags, place) in enumerate(zip(rho, places, strict=True)):
-            white = _coloured_spectrum(stretch[joint], lags) @ inverse[place]
-            out += scatter[joint] * (white.T @ white)
+        for joint, lags in enumerate(rho):
+            white = _coloured_spectrum(stretch[joint], lags) @ turned[joint].R.T
+            grams[joint] += white.T @ white
+    for joint, (turn, _) in enumerate(turned):
+        out += scatter[joint] * (turn @ grams[joint] @ turn.T)
     return out
 
 
