@@ -135,9 +135,15 @@ def tls(regressor: Regressor, payloads: Sequence[KnownPayload | None]) -> Fit:
         sigma=sigma,
         correlation=correlation,
         residual=left,
-        factor=factor,
+        factor=_of_parameters(factor, r),
         others=tuple(others),
     )
+
+
+def _of_parameters(factor: Float[Array, "q q"], r: int) -> Float[Array, "r r"]:
+    """Factor of the first ``r`` unknowns with all others free: what is left of their columns beside those of others."""
+    turned = np.concatenate([factor[:, r:], factor[:, :r]], axis=1)
+    return np.asarray(np.linalg.qr(turned, mode="r"))[-r:, -r:]
 
 
 def _check(regressor: Regressor, payloads: Sequence[KnownPayload | None]) -> None:
@@ -191,7 +197,7 @@ def _null_vector(
     X: Float[Array, "N nv r"], known: Float[Array, "N nv"], V: Float[Array, "N nv nv"], weights: Float[Array, " nv"]
 ) -> tuple[Float[Array, " r"], Float[Array, " nv"]]:
     """Parameters and gains: the direction of least error, scaled so that the known column counts once."""
-    columns = np.concatenate([X, known[:, :, None], -V], axis=2) * weights[:, None, None]
+    columns = np.concatenate([X, known[:, :, None], -V], axis=2) * weights[:, None]
     flat = columns.reshape(-1, columns.shape[2])
     norms = np.linalg.norm(flat, axis=0)
     exact = X.shape[2] + 1

@@ -10,7 +10,6 @@ import numpy as np
 import pytest
 
 from identification.base_parameters import BaseParameters
-from identification.estimators.closed_loop import Feedback
 from identification.log import Log
 from identification.recordings import Recording
 from identification.signals import process
@@ -42,6 +41,14 @@ class Case:
     def log(self) -> Log:
         return process(self.recording, self.robot, cutoff_hz=15.0)
 
+    def noisy(self, seed: int, *, torque: float = 0.05, position: float = 1e-5) -> Case:
+        """The same with white noise of this share of the torque, and of this size on the position [rad]."""
+        rng = np.random.default_rng(seed)
+        q = self.recording.q + position * rng.normal(size=self.recording.q.shape)
+        size = torque * np.sqrt(np.mean(self.recording.tau**2, axis=0))
+        tau = self.recording.tau + size * rng.normal(size=q.shape)
+        return replace(self, recording=replace(self.recording, q=q, tau=tau))
+
     def truth(self, base: BaseParameters) -> np.ndarray:
         return base.values(np.concatenate([standard_parameters(self.robot), self.friction]))
 
@@ -65,8 +72,8 @@ def with_controllers(robot: Robot, middle: float, bandwidth: float = 2 * np.pi *
     return replace(robot, actuators=actuators)
 
 
-def closed_loop(robot: Robot, middle: float, *, seconds: float, dt: float, load: float = 0.0) -> Case:
-    """A recording of a robot with more friction than its model, and, at the end of the chain, a mass."""
+def closed_loop(robot: Robot, middle: float, *, seconds: float, dt: float) -> Case:
+    """A recording of a robot with more friction than its model."""
     robot = with_controllers(robot, middle)
     t, wanted = reference(robot.nv, seconds, dt, middle)
     kp, kd = (np.array([getattr(a.controller, name) for a in robot.actuators]) for name in ("kp", "kd"))
@@ -79,8 +86,6 @@ def closed_loop(robot: Robot, middle: float, *, seconds: float, dt: float, load:
         Cause(effect_named(name), joint, np.array([value]))
         for (name, joint), value in zip(names, friction, strict=True)
     ]
-    if load:
-        causes.append(Cause(effect_named("payload"), None, np.array([load, 0.05, 0.02, -0.1])))
 
     def controller(now: float, q: np.ndarray, v: np.ndarray) -> np.ndarray:
         k = min(int(now / dt), len(t) - 2)
@@ -107,18 +112,3 @@ def case_of() -> Callable[[str], Case]:
         return made[name]
 
     return case
-
-
-@pytest.fixture(scope="session")
-def loaded_two_joints() -> Case:
-    """The arm of two joints with 0.7 kg more at its end."""
-    source, middle = PLACES["two_joints"]
-    return closed_loop(load_robot(source), middle, seconds=6.0, dt=2e-3, load=0.7)
-
-
-@pytest.fixture(scope="session")
-def feedback_with() -> Callable[[Robot], Feedback]:
-    """The controllers of a case, to be changed."""
-    from identification.estimators.closed_loop import feedback_of
-
-    return feedback_of
