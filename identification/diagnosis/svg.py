@@ -12,6 +12,7 @@ from matplotlib.backends.backend_svg import FigureCanvasSVG
 from matplotlib.figure import Figure
 
 INK = "#010203"  # stands for the colour of the page's text until the SVG is written
+_DPI = 90  # of clouds of samples, which are pictures
 STYLE = {
     "svg.fonttype": "none",
     "font.size": 10.5,
@@ -41,12 +42,19 @@ def drawn_svg(draw: Callable[[Figure], None], key: str, size: tuple[float, float
     """
     style: dict[Any, Any] = {**STYLE, "svg.hashsalt": key}  # matplotlib's own type lists every key there is
     with matplotlib.rc_context(style):
-        figure = Figure(figsize=size, layout="constrained", dpi=110)
-        FigureCanvasSVG(figure)
+        figure = Figure(figsize=size, layout="constrained", dpi=_DPI)
+        canvas = FigureCanvasSVG(figure)
         draw(figure)
         buffer = io.StringIO()
-        nothing = dict.fromkeys(("Creator", "Date", "Format", "Type"))
-        figure.savefig(buffer, format="svg", transparent=True, metadata=nothing, dpi=90)
+        # Saving draws everything once more, for the layout alone: laid out first, it need not.
+        engine = figure.get_layout_engine()
+        if engine is not None:
+            engine.execute(figure)
+            figure.set_layout_engine("none")
+            figure.set_dpi(_DPI)  # measuring text has set another
+        for patch in (figure.patch, *(axes.patch for axes in figure.axes)):
+            patch.set(facecolor="none", edgecolor="none")
+        canvas.print_svg(buffer, metadata=dict.fromkeys(("Creator", "Date", "Format", "Type")))
     return inline_svg(buffer.getvalue(), key, title)
 
 
