@@ -80,7 +80,7 @@ def regressor(
     G = G[:1] if len(G) and G.strides[0] == 0 else G
     samples = ready(q), ready(v), ready(a), ready(G)
     announce(regressor_loop)
-    regressor_loop(*arrays.kinematics, _gravity(model), *samples, ready(places.reshape(-1, 10)), out)
+    regressor_loop(*arrays.kinematics, _gravity(model), *samples, ready(places.reshape(-1, 10), np.int64), out)
     return out
 
 
@@ -175,11 +175,11 @@ def _gravity(model: pin.Model) -> Array:
     return ready(model.gravity.linear)
 
 
-def ready(array: Array) -> Array:
-    """Contiguous and not to be written: a loop is compiled once more for every other kind of array."""
-    if array.flags.c_contiguous and not array.flags.writeable:
+def ready(array: Array, kind: type = np.float64) -> Array:
+    """Contiguous, of one type and not to be written: a loop is compiled once more for every other kind of array."""
+    if array.dtype == kind and array.flags.c_contiguous and not array.flags.writeable:
         return array
-    view = np.ascontiguousarray(array).view()
+    view = np.ascontiguousarray(array, dtype=kind).view()
     view.flags.writeable = False
     return view
 
