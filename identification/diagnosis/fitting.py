@@ -61,20 +61,23 @@ def fit(problem: Problem, terms: tuple[Term, ...], *, held_out: bool = True, nea
     return replace(found, theta=theta, fold_theta=fold_theta)
 
 
-def predict(problem: Problem, terms: tuple[Term, ...], theta: Float[Array, " K"], log: int) -> Float[Array, "n nv"]:
-    """Torque of the given model with nuisances and terms, in the band, on one log, ``(n, nv)``."""
+def predict(
+    problem: Problem, terms: tuple[Term, ...], theta: Float[Array, " K"], log: int, part: slice = slice(None)
+) -> Float[Array, "n nv"]:
+    """Torque of the given model with nuisances and terms, in the band, on a part of one log, ``(n, nv)``."""
     columns = problem.columns
     own = [term.columns[0] for term in terms if isinstance(term.effect, TorqueConstant)]
     rest = theta.copy()
     rest[own] = 0.0
-    out = np.empty_like(columns.model_torque[log])
+    model = columns.model_torque[log][part]
+    out = np.empty_like(model)
     for j, index in enumerate(columns.rows):
-        values = columns.values[log][j]
-        out[:, j] = columns.model_torque[log][:, j] + values @ rest[list(index)]
+        values = columns.values[log][j][part]
+        beside = values @ rest[list(index)]
+        out[:, j] = model[:, j] + beside
         for column in set(own) & set(index):
             # The gain scales what its column shows of the modelled torque, and all that is fitted beside it.
-            gain = theta[column]
-            out[:, j] += gain * (values[:, index.index(column)] + values @ rest[list(index)])
+            out[:, j] += theta[column] * (values[:, index.index(column)] + beside)
     return out
 
 

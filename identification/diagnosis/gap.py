@@ -49,15 +49,10 @@ def held_out_torque(problem: Problem, chosen: frozenset[Term], found: Fitted) ->
     """Torque of the corrected model on every log, each block by the fit that has not seen it."""
     terms = ordered(chosen)
     out = [np.array(torque) for torque in problem.columns.model_torque]
-    for log in range(len(out)):
-        fits: dict[int, Array] = {}
-        for block, fold in zip(problem.blocks, problem.grams.fold, strict=True):
-            if block.log != log:
-                continue
-            if int(fold) not in fits:
-                theta = found.theta if fold < 0 else found.fold_theta[fold]
-                fits[int(fold)] = predict(problem, terms, theta, log)
-            out[log][block.start : block.stop] = fits[int(fold)][block.start : block.stop]
+    for block, fold in zip(problem.blocks, problem.grams.fold, strict=True):
+        part = slice(block.start, block.stop)
+        theta = found.theta if fold < 0 else found.fold_theta[fold]
+        out[block.log][part] = predict(problem, terms, theta, block.log, part)
     return tuple(out)
 
 

@@ -13,6 +13,7 @@ from identification.diagnosis.search import (
     possible,
     price,
     rank_of,
+    relations,
     with_term,
 )
 from identification.diagnosis.stepwise import explain
@@ -182,3 +183,11 @@ def test_the_search_tells_what_it_does(quiet):
     explain(quiet.search, said.append)
     assert said[0] == "trying rivals, 0 found"
     assert "weighing alternatives" in said
+
+
+def test_what_gives_way_and_what_contains_is_looked_up_as_it_is_computed(quiet):
+    displaced, covering = relations(quiet.columns.terms)
+    everything = frozenset(quiet.columns.terms)
+    for term in quiet.columns.terms:
+        assert (everything - displaced(term)) | {term} == with_term(everything, term)
+        assert covering(term) == {other for other in everything if contains(other, term)}
