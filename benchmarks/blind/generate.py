@@ -20,13 +20,13 @@ if __package__ in (None, ""):  # called by its path: the checkout is not on the 
 from benchmarks.blind.generator.case import case_id, draw_case, resolved_kind, write_case
 
 KINDS = ("mixed", "null", "single", "pair", "outside")
-# Every kind has its own stream, so a seed may serve once for each. Below 1000: development. 1000 to 6999 were opened
-# for earlier reports. From 7000 on: opened once, for the report.
+# Every kind has its own stream, so a seed may serve once for each. Below 1000: development. 1000 to 10999 were opened
+# for earlier reports. From 11000 on: opened once, for the report.
 REPORTING = {
-    "single": range(7000, 7250),
-    "null": range(8000, 8300),
-    "pair": range(9000, 9080),
-    "outside": range(10000, 10080),
+    "single": range(11000, 11250),
+    "null": range(12000, 12300),
+    "pair": range(13000, 13080),
+    "outside": range(14000, 14080),
 }
 OPTIONS = {"single": "--singles", "null": "--nulls", "pair": "--pairs", "outside": "--outside"}
 FILES = ("robot.urdf", "robot.yaml", "log.csv")

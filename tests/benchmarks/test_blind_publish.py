@@ -57,20 +57,20 @@ def in_one_line(batches):
 def test_the_heading_of_the_whole_ranges_gives_the_one_command_and_says_that_they_were_opened_once():
     assert in_one_line(list(REPORTING.items())) == (
         "Measured on 2026-11-21 with `make blind`: 710 cases, the reporting ranges; seeds, opened once: "
-        "single 7000 to 7249, null 8000 to 8299, pair 9000 to 9079, outside 10000 to 10079."
+        "single 11000 to 11249, null 12000 to 12299, pair 13000 to 13079, outside 14000 to 14079."
     )
 
 
 def test_the_heading_of_a_part_of_the_ranges_says_how_many_cases_the_whole_has():
-    assert in_one_line([("null", range(8000, 8100)), ("pair", range(9000, 9080))]) == (
-        "Measured on 2026-11-21 with `python benchmarks/blind/run.py --nulls 8000:8100 --pairs 9000:9080`: "
-        "180 cases, part of the reporting ranges (710 cases); seeds, opened once: null 8000 to 8099, pair 9000 to 9079."
+    assert in_one_line([("null", range(12000, 12100)), ("pair", range(13000, 13080))]) == (
+        "Measured on 2026-11-21 with `python benchmarks/blind/run.py --nulls 12000:12100 --pairs 13000:13080`: "
+        "180 cases, part of the reporting ranges (710 cases); seeds, opened once: null 12000 to 12099, pair 13000 to 13079."
     )
 
 
-@pytest.mark.parametrize("seeds", [range(100, 140), range(7990, 8010)])
+@pytest.mark.parametrize("seeds", [range(100, 140), range(11990, 12010)])
 def test_the_heading_of_other_seeds_does_not_say_that_they_were_opened_once(seeds):
-    """Also where some of them are among the reporting ranges: these are from 8000 on for nulls."""
+    """Also where some of them are among the reporting ranges: these are from 12000 on for nulls."""
     assert f"{len(seeds)} cases, not those of the reporting ranges; seeds: null" in in_one_line([("null", seeds)])
 
 
