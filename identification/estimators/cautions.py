@@ -19,6 +19,7 @@ _AT_BOUND = 2.0  # standard deviations from a bound within which a value may as 
 _NAMED = 0.3  # share of the weakest combination from which a parameter is named as part of it
 # A joint leans on its stop if it rests within this share of its range from it, for this share of the samples.
 _NEAR, _RESTS, _OFTEN = 1e-3, 1e-2, 5e-3
+_NOTHING = 100.0  # [%] of the torque, the error of a model that predicts none
 _CLIPPED = 0.999  # share of a torque limit from which a drive gives all it has
 
 
@@ -46,6 +47,21 @@ def cautions(
     """
     return (*_lost(regressor, base), *_ill_conditioned(base, factor), *_uncertain(std),
             *_at_bounds(regressor, base, theta, std), *_at_stops(regressor), *_at_torque_limits(regressor))  # fmt: skip
+
+
+def unexplained(robot: Robot, error: Float[Array, " nv"]) -> Iterator[str]:
+    """Joints whose torque is further from the fit than from zero.
+
+    Args:
+        robot: Gives the joints.
+        error: Root mean square of the residual over that of the measured torque [%], nan where there is none.
+    """
+    for joint, share in zip(robot.joint_names, error, strict=True):
+        if share > _NOTHING:
+            yield (
+                f"The fit misses the torque of {joint} by {share:.3g} % of its size, more than no model would: check "
+                "its sign and gain, or use an estimator that weighs joints by their noise, such as wls."
+            )
 
 
 def _lost(regressor: Regressor, base: BaseParameters) -> Iterator[str]:

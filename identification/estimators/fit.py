@@ -9,7 +9,7 @@ import numpy as np
 from jaxtyping import Float
 
 from identification.base_parameters import BaseParameters
-from identification.estimators.cautions import cautions, condition_of
+from identification.estimators.cautions import cautions, condition_of, unexplained
 from identification.estimators.least_squares import Solution
 from identification.estimators.noise import (
     autocorrelation,
@@ -242,6 +242,6 @@ def fit_of(
         regressor.first_effect,
         regressor.count,
         status,
-        (*warnings, *said),
+        (*warnings, *unexplained(regressor.robot, error), *said),
         others,
     )

@@ -71,7 +71,7 @@ class Shooting:
         positions = [log.motion.q if log.raw_q is None else log.raw_q for log in logs]
         return self._banded([np.hstack([log.tau, q]) for log, q in zip(logs, positions, strict=True)])
 
-    def outputs(self, theta: Float[Array, " r"], states: Float[Array, "s 2 nv"]) -> list[Float[Array, "M c"]]:
+    def outputs(self, theta: Float[Array, " r"], states: Float[Array, "s 2 nv"]) -> list[Float[Array, "_ c"]]:
         """Simulated torques and positions of each recording at the full rate.
 
         Args:
@@ -88,7 +88,7 @@ class Shooting:
             out[s.log][s.start : s.stop] = np.hstack([tau, motion.q])
         return out
 
-    def in_band(self, outputs: list[Float[Array, "M c"]]) -> Float[Array, "N c"]:
+    def in_band(self, outputs: list[Float[Array, "_ c"]]) -> Float[Array, "N c"]:
         """Full-rate outputs in the band, valid samples only."""
         return self._banded(outputs)
 
@@ -96,7 +96,7 @@ class Shooting:
         return np.concatenate([Regressor.in_band(loop.log, one) for loop, one in zip(self.loops, values, strict=True)])
 
     def slopes(
-        self, theta: Float[Array, " r"], states: Float[Array, "s 2 nv"], outputs: list[Float[Array, "M c"]]
+        self, theta: Float[Array, " r"], states: Float[Array, "s 2 nv"], outputs: list[Float[Array, "_ c"]]
     ) -> Float[Array, "N c p"]:
         """Derivatives of the outputs in the band by all states, stretch by stretch, and then by the parameters.
 
