@@ -61,6 +61,7 @@ def held_out_ridge(
     use: list[Array],
     blocks: tuple[Block, ...],
     folds: Int[Array, " B"],
+    first: tuple[int, ...] = (),
 ) -> tuple[list[Float[Array, " n"]], float]:
     """Predictions of ``y`` from ``x``, each block by a ridge fit that has not seen it, and their mean squared error.
 
@@ -72,38 +73,57 @@ def held_out_ridge(
         use: Samples that count, of each log.
         blocks: Of the logs.
         folds: Of each block; -1 is predicted by the fit on all folds.
+        first: Try so many of the first features alone as well; the best of all counts.
     """
     size = np.sqrt(sum((a[m] ** 2).sum(axis=0) for a, m in zip(x, use, strict=True)))
-    keep = size > 1e-9 * max(size.max(), 1e-300)
     total = max(sum(int(m.sum()) for m in use), 1)
-    scaled = [a[:, keep] / (size[keep] / np.sqrt(total)) for a in x]
-    grams, products = [], []
-    for block in blocks:
+    scaled = [a / np.where(size > 0, size / np.sqrt(total), 1.0) for a in x]
+    gram, product = np.empty((len(blocks), len(size), len(size))), np.empty((len(blocks), len(size)))
+    for k, block in enumerate(blocks):
         part = slice(block.start, block.stop)
         m = use[block.log][part]
-        xb = scaled[block.log][part][m]
-        grams.append(xb.T @ xb)
-        products.append(xb.T @ y[block.log][part][m])
-    gram, product = np.array(grams), np.array(products)
+        xb = scaled[block.log][part]
+        xb = xb if m.all() else xb[m]
+        np.matmul(xb.T, xb, out=gram[k])
+        product[k] = xb.T @ y[block.log][part][m]
     best: tuple[list[Array], float] = ([], np.inf)
-    for ridge in _RIDGES:
-        predicted = [np.zeros_like(v) for v in y]
-        squared, count = 0.0, 0
-        for fold in np.unique(folds):
-            train = (folds >= 0) & (folds != fold)
-            a = gram[train].sum(axis=0)
-            a[np.diag_indices_from(a)] += ridge * max(total, 1) * 1e-2
-            w = np.linalg.solve(a, product[train].sum(axis=0))
-            for k in np.flatnonzero(folds == fold):
-                block = blocks[k]
-                part = slice(block.start, block.stop)
-                predicted[block.log][part] = scaled[block.log][part] @ w
-                core = slice(block.core, block.stop)
-                m = use[block.log][core]
-                error = (y[block.log][core] - predicted[block.log][core])[m]
-                squared += float(error @ error)
-                count += len(error)
-        score = squared / max(count, 1)
-        if score < best[1]:
-            best = (predicted, score)
+    for count in (*first, len(size)):
+        kept = np.flatnonzero(size[:count] > 1e-9 * max(size[:count].max(), 1e-300))
+        sub = np.ascontiguousarray(gram[:, kept[:, None], kept]), product[:, kept]
+        for ridge in _RIDGES:
+            found = _judged(scaled, kept, sub, ridge * total * 1e-2, y, use, blocks, folds)
+            if found[1] < best[1]:
+                best = found
     return best
+
+
+def _judged(
+    scaled: list[Float[Array, "n k"]],
+    kept: Int[Array, " m"],
+    products: tuple[Float[Array, "B m m"], Float[Array, "B m"]],
+    ridge: float,
+    y: list[Float[Array, " n"]],
+    use: list[Array],
+    blocks: tuple[Block, ...],
+    folds: Int[Array, " B"],
+) -> tuple[list[Float[Array, " n"]], float]:
+    """Predictions with one ridge from some of the features, and their mean squared error."""
+    gram, product = products
+    predicted = [np.zeros_like(v) for v in y]
+    squared, samples = 0.0, 0
+    for fold in np.unique(folds):
+        train = (folds >= 0) & (folds != fold)
+        a = gram[train].sum(axis=0)
+        a[np.diag_indices_from(a)] += ridge
+        w = np.zeros(scaled[0].shape[1])
+        w[kept] = np.linalg.solve(a, product[train].sum(axis=0))
+        for k in np.flatnonzero(folds == fold):
+            block = blocks[k]
+            part = slice(block.start, block.stop)
+            predicted[block.log][part] = scaled[block.log][part] @ w
+            core = slice(block.core, block.stop)
+            m = use[block.log][core]
+            error = (y[block.log][core] - predicted[block.log][core])[m]
+            squared += float(error @ error)
+            samples += len(error)
+    return predicted, squared / max(samples, 1)

@@ -52,8 +52,7 @@ def estimate_noise(
             np.column_stack([x, state_features(columns, log, k, j)])
             for k, (x, log) in enumerate(zip(plain, logs, strict=True))
         ]
-        tried = [held_out_ridge(x, y, use, blocks, folds) for x in (plain, rich)]
-        predicted, _ = min(tried, key=lambda result: result[1])
+        predicted, _ = held_out_ridge(rich, y, use, blocks, folds, first=(plain[0].shape[1],))
         for k, p in enumerate(predicted):
             left[k][:, j] = np.where(use[k], y[k] - p, 0.0)
     return tuple(left)

@@ -67,3 +67,14 @@ def test_samples_that_are_not_used_have_no_say(quiet):
     spoilt = held_out_ridge(features(quiet), [wild], use, quiet.blocks, quiet.folds)
     np.testing.assert_allclose(spoilt[0][0], clean[0][0], atol=1e-9)
     assert spoilt[1] == pytest.approx(clean[1])
+
+
+def test_the_better_of_some_features_and_of_all_predicts(quiet, rng):
+    use, y = everything(quiet), rng.normal(size=len(quiet.columns.residual[0]))
+    x = features(quiet)
+    some = held_out_ridge([part[:, :3] for part in x], [y], use, quiet.blocks, quiet.folds)
+    every = held_out_ridge(x, [y], use, quiet.blocks, quiet.folds)
+    both = held_out_ridge(x, [y], use, quiet.blocks, quiet.folds, first=(3,))
+    better = min(some, every, key=lambda result: result[1])
+    assert both[1] == pytest.approx(better[1], rel=1e-12)
+    np.testing.assert_allclose(both[0][0], better[0][0], rtol=1e-9, atol=1e-12)
