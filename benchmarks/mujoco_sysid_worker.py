@@ -1,9 +1,10 @@
 # pyright: reportAttributeAccessIssue=false
 """MuJoCo's toolbox for system identification on its own arm of five joints: runs in the toolbox's environment.
 
-Called by `compare_mujoco_sysid.py`: ``mujoco_sysid_worker.py FOLDER`` writes ``arm.xml`` (the model to start from),
-``fit.npz`` and ``held_out.npz`` there, identifies armature and damping of every joint, and prints values, truth and
-seconds as JSON. Torques, parameters, start and optimiser are those of the toolbox's own test.
+Called by `compare_mujoco_sysid.py`: ``mujoco_sysid_worker.py FOLDER FIELD...`` writes ``arm.xml`` (the model to start
+from), ``fit.npz`` and ``held_out.npz`` there, identifies armature, or armature and damping, of every joint, and prints
+values, truth and seconds as JSON. Torques, length and optimiser are those of the toolbox's own test, and so is the
+start of the armatures where these alone are looked for.
 """
 
 from __future__ import annotations
@@ -21,8 +22,11 @@ import numpy as np
 from mujoco import rollout
 
 BOUNDS = {"armature": (0.001, 1.0), "damping": (0.0, 2.0)}
-START = 0.5
-"""Share of the true values at which both start: from much further away the toolbox ends in a local minimum."""
+ARMATURE = 0.01
+"""Where the search for armatures starts, as in the toolbox's test."""
+
+SHARE = 0.5
+"""Share of the true values at which the search for both starts."""
 
 SECONDS = 2.0
 NOISE = {"q": 2e-5, "v": 1e-3}  # rad, rad/s
@@ -75,7 +79,8 @@ def parameters_of(truth: dict[str, float]) -> sysid.ParameterDict:
     for name, value in truth.items():
         field, joint = name.split(".")
         modifier = functools.partial(set_field, joint=joint, field=field)
-        out.add(sysid.Parameter(name, START * value, *BOUNDS[field], modifier=modifier))
+        start = SHARE * value if any(name.startswith("damping") for name in truth) else ARMATURE
+        out.add(sysid.Parameter(name, start, *BOUNDS[field], modifier=modifier))
     return out
 
 
@@ -86,7 +91,7 @@ def recorded(model: mujoco.MjModel, phase: float, rng: np.random.Generator) -> d
     tau = np.column_stack([size * np.sin(2 * np.pi * hz * t + at) for size, hz, at in waves])
     data = mujoco.MjData(model)
     start = sysid.create_initial_state(model, data.qpos, data.qvel, data.act)
-    states = np.squeeze(rollout.rollout(model, data, start, tau)[0], axis=0)
+    states = np.asarray(rollout.rollout(model, data, start, tau)[0])[0]
     # The state behind the step from t[k] is that at t[k + 1].
     whole = np.vstack([start.reshape(-1), states[:-1]])
     q, v = whole[:, 1 : 1 + model.nq], whole[:, 1 + model.nq :]
@@ -113,13 +118,12 @@ def identified(spec: mujoco.MjSpec, log: dict[str, np.ndarray], truth: dict[str,
     return dict(zip(found.keys(), found.as_vector().tolist(), strict=True))
 
 
-def main(name: str) -> None:
+def main(name: str, *fields: str) -> None:
     folder, rng = Path(name), np.random.default_rng(7)
     spec = mujoco.MjSpec.from_string(own_arm())
     model = spec.compile()
     joints = [model.joint(k).name for k in range(model.njnt)]
-    truth = {f"armature.{j}": float(model.joint(j).armature[0]) for j in joints}
-    truth |= {f"damping.{j}": float(np.ravel(model.joint(j).damping)[0]) for j in joints}
+    truth = {f"{f}.{j}": float(np.ravel(getattr(model.joint(j), f))[0]) for f in fields for j in joints}
     logs = [recorded(model, phase, rng) for phase in (0.0, 1.0)]
     for parameter in parameters_of(truth).values():
         set_field(spec, parameter, *reversed(parameter.name.split(".")))
@@ -127,7 +131,7 @@ def main(name: str) -> None:
     (folder / "arm.xml").write_text(spec.to_xml())
     for stem, log in zip(("fit", "held_out"), logs, strict=True):
         columns = {f"{kind}.{j}": log[kind][:, k] for kind in ("q", "v", "tau") for k, j in enumerate(joints)}
-        np.savez(folder / f"{stem}.npz", t=log["t"], **columns)
+        np.savez(folder / f"{stem}.npz", allow_pickle=False, t=log["t"], **columns)
         np.savez(folder / f"{stem}_exact.npz", t=log["t"], q=log["exact_q"], v=log["exact_v"], tau=log["tau"])
     start = time.process_time()
     values = identified(spec, logs[0], truth)

@@ -1,7 +1,7 @@
 """This library's side of a comparison, in a process of its own: prints seconds and memory as JSON.
 
 own_worker.py fit ROBOT RECORDING.npz [EFFECT,...]    file to base parameters, least squares, deviations
-own_worker.py arm ROBOT RECORDING.npz                 rotor inertia and damping that the given model lacks
+own_worker.py arm ROBOT RECORDING.npz FIELD...        armature and damping beyond those of the given model
 own_worker.py stream ROBOT SAMPLES                    as many samples, in recordings of which one is held at a time
 """
 
@@ -87,20 +87,19 @@ def fit(robot: Robot, path: str, effects: str = "") -> dict[str, float]:
     }
 
 
-def arm(robot: Robot, path: str) -> dict[str, Any]:
-    """Rotor inertia and damping of every joint beyond the model's, from positions and torques, derivatives included."""
-    given = terms(robot, "rotor_inertia,viscous_friction")
-    recording = read_recording(path, robot)
+def arm(robot: Robot, path: str, *fields: str) -> dict[str, Any]:
+    """Armature, or armature and damping, of every joint, from positions and torques, derivatives included."""
+    effects = {"armature": ("rotor_inertia", "inertia"), "damping": ("viscous_friction", "coefficient")}
+    stated = {"armature": robot.rotor_inertia, "damping": robot.viscous_friction}
+    given, recording = terms(robot, ",".join(effects[f][0] for f in fields)), read_recording(path, robot)
     ols(gap_regressor(robot, process(recording, robot), given))  # what is imported or compiled late does not count
     start = time.process_time()
     found = ols(gap_regressor(robot, process(recording, robot), given))
     seconds = time.process_time() - start
     added = dict(zip(found.names, found.theta.tolist(), strict=True))
-    names = {"armature": ("rotor_inertia.inertia", robot.rotor_inertia)}
-    names["damping"] = ("viscous_friction.coefficient", robot.viscous_friction)
     values = {
-        f"{ours}.{joint}": float(stated[k]) + added[f"{joint}.{effect}"]
-        for ours, (effect, stated) in names.items()
+        f"{f}.{joint}": float(stated[f][k]) + added[f"{joint}.{'.'.join(effects[f])}"]
+        for f in fields
         for k, joint in enumerate(robot.joint_names)
     }
     return {"values": values, "seconds": seconds}
