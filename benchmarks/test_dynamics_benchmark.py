@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable
+from pathlib import Path
 
 import numpy as np
 import pinocchio as pin
@@ -19,9 +20,11 @@ from phantom_dyn import load_robot
 from phantom_dyn.dynamics import inverse_dynamics, mass_matrix, rigid_body_regressor
 from phantom_dyn.kernels import plain, rigid_body
 from phantom_dyn.kinematics import frame_jacobian
+from phantom_dyn.loops.solver import solve
 from phantom_dyn.motion import Motion
 from phantom_dyn.robot import Robot
 
+ROBOTS = Path(__file__).resolve().parents[1] / "tests" / "robots"
 SAMPLES = 15000
 """As many as a minute of recording: the regressor of 43 MB does not fit in a cache."""
 
@@ -124,6 +127,27 @@ def test_jacobian_of_bare_pinocchio(benchmark, ur10, motion):
 @pytest.mark.benchmark(group="Jacobian")
 def test_writing_the_jacobian(benchmark):
     assert benchmark(written, 6, 6).shape == (SAMPLES, 6, 6)
+
+
+CHAIN_SAMPLES = 500
+"""Of a trajectory whose loop is closed sample by sample; in Python that takes a tenth of a millisecond each."""
+
+
+@pytest.fixture
+def fourbar(tmp_path) -> Robot:
+    config = tmp_path / "loop.yaml"
+    config.write_text("loops: [{kind: point, frame_a: coupler_pin, frame_b: rocker_pin, active: [crank]}]")
+    return load_robot(ROBOTS / "fourbar.urdf", config=config)
+
+
+@pytest.mark.benchmark(group="closing a loop")
+@pytest.mark.parametrize("compiled", [True, False], ids=["compiled", "in Python"])
+def test_closing_a_loop(benchmark, fourbar, compiled):
+    q = np.linspace(0.0, 6.0, CHAIN_SAMPLES)[:, None]
+    arrays = fourbar.arrays if compiled else None
+    solve(fourbar.model, fourbar.chain, q[:2], arrays=arrays)  # compiles
+    found = benchmark.pedantic(solve, (fourbar.model, fourbar.chain, q), {"arrays": arrays}, rounds=3)
+    assert found.G.shape == (CHAIN_SAMPLES, 3, 1)
 
 
 def least(calls: tuple[Callable[[], object], ...], repeats: int) -> list[float]:
