@@ -17,6 +17,7 @@ from phantom_dyn.errors import ParameterError
 
 Array = np.ndarray
 
+_NOTHING = 1e-200  # square of the norm of a column of a motion that does not move: its inverse is no overflow
 _ZERO = 1e-15
 """Eigenvalues of a correlation matrix below this are rounding: a condition number above 3e7 is not told apart."""
 
@@ -69,7 +70,7 @@ class ConditionNumber:
 
     def cost(self, G: Float[Array, "r r"]) -> tuple[float, Float[Array, "r r"]]:
         """Cost and its slope."""
-        size = np.sqrt(np.maximum(np.diag(G), np.finfo(float).tiny))
+        size = np.sqrt(np.maximum(np.diag(G), _NOTHING))
         C = G / np.outer(size, size)
         eigenvalues, vectors = np.linalg.eigh(C)
         logs, k = np.log(np.maximum(eigenvalues, _ZERO)), self.sharpness

@@ -15,7 +15,7 @@ from identification.excitation.limits import Limits, limits_of
 from identification.excitation.postures import feasible_postures
 from identification.excitation.problem import Grid, Problem
 from identification.excitation.shapes import Shapes
-from identification.excitation.starts import largest, random_motion, worst_excess
+from identification.excitation.starts import SHARES, at_rest, largest, random_motion, undirected, worst_excess
 from phantom_dyn.errors import ParameterError
 from phantom_dyn.motion import Motion, read_only
 from phantom_dyn.robot import Robot
@@ -24,6 +24,8 @@ Array = np.ndarray
 
 _DENSE = 10
 """Samples of the last check per sample of the design."""
+_ROWS = 5_000_000
+"""Most rows of a reference: more are a slip of the rate or the duration."""
 _REPAIRS = (1.0, 0.998, 0.995, 0.99, 0.98, 0.96, 0.93, 0.89, 0.84, 0.78, 0.7, 0.6, 0.5, 0.4, 0.3, 0.2, 0.1, 0.05, 0.02)
 
 
@@ -123,14 +125,11 @@ def excite(
         tried.append((criterion_of(problem, grid, weights), weights, posture))
     _, start, posture = min(tried, key=lambda one: one[0])
     start = largest(problem, dense, start, posture)
+    _require_motion(problem, dense, start, posture)
     designed = _within(problem, shapes, dense, descend(problem, grid, start, say=say), posture)
     better = criterion_of(problem, grid, designed) <= criterion_of(problem, grid, start)
     weights = designed if better else start
     motion = dense.motion(weights)
-    if not np.abs(motion.v).max() > 0:
-        raise ParameterError(
-            f"{robot.name} can rest within its limits, but no motion about that posture keeps them: widen the limits."
-        )
     W = problem.regressor(motion)
     return Excitation(
         robot,
@@ -164,10 +163,27 @@ def _within(
     return largest(problem, dense, weights, posture, _REPAIRS)
 
 
+def _require_motion(problem: Problem, dense: Grid, weights: Float[Array, "K nv"], posture: Float[Array, " nv"]) -> None:
+    """Refuse a start that does not move, as the smallest motion about its posture breaks a limit: say which one."""
+    if np.abs(dense.motion(weights).v).max() > 0:
+        return
+    rng = np.random.default_rng(0)
+    motion = dense.motion(at_rest(posture, len(weights)) + SHARES[-1] * undirected(problem, dense, rng))
+    values = problem.limited(motion, problem.regressor(motion))
+    raise ParameterError(
+        f"{problem.robot.name} can rest within its limits, but no motion about that posture keeps them: in a small one "
+        f"{problem.bounds.worst(values)}; widen that limit, or another that stands against it."
+    )
+
+
 def _count(shapes: Shapes, rate_hz: float) -> int:
     """Samples of a recording with both ends."""
     if not (np.isfinite(rate_hz) and rate_hz > 0):
         raise ParameterError(f"A rate of {rate_hz:g} Hz was given: give more than 0.")
+    if shapes.duration * rate_hz > _ROWS:
+        raise ParameterError(
+            f"{shapes.duration:g} s at {rate_hz:g} Hz are more than {_ROWS} rows: give a lower rate or less time."
+        )
     count = round(shapes.duration * rate_hz) + 1
     if count < shapes.samples // 3:
         least = (shapes.samples // 3) / shapes.duration

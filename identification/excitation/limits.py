@@ -143,8 +143,8 @@ def _per_joint(robot: Robot, value: float | Sequence[float] | None, name: str) -
     values = np.atleast_1d(np.asarray(value, dtype=float))
     if values.shape not in ((1,), (robot.nv,)):
         raise ParameterError(
-            f"{values.size} values of {name} were given for {robot.nv} joints: give one, or one for each of "
-            f"{', '.join(robot.joint_names)}."
+            f"{values.size} values of {name} were given for {robot.nv} joint{'s' * (robot.nv > 1)}: give one, or one "
+            f"for each of {', '.join(robot.joint_names)}."
         )
     if not (values > 0).all():
         article = "An" if name[0] in "aeiou" else "A"

@@ -77,12 +77,24 @@ def random_motion(
         posture: One that keeps them at rest.
         rng: Draws normal weights of the shapes, and how fast each joint is to the others.
     """
+    moving = undirected(problem, grid, rng)
+    return largest(problem, grid, at_rest(posture, len(moving)) + moving, posture)
+
+
+def undirected(problem: Problem, grid: Grid, rng: np.random.Generator) -> Float[Array, "K nv"]:
+    """Random weights about zero whose joints reach a random part of their largest speed, or of their acceleration.
+
+    Args:
+        problem: Gives the limits of each joint; no others are kept.
+        grid: Where they are looked at.
+        rng: Draws the weights and the parts.
+    """
     moving = rng.normal(size=(grid.values.shape[2], problem.robot.nv))
     moving[0] = 0.0
     moving[0] = -(grid.values[0] @ moving).mean(axis=0)
-    peak = np.abs(grid.values[1] @ moving).max(axis=0)
-    moving *= joint_sizes(problem).speed * rng.uniform(0.3, 1.0, problem.robot.nv) / peak
-    return largest(problem, grid, at_rest(posture, len(moving)) + moving, posture)
+    speed, acceleration = (np.abs(grid.values[k] @ moving).max(axis=0) for k in (1, 2))
+    most = np.minimum(joint_sizes(problem).speed / speed, problem.limits.acceleration / acceleration)
+    return moving * most * rng.uniform(0.3, 1.0, problem.robot.nv)
 
 
 def largest(

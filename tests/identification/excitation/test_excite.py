@@ -175,6 +175,25 @@ def test_a_rate_that_cannot_show_the_motion_is_refused(designed):
         designed.motion(2.0)
 
 
+def test_more_rows_than_anyone_can_want_are_refused(planar):
+    with pytest.raises(ParameterError, match=r"4 s at 1e\+09 Hz are more than 5000000 rows: give a lower rate"):
+        excite(planar, SHAPES, rate_hz=1e9)
+
+
+def test_a_tiny_limit_of_acceleration_is_kept(planar):
+    motion = excite(planar, SHAPES, limits=limits_of(planar, acceleration=1e-4), starts=1).motion(500.0)
+    assert 0 < np.abs(motion.a).max() <= 1e-4
+
+
+def test_limits_between_which_nothing_moves_are_refused_with_the_one_that_is_broken(planar):
+    # Known truth: a hanging arm rests without torque, and each motion needs more than a hundred-millionth of a newton
+    # metre.
+    drives = (Actuator(torque_limit=1e-8), Actuator(torque_limit=1e-8))
+    weak = replace(planar, actuators=drives, coulomb_friction=np.zeros(2))
+    with pytest.raises(ParameterError, match=r"no motion about that posture keeps them: .* torque of .* its limit"):
+        excite(weak, SHAPES, limits=limits_of(weak, velocity=1.0), starts=1)
+
+
 def test_no_start_is_refused(planar):
     with pytest.raises(ParameterError, match="0 starts were asked for: give at least one"):
         excite(planar, SHAPES, starts=0)
