@@ -34,12 +34,4 @@ class EstimationError(PhantomDynError):
 
 
 class PhantomDynWarning(UserWarning):
-    """Base of the warnings of both packages."""
-
-
-class ConditioningWarning(PhantomDynWarning):
-    """An estimate rests on an ill-conditioned regressor."""
-
-
-class BoundWarning(PhantomDynWarning):
-    """An estimate lies on one of its bounds."""
+    """Base of the warnings of both packages; what a fit has to say stands in its result, as sentences."""
