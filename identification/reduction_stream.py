@@ -129,4 +129,4 @@ def _holds(lean: _Lean, block: Array) -> bool:
     """False where a column left out is not, in some row, what the columns taken in say."""
     seen = block.reshape(-1, block.shape[2]) @ lean.probes
     *zero, size = np.einsum("nk,nk->k", seen, seen)
-    return max(zero) <= _HOLDS**2 * (size + len(block) / lean.samples)
+    return bool(max(zero) <= _HOLDS**2 * (size + len(block) / lean.samples))
