@@ -151,13 +151,13 @@ def test_closing_a_loop(benchmark, fourbar, compiled):
 
 
 def least(calls: tuple[Callable[[], object], ...], repeats: int) -> list[float]:
-    """Shortest time of each call per sample [us], taken in turn so that they share the machine's good moments."""
+    """Shortest processor time of each call per sample [us], in turn so that they share the machine's good moments."""
     times = np.empty((repeats, len(calls)))
     for times_once in times:
         for k, call in enumerate(calls):
-            start = time.perf_counter()
+            start = time.thread_time()
             call()
-            times_once[k] = time.perf_counter() - start
+            times_once[k] = time.thread_time() - start
     return (times.min(axis=0) / SAMPLES * 1e6).tolist()
 
 
