@@ -9,6 +9,7 @@ from identification.diagnosis.blocks import Block, Weights
 from identification.diagnosis.columns import Columns
 from identification.diagnosis.flexible import held_out_ridge, state_features
 from identification.diagnosis.gap import held_out_torque, residual_after
+from identification.diagnosis.rows import each_row
 from identification.diagnosis.search import Search
 from identification.diagnosis.terms import Term
 from identification.log import Log
@@ -43,8 +44,8 @@ def estimate_noise(
     Each row's residual is predicted from all columns at once, and from all columns and the flexible features; the
     better of the two leaves the noise. Both are judged on blocks that they have not seen.
     """
-    left = [np.zeros_like(r) for r in columns.residual]
-    for j in range(len(columns.rows)):
+
+    def unpredicted(j: int) -> list[Float[Array, " n"]]:
         y = [r[:, j] for r in columns.residual]
         use = [u[:, j] for u in columns.usable]
         plain = [values[j] for values in columns.values]
@@ -53,9 +54,10 @@ def estimate_noise(
             for k, (x, log) in enumerate(zip(plain, logs, strict=True))
         ]
         predicted, _ = held_out_ridge(rich, y, use, blocks, folds, first=(plain[0].shape[1],))
-        for k, p in enumerate(predicted):
-            left[k][:, j] = np.where(use[k], y[k] - p, 0.0)
-    return tuple(left)
+        return [np.where(u, given - p, 0.0) for u, given, p in zip(use, y, predicted, strict=True)]
+
+    rows = each_row(unpredicted, len(columns.rows))
+    return tuple(np.column_stack(parts) for parts in zip(*rows, strict=True))
 
 
 def weights_of(white: Columns, noise: tuple[Float[Array, "n nv"], ...]) -> Weights:

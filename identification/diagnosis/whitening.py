@@ -13,6 +13,7 @@ import numpy as np
 from jaxtyping import Bool, Float
 
 from identification.diagnosis.columns import Columns
+from identification.diagnosis.rows import each_row
 
 Array = np.ndarray
 
@@ -54,7 +55,8 @@ def whitened(
     kernels = [noise_filter([part[:, j] for part in noise]) for j in rows]
     values, residual, torque, usable = [], [], [], []
     for log in range(len(columns.values)):
-        values.append(tuple(filtered(kernels[j], columns.values[log][j]) for j in rows))
+        own = columns.values[log]
+        values.append(tuple(each_row(lambda j, own=own: filtered(kernels[j], own[j]), len(rows))))
         residual.append(np.column_stack([filtered(kernels[j], columns.residual[log][:, j]) for j in rows]))
         torque.append(np.column_stack([filtered(kernels[j], columns.model_torque[log][:, j]) for j in rows]))
         usable.append(np.column_stack([_reached(len(kernels[j]), columns.usable[log][:, j]) for j in rows]))
