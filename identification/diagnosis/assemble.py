@@ -17,10 +17,11 @@ from identification.diagnosis.judge import Judge, gap_is_there, narrow_search, n
 from identification.diagnosis.quantized import findings_of, floor_without, rounded
 from identification.diagnosis.result import Diagnosis, JointGap
 from identification.diagnosis.search import Search
-from identification.diagnosis.terms import Term, merged
+from identification.diagnosis.terms import KnownEffect, Term, merged
 from identification.diagnosis.verdict import adjusted, flexible_rest, unexplained, verdict
 from identification.log import Log
 from identification.recordings import Recording
+from identification.rollout.rollout import Explained, rollout_of
 from phantom_dyn import __version__
 from phantom_dyn.robot import Robot
 
@@ -38,6 +39,7 @@ def assemble(
     coarse: tuple[Coarse, ...],
     progress: Callable[[str], None],
     started: float,
+    known: tuple[KnownEffect, ...] = (),
 ) -> Diagnosis:
     """Put everything that the search has found into the shape of the contract."""
     plain = narrow_search(search, logs, cutoff_hz, noise)
@@ -77,6 +79,8 @@ def assemble(
     left_over = unexplained(robot, judge, predicted, before, within, after, sums(problem, smooth), chosen - named)
     progress("stating what would have been seen")
     bounds, untested = smallest_seen(robot, merged(columns.operations), search, chosen)
+    progress("simulating")
+    rollout = rollout_of(Explained(robot, known, logs, cutoff_hz, problem, named, found))
     gaps = tuple(
         JointGap(
             joint,
@@ -99,10 +103,15 @@ def assemble(
         unexplained=left_over,
         bounds=bounds,
         not_testable=untested,
-        data_warnings=(*robot.warnings, *(w for recording in recordings for w in recording.warnings)),
+        data_warnings=(
+            *robot.warnings,
+            *(w for recording in recordings for w in recording.warnings),
+            *rollout.warnings,
+        ),
         next_experiment=None,
-        rollout=None,
+        rollout=rollout.json,
         seconds=time.perf_counter() - started,
         version=__version__,
         evidence=evidence_of(judge, given, torque, tuple(without for _, without in pairs)),
+        notes=rollout.notes,
     )

@@ -121,7 +121,7 @@ def diagnose(
     chosen = settled(search, chosen)
     coarse = coarse_joints(robot, columns, logs, steps)
     progress("comparing rivals")
-    return assemble(robot, every, logs, cutoff_hz, search, chosen, noise, coarse, progress, started)
+    return assemble(robot, every, logs, cutoff_hz, search, chosen, noise, coarse, progress, started, known)
 
 
 def _set_up(
