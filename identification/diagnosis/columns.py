@@ -18,6 +18,7 @@ from identification.diagnosis.nuisances import Move, Nuisance, move_columns, mov
 from identification.diagnosis.operations import expecting, operate
 from identification.diagnosis.rest import usable_samples
 from identification.diagnosis.terms import SERIES, FoundEffect, KnownEffect, Term, merged, shapes_of
+from identification.known_changes.apart import ALIKE, Apart
 from identification.log import Log
 from identification.signals import smoothed
 from phantom_dyn.dynamics import rigid_body_regressor
@@ -93,6 +94,7 @@ def build_columns(
     like: Columns | None = None,
     before: Columns | None = None,
     seen: tuple[FoundEffect, ...] = (),
+    apart: Apart = ALIKE,
 ) -> Columns:
     """Columns of every nuisance and of every effect at every place.
 
@@ -108,10 +110,11 @@ def build_columns(
         like: Columns of other logs of the same robot, whose effects and shapes are taken.
         before: Columns of the same logs before the last fit: what it does not change is taken from there.
         seen: What an experiment of its own says of a law, tried beside its grid of shapes.
+        apart: What is known to be different between the logs.
     """
     moves = moves_of(robot)
     if before is None:
-        operations = [operate(robot, log, known) for log in logs]
+        operations = [operate(apart.robot(robot, k), log, known, k) for k, log in enumerate(logs)]
         plain = [_plain(robot, log, o, moves, cutoff_hz) for log, o in zip(logs, operations, strict=True)]
         torque = tuple(log.band(o.tau) for log, o in zip(logs, operations, strict=True))
         residual = tuple(log.band(log.tau) - model for log, model in zip(logs, torque, strict=True))
@@ -119,12 +122,12 @@ def build_columns(
     else:
         operations, plain = list(before.operations), [_plain_before(before, k) for k in range(len(logs))]
         torque, residual, usable = before.model_torque, before.residual, before.usable
-    operations = [expecting(robot, o, found) for o in operations]
+    operations = [expecting(o.robot, o, found) for o in operations]
     if like is None:
         rest = left_by_moves(robot, moves, plain, residual, usable) if rest is None else rest
         operations = [with_rest(log, o, part) for log, o, part in zip(logs, operations, rest, strict=True)]
         names = [move.nuisance.name for move in moves] + list(parameter_names(robot))
-        terms, local = _lay_out(robot, merged(tuple(operations)), len(moves), names, (*found, *near), seen)
+        terms, local = _lay_out(robot, merged(tuple(operations)), len(moves), names, (*found, *near), seen, apart)
     else:
         names, terms, local = list(like.names), like.terms, like.local
     first = range(len(moves), len(moves) + len(parameter_names(robot)))
@@ -137,7 +140,7 @@ def build_columns(
                 mine += range(block.first, block.first + block.count)
         rows.append(tuple(mine))
     values = tuple(
-        _values(robot, log, o, _narrow(log, cutoff_hz), own, local, _kept(before, k))
+        _values(o.robot, log, o, _narrow(log, cutoff_hz), own, local, _kept(before, k))
         for k, (log, o, own) in enumerate(zip(logs, operations, plain, strict=True))
     )
     nuisances = tuple(move.nuisance for move in moves)
@@ -201,13 +204,14 @@ def _lay_out(
     names: list[str],
     found: tuple[FoundEffect, ...],
     seen: tuple[FoundEffect, ...],
+    apart: Apart,
 ) -> tuple[tuple[Term, ...], tuple[Local, ...]]:
     """Rivals and where their columns stand; appends the columns' names."""
     terms: list[Term] = []
     local: list[Local] = []
     start = _first(operation)
-    for effect, joint, shapes in shapes_of(robot, operation, found, seen):
-        if isinstance(effect, Payload | InertialParameters):
+    for effect, joint, shapes in shapes_of(robot, operation, found, seen, apart.own):
+        if isinstance(effect, Payload | InertialParameters) and effect not in apart.own:
             columns = tuple(first_body + c for c in effect.columns_of(robot, joint))
             size = 4 if isinstance(effect, Payload) else len(columns)
             free = (np.inf,) * len(columns)
@@ -222,7 +226,7 @@ def _lay_out(
             names += [f"{effect.name} {joint} {name}" for name in signature.names]
             bounds = effect.coefficient_bounds(robot, joint, shape) or ((-np.inf, np.inf),) * count
             lower, upper = zip(*bounds, strict=True)
-            size = count + (0 if effect.shape_is_estimate else len(shape))
+            size = 4 if isinstance(effect, Payload) else count + (0 if effect.shape_is_estimate else len(shape))
             terms.append(Term(effect, joint, shape, columns, size, lower, upper))
             local.append(Local(effect, joint, shape, columns[0], count, signature.rows))
     return tuple(terms), tuple(local)

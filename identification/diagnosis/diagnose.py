@@ -32,6 +32,9 @@ from identification.diagnosis.stepwise import best_short, explain
 from identification.diagnosis.terms import FoundEffect, KnownEffect, Term
 from identification.diagnosis.threshold import Threshold
 from identification.diagnosis.whitening import whitened, whitened_noise
+from identification.known_changes.apart import apart_by
+from identification.known_changes.change import Change
+from identification.known_changes.tell import told_by_recording
 from identification.recordings import Recording
 from identification.signals import process_all, within_limits
 from phantom_dyn.errors import LogError
@@ -61,6 +64,7 @@ def diagnose(
     *,
     hold_out: tuple[Recording, ...] = (),
     known: tuple[KnownEffect, ...] = (),
+    changes: tuple[Change, ...] = (),
     progress: Callable[[str], None] = lambda _: None,
 ) -> Diagnosis:
     """Say where the gap between robot and recordings lies, what causes it, and how far it shrinks.
@@ -70,6 +74,7 @@ def diagnose(
         recordings: What fits may see; they are judged on blocks that they have not seen.
         hold_out: Recordings that no fit sees; if there are any, all figures are those on them.
         known: Effects that belong to the given model already.
+        changes: What is known to be different between the recordings, those held out at the end; empty: nothing.
         progress: Told in words what is being done.
 
     Raises:
@@ -78,11 +83,12 @@ def diagnose(
     started = time.perf_counter()
     progress("filtering")
     every = (*recordings, *hold_out)
+    apart = apart_by(changes, robot, len(recordings))
     logs, cutoff_hz = process_all(every, robot)
     logs = tuple(replace(log, tau=within_limits(log.tau, robot)) for log in logs)
     progress("computing regressors")
     seen = resonances(robot, logs[: len(recordings)])
-    columns = build_columns(robot, logs, cutoff_hz, known, seen=seen)
+    columns = build_columns(robot, logs, cutoff_hz, known, seen=seen, apart=apart)
     blocks = split_blocks(logs, cutoff_hz)
     folds = assign_folds(blocks, np.array([k >= len(recordings) for k in range(len(every))]))
     if np.sum(folds >= 0) < _LEAST_BLOCKS:
@@ -115,13 +121,14 @@ def diagnose(
         # Laws that are not linear are taken again about what was found, and noise is what the findings leave.
         if points:
             rest = residual_after(search.problem, held_out_torque(search.problem, chosen, search.evaluate(chosen)))
-            columns = build_columns(robot, logs, cutoff_hz, known, found, rest, near, before=columns, seen=seen)
+            columns = build_columns(robot, logs, cutoff_hz, known, found, rest, near, None, columns, seen, apart)
         search = _with_thresholds(_set_up(columns, blocks, folds, noise), noise, spurious, progress)
         search, chosen = _search(search, noise, progress, same_effects(search, found))
     chosen = settled(search, chosen)
     coarse = coarse_joints(robot, columns, logs, steps)
     progress("comparing rivals")
-    return assemble(robot, every, logs, cutoff_hz, search, chosen, noise, coarse, progress, started, known)
+    out = assemble(robot, every, logs, cutoff_hz, search, chosen, noise, coarse, progress, started, known)
+    return told_by_recording(out, robot, apart, known)
 
 
 def _set_up(

@@ -21,6 +21,7 @@ from identification.diagnosis.projection import beside, gain_of
 from identification.diagnosis.search import Search
 from identification.diagnosis.terms import KnownEffect
 from identification.diagnosis.whitening import whitened
+from identification.known_changes.apart import Apart
 from identification.log import Log
 from identification.recordings import Recording
 from identification.signals import differentiate, motion_edge
@@ -106,7 +107,7 @@ def coarse_joints(
         for log, operation in zip(logs, columns.operations, strict=True):
             alone = tuple(step if k == j else _FINE for k in range(robot.nv))
             rough = read_again(log, operation, alone, np.random.default_rng(20260106)).motion
-            error = log.band(inverse_dynamics(robot, rough) - inverse_dynamics(robot, log.motion))
+            error = log.band(inverse_dynamics(operation.robot, rough) - inverse_dynamics(operation.robot, log.motion))
             # Noise that the stated step would have made is no gap.
             torque.append(error * np.sqrt(1.0 - min((stated / step) ** 2, 1.0)))
         out.append(Coarse(j, step, tuple(torque)))
@@ -133,7 +134,8 @@ def columns_read_again(
     """
     rng = np.random.default_rng(20260107)
     again = tuple(read_again(log, o, steps, rng) for log, o in zip(logs, columns.operations, strict=True))
-    return build_columns(robot, again, cutoff_hz, known, like=columns)
+    apart = Apart(tuple(operation.robot for operation in columns.operations))
+    return build_columns(robot, again, cutoff_hz, known, like=columns, apart=apart)
 
 
 def at_least_encoder_noise(noise: tuple[Float[Array, "n nv"], ...], again: Columns) -> tuple[Float[Array, "n nv"], ...]:

@@ -51,7 +51,7 @@ def _finding(finding: Finding) -> Json:
         "probability": _plain(finding.probability),
         "rivals": [_rival(rival) for rival in finding.rivals],
         "verdict": finding.verdict,
-    }
+    } | ({} if finding.recording is None else {"recording": finding.recording})
 
 
 def _rival(rival: Rival) -> Json:
@@ -59,7 +59,7 @@ def _rival(rival: Rival) -> Json:
 
 
 def _effect_at(at: EffectAt) -> Json:
-    return {"effect": at.effect, "joint": at.joint}
+    return {"effect": at.effect, "joint": at.joint} | ({} if at.recording is None else {"recording": at.recording})
 
 
 def _unexplained(rest: Unexplained) -> Json:

@@ -24,16 +24,17 @@ Array = np.ndarray
 _LEAST = -0.9
 
 
-def moved_robot(robot: Robot, moves: Float[Array, " n"]) -> Robot:
+def moved_robot(robot: Robot, moves: Float[Array, " n"], given: Robot | None = None) -> Robot:
     """The given model with its tolerances used.
 
     Args:
-        robot: The given model.
+        robot: The given model, or the same with a load that is known.
         moves: Relative changes, one for each of `moves_of`.
+        given: The model whose tolerances they are, if ``robot`` carries a load.
     """
     change = np.zeros_like(standard_parameters(robot))
     out = robot
-    for move, value in zip(moves_of(robot), np.maximum(moves, _LEAST), strict=True):
+    for move, value in zip(moves_of(robot if given is None else given), np.maximum(moves, _LEAST), strict=True):
         place = move.place
         if isinstance(place, int):
             if move.direction is not None:

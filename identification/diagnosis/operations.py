@@ -16,13 +16,13 @@ from phantom_dyn.motion import Motion
 from phantom_dyn.robot import Robot
 
 
-def operate(robot: Robot, log: Log, known: tuple[KnownEffect, ...]) -> Operation:
-    """Motion of a log with the torque of the given model."""
+def operate(robot: Robot, log: Log, known: tuple[KnownEffect, ...], recording: int = 0) -> Operation:
+    """Motion of a log with the torque of the given model; ``recording`` says which of several it is."""
     # The noise of a joint that is held has a sign, which friction would follow, and an acceleration, which couples.
     moves = ~standing_still(log).all(axis=0)
     motion = Motion(log.motion.t, log.motion.q, log.motion.v * moves, log.motion.a * moves)
     tau = inverse_dynamics(robot, motion)
-    plain = Operation(motion.t, motion.q, motion.v, motion.a, robot, tau, tau, log.tau)
+    plain = Operation(motion.t, motion.q, motion.v, motion.a, robot, tau, tau, log.tau, recording=recording)
     for effect in known:
         # The drive has to give what the model needs less what the effect gives.
         tau = tau - effect_named(effect.effect).torque(robot, plain, effect.joint, np.array(effect.theta))

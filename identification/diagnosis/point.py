@@ -127,8 +127,8 @@ def _law(
     term = place.term
     if isinstance(term.effect, EncoderEccentricity):
         # The columns are to first order in the amplitude, the law is not.
-        theta = term.effect.from_coefficients(setting.robot, term.joint, own, ())
-        torque = -term.effect.torque(setting.robot, setting.operations[log], term.joint, theta)
+        theta = term.effect.from_coefficients(setting.operations[log].robot, term.joint, own, ())
+        torque = -term.effect.torque(setting.operations[log].robot, setting.operations[log], term.joint, theta)
         return in_band(setting, log, torque)
     at = tuple(shape.tolist()) or term.shape
     if term.effect.shape_is_estimate:
@@ -155,7 +155,7 @@ def _at_shape(setting: Setting, place: Place, shape: Shape, log: int) -> Float[A
     if shape == term.shape and not (term.effect.uses_acceleration or of_model(term)):
         return _columns(setting.problem, term.columns, log)
     operation = setting.operations[log]
-    signature = term.effect.signature(setting.robot, operation, term.joint, shape)
+    signature = term.effect.signature(operation.robot, operation, term.joint, shape)
     narrow = in_band(setting, log, signature.columns)
     out = np.zeros((len(narrow), setting.robot.nv, narrow.shape[2]))
     out[:, list(signature.rows)] = narrow

@@ -21,10 +21,11 @@ class Value:
 
 @dataclass(frozen=True)
 class EffectAt:
-    """An effect and the joint it acts on; None for the whole robot."""
+    """An effect and the joint it acts on, None for the whole robot; and the recording, None for all of them."""
 
     effect: str
     joint: str | None
+    recording: str | None = None
 
 
 @dataclass(frozen=True)
@@ -37,7 +38,7 @@ class Rival:
 
 @dataclass(frozen=True)
 class Finding:
-    """One named cause of the gap."""
+    """One named cause of the gap; ``recording`` is the one that it acts in, None for all."""
 
     effect: str
     joint: str | None
@@ -48,6 +49,7 @@ class Finding:
     probability: float
     rivals: tuple[Rival, ...]
     verdict: str
+    recording: str | None = None
 
 
 @dataclass(frozen=True)

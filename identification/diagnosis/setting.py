@@ -11,6 +11,7 @@ from identification.diagnosis.fitting import Fitted
 from identification.diagnosis.moved_model import moved_operation, moved_robot
 from identification.diagnosis.problem import Problem
 from identification.diagnosis.terms import Term
+from identification.known_changes.own_effect import OwnEffect
 from identification.log import Log
 from phantom_dyn.effects.actuator_lag import ActuatorLag
 from phantom_dyn.effects.backlash import Backlash
@@ -55,6 +56,7 @@ class Setting:
         cutoff_hz: Edge of the judged band.
         places: Of all terms.
         size: How many numbers there are; the first are the moves within the tolerances.
+        given: The given model.
     """
 
     robot: Robot
@@ -64,6 +66,7 @@ class Setting:
     cutoff_hz: float
     places: tuple[Place, ...]
     size: int
+    given: Robot
 
     @property
     def of_model(self) -> bool:
@@ -72,9 +75,15 @@ class Setting:
 
     def moved(self, moves: Float[Array, " n"]) -> Setting:
         """The same with moves within the tolerances made, in what columns are made of."""
-        given = self.problem.columns.operations
-        robot = moved_robot(given[0].robot, moves)
-        return replace(self, robot=robot, operations=tuple(moved_operation(operation, robot) for operation in given))
+        robots = {id(self.given): moved_robot(self.given, moves)}
+        operations = []
+        for operation in self.problem.columns.operations:
+            # A recording with a known load has a model of its own, with the same moves.
+            loaded = operation.robot
+            if id(loaded) not in robots:
+                robots[id(loaded)] = moved_robot(loaded, moves, self.given)
+            operations.append(moved_operation(operation, robots[id(loaded)]))
+        return replace(self, robot=robots[id(self.given)], operations=tuple(operations))
 
 
 def lay_out(
@@ -92,14 +101,15 @@ def lay_out(
         places.append(Place(term, slice(start, middle), slice(middle, stop)))
         values += [own, shape]
         start = stop
-    setting = Setting(robot, problem, logs, problem.columns.operations, cutoff_hz, tuple(places), start)
+    setting = Setting(robot, problem, logs, problem.columns.operations, cutoff_hz, tuple(places), start, robot)
     return setting, np.concatenate(values)
 
 
 def of_model(term: Term) -> bool:
     """True if the columns of an effect are made of the model's torque; the regressor's own are linear in the model."""
+    effect = term.effect.inner if isinstance(term.effect, OwnEffect) else term.effect
     return isinstance(
-        term.effect,
+        effect,
         ActuatorLag
         | Backlash
         | BaseTilt

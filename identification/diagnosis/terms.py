@@ -88,7 +88,11 @@ class Term:
 
 
 def shapes_of(
-    robot: Robot, operation: Operation, found: tuple[FoundEffect, ...], seen: tuple[FoundEffect, ...] = ()
+    robot: Robot,
+    operation: Operation,
+    found: tuple[FoundEffect, ...],
+    seen: tuple[FoundEffect, ...] = (),
+    own: tuple[Effect, ...] = (),
 ) -> tuple[tuple[Rival, str | None, tuple[Shape, ...]], ...]:
     """Effects, places and shapes to try in a recording that can show them.
 
@@ -97,10 +101,11 @@ def shapes_of(
         operation: Of all recordings.
         found: By the last fit; shapes near these take the place of the effect's grid.
         seen: By an experiment of its own; these stand beside the grid.
+        own: Effects that act in one of several recordings only.
     """
     near = {(point.effect.name, point.joint): point for point in found}
     out = []
-    for effect in (*EFFECTS, *STRUCTURES):
+    for effect in (*EFFECTS, *own, *STRUCTURES):
         for joint in effect.places(robot):
             if effect.untestable(robot, operation, joint) is not None:
                 continue

@@ -10,6 +10,7 @@ from identification.diagnosis.effect_words import effect_words, regime_words
 from identification.diagnosis.numbers import NO_BREAK, percent
 from identification.diagnosis.result import Diagnosis, EffectAt, Finding, Rival, Unexplained
 from identification.diagnosis.size_words import shortfall_words, size_words
+from identification.known_changes.words import growth_words, in_recording
 
 SURENESS = ((0.99, "practically certain"), (0.9, "very likely"), (0.7, "likely"), (0.5, "more likely than not"))
 NO_RIVAL = "nothing else in the catalogue explains the data as well"
@@ -43,9 +44,10 @@ def finding_words(finding: Finding, next_experiment: Mapping[str, Any] | None = 
     """
     words = effect_words(finding.effect)
     head = " ".join(part for part in (finding_name(finding), _size(finding)) if part).replace(" :", ":")
+    where = on_place(finding.effect, finding.joint) + in_recording(finding.recording)
     return FindingWords(
-        what=capital(f"{head} ({words.meaning})" if words.meaning != words.name else head),
-        where=", ".join(filter(None, (on_place(finding.effect, finding.joint), regime_words(finding.regime)))),
+        what=capital(f"{head} ({words.meaning})" if words.meaning != words.name else head) + growth_words(finding),
+        where=", ".join(filter(None, (where, regime_words(finding.regime)))),
         how_sure=f"{sureness(finding.probability)}; it accounts for {gap_closed(finding)} of the gap",
         what_else=rivals_words(finding.rivals),
         what_next=small(_next_step(finding, next_experiment or {})),
@@ -104,13 +106,15 @@ def place(effect: str, joint: str | None) -> str:
 def effect_at(at: EffectAt) -> str:
     """An effect with its place, as in ``a payload`` or ``Coulomb friction on joint j2``."""
     name = effect_words(at.effect).name
-    return name if at.joint is None else f"{name} on {place(at.effect, at.joint)}"
+    name += "" if at.joint is None else f" on {place(at.effect, at.joint)}"
+    return name + in_recording(at.recording)
 
 
 def effect_at_finding(finding: Finding) -> str:
     """A finding with its place, as in ``viscous friction on joint j1``."""
     name = finding_name(finding)
-    return name if finding.joint is None else f"{name} on {place(finding.effect, finding.joint)}"
+    name += "" if finding.joint is None else f" on {place(finding.effect, finding.joint)}"
+    return name + in_recording(finding.recording)
 
 
 def rivals_words(rivals: tuple[Rival, ...]) -> str:

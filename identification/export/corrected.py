@@ -41,7 +41,7 @@ class Corrected:
 
 
 def write_corrected(diagnosis: Diagnosis, robot_source: str, sha256: str) -> str:
-    """The text of ``corrected.yaml`` with all findings.
+    """The text of ``corrected.yaml`` with all findings, but for those that act in one of several recordings only.
 
     Args:
         diagnosis: What was found.
@@ -51,7 +51,8 @@ def write_corrected(diagnosis: Diagnosis, robot_source: str, sha256: str) -> str
     Raises:
         ParameterError: If the value of a parameter is not finite.
     """
-    effects = tuple(CorrectedEffect(f.effect, f.joint, f.parameters, f.gap_closed) for f in diagnosis.findings)
+    lasting = (finding for finding in diagnosis.findings if finding.recording is None)
+    effects = tuple(CorrectedEffect(f.effect, f.joint, f.parameters, f.gap_closed) for f in lasting)
     return corrected_text(Corrected(robot_source, sha256, effects, diagnosis.adjusted))
 
 

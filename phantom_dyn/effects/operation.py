@@ -36,6 +36,7 @@ class Operation(Motion):
         logged: Drive torque of the recording, shape ``(N, nv)``; ``tau`` where there is none.
         fit_rest: What a fit of the tolerances and the findings so far leaves of the torque, shape ``(N, nv)``; None
             where nothing was fitted yet.
+        recording: Which of several recordings it is of, for effects that act in some of them only.
     """
 
     robot: Robot = field(repr=False)
@@ -43,6 +44,7 @@ class Operation(Motion):
     expected: Float[Array, "N nv"]
     logged: Float[Array, "N nv"]
     fit_rest: Float[Array, "N nv"] | None = None
+    recording: int = 0
 
     def __post_init__(self):
         super().__post_init__()
