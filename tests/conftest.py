@@ -18,6 +18,7 @@ from jaxtyping import install_import_hook
 # pytest's flag --jaxtyping-packages, which cannot pass an option to the checker: an int is a fine float (PEP 484).
 install_import_hook(
     [
+        "identification.corrected",
         "identification.degradation",
         "identification.degrade",
         "identification.diagnosis.explaining",
@@ -45,7 +46,9 @@ install_import_hook(
         "identification.recordings",
         "identification.regressor",
         "identification.replay",
+        "identification.rollout",
         "identification.signals",
+        "identification.uses",
         "phantom_dyn.closed_chain",
         "phantom_dyn.configuration",
         "phantom_dyn.control",

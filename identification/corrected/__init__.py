@@ -1,0 +1,1 @@
+"""What a diagnosis found as files that simulators and other programs read."""
