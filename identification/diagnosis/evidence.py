@@ -50,4 +50,5 @@ def evidence_of(
         regime_times=tuple(split.times for split in splits),
         tau_transmitted=np.concatenate(judge.narrow(transmitted)),
         tau_without=tuple(np.concatenate(judge.narrow(torque)) for torque in without),
+        sample_period=1.0 / float(np.median([log.band.rate_hz for log in logs])),
     )

@@ -8,7 +8,7 @@ from jaxtyping import Float
 from identification.diagnosis.gap import Sums, held_out_torque, residual_after, sums
 from identification.diagnosis.joint_fit import joint_fit
 from identification.diagnosis.judge import Judge
-from identification.diagnosis.parameters import finding_parameters
+from identification.diagnosis.parameters import finding_loadings, finding_parameters
 from identification.diagnosis.result import Finding
 from identification.diagnosis.rivals import block_counts, stand
 from identification.diagnosis.search import Search, ordered
@@ -59,6 +59,7 @@ def findings_without(
             probability=standing.probability,
             rivals=standing.rivals,
             verdict="one_of" if standing.rivals else "supported",
+            loadings=finding_loadings(robot, term, fitted),
         )
         if others != chosen - {term}:
             torque = held_out_torque(problem, others, plain.evaluate(others))

@@ -29,12 +29,44 @@ def finding_parameters(robot: Robot, term: Term, fitted: JointFit) -> dict[str, 
         term: The finding.
         fitted: Fit of the whole model.
     """
-    effect, place = term.effect, fitted.place(term)
+    effect, at = term.effect, _numbers(term, fitted)
     assert isinstance(effect, Effect)
-    at = [*range(place.coefficients.start, place.coefficients.stop), *range(place.shape.start, place.shape.stop)]
     x, cov = fitted.x[at], fitted.cov[np.ix_(at, at)]
     if isinstance(effect, InertialParameters):
         return _inertial(robot, term, x, cov)
+    values, slope = _law(robot, term, fitted)
+    std = np.sqrt(np.maximum(np.diag(slope @ cov @ slope.T), 0.0))
+    return _named(effect.parameters(robot, term.joint), values, std)
+
+
+def finding_loadings(robot: Robot, term: Term, fitted: JointFit) -> tuple[tuple[float, ...], ...]:
+    """Deviations of one finding's parameters as sums of independent standard numbers that all findings share.
+
+    One row a parameter, in the order of `finding_parameters`, lists unfolded: the covariance of any two parameters, of
+    whatever findings, is the product of their rows.
+
+    Args:
+        robot: The given model.
+        term: The finding.
+        fitted: Fit of the whole model.
+    """
+    squares, axes = np.linalg.eigh(0.5 * (fitted.cov + fitted.cov.T))
+    shared = (axes * np.sqrt(np.maximum(squares, 0.0)))[_numbers(term, fitted)]
+    slope = _base(robot, term)[1] if isinstance(term.effect, InertialParameters) else _law(robot, term, fitted)[1]
+    return tuple(tuple(row) for row in (slope @ shared).tolist())
+
+
+def _numbers(term: Term, fitted: JointFit) -> list[int]:
+    """Where the numbers of a term stand in a fit."""
+    place = fitted.place(term)
+    return [*range(place.coefficients.start, place.coefficients.stop), *range(place.shape.start, place.shape.stop)]
+
+
+def _law(robot: Robot, term: Term, fitted: JointFit) -> tuple[Float[Array, " p"], Float[Array, "p k"]]:
+    """Parameters of the contract, and their slopes in the numbers of the fit."""
+    effect, place, at = term.effect, fitted.place(term), _numbers(term, fitted)
+    assert isinstance(effect, Effect)
+    x, cov = fitted.x[at], fitted.cov[np.ix_(at, at)]
     count = place.coefficients.stop - place.coefficients.start
 
     def law(x: Float[Array, " k"]) -> Float[Array, " p"]:
@@ -48,8 +80,7 @@ def finding_parameters(robot: Robot, term: Term, fitted: JointFit) -> dict[str, 
         moved = x.copy()
         moved[k] += step
         slope[:, k] = (law(moved) - values) / step
-    std = np.sqrt(np.maximum(np.diag(slope @ cov @ slope.T), 0.0))
-    return _named(effect.parameters(robot, term.joint), values, std)
+    return values, slope
 
 
 def _named(parameters: tuple[Parameter, ...], values: Float[Array, " p"], std: Float[Array, " p"]) -> dict[str, Value]:
@@ -64,7 +95,21 @@ def _named(parameters: tuple[Parameter, ...], values: Float[Array, " p"], std: F
 
 
 def _inertial(robot: Robot, term: Term, coefficients: Float[Array, " k"], cov: Float[Array, "k k"]) -> dict[str, Value]:
-    """Base parameters among the free ones: independent columns of the regressor over random motions."""
+    """Base parameters among the free ones."""
+    independent, mix = _base(robot, term)
+    effect = term.effect
+    assert isinstance(effect, InertialParameters)
+    parameters = effect.parameters(robot, term.joint)
+    values = mix @ coefficients
+    std = np.sqrt(np.maximum(np.diag(mix @ cov @ mix.T), 0.0))
+    return {
+        parameters[k].name: Value(float(value), float(deviation), parameters[k].unit)
+        for k, value, deviation in zip(independent, values, std, strict=True)
+    }
+
+
+def _base(robot: Robot, term: Term) -> tuple[tuple[int, ...], Float[Array, "r k"]]:
+    """Which of the free parameters are told apart, as columns of the regressor over random motions; their sums."""
     rng = np.random.default_rng(20260104)
     motion = Motion(np.arange(200.0), *(rng.uniform(-3, 3, (200, robot.nv)) for _ in range(3)))
     effect = term.effect
@@ -76,9 +121,4 @@ def _inertial(robot: Robot, term: Term, coefficients: Float[Array, " k"], cov: F
     mix = np.zeros((base.rank, len(columns)))
     mix[np.arange(base.rank), list(base.independent)] = 1.0
     mix[:, list(base.dependent)] = base.grouping
-    values = mix @ coefficients
-    std = np.sqrt(np.maximum(np.diag(mix @ cov @ mix.T), 0.0))
-    return {
-        parameters[k].name: Value(float(value), float(deviation), parameters[k].unit)
-        for k, value, deviation in zip(base.independent, values, std, strict=True)
-    }
+    return tuple(base.independent), mix

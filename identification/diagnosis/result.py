@@ -7,6 +7,8 @@ from dataclasses import dataclass
 import numpy as np
 from jaxtyping import Float
 
+from phantom_dyn.motion import Motion
+
 Array = np.ndarray
 
 
@@ -38,7 +40,11 @@ class Rival:
 
 @dataclass(frozen=True)
 class Finding:
-    """One named cause of the gap; ``recording`` is the one that it acts in, None for all."""
+    """One named cause of the gap; ``recording`` is the one that it acts in, None for all.
+
+    ``loadings`` are the deviations of its parameters as sums of independent standard numbers that all findings share,
+    one row a parameter, lists unfolded: products of rows are covariances. Empty where they are not known.
+    """
 
     effect: str
     joint: str | None
@@ -50,6 +56,7 @@ class Finding:
     rivals: tuple[Rival, ...]
     verdict: str
     recording: str | None = None
+    loadings: tuple[tuple[float, ...], ...] = ()
 
 
 @dataclass(frozen=True)
@@ -119,6 +126,7 @@ class Evidence:
             rotor's share and the friction. None: the report takes the modelled torque.
         tau_without: For each finding the torque of the model that lacks it and has all others, ``(N, nv)``, by fits
             that have not seen the sample; empty where it was not computed.
+        sample_period: Median time between the samples of the recordings [s], before they were thinned; None: unknown.
     """
 
     t: Float[Array, " N"]
@@ -132,11 +140,12 @@ class Evidence:
     regime_times: tuple[dict[str, float], ...] = ()
     tau_transmitted: Float[Array, "N nv"] | None = None
     tau_without: tuple[Float[Array, "N nv"], ...] = ()
+    sample_period: float | None = None
 
 
 @dataclass(frozen=True)
 class Diagnosis:
-    """Everything that ``diagnosis.json`` holds, plus the evidence behind the report's figures."""
+    """What ``diagnosis.json`` holds, the evidence behind the figures, and the motion of the next experiment."""
 
     verdict: str
     robot: str
@@ -155,3 +164,4 @@ class Diagnosis:
     version: str
     evidence: Evidence
     notes: tuple[str, ...] = ()
+    next_motion: Motion | None = None

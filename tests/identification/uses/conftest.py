@@ -1,0 +1,53 @@
+"""A planar arm, and made-up diagnoses of it."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from identification.diagnosis.result import Bound, Diagnosis, Finding, Value
+from phantom_dyn import load_robot
+from phantom_dyn.robot import Robot
+
+ROBOTS = Path(__file__).resolve().parents[2] / "robots"
+
+
+@pytest.fixture(scope="session")
+def robots() -> Path:
+    """Folder of the test robots."""
+    return ROBOTS
+
+
+@pytest.fixture(scope="session")
+def planar() -> Robot:
+    """Joints shoulder and elbow, both about y, hanging, with friction and rotors."""
+    robot = load_robot(ROBOTS / "planar2.urdf")
+    model = robot.model.copy()
+    model.armature = np.array([0.3, 0.1])
+    return replace(robot, model=model)
+
+
+def finding(effect: str, joint: str | None, loadings: tuple = (), **parameters: Value) -> Finding:
+    return Finding(effect, joint, "everywhere", dict(parameters), 0.5, (0.4, 0.6), 0.9, (), "supported", None, loadings)
+
+
+@pytest.fixture(scope="session")
+def made() -> Callable[..., Finding]:
+    """A finding from effect, joint, loadings and parameters."""
+    return finding
+
+
+@pytest.fixture(scope="session")
+def diagnosed(made_up) -> Callable[..., Diagnosis]:
+    """A diagnosis of the arm with some findings and bounds."""
+
+    def make(*findings: Finding, bounds: tuple[Bound, ...] = (), period: float | None = 0.005) -> Diagnosis:
+        plain = made_up(("shoulder", "elbow"), samples=400)
+        evidence = replace(plain.evidence, sample_period=period)
+        return replace(plain, findings=findings, bounds=bounds, evidence=evidence)
+
+    return make
