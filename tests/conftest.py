@@ -42,6 +42,7 @@ install_import_hook(
         "identification.export",
         "identification.identify",
         "identification.log",
+        "identification.next_experiment",
         "identification.readers",
         "identification.recordings",
         "identification.regressor",

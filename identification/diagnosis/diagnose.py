@@ -35,6 +35,7 @@ from identification.diagnosis.whitening import whitened, whitened_noise
 from identification.known_changes.apart import apart_by
 from identification.known_changes.change import Change
 from identification.known_changes.tell import told_by_recording
+from identification.next_experiment.advise import with_next_experiment
 from identification.recordings import Recording
 from identification.signals import process_all, within_limits
 from phantom_dyn.errors import LogError
@@ -128,6 +129,9 @@ def diagnose(
     coarse = coarse_joints(robot, columns, logs, steps)
     progress("comparing rivals")
     out = assemble(robot, every, logs, cutoff_hz, search, chosen, noise, coarse, progress, started, known)
+    if not apart.own:
+        progress("choosing what to record next")
+        out = with_next_experiment(out, robot, logs, search, chosen, noise, cutoff_hz, known)
     return told_by_recording(out, robot, apart, known)
 
 

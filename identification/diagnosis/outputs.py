@@ -10,10 +10,12 @@ from identification.diagnosis.json_output import json_text
 from identification.diagnosis.result import Diagnosis
 from identification.export.corrected import write_corrected
 from identification.files import temporary_beside
+from identification.next_experiment.reference import reference_text
 from phantom_dyn.errors import UsageError
 from phantom_dyn.robot import Robot
 
 NAMES = ("diagnosis.json", "report.html", "corrected.yaml")
+NEXT = "next.csv"
 
 
 def check_targets(out: Path | None, json_file: Path | None) -> None:
@@ -25,7 +27,7 @@ def check_targets(out: Path | None, json_file: Path | None) -> None:
     if out is not None:
         if out.exists() and not out.is_dir():
             raise UsageError(f"--out {out} is a file, wanted a folder; name another folder")
-        for name in NAMES:
+        for name in (*NAMES, NEXT):
             _check_file(out / name, "--out")
     if json_file is not None:
         _check_file(json_file, "--json")
@@ -33,6 +35,8 @@ def check_targets(out: Path | None, json_file: Path | None) -> None:
 
 def write_outputs(diagnosis: Diagnosis, robot: Robot, *, out: Path | None, json_file: Path | None) -> tuple[Path, ...]:
     """Write ``diagnosis.json``, ``report.html`` and ``corrected.yaml`` into a folder, and the JSON to a file.
+
+    The motion that is proposed next goes beside them as ``next.csv``, where there is one.
 
     Args:
         diagnosis: What was found.
@@ -53,6 +57,8 @@ def write_outputs(diagnosis: Diagnosis, robot: Robot, *, out: Path | None, json_
         corrected = write_corrected(diagnosis, robot.source, robot.sha256)
         texts = (json_text(diagnosis), _report(diagnosis, robot), corrected)
         contents = {out / name: text for name, text in zip(NAMES, texts, strict=True)}
+        if diagnosis.next_motion is not None:
+            contents[out / NEXT] = reference_text(diagnosis.next_motion, robot.joint_names)
     if json_file is not None:
         contents[json_file] = json_text(diagnosis)
     with ExitStack() as renamed_together:

@@ -1,0 +1,111 @@
+"""How far rivals are apart on a new recording, after each has done its best to follow the other."""
+
+from __future__ import annotations
+
+import numpy as np
+from jaxtyping import Float
+from scipy.special import gammainc, ndtr
+
+from identification.next_experiment.hypotheses import Model
+
+Array = np.ndarray
+
+# Share of the torque that was found which a direction that the recordings do not show is expected to carry, as the
+# comparison of rivals has it.
+_EXPECTED = 0.5
+# A rival with less than this probability is no longer listed.
+_LISTED = 0.05
+
+
+def draws_of(model: Model, products: Float[Array, "u u"], normals: Float[Array, "d n"]) -> Float[Array, "e u"]:
+    """Coefficients that the recordings leave possible if the model is true: the fit itself, then one per draw.
+
+    Args:
+        model: The fitted model.
+        products: Of all columns in the recordings, weighted.
+        normals: Standard normal numbers, ``(d, n)``, one row a draw.
+    """
+    inner = model.basis.T @ products @ model.basis
+    width = np.where(model.moves, 0.0, _per_size(model, products))
+    precise = _solvable(inner + np.diag(model.prior + width))
+    # Of the Cholesky factor R of the precision, R^-1 z has the covariance wanted.
+    upper = np.linalg.cholesky(precise).T
+    steps = np.linalg.solve(upper, normals.T).T
+    y = np.concatenate([model.y[None], model.y + steps])
+    return y @ model.basis.T + model.shift
+
+
+def distance(truth: Float[Array, "d u"], moves: int, model: Model, products: Float[Array, "u u"]) -> Float[Array, " d"]:
+    """Least weighted squared torque that a model leaves of others, what its moves cost more than theirs counted.
+
+    Args:
+        truth: Coefficients that are true, one row each; the first ``moves`` are moves within the tolerances.
+        moves: How many.
+        model: Fits them.
+        products: Of all columns, over everything that is recorded.
+    """
+    inner = _solvable(model.basis.T @ products @ model.basis + np.diag(model.prior))
+    apart = truth - model.shift
+    y = np.linalg.solve(inner, model.basis.T @ products @ apart.T).T
+    rest = apart - y @ model.basis.T
+    own = np.where(model.moves, model.prior, 0.0)
+    theirs = np.zeros(len(model.shift))
+    theirs[:moves] = own[model.moves]
+    left = np.einsum("du,uv,dv->d", rest, products, rest)
+    return np.maximum(left + y**2 @ own - truth**2 @ theirs, 0.0)
+
+
+def power_of(gain: Float[Array, " d"], head_start: float, threshold: float) -> Float[Array, " d"]:
+    """Probability that a wrong model loses by more than a threshold.
+
+    The loss differs by the gain with the variance of a noncentral chi-squared: ``4 gain``.
+
+    Args:
+        gain: Expected further loss of the wrong model.
+        head_start: What the wrong model has lost so far, negative if it is ahead.
+        threshold: What a claim has to gain.
+    """
+    return ndtr((gain + head_start - threshold) / (2.0 * np.sqrt(np.maximum(gain, 1e-12))))
+
+
+def power_of_simpler(simple: Model, rich: Model, products: Float[Array, "u u"], recorded: Float[Array, "u u"]) -> float:
+    """Probability that a richer law is struck off if the simpler one that it contains is true.
+
+    The richer one is kept as long as what it has more may be there and not be seen; see `odds_of_richer`.
+
+    Args:
+        simple: The model that is true.
+        rich: The one that contains it.
+        products: Of all columns, over everything that is recorded then.
+        recorded: Over what is recorded now.
+    """
+    more = [k for k in rich.columns if k not in simple.columns]
+    gone = [k for k in simple.columns if k not in rich.columns]
+    if not more:
+        return 0.0
+    own = np.diag(recorded)[more]
+    energy = float(simple.theta[gone] @ recorded[np.ix_(gone, gone)] @ simple.theta[gone])
+    if energy <= 0 or not (own > 0).all():
+        return 0.0
+    inner = _solvable(simple.basis.T @ products @ simple.basis + np.diag(simple.prior))
+    made = simple.basis.T @ products[:, more]
+    shown = products[np.ix_(more, more)] - made.T @ np.linalg.solve(inner, made)
+    size = _EXPECTED * np.sqrt(energy / own)
+    values = np.maximum(np.linalg.eigvalsh(shown * np.outer(size, size)), 0.0)
+    room = np.log1p(values).sum() + 2.0 * np.log(_LISTED / (1.0 - _LISTED))
+    return float(gammainc(len(more) / 2.0, max(room, 0.0) / 2.0))
+
+
+def _per_size(model: Model, products: Float[Array, "u u"]) -> Float[Array, " n"]:
+    """Precision about the fit of each number of the effects: a part of the torque that they carry together."""
+    columns = list(model.columns)
+    theta = model.theta[columns]
+    # No less than what a single standard deviation carries.
+    energy = max(float(theta @ products[np.ix_(columns, columns)] @ theta), 1.0)
+    own = np.einsum("un,uv,vn->n", model.basis, products, model.basis)
+    return own / (_EXPECTED**2 * energy)
+
+
+def _solvable(a: Float[Array, "n n"]) -> Float[Array, "n n"]:
+    """The matrix with a hair on its diagonal, so that what no data show does not stop a solver."""
+    return a + np.diag(1e-9 * np.diag(a) + 1e-12 * max(float(np.trace(a)) / max(len(a), 1), 1e-300))

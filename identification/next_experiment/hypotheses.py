@@ -1,0 +1,163 @@
+"""A finding and its rivals as fitted models: what each would say of another recording."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from itertools import islice, product
+
+import numpy as np
+from jaxtyping import Float, Int
+
+from identification.diagnosis.fitting import Fitted
+from identification.diagnosis.result import EffectAt, Finding
+from identification.diagnosis.search import Search, contains
+from identification.diagnosis.swaps import replaced
+from identification.diagnosis.terms import Term
+
+Array = np.ndarray
+
+# Shapes of one law that are kept: a rival may take another one to fit what another has made.
+_VARIANTS = 3
+# A shape is kept if it costs at most this much more than the best one, in squared standard deviations.
+_CLOSE = 8.0
+# Combinations of shapes of one set of effects that are looked at.
+_COMBINATIONS = 60
+# Hypotheses of one finding that are told apart; the unlikeliest are left out.
+_MOST = 5
+
+
+@dataclass(frozen=True)
+class Variant:
+    """A set of effects with their shapes, fitted to the recordings.
+
+    Attributes:
+        terms: All effects of the model.
+        fitted: Coefficients.
+        score: Loss in sample with the price of the parameters.
+    """
+
+    terms: frozenset[Term]
+    fitted: Fitted
+    score: float
+
+
+@dataclass(frozen=True)
+class Hypothesis:
+    """One explanation of what a finding explains.
+
+    Attributes:
+        effects: What it blames in the finding's place.
+        probability: Its share of bootstrap wins.
+        variants: Its fits, the best first.
+    """
+
+    effects: tuple[EffectAt, ...]
+    probability: float
+    variants: tuple[Variant, ...]
+
+    def contains(self, other: Hypothesis) -> bool:
+        """True if the other one is a special case of this one."""
+        mine, theirs = self.variants[0].terms, other.variants[0].terms
+        return any(contains(rich, simple) for rich in mine - theirs for simple in theirs - mine)
+
+
+@dataclass(frozen=True)
+class Model:
+    """A fitted variant as ``basis @ y + shift`` among the columns ``union``, with the cost ``prior @ y**2``.
+
+    Attributes:
+        theta: Its coefficients, ``(u,)``.
+        basis: Of what a fit may move, ``(u, n)``.
+        shift: What no fit moves, ``(u,)``.
+        prior: Precision of each number, ``(n,)``.
+        moves: Which of the numbers are moves within the tolerances, ``(n,)``.
+        score: As in `Variant`.
+        columns: Places of its effects' columns in the union.
+    """
+
+    theta: Float[Array, " u"]
+    basis: Float[Array, "u n"]
+    shift: Float[Array, " u"]
+    prior: Float[Array, " n"]
+    moves: Array
+    score: float
+    columns: tuple[int, ...]
+
+    @property
+    def y(self) -> Float[Array, " n"]:
+        """The numbers of the fit."""
+        return self.theta[self._rows]
+
+    @property
+    def _rows(self) -> Int[Array, " n"]:
+        return np.argmax(self.basis == 1.0, axis=0)
+
+
+def hypotheses_of(search: Search, chosen: frozenset[Term], finding: Finding) -> tuple[Hypothesis, ...]:
+    """The finding and its rivals, the likeliest first; empty if it is not one of the chosen effects or has no rival.
+
+    Args:
+        search: Knows all effects and fits them.
+        chosen: The set that the diagnosis has found.
+        finding: One of them, as it was told.
+    """
+    place = (finding.effect, finding.joint)
+    term = next((other for other in chosen if other.place == place), None)
+    if term is None or not finding.rivals:
+        return ()
+    told = [((EffectAt(*place),), finding.probability)]
+    told += [(rival.effects, rival.probability) for rival in finding.rivals]
+    out = []
+    for effects, probability in sorted(told, key=lambda one: -one[1])[:_MOST]:
+        variants = _variants(search, chosen, term, effects)
+        if variants:
+            out.append(Hypothesis(effects, probability, variants))
+    return tuple(out) if len(out) > 1 else ()
+
+
+def union_of(hypotheses: tuple[Hypothesis, ...]) -> Int[Array, " u"]:
+    """All columns that any of them uses, nuisances first."""
+    used = {int(k) for one in hypotheses for variant in one.variants for k in variant.fitted.active}
+    return np.array(sorted(used), dtype=int)
+
+
+def model_of(search: Search, variant: Variant, union: Int[Array, " u"]) -> Model:
+    """A variant among the columns of a union."""
+    problem, found = search.problem, variant.fitted
+    at = np.searchsorted(union, found.active)
+    expand = np.eye(len(at)) if found.expand is None else found.expand
+    basis = np.zeros((len(union), expand.shape[1]))
+    basis[at] = expand
+    theta = found.theta[union]
+    # The first unit entry of a column is the coefficient that its number is.
+    rows = np.argmax(basis == 1.0, axis=0)
+    columns = union[rows]
+    effects = {column for term in variant.terms for column in term.columns}
+    return Model(
+        theta,
+        basis,
+        theta - basis @ theta[rows],
+        problem.precision[columns],
+        columns < problem.nuisances,
+        variant.score,
+        tuple(k for k, column in enumerate(union.tolist()) if column in effects),
+    )
+
+
+def _variants(
+    search: Search, chosen: frozenset[Term], term: Term, effects: tuple[EffectAt, ...]
+) -> tuple[Variant, ...]:
+    """Fits of a set of effects in the place of a term, over the shapes of their laws."""
+    options = [
+        [other for other in search.terms if other.named and other.place == (at.effect, at.joint)] for at in effects
+    ]
+    sets = {}
+    for group in islice(product(*options), _COMBINATIONS):
+        others = frozenset(group)
+        swapped = replaced(chosen, term, others)
+        if others <= swapped:
+            sets[swapped] = search.quick(swapped) + search.price_of(swapped)
+    ranked = sorted(sets, key=lambda one: (sets[one], sorted(other.columns for other in one)))[:_VARIANTS]
+    return tuple(
+        Variant(one, search.evaluate(one), sets[one]) for one in ranked if sets[one] <= sets[ranked[0]] + _CLOSE
+    )

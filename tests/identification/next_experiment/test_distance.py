@@ -1,0 +1,76 @@
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from identification.next_experiment.distance import distance, draws_of, power_of, power_of_simpler
+from identification.next_experiment.hypotheses import Model
+
+
+def model(columns: tuple[int, ...], theta: list[float], moves: int = 1, sigma: float = 0.05) -> Model:
+    """A fitted model of one move within a tolerance and the given columns of all."""
+    used = [*range(moves), *columns]
+    basis = np.eye(len(theta))[:, used]
+    prior = np.where(np.arange(len(used)) < moves, 1.0 / sigma**2, 1e-6)
+    full = np.array(theta)
+    kept = np.where(np.isin(np.arange(len(theta)), used), full, 0.0)
+    return Model(kept, basis, np.zeros(len(theta)), prior, np.arange(len(used)) < moves, 0.0, columns)
+
+
+def test_a_model_that_can_make_the_truth_is_at_no_distance():
+    truth = np.array([[0.02, 0.7, 0.0]])
+    assert distance(truth, 1, model((1,), [0.0, 0.1, 0.0]), np.diag([10.0, 20.0, 30.0])) == pytest.approx(0, abs=1e-5)
+
+
+def test_a_model_without_any_part_of_the_truth_leaves_all_of_its_torque():
+    # Closed form: orthogonal columns, squared torque 20 * 0.7^2.
+    truth = np.array([[0.0, 0.7, 0.0]])
+    left = distance(truth, 1, model((2,), [0.0, 0.0, 0.1]), np.diag([10.0, 20.0, 30.0]))
+    assert left == pytest.approx(20 * 0.7**2, rel=1e-6)
+
+
+@pytest.mark.parametrize("sigma", [0.0125, 0.05, 0.4])
+def test_what_a_tolerance_can_mimic_does_not_count(sigma):
+    # Closed form: a move with the very column of the truth x pays (y / sigma)^2 and leaves a (x - y)^2.
+    products = np.array([[20.0, 20.0, 0.0], [20.0, 20.0, 0.0], [0.0, 0.0, 30.0]])
+    truth = np.array([[0.0, 0.7, 0.0]])
+    left = distance(truth, 1, model((2,), [0.0, 0.0, 0.1], sigma=sigma), products)
+    assert left == pytest.approx(20 * 0.7**2 / (1 + 20 * sigma**2), rel=1e-6)
+
+
+def test_moves_that_the_truth_has_made_cost_nothing_more():
+    truth = np.array([[0.05, 0.7, 0.0]])
+    same = model((1,), [0.05, 0.7, 0.0])
+    assert distance(truth, 1, same, np.diag([1e7, 20.0, 30.0])) == pytest.approx(0.0, abs=1e-4)
+
+
+def test_the_power_is_that_of_losses_drawn_at_random(rng):
+    # Oracle: the wrong model's loss less the true one's, for torque with unit noise in 40 samples.
+    torque = np.full(40, 0.9)
+    noise = rng.standard_normal((20000, 40))
+    gains = ((torque + noise) ** 2 - noise**2).sum(axis=1)
+    expected = power_of(np.array([torque @ torque]), head_start=-4.0, threshold=20.0)
+    assert expected[0] == pytest.approx(np.mean(gains - 4.0 > 20.0), abs=0.01)
+
+
+def test_without_a_difference_nothing_is_claimed():
+    assert power_of(np.zeros(1), 0.0, 20.0) == pytest.approx(0.0)
+
+
+def test_draws_scatter_as_the_recordings_leave_it_open(rng):
+    # Closed form: the inverse of the products, the prior of the move and the size that is expected.
+    products = np.diag([0.0, 100.0, 1.0])
+    one = model((1, 2), [0.0, 0.5, 0.0])
+    drawn = draws_of(one, products, rng.standard_normal((4000, 3)))[1:]
+    energy = 100.0 * 0.5**2
+    size = 1.0 / (0.25 * energy)
+    np.testing.assert_allclose(drawn.std(axis=0), [0.05, (100 + 100 * size) ** -0.5, (1 + size) ** -0.5], rtol=0.05)
+    np.testing.assert_allclose(drawn.mean(axis=0), one.theta, atol=0.05)
+
+
+def test_a_richer_law_is_struck_off_only_where_its_further_part_would_have_shown():
+    simple, rich = model((1,), [0.0, 2.0, 0.0, 0.0]), model((2, 3), [0.0, 0.0, 2.0, 0.1])
+    recorded = np.diag([1.0, 400.0, 400.0, 1.0])
+    shown = [power_of_simpler(simple, rich, factor * recorded, recorded) for factor in (1.0, 1e2, 1e6)]
+    assert shown == sorted(shown)
+    assert shown[-1] > 0.95
