@@ -1,0 +1,149 @@
+"""Feedforward as plain Python. Oracles: the corrected model's inverse dynamics by Pinocchio, and closed forms."""
+
+from __future__ import annotations
+
+import csv
+import io
+import json
+import subprocess
+import sys
+
+import numpy as np
+import pytest
+
+from identification.corrected.parts import parts_of
+from identification.diagnosis.result import Diagnosis
+from identification.diagnosis.terms import KnownEffect
+from identification.uses.feedforward import COLUMNS, feedforward_code, feedforward_table, loaded
+from phantom_dyn import load_robot
+from phantom_dyn.dynamics import gravity_torque, inverse_dynamics
+from phantom_dyn.effects.catalogue import effect_named
+from phantom_dyn.effects.operation import Operation
+from phantom_dyn.errors import ParameterError
+from phantom_dyn.motion import Motion
+from phantom_dyn.robot import Robot
+
+# Of one effect at a time the drive has to give the model's torque less the effect's.
+EXACT = {
+    "viscous_friction": ("elbow", (0.5,)),
+    "coulomb_friction": ("elbow", (1.0,)),
+    "direction_dependent_friction": ("shoulder", (2.0, 1.0, 0.5, 0.2)),
+    "stribeck_friction": ("elbow", (1.0, 1.5, 0.2)),
+    "load_dependent_friction": ("elbow", (0.2,)),
+    "torque_offset": ("elbow", (1.0,)),
+    "torque_constant": ("shoulder", (0.8,)),
+    "rotor_inertia": ("elbow", (0.1,)),
+    "payload": (None, (0.5, 0.02, 0.0, -0.4)),
+    "parasitic_spring": ("elbow", (3.0, 0.2)),
+    "joint_coupling": ("shoulder+elbow", (0.5, 0.6, 0.3, 0.05)),
+    "cogging": ("elbow", (7.0, 14.0, 0.8, 0.3, 0.2, 1.0)),
+    "base_tilt": (None, (0.1, 0.1)),
+    "encoder_offset": ("elbow", (0.1,)),
+}
+
+
+def some(robot: Robot) -> Motion:
+    q, v, a = np.random.default_rng(3).standard_normal((3, 20, robot.nv))
+    return Motion(np.arange(20.0), 0.3 * q, v, a)
+
+
+def torques(code: str, motion: Motion) -> np.ndarray:
+    law = loaded(code)["torque"]
+    return np.array(
+        [law(q, v, a) for q, v, a in zip(*(x.tolist() for x in (motion.q, motion.v, motion.a)), strict=True)]
+    )
+
+
+@pytest.fixture
+def none(diagnosed) -> Diagnosis:
+    """A diagnosis without findings."""
+    return diagnosed()
+
+
+@pytest.mark.parametrize("name", EXACT)
+def test_the_law_is_the_corrected_models_torque(name, planar, none):
+    joint, theta = EXACT[name]
+    operation = Operation.of(planar, some(planar))
+    wanted = operation.tau - effect_named(name).torque(planar, operation, joint, np.array(theta))
+    found = torques(feedforward_code(parts_of(planar, (KnownEffect(name, joint, theta),)), none), operation)
+    np.testing.assert_allclose(found, wanted, atol=1e-9)
+
+
+@pytest.mark.parametrize("name", ["arm3.urdf", "arm3.xml", "parallelogram.urdf", "pendulum.urdf"])
+def test_robots_of_all_kinds_need_pinocchios_torques(name, robots, made_up):
+    robot = load_robot(robots / name)
+    code = feedforward_code(parts_of(robot, ()), made_up(robot.joint_names, findings=0, samples=40))
+    np.testing.assert_allclose(torques(code, some(robot)), inverse_dynamics(robot, some(robot)), atol=1e-9)
+
+
+def test_the_file_runs_without_anything_but_python(planar, none, tmp_path):
+    parts = parts_of(planar, (KnownEffect("coulomb_friction", "elbow", (0.5,)),))
+    (tmp_path / "feedforward.py").write_text(feedforward_code(parts, none))
+    motion = some(planar)
+    ask = "import sys, json; sys.path.insert(0, '.'); import feedforward as f; " + (
+        f"print(json.dumps(f.torque({motion.q[0].tolist()}, {motion.v[0].tolist()}, {motion.a[0].tolist()})))"
+    )
+    done = subprocess.run([sys.executable, "-I", "-S", "-c", ask], cwd=tmp_path, capture_output=True, text=True)
+    assert done.stderr == ""
+    np.testing.assert_allclose(json.loads(done.stdout), inverse_dynamics(parts.robot, motion)[0], atol=1e-9)
+
+
+def test_gravity_is_pinocchios(planar, none):
+    law = loaded(feedforward_code(parts_of(planar, ()), none))
+    q = some(planar).q
+    found = [law["gravity"](row) for row in q.tolist()]
+    np.testing.assert_allclose(found, gravity_torque(planar, q), atol=1e-9)
+
+
+def test_headroom_is_the_limit_less_the_torque(planar, none):
+    law = loaded(feedforward_code(parts_of(planar, (KnownEffect("torque_saturation", "elbow", (2.0,)),)), none))
+    asked = law["torque"]([0.3, 0.2], [0.0, 0.0], [0.0, 0.0])
+    assert law["headroom"]([0.3, 0.2], [0.0, 0.0], [0.0, 0.0])[1] == pytest.approx(2.0 - abs(asked[1]))
+
+
+def test_a_drive_that_is_late_has_a_lead(planar, none):
+    effects = (KnownEffect("input_delay", None, (0.01,)), KnownEffect("actuator_lag", "elbow", (0.02,)))
+    assert loaded(feedforward_code(parts_of(planar, effects), none))["LEAD"] == (0.01, 0.03)
+
+
+def test_eccentric_encoders_are_seen_through(planar, none):
+    # Closed form: a link that turns evenly, read by a disc off its centre.
+    size, phase, t = 0.05, 0.3, np.linspace(0, 1, 9)
+    q = np.column_stack([0.5 * t**2 + 0.2, 0.3 * np.ones_like(t)])
+    v, a = np.column_stack([t, 0 * t]), np.column_stack([np.ones_like(t), 0 * t])
+    read, slope = q.copy(), 1 + size * np.cos(q[:, 0] + phase)
+    read[:, 0] += size * np.sin(q[:, 0] + phase)
+    read_v, read_a = v * np.column_stack([slope, 1 + 0 * t]), a * np.column_stack([slope, 1 + 0 * t])
+    read_a[:, 0] -= size * np.sin(q[:, 0] + phase) * v[:, 0] ** 2
+    parts = parts_of(planar, (KnownEffect("encoder_eccentricity", "shoulder", (size, phase, 1.0)),))
+    found = torques(feedforward_code(parts, none), Motion(t, read, read_v, read_a))
+    np.testing.assert_allclose(found, inverse_dynamics(planar, Motion(t, q, v, a)), atol=1e-9)
+
+
+def test_the_docstring_says_what_it_gains_and_lacks(planar, none):
+    text = feedforward_code(parts_of(planar, (KnownEffect("backlash", "elbow", (0.02,)),)), none).split('"""')[1]
+    assert "no feedforward     given model       this file" in text
+    assert "shoulder" in text
+    assert "0.25" in text
+    assert "Not in it: play (elbow)." in text
+
+
+def test_the_table_has_the_torque_of_the_law(planar, none):
+    parts = parts_of(planar, (KnownEffect("coulomb_friction", "elbow", (0.5,)),))
+    rows = list(csv.DictReader(io.StringIO(feedforward_table(parts, none))))
+    assert tuple(rows[0]) == COLUMNS
+    forward = [r for r in rows if r["over"] == "velocity" and r["joint"] == "elbow" and float(r["v"]) > 0]
+    assert float(forward[0]["friction"]) == pytest.approx(0.7 + 0.1 * float(forward[0]["v"]))
+    assert all(r["friction"] == "0.0" for r in rows if r["over"] == "position")
+
+
+def test_a_wrong_number_of_joints_is_refused(planar, none):
+    law = loaded(feedforward_code(parts_of(planar, ()), none))
+    with pytest.raises(ValueError, match="give 2 finite numbers, one a joint: shoulder, elbow"):
+        law["torque"]([0.0], [0.0, 0.0], [0.0, 0.0])
+
+
+def test_loops_that_need_a_solver_are_refused(robots, made_up):
+    robot = load_robot(robots / "fourbar.xml")
+    with pytest.raises(ParameterError, match="has loops that keep two frames together, which need a solver"):
+        feedforward_code(parts_of(robot, ()), made_up(robot.joint_names, findings=0, samples=40))
