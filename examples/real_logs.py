@@ -1,0 +1,136 @@
+"""Writes public recordings of hobby servos and of a brushless motor as logs: ``python examples/real_logs.py [FOLDER]``.
+
+The recordings hold several runs in one file, or a servo's raw registers. A log is one run with one array per column.
+What stays as the recording has it (counts, amperes) is mapped by the ``columns.yaml`` beside the robot file.
+"""
+
+from __future__ import annotations
+
+import csv
+import sys
+from collections.abc import Callable, Mapping
+from pathlib import Path
+
+import numpy as np
+from arguments import chosen_folder
+
+from identification import datasets
+from phantom_dyn.errors import LogError
+
+Array = np.ndarray
+
+# Runs without anti-cogging at two speeds; the first two begin with a fast turn back, which shows the rotor's inertia.
+ODRIVE_RUNS = ("slow2_nocomp_1", "slow2_nocomp_2", "slow2_slower_nocomp_0")
+XL330_FULL_SCALE = 885  # of the load register, the duty cycle of the bridge
+STS3215_FULL_SCALE = 1000  # likewise
+STS3215_SUPPLY = 7.4  # V, nominal: the stand does not record it
+_STS3215_SIGN = 1024  # the bit of the load register that holds its sign
+_TESTED = 5  # number of the servo that is tested; 3 and 4 pull the elastic bands
+
+# The gripper is left out: the recording has it from 0 to 1 and not as an angle.
+SO101_JOINTS = ("shoulder_pan", "shoulder_lift", "elbow_flex", "wrist_flex", "wrist_roll")
+
+
+def _written(path: Path, columns: Mapping[str, Array]) -> Path:
+    path.parent.mkdir(parents=True, exist_ok=True)
+    np.savez(path, allow_pickle=False, **{name: np.asarray(values, dtype=float) for name, values in columns.items()})
+    return path
+
+
+def write_xl330_logs(folder: Path) -> tuple[Path, ...]:
+    """One NPZ a run of the servo with its pendulum: position and the motor's voltage.
+
+    The voltage is the duty cycle times the supply as measured. The servo's own speed lags its position by 20 ms and is
+    left out: the speed that turns voltage into torque is then the position's. Two runs let the pendulum fall: they
+    end where the drive is switched off, as its bridge is then open and the voltage says nothing of the current.
+
+    Raises:
+        LogError: If the recording cannot be had; says how to get it.
+    """
+    paths = []
+    with np.load(datasets.fetch("bam_xl330") / "bam_xl330.npz") as runs:
+        for run in sorted({key.partition("__")[0] for key in runs}):
+            driven = runs[f"{run}__torque_enable"] > 0
+            n = len(driven) if driven.all() else int(np.argmin(driven))
+            columns = {
+                "t": runs[f"{run}__timestamp"][:n],
+                "q.servo": runs[f"{run}__position"][:n],
+                "u.servo": runs[f"{run}__load"][:n] / XL330_FULL_SCALE * runs[f"{run}__input_volts"][:n],
+            }
+            paths.append(_written(folder / f"{run}.npz", columns))
+    return tuple(paths)
+
+
+def write_odrive_logs(folder: Path) -> tuple[Path, ...]:
+    """One NPZ a slow run of the motor without anti-cogging, as recorded: counts and amperes.
+
+    Raises:
+        LogError: If the recording cannot be had; says how to get it.
+    """
+    with np.load(datasets.fetch("odrive_cogging") / "slow_and_pull.npz") as runs:
+        return tuple(
+            _written(folder / f"{run}.npz", {name: runs[f"{run}__{name}"] for name in ("t", "pos_counts", "iq_A")})
+            for run in ODRIVE_RUNS
+        )
+
+
+def write_sts3215_log(folder: Path) -> tuple[Path, ...]:
+    """The stand with one STS3215 as one NPZ: position and target in counts, and the motor's voltage.
+
+    The load register is the duty cycle in thousandths with a sign bit, positive towards smaller positions.
+
+    Raises:
+        LogError: If the recording cannot be had; says how to get it.
+    """
+    with (datasets.fetch("robonine_backlash") / "single.csv").open(newline="") as file:
+        rows = list(csv.DictReader(file))
+
+    def register(name: str) -> Array:
+        return np.array([float(row[name]) for row in rows])
+
+    load = register(f"load ({_TESTED})")
+    duty = np.where(load >= _STS3215_SIGN, load - _STS3215_SIGN, -load) / STS3215_FULL_SCALE
+    columns = {
+        "t": register("t_s"),
+        "position": register(f"pos ({_TESTED})"),
+        "target": register(f"target pos ({_TESTED})"),
+        "u.servo": duty * STS3215_SUPPLY,
+    }
+    return (_written(folder / "single.npz", columns),)
+
+
+def write_so101_logs(folder: Path) -> tuple[Path, ...]:
+    """One NPZ a motion of the arm: positions and commands under the joint names of its URDF, without the gripper.
+
+    The zero positions are the recording's; its torques have no sign and are left out.
+
+    Raises:
+        LogError: If the recording cannot be had; says how to get it.
+    """
+    paths = []
+    with np.load(datasets.fetch("sage_so101") / "so101.npz") as runs:
+        for run in sorted({key.partition("__")[0] for key in runs}):
+            columns = {"t": runs[f"{run}__t"]}
+            for k, joint in enumerate(SO101_JOINTS):
+                columns[f"q.{joint}"] = runs[f"{run}__q"][:, k]
+                columns[f"q_ref.{joint}"] = runs[f"{run}__q_cmd"][:, k]
+            paths.append(_written(folder / f"{run}.npz", columns))
+    return tuple(paths)
+
+
+WRITERS: dict[str, Callable[[Path], tuple[Path, ...]]] = {
+    "xl330": write_xl330_logs,
+    "odrive_cogging": write_odrive_logs,
+    "sts3215": write_sts3215_log,
+    "so101": write_so101_logs,
+}
+
+
+if __name__ == "__main__":
+    try:
+        to = chosen_folder(__doc__, "real")
+        for name, write in WRITERS.items():
+            for path in write(to / name):
+                print(path)
+    except LogError as error:
+        sys.exit(str(error))

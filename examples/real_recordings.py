@@ -1,0 +1,194 @@
+"""What the diagnosis says of each real recording, beside what is published, as the table of the README.
+
+``python examples/real_recordings.py [NAME ...] [--folder FOLDER] [--write README.md]``. Every recording goes through
+``phantom-dyn diagnose`` with the files of ``examples/data``, as a user's own would; the reports stay in the folder.
+"""
+
+from __future__ import annotations
+
+import argparse
+import contextlib
+import io
+import json
+import re
+import sys
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+from arguments import CHECKOUT
+from double_pendulum_logs import write_double_pendulum_logs
+from emps_log import write_emps_log
+from real_logs import write_odrive_logs, write_sts3215_log, write_xl330_logs
+from real_words import said
+
+from identification import datasets
+from identification.cli.main import main as phantom_dyn
+from phantom_dyn.errors import LogError
+
+DATA = Path(__file__).parent / "data"
+BEGIN, END = "<!-- real:begin -->", "<!-- real:end -->"
+HEAD = "| recording | model given | published | what the diagnosis says |\n|---|---|---|---|"
+
+
+@dataclass(frozen=True)
+class RealRecording:
+    """A row of the table.
+
+    Attributes:
+        name: How the command line calls it; also the folder of its report.
+        title: What was recorded.
+        model: What the given model holds, in words.
+        published: What its authors say of it.
+        robot: ROBOT of the command, asked for late: a file of the recording may have to be fetched.
+        logs: Writes the logs into a folder, or says where they are.
+        options: Of the command.
+    """
+
+    name: str
+    title: str
+    model: str
+    published: str
+    robot: Callable[[], str]
+    logs: Callable[[Path], Sequence[Path]]
+    options: tuple[str, ...] = ()
+
+
+def _beside(name: str, file: str) -> str:
+    return str(DATA / name / file)
+
+
+def _double_pendulum(name: str, title: str, file: str, model: str, published: str) -> RealRecording:
+    return RealRecording(
+        name,
+        title,
+        model,
+        published,
+        lambda: str(datasets.fetch("dfki_double_pendulum") / file),
+        write_double_pendulum_logs,
+        ("--robot-config", _beside("double_pendulum", "robot.yaml")),
+    )
+
+
+RECORDINGS = (
+    RealRecording(
+        "emps",
+        "EMPS, one linear axis, 25 s",
+        "mass only",
+        "friction by direction: 20.1 and 20.6 N, 166.7 and 240.4 N s/m",
+        lambda: "emps",
+        lambda folder: (write_emps_log(folder),),
+    ),
+    RealRecording(
+        "ur10",
+        "UR10, exciting trajectory, 28 s",
+        "vendor's URDF, no friction",
+        "friction on every joint",
+        lambda: "example:ur10",
+        lambda folder: (datasets.fetch("ur10_unisa") / "ur10_exciting_trajectory.db3",),
+        ("--robot-config", _beside("ur10", "robot.yaml")),
+    ),
+    _double_pendulum(
+        "double_pendulum",
+        "double pendulum C.1, ten runs",
+        "C1_model.urdf",
+        "published masses and inertias, no friction",
+        "Coulomb friction on both joints: 0.16 and 0.12 N m",
+    ),
+    _double_pendulum(
+        "double_pendulum_wrong",
+        "the same",
+        "design_C1_identified.urdf",
+        "the authors' file",
+        "its inertias count m r^2 twice; the friction is in it",
+    ),
+    RealRecording(
+        "odrive_cogging",
+        "brushless motor, three slow turns, in amperes",
+        "inertia only",
+        "cogging: 7, 28, 14, 36 and 12 cycles a turn lead the map of holding currents",
+        lambda: _beside("odrive_cogging", "robot.urdf"),
+        write_odrive_logs,
+        ("--columns", _beside("odrive_cogging", "columns.yaml")),
+    ),
+    RealRecording(
+        "xl330",
+        "XL330 servo with a pendulum, eight runs, from its voltage",
+        "load and rotor inertia, no friction",
+        "friction that grows with load, and Stribeck's, fit better than Coulomb and viscous alone",
+        lambda: _beside("xl330", "robot.urdf"),
+        write_xl330_logs,
+    ),
+    RealRecording(
+        "sts3215",
+        "STS3215 servo on a backlash stand, 27 s at 10 Hz",
+        "a bare lever; the bands that pull it are not measured",
+        "shifts by 14.8 counts (23 mrad) under load, 7.0 without: play, dead band and the controller's give together",
+        lambda: _beside("sts3215", "robot.urdf"),
+        write_sts3215_log,
+        ("--columns", _beside("sts3215", "columns.yaml")),
+    ),
+)
+
+
+def diagnosed(recording: RealRecording, folder: Path) -> dict | str:
+    """``diagnosis.json`` of a recording, or the sentence with which the command refused it."""
+    report = folder / recording.name / "report"
+    logs = recording.logs(folder / recording.name)
+    told = io.StringIO()
+    with contextlib.redirect_stdout(io.StringIO()), contextlib.redirect_stderr(told):
+        words = ["diagnose", recording.robot(), *map(str, logs), *recording.options, "--out", str(report)]
+        code = phantom_dyn(words)
+    if code != 0:
+        return told.getvalue().strip().rpartition("phantom-dyn: ")[2]
+    return json.loads((report / "diagnosis.json").read_text())
+
+
+def row(recording: RealRecording, folder: Path) -> str:
+    """One line of the table."""
+    found = diagnosed(recording, folder)
+    says = f"refused: {found}" if isinstance(found, str) else said(found)
+    return f"| {recording.title} | {recording.model} | {recording.published} | {says} |"
+
+
+def with_table(text: str, table: str) -> str:
+    """A text with everything between the two markers replaced.
+
+    Raises:
+        LogError: If the markers are not there, each once and in order.
+    """
+    pattern = re.compile(f"{BEGIN}.*?{END}", re.DOTALL)
+    if text.count(BEGIN) != 1 or text.count(END) != 1 or not pattern.search(text):
+        raise LogError(f"the text has to hold {BEGIN} and then {END}, each once: put them where the table goes.")
+    return pattern.sub(lambda _: table, text)
+
+
+def main(words: Sequence[str] | None = None) -> None:
+    names = [recording.name for recording in RECORDINGS]
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("names", metavar="NAME", nargs="*", help=f"of {', '.join(names)}; default: all")
+    parser.add_argument("--folder", type=Path, default=CHECKOUT / "demo" / "real", help="default: demo/real")
+    parser.add_argument("--write", type=Path, metavar="FILE", help="put the table between the markers of this file")
+    arguments = parser.parse_args(words)
+    unknown = [name for name in arguments.names if name not in names]
+    if unknown:
+        raise LogError(f"there is no recording {unknown[0]}: give some of {', '.join(names)}.")
+    if arguments.write and arguments.names:
+        raise LogError("--write needs the whole table: leave the names out.")
+    chosen = [recording for recording in RECORDINGS if not arguments.names or recording.name in arguments.names]
+    lines = [BEGIN, HEAD]
+    for recording in chosen:
+        lines.append(row(recording, arguments.folder))
+        print(lines[-1], flush=True)
+    table = "\n".join([*lines, END])
+    if arguments.write:
+        arguments.write.write_text(with_table(arguments.write.read_text(), table))
+    else:
+        print(f"\n{table}")
+
+
+if __name__ == "__main__":
+    try:
+        main()
+    except LogError as error:
+        sys.exit(str(error))

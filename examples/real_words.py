@@ -1,0 +1,74 @@
+"""A ``diagnosis.json`` in one cell of a table: verdict, what was found on which joint, how large, and its rivals."""
+
+from __future__ import annotations
+
+from identification.diagnosis.effect_words import effect_words
+
+VERDICTS = {
+    "explained": "Explained",
+    "partly_explained": "Partly explained, a structured rest remains",
+    "unknown": "Unknown: most of the gap has no name in the catalogue",
+    "no_gap": "No gap",
+    "not_testable": "Not testable with this recording",
+}
+_DETAILED = 4  # up to as many findings are given with their sizes
+
+
+def _size(value: dict) -> str:
+    """A parameter with its unit; of a list all members."""
+    values = value["value"] if isinstance(value["value"], list) else [value["value"]]
+    return f"{', '.join(f'{member:.3g}' for member in values)} {value['unit']}".strip()
+
+
+def _sizes(finding: dict) -> str:
+    parameters = finding["parameters"]
+    if "order" in parameters and isinstance(parameters["order"]["value"], list):
+        # Of a list of harmonics the orders, largest first: that is what is published.
+        pairs = zip(parameters["amplitude"]["value"], parameters["order"]["value"], strict=True)
+        ordered = sorted(pairs, reverse=True)
+        unit = parameters["amplitude"]["unit"]
+        return ", ".join(f"{order:g} a turn with {amplitude:.3g} {unit}" for amplitude, order in ordered)
+    return ", ".join(f"{name.replace('_', ' ')} {_size(value)}" for name, value in parameters.items())
+
+
+def _rivals(finding: dict) -> str:
+    sets = [
+        " with ".join(effect_words(effect["effect"]).name for effect in rival["effects"])
+        + f" ({rival['probability']:.2f})"
+        for rival in finding["rivals"]
+    ]
+    return f"; or {', or '.join(sets)}" if sets else ""
+
+
+def _one(finding: dict, detailed: bool) -> str:
+    share = f"{100 * finding['gap_closed']:.0f} % of the gap"
+    sizes = _sizes(finding) if detailed and len(finding["parameters"]) <= _DETAILED else ""
+    inside = f"{sizes}; {share}" if sizes else share
+    return f"{_where(finding['joint'])} ({inside}{_rivals(finding)})"
+
+
+def _where(joint: str | None) -> str:
+    return "whole robot" if joint is None else joint
+
+
+def said(diagnosis: dict) -> str:
+    """The cell: findings of one effect together, in the order of the diagnosis.
+
+    Args:
+        diagnosis: Content of a ``diagnosis.json``.
+    """
+    findings = diagnosis["findings"]
+    detailed = len(findings) <= _DETAILED
+    groups: dict[str, list[dict]] = {}
+    for finding in findings:
+        groups.setdefault(finding["effect"], []).append(finding)
+    named = [
+        f"{effect_words(effect).name}: {', '.join(_one(finding, detailed) for finding in group)}"
+        for effect, group in groups.items()
+    ]
+    rest = diagnosis["unexplained"]
+    verdict = VERDICTS[diagnosis["verdict"]]
+    if rest["structured"]:
+        verdict += f" ({100 * rest['fraction_of_explainable']:.0f} % of what could be explained"
+        verdict += f", {rest['where']['joint']})" if rest["where"]["joint"] else ")"
+    return ". ".join([verdict, *named]) + "."

@@ -1,0 +1,178 @@
+# pyright: reportMissingImports=false
+"""Public recordings of servos and of a brushless motor: their logs, their robot files, and what a diagnosis finds."""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Iterator
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from identification.recordings import read_recording
+from phantom_dyn import load_robot
+from phantom_dyn.errors import LogError
+
+EXAMPLES = Path(__file__).resolve().parents[2] / "examples"
+DATA = EXAMPLES / "data"
+
+
+@pytest.fixture(scope="module", autouse=True)
+def examples() -> Iterator[None]:
+    """Examples import each other by name, as their folder is on the path when one of them is called."""
+    sys.path.insert(0, str(EXAMPLES))
+    yield
+    sys.path.remove(str(EXAMPLES))
+
+
+@pytest.fixture
+def mirror(data_folder: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    monkeypatch.setenv("PHANTOM_DYN_DATA", str(data_folder))
+    return data_folder
+
+
+def test_the_torque_of_the_xl330_is_that_of_a_motor_at_its_voltage(mirror, tmp_path):
+    # Closed form: k/R (duty cycle * supply - k * speed), speed by differences of the position.
+    from real_logs import write_xl330_logs
+
+    (log,) = [path for path in write_xl330_logs(tmp_path) if path.stem == "r10h28m32"]
+    tau = read_recording(log, load_robot(DATA / "xl330" / "robot.urdf")).tau
+    with np.load(mirror / "bam_xl330" / "bam_xl330.npz") as runs:
+        t, q, load, volts = (
+            runs[f"r10h28m32__{name}"].astype(float) for name in ("timestamp", "position", "load", "input_volts")
+        )
+    wanted = 0.3867 / 4.017 * (load / 885 * volts - 0.3867 * np.gradient(q, t))
+    assert tau is not None
+    np.testing.assert_allclose(tau[:, 0], wanted, atol=1e-6)
+
+
+def test_a_log_of_the_xl330_ends_where_its_drive_is_switched_off(mirror, tmp_path):
+    # Oracle: the recording's own flag; the pendulum falls from two seconds on.
+    from real_logs import write_xl330_logs
+
+    (log,) = [path for path in write_xl330_logs(tmp_path) if path.stem == "r10h28m17"]
+    with np.load(mirror / "bam_xl330" / "bam_xl330.npz") as runs, np.load(log) as written:
+        assert len(written["t"]) == np.count_nonzero(runs["r10h28m17__torque_enable"])
+        assert written["t"][-1] == pytest.approx(2.0, abs=0.01)
+
+
+def test_counts_of_the_brushless_motor_become_radians_and_amperes_stay(mirror, tmp_path):
+    # Oracle: the recording itself, 8192 counts a turn.
+    from real_logs import write_odrive_logs
+
+    robot, columns = load_robot(DATA / "odrive_cogging" / "robot.urdf"), DATA / "odrive_cogging" / "columns.yaml"
+    read = read_recording(write_odrive_logs(tmp_path)[0], robot, columns=columns)
+    with np.load(mirror / "odrive_cogging" / "slow_and_pull.npz") as runs:
+        counts, current = runs["slow2_nocomp_1__pos_counts"], runs["slow2_nocomp_1__iq_A"]
+    assert read.tau is not None
+    np.testing.assert_allclose(read.q[:, 0], counts * 2 * np.pi / 8192)
+    np.testing.assert_allclose(read.tau[:, 0], current)
+
+
+def test_the_voltage_of_the_sts3215_drives_it_towards_its_target(mirror, tmp_path):
+    # Oracle: the servo's own law at rest, eight thousandths of the supply a count beyond a dead band of one count.
+    from real_logs import write_sts3215_log
+
+    with np.load(write_sts3215_log(tmp_path)[0]) as log:
+        error = log["target"] - log["position"]
+        still = (np.abs(error) < 20) & (np.abs(np.gradient(log["position"])) < 0.1)
+        wanted = 7.4 * 0.008 * (error - np.sign(error))
+        assert np.median(np.abs(log["u.servo"] - wanted)[still]) < 1e-9
+
+
+def test_the_so101_is_read_without_gripper_and_without_torque(mirror, tmp_path):
+    # Oracle: the recording itself.
+    from real_logs import write_so101_logs
+
+    robot = load_robot("example:so101", config=DATA / "so101" / "robot.yaml")
+    (log,) = [path for path in write_so101_logs(tmp_path) if path.stem == "multisine"]
+    read = read_recording(log, robot, torque_needed=False)
+    with np.load(mirror / "sage_so101" / "so101.npz") as runs:
+        first = runs["multisine__q_cmd"][0]
+    assert read.tau is None
+    assert read.q_ref is not None
+    commanded = dict(zip(read.joint_names, read.q_ref[0], strict=True))
+    assert commanded["shoulder_pan"] == pytest.approx(first[0])
+    assert commanded["wrist_roll"] == pytest.approx(first[4])
+
+
+@pytest.mark.parametrize("name", ["xl330", "odrive_cogging", "sts3215"])
+def test_the_robot_files_of_the_recordings_load_without_a_warning(name, recwarn):
+    assert load_robot(DATA / name / "robot.urdf").nv == 1
+    assert not recwarn.list
+
+
+FINDING = {
+    "effect": "coulomb_friction",
+    "joint": "j1",
+    "parameters": {"torque": {"value": 0.5123, "std": 0.01, "unit": "N m"}},
+    "gap_closed": 0.913,
+    "rivals": [],
+}
+EXPLAINED = {
+    "verdict": "explained",
+    "findings": [FINDING],
+    "unexplained": {"fraction_of_explainable": 0.02, "structured": False, "where": {"joint": None, "regime": None}},
+}
+
+
+def test_a_cell_of_the_table_gives_size_and_share_of_a_finding():
+    from real_words import said
+
+    assert said(EXPLAINED) == "Explained. Coulomb friction: j1 (torque 0.512 N m; 91 % of the gap)."
+
+
+def test_a_cell_of_the_table_names_rivals_with_their_probability():
+    from real_words import said
+
+    rivals = [{"effects": [{"effect": "viscous_friction", "joint": "j1"}], "probability": 0.25}]
+    cell = said({**EXPLAINED, "findings": [{**FINDING, "rivals": rivals}]})
+    assert "91 % of the gap; or viscous friction (0.25)" in cell
+
+
+def test_a_cell_of_the_table_gives_orders_of_cogging_largest_first():
+    from real_words import said
+
+    lists = {"order": [12.0, 7.0], "amplitude": [0.2, 0.9], "phase": [0.0, 1.0]}
+    parameters = {name: {"value": value, "std": [0.0, 0.0], "unit": "A"} for name, value in lists.items()}
+    cell = said({**EXPLAINED, "findings": [{**FINDING, "effect": "cogging", "parameters": parameters}]})
+    assert "7 a turn with 0.9 A, 12 a turn with 0.2 A" in cell
+
+
+def test_a_cell_of_the_table_tells_what_rests():
+    from real_words import said
+
+    rest = {"fraction_of_explainable": 0.65, "structured": True, "where": {"joint": "j1", "regime": "everywhere"}}
+    cell = said({"verdict": "unknown", "findings": [], "unexplained": rest})
+    assert cell == "Unknown: most of the gap has no name in the catalogue (65 % of what could be explained, j1)."
+
+
+def test_the_table_replaces_what_is_between_its_markers():
+    from real_recordings import BEGIN, END, with_table
+
+    assert with_table(f"a\n{BEGIN}\nold\n{END}\nb", f"{BEGIN}\nnew\n{END}") == f"a\n{BEGIN}\nnew\n{END}\nb"
+
+
+def test_a_text_without_the_markers_is_refused():
+    from real_recordings import with_table
+
+    with pytest.raises(LogError, match="has to hold <!-- real:begin -->"):
+        with_table("no markers", "table")
+
+
+def test_an_unknown_recording_is_refused_with_the_known_names():
+    from real_recordings import main
+
+    with pytest.raises(LogError, match="there is no recording pump: give some of emps, ur10"):
+        main(["pump"])
+
+
+def test_the_table_says_why_the_command_refused_a_recording(tmp_path):
+    # Known truth: a log of one sample.
+    from real_recordings import RealRecording, row
+
+    log = tmp_path / "log.csv"
+    log.write_text("t,q.axis,tau.axis\n0,0,0\n")
+    cell = row(RealRecording("x", "title", "model", "published", lambda: "emps", lambda folder: (log,)), tmp_path)
+    assert cell.startswith("| title | model | published | refused: log.csv")
