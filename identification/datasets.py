@@ -95,7 +95,7 @@ DATASETS: tuple[Dataset, ...] = (
     ),
     Dataset(
         name="bam_xl330",
-        what="Dynamixel XL330 servo with a pendulum, 16 runs of 6 s at 190 Hz",
+        what="Dynamixel XL330 servo with a pendulum, 8 runs of 6 s at 190 Hz",
         licence="Apache-2.0",
         source="https://github.com/Rhoban/bam/tree/af2260462471ff45ac18af159b1327ea51d8db15/bam/data.bak/raw",
         citation="Duclusaud et al., ICRA 2025, arXiv 2410.08650",
