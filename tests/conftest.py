@@ -41,6 +41,7 @@ install_import_hook(
         "identification.experiments",
         "identification.export",
         "identification.identify",
+        "identification.known_changes",
         "identification.log",
         "identification.next_experiment",
         "identification.readers",

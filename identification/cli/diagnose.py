@@ -35,6 +35,7 @@ def parser() -> argparse.ArgumentParser:
     )
     out.add_argument("--with", dest="known", metavar="FILE", **several, help="corrected.yaml of an earlier diagnosis")
     out.add_argument("--columns", metavar="FILE", type=Path, help="YAML that maps other names, units and signs")
+    out.add_argument("--recordings", metavar="FILE", type=Path, help="recordings.yaml: what changed between the LOGs")
     out.add_argument("--exclude", metavar="T0:T1", **several, help="stretches of time [s] to leave out")
     out.add_argument("--topic", metavar="NAME", help="JointState topic of a bag that has several")
     out.add_argument(
@@ -72,21 +73,27 @@ def run(arguments: argparse.Namespace) -> int:
     with Progress("reading", sys.stderr) as progress:
         from identification.diagnosis.diagnose import diagnose
         from identification.diagnosis.known import known_effects
-        from identification.recordings import read_recording
+        from identification.known_changes.change import Change
+        from identification.known_changes.reading import read_changed
+        from identification.known_changes.recordings_file import read_changes
         from phantom_dyn.loading import load_robot
 
         robot = load_robot(arguments.robot, config=arguments.robot_config)
         known = known_effects(tuple(Path(path) for path in arguments.known), robot)
+        every = (*arguments.logs, *arguments.hold_out)
+        stated = arguments.recordings is not None
+        changes = read_changes(arguments.recordings, every, robot.joint_names) if stated else ()
 
-        def read(path: str):
+        def read(path: str, change: Change):
             progress.say(f"reading {Path(path).name}")
-            return read_recording(
-                Path(path), robot, columns=arguments.columns, topic=arguments.topic, excluded=excluded
+            return read_changed(
+                path, robot, change, columns=arguments.columns, topic=arguments.topic, excluded=excluded
             )
 
-        recordings = tuple(read(path) for path in arguments.logs)
-        hold_out = tuple(read(path) for path in arguments.hold_out)
-        diagnosis = diagnose(robot, recordings, hold_out=hold_out, known=known, progress=progress.say)
+        alike = tuple(Change(Path(path).name) for path in every)
+        read_all = tuple(read(path, change) for path, change in zip(every, changes or alike, strict=True))
+        recordings, hold_out = read_all[: len(arguments.logs)], read_all[len(arguments.logs) :]
+        diagnosis = diagnose(robot, recordings, hold_out=hold_out, known=known, changes=changes, progress=progress.say)
         progress.say("writing")
         written = write_outputs(diagnosis, robot, out=arguments.out, json_file=arguments.json)
     from identification.diagnosis.summary import summary

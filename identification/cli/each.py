@@ -15,13 +15,18 @@ def require_each(arguments: argparse.Namespace) -> None:
     """Refuse options that make no sense for recordings by themselves, and name the recordings of folders.
 
     Raises:
-        UsageError: If recordings are to be held out.
+        UsageError: If recordings are to be held out, or something is to have changed between them.
         LogError: If there is no recording in a folder.
     """
     if arguments.hold_out:
         raise UsageError(
             "--hold-out was given with --each, which diagnoses every recording by itself, so that there is nothing to "
             "judge on others: leave out one of the two"
+        )
+    if arguments.recordings is not None:
+        raise UsageError(
+            "--recordings was given with --each, which diagnoses every recording by itself, so that nothing can have "
+            "changed between them: leave out one of the two"
         )
     if any(Path(log).is_dir() for log in arguments.logs):
         from identification.diagnosis.each_folders import logs_in

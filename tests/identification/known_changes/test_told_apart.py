@@ -1,0 +1,103 @@
+"""Diagnoses of two recordings with what is known of them, against what each truth was."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from identification.diagnosis.diagnose import diagnose
+from identification.diagnosis.json_output import to_json
+from identification.diagnosis.words import finding_sentence
+from identification.export.corrected import write_corrected
+from identification.known_changes.change import Change, KnownPayload
+from identification.known_changes.loaded import robot_in
+from phantom_dyn.dynamics import inverse_dynamics
+from phantom_dyn.effects.catalogue import effect_named
+from phantom_dyn.effects.operation import Operation
+
+LOADED = Change("b.csv", KnownPayload(1.5, (0.0, 0.0, -0.9)))
+
+
+@pytest.fixture(scope="module")
+def grown(pendulum, swing, recorded):
+    """The pin has 0.3 N m more friction than modelled, in b 1.2 N m more, and nobody knows how much."""
+    extra = ((1, 0.3, "a.csv"), (2, 1.2, "b.csv"))
+    recordings = tuple(recorded(pendulum, swing(k), size * np.sign(swing(k).v), file, k) for k, size, file in extra)
+    return diagnose(pendulum, recordings, changes=(Change("a.csv"), Change("b.csv", changed=("friction",))))
+
+
+def in_b(diagnosis):
+    return next(finding for finding in diagnosis.findings if finding.recording == "b.csv")
+
+
+def test_friction_that_grew_is_named_with_its_ratio(grown):
+    # Known truth: 0.7 modelled and 0.3 more in a, 1.2 more in b.
+    ratio = in_b(grown).parameters["ratio"]
+    assert [(f.effect, f.recording) for f in grown.findings] == [
+        ("coulomb_friction", "b.csv"),
+        ("coulomb_friction", None),
+    ]
+    assert abs(ratio.value - 1.9 / 1.0) < 3 * ratio.std < 0.4
+    assert grown.verdict == "explained"
+
+
+def test_friction_that_grew_is_said_with_its_recording(grown):
+    said = finding_sentence(in_b(grown))
+    assert "times what it is in the other recordings, on joint pin in b.csv" in said
+
+
+def test_only_what_one_recording_has_names_it_in_the_json(grown):
+    found = to_json(grown)["findings"]
+    assert [finding.get("recording") for finding in found] == ["b.csv", None]
+
+
+def test_what_one_recording_has_is_not_part_of_the_corrected_model(grown):
+    assert write_corrected(grown, "pendulum", "0").count("coulomb_friction") == 1
+
+
+def test_no_effect_of_one_recording_is_left_in_bounds(grown):
+    entries = (*grown.bounds, *grown.not_testable)
+    assert not [entry for entry in entries if "@" in entry.effect]
+
+
+def test_friction_that_stayed_is_not_said_to_have_changed(pendulum, swing, recorded):
+    recordings = tuple(recorded(pendulum, swing(k), 0.4 * np.sign(swing(k).v), f"{k}.csv", k) for k in (1, 2))
+    found = diagnose(pendulum, recordings, changes=(Change("1.csv"), Change("2.csv", changed=("friction",))))
+    assert [(finding.effect, finding.recording) for finding in found.findings] == [("coulomb_friction", None)]
+
+
+def test_a_payload_that_one_recording_has_is_found_there(pendulum, swing, recorded):
+    more = inverse_dynamics(robot_in(pendulum, LOADED), swing(2)) - inverse_dynamics(pendulum, swing(2))
+    recordings = (recorded(pendulum, swing(1), 0.0, "a.csv"), recorded(pendulum, swing(2), more, "b.csv", 2))
+    found = diagnose(pendulum, recordings, changes=(Change("a.csv"), Change("b.csv", changed=("payload",))))
+    mass = in_b(found).parameters["mass"]
+    assert [(finding.effect, finding.recording) for finding in found.findings] == [("payload", "b.csv")]
+    assert abs(mass.value - 1.5) < 4 * mass.std
+
+
+def test_a_known_mass_alone_is_no_gap(pendulum, swing, recorded):
+    recordings = (
+        recorded(pendulum, swing(1), 0.0, "a.csv"),
+        recorded(robot_in(pendulum, LOADED), swing(2), 0.0, "b.csv", 2),
+    )
+    assert diagnose(pendulum, recordings, changes=(Change("a.csv"), LOADED)).verdict == "no_gap"
+
+
+@pytest.mark.parametrize("truth", ["payload", "torque_constant"])
+def test_a_known_mass_parts_a_payload_and_a_torque_constant(frictionless, swing, recorded, truth):
+    # Known truth. Without the mass both say the same torque: the effects are exact twins on a pendulum.
+    def extra(robot, motion):
+        if truth == "torque_constant":
+            return inverse_dynamics(robot, motion) * (1 / 0.8 - 1)
+        theta = np.array([0.6, 0.0, 0.0, -0.6])
+        return -effect_named("payload").torque(robot, Operation.of(robot, motion), None, theta)
+
+    loaded = robot_in(frictionless, LOADED)
+    recordings = (
+        recorded(frictionless, swing(1), extra(frictionless, swing(1)), "a.csv"),
+        recorded(loaded, swing(2), extra(loaded, swing(2)), "b.csv", 2),
+    )
+    found = diagnose(frictionless, recordings, changes=(Change("a.csv"), LOADED))
+    rivals = {at.effect for finding in found.findings for rival in finding.rivals for at in rival.effects}
+    assert [finding.effect for finding in found.findings] == [truth]
+    assert not rivals & {"payload", "torque_constant"}
