@@ -54,6 +54,7 @@ class Recording:
         excluded: Stretches of time [s] that are left out of every fit.
         warnings: Sentences about the data.
         passive_q: Measured positions [rad or m] of passive joints of a closed chain by joint, each ``(N,)``.
+        controlled: True if no torque was recorded, and ``tau`` is what the stated controllers ask for.
     """
 
     file: str
@@ -70,6 +71,7 @@ class Recording:
     excluded: tuple[tuple[float, float], ...] = ()
     warnings: tuple[str, ...] = ()
     passive_q: Mapping[str, Float[Array, " N"]] = field(default_factory=dict)
+    controlled: bool = False
 
 
 def _joints_of(table: Table, quantity: str) -> list[str]:

@@ -39,6 +39,11 @@ def parser() -> argparse.ArgumentParser:
     out.add_argument("--exclude", metavar="T0:T1", **several, help="stretches of time [s] to leave out")
     out.add_argument("--topic", metavar="NAME", help="JointState topic of a bag that has several")
     out.add_argument(
+        "--motion-only",
+        action="store_true",
+        help="no torque was recorded: take the one that the controllers in robot.yaml ask for at the q_ref. columns",
+    )
+    out.add_argument(
         "--each",
         action="store_true",
         help="diagnose every LOG by itself; a LOG may be a folder of them. --out gets a folder for each and the table "
@@ -58,6 +63,8 @@ def run(arguments: argparse.Namespace) -> int:
     excluded = tuple(stretch(text) for text in arguments.exclude)
     if arguments.jobs is not None and arguments.jobs < 1:
         raise UsageError(f"--jobs {arguments.jobs} was given, wanted a number of processes from 1 on; leave it out")
+    if arguments.motion_only and (arguments.each or getattr(arguments, "recordings", None) is not None):
+        raise UsageError("--motion-only does not go with --each or --recordings; diagnose the recordings one by one")
     if arguments.each:
         require_each(arguments)
     require_files(arguments)
@@ -76,9 +83,11 @@ def run(arguments: argparse.Namespace) -> int:
         from identification.known_changes.change import Change
         from identification.known_changes.reading import read_changed
         from identification.known_changes.recordings_file import read_changes
+        from identification.motion_only.reconstruct import motion_robot, read_motion
         from phantom_dyn.loading import load_robot
 
         robot = load_robot(arguments.robot, config=arguments.robot_config)
+        robot = motion_robot(robot) if arguments.motion_only else robot
         known = known_effects(tuple(Path(path) for path in arguments.known), robot)
         every = (*arguments.logs, *arguments.hold_out)
         stated = arguments.recordings is not None
@@ -86,6 +95,8 @@ def run(arguments: argparse.Namespace) -> int:
 
         def read(path: str, change: Change):
             progress.say(f"reading {Path(path).name}")
+            if arguments.motion_only:
+                return read_motion(path, robot, columns=arguments.columns, topic=arguments.topic, excluded=excluded)
             return read_changed(
                 path, robot, change, columns=arguments.columns, topic=arguments.topic, excluded=excluded
             )
@@ -95,7 +106,8 @@ def run(arguments: argparse.Namespace) -> int:
         recordings, hold_out = read_all[: len(arguments.logs)], read_all[len(arguments.logs) :]
         diagnosis = diagnose(robot, recordings, hold_out=hold_out, known=known, changes=changes, progress=progress.say)
         progress.say("writing")
-        written = write_outputs(diagnosis, robot, out=arguments.out, json_file=arguments.json)
+        files = {"out": arguments.out, "json_file": arguments.json}
+        written = write_outputs(diagnosis, robot, **files, known=known, config=arguments.robot_config)
     from identification.diagnosis.summary import summary
 
     print(summary(diagnosis))
