@@ -106,8 +106,7 @@ def run(arguments: argparse.Namespace) -> int:
         recordings, hold_out = read_all[: len(arguments.logs)], read_all[len(arguments.logs) :]
         diagnosis = diagnose(robot, recordings, hold_out=hold_out, known=known, changes=changes, progress=progress.say)
         progress.say("writing")
-        files = {"out": arguments.out, "json_file": arguments.json}
-        written = write_outputs(diagnosis, robot, **files, known=known, config=arguments.robot_config)
+        written = write_outputs(diagnosis, robot, out=arguments.out, json_file=arguments.json)
     from identification.diagnosis.summary import summary
 
     print(summary(diagnosis))
