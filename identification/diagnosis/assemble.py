@@ -20,6 +20,7 @@ from identification.diagnosis.search import Search
 from identification.diagnosis.terms import KnownEffect, Term, merged
 from identification.diagnosis.verdict import adjusted, flexible_rest, unexplained, verdict
 from identification.log import Log
+from identification.motion_only.tell import told_by_motion
 from identification.recordings import Recording
 from identification.rollout.rollout import Explained, rollout_of
 from phantom_dyn import __version__
@@ -80,7 +81,7 @@ def assemble(
     progress("stating what would have been seen")
     bounds, untested = smallest_seen(robot, merged(columns.operations), search, chosen)
     progress("simulating")
-    rollout = rollout_of(Explained(robot, known, logs, cutoff_hz, problem, named, found))
+    rollout = rollout_of(Explained(robot, known, logs, cutoff_hz, problem, named, found, recordings))
     gaps = tuple(
         JointGap(
             joint,
@@ -92,7 +93,7 @@ def assemble(
         )
         for j, joint in enumerate(robot.joint_names)
     )
-    return Diagnosis(
+    out = Diagnosis(
         verdict=verdict(findings, left_over, columns),
         robot=robot.name,
         recordings=tuple(recording.file for recording in recordings),
@@ -115,3 +116,4 @@ def assemble(
         evidence=evidence_of(judge, given, torque, tuple(without for _, without in pairs)),
         notes=rollout.notes,
     )
+    return told_by_motion(out, recordings)

@@ -28,8 +28,8 @@ def given_torque(model: Model, t: Float[Array, " N"], tau: Float[Array, "N nv"])
     out = np.array(tau, dtype=float)
     if model.late:
         out = np.column_stack([np.interp(t - model.late * dt, t, column) for column in out.T])
-    for cause in model.commands:
-        for law in model.part(cause).laws:
+    for drive in model.drives:
+        for law in drive.laws:
             out[:, law.row] = _after(law, t, dt, out[:, law.row])
     return out
 

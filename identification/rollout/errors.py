@@ -26,16 +26,23 @@ class Errors:
         travel: Recorded positions less that at the start.
     """
 
-    t: tuple[Float[Array, " n"], ...]
-    before: tuple[Float[Array, "n nv"], ...]
-    after: tuple[Float[Array, "n nv"], ...]
-    noise: tuple[Float[Array, "n nv"], ...]
-    travel: tuple[Float[Array, "n nv"], ...]
+    t: tuple[Float[Array, " _"], ...]
+    before: tuple[Float[Array, "_ nv"], ...]
+    after: tuple[Float[Array, "_ nv"], ...]
+    noise: tuple[Float[Array, "_ nv"], ...]
+    travel: tuple[Float[Array, "_ nv"], ...]
 
-    def rms(self, series: tuple[Float[Array, "n nv"], ...], horizon: float) -> Float[Array, " nv"]:
+    def rms(self, series: tuple[Float[Array, "_ nv"], ...], horizon: float) -> Float[Array, " nv"]:
         """Root mean square over all windows from behind the start up to a time."""
         kept = [x[1:][t[1:] <= horizon + 1e-9] for t, x in zip(self.t, series, strict=True)]
         return np.sqrt(np.mean(np.concatenate(kept) ** 2, axis=0))
+
+
+def possible_horizons(errors: Errors, horizons: tuple[float, ...]) -> tuple[float, ...]:
+    """Those that the windows are long enough for and that have two samples; else the windows' own length."""
+    long = max(float(t[-1]) for t in errors.t)
+    step = max(float(t[1]) for t in errors.t)
+    return tuple(h for h in horizons if 2 * step <= h <= long + 0.5 * step) or (long,)
 
 
 def horizon_of(errors: Errors, horizons: tuple[float, ...] = HORIZONS) -> float:
@@ -45,9 +52,7 @@ def horizon_of(errors: Errors, horizons: tuple[float, ...] = HORIZONS) -> float:
         errors: Over the longest.
         horizons: To choose from, the longest first; those with fewer than two samples are left out.
     """
-    long = max(float(t[-1]) for t in errors.t)
-    step = max(float(t[1]) for t in errors.t)
-    possible = [h for h in horizons if 2 * step <= h <= long + 0.5 * step] or [long]
+    possible = possible_horizons(errors, horizons)
     for horizon in possible:
         allowed = np.maximum(
             _OF_ERROR * errors.rms(errors.before, horizon), _OF_TRAVEL * errors.rms(errors.travel, horizon)

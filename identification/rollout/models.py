@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from jaxtyping import Float
@@ -10,14 +11,19 @@ from jaxtyping import Float
 from identification.diagnosis.moved_model import moved_robot
 from identification.diagnosis.nuisances import moves_of
 from identification.diagnosis.terms import KnownEffect, Term
+from identification.known_changes.own_effect import OwnEffect, OwnPayload
 from phantom_dyn.effects.catalogue import effect_named
-from phantom_dyn.effects.effect import Effect, Simulated
+from phantom_dyn.effects.effect import Effect, Simulated, Transmission
 from phantom_dyn.effects.encoder_quantization import EncoderQuantization
+from phantom_dyn.effects.operation import Operation
 from phantom_dyn.errors import ParameterError
 from phantom_dyn.robot import Robot
 from phantom_dyn.simulation import Cause
+from phantom_dyn.stepping import longest_step, machine_of
 
 Array = np.ndarray
+
+LEAD, _SPRING_LEAD = 0.15, 0.03  # [s]
 
 
 @dataclass(frozen=True, eq=False)
@@ -36,15 +42,41 @@ class Model:
     causes: tuple[Cause, ...] = ()
     late: float = 0.0
 
-    def part(self, cause: Cause) -> Simulated:
-        """How an effect enters a simulation of this robot."""
+    @cached_property
+    def parts(self) -> tuple[Simulated, ...]:
+        """How the causes enter a simulation of this robot."""
+        return tuple(self._part(cause) for cause in self.causes)
+
+    @cached_property
+    def drives(self) -> tuple[Simulated, ...]:
+        """The same of the commands."""
+        return tuple(self._part(cause) for cause in self.commands)
+
+    @cached_property
+    def transmissions(self) -> tuple[Transmission, ...]:
+        """Motors that are not rigidly tied to their links."""
+        return tuple(part.transmission for part in self.parts if part.transmission is not None)
+
+    def longest_step(self, q: Float[Array, " nv"]) -> float:
+        """Longest step [s] that follows the transmissions; infinite where all are rigid.
+
+        Raises:
+            ParameterError: If a motor without inertia would have to move by itself.
+        """
+        return longest_step(machine_of(self.robot, self.transmissions), q)
+
+    def _part(self, cause: Cause) -> Simulated:
         return cause.effect.simulated(self.robot, cause.joint, cause.theta)
 
     @property
-    def remembers(self) -> bool:
-        """True if an effect besides those of the drives has a state that no encoder reads."""
-        parts = [self.part(cause) for cause in self.causes]
-        return any(part.start.size or part.transmission is not None for part in parts)
+    def settles(self) -> float:
+        """Seconds along a recording after which states that no encoder reads are what the recording makes them.
+
+        A spring's length is known from its load, and pulled for long it would only ring.
+        """
+        if any(part.gap > 0 for part in self.transmissions) or any(part.start.size for part in self.parts):
+            return LEAD
+        return _SPRING_LEAD if self.transmissions else 0.0
 
 
 def model_of(robot: Robot, causes: tuple[Cause, ...], *, late: float = 0.0) -> Model:
@@ -63,11 +95,12 @@ def model_of(robot: Robot, causes: tuple[Cause, ...], *, late: float = 0.0) -> M
         if isinstance(cause.effect, EncoderQuantization):
             continue
         part = cause.effect.simulated(robot, cause.joint, cause.theta)
-        moved = moved if part.robot is None else part.robot(moved)
         if part.command is not None:
             commands.append(cause)
         elif any(x is not None for x in (part.torque, part.reading, part.transmission, part.inertia)):
             others.append(cause)
+        elif part.robot is not None:
+            moved = part.robot(moved)
     return Model(moved, tuple(commands), tuple(others), late)
 
 
@@ -76,45 +109,53 @@ def known_causes(known: tuple[KnownEffect, ...]) -> tuple[Cause, ...]:
     return tuple(Cause(effect_named(one.effect), one.joint, np.array(one.theta)) for one in known)
 
 
-def found_causes(robot: Robot, terms: tuple[Term, ...], theta: Float[Array, " K"]) -> tuple[Cause, ...]:
+def found_causes(robot: Robot, terms: tuple[Term, ...], theta: Float[Array, " K"], recording: int) -> tuple[Cause, ...]:
     """Effects with the coefficients of one fit; structures that have no name are left out.
 
     Args:
         robot: The given model.
         terms: In the fit.
         theta: Coefficients of all columns.
+        recording: Effects that act in other recordings only are left out.
 
     Raises:
         ParameterError: If a parameter is not finite.
     """
     out = []
     for term in terms:
-        if not isinstance(term.effect, Effect):
+        effect = term.effect
+        elsewhere = isinstance(effect, OwnEffect | OwnPayload) and effect.recording != recording
+        if not isinstance(effect, Effect) or elsewhere:
             continue
-        values = np.array(term.effect.from_coefficients(robot, term.joint, theta[list(term.columns)], term.shape))
+        values = np.array(effect.from_coefficients(robot, term.joint, theta[list(term.columns)], term.shape))
         if not np.isfinite(values).all():
-            raise ParameterError(f"The size of {term.effect.name} is not finite.")
-        out.append(Cause(term.effect, term.joint, values))
+            raise ParameterError(f"The size of {effect.name} is not finite.")
+        out.append(Cause(effect, term.joint, values))
     return tuple(out)
 
 
 def corrected_model(
-    robot: Robot, known: tuple[KnownEffect, ...], terms: tuple[Term, ...], theta: Float[Array, " K"]
+    given: Robot,
+    known: tuple[KnownEffect, ...],
+    terms: tuple[Term, ...],
+    theta: Float[Array, " K"],
+    operation: Operation,
 ) -> Model:
-    """The model with its moves within tolerance made and with the effects of one fit.
+    """The model of one recording with its moves within tolerance made and with the effects of one fit.
 
     Args:
-        robot: The given model.
+        given: The given model.
         known: What belongs to it besides.
         terms: Effects in the fit.
         theta: Coefficients of all columns, moves within tolerance first.
+        operation: Of the recording; its robot may carry a load that is known.
 
     Raises:
         RobotError: If a link would weigh nothing or less.
         ParameterError: If a parameter is not finite.
     """
-    moves = moves_of(robot)
+    moves = moves_of(given)
     values = theta[: len(moves)]
     late = sum(float(x) for x, move in zip(values, moves, strict=True) if move.place is None)
-    causes = (*known_causes(known), *found_causes(robot, terms, theta))
-    return model_of(moved_robot(robot, values), causes, late=late)
+    causes = (*known_causes(known), *found_causes(given, terms, theta, operation.recording))
+    return model_of(moved_robot(operation.robot, values, given), causes, late=late)

@@ -13,6 +13,7 @@ from identification.rollout.starts import States, true_state
 from identification.rollout.windows import Window
 from phantom_dyn.dynamics import mass_matrix
 from phantom_dyn.effects.catalogue import effect_named
+from phantom_dyn.effects.rows import row_of
 from phantom_dyn.errors import LogError
 from phantom_dyn.robot import Robot
 from phantom_dyn.simulation import Cause, simulate
@@ -24,6 +25,8 @@ STEP = 1e-3  # [s], the longest: the midpoint rule has a 20 Hz motion right to 0
 # Before a window a model with hidden states is pulled along the recording, critically damped [rad/s]: a tenth of a
 # torque that would take a joint a centimetre away in half a second leaves it a micrometre off.
 _PULL = 2.0 * np.pi * 15.0
+# A motor behind a spring or a play is pulled alone: fast enough for its own small inertia to hold it.
+_MOTOR_PULL = 2.0 * np.pi * 60.0
 
 
 @dataclass(frozen=True)
@@ -67,20 +70,29 @@ def under_torque(
         ParameterError: If the motion leaves all bounds, or a motor without inertia would have to move by itself.
     """
     window, states = shot.window, shot.states
-    lead = window.lead if model.remembers else 0
+    lead = min(window.lead, int(np.ceil(model.settles * shot.log.band.rate_hz)))
     rows = slice(window.start - lead, window.stop)
     t, n = shot.log.motion.t[rows], window.stop - window.start + lead
     gains = np.zeros((2, n, model.robot.nv))
     if lead:
-        inertia = np.diag(mass_matrix(model.robot, states.q[window.start][None])[0])
-        gains[0, :lead], gains[1, :lead] = _PULL**2 * inertia, 2.0 * _PULL * inertia
+        gains[:, :lead] = _pull(model, states.q[window.start])[:, None]
     moved = np.zeros((2, model.robot.nv)) if nudge is None else nudge
     q_ref, v_ref = states.q[rows] + moved[0], states.v[rows] + moved[1]
     none = np.zeros_like(q_ref)
     law = Tracking(t, torque[rows], q_ref, v_ref, gains[0], gains[1], none, np.full(model.robot.nv, np.inf))
-    start = true_state(model, q_ref[0], v_ref[0])
+    start = true_state(model, states, rows.start, float(t[1] - t[0]), nudge)
     instant = replace(model.robot, torque_hold="instant", torque_source="command")
     return np.array(simulate(instant, model.causes, law, t, *start, max_step=STEP).q[lead:])
+
+
+def _pull(model: Model, q: Float[Array, " nv"]) -> Float[Array, "2 nv"]:
+    """Gains of position and velocity."""
+    inertia = np.diag(mass_matrix(model.robot, q[None])[0]).copy()
+    speed = np.full(model.robot.nv, _PULL)
+    for part in model.transmissions:
+        row = row_of(model.robot, part.joint)
+        inertia[row], speed[row] = model.robot.rotor_inertia[row], _MOTOR_PULL
+    return np.array([speed**2 * inertia, 2.0 * speed * inertia])
 
 
 def under_control(shot: Shot, model: Model, nudge: Float[Array, "2 nv"] | None = None) -> Float[Array, "n nv"]:
@@ -99,8 +111,7 @@ def under_control(shot: Shot, model: Model, nudge: Float[Array, "2 nv"] | None =
     if shot.log.q_ref is None:
         raise LogError(f"{shot.log.file} has no references.")
     rows = slice(window.start, window.stop)
-    moved = np.zeros((2, robot.nv)) if nudge is None else nudge
-    start = true_state(model, states.q[window.start] + moved[0], states.v[window.start] + moved[1])
+    start = true_state(model, states, window.start, 1.0 / shot.log.band.rate_hz, nudge)
     law = control_law(robot, shot.log.motion.t[rows], shot.log.q_ref[rows])
     causes = (*controller_delays(robot), *model.commands, *model.causes)
     plain = replace(robot, torque_source="command")
@@ -109,7 +120,8 @@ def under_control(shot: Shot, model: Model, nudge: Float[Array, "2 nv"] | None =
 
 def controlled(robot: Robot) -> bool:
     """True if the controller of every driven joint is stated, with a gain."""
-    return all(a.controller is not None and a.controller.kp > 0 for a in robot.actuators if a.actuated)
+    driven = [a.controller for a in robot.actuators if a.actuated]
+    return bool(driven) and all(controller is not None and controller.kp > 0 for controller in driven)
 
 
 def control_law(robot: Robot, t: Float[Array, " N"], q_ref: Float[Array, "N nv"]) -> Tracking:

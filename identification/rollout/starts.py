@@ -10,6 +10,9 @@ from jaxtyping import Float
 from identification.log import Log
 from identification.rollout.models import Model
 from identification.signals import differentiate, low_pass, motion_edge
+from phantom_dyn.dynamics import link_torque
+from phantom_dyn.effects.rows import row_of
+from phantom_dyn.motion import Motion
 
 Array = np.ndarray
 
@@ -25,6 +28,7 @@ class States:
     Attributes:
         q: Positions [rad or m], ``(N, nv)``.
         v: Velocities, ``(N, nv)``.
+        a: Accelerations, ``(N, nv)``.
         raw: Positions as they were read.
         q_std: Standard deviation of each joint's ``q``, ``(nv,)``.
         v_std: Of ``v``.
@@ -32,6 +36,7 @@ class States:
 
     q: Float[Array, "N nv"]
     v: Float[Array, "N nv"]
+    a: Float[Array, "N nv"]
     raw: Float[Array, "N nv"]
     q_std: Float[Array, " nv"]
     v_std: Float[Array, " nv"]
@@ -49,33 +54,48 @@ def states_of(log: Log, cutoff_hz: float) -> States:
     rate = log.band.rate_hz
     raw = log.motion.q if log.raw_q is None else log.raw_q
     edge = motion_edge(low_pass(cutoff_hz, rate))
-    q, v, _ = differentiate(raw, rate, edge)
+    q, v, a = differentiate(raw, rate, edge)
     density = ((raw - q)[log.valid] ** 2).mean(axis=0) / max(0.5 * rate - edge, 1e-9)  # per Hz
     q_std, v_std = np.sqrt(density * edge), 2.0 * np.pi * np.sqrt(density * edge**3 / 3.0)
-    return States(q, v, raw, np.maximum(q_std, _LEAST), np.maximum(v_std, _LEAST))
+    return States(q, v, a, raw, np.maximum(q_std, _LEAST), np.maximum(v_std, _LEAST))
 
 
 def true_state(
-    model: Model, q: Float[Array, " nv"], v: Float[Array, " nv"]
+    model: Model, states: States, at: int, dt: float, nudge: Float[Array, "2 nv"] | None = None
 ) -> tuple[Float[Array, " nv"], Float[Array, " nv"]]:
-    """Position and velocity at which the encoders of a model read ``q`` and ``v``.
+    """Position and velocity of the links of a model whose encoders read a state.
+
+    Behind a spring or a play the link is where the torque that it needs puts it.
 
     Args:
-        model: Its readings are inverted; without any the state is the one that was read.
-        q: Readings.
-        v: Their velocities.
+        model: Its readings and transmissions are undone; without any the state is the one that was read.
+        states: Readings.
+        at: Which of them.
+        dt: Time between them [s].
+        nudge: Added to position and velocity.
     """
-    readings = [part.reading for part in map(model.part, model.causes) if part.reading is not None]
-    if not readings:
-        return q, v
+    readings = [part.reading for part in model.parts if part.reading is not None]
+    moved = np.zeros((2, model.robot.nv)) if nudge is None else nudge
+    q, v = states.q[at] + moved[0], states.v[at] + moved[1]
 
     def read(x: Array) -> Array:
         for reading in readings:
             x = reading(x)
         return x
 
-    true = q
-    for _ in range(_ITERATIONS):
+    true, speed = np.array(q), np.array(v)
+    for _ in range(_ITERATIONS if readings else 0):
         true = true + q - read(true)
-    slope = (read(true + _NUDGE) - read(true - _NUDGE)) / (2.0 * _NUDGE)
-    return true, v / np.maximum(slope, 0.5)
+    if readings:
+        speed = v / np.maximum((read(true + _NUDGE) - read(true - _NUDGE)) / (2.0 * _NUDGE), 0.5)
+    if model.transmissions:
+        near = np.clip([at - 1, at, at + 1], 0, len(states.q) - 1)
+        load = link_torque(model.robot, Motion(dt * near, states.q[near], states.v[near], states.a[near]))
+        rate = (load[2] - load[0]) / (dt * max(near[2] - near[0], 1))
+        for part in model.transmissions:
+            row = row_of(model.robot, part.joint)
+            # Without a rotor the spring has no stiffness: the simulation refuses it in a sentence.
+            if model.robot.actuators[row].encoder_side == "motor" and part.stiffness > 0:
+                true[row] -= load[1, row] / part.stiffness + 0.5 * part.gap * np.sign(load[1, row])
+                speed[row] -= rate[row] / part.stiffness
+    return true, speed

@@ -12,6 +12,8 @@ from identification.log import Log
 
 Array = np.ndarray
 
+_LEAST_ROWS = 3  # of a window
+
 
 @dataclass(frozen=True)
 class Window:
@@ -59,12 +61,16 @@ def windows_in(
         log = logs[block.log]
         samples, rate = log.samples, log.band.rate_hz
         first, last = int(samples[block.core]), int(samples[block.stop - 1])
-        length = min(max(3, round(seconds * rate) + 1), last - first + 1)
+        length = min(max(_LEAST_ROWS, round(seconds * rate) + 1), last - first + 1)
+        if length < _LEAST_ROWS:
+            continue
         # As many as fit without overlap; what is left over is shared out before and behind them.
         fit = max(1, (last - first + 1) // length)
         margin = (last - first + 1 - fit * length) // 2
         places += [(block.log, first + margin + i * length, length, int(folds[k])) for i in range(fit)]
-    good = [w for w in (_window(logs, *place, lead) for place in places) if w is not None]
+    good = [
+        w for w in (_window(logs, at, start, length, fold, lead) for at, start, length, fold in places) if w is not None
+    ]
     if len(good) <= count:
         return tuple(good)
     return tuple(good[i] for i in np.linspace(0, len(good) - 1, count).round().astype(int))
