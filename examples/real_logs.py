@@ -7,6 +7,7 @@ What stays as the recording has it (counts, amperes) is mapped by the ``columns.
 from __future__ import annotations
 
 import csv
+import json
 import sys
 from collections.abc import Callable, Mapping
 from pathlib import Path
@@ -21,6 +22,9 @@ Array = np.ndarray
 
 # Runs without anti-cogging at two speeds; the first two begin with a fast turn back, which shows the rotor's inertia.
 ODRIVE_RUNS = ("slow2_nocomp_1", "slow2_nocomp_2", "slow2_slower_nocomp_0")
+# Two of four trajectories, at both gains: in the others the servo stands still for more than half of the run, which
+# `phantom-dyn check` says should be left out, or falls without drive.
+XL330_TRAJECTORIES = ("sin_sin", "sin_time_square")
 XL330_FULL_SCALE = 885  # of the load register, the duty cycle of the bridge
 STS3215_FULL_SCALE = 1000  # likewise
 STS3215_SUPPLY = 7.4  # V, nominal: the stand does not record it
@@ -38,24 +42,23 @@ def _written(path: Path, columns: Mapping[str, Array]) -> Path:
 
 
 def write_xl330_logs(folder: Path) -> tuple[Path, ...]:
-    """One NPZ a run of the servo with its pendulum: position and the motor's voltage.
+    """One NPZ a run of the servo with its pendulum: position and the motor's voltage, four runs that keep moving.
 
     The voltage is the duty cycle times the supply as measured. The servo's own speed lags its position by 20 ms and is
-    left out: the speed that turns voltage into torque is then the position's. Two runs let the pendulum fall: they
-    end where the drive is switched off, as its bridge is then open and the voltage says nothing of the current.
+    left out: the speed that turns voltage into torque is then the position's.
 
     Raises:
         LogError: If the recording cannot be had; says how to get it.
     """
+    folder_of_runs = datasets.fetch("bam_xl330")
+    facts = json.loads((folder_of_runs / "runs.json").read_text())
     paths = []
-    with np.load(datasets.fetch("bam_xl330") / "bam_xl330.npz") as runs:
-        for run in sorted({key.partition("__")[0] for key in runs}):
-            driven = runs[f"{run}__torque_enable"] > 0
-            n = len(driven) if driven.all() else int(np.argmin(driven))
+    with np.load(folder_of_runs / "bam_xl330.npz") as runs:
+        for run in sorted(name for name in facts if facts[name]["trajectory"] in XL330_TRAJECTORIES):
             columns = {
-                "t": runs[f"{run}__timestamp"][:n],
-                "q.servo": runs[f"{run}__position"][:n],
-                "u.servo": runs[f"{run}__load"][:n] / XL330_FULL_SCALE * runs[f"{run}__input_volts"][:n],
+                "t": runs[f"{run}__timestamp"],
+                "q.servo": runs[f"{run}__position"],
+                "u.servo": runs[f"{run}__load"] / XL330_FULL_SCALE * runs[f"{run}__input_volts"],
             }
             paths.append(_written(folder / f"{run}.npz", columns))
     return tuple(paths)

@@ -113,7 +113,7 @@ RECORDINGS = (
     ),
     RealRecording(
         "xl330",
-        "XL330 servo with a pendulum, eight runs, from its voltage",
+        "XL330 servo with a pendulum, four runs of 6 s, from its voltage",
         "load and rotor inertia, no friction",
         "friction that grows with load, and Stribeck's, fit better than Coulomb and viscous alone",
         lambda: _beside("xl330", "robot.urdf"),
