@@ -43,6 +43,7 @@ install_import_hook(
         "identification.identify",
         "identification.known_changes",
         "identification.log",
+        "identification.motion_only",
         "identification.next_experiment",
         "identification.readers",
         "identification.recordings",

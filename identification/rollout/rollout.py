@@ -113,14 +113,14 @@ def _said(loop: Rollout) -> tuple[str, ...]:
 
 def _tried(explained: Explained, shoot: Shoot, horizons: tuple[float, ...], drive: str) -> Rollout:
     """Rollouts over the longest horizon at which no model leaves all bounds."""
-    problem: PhantomDynError = ParameterError("there is no stretch of valid samples long enough")
+    problem: Exception = ParameterError("there is no stretch of valid samples long enough")
     for horizon in horizons:
         try:
             return _rolled(explained, shoot, tuple(h for h in horizons if h <= horizon), drive)
         except RobotError as error:
             problem = error
             break
-        except PhantomDynError as error:
+        except (PhantomDynError, np.linalg.LinAlgError) as error:
             problem = error
     return Rollout(None, {}, {}, notes=(f"No motion was simulated under {drive}: {_begun(str(problem))}",))
 

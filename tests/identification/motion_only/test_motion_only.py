@@ -1,0 +1,124 @@
+"""Recordings without torque, moved by a simulated controller whose truth is known."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from identification.diagnosis.diagnose import diagnose
+from identification.motion_only.reconstruct import commanded_torque, motion_robot, with_commanded_torque
+from identification.motion_only.tell import told_by_motion
+from identification.recordings import Recording
+from phantom_dyn import load_robot
+from phantom_dyn.effects.catalogue import effect_named
+from phantom_dyn.errors import LogError
+from phantom_dyn.robot import Actuator, Controller, Robot
+from phantom_dyn.simulation import Cause, Simulation, simulate
+from phantom_dyn.tracking import position_control
+
+ROBOTS = Path(__file__).resolve().parents[2] / "robots"
+KP, KD = 60.0, 6.0
+
+
+@pytest.fixture(scope="module")
+def pendulum() -> Robot:
+    """A rod on joint pin whose controller is stated."""
+    robot = load_robot(ROBOTS / "pendulum.urdf")
+    return replace(robot, actuators=(Actuator(controller=Controller(kp=KP, kd=KD)),))
+
+
+def moved(robot: Robot, *causes: Cause, noise: float = 1e-5) -> tuple[Recording, Simulation]:
+    """12 s at 250 Hz of references and positions, and the simulation behind them."""
+    rng = np.random.default_rng(3)
+    t = np.arange(3000) / 250.0
+    q_ref = sum(
+        0.3 / hz**0.5 * np.sin(2 * np.pi * hz * t + phase) for hz, phase in ((0.21, 0.3), (0.53, 1.2), (1.1, 2.5))
+    )[:, None]
+    law = position_control(t, q_ref, np.zeros_like(q_ref), kp=np.array([KP]), kd=np.array([KD]))
+    found = simulate(robot, causes, law, t, np.zeros(1))
+    q = found.q + noise * rng.standard_normal(q_ref.shape)
+    return Recording("moved.csv", robot.joint_names, t, q, None, q_ref=q_ref), found
+
+
+def cause(effect: str, joint: str | None, *theta: float) -> Cause:
+    return Cause(effect_named(effect), joint, np.array(theta))
+
+
+@pytest.fixture(scope="module")
+def rubbing(pendulum):
+    """Diagnosis of a pendulum with 1 N m more Coulomb friction than modelled, from positions alone."""
+    recording, _ = moved(pendulum, cause("coulomb_friction", "pin", 1.0))
+    return diagnose(motion_robot(pendulum), (with_commanded_torque(recording, pendulum),))
+
+
+def test_the_torque_is_the_one_that_the_simulated_controller_asked_for(pendulum):
+    recording, found = moved(pendulum, noise=1e-7)
+    rebuilt = commanded_torque(recording, pendulum)
+    assert np.abs(rebuilt - found.tau)[20:-20].max() < 0.1
+
+
+def test_a_late_controller_asks_later(pendulum):
+    recording, _ = moved(pendulum)
+    late = replace(pendulum, actuators=(Actuator(controller=Controller(kp=KP, kd=KD, delay=0.008)),))
+    ours, plain = commanded_torque(recording, late), commanded_torque(recording, pendulum)
+    np.testing.assert_allclose(ours[2:], plain[:-2], atol=1e-9)
+
+
+def test_a_controller_asks_no_more_than_its_drive_gives(pendulum):
+    recording, _ = moved(pendulum)
+    weak = replace(pendulum, actuators=(replace(pendulum.actuators[0], torque_limit=2.0),))
+    assert np.abs(commanded_torque(recording, weak)).max() == 2.0
+
+
+def test_friction_is_named_from_positions_alone(rubbing):
+    (finding,) = rubbing.findings
+    assert finding.joint == "pin"
+    assert finding.effect in ("coulomb_friction", "stribeck_friction", "presliding_friction")
+    size = finding.parameters["coulomb_torque" if finding.effect == "stribeck_friction" else "torque"]
+    assert size.value == pytest.approx(1.0, rel=0.15)
+
+
+def test_the_closed_loop_is_judged_in_motion(rubbing):
+    assert rubbing.rollout["rms_after"]["pin"] < 0.3 * rubbing.rollout["rms_before"]["pin"]
+
+
+def test_the_torque_constant_is_not_testable_and_the_reason_is_the_gain(rubbing):
+    (entry,) = (entry for entry in rubbing.not_testable if entry.effect == "torque_constant")
+    assert "product of torque constant and controller gain" in entry.why
+    assert not [bound for bound in rubbing.bounds if bound.effect == "torque_constant"]
+
+
+def test_where_a_torque_was_measured_nothing_is_taken_back(rubbing, pendulum):
+    recording, _ = moved(pendulum)
+    assert told_by_motion(rubbing, (recording,)) is rubbing
+
+
+def test_without_a_gain_the_refusal_says_what_is_needed(pendulum):
+    recording, _ = moved(pendulum)
+    silent = replace(pendulum, actuators=(Actuator(),))
+    with pytest.raises(LogError, match="states no controller with a gain kp of pin: --motion-only needs it"):
+        with_commanded_torque(recording, silent)
+
+
+def test_without_references_the_refusal_says_what_is_needed(pendulum):
+    recording, _ = moved(pendulum)
+    with pytest.raises(LogError, match=r"has no q_ref.<joint> of every joint: --motion-only needs the references"):
+        with_commanded_torque(replace(recording, q_ref=None), pendulum)
+
+
+def test_a_reference_that_is_no_number_is_refused(pendulum):
+    recording, _ = moved(pendulum)
+    q_ref = np.array(recording.q_ref)
+    q_ref[7] = np.nan
+    with pytest.raises(LogError, match=r"q_ref.pin is nan in row 7"):
+        with_commanded_torque(replace(recording, q_ref=q_ref), pendulum)
+
+
+def test_too_few_rows_are_refused(pendulum):
+    recording, _ = moved(pendulum)
+    short = replace(recording, t=recording.t[:5], q=recording.q[:5], q_ref=recording.q_ref[:5])
+    with pytest.raises(LogError, match="has 5 rows"):
+        with_commanded_torque(short, pendulum)

@@ -1,0 +1,98 @@
+"""Recordings whose truth is known, cut into windows."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from identification.diagnosis.blocks import split_blocks
+from identification.log import Log
+from identification.recordings import Recording
+from identification.rollout.compare import Rollout, compared
+from identification.rollout.drives import given_torque
+from identification.rollout.errors import HORIZONS
+from identification.rollout.models import model_of
+from identification.rollout.shots import Shot, under_control, under_torque
+from identification.rollout.starts import states_of
+from identification.rollout.windows import windows_in
+from identification.signals import process_all
+from phantom_dyn import load_robot
+from phantom_dyn.robot import Robot
+from phantom_dyn.simulation import Cause, simulate
+from phantom_dyn.tracking import position_control
+
+ROBOTS = Path(__file__).resolve().parents[2] / "robots"
+Array = np.ndarray
+
+
+@dataclass(frozen=True)
+class Recorded:
+    """A simulated recording, ready for fitting."""
+
+    robot: Robot
+    recording: Recording
+    log: Log
+    cutoff_hz: float
+
+    def shots(self, seconds: float = 0.5, count: int = 12) -> tuple[Shot, ...]:
+        blocks = split_blocks((self.log,), self.cutoff_hz)
+        every, seen = np.arange(len(blocks)), np.full(len(blocks), -1)
+        windows = windows_in((self.log,), blocks, seen, every, seconds=seconds, lead=0.15, count=count)
+        states = states_of(self.log, self.cutoff_hz)
+        return tuple(Shot(self.log, states, window) for window in windows)
+
+    def rollout(self, *causes: Cause, controlled: bool = False, seconds: float = 0.5) -> Rollout:
+        """Of the given model and of one with ``causes``."""
+        given, corrected = model_of(self.robot, ()), model_of(self.robot, causes)
+        torque = {m: given_torque(m, self.log.motion.t, self.log.tau) for m in (given, corrected)}
+
+        def open_loop(shot, model, nudge):
+            return under_torque(shot, model, torque[model], nudge)
+
+        pair = given, corrected
+        shoot = under_control if controlled else open_loop
+        horizons = tuple(h for h in (2.0, 1.0, *HORIZONS) if h <= seconds)
+        return compared(self.robot, lambda window: pair, self.shots(seconds), shoot, horizons, "the torque")
+
+
+@pytest.fixture(scope="session")
+def pendulum() -> Robot:
+    """A rod of 0.6 kg m^2 about its pin, 2 kg at 0.5 m below it, with friction."""
+    return load_robot(ROBOTS / "pendulum.urdf")
+
+
+@pytest.fixture(scope="session")
+def planar() -> Robot:
+    """Joints shoulder and elbow, both about y, hanging, with friction and rotors."""
+    robot = load_robot(ROBOTS / "planar2.urdf")
+    model = robot.model.copy()
+    model.armature = np.array([0.3, 0.1])
+    return replace(robot, model=model)
+
+
+@pytest.fixture(scope="session")
+def record() -> Callable[..., Recorded]:
+    """A robot with causes under a position controller, 8 s at 250 Hz with encoder and torque noise."""
+
+    def made(robot: Robot, *causes: Cause, noise: float = 1e-5, kp: float = 300.0, kd: float = 30.0) -> Recorded:
+        rng = np.random.default_rng(5)
+        t, nv = np.arange(2000) / 250.0, robot.nv
+        q, v = np.zeros((len(t), nv)), np.zeros((len(t), nv))
+        for j in range(nv):
+            for hz in rng.uniform(0.15, 1.1, 4):
+                w, phase, size = 2 * np.pi * hz, rng.uniform(0, 2 * np.pi), 0.25 / max(hz, 0.4)
+                q[:, j] += size * np.sin(w * t + phase)
+                v[:, j] += size * w * np.cos(w * t + phase)
+        law = position_control(t, q, 0.0 * v, kp=np.full(nv, kp), kd=np.full(nv, kd))
+        moved = simulate(robot, causes, law, t, q[0], v[0])
+        readings = moved.q + noise * rng.standard_normal(q.shape)
+        tau = moved.tau + 0.01 * rng.standard_normal(q.shape)
+        recording = Recording("sim.csv", robot.joint_names, t, readings, tau, q_ref=q)
+        (log,), cutoff_hz = process_all((recording,), robot)
+        return Recorded(robot, recording, log, cutoff_hz)
+
+    return made

@@ -1,0 +1,172 @@
+"""Rollouts against closed forms and known truths."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from identification.diagnosis.diagnose import diagnose
+from identification.rollout.drives import given_torque
+from identification.rollout.errors import Errors, horizon_of
+from identification.rollout.limits import limit_warnings
+from identification.rollout.models import model_of
+from identification.rollout.shots import under_torque
+from identification.rollout.starts import States, states_of, true_state
+from phantom_dyn.effects.catalogue import effect_named
+from phantom_dyn.errors import ParameterError
+from phantom_dyn.robot import Actuator, Controller
+from phantom_dyn.simulation import Cause, simulate
+from phantom_dyn.tracking import torque_over_time
+
+WIDE = (
+    ("coulomb_friction", "shoulder", 1.0),
+    ("viscous_friction", "elbow", 0.8),
+    ("rotor_inertia", "elbow", 0.2),
+    ("payload", None, 1.0, 0.0, 0.0, -0.3),
+    ("base_tilt", None, 0.0, 0.1),
+    ("torque_constant", "shoulder", 0.8),
+    ("torque_saturation", "shoulder", 8.0),
+    ("input_delay", None, 0.006),
+    ("actuator_lag", "elbow", 0.006),
+    ("encoder_offset", "elbow", 0.05),
+    ("presliding_friction", "elbow", 1.0, 0.01),
+    ("stribeck_friction", "shoulder", 0.5, 1.5, 0.2),
+    ("parasitic_spring", "elbow", 5.0, 0.3),
+)
+
+
+def cause(effect: str, joint: str | None, *theta: float) -> Cause:
+    return Cause(effect_named(effect), joint, np.array(theta))
+
+
+def test_a_pendulum_let_go_follows_its_closed_form(pendulum, record):
+    free = replace(pendulum, viscous_friction=np.zeros(1), coulomb_friction=np.zeros(1))
+    w = np.sqrt(2.0 * 9.81 * 0.5 / 0.6)
+    made = record(free)
+    t = made.log.motion.t
+    swing = 0.01 * np.cos(w * t)[:, None]
+    speed = -0.01 * w * np.sin(w * t)[:, None]
+    states = replace(states_of(made.log, made.cutoff_hz), q=swing, v=speed, a=-(w**2) * swing, raw=swing)
+    shot = replace(made.shots()[3], states=states)
+    assert np.abs(under_torque(shot, model_of(free, ()), np.zeros((len(t), 1))) - shot.read).max() < 2e-7
+
+
+@pytest.mark.parametrize("truth", WIDE, ids=lambda truth: truth[0])
+def test_the_true_model_stays_near_the_recording_and_the_given_one_does_not(planar, record, truth):
+    true = cause(*truth)
+    found = record(planar, true).rollout(true)
+    before, after = (np.linalg.norm(list(rms.values())) for rms in (found.rms_before, found.rms_after))
+    assert found.horizon_s == 0.5
+    assert after < 0.25 * before
+    assert after < 2e-3
+
+
+@pytest.mark.parametrize("truth", [("backlash", "elbow", 0.03), ("transmission_compliance", "elbow", 150.0)])
+def test_a_loose_motor_lessens_the_error_of_its_own_joint(planar, record, truth):
+    true = cause(*truth)
+    found = record(planar, true).rollout(true)
+    assert found.rms_after["elbow"] < 0.5 * found.rms_before["elbow"]
+
+
+def test_without_a_gap_both_models_err_alike_and_little(planar, record):
+    found = record(planar).rollout()
+    assert found.rms_before == found.rms_after
+    assert max(found.rms_after.values()) < 2e-3
+
+
+@pytest.mark.parametrize(
+    "truth",
+    [("input_delay", None, 0.0132), ("actuator_lag", "elbow", 0.02), ("torque_constant", "elbow", 0.7),
+     ("torque_saturation", "shoulder", 3.0)],
+    ids=lambda truth: truth[0],
+)  # fmt: skip
+def test_drives_give_what_a_simulation_gives(planar, truth):
+    t = np.arange(800) / 1000.0
+    asked = np.column_stack([5.0 * np.sin(7.0 * t), 2.0 * np.cos(9.0 * t)])
+    true = cause(*truth)
+    measured = replace(planar, torque_source="sensor")
+    # What a sensor has read is of the step before a sample: in the middle half a step earlier.
+    given = simulate(measured, (true,), torque_over_time(t, asked), t, np.zeros(2), max_step=1e-3).tau
+    ours = given_torque(model_of(planar, (true,)), t - 0.0005, asked)
+    shifted = np.column_stack([np.interp(t - 0.0005, t, column) for column in ours.T])
+    assert np.abs(shifted - given)[50:].max() < 0.02
+
+
+def test_a_torque_that_acts_late_is_shifted_by_samples(planar):
+    t = np.arange(100) / 100.0
+    ramp = np.column_stack([t, 2.0 * t])
+    late = given_torque(model_of(planar, (), late=0.5), t, ramp)
+    np.testing.assert_allclose(late[1:], ramp[1:] - [0.005, 0.01], atol=1e-12)
+
+
+def test_readings_are_undone_at_the_start(planar):
+    wrong = (cause("encoder_eccentricity", "elbow", 0.02, 0.3, 1.0), cause("encoder_offset", "shoulder", 0.1))
+    at = np.array([[0.5, 0.7]])
+    read = States(at, np.array([[1.0, 2.0]]), 0.0 * at, at, np.zeros(2), np.zeros(2))
+    q, v = true_state(model_of(planar, wrong), read, 0, 0.01)
+    assert q[0] == pytest.approx(0.4)
+    assert q[1] + 0.02 * np.sin(q[1] + 0.3) == pytest.approx(0.7, abs=1e-9)
+    assert v[1] * (1.0 + 0.02 * np.cos(q[1] + 0.3)) == pytest.approx(2.0, rel=1e-5)
+
+
+def test_smoothed_states_are_better_than_the_readings(planar, record):
+    noisy, clean = record(planar, noise=1e-3), record(planar, noise=1e-9)
+    states = states_of(noisy.log, noisy.cutoff_hz)
+    at = slice(200, 1800)
+    error = (states.q - clean.log.raw_q)[at].std(axis=0)
+    assert (error < 0.5e-3).all()
+    assert (error < 2.0 * states.q_std).all()
+
+
+def errors(grows: float) -> Errors:
+    t = np.linspace(0.0, 0.5, 101)
+    one = np.ones((101, 1))
+    return Errors((t,), (0.01 * one,), (0.001 * one,), (1e-4 * np.exp(grows * t)[:, None],), (0.1 * one,))
+
+
+def test_the_whole_horizon_is_taken_where_the_noise_stays_small():
+    assert horizon_of(errors(1.0)) == 0.5
+
+
+def test_the_horizon_ends_where_the_noise_of_the_start_has_grown():
+    # The root mean square of 1e-4 exp(20 t) passes 0.05 of the travel, 5e-3, between 0.15 and 0.25 s.
+    assert horizon_of(errors(20.0)) == 0.25
+
+
+def test_limits_that_only_the_simulation_passes_are_told(pendulum):
+    inside, outside = np.full((5, 1), 2.9), np.full((5, 1), 3.1)
+    (said,) = limit_warnings(pendulum, (inside, inside, outside), (inside, outside, outside))
+    assert said.startswith("In 1 of 3 simulated windows pin runs past the model's limits of -3 to 3 rad")
+
+
+def test_a_motor_without_inertia_cannot_be_simulated_apart(pendulum, record):
+    made = record(pendulum)
+    with pytest.raises(ParameterError, match="has no rotor inertia"):
+        made.rollout(cause("backlash", "pin", 0.01))
+
+
+def test_windows_keep_off_samples_that_must_not_be_used(planar, record):
+    made = record(planar)
+    valid = made.log.valid.copy()
+    valid[900:905] = False
+    shots = replace(made, log=replace(made.log, valid=valid)).shots(count=50)
+    assert shots
+    for shot in shots:
+        assert valid[shot.window.start - shot.window.lead : shot.window.stop].all()
+
+
+def test_under_its_controller_the_true_model_stays_near_the_recording(planar, record):
+    stated = replace(planar, actuators=(Actuator(controller=Controller(kp=300.0, kd=30.0)),) * 2)
+    true = cause("coulomb_friction", "shoulder", 3.0)
+    found = record(stated, true).rollout(true, controlled=True, seconds=0.5)
+    assert found.horizon_s == 0.5
+    assert found.rms_after["shoulder"] < 0.05 * found.rms_before["shoulder"]
+
+
+def test_a_diagnosis_says_how_far_the_motion_of_both_models_strays(pendulum, record):
+    made = record(pendulum, cause("coulomb_friction", "pin", 1.0))
+    rollout = diagnose(pendulum, (made.recording,)).rollout
+    assert set(rollout) == {"horizon_s", "rms_before", "rms_after"}
+    assert rollout["rms_after"]["pin"] < 0.2 * rollout["rms_before"]["pin"]
