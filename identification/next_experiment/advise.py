@@ -39,6 +39,8 @@ _LOADED = 3
 _SEED = 20260109
 # Length of a proposed recording [s]: that of those at hand, within these.
 _SHORTEST, _LONGEST = 8.0, 20.0
+# Rows per second of a reference: those of the recordings, no more than a controller's clock.
+_RATE_HZ = 1000.0
 # Power above which a further difference counts by its size.
 _SURE = 0.995
 
@@ -112,6 +114,9 @@ def with_next_experiment(
         trials = tried(robot, limits, lab, rivalry_of(search, groups), _duration(logs))
     except (RobotError, ParameterError) as problem:
         out = replace(diagnosis, notes=(*diagnosis.notes, f"No further experiment is proposed: {problem}"))
+    except np.linalg.LinAlgError:
+        note = "No further experiment is proposed: the fits of the rivals cannot be compared; take a longer recording."
+        out = replace(diagnosis, notes=(*diagnosis.notes, note))
     else:
         out = _told(diagnosis, logs, groups, trials)
     return replace(out, seconds=diagnosis.seconds + time.perf_counter() - started)
@@ -199,7 +204,7 @@ def _told(
     return replace(
         diagnosis,
         next_experiment=experiment,
-        next_motion=best.candidate.motion(logs[0].band.rate_hz),
+        next_motion=best.candidate.motion(min(logs[0].band.rate_hz, _RATE_HZ)),
         notes=(*diagnosis.notes, *notes),
     )
 

@@ -18,6 +18,9 @@ Array = np.ndarray
 # Draws of what the recordings leave possible, the fit itself beside them.
 _DRAWS = 7
 _SEED = 20260108
+# By so much, in squared standard deviations, a rival may be ahead or behind that held-out data have left on the list:
+# what it is ahead in sample beyond that is what its shapes have fitted of the noise.
+_AHEAD = 8.0
 # A pair is parted if a claim is at least this likely.
 LEAST_POWER = 0.5
 
@@ -102,7 +105,8 @@ def _parted(
     for other in rivalry.models[wrong.effects]:
         before = distance(possible, rivalry.moves, other, rivalry.recorded)
         more = np.maximum(distance(possible, rivalry.moves, other, together) - before, 0.0)
-        power = np.minimum(power, power_of(more, other.score - model.score, threshold))
+        ahead = float(np.clip(other.score - model.score, -_AHEAD, _AHEAD))
+        power = np.minimum(power, power_of(more, ahead, threshold))
         gain = np.minimum(gain, more)
     return float(power.mean()), float(np.median(gain))
 

@@ -1,4 +1,4 @@
-"""Limits that a proposed motion keeps: what the robot states, and hardly more than it was recorded to do."""
+"""Limits that a proposed motion keeps: what the robot states, and not much more than it was recorded to do."""
 
 from __future__ import annotations
 
@@ -13,9 +13,9 @@ from phantom_dyn.robot import Robot
 Array = np.ndarray
 
 # A joint goes at most this share of its recorded range beyond either end of it.
-_BEYOND = 0.1
+_BEYOND = 0.25
 # Times the largest recorded speed, acceleration and torque.
-_FASTER, _SHARPER, _STRONGER = 1.25, 1.5, 1.25
+_FASTER, _SHARPER, _STRONGER = 1.5, 2.0, 1.5
 # A joint that was held may not move at all: this much [rad or m] is none.
 _HELD = 1e-4
 
@@ -35,7 +35,11 @@ def safe_limits(robot: Robot, logs: tuple[Log, ...]) -> Limits:
     lower[rows] = np.maximum(lower[rows], q.min(axis=0) - _BEYOND * reach)
     upper[rows] = np.minimum(upper[rows], q.max(axis=0) + _BEYOND * reach)
     velocity[rows] = np.minimum(velocity[rows], _FASTER * _largest([log.motion.v for log in logs]))
-    torque = np.minimum(stated.torque, _STRONGER * _largest([log.band(log.tau) for log in logs]))
+    # Of a joint that was held, the recorded torque says nothing: it may at least overcome its friction.
+    shown = np.maximum(
+        _STRONGER * _largest([log.band(log.tau) for log in logs]), 2.0 * np.array(robot.coulomb_friction)
+    )
+    torque = np.minimum(stated.torque, shown)
     acceleration = _SHARPER * _largest([log.motion.a for log in logs])
     return Limits(lower, upper, velocity, acceleration, torque)
 

@@ -20,9 +20,10 @@ def proposal_words(
 ) -> str:
     """One sentence: what to record, and what it will tell."""
     load = "" if mass is None else f" with {_mass_words(mass)}"
+    motion = f"{candidate.shapes.duration:g} s, {candidate.kind}"
+    safe = "at most a quarter beyond the positions and half beyond the speeds and torques of the recording"
     return (
-        f"Record the motion of {reference}{load} ({candidate.shapes.duration:g} s, {candidate.kind}, hardly beyond the "
-        f"positions, speeds and torques of the recording; distances to obstacles are not looked at) and diagnose it "
+        f"Record the motion of {reference}{load} ({motion}, {safe}; obstacles are not looked at) and diagnose it "
         f"together with this recording: with a probability of {percent(power)} it tells {_pairs_words(parted)}."
     )
 
