@@ -104,7 +104,7 @@ RECORDINGS = (
     ),
     RealRecording(
         "odrive_cogging",
-        "brushless motor, three slow turns, in amperes",
+        "brushless motor, three slow turns; 1 N m stands for 1 A",
         "inertia only",
         "cogging: 7, 28, 14, 36 and 12 cycles a turn lead the map of holding currents",
         lambda: _beside("odrive_cogging", "robot.urdf"),

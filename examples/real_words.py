@@ -11,7 +11,8 @@ VERDICTS = {
     "no_gap": "No gap",
     "not_testable": "Not testable with this recording",
 }
-_DETAILED = 4  # up to as many findings are given with their sizes
+_DETAILED = 4  # up to as many findings are given with their sizes, of more the places alone
+_MOST_PARAMETERS = 4  # of a finding; more, as base parameters are, make no cell
 
 
 def _size(value: dict) -> str:
@@ -37,12 +38,17 @@ def _rivals(finding: dict) -> str:
         + f" ({rival['probability']:.2f})"
         for rival in finding["rivals"]
     ]
-    return f"; or {', or '.join(sets)}" if sets else ""
+    return f"; probability {finding['probability']:.2f}, or {', or '.join(sets)}" if sets else ""
 
 
-def _one(finding: dict, detailed: bool) -> str:
+def _marked(finding: dict) -> str:
+    """The place alone, with a mark where it is a question."""
+    return _where(finding["joint"]) + (" `*`" if finding["rivals"] else "")
+
+
+def _one(finding: dict) -> str:
     share = f"{100 * finding['gap_closed']:.0f} % of the gap"
-    sizes = _sizes(finding) if detailed and len(finding["parameters"]) <= _DETAILED else ""
+    sizes = _sizes(finding) if len(finding["parameters"]) <= _MOST_PARAMETERS else ""
     inside = f"{sizes}; {share}" if sizes else share
     return f"{_where(finding['joint'])} ({inside}{_rivals(finding)})"
 
@@ -62,10 +68,13 @@ def said(diagnosis: dict) -> str:
     groups: dict[str, list[dict]] = {}
     for finding in findings:
         groups.setdefault(finding["effect"], []).append(finding)
+    tell = _one if detailed else _marked
     named = [
-        f"{effect_words(effect).name}: {', '.join(_one(finding, detailed) for finding in group)}"
+        f"{effect_words(effect).name}: {', '.join(tell(finding) for finding in group)}"
         for effect, group in groups.items()
     ]
+    if not detailed and any(finding["rivals"] for finding in findings):
+        named.append("With `*`: the data leave rivals")
     rest = diagnosis["unexplained"]
     verdict = VERDICTS[diagnosis["verdict"]]
     if rest["structured"] and diagnosis["verdict"] in ("partly_explained", "unknown"):

@@ -10,6 +10,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from identification.diagnosis.diagnose import diagnose
 from identification.recordings import read_recording
 from phantom_dyn import load_robot
 from phantom_dyn.errors import LogError
@@ -54,6 +55,23 @@ def test_the_drive_of_the_xl330_is_on_throughout_every_log(mirror, tmp_path):
     logs = write_xl330_logs(tmp_path)
     with np.load(mirror / "bam_xl330" / "bam_xl330.npz") as runs:
         assert [runs[f"{log.stem}__torque_enable"].all() for log in logs] == [True] * 4
+
+
+def test_the_gap_of_the_xl330_is_friction_of_its_servo(mirror, tmp_path):
+    # Published: Coulomb and viscous friction at least (Duclusaud et al. 2025); load and rotor inertia are in the model.
+    from real_logs import write_xl330_logs
+
+    robot = load_robot(DATA / "xl330" / "robot.urdf")
+    found = diagnose(robot, tuple(read_recording(log, robot) for log in write_xl330_logs(tmp_path))).findings
+    assert found
+    assert {finding.effect for finding in found} <= {
+        "coulomb_friction",
+        "viscous_friction",
+        "direction_dependent_friction",
+        "presliding_friction",
+        "stribeck_friction",
+        "load_dependent_friction",
+    }
 
 
 def test_counts_of_the_brushless_motor_become_radians_and_amperes_stay(mirror, tmp_path):
@@ -126,8 +144,8 @@ def test_a_cell_of_the_table_names_rivals_with_their_probability():
     from real_words import said
 
     rivals = [{"effects": [{"effect": "viscous_friction", "joint": "j1"}], "probability": 0.25}]
-    cell = said({**EXPLAINED, "findings": [{**FINDING, "rivals": rivals}]})
-    assert "91 % of the gap; or viscous friction (0.25)" in cell
+    cell = said({**EXPLAINED, "findings": [{**FINDING, "probability": 0.75, "rivals": rivals}]})
+    assert "91 % of the gap; probability 0.75, or viscous friction (0.25)" in cell
 
 
 def test_a_cell_of_the_table_gives_orders_of_cogging_largest_first():
@@ -145,6 +163,15 @@ def test_a_cell_of_the_table_tells_what_rests():
     rest = {"fraction_of_explainable": 0.65, "structured": True, "where": {"joint": "j1", "regime": "everywhere"}}
     cell = said({"verdict": "unknown", "findings": [], "unexplained": rest})
     assert cell == "Unknown: most of the gap has no name in the catalogue (65 % of what could be explained, j1)."
+
+
+def test_a_cell_of_many_findings_gives_places_and_marks_those_with_rivals():
+    from real_words import said
+
+    rivals = [{"effects": [{"effect": "viscous_friction", "joint": "j1"}], "probability": 0.25}]
+    many = [{**FINDING, "joint": f"j{k}", "rivals": rivals if k == 2 else []} for k in range(1, 6)]
+    wanted = "Explained. Coulomb friction: j1, j2 `*`, j3, j4, j5. With `*`: the data leave rivals."
+    assert said({**EXPLAINED, "findings": many}) == wanted
 
 
 def test_a_rest_is_not_told_where_the_gap_is_explained():
