@@ -23,7 +23,11 @@ def parser() -> argparse.ArgumentParser:
     out.add_argument("robot", metavar="ROBOT", help="URDF or MJCF file, example:NAME, or a built-in device")
     out.add_argument("logs", metavar="LOG", nargs="+", help="CSV, Parquet, NPZ, ROS bag or MCAP")
     out.add_argument(
-        "--out", metavar="DIR", type=Path, help="write diagnosis.json, report.html and corrected.yaml there"
+        "--out",
+        metavar="DIR",
+        type=Path,
+        help="write diagnosis.json, report.html, corrected.yaml, .urdf and .xml, randomisation.yaml, feedforward.py and "
+        ".csv there",
     )
     out.add_argument("--json", metavar="FILE", type=Path, help="write the diagnosis as JSON to this file")
     several = {"action": "extend", "nargs": "+", "default": []}
@@ -106,7 +110,10 @@ def run(arguments: argparse.Namespace) -> int:
         recordings, hold_out = read_all[: len(arguments.logs)], read_all[len(arguments.logs) :]
         diagnosis = diagnose(robot, recordings, hold_out=hold_out, known=known, changes=changes, progress=progress.say)
         progress.say("writing")
-        written = write_outputs(diagnosis, robot, out=arguments.out, json_file=arguments.json)
+        config = arguments.robot_config
+        written = write_outputs(
+            diagnosis, robot, out=arguments.out, json_file=arguments.json, known=known, config=config
+        )
     from identification.diagnosis.summary import summary
 
     print(summary(diagnosis))

@@ -169,7 +169,7 @@ def _diagnosed(
         diagnosis = diagnose(robot, (found,), known=known)
         if folder is not None:
             with _WRITING:
-                write_outputs(diagnosis, robot, out=folder, json_file=None)
+                write_outputs(diagnosis, robot, out=folder, json_file=None, known=known)
     except PhantomDynError as refusal:
         return replace(row, refusal=str(refusal))
     # Days of work on other recordings must not end here; the row says what happened.

@@ -6,8 +6,11 @@ import os
 from contextlib import ExitStack
 from pathlib import Path
 
+from identification.corrected.written import NAMES as MODELS
+from identification.corrected.written import written
 from identification.diagnosis.json_output import json_text
 from identification.diagnosis.result import Diagnosis
+from identification.diagnosis.terms import KnownEffect
 from identification.export.corrected import write_corrected
 from identification.files import temporary_beside
 from identification.next_experiment.reference import reference_text
@@ -27,22 +30,34 @@ def check_targets(out: Path | None, json_file: Path | None) -> None:
     if out is not None:
         if out.exists() and not out.is_dir():
             raise UsageError(f"--out {out} is a file, wanted a folder; name another folder")
-        for name in (*NAMES, NEXT):
+        for name in (*NAMES, NEXT, *MODELS):
             _check_file(out / name, "--out")
     if json_file is not None:
         _check_file(json_file, "--json")
 
 
-def write_outputs(diagnosis: Diagnosis, robot: Robot, *, out: Path | None, json_file: Path | None) -> tuple[Path, ...]:
+def write_outputs(
+    diagnosis: Diagnosis,
+    robot: Robot,
+    *,
+    out: Path | None,
+    json_file: Path | None,
+    known: tuple[KnownEffect, ...] = (),
+    config: Path | None = None,
+) -> tuple[Path, ...]:
     """Write ``diagnosis.json``, ``report.html`` and ``corrected.yaml`` into a folder, and the JSON to a file.
 
-    The motion that is proposed next goes beside them as ``next.csv``, where there is one.
+    The motion that is proposed next goes beside them as ``next.csv``, where there is one; so do the corrected model as
+    URDF and MJCF, ranges for training and a feedforward law, as far as they can be written. Those of an earlier run
+    that this one cannot write are removed, as they would pass for this one's.
 
     Args:
         diagnosis: What was found.
         robot: The robot as it was given; its source and hash go into ``corrected.yaml``, its shape into the report.
         out: The folder, made where it is missing; other files in it are kept. None: no folder.
         json_file: Another place for the JSON. None: nowhere.
+        known: Effects that belong to the given model already.
+        config: The ``robot.yaml`` that was given, None for the one beside the robot's file.
 
     Returns:
         The files written.
@@ -55,8 +70,10 @@ def write_outputs(diagnosis: Diagnosis, robot: Robot, *, out: Path | None, json_
     contents: dict[Path, str] = {}
     if out is not None:
         corrected = write_corrected(diagnosis, robot.source, robot.sha256)
+        models, diagnosis = written(diagnosis, robot, folder=out, known=known, config=config)
         texts = (json_text(diagnosis), _report(diagnosis, robot), corrected)
         contents = {out / name: text for name, text in zip(NAMES, texts, strict=True)}
+        contents |= {out / name: text for name, text in models.items()}
         if diagnosis.next_motion is not None:
             contents[out / NEXT] = reference_text(diagnosis.next_motion, robot.joint_names)
     if json_file is not None:
@@ -64,6 +81,9 @@ def write_outputs(diagnosis: Diagnosis, robot: Robot, *, out: Path | None, json_
     with ExitStack() as renamed_together:
         for path, text in contents.items():
             renamed_together.enter_context(temporary_beside(path)).write_bytes(text.encode())
+    for name in MODELS if out is not None else ():
+        if out / name not in contents:
+            (out / name).unlink(missing_ok=True)
     return tuple(contents)
 
 

@@ -16,8 +16,10 @@ import pyarrow.parquet as pq
 import pytest
 
 from identification.cli.main import main
+from identification.corrected.written import NAMES as MODELS
+from identification.diagnosis.outputs import NAMES
 
-OURS = ["corrected.yaml", "diagnosis.json", "report.html"]
+OURS = sorted([*NAMES, *MODELS])
 
 
 def names_in(folder: Path) -> list[str]:
@@ -63,7 +65,7 @@ def plain(finished) -> dict:
     return content
 
 
-def test_the_folder_holds_three_files(finished):
+def test_the_folder_holds_all_files(finished):
     assert names_in(finished / "deep" / "out") == OURS
 
 
@@ -99,7 +101,7 @@ def test_what_is_ours_is_replaced_and_the_rest_kept(tmp_path, pendulum, log):
     (out / "notes.txt").write_text("mine")
     (out / "diagnosis.json").write_text("old")
     assert main(["diagnose", str(pendulum), str(log), "--out", str(out)]) == 0
-    assert names_in(out) == [*OURS[:2], "notes.txt", OURS[2]]
+    assert names_in(out) == sorted([*OURS, "notes.txt"])
     assert (out / "notes.txt").read_text() == "mine"
     assert json.loads((out / "diagnosis.json").read_text())["verdict"] == "explained"
 

@@ -10,6 +10,8 @@ from pathlib import Path
 import pytest
 
 from identification.cli.main import main
+from identification.corrected.written import NAMES as MODELS
+from identification.diagnosis.outputs import NAMES
 
 
 @pytest.fixture(scope="module")
@@ -31,8 +33,8 @@ def finished(tmp_path_factory, pendulum, logs):
 def test_one_refused_recording_is_exit_code_2_and_the_others_are_written(finished):
     out, code = finished
     written = sorted(str(path.relative_to(out)) for path in out.rglob("*.*"))
-    ours = ["diagnoses.csv", "diagnoses.json", "good/corrected.yaml", "good/diagnosis.json", "good/report.html"]
-    assert (code, written) == (2, ours)
+    ours = ["diagnoses.csv", "diagnoses.json", *(f"good/{name}" for name in (*NAMES, *MODELS))]
+    assert (code, written) == (2, sorted(ours))
 
 
 def test_the_table_has_one_row_a_recording(finished):

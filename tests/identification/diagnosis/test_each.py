@@ -11,12 +11,14 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from identification.corrected.written import NAMES as MODELS
 from identification.diagnosis import each
 from identification.diagnosis.diagnose import diagnose
 from identification.diagnosis.each import DiagnosedRecording, DiagnosedRecordings, diagnose_each
 from identification.diagnosis.each_folders import folder_names, logs_in
 from identification.diagnosis.each_tables import csv_text, json_text, table, write_tables
 from identification.diagnosis.json_output import to_json
+from identification.diagnosis.outputs import NAMES
 from identification.recordings import read_recording
 from phantom_dyn.errors import LogError, ParameterError, UsageError
 from phantom_dyn.large_work import WorkerLostError
@@ -123,7 +125,7 @@ def test_progress_counts_the_recordings(pendulum, logs):
 def test_each_recording_gets_its_folder_and_a_refused_one_none(pendulum, logs, tmp_path):
     diagnose_each(pendulum, logs[1:3], out=tmp_path / "out", jobs=1)
     written = sorted(str(path.relative_to(tmp_path)) for path in tmp_path.rglob("*.*"))
-    assert written == [f"out/run0/{name}" for name in ("corrected.yaml", "diagnosis.json", "report.html")]
+    assert written == sorted(f"out/run0/{name}" for name in (*NAMES, *MODELS))
 
 
 @pytest.mark.parametrize(

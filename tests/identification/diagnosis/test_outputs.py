@@ -7,6 +7,7 @@ from pathlib import Path
 
 import pytest
 
+from identification.corrected.written import NAMES as MODELS
 from identification.diagnosis.outputs import write_outputs
 from identification.diagnosis.result import Diagnosis, Value
 from identification.export.corrected import read_corrected
@@ -20,11 +21,11 @@ def diagnosis(made_up) -> Diagnosis:
     return made_up(ROBOT.joint_names, samples=400)
 
 
-def test_a_folder_gets_the_three_files(made_up, tmp_path):
+def test_a_folder_gets_all_files(made_up, tmp_path):
     out = tmp_path / "new" / "report"
     written = write_outputs(diagnosis(made_up), ROBOT, out=out, json_file=None)
-    assert [path.name for path in written] == ["diagnosis.json", "report.html", "corrected.yaml"]
-    assert sorted(path.name for path in out.iterdir()) == ["corrected.yaml", "diagnosis.json", "report.html"]
+    assert [path.name for path in written] == ["diagnosis.json", "report.html", "corrected.yaml", *MODELS]
+    assert sorted(path.name for path in out.iterdir()) == sorted(path.name for path in written)
     assert read_corrected(out / "corrected.yaml").sha256 == ROBOT.sha256
 
 
@@ -84,3 +85,25 @@ def test_a_parameter_without_a_value_leaves_no_file(made_up, tmp_path):
 def test_the_report_shows_the_robot(made_up, tmp_path):
     write_outputs(diagnosis(made_up), ROBOT, out=tmp_path, json_file=None)
     assert 'id="robot-figure"' in (tmp_path / "report.html").read_text()
+
+
+def test_what_the_files_cannot_say_is_in_the_report(made_up, tmp_path):
+    write_outputs(diagnosis(made_up), ROBOT, out=tmp_path, json_file=None)
+    page = (tmp_path / "report.html").read_text()
+    assert "corrected.xml: loaded again with MuJoCo" in page
+    assert "corrected.xml: shapes and sensors of the given file are not in it." in page
+
+
+def test_a_model_of_an_earlier_run_that_cannot_be_written_is_removed(made_up, tmp_path):
+    (tmp_path / "corrected.xml").write_text("old")
+    heavy = dataclasses.replace(
+        made_up().findings[0],
+        effect="payload",
+        joint=None,
+        parameters={name: Value(-9.0, 0.1, "kg") for name in ("mass", "center_x", "center_y", "center_z")},
+    )
+    found = dataclasses.replace(diagnosis(made_up), findings=(heavy,))
+    written = write_outputs(found, ROBOT, out=tmp_path, json_file=None)
+    assert [path.name for path in written] == ["diagnosis.json", "report.html", "corrected.yaml"]
+    assert not (tmp_path / "corrected.xml").exists()
+    assert "would weigh" in (tmp_path / "report.html").read_text()
