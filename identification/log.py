@@ -59,6 +59,7 @@ class Log:
         valid: False where a sample must not be used (excluded, in a gap), shape ``(N,)``.
         raw_q: Positions [rad or m] before they were low-passed, shape ``(N, nv)``; None where nobody kept them.
         q_ref: References of the position controllers at the same instants, shape ``(N, nv)``; None where not recorded.
+        external: Torque of the measured external forces on the joints [N m or N], ``(N, nv)``; None where none was.
     """
 
     file: str
@@ -69,6 +70,7 @@ class Log:
     valid: Bool[Array, " N"]
     raw_q: Float[Array, "N nv"] | None = None
     q_ref: Float[Array, "N nv"] | None = None
+    external: Float[Array, "N nv"] | None = None
 
     def __post_init__(self):
         object.__setattr__(self, "tau", read_only(self.tau))

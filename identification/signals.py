@@ -11,6 +11,7 @@ from __future__ import annotations
 import numpy as np
 from jaxtyping import Float
 
+from identification.external_force import external_torque
 from identification.log import Band, Log
 from identification.recordings import Recording
 from identification.spectra import acceleration_edge, driven_edge, torque_edge
@@ -155,7 +156,9 @@ def process(recording: Recording, robot: Robot, *, cutoff_hz: float | None = Non
         )
     smooth, v, a = differentiate(q, rate, motion_edge(band))
     wanted = None if recording.q_ref is None else _on_grid(recording.t, recording.q_ref, t)
-    return Log(recording.file, recording.joint_names, Motion(t, smooth, v, a), tau, band, valid, q, wanted)
+    forces = {frame: _on_grid(recording.t, force, t) for frame, force in recording.forces.items()}
+    external = external_torque(robot, smooth, forces) if forces else None
+    return Log(recording.file, recording.joint_names, Motion(t, smooth, v, a), tau, band, valid, q, wanted, external)
 
 
 def _on_grid(t: Array, columns: Array, grid: Array) -> Array:

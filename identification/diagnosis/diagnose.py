@@ -31,6 +31,7 @@ from identification.diagnosis.search import Search, claimed, set_up_search
 from identification.diagnosis.stepwise import best_short, explain
 from identification.diagnosis.terms import FoundEffect, KnownEffect, Term
 from identification.diagnosis.threshold import Threshold
+from identification.diagnosis.transient import with_pushes
 from identification.diagnosis.whitening import whitened, whitened_noise
 from identification.known_changes.apart import apart_by
 from identification.known_changes.change import Change
@@ -132,7 +133,7 @@ def diagnose(
     if not apart.own:
         progress("choosing what to record next")
         out = with_next_experiment(out, robot, logs, search, chosen, noise, cutoff_hz, known)
-    return told_by_recording(out, robot, apart, known)
+    return with_pushes(told_by_recording(out, robot, apart, known), logs)
 
 
 def _set_up(

@@ -22,6 +22,8 @@ def operate(robot: Robot, log: Log, known: tuple[KnownEffect, ...], recording: i
     moves = ~standing_still(log).all(axis=0)
     motion = Motion(log.motion.t, log.motion.q, log.motion.v * moves, log.motion.a * moves)
     tau = inverse_dynamics(robot, motion)
+    # What pushes from outside, the drive need not give.
+    tau = tau if log.external is None else tau - log.external
     plain = Operation(motion.t, motion.q, motion.v, motion.a, robot, tau, tau, log.tau, recording=recording)
     for effect in known:
         # The drive has to give what the model needs less what the effect gives.

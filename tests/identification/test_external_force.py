@@ -1,0 +1,65 @@
+"""Measured forces as joint torques. Oracles: a closed form and virtual work by finite differences."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from identification.diagnosis.operations import operate
+from identification.external_force import external_torque
+from identification.recordings import Recording
+from identification.signals import process
+from phantom_dyn import load_robot
+from phantom_dyn.errors import LogError
+from phantom_dyn.kinematics import frame_pose
+from phantom_dyn.robot import Robot
+
+ROBOTS = Path(__file__).resolve().parents[1] / "robots"
+
+
+@pytest.fixture(scope="module")
+def planar() -> Robot:
+    return load_robot(ROBOTS / "planar2.urdf")
+
+
+def test_a_force_on_the_elbow_turns_the_shoulder_alone(planar):
+    # Closed form: hanging straight down, 3 N along x at the elbow, 0.5 m below the shoulder about y.
+    found = external_torque(planar, np.zeros((1, 2)), {"lower": np.array([[3.0, 0.0, 0.0]])})
+    np.testing.assert_allclose(found, [[-0.5 * 3.0, 0.0]], atol=1e-12)
+
+
+@pytest.mark.parametrize("name", ["arm3.urdf", "fourbar.xml", "parallelogram.urdf"])
+def test_virtual_work_is_that_of_the_force(name):
+    # Finite differences: the force's work over a small step of each driven joint.
+    robot = load_robot(ROBOTS / name)
+    frame = robot.model.frames[robot.model.nframes - 1].name
+    q, force = 0.1 * np.ones((1, robot.nv)), np.array([[1.0, -2.0, 0.5]])
+    found = external_torque(robot, q, {frame: force})[0]
+    for j in range(robot.nv):
+        step = 1e-6 * (np.arange(robot.nv) == j)
+        ahead, behind = (frame_pose(robot, q + side * step, frame)[1][0] for side in (1, -1))
+        assert found[j] == pytest.approx(float(force[0] @ (ahead - behind)) / 2e-6, abs=1e-6)
+
+
+def test_the_drive_need_not_give_what_pushes(planar):
+    t = np.arange(2000) / 200.0
+    q = 0.4 * np.column_stack([np.sin(3 * t), np.cos(4 * t)])
+    force = np.column_stack([np.sin(t), 0 * t, 2 * np.cos(t)])
+    recording = Recording("a.csv", planar.joint_names, t, q, np.zeros_like(q), forces={"lower": force})
+    log, bare = process(recording, planar), process(replace(recording, forces={}), planar)
+    assert log.external is not None
+    less = operate(planar, bare, ()).tau - operate(planar, log, ()).tau
+    np.testing.assert_allclose(less, external_torque(planar, log.motion.q, {"lower": force}), atol=1e-12)
+
+
+def test_a_force_at_an_unknown_frame_is_refused(planar):
+    with pytest.raises(LogError, match=r"f\.tool\.x, \.y and \.z are a force at a frame that planar2 does not have"):
+        external_torque(planar, np.zeros((1, 2)), {"tool": np.zeros((1, 3))})
+
+
+def test_a_force_that_is_not_finite_is_refused(planar):
+    with pytest.raises(LogError, match=r"The force f\.lower is not finite at sample 1: give finite numbers"):
+        external_torque(planar, np.zeros((2, 2)), {"lower": np.array([[0.0, 0.0, 0.0], [np.nan, 0.0, 0.0]])})
