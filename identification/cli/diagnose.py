@@ -26,8 +26,8 @@ def parser() -> argparse.ArgumentParser:
         "--out",
         metavar="DIR",
         type=Path,
-        help="write diagnosis.json, report.html, corrected.yaml, .urdf and .xml, randomisation.yaml, feedforward.py and "
-        ".csv there",
+        help="write diagnosis.json, report.html, corrected.yaml, .urdf and .xml, randomisation.yaml, feedforward.py "
+        "and .csv there",
     )
     out.add_argument("--json", metavar="FILE", type=Path, help="write the diagnosis as JSON to this file")
     several = {"action": "extend", "nargs": "+", "default": []}

@@ -5,7 +5,8 @@ the free link has crossed the gap, and then an impact brings its speed back. Ave
 shows above a frequency of one over the time of flight. Friction acts where the velocity crosses zero, backlash where
 the transmitted torque does: gravity parts the two. Compliance has a resonance that does not move with amplitude.
 Friction and rotor are taken to sit on the motor's side, and impacts to be plastic.
-MJCF: a body of its own for the rotor, and a tendon between with ``range``; URDF has no place for it.
+MJCF: a second joint on the same axis with the gap as its ``range``, the rotor as the first one's ``armature``; URDF has
+no place for it.
 """
 
 from __future__ import annotations

@@ -4,7 +4,7 @@ It leaves the same torque at the same place in both directions and at any speed.
 direction, an eccentric encoder leaves torque that grows with the square of speed: several speeds part them, over at
 least one period. On a linear joint ``n`` is in radians per metre. What it is confused with below one period over the
 travelled range is gravity or a spring, so it is not looked for there.
-MJCF and URDF have no place for it.
+MJCF: a ``dcmotor`` with ``cogging`` for each wave, from MuJoCo 4.0; URDF has no place for it.
 """
 
 from __future__ import annotations

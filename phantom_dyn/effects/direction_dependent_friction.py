@@ -2,7 +2,8 @@
 
 It contains Coulomb friction, viscous friction and a torque offset as special cases. Without a difference of the
 viscous parts it is Coulomb friction plus an offset, and nothing can part the two.
-URDF and MJCF have no place for it.
+URDF and MJCF have a place for the mean of both directions only; MJCF for half the difference of the torques too, as
+``biasprm`` of the actuator.
 """
 
 from __future__ import annotations

@@ -4,7 +4,7 @@ It leaves the change of gravity (and of the inertias) with that joint's position
 nothing at all where no torque depends on that position, as on a vertical first joint. On a joint with a horizontal
 axis a base tilt about that axis is the same thing; over a small range so is a spring. Wide postures part them. Which
 side the encoder sits on makes no difference: motor and link turn together.
-URDF: joint ``origin``; MJCF: joint ``ref``, or the body's ``quat``.
+URDF: joint ``origin``; MJCF: joint ``ref``.
 """
 
 from __future__ import annotations

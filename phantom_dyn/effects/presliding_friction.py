@@ -8,7 +8,7 @@ several accelerations part them, as the curves overlay over displacement here an
 With two more numbers, ``static_ratio`` and ``stick_velocity``, it is the modified Karnopp friction of simulated haptic
 hardware: it slips with ``T``, sticks below the stick velocity to where it was the sample before, by a spring of
 stiffness ``static_ratio T / displacement``, and breaks loose at ``static_ratio T``.
-URDF has no place for it; MJCF: ``frictionloss`` with a soft ``solreffriction`` comes near.
+URDF: ``<dynamics friction>``, MJCF: ``frictionloss``, for the torque behind the bristle only.
 """
 
 from __future__ import annotations

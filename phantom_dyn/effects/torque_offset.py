@@ -1,7 +1,8 @@
 """A constant torque on one joint that the model lacks (positive along the joint).
 
 The drive has to cancel it, so the measured torque is lower by it. On a joint whose gravity torque hardly changes it
-looks like a base tilt or a payload. URDF has no place for it; MJCF: a constant ``qfrc_applied``.
+looks like a base tilt or a payload. URDF has no place for it; MJCF: ``biasprm`` of the
+actuator.
 """
 
 from __future__ import annotations

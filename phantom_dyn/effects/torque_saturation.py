@@ -2,8 +2,8 @@
 
 It leaves an error only where the command is beyond the limit, as large as the excess, and it spoils every other fit.
 It is confused with nothing that acts below the limit. The command is smoothed a little before it is compared with
-the limit: its noise beyond the limit would explain itself. URDF: ``<limit effort>``; MJCF: ``ctrlrange`` or
-``actuatorfrcrange``.
+the limit: its noise beyond the limit would explain itself. URDF: ``<limit effort>``; MJCF: the actuator's
+``forcerange``.
 """
 
 from __future__ import annotations

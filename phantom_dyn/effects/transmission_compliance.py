@@ -5,7 +5,8 @@ follow its motor: by how much is found by integrating that swing, which takes no
 torque on every joint that feels the link, with an anti-resonance whose frequency does not depend on amplitude (that
 of backlash does). Well below it, it looks like a delay or a rotor inertia; content near it, or an encoder on the link,
 parts them. Friction and rotor are taken to sit on the motor's side.
-MJCF: a body of its own for the rotor, and a joint with ``stiffness`` or a tendon between; URDF has no place for it.
+MJCF: a second joint on the same axis with ``stiffness``, the rotor as the first one's ``armature``; URDF has no place
+for it.
 """
 
 from __future__ import annotations
