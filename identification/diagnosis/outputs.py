@@ -81,9 +81,9 @@ def write_outputs(
     with ExitStack() as renamed_together:
         for path, text in contents.items():
             renamed_together.enter_context(temporary_beside(path)).write_bytes(text.encode())
-    for name in MODELS if out is not None else ():
-        if out / name not in contents:
-            (out / name).unlink(missing_ok=True)
+    for path in () if out is None else (out / name for name in MODELS):
+        if path not in contents:
+            path.unlink(missing_ok=True)
     return tuple(contents)
 
 

@@ -1,3 +1,4 @@
+# pyright: reportAttributeAccessIssue=false
 """Corrected URDF and MJCF. Oracles: Pinocchio and MuJoCo on the files loaded again, and simulations of known truth."""
 
 from __future__ import annotations

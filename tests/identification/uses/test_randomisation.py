@@ -1,3 +1,4 @@
+# pyright: reportAttributeAccessIssue=false
 """Ranges for training in simulation. Oracles: closed forms, and the fields of MuJoCo's model of the drawn robots."""
 
 from __future__ import annotations
