@@ -6,6 +6,7 @@ import numpy as np
 from jaxtyping import Float
 from scipy.special import gammainc, ndtr
 
+from identification.diagnosis.bounded import bounded_solve
 from identification.next_experiment.hypotheses import Model
 
 Array = np.ndarray
@@ -31,7 +32,7 @@ def draws_of(model: Model, products: Float[Array, "u u"], normals: Float[Array, 
     # Of the Cholesky factor R of the precision, R^-1 z has the covariance wanted.
     upper = np.linalg.cholesky(precise).T
     steps = np.linalg.solve(upper, normals.T).T
-    y = np.concatenate([model.y[None], model.y + steps])
+    y = np.concatenate([model.y[None], np.clip(model.y + steps, model.lower, model.upper)])
     return y @ model.basis.T + model.shift
 
 
@@ -46,7 +47,11 @@ def distance(truth: Float[Array, "d u"], moves: int, model: Model, products: Flo
     """
     inner = _solvable(model.basis.T @ products @ model.basis + np.diag(model.prior))
     apart = truth - model.shift
-    y = np.linalg.solve(inner, model.basis.T @ products @ apart.T).T
+    wanted = (model.basis.T @ products @ apart.T).T
+    y = np.linalg.solve(inner, wanted.T).T
+    # A tolerance ends at its bounds.
+    for row in np.flatnonzero(((y < model.lower) | (y > model.upper)).any(axis=1)):
+        y[row] = bounded_solve(inner, wanted[row], model.lower, model.upper)
     rest = apart - y @ model.basis.T
     own = np.where(model.moves, model.prior, 0.0)
     theirs = np.zeros(len(model.shift))

@@ -70,6 +70,7 @@ class Model:
         basis: Of what a fit may move, ``(u, n)``.
         shift: What no fit moves, ``(u,)``.
         prior: Precision of each number, ``(n,)``.
+        lower, upper: Bounds of each number, ``(n,)``.
         moves: Which of the numbers are moves within the tolerances, ``(n,)``.
         score: As in `Variant`.
         columns: Places of its effects' columns in the union.
@@ -79,6 +80,8 @@ class Model:
     basis: Float[Array, "u n"]
     shift: Float[Array, " u"]
     prior: Float[Array, " n"]
+    lower: Float[Array, " n"]
+    upper: Float[Array, " n"]
     moves: Array
     score: float
     columns: tuple[int, ...]
@@ -138,6 +141,8 @@ def model_of(search: Search, variant: Variant, union: Int[Array, " u"]) -> Model
         basis,
         theta - basis @ theta[rows],
         problem.precision[columns],
+        problem.lower[columns],
+        problem.upper[columns],
         columns < problem.nuisances,
         variant.score,
         tuple(k for k, column in enumerate(union.tolist()) if column in effects),

@@ -7,14 +7,17 @@ from identification.next_experiment.distance import distance, draws_of, power_of
 from identification.next_experiment.hypotheses import Model
 
 
-def model(columns: tuple[int, ...], theta: list[float], moves: int = 1, sigma: float = 0.05) -> Model:
+def model(
+    columns: tuple[int, ...], theta: list[float], moves: int = 1, sigma: float = 0.05, far: float = 100.0
+) -> Model:
     """A fitted model of one move within a tolerance and the given columns of all."""
     used = [*range(moves), *columns]
     basis = np.eye(len(theta))[:, used]
     prior = np.where(np.arange(len(used)) < moves, 1.0 / sigma**2, 1e-6)
     full = np.array(theta)
     kept = np.where(np.isin(np.arange(len(theta)), used), full, 0.0)
-    return Model(kept, basis, np.zeros(len(theta)), prior, np.arange(len(used)) < moves, 0.0, columns)
+    bound = np.where(np.arange(len(used)) < moves, far * sigma, np.inf)
+    return Model(kept, basis, np.zeros(len(theta)), prior, -bound, bound, np.arange(len(used)) < moves, 0.0, columns)
 
 
 def test_a_model_that_can_make_the_truth_is_at_no_distance():
@@ -36,6 +39,13 @@ def test_what_a_tolerance_can_mimic_does_not_count(sigma):
     truth = np.array([[0.0, 0.7, 0.0]])
     left = distance(truth, 1, model((2,), [0.0, 0.0, 0.1], sigma=sigma), products)
     assert left == pytest.approx(20 * 0.7**2 / (1 + 20 * sigma**2), rel=1e-6)
+
+
+def test_a_tolerance_mimics_no_more_than_its_bounds_let_it():
+    # Closed form: the move stops at one sigma, and pays for it.
+    products = np.array([[20.0, 20.0, 0.0], [20.0, 20.0, 0.0], [0.0, 0.0, 30.0]])
+    left = distance(np.array([[0.0, 0.7, 0.0]]), 1, model((2,), [0.0, 0.0, 0.1], sigma=0.3, far=1.0), products)
+    assert left == pytest.approx(20 * (0.7 - 0.3) ** 2 + 1.0**2, rel=1e-6)
 
 
 def test_moves_that_the_truth_has_made_cost_nothing_more():
