@@ -34,8 +34,8 @@ ALIKE = Apart()
 def apart_by(changes: tuple[Change, ...], robot: Robot, fitted: int) -> Apart:
     """What known and unknown changes make of the model.
 
-    Of each kind of unknown change, the recordings that do not name it have one amount in common. Where all name it,
-    the first one is what the others are compared with.
+    Of each kind of unknown change, the recordings that do not name it have one amount in common, of payload none.
+    Where all name it, the first one is what the others are compared with, but for payloads, which each has its own.
 
     Args:
         changes: One for each recording, those held out at the end; empty if nothing is known.
@@ -43,7 +43,8 @@ def apart_by(changes: tuple[Change, ...], robot: Robot, fitted: int) -> Apart:
         fitted: How many recordings fits see.
 
     Raises:
-        LogError: If an unknown amount is asked for that no fit can see.
+        LogError: If an unknown amount is asked for that no fit can see, or an unknown payload of one recording, whose
+            place and mass fits do not hold apart.
     """
     if not changes:
         return ALIKE
@@ -53,6 +54,12 @@ def apart_by(changes: tuple[Change, ...], robot: Robot, fitted: int) -> Apart:
                 f"{change.file} is held out, so no fit sees what changed in it: give it as LOG, or take "
                 f"{', '.join(change.unknown)} out of what changed."
             )
+    for change in changes:
+        if "payload" in change.unknown:
+            raise LogError(
+                f"{change.file}: the payload that changed has no value: give its mass and center under payload, or "
+                "diagnose that recording by itself."
+            )
     if fitted == 1 and changes[0].unknown:
         raise LogError(
             f"{changes[0].file} is the only recording that fits see, so {', '.join(changes[0].unknown)} cannot have "
@@ -61,6 +68,6 @@ def apart_by(changes: tuple[Change, ...], robot: Robot, fitted: int) -> Apart:
     own = {}
     for kind in KINDS:
         stated = [k for k, change in enumerate(changes[:fitted]) if kind in change.unknown]
-        for k in stated[1:] if len(stated) == fitted else stated:
+        for k in stated[1:] if len(stated) == fitted and kind != "payload" else stated:
             own.update({(name, k): own_effect(name, k, changes[k].file) for name in EFFECTS_OF[kind]})
     return Apart(tuple(robot_in(robot, change) for change in changes), tuple(own.values()))

@@ -29,6 +29,7 @@ def test_the_torque_is_what_the_controllers_asked_for(held, without_torque):
     # Closed form, but for the ends, where differences are one-sided.
     t = without_torque.t
     found = with_asked_torque(without_torque, held)
+    assert found.tau is not None
     wanted = 40.0 * (np.sin(t + 0.1) - np.sin(t)) - 2.0 * np.cos(t)
     np.testing.assert_allclose(found.tau[1:-1, 0], wanted[1:-1], atol=1e-4)
     assert "the torque is what its controllers asked for" in found.warnings[-1]
@@ -38,6 +39,7 @@ def test_a_late_controller_asks_later(pendulum, without_torque):
     late = robot_in(pendulum, Change("a.csv", controllers={"pin": Controller("pd", 40.0, 0.0, 0.05)}))
     t = without_torque.t[10:] - 0.05
     found = with_asked_torque(without_torque, late)
+    assert found.tau is not None
     np.testing.assert_allclose(found.tau[10:, 0], 40.0 * (np.sin(t + 0.1) - np.sin(t)), atol=1e-9)
 
 
