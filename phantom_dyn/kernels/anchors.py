@@ -119,9 +119,9 @@ def anchor_error(tree: Tree, x: Array, error: Array, slope: Array) -> None:
         if joints[k, 2]:
             error[r + 3], error[r + 4], error[r + 5] = rotation_between(E)
         for side in range(2):
-            sign, j = 2.0 * side - 1.0, joints[k, side]
+            sign, j = 2.0 * side - 1.0, int(joints[k, side])
             while j > 0:
-                d = first_v[j]
+                d = int(first_v[j])
                 ax, ay, az = ang[d, 0], ang[d, 1], ang[d, 2]
                 # Of the second origin for both: the axes turn with the first frame.
                 lx, ly, lz = cross(ax, ay, az, p[1, 0] - o[j, 0], p[1, 1] - o[j, 1], p[1, 2] - o[j, 2])

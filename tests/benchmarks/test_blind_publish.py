@@ -64,7 +64,8 @@ def test_the_heading_of_the_whole_ranges_gives_the_one_command_and_says_that_the
 def test_the_heading_of_a_part_of_the_ranges_says_how_many_cases_the_whole_has():
     assert in_one_line([("null", range(12000, 12100)), ("pair", range(13000, 13080))]) == (
         "Measured on 2026-11-21 with `python benchmarks/blind/run.py --nulls 12000:12100 --pairs 13000:13080`: "
-        "180 cases, part of the reporting ranges (710 cases); seeds, opened once: null 12000 to 12099, pair 13000 to 13079."
+        "180 cases, part of the reporting ranges (710 cases); seeds, opened once: "
+        "null 12000 to 12099, pair 13000 to 13079."
     )
 
 
