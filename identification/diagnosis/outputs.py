@@ -81,7 +81,7 @@ def write_outputs(
     with ExitStack() as renamed_together:
         for path, text in contents.items():
             renamed_together.enter_context(temporary_beside(path)).write_bytes(text.encode())
-    for path in () if out is None else (out / name for name in MODELS):
+    for path in () if out is None else (out / name for name in (NEXT, *MODELS)):
         if path not in contents:
             path.unlink(missing_ok=True)
     return tuple(contents)
