@@ -48,7 +48,7 @@ class Drift(Rival):
             "torque_offset": np.ones(len(v)),
             "coulomb_friction": np.sign(v),
             "viscous_friction": _scaled(v),
-            "torque_constant": _scaled(operation.expected[:, j]),
+            "torque_constant": _scaled(operation.tau[:, j]),
         }[self.contains[0]]
         phase = np.pi * (operation.t - operation.t[0]) / max(operation.t[-1] - operation.t[0], 1e-9)
         return _on_row(robot, joint, [whole * np.cos(k * phase) for k in range(_SLOW + 1)])
@@ -149,7 +149,7 @@ class Supply(Rival):
 
     def signature(self, robot: Robot, operation: Operation, joint: str | None, shape: Shape) -> Signature:
         """Modelled torque, and the same times the load of all joints; of one joint also the power and its own load."""
-        tau = operation.expected
+        tau = operation.tau
         load = _scaled(_followed(np.abs(tau).sum(axis=1), operation.dt, shape[0]))
         if joint is None:
             columns = np.stack([tau, tau * load[:, None]], axis=-1)

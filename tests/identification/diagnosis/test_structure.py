@@ -14,6 +14,7 @@ from identification.diagnosis.fitting import fit
 from identification.diagnosis.structure import STRUCTURES
 from phantom_dyn.dynamics import inverse_dynamics
 from phantom_dyn.effects.catalogue import EFFECTS
+from phantom_dyn.effects.operation import Operation
 
 Array = np.ndarray
 
@@ -132,3 +133,15 @@ def test_nothing_that_is_not_there_is_taken_for_structure(quiet, effect):
     for joint in ("shoulder", "elbow"):
         term = quiet.term(effect.name, joint)
         assert plain - fit(quiet.problem, (term,)).total < 10.0
+
+
+@pytest.mark.parametrize("name", ["drifting_gain", "supply"])
+def test_a_drive_that_changes_is_no_other_name_for_what_was_found(planar2, lab, name):
+    # Built on the torque of the findings, where the model itself asks for little, a structure would be the findings.
+    motion = lab.motion(2, 3)
+    plain = Operation.of(planar2, motion)
+    later = plain.again(plain.tau + np.sin(7 * motion.q))
+    structure = next(rival for rival in STRUCTURES if rival.name == name)
+    (shape, *_) = structure.shapes(planar2, plain, "elbow")
+    before, after = (structure.signature(planar2, one, "elbow", shape).columns for one in (plain, later))
+    np.testing.assert_array_equal(after, before)
