@@ -83,7 +83,7 @@ def with_next_experiment(
     logs: tuple[Log, ...],
     search: Search,
     chosen: frozenset[Term],
-    noise: tuple[Float[Array, "n nv"], ...],
+    noise: tuple[Float[Array, "_ nv"], ...],
     cutoff_hz: float,
     known: tuple[KnownEffect, ...] = (),
 ) -> Diagnosis:

@@ -74,7 +74,7 @@ def laboratory(
     robot: Robot,
     logs: tuple[Log, ...],
     problem: Problem,
-    noise: tuple[Float[Array, "n nv"], ...],
+    noise: tuple[Float[Array, "_ nv"], ...],
     cutoff_hz: float,
     union: Int[Array, " u"],
     known: tuple[KnownEffect, ...],

@@ -114,9 +114,11 @@ def test_threads_need_no_processes_to_be_started():
 def test_linear_algebra_has_one_thread_in_every_piece_and_what_it_had_after():
     # Oracle: threadpoolctl.
     with threadpool_limits(limits=2), parallel_config(backend="threading", n_jobs=2):
+        before = threads_of_blas()  # what a library was built for may allow one only
         inside = [threads for _, threads in spread(threads_of_blas, [()] * 4)]
         after = threads_of_blas()
-    assert (inside, after) == ([{1}] * 4, {2})
+    assert 2 in before
+    assert (inside, after) == ([{1}] * 4, before)
 
 
 def test_compiled_loops_in_threads_give_the_same_torque():
