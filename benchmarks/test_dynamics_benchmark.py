@@ -1,15 +1,12 @@
 # pyright: reportAttributeAccessIssue=false
 """Rigid-body quantities of a six-joint arm, compiled, against a loop over Pinocchio and against writing the result.
 
-Each group is one quantity: `pytest --benchmark-enable` shows them. Run as a script it prints two ratios from minima of
-one run, and exits with 1 where the regressor is less than five times as fast as a loop over Pinocchio, or takes more
-than four times as long as writing that many ones to fresh memory.
+Each group is one quantity: `pytest --benchmark-enable` shows them. `core_speed` holds the regressor's ratios to their
+targets.
 """
 
 from __future__ import annotations
 
-import time
-from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
@@ -148,37 +145,3 @@ def test_closing_a_loop(benchmark, fourbar, compiled):
     solve(fourbar.model, fourbar.chain, q[:2], arrays=arrays)  # compiles
     found = benchmark.pedantic(solve, (fourbar.model, fourbar.chain, q), {"arrays": arrays}, rounds=3)
     assert found.G.shape == (CHAIN_SAMPLES, 3, 1)
-
-
-def least(calls: tuple[Callable[[], object], ...], repeats: int) -> list[float]:
-    """Shortest processor time of each call per sample [us], in turn so that they share the machine's good moments."""
-    times = np.empty((repeats, len(calls)))
-    for times_once in times:
-        for k, call in enumerate(calls):
-            start = time.thread_time()
-            call()
-            times_once[k] = time.thread_time() - start
-    return (times.min(axis=0) / SAMPLES * 1e6).tolist()
-
-
-def main() -> int:
-    """Print the ratios; 1 where one is missed."""
-    robot = load_robot("example:ur10")
-    motion = Motion(np.arange(SAMPLES) * 1e-3, *np.random.default_rng(0).normal(size=(3, SAMPLES, robot.nv)))
-    rigid_body_regressor(robot, motion)  # compiles
-    ours, loop, writing = least(
-        (
-            lambda: rigid_body_regressor(robot, motion),
-            lambda: plain.regressor(robot.model, motion.q, motion.v, motion.a),
-            lambda: written(6, 60),
-        ),
-        30,
-    )
-    print(f"UR10, {SAMPLES} samples, per sample: {ours:.2f} us, Pinocchio loop {loop:.2f} us, writing {writing:.2f} us")
-    print(f"{loop / ours:.1f} times faster than the loop (at least 5 wanted)")
-    print(f"{ours / writing:.1f} times the time of writing (at most 4 wanted)")
-    return 0 if loop >= 5 * ours and ours <= 4 * writing else 1
-
-
-if __name__ == "__main__":
-    raise SystemExit(main())

@@ -8,7 +8,6 @@ import numpy as np
 
 from phantom_dyn.effects.effect import Moment, Simulated
 from phantom_dyn.errors import ParameterError
-from phantom_dyn.kernels.simulation_machine import encoder_places
 from phantom_dyn.stepping import Machine, State
 
 Array = np.ndarray
@@ -22,7 +21,7 @@ class Channels:
 
     def __init__(self, machine: Machine, parts: tuple[Simulated, ...], controller: Controller, *, held: bool):
         self._controller, self._held = controller, held
-        self._seen, self._drives = list(encoder_places(machine)), list(machine.drives)
+        self._seen, self._drives = list(machine.encoders), list(machine.drives)
         self._readings = [part.reading for part in parts if part.reading is not None]
         self._commands = [part.command for part in parts if part.command is not None]
         self._laws = [part.torque for part in parts if part.torque is not None]

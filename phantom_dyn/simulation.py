@@ -19,7 +19,7 @@ from phantom_dyn.channels import Channels, Controller
 from phantom_dyn.effects.effect import Effect
 from phantom_dyn.errors import ParameterError
 from phantom_dyn.kernels.simulation_arrays import Moving, Rows, moving_from, rows_for
-from phantom_dyn.kernels.simulation_machine import Compiled, compiled, control_of, encoder_places
+from phantom_dyn.kernels.simulation_machine import Compiled, compiled, control_of
 from phantom_dyn.motion import Motion, read_only
 from phantom_dyn.robot import Robot
 from phantom_dyn.stepping import Machine, State, in_balance, longest_step, machine_of, stepped
@@ -200,7 +200,7 @@ def _unbounded(t: float) -> ParameterError:
 
 
 def _recorded(machine: Machine, t: Array, rows: Rows, *, sensed: bool) -> Simulation:
-    nv, seen = machine.robot.nv, encoder_places(machine)
+    nv, seen = machine.nv, list(machine.encoders)
     # The mean over the steps before and after a sample; at both ends there is one of them.
     a = 0.5 * (rows.before + rows.after)
     a[0], a[-1] = rows.after[0], rows.before[-1]

@@ -73,6 +73,12 @@ class Machine:
         nv = self.robot.nv
         return tuple(nv + self.loose.index(j) if j in self.loose else j for j in range(nv))
 
+    @cached_property
+    def encoders(self) -> tuple[int, ...]:
+        """Place in ``x`` of what each joint's encoder sits on: its motor or its link."""
+        sides = [actuator.encoder_side for actuator in self.robot.actuators]
+        return tuple(self.drives[j] if side == "motor" else j for j, side in enumerate(sides))
+
 
 @dataclass(frozen=True)
 class State:

@@ -11,6 +11,7 @@ from jaxtyping import Float, Int
 
 from identification.corrected.mjcf_parts import rotor_of, said_compliances, said_zeros
 from identification.corrected.parts import Parts, with_zeros_moved
+from identification.export.reload import load_mujoco, mujoco_joints, mujoco_torque, relative_difference
 from identification.export.tree_friction import tree_torque
 from phantom_dyn.closed_chain import TreeMotion, tree_motion
 from phantom_dyn.effects.changed_robot import with_rotor_inertia
@@ -68,28 +69,9 @@ def torque_difference(text: str, parts: Parts, motion: Motion) -> float:
     """
     if find_spec("mujoco") is None:
         return float("nan")
-    import mujoco
-
-    model = load_mujoco(text)
-    # Loops and dry friction are constraints: without them the torque is that of the tree, and friction is added.
-    model.opt.disableflags |= mujoco.mjtDisableBit.mjDSBL_CONSTRAINT
-    data = mujoco.MjData(model)
     tree = tree_motion(parts.robot, motion)
-    order = _places(model, parts.robot)
-    out = np.empty_like(tree.v)
-    for k, (q, v, a) in enumerate(zip(tree.q, tree.v, tree.a, strict=True)):
-        for values, own in ((data.qpos, q), (data.qvel, v), (data.qacc, a)):
-            values[:] = 0.0
-            values[order] = own
-        mujoco.mj_inverse(model, data)
-        out[k] = data.qfrc_inverse[order]
-        data.ctrl[:] = 0.0
-        mujoco.mj_fwdActuation(model, data)
-        out[k] -= data.qfrc_actuator[order]
-    out += model.dof_frictionloss[order] * np.sign(tree.v) + _tendon_friction(parts, tree)
-    wanted = needed_torque(parts, motion)
-    largest = float(np.abs(wanted).max())
-    return float(np.abs(out - wanted).max() / (largest if largest > 0 else 1.0))
+    found = mujoco_torque(text, parts.robot, tree) + _tendon_friction(parts, tree)
+    return relative_difference(found, needed_torque(parts, motion))
 
 
 def rollout_errors(
@@ -118,7 +100,7 @@ def rollout_errors(
     model.opt.integrator = mujoco.mjtIntegrator.mjINT_IMPLICITFAST
     data = mujoco.MjData(model)
     tree = tree_motion(robot, motion)
-    order, active = _places(model, robot), list(robot.tree_rows)
+    order, active = mujoco_joints(model, robot), list(robot.tree_rows)
     hidden = model.nq > len(order) or model.na > 0 or bool(model.actuator_history[:, 0].any())
     lead, count = _LEAD if hidden else 0, round(horizon / _STEP)
     chosen = _starts(motion.t, lead * _STEP, count * _STEP, starts)
@@ -141,10 +123,10 @@ def rollout_errors(
 
 def _starts(t: Float[Array, " N"], before: float, behind: float, most: int) -> Int[Array, " k"]:
     """Samples with recorded motion before and behind them: a rollout over a break in the recording judges nothing."""
-    breaks = np.concatenate([[-np.inf], t[:-1][np.diff(t) > 3 * np.median(np.diff(t))], [t[-1]]])
-    begins = np.concatenate([[t[0]], t[1:][np.diff(t) > 3 * np.median(np.diff(t))]])
-    part = np.searchsorted(breaks[1:], t)
-    inside = np.flatnonzero((t - before >= begins[part]) & (t + behind <= breaks[1:][part]))
+    first = np.r_[0, np.flatnonzero(np.diff(t) > 3 * np.median(np.diff(t))) + 1]
+    part = np.searchsorted(first, np.arange(len(t)), side="right") - 1
+    begins, ends = t[first], t[np.r_[first[1:] - 1, len(t) - 1]]
+    inside = np.flatnonzero((t - before >= begins[part]) & (t + behind <= ends[part]))
     if len(inside) == 0:
         raise RobotError(f"The motion is shorter than {before + behind:g} s: give more of it for a rollout.")
     return inside[np.unique(np.linspace(0, len(inside) - 1, most).astype(int))]
@@ -168,20 +150,6 @@ def _set_drives(model: Any, data: Any, start: float, asked: Float[Array, " nv"])
             mujoco.mj_initCtrlHistory(model, data, j, times, np.full((count, 1), torque))
 
 
-def load_mujoco(text: str) -> Any:
-    """MuJoCo's model of a MJCF.
-
-    Raises:
-        RobotError: If MuJoCo refuses the text.
-    """
-    import mujoco
-
-    try:
-        return mujoco.MjModel.from_xml_string(text)
-    except ValueError as error:
-        raise RobotError(f"MuJoCo refuses the MJCF that was written ({' '.join(str(error).split())}).") from error
-
-
 def _with_rotors(parts: Parts) -> Robot:
     """The robot with the rotors that a play or a spring needs."""
     robot = parts.robot
@@ -199,11 +167,3 @@ def _tendon_friction(parts: Parts, tree: TreeMotion) -> Float[Array, "N nt"]:
         out[:, at[c.first]] += c.coulomb_torque * sign
         out[:, at[c.second]] += c.ratio * c.coulomb_torque * sign
     return out
-
-
-def _places(model: Any, robot: Robot) -> list[int]:
-    """Where MuJoCo keeps each joint of the tree."""
-    import mujoco
-
-    names = [mujoco.mj_id2name(model, mujoco.mjtObj.mjOBJ_JOINT, k) for k in range(model.njnt)]
-    return [names.index(name) for name in list(robot.model.names)[1:]]

@@ -7,13 +7,14 @@ import tempfile
 from dataclasses import replace
 from importlib.util import find_spec
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pinocchio as pin
 from jaxtyping import Float
 
 from identification.export.tree_friction import tree_torque
-from phantom_dyn.closed_chain import tree_motion
+from phantom_dyn.closed_chain import TreeMotion, tree_motion
 from phantom_dyn.configuration import configurations
 from phantom_dyn.errors import PhantomDynError, RobotError
 from phantom_dyn.loading import load_robot
@@ -56,7 +57,7 @@ def urdf_difference(text: str, robot: Robot, motion: Motion, config: Path | None
     model.armature, model.gravity = robot.model.armature, robot.model.gravity
     tree = tree_motion(robot, motion)
     again = replace(tree, configuration=configurations(model, tree.q))
-    return _difference(tree_torque(replace(loaded, model=model), again), tree_torque(robot, tree))
+    return relative_difference(tree_torque(replace(loaded, model=model), again), tree_torque(robot, tree))
 
 
 def mujoco_difference(text: str, robot: Robot, motion: Motion) -> float:
@@ -72,24 +73,61 @@ def mujoco_difference(text: str, robot: Robot, motion: Motion) -> float:
     """
     if find_spec("mujoco") is None:
         return float("nan")
+    tree = tree_motion(robot, motion)
+    return relative_difference(mujoco_torque(text, robot, tree), tree_torque(robot, tree))
+
+
+def mujoco_torque(text: str, robot: Robot, tree: TreeMotion) -> Float[Array, "N nt"]:
+    """Torque [N m or N] on every joint of the tree that a MJCF needs in MuJoCo, beyond what its drives give unasked.
+
+    Args:
+        text: Of the MJCF; joints that the robot does not have stay at zero.
+        robot: Gives the joints.
+        tree: N samples.
+
+    Raises:
+        RobotError: If MuJoCo refuses the text.
+    """
     import mujoco
 
-    try:
-        model = mujoco.MjModel.from_xml_string(text)
-    except ValueError as error:
-        raise RobotError(f"MuJoCo refuses the MJCF that was written ({' '.join(str(error).split())}).") from error
+    model = load_mujoco(text)
     # Loops and dry friction are constraints: without them the torque is that of the tree, and friction is added.
     model.opt.disableflags |= mujoco.mjtDisableBit.mjDSBL_CONSTRAINT
     data = mujoco.MjData(model)
-    tree = tree_motion(robot, motion)
-    names = [mujoco.mj_id2name(model, mujoco.mjtObj.mjOBJ_JOINT, k) for k in range(model.njnt)]
-    order = [names.index(name) for name in list(robot.model.names)[1:]]
+    order = mujoco_joints(model, robot)
     out = np.empty_like(tree.v)
     for k, (q, v, a) in enumerate(zip(tree.q, tree.v, tree.a, strict=True)):
-        data.qpos[order], data.qvel[order], data.qacc[order] = q, v, a
+        for values, own in ((data.qpos, q), (data.qvel, v), (data.qacc, a)):
+            values[:] = 0.0
+            values[order] = own
         mujoco.mj_inverse(model, data)
         out[k] = data.qfrc_inverse[order]
-    return _difference(out + model.dof_frictionloss[order] * np.sign(tree.v), tree_torque(robot, tree))
+        data.ctrl[:] = 0.0
+        mujoco.mj_fwdActuation(model, data)
+        out[k] -= data.qfrc_actuator[order]
+    return out + model.dof_frictionloss[order] * np.sign(tree.v)
+
+
+def load_mujoco(text: str) -> Any:
+    """MuJoCo's model of a MJCF.
+
+    Raises:
+        RobotError: If MuJoCo refuses the text.
+    """
+    import mujoco
+
+    try:
+        return mujoco.MjModel.from_xml_string(text)
+    except ValueError as error:
+        raise RobotError(f"MuJoCo refuses the MJCF that was written ({' '.join(str(error).split())}).") from error
+
+
+def mujoco_joints(model: Any, robot: Robot) -> list[int]:
+    """Where MuJoCo keeps each joint of the robot's tree."""
+    import mujoco
+
+    names = [mujoco.mj_id2name(model, mujoco.mjtObj.mjOBJ_JOINT, k) for k in range(model.njnt)]
+    return [names.index(name) for name in list(robot.model.names)[1:]]
 
 
 def some_motion(motion: Motion, most: int = 200) -> Motion:
@@ -108,6 +146,7 @@ def versions() -> dict[str, str]:
     return out
 
 
-def _difference(found: Float[Array, "N nt"], wanted: Float[Array, "N nt"]) -> float:
+def relative_difference(found: Float[Array, "N nt"], wanted: Float[Array, "N nt"]) -> float:
+    """Largest difference of torques, over the largest that is wanted."""
     largest = float(np.abs(wanted).max())
     return float(np.abs(found - wanted).max() / (largest if largest > 0 else 1.0))

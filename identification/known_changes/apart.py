@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from identification.known_changes.change import KINDS, Change
+from identification.known_changes.change import Change
 from identification.known_changes.loaded import robot_in
-from identification.known_changes.own_effect import EFFECTS_OF, OwnEffect, OwnPayload, own_effect
+from identification.known_changes.own_effect import EFFECTS_OF, OwnEffect, own_effect
 from phantom_dyn.errors import LogError
 from phantom_dyn.robot import Robot
 
@@ -21,7 +21,7 @@ class Apart:
     """
 
     robots: tuple[Robot, ...] = ()
-    own: tuple[OwnEffect | OwnPayload, ...] = ()
+    own: tuple[OwnEffect, ...] = ()
 
     def robot(self, given: Robot, recording: int) -> Robot:
         """The model of one recording."""
@@ -34,8 +34,8 @@ ALIKE = Apart()
 def apart_by(changes: tuple[Change, ...], robot: Robot, fitted: int) -> Apart:
     """What known and unknown changes make of the model.
 
-    Of each kind of unknown change, the recordings that do not name it have one amount in common, of payload none.
-    Where all name it, the first one is what the others are compared with, but for payloads, which each has its own.
+    Of each kind of unknown change, the recordings that do not name it have one amount in common. Where all name it, the
+    first one is what the others are compared with.
 
     Args:
         changes: One for each recording, those held out at the end; empty if nothing is known.
@@ -66,8 +66,8 @@ def apart_by(changes: tuple[Change, ...], robot: Robot, fitted: int) -> Apart:
             "changed: give another LOG to compare it with, or leave changed out."
         )
     own = {}
-    for kind in KINDS:
+    for kind, effects in EFFECTS_OF.items():
         stated = [k for k, change in enumerate(changes[:fitted]) if kind in change.unknown]
-        for k in stated[1:] if len(stated) == fitted and kind != "payload" else stated:
-            own.update({(name, k): own_effect(name, k, changes[k].file) for name in EFFECTS_OF[kind]})
+        for k in stated[1:] if len(stated) == fitted else stated:
+            own.update({(name, k): own_effect(name, k, changes[k].file) for name in effects})
     return Apart(tuple(robot_in(robot, change) for change in changes), tuple(own.values()))

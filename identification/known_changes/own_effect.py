@@ -11,15 +11,13 @@ from identification.known_changes.change import Kind
 from phantom_dyn.effects.catalogue import effect_named
 from phantom_dyn.effects.effect import Effect, Parameter, Shape, Signature, Simulated
 from phantom_dyn.effects.operation import Operation
-from phantom_dyn.effects.payload import Payload
 from phantom_dyn.robot import Robot
 
 Array = np.ndarray
 
-# What each kind of change may change.
+# What each kind of change may change; a payload has to be known.
 _FRICTION = ("viscous_friction", "coulomb_friction", "load_dependent_friction")
 EFFECTS_OF: dict[Kind, tuple[str, ...]] = {
-    "payload": ("payload",),
     "friction": _FRICTION,
     "temperature": (*_FRICTION, "torque_constant"),
     "controller": ("input_delay", "actuator_lag"),
@@ -90,27 +88,9 @@ class OwnEffect(Effect):
         return self.inner.simulated(robot, joint, theta)
 
 
-class OwnPayload(Payload):
-    """A payload in one recording; fits know payloads by their type, as a point mass is not linear in its place.
-
-    Attributes:
-        inner: The effect.
-        recording: Where it acts, counted from 0.
-        file: Name of that recording.
-    """
-
-    def __init__(self, recording: int, file: str):
-        self.inner, self.recording, self.file = Payload(), recording, file
-        self.name = own_name(Payload.name, recording)
-
-    def signature(self, robot: Robot, operation: Operation, joint: str | None, shape: Shape) -> Signature:
-        """That of a payload in its recording, zero in the others."""
-        return only_in(self.recording, operation, super().signature(robot, operation, joint, shape))
-
-
-def own_effect(name: str, recording: int, file: str) -> OwnEffect | OwnPayload:
+def own_effect(name: str, recording: int, file: str) -> OwnEffect:
     """An effect of the catalogue that acts in one recording only."""
-    return OwnPayload(recording, file) if name == Payload.name else OwnEffect(effect_named(name), recording, file)
+    return OwnEffect(effect_named(name), recording, file)
 
 
 def own_name(name: str, recording: int) -> str:

@@ -9,7 +9,7 @@ from identification.diagnosis.result import Diagnosis, EffectAt, Finding, Value
 from identification.diagnosis.result import Rival as RivalSet
 from identification.diagnosis.terms import KnownEffect
 from identification.known_changes.apart import Apart
-from identification.known_changes.own_effect import OwnEffect, OwnPayload
+from identification.known_changes.own_effect import OwnEffect
 from phantom_dyn.effects.catalogue import effect_named
 from phantom_dyn.effects.rows import modelled_friction_of
 from phantom_dyn.robot import Robot
@@ -61,7 +61,7 @@ def _told(
     finding: Finding,
     diagnosis: Diagnosis,
     robot: Robot,
-    own: dict[str, OwnEffect | OwnPayload],
+    own: dict[str, OwnEffect],
     known: tuple[KnownEffect, ...],
 ) -> Finding:
     rivals = tuple(
@@ -80,7 +80,7 @@ def _told(
     return replace(finding, effect=name, recording=effect.file, parameters=parameters, rivals=rivals)
 
 
-def _named(at: EffectAt, own: dict[str, OwnEffect | OwnPayload]) -> EffectAt:
+def _named(at: EffectAt, own: dict[str, OwnEffect]) -> EffectAt:
     effect = own.get(at.effect)
     return at if effect is None else EffectAt(effect.inner.name, at.joint, effect.file)
 

@@ -11,7 +11,7 @@ from jaxtyping import Float
 from identification.diagnosis.moved_model import moved_robot
 from identification.diagnosis.nuisances import moves_of
 from identification.diagnosis.terms import KnownEffect, Term
-from identification.known_changes.own_effect import OwnEffect, OwnPayload
+from identification.known_changes.own_effect import OwnEffect
 from phantom_dyn.effects.catalogue import effect_named
 from phantom_dyn.effects.effect import Effect, Simulated, Transmission
 from phantom_dyn.effects.encoder_quantization import EncoderQuantization
@@ -124,7 +124,7 @@ def found_causes(robot: Robot, terms: tuple[Term, ...], theta: Float[Array, " K"
     out = []
     for term in terms:
         effect = term.effect
-        elsewhere = isinstance(effect, OwnEffect | OwnPayload) and effect.recording != recording
+        elsewhere = isinstance(effect, OwnEffect) and effect.recording != recording
         if not isinstance(effect, Effect) or elsewhere:
             continue
         values = np.array(effect.from_coefficients(robot, term.joint, theta[list(term.columns)], term.shape))

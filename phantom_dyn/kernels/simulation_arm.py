@@ -13,7 +13,7 @@ import numpy as np
 
 from phantom_dyn.effects.input_delay import delay_law
 from phantom_dyn.kernels.jit import jit
-from phantom_dyn.kernels.simulation_arrays import Control, Laws, Lines, Moving, Rows
+from phantom_dyn.kernels.simulation_arrays import AT_STEPS, GIVEN, Control, Laws, Lines, Moving, Rows
 from phantom_dyn.kernels.simulation_axis import spring_torque
 from phantom_dyn.kernels.simulation_chain import Chain, chained_links
 from phantom_dyn.kernels.simulation_channels import place_in, read, tracking
@@ -97,7 +97,7 @@ def run_arm(
     closed = len(slope) > 0
     tree_x, tree_v, tree_mass, tree_bias = tree_x.copy(), tree_v.copy(), tree_mass.copy(), tree_bias.copy()
     for k in range(len(t)):
-        if mode > 0:
+        if mode != GIVEN:
             ask(control, readings, seen, x, v, t[k], reading, asked)
         else:
             for j in range(nv):
@@ -111,7 +111,7 @@ def run_arm(
         for step in range(counts[k]):
             for i in range(n):
                 y[i], w[i] = x[i] + 0.5 * h * v[i], v[i] + 0.5 * h * a[i]
-            if mode == 2:
+            if mode == AT_STEPS:
                 ask(control, readings, seen, y, w, t[k] + (step + 0.5) * h, reading, asked)
             for i in range(n):
                 for j in range(n):

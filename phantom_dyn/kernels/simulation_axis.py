@@ -11,7 +11,7 @@ import numpy as np
 
 from phantom_dyn.effects.input_delay import delay_law
 from phantom_dyn.kernels.jit import jit
-from phantom_dyn.kernels.simulation_arrays import Control, Laws, Lines, Moving, Rows
+from phantom_dyn.kernels.simulation_arrays import AT_STEPS, GIVEN, Control, Laws, Lines, Moving, Rows
 from phantom_dyn.kernels.simulation_channels import place_in, read, tracking
 from phantom_dyn.kernels.simulation_laws import DELAY, command_of, torque_of
 
@@ -84,7 +84,7 @@ def run_axis(
     broke = -1
     for k in range(len(t)):
         reading = read(readings.codes, readings.rows, readings.numbers, 0, xm if motor_read else xl)
-        if mode > 0:
+        if mode != GIVEN:
             share = place_in(control.t, control.cursor, t[k])
             speed = vm if motor_read else vl
             asked = tracking(control.tables, control.limits[0], control.cursor[0], share, 0, reading, speed)
@@ -101,7 +101,7 @@ def run_axis(
         for i in range(counts[k]):
             x, v = xl + half * vl, vl + half * al
             y, w = (xm + half * vm, vm + half * am) if loose else (x, v)
-            if mode == 2:
+            if mode == AT_STEPS:
                 now = t[k] + (i + 0.5) * h
                 share = place_in(control.t, control.cursor, now)
                 reading = read(readings.codes, readings.rows, readings.numbers, 0, y if motor_read else x)

@@ -1,6 +1,6 @@
 """The compiled laws of all effects, one list a channel in the order of the catalogue; a law's code is its place there.
 
-Scalars in and out: a law that took an array would cost ten times as much, for counting who holds the array.
+Scalars in and out: a law that took an array would cost more than its numbers, for counting who holds the array.
 Numba does not see that a function which calls these must be compiled anew after a change of an effect's law: delete
 the ``__pycache__`` of this folder then.
 """

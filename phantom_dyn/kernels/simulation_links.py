@@ -15,9 +15,9 @@ Array = np.ndarray
 
 # Places in the row of a joint: what stays (rotations, origin, axis, inertia), ...
 _ORIGIN, _AXIS, _INERTIA, _FIXED = 27, 30, 33, 43
-# ... and what moves: rotation, origin, axis as a twist (angular, linear), velocity, acceleration, force (moment,
-# force), inertia of all that it carries.
-_AT, _TWIST, _VELOCITY, _ACCELERATION, _FORCE, _CARRIED, MOVING = 9, 12, 18, 24, 30, 36, 46
+# ... and what moves: from 0 rotation, 9 origin, 12 axis as a twist (angular, linear), 18 velocity, 24 acceleration,
+# 30 force (moment, force), 36 inertia of all that it carries, 46 numbers in all.
+_ACCELERATION, _FORCE, _MOVING = 24, 30, 46
 
 
 def joint_rows(arrays: TreeArrays) -> tuple[Array, Array]:
@@ -34,7 +34,7 @@ def joint_rows(arrays: TreeArrays) -> tuple[Array, Array]:
 
 def at_root(n: int, gravity: Array) -> Array:
     """Room for what moves, shape ``(n, 46)``; the root rests and all accelerate against gravity."""
-    moving = np.zeros((n, MOVING))
+    moving = np.zeros((n, _MOVING))
     moving[0, [0, 4, 8]] = 1.0
     moving[0, _ACCELERATION + 3 : _FORCE] = -gravity
     return moving
@@ -87,7 +87,7 @@ def links(numbers: Array, places: Array, moving: Array, q: Array, v: Array, mass
         mass[d, d] = dot(sx, sy, sz, lx, ly, lz) + dot(tx, ty, tz, px, py, pz)
         i = places[j, 0]
         if i > 0:
-            for k in range(_FORCE, MOVING):
+            for k in range(_FORCE, _MOVING):
                 moving[i, k] += row[k]
         while i > 0:
             up = dot(moving[i, 12], moving[i, 13], moving[i, 14], lx, ly, lz)

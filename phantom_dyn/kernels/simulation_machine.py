@@ -16,7 +16,7 @@ from phantom_dyn.kernels.simulation_axis import Axis, run_axis
 from phantom_dyn.kernels.simulation_chain import Chain, chain_of
 from phantom_dyn.kernels.simulation_laws import COMMANDS, READINGS, TORQUES
 from phantom_dyn.kernels.simulation_links import at_root, joint_rows
-from phantom_dyn.kernels.tree_arrays import FREE, tree_arrays
+from phantom_dyn.kernels.tree_arrays import FREE
 from phantom_dyn.robot import Robot
 from phantom_dyn.stepping import Machine
 from phantom_dyn.tracking import Tracking
@@ -84,7 +84,7 @@ def _is_silent(part: Simulated) -> bool:
 
 def _arm(machine: Machine) -> Arm | None:
     robot, nv, loose = machine.robot, machine.nv, list(machine.loose)
-    arrays = tree_arrays(robot.model)
+    arrays = robot.arrays
     if arrays is None or FREE in arrays.kinds:
         return None
     numbers, places = joint_rows(arrays)
@@ -102,8 +102,8 @@ def _arm(machine: Machine) -> Arm | None:
         np.array(part, dtype=float) for part in (machine.stiffness, machine.damping, machine.gap)
     )
     return Arm(
-        numbers, places, root, added, rotor, viscous, coulomb, drives, encoder_places(machine),
-        np.array(loose, np.int64), stiffness, damping, gap, chain,
+        numbers, places, root, added, rotor, viscous, coulomb, drives,
+        np.array(machine.encoders, np.int64), np.array(loose, np.int64), stiffness, damping, gap, chain,
     )  # fmt: skip
 
 
@@ -121,7 +121,7 @@ def _chain(robot: Robot) -> tuple[Chain, Array]:
 
 def _axis(machine: Machine) -> Axis | None:
     robot = machine.robot
-    arrays = tree_arrays(robot.model)
+    arrays = robot.arrays
     # Joints that are held fixed leave one joint and one body.
     if arrays is None or len(arrays.kinds) != 2 or FREE in arrays.kinds:
         return None
@@ -143,11 +143,5 @@ def _axis(machine: Machine) -> Axis | None:
         float(at[0]),
         float(at[1]),
         not bool(robot.prismatic[0]) and bool(np.any(at != 0.0)),
-        bool(encoder_places(machine)[0] == 1),
+        machine.encoders[0] == 1,
     )
-
-
-def encoder_places(machine: Machine) -> Array:
-    """Where in the state each joint's encoder sits, shape ``(nv,)``."""
-    sides = [actuator.encoder_side for actuator in machine.robot.actuators]
-    return np.array([machine.drives[j] if side == "motor" else j for j, side in enumerate(sides)], np.int64)

@@ -17,16 +17,15 @@ def test_an_effect_of_one_recording_leaves_nothing_in_the_others(pendulum, swing
     # Known truth: the effect itself in its recording, zero elsewhere.
     effect, inner = own_effect(name, 1, "b.csv"), effect_named(name)
     here = replace(Operation.of(pendulum, swing(1)), recording=1)
-    joint = None if name == "payload" else "pin"
-    shape = inner.shapes(pendulum, here, joint)[0]
-    wanted = inner.signature(pendulum, here, joint, shape)
-    np.testing.assert_array_equal(effect.signature(pendulum, here, joint, shape).columns, wanted.columns)
-    assert not effect.signature(pendulum, replace(here, recording=0), joint, shape).columns.any()
+    shape = inner.shapes(pendulum, here, "pin")[0]
+    wanted = inner.signature(pendulum, here, "pin", shape)
+    np.testing.assert_array_equal(effect.signature(pendulum, here, "pin", shape).columns, wanted.columns)
+    assert not effect.signature(pendulum, replace(here, recording=0), "pin", shape).columns.any()
 
 
 def test_names_of_effects_are_those_of_their_recordings():
-    names = {own_effect(name, k, "x.csv").name for name in ("payload", "coulomb_friction") for k in (0, 1)}
-    assert len(names | {"payload", "coulomb_friction"}) == 6
+    names = {own_effect(name, k, "x.csv").name for name in ("viscous_friction", "coulomb_friction") for k in (0, 1)}
+    assert len(names | {"viscous_friction", "coulomb_friction"}) == 6
 
 
 def test_a_ratio_is_the_level_here_over_that_elsewhere():

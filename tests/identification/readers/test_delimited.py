@@ -11,7 +11,7 @@ from identification.readers import read_raw, read_table
 from phantom_dyn.errors import LogError
 
 
-def same(table, columns):
+def assert_same(table, columns):
     assert list(table.columns) == list(columns)
     for name, values in columns.items():
         np.testing.assert_array_equal(table.columns[name], values)
@@ -19,40 +19,40 @@ def same(table, columns):
 
 @pytest.mark.parametrize("separator", [",", ";", "\t", " ", "   "])
 def test_every_separator_gives_the_same_numbers(write, lines, columns, separator):
-    same(read_table(write([line.replace(",", separator) for line in lines])), columns)
+    assert_same(read_table(write([line.replace(",", separator) for line in lines])), columns)
 
 
 @pytest.mark.parametrize("end", ["\n", "\r\n", "\r"])
 def test_every_line_end_gives_the_same_numbers(write, lines, columns, end):
-    same(read_table(write(lines, end=end)), columns)
+    assert_same(read_table(write(lines, end=end)), columns)
 
 
 def test_a_byte_order_mark_is_no_part_of_the_first_name(write, lines, columns):
-    same(read_table(write(lines, encoding="utf-8-sig")), columns)
+    assert_same(read_table(write(lines, encoding="utf-8-sig")), columns)
 
 
 def test_comments_and_blank_lines_are_skipped(write, lines, columns):
-    same(
+    assert_same(
         read_table(write(["# by hand", "", lines[0], "  # units: SI", *lines[1:30], "", "#", *lines[30:], ""])), columns
     )
 
 
 def test_spaces_around_names_and_numbers_do_not_count(write, lines, columns):
-    same(read_table(write([" " + line.replace(",", " , ") + " " for line in lines])), columns)
+    assert_same(read_table(write([" " + line.replace(",", " , ") + " " for line in lines])), columns)
 
 
 def test_quoted_names_and_numbers_are_read(write, lines, columns):
-    same(read_table(write([",".join(f'"{cell}"' for cell in line.split(",")) for line in lines])), columns)
+    assert_same(read_table(write([",".join(f'"{cell}"' for cell in line.split(",")) for line in lines])), columns)
 
 
 def test_names_in_the_last_comment_are_found(write, lines, columns):
-    same(read_table(write(["# numpy.savetxt writes", "# " + lines[0], *lines[1:]])), columns)
+    assert_same(read_table(write(["# numpy.savetxt writes", "# " + lines[0], *lines[1:]])), columns)
 
 
 def test_a_last_line_without_line_end_counts(tmp_path, lines, columns):
     path = tmp_path / "log.csv"
     path.write_text("\n".join(lines))
-    same(read_table(path), columns)
+    assert_same(read_table(path), columns)
 
 
 def test_whole_numbers_followed_by_fractions_are_read(write):

@@ -88,7 +88,7 @@ def samples(model, rng) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     return q, v, a
 
 
-def agrees(found: np.ndarray, expected: np.ndarray) -> None:
+def assert_agrees(found: np.ndarray, expected: np.ndarray) -> None:
     assert found.shape == expected.shape
     np.testing.assert_allclose(found, expected, rtol=0, atol=1e-12 * np.abs(expected).max(initial=0))
 
@@ -98,16 +98,16 @@ def test_the_loops_know_the_joints(model):
 
 
 def test_the_regressor_is_that_of_pinocchio(model, samples):
-    agrees(rigid_body.regressor(model, tree_arrays(model), *samples), plain.regressor(model, *samples))
+    assert_agrees(rigid_body.regressor(model, tree_arrays(model), *samples), plain.regressor(model, *samples))
 
 
 def test_the_torque_is_that_of_pinocchio(model, samples):
-    agrees(rigid_body.torque(model, tree_arrays(model), *samples), plain.torque(model, *samples))
+    assert_agrees(rigid_body.torque(model, tree_arrays(model), *samples), plain.torque(model, *samples))
 
 
 def test_the_weight_under_any_gravity_is_that_of_pinocchio(model, samples, rng):
     pull = rng.normal(size=3)
-    agrees(rigid_body.weight(model, tree_arrays(model), samples[0], pull), plain.weight(model, samples[0], pull))
+    assert_agrees(rigid_body.weight(model, tree_arrays(model), samples[0], pull), plain.weight(model, samples[0], pull))
 
 
 def test_the_mass_matrix_is_the_slope_of_pinocchios_torque(model, samples):
@@ -117,35 +117,35 @@ def test_the_mass_matrix_is_the_slope_of_pinocchios_torque(model, samples):
     for column, unit in enumerate(np.eye(model.nv)):
         one = np.broadcast_to(unit, (SAMPLES, model.nv))
         expected[:, :, column] = plain.torque(model, q, np.zeros((SAMPLES, model.nv)), one) - weight
-    agrees(rigid_body.mass(model, tree_arrays(model), q), expected)
+    assert_agrees(rigid_body.mass(model, tree_arrays(model), q), expected)
 
 
 @pytest.mark.parametrize("name", ["ur10", "panda", "humanoid", "one linear joint", "floating base"])
 def test_the_mass_matrix_is_that_of_pinocchio(name, rng):
     model = MODELS[name]()
     q = np.array([pin.integrate(model, pin.neutral(model), x) for x in rng.normal(size=(3, model.nv))])
-    agrees(rigid_body.mass(model, tree_arrays(model), q), plain.mass(model, q))
+    assert_agrees(rigid_body.mass(model, tree_arrays(model), q), plain.mass(model, q))
 
 
 @pytest.mark.parametrize("body", [True, False], ids=["body", "hybrid"])
 def test_the_jacobian_of_each_frame_is_that_of_pinocchio(model, samples, body):
     for frame in range(0, model.nframes, 3):
         found = rigid_body.frame_jacobian(model, tree_arrays(model), samples[0], frame, body=body)
-        agrees(found, plain.frame_jacobian(model, samples[0], frame, body))
+        assert_agrees(found, plain.frame_jacobian(model, samples[0], frame, body))
 
 
 def test_the_pose_of_each_frame_is_that_of_pinocchio(model, samples):
     for frame in range(0, model.nframes, 3):
         found = rigid_body.frame_pose(model, tree_arrays(model), samples[0], frame)
         for part, expected in zip(found, plain.frame_pose(model, samples[0], frame), strict=True):
-            agrees(part, expected)
+            assert_agrees(part, expected)
 
 
 def test_chosen_columns_are_those_of_all(model, samples, rng):
     p = 10 * (model.njoints - 1)
     columns = tuple(np.flatnonzero(rng.random(p) < 0.6).tolist())
     some = rigid_body.regressor(model, tree_arrays(model), *samples, columns=columns)
-    agrees(some, plain.regressor(model, *samples)[:, :, list(columns)])
+    assert_agrees(some, plain.regressor(model, *samples)[:, :, list(columns)])
 
 
 @pytest.mark.parametrize("varies", [True, False], ids=["varying", "constant"])
@@ -153,7 +153,7 @@ def test_the_rows_of_a_closed_chain_are_those_of_the_tree_projected(model, sampl
     G = rng.normal(size=(SAMPLES if varies else 1, model.nv, 2))
     slope = np.broadcast_to(G, (SAMPLES, model.nv, 2))
     found = rigid_body.regressor(model, tree_arrays(model), *samples, slope=slope)
-    agrees(found, np.swapaxes(slope, 1, 2) @ plain.regressor(model, *samples))
+    assert_agrees(found, np.swapaxes(slope, 1, 2) @ plain.regressor(model, *samples))
 
 
 def test_a_block_that_is_used_again_holds_the_new_samples_beside_what_is_not_its_own(rng):
@@ -164,7 +164,7 @@ def test_a_block_that_is_used_again_holds_the_new_samples_beside_what_is_not_its
     out[:, :, 90] = 5.0
     for k, block in enumerate((first, second)):
         rigid_body.regressor(model, tree_arrays(model), q[k], *block[1:], out=out)
-    agrees(out[:, :, :90], plain.regressor(model, q[1], *second[1:]))
+    assert_agrees(out[:, :, :90], plain.regressor(model, q[1], *second[1:]))
     np.testing.assert_array_equal(out[:, :, 90], 5.0)
 
 
@@ -176,15 +176,15 @@ def test_joints_of_other_kinds_are_left_to_pinocchio(joint, rng):
     assert tree_arrays(model) is None
     q, (v, a) = pin.randomConfiguration(model, -np.ones(model.nq), np.ones(model.nq)), rng.normal(size=(2, 1, model.nv))
     found = rigid_body.torque(model, tree_arrays(model), q[None], v, a)
-    agrees(found[0], pin.rnea(model, model.createData(), q, v[0], a[0]))
+    assert_agrees(found[0], pin.rnea(model, model.createData(), q, v[0], a[0]))
 
 
 def test_without_numba_pinocchio_gives_the_same(model, samples, monkeypatch):
     arrays, slope = tree_arrays(model), np.ones((SAMPLES, model.nv, 2))
     compiled = rigid_body.regressor(model, arrays, *samples, slope=slope), rigid_body.torque(model, arrays, *samples)
     monkeypatch.setattr(jit, "njit", None)
-    agrees(rigid_body.regressor(model, arrays, *samples, slope=slope), compiled[0])
-    agrees(rigid_body.torque(model, arrays, *samples), compiled[1])
+    assert_agrees(rigid_body.regressor(model, arrays, *samples, slope=slope), compiled[0])
+    assert_agrees(rigid_body.torque(model, arrays, *samples), compiled[1])
 
 
 @pytest.mark.parametrize(
@@ -212,7 +212,7 @@ def test_a_changed_gravity_of_a_model_counts_at_once(rng):
     arrays, v = tree_arrays(model), rng.normal(size=(1, model.nv))
     q = pin.neutral(model)[None]
     model.gravity = pin.Motion(np.array([1.0, 2.0, 3.0]), np.zeros(3))
-    agrees(rigid_body.torque(model, arrays, q, v, v), plain.torque(model, q, v, v))
+    assert_agrees(rigid_body.torque(model, arrays, q, v, v), plain.torque(model, q, v, v))
 
 
 def test_no_samples_give_no_rows():
