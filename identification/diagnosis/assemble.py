@@ -79,7 +79,7 @@ def assemble(
     findings = tuple(finding for finding, _ in pairs)
     left_over = unexplained(robot, judge, predicted, before, within, after, sums(problem, smooth), chosen - named)
     progress("stating what would have been seen")
-    bounds, untested = smallest_seen(robot, merged(columns.operations), search, chosen)
+    bounds, untested = smallest_seen(robot, merged(columns.operations), search, plain, chosen)
     progress("simulating")
     rollout = rollout_of(Explained(robot, known, logs, cutoff_hz, problem, named, found, recordings))
     gaps = tuple(

@@ -6,6 +6,8 @@ import numpy as np
 from jaxtyping import Float
 
 from identification.diagnosis.bounded import solve
+from identification.diagnosis.judge import VISIBLE
+from identification.diagnosis.problem import Problem
 from identification.diagnosis.result import Bound, NotTestable
 from identification.diagnosis.search import PARAMETER_PRICE, Search, contains, least_gain, price
 from identification.diagnosis.terms import Term, untestable_places
@@ -20,13 +22,21 @@ _POWER = 1.645
 
 
 def smallest_seen(
-    robot: Robot, operation: Operation, search: Search, chosen: frozenset[Term]
+    robot: Robot, operation: Operation, search: Search, plain: Search, chosen: frozenset[Term]
 ) -> tuple[tuple[Bound, ...], tuple[NotTestable, ...]]:
     """Bounds of every effect and joint that is not a finding, and what cannot be tested at all.
 
     The held-out gain of an effect of size ``s`` is about ``(s sqrt(I) + z)^2`` less the price of its parameters, with
-    ``I`` the information that is left on it when the nuisances and the findings are fitted too. An effect that would
-    have to be larger than the whole measured torque to be seen is not testable.
+    ``I`` the information that is left on it when the nuisances and the findings are fitted too. It has to be a claim,
+    and what it leaves in the judged band has to be visible there, see `visible`. An effect that would have to be larger
+    than the whole measured torque to be seen is not testable.
+
+    Args:
+        robot: The given model.
+        operation: Of all recordings.
+        search: Rivals, with fits to white noise, and what a claim needs.
+        plain: The same with plain fits in the judged band.
+        chosen: What was found.
     """
     problem = search.problem
     bounds: dict[tuple[str, str | None], Bound] = {}
@@ -34,7 +44,9 @@ def smallest_seen(
     found = {term.place for term in chosen}
     kept = sorted({column for term in chosen for column in term.columns})
     base = np.array([*range(problem.nuisances), *kept], dtype=int)
-    inverse = solve(problem.total_a[np.ix_(base, base)] + np.diag(problem.precision[base]), np.eye(len(base)))
+    inverse, inverse_plain = _inverse(problem, base), _inverse(plain.problem, base)
+    # Blocks are judged without the samples that share noise with the block before.
+    held_out = sum(b.stop - b.core for b in problem.blocks) / sum(b.stop - b.start for b in problem.blocks)
     tested = set(search.terms)
     for term in problem.columns.terms:
         if not isinstance(term.effect, Effect) or term.place in found or any(contains(other, term) for other in chosen):
@@ -51,8 +63,13 @@ def smallest_seen(
         name, direction = term.effect.probe(robot, operation, term.joint)
         # Several orders of a cogging torque: one unit of the first.
         direction = np.concatenate([direction, np.zeros(len(term.columns) - len(direction))])
-        information = _information(search, term, direction, base, inverse)
-        size = _needed(search, term) / np.sqrt(information) if information > 0 else np.inf
+        size = max(
+            deviations / np.sqrt(held_out * information) if information > 0 else np.inf
+            for deviations, information in (
+                (_claimable(search, term), _information(problem, term, direction, base, inverse)),
+                (_seen(plain, term, direction), _information(plain.problem, term, direction, base, inverse_plain)),
+            )
+        )
         by_shape = term.effect.seen_by == "shape"
         if not size < (1.0 if by_shape else _largest(search, term, direction)):
             why = f"it would have to exceed the torque measured on {joint} to be seen in this recording"
@@ -71,17 +88,34 @@ def smallest_seen(
     return tuple(bounds.values()), tuple(left)
 
 
-def _needed(search: Search, term: Term) -> float:
+def _claimable(search: Search, term: Term) -> float:
     """How many standard deviations of its own size an effect has to have to be claimed with 95 % power."""
     extra = max(price(search.sizes[term]) - PARAMETER_PRICE, 0.0)
     return float(np.sqrt(least_gain(search, frozenset([term])) + extra + 2.0)) + _POWER
 
 
+def _seen(plain: Search, term: Term, direction: Float[Array, " k"]) -> float:
+    """The same to be visible: the squared residual of a joint grows by a share of what is noise there."""
+    own = set(term.columns)
+    energy, samples = [0.0], [0.0]
+    for row in plain.problem.grams.rows:
+        at = [k for k, column in enumerate(row.index) if int(column) in own]
+        part = direction[[term.columns.index(int(row.index[k])) for k in at]]
+        energy.append(float(part @ row.a[:, at][:, :, at].sum(axis=0) @ part))
+        samples.append(float(row.count.sum()))
+    count = float(np.dot(energy, samples)) / max(sum(energy), 1e-300)
+    return float(np.sqrt(VISIBLE * count)) + _POWER
+
+
+def _inverse(problem: Problem, base: Array) -> Float[Array, "n n"]:
+    return solve(problem.total_a[np.ix_(base, base)] + np.diag(problem.precision[base]), np.eye(len(base)))
+
+
 def _information(
-    search: Search, term: Term, direction: Float[Array, " k"], base: Array, inverse: Float[Array, "n n"]
+    problem: Problem, term: Term, direction: Float[Array, " k"], base: Array, inverse: Float[Array, "n n"]
 ) -> float:
     """Information on a term's size when nuisances and findings are fitted beside it."""
-    a = search.problem.total_a
+    a = problem.total_a
     own = list(term.columns)
     cross = direction @ a[own][:, base]
     return float(direction @ a[own][:, own] @ direction - cross @ inverse @ cross)

@@ -25,7 +25,7 @@ from identification.signals import smoothed
 Array = np.ndarray
 
 # Without a finding, the squared residual of a joint in the judged band grows by at least this share.
-_VISIBLE = 0.03
+VISIBLE = 0.03
 
 
 @dataclass(frozen=True)
@@ -87,7 +87,7 @@ def visible(search: Search, chosen: frozenset[Term], logs: tuple[Log, ...], cuto
             # It has to help the worst joint, and not cost the others more than it helps.
             growth[term] = float(np.max(ratio)) - 1.0 if np.mean(ratio) > 1.0 else -1.0
         least = min(growth, key=lambda term: growth[term])
-        if growth[least] >= _VISIBLE:
+        if growth[least] >= VISIBLE:
             return chosen
         chosen = chosen - {least}
     return chosen
@@ -99,7 +99,7 @@ def gap_is_there(
     """False if the given model's residual is noise on every joint: then there is nothing to find a cause for."""
     floor = noise_floor(problem.columns, logs, cutoff_hz, noise)
     given = sums(problem, in_judged_band(problem.columns.residual, logs, cutoff_hz)).rms()
-    return bool(np.any(given**2 > (1.0 + _VISIBLE) * floor**2))
+    return bool(np.any(given**2 > (1.0 + VISIBLE) * floor**2))
 
 
 def narrow_search(

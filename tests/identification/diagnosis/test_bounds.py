@@ -12,7 +12,7 @@ from phantom_dyn.motion import Motion
 
 
 def seen(prepared, robot, chosen=frozenset()):
-    return smallest_seen(robot, merged(prepared.columns.operations), prepared.search, chosen)
+    return smallest_seen(robot, merged(prepared.columns.operations), prepared.search, prepared.search, chosen)
 
 
 def test_every_effect_and_joint_has_a_bound_or_a_reason(quiet, planar2):
