@@ -11,7 +11,7 @@ from jaxtyping import Bool, Float, Int
 
 from identification.diagnosis.columns import Columns
 from identification.diagnosis.row_products import RowProducts
-from identification.diagnosis.rows import each_row
+from identification.diagnosis.two_at_a_time import two_at_a_time
 from identification.log import Log
 
 Array = np.ndarray
@@ -181,7 +181,7 @@ def row_grams(columns: Columns, blocks: tuple[Block, ...], weights: Weights, row
 
 def build_grams(columns: Columns, blocks: tuple[Block, ...], folds: Int[Array, " B"], weights: Weights) -> Grams:
     """Products of all rows, summed."""
-    rows = tuple(each_row(lambda row: row_grams(columns, blocks, weights, row), len(columns.rows)))
+    rows = tuple(two_at_a_time(lambda row: row_grams(columns, blocks, weights, row), range(len(columns.rows))))
     count, total = len(blocks), len(columns.names)
     index, always = tuple(row.index for row in rows), len(columns.nuisances)
     a = RowProducts(index, tuple(row.a for row in rows), total, always)

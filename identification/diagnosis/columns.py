@@ -7,7 +7,6 @@ times unknown numbers. Columns of one recording are computed once; every later f
 from __future__ import annotations
 
 from collections.abc import Callable
-from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 
 import numpy as np
@@ -18,6 +17,7 @@ from identification.diagnosis.nuisances import Move, Nuisance, move_columns, mov
 from identification.diagnosis.operations import expecting, operate
 from identification.diagnosis.rest import usable_samples
 from identification.diagnosis.terms import SERIES, FoundEffect, KnownEffect, Term, merged, shapes_of
+from identification.diagnosis.two_at_a_time import two_at_a_time
 from identification.known_changes.apart import ALIKE, Apart
 from identification.log import Log
 from identification.signals import smoothed
@@ -30,9 +30,6 @@ from phantom_dyn.inertia import parameter_names
 from phantom_dyn.robot import Robot
 
 Array = np.ndarray
-
-# Filters and laws let go of the interpreter; more threads than two wait for each other.
-_THREADS = 2
 
 
 @dataclass(frozen=True)
@@ -264,8 +261,7 @@ def _values(
         return tuple(out)
 
     rows = [list(columns) for columns in plain]
-    with ThreadPoolExecutor(_THREADS) as pool:
-        for block, parts in zip(local, pool.map(computed, local), strict=True):
-            for row, columns in zip(block.rows, parts, strict=True):
-                rows[row].extend(columns.T)
+    for block, parts in zip(local, two_at_a_time(computed, local), strict=True):
+        for row, columns in zip(block.rows, parts, strict=True):
+            rows[row].extend(columns.T)
     return tuple(np.column_stack(columns) for columns in rows)

@@ -123,7 +123,9 @@ def diagnose(
         # Laws that are not linear are taken again about what was found, and noise is what the findings leave.
         if points:
             rest = residual_after(search.problem, held_out_torque(search.problem, chosen, search.evaluate(chosen)))
-            columns = build_columns(robot, logs, cutoff_hz, known, found, rest, near, None, columns, seen, apart)
+            columns = build_columns(
+                robot, logs, cutoff_hz, known, found, rest, near, before=columns, seen=seen, apart=apart
+            )
         search = _with_thresholds(_set_up(columns, blocks, folds, noise), noise, spurious, progress)
         search, chosen = _search(search, noise, progress, same_effects(search, found))
     chosen = settled(search, chosen)

@@ -9,9 +9,9 @@ from identification.diagnosis.blocks import Block, Weights
 from identification.diagnosis.columns import Columns
 from identification.diagnosis.flexible import held_out_ridge, state_features
 from identification.diagnosis.gap import held_out_torque, residual_after
-from identification.diagnosis.rows import each_row
 from identification.diagnosis.search import Search
 from identification.diagnosis.terms import Term
+from identification.diagnosis.two_at_a_time import two_at_a_time
 from identification.log import Log
 
 Array = np.ndarray
@@ -56,7 +56,7 @@ def estimate_noise(
         predicted, _ = held_out_ridge(rich, y, use, blocks, folds, first=(plain[0].shape[1],))
         return [np.where(u, given - p, 0.0) for u, given, p in zip(use, y, predicted, strict=True)]
 
-    rows = each_row(unpredicted, len(columns.rows))
+    rows = two_at_a_time(unpredicted, range(len(columns.rows)))
     return tuple(np.column_stack(parts) for parts in zip(*rows, strict=True))
 
 

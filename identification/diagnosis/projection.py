@@ -32,16 +32,9 @@ class Beside:
 
 def beside(problem: Problem, fitted: Fitted) -> Beside:
     """Take a fit out of all columns; coefficients of the fit that stand at a bound stay there."""
-    active = fitted.active
-    x = fitted.theta[active]
-    free = active[(x > problem.lower[active] + 1e-12) & (x < problem.upper[active] - 1e-12)]
-    a, b = problem.total_a, problem.total_b
-    inner = a[np.ix_(free, free)] + np.diag(problem.precision[free])
-    cross = a[free]
-    made = solve(inner, cross)
-    gradient = b - a[:, active] @ x
-    gradient = gradient - made.T @ (gradient[free] - problem.precision[free] * fitted.theta[free])
-    inside = frozenset(int(k) for k in active)
+    a = problem.total_a
+    cross, made, gradient = taken_out(problem, fitted)
+    inside = frozenset(int(k) for k in fitted.active)
     sets: dict[tuple[int, ...], tuple[int, ...]] = {}
     for term in problem.columns.terms:
         sets.setdefault(term.columns, tuple(k for k in term.columns if k not in inside))
@@ -55,6 +48,23 @@ def beside(problem: Problem, fitted: Fitted) -> Beside:
         found = _gains(left, gradient[own], problem.lower[own], problem.upper[own])
         gains.update(zip(same, found.tolist(), strict=True))
     return Beside(gains, gradient, inside)
+
+
+def taken_out(problem: Problem, fitted: Fitted) -> tuple[Float[Array, "f K"], Float[Array, "f K"], Float[Array, " K"]]:
+    """What a fit makes of all columns: products with its free columns, how much of these, products that are left.
+
+    Returns:
+        Products of the free columns of the fit with all, what of each free column the fit makes of each, and products
+        of what is left of all columns with the residual.
+    """
+    active, theta = fitted.active, fitted.theta
+    x = theta[active]
+    free = active[(x > problem.lower[active] + 1e-12) & (x < problem.upper[active] - 1e-12)]
+    a = problem.total_a
+    cross = a[free]
+    made = solve(a[np.ix_(free, free)] + np.diag(problem.precision[free]), cross)
+    gradient = problem.total_b - a[:, active] @ x
+    return cross, made, gradient - made.T @ (gradient[free] - problem.precision[free] * theta[free])
 
 
 def _gains(

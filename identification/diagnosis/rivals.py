@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from jaxtyping import Float
 
-from identification.diagnosis.bounded import solve
+from identification.diagnosis.projection import taken_out
 from identification.diagnosis.result import EffectAt, Rival
 from identification.diagnosis.search import Search, contains, ordered
 from identification.diagnosis.swaps import relevant, replaced
@@ -63,7 +63,7 @@ def stand(search: Search, chosen: frozenset[Term], term: Term) -> Standing:
         if not all(other.named for other in others):
             continue
         swapped = replaced(chosen, term, others)
-        if swapped == chosen or swapped in options or not others <= swapped:
+        if swapped in options or not others <= swapped:
             continue
         if _hopeless(search, chosen, swapped):
             continue
@@ -141,24 +141,18 @@ def odds_of_richer(search: Search, chosen: frozenset[Term], rich: frozenset[Term
     the data hardly show such a direction beside the tolerances, they cannot say that it is not there.
     """
     problem, found = search.problem, search.evaluate(chosen)
-    active = found.active
-    x = found.theta[active]
-    free = active[(x > problem.lower[active] + 1e-12) & (x < problem.upper[active] - 1e-12)]
-    more = np.array(sorted({k for term in rich - chosen for k in term.columns} - set(active.tolist())), dtype=int)
+    more = np.array(sorted({k for term in rich - chosen for k in term.columns} - set(found.active.tolist())), dtype=int)
     old = np.array(sorted({k for term in chosen - rich for k in term.columns}), dtype=int)
     a = problem.total_a
     energy = float(found.theta[old] @ a[np.ix_(old, old)] @ found.theta[old])
     own = np.diag(a)[more]
     if not len(more) or energy <= 0.0 or not np.all(own > 0.0):
         return 0.0
-    inner = a[np.ix_(free, free)] + np.diag(problem.precision[free])
-    made = solve(inner, a[np.ix_(free, more)])
-    gradient = problem.total_b - a[:, active] @ x
-    pull = gradient[more] - made.T @ (gradient[free] - problem.precision[free] * found.theta[free])
-    left = a[np.ix_(more, more)] - a[np.ix_(free, more)].T @ made
+    cross, made, gradient = taken_out(problem, found)
+    left = a[np.ix_(more, more)] - cross[:, more].T @ made[:, more]
     size = _EXPECTED * np.sqrt(energy / own)
     shown = np.eye(len(more)) + left * np.outer(size, size)
-    pull = pull * size
+    pull = gradient[more] * size
     log_odds = 0.5 * float(pull @ np.linalg.solve(shown, pull)) - 0.5 * float(np.linalg.slogdet(shown)[1])
     return float(np.exp(min(log_odds, 0.0)))
 

@@ -13,7 +13,7 @@ import numpy as np
 from jaxtyping import Bool, Float
 
 from identification.diagnosis.columns import Columns
-from identification.diagnosis.rows import each_row
+from identification.diagnosis.two_at_a_time import two_at_a_time
 
 Array = np.ndarray
 
@@ -56,7 +56,7 @@ def whitened(
     values, residual, torque, usable = [], [], [], []
     for log in range(len(columns.values)):
         own = columns.values[log]
-        values.append(tuple(each_row(lambda j, own=own: filtered(kernels[j], own[j]), len(rows))))
+        values.append(tuple(two_at_a_time(lambda j, own=own: filtered(kernels[j], own[j]), rows)))
         residual.append(np.column_stack([filtered(kernels[j], columns.residual[log][:, j]) for j in rows]))
         torque.append(np.column_stack([filtered(kernels[j], columns.model_torque[log][:, j]) for j in rows]))
         usable.append(np.column_stack([_reached(len(kernels[j]), columns.usable[log][:, j]) for j in rows]))
