@@ -48,8 +48,10 @@ def _forward(search: Search, chosen: frozenset[Term], progress: Callable[[str], 
     """Add the effect that helps most until none helps more than chance.
 
     In sample a gain is larger than on held-out data, so rivals are judged there in the order of their gains in sample
-    until none that is left can do better than the best so far.
+    until none that is left can do better than the best so far. What is added can make earlier effects needless, and
+    without them it can be needless itself: where that leads in a circle, the best set of the circle is it.
     """
+    seen = [chosen]
     while len(chosen) < _MOST_TERMS:
         progress(f"trying rivals, {len(chosen)} found")
         base = search.score(chosen)
@@ -67,4 +69,7 @@ def _forward(search: Search, chosen: frozenset[Term], progress: Callable[[str], 
         if best is None:
             return chosen
         chosen = dropped(search, with_term(chosen, best))
+        if chosen in seen:
+            return min(seen[seen.index(chosen) :], key=search.score)
+        seen.append(chosen)
     return chosen

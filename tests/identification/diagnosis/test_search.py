@@ -5,6 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from identification.diagnosis import stepwise
 from identification.diagnosis.search import (
     PARAMETER_PRICE,
     claimed,
@@ -191,3 +192,20 @@ def test_what_gives_way_and_what_contains_is_looked_up_as_it_is_computed(quiet):
     for term in quiet.columns.terms:
         assert (everything - displaced(term)) | {term} == with_term(everything, term)
         assert covering(term) == {other for other in everything if contains(other, term)}
+
+
+def test_a_search_that_goes_in_a_circle_ends_with_the_best_set_of_it(lab, planar2, monkeypatch):
+    # Known truth: whatever is added is dropped again together with everything else, every time.
+    motion = lab.motion(2, 3)
+    torque = -np.sign(motion.v) * [0.0, 0.3] - motion.v * [0.3, 0.0]
+    prepared = lab.prepared(planar2, (lab.recording(planar2, motion, torque),))
+    visited: list[frozenset] = []
+
+    def all_or_nothing(search, chosen):
+        assert len(visited) < 20
+        visited.append(chosen if len(chosen) < 2 else frozenset())
+        return visited[-1]
+
+    monkeypatch.setattr(stepwise, "dropped", all_or_nothing)
+    found = stepwise._forward(prepared.search, frozenset(), silent)
+    assert found == min(visited, key=prepared.search.score)
