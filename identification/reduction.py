@@ -44,11 +44,6 @@ class Reduction:
         for factor in self.factors:
             factor.flags.writeable = False
 
-    @property
-    def torque_squares(self) -> Float[Array, " nv"]:
-        """Sum of squares of each joint's torque, shape ``(nv,)``."""
-        return np.array([np.sum(factor[:, -1] ** 2) for factor in self.factors])
-
     def rows(self, columns: Sequence[int]) -> list[Float[Array, "_ _"]]:
         """Of each joint, rows with the same products as its equations: ``columns``, then the torque.
 

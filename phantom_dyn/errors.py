@@ -1,4 +1,4 @@
-"""The exceptions and warnings of both packages."""
+"""The exceptions of both packages."""
 
 
 class PhantomDynError(Exception):
@@ -31,7 +31,3 @@ class IdentifiabilityError(PhantomDynError):
 
 class EstimationError(PhantomDynError):
     """A solver failed."""
-
-
-class PhantomDynWarning(UserWarning):
-    """Base of the warnings of both packages; what a fit has to say stands in its result, as sentences."""

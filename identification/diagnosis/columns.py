@@ -208,7 +208,7 @@ def _lay_out(
     local: list[Local] = []
     start = _first(operation)
     for effect, joint, shapes in shapes_of(robot, operation, found, seen, apart.own):
-        if isinstance(effect, Payload | InertialParameters) and effect not in apart.own:
+        if isinstance(effect, Payload | InertialParameters):
             columns = tuple(first_body + c for c in effect.columns_of(robot, joint))
             size = 4 if isinstance(effect, Payload) else len(columns)
             free = (np.inf,) * len(columns)
@@ -223,7 +223,7 @@ def _lay_out(
             names += [f"{effect.name} {joint} {name}" for name in signature.names]
             bounds = effect.coefficient_bounds(robot, joint, shape) or ((-np.inf, np.inf),) * count
             lower, upper = zip(*bounds, strict=True)
-            size = 4 if isinstance(effect, Payload) else count + (0 if effect.shape_is_estimate else len(shape))
+            size = count + (0 if effect.shape_is_estimate else len(shape))
             terms.append(Term(effect, joint, shape, columns, size, lower, upper))
             local.append(Local(effect, joint, shape, columns[0], count, signature.rows))
     return tuple(terms), tuple(local)

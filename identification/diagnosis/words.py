@@ -18,7 +18,7 @@ NO_RIVAL = "nothing else in the catalogue explains the data as well"
 
 @dataclass(frozen=True)
 class FindingWords:
-    """One finding in five parts that make one sentence, each without its punctuation.
+    """One finding in five parts, each without its punctuation.
 
     Attributes:
         what: The effect, its size and what it is.
@@ -52,12 +52,6 @@ def finding_words(finding: Finding, next_experiment: Mapping[str, Any] | None = 
         what_else=rivals_words(finding.rivals),
         what_next=small(_next_step(finding, next_experiment or {})),
     )
-
-
-def finding_sentence(finding: Finding, next_experiment: Mapping[str, Any] | None = None) -> str:
-    """One finding as a single sentence."""
-    words = finding_words(finding, next_experiment)
-    return f"{words.what}, {words.where}: {words.how_sure}; {words.what_else}; next: {words.what_next}"
 
 
 def finding_name(finding: Finding) -> str:

@@ -37,14 +37,16 @@ def test_an_effect_or_regime_from_elsewhere_is_shown_as_it_is():
     assert (effect_words("belt_slip").name, regime_words("in_water")) == ("belt slip", "in water")
 
 
-def test_the_sentence_of_a_finding_has_its_five_parts(made_up):
-    sentence = words.finding_sentence(made_up(findings=2).findings[1]).replace(NO_BREAK, " ")
-    assert sentence == (
-        "Viscous friction of 0.13 N m s/rad (friction torque that grows in proportion to speed), on joint j2, at high "
-        "speed: very likely (93 %); it accounts for 83 % (80 to 86 %) of the gap; it may instead be presliding "
-        "friction on joint j2 and a torque offset on joint j2 together (7 %); next: add the coefficient to the joint's "
-        "damping in the model, and record once cold and once warm: it changes with the lubricant's temperature."
-    )
+def test_a_finding_is_said_in_five_parts(made_up):
+    parts = dataclasses.astuple(words.finding_words(made_up(findings=2).findings[1]))
+    assert [part.replace(NO_BREAK, " ") for part in parts] == [
+        "Viscous friction of 0.13 N m s/rad (friction torque that grows in proportion to speed)",
+        "on joint j2, at high speed",
+        "very likely (93 %); it accounts for 83 % (80 to 86 %) of the gap",
+        "it may instead be presliding friction on joint j2 and a torque offset on joint j2 together (7 %)",
+        "add the coefficient to the joint's damping in the model, and record once cold and once warm: it changes with "
+        "the lubricant's temperature.",
+    ]
 
 
 def test_the_next_step_of_a_finding_with_rivals_is_the_experiment_that_parts_them(made_up):
