@@ -5,7 +5,7 @@ from __future__ import annotations
 import argparse
 from typing import TYPE_CHECKING
 
-from identification.cli.arguments import Parser
+from identification.cli.arguments import Parser, add_reading
 from phantom_dyn.errors import UsageError
 
 if TYPE_CHECKING:
@@ -18,8 +18,7 @@ def parser() -> argparse.ArgumentParser:
     out.add_argument("log", metavar="LOG", help="CSV, NPZ, Parquet, ROS bag or MCAP")
     out.add_argument("--robot", metavar="ROBOT", help="URDF or MJCF file, example:NAME or built-in name")
     out.add_argument("--robot-config", metavar="FILE", help="robot.yaml of the robot (default: beside its file)")
-    out.add_argument("--columns", metavar="FILE", help="YAML that maps names, units and signs of columns")
-    out.add_argument("--topic", metavar="NAME", help="JointState topic of a bag that has several")
+    add_reading(out)
     return out
 
 

@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 import argparse
-import os
 from dataclasses import dataclass, field
 from pathlib import Path
 
-from identification.cli.arguments import Parser
+from identification.cli.arguments import Parser, add_reading, add_robot
+from identification.cli.threads import one_blas_thread
 from phantom_dyn.errors import UsageError
 
 
@@ -49,7 +49,7 @@ def parser() -> argparse.ArgumentParser:
         description="Write the log that a cheaper device would have given: the same motion, and what it then takes. "
         "--effect, --joint and --set go together, and may be repeated for several effects.",
     )
-    out.add_argument("robot", metavar="ROBOT", help="URDF or MJCF file, example:NAME, or a built-in device")
+    add_robot(out)
     out.add_argument("log", metavar="LOG", help="CSV, Parquet, NPZ, ROS bag or MCAP")
     grouped = {"action": _Grouped, "dest": "effects", "default": None}
     out.add_argument("--effect", metavar="NAME", **grouped, help="what the device gets, such as coulomb_friction")
@@ -58,11 +58,7 @@ def parser() -> argparse.ArgumentParser:
         "--set", metavar="NAME=VALUE", nargs="+", **grouped, help="its parameters; lists are separated by commas"
     )
     out.add_argument("--out", metavar="LOG2", type=Path, required=True, help="CSV, NPZ or Parquet to write, by ending")
-    out.add_argument(
-        "--robot-config", metavar="FILE", type=Path, help="robot.yaml to use instead of the one beside ROBOT"
-    )
-    out.add_argument("--columns", metavar="FILE", help="YAML that maps names, units and signs of columns")
-    out.add_argument("--topic", metavar="NAME", help="JointState topic of a bag that has several")
+    add_reading(out)
     return out
 
 
@@ -70,8 +66,7 @@ def run(arguments: argparse.Namespace) -> int:
     """Write the log and say what was changed."""
     if not arguments.effects:
         raise UsageError("no --effect was given, wanted at least one; see phantom-dyn degrade --help")
-    for name in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"):
-        os.environ.setdefault(name, "1")
+    one_blas_thread()
     from identification.readers import read_table, require_existing
     from phantom_dyn.robot_files import find_robot
 

@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 import argparse
-import os
 import sys
 from pathlib import Path
 
-from identification.cli.arguments import Parser
+from identification.cli.arguments import Parser, add_logs, add_robot
 from identification.cli.each import require_each, run_each
 from identification.cli.inputs import require_files, stretch
+from identification.cli.threads import one_blas_thread
 from phantom_dyn.errors import UsageError
 
 
@@ -20,8 +20,8 @@ def parser() -> argparse.ArgumentParser:
         description="Say where the gap between a robot and its model lies, which unmodelled effect causes it, and how "
         "far the gap shrinks on data that no fit has seen once the effect is added.",
     )
-    out.add_argument("robot", metavar="ROBOT", help="URDF or MJCF file, example:NAME, or a built-in device")
-    out.add_argument("logs", metavar="LOG", nargs="+", help="CSV, Parquet, NPZ, ROS bag or MCAP")
+    add_robot(out)
+    add_logs(out)
     out.add_argument(
         "--out",
         metavar="DIR",
@@ -34,14 +34,8 @@ def parser() -> argparse.ArgumentParser:
     out.add_argument(
         "--hold-out", metavar="LOG", **several, help="recordings that no fit may see; all figures are theirs"
     )
-    out.add_argument(
-        "--robot-config", metavar="FILE", type=Path, help="robot.yaml to use instead of the one beside ROBOT"
-    )
     out.add_argument("--with", dest="known", metavar="FILE", **several, help="corrected.yaml of an earlier diagnosis")
-    out.add_argument("--columns", metavar="FILE", type=Path, help="YAML that maps other names, units and signs")
     out.add_argument("--recordings", metavar="FILE", type=Path, help="recordings.yaml: what changed between the LOGs")
-    out.add_argument("--exclude", metavar="T0:T1", **several, help="stretches of time [s] to leave out")
-    out.add_argument("--topic", metavar="NAME", help="JointState topic of a bag that has several")
     out.add_argument(
         "--motion-only",
         action="store_true",
@@ -72,9 +66,7 @@ def run(arguments: argparse.Namespace) -> int:
     if arguments.each:
         require_each(arguments)
     require_files(arguments)
-    # One BLAS thread: the matrices are small, and two threads on a busy machine wait for each other.
-    for name in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"):
-        os.environ.setdefault(name, "1")
+    one_blas_thread()
     if arguments.each:
         return run_each(arguments, excluded)
     from identification.cli.progress import Progress

@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 import argparse
-import os
 import sys
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from identification.cli.arguments import Parser
+from identification.cli.arguments import Parser, add_robot
+from identification.cli.threads import one_blas_thread
 from phantom_dyn.errors import UsageError
 
 if TYPE_CHECKING:
@@ -28,7 +28,7 @@ def parser() -> argparse.ArgumentParser:
         description="Design a motion from rest to rest that makes the inertial parameters of a robot visible and keeps "
         "its limits of position, velocity and torque. Try it slowly first: the robot's surroundings are not known.",
     )
-    out.add_argument("robot", metavar="ROBOT", help="URDF or MJCF file, example:NAME, or a built-in device")
+    add_robot(out)
     out.add_argument("--duration", metavar="S", type=float, default=10.0, help="length [s] (default: 10)")
     out.add_argument("--out", metavar="FILE", type=Path, required=True, help="CSV, NPZ or Parquet, by ending")
     out.add_argument("--rate", metavar="HZ", type=float, default=100.0, help="rows per second (default: 100)")
@@ -71,16 +71,12 @@ def parser() -> argparse.ArgumentParser:
         "--earlier", metavar="LOG", nargs="+", default=[], help="recordings made before: show what they do not"
     )
     out.add_argument("--seed", type=int, default=0, help="of the random motions that it starts from (default: 0)")
-    out.add_argument(
-        "--robot-config", metavar="FILE", type=Path, help="robot.yaml to use instead of the one beside ROBOT"
-    )
     return out
 
 
 def run(arguments: argparse.Namespace) -> int:
     """Design the motion, write it, and say what it reaches."""
-    for name in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"):
-        os.environ.setdefault(name, "1")
+    one_blas_thread()
     if arguments.seed < 0:
         raise UsageError(f"--seed {arguments.seed} was given, wanted 0 or more")
     if arguments.ignore_collisions and arguments.clearance is not None:

@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 import argparse
-import os
 import sys
 from pathlib import Path
 
-from identification.cli.arguments import Parser
+from identification.cli.arguments import Parser, add_logs, add_robot
 from identification.cli.inputs import require_files, stretch
+from identification.cli.threads import one_blas_thread
 
 
 def parser() -> argparse.ArgumentParser:
@@ -19,8 +19,8 @@ def parser() -> argparse.ArgumentParser:
         "seen, and write a report and models to simulate. Of a single LOG the last fifth is held out, of several the "
         "last one.",
     )
-    out.add_argument("robot", metavar="ROBOT", help="URDF or MJCF file, example:NAME, or a built-in device")
-    out.add_argument("logs", metavar="LOG", nargs="+", help="CSV, Parquet, NPZ, ROS bag or MCAP")
+    add_robot(out)
+    add_logs(out)
     out.add_argument(
         "--out",
         metavar="DIR",
@@ -43,12 +43,6 @@ def parser() -> argparse.ArgumentParser:
     out.add_argument("--rotors", action="store_true", help="rotor inertias are unknowns, too")
     several = {"action": "extend", "nargs": "+", "default": []}
     out.add_argument("--hold-out", metavar="LOG", **several, help="recordings to judge on, instead of those above")
-    out.add_argument(
-        "--robot-config", metavar="FILE", type=Path, help="robot.yaml to use instead of the one beside ROBOT"
-    )
-    out.add_argument("--columns", metavar="FILE", type=Path, help="YAML that maps other names, units and signs")
-    out.add_argument("--exclude", metavar="T0:T1", **several, help="stretches of time [s] to leave out")
-    out.add_argument("--topic", metavar="NAME", help="JointState topic of a bag that has several")
     return out
 
 
@@ -56,9 +50,7 @@ def run(arguments: argparse.Namespace) -> int:
     """Identify, write the files and print a summary."""
     excluded = tuple(stretch(text) for text in arguments.exclude)
     require_files(arguments)
-    # One BLAS thread: the matrices are small, and two threads on a busy machine wait for each other.
-    for name in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"):
-        os.environ.setdefault(name, "1")
+    one_blas_thread()
     from identification.cli.progress import Progress
 
     with Progress("reading", sys.stderr) as progress:

@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 import argparse
-import os
 import sys
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from identification.cli.arguments import Parser
+from identification.cli.arguments import Parser, add_robot
+from identification.cli.threads import one_blas_thread
 from phantom_dyn.errors import UsageError
 
 if TYPE_CHECKING:
@@ -28,7 +28,7 @@ def parser() -> argparse.ArgumentParser:
         description="Map what is felt at the tip of a robot over a grid, into map.npz, map.nc and figures. Points that "
         "the tip cannot reach, or where it is singular, are NaN and counted.",
     )
-    out.add_argument("robot", metavar="ROBOT", help="URDF or MJCF file, example:NAME, or a built-in device")
+    add_robot(out)
     out.add_argument("--quantity", metavar="NAME[,NAME]", required=True, help=f"some of {_QUANTITIES}")
     out.add_argument(
         "--grid",
@@ -48,9 +48,6 @@ def parser() -> argparse.ArgumentParser:
     out.add_argument(
         "--stiffness", metavar="K", nargs="+", help="stiffness of each joint [N m/rad] (default: where it is stated)"
     )
-    out.add_argument(
-        "--robot-config", metavar="FILE", type=Path, help="robot.yaml to use instead of the one beside ROBOT"
-    )
     out.add_argument("--jobs", metavar="N", type=int, help="processes at most (default: one per core)")
     return out
 
@@ -64,9 +61,7 @@ def run(arguments: argparse.Namespace) -> int:
     find_robot(arguments.robot)
     if arguments.out.exists() and not arguments.out.is_dir():
         raise UsageError(f"--out {arguments.out} is a file, wanted a folder: name another one")
-    # One BLAS thread a process: the matrices are small.
-    for name in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"):
-        os.environ.setdefault(name, "1")
+    one_blas_thread()
     from identification.cli.progress import Progress
 
     with Progress("loading", sys.stderr) as progress:
