@@ -9,7 +9,7 @@ import pytest
 
 from identification.diagnosis.diagnose import diagnose
 from identification.diagnosis.json_output import json_text
-from identification.diagnosis.words import finding_sentence
+from identification.diagnosis.words import finding_words
 from identification.export.corrected import write_corrected
 from identification.known_changes.apart import apart_by
 from identification.known_changes.change import Change, KnownPayload
@@ -46,8 +46,9 @@ def test_friction_that_grew_is_named_with_its_ratio(grown):
 
 
 def test_friction_that_grew_is_said_with_its_recording(grown):
-    said = finding_sentence(in_b(grown))
-    assert "times what it is in the other recordings, on joint pin in b.csv" in said
+    said = finding_words(in_b(grown))
+    assert said.what.endswith("times what it is in the other recordings")
+    assert said.where.startswith("on joint pin in b.csv")
 
 
 def test_only_what_one_recording_has_names_it_in_the_json(grown):
