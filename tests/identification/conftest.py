@@ -1,8 +1,10 @@
-"""Made-up diagnoses for everything that writes one down."""
+"""A planar arm, and made-up diagnoses for everything that writes one down."""
 
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -20,6 +22,10 @@ from identification.diagnosis.result import (
     Unexplained,
     Value,
 )
+from phantom_dyn import load_robot
+from phantom_dyn.robot import Robot
+
+ROBOTS = Path(__file__).resolve().parents[1] / "robots"
 
 
 def _evidence(nv: int, samples: int, prismatic: bool) -> Evidence:
@@ -78,6 +84,15 @@ def made_up_diagnosis(
         evidence=_evidence(nv, samples, unit == "N"),
         notes=("The band was chosen from the data.",),
     )  # fmt: skip
+
+
+@pytest.fixture(scope="session")
+def planar() -> Robot:
+    """Joints shoulder and elbow, both about y, hanging, with friction and rotors."""
+    robot = load_robot(ROBOTS / "planar2.urdf")
+    model = robot.model.copy()
+    model.armature = np.array([0.3, 0.1])
+    return replace(robot, model=model)
 
 
 @pytest.fixture(scope="session")

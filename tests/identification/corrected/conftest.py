@@ -1,9 +1,8 @@
-"""A planar arm with rotors, one case of every effect, and recordings of the arm with it."""
+"""One case of every effect, and recordings of the planar arm with it."""
 
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -11,10 +10,8 @@ import pytest
 
 from identification.corrected.parts import Parts, parts_of
 from identification.diagnosis.terms import KnownEffect
-from phantom_dyn import load_robot
 from phantom_dyn.effects.catalogue import effect_named
 from phantom_dyn.motion import Motion
-from phantom_dyn.robot import Robot
 from phantom_dyn.simulation import Cause, Simulation, simulate
 from phantom_dyn.tracking import Tracking, position_control
 
@@ -47,15 +44,6 @@ CASES: dict[str, tuple[str | None, list[float]]] = {
 }
 
 KP, KD = np.array([400.0, 200.0]), np.array([40.0, 15.0])
-
-
-@pytest.fixture(scope="session")
-def planar() -> Robot:
-    """Joints shoulder and elbow, both about y, hanging, with friction and rotors."""
-    robot = load_robot(ROBOTS / "planar2.urdf")
-    model = robot.model.copy()
-    model.armature = np.array([0.3, 0.1])
-    return replace(robot, model=model)
 
 
 @pytest.fixture(scope="session")

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
@@ -63,15 +63,6 @@ class Recorded:
 def pendulum() -> Robot:
     """A rod of 0.6 kg m^2 about its pin, 2 kg at 0.5 m below it, with friction."""
     return load_robot(ROBOTS / "pendulum.urdf")
-
-
-@pytest.fixture(scope="session")
-def planar() -> Robot:
-    """Joints shoulder and elbow, both about y, hanging, with friction and rotors."""
-    robot = load_robot(ROBOTS / "planar2.urdf")
-    model = robot.model.copy()
-    model.armature = np.array([0.3, 0.1])
-    return replace(robot, model=model)
 
 
 @pytest.fixture(scope="session")

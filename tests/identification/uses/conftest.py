@@ -1,4 +1,4 @@
-"""A planar arm, and made-up diagnoses of it."""
+"""Made-up diagnoses of the planar arm."""
 
 from __future__ import annotations
 
@@ -6,12 +6,9 @@ from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 
-import numpy as np
 import pytest
 
 from identification.diagnosis.result import Bound, Diagnosis, Finding, Value
-from phantom_dyn import load_robot
-from phantom_dyn.robot import Robot
 
 ROBOTS = Path(__file__).resolve().parents[2] / "robots"
 
@@ -20,15 +17,6 @@ ROBOTS = Path(__file__).resolve().parents[2] / "robots"
 def robots() -> Path:
     """Folder of the test robots."""
     return ROBOTS
-
-
-@pytest.fixture(scope="session")
-def planar() -> Robot:
-    """Joints shoulder and elbow, both about y, hanging, with friction and rotors."""
-    robot = load_robot(ROBOTS / "planar2.urdf")
-    model = robot.model.copy()
-    model.armature = np.array([0.3, 0.1])
-    return replace(robot, model=model)
 
 
 def finding(effect: str, joint: str | None, loadings: tuple = (), **parameters: Value) -> Finding:
