@@ -38,7 +38,7 @@ class Cogging(Effect):
         )
 
     def shapes(self, robot: Robot, operation: Operation, joint: str | None) -> tuple[Shape, ...]:
-        """Sets of one to three orders that stand out in the residual torque over position."""
+        """Sets of one to so many orders as stand out in the residual torque over position."""
         row = row_of(robot, joint)
         return orders_in(operation, row, whole_numbers=not robot.prismatic[row])
 

@@ -22,13 +22,13 @@ Array = np.ndarray
 
 _SECONDS = 0.01  # the residual is averaged over this long
 _RATE_SHARE = 0.2  # the wave is at most this share of the sampling rate at speed
-_MOST = 3
+_MOST = 12  # a bound on the work; what stands out, and then the held-out data, say how many there are
 _BINS = 8  # per period of the highest order
 _MOST_BINS = 2**16
 _LINES = 4  # points of the periodogram per resolved order
 _BACKGROUND = 30  # resolved orders over which the background is taken
 _SIGNIFICANT = 15.0  # power over background; for noise it exceeds 9 about once in ten thousand orders
-_LEAST_POWER = 0.02  # of the first order's: less is not worth three parameters
+_LEAST_POWER = 0.001  # of the first order's, 3 % of its amplitude: less is what the reading's own error leaves
 _SAMPLES = 8000  # enough to place an order
 _LOSS = 0.01  # share of what an order explains that a whole number may leave
 

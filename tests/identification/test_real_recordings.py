@@ -87,6 +87,21 @@ def test_counts_of_the_brushless_motor_become_radians_and_amperes_stay(mirror, t
     np.testing.assert_allclose(read.tau[:, 0], current)
 
 
+def test_cogging_of_the_brushless_motor_has_the_orders_of_its_published_map(mirror, tmp_path):
+    # Published: 7, 28, 14, 36 and 12 cycles a turn lead the map of holding currents; all others are below 0.1 A there.
+    from real_logs import write_odrive_logs
+
+    robot, columns = load_robot(DATA / "odrive_cogging" / "robot.urdf"), DATA / "odrive_cogging" / "columns.yaml"
+    logs = write_odrive_logs(tmp_path)
+    found = diagnose(robot, tuple(read_recording(log, robot, columns=columns) for log in logs)).findings
+    (cogging,) = [finding for finding in found if finding.effect == "cogging"]
+    orders, amplitudes = (cogging.parameters[name].value for name in ("order", "amplitude"))
+    assert isinstance(orders, list)
+    assert isinstance(amplitudes, list)
+    strongest = sorted(zip(amplitudes, orders, strict=True), reverse=True)[:5]
+    assert {order for _, order in strongest} == {7.0, 28.0, 14.0, 36.0, 12.0}
+
+
 def test_the_voltage_of_the_sts3215_drives_it_towards_its_target(mirror, tmp_path):
     # Oracle: the servo's own law at rest, eight thousandths of the supply a count beyond a dead band of one count.
     from real_logs import write_sts3215_log

@@ -80,6 +80,15 @@ def test_two_planted_orders_are_found_strongest_first(arm, wide, rng):
     assert shapes[:2] == ((12.0,), (12.0, 42.0))
 
 
+def test_as_many_orders_are_found_as_are_planted(arm, wide, rng):
+    # Known truth: five waves of 4 to 1 times the deviation of the noise.
+    q = wide.q[:, 1]
+    planted = {12.0: 0.02, 42.0: 0.014, 28.0: 0.01, 36.0: 0.007, 19.0: 0.005}
+    wave = sum(amplitude * np.sin(n * q + n) for n, amplitude in planted.items())
+    shapes = EFFECT.shapes(arm, recorded(wide, wave + 0.005 * rng.normal(size=len(q))), "tilt")
+    assert set(max(shapes, key=len)) == set(planted)
+
+
 def test_the_fit_at_the_orders_found_gives_amplitude_and_phase(arm, wide, rng):
     # Known truth within four standard deviations of 5000 samples.
     torque = EFFECT.torque(arm, wide, "tilt", np.array([12.0, 0.02, 0.7]))[:, 1]
