@@ -22,13 +22,14 @@ from phantom_dyn.kernels.simulation_arrays import Moving, Rows, moving_from, row
 from phantom_dyn.kernels.simulation_machine import Compiled, compiled, control_of
 from phantom_dyn.motion import Motion, read_only
 from phantom_dyn.robot import Robot
-from phantom_dyn.stepping import Machine, State, in_balance, longest_step, machine_of, stepped
+from phantom_dyn.stepping import Machine, State, in_balance, longest_step, machine_of, stepped, with_motors
 from phantom_dyn.tracking import Tracking
 
 Array = np.ndarray
 
 # No robot moves at this speed [rad/s or m/s]: the integration has blown up, or the drives push without end.
 _TOO_FAST = 1e6
+_MOTORS = ("motors[0]", "motors[1]")
 
 
 @dataclass(frozen=True)
@@ -73,6 +74,7 @@ def simulate(
     v0: Float[Array, " nv"] | None = None,
     *,
     max_step: float = 5e-4,
+    motors: tuple[Float[Array, " nv"], Float[Array, " nv"]] | None = None,
 ) -> Simulation:
     """Motion of ``robot`` with ``causes`` in it, from ``q0``, ``v0`` at ``t[0]``.
 
@@ -87,13 +89,16 @@ def simulate(
         q0: True link positions at the start [rad or m].
         v0: True link velocities at the start; 0 by default.
         max_step: Longest step [s]; transmissions take shorter ones by themselves.
+        motors: Positions and velocities at the start of the motors that are not rigidly tied to their links, one a
+            joint; those of other joints do not count. None: where they carry what the links need to go on.
 
     Raises:
         ParameterError: If times do not increase, an array has the wrong length, a motor without inertia would have to
             move by itself, or the motion leaves all bounds.
     """
     v0 = np.zeros(robot.nv) if v0 is None else v0
-    _check(robot, controller, t, q0, v0, max_step)
+    starts = {"q0": q0, "v0": v0} | ({} if motors is None else dict(zip(_MOTORS, motors, strict=True)))
+    _check(robot, controller, t, starts, max_step)
     parts = tuple(cause.effect.simulated(robot, cause.joint, np.asarray(cause.theta, dtype=float)) for cause in causes)
     true = robot
     for part in parts:
@@ -104,6 +109,7 @@ def simulate(
         tuple(part.inertia for part in parts if part.inertia is not None),
     )
     t, start = np.array(t, dtype=float), in_balance(machine, np.array(q0, dtype=float), np.array(v0, dtype=float))
+    start = start if motors is None else with_motors(machine, start, *motors)
     spans = np.append(np.diff(t), 0.0)
     counts = np.ceil(spans / min(max_step, longest_step(machine, start.x[: robot.nv])) - 1e-9).astype(np.int64)
     counts[:-1] = np.maximum(counts[:-1], 1)
@@ -177,10 +183,10 @@ def _compiled(
     return rows
 
 
-def _check(robot: Robot, controller: Controller, t: Array, q0: Array, v0: Array, max_step: float) -> None:
+def _check(robot: Robot, controller: Controller, t: Array, starts: dict[str, Array], max_step: float) -> None:
     if np.ndim(t) != 1 or len(t) < 2 or not np.isfinite(t).all() or not (np.diff(t) > 0).all():
         raise ParameterError("The times of a simulation do not increase: give at least two, each later than the last.")
-    for name, values in (("q0", q0), ("v0", v0)):
+    for name, values in starts.items():
         if np.shape(values) != (robot.nv,):
             raise ParameterError(f"{name} has shape {np.shape(values)}, wanted {robot.nv} numbers, one a joint.")
         if not np.isfinite(values).all():

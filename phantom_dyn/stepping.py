@@ -10,7 +10,7 @@ friction as an impulse, so that a joint at rest stays at rest). It is of second 
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
@@ -144,6 +144,15 @@ def in_balance(machine: Machine, q: Float[Array, " nv"], v: Float[Array, " nv"])
     ahead = load[rows] / machine.stiffness + 0.5 * machine.gap * np.sign(load[rows])
     x, speed = np.concatenate([q, q[rows] + ahead]), np.concatenate([v, v[rows]])
     return State(x, speed, np.zeros(len(x)), load)
+
+
+def with_motors(machine: Machine, state: State, q: Float[Array, " nv"], v: Float[Array, " nv"]) -> State:
+    """The same state of the joints with the motors that are not rigidly tied at ``q``, ``v``, ``(nv,)`` each."""
+    nv, rows = machine.nv, list(machine.loose)
+    x, speed = np.concatenate([state.x[:nv], q[rows]]), np.concatenate([state.v[:nv], v[rows]])
+    transmitted = state.transmitted.copy()
+    transmitted[rows] = _spring_torque(machine, x, speed)
+    return replace(state, x=x, v=speed, transmitted=transmitted)
 
 
 def stepped(machine: Machine, state: State, t: float, h: float, torques: Torques) -> State:

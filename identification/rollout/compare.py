@@ -19,6 +19,14 @@ Array = np.ndarray
 # Readings of one window by one model, from a start that is moved by (position, velocity).
 Shoot = Callable[[Shot, Model, Float[Array, "2 nv"] | None], Float[Array, "n nv"]]
 
+# A window with what a model makes of the hidden states before it.
+Settle = Callable[[Shot, Model], Shot]
+
+
+def unsettled(shot: Shot, model: Model) -> Shot:
+    """The window as it is."""
+    return shot
+
 
 @dataclass(frozen=True)
 class Rollout:
@@ -53,6 +61,7 @@ def compared(
     shoot: Shoot,
     horizons: tuple[float, ...],
     drive: str,
+    settle: Settle = unsettled,
 ) -> Rollout:
     """Errors of both models over the longest horizon that the noise of the starts allows.
 
@@ -63,14 +72,16 @@ def compared(
         shoot: Simulates a window.
         horizons: To choose from [s], the longest first.
         drive: What moves the joints, in words.
+        settle: Adds what the corrected model makes of hidden states before a window; the given one starts as smoothed.
 
     Raises:
         ParameterError: If a motion leaves all bounds.
     """
     rng = np.random.default_rng(20260107)
     before, after, noise = [], [], []
-    for shot in shots:
-        given, model = models(shot.window)
+    for plain in shots:
+        given, model = models(plain.window)
+        shot = settle(plain, model)
         signs = rng.choice([-1.0, 1.0], (2, robot.nv))
         moved = shoot(shot, model, None)
         before.append(shoot(shot, given, None) - shot.read)

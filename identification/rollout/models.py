@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
@@ -67,6 +67,11 @@ class Model:
 
     def _part(self, cause: Cause) -> Simulated:
         return cause.effect.simulated(self.robot, cause.joint, cause.theta)
+
+    @cached_property
+    def moving(self) -> Robot:
+        """The robot as simulations under a given torque take it: one, which keeps what they make of it."""
+        return replace(self.robot, torque_hold="instant", torque_source="command")
 
     @property
     def settles(self) -> float:

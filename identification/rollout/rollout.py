@@ -14,11 +14,13 @@ from identification.diagnosis.search import ordered
 from identification.diagnosis.terms import KnownEffect, Term
 from identification.log import Log
 from identification.recordings import Recording
-from identification.rollout.compare import Rollout, Shoot, compared
+from identification.rollout.compare import Rollout, Settle, Shoot, compared, unsettled
 from identification.rollout.drives import given_torque
 from identification.rollout.errors import HORIZONS
+from identification.rollout.hidden import hides, look_back, tries
 from identification.rollout.models import LEAD, Model, corrected_model, known_causes, model_of
-from identification.rollout.shots import STEP, Shot, controlled, under_control, under_torque
+from identification.rollout.moving import STEP
+from identification.rollout.shots import Shot, controlled, under_control, under_torque
 from identification.rollout.starts import states_of
 from identification.rollout.windows import Window, windows_in
 from phantom_dyn.errors import ParameterError, PhantomDynError, RobotError
@@ -31,6 +33,7 @@ _MOST, _FEWEST, _FEWEST_SLOW = 36, 6, 3  # windows
 _SHORTEST = 2e-5  # [s]: with shorter steps a diagnosis would wait for its rollout
 _STEPS = 60_000  # joint steps of one model over all windows: about a third of a second where steps are compiled
 _SLOWER = 40  # how many times as long a step takes where Python has to do it
+_SETTLED = 400  # short simulations that hidden states may take over all windows: about a second
 _CONTROLLED = (2.0, 1.0, 0.5, 0.25)  # [s] under controllers, which hold a motion together
 
 
@@ -82,13 +85,21 @@ def rollout_of(explained: Explained) -> Rollout:
         return loop
     torques: dict[tuple[Model, int], Array] = {}
 
-    def shoot(shot: Shot, model: Model, nudge: Float[Array, "2 nv"] | None) -> Float[Array, "n nv"]:
+    def torque(shot: Shot, model: Model) -> Float[Array, "N nv"]:
         key = (model, shot.window.log)
         if key not in torques:
             torques[key] = given_torque(model, shot.log.motion.t, shot.log.tau)
-        return under_torque(shot, model, torques[key], nudge)
+        return torques[key]
 
-    out = _tried(explained, shoot, HORIZONS, "the recorded torque")
+    def shoot(shot: Shot, model: Model, nudge: Float[Array, "2 nv"] | None) -> Float[Array, "n nv"]:
+        return under_torque(shot, model, torque(shot, model), nudge)
+
+    def settle(shot: Shot, model: Model) -> Shot:
+        if not hides(model):
+            return shot
+        return (shot.settled if _slower(explained) == 1 else shot.pulled)(model, torque(shot, model))
+
+    out = _tried(explained, shoot, HORIZONS, "the recorded torque", settle)
     return out if loop is None else replace(out, notes=(*out.notes, *_said(loop)))
 
 
@@ -111,12 +122,20 @@ def _said(loop: Rollout) -> tuple[str, ...]:
     )
 
 
-def _tried(explained: Explained, shoot: Shoot, horizons: tuple[float, ...], drive: str) -> Rollout:
+def _slower(explained: Explained) -> int:
+    """How many times as long a step of this robot takes as a compiled one."""
+    chain = explained.robot.chain
+    return 1 if compiles() and not (chain is not None and chain.anchors) else _SLOWER
+
+
+def _tried(
+    explained: Explained, shoot: Shoot, horizons: tuple[float, ...], drive: str, settle: Settle = unsettled
+) -> Rollout:
     """Rollouts over the longest horizon at which no model leaves all bounds."""
     problem: Exception = ParameterError("there is no stretch of valid samples long enough")
     for horizon in horizons:
         try:
-            return _rolled(explained, shoot, tuple(h for h in horizons if h <= horizon), drive)
+            return _rolled(explained, shoot, tuple(h for h in horizons if h <= horizon), drive, settle)
         except RobotError as error:
             problem = error
             break
@@ -125,14 +144,15 @@ def _tried(explained: Explained, shoot: Shoot, horizons: tuple[float, ...], driv
     return Rollout(None, {}, {}, notes=(f"No motion was simulated under {drive}: {_begun(str(problem))}",))
 
 
-def _rolled(explained: Explained, shoot: Shoot, horizons: tuple[float, ...], drive: str) -> Rollout:
+def _rolled(explained: Explained, shoot: Shoot, horizons: tuple[float, ...], drive: str, settle: Settle) -> Rollout:
     robot, known, terms = explained.robot, explained.known, ordered(explained.terms)
     operations = explained.problem.columns.operations
     whole = corrected_model(robot, known, terms, explained.found.theta, operations[0])
     step = min(STEP, whole.longest_step(operations[0].q[0]))
     if step < _SHORTEST:
         raise RobotError(f"a transmission that was found is so stiff that steps of {step:.2g} s would be needed.")
-    shots = _shots(explained, horizons[0], step)
+    searched = settle is not unsettled and hides(whole)
+    shots = _shots(explained, horizons[0], step, tries(whole) if searched else 0)
     if not shots:
         raise ParameterError("there is no stretch of valid samples long enough.")
     pairs: dict[tuple[int, int], tuple[Model, Model]] = {}
@@ -147,19 +167,21 @@ def _rolled(explained: Explained, shoot: Shoot, horizons: tuple[float, ...], dri
             )
         return pairs[key]
 
-    return compared(robot, models, shots, shoot, horizons, drive)
+    return compared(robot, models, shots, shoot, horizons, drive, settle)
 
 
-def _shots(explained: Explained, seconds: float, step: float) -> tuple[Shot, ...]:
+def _shots(explained: Explained, seconds: float, step: float, tries: int) -> tuple[Shot, ...]:
+    """Windows, of which each takes so many short simulations to find its hidden states."""
     problem, logs = explained.problem, explained.logs
-    chain = explained.robot.chain
-    slow = 1 if compiles() and not (chain is not None and chain.anchors) else _SLOWER
+    slow = _slower(explained)
     # A sample takes a step at least.
     step = min(step, *(1.0 / log.band.rate_hz for log in logs))
     fewest = _FEWEST if slow == 1 else _FEWEST_SLOW
     count = int(np.clip(_STEPS * step / (seconds * explained.robot.nv * slow), fewest, _MOST))
+    count = min(count, max(fewest, _SETTLED // tries)) if tries else count
+    lead = look_back(min(log.band.rate_hz for log in logs)) if tries else LEAD
     windows = windows_in(
-        logs, problem.blocks, problem.grams.fold, judged_blocks(problem), seconds=seconds, lead=LEAD, count=count
+        logs, problem.blocks, problem.grams.fold, judged_blocks(problem), seconds=seconds, lead=lead, count=count
     )
     states = {k: states_of(logs[k], explained.cutoff_hz) for k in {window.log for window in windows}}
     return tuple(Shot(logs[window.log], states[window.log], window) for window in windows)

@@ -8,25 +8,18 @@ import numpy as np
 from jaxtyping import Float
 
 from identification.log import Log
+from identification.rollout.hidden import Settled, hides, pulled_to, settled
 from identification.rollout.models import Model
-from identification.rollout.starts import States, true_state
+from identification.rollout.moving import moved, pull, pulling, simulated
+from identification.rollout.starts import Start, States, true_state
 from identification.rollout.windows import Window
-from phantom_dyn.dynamics import mass_matrix
 from phantom_dyn.effects.catalogue import effect_named
-from phantom_dyn.effects.rows import row_of
 from phantom_dyn.errors import LogError
 from phantom_dyn.robot import Robot
-from phantom_dyn.simulation import Cause, simulate
-from phantom_dyn.tracking import Tracking
+from phantom_dyn.simulation import Cause
+from phantom_dyn.tracking import Tracking, torque_over_time
 
 Array = np.ndarray
-
-STEP = 1e-3  # [s], the longest: the midpoint rule has a 20 Hz motion right to 0.2 % of its phase
-# Before a window a model with hidden states is pulled along the recording, critically damped [rad/s]: a tenth of a
-# torque that would take a joint a centimetre away in half a second leaves it a micrometre off.
-_PULL = 2.0 * np.pi * 15.0
-# A motor behind a spring or a play is pulled alone: fast enough for its own small inertia to hold it.
-_MOTOR_PULL = 2.0 * np.pi * 60.0
 
 
 @dataclass(frozen=True)
@@ -37,11 +30,13 @@ class Shot:
         log: The recording.
         states: Its smoothed states.
         window: Which samples.
+        begun: What a model with hidden states makes of the samples before the window; None where there is none.
     """
 
     log: Log
     states: States
     window: Window
+    begun: Settled | None = None
 
     @property
     def t(self) -> Float[Array, " n"]:
@@ -53,6 +48,14 @@ class Shot:
     def read(self) -> Float[Array, "n nv"]:
         """Positions as they were read."""
         return self.states.raw[self.window.start : self.window.stop]
+
+    def settled(self, model: Model, torque: Float[Array, "N nv"]) -> Shot:
+        """The same with the hidden states of a model, estimated under the torque of its drives."""
+        return replace(self, begun=settled(self.log, self.states, self.window, model, torque))
+
+    def pulled(self, model: Model, torque: Float[Array, "N nv"]) -> Shot:
+        """The same with the hidden states that the recorded motion pulls a model into."""
+        return replace(self, begun=pulled_to(self.log, self.states, self.window, model, torque))
 
 
 def under_torque(
@@ -69,30 +72,29 @@ def under_torque(
     Raises:
         ParameterError: If the motion leaves all bounds, or a motor without inertia would have to move by itself.
     """
+    if hides(model):
+        begun = shot.begun
+        if begun is None or begun.model is not model:
+            begun = settled(shot.log, shot.states, shot.window, model, torque)
+        return _freely(shot, begun, torque, nudge)
+    shift = np.zeros((2, model.robot.nv)) if nudge is None else nudge
     window, states = shot.window, shot.states
     lead = min(window.lead, int(np.ceil(model.settles * shot.log.band.rate_hz)))
     rows = slice(window.start - lead, window.stop)
-    t, n = shot.log.motion.t[rows], window.stop - window.start + lead
-    gains = np.zeros((2, n, model.robot.nv))
-    if lead:
-        gains[:, :lead] = _pull(model, states.q[window.start])[:, None]
-    moved = np.zeros((2, model.robot.nv)) if nudge is None else nudge
-    q_ref, v_ref = states.q[rows] + moved[0], states.v[rows] + moved[1]
-    none = np.zeros_like(q_ref)
-    law = Tracking(t, torque[rows], q_ref, v_ref, gains[0], gains[1], none, np.full(model.robot.nv, np.inf))
-    start = true_state(model, states, rows.start, float(t[1] - t[0]), nudge)
-    instant = replace(model.robot, torque_hold="instant", torque_source="command")
-    return np.array(simulate(instant, model.causes, law, t, *start, max_step=STEP).q[lead:])
+    t, q, v = shot.log.motion.t[rows], states.q[rows] + shift[0], states.v[rows] + shift[1]
+    law = pulling(t, torque[rows], q, v, pull(model, states.q[window.start]), lead)
+    start = true_state(model, states, rows.start, float(t[1] - t[0]), shift)
+    return np.array(moved(model, law, start).q[lead:])
 
 
-def _pull(model: Model, q: Float[Array, " nv"]) -> Float[Array, "2 nv"]:
-    """Gains of position and velocity."""
-    inertia = np.diag(mass_matrix(model.robot, q[None])[0]).copy()
-    speed = np.full(model.robot.nv, _PULL)
-    for part in model.transmissions:
-        row = row_of(model.robot, part.joint)
-        inertia[row], speed[row] = model.robot.rotor_inertia[row], _MOTOR_PULL
-    return np.array([speed**2 * inertia, 2.0 * speed * inertia])
+def _freely(shot: Shot, begun: Settled, torque: Array, nudge: Float[Array, "2 nv"] | None) -> Float[Array, "n nv"]:
+    """Readings from where hidden states were estimated."""
+    rows = slice(begun.at, shot.window.stop)
+    q, v = np.zeros((2, begun.model.robot.nv)) if nudge is None else nudge
+    one = begun.start
+    start = Start(one.q + q, one.v + v, one.motor_q + q, one.motor_v + v)
+    law = torque_over_time(shot.log.motion.t[rows], torque[rows])
+    return np.array(moved(begun.model, law, start).q[shot.window.start - begun.at :])
 
 
 def under_control(shot: Shot, model: Model, nudge: Float[Array, "2 nv"] | None = None) -> Float[Array, "n nv"]:
@@ -110,12 +112,13 @@ def under_control(shot: Shot, model: Model, nudge: Float[Array, "2 nv"] | None =
     window, states, robot = shot.window, shot.states, model.robot
     if shot.log.q_ref is None:
         raise LogError(f"{shot.log.file} has no references.")
-    rows = slice(window.start, window.stop)
-    start = true_state(model, states, window.start, 1.0 / shot.log.band.rate_hz, nudge)
+    # A controller holds the motion together, so that hidden states settle under it.
+    lead = min(window.lead, int(np.ceil(model.settles * shot.log.band.rate_hz)))
+    rows = slice(window.start - lead, window.stop)
+    start = true_state(model, states, rows.start, 1.0 / shot.log.band.rate_hz, nudge)
     law = control_law(robot, shot.log.motion.t[rows], shot.log.q_ref[rows])
     causes = (*controller_delays(robot), *model.commands, *model.causes)
-    plain = replace(robot, torque_source="command")
-    return np.array(simulate(plain, causes, law, shot.log.motion.t[rows], *start, max_step=STEP).q)
+    return np.array(simulated(replace(robot, torque_source="command"), causes, law, start).q[lead:])
 
 
 def controlled(robot: Robot) -> bool:

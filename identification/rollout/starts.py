@@ -32,6 +32,7 @@ class States:
         raw: Positions as they were read.
         q_std: Standard deviation of each joint's ``q``, ``(nv,)``.
         v_std: Of ``v``.
+        read_std: Of ``raw``, what the smoothing takes away.
     """
 
     q: Float[Array, "N nv"]
@@ -40,6 +41,7 @@ class States:
     raw: Float[Array, "N nv"]
     q_std: Float[Array, " nv"]
     v_std: Float[Array, " nv"]
+    read_std: Float[Array, " nv"]
 
 
 def states_of(log: Log, cutoff_hz: float) -> States:
@@ -55,17 +57,34 @@ def states_of(log: Log, cutoff_hz: float) -> States:
     raw = log.motion.q if log.raw_q is None else log.raw_q
     edge = motion_edge(low_pass(cutoff_hz, rate))
     q, v, a = differentiate(raw, rate, edge)
-    density = ((raw - q)[log.valid] ** 2).mean(axis=0) / max(0.5 * rate - edge, 1e-9)  # per Hz
+    removed = ((raw - q)[log.valid] ** 2).mean(axis=0)
+    density = removed / max(0.5 * rate - edge, 1e-9)  # per Hz
     q_std, v_std = np.sqrt(density * edge), 2.0 * np.pi * np.sqrt(density * edge**3 / 3.0)
-    return States(q, v, a, raw, np.maximum(q_std, _LEAST), np.maximum(v_std, _LEAST))
+    least = (np.maximum(std, _LEAST) for std in (q_std, v_std, np.sqrt(removed)))
+    return States(q, v, a, raw, *least)
 
 
-def true_state(
-    model: Model, states: States, at: int, dt: float, nudge: Float[Array, "2 nv"] | None = None
-) -> tuple[Float[Array, " nv"], Float[Array, " nv"]]:
-    """Position and velocity of the links of a model whose encoders read a state.
+@dataclass(frozen=True)
+class Start:
+    """A state of links and motors, ``(nv,)`` each; motors that are rigidly tied to their links are where these are.
 
-    Behind a spring or a play the link is where the torque that it needs puts it.
+    Attributes:
+        q: Positions of the links [rad or m].
+        v: Their velocities.
+        motor_q: Positions of the motors.
+        motor_v: Their velocities.
+    """
+
+    q: Float[Array, " nv"]
+    v: Float[Array, " nv"]
+    motor_q: Float[Array, " nv"]
+    motor_v: Float[Array, " nv"]
+
+
+def true_state(model: Model, states: States, at: int, dt: float, nudge: Float[Array, "2 nv"] | None = None) -> Start:
+    """State of a model whose encoders read a state.
+
+    Across a spring or a play link and motor are as far apart as the torque that the link needs puts them.
 
     Args:
         model: Its readings and transmissions are undone; without any the state is the one that was read.
@@ -88,6 +107,7 @@ def true_state(
         true = true + q - read(true)
     if readings:
         speed = v / np.maximum((read(true + _NUDGE) - read(true - _NUDGE)) / (2.0 * _NUDGE), 0.5)
+    start = Start(true, speed, np.array(true), np.array(speed))
     if model.transmissions:
         near = np.clip([at - 1, at, at + 1], 0, len(states.q) - 1)
         load = link_torque(model.robot, Motion(dt * near, states.q[near], states.v[near], states.a[near]))
@@ -95,7 +115,10 @@ def true_state(
         for part in model.transmissions:
             row = row_of(model.robot, part.joint)
             # Without a rotor the spring has no stiffness: the simulation refuses it in a sentence.
-            if model.robot.actuators[row].encoder_side == "motor" and part.stiffness > 0:
-                true[row] -= load[1, row] / part.stiffness + 0.5 * part.gap * np.sign(load[1, row])
-                speed[row] -= rate[row] / part.stiffness
-    return true, speed
+            if part.stiffness > 0:
+                read_on_motor = model.robot.actuators[row].encoder_side == "motor"
+                place, pace = (start.q, start.v) if read_on_motor else (start.motor_q, start.motor_v)
+                behind = -1.0 if read_on_motor else 1.0
+                place[row] += behind * (load[1, row] / part.stiffness + 0.5 * part.gap * np.sign(load[1, row]))
+                pace[row] += behind * rate[row] / part.stiffness
+    return start

@@ -243,3 +243,28 @@ def test_an_encoder_reads_the_side_on_which_it_sits(wheel, side, seen):
     s = simulate(robot, (cause,), lambda t, q, v: np.ones(1), np.linspace(0.0, 0.1, 11), np.zeros(1))
     np.testing.assert_array_equal(s.q, getattr(s, seen).q)
     assert (np.abs(s.q - s.links.q).max() > 1e-3) == (side == "motor")
+
+
+def test_a_motor_that_starts_apart_swings_against_its_link(wheel):
+    # Closed form: apart = a exp(-d w t) cos(w t sqrt(1 - d^2)), with w^2 = k (1/0.1 + 1/0.2), from a start that fits.
+    k, damped, t = 80.0, 0.05, np.linspace(0.0, 0.3, 61)
+    w = np.sqrt(k * 15.0)
+    cause = Cause(TransmissionCompliance(), "pin", np.array([k]))
+    motors = np.array([0.02]), np.array([-0.02 * damped * w])
+    s = simulate(wheel, (cause,), no_torque, t, np.zeros(1), motors=motors)
+    apart = (s.encoders.q - s.links.q)[:, 0]
+    expected = 0.02 * np.exp(-damped * w * t) * np.cos(w * np.sqrt(1.0 - damped**2) * t)
+    np.testing.assert_allclose(apart, expected, atol=2e-4)
+
+
+def test_motors_of_rigid_joints_do_not_count(planar, swinging):
+    controller, q0, v0 = swinging
+    t = np.linspace(0.0, 0.1, 11)
+    elsewhere = np.full(2, 9.0), np.full(2, -9.0)
+    moved = simulate(planar, (), controller, t, q0, v0, motors=elsewhere)
+    np.testing.assert_array_equal(moved.q, simulate(planar, (), controller, t, q0, v0).q)
+
+
+def test_a_start_of_the_motors_of_the_wrong_length_is_refused(wheel):
+    with pytest.raises(ParameterError, match=r"motors\[1\] has shape \(2,\), wanted 1 numbers, one a joint\."):
+        simulate(wheel, (), no_torque, np.arange(3.0), np.zeros(1), motors=(np.zeros(1), np.zeros(2)))

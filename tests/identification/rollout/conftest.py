@@ -15,6 +15,7 @@ from identification.recordings import Recording
 from identification.rollout.compare import Rollout, compared
 from identification.rollout.drives import given_torque
 from identification.rollout.errors import HORIZONS
+from identification.rollout.hidden import hides
 from identification.rollout.models import model_of
 from identification.rollout.shots import Shot, under_control, under_torque
 from identification.rollout.starts import states_of
@@ -22,7 +23,7 @@ from identification.rollout.windows import windows_in
 from identification.signals import process_all
 from phantom_dyn import load_robot
 from phantom_dyn.robot import Robot
-from phantom_dyn.simulation import Cause, simulate
+from phantom_dyn.simulation import Cause, Simulation, simulate
 from phantom_dyn.tracking import position_control
 
 ROBOTS = Path(__file__).resolve().parents[2] / "robots"
@@ -37,11 +38,12 @@ class Recorded:
     recording: Recording
     log: Log
     cutoff_hz: float
+    truth: Simulation
 
     def shots(self, seconds: float = 0.5, count: int = 12) -> tuple[Shot, ...]:
         blocks = split_blocks((self.log,), self.cutoff_hz)
         every, seen = np.arange(len(blocks)), np.full(len(blocks), -1)
-        windows = windows_in((self.log,), blocks, seen, every, seconds=seconds, lead=0.15, count=count)
+        windows = windows_in((self.log,), blocks, seen, every, seconds=seconds, lead=0.25, count=count)
         states = states_of(self.log, self.cutoff_hz)
         return tuple(Shot(self.log, states, window) for window in windows)
 
@@ -53,10 +55,13 @@ class Recorded:
         def open_loop(shot, model, nudge):
             return under_torque(shot, model, torque[model], nudge)
 
+        def settle(shot, model):
+            return shot.settled(model, torque[model]) if hides(model) and not controlled else shot
+
         pair = given, corrected
         shoot = under_control if controlled else open_loop
         horizons = tuple(h for h in (2.0, 1.0, *HORIZONS) if h <= seconds)
-        return compared(self.robot, lambda window: pair, self.shots(seconds), shoot, horizons, "the torque")
+        return compared(self.robot, lambda window: pair, self.shots(seconds), shoot, horizons, "the torque", settle)
 
 
 @pytest.fixture(scope="session")
@@ -84,6 +89,6 @@ def record() -> Callable[..., Recorded]:
         tau = moved.tau + 0.01 * rng.standard_normal(q.shape)
         recording = Recording("sim.csv", robot.joint_names, t, readings, tau, q_ref=q)
         (log,), cutoff_hz = process_all((recording,), robot)
-        return Recorded(robot, recording, log, cutoff_hz)
+        return Recorded(robot, recording, log, cutoff_hz, moved)
 
     return made

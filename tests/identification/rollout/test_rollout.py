@@ -63,13 +63,6 @@ def test_the_true_model_stays_near_the_recording_and_the_given_one_does_not(plan
     assert after < 2e-3
 
 
-@pytest.mark.parametrize("truth", [("backlash", "elbow", 0.03), ("transmission_compliance", "elbow", 150.0)])
-def test_a_loose_motor_lessens_the_error_of_its_own_joint(planar, record, truth):
-    true = cause(*truth)
-    found = record(planar, true).rollout(true)
-    assert found.rms_after["elbow"] < 0.5 * found.rms_before["elbow"]
-
-
 def test_without_a_gap_both_models_err_alike_and_little(planar, record):
     found = record(planar).rollout()
     assert found.rms_before == found.rms_after
@@ -104,11 +97,11 @@ def test_a_torque_that_acts_late_is_shifted_by_samples(planar):
 def test_readings_are_undone_at_the_start(planar):
     wrong = (cause("encoder_eccentricity", "elbow", 0.02, 0.3, 1.0), cause("encoder_offset", "shoulder", 0.1))
     at = np.array([[0.5, 0.7]])
-    read = States(at, np.array([[1.0, 2.0]]), 0.0 * at, at, np.zeros(2), np.zeros(2))
-    q, v = true_state(model_of(planar, wrong), read, 0, 0.01)
-    assert q[0] == pytest.approx(0.4)
-    assert q[1] + 0.02 * np.sin(q[1] + 0.3) == pytest.approx(0.7, abs=1e-9)
-    assert v[1] * (1.0 + 0.02 * np.cos(q[1] + 0.3)) == pytest.approx(2.0, rel=1e-5)
+    read = States(at, np.array([[1.0, 2.0]]), 0.0 * at, at, *np.zeros((3, 2)))
+    start = true_state(model_of(planar, wrong), read, 0, 0.01)
+    assert start.q[0] == pytest.approx(0.4)
+    assert start.q[1] + 0.02 * np.sin(start.q[1] + 0.3) == pytest.approx(0.7, abs=1e-9)
+    assert start.v[1] * (1.0 + 0.02 * np.cos(start.q[1] + 0.3)) == pytest.approx(2.0, rel=1e-5)
 
 
 def test_smoothed_states_are_better_than_the_readings(planar, record):
@@ -168,5 +161,6 @@ def test_under_its_controller_the_true_model_stays_near_the_recording(planar, re
 def test_a_diagnosis_says_how_far_the_motion_of_both_models_strays(pendulum, record):
     made = record(pendulum, cause("coulomb_friction", "pin", 1.0))
     rollout = diagnose(pendulum, (made.recording,)).rollout
+    assert rollout is not None
     assert set(rollout) == {"horizon_s", "rms_before", "rms_after"}
     assert rollout["rms_after"]["pin"] < 0.2 * rollout["rms_before"]["pin"]

@@ -1,0 +1,66 @@
+"""Models set in motion: from a start of links and motors, free or pulled along a recording."""
+
+from __future__ import annotations
+
+import numpy as np
+from jaxtyping import Float
+
+from identification.rollout.models import Model
+from identification.rollout.starts import Start
+from phantom_dyn.dynamics import mass_matrix
+from phantom_dyn.effects.rows import row_of
+from phantom_dyn.robot import Robot
+from phantom_dyn.simulation import Cause, Simulation, simulate
+from phantom_dyn.tracking import Tracking
+
+Array = np.ndarray
+
+STEP = 1e-3  # [s], the longest: the midpoint rule has a 20 Hz motion right to 0.2 % of its phase
+# A model with hidden states is pulled along the recording, critically damped [rad/s]: a tenth of a torque that would
+# take a joint a centimetre away in half a second leaves it a micrometre off.
+_PULL = 2.0 * np.pi * 15.0
+# A motor behind a spring or a play is pulled alone: fast enough for its own small inertia to hold it.
+_MOTOR_PULL = 2.0 * np.pi * 60.0
+
+
+def simulated(robot: Robot, causes: tuple[Cause, ...], law: Tracking, start: Start) -> Simulation:
+    """A simulation from a start, at the times of its law.
+
+    Raises:
+        ParameterError: If the motion leaves all bounds, or a motor without inertia would have to move by itself.
+    """
+    motors = start.motor_q, start.motor_v
+    return simulate(robot, causes, law, law.t, start.q, start.v, max_step=STEP, motors=motors)
+
+
+def moved(model: Model, law: Tracking, start: Start) -> Simulation:
+    """The same of a model whose law gives the torque behind its drives."""
+    return simulated(model.moving, model.causes, law, start)
+
+
+def pull(model: Model, q: Float[Array, " nv"]) -> Float[Array, "2 nv"]:
+    """Gains of position and velocity with which readings are pulled along a recording.
+
+    None where the encoder sits on the link behind a spring or a play: pulled at by its motor, it would swing up.
+    """
+    inertia = np.diag(mass_matrix(model.robot, q[None])[0]).copy()
+    speed = np.full(model.robot.nv, _PULL)
+    for part in model.transmissions:
+        row = row_of(model.robot, part.joint)
+        on_motor = model.robot.actuators[row].encoder_side == "motor"
+        inertia[row], speed[row] = model.robot.rotor_inertia[row], _MOTOR_PULL if on_motor else 0.0
+    return np.array([speed**2 * inertia, 2.0 * speed * inertia])
+
+
+def pulling(
+    t: Float[Array, " n"],
+    torque: Float[Array, "n nv"],
+    q: Float[Array, "n nv"],
+    v: Float[Array, "n nv"],
+    gains: Float[Array, "2 nv"],
+    count: int,
+) -> Tracking:
+    """The recorded torque, with a pull towards ``q`` and ``v`` at the first ``count`` samples."""
+    tables = np.zeros((2, *q.shape))
+    tables[:, :count] = gains[:, None]
+    return Tracking(t, torque, q, v, tables[0], tables[1], np.zeros_like(q), np.full(q.shape[1], np.inf))

@@ -1,0 +1,139 @@
+"""States that no encoder reads, against those of simulations whose truth is known."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from identification.rollout.drives import given_torque
+from identification.rollout.hidden import hides
+from identification.rollout.models import model_of
+from identification.rollout.shots import under_torque
+from identification.rollout.starts import true_state
+from phantom_dyn.effects.catalogue import effect_named
+from phantom_dyn.robot import Actuator, Controller, Robot
+from phantom_dyn.simulation import Cause, simulate
+from phantom_dyn.tracking import torque_over_time
+
+PLAY = Cause(effect_named("backlash"), "elbow", np.array([0.03]))
+SPRING = Cause(effect_named("transmission_compliance"), "elbow", np.array([150.0]))
+
+
+def seen_on(robot: Robot, side: str) -> Robot:
+    return replace(robot, actuators=tuple(replace(one, encoder_side=side) for one in robot.actuators))
+
+
+@pytest.fixture(scope="module")
+def in_play(planar, record):
+    """A recording of an elbow with 0.03 rad of play, read on the motor."""
+    return record(planar, PLAY)
+
+
+@pytest.fixture(scope="module")
+def behind_link(planar, record):
+    """The same with the encoder on the link, under a controller that this does not upset."""
+    return record(seen_on(planar, "link"), PLAY, kp=40.0, kd=4.0)
+
+
+@pytest.fixture(scope="module")
+def sprung(planar, record):
+    """An elbow on a spring with the encoder on the link."""
+    return record(seen_on(planar, "link"), SPRING, kp=10.0, kd=1.0)
+
+
+def rms(errors: list[np.ndarray]) -> np.ndarray:
+    return np.sqrt(np.mean(np.square(np.concatenate(errors)), axis=0))
+
+
+def strayed(made, true: Cause, seconds: float) -> tuple[np.ndarray, np.ndarray]:
+    """Errors of the true model from estimated states, and from the states of the truth, on windows of such length."""
+    model, ours, best = model_of(made.robot, (true,)), [], []
+    torque = given_torque(model, made.log.motion.t, made.log.tau)
+    for shot in made.shots(seconds):
+        k, rows = shot.window.start, slice(shot.window.start, shot.window.stop)
+        ours.append((under_torque(shot, model, torque) - shot.read)[1:])
+        law, truth = torque_over_time(made.log.motion.t[rows], torque[rows]), made.truth
+        motors = (
+            (truth.encoders.q[k], truth.encoders.v[k]) if model.robot.actuators[1].encoder_side == "motor" else None
+        )
+        start = truth.links.q[k], truth.links.v[k]
+        best.append(
+            (simulate(model.moving, (true,), law, law.t, *start, max_step=1e-3, motors=motors).q - shot.read)[1:]
+        )
+    return rms(ours), rms(best)
+
+
+def test_from_estimated_states_the_true_model_strays_as_little_as_from_true_ones(in_play):
+    ours, best = strayed(in_play, PLAY, 0.5)
+    assert (ours < 2.0 * best).all()
+
+
+def test_a_link_in_its_play_is_found(in_play):
+    model = model_of(in_play.robot, (PLAY,))
+    torque = given_torque(model, in_play.log.motion.t, in_play.log.tau)
+    errors = []
+    for shot in in_play.shots():
+        begun = shot.settled(model, torque).begun
+        errors.append(abs(begun.start.q - in_play.truth.links.q[begun.at])[1])
+    # Of 15 mrad to either side.
+    assert np.median(errors) < 1e-3
+
+
+@pytest.mark.parametrize(("name", "true", "most"), [("behind_link", PLAY, 6e-4), ("sprung", SPRING, 2e-4)])
+def test_a_motor_that_the_encoder_does_not_see_is_found(request, name, true, most):
+    ours, _ = strayed(request.getfixturevalue(name), true, 0.1)
+    assert ours[1] < most
+
+
+@pytest.mark.parametrize(
+    ("name", "true", "share"), [("in_play", PLAY, 0.55), ("behind_link", PLAY, 0.34), ("sprung", SPRING, 0.1)]
+)
+def test_what_was_found_lessens_the_error(request, name, true, share):
+    # Behind a play on the motor the torque between samples is what limits: true states leave as much.
+    found = request.getfixturevalue(name).rollout(true)
+    assert found.horizon_s == 0.5
+    assert found.rms_after["elbow"] < share * found.rms_before["elbow"]
+
+
+def test_under_its_controller_hidden_states_settle_by_themselves(planar, record):
+    stated = replace(planar, actuators=(Actuator(controller=Controller(kp=300.0, kd=30.0)),) * 2)
+    found = record(stated, PLAY).rollout(PLAY, controlled=True)
+    assert found.rms_after["elbow"] < 0.6 * found.rms_before["elbow"]
+    assert found.rms_after["elbow"] < 1.5e-4
+
+
+def test_a_motor_on_a_spring_starts_where_its_encoder_reads_it(planar, record):
+    found = record(planar, SPRING).rollout(SPRING)
+    assert found.rms_after["elbow"] < 0.2 * found.rms_before["elbow"]
+
+
+def test_no_sample_behind_the_start_is_used(in_play):
+    model = model_of(in_play.robot, (PLAY,))
+    torque = given_torque(model, in_play.log.motion.t, in_play.log.tau)
+    shot = in_play.shots()[5]
+    raw, late = shot.states.raw.copy(), torque.copy()
+    raw[shot.window.start + 1 :] += 1.0
+    late[shot.window.start + 1 :] += 10.0
+    other = replace(shot, states=replace(shot.states, raw=raw))
+    ours, theirs = shot.settled(model, torque).begun.start, other.settled(model, late).begun.start
+    np.testing.assert_array_equal(ours.q, theirs.q)
+    np.testing.assert_array_equal(ours.motor_v, theirs.motor_v)
+
+
+def test_without_samples_before_a_window_the_smoothed_state_is_taken(in_play):
+    model = model_of(in_play.robot, (PLAY,))
+    torque = given_torque(model, in_play.log.motion.t, in_play.log.tau)
+    shot = in_play.shots()[3]
+    bare = replace(shot, window=replace(shot.window, lead=0))
+    begun = bare.settled(model, torque).begun
+    assert begun.at == shot.window.start
+    np.testing.assert_array_equal(begun.start.q, true_state(model, shot.states, begun.at, 1 / 250.0).q)
+
+
+def test_a_rigid_joint_and_a_spring_behind_its_motor_hide_nothing(planar):
+    assert not hides(model_of(planar, ()))
+    assert not hides(model_of(planar, (SPRING,)))
+    assert hides(model_of(planar, (PLAY,)))
+    assert hides(model_of(seen_on(planar, "link"), (SPRING,)))
