@@ -18,10 +18,9 @@ from scipy.linalg import solve_triangular
 
 from identification.estimators.closed_loop import Feedback
 from identification.estimators.fit import Estimate, Fit, Status, fit_of
-from identification.estimators.iv import starting_point
 from identification.estimators.noise import autocorrelation, correlation_factor
-from identification.estimators.resimulation import first_resimulation, loops_of, simulated_base
 from identification.estimators.shooting import Shooting, stretches_of
+from identification.estimators.start import start_of
 from identification.log import Log
 from identification.regressor import EffectOnJoint, Regressor, torque_regressor
 from phantom_dyn.errors import EstimationError, IdentifiabilityError, ParameterError
@@ -100,12 +99,11 @@ def cloe(
     """
     if not stretch > 0:
         raise ParameterError(f"The stretches were asked to last {stretch:g} s: give a time above 0.")
-    loops = loops_of(regressor, feedback)
-    first, start, _ = starting_point(regressor)
-    base, theta = simulated_base(first_resimulation(regressor, loops, first, start))
-    shooting = Shooting(regressor, base, loops, stretches_of(loops, stretch))
+    start = start_of(regressor, feedback)
+    base = start.base
+    shooting = Shooting(regressor, base, start.loops, stretches_of(start.loops, stretch))
     measured = shooting.measured()
-    point = _point(shooting, measured, theta, shooting.first_states())
+    point = _point(shooting, measured, start.theta, shooting.first_states())
     for _ in range(iterations):
         weights = _weights(point.left, measured)
         slopes = shooting.slopes(point.theta, point.states, point.outputs)

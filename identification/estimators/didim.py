@@ -19,17 +19,11 @@ from jaxtyping import Float
 
 from identification.base_parameters import BaseParameters
 from identification.estimators.closed_loop import Feedback, Loop
-from identification.estimators.fit import Fit, Status, fit_of
-from identification.estimators.iv import starting_point
-from identification.estimators.noise import joint_noise
-from identification.estimators.resimulation import (
-    Resimulation,
-    first_resimulation,
-    loops_of,
-    resimulated,
-    simulated_base,
-)
-from identification.estimators.rows import covariances, influence_of, least_squares
+from identification.estimators.fit import Fit, Status
+from identification.estimators.judged import judged
+from identification.estimators.resimulation import Resimulation, resimulated
+from identification.estimators.rows import factor_of, influence_of, least_squares, noise_left
+from identification.estimators.start import start_of
 from identification.estimators.wls import floored
 from identification.log import Log
 from identification.regressor import EffectOnJoint, Regressor, torque_regressor
@@ -94,19 +88,16 @@ def didim(
         IdentifiabilityError: See `fit_didim`.
         EstimationError: See `fit_didim`.
     """
-    loops = loops_of(regressor, feedback)
-    first, start, weights = starting_point(regressor)
-    simulation = first_resimulation(regressor, loops, first, start)
-    base, theta = simulated_base(simulation)
+    start = start_of(regressor, feedback)
+    base, theta, simulation, weights = start.base, start.theta, start.simulation, start.weights
     for _ in range(iterations):
         rows, target = simulation.rows(base), _target(regressor, simulation)
         found, factor = least_squares(rows, target, weights)
         influence = influence_of(rows, factor, weights)
-        used = np.einsum("njk,njk->j", influence, rows, optimize=True)
-        weights = 1.0 / floored(joint_noise(target - rows @ found, used), regressor)
+        weights = 1.0 / floored(noise_left(rows, influence, target - rows @ found), regressor)
         std = np.sqrt(np.einsum("njk,j->k", influence**2, weights**-2))
         step = found - theta
-        theta, simulation = _taken(regressor, loops, base, theta, step)
+        theta, simulation = _taken(regressor, start.loops, base, theta, step)
         if (np.abs(step) <= _SETTLED * std + 1e-9 * np.abs(theta)).all():
             return _fit(regressor, base, theta, simulation, weights, Status.SOLVED)
     if on_failure == "raise":
@@ -144,22 +135,6 @@ def _fit(
     status: Status,
 ) -> Fit:
     rows = simulation.rows(base)
-    residual = _target(regressor, simulation) - rows @ theta
-    _, factor = least_squares(rows, residual, weights)
-    influence = influence_of(rows, factor, weights)
-    used = np.einsum("njk,njk->j", influence, rows, optimize=True)
-    sigma = joint_noise(residual, used)
-    cov, white, correlation = covariances(influence, residual, sigma, regressor.starts)
-    return fit_of(
-        "didim",
-        regressor,
-        base,
-        theta,
-        cov=cov,
-        cov_white=white,
-        sigma=sigma,
-        correlation=correlation,
-        residual=residual,
-        factor=factor,
-        status=status,
-    )
+    factor = factor_of(rows, weights)
+    target, influence = _target(regressor, simulation), influence_of(rows, factor, weights)
+    return judged(theta, rows, target, influence, factor, regressor.starts).fit("didim", regressor, base, status)

@@ -1,4 +1,4 @@
-"""Durbin-Wu-Hausman test: does noise in the motion bias least squares?"""
+"""Durbin-Wu-Hausman test: do errors of the recorded motion (noise, filters, derivatives) bias least squares?"""
 
 from __future__ import annotations
 
@@ -9,9 +9,10 @@ from jaxtyping import Float
 from scipy.stats import chi2
 
 from identification.estimators.closed_loop import Feedback
-from identification.estimators.iv import Instrumented, starting_point, with_instruments
-from identification.estimators.resimulation import first_resimulation, loops_of, simulated_base
+from identification.estimators.iv import with_instruments
+from identification.estimators.judged import Judged
 from identification.estimators.rows import base_rows, covariances, factor_of, influence_of
+from identification.estimators.start import start_of
 from identification.regressor import Regressor
 
 Array = np.ndarray
@@ -60,16 +61,14 @@ class Endogeneity:
         """
         p = f"Durbin-Wu-Hausman test, p = {self.probability:.2g}"
         if not self.biased(level):
-            return f"Noise in the motion does not bias least squares beyond chance ({p})."
+            return f"Errors of the recorded motion do not bias least squares beyond chance ({p})."
         far = np.abs(self.difference) / self.scatter
         worst = int(np.argmax(far))
         name, size = self.names[worst], f"{far[worst]:.2g} of its standard deviations"
+        biased = f"Errors of the recorded motion bias least squares ({p})"
         if far[worst] < _MATTERS:
-            return f"Noise in the motion biases least squares ({p}), but by no more than {size} ({name}): it may stay."
-        return (
-            f"Noise in the motion biases least squares ({p}), {name} by {size}: use instrumental variables (iv), or "
-            "record with a finer encoder."
-        )
+            return f"{biased}, but by no more than {size} ({name}): it may stay."
+        return f"{biased}, {name} by {size}: use instrumental variables (iv), or record with a finer encoder."
 
 
 def hausman_test(regressor: Regressor, *, feedback: Feedback | None = None) -> Endogeneity:
@@ -85,18 +84,15 @@ def hausman_test(regressor: Regressor, *, feedback: Feedback | None = None) -> E
         IdentifiabilityError: If the recording excites no parameter.
         EstimationError: If the simulated robot cannot move.
     """
-    loops = loops_of(regressor, feedback)
-    first, theta, weights = starting_point(regressor)
-    simulation = first_resimulation(regressor, loops, first, theta)
-    base, _ = simulated_base(simulation)
-    found = with_instruments(regressor, base, simulation.rows(base), weights)
-    rows = base_rows(regressor, base)
-    influence = influence_of(rows, factor_of(rows, weights), weights)
-    return compared(influence, found, regressor, base.base_names)
+    start = start_of(regressor, feedback)
+    found = with_instruments(regressor, start.base, start.simulation.rows(start.base), start.weights)
+    rows = base_rows(regressor, start.base)
+    influence = influence_of(rows, factor_of(rows, start.weights), start.weights)
+    return compared(influence, found, regressor, start.base.base_names)
 
 
 def compared(
-    influence: Float[Array, "N nv r"], found: Instrumented, regressor: Regressor, names: tuple[str, ...]
+    influence: Float[Array, "N nv r"], found: Judged, regressor: Regressor, names: tuple[str, ...]
 ) -> Endogeneity:
     """The test from both estimates of the same parameters.
 

@@ -12,7 +12,6 @@ References:
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
@@ -20,11 +19,12 @@ from jaxtyping import Float
 
 from identification.base_parameters import BaseParameters
 from identification.estimators.closed_loop import Feedback
-from identification.estimators.fit import Fit, Status, fit_of
-from identification.estimators.noise import joint_noise
-from identification.estimators.resimulation import first_resimulation, loops_of, resimulated, simulated_base
-from identification.estimators.rows import base_rows, covariances, factor_of, influence_of, least_squares
-from identification.estimators.wls import PASSES, floored, settled
+from identification.estimators.fit import Fit, Status
+from identification.estimators.judged import Judged, judged
+from identification.estimators.resimulation import resimulated
+from identification.estimators.rows import base_rows, factor_of, influence_of
+from identification.estimators.start import start_of
+from identification.estimators.wls import floored
 from identification.log import Log
 from identification.regressor import EffectOnJoint, Regressor, torque_regressor
 from phantom_dyn.errors import EstimationError, IdentifiabilityError
@@ -86,73 +86,25 @@ def iv(
         IdentifiabilityError: See `fit_iv`.
         EstimationError: See `fit_iv`.
     """
-    loops = loops_of(regressor, feedback)
-    first, theta, weights = starting_point(regressor)
-    simulation = first_resimulation(regressor, loops, first, theta)
-    base, _ = simulated_base(simulation)
-    found = with_instruments(regressor, base, simulation.rows(base), weights)
+    start = start_of(regressor, feedback)
+    base = start.base
+    found = with_instruments(regressor, base, start.simulation.rows(base), start.weights)
     for _ in range(iterations):
         before = found
-        simulation = resimulated(regressor, loops, base, found.theta)
+        simulation = resimulated(regressor, start.loops, base, found.theta)
         found = with_instruments(regressor, base, simulation.rows(base), 1.0 / floored(before.sigma, regressor))
         # Where there is no noise, what rounding leaves of the torque settles it.
         still = np.abs(found.theta - before.theta) <= _SETTLED * found.std + 1e-9 * np.abs(found.theta)
         if still.all():
-            return found.fit(regressor, base, Status.SOLVED)
+            return found.fit("iv", regressor, base, Status.SOLVED)
     if on_failure == "raise":
         raise EstimationError(f"{Status.NOT_SETTLED.value} ({iterations} simulations)")
-    return found.fit(regressor, base, Status.NOT_SETTLED)
-
-
-@dataclass(frozen=True)
-class Instrumented:
-    """Solution of equations with instruments.
-
-    Attributes:
-        theta: Base parameters, shape ``(r,)``.
-        cov: Covariance with the memory of the residual.
-        cov_white: Covariance if every sample's noise were independent.
-        sigma: Noise of each joint.
-        correlation: Samples per independent sample of each joint's residual.
-        residual: Torque that is left.
-        influence: By how much the noise of each joint at each sample moves each estimate.
-        factor: Triangular factor of the weighted instruments.
-    """
-
-    theta: Float[Array, " r"]
-    cov: Float[Array, "r r"]
-    cov_white: Float[Array, "r r"]
-    sigma: Float[Array, " nv"]
-    correlation: Float[Array, " nv"]
-    residual: Float[Array, "N nv"]
-    influence: Float[Array, "N nv r"]
-    factor: Float[Array, "r r"]
-
-    @property
-    def std(self) -> Float[Array, " r"]:
-        """Standard deviations; zero where they are not known."""
-        return np.sqrt(np.nan_to_num(np.diag(self.cov)))
-
-    def fit(self, regressor: Regressor, base: BaseParameters, status: Status) -> Fit:
-        """As the common result."""
-        return fit_of(
-            "iv",
-            regressor,
-            base,
-            self.theta,
-            cov=self.cov,
-            cov_white=self.cov_white,
-            sigma=self.sigma,
-            correlation=self.correlation,
-            residual=self.residual,
-            factor=self.factor,
-            status=status,
-        )
+    return found.fit("iv", regressor, base, Status.NOT_SETTLED)
 
 
 def with_instruments(
     regressor: Regressor, base: BaseParameters, instruments: Float[Array, "N nv r"], weights: Float[Array, " nv"]
-) -> Instrumented:
+) -> Judged:
     """Solution of the equations of a regressor with given instruments.
 
     Args:
@@ -176,33 +128,4 @@ def with_instruments(
         )
     influence = influence @ np.linalg.inv(link).T
     theta = np.einsum("njk,nj->k", influence, regressor.y, optimize=True)
-    residual = regressor.y - rows @ theta
-    used = np.einsum("njk,njk->j", influence, rows, optimize=True)
-    sigma = joint_noise(residual, used)
-    cov, white, correlation = covariances(influence, residual, sigma, regressor.starts)
-    return Instrumented(theta, cov, white, sigma, correlation, residual, influence, factor)
-
-
-def starting_point(regressor: Regressor) -> tuple[BaseParameters, Float[Array, " r"], Float[Array, " nv"]]:
-    """Base parameters of the recording, their values and the weights of joints by weighted least squares.
-
-    Args:
-        regressor: The equations.
-
-    Raises:
-        IdentifiabilityError: If the recording excites no parameter, or leaves no equation to judge the noise by.
-    """
-    from identification.estimators.least_squares import base_of
-
-    base = base_of(regressor)
-    rows = base_rows(regressor, base)
-    noise = np.ones(regressor.robot.nv)
-    theta = np.zeros(base.rank)
-    for _ in range(PASSES):
-        before = noise
-        theta, factor = least_squares(rows, regressor.y, 1.0 / before)
-        used = np.einsum("njk,njk->j", influence_of(rows, factor, 1.0 / before), rows, optimize=True)
-        noise = floored(joint_noise(regressor.y - rows @ theta, used), regressor)
-        if settled(before, noise):
-            break
-    return base, theta, 1.0 / noise
+    return judged(theta, rows, regressor.y, influence, factor, regressor.starts)

@@ -10,11 +10,9 @@ from jaxtyping import Float
 
 from identification.base_parameters import BaseParameters
 from identification.estimators.closed_loop import Feedback, Loop, feedback_of, loop_of, simulated_log
-from identification.estimators.least_squares import base_of
-from identification.estimators.plant import all_parameters, model_parameters, plant_of, require_simulable
+from identification.estimators.plant import all_parameters, plant_of, require_simulable
 from identification.estimators.rows import base_rows
 from identification.regressor import Regressor
-from phantom_dyn.errors import EstimationError
 
 Array = np.ndarray
 
@@ -74,36 +72,3 @@ def resimulated(
     plant = plant_of(regressor, base, theta)
     logs = tuple(simulated_log(loop, plant) for loop in loops)
     return Resimulation(all_parameters(regressor, base, theta), replace(regressor, logs=logs))
-
-
-def first_resimulation(
-    regressor: Regressor, loops: tuple[Loop, ...], base: BaseParameters, theta: Float[Array, " r"]
-) -> Resimulation:
-    """As `resimulated`; where a robot with a first estimate cannot move, with the given model and no effect.
-
-    Args:
-        regressor: Gives robot, terms and recordings.
-        loops: See `loops_of`.
-        base: The unknowns.
-        theta: The first estimate, of least squares.
-
-    Raises:
-        EstimationError: If the given model cannot move either.
-    """
-    try:
-        return resimulated(regressor, loops, base, theta)
-    except EstimationError:
-        return resimulated(regressor, loops, base, base.values(model_parameters(regressor)))
-
-
-def simulated_base(simulation: Resimulation) -> tuple[BaseParameters, Float[Array, " r"]]:
-    """Base parameters that the simulated motion excites, which no noise excites, and their values.
-
-    Args:
-        simulation: Of all recordings.
-
-    Raises:
-        IdentifiabilityError: If it excites no parameter.
-    """
-    base = base_of(simulation.regressor)
-    return base, base.values(simulation.full)

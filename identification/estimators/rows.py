@@ -9,7 +9,7 @@ from jaxtyping import Float
 from scipy.linalg import solve_triangular
 
 from identification.base_parameters import BaseParameters
-from identification.estimators.noise import autocorrelation, correlation_factor, scatter_of_rows
+from identification.estimators.noise import autocorrelation, correlation_factor, joint_noise, scatter_of_rows
 from identification.regressor import Regressor
 from phantom_dyn.errors import IdentifiabilityError
 
@@ -105,3 +105,16 @@ def influence_of(
     """
     flat = (rows * weights[:, None] ** 2).reshape(-1, rows.shape[2]).T
     return solve_triangular(factor, solve_triangular(factor, flat, trans=1)).T.reshape(rows.shape)
+
+
+def noise_left(
+    rows: Float[Array, "N nv r"], influence: Float[Array, "N nv r"], residual: Float[Array, "N nv"]
+) -> Float[Array, " nv"]:
+    """Standard deviation of each joint's noise, see `joint_noise`.
+
+    Args:
+        rows: Of the unknowns.
+        influence: By how much the noise of each joint at each sample moves each estimate.
+        residual: What the estimates leave.
+    """
+    return joint_noise(residual, np.einsum("njk,njk->j", influence, rows, optimize=True))

@@ -9,6 +9,7 @@ from pathlib import Path
 import numpy as np
 from jaxtyping import Float
 
+from identification.estimators.endogeneity import hausman_test
 from identification.estimators.fit import Fit
 from identification.estimators.ladder import Estimator, estimator_named
 from identification.identify.evidence import held_out_evidence
@@ -21,7 +22,7 @@ from identification.identify.result import Identification
 from identification.identify.tables import joint_errors, parameters
 from identification.log import Log
 from identification.recordings import Recording
-from identification.regressor import Regressor
+from identification.regressor import Regressor, torque_regressor
 from phantom_dyn import __version__
 from phantom_dyn.errors import ParameterError
 from phantom_dyn.robot import Robot
@@ -74,6 +75,8 @@ def identify(
     require_enough(robot, split, excited.rank)
     progress(f"estimating ({estimator})")
     fit = entry.fit(fitted, split.train, effects)
+    # Both sides of the test are at hand where instruments are, and only there: they may fail for other estimators.
+    bias = hausman_test(torque_regressor(fitted, split.train, effects)).sentence() if estimator == "iv" else ""
     progress("predicting held-out samples")
     evidence = held_out_evidence(robot, fitted, fit, split.test)
     progress("choosing possible inertias")
@@ -93,6 +96,7 @@ def identify(
         rank=fit.rank,
         excitable=excited.rank,
         condition=fit.cond,
+        bias=bias,
         base=base,
         others=others,
         unidentified=unidentified(fit.base, excited),

@@ -25,6 +25,7 @@ def to_json(found: Identification) -> dict[str, Json]:
         "rank": found.rank,
         "rank_of_exciting_motion": found.excitable,
         "condition_number": _number(found.condition),
+        "bias_of_least_squares": found.bias or None,
         "base_parameters": [_parameter(parameter) for parameter in found.base],
         "friction_and_actuator_parameters": [
             {"joint": parameter.joint, "effect": parameter.effect, **_parameter(parameter)}

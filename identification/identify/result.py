@@ -149,6 +149,7 @@ class Identification:
         rank: Number of base parameters, friction included.
         excitable: The same for motion that excites everything.
         condition: Condition number of the base regressor, columns scaled to one.
+        bias: What the Durbin-Wu-Hausman test says of least squares; empty where the estimator has no instruments.
         base: Base parameters of the links.
         others: Parameters of friction and drives.
         unidentified: Parameters that are no unknowns of their own.
@@ -173,6 +174,7 @@ class Identification:
     rank: int
     excitable: int
     condition: float
+    bias: str
     base: tuple[Parameter, ...]
     others: tuple[Parameter, ...]
     unidentified: tuple[Unidentified, ...]

@@ -13,6 +13,8 @@ def summary(found: Identification) -> str:
         lines.append(
             f"  {joint.joint}: torque error {error_percent(joint.relative)}, given model {error_percent(joint.given)}"
         )
+    if found.bias:
+        lines.append(found.bias)
     if found.others:
         lines.append("friction and drives:")
     for parameter in found.others:
