@@ -151,5 +151,5 @@ def _free_minimum_compiled(a: Array, b: Array, fixed: Array, x: Array) -> Array:
     return x
 
 
-# Interpreted, the loops of the factorisation would take a hundred times as long as LAPACK.
+# Interpreted, the loops of the factorisation would be far slower than LAPACK.
 _free_minimum = _free_minimum_compiled if compiles() else _free_minimum_plain

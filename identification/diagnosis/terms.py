@@ -105,9 +105,7 @@ def shapes_of(
     """
     near = {(point.effect.name, point.joint): point for point in found}
     out = []
-    # A point mass of one recording takes the place of that of all: fits bend about one of them only.
-    shared = [effect for effect in EFFECTS if not any(isinstance(other, type(effect)) for other in own)]
-    for effect in (*shared, *own, *STRUCTURES):
+    for effect in (*EFFECTS, *own, *STRUCTURES):
         for joint in effect.places(robot):
             if effect.untestable(robot, operation, joint) is not None:
                 continue

@@ -126,7 +126,7 @@ def _shapes(path: Path) -> tuple[pin.Model, pin.GeometryModel]:
 
 
 def _hull(geometry: coal.CollisionGeometry) -> coal.CollisionGeometry:
-    """Distances between convex shapes are a hundred times cheaper than between meshes."""
+    """A convex shape about a mesh: its distances are cheap, and never larger than those of the mesh."""
     if isinstance(geometry, coal.BVHModelBase):
         geometry.buildConvexRepresentation(False)
         return geometry.convex

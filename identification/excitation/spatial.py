@@ -1,7 +1,7 @@
 """Spatial vectors of many samples at once: linear part first, about the origin of a body frame, components first.
 
 A vector is an array ``(3, ..., N)`` and a spatial vector ``(6, ..., N)``: components first keeps each of them in one
-stretch of memory, which makes NumPy three times faster than ``(N, ..., 3)``.
+stretch of memory, which NumPy goes through faster than through ``(N, ..., 3)``.
 """
 
 from __future__ import annotations

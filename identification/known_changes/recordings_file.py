@@ -92,7 +92,7 @@ def _payload(entry: Any, file: str, key: str) -> KnownPayload:
     if not isinstance(entry, Mapping):
         raise ParameterError(
             f"{file}: {key} is {describe(entry)}, wanted a mapping such as {{mass: 0.5, center: [0, 0, 0.1]}}; if the "
-            "payload is not known, say changed: [payload]."
+            "payload is not known, diagnose that recording by itself."
         )
     _known_keys(entry, file, key, _PAYLOAD_KEYS)
     for name in _PAYLOAD_KEYS:

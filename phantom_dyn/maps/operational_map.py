@@ -19,7 +19,7 @@ Array = np.ndarray
 BLOCK = 8192
 """Points computed at once: their arrays stay within the caches, and within some tens of megabytes."""
 SLOW_BLOCK = 1024
-"""The same where a point is searched for or a chain closed numerically, which takes a thousand times as long."""
+"""The same where a point is searched for or a chain closed numerically, which takes far longer."""
 LARGEST_CHUNK = 16
 """Blocks at most that one call of a worker computes: their result stays within some tens of megabytes."""
 

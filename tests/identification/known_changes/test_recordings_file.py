@@ -69,7 +69,7 @@ def test_a_file_is_seen_from_the_folder_of_the_yaml(said, tmp_path):
         ),
         ("recordings: [{file: a.csv, load: 3}]", "there is no key load in recordings[0], the keys are file, payload"),
         ("recordings: [{file: a.csv, payload: 2}]", "payload is 2, wanted a mapping such as {mass: 0.5"),
-        ("recordings: [{file: a.csv, payload: null}]", "payload is None, wanted a mapping such as"),
+        ("recordings: [{file: a.csv, payload: null}]", "is not known, diagnose that recording by itself"),
         ("recordings: [{file: a.csv, payload: {mass: 2}}]", "recordings[0].payload.center is missing"),
         ("recordings: [{file: a.csv, payload: {mass: -2, center: [0, 0, 0]}}]", "mass is -2, wanted a number of 0 or"),
         (
