@@ -12,6 +12,7 @@ from identification.log import Band, Log
 from phantom_dyn import load_robot
 from phantom_dyn.dynamics import inverse_dynamics
 from phantom_dyn.effects.catalogue import effect_named
+from phantom_dyn.inertia import central_parameters
 from phantom_dyn.motion import Motion
 from phantom_dyn.robot import Robot
 
@@ -68,3 +69,18 @@ def friction() -> Callable[[Robot], list]:
 def rubbing() -> Callable[[Robot, Motion], np.ndarray]:
     """Torque of a robot that has 0.4 N s of viscous and 0.6 N m of Coulomb friction more than its model."""
     return lambda robot, motion: inverse_dynamics(robot, motion) + 0.4 * motion.v + 0.6 * np.sign(motion.v)
+
+
+@pytest.fixture(scope="session")
+def all_possible() -> Callable[[np.ndarray], bool]:
+    """True if bodies of these standard parameters can exist: mass, and no second moment of it below zero."""
+
+    def possible(standard: np.ndarray) -> bool:
+        for body in standard.reshape(-1, 10):
+            mass, _, inertia = central_parameters(body)
+            moments = 0.5 * np.trace(inertia) * np.eye(3) - inertia
+            if mass <= 0 or np.linalg.eigvalsh(moments)[0] < -1e-9 * np.abs(body[4:]).max():
+                return False
+        return True
+
+    return possible
