@@ -16,6 +16,8 @@ from identification.corrected.found import effect_of, lasting_findings, loadings
 from identification.diagnosis.result import Bound, Diagnosis, Finding
 from identification.diagnosis.terms import KnownEffect
 from phantom_dyn.effects.catalogue import effect_named
+from phantom_dyn.effects.payload import payload_body
+from phantom_dyn.effects.rows import row_of
 from phantom_dyn.errors import ParameterError
 from phantom_dyn.robot import Robot
 
@@ -26,12 +28,6 @@ SIGMAS = 2.0
 
 # Effects that may be there with either sign.
 _SIGNED = ("torque_offset", "encoder_offset", "base_tilt", "torque_constant")
-# What else a law needs, beside the size that a bound is on.
-_BESIDE: dict[str, dict[str, float]] = {
-    "payload": {"center_x": 0.0, "center_y": 0.0, "center_z": 0.0},
-    "parasitic_spring": {"rest_position": 0.0},
-    "base_tilt": {"roll": 0.0, "pitch": 0.0},
-}
 
 
 @dataclass(frozen=True)
@@ -45,6 +41,7 @@ class Randomisation:
         loadings: Of all their numbers, one row each, ``(p, k)``.
         unseen: What was not seen, with the size that would have been.
         control_step: Time from one command to the next [s], or None.
+        posture: Mean recorded positions [rad or m]; the zero posture by default.
     """
 
     robot: Robot
@@ -53,6 +50,7 @@ class Randomisation:
     loadings: Float[Array, "p k"]
     unseen: tuple[Bound, ...]
     control_step: float | None
+    posture: Float[Array, " nv"] | None = None
 
     @property
     def values(self) -> Float[Array, " p"]:
@@ -93,7 +91,9 @@ def randomisation_of(diagnosis: Diagnosis, robot: Robot, *, control_step: float 
     parts = [loadings_of(robot, finding) for finding in findings]
     shared = bool(parts) and all(f.loadings for f in findings) and len({p.shape[1] for p in parts}) == 1
     unseen = tuple(bound for bound in diagnosis.bounds if np.isfinite(bound.below) and bound.below > 0)
-    return Randomisation(robot, findings, found, np.vstack(parts) if shared else _apart(parts), unseen, step)
+    loadings = np.vstack(parts) if shared else _apart(parts)
+    posture = diagnosis.evidence.q.mean(axis=0) if len(diagnosis.evidence.q) else None
+    return Randomisation(robot, findings, found, loadings, unseen, step, posture)
 
 
 def draws(
@@ -112,26 +112,27 @@ def draws(
     """
     if count < 0 or unseen < 0:
         raise ParameterError(f"{count} draws with {unseen} unseen effects were asked for: give numbers from 0 on.")
-    known = tuple(bound for bound in randomisation.unseen if unseen_effect(randomisation.robot, bound, 1.0) is not None)
+    known = tuple(bound for bound in randomisation.unseen if unseen_effect(randomisation, bound, 1.0) is not None)
     normal = rng.standard_normal((count, randomisation.loadings.shape[1]))
     values = randomisation.values + normal @ randomisation.loadings.T
     return tuple(
-        (*_drawn(randomisation, row), *_hidden(randomisation.robot, known, rng, min(unseen, len(known))))
-        for row in values
+        (*_drawn(randomisation, row), *_hidden(randomisation, known, rng, min(unseen, len(known)))) for row in values
     )
 
 
-def unseen_effect(robot: Robot, bound: Bound, share: float) -> KnownEffect | None:
+def unseen_effect(randomisation: Randomisation, bound: Bound, share: float) -> KnownEffect | None:
     """An effect of a share of the size that would have been seen; None where the size alone does not make one."""
+    robot = randomisation.robot
     effect, size = effect_named(bound.effect), share * bound.below
     names = [parameter.name for parameter in effect.parameters(robot, bound.joint)]
     if bound.effect == "transmission_compliance":
         return KnownEffect(bound.effect, bound.joint, (1.0 / size,)) if size > 0 else None
     if bound.effect == "torque_constant":
         return KnownEffect(bound.effect, bound.joint, (1.0 / (1.0 + size),)) if size > -1 else None
-    if bound.parameter not in names or set(names) - {bound.parameter} - set(_BESIDE.get(bound.effect, {})):
+    values = {**_beside(randomisation, bound), bound.parameter: size}
+    if bound.parameter not in names or set(names) - set(values):
         return None
-    return KnownEffect(bound.effect, bound.joint, tuple(size if name == bound.parameter else 0.0 for name in names))
+    return KnownEffect(bound.effect, bound.joint, tuple(values[name] for name in names))
 
 
 def unseen_range(bound: Bound) -> tuple[float, float]:
@@ -145,6 +146,18 @@ def found_range(randomisation: Randomisation, place: int) -> tuple[float, float]
     value, half = randomisation.values[place], SIGMAS * randomisation.std[place]
     # What was found outside the bounds (less friction than modelled) stays what it is.
     return float(max(value - half, min(low[place], value))), float(min(value + half, max(high[place], value)))
+
+
+def _beside(randomisation: Randomisation, bound: Bound) -> dict[str, float]:
+    """What else a law needs beside the size that a bound is on: there the bound was asked for, see `Effect.probe`."""
+    robot = randomisation.robot
+    if bound.effect == "payload":
+        center = robot.model.inertias[payload_body(robot)].lever
+        return {f"center_{axis}": float(x) for axis, x in zip("xyz", center, strict=True)}
+    if bound.effect == "parasitic_spring":
+        posture = np.zeros(robot.nv) if randomisation.posture is None else randomisation.posture
+        return {"rest_position": float(posture[row_of(robot, bound.joint)])}
+    return {"roll": 0.0, "pitch": 0.0} if bound.effect == "base_tilt" else {}
 
 
 def _apart(parts: list[Array]) -> Array:
@@ -180,11 +193,13 @@ def _drawn(randomisation: Randomisation, values: Float[Array, " p"]) -> tuple[Kn
     return tuple(out)
 
 
-def _hidden(robot: Robot, known: tuple[Bound, ...], rng: np.random.Generator, count: int) -> tuple[KnownEffect, ...]:
+def _hidden(
+    randomisation: Randomisation, known: tuple[Bound, ...], rng: np.random.Generator, count: int
+) -> tuple[KnownEffect, ...]:
     out = []
     for place in rng.choice(len(known), count, replace=False) if count else ():
         low, high = unseen_range(known[place])
         share = float(rng.uniform(low, high)) / known[place].below
-        effect = unseen_effect(robot, known[place], share)
+        effect = unseen_effect(randomisation, known[place], share)
         out += [] if effect is None else [effect]
     return tuple(out)

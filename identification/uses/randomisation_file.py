@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from identification.diagnosis.result import Finding
+from identification.diagnosis.result import Bound, Finding
 from identification.diagnosis.terms import KnownEffect
-from identification.uses.mjcf_ranges import FieldRange, mjcf_ranges
+from identification.uses.mjcf_ranges import FieldRange, mjcf_ranges, without_fields
 from identification.uses.randomisation import Randomisation, found_range, unseen_range
 from phantom_dyn.effects.catalogue import effect_named
 from phantom_dyn.errors import PhantomDynError
@@ -25,7 +25,7 @@ def randomisation_text(randomisation: Randomisation, known: tuple[KnownEffect, .
     """
     try:
         fields = [_field_entry(field) for field in mjcf_ranges(randomisation, known)]
-        note = {}
+        note = _note(without_fields(randomisation, known))
     except PhantomDynError as error:
         fields, note = [], {"mjcf_note": str(error)}
     content = {
@@ -97,4 +97,12 @@ def _field_entry(field: FieldRange) -> dict[str, object]:
         "value": field.value,
         "range": list(field.found),
         "unseen_range": list(field.unseen),
+        **({"needs": dict(field.needs)} if field.needs else {}),
     }
+
+
+def _note(bounds: tuple[Bound, ...]) -> dict[str, str]:
+    if not bounds:
+        return {}
+    names = dict.fromkeys(b.effect if b.joint is None else f"{b.effect} on {b.joint}" for b in bounds)
+    return {"mjcf_note": f"Not seen and no number of corrected.xml, see unseen: {', '.join(names)}."}

@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from xml.etree import ElementTree
 
 import mujoco
 import numpy as np
@@ -66,8 +67,9 @@ def test_an_unseen_effect_is_no_larger_than_what_would_have_been_seen(planar, di
     assert min(stiffness) > 1000.0
 
 
-def test_a_bound_that_says_too_little_makes_no_effect(planar):
-    assert unseen_effect(planar, Bound("stribeck_friction", "elbow", "static_torque", 0.1, "N m"), 1.0) is None
+def test_a_bound_that_says_too_little_makes_no_effect(planar, diagnosed):
+    bound = Bound("stribeck_friction", "elbow", "static_torque", 0.1, "N m")
+    assert unseen_effect(randomisation_of(diagnosed(), planar), bound, 1.0) is None
 
 
 def test_fields_have_the_ranges_of_drawn_robots(planar, diagnosed, made, friction, rng):
@@ -129,3 +131,46 @@ def test_a_control_step_that_is_none_is_refused(planar, diagnosed, step):
 def test_fewer_than_no_draws_are_refused(planar, diagnosed, rng):
     with pytest.raises(ParameterError, match="-1 draws with 1 unseen effects were asked for: give numbers from 0 on"):
         draws(randomisation_of(diagnosed(), planar), -1, rng)
+
+
+def test_an_unseen_payload_sits_where_its_bound_was_asked_for(planar, diagnosed):
+    # At the joint's origin it would not swing at all, and would have been seen only where it is much heavier.
+    bound = Bound("payload", None, "mass", 0.2, "kg")
+    effect = unseen_effect(randomisation_of(diagnosed(bounds=(bound,)), planar), bound, 0.5)
+    assert effect is not None
+    np.testing.assert_allclose(effect.theta, [0.1, *planar.model.inertias[2].lever])
+
+
+def test_an_unseen_spring_rests_at_the_mean_recorded_position(planar, diagnosed):
+    bound, made = Bound("parasitic_spring", "elbow", "stiffness", 2.0, "N m/rad"), diagnosed()
+    effect = unseen_effect(randomisation_of(made, planar), bound, 1.0)
+    assert effect is not None
+    assert effect.theta == (2.0, pytest.approx(np.mean(made.evidence.q[:, 1])))
+
+
+def test_every_field_is_a_number_of_an_element_of_the_corrected_file(planar, diagnosed, friction):
+    found = randomisation_of(diagnosed(*friction, bounds=UNSEEN), planar)
+    root = ElementTree.fromstring(corrected_mjcf(parts_of(planar, found.found)))
+    names = {e.get("name") for e in root.iter()}
+    assert {f.name for f in mjcf_ranges(found)} <= names
+
+
+def test_a_spring_without_an_element_is_told_instead_of_a_range_that_ends_at_no_stiffness(planar, diagnosed):
+    content = yaml.safe_load(randomisation_text(randomisation_of(diagnosed(bounds=UNSEEN), planar)))
+    assert content["mjcf_note"].endswith("see unseen: transmission_compliance on elbow.")
+
+
+def test_a_field_says_what_mujoco_needs_beside_it(planar, diagnosed):
+    found = randomisation_of(diagnosed(bounds=UNSEEN), planar)
+    root = ElementTree.fromstring(corrected_mjcf(parts_of(planar, ())))
+    motor = next(e for e in root.iter("motor") if e.get("name") == "elbow_motor")
+    bias = next(f for f in mjcf_ranges(found) if f.attribute == "biasprm")
+    motor.tag = bias.needs["element"]
+    for key, text in bias.needs.items():
+        if key != "element":
+            motor.set(key, text)
+    motor.set("biasprm", repr(bias.unseen[1]))
+    model = mujoco.MjModel.from_xml_string(ElementTree.tostring(root, encoding="unicode"))
+    data = mujoco.MjData(model)
+    mujoco.mj_forward(model, data)
+    np.testing.assert_allclose(data.qfrc_actuator, [0.0, 0.05])
