@@ -43,9 +43,6 @@ def told_by_recording(
         apart: How the recordings differ.
         known: Effects that belong to the given model.
     """
-    if any(model is not robot for model in apart.robots) or apart.own:
-        # Rollouts are those of one model, which recordings that are not alike do not share.
-        diagnosis = replace(diagnosis, rollout=None)
     own = {effect.name: effect for effect in apart.own}
     if not own:
         return diagnosis

@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass, field
 
 import numpy as np
 from jaxtyping import Float
 
 from identification.rollout.errors import Errors, horizon_of, possible_horizons
-from identification.rollout.limits import limit_warnings
+from identification.rollout.limits import Engaged, Simulated, limit_warnings, limits_engaged
 from identification.rollout.models import Model
 from identification.rollout.shots import Shot
 from identification.rollout.windows import Window
@@ -36,6 +36,8 @@ class Rollout:
         horizon_s: How long each window was followed [s]; None where no motion could be simulated.
         rms_before: Error of the given model by joint [rad or m].
         rms_after: Of the corrected model.
+        recordings: The same by recording, where there are several.
+        engaged: Joint limits that simulated motion runs past.
         warnings: Sentences on joint limits.
         notes: Sentences: a horizon that was shortened, or why there is none at all.
     """
@@ -43,15 +45,25 @@ class Rollout:
     horizon_s: float | None
     rms_before: dict[str, float]
     rms_after: dict[str, float]
+    recordings: dict[str, tuple[dict[str, float], dict[str, float]]] = field(default_factory=dict)
+    engaged: tuple[Engaged, ...] = ()
     warnings: tuple[str, ...] = ()
     notes: tuple[str, ...] = ()
 
     @property
     def json(self) -> dict | None:
-        """The contract's ``rollout``."""
+        """The contract's ``rollout``; with several recordings also by recording, and with limits that were engaged."""
         if self.horizon_s is None:
             return None
-        return {"horizon_s": self.horizon_s, "rms_before": self.rms_before, "rms_after": self.rms_after}
+        out: dict = {"horizon_s": self.horizon_s, "rms_before": self.rms_before, "rms_after": self.rms_after}
+        if self.recordings:
+            out["recordings"] = [
+                {"recording": name, "rms_before": before, "rms_after": after}
+                for name, (before, after) in self.recordings.items()
+            ]
+        if self.engaged:
+            out["limits_engaged"] = [asdict(one) for one in self.engaged]
+        return out
 
 
 def compared(
@@ -87,26 +99,32 @@ def compared(
         before.append(shoot(shot, given, None) - shot.read)
         after.append(moved - shot.read)
         noise.append(shoot(shot, model, signs * np.array([shot.states.q_std, shot.states.v_std])) - moved)
-    read = tuple(shot.read for shot in shots)
-    travel = tuple(q - q[0] for q in read)
+    travel = tuple(shot.read - shot.read[0] for shot in shots)
     errors = Errors(tuple(shot.t for shot in shots), tuple(before), tuple(after), tuple(noise), travel)
     horizon = horizon_of(errors, horizons)
     notes = () if horizon >= possible_horizons(errors, horizons)[0] else (_shortened(horizon, drive),)
-    kept = _within(errors, read, horizon)
-    warnings = limit_warnings(robot, kept[0], kept[1])
-    names = robot.joint_names
-    sizes = [dict(zip(names, errors.rms(x, horizon).tolist(), strict=True)) for x in (errors.before, errors.after)]
-    return Rollout(horizon, sizes[0], sizes[1], warnings, notes)
+    engaged = limits_engaged(robot, tuple(_seen(shot, errors, k, horizon) for k, shot in enumerate(shots)))
+    files = list(dict.fromkeys(shot.log.file for shot in shots))
+    apart = {
+        file: _sizes(robot, errors.of([k for k, shot in enumerate(shots) if shot.log.file == file]), horizon)
+        for file in (files if len(files) > 1 else [])
+    }
+    return Rollout(horizon, *_sizes(robot, errors, horizon), apart, engaged, limit_warnings(robot, engaged), notes)
 
 
-def _within(
-    errors: Errors, read: tuple[Float[Array, "_ nv"], ...], horizon: float
-) -> tuple[tuple[Array, ...], tuple[Array, ...]]:
-    """Recorded and simulated positions of each window up to the horizon."""
-    keep = [t <= horizon + 1e-9 for t in errors.t]
-    return (
-        tuple(q[k] for q, k in zip(read, keep, strict=True)),
-        tuple((q + e)[k] for q, e, k in zip(read, errors.after, keep, strict=True)),
+def _sizes(robot: Robot, errors: Errors, horizon: float) -> tuple[dict[str, float], dict[str, float]]:
+    """Error of the given and of the corrected model by joint."""
+    before, after = (errors.rms(x, horizon).tolist() for x in (errors.before, errors.after))
+    return dict(zip(robot.joint_names, before, strict=True)), dict(zip(robot.joint_names, after, strict=True))
+
+
+def _seen(shot: Shot, errors: Errors, k: int, horizon: float) -> Simulated:
+    """A window up to the horizon."""
+    keep = errors.t[k] <= horizon + 1e-9
+    t = shot.log.motion.t[shot.window.start : shot.window.stop]
+    read = shot.read
+    return Simulated(
+        shot.log.file, t[keep], read[keep], (read + errors.before[k])[keep], (read + errors.after[k])[keep]
     )
 
 

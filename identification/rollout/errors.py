@@ -32,6 +32,11 @@ class Errors:
     noise: tuple[Float[Array, "_ nv"], ...]
     travel: tuple[Float[Array, "_ nv"], ...]
 
+    def of(self, windows: list[int]) -> Errors:
+        """Of some of the windows."""
+        series = (self.t, self.before, self.after, self.noise, self.travel)
+        return Errors(*(tuple(one[k] for k in windows) for one in series))
+
     def rms(self, series: tuple[Float[Array, "_ nv"], ...], horizon: float) -> Float[Array, " nv"]:
         """Root mean square over all windows from behind the start up to a time."""
         kept = [x[1:][t[1:] <= horizon + 1e-9] for t, x in zip(self.t, series, strict=True)]

@@ -18,6 +18,7 @@ from identification.rollout.compare import Rollout, Settle, Shoot, compared, uns
 from identification.rollout.drives import given_torque
 from identification.rollout.errors import HORIZONS
 from identification.rollout.hidden import hides, look_back, tries
+from identification.rollout.limits import recorded_past
 from identification.rollout.models import LEAD, Model, corrected_model, known_causes, model_of
 from identification.rollout.moving import STEP
 from identification.rollout.shots import Shot, controlled, under_control, under_torque
@@ -80,15 +81,17 @@ def rollout_of(explained: Explained) -> Rollout:
     Args:
         explained: A diagnosis as far as it has come.
     """
+    past = recorded_past(explained.robot, explained.logs)
     loop = _controlled_rollout(explained)
     if explained.controlled and loop is not None:
-        return loop
+        return replace(loop, warnings=(*past, *loop.warnings))
     torques: dict[tuple[Model, int], Array] = {}
 
     def torque(shot: Shot, model: Model) -> Float[Array, "N nv"]:
         key = (model, shot.window.log)
         if key not in torques:
-            torques[key] = given_torque(model, shot.log.motion.t, shot.log.tau)
+            pushed = 0.0 if shot.log.external is None else shot.log.external
+            torques[key] = given_torque(model, shot.log.motion.t, shot.log.tau) + pushed
         return torques[key]
 
     def shoot(shot: Shot, model: Model, nudge: Float[Array, "2 nv"] | None) -> Float[Array, "n nv"]:
@@ -100,12 +103,15 @@ def rollout_of(explained: Explained) -> Rollout:
         return (shot.settled if _slower(explained) == 1 else shot.pulled)(model, torque(shot, model))
 
     out = _tried(explained, shoot, HORIZONS, "the recorded torque", settle)
-    return out if loop is None else replace(out, notes=(*out.notes, *_said(loop)))
+    return replace(out, warnings=(*past, *out.warnings), notes=(*out.notes, *(() if loop is None else _said(loop))))
 
 
 def _controlled_rollout(explained: Explained) -> Rollout | None:
-    """Under controllers and references; None where one of them is not known."""
-    if not controlled(explained.robot) or any(log.q_ref is None for log in explained.logs):
+    """Under the controllers and references of each judged recording; None where one of them is not known."""
+    problem = explained.problem
+    judged = {problem.blocks[k].log for k in judged_blocks(problem)}
+    operations = problem.columns.operations
+    if any(explained.logs[k].q_ref is None or not controlled(operations[k].robot) for k in judged):
         return None
     return _tried(explained, under_control, _CONTROLLED, "the stated controllers")
 

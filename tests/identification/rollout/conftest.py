@@ -71,7 +71,18 @@ def pendulum() -> Robot:
 
 
 @pytest.fixture(scope="session")
-def record() -> Callable[..., Recorded]:
+def ready() -> Callable[[Robot, Recording, Simulation], Recorded]:
+    """A recording of a simulation, ready for fitting."""
+
+    def made(robot: Robot, recording: Recording, moved: Simulation) -> Recorded:
+        (log,), cutoff_hz = process_all((recording,), robot)
+        return Recorded(robot, recording, log, cutoff_hz, moved)
+
+    return made
+
+
+@pytest.fixture(scope="session")
+def record(ready) -> Callable[..., Recorded]:
     """A robot with causes under a position controller, 8 s at 250 Hz with encoder and torque noise."""
 
     def made(robot: Robot, *causes: Cause, noise: float = 1e-5, kp: float = 300.0, kd: float = 30.0) -> Recorded:
@@ -88,7 +99,6 @@ def record() -> Callable[..., Recorded]:
         readings = moved.q + noise * rng.standard_normal(q.shape)
         tau = moved.tau + 0.01 * rng.standard_normal(q.shape)
         recording = Recording("sim.csv", robot.joint_names, t, readings, tau, q_ref=q)
-        (log,), cutoff_hz = process_all((recording,), robot)
-        return Recorded(robot, recording, log, cutoff_hz, moved)
+        return ready(robot, recording, moved)
 
     return made

@@ -10,7 +10,7 @@ import pytest
 from identification.diagnosis.diagnose import diagnose
 from identification.rollout.drives import given_torque
 from identification.rollout.errors import Errors, horizon_of
-from identification.rollout.limits import limit_warnings
+from identification.rollout.limits import Simulated, limit_warnings, limits_engaged, recorded_past
 from identification.rollout.models import model_of
 from identification.rollout.shots import under_torque
 from identification.rollout.starts import States, states_of, true_state
@@ -128,10 +128,39 @@ def test_the_horizon_ends_where_the_noise_of_the_start_has_grown():
     assert horizon_of(errors(20.0)) == 0.25
 
 
-def test_limits_that_only_the_simulation_passes_are_told(pendulum):
-    inside, outside = np.full((5, 1), 2.9), np.full((5, 1), 3.1)
-    (said,) = limit_warnings(pendulum, (inside, inside, outside), (inside, outside, outside))
-    assert said.startswith("In 1 of 3 simulated windows pin runs past the model's limits of -3 to 3 rad")
+def window(file: str, t: float, read: float, given: float, corrected: float) -> Simulated:
+    times = t + np.arange(5) / 100.0
+    return Simulated(file, times, *(np.linspace(0.0, end, 5)[:, None] for end in (read, given, corrected)))
+
+
+def test_limits_that_only_the_simulation_passes_are_told_with_joint_and_time(pendulum):
+    # Up to 3.5 rad in four equal steps of a hundredth of a second: past 3 rad after the last.
+    windows = (window("a.csv", 1.0, 2.9, 2.9, 3.5), window("a.csv", 2.0, 3.5, 3.5, 3.5), window("b.csv", 4.0, 1, 1, 1))
+    (one,) = limits_engaged(pendulum, windows)
+    assert (one.model, one.joint, one.recording, one.limit, one.windows, one.of) == (
+        "corrected", "pin", "a.csv", 3.0, 1, 2,
+    )  # fmt: skip
+    assert one.t == pytest.approx(1.04)
+    (said,) = limit_warnings(pendulum, (one,))
+    assert said.startswith(
+        "a.csv: in 1 of 2 simulated windows pin runs past the limit of 3 rad of the corrected model, first at t = 1.04"
+    )
+
+
+def test_the_given_model_is_warned_of_only_where_the_corrected_one_keeps_the_limit(pendulum):
+    both = limits_engaged(pendulum, (window("a.csv", 0.0, 1.0, -3.5, -3.5),))
+    assert [one.model for one in both] == ["given", "corrected"]
+    assert len(limit_warnings(pendulum, both)) == 1
+    assert "of the given model" in limit_warnings(pendulum, both[:1])[0]
+
+
+def test_a_recording_past_the_limits_of_its_model_is_told(pendulum, record):
+    made = record(pendulum)
+    q = np.array(made.log.raw_q)
+    q[500:510, 0] = 3.1
+    (said,) = recorded_past(pendulum, (replace(made.log, raw_q=q),))
+    assert said.startswith("sim.csv: pin goes up to 0.1 rad past the model's limits of -3 to 3 rad, first at t = 2 s")
+    assert recorded_past(pendulum, (made.log,)) == ()
 
 
 def test_a_motor_without_inertia_cannot_be_simulated_apart(pendulum, record):
