@@ -123,7 +123,9 @@ def _made(name: str, make: Callable[[], tuple[str, float]], loaded_with: str, le
 
 
 def _with_comment(text: str, sentences: tuple[str, ...]) -> str:
-    """The text with a comment behind the start of its root element."""
+    """The text with a comment behind the start of its root element; without sentences as it is."""
+    if not sentences:
+        return text
     lines = ["What this file cannot say of the corrected model (corrected.yaml has all of it):", *sentences]
     # A comment may not hold two dashes.
     comment = "\n    ".join(line.replace("--", "- -") for line in lines)

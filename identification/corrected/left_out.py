@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from identification.corrected.mjcf_parts import said_compliances, said_zeros
+from identification.corrected.mjcf_parts import SHORTEST_STEP, said_compliances, said_zeros
 from identification.corrected.parts import Parts
 from phantom_dyn.loading import CONFIG_NAME
 
@@ -59,8 +59,11 @@ def mjcf_left_out(parts: Parts) -> tuple[str, ...]:
             f"The rotor inertia of {', '.join(loose)} is not known, so it is a hundredth of what the joint moves: "
             f"state rotor_inertia in {CONFIG_NAME}."
         )
-    if parts.cogging or any(delay > 0 for delay in parts.delays.values()):
+    late = [delay for delay in parts.delays.values() if delay > 0]
+    if parts.cogging or late:
         out.append("Delays and cogging (dcmotor) need MuJoCo 4.0 or newer; cogging takes no command: leave ctrl at 0.")
+    if late:
+        out.append(f"Its delays are cut short where the timestep is below {SHORTEST_STEP:g} s: raise nsample there.")
     chain = parts.robot.chain
     if chain is not None and set(chain.passive) - set(chain.unknowns):
         out.append("Joints that follow others by a formula move freely in it.")

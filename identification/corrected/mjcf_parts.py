@@ -22,8 +22,8 @@ from phantom_dyn.robot_xml import Element
 PLAY, SPRING, COGGING, COUPLING = "{}_play", "{}_spring", "{}_cogging_{}", "{}_{}_coupling"
 """Names of what is added for a joint, or for two."""
 
-# Delays are kept in so many steps of half a millisecond, as simulations with shorter steps are rare.
-_SHORTEST_STEP = 5e-4
+SHORTEST_STEP = 1e-4
+"""Steps of a simulation [s] from which on delays are whole: MuJoCo keeps a number of commands, not a time."""
 # MuJoCo wants a motor constant above zero [N m/A]: with a resistance of one ohm this gives no torque to speak of.
 _NO_MOTOR = 1e-9
 # A rotor behind a play or a spring has to have inertia of its own: this share of what it moves where none is known.
@@ -121,7 +121,7 @@ def _drive(motor: Element, parts: Parts, name: str) -> None:
     delay = parts.delays.get(name, 0.0)
     if delay > 0:
         motor.set("delay", repr(delay))
-        motor.set("nsample", str(int(np.ceil(delay / _SHORTEST_STEP)) + 2))
+        motor.set("nsample", str(int(np.ceil(delay / SHORTEST_STEP)) + 2))
         motor.set("interp", "linear")
 
 

@@ -40,6 +40,7 @@ class Parts:
 
     Attributes:
         given: The robot without the findings.
+        base: The same, or with the moves within its tolerances: what the findings were added to.
         robot: With other links, rotors, modelled friction and gravity.
         turned: Rotation that takes the given gravity, in the base frame, to the robot's.
         springs: Stiffness and rest position.
@@ -56,6 +57,7 @@ class Parts:
     """
 
     given: Robot
+    base: Robot
     robot: Robot
     turned: Float[Array, "3 3"]
     springs: dict[str, tuple[float, float]] = field(default_factory=dict)
@@ -92,7 +94,7 @@ def parts_of(robot: Robot, effects: tuple[KnownEffect, ...]) -> Parts:
         for joint, actuator in zip(robot.joint_names, robot.actuators, strict=True)
         if actuator.torque_limit is not None and robot.torque_source == "command"
     }
-    out = Parts(robot, robot, np.eye(3), limits=stated)
+    out = Parts(robot, robot, robot, np.eye(3), limits=stated)
     for effect in effects:
         out = _with(out, effect)
     return out

@@ -6,9 +6,10 @@ from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 
-from identification.corrected.files import MJCF, URDF, model_files, rollout_note
+from identification.corrected.files import MJCF, URDF, ModelFile, model_files, rollout_note
 from identification.corrected.found import effect_of, lasting_findings
 from identification.corrected.parts import Parts, parts_of
+from identification.corrected.within import within_tolerance
 from identification.diagnosis.result import Diagnosis
 from identification.diagnosis.terms import KnownEffect
 from identification.uses.feedforward import feedforward_code, feedforward_table
@@ -20,6 +21,7 @@ from phantom_dyn.robot import Robot
 
 RANDOMISATION, FEEDFORWARD, TABLE = "randomisation.yaml", "feedforward.py", "feedforward.csv"
 NAMES = (URDF, MJCF, RANDOMISATION, FEEDFORWARD, TABLE)
+_ARE = ("is", "are")
 
 
 def written(
@@ -40,26 +42,23 @@ def written(
         config: The ``robot.yaml`` that was given, None for the one beside the robot's file.
     """
     evidence, notes = diagnosis.evidence, list(diagnosis.notes)
+    effects = (*known, *(effect_of(robot, finding) for finding in lasting_findings(diagnosis)))
+    motion = Motion(evidence.t, evidence.q, evidence.v, evidence.a)
     try:
-        parts = parts_of(robot, (*known, *(effect_of(robot, finding) for finding in lasting_findings(diagnosis))))
+        parts, files, said = _models(diagnosis, robot, effects, motion, folder, config)
     except PhantomDynError as error:
         notes.append(f"{', '.join(NAMES)} were not written: {error}")
         return {}, replace(diagnosis, notes=tuple(notes))
-    motion = Motion(evidence.t, evidence.q, evidence.v, evidence.a)
     texts: dict[str, str] = {}
     own = [finding.effect for finding in diagnosis.findings if finding.recording is not None]
     if own:
         notes.append(f"The corrected model lacks what acts in one recording only: {', '.join(own)}.")
-    try:
-        files = model_files(parts, motion, folder=folder, config=config)
-    except PhantomDynError as error:
-        files = ()
-        notes.append(f"{URDF} and {MJCF} were not written: {error}")
+    notes += said
     for file in files:
         texts |= {file.name: file.text} if file.text else {}
         notes += file.notes
     notes += rollout_note(parts, texts.get(MJCF, ""), motion, evidence.tau_measured)
-    for name, make in _others(diagnosis, robot, parts, known).items():
+    for name, make in _others(diagnosis, parts, known).items():
         try:
             texts[name] = make()
         except PhantomDynError as error:
@@ -67,11 +66,52 @@ def written(
     return texts, replace(diagnosis, notes=tuple(notes))
 
 
-def _others(
-    diagnosis: Diagnosis, robot: Robot, parts: Parts, known: tuple[KnownEffect, ...]
-) -> dict[str, Callable[[], str]]:
+def _models(
+    diagnosis: Diagnosis,
+    robot: Robot,
+    effects: tuple[KnownEffect, ...],
+    motion: Motion,
+    folder: Path,
+    config: Path | None,
+) -> tuple[Parts, tuple[ModelFile, ...], tuple[str, ...]]:
+    """The corrected model and its files, with the moves within tolerance as far as bodies can make them.
+
+    The moves are fitted one by one, so that together they may make a body that cannot be; then the findings go alone.
+
+    Raises:
+        PhantomDynError: If there is no corrected model at all.
+    """
+
+    def made(base: Robot) -> tuple[Parts, tuple[ModelFile, ...], tuple[str, ...]]:
+        parts = parts_of(base, effects)
+        if base is not robot:
+            parts = replace(parts, given=robot, base=base)
+        try:
+            return parts, model_files(parts, motion, folder=folder, config=config), ()
+        except PhantomDynError as error:
+            return parts, (), (f"{URDF} and {MJCF} were not written: {error}",)
+
+    count = len(diagnosis.adjusted)
+    quantities = f"The {count} quantities" if count > 1 else "The quantity"
+    try:
+        moved = within_tolerance(robot, diagnosis)
+        parts, files, said = made(moved)
+    except PhantomDynError:
+        return made(robot)
+    if moved is robot:
+        return parts, files, said
+    plain = made(robot) if sum(bool(file.text) for file in files) < 2 else None
+    if plain is not None and sum(bool(f.text) for f in plain[1]) > sum(bool(f.text) for f in files):
+        why = (
+            f"{quantities} that moved within tolerance {_ARE[count > 1]} not in the corrected files: no body can be so."
+        )
+        return plain[0], plain[1], (*plain[2], why)
+    return parts, files, (*said, f"{quantities} that moved within tolerance {_ARE[count > 1]} in the corrected files.")
+
+
+def _others(diagnosis: Diagnosis, parts: Parts, known: tuple[KnownEffect, ...]) -> dict[str, Callable[[], str]]:
     return {
-        RANDOMISATION: lambda: randomisation_text(randomisation_of(diagnosis, robot), known),
+        RANDOMISATION: lambda: randomisation_text(randomisation_of(diagnosis, parts.base), known),
         FEEDFORWARD: lambda: feedforward_code(parts, diagnosis),
         TABLE: lambda: feedforward_table(parts, diagnosis),
     }

@@ -7,6 +7,7 @@ import textwrap
 from identification.diagnosis import words
 from identification.diagnosis.numbers import NO_BREAK, number, value_words
 from identification.diagnosis.result import Diagnosis, Finding, JointGap
+from identification.known_changes.words import growth_words
 
 WIDTH = 100
 NAME_WIDTH = 36
@@ -18,6 +19,7 @@ def summary(diagnosis: Diagnosis) -> str:
         _wrapped(words.verdict_sentence(diagnosis)),
         *(_wrapped(line, "  ") for line in _finding_lines(diagnosis.findings)),
         "",
+        "RMS position error of held-out rests" if diagnosis.at_rest else "RMS torque residual on held-out samples",
         *_gap_table(diagnosis.joints),
     ]
     if diagnosis.verdict in ("explained", "no_gap") and diagnosis.adjusted:
@@ -29,6 +31,8 @@ def summary(diagnosis: Diagnosis) -> str:
     say = (diagnosis.next_experiment or {}).get("say")
     if say:
         blocks += ["", _wrapped(f"Next experiment: {say}")]
+    if diagnosis.notes:
+        blocks += ["", *(_wrapped(f"Note: {note}", "  ") for note in diagnosis.notes)]
     if diagnosis.data_warnings:
         blocks += ["", *(_wrapped(f"Warning: {warning}", "  ") for warning in diagnosis.data_warnings)]
     return "\n".join(blocks).replace(NO_BREAK, " ")
@@ -39,8 +43,10 @@ def _finding_lines(findings: tuple[Finding, ...]) -> list[str]:
 
 
 def _finding_line(finding: Finding) -> str:
-    sizes = ", ".join(value_words(value) for value in finding.parameters.values())
-    size = f": {sizes}" if sizes and len(finding.parameters) <= 2 else ""
+    grown = growth_words(finding)
+    values = [value for name, value in finding.parameters.items() if not (grown and name == "ratio")]
+    sizes = ", ".join(value_words(value) for value in values)
+    size = (f": {sizes}" if sizes and len(values) <= 2 else "") + grown
     sure = f"{words.sureness(finding.probability)}, {words.gap_closed(finding)} of the gap"
     rivals = f"; {words.rivals_words(finding.rivals)}" if finding.rivals else ""
     return f"{words.capital(words.effect_at_finding(finding))}{size}; {sure}{rivals}"
@@ -54,7 +60,7 @@ def _gap_table(joints: tuple[JointGap, ...]) -> list[str]:
         f"{name:<{width}}  {number(j.rms_before):>10}  {number(j.rms_after):>10}  {number(j.noise_floor):>11}  {j.unit}"
         for name, j in zip(names, joints, strict=True)
     ]
-    return ["RMS torque residual on held-out samples", head, *rows]
+    return [head, *rows]
 
 
 def _cut(name: str) -> str:

@@ -130,7 +130,9 @@ def _controller(entry: Any, file: str, key: str) -> Controller:
 
 
 def _changed(entry: Any, file: str, key: str) -> tuple[Kind, ...]:
-    names = [text_at(name, file, f"{key}[{k}]") for k, name in enumerate(list_at(entry, file, key))]
+    if not isinstance(entry, list):
+        raise ParameterError(f"{file}: {key} is {describe(entry)}, wanted a list such as [friction].")
+    names = [text_at(name, file, f"{key}[{k}]") for k, name in enumerate(entry)]
     for name in names:
         if name not in KINDS:
             raise ParameterError(f"{file}: {key} has {name}, {known_names(name, KINDS, 'kinds of change')}")

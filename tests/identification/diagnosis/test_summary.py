@@ -4,6 +4,7 @@ import dataclasses
 
 import pytest
 
+from identification.diagnosis.result import Value
 from identification.diagnosis.summary import summary
 
 
@@ -28,6 +29,19 @@ def test_warnings_and_the_next_experiment_are_told(made_up):
     text = summary(dataclasses.replace(made_up(), next_experiment={"say": "Move joint j1 slowly."}))
     assert "Next experiment: Move joint j1 slowly." in text
     assert "Warning: first.csv: 12 repeated rows were dropped" in text
+
+
+def test_notes_are_told(made_up):
+    text = summary(dataclasses.replace(made_up(), notes=("Simulated motion is compared over 0.1 s.",)))
+    assert "  Note: Simulated motion is compared over 0.1 s." in text
+
+
+def test_friction_that_grew_says_what_its_ratio_is_of(made_up):
+    made = made_up(findings=1)
+    ratio = {**made.findings[0].parameters, "ratio": Value(1.504, 0.014, "1")}
+    grown = dataclasses.replace(made.findings[0], recording="b.csv", parameters=ratio)
+    text = " ".join(summary(dataclasses.replace(made, findings=(grown,))).split())
+    assert "N m, where it is 1.504 ± 0.014 times what it is in the other recordings; " in text
 
 
 def test_control_characters_in_names_do_not_reach_the_terminal(made_up):

@@ -83,7 +83,7 @@ def test_a_file_is_seen_from_the_folder_of_the_yaml(said, tmp_path):
         ("recordings: [{file: a.csv, controller: {kp: -1}}]", "controller.kp is -1, wanted a number of 0 or more"),
         ("recordings: [{file: a.csv, controller: {j1: 3}}]", "controller.j1 is 3, wanted gains"),
         ("recordings: [{file: a.csv, controller: {kind: pid, kp: 1}}]", "kind is the text 'pid', wanted pd"),
-        ("recordings: [{file: a.csv, changed: friction}]", "changed is the text 'friction', wanted a list"),
+        ("recordings: [{file: a.csv, changed: friction}]", "is the text 'friction', wanted a list such as [friction]"),
         ("recordings: [{file: a.csv, changed: [mass]}]", "changed has mass, the kinds of change are payload, friction"),
         ("recordings: [{file: a.csv, changed: [friction, friction]}]", "changed has friction twice: say it once"),
         ("recordings: [{file: a.csv, file: b.csv}]", "the key file is given twice"),

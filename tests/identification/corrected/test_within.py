@@ -1,0 +1,72 @@
+# pyright: reportAttributeAccessIssue=false
+"""Moves within tolerance in corrected files. Oracles: masses that MuJoCo and Pinocchio load, and closed forms."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+
+import mujoco
+import numpy as np
+import pinocchio as pin
+import pytest
+
+from identification.corrected.mjcf_parts import corrected_mjcf
+from identification.corrected.parts import parts_of
+from identification.corrected.within import within_tolerance
+from identification.corrected.written import written
+from identification.diagnosis.result import Adjusted, Diagnosis
+from identification.diagnosis.terms import KnownEffect
+from identification.uses.feedforward import loaded
+from phantom_dyn.dynamics import gravity_torque
+
+
+@pytest.fixture
+def adjusted(made_up) -> Callable[..., Diagnosis]:
+    """A diagnosis of the arm without findings whose model moved."""
+
+    def make(**changes: float) -> Diagnosis:
+        moves = tuple(Adjusted(name.replace("_", " "), change, 0.05) for name, change in changes.items())
+        return replace(made_up(("shoulder", "elbow"), findings=0, samples=400), adjusted=moves)
+
+    return make
+
+
+def test_without_moves_it_is_the_given_robot_itself(planar, adjusted):
+    assert within_tolerance(planar, adjusted()) is planar
+
+
+def test_masses_that_moved_within_tolerance_are_in_all_corrected_files(planar, adjusted, tmp_path):
+    texts, noted = written(adjusted(lower_mass=0.1), planar, folder=tmp_path)
+    heavier = 1.1 * planar.model.inertias[2].mass
+    assert mujoco.MjModel.from_xml_string(texts["corrected.xml"]).body("lower").mass[0] == pytest.approx(heavier)
+    assert pin.buildModelFromXML(texts["corrected.urdf"]).inertias[2].mass == pytest.approx(heavier)
+    # Of planar arms gravity is linear in the mass of the lower link, whose centre stays.
+    q = np.array([[0.3, 0.4]])
+    own = loaded(texts["feedforward.py"])["gravity"](q[0].tolist())
+    model = planar.model.copy()
+    model.inertias[2] = pin.Inertia(heavier, model.inertias[2].lever, model.inertias[2].inertia)
+    np.testing.assert_allclose(own, gravity_torque(replace(planar, model=model), q)[0], atol=1e-9)
+    assert "The quantity that moved within tolerance is in the corrected files." in noted.notes
+
+
+def test_moves_that_no_body_can_make_are_left_out_and_told(planar, adjusted, tmp_path):
+    # A body whose moment about one axis is above the sum of the others cannot be.
+    texts, noted = written(adjusted(lower_Iyy=3.0, lower_mass=0.1), planar, folder=tmp_path)
+    loaded_mass = mujoco.MjModel.from_xml_string(texts["corrected.xml"]).body("lower").mass[0]
+    assert loaded_mass == pytest.approx(planar.model.inertias[2].mass)
+    assert any("2 quantities that moved within tolerance are not in the corrected files" in n for n in noted.notes)
+
+
+def test_a_delay_is_whole_in_mujoco_at_short_steps(planar):
+    model = mujoco.MjModel.from_xml_string(
+        corrected_mjcf(parts_of(planar, (KnownEffect("input_delay", None, (0.02,)),)))
+    )
+    model.opt.timestep = 2e-4
+    data = mujoco.MjData(model)
+    acts = []
+    for _ in range(150):
+        data.ctrl[:] = 1.0
+        mujoco.mj_step(model, data)
+        acts.append(data.qfrc_actuator[0] > 0.5)
+    assert 2e-4 * (np.argmax(acts) + 1) == pytest.approx(0.02, abs=5e-4)
