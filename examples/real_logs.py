@@ -26,10 +26,9 @@ ODRIVE_RUNS = ("slow2_nocomp_1", "slow2_nocomp_2", "slow2_slower_nocomp_0")
 # `phantom-dyn check` says should be left out, or falls without drive.
 XL330_TRAJECTORIES = ("sin_sin", "sin_time_square")
 XL330_FULL_SCALE = 885  # of the load register, the duty cycle of the bridge
-STS3215_FULL_SCALE = 1000  # likewise
-STS3215_SUPPLY = 7.4  # V, nominal: the stand does not record it
-_STS3215_SIGN = 1024  # the bit of the load register that holds its sign
-_TESTED = 5  # number of the servo that is tested; 3 and 4 pull the elastic bands
+STS3215_COUNTS = 4096  # a turn
+STS3215_BAND = 0.225 * 9.81  # N at the end of the lever: 0.15 to 0.3 kgf are published
+_TESTED, _PULLS_UP, _PULLS_DOWN = 5, 4, 3  # numbers of the servos: 4 pulls towards larger positions, 3 to smaller ones
 
 # The gripper is left out: the recording has it from 0 to 1 and not as an angle.
 SO101_JOINTS = ("shoulder_pan", "shoulder_lift", "elbow_flex", "wrist_flex", "wrist_roll")
@@ -78,9 +77,11 @@ def write_odrive_logs(folder: Path) -> tuple[Path, ...]:
 
 
 def write_sts3215_log(folder: Path) -> tuple[Path, ...]:
-    """The stand with one STS3215 as one NPZ: position and target in counts, and the motor's voltage.
+    """The stand with one STS3215 as one NPZ: position and target in counts, and the force of the bands on its lever.
 
-    The load register is the duty cycle in thousandths with a sign bit, positive towards smaller positions.
+    The bands' force is not measured. It is taken in proportion to the travel of the servo that stretches them, with the
+    middle of the published range at full travel. The load register is left out: it is the duty cycle of the bridge,
+    which the servo computes from its own error, so that it says nothing that the error does not.
 
     Raises:
         LogError: If the recording cannot be had; says how to get it.
@@ -91,13 +92,20 @@ def write_sts3215_log(folder: Path) -> tuple[Path, ...]:
     def register(name: str) -> Array:
         return np.array([float(row[name]) for row in rows])
 
-    load = register(f"load ({_TESTED})")
-    duty = np.where(load >= _STS3215_SIGN, load - _STS3215_SIGN, -load) / STS3215_FULL_SCALE
+    def stretched(number: int) -> Array:
+        position, target = register(f"pos ({number})"), register(f"target pos ({number})")
+        slack, tight = target[0], target[np.argmax(np.abs(target - target[0]))]
+        return np.clip((position - slack) / (tight - slack), 0.0, 1.0)
+
+    angle = register(f"pos ({_TESTED})") * 2 * np.pi / STS3215_COUNTS
+    force = STS3215_BAND * (stretched(_PULLS_UP) - stretched(_PULLS_DOWN))
     columns = {
         "t": register("t_s"),
         "position": register(f"pos ({_TESTED})"),
         "target": register(f"target pos ({_TESTED})"),
-        "u.servo": duty * STS3215_SUPPLY,
+        "f.tip.x": -force * np.sin(angle),
+        "f.tip.y": force * np.cos(angle),
+        "f.tip.z": np.zeros(len(force)),
     }
     return (_written(folder / "single.npz", columns),)
 

@@ -18,6 +18,7 @@ from jaxtyping import install_import_hook
 # pytest's flag --jaxtyping-packages, which cannot pass an option to the checker: an int is a fine float (PEP 484).
 install_import_hook(
     [
+        "identification.at_rest",
         "identification.corrected",
         "identification.degradation",
         "identification.degrade",

@@ -43,7 +43,7 @@ def gap_bars(joints: tuple[JointGap, ...]) -> str:
         axes.invert_yaxis()
         axes.margins(x=0.12)
         axes.set_xlim(left=0.0)
-        axes.set_xlabel("RMS torque residual [noise floors]")
+        axes.set_xlabel("RMS residual [noise floors]")
         _legend(figure, axes)
 
     return drawn_svg(draw, "gap", (5.7, 1.0 + 0.5 * len(joints)), "Gap of each joint before and after, in noise floors")
@@ -63,7 +63,8 @@ def torque_figure(diagnosis: Diagnosis, joint: int) -> str:
         _curve(bottom, t, residual(evidence.tau_before, evidence, joint)[rows], BEFORE, "", 0.9)
         _curve(bottom, t, residual(evidence.tau_after, evidence, joint)[rows], AFTER, "", 0.9)
         _noise_band(bottom, gap.noise_floor)
-        top.set_ylabel(f"torque [{gap.unit}]" if gap.unit != "N" else "force [N]")
+        what = "error" if diagnosis.at_rest else "force" if gap.unit == "N" else "torque"
+        top.set_ylabel(f"{what} [{gap.unit}]")
         bottom.set_ylabel(f"residual [{gap.unit}]")
         bottom.set_xlabel("time [s]")
         _legend(figure, top)

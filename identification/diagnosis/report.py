@@ -121,7 +121,8 @@ def report_html(diagnosis: Diagnosis, robot: Robot | None = None) -> str:
         rest_figure=_rest(diagnosis, motions),
         bounds=seen_from(diagnosis.bounds),
         not_testable=untestable_rows(diagnosis.not_testable, diagnosis.joints),
-        band=f"{diagnosis.band_hz[0]:g} to {diagnosis.band_hz[1]:.3g} Hz",
+        band="at rest" if diagnosis.at_rest else f"{diagnosis.band_hz[0]:g} to {diagnosis.band_hz[1]:.3g} Hz",
+        residual="position less reference" if diagnosis.at_rest else "measured less modelled torque",
         seconds=f"{diagnosis.seconds:.1f}",
     )
 

@@ -165,3 +165,8 @@ class Diagnosis:
     evidence: Evidence
     notes: tuple[str, ...] = ()
     next_motion: Motion | None = None
+
+    @property
+    def at_rest(self) -> bool:
+        """True if it was judged where the robot rests: positions less references take the place of torques."""
+        return self.band_hz[1] == 0.0

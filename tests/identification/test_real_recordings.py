@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+import csv
 import sys
 from collections.abc import Iterator
 from pathlib import Path
@@ -10,6 +11,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from identification.at_rest.diagnose_at_rest import diagnose_at_rest, judged_at_rest
 from identification.diagnosis.diagnose import diagnose
 from identification.recordings import read_recording
 from phantom_dyn import load_robot
@@ -102,15 +104,31 @@ def test_cogging_of_the_brushless_motor_has_the_orders_of_its_published_map(mirr
     assert {order for _, order in strongest} == {7.0, 28.0, 14.0, 36.0, 12.0}
 
 
-def test_the_voltage_of_the_sts3215_drives_it_towards_its_target(mirror, tmp_path):
-    # Oracle: the servo's own law at rest, eight thousandths of the supply a count beyond a dead band of one count.
+def test_the_load_register_of_the_sts3215_is_its_own_law_of_the_error(mirror):
+    # Why it is left out of the log. Oracle: eight thousandths of the supply a count beyond a dead band of one count.
+    with (mirror / "robonine_backlash" / "single.csv").open(newline="") as file:
+        rows = list(csv.DictReader(file))
+    target, position, load = (
+        np.array([float(row[name]) for row in rows]) for name in ("target pos (5)", "pos (5)", "load (5)")
+    )
+    error, duty = target - position, np.where(load >= 1024, load - 1024, -load)
+    still = (np.abs(error) < 20) & (np.abs(np.gradient(position)) < 0.1)
+    assert np.median(np.abs(duty - 8 * (error - np.sign(error)))[still]) < 1e-9
+
+
+def test_the_sts3215_rests_apart_by_the_published_width_for_play_or_give(mirror, tmp_path):
+    # Published: 14.78 counts under load, where play and the give of its controller are mixed.
     from real_logs import write_sts3215_log
 
-    with np.load(write_sts3215_log(tmp_path)[0]) as log:
-        error = log["target"] - log["position"]
-        still = (np.abs(error) < 20) & (np.abs(np.gradient(log["position"])) < 0.1)
-        wanted = 7.4 * 0.008 * (error - np.sign(error))
-        assert np.median(np.abs(log["u.servo"] - wanted)[still]) < 1e-9
+    robot, columns = load_robot(DATA / "sts3215" / "robot.urdf"), DATA / "sts3215" / "columns.yaml"
+    recording = read_recording(write_sts3215_log(tmp_path)[0], robot, columns=columns, torque_needed=False)
+    assert judged_at_rest(robot, (recording,))
+    (finding,) = diagnose_at_rest(robot, (recording,)).findings
+    assert (finding.effect, finding.verdict) == ("backlash", "one_of")
+    assert [effect.effect for rival in finding.rivals for effect in rival.effects] == ["transmission_compliance"]
+    gap = finding.parameters["gap"].value
+    assert isinstance(gap, float)
+    assert gap * 4096 / (2 * np.pi) == pytest.approx(14.78, abs=3.0)
 
 
 def test_the_so101_is_read_without_gripper_and_without_torque(mirror, tmp_path):
