@@ -70,13 +70,18 @@ def regime_table(diagnosis: Diagnosis, joint: int) -> list[RegimeShare]:
 
 
 def rollout_rows(diagnosis: Diagnosis) -> list[Row]:
-    """Joint with the error of a simulated motion before and after; empty without a rollout."""
+    """Joint with the error of a simulated motion before and after, of all recordings, then of each of several."""
     rollout = diagnosis.rollout or {}
-    before, after = rollout.get("rms_before") or {}, rollout.get("rms_after") or {}
     units = {joint.joint: "m" if joint.unit == "N" else "rad" for joint in diagnosis.joints}
-    return [
-        (joint, _number(value), _number(after.get(joint)), units.get(joint, "rad")) for joint, value in before.items()
-    ]
+    rows = []
+    for part in (rollout, *rollout.get("recordings", ())):
+        before, after = part.get("rms_before") or {}, part.get("rms_after") or {}
+        where = f" in {part['recording']}" if "recording" in part else ""
+        rows += [
+            (f"{joint}{where}", _number(value), _number(after.get(joint)), units.get(joint, "rad"))
+            for joint, value in before.items()
+        ]
+    return rows
 
 
 def seen_from(bounds: tuple[Bound, ...]) -> list[SeenFrom]:

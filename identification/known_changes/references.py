@@ -48,7 +48,7 @@ def with_asked_torque(recording: Recording, robot: Robot) -> Recording:
             f"{recording.file}: its controllers ask for no torque at all: check their gains, and that q_ref is not q."
         )
     words = f"{recording.file}: without torque columns, the torque is what its controllers asked for."
-    return replace(recording, tau=read_only(torque), warnings=(*recording.warnings, words))
+    return replace(recording, tau=read_only(torque), controlled=True, warnings=(*recording.warnings, words))
 
 
 def asked_torque(recording: Recording, robot: Robot) -> Float[Array, "N nv"]:

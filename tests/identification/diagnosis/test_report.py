@@ -178,6 +178,14 @@ def test_a_simulated_motion_is_shown_with_its_unit(made_up):
     assert "over 0.5 s" in text
 
 
+def test_the_simulated_motion_of_each_of_several_recordings_is_shown(made_up):
+    one = {"recording": "b.csv", "rms_before": {"j1": 0.3}, "rms_after": {"j1": 0.07}}
+    rollout = {"horizon_s": 0.5, "rms_before": {"j1": 0.2}, "rms_after": {"j1": 0.1}, "recordings": [one]}
+    text = page(dataclasses.replace(made_up(samples=400), rollout=rollout)).text
+    assert "j1 0.2 0.1 rad" in text
+    assert "j1 in b.csv 0.3 0.07 rad" in text
+
+
 def test_the_next_experiment_is_shown(made_up):
     say = "Move joint j1 slowly back and forth."
     assert say in page(dataclasses.replace(made_up(samples=400), next_experiment={"say": say})).text

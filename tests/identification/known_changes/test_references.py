@@ -33,6 +33,7 @@ def test_the_torque_is_what_the_controllers_asked_for(held, without_torque):
     wanted = 40.0 * (np.sin(t + 0.1) - np.sin(t)) - 2.0 * np.cos(t)
     np.testing.assert_allclose(found.tau[1:-1, 0], wanted[1:-1], atol=1e-4)
     assert "the torque is what its controllers asked for" in found.warnings[-1]
+    assert found.controlled
 
 
 def test_a_late_controller_asks_later(pendulum, without_torque):
