@@ -137,7 +137,9 @@ def test_the_gap_of_each_joint_falls_to_its_noise(diagnosed):
 
 def test_probabilities_of_a_finding_and_its_rivals_sum_to_one(diagnosed):
     for effect, joint, theta in (INJECTED[3], INJECTED[8]):
-        for finding in diagnosed(effect, joint, theta).findings:
+        findings = diagnosed(effect, joint, theta).findings
+        assert findings
+        for finding in findings:
             total = finding.probability + sum(rival.probability for rival in finding.rivals)
             assert total == pytest.approx(1.0)
             assert finding.verdict == ("one_of" if finding.rivals else "supported")

@@ -93,7 +93,9 @@ def test_probabilities_of_a_finding_and_its_rivals_sum_to_one(lab, pendulum, see
     motion = lab.motion(1, seed)
     torque = -np.where(motion.v > 0, 0.25, 0.18) * np.sign(motion.v) - 0.1 * motion.v
     prepared = lab.prepared(pendulum, (lab.recording(pendulum, motion, torque, noise=0.2, seed=seed),))
-    for standing in standings(prepared).values():
+    found = standings(prepared)
+    assert found
+    for standing in found.values():
         total = standing.probability + sum(rival.probability for rival in standing.rivals)
         assert total == pytest.approx(1.0)
 
