@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from functools import cached_property
 
 import numpy as np
 from jaxtyping import Float
@@ -32,11 +31,6 @@ class Resimulation:
     def rows(self, base: BaseParameters) -> Float[Array, "N nv r"]:
         """Rows of the base parameters on the simulated motion."""
         return base_rows(self.regressor, base)
-
-    @cached_property
-    def torque(self) -> Float[Array, "N nv"]:
-        """Simulated drive torque in the band."""
-        return self.regressor.measured
 
 
 def loops_of(regressor: Regressor, feedback: Feedback | None) -> tuple[Loop, ...]:
