@@ -74,12 +74,14 @@ def run(arguments: argparse.Namespace) -> int:
 
     check_targets(arguments.out, arguments.json)
     with Progress("reading", sys.stderr) as progress:
+        from identification.at_rest.diagnose_at_rest import diagnose_at_rest, judged_at_rest
         from identification.diagnosis.diagnose import diagnose
         from identification.diagnosis.known import known_effects
         from identification.known_changes.change import Change
         from identification.known_changes.reading import read_changed
         from identification.known_changes.recordings_file import read_changes
-        from identification.motion_only.reconstruct import motion_robot, read_motion
+        from identification.motion_only.reconstruct import motion_robot, with_commanded_torque
+        from identification.recordings import read_recording
         from phantom_dyn.loading import load_robot
 
         robot = load_robot(arguments.robot, config=arguments.robot_config)
@@ -92,15 +94,35 @@ def run(arguments: argparse.Namespace) -> int:
         def read(path: str, change: Change):
             progress.say(f"reading {Path(path).name}")
             if arguments.motion_only:
-                return read_motion(path, robot, columns=arguments.columns, topic=arguments.topic, excluded=excluded)
+                return read_recording(
+                    path,
+                    robot,
+                    columns=arguments.columns,
+                    topic=arguments.topic,
+                    excluded=excluded,
+                    torque_needed=False,
+                )
             return read_changed(
                 path, robot, change, columns=arguments.columns, topic=arguments.topic, excluded=excluded
             )
 
         alike = tuple(Change(Path(path).name) for path in every)
         read_all = tuple(read(path, change) for path, change in zip(every, changes or alike, strict=True))
+        at_rest = arguments.motion_only and judged_at_rest(robot, read_all)
+        if at_rest and (known or arguments.hold_out):
+            raise UsageError(
+                "--with and --hold-out do not go with recordings that are judged at rest, where every rest is held "
+                "out in turn; leave them out"
+            )
+        if arguments.motion_only and not at_rest:
+            read_all = tuple(with_commanded_torque(recording, robot) for recording in read_all)
         recordings, hold_out = read_all[: len(arguments.logs)], read_all[len(arguments.logs) :]
-        diagnosis = diagnose(robot, recordings, hold_out=hold_out, known=known, changes=changes, progress=progress.say)
+        if at_rest:
+            diagnosis = diagnose_at_rest(robot, recordings)
+        else:
+            diagnosis = diagnose(
+                robot, recordings, hold_out=hold_out, known=known, changes=changes, progress=progress.say
+            )
         progress.say("writing")
         config = arguments.robot_config
         written = write_outputs(

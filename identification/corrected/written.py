@@ -9,7 +9,7 @@ from pathlib import Path
 from identification.corrected.files import MJCF, URDF, ModelFile, model_files, rollout_note
 from identification.corrected.found import effect_of, lasting_findings
 from identification.corrected.parts import Parts, parts_of
-from identification.corrected.within import within_tolerance
+from identification.corrected.within import possible_within_tolerance, within_tolerance
 from identification.diagnosis.result import Diagnosis
 from identification.diagnosis.terms import KnownEffect
 from identification.uses.feedforward import feedforward_code, feedforward_table
@@ -76,37 +76,47 @@ def _models(
 ) -> tuple[Parts, tuple[ModelFile, ...], tuple[str, ...]]:
     """The corrected model and its files, with the moves within tolerance as far as bodies can make them.
 
-    The moves are fitted one by one, so that together they may make a body that cannot be; then the findings go alone.
-
     Raises:
         PhantomDynError: If there is no corrected model at all.
     """
-
-    def made(base: Robot) -> tuple[Parts, tuple[ModelFile, ...], tuple[str, ...]]:
-        parts = parts_of(base, effects)
-        if base is not robot:
-            parts = replace(parts, given=robot, base=base)
-        try:
-            return parts, model_files(parts, motion, folder=folder, config=config), ()
-        except PhantomDynError as error:
-            return parts, (), (f"{URDF} and {MJCF} were not written: {error}",)
-
     count = len(diagnosis.adjusted)
     quantities = f"The {count} quantities" if count > 1 else "The quantity"
+    best: tuple[Parts, tuple[ModelFile, ...], tuple[str, ...]] | None = None
+    for base_of in (within_tolerance, possible_within_tolerance):
+        try:
+            base = base_of(robot, diagnosis)
+            found = _made(robot, base, effects, motion, folder, config)
+        except PhantomDynError:
+            continue
+        if base is robot:
+            return found
+        if _complete(found) > (0 if best is None else _complete(best)):
+            said = f"{quantities} that moved within tolerance {_ARE[count > 1]} in the corrected files."
+            best = found[0], found[1], (*found[2], said)
+        if _complete(found) == 2:
+            break
+    if best is not None and _complete(best) == 2:
+        return best
+    plain = _made(robot, robot, effects, motion, folder, config)
+    if best is not None and _complete(best) >= _complete(plain):
+        return best
+    why = f"{quantities} that moved within tolerance {_ARE[count > 1]} not in the corrected files: no body can be so."
+    return plain[0], plain[1], (*plain[2], why)
+
+
+def _made(
+    robot: Robot, base: Robot, effects: tuple[KnownEffect, ...], motion: Motion, folder: Path, config: Path | None
+) -> tuple[Parts, tuple[ModelFile, ...], tuple[str, ...]]:
+    """The findings on a given model or a moved one, its files, and why there are none."""
+    parts = replace(parts_of(base, effects), given=robot, base=base)
     try:
-        moved = within_tolerance(robot, diagnosis)
-        parts, files, said = made(moved)
-    except PhantomDynError:
-        return made(robot)
-    if moved is robot:
-        return parts, files, said
-    plain = made(robot) if sum(bool(file.text) for file in files) < 2 else None
-    if plain is not None and sum(bool(f.text) for f in plain[1]) > sum(bool(f.text) for f in files):
-        why = (
-            f"{quantities} that moved within tolerance {_ARE[count > 1]} not in the corrected files: no body can be so."
-        )
-        return plain[0], plain[1], (*plain[2], why)
-    return parts, files, (*said, f"{quantities} that moved within tolerance {_ARE[count > 1]} in the corrected files.")
+        return parts, model_files(parts, motion, folder=folder, config=config), ()
+    except PhantomDynError as error:
+        return parts, (), (f"{URDF} and {MJCF} were not written: {error}",)
+
+
+def _complete(made: tuple[Parts, tuple[ModelFile, ...], tuple[str, ...]]) -> int:
+    return sum(bool(file.text) for file in made[1])
 
 
 def _others(diagnosis: Diagnosis, parts: Parts, known: tuple[KnownEffect, ...]) -> dict[str, Callable[[], str]]:

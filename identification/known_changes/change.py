@@ -30,12 +30,14 @@ class Change:
         payload: A mass that the robot carries there, besides what the model has.
         controllers: Position controllers by joint, where they are not those of the robot.
         changed: What is different there by an amount that is to be found.
+        exclude: Stretches of its time [s] to leave out of every fit.
     """
 
     file: str
     payload: KnownPayload | None = None
     controllers: Mapping[str, Controller] = field(default_factory=dict)
     changed: tuple[Kind, ...] = ()
+    exclude: tuple[tuple[float, float], ...] = ()
 
     @property
     def unknown(self) -> tuple[Kind, ...]:

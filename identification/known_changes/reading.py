@@ -31,12 +31,13 @@ def read_changed(
         change: What is known of this recording.
         columns: Column map (YAML), if the columns have other names or units.
         topic: Topic of sensor_msgs/JointState in a bag that has several.
-        excluded: Stretches of time [s] to leave out of every fit.
+        excluded: Stretches of time [s] to leave out of every fit, besides those of ``change``.
 
     Raises:
         LogError: If the file, a column or a value cannot be used; one sentence says which and what to do.
     """
     there = robot_in(robot, change)
     asked = bool(change.controllers) and states_controllers(there)
-    found = read_recording(path, there, columns=columns, topic=topic, excluded=excluded, torque_needed=not asked)
+    left_out = (*excluded, *change.exclude)
+    found = read_recording(path, there, columns=columns, topic=topic, excluded=left_out, torque_needed=not asked)
     return with_asked_torque(found, there) if asked else found

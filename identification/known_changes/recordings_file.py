@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -14,7 +15,7 @@ from phantom_dyn.naming import known_names
 from phantom_dyn.robot import Controller
 from phantom_dyn.settings_file import describe, load_mapping
 
-_KEYS = ("file", "payload", "controller", "changed")
+_KEYS = ("file", "payload", "controller", "changed", "exclude")
 _PAYLOAD_KEYS = ("mass", "center")
 _GAINS = ("kp", "kd", "delay")
 _CONTROLLER_KEYS = ("kind", *_GAINS)
@@ -52,7 +53,7 @@ def read_changes(path: str | Path, logs: Sequence[str | Path], joints: Sequence[
                 f"{path}: {key}.file is {change.file}, which {seen[at]} has said already: join the two."
             )
         seen[at] = key
-        out[at] = Change(out[at].file, change.payload, change.controllers, change.changed)
+        out[at] = replace(change, file=out[at].file)
     return tuple(out)
 
 
@@ -85,6 +86,7 @@ def _change(entry: Any, file: str, key: str, joints: Sequence[str]) -> Change:
         payload=_payload(entry["payload"], file, f"{key}.payload") if "payload" in entry else None,
         controllers=_controllers(gains, file, f"{key}.controller", joints) if "controller" in entry else {},
         changed=_changed(entry["changed"], file, f"{key}.changed") if "changed" in entry else (),
+        exclude=_stretches(entry["exclude"], file, f"{key}.exclude") if "exclude" in entry else (),
     )
 
 
@@ -140,6 +142,16 @@ def _changed(entry: Any, file: str, key: str) -> tuple[Kind, ...]:
     if twice:
         raise ParameterError(f"{file}: {key} has {twice[0]} twice: say it once.")
     return tuple(kind for kind in KINDS if kind in names)
+
+
+def _stretches(entry: Any, file: str, key: str) -> tuple[tuple[float, float], ...]:
+    out = []
+    for k, pair in enumerate(list_at(entry, file, key)):
+        times = [number_at(time, file, f"{key}[{k}][{i}]") for i, time in enumerate(list_at(pair, file, f"{key}[{k}]"))]
+        if len(times) != 2 or not times[0] < times[1]:
+            raise ParameterError(f"{file}: {key}[{k}] is {describe(pair)}, wanted two times [s] such as [2.5, 4].")
+        out.append((times[0], times[1]))
+    return tuple(out)
 
 
 def _not_negative(value: Any, file: str, key: str) -> float:

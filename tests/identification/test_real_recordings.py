@@ -13,6 +13,8 @@ import pytest
 
 from identification.at_rest.diagnose_at_rest import diagnose_at_rest, judged_at_rest
 from identification.diagnosis.diagnose import diagnose
+from identification.known_changes.reading import read_changed
+from identification.known_changes.recordings_file import read_changes
 from identification.recordings import read_recording
 from phantom_dyn import load_robot
 from phantom_dyn.errors import LogError
@@ -74,6 +76,19 @@ def test_the_gap_of_the_xl330_is_friction_of_its_servo(mirror, tmp_path):
         "stribeck_friction",
         "load_dependent_friction",
     }
+
+
+def test_where_the_xl330_moves_its_friction_grows_with_the_load(mirror, tmp_path):
+    # Published: friction that grows with the load fits better than Coulomb and viscous friction alone (Duclusaud 2025).
+    from real_logs import write_xl330_logs
+
+    robot, logs = load_robot(DATA / "xl330" / "robot.urdf"), write_xl330_logs(tmp_path)
+    changes = read_changes(DATA / "xl330" / "recordings.yaml", logs, robot.joint_names)
+    recordings = tuple(read_changed(log, robot, change) for log, change in zip(logs, changes, strict=True))
+    assert all(recording.excluded for recording in recordings)
+    found = diagnose(robot, recordings, changes=changes).findings
+    assert {"load_dependent_friction", "viscous_friction"} == {finding.effect for finding in found}
+    assert found[0].rivals == ()
 
 
 def test_counts_of_the_brushless_motor_become_radians_and_amperes_stay(mirror, tmp_path):

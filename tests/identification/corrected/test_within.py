@@ -18,7 +18,8 @@ from identification.corrected.written import written
 from identification.diagnosis.result import Adjusted, Diagnosis
 from identification.diagnosis.terms import KnownEffect
 from identification.uses.feedforward import loaded
-from phantom_dyn.dynamics import gravity_torque
+from phantom_dyn.dynamics import gravity_torque, inverse_dynamics
+from phantom_dyn.motion import Motion
 
 
 @pytest.fixture
@@ -50,9 +51,25 @@ def test_masses_that_moved_within_tolerance_are_in_all_corrected_files(planar, a
     assert "The quantity that moved within tolerance is in the corrected files." in noted.notes
 
 
+def test_a_body_that_cannot_be_becomes_one_with_the_same_torques(planar, adjusted, tmp_path):
+    # A moment about one axis above the sum of the others cannot be; planar motion sees this one alone.
+    diagnosis = adjusted(lower_Iyy=3.0, lower_mass=0.1)
+    wanted = within_tolerance(planar, diagnosis)
+    texts, noted = written(diagnosis, planar, folder=tmp_path)
+    found = replace(planar, model=pin.buildModelFromXML(texts["corrected.urdf"]))
+    e = diagnosis.evidence
+    plain = replace(wanted, model=wanted.model.copy())
+    plain.model.armature = found.model.armature
+    motion = Motion(e.t, e.q, e.v, e.a)
+    np.testing.assert_allclose(
+        inverse_dynamics(found, motion), inverse_dynamics(plain, motion), atol=1e-3 * np.abs(e.tau_measured).max()
+    )
+    assert "The 2 quantities that moved within tolerance are in the corrected files." in noted.notes
+
+
 def test_moves_that_no_body_can_make_are_left_out_and_told(planar, adjusted, tmp_path):
-    # A body whose moment about one axis is above the sum of the others cannot be.
-    texts, noted = written(adjusted(lower_Iyy=3.0, lower_mass=0.1), planar, folder=tmp_path)
+    # A first moment that would take more moment about the joint than there is; planar motion sees both.
+    texts, noted = written(adjusted(lower_center_x=5.0, lower_mass=0.1), planar, folder=tmp_path)
     loaded_mass = mujoco.MjModel.from_xml_string(texts["corrected.xml"]).body("lower").mass[0]
     assert loaded_mass == pytest.approx(planar.model.inertias[2].mass)
     assert any("2 quantities that moved within tolerance are not in the corrected files" in n for n in noted.notes)

@@ -46,6 +46,12 @@ def test_gains_of_a_joint_are_its_own(said):
     assert a.controllers == {"j2": Controller("pd", 40.0, 0.0, 0.002)}
 
 
+def test_stretches_are_left_out_of_one_recording(said):
+    a, b = said("recordings: [{file: b.csv, exclude: [[0, 1.5], [3, 4]]}]")
+    assert a.exclude == ()
+    assert b == Change("b.csv", exclude=((0.0, 1.5), (3.0, 4.0)))
+
+
 def test_a_file_is_seen_from_the_folder_of_the_yaml(said, tmp_path):
     logs = (str(tmp_path / "x" / "a.csv"), str(tmp_path / "y" / "a.csv"))
     _, second = said("recordings: [{file: y/a.csv, changed: [friction]}]", logs)
@@ -58,6 +64,9 @@ def test_a_file_is_seen_from_the_folder_of_the_yaml(said, tmp_path):
         ("[]", "holds the list [], wanted keys with values"),
         ("", "the key recordings is missing, wanted a list of entries"),
         ("recordings: 3", "recordings is 3, wanted a list"),
+        ("recordings: [{file: a.csv, exclude: 3}]", "recordings[0].exclude is 3, wanted a list"),
+        ("recordings: [{file: a.csv, exclude: [[4, 2]]}]", "recordings[0].exclude[0] is the list [4, 2], wanted two"),
+        ("recordings: [{file: a.csv, exclude: [[1, x]]}]", "recordings[0].exclude[0][1] is the text 'x', wanted"),
         ("recording: []", "there is no key recording, the keys are recordings; did you mean recordings?"),
         ("recordings: [a.csv]", "recordings[0] is the text 'a.csv', wanted a mapping with file"),
         ("recordings: [{changed: [friction]}]", "recordings[0].file is missing"),

@@ -159,3 +159,9 @@ def test_the_promise_is_no_better_than_what_the_file_leaves(planar, none):
     text = feedforward_code(parts, replace(none, evidence=evidence)).split('"""')[1]
     promised = [float(line.split()[3]) for line in text.splitlines() if line.startswith(("shoulder", "elbow"))]
     np.testing.assert_allclose(promised, left, rtol=1e-3)
+
+
+def test_arrays_give_the_same_numbers_as_lists(planar, none):
+    law = loaded(feedforward_code(parts_of(planar, (KnownEffect("coulomb_friction", "elbow", (0.5,)),)), none))
+    rows = [row[3] for row in (some(planar).q, some(planar).v, some(planar).a)]
+    np.testing.assert_allclose(law["torque"](*rows), law["torque"](*(row.tolist() for row in rows)))
