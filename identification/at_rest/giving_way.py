@@ -88,7 +88,7 @@ def giving_way(stills: Stills) -> GivingWay:
     width, deviation = float(shift.values[0]), max(float(shift.std[0]), stills.quantum / np.sqrt(12.0 * len(error)))
     needed = float(student.isf(_CHANCE, len(error) - 2)) * deviation
     seen_from = needed + 1.645 * deviation
-    if width < needed:
+    if width <= needed:
         return GivingWay(before, (), (), np.zeros(0), width, deviation, seen_from)
     columns = {"backlash": -0.5 * side, "transmission_compliance": -load}
     sizes = np.abs(load)

@@ -11,6 +11,7 @@ from jaxtyping import Bool, Float, Int
 from identification.external_force import external_torque
 from identification.recordings import Recording
 from phantom_dyn.dynamics import gravity_torque
+from phantom_dyn.effects.encoder_quantization import stated_step, step_of
 from phantom_dyn.errors import LogError
 from phantom_dyn.robot import Robot
 
@@ -111,13 +112,11 @@ def _references(recording: Recording, row: int) -> Float[Array, " N"]:
 
 
 def _quantum(robot: Robot, recordings: tuple[Recording, ...], row: int) -> float:
-    """Step of a reading: what is stated, else the smallest that the recordings show."""
-    actuator = robot.actuators[row]
-    if actuator.encoder_counts:
-        geared = actuator.gear_ratio if actuator.encoder_side == "motor" else 1.0
-        return 2 * np.pi / (actuator.encoder_counts * abs(geared))
-    steps = np.diff(np.unique(np.concatenate([recording.q[:, row] for recording in recordings])))
-    return float(steps.min()) if len(steps) else 0.0
+    """Step of a reading: what is stated, else what the recordings show; 0 where they show none."""
+    stated = stated_step(robot, row)
+    if stated is not None:
+        return stated
+    return step_of(np.concatenate([recording.q[:, row] for recording in recordings])) or 0.0
 
 
 def _still(recording: Recording, steps: Float[Array, " nv"]) -> Bool[Array, " N"]:
