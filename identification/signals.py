@@ -22,6 +22,8 @@ from phantom_dyn.motion import Motion
 from phantom_dyn.robot import Robot
 
 Array = np.ndarray
+# Positions, torques and rate of one recording.
+Signals = tuple[Float[Array, "_ nv"], Float[Array, "_ nv"], float]
 
 # The positions are low-passed this many times above the band, which leaves 0.1 % of attenuation at its edge.
 _MOTION_BAND = 2.5
@@ -178,17 +180,17 @@ def process_all(recordings: tuple[Recording, ...], robot: Robot) -> tuple[tuple[
     raw = [uniform(recording) for recording in recordings]
     rates = [(len(t) - 1) / (t[-1] - t[0]) for t, *_ in raw]
     signals = [(q, tau, rate) for (_, q, tau, _), rate in zip(raw, rates, strict=True)]
-    judged = choose_cutoff(signals)
-    smoothed = max(torque_edge(column, rate) for _, tau, rate in signals for column in tau.T)
+    # What controllers ask for no recorder has smoothed, and a servo of position asks for little that is fast.
+    asked = all(recording.controlled for recording in recordings)
+    smoothed = np.inf if asked else max(torque_edge(column, rate) for _, tau, rate in signals for column in tau.T)
+    judged = _within_rate(_moving_edge(signals), signals) if asked else choose_cutoff(signals)
     wide = max(judged, min(4 * judged, _WIDEST_HZ, _HIGHEST * min(rates), smoothed))
-    driven = _driven_edge(robot, signals, wide)
+    driven = np.inf if asked else _driven_edge(robot, signals, wide)
     judged, wide = min(judged, driven), min(wide, 1.3 * driven)
     return tuple(process(recording, robot, cutoff_hz=wide) for recording in recordings), judged
 
 
-def _driven_edge(
-    robot: Robot, signals: list[tuple[Float[Array, "_ nv"], Float[Array, "_ nv"], float]], cutoff_hz: float
-) -> float:
+def _driven_edge(robot: Robot, signals: list[Signals], cutoff_hz: float) -> float:
     """Edge [Hz] above which the drives move nothing: the median over joints of `driven_edge` on the longest recording.
 
     What moves there is disturbance or encoder noise, which torque and acceleration share with opposite signs: a fit
@@ -202,16 +204,23 @@ def _driven_edge(
     return float(np.median(edges)) if edges else np.inf
 
 
-def choose_cutoff(signals: list[tuple[Float[Array, "_ nv"], Float[Array, "_ nv"], float]]) -> float:
+def choose_cutoff(signals: list[Signals]) -> float:
     """Edge of the band [Hz] that the data support: the lower of two edges, over ``(q, tau, rate)`` of recordings.
 
     The first is the median, over moving joints, of the frequency up to which the acceleration stands 10 dB above its
     noise floor. The second is the frequency above which the torque carries less than 1 % of its amplitude: there the
     recorder has smoothed it, while a step of friction in the model still has content.
     """
+    torque = max(torque_edge(column, rate) for _, tau, rate in signals for column in tau.T)
+    return _within_rate(min(_moving_edge(signals), torque), signals)
+
+
+def _within_rate(edge: float, signals: list[Signals]) -> float:
+    return float(np.clip(edge, 1.0, _HIGHEST * min(rate for *_, rate in signals)))
+
+
+def _moving_edge(signals: list[Signals]) -> float:
+    """Median, over moving joints, of the frequency up to which the acceleration is more than noise; else infinite."""
     moving = [acceleration_edge(column, rate) for q, _, rate in signals for column in q.T]
     edges = [edge for edge in moving if edge is not None]
-    torque = max(torque_edge(column, rate) for _, tau, rate in signals for column in tau.T)
-    rate = min(rate for *_, rate in signals)
-    edge = min(float(np.median(edges)) if edges else np.inf, torque)
-    return float(np.clip(edge, 1.0, _HIGHEST * rate))
+    return float(np.median(edges)) if edges else np.inf

@@ -32,12 +32,10 @@ def told_by_motion(diagnosis: Diagnosis, recordings: tuple[Recording, ...]) -> D
     large = [finding for finding in constants if finding not in small]
     findings = tuple(finding for finding in diagnosis.findings if finding not in small)
     claimed = {finding.joint for finding in large}
-    listed = {(entry.effect, entry.joint) for entry in diagnosis.not_testable}
     twins = tuple(
-        NotTestable("torque_constant", gap.joint, _TWIN)
-        for gap in diagnosis.joints
-        if gap.joint not in claimed and ("torque_constant", gap.joint) not in listed
+        NotTestable("torque_constant", gap.joint, _TWIN) for gap in diagnosis.joints if gap.joint not in claimed
     )
+    others = tuple(entry for entry in diagnosis.not_testable if entry.effect != "torque_constant")
     moved = tuple(
         Adjusted(f"{finding.joint} torque constant times controller gain", _excess(finding), GAIN_TOLERANCE)
         for finding in small
@@ -57,7 +55,7 @@ def told_by_motion(diagnosis: Diagnosis, recordings: tuple[Recording, ...]) -> D
         verdict="no_gap" if nothing_left else diagnosis.verdict,
         adjusted=(*diagnosis.adjusted, *moved),
         bounds=tuple(bound for bound in diagnosis.bounds if bound.effect != "torque_constant"),
-        not_testable=(*diagnosis.not_testable, *twins),
+        not_testable=(*others, *twins),
         data_warnings=(*diagnosis.data_warnings, *warned),
         evidence=replace(diagnosis.evidence, tau_without=shown),
     )

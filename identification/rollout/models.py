@@ -23,6 +23,7 @@ from phantom_dyn.stepping import longest_step, machine_of
 
 Array = np.ndarray
 
+_LARGEST = 1e12  # of a parameter: beyond, it was divided by what is nothing but rounding
 LEAD, _SPRING_LEAD = 0.15, 0.03  # [s]
 
 
@@ -133,8 +134,8 @@ def found_causes(robot: Robot, terms: tuple[Term, ...], theta: Float[Array, " K"
         if not isinstance(effect, Effect) or elsewhere:
             continue
         values = np.array(effect.from_coefficients(robot, term.joint, theta[list(term.columns)], term.shape))
-        if not np.isfinite(values).all():
-            raise ParameterError(f"The size of {effect.name} is not finite.")
+        if not np.abs(values).max() < _LARGEST:
+            raise ParameterError(f"The size of {effect.name} is not a number that a simulation can use.")
         out.append(Cause(effect, term.joint, values))
     return tuple(out)
 
