@@ -18,6 +18,7 @@ import pinocchio as pin
 from phantom_dyn.errors import RobotError
 
 _AT_REST = "world_at_rest"
+_POSE = ("pos", "quat", "axisangle", "xyaxes", "zaxis", "euler")
 
 
 @contextmanager
@@ -67,11 +68,12 @@ def parse_model(path: Path, kind: Literal["urdf", "mjcf"]) -> pin.Model:
 def _whole_tree(path: Path, kind: Literal["urdf", "mjcf"]) -> Iterator[Path]:
     """The file, or one in which every body of the world hangs on a body at rest.
 
-    Pinocchio 4.1 reads the first body of a ``<worldbody>`` and drops the others without a word.
+    Pinocchio 4.1 reads the first body of a ``<worldbody>`` and drops the others without a word; of a first body without
+    a joint, such as a base on a wall, it drops the pose.
     """
     root = ElementTree.parse(path).getroot()
     bodies = [(world, body) for world in root.iter("worldbody") for body in world.findall("body")]
-    if kind == "urdf" or len(bodies) < 2:
+    if kind == "urdf" or (len(bodies) < 2 and not any(_fixed_elsewhere(body) for _, body in bodies)):
         yield path
         return
     rest = ElementTree.SubElement(bodies[0][0], "body", {"name": _AT_REST})
@@ -82,3 +84,8 @@ def _whole_tree(path: Path, kind: Literal["urdf", "mjcf"]) -> Iterator[Path]:
         whole = Path(folder) / path.name
         ElementTree.ElementTree(root).write(whole)
         yield whole
+
+
+def _fixed_elsewhere(body: ElementTree.Element) -> bool:
+    moves = body.find("joint") is not None or body.find("freejoint") is not None
+    return not moves and any(body.get(key) is not None for key in _POSE)

@@ -11,7 +11,7 @@ import pytest
 
 import phantom_dyn
 from phantom_dyn import load_robot
-from phantom_dyn.dynamics import inverse_dynamics, mass_matrix, standard_parameters
+from phantom_dyn.dynamics import gravity_torque, inverse_dynamics, mass_matrix, standard_parameters
 from phantom_dyn.motion import Motion
 from phantom_dyn.robot_files import find_robot
 
@@ -229,3 +229,20 @@ def test_the_panda_example_loads_with_its_second_finger_held():
 def test_the_panda_example_carries_the_damping_of_its_file():
     assert 'damping="0.003"' in find_robot("example:panda").read_text()
     assert load_robot("example:panda").viscous_friction[0] == 0.003
+
+
+def test_a_base_that_mjcf_hangs_on_a_wall_is_where_mujoco_has_it(tmp_path):
+    arm = (
+        '<body name="arm" euler="10 5 0"><joint name="s" axis="0 1 0"/>'
+        '<geom type="capsule" fromto="0 0 0 0.1 0.2 -0.3" size="0.02" mass="1.2"/></body>'
+    )
+    base = f'<body name="base" pos="0 0 1" euler="30 0 0"><geom size="0.05" mass="3"/>{arm}</body>'
+    path = tmp_path / "wall.xml"
+    path.write_text(f'<mujoco><compiler angle="degree"/><worldbody>{base}</worldbody></mujoco>')
+    model = mujoco.MjModel.from_xml_path(str(path))
+    data = mujoco.MjData(model)
+    data.qpos[0] = 0.3
+    mujoco.mj_forward(model, data)
+    robot = load_robot(path)
+    np.testing.assert_allclose(gravity_torque(robot, np.array([[0.3]]))[0], data.qfrc_bias, atol=1e-12)
+    np.testing.assert_allclose(robot.model.jointPlacements[1].translation, data.xanchor[0], atol=1e-12)
