@@ -103,10 +103,10 @@ RECORDINGS = (
     ),
     _double_pendulum(
         "double_pendulum_wrong",
-        "the same",
+        "the same double pendulum",
         "design_C1_identified.urdf",
-        "the authors' file",
-        "its inertias count m r^2 twice; the friction is in it",
+        "the authors' own URDF",
+        "its friction is in it, its inertias count m r^2 twice",
     ),
     RealRecording(
         "odrive_cogging",

@@ -18,7 +18,8 @@ _MOST_PARAMETERS = 4  # of a finding; more, as base parameters are, make no cell
 def _size(value: dict) -> str:
     """A parameter with its unit; of a list all members."""
     values = value["value"] if isinstance(value["value"], list) else [value["value"]]
-    return f"{', '.join(f'{member:.3g}' for member in values)} {value['unit']}".strip()
+    unit = "" if value["unit"] == "1" else value["unit"]
+    return f"{', '.join(f'{member:.3g}' for member in values)} {unit}".strip()
 
 
 def _sizes(finding: dict) -> str:

@@ -205,6 +205,13 @@ def test_a_cell_of_the_table_gives_orders_of_cogging_largest_first():
     assert "7 a turn with 0.9 A, 12 a turn with 0.2 A" in cell
 
 
+def test_a_cell_of_the_table_gives_no_unit_to_a_ratio():
+    from real_words import said
+
+    finding = {**FINDING, "parameters": {"ratio": {"value": 0.328, "std": 0.04, "unit": "1"}}}
+    assert "(ratio 0.328; 91 %" in said({**EXPLAINED, "findings": [finding]})
+
+
 def test_a_cell_of_the_table_tells_what_rests():
     from real_words import said
 
