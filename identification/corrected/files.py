@@ -71,7 +71,7 @@ def model_files(parts: Parts, motion: Motion, *, folder: Path, config: Path | No
 
     return (
         _made(URDF, urdf, versions().get("urdf", ""), urdf_left_out(parts, file)),
-        _made(MJCF, mjcf, versions().get("mjcf", ""), mjcf_left_out(parts)),
+        _made(MJCF, mjcf, versions().get("mjcf", ""), mjcf_left_out(parts, file)),
     )
 
 

@@ -4,10 +4,13 @@ from __future__ import annotations
 
 from pathlib import Path
 
+import numpy as np
+
 from identification.corrected.mjcf_parts import SHORTEST_STEP, said_compliances, said_zeros
 from identification.corrected.parts import Parts
 from phantom_dyn.loading import CONFIG_NAME
 
+_GRAVITY = (0.0, 0.0, -9.81)
 _IN_PART = {
     "direction_dependent_friction": "of friction that depends on direction, the mean of both",
     "stribeck_friction": "of Stribeck friction, the level at high speed",
@@ -29,7 +32,9 @@ def urdf_left_out(parts: Parts, file: Path) -> tuple[str, ...]:
     """
     robot, given = parts.robot, parts.given
     places = zip(robot.joint_names, robot.rotor_inertia, given.rotor_inertia, strict=True)
-    moved = {name: float(new) for name, new, old in places if new != old}
+    # A URDF that is made of another file has no rotors at all.
+    other = file.suffix != ".urdf"
+    moved = {name: float(new) for name, new, old in places if new != old or (other and new > 0)}
     out = [*_in_part(parts), *_nowhere(parts)]
     out += _missing("rotor inertias: put them into " + CONFIG_NAME + " (rotor_inertia [kg m^2 or kg])", moved)
     out += _missing("springs (stiffness)", {name: k for name, (k, _) in parts.springs.items()})
@@ -42,14 +47,28 @@ def urdf_left_out(parts: Parts, file: Path) -> tuple[str, ...]:
     out += _missing("cogging (largest amplitude)", _largest(parts))
     out += _missing("couplings (ratio)", {f"{c.first}+{c.second}": c.ratio for c in parts.couplings})
     if given.chain is not None:
-        out.append(f"It has no place for closed loops: keep {CONFIG_NAME} beside it.")
-    if file.suffix != ".urdf":
+        what = f"state them under loops in a {CONFIG_NAME}" if other else f"keep {CONFIG_NAME} beside it"
+        out.append(f"It has no place for closed loops: {what}.")
+    if given.locked and not other:
+        out.append(
+            f"{', '.join(given.locked)} can move in it: hold them fixed under lock in a {CONFIG_NAME} beside it."
+        )
+    gravity = given.model.gravity.linear
+    if not np.allclose(gravity, _GRAVITY):
+        numbers = ", ".join(f"{x:g}" for x in gravity)
+        out.append(f"It has no place for gravity: state gravity: [{numbers}] in a {CONFIG_NAME} beside it.")
+    if other:
         out.append("The given file is no URDF, so this one has bodies, joints and frames, and no shapes.")
     return tuple(out)
 
 
-def mjcf_left_out(parts: Parts) -> tuple[str, ...]:
-    """Sentences on what the MJCF file lacks."""
+def mjcf_left_out(parts: Parts, file: Path) -> tuple[str, ...]:
+    """Sentences on what the MJCF file lacks.
+
+    Args:
+        parts: The corrected model.
+        file: The robot's file.
+    """
     out = [*_in_part(parts), *_nowhere(parts)]
     behind = {name: k for name, k in parts.compliances.items() if name not in said_compliances(parts)}
     out += _missing("a spring behind a play (stiffness)", behind)
@@ -67,7 +86,8 @@ def mjcf_left_out(parts: Parts) -> tuple[str, ...]:
     chain = parts.robot.chain
     if chain is not None and set(chain.passive) - set(chain.unknowns):
         out.append("Joints that follow others by a formula move freely in it.")
-    return (*out, "Shapes and sensors of the given file are not in it.")
+    drives = f"limits of torque and speed that {CONFIG_NAME} does not state" if file.suffix == ".urdf" else "actuators"
+    return (*out, f"Shapes, sensors and {drives} of the given file are not in it: a motor drives each joint.")
 
 
 def _rotor(parts: Parts, joint: str) -> float:
