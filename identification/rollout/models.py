@@ -12,10 +12,13 @@ from identification.diagnosis.moved_model import moved_robot
 from identification.diagnosis.nuisances import moves_of
 from identification.diagnosis.terms import KnownEffect, Term
 from identification.known_changes.own_effect import OwnEffect
+from phantom_dyn.dynamics import standard_parameters
 from phantom_dyn.effects.catalogue import effect_named
+from phantom_dyn.effects.changed_robot import with_parameters
 from phantom_dyn.effects.effect import Effect, Simulated, Transmission
 from phantom_dyn.effects.encoder_quantization import EncoderQuantization
 from phantom_dyn.effects.operation import Operation
+from phantom_dyn.effects.payload import Payload
 from phantom_dyn.errors import ParameterError
 from phantom_dyn.robot import Robot
 from phantom_dyn.simulation import Cause
@@ -116,7 +119,7 @@ def known_causes(known: tuple[KnownEffect, ...]) -> tuple[Cause, ...]:
 
 
 def found_causes(robot: Robot, terms: tuple[Term, ...], theta: Float[Array, " K"], recording: int) -> tuple[Cause, ...]:
-    """Effects with the coefficients of one fit; structures that have no name are left out.
+    """Effects with the coefficients of one fit; structures that have no name and a load (see `loaded`) are left out.
 
     Args:
         robot: The given model.
@@ -131,13 +134,30 @@ def found_causes(robot: Robot, terms: tuple[Term, ...], theta: Float[Array, " K"
     for term in terms:
         effect = term.effect
         elsewhere = isinstance(effect, OwnEffect) and effect.recording != recording
-        if not isinstance(effect, Effect) or elsewhere:
+        if not isinstance(effect, Effect) or isinstance(effect, Payload) or elsewhere:
             continue
         values = np.array(effect.from_coefficients(robot, term.joint, theta[list(term.columns)], term.shape))
         if not np.abs(values).max() < _LARGEST:
             raise ParameterError(f"The size of {effect.name} is not a number that a simulation can use.")
         out.append(Cause(effect, term.joint, values))
     return tuple(out)
+
+
+def loaded(robot: Robot, terms: tuple[Term, ...], theta: Float[Array, " K"]) -> Robot:
+    """``robot`` with the load of one fit, as the inertial parameters that the fit has seen.
+
+    The fit of a point mass is linearised: its mass alone need not be the one that its inertia is of, where the motion
+    tells the inertia and not the mass.
+
+    Raises:
+        RobotError: If a link would weigh nothing or less.
+    """
+    for term in terms:
+        if isinstance(term.effect, Payload):
+            added = np.zeros_like(standard_parameters(robot))
+            added[list(term.effect.columns_of(robot, term.joint))] = theta[list(term.columns)]
+            robot = with_parameters(robot, added)
+    return robot
 
 
 def corrected_model(
@@ -164,4 +184,5 @@ def corrected_model(
     values = theta[: len(moves)]
     late = sum(float(x) for x, move in zip(values, moves, strict=True) if move.place is None)
     causes = (*known_causes(known), *found_causes(given, terms, theta, operation.recording))
-    return model_of(moved_robot(operation.robot, values, given), causes, late=late)
+    robot = loaded(moved_robot(operation.robot, values, given), terms, theta)
+    return model_of(robot, causes, late=late)

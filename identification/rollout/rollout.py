@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -14,7 +15,7 @@ from identification.diagnosis.search import ordered
 from identification.diagnosis.terms import KnownEffect, Term
 from identification.log import Log
 from identification.recordings import Recording
-from identification.rollout.compare import Rollout, Settle, Shoot, compared, unsettled
+from identification.rollout.compare import Rollout, Settle, Shoot, compared
 from identification.rollout.drives import given_torque
 from identification.rollout.errors import HORIZONS
 from identification.rollout.hidden import hides, look_back, tries
@@ -82,38 +83,46 @@ def rollout_of(explained: Explained) -> Rollout:
         explained: A diagnosis as far as it has come.
     """
     past = recorded_past(explained.robot, explained.logs)
-    loop = _controlled_rollout(explained)
-    if explained.controlled and loop is not None:
-        return replace(loop, warnings=(*past, *loop.warnings))
-    torques: dict[tuple[Model, int], Array] = {}
-
-    def torque(shot: Shot, model: Model) -> Float[Array, "N nv"]:
-        key = (model, shot.window.log)
-        if key not in torques:
-            pushed = 0.0 if shot.log.external is None else shot.log.external
-            torques[key] = given_torque(model, shot.log.motion.t, shot.log.tau) + pushed
-        return torques[key]
-
-    def shoot(shot: Shot, model: Model, nudge: Float[Array, "2 nv"] | None) -> Float[Array, "n nv"]:
-        return under_torque(shot, model, torque(shot, model), nudge)
+    torque = _torques()
 
     def settle(shot: Shot, model: Model) -> Shot:
         if not hides(model):
             return shot
         return (shot.settled if _slower(explained) == 1 else shot.pulled)(model, torque(shot, model))
 
+    loop = _controlled_rollout(explained, settle)
+    if explained.controlled and loop is not None:
+        return replace(loop, warnings=(*past, *loop.warnings))
+
+    def shoot(shot: Shot, model: Model, nudge: Float[Array, "2 nv"] | None) -> Float[Array, "n nv"]:
+        return under_torque(shot, model, torque(shot, model), nudge)
+
     out = _tried(explained, shoot, HORIZONS, "the recorded torque", settle)
     return replace(out, warnings=(*past, *out.warnings), notes=(*out.notes, *(() if loop is None else _said(loop))))
 
 
-def _controlled_rollout(explained: Explained) -> Rollout | None:
+def _torques() -> Callable[[Shot, Model], Float[Array, "N nv"]]:
+    """Torque behind the drives of a model over the recording of a window, and what measured forces add to it."""
+    known: dict[tuple[Model, int], Array] = {}
+
+    def torque(shot: Shot, model: Model) -> Float[Array, "N nv"]:
+        key = (model, shot.window.log)
+        if key not in known:
+            pushed = 0.0 if shot.log.external is None else shot.log.external
+            known[key] = given_torque(model, shot.log.motion.t, shot.log.tau) + pushed
+        return known[key]
+
+    return torque
+
+
+def _controlled_rollout(explained: Explained, settle: Settle) -> Rollout | None:
     """Under the controllers and references of each judged recording; None where one of them is not known."""
     problem = explained.problem
     judged = {problem.blocks[k].log for k in judged_blocks(problem)}
     operations = problem.columns.operations
     if any(explained.logs[k].q_ref is None or not controlled(operations[k].robot) for k in judged):
         return None
-    return _tried(explained, under_control, _CONTROLLED, "the stated controllers")
+    return _tried(explained, under_control, _CONTROLLED, "the stated controllers", settle)
 
 
 def _said(loop: Rollout) -> tuple[str, ...]:
@@ -134,9 +143,7 @@ def _slower(explained: Explained) -> int:
     return 1 if compiles() and not (chain is not None and chain.anchors) else _SLOWER
 
 
-def _tried(
-    explained: Explained, shoot: Shoot, horizons: tuple[float, ...], drive: str, settle: Settle = unsettled
-) -> Rollout:
+def _tried(explained: Explained, shoot: Shoot, horizons: tuple[float, ...], drive: str, settle: Settle) -> Rollout:
     """Rollouts over the longest horizon at which no model leaves all bounds."""
     problem: Exception = ParameterError("there is no stretch of valid samples long enough")
     for horizon in horizons:
@@ -157,8 +164,7 @@ def _rolled(explained: Explained, shoot: Shoot, horizons: tuple[float, ...], dri
     step = min(STEP, whole.longest_step(operations[0].q[0]))
     if step < _SHORTEST:
         raise RobotError(f"a transmission that was found is so stiff that steps of {step:.2g} s would be needed.")
-    searched = settle is not unsettled and hides(whole)
-    shots = _shots(explained, horizons[0], step, tries(whole) if searched else 0)
+    shots = _shots(explained, horizons[0], step, tries(whole) if hides(whole) else 0)
     if not shots:
         raise ParameterError("there is no stretch of valid samples long enough.")
     pairs: dict[tuple[int, int], tuple[Model, Model]] = {}

@@ -90,11 +90,15 @@ def under_torque(
 def _freely(shot: Shot, begun: Settled, torque: Array, nudge: Float[Array, "2 nv"] | None) -> Float[Array, "n nv"]:
     """Readings from where hidden states were estimated."""
     rows = slice(begun.at, shot.window.stop)
-    q, v = np.zeros((2, begun.model.robot.nv)) if nudge is None else nudge
-    one = begun.start
-    start = Start(one.q + q, one.v + v, one.motor_q + q, one.motor_v + v)
     law = torque_over_time(shot.log.motion.t[rows], torque[rows])
-    return np.array(moved(begun.model, law, start).q[shot.window.start - begun.at :])
+    return np.array(moved(begun.model, law, _nudged(begun.start, nudge)).q[shot.window.start - begun.at :])
+
+
+def _nudged(start: Start, nudge: Float[Array, "2 nv"] | None) -> Start:
+    if nudge is None:
+        return start
+    q, v = nudge
+    return Start(start.q + q, start.v + v, start.motor_q + q, start.motor_v + v)
 
 
 def under_control(shot: Shot, model: Model, nudge: Float[Array, "2 nv"] | None = None) -> Float[Array, "n nv"]:
@@ -112,13 +116,15 @@ def under_control(shot: Shot, model: Model, nudge: Float[Array, "2 nv"] | None =
     window, states, robot = shot.window, shot.states, model.robot
     if shot.log.q_ref is None:
         raise LogError(f"{shot.log.file} has no references.")
-    # A controller holds the motion together, so that hidden states settle under it.
-    lead = min(window.lead, int(np.ceil(model.settles * shot.log.band.rate_hz)))
-    rows = slice(window.start - lead, window.stop)
-    start = true_state(model, states, rows.start, 1.0 / shot.log.band.rate_hz, nudge)
+    if shot.begun is not None and shot.begun.model is model:
+        first, start = shot.begun.at, _nudged(shot.begun.start, nudge)
+    else:
+        first = window.start - min(window.lead, int(np.ceil(model.settles * shot.log.band.rate_hz)))
+        start = true_state(model, states, first, 1.0 / shot.log.band.rate_hz, nudge)
+    rows = slice(first, window.stop)
     law = control_law(robot, shot.log.motion.t[rows], shot.log.q_ref[rows])
     causes = (*controller_delays(robot), *model.commands, *model.causes)
-    return np.array(simulated(replace(robot, torque_source="command"), causes, law, start).q[lead:])
+    return np.array(simulated(replace(robot, torque_source="command"), causes, law, start).q[window.start - first :])
 
 
 def controlled(robot: Robot) -> bool:

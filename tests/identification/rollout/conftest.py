@@ -56,7 +56,7 @@ class Recorded:
             return under_torque(shot, model, torque[model], nudge)
 
         def settle(shot, model):
-            return shot.settled(model, torque[model]) if hides(model) and not controlled else shot
+            return shot.settled(model, torque[model]) if hides(model) else shot
 
         pair = given, corrected
         shoot = under_control if controlled else open_loop

@@ -97,11 +97,12 @@ def test_what_was_found_lessens_the_error(request, name, true, share):
     assert found.rms_after["elbow"] < share * found.rms_before["elbow"]
 
 
-def test_under_its_controller_hidden_states_settle_by_themselves(planar, record):
+def test_under_its_controller_the_true_model_strays_by_the_noise(planar, record):
+    # Oracle: the readings have noise of 0.01 mrad.
     stated = replace(planar, actuators=(Actuator(controller=Controller(kp=300.0, kd=30.0)),) * 2)
     found = record(stated, PLAY).rollout(PLAY, controlled=True)
-    assert found.rms_after["elbow"] < 0.6 * found.rms_before["elbow"]
-    assert found.rms_after["elbow"] < 1.5e-4
+    assert found.rms_after["elbow"] < 0.15 * found.rms_before["elbow"]
+    assert found.rms_after["elbow"] < 3e-5
 
 
 def test_a_motor_on_a_spring_starts_where_its_encoder_reads_it(planar, record):

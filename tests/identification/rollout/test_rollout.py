@@ -8,14 +8,17 @@ import numpy as np
 import pytest
 
 from identification.diagnosis.diagnose import diagnose
+from identification.diagnosis.terms import Term
 from identification.rollout.drives import given_torque
 from identification.rollout.errors import Errors, horizon_of
 from identification.rollout.limits import Simulated, limit_warnings, limits_engaged, recorded_past
-from identification.rollout.models import model_of
+from identification.rollout.models import loaded, model_of
 from identification.rollout.shots import under_torque
 from identification.rollout.starts import States, states_of, true_state
+from phantom_dyn.dynamics import inverse_dynamics, rigid_body_regressor
 from phantom_dyn.effects.catalogue import effect_named
 from phantom_dyn.errors import ParameterError
+from phantom_dyn.motion import Motion
 from phantom_dyn.robot import Actuator, Controller
 from phantom_dyn.simulation import Cause, simulate
 from phantom_dyn.tracking import torque_over_time
@@ -193,3 +196,14 @@ def test_a_diagnosis_says_how_far_the_motion_of_both_models_strays(pendulum, rec
     assert rollout is not None
     assert set(rollout) == {"horizon_s", "rms_before", "rms_after"}
     assert rollout["rms_after"]["pin"] < 0.2 * rollout["rms_before"]["pin"]
+
+
+def test_a_load_is_simulated_with_the_inertia_that_its_fit_has_seen(pendulum):
+    # Oracle: the regressor of Pinocchio. Mass and moments alone would say another inertia, h^2/m = 0.5 kg m^2.
+    seen = np.array([0.5, 0.0, 0.0, -0.5, 0.3, 0.0, 0.3, 0.0, 0.0, 0.0])
+    term = Term(effect_named("payload"), None, (), tuple(range(3, 13)), 4, (-np.inf,) * 10, (np.inf,) * 10)
+    robot = loaded(pendulum, (term,), np.concatenate([np.full(3, 7.0), seen]))
+    motion = Motion(np.zeros(1), np.array([[0.4]]), np.array([[1.0]]), np.array([[2.0]]))
+    more = inverse_dynamics(robot, motion) - inverse_dynamics(pendulum, motion)
+    wanted = rigid_body_regressor(pendulum, motion)[0] @ seen
+    np.testing.assert_allclose(more[0], wanted, atol=1e-9)
