@@ -6,16 +6,17 @@
 Robots, truth within the tolerances, controller and noise are those of the sealed cases (development seeds only), and so
 is the engine: MuJoCo moves the true robot in closed loop. The first recording is a sum of small sines of every joint,
 an ordinary motion that leaves rivals. Where its diagnosis is a set that holds the truth, three second recordings of one
-length are made within the same limits, with the same effect in the robot: the proposed one, a random one of the kinds
-that the proposal chooses from, and the motion with the smallest volume of the uncertainty of the inertial parameters
-(D-optimal). Each is diagnosed together with the first one. The rivals are parted if the truth is named and no rival is
-left beside it.
+length are made within the same limits, with the same effect in the robot: the proposed one, with the known mass that it
+may ask for; a random one of the kinds that the proposal chooses from; and the motion with the smallest volume of the
+uncertainty of the inertial parameters (D-optimal). Each is diagnosed together with the first one. The rivals are parted
+if the truth is named and no rival is left beside it; the share of the rivals that are struck off counts them singly.
 """
 
 from __future__ import annotations
 
 import argparse
 import json
+import re
 import tempfile
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -26,6 +27,7 @@ from benchmarks.blind.generator.effects import WHOLE, Effect, joint_name
 from benchmarks.blind.generator.files import robot_yaml, urdf_text
 from benchmarks.blind.generator.recipes import payload_link
 from benchmarks.blind.generator.reference import AMPLITUDES, fourier
+from benchmarks.blind.generator.robots import Table
 from benchmarks.blind.generator.setup import Setup, draw_setup, logged_torque, run_of, tracks
 from benchmarks.blind.generator.simulate import feedforward
 from identification.diagnosis.diagnose import diagnose
@@ -33,6 +35,7 @@ from identification.diagnosis.result import Diagnosis
 from identification.excitation.criteria import DOptimality
 from identification.excitation.excite import excite
 from identification.excitation.shapes import FourierSeries
+from identification.known_changes.change import Change, KnownPayload
 from identification.next_experiment.candidates import candidates
 from identification.next_experiment.safe import safe_limits
 from identification.recordings import Recording
@@ -56,10 +59,12 @@ EFFECTS = (
     "rotor_inertia",
     "base_tilt",
 )
+Place = tuple[str, str | None]
+
 CHOICES = ("proposed", "random", "D-optimal")
 SECONDS = 10.0
-SMALL = (0.3, 0.6)  # swings of the first recording, of those of the sealed cases
-SIZE = (0.015, 0.06)  # of an effect, as a share of the torque of the motion; noise has 0.01 to 0.03
+SMALL = (0.08, 0.2)  # swings of the first recording, of those of the sealed cases
+SIZE = (0.03, 0.15)  # of an effect, as a share of the torque of the motion; noise has 0.01 to 0.03
 
 
 @dataclass(frozen=True)
@@ -71,9 +76,14 @@ class Case:
     robot: Robot
 
     @property
-    def truth(self) -> tuple[str, str | None]:
+    def truth(self) -> Place:
         """What a diagnosis has to name."""
         return self.effect.effect, joint_name(self.effect, self.setup.owner)
+
+
+def rms_torque(table: Table, reference: np.ndarray, rate: float) -> np.ndarray:
+    """Of each joint along a reference, without effects."""
+    return np.sqrt(np.mean(feedforward(table, reference, rate) ** 2, axis=0))
 
 
 def drawn_effect(name: str, setup: Setup, rng: np.random.Generator) -> Effect:
@@ -81,9 +91,8 @@ def drawn_effect(name: str, setup: Setup, rng: np.random.Generator) -> Effect:
     table, session = setup.owner, setup.session
     axis = int(rng.integers(len(table.active)))
     joint, dt = table.active[axis], 1.0 / session.rate
-    torque = np.sqrt(np.mean(feedforward(table, session.reference, session.rate)[:, axis] ** 2))
     share = float(np.exp(rng.uniform(*np.log(SIZE))))
-    level = share * float(torque)
+    level = share * float(rms_torque(table, session.reference, session.rate)[axis])
     q = session.reference[:, axis] - session.reference[:, axis].mean()
     v = np.gradient(q, dt)
     speed, sharp, reach = (float(np.sqrt(np.mean(x**2))) for x in (v, np.gradient(v, dt), q))
@@ -123,7 +132,11 @@ def drawn_case(seed: int) -> Case:
     swings = rng.uniform(*SMALL, size=len(table.active)) * np.array([high for _, high in AMPLITUDES[table.name]])
     columns = [fourier(rng, t, float(swing)) for swing in swings]
     posture = np.array(table.posture or (0.0,) * len(columns))
-    setup = replace(setup, session=recording_of(setup, np.stack(columns, axis=1) + posture, 0).session)
+    reference = np.stack(columns, axis=1) + posture
+    # Noise has its share of the torque of this motion, not of the larger one that it was drawn for.
+    large, small = (rms_torque(table, q, setup.session.rate) for q in (setup.session.reference, reference))
+    setup = recording_of(setup, reference, 0)
+    setup = replace(setup, session=replace(setup.session, disturbance=setup.session.disturbance * small / large))
     effect = drawn_effect(EFFECTS[seed % len(EFFECTS)], setup, rng)
     yaml = robot_yaml(
         table,
@@ -153,29 +166,70 @@ def recording_of(setup: Setup, reference: np.ndarray, later: int) -> Setup:
     )
 
 
-def recorded(case: Case, reference: np.ndarray, later: int = 0) -> Recording | None:
+def recorded(
+    case: Case, reference: np.ndarray, later: int = 0, payload: KnownPayload | None = None
+) -> Recording | None:
     """What a recording along a reference holds; None if the robot does not follow it."""
     setup = recording_of(case.setup, reference, later)
-    run = run_of(setup, case.effect)
+    run = run_of(setup, case.effect, *(() if payload is None else (carried(payload, setup),)))
     if not tracks(run, setup):
         return None
     torque = logged_torque(run, setup.torque_hold)
     return Recording("next.csv" if later else "log.csv", case.robot.joint_names, run.t, run.measured, torque)
 
 
-def parted(diagnosis: Diagnosis, truth: tuple[str, str | None]) -> bool:
+def carried(payload: KnownPayload, setup: Setup) -> Effect:
+    """A known mass on the true robot."""
+    center = dict(zip(("center_x", "center_y", "center_z"), payload.center, strict=True))
+    return Effect("payload", payload_link(setup.owner), {"mass": payload.mass, **center})
+
+
+def asked_mass(say: str) -> KnownPayload | None:
+    """The mass that a proposal asks for, read from its sentence as a user does."""
+    number = r"(-?[\d.e-]+)"
+    found = re.search(f"known mass of {number} kg at \\({number}, {number}, {number}\\) m", say)
+    if found is None:
+        return None
+    mass, *center = (float(word) for word in found.groups())
+    return KnownPayload(mass, (center[0], center[1], center[2]))
+
+
+def parted(diagnosis: Diagnosis, truth: Place) -> bool:
     """True if the truth is named, and nothing else may be in its place."""
     return any((f.effect, f.joint) == truth and not f.rivals for f in diagnosis.findings)
 
 
-def in_set(diagnosis: Diagnosis, truth: tuple[str, str | None]) -> bool:
+def sure(diagnosis: Diagnosis, truth: Place) -> float:
+    """The probability that the diagnosis gives the truth."""
+    found = [f.probability for f in diagnosis.findings if (f.effect, f.joint) == truth]
+    listed = [
+        r.probability
+        for f in diagnosis.findings
+        for r in f.rivals
+        if truth in {(at.effect, at.joint) for at in r.effects}
+    ]
+    return max(found + listed, default=0.0)
+
+
+def sets_with(diagnosis: Diagnosis, truth: Place) -> list[set[Place]]:
+    """What each finding that may be the truth may be."""
+    sets = [
+        {(f.effect, f.joint), *((at.effect, at.joint) for rival in f.rivals for at in rival.effects)}
+        for f in diagnosis.findings
+    ]
+    return [one for one in sets if truth in one]
+
+
+def in_set(diagnosis: Diagnosis, truth: Place) -> bool:
     """True if a finding that is the truth or has it among its rivals is one of several."""
-    return any(
-        finding.rivals
-        and truth
-        in {(finding.effect, finding.joint), *((at.effect, at.joint) for r in finding.rivals for at in r.effects)}
-        for finding in diagnosis.findings
-    )
+    return any(len(one) > 1 for one in sets_with(diagnosis, truth))
+
+
+def struck(before: Diagnosis, after: Diagnosis, truth: Place) -> float:
+    """Share of the first recording's rivals that are no longer beside the truth; none if the truth is gone."""
+    rivals = set().union(*sets_with(before, truth)) - {truth}
+    left = sets_with(after, truth)
+    return len(rivals - set().union(*left)) / len(rivals) if left else 0.0
 
 
 def motions(case: Case, first: Recording, diagnosis: Diagnosis, seed: int) -> dict[str, Motion]:
@@ -204,14 +258,37 @@ def measured(seed: int) -> dict | None:
     if not in_set(diagnosis, case.truth):
         return None
     experiment = diagnosis.next_experiment
-    if experiment is None or "known mass" in experiment["say"]:
-        return {**entry, "proposed": None, "say": experiment["say"] if experiment else diagnosis.notes[-1]}
-    out = {**entry, "expected": experiment["expected_power"], "say": experiment["say"]}
+    if experiment is None:
+        return {**entry, "proposed": None, "say": diagnosis.notes[-1]}
+    asked = asked_mass(experiment["say"])
+    out = {
+        **entry,
+        "expected": experiment["expected_power"],
+        "say": experiment["say"],
+        "told": {},
+        "sure": {},
+        "struck": {},
+    }
+    out["told"]["first"] = said(diagnosis)
     for name, motion in motions(case, first, diagnosis, seed).items():
-        second = recorded(case, np.array(motion.q), later=len(motion.t) // 2)
-        both = None if second is None else diagnose(case.robot, (first, second))
+        mass = asked if name == "proposed" else None
+        second = recorded(case, np.array(motion.q), later=len(motion.t) // 2, payload=mass)
+        changes = (Change("log.csv"), Change("next.csv", mass))
+        both = None if second is None else diagnose(case.robot, (first, second), changes=changes)
         out[name] = both is not None and parted(both, case.truth)
+        out["sure"][name] = 0.0 if both is None else sure(both, case.truth)
+        out["struck"][name] = 0.0 if both is None else struck(diagnosis, both, case.truth)
+        out["told"][name] = said(both)
     return out
+
+
+def said(diagnosis: Diagnosis | None) -> list:
+    """What a diagnosis names, each with its rivals."""
+    findings = () if diagnosis is None else diagnosis.findings
+    return [
+        [f.effect, f.joint, round(f.probability, 2), *([at.effect, at.joint] for r in f.rivals for at in r.effects)]
+        for f in findings
+    ]
 
 
 def main() -> None:
@@ -232,12 +309,18 @@ def main() -> None:
             if given.out:
                 given.out.write_text(json.dumps(rows, indent=1))
     asked = [row for row in rows if row["proposed"] is not None]
+    loaded = sum(asked_mass(row["say"]) is not None for row in asked)
     print(
-        f"{len(rows)} cases of {end - start} leave a set that holds the truth; a motion is proposed for {len(asked)}."
+        f"{len(rows)} cases of {end - start} leave a set that holds the truth; a motion is proposed for {len(asked)}, "
+        f"with a known mass for {loaded}; the parting was expected of {sum(row['expected'] for row in asked):.1f}."
     )
     for name in CHOICES if asked else ():
         count = sum(row[name] for row in asked)
-        print(f"{name:>10}: parted in {count} of {len(asked)} ({100 * count / len(asked):.0f} %)")
+        rivals, sure = (100 * np.mean([row[key][name] for row in asked]) for key in ("struck", "sure"))
+        print(
+            f"{name:>10}: the truth alone in {count} of {len(asked)} ({100 * count / len(asked):.0f} %), "
+            f"{rivals:.0f} % of the rivals struck off, probability of the truth {sure:.0f} %"
+        )
 
 
 if __name__ == "__main__":

@@ -36,6 +36,11 @@ class Block:
     core: int
 
 
+def held_out_share(blocks: tuple[Block, ...]) -> float:
+    """Share of the samples that are judged while they are held out: those of the cores."""
+    return sum(b.stop - b.core for b in blocks) / sum(b.stop - b.start for b in blocks)
+
+
 @dataclass(frozen=True)
 class Weights:
     """Noise of each row: a squared residual counts ``1 / (floor^2 * spread)``.

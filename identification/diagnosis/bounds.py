@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 from jaxtyping import Float
 
+from identification.diagnosis.blocks import held_out_share
 from identification.diagnosis.bounded import solve
 from identification.diagnosis.judge import VISIBLE
 from identification.diagnosis.problem import Problem
@@ -28,7 +29,7 @@ def smallest_seen(
 
     The held-out gain of an effect of size ``s`` is about ``(s sqrt(I) + z)^2`` less the price of its parameters, with
     ``I`` the information that is left on it when the nuisances and the findings are fitted too. It has to be a claim,
-    and what it leaves in the judged band has to be visible there, see `visible`. An effect that would have to be larger
+    and what it leaves in the judged band has to be visible there, see `_seen`. An effect that would have to be larger
     than the whole measured torque to be seen is not testable.
 
     Args:
@@ -45,8 +46,7 @@ def smallest_seen(
     kept = sorted({column for term in chosen for column in term.columns})
     base = np.array([*range(problem.nuisances), *kept], dtype=int)
     inverse, inverse_plain = _inverse(problem, base), _inverse(plain.problem, base)
-    # Blocks are judged without the samples that share noise with the block before.
-    held_out = sum(b.stop - b.core for b in problem.blocks) / sum(b.stop - b.start for b in problem.blocks)
+    held_out = held_out_share(problem.blocks)
     tested = set(search.terms)
     for term in problem.columns.terms:
         if not isinstance(term.effect, Effect) or term.place in found or any(contains(other, term) for other in chosen):

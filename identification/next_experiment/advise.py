@@ -16,11 +16,11 @@ from identification.diagnosis.terms import KnownEffect, Term
 from identification.excitation.bounds import bounds_of
 from identification.excitation.limits import Limits
 from identification.log import Log
-from identification.next_experiment.candidates import Candidate, candidates
+from identification.next_experiment.candidates import Candidate, candidates, lively, varied
 from identification.next_experiment.hypotheses import Hypothesis, hypotheses_of, union_of
 from identification.next_experiment.known_mass import SHARES, KnownMass, carried, known_mass
 from identification.next_experiment.products import Laboratory, laboratory
-from identification.next_experiment.propose import LEAST_POWER, Pair, Rivalry, powers, rivalry_of
+from identification.next_experiment.propose import LEAST_POWER, Pair, Rivalry, parting, rivalry_of
 from identification.next_experiment.safe import safe_limits
 from identification.next_experiment.say import nothing_parts, proposal_words
 from phantom_dyn.dynamics import inverse_dynamics
@@ -32,7 +32,7 @@ Array = np.ndarray
 REFERENCE = "next.csv"
 # Findings whose rivals are to be parted, the largest first.
 _FINDINGS = 3
-# Motions that are tried: as many as take a second or two.
+# Motions that are drawn, and variations of the best one: as many as take a second or two.
 _WORK, _FEWEST, _MOST = 120, 12, 40
 # So many of the best ones that can be made with a known mass are tried with it too.
 _LOADED = 3
@@ -41,40 +41,45 @@ _SEED = 20260109
 _SHORTEST, _LONGEST = 8.0, 20.0
 # Rows per second of a reference: those of the recordings, no more than a controller's clock.
 _RATE_HZ = 1000.0
-# Power above which a further difference counts by its size.
+# Probability above which a further difference counts by its size.
 _SURE = 0.995
+# By so much a known mass has to raise the probability that no rival is left.
+_BURDEN = 0.1
 
 
 @dataclass(frozen=True)
 class Trial:
-    """One motion, and how well it would part each pair.
+    """One motion, and how well it would part the rivals.
 
     Attributes:
         candidate: The motion.
         mass: Carried along it; None for nothing.
         power: Probability that each pair is parted.
         gain: Squared distance of each pair.
-        weight: How much each pair matters: how likely it is that one of the two is true and the other taken for it.
+        resolved: Probability that a finding loses its hardest rival, on average over the findings.
     """
 
     candidate: Candidate
     mass: KnownMass | None
     power: Float[Array, " p"]
     gain: Float[Array, " p"]
-    weight: Float[Array, " p"]
+    resolved: float
 
     @property
-    def parts(self) -> float:
-        """Weight of the pairs that it parts."""
-        return float(self.weight[self.power >= LEAST_POWER].sum())
+    def parts(self) -> bool:
+        """True if it parts any pair."""
+        return bool((self.power >= LEAST_POWER).any())
 
     @property
-    def worth(self) -> tuple[float, float, float]:
-        """What it parts, the least certain of these pairs, and its squared distance: the larger the better."""
-        parted = self.power >= LEAST_POWER
-        if not parted.any():
-            return (0.0, float(self.power.max(initial=0.0)), 0.0)
-        return (self.parts, min(float(self.power[parted].min()), _SURE), float(self.gain[parted].min()))
+    def certain(self) -> bool:
+        """True if nothing is left to be gained."""
+        return self.resolved >= _SURE
+
+    @property
+    def worth(self) -> tuple[bool, float, float]:
+        """Whether it parts a pair, how likely it leaves no rival, and the smallest squared distance it parts by."""
+        parted = self.gain[self.power >= LEAST_POWER] if self.parts else self.gain
+        return (self.parts, min(self.resolved, _SURE), float(parted.min(initial=np.inf)))
 
 
 def with_next_experiment(
@@ -94,14 +99,12 @@ def with_next_experiment(
         robot: The given model.
         logs: Recordings, those held out at the end.
         search: What the effects were chosen by.
-        chosen: The effects.
+        chosen: All effects that it has found, those too that are not told.
         noise: Of the torque, for each log.
         cutoff_hz: Edge of the judged band.
         known: Effects that belong to the given model already.
     """
     started = time.perf_counter()
-    told = {(finding.effect, finding.joint) for finding in diagnosis.findings}
-    chosen = frozenset(term for term in chosen if not term.named or term.place in told)
     groups = tuple(group for finding in diagnosis.findings if (group := hypotheses_of(search, chosen, finding)))
     groups = groups[:_FINDINGS]
     if not groups:
@@ -132,17 +135,22 @@ def tried(
     """
     rng = np.random.default_rng(_SEED)
     count = int(np.clip(_WORK // robot.nv**2, _FEWEST, _MOST))
-    trials = [
-        judged(candidate, None, robot, lab, rivalries)
-        for candidate in candidates(robot, limits, duration=duration, count=count, rng=rng)
-    ]
+    drawn = candidates(robot, limits, duration=duration, count=count, rng=rng)
+    if not drawn:
+        return ()
+    trials = [judged(candidate, None, robot, lab, rivalries) for candidate in drawn]
     trials.sort(key=lambda trial: trial.worth, reverse=True)
-    if not trials or (trials[0].power >= LEAST_POWER).all():
+    for _ in range(0 if trials[0].certain else count):
+        candidate = varied(trials[0].candidate, robot, limits, rng)
+        other = judged(candidate, None, robot, lab, rivalries) if lively(candidate, limits, robot) else trials[0]
+        if other.worth > trials[0].worth:
+            trials.insert(0, other)
+    if (trials[0].power >= LEAST_POWER).all():
         return tuple(trials)
     carrying = (loaded_trial(trial.candidate, robot, limits, lab, rivalries) for trial in trials)
     with_mass = tuple(islice((trial for trial in carrying if trial is not None), _LOADED))
     # A mass is a burden: it has to part more than the best motion without one does.
-    more = [trial for trial in with_mass if trial.parts > trials[0].parts]
+    more = [trial for trial in with_mass if trial.parts and trial.resolved > trials[0].resolved + _BURDEN]
     return (*sorted(more, key=lambda trial: trial.worth, reverse=True), *trials)
 
 
@@ -163,9 +171,9 @@ def judged(
 ) -> Trial:
     """How well a motion parts all pairs."""
     planned = lab.products(candidate.motion(lab.band.rate_hz), robot)
-    chance, apart = zip(*(powers(rivalry, planned) for rivalry in rivalries), strict=True)
-    weight = [pair.weight for rivalry in rivalries for pair in rivalry.pairs]
-    return Trial(candidate, mass, np.concatenate(chance), np.concatenate(apart), np.array(weight))
+    each = [parting(rivalry, planned) for rivalry in rivalries]
+    power, gain = (np.concatenate(parts) for parts in ([one.power for one in each], [one.gain for one in each]))
+    return Trial(candidate, mass, power, gain, float(np.mean([one.resolved for one in each])))
 
 
 def keeps(robot: Robot, limits: Limits, candidate: Candidate) -> bool:
@@ -186,7 +194,7 @@ def _told(
 ) -> Diagnosis:
     pairs = tuple(pair for group in groups for pair in _pairs(group))
     best = trials[0] if trials else None
-    if best is None or best.parts == 0.0:
+    if best is None or not best.parts:
         return replace(diagnosis, notes=(*diagnosis.notes, nothing_parts(pairs)))
     parted = tuple(pair for pair, power in zip(pairs, best.power, strict=True) if power >= LEAST_POWER)
     rest = tuple(pair for pair in pairs if pair not in parted)

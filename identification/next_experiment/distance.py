@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 from jaxtyping import Float
-from scipy.special import gammainc, ndtr
+from scipy.special import gammainc, ndtr, ndtri
 
 from identification.diagnosis.bounded import bounded_solve
 from identification.next_experiment.hypotheses import Model
@@ -14,7 +14,7 @@ Array = np.ndarray
 # Share of the torque that was found which a direction that the recordings do not show is expected to carry, as the
 # comparison of rivals has it.
 _EXPECTED = 0.5
-# A rival with less than this probability is no longer listed.
+# A rival that wins fewer bootstrap replicates than this is no longer listed.
 _LISTED = 0.05
 
 
@@ -60,17 +60,20 @@ def distance(truth: Float[Array, "d u"], moves: int, model: Model, products: Flo
     return np.maximum(left + y**2 @ own - truth**2 @ theirs, 0.0)
 
 
-def power_of(gain: Float[Array, " d"], head_start: float, threshold: float) -> Float[Array, " d"]:
-    """Probability that a wrong model loses by more than a threshold.
+def power_of(gain: Float[Array, " d"], head_start: float, before: Float[Array, " d"]) -> Float[Array, " d"]:
+    """Probability that a wrong model wins so few bootstrap replicates that it is no longer listed.
 
-    The loss differs by the gain with the variance of a noncentral chi-squared: ``4 gain``.
+    The held-out loss of the wrong model differs by the gain with the variance of a noncentral chi-squared, ``4 gain``,
+    and from replicate to replicate by as much again, of everything that is recorded.
 
     Args:
-        gain: Expected further loss of the wrong model.
+        gain: Expected further held-out loss of the wrong model.
         head_start: What the wrong model has lost so far, negative if it is ahead.
-        threshold: What a claim has to gain.
+        before: Expected held-out loss of the wrong model in what is recorded now.
     """
-    return ndtr((gain + head_start - threshold) / (2.0 * np.sqrt(np.maximum(gain, 1e-12))))
+    spread = 2.0 * np.sqrt(np.maximum(gain, 1e-12))
+    replicates = 2.0 * np.sqrt(np.maximum(gain + before, 1e-12))
+    return ndtr((gain + head_start + ndtri(_LISTED) * replicates) / spread)
 
 
 def power_of_simpler(simple: Model, rich: Model, products: Float[Array, "u u"], recorded: Float[Array, "u u"]) -> float:

@@ -8,6 +8,7 @@ from itertools import combinations
 import numpy as np
 from jaxtyping import Float, Int
 
+from identification.diagnosis.blocks import held_out_share
 from identification.diagnosis.result import EffectAt
 from identification.diagnosis.search import Search
 from identification.next_experiment.distance import distance, draws_of, power_of, power_of_simpler
@@ -18,8 +19,8 @@ Array = np.ndarray
 # Draws of what the recordings leave possible, the fit itself beside them.
 _DRAWS = 7
 _SEED = 20260108
-# By so much, in squared standard deviations, a rival may be ahead or behind that held-out data have left on the list:
-# what it is ahead in sample beyond that is what its shapes have fitted of the noise.
+# By so much, in squared standard deviations, a rival may be ahead that held-out data have left on the list: what it is
+# ahead in sample beyond that is what its shapes have fitted of the noise. What it is behind has not struck it off.
 _AHEAD = 8.0
 # A pair is parted if a claim is at least this likely.
 LEAST_POWER = 0.5
@@ -32,11 +33,6 @@ class Pair:
     one: Hypothesis
     other: Hypothesis
 
-    @property
-    def weight(self) -> float:
-        """How likely it is that one is true and taken for the other."""
-        return max(self.one.probability * self.other.probability, 1e-6)
-
 
 @dataclass(frozen=True)
 class Rivalry:
@@ -46,14 +42,14 @@ class Rivalry:
         pairs: To be parted.
         models: Fits of each explanation, by its effects.
         recorded: Products over what is recorded now.
-        threshold: What a claim has to gain, for each pair.
+        held_out: Share of the samples that is judged while it is held out.
         moves: How many of the columns are moves within the tolerances.
     """
 
     pairs: tuple[Pair, ...]
     models: dict[tuple[EffectAt, ...], tuple[Model, ...]]
     recorded: Float[Array, "u u"]
-    threshold: tuple[float, ...]
+    held_out: float
     moves: int
 
 
@@ -63,8 +59,23 @@ def rivalry_of(search: Search, groups: tuple[tuple[Hypothesis, ...], ...]) -> tu
     return tuple(_rivalry(search, group, union) for group in groups)
 
 
-def powers(rivalry: Rivalry, planned: Float[Array, "u u"]) -> tuple[Float[Array, " p"], Float[Array, " p"]]:
-    """For each pair: probability that a recording parts it, and by what squared distance.
+@dataclass(frozen=True)
+class Parting:
+    """What a recording would do for one finding.
+
+    Attributes:
+        power: Probability that it parts each pair, over which of the two is true.
+        gain: By what squared distance.
+        resolved: Probability that the rival which is hardest to strike off is struck off, over what is true.
+    """
+
+    power: Float[Array, " p"]
+    gain: Float[Array, " p"]
+    resolved: float
+
+
+def parting(rivalry: Rivalry, planned: Float[Array, "u u"]) -> Parting:
+    """How well a recording parts the rivals of one finding.
 
     Args:
         rivalry: What is to be parted.
@@ -74,20 +85,25 @@ def powers(rivalry: Rivalry, planned: Float[Array, "u u"]) -> tuple[Float[Array,
     rng = np.random.default_rng(_SEED)
     together = rivalry.recorded + planned
     chance, apart = [], []
-    for pair, threshold in zip(rivalry.pairs, rivalry.threshold, strict=True):
+    hardest: dict[tuple[EffectAt, ...], float] = {}
+    likely: dict[tuple[EffectAt, ...], float] = {}
+    for pair in rivalry.pairs:
         shares, gains, weights = [], [], []
         for truth, wrong in ((pair.one, pair.other), (pair.other, pair.one)):
             if wrong.contains(truth):
                 simple, rich = rivalry.models[truth.effects][0], rivalry.models[wrong.effects][0]
                 shares.append(power_of_simpler(simple, rich, together, rivalry.recorded))
             else:
-                power, gain = _parted(rivalry, truth, wrong, together, threshold, rng)
+                power, gain = _parted(rivalry, truth, wrong, together, rng)
                 shares.append(power)
                 gains.append(gain)
             weights.append(max(truth.probability, 1e-3))
+            hardest[truth.effects] = min(hardest.get(truth.effects, 1.0), shares[-1])
+            likely[truth.effects] = weights[-1]
         chance.append(float(np.average(shares, weights=weights)))
         apart.append(min(gains, default=0.0))
-    return np.array(chance), np.array(apart)
+    resolved = float(np.average(list(hardest.values()), weights=list(likely.values())))
+    return Parting(np.array(chance), np.array(apart), resolved)
 
 
 def _parted(
@@ -95,7 +111,6 @@ def _parted(
     truth: Hypothesis,
     wrong: Hypothesis,
     together: Float[Array, "u u"],
-    threshold: float,
     rng: np.random.Generator,
 ) -> tuple[float, float]:
     """Mean probability that the wrong explanation is struck off, over what may be true, and the median gain."""
@@ -103,10 +118,11 @@ def _parted(
     possible = draws_of(model, rivalry.recorded, rng.normal(size=(_DRAWS, model.basis.shape[1])))
     power, gain = np.full(len(possible), np.inf), np.full(len(possible), np.inf)
     for other in rivalry.models[wrong.effects]:
-        before = distance(possible, rivalry.moves, other, rivalry.recorded)
-        more = np.maximum(distance(possible, rivalry.moves, other, together) - before, 0.0)
-        ahead = float(np.clip(other.score - model.score, -_AHEAD, _AHEAD))
-        power = np.minimum(power, power_of(more, ahead, threshold))
+        before = rivalry.held_out * distance(possible, rivalry.moves, other, rivalry.recorded)
+        after = rivalry.held_out * distance(possible, rivalry.moves, other, together)
+        more = np.maximum(after - before, 0.0)
+        ahead = float(np.clip(other.score - model.score, -_AHEAD, 0.0))
+        power = np.minimum(power, power_of(more, ahead, before))
         gain = np.minimum(gain, more)
     return float(power.mean()), float(np.median(gain))
 
@@ -114,8 +130,5 @@ def _parted(
 def _rivalry(search: Search, group: tuple[Hypothesis, ...], union: Int[Array, " u"]) -> Rivalry:
     pairs = tuple(Pair(one, other) for one, other in combinations(group, 2))
     models = {one.effects: tuple(model_of(search, variant, union) for variant in one.variants) for one in group}
-    thresholds = tuple(
-        search.threshold.of(*(pair.one.variants[0].terms ^ pair.other.variants[0].terms)) for pair in pairs
-    )
     recorded = search.problem.total_a[np.ix_(union, union)]
-    return Rivalry(pairs, models, recorded, thresholds, search.problem.nuisances)
+    return Rivalry(pairs, models, recorded, held_out_share(search.problem.blocks), search.problem.nuisances)

@@ -13,9 +13,9 @@ from phantom_dyn.robot import Robot
 Array = np.ndarray
 
 # A joint goes at most this share of its recorded range beyond either end of it.
-_BEYOND = 0.25
+_BEYOND = 0.5
 # Times the largest recorded speed, acceleration and torque.
-_FASTER, _SHARPER, _STRONGER = 1.5, 2.0, 1.5
+_FASTER, _SHARPER, _STRONGER = 2.0, 3.0, 2.0
 # A joint that was held may not move at all: this much [rad or m] is none.
 _HELD = 1e-4
 

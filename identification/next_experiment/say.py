@@ -21,7 +21,7 @@ def proposal_words(
     """One sentence: what to record, and what it will tell."""
     load = "" if mass is None else f" with {_mass_words(mass)}"
     motion = f"{candidate.shapes.duration:g} s, {candidate.kind}"
-    safe = "at most a quarter beyond the positions and half beyond the speeds and torques of the recording"
+    safe = "at most half of the recorded range beyond its ends, and twice the recorded speeds and torques"
     return (
         f"Record the motion of {reference}{load} ({motion}, {safe}; obstacles are not looked at) and diagnose it "
         f"together with this recording: with a probability of {percent(power)} it tells {_pairs_words(parted)}."

@@ -16,6 +16,8 @@ Array = np.ndarray
 _TRAVEL = 0.3
 # Part of the rest of a stop in which its reversals grow, and fade again.
 _FADE = 0.15
+# Largest slope and curvature of the way, from zero to one in a unit of time.
+_STEEPEST, _SHARPEST = 1.875, 10.0 / np.sqrt(3.0)
 # Share of a period in which a triangle turns.
 _TURN = 0.2
 
@@ -59,6 +61,11 @@ class SmallReversals:
     def period(self) -> float:
         """Period of the faster triangle [s]."""
         return (1.0 - _TRAVEL) * self.stop / self.reversals
+
+    def farthest(self, velocity: Float[Array, " nv"], acceleration: Float[Array, " nv"]) -> Float[Array, " nv"]:
+        """How far the next posture may be at most [rad or m] for joints with these limits."""
+        length = _TRAVEL * self.stop
+        return np.minimum(velocity * length / _STEEPEST, acceleration * length**2 / _SHARPEST)
 
     def values(self, t: Float[Array, " N"]) -> Float[Array, "3 N K"]:
         """Position, velocity and acceleration: the constant, then for each stop its way and its two triangles."""

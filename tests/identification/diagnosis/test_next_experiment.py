@@ -60,13 +60,13 @@ def test_the_sentence_says_what_to_do_and_what_it_tells(friction):
     assert words.what_next == say[0].lower() + say[1:]
 
 
-def test_the_motion_is_no_faster_and_asks_for_no_more_torque_than_half_beyond_the_recording(friction, lab, pendulum):
+def test_the_motion_is_no_faster_and_asks_for_no_more_torque_than_twice_the_recording(friction, lab, pendulum):
     # Oracle: the recording's own extremes, and inverse dynamics.
     recorded, motion = lab.motion(1, swing=0.3), friction.next_motion
-    assert np.abs(motion.v).max() < 1.55 * np.abs(recorded.v).max()
-    assert np.ptp(motion.q) < 1.55 * np.ptp(recorded.q)
+    assert np.abs(motion.v).max() < 2.05 * np.abs(recorded.v).max()
+    assert np.ptp(motion.q) < 2.05 * np.ptp(recorded.q)
     torque = np.abs(inverse_dynamics(pendulum, recorded)).max() + 0.2
-    assert np.abs(inverse_dynamics(pendulum, motion)).max() < 1.55 * torque
+    assert np.abs(inverse_dynamics(pendulum, motion)).max() < 2.05 * torque
 
 
 def test_exact_twins_get_no_motion_but_a_note_that_says_what_would_help(lab, pendulum, advised):

@@ -55,16 +55,23 @@ def test_moves_that_the_truth_has_made_cost_nothing_more():
 
 
 def test_the_power_is_that_of_losses_drawn_at_random(rng):
-    # Oracle: the wrong model's loss less the true one's, for torque with unit noise in 40 samples.
-    torque = np.full(40, 0.9)
-    noise = rng.standard_normal((20000, 40))
-    gains = ((torque + noise) ** 2 - noise**2).sum(axis=1)
-    expected = power_of(np.array([torque @ torque]), head_start=-4.0, threshold=20.0)
-    assert expected[0] == pytest.approx(np.mean(gains - 4.0 > 20.0), abs=0.01)
+    # Oracle: wins of the wrong model over bootstrap replicates of sixty blocks, for torque with unit noise.
+    torque = np.full(60, 0.6)
+    noise = rng.standard_normal((2000, 60))
+    gains = (torque + noise) ** 2 - noise**2
+    counts = rng.multinomial(60, np.full(60, 1 / 60), size=400)
+    struck = (gains @ counts.T - 4.0 < 0.0).mean(axis=1) < 0.05
+    expected = power_of(np.array([torque @ torque]), head_start=-4.0, before=np.zeros(1))
+    assert expected[0] == pytest.approx(np.mean(struck), abs=0.04)
+
+
+def test_what_the_replicates_of_the_first_recording_scatter_makes_a_rival_harder_to_strike_off():
+    alone, beside = (power_of(np.full(1, 30.0), 0.0, np.full(1, before)) for before in (0.0, 30.0))
+    assert beside < alone - 0.1
 
 
 def test_without_a_difference_nothing_is_claimed():
-    assert power_of(np.zeros(1), 0.0, 20.0) == pytest.approx(0.0)
+    assert power_of(np.zeros(1), -0.1, np.zeros(1)) == pytest.approx(0.0)
 
 
 def test_draws_scatter_as_the_recordings_leave_it_open(rng):

@@ -49,3 +49,12 @@ def test_a_motion_without_a_length_is_refused(duration):
 def test_a_motion_without_reversals_is_refused():
     with pytest.raises(ParameterError, match="4 postures with 1 reversals were asked for: give at least 1 with 2"):
         SmallReversals(5.0, reversals=1)
+
+
+def test_the_farthest_posture_is_reached_at_the_largest_speed_or_acceleration():
+    # Oracle: the shapes themselves, along the way alone.
+    farthest = FAMILY.farthest(np.array([1.3, 100.0]), np.array([1e6, 7.0]))
+    weights = FAMILY.weights(np.outer([0.0, 1.0, 1.0], farthest), np.zeros((3, 2)), np.array([False, True]))
+    values = FAMILY.values(np.linspace(0.0, FAMILY.duration, 100001)) @ weights
+    assert np.abs(values[1]).max(axis=0)[0] == pytest.approx(1.3, rel=1e-4)
+    assert np.abs(values[2]).max(axis=0)[1] == pytest.approx(7.0, rel=1e-3)
