@@ -3,7 +3,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 
 import numpy as np
 from jaxtyping import Float
@@ -30,16 +30,26 @@ def external_torque(
         LogError: If the robot has no such frame, or a force is not finite.
         ChainError: If a loop of a closed chain cannot be closed at a sample.
     """
+    require_frames(robot, forces)
     out = np.zeros_like(q)
     for frame, force in forces.items():
+        if not np.isfinite(force).all():
+            row = int(np.argwhere(~np.isfinite(force))[0, 0])
+            raise LogError(f"The force f.{frame} is not finite at sample {row}: give finite numbers or leave it out.")
+        out += wrench_torque(robot, q, np.hstack([force, np.zeros_like(force)]), frame)
+    return out
+
+
+def require_frames(robot: Robot, frames: Iterable[str]) -> None:
+    """Refuse a force at a frame that the robot does not have.
+
+    Raises:
+        LogError: It lists the frames that there are.
+    """
+    for frame in frames:
         if not robot.model.existFrame(frame):
             names = dict.fromkeys(f.name for f in robot.model.frames)
             raise LogError(
                 f"The columns f.{frame}.x, .y and .z are a force at a frame that {robot.name} does not have: "
                 f"{known_names(frame, names, 'frames')}"
             )
-        if not np.isfinite(force).all():
-            row = int(np.argwhere(~np.isfinite(force))[0, 0])
-            raise LogError(f"The force f.{frame} is not finite at sample {row}: give finite numbers or leave it out.")
-        out += wrench_torque(robot, q, np.hstack([force, np.zeros_like(force)]), frame)
-    return out

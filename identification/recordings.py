@@ -171,8 +171,11 @@ def recording(
             excluded stretch outside the log.
     """
     from identification.drive_torque import drive_torque
+    from identification.external_force import require_frames
 
     joints = robot.joint_names
+    forces = _forces(table)
+    require_frames(robot, forces)
     warnings = [*table.warnings, *_require_joints(table, robot)]
     optional = {}
     for key, quantity in (("v", "v"), ("current", "i"), ("voltage", "u"), ("q_ref", "q_ref"), ("x", "x")):
@@ -191,7 +194,7 @@ def recording(
         t=read_only(table.columns["t"]),
         q=read_only(np.column_stack([table.columns[f"q.{joint}"] for joint in joints])),
         tau=tau,
-        forces=_forces(table),
+        forces=forces,
         excluded=_excluded(table, excluded),
         warnings=(*warnings, *sentences),
         passive_q={

@@ -32,7 +32,8 @@ def check_recording(recording: Recording, robot: Robot | None) -> tuple[str, ...
     from identification.checks.torque import check_clipping
 
     out = [*check_timing(recording), *check_stillness(recording, None if robot is None else robot.prismatic)]
-    smooth = smoothed(recording)
+    felt = recording if robot is None else _felt(recording, robot)
+    smooth = smoothed(felt)
     if smooth is not None and smooth.inside.any():
         stated = tuple(
             robot is not None and robot.actuators[j].encoder_counts is not None
@@ -44,7 +45,18 @@ def check_recording(recording: Recording, robot: Robot | None) -> tuple[str, ...
     out += check_clipping(recording)
     if robot is None or smooth is None or recording.tau is None:
         return (*out, *check_degrees(recording, robot, None, None))
-    return (*out, *_check_against_model(recording, robot, smooth))
+    return (*out, *_check_against_model(felt, robot, smooth))
+
+
+def _felt(recording: Recording, robot: Robot) -> Recording:
+    """The recording with all torque that the joints feel: that of their drives and that of measured forces."""
+    from dataclasses import replace
+
+    from identification.external_force import external_torque
+
+    if recording.tau is None or not recording.forces:
+        return recording
+    return replace(recording, tau=recording.tau + external_torque(robot, recording.q, recording.forces))
 
 
 def _check_against_model(recording: Recording, robot: Robot, smooth: Smooth) -> list[str]:

@@ -70,6 +70,7 @@ def run(arguments: argparse.Namespace) -> int:
     if arguments.each:
         return run_each(arguments, excluded)
     from identification.cli.progress import Progress
+    from identification.corrected.written import NAMES as MODELS
     from identification.diagnosis.outputs import check_targets, write_outputs
 
     check_targets(arguments.out, arguments.json)
@@ -133,4 +134,7 @@ def run(arguments: argparse.Namespace) -> int:
     print(summary(diagnosis))
     for path in written:
         print(f"wrote {path}")
+    lacking = [] if arguments.out is None else [name for name in MODELS if arguments.out / name not in written]
+    if lacking:
+        print(f"could not write {', '.join(lacking)}: {arguments.out / 'report.html'} says why")
     return 0

@@ -6,7 +6,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
-from jaxtyping import Bool
+from jaxtyping import Bool, Float
 
 from identification.checks.motion import still_joints
 from identification.log import Log
@@ -66,7 +66,7 @@ def split_logs(robot: Robot, recordings: tuple[Recording, ...], hold_out: tuple[
         )
     logs = tuple(process(recording, robot, cutoff_hz=cutoff) for recording in every)
     logs = tuple(
-        replace(log, tau=within_limits(log.tau, robot), motion=_held(log.motion, joints))
+        replace(log, tau=_felt(log, robot), motion=_held(log.motion, joints))
         for log, joints in zip(logs, still, strict=True)
     )
     if hold_out:
@@ -77,6 +77,12 @@ def split_logs(robot: Robot, recordings: tuple[Recording, ...], hold_out: tuple[
     else:
         split = Split(logs[:-1], logs[-1:], f"{Path(logs[-1].file).name}, the last of {len(logs)} recordings", cutoff)
     return split
+
+
+def _felt(log: Log, robot: Robot) -> Float[Array, "N nv"]:
+    """All torque that the joints feel: that of their drives and that of measured forces."""
+    tau = within_limits(log.tau, robot)
+    return tau if log.external is None else tau + log.external
 
 
 def require_enough(robot: Robot, split: Split, unknowns: int) -> None:

@@ -67,6 +67,7 @@ def identify(
     started = time.perf_counter()
     entry = usable_estimator(estimator)
     progress("filtering")
+    _require_no_forces(entry, (*recordings, *hold_out))
     split = split_logs(robot, recordings, hold_out)
     effects = effects_of(robot, friction, rotors=rotors)
     fitted = without_estimated(robot, friction, rotors=rotors)
@@ -137,6 +138,16 @@ def usable_estimator(name: str) -> Estimator:
             f"fit_{name} in Python, or choose another."
         )
     return entry
+
+
+def _require_no_forces(entry: Estimator, recordings: Sequence[Recording]) -> None:
+    """Refuse measured forces where the loop is simulated: there nothing pushes the robot."""
+    pushed = [recording.file for recording in recordings if recording.forces]
+    if pushed and "controllers" in entry.needs:
+        raise ParameterError(
+            f"{pushed[0]} has measured forces (columns f.), and the estimator {entry.name} simulates the robot without "
+            "any: take wls or irls, or a recording without contact."
+        )
 
 
 def _excitation(fit: Fit, excitable: int, lacking: tuple[str, ...]) -> tuple[str, ...]:

@@ -8,13 +8,17 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from identification.checks import check_recording
 from identification.diagnosis.operations import operate
 from identification.external_force import external_torque
-from identification.recordings import Recording
+from identification.identify.identify import identify
+from identification.recordings import Recording, Table, recording
 from identification.signals import process
 from phantom_dyn import load_robot
-from phantom_dyn.errors import LogError
+from phantom_dyn.dynamics import inverse_dynamics
+from phantom_dyn.errors import LogError, ParameterError
 from phantom_dyn.kinematics import frame_pose
+from phantom_dyn.motion import Motion
 from phantom_dyn.robot import Robot
 
 ROBOTS = Path(__file__).resolve().parents[1] / "robots"
@@ -63,3 +67,45 @@ def test_a_force_at_an_unknown_frame_is_refused(planar):
 def test_a_force_that_is_not_finite_is_refused(planar):
     with pytest.raises(LogError, match=r"The force f\.lower is not finite at sample 1: give finite numbers"):
         external_torque(planar, np.zeros((2, 2)), {"lower": np.array([[0.0, 0.0, 0.0], [np.nan, 0.0, 0.0]])})
+
+
+@pytest.fixture(scope="module")
+def pushed(planar) -> Recording:
+    """The arm in a motion under a measured force that takes most of its torque."""
+    t = np.arange(2400) / 200.0
+    w, size = np.array([2.1, 3.7]), np.array([0.6, 0.5])
+    angle = np.outer(t, w)
+    motion = Motion(t, size * np.sin(angle), size * w * np.cos(angle), -size * w**2 * np.sin(angle))
+    force = {"lower": 60.0 * np.column_stack([np.sin(1.3 * t), 0 * t, np.cos(0.7 * t)])}
+    tau = inverse_dynamics(planar, motion) - external_torque(planar, motion.q, force)
+    noise = np.random.default_rng(0).standard_normal(tau.shape)
+    return Recording("a.csv", planar.joint_names, t, motion.q, tau + 0.01 * noise, forces=force)
+
+
+def test_an_identification_counts_measured_forces(planar, pushed):
+    counted, not_counted = (identify(planar, (r,)).joints[0].rms for r in (pushed, replace(pushed, forces={})))
+    assert counted < 0.02 < 1.0 < not_counted
+
+
+def test_an_estimator_that_simulates_the_loop_refuses_measured_forces(planar, pushed):
+    with pytest.raises(ParameterError, match=r"a\.csv has measured forces .* the estimator didim simulates the robot"):
+        identify(planar, (pushed,), estimator="didim")
+
+
+def test_a_check_against_the_model_counts_measured_forces(planar, pushed):
+    # Closed form: a force along x at the elbow that gives the shoulder twice its torque, so that its drive holds back.
+    needed = (pushed.tau + external_torque(planar, pushed.q, pushed.forces))[:, 0]
+    along = -4.0 * needed / np.cos(pushed.q[:, 0])
+    force = {"lower": np.column_stack([along, 0 * along, 0 * along])}
+    tau = np.column_stack([-needed, (pushed.tau + external_torque(planar, pushed.q, pushed.forces))[:, 1]])
+    held = replace(pushed, tau=tau, forces=force)
+    told = "the torque of shoulder has the opposite sign"
+    assert not any(told in sentence for sentence in check_recording(held, planar))
+    assert any(told in sentence for sentence in check_recording(replace(held, forces={}), planar))
+
+
+def test_a_force_at_an_unknown_frame_is_refused_when_a_recording_is_read(planar):
+    columns = {"t": np.arange(3.0)} | {f"f.hnd.{axis}": np.zeros(3) for axis in "xyz"}
+    columns |= {f"{quantity}.{joint}": np.ones(3) for quantity in ("q", "tau") for joint in planar.joint_names}
+    with pytest.raises(LogError, match=r"The columns f\.hnd\.x, \.y and \.z are a force at a frame"):
+        recording(Table("a.csv", columns), planar)

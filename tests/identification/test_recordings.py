@@ -58,13 +58,13 @@ def test_what_was_not_recorded_is_none(arm):
 
 
 def test_forces_are_collected_by_frame(arm):
-    found = recording(table(f__tip__x=T, f__tip__y=2 * T, f__tip__z=3 * T), arm)
-    np.testing.assert_array_equal(found.forces["tip"], np.column_stack([T, 2 * T, 3 * T]))
+    found = recording(table(f__tool__x=T, f__tool__y=2 * T, f__tool__z=3 * T), arm)
+    np.testing.assert_array_equal(found.forces["tool"], np.column_stack([T, 2 * T, 3 * T]))
 
 
 def test_a_force_without_all_axes_is_refused(arm):
-    with pytest.raises(LogError, match=r"has no column f\.tip\.z: a force needs its three axes"):
-        recording(table(f__tip__x=T, f__tip__y=T), arm)
+    with pytest.raises(LogError, match=r"has no column f\.tool\.z: a force needs its three axes"):
+        recording(table(f__tool__x=T, f__tool__y=T), arm)
 
 
 def test_an_unknown_joint_lists_the_robots_joints(arm):
