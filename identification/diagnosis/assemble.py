@@ -44,7 +44,7 @@ def assemble(
 ) -> Diagnosis:
     """Put everything that the search has found into the shape of the contract."""
     plain = narrow_search(search, logs, cutoff_hz, noise)
-    chosen = visible(plain, chosen, logs, cutoff_hz)
+    settled, chosen = chosen, visible(plain, chosen, logs, cutoff_hz)
     if not gap_is_there(plain.problem, logs, cutoff_hz, noise):
         chosen = frozenset()
     problem = plain.problem
@@ -72,7 +72,7 @@ def assemble(
     predicted = tuple(r - s for r, s in zip(rest, smooth, strict=True))
     # Without a coarse reading the model is the same: what it feigns is no torque.
     pairs = [
-        *findings_without(robot, search, plain, chosen, judge, before),
+        *findings_without(robot, search, plain, chosen, settled, judge, before),
         *((finding, torque) for finding in findings_of(robot, rounding, before, floor)),
     ]
     pairs.sort(key=lambda pair: -pair[0].gap_closed)

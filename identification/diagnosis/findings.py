@@ -25,10 +25,22 @@ def findings_without(
     search: Search,
     plain: Search,
     chosen: frozenset[Term],
+    settled: frozenset[Term],
     judge: Judge,
     before: Sums,
 ) -> tuple[tuple[Finding, Torque], ...]:
-    """Each named effect with its gap closed and rivals, and the torque of the other named ones without it."""
+    """Each named effect with its gap closed and rivals, and the torque of the other named ones without it.
+
+    Args:
+        robot: The given model.
+        search: Rivals, with fits to white noise.
+        plain: The same with plain fits in the judged band.
+        chosen: The effects that are told.
+        settled: All that the search has found, those too that nobody would see: a rival must not win by making up for
+            one of them.
+        judge: Of the gap.
+        before: Loss of the given model.
+    """
     problem, floor, found = plain.problem, judge.floor, plain.evaluate(chosen)
     after = sums(problem, judge.narrow(residual_after(problem, held_out_torque(problem, chosen, found))))
     counts = block_counts(len(before.counts), np.random.default_rng(20260105))
@@ -47,7 +59,7 @@ def findings_without(
             gap = np.maximum(before.loss(floor, weights) - 1.0, 1e-9)
             return (lost.loss(floor, weights) - after.loss(floor, weights)) / gap
 
-        standing = stand(search, chosen, term)
+        standing = stand(search, settled, term)
         low, high = np.percentile(closed(counts), [2.5, 97.5])
         finding = Finding(
             effect=term.effect.name,

@@ -1,11 +1,16 @@
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
+from identification.diagnosis import assemble
+from identification.diagnosis.diagnose import diagnose
 from identification.diagnosis.rivals import REPLICATES, block_counts, odds_of_richer, settled, stand
 from identification.diagnosis.stepwise import explain
 from phantom_dyn import load_robot
+from phantom_dyn.dynamics import inverse_dynamics
 
 
 def silent(_: str) -> None:
@@ -146,3 +151,17 @@ def test_standings_agree_from_both_sides(lab, planar2):
         return wins.get(other.effect.name, 0.0) / (wins.get(other.effect.name, 0.0) + standing.probability)
 
     assert share(viscous, coulomb) == pytest.approx(1.0 - share(coulomb, viscous), abs=0.05)
+
+
+def test_a_rival_does_not_win_by_making_up_for_an_effect_that_is_not_told(lab, planar2, monkeypatch):
+    # Known truth: drives that are late by 7 and by 9 ms. Were the first one taken for nothing where the second one is
+    # judged, one delay of all drives would seem to be the better name.
+    now, later, latest = (lab.motion(2, 3, rate=500.0, swing=1.5, ahead=lead) for lead in (0.0, 0.007, 0.009))
+    asked = np.column_stack([inverse_dynamics(planar2, m)[:, j] for j, m in enumerate((later, latest))])
+    log = replace(lab.recording(planar2, now), tau=asked + 0.02 * np.random.default_rng(0).normal(size=asked.shape))
+    monkeypatch.setattr(
+        assemble, "visible", lambda plain, chosen, *_: frozenset(term for term in chosen if term.joint == "elbow")
+    )
+    (finding,) = diagnose(planar2, (log,)).findings
+    assert (finding.effect, finding.joint) == ("input_delay", "elbow")
+    assert finding.probability == 1.0
