@@ -19,6 +19,8 @@ REPLICATES = 1000
 _LISTED = 0.05
 # A rival that wins this many times as often as the finding takes its place.
 _OUTDONE = 1.5
+# Looks at all findings in turn.
+_LOOKS = 3
 # A rival that is this much worse in sample (ten standard deviations of one parameter) wins no replicate.
 _FAR = 100.0
 # Share of the torque that was found which a further parameter of a richer law is expected to carry.
@@ -105,14 +107,19 @@ def stand(search: Search, chosen: frozenset[Term], term: Term) -> Standing:
 def settled(search: Search, chosen: frozenset[Term]) -> frozenset[Term]:
     """``chosen`` with findings replaced by the rival that wins more often than they do, if there is one.
 
-    The search compares sums over all blocks; a rival that wins in most bootstrap replicates is the better name.
+    The search compares sums over all blocks; a rival that wins in most bootstrap replicates is the better name. Where
+    one takes a place, the others are looked at again beside it.
     """
-    for term in ordered(chosen):
-        if not term.named or term not in chosen:
-            continue
-        standing = stand(search, chosen, term)
-        if standing.instead is not None and standing.rivals[0].probability > _OUTDONE * standing.probability:
-            chosen = standing.instead
+    for _ in range(_LOOKS):
+        before = chosen
+        for term in ordered(chosen):
+            if not term.named or term not in chosen:
+                continue
+            standing = stand(search, chosen, term)
+            if standing.instead is not None and standing.rivals[0].probability > _OUTDONE * standing.probability:
+                chosen = standing.instead
+        if chosen == before:
+            break
     return chosen
 
 

@@ -5,9 +5,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from identification.diagnosis import assemble
+from identification.diagnosis import assemble, rivals
 from identification.diagnosis.diagnose import diagnose
-from identification.diagnosis.rivals import REPLICATES, block_counts, odds_of_richer, settled, stand
+from identification.diagnosis.result import EffectAt, Rival
+from identification.diagnosis.rivals import REPLICATES, Standing, block_counts, odds_of_richer, settled, stand
 from identification.diagnosis.stepwise import explain
 from phantom_dyn import load_robot
 from phantom_dyn.dynamics import inverse_dynamics
@@ -165,3 +166,19 @@ def test_a_rival_does_not_win_by_making_up_for_an_effect_that_is_not_told(lab, p
     (finding,) = diagnose(planar2, (log,)).findings
     assert (finding.effect, finding.joint) == ("input_delay", "elbow")
     assert finding.probability == 1.0
+
+
+def test_findings_are_looked_at_again_beside_a_rival_that_takes_a_place(lab, planar2, monkeypatch):
+    # Known truth: the first finding is outdone only beside what takes the second one's place.
+    prepared = lab.prepared(planar2, (lab.recording(planar2, lab.motion(2, 3)),))
+    names = ("coulomb_friction", "torque_offset", "viscous_friction", "input_delay")
+    first, second, third, fourth = (prepared.term(name, "elbow") for name in names)
+    better = {(second, frozenset({first, second})): {first, third}, (first, frozenset({first, third})): {fourth, third}}
+
+    def standing(search, chosen, term):
+        instead = better.get((term, chosen))
+        named = (Rival((EffectAt("x", None),), 0.9),) if instead else ()
+        return Standing(0.1, named, frozenset(instead) if instead else None)
+
+    monkeypatch.setattr(rivals, "stand", standing)
+    assert settled(prepared.search, frozenset({first, second})) == {fourth, third}
