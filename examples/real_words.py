@@ -43,8 +43,11 @@ def _rivals(finding: dict) -> str:
 
 
 def _marked(finding: dict) -> str:
-    """The place alone, with a mark where it is a question."""
-    return _where(finding["joint"]) + (" `*`" if finding["rivals"] else "")
+    """The place alone, with a mark where it is a question; of the whole robot the size too, where it is one number."""
+    single = finding["joint"] is None and len(finding["parameters"]) == 1
+    return (
+        _where(finding["joint"]) + (f" ({_sizes(finding)})" if single else "") + (" `*`" if finding["rivals"] else "")
+    )
 
 
 def _one(finding: dict) -> str:

@@ -229,6 +229,15 @@ def test_a_cell_of_many_findings_gives_places_and_marks_those_with_rivals():
     assert said({**EXPLAINED, "findings": many}) == wanted
 
 
+def test_a_cell_of_many_findings_gives_the_size_of_a_delay_of_the_whole_robot():
+    from real_words import said
+
+    delay = {"delay": {"value": 0.0325, "std": 0.002, "unit": "s"}}
+    many = [{**FINDING, "effect": "input_delay", "joint": None, "parameters": delay}]
+    many += [{**FINDING, "joint": f"j{k}"} for k in range(1, 6)]
+    assert "an input delay: whole robot (delay 0.0325 s)." in said({**EXPLAINED, "findings": many})
+
+
 def test_a_rest_is_not_told_where_the_gap_is_explained():
     from real_words import said
 
