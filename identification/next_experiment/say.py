@@ -4,10 +4,10 @@ from __future__ import annotations
 
 from identification.diagnosis.effect_words import effect_words
 from identification.diagnosis.words import joined, on_place, percent
-from identification.next_experiment.candidates import Candidate
 from identification.next_experiment.hypotheses import Hypothesis
 from identification.next_experiment.known_mass import KnownMass
 from identification.next_experiment.propose import Pair
+from identification.next_experiment.trials import Trial
 
 _MASS = ("payload", "inertial_parameters", "torque_constant")
 _READING = ("encoder_offset", "encoder_eccentricity", "backlash", "transmission_compliance")
@@ -15,12 +15,12 @@ _GRAVITY = ("base_tilt", "torque_offset", "parasitic_spring")
 _TIMING = ("input_delay", "actuator_lag")
 
 
-def proposal_words(
-    parted: tuple[Pair, ...], candidate: Candidate, mass: KnownMass | None, reference: str, power: float
-) -> str:
+def proposal_words(parted: tuple[Pair, ...], trial: Trial, reference: str, power: float) -> str:
     """One sentence: what to record, and what it will tell."""
-    load = "" if mass is None else f" with {_mass_words(mass)}"
-    motion = f"{candidate.shapes.duration:g} s, {candidate.kind}"
+    load = "" if trial.mass is None else f" with {_mass_words(trial.mass)}"
+    if trial.gains is not None:
+        load = f" with the gains of the position controllers at {percent(trial.gains)} of those in robot.yaml"
+    motion = f"{trial.candidate.shapes.duration:g} s, {trial.candidate.kind}"
     safe = "at most half of the recorded range beyond its ends, and twice the recorded speeds and torques"
     return (
         f"Record the motion of {reference}{load} ({motion}, {safe}; obstacles are not looked at) and diagnose it "

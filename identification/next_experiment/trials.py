@@ -1,0 +1,160 @@
+"""Motions that are tried: plain ones, with a known mass, and with softer gains of the controllers."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator
+from dataclasses import dataclass
+from itertools import islice
+
+import numpy as np
+from jaxtyping import Float
+
+from identification.excitation.bounds import bounds_of
+from identification.excitation.limits import Limits
+from identification.next_experiment.candidates import Candidate, candidates, lively, varied
+from identification.next_experiment.known_mass import SHARES, KnownMass, carried, known_mass
+from identification.next_experiment.products import Laboratory
+from identification.next_experiment.propose import LEAST_POWER, Rivalry, parting
+from identification.next_experiment.softer_gains import GAINS, followed
+from phantom_dyn.dynamics import inverse_dynamics
+from phantom_dyn.motion import Motion
+from phantom_dyn.robot import Robot
+
+Array = np.ndarray
+
+# Motions that are drawn, and variations of the best one: as many as take a second or two.
+_WORK, _FEWEST, _MOST = 120, 12, 40
+# So many of the best ones are tried with a known mass and with softer gains too, if they can be made so.
+_CHANGED = 3
+_SEED = 20260109
+# Probability above which a further difference counts by its size.
+_SURE = 0.995
+# By so much a mass or other gains have to raise the probability that no rival is left.
+_BURDEN = 0.1
+
+
+@dataclass(frozen=True)
+class Trial:
+    """One motion, and how well it would part the rivals.
+
+    Attributes:
+        candidate: The motion.
+        mass: Carried along it; None for nothing.
+        gains: Share of the stated gains that the position controllers have then; None for all of them.
+        power: Probability that each pair is parted.
+        gain: Squared distance of each pair.
+        resolved: Probability that a finding loses its hardest rival, on average over the findings.
+    """
+
+    candidate: Candidate
+    mass: KnownMass | None
+    gains: float | None
+    power: Float[Array, " p"]
+    gain: Float[Array, " p"]
+    resolved: float
+
+    @property
+    def parts(self) -> bool:
+        """True if it parts any pair."""
+        return bool((self.power >= LEAST_POWER).any())
+
+    @property
+    def certain(self) -> bool:
+        """True if nothing is left to be gained."""
+        return self.resolved >= _SURE
+
+    @property
+    def worth(self) -> tuple[bool, float, float]:
+        """Whether it parts a pair, how likely it leaves no rival, and the smallest squared distance it parts by."""
+        parted = self.gain[self.power >= LEAST_POWER] if self.parts else self.gain
+        return (self.parts, min(self.resolved, _SURE), float(parted.min(initial=np.inf)))
+
+
+def tried(
+    robot: Robot, limits: Limits, lab: Laboratory, rivalries: tuple[Rivalry, ...], duration: float
+) -> tuple[Trial, ...]:
+    """Motions and how well they part the pairs, the best first; with a mass or softer gains where that parts more.
+
+    Raises:
+        ParameterError: If no motion keeps the limits.
+    """
+    rng = np.random.default_rng(_SEED)
+    count = int(np.clip(_WORK // robot.nv**2, _FEWEST, _MOST))
+    drawn = candidates(robot, limits, duration=duration, count=count, rng=rng)
+    if not drawn:
+        return ()
+    trials = [judged(candidate, robot, lab, rivalries) for candidate in drawn]
+    trials.sort(key=lambda trial: trial.worth, reverse=True)
+    for _ in range(0 if trials[0].certain else count):
+        candidate = varied(trials[0].candidate, robot, limits, rng)
+        other = judged(candidate, robot, lab, rivalries) if lively(candidate, limits, robot) else trials[0]
+        if other.worth > trials[0].worth:
+            trials.insert(0, other)
+    if (trials[0].power >= LEAST_POWER).all():
+        return tuple(trials)
+    changed = (
+        *islice(_there(loaded_trial(trial.candidate, robot, limits, lab, rivalries) for trial in trials), _CHANGED),
+        *islice(_there(softer_trial(trial.candidate, robot, limits, lab, rivalries) for trial in trials), _CHANGED),
+    )
+    # A mass is a burden, and so are other gains: they have to part more than the best motion without them does.
+    more = [trial for trial in changed if trial.parts and trial.resolved > trials[0].resolved + _BURDEN]
+    return (*sorted(more, key=lambda trial: trial.worth, reverse=True), *trials)
+
+
+def loaded_trial(
+    candidate: Candidate, robot: Robot, limits: Limits, lab: Laboratory, rivalries: tuple[Rivalry, ...]
+) -> Trial | None:
+    """The motion with the largest mass that the drives can carry along it; None if they can carry none."""
+    for share in SHARES:
+        mass = known_mass(robot, share)
+        loaded = carried(robot, mass)
+        if keeps(loaded, limits, candidate.motion(candidate.shapes.samples / candidate.shapes.duration)):
+            return judged(candidate, loaded, lab, rivalries, mass=mass)
+    return None
+
+
+def softer_trial(
+    candidate: Candidate, robot: Robot, limits: Limits, lab: Laboratory, rivalries: tuple[Rivalry, ...]
+) -> Trial | None:
+    """The motion as a reference of softer controllers, the better share; None if the robot states no controllers."""
+    out = []
+    for share in GAINS:
+        motion = followed(robot, candidate.motion(lab.band.rate_hz), share)
+        if motion is not None and stays(robot, limits, motion) and keeps(robot, limits, motion):
+            out.append(judged(candidate, robot, lab, rivalries, gains=share, motion=motion))
+    return max(out, key=lambda trial: trial.worth, default=None)
+
+
+def judged(
+    candidate: Candidate,
+    robot: Robot,
+    lab: Laboratory,
+    rivalries: tuple[Rivalry, ...],
+    *,
+    mass: KnownMass | None = None,
+    gains: float | None = None,
+    motion: Motion | None = None,
+) -> Trial:
+    """How well a motion parts all pairs; ``motion`` is what comes of the candidate, if that is not itself."""
+    planned = lab.products(candidate.motion(lab.band.rate_hz) if motion is None else motion, robot)
+    each = [parting(rivalry, planned) for rivalry in rivalries]
+    power, gain = (np.concatenate(parts) for parts in ([one.power for one in each], [one.gain for one in each]))
+    return Trial(candidate, mass, gains, power, gain, float(np.mean([one.resolved for one in each])))
+
+
+def keeps(robot: Robot, limits: Limits, motion: Motion) -> bool:
+    """True if the drives of a robot that carries something, or is led softly, keep their limits along a motion."""
+    usable = bounds_of(robot, limits)
+    torque = inverse_dynamics(robot, motion)
+    return bool((np.abs(torque) <= usable.upper[-robot.nv :] + np.array(robot.coulomb_friction)).all())
+
+
+def stays(robot: Robot, limits: Limits, motion: Motion) -> bool:
+    """True if the active joints keep their limits of position and speed."""
+    rows = list(robot.tree_rows)
+    inside = (motion.q >= limits.lower[rows]) & (motion.q <= limits.upper[rows])
+    return bool((inside & (np.abs(motion.v) <= limits.velocity[rows])).all())
+
+
+def _there(trials: Iterable[Trial | None]) -> Iterator[Trial]:
+    return (trial for trial in trials if trial is not None)

@@ -1,0 +1,26 @@
+from __future__ import annotations
+
+import numpy as np
+
+from identification.diagnosis.result import EffectAt
+from identification.excitation.shapes import FourierSeries
+from identification.next_experiment.candidates import Candidate
+from identification.next_experiment.hypotheses import Hypothesis
+from identification.next_experiment.propose import Pair
+from identification.next_experiment.say import proposal_words
+from identification.next_experiment.trials import Trial
+
+MOTION = Candidate("Fourier series", FourierSeries(10.0, 4), np.zeros((9, 1)))
+PAIR = Pair(*(Hypothesis((EffectAt(name, "pin"),), 0.5, ()) for name in ("viscous_friction", "input_delay")))
+
+
+def test_softer_gains_are_asked_for_in_the_sentence():
+    trial = Trial(MOTION, None, 0.25, np.array([0.9]), np.array([40.0]), 0.9)
+    said = proposal_words((PAIR,), trial, "next.csv", 0.9).replace("\xa0", " ")
+    assert said.startswith(
+        "Record the motion of next.csv with the gains of the position controllers at 25 % of those in robot.yaml"
+        " (10 s, Fourier series"
+    )
+    assert said.endswith(
+        "with a probability of 90 % it tells viscous friction on joint pin from an input delay on joint pin."
+    )
