@@ -4,11 +4,15 @@ from __future__ import annotations
 
 from dataclasses import replace
 
+import numpy as np
+
 from identification.diagnosis.result import Adjusted, Diagnosis, Finding, NotTestable
 from identification.recordings import Recording
 
 # How well stated gains are trusted, one sigma, relative; twice that is no gap.
 GAIN_TOLERANCE = 0.10
+# Without a gap a simulation under controllers comes as near as a few deviations of the readings.
+_STRAYS = 10.0
 _TWIN = (
     "positions tell only the product of torque constant and controller gain: measure the current or torque, or hang "
     "a known mass on the robot"
@@ -48,16 +52,30 @@ def told_by_motion(diagnosis: Diagnosis, recordings: tuple[Recording, ...]) -> D
     kept = [finding not in small for finding in diagnosis.findings]
     without = diagnosis.evidence.tau_without
     shown = tuple(torque for torque, keep in zip(without, kept, strict=False) if keep)
-    nothing_left = not findings and diagnosis.verdict == "explained"
+    verdict = "no_gap" if not findings and diagnosis.verdict == "explained" else diagnosis.verdict
     return replace(
         diagnosis,
         findings=findings,
-        verdict="no_gap" if nothing_left else diagnosis.verdict,
+        verdict=verdict,
         adjusted=(*diagnosis.adjusted, *moved),
         bounds=tuple(bound for bound in diagnosis.bounds if bound.effect != "torque_constant"),
         not_testable=(*others, *twins),
         data_warnings=(*diagnosis.data_warnings, *warned),
         evidence=replace(diagnosis.evidence, tau_without=shown),
+        notes=(*diagnosis.notes, *(_strays(diagnosis) if verdict == "no_gap" else ())),
+    )
+
+
+def _strays(diagnosis: Diagnosis) -> tuple[str, ...]:
+    """A sentence for each joint whose simulated motion strays although its torque shows no gap."""
+    rollout = diagnosis.rollout or {}
+    after, noise = rollout.get("rms_after", {}), rollout.get("reading_noise", {})
+    return tuple(
+        f"The torque that is asked for shows no gap, yet under its controller {joint} strays by {after[joint]:.3g} "
+        f"from the recorded motion, {after[joint] / noise[joint]:.0f} times what its readings scatter: a disturbance, "
+        "or an effect too fast for the band of this recording (play, sticking). Record faster, or with torque."
+        for joint in after
+        if after[joint] > _STRAYS * noise.get(joint, np.inf)
     )
 
 

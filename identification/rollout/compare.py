@@ -36,7 +36,8 @@ class Rollout:
         horizon_s: How long each window was followed [s]; None where no motion could be simulated.
         rms_before: Error of the given model by joint [rad or m].
         rms_after: Of the corrected model.
-        recordings: The same by recording, where there are several.
+        noise: Deviation of the readings of each joint [rad or m]: what no model can be nearer than.
+        recordings: The errors by recording, where there are several.
         engaged: Joint limits that simulated motion runs past.
         warnings: Sentences on joint limits.
         notes: Sentences: a horizon that was shortened, or why there is none at all.
@@ -45,6 +46,7 @@ class Rollout:
     horizon_s: float | None
     rms_before: dict[str, float]
     rms_after: dict[str, float]
+    noise: dict[str, float] = field(default_factory=dict)
     recordings: dict[str, tuple[dict[str, float], dict[str, float]]] = field(default_factory=dict)
     engaged: tuple[Engaged, ...] = ()
     warnings: tuple[str, ...] = ()
@@ -52,10 +54,12 @@ class Rollout:
 
     @property
     def json(self) -> dict | None:
-        """The contract's ``rollout``; with several recordings also by recording, and with limits that were engaged."""
+        """The contract's ``rollout``, with the noise of readings, errors by recording and limits that were engaged."""
         if self.horizon_s is None:
             return None
         out: dict = {"horizon_s": self.horizon_s, "rms_before": self.rms_before, "rms_after": self.rms_after}
+        if self.noise:
+            out["reading_noise"] = self.noise
         if self.recordings:
             out["recordings"] = [
                 {"recording": name, "rms_before": before, "rms_after": after}
@@ -104,12 +108,16 @@ def compared(
     horizon = horizon_of(errors, horizons)
     notes = () if horizon >= possible_horizons(errors, horizons)[0] else (_shortened(horizon, drive),)
     engaged = limits_engaged(robot, tuple(_seen(shot, errors, k, horizon) for k, shot in enumerate(shots)))
+    deviations = np.sqrt(np.mean([shot.states.read_std**2 for shot in shots], axis=0))
+    read_noise = dict(zip(robot.joint_names, deviations.tolist(), strict=True))
     files = list(dict.fromkeys(shot.log.file for shot in shots))
     apart = {
         file: _sizes(robot, errors.of([k for k, shot in enumerate(shots) if shot.log.file == file]), horizon)
         for file in (files if len(files) > 1 else [])
     }
-    return Rollout(horizon, *_sizes(robot, errors, horizon), apart, engaged, limit_warnings(robot, engaged), notes)
+    return Rollout(
+        horizon, *_sizes(robot, errors, horizon), read_noise, apart, engaged, limit_warnings(robot, engaged), notes
+    )
 
 
 def _sizes(robot: Robot, errors: Errors, horizon: float) -> tuple[dict[str, float], dict[str, float]]:

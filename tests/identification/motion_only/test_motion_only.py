@@ -9,9 +9,11 @@ import numpy as np
 import pytest
 
 from identification.diagnosis.diagnose import diagnose
+from identification.diagnosis.rest import usable_samples
 from identification.motion_only.reconstruct import commanded_torque, motion_robot, with_commanded_torque
 from identification.motion_only.tell import told_by_motion
 from identification.recordings import Recording
+from identification.signals import process_all
 from phantom_dyn import load_robot
 from phantom_dyn.effects.catalogue import effect_named
 from phantom_dyn.errors import LogError
@@ -34,9 +36,8 @@ def moved(robot: Robot, *causes: Cause, noise: float = 1e-5) -> tuple[Recording,
     """12 s at 250 Hz of references and positions, and the simulation behind them."""
     rng = np.random.default_rng(3)
     t = np.arange(3000) / 250.0
-    q_ref = sum(
-        0.3 / hz**0.5 * np.sin(2 * np.pi * hz * t + phase) for hz, phase in ((0.21, 0.3), (0.53, 1.2), (1.1, 2.5))
-    )[:, None]
+    sines = [0.3 / hz**0.5 * np.sin(2 * np.pi * hz * t + phase) for hz, phase in ((0.21, 0.3), (0.53, 1.2), (1.1, 2.5))]
+    q_ref = np.sum(sines, axis=0)[:, None]
     law = position_control(t, q_ref, np.zeros_like(q_ref), kp=np.array([KP]), kd=np.array([KD]))
     found = simulate(robot, causes, law, t, np.zeros(1))
     q = found.q + noise * rng.standard_normal(q_ref.shape)
@@ -119,6 +120,27 @@ def test_a_reference_that_is_no_number_is_refused(pendulum):
 
 def test_too_few_rows_are_refused(pendulum):
     recording, _ = moved(pendulum)
+    assert recording.q_ref is not None
     short = replace(recording, t=recording.t[:5], q=recording.q[:5], q_ref=recording.q_ref[:5])
     with pytest.raises(LogError, match="has 5 rows"):
         with_commanded_torque(short, pendulum)
+
+
+def test_without_a_gap_in_torque_motion_that_strays_is_noted(rubbing, pendulum):
+    recording = with_commanded_torque(moved(pendulum)[0], pendulum)
+    rollout = {"rms_before": {"pin": 0.02}, "rms_after": {"pin": 0.01}, "reading_noise": {"pin": 1e-4}}
+    still = replace(rubbing, findings=(), verdict="no_gap", rollout=rollout, notes=())
+    (note,) = told_by_motion(still, (recording,)).notes
+    assert "under its controller pin strays by 0.01 from the recorded motion, 100 times what its readings" in note
+    near = replace(still, rollout={**rollout, "rms_after": {"pin": 5e-4}})
+    assert told_by_motion(near, (recording,)).notes == ()
+
+
+def test_what_controllers_ask_for_keeps_its_band(pendulum):
+    # Under a soft controller the torque has nothing above 2 Hz, which is no recorder's smoothing: the motion says 4 Hz.
+    recording, _ = moved(pendulum, cause("coulomb_friction", "pin", 1.0))
+    asked = with_commanded_torque(recording, pendulum)
+    wide = process_all((asked,), motion_robot(pendulum))[1]
+    assert wide >= process_all((replace(asked, controlled=False),), motion_robot(pendulum))[1]
+    (log,), _ = process_all((asked,), motion_robot(pendulum))
+    assert usable_samples(log).mean() > 0.8

@@ -194,7 +194,9 @@ def test_a_diagnosis_says_how_far_the_motion_of_both_models_strays(pendulum, rec
     made = record(pendulum, cause("coulomb_friction", "pin", 1.0))
     rollout = diagnose(pendulum, (made.recording,)).rollout
     assert rollout is not None
-    assert set(rollout) == {"horizon_s", "rms_before", "rms_after"}
+    assert set(rollout) == {"horizon_s", "rms_before", "rms_after", "reading_noise"}
+    # The readings have noise of 0.01 mrad, and a little of it is left in what is smoothed.
+    assert rollout["reading_noise"]["pin"] == pytest.approx(1e-5, rel=0.2)
     assert rollout["rms_after"]["pin"] < 0.2 * rollout["rms_before"]["pin"]
 
 
