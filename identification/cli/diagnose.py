@@ -136,5 +136,5 @@ def run(arguments: argparse.Namespace) -> int:
         print(f"wrote {path}")
     lacking = [] if arguments.out is None else [name for name in MODELS if arguments.out / name not in written]
     if lacking:
-        print(f"could not write {', '.join(lacking)}: {arguments.out / 'report.html'} says why")
+        print(f"not written: {', '.join(lacking)}; see {arguments.out / 'report.html'}")
     return 0

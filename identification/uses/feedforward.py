@@ -201,11 +201,11 @@ def _gains(parts: Parts, diagnosis: Diagnosis, law: dict[str, Any]) -> list[tupl
         own[k] = law["torque"](evidence.q[n].tolist(), evidence.v[n].tolist(), evidence.a[n].tolist())
     left = np.sqrt(np.mean((evidence.tau_measured[at] - own) ** 2, axis=0)) if len(at) else np.zeros(parts.robot.nv)
     none = np.sqrt(np.mean(evidence.tau_measured**2, axis=0)) if len(at) else np.zeros(parts.robot.nv)
-    # A drive that is late is asked for its torque earlier, which samples that are far apart do not show.
-    judged = bool(_missing(parts)) or not any(law["LEAD"])
+    lacks = bool(_missing(parts)) or any(finding.recording is not None for finding in diagnosis.findings)
+    lacks = lacks or (bool(diagnosis.adjusted) and parts.base is parts.given)
     out = []
     for j, gap in enumerate(diagnosis.joints):
-        # The file may lack something of the model that was judged: then what it leaves itself counts.
-        after = max(gap.rms_after, float(left[j])) if judged else gap.rms_after
+        # Where the file lacks something of the model that was judged, what it leaves itself counts.
+        after = max(gap.rms_after, float(left[j])) if lacks else gap.rms_after
         out.append((gap.joint, float(none[j]), gap.rms_before, after, gap.unit))
     return out
