@@ -70,7 +70,7 @@ def run(arguments: argparse.Namespace) -> int:
     if arguments.each:
         return run_each(arguments, excluded)
     from identification.cli.progress import Progress
-    from identification.corrected.written import NAMES as MODELS
+    from identification.corrected.written import not_written
     from identification.diagnosis.outputs import check_targets, write_outputs
 
     check_targets(arguments.out, arguments.json)
@@ -134,7 +134,6 @@ def run(arguments: argparse.Namespace) -> int:
     print(summary(diagnosis))
     for path in written:
         print(f"wrote {path}")
-    lacking = [] if arguments.out is None else [name for name in MODELS if arguments.out / name not in written]
-    if lacking:
+    if arguments.out is not None and (lacking := not_written(arguments.out, written)):
         print(f"not written: {', '.join(lacking)}; see {arguments.out / 'report.html'}")
     return 0

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from dataclasses import replace
 from pathlib import Path
 
@@ -22,6 +22,17 @@ from phantom_dyn.robot import Robot
 RANDOMISATION, FEEDFORWARD, TABLE = "randomisation.yaml", "feedforward.py", "feedforward.csv"
 NAMES = (URDF, MJCF, RANDOMISATION, FEEDFORWARD, TABLE)
 _ARE = ("is", "are")
+
+
+def not_written(out: Path, paths: Iterable[Path]) -> tuple[str, ...]:
+    """Names of the files beside ``corrected.yaml`` that are not among those that were written into a folder.
+
+    Args:
+        out: The folder.
+        paths: The files that were written.
+    """
+    there = set(paths)
+    return tuple(name for name in NAMES if out / name not in there)
 
 
 def written(

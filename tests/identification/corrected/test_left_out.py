@@ -8,6 +8,7 @@ import pytest
 
 from identification.corrected.left_out import mjcf_left_out, urdf_left_out
 from identification.corrected.parts import parts_of
+from identification.corrected.written import not_written
 from phantom_dyn import load_robot
 from phantom_dyn.robot_files import find_robot
 
@@ -56,3 +57,8 @@ def test_what_the_mjcf_drops_depends_on_the_given_file(tmp_path):
     assert "actuators of the given file" in mjcf_left_out(parts_of(load_robot(file), ()), file)[-1]
     urdf = ROBOTS / "planar2.urdf"
     assert "limits of torque and speed" in mjcf_left_out(parts_of(load_robot(urdf), ()), urdf)[-1]
+
+
+def test_files_that_could_not_be_written_are_named(tmp_path):
+    paths = [tmp_path / name for name in ("corrected.urdf", "corrected.xml", "randomisation.yaml", "report.html")]
+    assert not_written(tmp_path, paths) == ("feedforward.py", "feedforward.csv")
