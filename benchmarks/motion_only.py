@@ -18,6 +18,7 @@ import numpy as np
 
 from identification.diagnosis.diagnose import diagnose
 from identification.diagnosis.result import Diagnosis
+from identification.motion_only.gains import suggested_gains
 from identification.motion_only.reconstruct import motion_robot, with_commanded_torque
 from identification.recordings import Recording
 from phantom_dyn import load_robot
@@ -96,9 +97,10 @@ def case(truth: str, rng: np.random.Generator) -> Case:
 
 
 def diagnosed(one: Case, gains: str) -> Diagnosis:
-    """Of positions and references alone; gains as they are, a tenth too high, or not stated."""
-    factor = 1.1 if gains == "off" else 1.0
-    controller = None if gains == "identified" else Controller(kp=factor * _GAIN)
+    """Of positions and references alone; gains as they are, a tenth too high, or those that the model suggests."""
+    controller = Controller(kp=1.1 * _GAIN if gains == "off" else _GAIN)
+    if gains == "identified":
+        controller = Controller("pd", *suggested_gains(one.recording, one.robot)[:, 0].tolist())
     robot = motion_robot(replace(one.robot, actuators=(Actuator(controller=controller),)))
     return diagnose(robot, (with_commanded_torque(one.recording, robot),))
 

@@ -10,8 +10,9 @@ import numpy as np
 from jaxtyping import Float
 
 from identification.known_changes.references import asked_torque
+from identification.motion_only.gains import suggested_gains
 from identification.recordings import Recording, read_recording
-from phantom_dyn.errors import LogError
+from phantom_dyn.errors import LogError, PhantomDynError
 from phantom_dyn.motion import read_only
 from phantom_dyn.robot import Robot
 
@@ -82,10 +83,25 @@ def with_commanded_torque(recording: Recording, robot: Robot) -> Recording:
     raise LogError(
         f"{recording.file}: robot.yaml states no controller with a gain kp of {', '.join(lacking)}: --motion-only "
         "needs it to know the torque, as positions alone do not tell a gain from the inertia that it moves. Add "
-        "controller: {kind: pd, kp: ..., kd: ..., delay: ...} under joints, in N m/rad and N m s/rad at the joint. "
+        "controller: {kind: pd, kp: ..., kd: ..., delay: ...} under joints, in N m/rad and N m s/rad at the "
+        f"joint.{_guess(recording, robot, lacking)} "
         "Without a gain, only joints that rest under loads of either sign (weight or f. columns), with encoder_side: "
         "link, can be judged."
     )
+
+
+def _guess(recording: Recording, robot: Robot, lacking: list[str]) -> str:
+    """Gains that go with the masses of the model, for who trusts these; nothing where the motion tells none."""
+    try:
+        kp, kd = suggested_gains(recording, robot)
+    except PhantomDynError:
+        return ""
+    words = ", ".join(
+        f"kp {kp[j]:.3g} and kd {kd[j]:.2g} of {joint}"
+        for j, joint in enumerate(robot.joint_names)
+        if joint in lacking and np.isfinite(kp[j])
+    )
+    return f" If its masses are right, the model says {words}." if words else ""
 
 
 def commanded_torque(recording: Recording, robot: Robot) -> Float[Array, "N nv"]:

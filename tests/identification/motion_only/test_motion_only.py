@@ -10,6 +10,7 @@ import pytest
 
 from identification.diagnosis.diagnose import diagnose
 from identification.diagnosis.rest import usable_samples
+from identification.motion_only.gains import suggested_gains
 from identification.motion_only.reconstruct import commanded_torque, motion_robot, with_commanded_torque
 from identification.motion_only.tell import told_by_motion
 from identification.recordings import Recording
@@ -102,6 +103,36 @@ def test_without_a_gain_the_refusal_says_what_is_needed(pendulum):
     silent = replace(pendulum, actuators=(Actuator(),))
     with pytest.raises(LogError, match="states no controller with a gain kp of pin: --motion-only needs it"):
         with_commanded_torque(recording, silent)
+
+
+def test_the_gains_that_moved_the_true_model_are_suggested(pendulum):
+    # 1 N m of dry friction that the model lacks is not taken for a gain.
+    recording, _ = moved(pendulum, cause("coulomb_friction", "pin", 1.0))
+    kp, kd = suggested_gains(recording, replace(pendulum, actuators=(Actuator(),)))[:, 0]
+    assert kp == pytest.approx(KP, rel=0.02)
+    assert kd == pytest.approx(KD, rel=0.05)
+
+
+def test_the_refusal_says_which_gains_go_with_the_masses_of_the_model(pendulum):
+    recording, _ = moved(pendulum)
+    silent = replace(pendulum, actuators=(Actuator(),))
+    with pytest.raises(
+        LogError, match=r"If its masses are right, the model says kp 60(\.\d+)? and kd 6(\.\d+)? of pin\."
+    ):
+        with_commanded_torque(recording, silent)
+
+
+def test_gains_of_a_recording_of_a_few_rows_are_not_suggested(pendulum):
+    recording, _ = moved(pendulum)
+    assert recording.q_ref is not None
+    short = replace(recording, t=recording.t[:9], q=recording.q[:9], q_ref=recording.q_ref[:9])
+    with pytest.raises(LogError, match="moved.csv is too short, or a reference is no number"):
+        suggested_gains(short, pendulum)
+
+
+def test_a_reference_that_never_leaves_the_joint_tells_no_gain(pendulum):
+    recording, _ = moved(pendulum)
+    assert np.isnan(suggested_gains(replace(recording, q=recording.q_ref), pendulum)).all()
 
 
 def test_without_references_the_refusal_says_what_is_needed(pendulum):
