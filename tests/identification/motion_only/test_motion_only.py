@@ -126,7 +126,7 @@ def test_gains_of_a_recording_of_a_few_rows_are_not_suggested(pendulum):
     recording, _ = moved(pendulum)
     assert recording.q_ref is not None
     short = replace(recording, t=recording.t[:9], q=recording.q[:9], q_ref=recording.q_ref[:9])
-    with pytest.raises(LogError, match="moved.csv is too short, or a reference is no number"):
+    with pytest.raises(LogError, match=r"moved\.csv is too short, or a reference is no number"):
         suggested_gains(short, pendulum)
 
 
