@@ -52,12 +52,12 @@ def smallest_seen(
         if not isinstance(term.effect, Effect) or term.place in found or any(contains(other, term) for other in chosen):
             continue
         joint = term.joint if term.joint is not None else "the robot"
-        if term not in tested:
-            why = f"{joint} moves too little: the effect leaves no trace in this recording"
-            hopeless[term.place] = NotTestable(*term.place, why)
-            continue
         if term.effect.seen_by == "neither":
             why = f"what is logged of {joint} does not stay beyond any limit that its motion would allow"
+            hopeless[term.place] = NotTestable(*term.place, why)
+            continue
+        if term not in tested:
+            why = f"{joint} moves too little: the effect leaves no trace in this recording"
             hopeless[term.place] = NotTestable(*term.place, why)
             continue
         name, direction = term.effect.probe(robot, operation, term.joint)

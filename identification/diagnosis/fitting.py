@@ -108,24 +108,26 @@ def _point_mass(
     """Mass and first moments of the best point mass.
 
     The inertia ``(h.h 1 - h h^T) / m`` makes the fit quadratic, so it is linearised about the last estimate, from
-    several starts: the first moments of a fit without inertia, at distances of 3 cm to 1.5 m.
+    several starts: the first moments of a fit without inertia, at distances of 3 cm to 1.5 m, and those of a fit whose
+    inertia is free, which a load far out needs.
     """
     first = _fit_linear(problem, active, products, (payload, np.zeros(4)), near)
     moments = first.theta[list(payload.columns[1:4])]
     best, lowest, found = np.zeros(4), np.inf, first
     far = max(float(np.linalg.norm(moments)), 1e-9)
     starts = [np.array([far / distance, *moments]) for distance in (0.03, 0.08, 0.2, 0.5, 1.5)]
+    free = _fit_linear(problem, active, products, None, near).theta[list(payload.columns)]
+    inertia = float(free[[4, 6, 9]].sum())
+    if inertia > 0 and free[1:4].any():
+        starts.insert(2, np.array([float(free[1:4] @ free[1:4]) / inertia, *free[1:4]]))
     if near.payload is not None and near.payload[0] > 0:
         starts = [near.payload, starts[2]]
     for start in starts:
         for _ in range(8):
             last = start
             found = _fit_linear(problem, active, products, (payload, last), near)
-            step = found.theta[list(payload.columns[:4])] - last
-            # A mass may at most double or halve in one step: the linearised inertia goes as 1/m.
-            limit = last[0] if step[0] > 0 else 0.5 * last[0]
-            scale = min(1.0, limit / max(abs(step[0]), 1e-300))
-            start = last + scale * step
+            start = found.theta[list(payload.columns[:4])]
+            step = start - last
             if np.abs(step).max() <= 3e-3 * np.abs(last).max():
                 break
         loss = _exact_loss(problem, active, products, payload, found, start)
@@ -176,7 +178,8 @@ def _fit_linear(
         total_a = expand.T @ total_a @ expand
         keep = np.concatenate([others, at[:4]])
         precision, lower, upper, bound = precision[keep], lower[keep], upper[keep], bound[keep]
-        lower[len(others)] = 0.0
+        # Linearised, the inertia goes as 1/m: a mass may at most double or halve. One of zero has no centre.
+        lower[len(others)], upper[len(others)] = (0.5 * start[0], 2.0 * start[0]) if start[0] > 0 else (0.0, np.inf)
     with_prior = total_a.copy()
     with_prior.flat[:: len(with_prior) + 1] += precision
     x = bounded_solve(with_prior, total_b, lower, upper, near=bound)

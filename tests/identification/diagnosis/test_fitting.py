@@ -230,3 +230,15 @@ def test_held_out_losses_of_a_wrong_torque_constant_are_those_of_its_predictions
         error = (columns.model_torque[0] + columns.residual[0] - torque)[part] * columns.usable[0][part]
         expected = (error**2).sum(axis=0) @ prepared.weights.per_sample
         assert found.loss[k] == pytest.approx(expected, rel=2e-2)
+
+
+@pytest.mark.parametrize("mass", [0.05, 0.4, 1.0])
+def test_a_load_far_out_is_found_where_its_inertia_outweighs_its_moment(lab, pendulum, mass):
+    # Known truth: a point mass at 1.2 m, beyond the distances that are tried without looking at its inertia.
+    motion = lab.motion(1, 1)
+    torque = lab.acting(pendulum, motion, "payload", None, mass, 0.0, 0.0, -1.2)
+    prepared = lab.prepared(pendulum, (lab.recording(pendulum, motion, torque, noise=0.02),))
+    term = prepared.term("payload", None)
+    found = fit(prepared.problem, (term,)).theta[list(term.columns)]
+    assert found[0] == pytest.approx(mass, rel=0.05)
+    assert found[3] / found[0] == pytest.approx(-1.2, rel=0.03)

@@ -11,7 +11,10 @@ from identification.diagnosis.diagnose import diagnose
 from identification.diagnosis.fitting import fit
 from identification.diagnosis.retaken import found_effects, needs_refinement, runners_up, same_effects, unchanged
 from identification.diagnosis.terms import FoundEffect
+from identification.recordings import Recording
 from phantom_dyn.effects.catalogue import effect_named
+from phantom_dyn.simulation import Cause, simulate
+from phantom_dyn.tracking import position_control
 
 
 @pytest.fixture(scope="module")
@@ -129,3 +132,18 @@ def test_points_are_the_same_if_effect_and_joint_are_and_the_shape_has_hardly_mo
     before = FoundEffect(effect_named("stribeck_friction"), "elbow", (0.2,), np.array([0.3, 0.2]))
     now = FoundEffect(effect_named(effect), joint, shape, np.array([0.4, 0.1]))
     assert unchanged((now,), (before,)) is same
+
+
+def test_a_drive_that_is_asked_for_several_times_its_limit_is_still_found_once_its_limit_is_known(pendulum):
+    # Known truth: a stiff controller asks for up to five times the 6 N m that the drive gives, for more half the time.
+    t = np.arange(6000) / 500.0
+    wanted = 0.9 * np.sin(2 * np.pi * 0.35 * t) + 0.5 * np.sin(2 * np.pi * 0.9 * t)
+    none = np.zeros((len(t), 1))
+    law = position_control(t, wanted[:, None], none, kp=np.array([60.0]), kd=np.array([6.0]))
+    run = simulate(pendulum, (Cause(effect_named("torque_saturation"), "pin", np.array([6.0])),), law, t, np.zeros(1))
+    noise = np.random.default_rng(0).standard_normal((2, len(t), 1))
+    log = Recording("clipped.csv", pendulum.joint_names, t, run.q + 1e-5 * noise[0], run.tau + 0.01 * noise[1])
+    assert np.mean(np.abs(run.tau) > 6.0) > 0.5
+    (finding,) = diagnose(pendulum, (log,)).findings
+    assert finding.effect == "torque_saturation"
+    assert finding.parameters["limit"].value == pytest.approx(6.0, rel=0.01)
