@@ -14,6 +14,7 @@ import numpy as np
 import pytest
 
 from identification.columns import read_column_map
+from identification.known_changes.recordings_file import read_changes
 from phantom_dyn import load_robot
 from phantom_dyn.dynamics import inverse_dynamics, rigid_body_regressor
 from phantom_dyn.effects.catalogue import EFFECTS
@@ -130,7 +131,10 @@ def test_the_yaml_of_the_readme_is_a_valid_column_map_and_a_valid_robot_yaml(tmp
 
 @pytest.mark.parametrize("path", sorted(EXAMPLES.glob("data/*/*.yaml")), ids=lambda path: f"{path.parent.name}")
 def test_the_files_beside_the_real_recordings_are_valid(path):
-    (read_column_map if path.name == "columns.yaml" else read_robot_config)(path)
+    if path.name == "recordings.yaml":
+        read_changes(path, re.findall(r"file: (\S+)", path.read_text()), ())
+    else:
+        (read_column_map if path.name == "columns.yaml" else read_robot_config)(path)
 
 
 def test_the_column_map_of_emps_fits_the_recording_with_clear_names(data_folder, mirror):

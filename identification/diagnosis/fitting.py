@@ -108,20 +108,23 @@ def _point_mass(
     """Mass and first moments of the best point mass.
 
     The inertia ``(h.h 1 - h h^T) / m`` makes the fit quadratic, so it is linearised about the last estimate, from
-    several starts: the first moments of a fit without inertia, at distances of 3 cm to 1.5 m, and those of a fit whose
-    inertia is free, which a load far out needs.
+    several starts: a fit whose inertia is free, which a load far out needs, one without inertia, and its first moments
+    at distances of 3 cm to 1.5 m.
     """
     first = _fit_linear(problem, active, products, (payload, np.zeros(4)), near)
     moments = first.theta[list(payload.columns[1:4])]
     best, lowest, found = np.zeros(4), np.inf, first
     far = max(float(np.linalg.norm(moments)), 1e-9)
-    starts = [np.array([far / distance, *moments]) for distance in (0.03, 0.08, 0.2, 0.5, 1.5)]
+    # Where no lever shows, the mass does by itself.
+    starts = [first.theta[list(payload.columns[:4])]]
     free = _fit_linear(problem, active, products, None, near).theta[list(payload.columns)]
     inertia = float(free[[4, 6, 9]].sum())
     if inertia > 0 and free[1:4].any():
-        starts.insert(2, np.array([float(free[1:4] @ free[1:4]) / inertia, *free[1:4]]))
+        starts.insert(0, np.array([float(free[1:4] @ free[1:4]) / inertia, *free[1:4]]))
     if near.payload is not None and near.payload[0] > 0:
-        starts = [near.payload, starts[2]]
+        starts = [near.payload, starts[0]]
+    else:
+        starts += [np.array([far / distance, *moments]) for distance in (0.03, 0.08, 0.2, 0.5, 1.5)]
     for start in starts:
         for _ in range(8):
             last = start

@@ -11,8 +11,6 @@ Array = np.ndarray
 
 # A joint travels, and is not only shaken, if it goes this many times as far as the deviation of what shakes it.
 _FAR = 20.0
-# Smoothed noise looks like a swing at the edge of the band, but no encoder's noise [rad or m] is as large as this.
-_SWINGS = 0.05
 
 
 def moving_joints(log: Log) -> Bool[Array, " nv"]:
@@ -25,11 +23,10 @@ def standing_still(log: Log) -> Bool[Array, "N nv"]:
 
     The threshold is three sigmas of what a short moving average takes off the velocity in the quietest fifth of the
     record, where the motion itself adds nothing, and at least a thousandth of the joint's top speed. What shakes on its
-    way, as a drive with play may all the time, is judged by that average; what swings about as fast as the band's edge,
-    of which that average takes off most, by one of a quarter of its length.
+    way, as a drive with play may all the time, is judged by that average.
     """
     width = max(3, int(log.band.rate_hz / log.band.cutoff_hz))
-    kernel, finer = np.ones(width) / width, np.ones(max(3, width // 4)) / max(3, width // 4)
+    kernel = np.ones(width) / width
     out = np.empty(log.motion.v.shape, dtype=bool)
     for j, moves in enumerate(moving_joints(log)):
         q, v = log.motion.q[:, j], log.motion.v[:, j]
@@ -38,8 +35,6 @@ def standing_still(log: Log) -> Bool[Array, "N nv"]:
         if noise_only and moves and _travels(q, kernel):
             v = np.convolve(v, kernel, mode="same")
             sigma, noise_only = _noise(v, kernel), False
-        elif noise_only and np.ptp(q) > _SWINGS and _travels(q, finer):
-            sigma, noise_only = _noise(v, finer), False
         slow = np.abs(v) < max(3 * sigma, 1e-3 * np.percentile(np.abs(v), 99))
         # Passing through zero is no rest: the joint has to be slow for a whole period of the band's edge.
         resting = np.convolve(slow, kernel, mode="same") > 0.999

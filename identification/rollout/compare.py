@@ -108,7 +108,7 @@ def compared(
     horizon = horizon_of(errors, horizons)
     notes = () if horizon >= possible_horizons(errors, horizons)[0] else (_shortened(horizon, drive),)
     engaged = limits_engaged(robot, tuple(_seen(shot, errors, k, horizon) for k, shot in enumerate(shots)))
-    deviations = np.sqrt(np.mean([shot.states.read_std**2 for shot in shots], axis=0))
+    deviations = np.sqrt(np.mean([shot.states.scatter**2 for shot in shots], axis=0))
     read_noise = dict(zip(robot.joint_names, deviations.tolist(), strict=True))
     files = list(dict.fromkeys(shot.log.file for shot in shots))
     apart = {

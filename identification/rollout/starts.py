@@ -16,6 +16,7 @@ from phantom_dyn.motion import Motion
 
 Array = np.ndarray
 
+_WINDOW = 50  # samples over which scatter is looked at
 _LEAST = 1e-9  # of a state's deviation [rad or m]: numbers themselves are no better
 _NUDGE = 1e-4  # [rad or m], for the slope of a reading
 _ITERATIONS = 6  # of the inverse of a reading, whose slope is close to one
@@ -33,6 +34,7 @@ class States:
         q_std: Standard deviation of each joint's ``q``, ``(nv,)``.
         v_std: Of ``v``.
         read_std: Of ``raw``, what the smoothing takes away.
+        scatter: Of ``raw``, what it takes away in the quietest fifth of all windows, without stops and impacts.
     """
 
     q: Float[Array, "N nv"]
@@ -42,6 +44,7 @@ class States:
     q_std: Float[Array, " nv"]
     v_std: Float[Array, " nv"]
     read_std: Float[Array, " nv"]
+    scatter: Float[Array, " nv"]
 
 
 def states_of(log: Log, cutoff_hz: float) -> States:
@@ -57,11 +60,19 @@ def states_of(log: Log, cutoff_hz: float) -> States:
     raw = log.motion.q if log.raw_q is None else log.raw_q
     edge = motion_edge(low_pass(cutoff_hz, rate))
     q, v, a = differentiate(raw, rate, edge)
-    removed = ((raw - q)[log.valid] ** 2).mean(axis=0)
+    rough = (raw - q)[log.valid]
+    removed = (rough**2).mean(axis=0)
     density = removed / max(0.5 * rate - edge, 1e-9)  # per Hz
     q_std, v_std = np.sqrt(density * edge), 2.0 * np.pi * np.sqrt(density * edge**3 / 3.0)
-    least = (np.maximum(std, _LEAST) for std in (q_std, v_std, np.sqrt(removed)))
+    least = (np.maximum(std, _LEAST) for std in (q_std, v_std, np.sqrt(removed), _quiet(rough)))
     return States(q, v, a, raw, *least)
+
+
+def _quiet(rough: Float[Array, "N nv"]) -> Float[Array, " nv"]:
+    """Root mean square in the quietest fifth of short windows: the noise of readings without stops and impacts."""
+    count = max(len(rough) // _WINDOW, 1)
+    windows = np.array_split(rough, count)
+    return np.percentile([np.sqrt(np.mean(window**2, axis=0)) for window in windows], 20, axis=0)
 
 
 @dataclass(frozen=True)

@@ -173,21 +173,6 @@ def test_a_joint_that_shakes_on_its_way_is_not_at_rest(lab, pendulum):
     assert standing_still(with_motion(log, shaken)).mean() < 0.2
 
 
-@pytest.mark.parametrize("swing_hz", [1.0, 2.0])
-def test_a_joint_that_swings_about_as_fast_as_the_edge_of_the_band_is_not_at_rest(lab, pendulum, rng, swing_hz):
-    # Known truth: a sine of 1.2 rad with the noise of an encoder, in a band of 2 Hz.
-    motion = lab.motion(1)
-    angle = 2 * np.pi * swing_hz * motion.t[:, None]
-    swinging = Motion(
-        motion.t,
-        1.2 * np.sin(angle) + 1e-4 * rng.normal(size=angle.shape),
-        1.2 * 2 * np.pi * swing_hz * np.cos(angle) + 2e-2 * rng.normal(size=angle.shape),
-        motion.a,
-    )
-    log = process(lab.recording(pendulum, motion), pendulum, cutoff_hz=2.0)
-    assert standing_still(with_motion(log, swinging)).mean() < 0.1
-
-
 @pytest.mark.parametrize("noise", [0.0, 1e-5, 1e-3])
 def test_a_joint_that_is_held_is_left_out(lab, planar2, rng, noise):
     # Static friction may hold any torque, and the sign of its velocity is that of the encoder's noise.

@@ -100,7 +100,7 @@ def test_a_torque_that_acts_late_is_shifted_by_samples(planar):
 def test_readings_are_undone_at_the_start(planar):
     wrong = (cause("encoder_eccentricity", "elbow", 0.02, 0.3, 1.0), cause("encoder_offset", "shoulder", 0.1))
     at = np.array([[0.5, 0.7]])
-    read = States(at, np.array([[1.0, 2.0]]), 0.0 * at, at, *np.zeros((3, 2)))
+    read = States(at, np.array([[1.0, 2.0]]), 0.0 * at, at, *np.zeros((4, 2)))
     start = true_state(model_of(planar, wrong), read, 0, 0.01)
     assert start.q[0] == pytest.approx(0.4)
     assert start.q[1] + 0.02 * np.sin(start.q[1] + 0.3) == pytest.approx(0.7, abs=1e-9)
