@@ -30,7 +30,7 @@ _BEYOND = (0.4, 0.2, 0.1, 0.04, 0.01)
 _NEEDED_BEYOND = 0.02
 # A limit is believed if the command is beyond it for that long once, and for no more than that share of the time.
 _LEAST_SECONDS = 0.03
-_MOST = 0.9
+_MOST = 0.45
 # While the command is beyond the limit, the model needs this much of the limit at its median.
 _NEEDED = (0.6, 1.4)
 # Time over which the command is averaged [s].
