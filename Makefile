@@ -45,7 +45,7 @@ setup: $(STAMP)
 # What is installed follows from these two files alone, so the stamp depends on them and on nothing else.
 $(STAMP): requirements.txt pyproject.toml
 	@$(MAKE) --no-print-directory tools
-	@echo "Setting up $(VENV) (first call only; a few minutes and about 2 GB, mostly robot models)"
+	@echo "Setting up $(VENV) (first call only; a few minutes and 2 to 3 GB, mostly robot models)"
 	@test -x $(BIN)/python || $(PYTHON) -m venv $(VENV)
 	@$(BIN)/python -m pip install -qq --require-hashes --requirement requirements.txt
 	@$(BIN)/python -m pip install -qq --no-deps --no-build-isolation --editable .
