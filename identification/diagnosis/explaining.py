@@ -158,7 +158,8 @@ def _best(variables: list[Variable], residual: Float[Array, " N"], forward: Bool
 def _variable(name: str, diagnosis: Diagnosis, motions: dict[str, JointMotion], finding: Finding) -> Variable:
     evidence, row = diagnosis.evidence, joint_of(diagnosis, finding.joint)
     gap = diagnosis.joints[row]
-    linear = gap.unit == "N"
+    linear = gap.unit in ("N", "m")
+    load = "N" if linear else "N m"  # at rest gaps are positions, and loads are torques still
     torque, length = ("force" if linear else "torque"), ("m" if linear else "rad")
     # A passive joint's friction follows its own motion and shows on the joint that moves it.
     motion = motions.get(finding.joint or "", motions[gap.joint])
@@ -180,17 +181,17 @@ def _variable(name: str, diagnosis: Diagnosis, motions: dict[str, JointMotion], 
     if name == "time":
         return Variable("time", "s", evidence.t)
     if name == "measured":
-        return Variable(f"commanded {torque}", gap.unit, evidence.tau_measured[:, row])
+        return Variable(f"commanded {torque}", load, evidence.tau_measured[:, row])
     if name == "modelled":
-        return Variable(f"modelled {torque}", gap.unit, evidence.tau_before[:, row])
+        return Variable(f"modelled {torque}", load, evidence.tau_before[:, row])
     transmitted = _transmitted(evidence, row)
     if name == "transmitted":
-        return Variable(f"{torque} that the transmission passes on", gap.unit, transmitted, by_direction=True)
+        return Variable(f"{torque} that the transmission passes on", load, transmitted, by_direction=True)
     rate = _slope(evidence.t, transmitted)
     if name == "torque_rate":
-        return Variable(f"rate of change of the {torque}", f"{gap.unit}/s", rate, reach=_most(rate))
+        return Variable(f"rate of change of the {torque}", f"{load}/s", rate, reach=_most(rate))
     bend = _slope(evidence.t, rate)
-    return Variable(f"second derivative of the {torque}", f"{gap.unit}/s²", bend, reach=_most(bend))
+    return Variable(f"second derivative of the {torque}", f"{load}/s²", bend, reach=_most(bend))
 
 
 def _phase(finding: Finding, motion: JointMotion, length: str) -> Variable:

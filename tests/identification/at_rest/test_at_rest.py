@@ -10,6 +10,8 @@ import pytest
 
 from identification.at_rest.diagnose_at_rest import diagnose_at_rest, judged_at_rest
 from identification.at_rest.rests import stills_under_load
+from identification.diagnosis.explaining import explaining_variable
+from identification.diagnosis.joint_motion import joint_motions
 from identification.diagnosis.result import Finding
 from identification.recordings import Recording
 from phantom_dyn import load_robot
@@ -191,3 +193,11 @@ def test_a_recording_without_references_is_refused(robot, rng):
     assert not judged_at_rest(robot, (recording,))
     with pytest.raises(LogError, match=r"has no q_ref.<joint> of every joint"):
         diagnose_at_rest(robot, (recording,))
+
+
+def test_a_figure_over_load_has_the_unit_of_a_torque(robot, rng):
+    # Gaps at rest are positions, in rad.
+    found = diagnose_at_rest(robot, (recorded(robot, WIDE, rng, gap=GAP),))
+    finding, residual = found.findings[0], found.evidence.tau_measured[:, 0] - found.evidence.tau_before[:, 0]
+    variable = explaining_variable(found, joint_motions(None, found), finding, residual)
+    assert (variable.name, variable.unit) == ("torque that the transmission passes on", "N m")

@@ -153,6 +153,14 @@ def test_bounds_are_folded_away(shown):
     assert "What would have been seen (2)" in shown.text
 
 
+def test_notes_on_corrected_files_are_folded_away_and_others_are_not(made_up):
+    diagnosis = dataclasses.replace(made_up(samples=400), notes=("Mind the gap.", "corrected.urdf: it has no place."))
+    before, _, folded = report_html(diagnosis).partition("What the corrected files hold, and what they cannot say (1)")
+    assert "Mind the gap." in before
+    assert "corrected.urdf: it has no place." in folded
+    assert "corrected.urdf: it has no place." not in before
+
+
 def test_nothing_found_is_said(made_up):
     shown = page(made_up(findings=0, samples=400))
     assert "No effect of the catalogue was found." in shown.text
