@@ -28,7 +28,7 @@ from identification.excitation.criteria import DOptimality
 from identification.excitation.excite import excite
 from identification.excitation.shapes import FourierSeries
 from identification.known_changes.change import Change, KnownPayload
-from identification.next_experiment.candidates import candidates
+from identification.next_experiment.candidates import candidates, design_of
 from identification.next_experiment.safe import safe_limits
 from identification.recordings import Recording
 from identification.signals import process_all
@@ -93,7 +93,7 @@ def motions(case: Case, first: Recording, diagnosis: Diagnosis, seed: int) -> di
     logs, _ = process_all((first,), case.robot)
     limits = safe_limits(case.robot, logs)
     rng = np.random.default_rng([seed, 708])
-    drawn = candidates(case.robot, limits, duration=duration, count=4, rng=rng)
+    drawn = candidates(design_of(case.robot, limits), duration=duration, count=4, rng=rng)
     one = drawn[int(rng.integers(len(drawn)))]
     series, criterion = FourierSeries(duration, 5), DOptimality()
     optimal = excite(case.robot, series, limits=limits, criterion=criterion, rate_hz=rate, starts=4, seed=seed)

@@ -2,16 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 from jaxtyping import Float
 
 from identification.known_changes.references import asked_torque
 from identification.motion_only.gains import suggested_gains
-from identification.recordings import Recording, read_recording
+from identification.recordings import Recording
 from phantom_dyn.errors import LogError, PhantomDynError
 from phantom_dyn.motion import read_only
 from phantom_dyn.robot import Robot
@@ -24,30 +22,6 @@ _LEAST_ROWS = 20
 def motion_robot(robot: Robot) -> Robot:
     """The robot whose torque is a command, whatever was said of torque columns: there are none."""
     return replace(robot, torque_source="command")
-
-
-def read_motion(
-    path: str | Path,
-    robot: Robot,
-    *,
-    columns: str | Path | None = None,
-    topic: str | None = None,
-    excluded: Sequence[tuple[float, float]] = (),
-) -> Recording:
-    """A recording whose torque is the one that its controllers ask for, or the one that its voltages give.
-
-    Args:
-        path: See `identification.recordings.read_recording`, as the rest.
-        robot: The robot that was recorded.
-        columns: Column map.
-        topic: Of a bag.
-        excluded: Stretches of time [s] to leave out.
-
-    Raises:
-        LogError: If the file cannot be used, or neither controllers and references nor voltages are known.
-    """
-    found = read_recording(path, robot, columns=columns, topic=topic, excluded=excluded, torque_needed=False)
-    return with_commanded_torque(found, robot)
 
 
 def with_commanded_torque(recording: Recording, robot: Robot) -> Recording:

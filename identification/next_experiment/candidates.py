@@ -54,14 +54,11 @@ class Candidate:
         return Grid.of(self.shapes, round(self.shapes.duration * rate_hz) + 1).motion(self.weights)
 
 
-def candidates(
-    robot: Robot, limits: Limits, *, duration: float, count: int, rng: np.random.Generator
-) -> tuple[Candidate, ...]:
+def candidates(problem: Problem, *, duration: float, count: int, rng: np.random.Generator) -> tuple[Candidate, ...]:
     """Random motions: Fourier series, fast and slow triangles, holds with small reversals, in turn.
 
     Args:
-        robot: What moves.
-        limits: What every one of them keeps.
+        problem: What moves within which limits, see `design_of`.
         duration: Length of each [s].
         count: How many at most; those that creep are left out, see `lively`.
         rng: Draws them.
@@ -69,37 +66,41 @@ def candidates(
     Raises:
         ParameterError: If the robot cannot rest anywhere within its limits.
     """
-    problem = Problem(robot, base_of(robot), ConditionNumber(), limits)
     postures = feasible_postures(problem, rng)
     draws = (_fourier, _triangles, _slow_triangles, _reversals)
     out: list[Candidate] = []
     for k in range(_DRAWS * count):
         one = draws[k % len(draws)](problem, postures, duration, rng)
-        if lively(one, limits, robot):
+        if lively(one, problem):
             out.append(one)
         if len(out) == count:
             break
     return tuple(out)
 
 
-def varied(one: Candidate, robot: Robot, limits: Limits, rng: np.random.Generator) -> Candidate:
+def design_of(robot: Robot, limits: Limits) -> Problem:
+    """What motions are designed for; the base parameters of a large robot take a while, so make it once."""
+    return Problem(robot, base_of(robot), ConditionNumber(), limits)
+
+
+def varied(one: Candidate, problem: Problem, rng: np.random.Generator) -> Candidate:
     """A motion with other sizes of each joint and slightly other shapes, as large as the limits let it be."""
-    problem = Problem(robot, base_of(robot), ConditionNumber(), limits)
+    nv = problem.robot.nv
     grid = Grid.of(one.shapes, one.shapes.samples)
     posture = grid.motion(one.weights).q.mean(axis=0)
     moving = one.weights.copy()
     moving[0] -= posture
     size = np.abs(moving).max(axis=0)
-    moving = moving * np.exp(_VARIED * rng.normal(size=robot.nv)) + _VARIED * size * rng.normal(size=moving.shape) / 3.0
+    moving = moving * np.exp(_VARIED * rng.normal(size=nv)) + _VARIED * size * rng.normal(size=moving.shape) / 3.0
     weights = moving.copy()
     weights[0] += posture
     return Candidate(one.kind, one.shapes, largest(problem, grid, weights, posture, _SHARES))
 
 
-def lively(one: Candidate, limits: Limits, robot: Robot) -> bool:
+def lively(one: Candidate, problem: Problem) -> bool:
     """True if the joints move fast enough for laws of friction to hold, on average."""
     v = Grid.of(one.shapes, one.shapes.samples).motion(one.weights).v
-    wanted = _LIVELY * limits.velocity[list(robot.tree_rows)]
+    wanted = _LIVELY * problem.limits.velocity[list(problem.robot.tree_rows)]
     return float(np.minimum(np.sqrt(np.mean(v**2, axis=0)) / wanted, 1.0).mean()) >= _JOINTS
 
 

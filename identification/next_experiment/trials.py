@@ -11,7 +11,7 @@ from jaxtyping import Float
 
 from identification.excitation.bounds import bounds_of
 from identification.excitation.limits import Limits
-from identification.next_experiment.candidates import Candidate, candidates, lively, varied
+from identification.next_experiment.candidates import Candidate, candidates, design_of, lively, varied
 from identification.next_experiment.known_mass import SHARES, KnownMass, carried, known_mass
 from identification.next_experiment.products import Laboratory
 from identification.next_experiment.propose import LEAST_POWER, Rivalry, parting
@@ -80,14 +80,15 @@ def tried(
     """
     rng = np.random.default_rng(_SEED)
     count = int(np.clip(_WORK // robot.nv**2, _FEWEST, _MOST))
-    drawn = candidates(robot, limits, duration=duration, count=count, rng=rng)
+    problem = design_of(robot, limits)
+    drawn = candidates(problem, duration=duration, count=count, rng=rng)
     if not drawn:
         return ()
     trials = [judged(candidate, robot, lab, rivalries) for candidate in drawn]
     trials.sort(key=lambda trial: trial.worth, reverse=True)
     for _ in range(0 if trials[0].certain else count):
-        candidate = varied(trials[0].candidate, robot, limits, rng)
-        other = judged(candidate, robot, lab, rivalries) if lively(candidate, limits, robot) else trials[0]
+        candidate = varied(trials[0].candidate, problem, rng)
+        other = judged(candidate, robot, lab, rivalries) if lively(candidate, problem) else trials[0]
         if other.worth > trials[0].worth:
             trials.insert(0, other)
     if (trials[0].power >= LEAST_POWER).all():

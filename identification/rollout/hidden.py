@@ -101,7 +101,7 @@ def settled(log: Log, states: States, window: Window, model: Model, torque: Floa
 
 
 def pulled_to(log: Log, states: States, window: Window, model: Model, torque: Float[Array, "N nv"]) -> Settled:
-    """States of a model at the start of a window by the pull alone: rougher, and a thirtieth of the work."""
+    """States of a model at the start of a window by the pull alone: rougher, in one simulation instead of `tries`."""
     lead = min(round(LEAD * log.band.rate_hz), window.lead)
     return Settled(model, window.start, _pulled(log, states, model, torque, window.start, lead))
 

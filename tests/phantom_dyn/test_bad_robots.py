@@ -16,7 +16,7 @@ URDF = (ROBOTS / "arm3.urdf").read_text()
 MJCF = re.sub(r"<keyframe>.*</keyframe>", "", (ROBOTS / "arm3.xml").read_text())
 
 
-def refuse(path: Path, text: str, message: str) -> None:
+def assert_refused(path: Path, text: str, message: str) -> None:
     path.write_text(text)
     with pytest.raises(RobotError, match=message) as refusal:
         load_robot(path)
@@ -43,7 +43,7 @@ def refuse(path: Path, text: str, message: str) -> None:
     ],
 )
 def test_what_is_no_robot_is_refused(tmp_path, text, message):
-    refuse(tmp_path / "robot.urdf", text, message)
+    assert_refused(tmp_path / "robot.urdf", text, message)
 
 
 @pytest.mark.parametrize(
@@ -80,7 +80,7 @@ def test_what_is_no_robot_is_refused(tmp_path, text, message):
 )
 def test_a_broken_urdf_is_refused_with_its_place(tmp_path, old, new, message):
     assert old in URDF
-    refuse(tmp_path / "robot.urdf", URDF.replace(old, new, 1), message)
+    assert_refused(tmp_path / "robot.urdf", URDF.replace(old, new, 1), message)
 
 
 @pytest.mark.parametrize(
@@ -131,13 +131,13 @@ def test_a_broken_urdf_is_refused_with_its_place(tmp_path, old, new, message):
 )
 def test_a_broken_mjcf_is_refused_with_its_place(tmp_path, old, new, message):
     assert old in MJCF
-    refuse(tmp_path / "robot.xml", MJCF.replace(old, new, 1), message)
+    assert_refused(tmp_path / "robot.xml", MJCF.replace(old, new, 1), message)
 
 
 def test_a_floating_base_in_mjcf_is_refused(tmp_path):
     joint = '<joint name="turn" type="hinge" axis="0 0 1" damping="0.3" frictionloss="0.7"/>'
     assert joint in MJCF
-    refuse(tmp_path / "robot.xml", MJCF.replace(joint, "<freejoint/>"), "is a floating base, and only revolute")
+    assert_refused(tmp_path / "robot.xml", MJCF.replace(joint, "<freejoint/>"), "is a floating base, and only revolute")
 
 
 def test_a_folder_named_as_a_robot_is_refused(tmp_path):

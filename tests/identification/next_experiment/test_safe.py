@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from identification.log import Log
-from identification.next_experiment.candidates import candidates
+from identification.next_experiment.candidates import candidates, design_of
 from identification.next_experiment.safe import safe_limits
 from identification.signals import low_pass
 from phantom_dyn import load_robot
@@ -50,7 +50,7 @@ def test_a_stated_torque_limit_that_is_lower_is_kept(arm):
 def test_every_candidate_keeps_position_speed_and_torque_between_its_samples_too(arm, rng):
     # Oracle: inverse dynamics of the motion at ten times the rate it was designed at.
     limits = safe_limits(arm, (swinging(arm),))
-    drawn = candidates(arm, limits, duration=8.0, count=16, rng=rng)
+    drawn = candidates(design_of(arm, limits), duration=8.0, count=16, rng=rng)
     assert {one.kind for one in drawn} == KINDS
     for one in drawn:
         motion = one.motion(500.0)
@@ -63,6 +63,8 @@ def test_every_candidate_keeps_position_speed_and_torque_between_its_samples_too
 
 def test_the_same_seed_draws_the_same_motions(arm):
     limits = safe_limits(arm, (swinging(arm),))
-    one, other = (candidates(arm, limits, duration=8.0, count=2, rng=np.random.default_rng(1)) for _ in range(2))
+    one, other = (
+        candidates(design_of(arm, limits), duration=8.0, count=2, rng=np.random.default_rng(1)) for _ in range(2)
+    )
     for a, b in zip(one, other, strict=True):
         np.testing.assert_array_equal(a.weights, b.weights)
