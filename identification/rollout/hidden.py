@@ -13,6 +13,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from jaxtyping import Float
+from scipy.optimize import least_squares
 
 from identification.log import Log
 from identification.rollout.models import LEAD, Model
@@ -28,8 +29,7 @@ Array = np.ndarray
 # Readings that free motion is laid through [s], and the fewest of them. Over longer stretches an error of the model
 # takes the motion away, over shorter ones the noise of the readings is felt.
 _THROUGH, _FEWEST = 0.1, 8
-_ROUNDS, _ENOUGH = 3, 0.02  # of Gauss and Newton; they end when the squares fall by less than this share
-_SHORTER = (1.0, 0.3, 0.05)  # steps of a round, the first that helps
+_ROUNDS, _ENOUGH = 4, 0.02  # of least squares; they end when the squares fall by less than this share
 _FAR_OFF = 4.0  # mean square of the misses, in variances of the readings
 _LOOK = 0.02  # of its spread: how far a start is moved for a slope
 _ELSEWHERE = (-1.0, -0.5, 0.5, 1.0)  # gaps by which the hidden side of a play may be elsewhere
@@ -183,17 +183,11 @@ def _best_fitted(misses: Callable[[Array], Array], guesses: list[Float[Array, " 
 
 
 def _fitted(misses: Callable[[Array], Array], moves: Float[Array, " n"]) -> Float[Array, " n"]:
-    """The moves of least squares, from a first guess; each round keeps the longest step that helps."""
-    missed = misses(moves)
-    for _ in range(_ROUNDS):
-        before = float(missed @ missed)
-        slopes = np.column_stack([(misses(moves + _LOOK * one) - missed) / _LOOK for one in np.eye(len(moves))])
-        step = -np.linalg.lstsq(slopes, missed)[0]
-        for share in _SHORTER:
-            tried = misses(moves + share * step)
-            if tried @ tried < before:
-                moves, missed = moves + share * step, tried
-                break
-        if missed @ missed > (1.0 - _ENOUGH) * before:
-            break
-    return moves
+    """The moves of least squares, from a first guess."""
+
+    def slopes(at: Array) -> Array:
+        # Longer steps than rounding asks for: a play makes the misses rough.
+        missed = misses(at)
+        return np.column_stack([(misses(at + _LOOK * one) - missed) / _LOOK for one in np.eye(len(at))])
+
+    return least_squares(misses, moves, jac=slopes, max_nfev=_ROUNDS, ftol=_ENOUGH).x
