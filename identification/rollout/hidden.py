@@ -190,4 +190,5 @@ def _fitted(misses: Callable[[Array], Array], moves: Float[Array, " n"]) -> Floa
         missed = misses(at)
         return np.column_stack([(misses(at + _LOOK * one) - missed) / _LOOK for one in np.eye(len(at))])
 
-    return least_squares(misses, moves, jac=slopes, max_nfev=_ROUNDS, ftol=_ENOUGH).x
+    # SciPy's documented callable: pyright reads the type of `jac` off its default, a string.
+    return least_squares(misses, moves, jac=slopes, max_nfev=_ROUNDS, ftol=_ENOUGH).x  # pyright: ignore[reportArgumentType]
