@@ -11,7 +11,7 @@ from jaxtyping import Float
 from identification.diagnosis.bounds import smallest_seen
 from identification.diagnosis.encoder_noise import Coarse
 from identification.diagnosis.evidence import evidence_of
-from identification.diagnosis.findings import findings_without
+from identification.diagnosis.findings import distinct, findings_without
 from identification.diagnosis.gap import held_out_torque, in_judged_band, residual_after, sums
 from identification.diagnosis.judge import Judge, gap_is_there, narrow_search, noise_floor, visible
 from identification.diagnosis.quantized import findings_of, floor_without, rounded
@@ -47,6 +47,7 @@ def assemble(
     settled, chosen = chosen, visible(plain, chosen, logs, cutoff_hz)
     if not gap_is_there(plain.problem, logs, cutoff_hz, noise):
         chosen = frozenset()
+    chosen, fitted = distinct(robot, plain, chosen, logs, cutoff_hz)
     problem = plain.problem
     columns = problem.columns
     named = frozenset(term for term in chosen if term.named)
@@ -72,7 +73,7 @@ def assemble(
     predicted = tuple(r - s for r, s in zip(rest, smooth, strict=True))
     # Without a coarse reading the model is the same: what it feigns is no torque.
     pairs = [
-        *findings_without(robot, search, plain, chosen, settled, judge, before),
+        *findings_without(robot, search, plain, chosen, fitted, settled, judge, before),
         *((finding, torque) for finding in findings_of(robot, rounding, before, floor)),
     ]
     pairs.sort(key=lambda pair: -pair[0].gap_closed)

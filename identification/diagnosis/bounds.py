@@ -10,7 +10,16 @@ from identification.diagnosis.bounded import solve
 from identification.diagnosis.judge import VISIBLE
 from identification.diagnosis.problem import Problem
 from identification.diagnosis.result import Bound, NotTestable
-from identification.diagnosis.search import PARAMETER_PRICE, Search, contains, least_gain, price
+from identification.diagnosis.search import (
+    BEST_BLOCKS,
+    LARGE,
+    PARAMETER_PRICE,
+    SIGNIFICANT,
+    Search,
+    contains,
+    least_gain,
+    price,
+)
 from identification.diagnosis.terms import Term, untestable_places
 from phantom_dyn.effects.effect import Effect
 from phantom_dyn.effects.operation import Operation
@@ -63,15 +72,18 @@ def smallest_seen(
         name, direction = term.effect.probe(robot, operation, term.joint)
         # Several orders of a cogging torque: one unit of the first.
         direction = np.concatenate([direction, np.zeros(len(term.columns) - len(direction))])
+        whole, by_block = _information(problem, term, direction, base, inverse)
+        narrow, _ = _information(plain.problem, term, direction, base, inverse_plain)
         size = max(
             deviations / np.sqrt(held_out * information) if information > 0 else np.inf
             for deviations, information in (
-                (_claimable(search, term), _information(problem, term, direction, base, inverse)),
-                (_seen(plain, term, direction), _information(plain.problem, term, direction, base, inverse_plain)),
+                (_claimable(search, term, by_block), whole),
+                (_seen(plain, term, direction), narrow),
             )
         )
         by_shape = term.effect.seen_by == "shape"
-        if not size < (1.0 if by_shape else _largest(search, term, direction)):
+        # Of a shape that is a size a recording may hold the least share of its law that is taken for it.
+        if not size < (term.lower[0] if by_shape else _largest(search, term, direction)):
             why = f"it would have to exceed the torque measured on {joint} to be seen in this recording"
             if by_shape:
                 why = f"even the largest that was tried leaves less on {joint} than this recording shows"
@@ -88,10 +100,28 @@ def smallest_seen(
     return tuple(bounds.values()), tuple(left)
 
 
-def _claimable(search: Search, term: Term) -> float:
+def _claimable(search: Search, term: Term, by_block: Float[Array, " B"]) -> float:
     """How many standard deviations of its own size an effect has to have to be claimed with 95 % power."""
-    extra = max(price(search.sizes[term]) - PARAMETER_PRICE, 0.0)
-    return float(np.sqrt(least_gain(search, frozenset([term])) + extra + 2.0)) + _POWER
+    needed = least_gain(search, frozenset([term])) + max(price(search.sizes[term]) - PARAMETER_PRICE, 0.0)
+    return float(np.sqrt(max(needed + 2.0, _lasting(by_block, needed)))) + _POWER
+
+
+def _lasting(by_block: Float[Array, " B"], needed: float) -> float:
+    """The gain from which on an effect is taken for one that lasts, see `claimed`.
+
+    Args:
+        by_block: Information on its size in each block.
+        needed: Gain that a claim needs.
+    """
+    whole = float(by_block.sum())
+    if whole <= 0:
+        return needed
+    # The variance of a gain ``u`` over blocks is ``4 u`` by noise, and grows with its square by how it is spread.
+    room = 1.0 - SIGNIFICANT**2 * len(by_block) * float(by_block.var()) / whole**2
+    from_block_to_block = 4.0 * SIGNIFICANT**2 / room if room > 0 else np.inf
+    rest = float(np.sort(by_block)[:-BEST_BLOCKS].sum()) / whole
+    without_the_best = needed / rest if rest > 0 else np.inf
+    return min(from_block_to_block, without_the_best, LARGE * needed)
 
 
 def _seen(plain: Search, term: Term, direction: Float[Array, " k"]) -> float:
@@ -113,12 +143,15 @@ def _inverse(problem: Problem, base: Array) -> Float[Array, "n n"]:
 
 def _information(
     problem: Problem, term: Term, direction: Float[Array, " k"], base: Array, inverse: Float[Array, "n n"]
-) -> float:
-    """Information on a term's size when nuisances and findings are fitted beside it."""
+) -> tuple[float, Float[Array, " B"]]:
+    """Information on a term's size when nuisances and findings are fitted beside it, and what each block has of it."""
     a = problem.total_a
     own = list(term.columns)
     cross = direction @ a[own][:, base]
-    return float(direction @ a[own][:, own] @ direction - cross @ inverse @ cross)
+    beside = -inverse @ cross
+    index, parts = np.concatenate([base, own]), np.concatenate([beside, direction])
+    by_block = problem.grams.core_a.squares(index, np.tile(parts, (len(problem.blocks), 1)))
+    return float(direction @ a[own][:, own] @ direction + cross @ beside), by_block
 
 
 def _largest(search: Search, term: Term, direction: Float[Array, " k"]) -> float:

@@ -16,6 +16,7 @@ from identification.diagnosis.first_rest import left_by_moves, with_rest
 from identification.diagnosis.nuisances import Move, Nuisance, move_columns, moves_of
 from identification.diagnosis.operations import expecting, operate
 from identification.diagnosis.rest import usable_samples
+from identification.diagnosis.reversals import reversal_doubt
 from identification.diagnosis.terms import SERIES, FoundEffect, KnownEffect, Term, merged, shapes_of
 from identification.diagnosis.two_at_a_time import two_at_a_time
 from identification.known_changes.apart import ALIKE, Apart
@@ -45,6 +46,7 @@ class Columns:
         residual: For each log, measured minus modelled torque in the band, ``(n, nv)``.
         model_torque: For each log, modelled torque in the band, ``(n, nv)``.
         usable: For each log, samples that may be used on each row, ``(n, nv)``.
+        doubt: For each log, by how much modelled torque may be off where friction changes sign, ``(n, nv)``.
         operations: For each log, motion and torque at the full rate.
         local: Where the columns of each effect stand.
     """
@@ -57,6 +59,7 @@ class Columns:
     residual: tuple[Float[Array, "n nv"], ...]
     model_torque: tuple[Float[Array, "n nv"], ...]
     usable: tuple[Bool[Array, "n nv"], ...]
+    doubt: tuple[Float[Array, "n nv"], ...]
     operations: tuple[Operation, ...]
     local: tuple[Local, ...]
 
@@ -116,9 +119,10 @@ def build_columns(
         torque = tuple(log.band(o.tau) for log, o in zip(logs, operations, strict=True))
         residual = tuple(log.band(log.tau) - model for log, model in zip(logs, torque, strict=True))
         usable = tuple(usable_samples(log) for log in logs)
+        doubt = tuple(log.band(reversal_doubt(o)) for log, o in zip(logs, operations, strict=True))
     else:
         operations, plain = list(before.operations), [_plain_before(before, k) for k in range(len(logs))]
-        torque, residual, usable = before.model_torque, before.residual, before.usable
+        torque, residual, usable, doubt = before.model_torque, before.residual, before.usable, before.doubt
     operations = [expecting(o.robot, o, found) for o in operations]
     if like is None:
         rest = left_by_moves(robot, moves, plain, residual, usable) if rest is None else rest
@@ -142,7 +146,7 @@ def build_columns(
     )
     nuisances = tuple(move.nuisance for move in moves)
     return Columns(
-        tuple(names), nuisances, terms, tuple(rows), values, residual, torque, usable, tuple(operations), local
+        tuple(names), nuisances, terms, tuple(rows), values, residual, torque, usable, doubt, tuple(operations), local
     )
 
 

@@ -20,14 +20,14 @@ from identification.diagnosis.encoder_noise import (
     spurious_gains,
 )
 from identification.diagnosis.gap import held_out_torque, residual_after, row_counts, row_losses
-from identification.diagnosis.noise import estimate_noise, smaller_noise, weights_of
+from identification.diagnosis.noise import estimate_noise, noise_without, smaller_noise, weights_of
 from identification.diagnosis.null import null_threshold
 from identification.diagnosis.problem import set_up
 from identification.diagnosis.resonances import resonances
 from identification.diagnosis.result import Diagnosis
 from identification.diagnosis.retaken import found_effects, needs_refinement, runners_up, same_effects, unchanged
 from identification.diagnosis.rivals import settled
-from identification.diagnosis.search import Search, claimed, set_up_search
+from identification.diagnosis.search import ACCURACY, Search, claimed, set_up_search
 from identification.diagnosis.stepwise import best_short, explain
 from identification.diagnosis.terms import FoundEffect, KnownEffect, Term
 from identification.diagnosis.threshold import Threshold
@@ -50,12 +50,12 @@ _LOWER = 0.9
 _REFINEMENTS = 3
 # Effects that are tried although they fall short of what chance seems to give.
 _PROBATIONS = 3
+# Noise is taken anew without the trace of an effect that is tried if the trace gains so much.
+_LEAST_TRACE = 10.0
 # A claim closes at least this share of the gap: less is what a law of the right kind leaves that is off by a tenth.
 _LEAST_SHARE = 0.01
 # Fewer blocks of at least a second cannot be held out in turn.
 _LEAST_BLOCKS = 4
-# Alignment, derivatives and the tolerance taken as linear are right to about 1.5 % of the torque they explain.
-_ACCURACY = 0.0007
 # A claim gains at least this on held-out data, whatever chance gives.
 _LEAST_GAIN = 20.0
 
@@ -107,7 +107,7 @@ def diagnose(
     spurious = spurious_gains(search, again, noise)
     del again
     search = _with_thresholds(search, noise, spurious, progress)
-    search, chosen = _search(search, noise, progress)
+    search, chosen, noise = _search(search, noise, spurious, folds, progress)
     before: tuple[FoundEffect, ...] = ()
     tried: set[tuple[str, str | None]] = set()
     for _ in range(_REFINEMENTS):
@@ -127,7 +127,7 @@ def diagnose(
                 robot, logs, cutoff_hz, known, found, rest, near, before=columns, seen=seen, apart=apart
             )
         search = _with_thresholds(_set_up(columns, blocks, folds, noise), noise, spurious, progress)
-        search, chosen = _search(search, noise, progress, same_effects(search, found))
+        search, chosen, noise = _search(search, noise, spurious, folds, progress, same_effects(search, found))
     chosen = settled(search, chosen)
     coarse = coarse_joints(robot, columns, logs, steps)
     progress("comparing rivals")
@@ -157,37 +157,46 @@ def _with_thresholds(
     """The same rivals with what chance, encoder noise and the accuracy of the method give."""
     progress("measuring what chance gives")
     problem = search.problem
-    threshold = null_threshold(search, whitened_noise(noise), _LEAST_GAIN)
+    threshold = null_threshold(search, whitened_noise(problem.columns, noise), _LEAST_GAIN)
     given, gap = (
         np.maximum(loss - row_counts(problem), 0.0) for loss in row_losses(problem, search.evaluate(frozenset()))
     )
-    return set_up_search(problem, threshold, _LEAST_SHARE * gap + _ACCURACY * given, spurious)
+    return set_up_search(problem, threshold, _LEAST_SHARE * gap + ACCURACY * given, spurious)
 
 
 def _search(
     search: Search,
     noise: tuple[Float[Array, "n nv"], ...],
+    spurious: dict[tuple[str, str | None], float],
+    folds: Int[Array, " B"],
     progress: Callable[[str], None],
     start: frozenset[Term] = frozenset(),
-) -> tuple[Search, frozenset[Term]]:
-    """What explains the recordings, and the search with the thresholds that it was found with.
+) -> tuple[Search, frozenset[Term], tuple[Float[Array, "n nv"], ...]]:
+    """What explains the recordings, the search that it was found with, and the noise that this one was set up for.
 
-    An effect that no other column can make is noise to the free fits, and raises what chance seems to give. So the
-    best rival that falls short is tried: chance is measured again on the noise that it leaves, and if it is above
-    that, it stays. Where there is no such effect, fitting one changes the noise too little to matter.
+    An effect that no other column can make is noise to the free fits: it raises what chance seems to give, and what is
+    slow is weighed down. So the best rival that falls short is tried: chance is measured again on the noise that it
+    leaves, and if it is above that, it stays. If not, everything is set up again for the noise without its trace. Where
+    there is no such effect, fitting one changes the noise too little to matter, and held-out fits find no trace.
     """
-    chosen = explain(search, progress, start)
+    chosen, left = explain(search, progress, start), noise
     for _ in range(_PROBATIONS):
         tried = best_short(search, chosen)
         if tried is None:
             break
-        quiet, ratio = smaller_noise(search, tried, noise)
-        if ratio >= 1.0:
+        quiet, ratio = smaller_noise(search, tried, left)
+        if ratio < 1.0:
+            least = null_threshold(search, whitened_noise(search.problem.columns, quiet, like=left), _LEAST_GAIN)
+            lower = replace(search, threshold=search.threshold.lowered(least))
+            if claimed(lower, tried, chosen):
+                search, chosen, left = lower, explain(lower, progress, tried), quiet
+                continue
+        quiet, gain = noise_without(search, tried, chosen, left)
+        if gain < _LEAST_TRACE:
             break
-        least = null_threshold(search, whitened_noise(quiet, like=noise), _LEAST_GAIN)
-        lower = replace(search, threshold=search.threshold.lowered(least))
-        if not claimed(lower, tried, chosen):
+        anew = _set_up(search.problem.columns, search.problem.blocks, folds, quiet)
+        anew = _with_thresholds(anew, quiet, spurious, progress)
+        if not claimed(anew, tried, chosen):
             break
-        search, chosen = lower, explain(lower, progress, tried)
-        noise = quiet
-    return search, chosen
+        search, chosen, noise, left = anew, explain(anew, progress, tried), quiet, quiet
+    return search, chosen, noise

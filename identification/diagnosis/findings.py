@@ -4,20 +4,58 @@ from __future__ import annotations
 
 import numpy as np
 from jaxtyping import Float
+from scipy.stats import chi2
 
 from identification.diagnosis.gap import Sums, held_out_torque, residual_after, sums
-from identification.diagnosis.joint_fit import joint_fit
+from identification.diagnosis.joint_fit import JointFit, joint_fit
 from identification.diagnosis.judge import Judge
 from identification.diagnosis.parameters import finding_loadings, finding_parameters
 from identification.diagnosis.result import Finding
 from identification.diagnosis.rivals import block_counts, stand
 from identification.diagnosis.search import Search, ordered
 from identification.diagnosis.terms import Term
+from identification.log import Log
+from phantom_dyn.effects.inertial_parameters import InertialParameters
+from phantom_dyn.effects.input_delay import InputDelay
+from phantom_dyn.effects.payload import Payload
 from phantom_dyn.robot import Robot
 
 Array = np.ndarray
+# With which probability an effect is told from nothing.
+_CERTAIN = 0.95
 # Of each log, ``(n, nv)``.
 Torque = tuple[Float[Array, "n nv"], ...]
+
+
+def distinct(
+    robot: Robot, plain: Search, chosen: frozenset[Term], logs: tuple[Log, ...], cutoff_hz: float
+) -> tuple[frozenset[Term], JointFit]:
+    """Effects without those whose numbers, fitted with all others, are not told from zero, and that fit.
+
+    The search holds all but the coefficients, and weighs noise otherwise: what gains there may be nothing in the fit
+    that states its size. Only laws that are linear are asked: of others the shape says how large they are. Nor are
+    inertial parameters, of which a motion shows some and leaves others to their priors.
+    """
+    while True:
+        fitted = joint_fit(robot, plain.problem, logs, cutoff_hz, ordered(chosen), plain.evaluate(chosen))
+        certain = {term: certainty(term, fitted) for term in ordered(chosen) if term.named and _is_linear(term)}
+        least = min(certain, key=lambda term: certain[term], default=None)
+        if least is None or certain[least] >= _CERTAIN:
+            return chosen, fitted
+        chosen = chosen - {least}
+
+
+def _is_linear(term: Term) -> bool:
+    # The shape of a delay is its coefficient.
+    linear = not term.shape or isinstance(term.effect, InputDelay)
+    return linear and not isinstance(term.effect, InertialParameters | Payload)
+
+
+def certainty(term: Term, fitted: JointFit) -> float:
+    """Probability that chance keeps the coefficients of an effect that is not there nearer to zero (Wald's test)."""
+    at = fitted.place(term).coefficients
+    x, cov = fitted.x[at], fitted.cov[at, at]
+    return float(chi2.cdf(x @ np.linalg.pinv(cov, rcond=1e-9, hermitian=True) @ x, len(x)))
 
 
 def findings_without(
@@ -25,6 +63,7 @@ def findings_without(
     search: Search,
     plain: Search,
     chosen: frozenset[Term],
+    fitted: JointFit,
     settled: frozenset[Term],
     judge: Judge,
     before: Sums,
@@ -36,6 +75,7 @@ def findings_without(
         search: Rivals, with fits to white noise.
         plain: The same with plain fits in the judged band.
         chosen: The effects that are told.
+        fitted: Fit of all their numbers.
         settled: All that the search has found, those too that nobody would see: a rival must not win by making up for
             one of them.
         judge: Of the gap.
@@ -45,7 +85,6 @@ def findings_without(
     after = sums(problem, judge.narrow(residual_after(problem, held_out_torque(problem, chosen, found))))
     counts = block_counts(len(before.counts), np.random.default_rng(20260105))
     once = np.ones((1, len(before.counts)))
-    fitted = joint_fit(robot, problem, judge.logs, judge.cutoff_hz, ordered(chosen), found)
     out = []
     for term in ordered(chosen):
         if not term.named:

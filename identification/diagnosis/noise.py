@@ -12,6 +12,7 @@ from identification.diagnosis.gap import held_out_torque, residual_after
 from identification.diagnosis.search import Search
 from identification.diagnosis.terms import Term
 from identification.diagnosis.two_at_a_time import two_at_a_time
+from identification.diagnosis.whitening import whitened_noise
 from identification.log import Log
 
 Array = np.ndarray
@@ -105,3 +106,36 @@ def smaller_noise(
             for k, r in enumerate(rest):
                 left[k][:, j] = np.where(use[k], r[:, j], 0.0)
     return tuple(left), ratio
+
+
+def noise_without(
+    search: Search, tried: frozenset[Term], chosen: frozenset[Term], noise: tuple[Float[Array, "n nv"], ...]
+) -> tuple[tuple[Float[Array, "n nv"], ...], float]:
+    """Noise without the trace that what ``tried`` has beyond ``chosen`` has left in it.
+
+    Free fits with many columns do not predict an effect in full on blocks that they have not seen; the rest is taken
+    for noise. The trace is what fits of the effect predict on such blocks, and the share of it that the noise holds is
+    that of least squares once the noise is white.
+
+    Returns:
+        The noise, and by how much its whitened, weighed square shrinks.
+    """
+    problem = search.problem
+    with_it, without = (held_out_torque(problem, terms, search.evaluate(terms)) for terms in (tried, chosen))
+    trace = tuple(a - b for a, b in zip(with_it, without, strict=True))
+    white = whitened_noise(problem.columns, noise)
+    white_trace = whitened_noise(problem.columns, trace, like=noise)
+    left, gain = [part.copy() for part in noise], 0.0
+    for j, weight in enumerate(problem.weights.per_sample):
+        use = [usable[:, j] for usable in problem.white.usable]
+        e, x = (
+            np.concatenate([part[u, j] for part, u in zip(series, use, strict=True)]) for series in (white, white_trace)
+        )
+        common, energy = float(x @ e), float(x @ x)
+        if common <= 0:
+            continue
+        share = min(common / energy, 1.0)
+        gain += weight * share * (2.0 * common - share * energy)
+        for part, own, usable in zip(left, trace, problem.columns.usable, strict=True):
+            part[:, j] -= share * np.where(usable[:, j], own[:, j], 0.0)
+    return tuple(left), gain

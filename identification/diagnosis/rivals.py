@@ -9,8 +9,8 @@ from jaxtyping import Float
 
 from identification.diagnosis.projection import taken_out
 from identification.diagnosis.result import EffectAt, Rival
-from identification.diagnosis.search import Search, contains, ordered
-from identification.diagnosis.swaps import relevant, replaced
+from identification.diagnosis.search import ACCURACY, Search, contains, ordered
+from identification.diagnosis.swaps import explained, relevant, replaced
 from identification.diagnosis.terms import Term
 
 Array = np.ndarray
@@ -53,11 +53,12 @@ def block_counts(blocks: int, rng: np.random.Generator) -> Float[Array, "R B"]:
 def stand(search: Search, chosen: frozenset[Term], term: Term) -> Standing:
     """Compare a finding with everything that could stand in its place.
 
-    A richer effect that contains the finding is a rival only if its extra parameters lower the held-out loss, and
-    wins a replicate only if they earn their price in it; predictions that are the same share their wins. It needs no
-    more than that: what chance gives over the whole catalogue is no measure of laws of one kind on one joint.
+    A richer effect that contains the finding is a rival only if its extra parameters lower the held-out loss, and wins
+    a replicate only if they earn there their price and what the method is accurate to; predictions that are the same
+    share their wins. It needs no more than that: what chance gives over the whole catalogue is no measure of laws
+    of one kind on one joint.
     """
-    base = search.evaluate(chosen)
+    base, accuracy = search.evaluate(chosen), ACCURACY * explained(search, chosen, term)
     options: dict[frozenset[Term], Array] = {chosen: base.loss}
     names: dict[frozenset[Term], frozenset[Term]] = {}
     richer_laws: list[tuple[frozenset[Term], frozenset[Term]]] = []
@@ -75,7 +76,7 @@ def stand(search: Search, chosen: frozenset[Term], term: Term) -> Standing:
             richer_laws.append((others, swapped))
         if richer and found.total >= base.total:
             continue
-        options[swapped] = found.loss
+        options[swapped] = found.loss + (accuracy / len(found.loss) if richer else 0.0)
         names[swapped] = others
     same = {}
     for others, swapped in _twins(search, chosen, term):

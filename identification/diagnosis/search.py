@@ -22,12 +22,17 @@ Array = np.ndarray
 # about the logarithm of the effective number of samples, as in the Bayesian information criterion.
 PARAMETER_PRICE = 5.0
 # Standard errors over blocks by which a gain has to be positive, unless it is very large.
-_SIGNIFICANT = 2.0
+SIGNIFICANT = 2.0
 # Or without its best blocks, so many, still as large as it has to be; a structure without a name may act more rarely,
 # as a contact does, since to say that something is unknown is not to blame anything.
-_BEST_BLOCKS, _BEST_BLOCKS_NAMELESS = 2, 1
+BEST_BLOCKS, _BEST_BLOCKS_NAMELESS = 2, 1
+# Or so many times as large as it has to be.
+LARGE = 10.0
 # A gain has to be this many times what encoder noise alone gives, beyond what chance gives.
 _SPURIOUS = 2.0
+# Alignment, derivatives and the tolerance taken as linear are right to about 2.6 % of the torque they explain, of which
+# this is the square.
+ACCURACY = 0.0007
 # Rivals that are fitted to know their gains in sample: the best ranked, with at least this share of the best gain.
 _MOST_FITTED = 30
 _WORTH_FITTING = 0.2
@@ -230,9 +235,9 @@ def claimed(search: Search, chosen: frozenset[Term], without: frozenset[Term]) -
     extra = search.price_of(chosen) - search.price_of(without)
     needed = least_gain(search, chosen - without) + max(extra - PARAMETER_PRICE, 0.0)
     error = float(np.sqrt(len(gains)) * gains.std()) + 1e-12
-    few = _BEST_BLOCKS if any(term.named for term in chosen - without) else _BEST_BLOCKS_NAMELESS
-    lasting = held_out > _SIGNIFICANT * error or held_out - float(np.sort(gains)[-few:].sum()) > needed
-    return gain > needed and (lasting or gain > 10 * needed)
+    few = BEST_BLOCKS if any(term.named for term in chosen - without) else _BEST_BLOCKS_NAMELESS
+    lasting = held_out > SIGNIFICANT * error or held_out - float(np.sort(gains)[-few:].sum()) > needed
+    return gain > needed and (lasting or gain > LARGE * needed)
 
 
 def dropped(search: Search, chosen: frozenset[Term]) -> frozenset[Term]:

@@ -6,7 +6,7 @@ from collections.abc import Callable
 
 from identification.diagnosis.nameless import with_nameless
 from identification.diagnosis.search import Search, claimed, dropped, possible, with_term
-from identification.diagnosis.swaps import swapped
+from identification.diagnosis.swaps import simplified, swapped
 from identification.diagnosis.terms import Term
 
 _MOST_TERMS = 40
@@ -29,7 +29,7 @@ def explain(search: Search, progress: Callable[[str], None], start: frozenset[Te
         before = chosen
         chosen = _forward(search, chosen, progress)
         progress("weighing alternatives")
-        chosen = swapped(search, dropped(search, chosen))
+        chosen = simplified(search, swapped(search, dropped(search, chosen)))
         if chosen == before:
             break
     return with_nameless(search, chosen, progress)

@@ -7,6 +7,7 @@ from itertools import combinations
 import numpy as np
 
 from identification.diagnosis.search import (
+    ACCURACY,
     PARAMETER_PRICE,
     Search,
     claimed,
@@ -46,6 +47,31 @@ def swapped(search: Search, chosen: frozenset[Term]) -> frozenset[Term]:
             return chosen
         chosen = dropped(search, min(better, key=lambda other: (search.score(other), _key(other))))
     return chosen
+
+
+def simplified(search: Search, chosen: frozenset[Term]) -> frozenset[Term]:
+    """Replace single effects by special cases of them that explain as much, as far as the method is accurate.
+
+    Where noise is small against what an effect explains, the further parameters of a richer law take up what the
+    tolerance, taken as linear, and filters leave.
+    """
+    for term in ordered(chosen):
+        allowed = search.score(chosen) + ACCURACY * explained(search, chosen, term)
+        simpler = [
+            replaced(chosen, term, others)
+            for others in alternatives(search, term)
+            if all(contains(term, other) for other in others)
+        ]
+        simpler = [other for other in simpler if search.price_of(other) < search.price_of(chosen)]
+        best = min(simpler, key=lambda other: (search.score(other), _key(other)), default=chosen)
+        if search.score(best) < allowed:
+            chosen = best
+    return chosen
+
+
+def explained(search: Search, chosen: frozenset[Term], term: Term) -> float:
+    """What one of several effects explains of the loss in sample."""
+    return search.quick(chosen - {term}) - search.quick(chosen)
 
 
 def alternatives(search: Search, term: Term) -> tuple[frozenset[Term], ...]:

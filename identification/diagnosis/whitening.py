@@ -47,32 +47,63 @@ def whitened(
 ) -> tuple[Columns, tuple[Float[Array, "n nv"], ...]]:
     """The same columns, residual and modelled torque with the noise of each row white, and that noise.
 
+    Samples in doubt count less, as if their noise were larger by that.
+
     Args:
         columns: As computed.
         noise: What no model predicts of the residual, for each log ``(n, nv)``; zero where a sample is not usable.
     """
     rows = range(len(columns.rows))
-    kernels = [noise_filter([part[:, j] for part in noise]) for j in rows]
+    kernels = _kernels(noise)
+    trust = _trust(columns, kernels, noise)
     values, residual, torque, usable = [], [], [], []
     for log in range(len(columns.values)):
-        own = columns.values[log]
-        values.append(tuple(two_at_a_time(lambda j, own=own: filtered(kernels[j], own[j]), rows)))
-        residual.append(np.column_stack([filtered(kernels[j], columns.residual[log][:, j]) for j in rows]))
-        torque.append(np.column_stack([filtered(kernels[j], columns.model_torque[log][:, j]) for j in rows]))
+        own, counts = columns.values[log], trust[log]
+        values.append(
+            tuple(two_at_a_time(lambda j, own=own, c=counts: filtered(kernels[j], own[j]) * c[:, j : j + 1], rows))
+        )
+        residual.append(_white(kernels, columns.residual[log]) * counts)
+        torque.append(_white(kernels, columns.model_torque[log]) * counts)
         usable.append(np.column_stack([_reached(len(kernels[j]), columns.usable[log][:, j]) for j in rows]))
     white = replace(
         columns, values=tuple(values), residual=tuple(residual), model_torque=tuple(torque), usable=tuple(usable)
     )
-    return white, whitened_noise(noise)
+    return white, whitened_noise(columns, noise)
 
 
 def whitened_noise(
-    noise: tuple[Float[Array, "n nv"], ...], like: tuple[Float[Array, "n nv"], ...] | None = None
+    columns: Columns,
+    noise: tuple[Float[Array, "n nv"], ...],
+    like: tuple[Float[Array, "n nv"], ...] | None = None,
 ) -> tuple[Float[Array, "n nv"], ...]:
-    """The noise of each log through the filters that whiten it, or another noise if ``like`` is given."""
-    rows = range(noise[0].shape[1])
-    kernels = [noise_filter([part[:, j] for part in (noise if like is None else like)]) for j in rows]
-    return tuple(np.column_stack([filtered(kernels[j], part[:, j]) for j in rows]) for part in noise)
+    """The noise of each log as `whitened` makes it, or another series if ``like`` is the noise."""
+    whitens = noise if like is None else like
+    kernels = _kernels(whitens)
+    trust = _trust(columns, kernels, whitens)
+    return tuple(_white(kernels, part) * counts for part, counts in zip(noise, trust, strict=True))
+
+
+def _kernels(noise: tuple[Float[Array, "n nv"], ...]) -> list[Float[Array, " m"]]:
+    return [noise_filter([part[:, j] for part in noise]) for j in range(noise[0].shape[1])]
+
+
+def _white(kernels: list[Float[Array, " m"]], series: Float[Array, "n nv"]) -> Float[Array, "n nv"]:
+    return np.column_stack([filtered(kernel, series[:, j]) for j, kernel in enumerate(kernels)])
+
+
+def _trust(
+    columns: Columns, kernels: list[Float[Array, " m"]], noise: tuple[Float[Array, "n nv"], ...]
+) -> list[Float[Array, "n nv"]]:
+    """What each sample counts: its noise over noise and doubt together, of mean square one on each row."""
+    white = [_white(kernels, part) ** 2 for part in noise]
+    doubt = [_white(kernels, part) ** 2 for part in columns.doubt]
+    total = sum(np.where(use, w, 0.0).sum(axis=0) for w, use in zip(white, columns.usable, strict=True))
+    count = sum(use.sum(axis=0) for use in columns.usable)
+    variance = np.maximum(total / np.maximum(count, 1), 1e-300)
+    share = [variance / (variance + d) for d in doubt]
+    mean = sum(np.where(use, s, 0.0).sum(axis=0) for s, use in zip(share, columns.usable, strict=True))
+    mean = np.maximum(mean / np.maximum(count, 1), 1e-300)
+    return [np.sqrt(s / mean) for s in share]
 
 
 def _reached(length: int, usable: Bool[Array, " n"]) -> Bool[Array, " n"]:

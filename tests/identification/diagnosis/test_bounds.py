@@ -2,9 +2,10 @@ from __future__ import annotations
 
 from dataclasses import replace
 
+import numpy as np
 import pytest
 
-from identification.diagnosis.bounds import smallest_seen
+from identification.diagnosis.bounds import _lasting, smallest_seen
 from identification.diagnosis.diagnose import diagnose
 from identification.diagnosis.terms import merged, untestable_places
 from phantom_dyn.effects.catalogue import EFFECTS
@@ -90,6 +91,20 @@ def test_a_torque_sensor_cannot_show_a_torque_constant(lab, planar2):
 def test_a_motor_that_is_commanded_can_have_a_wrong_torque_constant(quiet, planar2):
     hidden = untestable_places(planar2, merged(quiet.columns.operations))
     assert not any(effect == "torque_constant" for effect, _, _ in hidden)
+
+
+@pytest.mark.parametrize(
+    ("by_block", "gain"),
+    [
+        # Closed forms for a claim of 20: twice the deviation over blocks, without the two best, or ten times as much.
+        (np.ones(10), 16.0),
+        (np.array([10.0] + 10 * [1.0]), 20.0 * 20.0 / 9.0),
+        (np.array([1.0, 0.0, 0.0, 0.0]), 200.0),
+    ],
+    ids=["everywhere", "mostly in one", "in one"],
+)
+def test_what_is_seen_in_few_blocks_has_to_gain_more(by_block, gain):
+    assert _lasting(by_block, 20.0) == pytest.approx(gain)
 
 
 @pytest.mark.parametrize("name", ["coulomb_friction", "viscous_friction"])

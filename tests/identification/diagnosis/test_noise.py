@@ -6,7 +6,15 @@ import numpy as np
 import pytest
 from scipy.signal import lfilter
 
-from identification.diagnosis.noise import autocorrelation_time, estimate_noise, rms, smaller_noise, weights_of
+from identification.diagnosis.gap import held_out_torque
+from identification.diagnosis.noise import (
+    autocorrelation_time,
+    estimate_noise,
+    noise_without,
+    rms,
+    smaller_noise,
+    weights_of,
+)
 
 
 @pytest.mark.parametrize("phi", [0.0, 0.5, 0.9])
@@ -94,3 +102,37 @@ def test_an_explanation_that_leaves_more_than_the_noise_changes_nothing(quiet):
     noise, ratio = smaller_noise(quiet.search, frozenset(), small)
     assert ratio == 1.0
     np.testing.assert_array_equal(noise[0], small[0])
+
+
+@pytest.fixture
+def rubbing(lab, planar2):
+    """Friction that the model lacks on both joints, and the search that may say so."""
+    motion = lab.motion(2, seconds=20.0)
+    return lab.prepared(planar2, (lab.recording(planar2, motion, -0.5 * np.sign(motion.v)),))
+
+
+def trace_of(prepared, chosen):
+    torque = held_out_torque(prepared.problem, chosen, prepared.search.evaluate(chosen))
+    plain = held_out_torque(prepared.problem, frozenset(), prepared.search.evaluate(frozenset()))
+    return np.where(prepared.columns.usable[0], torque[0] - plain[0], 0.0)
+
+
+def test_the_trace_of_an_effect_is_taken_out_of_the_noise(rubbing, rng):
+    # Known truth: white noise with two fifths of what held-out fits of the friction predict.
+    tried = frozenset([rubbing.term("coulomb_friction", "elbow")])
+    noise = 0.05 * rng.standard_normal(rubbing.columns.residual[0].shape) * rubbing.columns.usable[0]
+    left, gain = noise_without(
+        rubbing.search, tried, frozenset(), (noise + 0.4 * trace_of(rubbing, tried) * rubbing.columns.usable[0],)
+    )
+    np.testing.assert_allclose(left[0], noise, atol=0.2 * 0.05)
+    assert gain > 50
+
+
+def test_noise_without_a_trace_stays_as_it_is(rubbing, rng):
+    # Known truth: the opposite of what the fits predict is no share of it.
+    tried = frozenset([rubbing.term("coulomb_friction", "elbow")])
+    noise = 0.001 * rng.standard_normal(rubbing.columns.residual[0].shape) - trace_of(rubbing, tried)
+    noise *= rubbing.columns.usable[0]
+    left, gain = noise_without(rubbing.search, tried, frozenset(), (noise,))
+    np.testing.assert_allclose(left[0][:, 1], noise[:, 1])
+    assert gain < 5

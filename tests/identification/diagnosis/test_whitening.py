@@ -59,13 +59,13 @@ def test_filtering_leaves_its_input_alone(rng):
 
 
 def test_a_linear_relation_survives_on_every_row(quiet, rng):
-    # Residual = columns @ theta before, so after: the same filter on both sides.
-    for j in range(2):
-        theta = rng.normal(size=len(quiet.columns.rows[j]))
-        white = quiet.white.values[0][j] @ theta
-        plain = quiet.columns.values[0][j] @ theta
-        kernel = noise_filter([quiet_noise(quiet)[:, j]])
-        np.testing.assert_allclose(white, filtered(kernel, plain), atol=1e-9 * np.abs(plain).max())
+    # Residual = columns @ theta before, so after: the same filter, and the same counts of samples, on both sides.
+    thetas = [rng.normal(size=len(row)) for row in quiet.columns.rows]
+    plain = np.column_stack([x @ theta for x, theta in zip(quiet.columns.values[0], thetas, strict=True)])
+    white, _ = whitened(replace(quiet.columns, residual=(plain,)), (quiet_noise(quiet),))
+    for j, theta in enumerate(thetas):
+        expected = white.residual[0][:, j]
+        np.testing.assert_allclose(white.values[0][j] @ theta, expected, atol=1e-9 * np.abs(expected).max())
 
 
 def quiet_noise(quiet) -> np.ndarray:

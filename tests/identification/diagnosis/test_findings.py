@@ -1,0 +1,47 @@
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from scipy.stats import norm
+
+from identification.diagnosis.diagnose import diagnose
+from identification.diagnosis.findings import certainty, distinct
+from identification.diagnosis.joint_fit import JointFit
+from identification.diagnosis.judge import narrow_search
+from identification.diagnosis.setting import Place
+
+
+@pytest.fixture
+def rubbing(lab, planar2):
+    """Friction on the elbow that the model lacks, and the search that may say so."""
+    motion = lab.motion(2, seconds=20.0)
+    torque = lab.acting(planar2, motion, "coulomb_friction", "elbow", 0.5)
+    return lab.prepared(planar2, (lab.recording(planar2, motion, torque),))
+
+
+@pytest.mark.parametrize("deviations", [0.1, 1.0, 3.0])
+def test_one_coefficient_is_as_certain_as_the_normal_law_says(quiet, deviations):
+    # Closed form: the square of a standard normal number.
+    term = quiet.term("torque_offset", "elbow")
+    fitted = JointFit((Place(term, slice(0, 1), slice(1, 1)),), np.array([0.2 * deviations]), np.array([[0.04]]))
+    assert certainty(term, fitted) == pytest.approx(2.0 * norm.cdf(deviations) - 1.0)
+
+
+def test_what_is_not_told_from_zero_is_no_finding(rubbing, planar2):
+    # Known truth: friction on the elbow, and no offset.
+    plain = narrow_search(rubbing.search, rubbing.logs, rubbing.cutoff_hz, rubbing.noise)
+    friction, offset = rubbing.term("coulomb_friction", "elbow"), rubbing.term("torque_offset", "elbow")
+    kept, fitted = distinct(planar2, plain, frozenset([friction, offset]), rubbing.logs, rubbing.cutoff_hz)
+    assert kept == {friction}
+    assert [place.term for place in fitted.places] == [friction]
+
+
+def test_a_simpler_law_is_named_where_a_richer_one_is_better_by_less_than_the_method_is_accurate_to(lab, pendulum):
+    # Known truth: friction of five hundred times the noise, greater by one per cent in one direction.
+    robot = replace(pendulum, coulomb_friction=np.zeros(1), viscous_friction=np.zeros(1))
+    motion = lab.motion(1, 3, seconds=20.0)
+    torque = lab.acting(robot, motion, "coulomb_friction", "pin", 5.0) * np.where(motion.v > 0, 1.01, 1.0)
+    found = diagnose(robot, (lab.recording(robot, motion, torque, noise=0.01),)).findings
+    assert [(finding.effect, finding.rivals) for finding in found] == [("coulomb_friction", ())]
