@@ -68,7 +68,7 @@ def whitened(
     white = replace(
         columns, values=tuple(values), residual=tuple(residual), model_torque=tuple(torque), usable=tuple(usable)
     )
-    return white, whitened_noise(columns, noise)
+    return white, tuple(_white(kernels, part) * counts for part, counts in zip(noise, trust, strict=True))
 
 
 def whitened_noise(
