@@ -15,9 +15,7 @@ from identification.diagnosis.rivals import block_counts, stand
 from identification.diagnosis.search import Search, ordered
 from identification.diagnosis.terms import Term
 from identification.log import Log
-from phantom_dyn.effects.inertial_parameters import InertialParameters
 from phantom_dyn.effects.input_delay import InputDelay
-from phantom_dyn.effects.payload import Payload
 from phantom_dyn.robot import Robot
 
 Array = np.ndarray
@@ -33,22 +31,22 @@ def distinct(
     """Effects without those whose numbers, fitted with all others, are not told from zero, and that fit.
 
     The search holds all but the coefficients, and weighs noise otherwise: what gains there may be nothing in the fit
-    that states its size. Only laws that are linear are asked: of others the shape says how large they are. Nor are
-    inertial parameters, of which a motion shows some and leaves others to their priors.
+    that states its size. Only laws that are linear are asked: of others the shape says how large they are. Nor is what
+    goes with accelerations: a torque constant and a load trade with each other and with the tolerances, so that neither
+    is told from zero beside the other.
     """
     while True:
         fitted = joint_fit(robot, plain.problem, logs, cutoff_hz, ordered(chosen), plain.evaluate(chosen))
-        certain = {term: certainty(term, fitted) for term in ordered(chosen) if term.named and _is_linear(term)}
+        certain = {term: certainty(term, fitted) for term in ordered(chosen) if term.named and _is_asked(term)}
         least = min(certain, key=lambda term: certain[term], default=None)
         if least is None or certain[least] >= _CERTAIN:
             return chosen, fitted
         chosen = chosen - {least}
 
 
-def _is_linear(term: Term) -> bool:
+def _is_asked(term: Term) -> bool:
     # The shape of a delay is its coefficient.
-    linear = not term.shape or isinstance(term.effect, InputDelay)
-    return linear and not isinstance(term.effect, InertialParameters | Payload)
+    return isinstance(term.effect, InputDelay) or not (term.shape or term.effect.uses_acceleration)
 
 
 def certainty(term: Term, fitted: JointFit) -> float:

@@ -38,6 +38,13 @@ def test_what_is_not_told_from_zero_is_no_finding(rubbing, planar2):
     assert [place.term for place in fitted.places] == [friction]
 
 
+def test_what_goes_with_accelerations_stays_though_nothing_tells_it_from_zero(rubbing, planar2):
+    # Known truth: the torque constants are right; beside a load, which they trade with, none would ever be certain.
+    plain = narrow_search(rubbing.search, rubbing.logs, rubbing.cutoff_hz, rubbing.noise)
+    chosen = frozenset([rubbing.term("coulomb_friction", "elbow"), rubbing.term("torque_constant", "elbow")])
+    assert distinct(planar2, plain, chosen, rubbing.logs, rubbing.cutoff_hz)[0] == chosen
+
+
 def test_a_simpler_law_is_named_where_a_richer_one_is_better_by_less_than_the_method_is_accurate_to(lab, pendulum):
     # Known truth: friction of five hundred times the noise, greater by one per cent in one direction.
     robot = replace(pendulum, coulomb_friction=np.zeros(1), viscous_friction=np.zeros(1))
