@@ -93,8 +93,11 @@ def stand(search: Search, chosen: frozenset[Term], term: Term) -> Standing:
         place = tuple(other.place for other in ordered(others))
         odds = min(odds_of_richer(search, chosen, swapped), 1.0)
         shares[place] = max(shares.get(place, 0.0), odds * shares[()])
-    kept = {effects: share for effects, share in shares.items() if share >= _LISTED and effects}
     own = shares[()]
+    kept = {effects: share for effects, share in shares.items() if share >= _LISTED and effects}
+    # Odds of richer laws come on top of the shares, so that all may be more than one.
+    while kept and min(kept.values()) < _LISTED * (own + sum(kept.values())):
+        del kept[min(kept, key=lambda effects: kept[effects])]
     total = own + sum(kept.values())
     rivals = tuple(
         Rival(tuple(EffectAt(*place) for place in effects), share / total)
