@@ -72,8 +72,10 @@ def smallest_seen(
         name, direction = term.effect.probe(robot, operation, term.joint)
         # Several orders of a cogging torque: one unit of the first.
         direction = np.concatenate([direction, np.zeros(len(term.columns) - len(direction))])
-        whole, by_block = _information(problem, term, direction, base, inverse)
+        whole, beside = _information(problem, term, direction, base, inverse)
         narrow, _ = _information(plain.problem, term, direction, base, inverse_plain)
+        index, parts = np.concatenate([base, term.columns]), np.concatenate([beside, direction])
+        by_block = problem.grams.core_a.squares(index, np.tile(parts, (len(problem.blocks), 1)))
         size = max(
             deviations / np.sqrt(held_out * information) if information > 0 else np.inf
             for deviations, information in (
@@ -82,7 +84,7 @@ def smallest_seen(
             )
         )
         by_shape = term.effect.seen_by == "shape"
-        # Of a shape that is a size a recording may hold the least share of its law that is taken for it.
+        # A real play may leave less than its law says, but no less than the share from which on it is taken for one.
         if not size < (term.lower[0] if by_shape else _largest(search, term, direction)):
             why = f"it would have to exceed the torque measured on {joint} to be seen in this recording"
             if by_shape:
@@ -143,15 +145,13 @@ def _inverse(problem: Problem, base: Array) -> Float[Array, "n n"]:
 
 def _information(
     problem: Problem, term: Term, direction: Float[Array, " k"], base: Array, inverse: Float[Array, "n n"]
-) -> tuple[float, Float[Array, " B"]]:
-    """Information on a term's size when nuisances and findings are fitted beside it, and what each block has of it."""
+) -> tuple[float, Float[Array, " n"]]:
+    """Information on a term's size when nuisances and findings are fitted beside it, and what these then take."""
     a = problem.total_a
     own = list(term.columns)
     cross = direction @ a[own][:, base]
     beside = -inverse @ cross
-    index, parts = np.concatenate([base, own]), np.concatenate([beside, direction])
-    by_block = problem.grams.core_a.squares(index, np.tile(parts, (len(problem.blocks), 1)))
-    return float(direction @ a[own][:, own] @ direction + cross @ beside), by_block
+    return float(direction @ a[own][:, own] @ direction + cross @ beside), beside
 
 
 def _largest(search: Search, term: Term, direction: Float[Array, " k"]) -> float:

@@ -107,7 +107,7 @@ def diagnose(
     spurious = spurious_gains(search, again, noise)
     del again
     search = _with_thresholds(search, noise, spurious, progress)
-    search, chosen, noise = _search(search, noise, spurious, folds, progress)
+    search, chosen, noise = _search(search, noise, progress)
     before: tuple[FoundEffect, ...] = ()
     tried: set[tuple[str, str | None]] = set()
     for _ in range(_REFINEMENTS):
@@ -127,7 +127,7 @@ def diagnose(
                 robot, logs, cutoff_hz, known, found, rest, near, before=columns, seen=seen, apart=apart
             )
         search = _with_thresholds(_set_up(columns, blocks, folds, noise), noise, spurious, progress)
-        search, chosen, noise = _search(search, noise, spurious, folds, progress, same_effects(search, found))
+        search, chosen, noise = _search(search, noise, progress, same_effects(search, found))
     chosen = settled(search, chosen)
     coarse = coarse_joints(robot, columns, logs, steps)
     progress("comparing rivals")
@@ -167,8 +167,6 @@ def _with_thresholds(
 def _search(
     search: Search,
     noise: tuple[Float[Array, "n nv"], ...],
-    spurious: dict[tuple[str, str | None], float],
-    folds: Int[Array, " B"],
     progress: Callable[[str], None],
     start: frozenset[Term] = frozenset(),
 ) -> tuple[Search, frozenset[Term], tuple[Float[Array, "n nv"], ...]]:
@@ -194,8 +192,8 @@ def _search(
         quiet, gain = noise_without(search, tried, chosen, left)
         if gain < _LEAST_TRACE:
             break
-        anew = _set_up(search.problem.columns, search.problem.blocks, folds, quiet)
-        anew = _with_thresholds(anew, quiet, spurious, progress)
+        anew = _set_up(search.problem.columns, search.problem.blocks, search.problem.grams.fold, quiet)
+        anew = _with_thresholds(anew, quiet, search.spurious, progress)
         if not claimed(anew, tried, chosen):
             break
         search, chosen, noise, left = anew, explain(anew, progress, tried), quiet, quiet

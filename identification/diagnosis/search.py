@@ -30,8 +30,7 @@ BEST_BLOCKS, _BEST_BLOCKS_NAMELESS = 2, 1
 LARGE = 10.0
 # A gain has to be this many times what encoder noise alone gives, beyond what chance gives.
 _SPURIOUS = 2.0
-# Alignment, derivatives and the tolerance taken as linear are right to about 2.6 % of the torque they explain, of which
-# this is the square.
+# Alignment, derivatives and the tolerance taken as linear are trusted to 2.6 % of the torque they explain; its square.
 ACCURACY = 0.0007
 # Rivals that are fitted to know their gains in sample: the best ranked, with at least this share of the best gain.
 _MOST_FITTED = 30

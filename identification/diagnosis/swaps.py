@@ -101,7 +101,7 @@ def relevant(search: Search, chosen: frozenset[Term], term: Term, slack: float) 
         and all(rest.isdisjoint(search.covering(other)) for other in others)
     ]
     singles = tuple(other for others in near if len(others) == 1 for other in others if other not in rest)
-    lost = search.quick(rest) - search.quick(chosen)
+    lost = explained(search, chosen, term)
     promised = search.gains(rest, singles)
     # Promises are to second order, and may be off by a few per cent where a law is not linear.
     least = lost - price(search.sizes[term]) - max(slack, 0.05 * lost)
