@@ -39,9 +39,9 @@ from benchmarks.comparison import (
 )
 from benchmarks.core_speed import core_rows
 from phantom_dyn import load_robot
-from phantom_dyn.dynamics import inverse_dynamics
-from phantom_dyn.robot import Robot
-from phantom_dyn.robot_files import examples_folder, find_example
+from phantom_dyn.dynamics.dynamics import inverse_dynamics
+from phantom_dyn.model.robot import Robot
+from phantom_dyn.model.robot_files import examples_folder, find_example
 
 ROBOT, SAMPLES, RATE_HZ, NOISE = "example:ur10", 15_000, 500.0, 0.1
 REQUIREMENT = "figaroh==1.0.2"

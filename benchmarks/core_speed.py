@@ -18,8 +18,8 @@ if __package__ in (None, ""):  # called by its path: the checkout is not on the 
 
 from benchmarks.comparison import Row, missed, more_than, own, several_sines, table
 from phantom_dyn import load_robot
-from phantom_dyn.dynamics import rigid_body_regressor
-from phantom_dyn.kernels import plain
+from phantom_dyn._kernels import plain
+from phantom_dyn.dynamics.dynamics import rigid_body_regressor
 
 ROBOT, SAMPLES = "example:ur10", 15_000
 FASTER, WRITING = 5.0, 4.0

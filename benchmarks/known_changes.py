@@ -14,15 +14,14 @@ from pathlib import Path
 
 import numpy as np
 
-from identification.diagnosis.diagnose import diagnose
+from identification.data.changes import Change, KnownPayload, robot_in
+from identification.data.recording import Recording
+from identification.diagnosis.diagnosis import diagnose
 from identification.diagnosis.result import Diagnosis
-from identification.known_changes.change import Change, KnownPayload
-from identification.known_changes.loaded import robot_in
-from identification.recordings import Recording
 from phantom_dyn import load_robot
 from phantom_dyn.effects.catalogue import effect_named
-from phantom_dyn.robot import Robot
-from phantom_dyn.simulation import Cause, simulate
+from phantom_dyn.model.robot import Robot
+from phantom_dyn.simulation.simulate import Cause, simulate
 
 Array = np.ndarray
 

@@ -16,16 +16,15 @@ from pathlib import Path
 
 import numpy as np
 
-from identification.diagnosis.diagnose import diagnose
+from identification.data.recording import Recording
+from identification.diagnosis.diagnosis import diagnose
 from identification.diagnosis.result import Diagnosis
-from identification.motion_only.gains import suggested_gains
-from identification.motion_only.reconstruct import motion_robot, with_commanded_torque
-from identification.recordings import Recording
+from identification.scenarios.motion_only import motion_robot, suggested_gains, with_commanded_torque
 from phantom_dyn import load_robot
 from phantom_dyn.effects.catalogue import effect_named
-from phantom_dyn.robot import Actuator, Controller, Robot
-from phantom_dyn.simulation import Cause, simulate
-from phantom_dyn.tracking import position_control
+from phantom_dyn.model.robot import Actuator, Controller, Robot
+from phantom_dyn.simulation.control import position_control
+from phantom_dyn.simulation.simulate import Cause, simulate
 
 Array = np.ndarray
 

@@ -22,16 +22,15 @@ from pathlib import Path
 import numpy as np
 
 from benchmarks.next_experiment_cases import Case, Place, drawn_case, recorded
-from identification.diagnosis.diagnose import diagnose
+from identification.data.changes import Change, KnownPayload
+from identification.data.recording import Recording
+from identification.data.signals import process_all
+from identification.diagnosis.diagnosis import diagnose
 from identification.diagnosis.result import Diagnosis
 from identification.excitation.criteria import DOptimality
 from identification.excitation.excite import excite
-from identification.excitation.shapes import FourierSeries
-from identification.known_changes.change import Change, KnownPayload
-from identification.next_experiment.candidates import candidates, design_of
-from identification.next_experiment.safe import safe_limits
-from identification.recordings import Recording
-from identification.signals import process_all
+from identification.excitation.motion_shapes import FourierSeries
+from identification.next_experiment.candidates import candidates, design_of, safe_limits
 from phantom_dyn.motion import Motion
 
 CHOICES = ("proposed", "random", "D-optimal")

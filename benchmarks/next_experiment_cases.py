@@ -15,10 +15,10 @@ from benchmarks.blind.generator.reference import AMPLITUDES, fourier
 from benchmarks.blind.generator.robots import Table
 from benchmarks.blind.generator.setup import Setup, draw_setup, logged_torque, run_of, tracks
 from benchmarks.blind.generator.simulate import feedforward
-from identification.known_changes.change import KnownPayload
-from identification.recordings import Recording
-from phantom_dyn.loading import load_robot
-from phantom_dyn.robot import Robot
+from identification.data.changes import KnownPayload
+from identification.data.recording import Recording
+from phantom_dyn.model.loading import load_robot
+from phantom_dyn.model.robot import Robot
 
 ROBOTS = ("pendulum", "planar2", "spatial3")
 EFFECTS = (

@@ -16,18 +16,18 @@ from typing import Any
 
 import numpy as np
 
+from identification.data.log import Band, Log
+from identification.data.reading import read_recording
+from identification.data.signals import process
 from identification.estimators.ols import fit_ols, ols
-from identification.log import Band, Log
-from identification.recordings import read_recording
-from identification.reduction import combined
-from identification.reduction_fit import refit
-from identification.regressor import EffectOnJoint, gap_regressor, torque_regressor
-from identification.signals import process
+from identification.estimators.reduced_fit import refit
+from identification.regression.reduction import combined
+from identification.regression.regressor import EffectOnJoint, gap_regressor, torque_regressor
 from phantom_dyn import load_robot
-from phantom_dyn.dynamics import inverse_dynamics
+from phantom_dyn.dynamics.dynamics import inverse_dynamics
 from phantom_dyn.effects.catalogue import effect_named
+from phantom_dyn.model.robot import Robot
 from phantom_dyn.motion import Motion
-from phantom_dyn.robot import Robot
 
 FEW = 200
 """Samples of a first run, which is not timed: what is imported or compiled late counts on neither side."""

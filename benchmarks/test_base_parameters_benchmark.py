@@ -5,17 +5,17 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from identification.base_parameters import base_parameters
+from identification.data.log import Log
+from identification.data.signals import low_pass
 from identification.estimators.ols import ols
 from identification.estimators.wls import wls
-from identification.log import Log
-from identification.regressor import Regressor, torque_regressor
-from identification.signals import low_pass
+from identification.regression.base_parameters import base_parameters
+from identification.regression.regressor import Regressor, torque_regressor
 from phantom_dyn import load_robot
-from phantom_dyn.dynamics import inverse_dynamics
+from phantom_dyn.dynamics.dynamics import inverse_dynamics
 from phantom_dyn.effects.catalogue import effect_named
+from phantom_dyn.model.robot import Robot
 from phantom_dyn.motion import Motion
-from phantom_dyn.robot import Robot
 
 
 @pytest.fixture(scope="module")

@@ -5,13 +5,13 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from identification.base_parameters import r_factor
-from identification.estimators.consistent import consistent_parameters, program_of_factor
-from identification.estimators.consistent_program import Prior
-from identification.log import Band, Log
-from identification.regressor import Regressor, torque_regressor
+from identification.data.log import Band, Log
+from identification.estimators.consistent.consistent import consistent_parameters, program_of_factor
+from identification.estimators.consistent.consistent_program import Prior
+from identification.regression.base_parameters import r_factor
+from identification.regression.regressor import Regressor, torque_regressor
 from phantom_dyn import load_robot
-from phantom_dyn.dynamics import inverse_dynamics
+from phantom_dyn.dynamics.dynamics import inverse_dynamics
 from phantom_dyn.effects.catalogue import effect_named
 from phantom_dyn.motion import Motion
 

@@ -11,18 +11,18 @@ import numpy as np
 import pytest
 
 from benchmarks.diagnosis_cost import drive_torque, sines
-from identification.diagnosis.blocks import Block, Weights, assign_folds, build_grams, split_blocks
-from identification.diagnosis.columns import Columns, build_columns
-from identification.diagnosis.diagnose import diagnose
-from identification.diagnosis.fitting import fit
-from identification.diagnosis.noise import estimate_noise, weights_of
-from identification.diagnosis.problem import set_up
-from identification.diagnosis.whitening import whitened
-from identification.log import Log
-from identification.recordings import Recording
-from identification.signals import process_all
+from identification.data.log import Log
+from identification.data.recording import Recording
+from identification.data.signals import process_all
+from identification.diagnosis.diagnosis import diagnose
+from identification.diagnosis.fit.blocks import Block, Weights, assign_folds, build_grams, split_blocks
+from identification.diagnosis.fit.fitting import fit
+from identification.diagnosis.fit.problem import set_up
+from identification.diagnosis.model.columns import Columns, build_columns
+from identification.diagnosis.noise.noise_floor import estimate_noise, weights_of
+from identification.diagnosis.noise.whitening import whitened
 from phantom_dyn import load_robot
-from phantom_dyn.robot import Robot
+from phantom_dyn.model.robot import Robot
 
 
 @dataclass(frozen=True)

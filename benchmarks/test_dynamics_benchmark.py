@@ -14,12 +14,12 @@ import pinocchio as pin
 import pytest
 
 from phantom_dyn import load_robot
-from phantom_dyn.dynamics import inverse_dynamics, mass_matrix, rigid_body_regressor
-from phantom_dyn.kernels import plain, rigid_body
-from phantom_dyn.kinematics import frame_jacobian
+from phantom_dyn._kernels import plain, rigid_body
+from phantom_dyn.dynamics.dynamics import inverse_dynamics, mass_matrix, rigid_body_regressor
+from phantom_dyn.dynamics.kinematics import frame_jacobian
 from phantom_dyn.loops.solver import solve
+from phantom_dyn.model.robot import Robot
 from phantom_dyn.motion import Motion
-from phantom_dyn.robot import Robot
 
 ROBOTS = Path(__file__).resolve().parents[1] / "tests" / "robots"
 SAMPLES = 15000

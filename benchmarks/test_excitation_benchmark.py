@@ -11,17 +11,17 @@ from dataclasses import dataclass
 import numpy as np
 import pytest
 
-from identification.excitation.base import base_of
 from identification.excitation.collisions import collisions_of
 from identification.excitation.criteria import ConditionNumber
+from identification.excitation.design_problem import Grid, Problem
 from identification.excitation.excite import condition_of, excite
+from identification.excitation.excited_base import base_of
 from identification.excitation.limits import Limits, limits_of
+from identification.excitation.motion_shapes import BSplines, FourierSeries, TrianglesAndSines
 from identification.excitation.postures import feasible_postures
-from identification.excitation.problem import Grid, Problem
-from identification.excitation.shapes import BSplines, FourierSeries, TrianglesAndSines
 from identification.excitation.starts import random_motion
 from phantom_dyn import load_robot
-from phantom_dyn.robot import Robot
+from phantom_dyn.model.robot import Robot
 
 RANDOM = 200
 FEW = 20

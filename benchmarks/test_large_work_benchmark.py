@@ -13,7 +13,7 @@ import pytest
 from joblib import parallel_config
 
 from benchmarks.diagnosis_cost import drive_torque, sines
-from identification.diagnosis.each import diagnose_each
+from identification.batch.diagnose_each import diagnose_each
 from phantom_dyn import load_robot
 from phantom_dyn.maps.from_robot import map_model
 from phantom_dyn.maps.grid import read_grid

@@ -7,9 +7,8 @@ from itertools import pairwise
 import numpy as np
 import pytest
 
-from identification.reduction import Reduction
-from identification.reduction_fit import refit
-from identification.reduction_stream import reduce_blocks
+from identification.estimators.reduced_fit import refit
+from identification.regression.reduction import Reduction, reduce_blocks
 
 JOINTS, SAMPLES = 5, 20_000
 """Five rows a sample: 100000 rows."""

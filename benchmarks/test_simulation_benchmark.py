@@ -19,9 +19,9 @@ import pytest
 
 from phantom_dyn import load_robot
 from phantom_dyn.effects.catalogue import effect_named
-from phantom_dyn.robot import Robot
-from phantom_dyn.simulation import Cause, Simulation, simulate
-from phantom_dyn.tracking import torque_over_time
+from phantom_dyn.model.robot import Robot
+from phantom_dyn.simulation.control import torque_over_time
+from phantom_dyn.simulation.simulate import Cause, Simulation, simulate
 
 ROBOTS = Path(__file__).resolve().parents[1] / "tests" / "robots"
 STEP, SAMPLE = 1e-5, 1e-3

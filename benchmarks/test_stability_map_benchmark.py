@@ -8,9 +8,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from phantom_dyn.haptics.published import LHIFAM_NEW_CABLE
-from phantom_dyn.haptics.stability import critical_stiffness
-from phantom_dyn.haptics.stability_map import stability_map
+from phantom_dyn.haptics.device.published import LHIFAM_NEW_CABLE
+from phantom_dyn.haptics.stability.critical_stiffness import critical_stiffness, stability_map
 
 PERIOD = 1e-3
 

@@ -6,11 +6,11 @@ import sys
 
 import numpy as np
 
-from identification.base_parameters import base_parameters_of_matrix
+from identification.regression.base_parameters import base_parameters_of_matrix
 from phantom_dyn import load_robot
-from phantom_dyn.dynamics import rigid_body_regressor
+from phantom_dyn.dynamics.dynamics import rigid_body_regressor
 from phantom_dyn.errors import RobotError
-from phantom_dyn.inertia import parameter_names, parameter_units
+from phantom_dyn.model.inertia import parameter_names, parameter_units
 from phantom_dyn.motion import Motion
 
 

@@ -19,7 +19,7 @@ from pathlib import Path
 from arguments import CHECKOUT
 from emps_log import PUBLISHED, write_emps_log
 
-from identification.diagnosis.effect_words import effect_words
+from identification.words.effect_words import effect_words
 from phantom_dyn.errors import LogError
 
 if str(CHECKOUT) not in sys.path:

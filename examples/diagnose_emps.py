@@ -8,9 +8,9 @@ from pathlib import Path
 from arguments import chosen_folder
 from emps_log import PUBLISHED, write_emps_log
 
-from identification.diagnosis.diagnose import diagnose
-from identification.diagnosis.summary import summary
-from identification.recordings import read_recording
+from identification.data.reading import read_recording
+from identification.diagnosis.diagnosis import diagnose
+from identification.reporting.diagnosis_summary import summary
 from phantom_dyn import load_robot
 from phantom_dyn.errors import LogError
 

@@ -11,10 +11,10 @@ from pathlib import Path
 from arguments import chosen_folder
 from double_pendulum_logs import write_double_pendulum_logs
 
-from identification import datasets
-from identification.diagnosis.diagnose import diagnose
-from identification.diagnosis.summary import summary
-from identification.recordings import read_recording
+from identification.data import datasets
+from identification.data.reading import read_recording
+from identification.diagnosis.diagnosis import diagnose
+from identification.reporting.diagnosis_summary import summary
 from phantom_dyn import load_robot
 from phantom_dyn.errors import LogError
 

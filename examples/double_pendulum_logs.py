@@ -12,7 +12,7 @@ from pathlib import Path
 import numpy as np
 from arguments import chosen_folder
 
-from identification import datasets
+from identification.data import datasets
 from phantom_dyn.errors import LogError
 
 JOINTS = ("Joint1", "Joint2")

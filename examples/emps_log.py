@@ -13,7 +13,7 @@ import numpy as np
 from arguments import chosen_folder
 from scipy.io import loadmat
 
-from identification import datasets
+from identification.data import datasets
 from phantom_dyn.errors import LogError
 
 # Janot, Gautier and Brunot (2019), estimated from this recording. Our torque offset is the force that acts on the

@@ -11,37 +11,41 @@ from joystick_walk import JOYSTICK, SILENT_ABOVE
 from matplotlib.figure import Figure
 
 from phantom_dyn.haptics import figures
-from phantom_dyn.haptics.axis import RigidAxis
-from phantom_dyn.haptics.cheap_axis import CheapAxis, StickingFriction, VirtualMass, cheap_translation
-from phantom_dyn.haptics.cheap_hardware import rendered
-from phantom_dyn.haptics.drives import PUBLISHED_RISE_LINEAR, PUBLISHED_RISE_PULSES, Winding, switched_current, warming
-from phantom_dyn.haptics.encoder import Encoder
-from phantom_dyn.haptics.feedforward import (
-    Feedforward,
-    critical_feedforward,
-    low_pass,
-    transparency,
-    worst_critical_feedforward,
+from phantom_dyn.haptics.cheap.cheap_axis import CheapAxis, StickingFriction, VirtualMass, cheap_translation
+from phantom_dyn.haptics.cheap.cheap_hardware import rendered
+from phantom_dyn.haptics.device.axis import YOKOKOHJI_YOSHIKAWA, Operator, RigidAxis
+from phantom_dyn.haptics.device.drives import (
+    PUBLISHED_RISE_LINEAR,
+    PUBLISHED_RISE_PULSES,
+    Winding,
+    switched_current,
+    warming,
 )
-from phantom_dyn.haptics.frequency_identification import fit_two_mass
-from phantom_dyn.haptics.loop_simulation import LoopSettings
-from phantom_dyn.haptics.operator import YOKOKOHJI_YOSHIKAWA, Operator
-from phantom_dyn.haptics.phantom_improvements import phantom_improvements
-from phantom_dyn.haptics.published import LHIFAM, LHIFAM_NEW_CABLE
-from phantom_dyn.haptics.relay import limit_cycle, simulate_relay
-from phantom_dyn.haptics.stability import loop_bode
-from phantom_dyn.haptics.stability_map import stability_map
-from phantom_dyn.haptics.teleoperation import critical_loop_gain, simulate_teleoperation
-from phantom_dyn.haptics.velocity_comparison import estimator_figures
-from phantom_dyn.haptics.velocity_estimators import (
+from phantom_dyn.haptics.device.published import LHIFAM, LHIFAM_NEW_CABLE
+from phantom_dyn.haptics.experiments.frequency_identification import fit_two_mass
+from phantom_dyn.haptics.experiments.relay import limit_cycle, simulate_relay
+from phantom_dyn.haptics.experiments.white_noise import simulate_white_noise
+from phantom_dyn.haptics.sensing.encoder import Encoder
+from phantom_dyn.haptics.sensing.loop_simulation import LoopSettings
+from phantom_dyn.haptics.sensing.velocity_comparison import estimator_figures
+from phantom_dyn.haptics.sensing.velocity_estimators import (
     IMPROVED,
     STOCK,
     AdaptiveWindow,
     AveragedDifference,
     KalmanVelocity,
 )
-from phantom_dyn.haptics.virtual_wall import critical_wall, simulate_wall
-from phantom_dyn.haptics.white_noise import simulate_white_noise
+from phantom_dyn.haptics.stability.critical_stiffness import loop_bode, stability_map
+from phantom_dyn.haptics.stability.force_feedforward import (
+    Feedforward,
+    critical_feedforward,
+    low_pass,
+    transparency,
+    worst_critical_feedforward,
+)
+from phantom_dyn.haptics.stability.passivity import critical_loop_gain, simulate_teleoperation
+from phantom_dyn.haptics.stability.phantom_improvements import phantom_improvements
+from phantom_dyn.haptics.stability.virtual_wall import critical_wall, simulate_wall
 from phantom_dyn.walking.walker import talos
 from phantom_dyn.walking.walking_reference import walk
 

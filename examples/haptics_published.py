@@ -5,18 +5,9 @@ from __future__ import annotations
 import argparse
 import math
 
-from phantom_dyn.haptics.axis import RigidAxis
-from phantom_dyn.haptics.drives import PUBLISHED_RISE_LINEAR, PUBLISHED_RISE_PULSES, duty_of_heat_ratio
-from phantom_dyn.haptics.encoder import Encoder
-from phantom_dyn.haptics.feedforward import (
-    Feedforward,
-    critical_feedforward,
-    felt_mass,
-    worst_critical_feedforward,
-)
-from phantom_dyn.haptics.operator import YOKOKOHJI_YOSHIKAWA
-from phantom_dyn.haptics.phantom_improvements import Improvement, operational_masses, phantom_improvements
-from phantom_dyn.haptics.published import (
+from phantom_dyn.haptics.device.axis import YOKOKOHJI_YOSHIKAWA, RigidAxis
+from phantom_dyn.haptics.device.drives import PUBLISHED_RISE_LINEAR, PUBLISHED_RISE_PULSES, duty_of_heat_ratio
+from phantom_dyn.haptics.device.published import (
     LHIFAM,
     LHIFAM_HEAVIER_MOTOR,
     LHIFAM_NEW_CABLE,
@@ -27,10 +18,18 @@ from phantom_dyn.haptics.published import (
     PRINTED_CROSSING,
     low_frequency_inertia,
 )
-from phantom_dyn.haptics.relay import limit_cycle, simulate_relay
-from phantom_dyn.haptics.stability import critical_stiffness, linear_stiffness
-from phantom_dyn.haptics.velocity_comparison import estimator_figures
-from phantom_dyn.haptics.velocity_estimators import STOCK
+from phantom_dyn.haptics.experiments.relay import limit_cycle, simulate_relay
+from phantom_dyn.haptics.sensing.encoder import Encoder
+from phantom_dyn.haptics.sensing.velocity_comparison import estimator_figures
+from phantom_dyn.haptics.sensing.velocity_estimators import STOCK
+from phantom_dyn.haptics.stability.critical_stiffness import critical_stiffness, linear_stiffness
+from phantom_dyn.haptics.stability.force_feedforward import (
+    Feedforward,
+    critical_feedforward,
+    felt_mass,
+    worst_critical_feedforward,
+)
+from phantom_dyn.haptics.stability.phantom_improvements import Improvement, operational_masses, phantom_improvements
 
 HZ = 2 * math.pi
 Row = tuple[str, str, str, str]

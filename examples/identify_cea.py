@@ -7,7 +7,6 @@ from __future__ import annotations
 
 import numpy as np
 
-from identification.base_parameters import base_parameters_of_matrix
 from identification.experiments.cea_identification import simulate_identification
 from identification.experiments.linear_fit import LinearFit
 from identification.experiments.parallelogram_friction import (
@@ -19,12 +18,12 @@ from identification.experiments.parallelogram_friction import (
     passive_friction,
 )
 from identification.experiments.transmission import Loop, blocked_arm_loop, fit_transmission, triangular_torque
+from identification.regression.base_parameters import base_parameters_of_matrix
 from phantom_dyn import load_robot
 from phantom_dyn.devices.cea import FRICTION_TESTS, STIFFNESS_UNITS, TRANSMISSION_STIFFNESS, LinkLengths
-from phantom_dyn.devices.cea_dynamics import NAMES, VALUES, regressor
-from phantom_dyn.devices.cea_operational import STIFFNESS_OF_RANGES, nearest_posture
-from phantom_dyn.dynamics import rigid_body_regressor
-from phantom_dyn.inertia import parameter_names, parameter_units
+from phantom_dyn.devices.cea_dynamics import NAMES, STIFFNESS_OF_RANGES, VALUES, nearest_posture, regressor
+from phantom_dyn.dynamics.dynamics import rigid_body_regressor
+from phantom_dyn.model.inertia import parameter_names, parameter_units
 from phantom_dyn.motion import Motion
 
 TORQUE_NOISE = 0.02  # N m

@@ -8,10 +8,10 @@ from pathlib import Path
 from arguments import chosen_folder
 from emps_log import write_emps_log
 
+from identification.data.reading import read_recording
+from identification.data.signals import process
 from identification.estimators.cross_validation import cross_validate
 from identification.estimators.ols import fit_ols
-from identification.recordings import read_recording
-from identification.signals import process
 from phantom_dyn import load_robot
 from phantom_dyn.effects.catalogue import effect_named
 from phantom_dyn.errors import LogError

@@ -8,7 +8,7 @@ import numpy as np
 from arguments import chosen_folder
 
 from phantom_dyn.haptics.figures import walk_figure
-from phantom_dyn.walking.joystick import Joystick
+from phantom_dyn.walking.footsteps import Joystick
 from phantom_dyn.walking.walker import talos
 from phantom_dyn.walking.walking_reference import walk
 

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import sys
 
-from identification.diagnosis.diagnose import diagnose
-from identification.diagnosis.summary import summary
-from identification.recordings import read_recording
+from identification.data.reading import read_recording
+from identification.diagnosis.diagnosis import diagnose
+from identification.reporting.diagnosis_summary import summary
 from phantom_dyn import load_robot
 from phantom_dyn.errors import PhantomDynError
 

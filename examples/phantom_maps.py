@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 from arguments import chosen_folder
 
-from identification.export.map_files import write_map
+from identification.export.log_and_map_files import write_map
 from phantom_dyn import load_robot
 from phantom_dyn.maps.from_robot import map_model
 from phantom_dyn.maps.grid import read_grid

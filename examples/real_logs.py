@@ -15,7 +15,7 @@ from pathlib import Path
 import numpy as np
 from arguments import chosen_folder
 
-from identification import datasets
+from identification.data import datasets
 from phantom_dyn.errors import LogError
 
 Array = np.ndarray

@@ -22,8 +22,8 @@ from emps_log import write_emps_log
 from real_logs import write_odrive_logs, write_so101_logs, write_sts3215_log, write_xl330_logs
 from real_words import said
 
-from identification import datasets
 from identification.cli.main import main as phantom_dyn
+from identification.data import datasets
 from phantom_dyn.errors import LogError
 
 DATA = Path(__file__).parent / "data"

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from identification.diagnosis.effect_words import effect_words
+from identification.words.effect_words import effect_words
 
 VERDICTS = {
     "explained": "Explained",

@@ -1,4 +1,14 @@
-"""The exceptions of both packages."""
+"""The exceptions of both packages, and half sentences that help a user who wrote a name that does not exist.
+
+The exceptions of both packages.
+
+Half sentences that help a user who wrote a name that does not exist.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from difflib import get_close_matches
 
 
 class PhantomDynError(Exception):
@@ -31,3 +41,33 @@ class IdentifiabilityError(PhantomDynError):
 
 class EstimationError(PhantomDynError):
     """A solver failed."""
+
+
+_LISTED = 100
+"""Names listed in full; a longer list hides the one that is wanted."""
+
+
+def nearest(name: str, known: Iterable[str]) -> str | None:
+    """The known name that looks most like ``name``, or None when none is close; case does not count."""
+    folded = {other.casefold(): other for other in known}
+    close = get_close_matches(name.casefold(), folded, n=1, cutoff=0.5)
+    return folded[close[0]] if close else None
+
+
+def known_names(name: str, known: Iterable[str], what: str) -> str:
+    """Say which names exist and which one was probably meant.
+
+    Args:
+        name: What the user wrote.
+        known: What exists, in the order to list.
+        what: Plural noun of the known things, such as ``joints``.
+
+    Returns:
+        For example ``the joints are a, b, c; did you mean b?``, the end of a sentence with its mark.
+    """
+    names = list(known)
+    if not names:
+        return f"there are no {what}."
+    more = f" and {len(names) - _LISTED} more" if len(names) > _LISTED else ""
+    guess = nearest(name, names)
+    return f"the {what} are {', '.join(names[:_LISTED])}{more}" + (f"; did you mean {guess}?" if guess else ".")

@@ -13,13 +13,13 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from identification.columns import read_column_map
-from identification.known_changes.recordings_file import read_changes
+from identification.data.readers.column_map import read_column_map
+from identification.scenarios.recordings_file import read_changes
 from phantom_dyn import load_robot
-from phantom_dyn.dynamics import inverse_dynamics, rigid_body_regressor
+from phantom_dyn.dynamics.dynamics import inverse_dynamics, rigid_body_regressor
 from phantom_dyn.effects.catalogue import EFFECTS
+from phantom_dyn.model.robot_config import RobotConfig, read_robot_config
 from phantom_dyn.motion import Motion
-from phantom_dyn.robot_config import RobotConfig, read_robot_config
 
 CHECKOUT = Path(__file__).resolve().parents[1]
 EXAMPLES = CHECKOUT / "examples"

@@ -14,7 +14,7 @@ import jaxtyping
 import numpy as np
 import pytest
 
-from identification.recordings import Recording
+from identification.data.recording import Recording
 from phantom_dyn import __version__
 
 CHECKOUT = Path(__file__).resolve().parents[1]

@@ -14,12 +14,12 @@ from collections.abc import Callable
 from itertools import product
 from pathlib import Path
 
-from identification.diagnosis import diagnose as pieces
-from identification.diagnosis.outputs import write_outputs
-from identification.diagnosis.search import Search
-from identification.diagnosis.terms import Term
-from identification.recordings import read_recording
-from phantom_dyn.loading import load_robot
+from identification.data.reading import read_recording
+from identification.diagnosis import diagnosis as pieces
+from identification.diagnosis.model.terms import Term
+from identification.diagnosis.search.search import Search
+from identification.reporting.diagnosis_files import write_outputs
+from phantom_dyn.model.loading import load_robot
 
 Place = tuple[str, str | None]
 

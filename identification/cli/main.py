@@ -17,13 +17,19 @@ DONE, BAD_INPUT, INTERRUPTED = 0, 2, 130
 # Name -> module and what it does. A module is imported only when its command is called, and imports what computes
 # only when it computes, so that help and refusals come at once.
 COMMANDS: dict[str, tuple[str, str]] = {
-    "diagnose": ("identification.cli.diagnose", "find what the model of a robot lacks, from recordings"),
-    "identify": ("identification.cli.identify", "estimate inertias, friction and drives, and write models to simulate"),
-    "check": ("identification.cli.check", "tell what is wrong with a recording, nothing else"),
-    "map": ("identification.cli.map", "map what is felt at the tip over the workspace: mass, friction, stiffness"),
-    "excite": ("identification.cli.excite", "design a motion that makes a robot's inertias visible"),
-    "degrade": ("identification.cli.degrade", "write the log that a cheaper device would have given"),
-    "datasets": ("identification.cli.datasets", "list and fetch recordings of real robots"),
+    "diagnose": ("identification.cli.diagnose_command", "find what the model of a robot lacks, from recordings"),
+    "identify": (
+        "identification.cli.identify_command",
+        "estimate inertias, friction and drives, and write models to simulate",
+    ),
+    "check": ("identification.cli.check_command", "tell what is wrong with a recording, nothing else"),
+    "map": (
+        "identification.cli.map_command",
+        "map what is felt at the tip over the workspace: mass, friction, stiffness",
+    ),
+    "excite": ("identification.cli.excite_command", "design a motion that makes a robot's inertias visible"),
+    "degrade": ("identification.cli.degrade_command", "write the log that a cheaper device would have given"),
+    "datasets": ("identification.cli.datasets_command", "list and fetch recordings of real robots"),
 }
 
 

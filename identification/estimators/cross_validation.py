@@ -9,11 +9,11 @@ import numpy as np
 from jaxtyping import Float
 from scipy.linalg import solve_triangular
 
-from identification.base_parameters import base_parameters_of_matrix, r_factor
-from identification.log import Log
-from identification.regressor import EffectOnJoint, Regressor, torque_regressor
+from identification.data.log import Log
+from identification.regression.base_parameters import base_parameters_of_matrix, r_factor
+from identification.regression.regressor import EffectOnJoint, Regressor, torque_regressor
 from phantom_dyn.errors import ParameterError
-from phantom_dyn.robot import Robot
+from phantom_dyn.model.robot import Robot
 
 Array = np.ndarray
 

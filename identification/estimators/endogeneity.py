@@ -8,12 +8,12 @@ import numpy as np
 from jaxtyping import Float
 from scipy.stats import chi2
 
-from identification.estimators.closed_loop import Feedback
+from identification.estimators.closed_loop.loop import Feedback
+from identification.estimators.closed_loop.simulated_start import start_of
 from identification.estimators.iv import with_instruments
-from identification.estimators.judged import Judged
-from identification.estimators.rows import base_rows, covariances, factor_of, influence_of
-from identification.estimators.start import start_of
-from identification.regressor import Regressor
+from identification.estimators.judged_values import Judged
+from identification.estimators.linear.rows import base_rows, covariances, factor_of, influence_of
+from identification.regression.regressor import Regressor
 
 Array = np.ndarray
 

@@ -8,20 +8,20 @@ from enum import Enum
 import numpy as np
 from jaxtyping import Float
 
-from identification.base_parameters import BaseParameters
-from identification.estimators.cautions import cautions, condition_of, unexplained
-from identification.estimators.least_squares import Solution
-from identification.estimators.noise import (
+from identification.data.log import Band, Log
+from identification.estimators.linear.cautions import cautions, condition_of, unexplained
+from identification.estimators.linear.least_squares import Solution
+from identification.estimators.linear.scatter import (
     autocorrelation,
     coloured_scatter,
     correlation_factor,
     sandwich,
     white_scatter,
 )
-from identification.log import Band, Log
-from identification.regressor import Regressor, Term, gap_regressor, known_torque, torque_regressor
+from identification.regression.base_parameters import BaseParameters
+from identification.regression.regressor import Regressor, Term, gap_regressor, known_torque, torque_regressor
+from phantom_dyn.model.robot import Robot
 from phantom_dyn.motion import Motion
-from phantom_dyn.robot import Robot
 
 Array = np.ndarray
 

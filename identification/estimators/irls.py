@@ -9,15 +9,15 @@ from typing import Literal
 import numpy as np
 from jaxtyping import Float
 
-from identification.base_parameters import BaseParameters
+from identification.data.log import Log
 from identification.estimators.fit import Fit, Status, fit_from
-from identification.estimators.least_squares import Solution, base_of, solve
-from identification.estimators.noise import joint_noise, leverage
+from identification.estimators.linear.least_squares import Solution, base_of, solve
+from identification.estimators.linear.scatter import joint_noise, leverage
 from identification.estimators.wls import floored
-from identification.log import Log
-from identification.regressor import EffectOnJoint, Regressor, torque_regressor
+from identification.regression.base_parameters import BaseParameters
+from identification.regression.regressor import EffectOnJoint, Regressor, torque_regressor
 from phantom_dyn.errors import EstimationError
-from phantom_dyn.robot import Robot
+from phantom_dyn.model.robot import Robot
 
 Array = np.ndarray
 

@@ -17,18 +17,17 @@ from typing import Literal
 import numpy as np
 from jaxtyping import Float
 
-from identification.base_parameters import BaseParameters
-from identification.estimators.closed_loop import Feedback
+from identification.data.log import Log
+from identification.estimators.closed_loop.loop import Feedback
+from identification.estimators.closed_loop.simulated_start import resimulated, start_of
 from identification.estimators.fit import Fit, Status
-from identification.estimators.judged import Judged, judged
-from identification.estimators.resimulation import resimulated
-from identification.estimators.rows import base_rows, factor_of, influence_of
-from identification.estimators.start import start_of
+from identification.estimators.judged_values import Judged, judged
+from identification.estimators.linear.rows import base_rows, factor_of, influence_of
 from identification.estimators.wls import floored
-from identification.log import Log
-from identification.regressor import EffectOnJoint, Regressor, torque_regressor
+from identification.regression.base_parameters import BaseParameters
+from identification.regression.regressor import EffectOnJoint, Regressor, torque_regressor
 from phantom_dyn.errors import EstimationError, IdentifiabilityError
-from phantom_dyn.robot import Robot
+from phantom_dyn.model.robot import Robot
 
 Array = np.ndarray
 

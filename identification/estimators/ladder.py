@@ -6,9 +6,9 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Literal
 
-from identification.estimators.cloe import fit_cloe
-from identification.estimators.consistent import fit_consistent
-from identification.estimators.didim import fit_didim
+from identification.estimators.closed_loop.cloe import fit_cloe
+from identification.estimators.closed_loop.didim import fit_didim
+from identification.estimators.consistent.consistent import fit_consistent
 from identification.estimators.fit import Fit
 from identification.estimators.irls import fit_irls
 from identification.estimators.iv import fit_iv

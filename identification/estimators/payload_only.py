@@ -10,19 +10,24 @@ from functools import cached_property
 import numpy as np
 from jaxtyping import Float
 
-from identification.estimators.consistent_bodies import pseudo_inertia, reference_bodies, reference_body, standard_of
-from identification.estimators.consistent_cone import solve_program
-from identification.estimators.consistent_program import Program, is_possible, nearest_unconstrained
+from identification.data.log import Log
+from identification.estimators.consistent.consistent_bodies import (
+    pseudo_inertia,
+    reference_bodies,
+    reference_body,
+    standard_of,
+)
+from identification.estimators.consistent.consistent_cone import solve_program
+from identification.estimators.consistent.consistent_program import Program, is_possible, nearest_unconstrained
+from identification.estimators.consistent.full_parameters import coefficient_bounds, covariance_root, selection
 from identification.estimators.fit import Fit
-from identification.estimators.full_parameters import coefficient_bounds, covariance_root, selection
 from identification.estimators.wls import wls
-from identification.log import Log
-from identification.regressor import EffectOnJoint, Regressor, gap_regressor, torque_regressor
-from phantom_dyn.dynamics import standard_parameters
-from phantom_dyn.effects.payload import Payload, payload_body
+from identification.regression.regressor import EffectOnJoint, Regressor, gap_regressor, torque_regressor
+from phantom_dyn.dynamics.dynamics import standard_parameters
+from phantom_dyn.effects.load.payload import Payload, payload_body
 from phantom_dyn.errors import LogError, ParameterError, RobotError
-from phantom_dyn.inertia import STANDARD_NAMES, body_name, body_parameters
-from phantom_dyn.robot import Robot
+from phantom_dyn.model.inertia import STANDARD_NAMES, body_name, body_parameters
+from phantom_dyn.model.robot import Robot
 
 Array = np.ndarray
 
@@ -57,7 +62,7 @@ class PayloadFit:
 
     @property
     def determined(self) -> tuple[str, ...]:
-        """Those of `phantom_dyn.inertia.STANDARD_NAMES` that the recordings determine one by one."""
+        """Those of `phantom_dyn.model.inertia.STANDARD_NAMES` that the recordings determine one by one."""
         return tuple(name for name, std in zip(STANDARD_NAMES, self.std, strict=True) if not np.isnan(std))
 
     @property

@@ -22,17 +22,17 @@ from dataclasses import dataclass
 import numpy as np
 from jaxtyping import Float
 
-from identification.base_parameters import BaseParameters, base_parameters_of_matrix
+from identification.data.log import Log
 from identification.estimators.fit import Estimate, Fit, fit_of
-from identification.estimators.least_squares import base_of
-from identification.estimators.noise import joint_noise
-from identification.estimators.rows import base_rows, covariances, factor_of, influence_of
-from identification.log import Log
-from identification.regressor import EffectOnJoint, Regressor, torque_regressor
-from phantom_dyn.effects.payload import payload_body, point_mass_parameters
+from identification.estimators.linear.least_squares import base_of
+from identification.estimators.linear.rows import base_rows, covariances, factor_of, influence_of
+from identification.estimators.linear.scatter import joint_noise
+from identification.regression.base_parameters import BaseParameters, base_parameters_of_matrix
+from identification.regression.regressor import EffectOnJoint, Regressor, torque_regressor
+from phantom_dyn.effects.load.payload import payload_body, point_mass_parameters
 from phantom_dyn.errors import IdentifiabilityError, ParameterError
-from phantom_dyn.inertia import STANDARD_NAMES, STANDARD_UNITS
-from phantom_dyn.robot import Robot
+from phantom_dyn.model.inertia import STANDARD_NAMES, STANDARD_UNITS
+from phantom_dyn.model.robot import Robot
 
 Array = np.ndarray
 

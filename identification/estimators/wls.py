@@ -7,13 +7,13 @@ from collections.abc import Sequence
 import numpy as np
 from jaxtyping import Float
 
+from identification.data.log import Log
 from identification.estimators.fit import Fit, fit_from
-from identification.estimators.least_squares import base_of, solve
-from identification.estimators.noise import joint_noise, leverage
-from identification.log import Log
-from identification.regressor import EffectOnJoint, Regressor, torque_regressor
+from identification.estimators.linear.least_squares import base_of, solve
+from identification.estimators.linear.scatter import joint_noise, leverage
+from identification.regression.regressor import EffectOnJoint, Regressor, torque_regressor
 from phantom_dyn.errors import IdentifiabilityError
-from phantom_dyn.robot import Robot
+from phantom_dyn.model.robot import Robot
 
 Array = np.ndarray
 

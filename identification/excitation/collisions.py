@@ -12,8 +12,8 @@ import pinocchio as pin
 from jaxtyping import Float
 
 from phantom_dyn.errors import ParameterError
-from phantom_dyn.robot import Robot
-from phantom_dyn.robot_files import find_robot
+from phantom_dyn.model.robot import Robot
+from phantom_dyn.model.robot_files import find_robot
 
 Array = np.ndarray
 
@@ -155,7 +155,7 @@ def _with_pairs(robot: Robot, shapes: pin.GeometryModel) -> pin.GeometryModel:
 
 
 def _ranges(robot: Robot) -> tuple[Float[Array, " nv"], Float[Array, " nv"]]:
-    from identification.excitation.stated import stated_limits
+    from identification.excitation.stated_limits import stated_limits
 
     stated, rows = stated_limits(robot), list(robot.tree_rows)
     return stated.lower[rows], stated.upper[rows]

@@ -9,9 +9,9 @@ import numpy as np
 from jaxtyping import Float
 from scipy.optimize import minimize
 
-from identification.excitation.bounds import Bounds
 from identification.excitation.criteria import Criterion
-from identification.excitation.problem import Grid, Problem
+from identification.excitation.design_problem import Grid, Problem
+from identification.excitation.limited_quantities import Bounds
 from identification.excitation.starts import joint_sizes
 
 Array = np.ndarray

@@ -8,17 +8,17 @@ from dataclasses import dataclass
 import numpy as np
 from jaxtyping import Float
 
-from identification.excitation.base import base_of
 from identification.excitation.criteria import ConditionNumber, Criterion, condition_number
 from identification.excitation.descent import MARGIN, descend
+from identification.excitation.design_problem import Grid, Problem
+from identification.excitation.excited_base import base_of
 from identification.excitation.limits import Limits, limits_of
+from identification.excitation.motion_shapes import Shapes
 from identification.excitation.postures import feasible_postures
-from identification.excitation.problem import Grid, Problem
-from identification.excitation.shapes import Shapes
 from identification.excitation.starts import SHARES, at_rest, largest, random_motion, undirected, worst_excess
 from phantom_dyn.errors import ParameterError
+from phantom_dyn.model.robot import Robot
 from phantom_dyn.motion import Motion, read_only
-from phantom_dyn.robot import Robot
 
 Array = np.ndarray
 
@@ -92,7 +92,7 @@ def excite(
 
     Args:
         robot: A plain robot, or a chain of linear loops.
-        shapes: Family of the motion, see `identification.excitation.shapes`.
+        shapes: Family of the motion, see `identification.excitation.motion_shapes`.
         limits: By default those that the robot states, see `limits_of`.
         criterion: By default the condition number.
         earlier: Recordings made before, see `earlier_factor`: the motion adds what they do not show.

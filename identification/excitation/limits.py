@@ -10,8 +10,8 @@ from jaxtyping import Float
 
 from identification.excitation.collisions import Collisions
 from phantom_dyn.errors import ParameterError
+from phantom_dyn.model.robot import Robot
 from phantom_dyn.motion import read_only
-from phantom_dyn.robot import Robot
 
 Array = np.ndarray
 
@@ -102,7 +102,7 @@ def limits_of(
     """
     if not 0 < share <= 1:
         raise ParameterError(f"A share of {share:g} of the limits was given: give more than 0 and at most 1.")
-    from identification.excitation.stated import require_excitable, stated_limits
+    from identification.excitation.stated_limits import require_excitable, stated_limits
 
     require_excitable(robot, [box.frame for box in boxes])
     stated = stated_limits(robot)

@@ -8,7 +8,7 @@ import numpy as np
 from jaxtyping import Float
 
 from identification.excitation.descent import MARGIN, descend
-from identification.excitation.problem import Grid, Problem
+from identification.excitation.design_problem import Grid, Problem
 from identification.excitation.starts import random_postures, rest, worst_excess
 from phantom_dyn.errors import ParameterError
 

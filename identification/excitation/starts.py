@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from jaxtyping import Float
 
-from identification.excitation.problem import Grid, Problem
+from identification.excitation.design_problem import Grid, Problem
 from phantom_dyn.motion import Motion
 
 Array = np.ndarray

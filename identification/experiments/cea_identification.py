@@ -12,17 +12,17 @@ from dataclasses import dataclass
 import numpy as np
 from jaxtyping import Float
 
+from identification.data.log import Log
+from identification.data.signals import differentiate, low_pass
 from identification.excitation.waves import Sine, Triangle, Wave, wave_motion
 from identification.experiments.linear_fit import LinearFit, fit_linear
-from identification.log import Log
-from identification.signals import differentiate, low_pass
 from phantom_dyn.devices.cea import GRAVITY, JOINTS, LENGTHS, LinkLengths
 from phantom_dyn.devices.cea_dynamics import NAMES, UNITS, VALUES, regressor
 from phantom_dyn.motion import Motion
 
 Array = np.ndarray
 
-_MOTION_BAND = 2.5  # positions are low-passed this many times above the band, as in `identification.signals`
+_MOTION_BAND = 2.5  # positions are low-passed this many times above the band, as in `identification.data.signals`
 _CANDIDATES = 40  # drawn motions of which the best is taken; more lower the condition number by little
 
 

@@ -1,1 +1,1 @@
-"""What a diagnosis gives back: corrected models in files."""
+"""What a diagnosis gives back: models in files, ranges for training, laws for control."""

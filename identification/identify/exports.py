@@ -8,18 +8,23 @@ from pathlib import Path
 
 import numpy as np
 
-from identification.export.mjcf import mjcf_text
-from identification.export.new_urdf import new_urdf
-from identification.export.reload import TOLERANCE, mujoco_difference, some_motion, urdf_difference, versions
-from identification.export.tree_friction import tree_friction, with_tree_friction
-from identification.export.urdf import edited_urdf
-from identification.identify.full_model import FullModel
-from identification.identify.result import Export
+from identification.export.model_files.mjcf_file import mjcf_text
+from identification.export.model_files.reload import (
+    TOLERANCE,
+    mujoco_difference,
+    some_motion,
+    urdf_difference,
+    versions,
+)
+from identification.export.model_files.tree import tree_friction, with_tree_friction
+from identification.export.model_files.urdf_file import edited_urdf, new_urdf
+from identification.identify.identification import Export
+from identification.identify.identified_model import FullModel
 from phantom_dyn.errors import EstimationError, PhantomDynError
-from phantom_dyn.loading import CONFIG_NAME
+from phantom_dyn.model.loading import CONFIG_NAME
+from phantom_dyn.model.robot import Robot
+from phantom_dyn.model.robot_files import find_robot
 from phantom_dyn.motion import Motion
-from phantom_dyn.robot import Robot
-from phantom_dyn.robot_files import find_robot
 
 URDF, MJCF = "corrected.urdf", "corrected.xml"
 

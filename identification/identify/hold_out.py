@@ -8,13 +8,13 @@ from pathlib import Path
 import numpy as np
 from jaxtyping import Bool, Float
 
-from identification.checks.motion import still_joints
-from identification.log import Log
-from identification.recordings import Recording
-from identification.signals import choose_cutoff, process, uniform, within_limits
+from identification.data.checks.positions import still_joints
+from identification.data.log import Log
+from identification.data.recording import Recording
+from identification.data.signals import choose_cutoff, process, uniform, within_limits
 from phantom_dyn.errors import IdentifiabilityError, LogError
+from phantom_dyn.model.robot import Robot
 from phantom_dyn.motion import Motion
-from phantom_dyn.robot import Robot
 
 Array = np.ndarray
 

@@ -6,13 +6,13 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from identification.base_parameters import BaseParameters, base_parameters
-from identification.identify.result import BodyParameters, Share, Unidentified
-from identification.log import Band, Log
-from identification.regressor import EffectOnJoint, torque_regressor
-from phantom_dyn.inertia import STANDARD_NAMES, body_name
+from identification.data.log import Band, Log
+from identification.identify.identification import BodyParameters, Share, Unidentified
+from identification.regression.base_parameters import BaseParameters, base_parameters
+from identification.regression.regressor import EffectOnJoint, torque_regressor
+from phantom_dyn.model.inertia import STANDARD_NAMES, body_name
+from phantom_dyn.model.robot import Robot
 from phantom_dyn.motion import Motion
-from phantom_dyn.robot import Robot
 
 Array = np.ndarray
 

@@ -9,23 +9,28 @@ from pathlib import Path
 import numpy as np
 from jaxtyping import Float
 
+from identification.data.log import Log
+from identification.data.recording import Recording
 from identification.estimators.endogeneity import hausman_test
 from identification.estimators.fit import Fit
 from identification.estimators.ladder import Estimator, estimator_named
-from identification.identify.evidence import held_out_evidence
 from identification.identify.exports import exports
-from identification.identify.friction import DEFAULT_TERMS, effects_of, without_estimated
-from identification.identify.full_model import FullModel, full_model, model_torque
 from identification.identify.hold_out import caution, require_enough, split_logs
 from identification.identify.identifiability import body_table, excited_base, not_excited, unidentified
-from identification.identify.result import Identification
-from identification.identify.tables import joint_errors, parameters
-from identification.log import Log
-from identification.recordings import Recording
-from identification.regressor import Regressor, torque_regressor
+from identification.identify.identification import Identification
+from identification.identify.identified_model import (
+    DEFAULT_TERMS,
+    FullModel,
+    effects_of,
+    full_model,
+    model_torque,
+    without_estimated,
+)
+from identification.identify.parameter_tables import held_out_evidence, joint_errors, parameters
+from identification.regression.regressor import Regressor, torque_regressor
 from phantom_dyn import __version__
 from phantom_dyn.errors import ParameterError
-from phantom_dyn.robot import Robot
+from phantom_dyn.model.robot import Robot
 
 Array = np.ndarray
 
@@ -52,7 +57,7 @@ def identify(
         recordings: For the fit; the end of a single one, or the last of several, is held out.
         hold_out: Recordings to judge on; then all of ``recordings`` are for the fit.
         estimator: A name of `identification.estimators.ladder`.
-        friction: Terms of `identification.identify.friction`.
+        friction: Terms of `identification.identify.identified_model`.
         rotors: True if the rotor inertias are unknowns too.
         folder: Where the model files will lie, for the places of meshes; the working folder by default.
         config: The robot's ``robot.yaml``, None for the one beside its file.

@@ -9,19 +9,19 @@ from itertools import combinations
 import numpy as np
 from jaxtyping import Float
 
+from identification.data.log import Log
+from identification.diagnosis.model.terms import KnownEffect, Term
 from identification.diagnosis.result import Diagnosis
-from identification.diagnosis.retaken import found_effects
-from identification.diagnosis.search import Search
-from identification.diagnosis.terms import KnownEffect, Term
-from identification.log import Log
+from identification.diagnosis.search.refinement import found_effects
+from identification.diagnosis.search.search import Search
+from identification.next_experiment.candidates import safe_limits
 from identification.next_experiment.hypotheses import Hypothesis, hypotheses_of, union_of
-from identification.next_experiment.products import laboratory
-from identification.next_experiment.propose import LEAST_POWER, Pair, rivalry_of
-from identification.next_experiment.safe import safe_limits
-from identification.next_experiment.say import nothing_parts, proposal_words
+from identification.next_experiment.laboratory import laboratory
+from identification.next_experiment.proposal_words import nothing_parts, proposal_words
+from identification.next_experiment.separation import LEAST_POWER, Pair, rivalry_of
 from identification.next_experiment.trials import Trial, tried
 from phantom_dyn.errors import ParameterError, RobotError
-from phantom_dyn.robot import Robot
+from phantom_dyn.model.robot import Robot
 
 Array = np.ndarray
 

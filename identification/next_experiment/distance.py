@@ -6,7 +6,7 @@ import numpy as np
 from jaxtyping import Float
 from scipy.special import gammainc, ndtr, ndtri
 
-from identification.diagnosis.bounded import bounded_solve
+from identification.diagnosis.numerics.bounded import bounded_solve
 from identification.next_experiment.hypotheses import Model
 
 Array = np.ndarray

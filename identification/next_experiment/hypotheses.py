@@ -8,11 +8,11 @@ from itertools import islice, product
 import numpy as np
 from jaxtyping import Float, Int
 
-from identification.diagnosis.fitting import Fitted
+from identification.diagnosis.fit.fitting import Fitted
+from identification.diagnosis.model.terms import Term
 from identification.diagnosis.result import EffectAt, Finding
-from identification.diagnosis.search import Search, contains
-from identification.diagnosis.swaps import replaced
-from identification.diagnosis.terms import Term
+from identification.diagnosis.search.search import Search, contains
+from identification.diagnosis.search.swaps import replaced
 
 Array = np.ndarray
 

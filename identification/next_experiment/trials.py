@@ -1,24 +1,97 @@
-"""Motions that are tried: plain ones, with a known mass, and with softer gains of the controllers."""
+# pyright: reportAttributeAccessIssue=false
+"""Motions that are tried: plain ones, with a known mass, and with softer gains of the controllers.
+
+A mass that is known, carried along a motion: it parts what scales everything from what adds to one body.
+
+What comes of a reference with softer position controllers: what moves the robot late parts delays from friction.
+
+Motions that are tried: plain ones, with a known mass, and with softer gains of the controllers.
+"""
 
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import islice
 
 import numpy as np
 from jaxtyping import Float
 
-from identification.excitation.bounds import bounds_of
+from identification.data.changes import KnownPayload, with_payload
+from identification.excitation.limited_quantities import bounds_of
 from identification.excitation.limits import Limits
 from identification.next_experiment.candidates import Candidate, candidates, design_of, lively, varied
-from identification.next_experiment.known_mass import SHARES, KnownMass, carried, known_mass
-from identification.next_experiment.products import Laboratory
-from identification.next_experiment.propose import LEAST_POWER, Rivalry, parting
-from identification.next_experiment.softer_gains import GAINS, followed
-from phantom_dyn.dynamics import inverse_dynamics
+from identification.next_experiment.laboratory import Laboratory
+from identification.next_experiment.separation import LEAST_POWER, Rivalry, parting
+from phantom_dyn.dynamics.dynamics import inverse_dynamics
+from phantom_dyn.effects.load.payload import payload_body
+from phantom_dyn.errors import ParameterError
+from phantom_dyn.model.robot import Robot
 from phantom_dyn.motion import Motion
-from phantom_dyn.robot import Robot
+from phantom_dyn.simulation.control import position_control
+from phantom_dyn.simulation.simulate import simulate
+
+SHARES = (0.5, 0.2, 0.1, 0.05)
+"""Masses that are tried, of the mass that the link has which carries them, to one digit."""
+
+
+@dataclass(frozen=True)
+class KnownMass:
+    """A point mass [kg] at the payload frame, or with its centre [m] in the frame of the last moving joint."""
+
+    mass: float
+    center: tuple[float, float, float]
+    frame: str | None
+
+
+def known_mass(robot: Robot, share: float) -> KnownMass:
+    """A share of the mass of the link that carries it, at the payload frame, else at twice the way to its centre."""
+    body = payload_body(robot)
+    inertia = robot.model.inertias[body]
+    mass = _one_digit(share * max(float(inertia.mass), 0.02))
+    frame = robot.payload_frame or "tip"
+    if robot.model.existFrame(frame) and robot.model.frames[robot.model.getFrameId(frame)].parentJoint == body:
+        return KnownMass(mass, (0.0, 0.0, 0.0), frame)
+    x, y, z = (round(2.0 * float(c), 3) for c in inertia.lever)
+    return KnownMass(mass, (x, y, z), None)
+
+
+def carried(robot: Robot, mass: KnownMass) -> Robot:
+    """The robot with the mass on it."""
+    return with_payload(robot, KnownPayload(mass.mass, mass.center))
+
+
+def _one_digit(x: float) -> float:
+    return float(f"{np.maximum(x, 1e-3):.0e}")
+
+
+GAINS = (0.5, 0.25)
+"""Shares of the stated gains that are tried; larger gains may shake a robot."""
+
+
+def followed(robot: Robot, reference: Motion, share: float) -> Motion | None:
+    """The motion of the given model along a reference, ``kp`` and ``kd`` of all its controllers at a share.
+
+    Args:
+        robot: The given model; the delays of its controllers are left out.
+        reference: What is asked for, from rest.
+        share: Of the gains that the robot states.
+
+    Returns:
+        None if a joint states no controller, or the robot does not follow.
+    """
+    controllers = [drive.controller for drive in robot.actuators]
+    stated = [controller for controller in controllers if controller is not None and controller.kp > 0]
+    if not controllers or len(stated) < len(controllers):
+        return None
+    kp, kd = (share * np.array(gains) for gains in ([c.kp for c in stated], [c.kd for c in stated]))
+    law = position_control(reference.t, reference.q, np.zeros_like(reference.q), kp=kp, kd=kd)
+    instant = replace(robot, torque_hold="instant")
+    try:
+        return simulate(instant, (), law, reference.t, reference.q[0]).links
+    except ParameterError:
+        return None
+
 
 Array = np.ndarray
 

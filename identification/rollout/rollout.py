@@ -8,26 +8,22 @@ from dataclasses import dataclass, replace
 import numpy as np
 from jaxtyping import Float
 
-from identification.diagnosis.fitted import Fitted
-from identification.diagnosis.gap import judged_blocks
-from identification.diagnosis.problem import Problem
-from identification.diagnosis.search import ordered
-from identification.diagnosis.terms import KnownEffect, Term
-from identification.log import Log
-from identification.recordings import Recording
-from identification.rollout.compare import Rollout, Settle, Shoot, compared
-from identification.rollout.drives import given_torque
-from identification.rollout.errors import HORIZONS
-from identification.rollout.hidden import hides, look_back, tries
-from identification.rollout.limits import recorded_past
-from identification.rollout.models import LEAD, Model, corrected_model, known_causes, model_of
-from identification.rollout.moving import STEP
+from identification.data.log import Log
+from identification.data.recording import Recording
+from identification.diagnosis.fit.fitting import Fitted
+from identification.diagnosis.fit.gap import judged_blocks
+from identification.diagnosis.fit.problem import Problem
+from identification.diagnosis.model.terms import KnownEffect, Term, ordered
+from identification.rollout.compare import HORIZONS, Rollout, Settle, Shoot, compared
+from identification.rollout.driven import STEP, given_torque
+from identification.rollout.hidden_states import hides, look_back, tries
+from identification.rollout.joint_limits import recorded_past
 from identification.rollout.shots import Shot, controlled, under_control, under_torque
-from identification.rollout.starts import states_of
-from identification.rollout.windows import Window, windows_in
+from identification.rollout.simulated_models import LEAD, Model, corrected_model, known_causes, model_of
+from identification.rollout.starts import Window, states_of, windows_in
+from phantom_dyn._kernels.jit import compiles
 from phantom_dyn.errors import ParameterError, PhantomDynError, RobotError
-from phantom_dyn.kernels.jit import compiles
-from phantom_dyn.robot import Robot
+from phantom_dyn.model.robot import Robot
 
 Array = np.ndarray
 

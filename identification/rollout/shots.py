@@ -7,17 +7,16 @@ from dataclasses import dataclass, replace
 import numpy as np
 from jaxtyping import Float
 
-from identification.log import Log
-from identification.rollout.hidden import Settled, hides, pulled_to, settled
-from identification.rollout.models import Model
-from identification.rollout.moving import moved, pull, pulling, simulated
-from identification.rollout.starts import Start, States, true_state
-from identification.rollout.windows import Window
+from identification.data.log import Log
+from identification.rollout.driven import moved, pull, pulling, simulated
+from identification.rollout.hidden_states import Settled, hides, pulled_to, settled
+from identification.rollout.simulated_models import Model
+from identification.rollout.starts import Start, States, Window, true_state
 from phantom_dyn.effects.catalogue import effect_named
 from phantom_dyn.errors import LogError
-from phantom_dyn.robot import Robot
-from phantom_dyn.simulation import Cause
-from phantom_dyn.tracking import Tracking, torque_over_time
+from phantom_dyn.model.robot import Robot
+from phantom_dyn.simulation.control import Tracking, torque_over_time
+from phantom_dyn.simulation.simulate import Cause
 
 Array = np.ndarray
 
@@ -66,7 +65,7 @@ def under_torque(
     Args:
         shot: Where it starts.
         model: What moves.
-        torque: See `identification.rollout.drives.given_torque`; of the whole log.
+        torque: See `identification.rollout.driven.given_torque`; of the whole log.
         nudge: Added to position and velocity at the start.
 
     Raises:

@@ -11,7 +11,7 @@ import numpy as np
 from jaxtyping import Float
 
 from phantom_dyn.effects.operation import Operation
-from phantom_dyn.robot import Robot
+from phantom_dyn.model.robot import Robot
 
 Array = np.ndarray
 # What the torque is not linear in (a Stribeck velocity, the orders of a cogging torque); () if there is nothing.

@@ -8,15 +8,15 @@ from functools import cached_property
 import numpy as np
 from jaxtyping import Float
 
-from phantom_dyn.dynamics import (
+from phantom_dyn.dynamics.dynamics import (
     inverse_dynamics,
     inverse_dynamics_derivatives,
     mass_matrix,
     modelled_friction,
     rotor_torque,
 )
+from phantom_dyn.model.robot import Robot
 from phantom_dyn.motion import Motion, read_only
-from phantom_dyn.robot import Robot
 
 Array = np.ndarray
 

@@ -47,7 +47,7 @@ class ClosedChain:
         start: Tree positions [rad or m] at which every anchor holds, in the way of assembly that is meant.
         viscous_friction: Modelled viscous coefficients of the passive joints.
         coulomb_friction: Modelled Coulomb torques of the passive joints.
-        recent: What was solved last, see `phantom_dyn.loops.remembered`: (model, positions, solution).
+        recent: What was solved last, see `phantom_dyn.loops.solver`: (model, positions, solution).
     """
 
     active: tuple[int, ...]

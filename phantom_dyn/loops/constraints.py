@@ -1,5 +1,10 @@
 # pyright: reportAttributeAccessIssue=false
-"""What keeps two frames together, as Pinocchio evaluates it: error, its slope, and its acceleration."""
+"""What keeps two frames together: error, slope and acceleration, and where the frames come nearest.
+
+What keeps two frames together, as Pinocchio evaluates it: error, its slope, and its acceleration.
+
+Where the frames of a closed chain come nearest to each other, whether or not they meet.
+"""
 
 from __future__ import annotations
 
@@ -10,8 +15,8 @@ import numpy as np
 import pinocchio as pin
 from jaxtyping import Float
 
-from phantom_dyn.configuration import configurations
 from phantom_dyn.loops.chain import Anchor, ClosedChain
+from phantom_dyn.motion import configurations
 
 Array = np.ndarray
 
@@ -86,3 +91,32 @@ def sentence_of_worst(chain: ClosedChain, at: Constraints, error: Float[Array, "
     if len(rows) == 6:
         apart += f" and {np.linalg.norm(rows[3:]):.3g} rad"
     return chain.anchors[worst].label, apart
+
+
+_LAST_STEP = 1e-11
+"""Where the search ends [rad or m]."""
+
+
+def nearest(
+    chain: ClosedChain, at: Constraints, q: Float[Array, " nv"], z: Float[Array, " nz"]
+) -> tuple[Float[Array, " nz"], Float[Array, " m"], Float[Array, "m nz"]]:
+    """Unknowns at which the frames come nearest to each other (Levenberg-Marquardt), error and slope there."""
+    S, nv = chain.linear_map, chain.nv
+    fixed, damping = S[:, :nv] @ q + chain.offset, 1e-3
+
+    def evaluate(unknowns: Array) -> tuple[Array, Array]:
+        found, slope = error_and_slope(at, fixed + S[:, nv:] @ unknowns)
+        return found, slope @ S[:, nv:]
+
+    error, slope = evaluate(z)
+    for _ in range(100):
+        normal = slope.T @ slope
+        step = np.linalg.solve(normal + damping * max(np.trace(normal), 1e-12) * np.eye(len(z)), -slope.T @ error)
+        tried, tried_slope = evaluate(z + step)
+        if tried @ tried < error @ error:
+            z, error, slope, damping = z + step, tried, tried_slope, max(damping / 10, 1e-12)
+        else:
+            damping *= 10
+        if np.abs(step).max() <= _LAST_STEP:
+            break
+    return z, error, slope

@@ -1,8 +1,12 @@
 # pyright: reportAttributeAccessIssue=false
-"""Positions of the tree along a trajectory of the active joints, with their slope ``G`` and their drift.
+"""Positions of the tree of a closed chain along a trajectory of the active joints, by Newton's method.
+
+Positions of the tree along a trajectory of the active joints, with their slope ``G`` and their drift.
 
 Anchors are closed by Newton's method, each sample from the one before: the way of assembly in which the chain starts
 is kept, because no step is taken that the slope does not foresee.
+
+Solutions of a closed chain that are asked for again: many questions are about the same positions.
 """
 
 from __future__ import annotations
@@ -13,14 +17,13 @@ import numpy as np
 import pinocchio as pin
 from jaxtyping import Float
 
+from phantom_dyn._kernels.anchors import compiled_tree
+from phantom_dyn._kernels.loop_closing import close_loops, drift_loop
+from phantom_dyn._kernels.rigid_body import announce, ready
+from phantom_dyn._kernels.tree_arrays import TreeArrays
 from phantom_dyn.errors import ChainError
-from phantom_dyn.kernels.anchors import compiled_tree
-from phantom_dyn.kernels.loop_closing import close_loops, drift_loop
-from phantom_dyn.kernels.rigid_body import announce, ready
-from phantom_dyn.kernels.tree_arrays import TreeArrays
 from phantom_dyn.loops.chain import ClosedChain
-from phantom_dyn.loops.constraints import Constraints, bias, constraints_of, error_and_slope, sentence_of_worst
-from phantom_dyn.loops.nearest import nearest
+from phantom_dyn.loops.constraints import Constraints, bias, constraints_of, error_and_slope, nearest, sentence_of_worst
 
 Array = np.ndarray
 
@@ -235,3 +238,44 @@ def _why(chain: ClosedChain, at: Constraints, q: Float[Array, " nv"], z: Float[A
         f"{np.linalg.svd(slope, compute_uv=False)[-1]:.2g}): there the passive joints do not follow from the active "
         "ones; keep the motion away from it."
     )
+
+
+_REMEMBERED = 4
+"""Trajectories whose solution is kept: a motion, its two neighbours in a central difference, and one to spare."""
+
+
+def solved(
+    model: pin.Model, chain: ClosedChain, q: Float[Array, "N nv"], *, arrays: TreeArrays | None = None
+) -> Solution:
+    """As `phantom_dyn.loops.solver.solve`, from memory where the same chain was solved at the same positions lately.
+
+    Nothing can go out of date, as chains and solutions do not change. A single sample begins at the nearest solution
+    that is kept, because a simulation asks sample by sample; whole trajectories always begin where the chain starts,
+    so that they do not depend on what was asked before.
+
+    Args:
+        model: The tree.
+        chain: Its loops.
+        q: Positions of the active joints [rad or m].
+        arrays: The tree as compiled loops take it; None for steps in Python.
+
+    Raises:
+        ChainError: If a loop cannot be closed or is singular at a sample.
+    """
+    if not chain.anchors:
+        return solve(model, chain, q)
+    kept = [entry for entry in chain.recent if entry[0] is model]
+    for _, positions, solution in kept:
+        if positions is q or np.array_equal(positions, q):
+            return solution
+    near = _nearest(chain, [solution for _, _, solution in kept], q) if len(q) == 1 else None
+    found = solve(model, chain, q, near, arrays=arrays)
+    chain.recent[:] = [*kept[1 - _REMEMBERED :], (model, np.array(q), found)]
+    return found
+
+
+def _nearest(chain: ClosedChain, kept: list[Solution], q: Float[Array, "1 nv"]) -> Float[Array, " nt"] | None:
+    """Positions of the tree among those last solved that one step of the solver takes to ``q``."""
+    ends = [solution.x[-1] for solution in kept if len(solution.x)]
+    apart = [float(np.abs(x[list(chain.active)] - q[0]).max()) for x in ends]
+    return ends[int(np.argmin(apart))] if apart and min(apart) <= REACH else None

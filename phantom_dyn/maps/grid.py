@@ -7,8 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from phantom_dyn.errors import ParameterError
-from phantom_dyn.naming import known_names
+from phantom_dyn.errors import ParameterError, known_names
 
 Array = np.ndarray
 TIP_AXES = ("x", "y", "z")

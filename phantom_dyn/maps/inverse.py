@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
+from jaxtyping import Float
 
+from phantom_dyn.dynamics.kinematics import frame_index
 from phantom_dyn.errors import ParameterError
-from phantom_dyn.maps.model import MapModel, tip_of, within_limits
+from phantom_dyn.maps.map_model import MapModel, tip_of, within_limits
+from phantom_dyn.model.robot import Robot
 
 Array = np.ndarray
 
@@ -144,3 +147,29 @@ def _newton(model: MapModel, points: Array, start: Array) -> Array:
         moving = np.abs(step).max(axis=1) > 1e-13
         left = left[moving & np.isfinite(q[left]).all(axis=1)]
     return q
+
+
+def inverse_kinematics(
+    robot: Robot, points: Float[Array, "N 3"], frame: str, near: Float[Array, " nv"]
+) -> Float[Array, "N nv"]:
+    """Joint positions that bring a frame's origin to points, by Newton's method.
+
+    Args:
+        robot: With three active joints.
+        points: In the root frame [m], shape ``(N, 3)``.
+        frame: Its name.
+        near: Configuration [rad or m]: of several solutions within the joint limits the nearest to it is taken.
+
+    Returns:
+        Shape ``(N, nv)``; a row of NaN where none was found.
+
+    Raises:
+        RobotError: If the robot has no such frame, or it does not move.
+        ParameterError: If the robot has another number of active joints.
+    """
+    from phantom_dyn.maps.from_robot import map_model
+
+    frame_index(robot, frame)
+    model = replace(map_model(robot, frame=frame, posture=near), branches=None)
+    require_three_joints(model)
+    return nearest_branch(model, points, cloud_of(model))

@@ -1,4 +1,6 @@
-r"""What is felt at the tip, for a block of samples.
+r"""What is felt at the tip: mass, friction, stiffness, weight, and the force that this linear picture leaves out.
+
+What is felt at the tip, for a block of samples.
 
 With the translational Jacobian J of the tip and ``A = J^+``, a velocity of the tip becomes joint velocities:
 :math:`M_{op} = A^T M A`, :math:`B_{op} = A^T F_v A`, :math:`K_{op} = A^T K A`, :math:`F_{cop} = A^T F_c`, weight
@@ -11,6 +13,8 @@ References:
     A. Janot et al., *Modeling and Identification of a 3 DOF Haptic Interface*, ICRA 2007, section VII: (18), (19).
     O. Khatib, *A unified approach for motion and force control of robot manipulators*, IEEE J. Robotics and
     Automation 3(1), 1987, for more joints than directions.
+
+The force at the tip that the linear picture of mass, friction and stiffness leaves out.
 """
 
 from __future__ import annotations
@@ -18,10 +22,14 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
+from jaxtyping import Float
 
-from phantom_dyn.errors import ParameterError
-from phantom_dyn.maps.model import JointSpace, MapModel, joint_space, projected_friction
-from phantom_dyn.naming import known_names
+from phantom_dyn.dynamics.dynamics import inverse_dynamics, modelled_friction
+from phantom_dyn.dynamics.kinematics import frame_drift, frame_jacobian
+from phantom_dyn.errors import ParameterError, known_names
+from phantom_dyn.maps.map_model import JointSpace, MapModel, joint_space, projected_friction
+from phantom_dyn.model.robot import Robot
+from phantom_dyn.motion import Motion
 
 Array = np.ndarray
 
@@ -155,3 +163,31 @@ def _felt(model: MapModel, space: JointSpace, rows: Array, names: list[str]) -> 
 def _symmetric(matrices: Array) -> Array:
     """Both halves alike to the last bit, which rounding leaves unequal."""
     return (matrices + np.swapaxes(matrices, 1, 2)) / 2
+
+
+def disturbance_force(robot: Robot, motion: Motion, frame: str) -> Float[Array, "N 3"]:
+    r"""Force at the tip beyond :math:`M_{op}\ddot X` that moves the links: weight and what speed adds.
+
+    :math:`F_d = J^{-T} (Q(q) + C(q, v) v - A J^{-1} \dot J v)`. The source prints :math:`A \ddot q` for the last term
+    of its equation (20), which would take the inertia away altogether.
+
+    Args:
+        robot: With three active joints.
+        motion: N samples; its accelerations do not count.
+        frame: The tip.
+
+    Returns:
+        Force [N] in the root frame, shape ``(N, 3)``.
+
+    Raises:
+        RobotError: If the robot has no such frame.
+        ParameterError: If the robot has another number of active joints.
+        ChainError: If a loop of a closed chain cannot be closed at a sample.
+    """
+    if robot.nv != 3:
+        raise ParameterError(f"{robot.name} has {robot.nv} active joints, wanted 3: the force is not determined.")
+    J = frame_jacobian(robot, motion.q, frame, "hybrid")[:, :3]
+    a = -np.linalg.solve(J, frame_drift(robot, motion, frame)[..., None])[..., 0]
+    moved = Motion(motion.t, motion.q, motion.v, a)
+    torque = inverse_dynamics(robot, moved) - modelled_friction(robot, moved)
+    return np.linalg.solve(np.swapaxes(J, 1, 2), torque[..., None])[..., 0]

@@ -12,11 +12,10 @@ import numpy as np
 import pinocchio as pin
 from jaxtyping import Float
 
-from phantom_dyn.errors import RobotError
+from phantom_dyn.errors import RobotError, known_names
+from phantom_dyn.model.loading import parse_model
+from phantom_dyn.model.robot_files import find_robot
 from phantom_dyn.motion import read_only
-from phantom_dyn.naming import known_names
-from phantom_dyn.parsing import parse_model
-from phantom_dyn.robot_files import find_robot
 
 Array = np.ndarray
 

@@ -10,14 +10,11 @@ from jaxtyping import Float, Int
 from phantom_dyn.errors import ParameterError
 from phantom_dyn.motion import read_only
 from phantom_dyn.walking.divergent_component import PendulumState
-from phantom_dyn.walking.footsteps import Gait
-from phantom_dyn.walking.joystick import Joystick
-from phantom_dyn.walking.pattern import Phase, plan_walk
-from phantom_dyn.walking.support_polygon import SupportPolygon, support_polygon
-from phantom_dyn.walking.trajectories import FootMotion, foot_motion, pendulum_motion
+from phantom_dyn.walking.footsteps import Gait, Joystick
+from phantom_dyn.walking.pattern import FootMotion, Phase, foot_motion, pendulum_motion, plan_walk
 from phantom_dyn.walking.walker import Walker
 from phantom_dyn.walking.whole_body import ComMotion, WholeBodyMotion, whole_body_motion
-from phantom_dyn.walking.zmp import zmp_from_contact_wrench
+from phantom_dyn.walking.zmp import SupportPolygon, support_polygon, zmp_from_contact_wrench
 
 Array = np.ndarray
 

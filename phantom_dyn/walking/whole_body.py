@@ -15,7 +15,7 @@ from jaxtyping import Float
 
 from phantom_dyn.errors import ParameterError
 from phantom_dyn.motion import read_only
-from phantom_dyn.walking.trajectories import FootMotion
+from phantom_dyn.walking.pattern import FootMotion
 from phantom_dyn.walking.walker import Walker
 
 Array = np.ndarray

@@ -28,7 +28,7 @@ from benchmarks.blind.generator.robots import Tolerance, perturbed
 from benchmarks.blind.generator.setup import logged_torque, run_of
 from benchmarks.blind.generator.simulate import feedforward
 from benchmarks.blind.generator.sizing import rms
-from phantom_dyn.robot_files import examples_folder
+from phantom_dyn.model.robot_files import examples_folder
 
 
 @pytest.mark.parametrize("robot", ROBOTS)

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from benchmarks.known_changes import gain_case, load_case, told_apart
-from identification.diagnosis.diagnose import diagnose
+from identification.diagnosis.diagnosis import diagnose
 
 
 @pytest.mark.parametrize("make", [gain_case, load_case])

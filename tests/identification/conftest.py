@@ -23,7 +23,7 @@ from identification.diagnosis.result import (
     Value,
 )
 from phantom_dyn import load_robot
-from phantom_dyn.robot import Robot
+from phantom_dyn.model.robot import Robot
 
 ROBOTS = Path(__file__).resolve().parents[1] / "robots"
 

@@ -6,17 +6,17 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-import identification.regressor
-from identification.base_parameters import base_parameters, base_parameters_of_matrix, r_factor
-from identification.log import Band, Log
-from identification.regressor import torque_regressor
+import identification.regression.regressor
+from identification.data.log import Band, Log
+from identification.regression.base_parameters import base_parameters, base_parameters_of_matrix, r_factor
+from identification.regression.regressor import torque_regressor
 from phantom_dyn import load_robot
-from phantom_dyn.dynamics import rigid_body_regressor, standard_parameters
+from phantom_dyn.dynamics.dynamics import rigid_body_regressor, standard_parameters
 from phantom_dyn.effects.catalogue import effect_named
 from phantom_dyn.errors import ParameterError
-from phantom_dyn.inertia import parameter_names, parameter_units
+from phantom_dyn.model.inertia import parameter_names, parameter_units
+from phantom_dyn.model.robot import Actuator, Robot
 from phantom_dyn.motion import Motion
-from phantom_dyn.robot import Actuator, Robot
 
 UNFILTERED = Band(100.0, 50.0, np.ones(1), 1)
 JOINTS = {"R": pin.JointModelRZ, "P": pin.JointModelPZ, "C": pin.JointModelRUBZ}
@@ -171,8 +171,8 @@ def test_streamed_base_parameters_are_those_of_the_whole_regressor(rng, monkeypa
     motion = some_motion(robot, rng, 300)
     log = Log("some", robot.joint_names, motion, 0 * motion.q, UNFILTERED, np.ones(300, dtype=bool))
     whole = base_parameters(torque_regressor(robot, log))
-    monkeypatch.setattr(identification.regressor, "WHOLE_LIMIT", 0)
-    monkeypatch.setattr(identification.regressor, "_BLOCK", 32)
+    monkeypatch.setattr(identification.regression.regressor, "WHOLE_LIMIT", 0)
+    monkeypatch.setattr(identification.regression.regressor, "_BLOCK", 32)
     streamed = base_parameters(torque_regressor(robot, log))
     assert streamed.independent == whole.independent
     np.testing.assert_allclose(streamed.grouping, whole.grouping, atol=1e-9)

@@ -9,14 +9,14 @@ import numpy as np
 import pinocchio as pin
 import pytest
 
-from identification.base_parameters import BaseParameters, base_parameters_of_matrix
+from identification.regression.base_parameters import BaseParameters, base_parameters_of_matrix
 from phantom_dyn import load_robot
-from phantom_dyn.closed_chain import joint_velocity
 from phantom_dyn.devices.cea import INERTIAL, LENGTHS
-from phantom_dyn.dynamics import rigid_body_regressor, standard_parameters
-from phantom_dyn.inertia import STANDARD_NAMES, STANDARD_UNITS
+from phantom_dyn.dynamics.dynamics import rigid_body_regressor, standard_parameters
+from phantom_dyn.dynamics.tree_motion import joint_velocity
+from phantom_dyn.model.inertia import STANDARD_NAMES, STANDARD_UNITS
+from phantom_dyn.model.robot import Robot
 from phantom_dyn.motion import Motion
-from phantom_dyn.robot import Robot
 
 # Names of the source for Pinocchio's ten parameters, whose order and signs are the same.
 KHALIL = dict(zip(STANDARD_NAMES, ("M", "MX", "MY", "MZ", "XX", "XY", "YY", "XZ", "YZ", "ZZ"), strict=True))

@@ -17,11 +17,11 @@ import pytest
 from distributed import Client
 from joblib import parallel_config
 
-from identification.corrected.written import NAMES as MODELS
-from identification.diagnosis.each import diagnose_each
-from identification.diagnosis.outputs import NAMES
+from identification.batch.diagnose_each import diagnose_each
+from identification.export.all_files import NAMES as MODELS
+from identification.reporting.diagnosis_files import NAMES
 from phantom_dyn import load_robot
-from phantom_dyn.dynamics import inverse_dynamics
+from phantom_dyn.dynamics.dynamics import inverse_dynamics
 from phantom_dyn.maps import operational_map as streaming
 from phantom_dyn.maps.from_robot import map_model
 from phantom_dyn.maps.grid import read_grid

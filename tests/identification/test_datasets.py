@@ -7,9 +7,10 @@ from http.server import SimpleHTTPRequestHandler, ThreadingHTTPServer
 
 import pytest
 
-from identification import datasets, download
 from identification.cli.main import main
-from identification.datasets import Dataset, File
+from identification.data import datasets
+from identification.data import datasets as download
+from identification.data.datasets import Dataset, File
 from phantom_dyn.errors import LogError, UsageError
 
 CONTENT = b"t,q.j1,tau.j1\n0,0,0\n"

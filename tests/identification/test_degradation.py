@@ -4,7 +4,7 @@ from pathlib import Path
 
 import pytest
 
-from identification.degradation import degradation
+from identification.degrade.degradation import degradation
 from phantom_dyn import load_robot
 from phantom_dyn.errors import ParameterError
 

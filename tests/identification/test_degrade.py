@@ -7,16 +7,17 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from identification.degradation import Degradation, degradation
-from identification.degrade import Degraded, degrade
-from identification.recordings import Table, recording
+from identification.data.reading import recording
+from identification.data.recording import Table
+from identification.degrade.degradation import Degradation, degradation
+from identification.degrade.degraded_log import Degraded, degrade
 from phantom_dyn import load_robot
-from phantom_dyn.dynamics import inverse_dynamics
+from phantom_dyn.dynamics.dynamics import inverse_dynamics
 from phantom_dyn.effects.catalogue import EFFECTS
 from phantom_dyn.effects.operation import Operation
 from phantom_dyn.errors import LogError, ParameterError
+from phantom_dyn.model.robot import Robot
 from phantom_dyn.motion import Motion
-from phantom_dyn.robot import Robot
 
 ROBOTS = Path(__file__).resolve().parents[1] / "robots"
 RATE = 500.0

@@ -8,18 +8,19 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from identification.checks import check_recording
-from identification.diagnosis.operations import operate
-from identification.external_force import external_torque
+from identification.data.checks.check_recording import check_recording
+from identification.data.joint_torque import external_torque
+from identification.data.reading import recording
+from identification.data.recording import Recording, Table
+from identification.data.signals import process
+from identification.diagnosis.model.operations import operate
 from identification.identify.identify import identify
-from identification.recordings import Recording, Table, recording
-from identification.signals import process
 from phantom_dyn import load_robot
-from phantom_dyn.dynamics import inverse_dynamics
+from phantom_dyn.dynamics.dynamics import inverse_dynamics
+from phantom_dyn.dynamics.kinematics import frame_pose
 from phantom_dyn.errors import LogError, ParameterError
-from phantom_dyn.kinematics import frame_pose
+from phantom_dyn.model.robot import Robot
 from phantom_dyn.motion import Motion
-from phantom_dyn.robot import Robot
 
 ROBOTS = Path(__file__).resolve().parents[1] / "robots"
 

@@ -3,8 +3,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from identification.log import Band, Log
-from identification.signals import low_pass
+from identification.data.log import Band, Log
+from identification.data.signals import low_pass
 from phantom_dyn.motion import Motion
 
 RATE = 200.0

@@ -11,11 +11,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from identification.at_rest.diagnose_at_rest import diagnose_at_rest, judged_at_rest
-from identification.diagnosis.diagnose import diagnose
-from identification.known_changes.reading import read_changed
-from identification.known_changes.recordings_file import read_changes
-from identification.recordings import read_recording
+from identification.data.reading import read_recording
+from identification.diagnosis.diagnosis import diagnose
+from identification.scenarios.at_rest.diagnose_at_rest import diagnose_at_rest, judged_at_rest
+from identification.scenarios.recordings_file import read_changed, read_changes
 from phantom_dyn import load_robot
 from phantom_dyn.errors import LogError
 

@@ -8,10 +8,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from identification.recordings import Table, read_recording, recording, unassigned_recording
+from identification.data.reading import read_recording, recording, unassigned_recording
+from identification.data.recording import Table
 from phantom_dyn.errors import LogError
-from phantom_dyn.loading import load_robot
-from phantom_dyn.robot import Actuator
+from phantom_dyn.model.loading import load_robot
+from phantom_dyn.model.robot import Actuator
 
 T = np.arange(100) * 0.01
 

@@ -8,13 +8,11 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.linalg import solve_triangular
 
-from identification import reduction_stream
-from identification.base_parameters import base_parameters_of_matrix
-from identification.reduction import Reduction, combined
-from identification.reduction_columns import dependent_columns
-from identification.reduction_factor import r_factor, triangular
-from identification.reduction_fit import base_of_reduction, refit
-from identification.reduction_stream import reduce_blocks
+from identification.estimators.reduced_fit import base_of_reduction, refit
+from identification.regression import reduction as reduction_stream
+from identification.regression.base_parameters import base_parameters_of_matrix
+from identification.regression.reduction import Reduction, combined, reduce_blocks
+from identification.regression.triangular import dependent_columns, r_factor, triangular
 from phantom_dyn.errors import IdentifiabilityError, ParameterError
 
 Array = np.ndarray

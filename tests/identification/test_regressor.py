@@ -6,12 +6,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-import identification.regressor
-from identification.log import Band, Log
-from identification.regressor import gap_regressor, known_torque, torque_regressor
-from identification.signals import low_pass
+import identification.regression.regressor
+from identification.data.log import Band, Log
+from identification.data.signals import low_pass
+from identification.regression.regressor import gap_regressor, known_torque, torque_regressor
 from phantom_dyn import load_robot
-from phantom_dyn.dynamics import inverse_dynamics, rigid_body_regressor, standard_parameters
+from phantom_dyn.dynamics.dynamics import inverse_dynamics, rigid_body_regressor, standard_parameters
 from phantom_dyn.effects.catalogue import effect_named
 from phantom_dyn.effects.operation import Operation
 from phantom_dyn.errors import LogError, ParameterError
@@ -75,8 +75,8 @@ def test_blocks_are_the_whole_regressor_in_pieces(arm, rng, monkeypatch):
     logs = [some_log(arm, rng, 300, band), some_log(arm, rng, 250, band)]
     effects = [(effect_named("coulomb_friction"), "turn"), (effect_named("payload"), None)]
     whole = torque_regressor(arm, logs, effects).W
-    monkeypatch.setattr(identification.regressor, "WHOLE_LIMIT", 0)
-    monkeypatch.setattr(identification.regressor, "_BLOCK", 60)
+    monkeypatch.setattr(identification.regression.regressor, "WHOLE_LIMIT", 0)
+    monkeypatch.setattr(identification.regression.regressor, "_BLOCK", 60)
     blocks = list(torque_regressor(arm, logs, effects).blocks())
     assert len(blocks) > len(logs)
     np.testing.assert_allclose(np.concatenate(blocks), whole, atol=1e-12)
@@ -142,7 +142,7 @@ def test_a_log_without_a_valid_sample_is_refused(arm, rng):
 
 
 def test_a_regressor_too_large_to_keep_says_so(arm, rng, monkeypatch):
-    monkeypatch.setattr(identification.regressor, "WHOLE_LIMIT", 10)
+    monkeypatch.setattr(identification.regression.regressor, "WHOLE_LIMIT", 10)
     with pytest.raises(ParameterError, match=r"go through blocks\(\) instead"):
         _ = torque_regressor(arm, some_log(arm, rng)).W
 

@@ -6,8 +6,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from identification.recordings import Recording
-from identification.signals import (
+from identification.data.recording import Recording
+from identification.data.signals import (
     align_held_torque,
     choose_cutoff,
     differentiate,
@@ -18,7 +18,7 @@ from identification.signals import (
 )
 from phantom_dyn import load_robot
 from phantom_dyn.errors import LogError
-from phantom_dyn.robot import Robot
+from phantom_dyn.model.robot import Robot
 
 RATE = 200.0
 T = np.arange(2000) / RATE

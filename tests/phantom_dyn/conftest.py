@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from phantom_dyn import load_robot
-from phantom_dyn.robot import Robot
+from phantom_dyn.model.robot import Robot
 
 _ROBOTS = Path(__file__).resolve().parents[1] / "robots"
 

@@ -9,8 +9,7 @@ import numpy as np
 import pytest
 
 from phantom_dyn import load_robot
-from phantom_dyn.closed_chain import joint_velocity, tree_motion
-from phantom_dyn.dynamics import (
+from phantom_dyn.dynamics.dynamics import (
     forward_dynamics,
     gravity_torque,
     inverse_dynamics,
@@ -22,9 +21,10 @@ from phantom_dyn.dynamics import (
     rotor_torque,
     standard_parameters,
 )
+from phantom_dyn.dynamics.tree_motion import joint_velocity, tree_motion
 from phantom_dyn.errors import ChainError, LogError, RobotError
+from phantom_dyn.model.robot import Robot
 from phantom_dyn.motion import Motion
-from phantom_dyn.robot import Robot
 
 ROBOTS = Path(__file__).parents[1] / "robots"
 POINT = "{kind: point, frame_a: coupler_pin, frame_b: rocker_pin, active: [crank]}"

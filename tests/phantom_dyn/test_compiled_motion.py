@@ -12,10 +12,10 @@ import pinocchio as pin
 import pytest
 
 from phantom_dyn import load_robot
-from phantom_dyn.dynamics import mass_matrix
+from phantom_dyn.dynamics.dynamics import mass_matrix
 from phantom_dyn.effects.catalogue import effect_named
-from phantom_dyn.simulation import Cause, simulate
-from phantom_dyn.tracking import torque_over_time
+from phantom_dyn.simulation.control import torque_over_time
+from phantom_dyn.simulation.simulate import Cause, simulate
 
 ROBOTS = Path(__file__).resolve().parents[1] / "robots"
 

@@ -8,7 +8,7 @@ import pinocchio as pin
 import pytest
 
 from phantom_dyn import load_robot
-from phantom_dyn.dynamics import (
+from phantom_dyn.dynamics.dynamics import (
     forward_dynamics,
     gravity_torque,
     inverse_dynamics,

@@ -9,10 +9,16 @@ import pinocchio as pin
 import pytest
 
 from phantom_dyn import load_robot
-from phantom_dyn.closed_chain import tree_motion
-from phantom_dyn.dynamics import forward_dynamics, gravity_torque, inverse_dynamics, mass_matrix, modelled_friction
+from phantom_dyn.dynamics.dynamics import (
+    forward_dynamics,
+    gravity_torque,
+    inverse_dynamics,
+    mass_matrix,
+    modelled_friction,
+)
+from phantom_dyn.dynamics.tree_motion import tree_motion
+from phantom_dyn.model.robot import Robot
 from phantom_dyn.motion import Motion
-from phantom_dyn.robot import Robot
 
 ROBOTS = Path(__file__).parents[1] / "robots"
 

@@ -11,8 +11,8 @@ from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
 from phantom_dyn import load_robot
-from phantom_dyn.dynamics import standard_parameters
-from phantom_dyn.inertia import (
+from phantom_dyn.dynamics.dynamics import standard_parameters
+from phantom_dyn.model.inertia import (
     STANDARD_NAMES,
     body_parameters,
     breaks_triangle,

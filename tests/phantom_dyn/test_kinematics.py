@@ -9,8 +9,9 @@ import pytest
 
 from phantom_dyn import load_robot
 from phantom_dyn.devices import phantom
+from phantom_dyn.dynamics.kinematics import frame_drift, frame_jacobian, frame_pose, wrench_torque
 from phantom_dyn.errors import ParameterError, RobotError
-from phantom_dyn.kinematics import frame_drift, frame_jacobian, frame_pose, inverse_kinematics, wrench_torque
+from phantom_dyn.maps.inverse import inverse_kinematics
 from phantom_dyn.motion import Motion
 
 ROBOTS = Path(__file__).parents[1] / "robots"

@@ -16,10 +16,10 @@ from joblib.externals.loky import get_reusable_executor
 from threadpoolctl import threadpool_info, threadpool_limits
 
 from phantom_dyn import load_robot
-from phantom_dyn.dynamics import inverse_dynamics
+from phantom_dyn._kernels.regressor_loop import regressor_loop
+from phantom_dyn._kernels.rigid_body_loops import frame_loop, mass_loop, torque_loop
+from phantom_dyn.dynamics.dynamics import inverse_dynamics
 from phantom_dyn.errors import ParameterError
-from phantom_dyn.kernels.regressor import regressor_loop
-from phantom_dyn.kernels.rigid_body_loops import frame_loop, mass_loop, torque_loop
 from phantom_dyn.large_work import WorkerLostError, spread, starts_processes, worker_count
 from phantom_dyn.maps import operational_map as streaming
 from phantom_dyn.maps.from_robot import map_model

@@ -12,9 +12,9 @@ import pytest
 
 import phantom_dyn
 from phantom_dyn import load_robot
-from phantom_dyn.dynamics import gravity_torque, inverse_dynamics, mass_matrix, standard_parameters
+from phantom_dyn.dynamics.dynamics import gravity_torque, inverse_dynamics, mass_matrix, standard_parameters
+from phantom_dyn.model.robot_files import find_robot
 from phantom_dyn.motion import Motion
-from phantom_dyn.robot_files import find_robot
 
 ROBOTS = Path(__file__).parents[1] / "robots"
 ARM, ARM_XML = ROBOTS / "arm3.urdf", ROBOTS / "arm3.xml"

@@ -11,11 +11,11 @@ import pinocchio as pin
 import pytest
 
 from phantom_dyn import load_robot
-from phantom_dyn.closed_chain import tree_motion
-from phantom_dyn.dynamics import forward_dynamics, mass_matrix
+from phantom_dyn.dynamics.dynamics import forward_dynamics, mass_matrix
+from phantom_dyn.dynamics.tree_motion import tree_motion
 from phantom_dyn.errors import RobotError
+from phantom_dyn.model.robot import Robot
 from phantom_dyn.motion import Motion
-from phantom_dyn.robot import Robot
 
 FOURBAR = Path(__file__).parents[1] / "robots" / "fourbar.xml"
 HINGE = '<joint name="{name}" axis="0 1 0" pos="0.01 0 -0.02"/><inertial pos="0.1 0 0" mass="1" diaginertia="1 1 1"/>'

@@ -6,8 +6,8 @@ import pytest
 
 from phantom_dyn import load_robot
 from phantom_dyn.errors import RobotError
-from phantom_dyn.robot import Actuator, Controller, Tolerance
-from phantom_dyn.robot_config import read_robot_config
+from phantom_dyn.model.robot import Actuator, Controller, Tolerance
+from phantom_dyn.model.robot_config import read_robot_config
 
 ROBOTS = Path(__file__).parents[1] / "robots"
 

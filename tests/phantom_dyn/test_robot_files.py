@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 from phantom_dyn.errors import RobotError
-from phantom_dyn.robot_files import builtin_robots, examples_folder, find_example, find_robot, urdf_folder
+from phantom_dyn.model.robot_files import builtin_robots, examples_folder, find_example, find_robot, urdf_folder
 
 ROBOTS = Path(__file__).parents[1] / "robots"
 

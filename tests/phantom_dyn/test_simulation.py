@@ -8,14 +8,14 @@ import numpy as np
 import pinocchio as pin
 import pytest
 
-from phantom_dyn.dynamics import inverse_dynamics, standard_parameters
-from phantom_dyn.effects.backlash import Backlash
+from phantom_dyn.dynamics.dynamics import inverse_dynamics, standard_parameters
 from phantom_dyn.effects.catalogue import effect_named
+from phantom_dyn.effects.drive.torque_constant import TorqueConstant
 from phantom_dyn.effects.operation import Operation
-from phantom_dyn.effects.torque_constant import TorqueConstant
-from phantom_dyn.effects.transmission_compliance import TransmissionCompliance
+from phantom_dyn.effects.transmission.backlash import Backlash
+from phantom_dyn.effects.transmission.transmission_compliance import TransmissionCompliance
 from phantom_dyn.errors import ParameterError
-from phantom_dyn.simulation import Cause, simulate
+from phantom_dyn.simulation.simulate import Cause, simulate
 
 REST = np.zeros(2)
 

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from phantom_dyn.errors import ParameterError
-from phantom_dyn.tracking import Tracking, position_control, torque_over_time
+from phantom_dyn.simulation.control import Tracking, position_control, torque_over_time
 
 T = np.array([0.0, 1.0, 3.0])
 

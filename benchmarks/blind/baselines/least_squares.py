@@ -7,13 +7,13 @@ from pathlib import Path
 
 import numpy as np
 
-from identification.diagnosis.columns import Columns, build_columns
-from identification.diagnosis.gap import in_judged_band
-from identification.recordings import read_recording
-from identification.signals import process_all
+from identification.data.reading import read_recording
+from identification.data.signals import process_all
+from identification.diagnosis.fit.gap import in_judged_band
+from identification.diagnosis.model.columns import Columns, build_columns
 from phantom_dyn.effects.catalogue import EFFECTS
-from phantom_dyn.loading import load_robot
-from phantom_dyn.robot import Robot
+from phantom_dyn.model.loading import load_robot
+from phantom_dyn.model.robot import Robot
 
 
 @dataclass(frozen=True)

@@ -10,7 +10,7 @@ from matplotlib.figure import Figure
 
 from phantom_dyn.errors import ParameterError
 from phantom_dyn.haptics.figures.canvas import COLORS, GREY, MARKERS, frequency_axis, hertz, key, panels, stiffness_unit
-from phantom_dyn.haptics.stability import CriticalStiffness, LoopBode
+from phantom_dyn.haptics.stability.critical_stiffness import CriticalStiffness, LoopBode
 
 Array = np.ndarray
 

@@ -8,16 +8,15 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from identification.at_rest.diagnose_at_rest import diagnose_at_rest, judged_at_rest
-from identification.at_rest.rests import stills_under_load
-from identification.diagnosis.explaining import explaining_variable
-from identification.diagnosis.joint_motion import joint_motions
+from identification.data.recording import Recording
 from identification.diagnosis.result import Finding
-from identification.recordings import Recording
+from identification.reporting.explaining import explaining_variable, joint_motions
+from identification.scenarios.at_rest.diagnose_at_rest import diagnose_at_rest, judged_at_rest
+from identification.scenarios.at_rest.rests import stills_under_load
 from phantom_dyn import load_robot
-from phantom_dyn.dynamics import gravity_torque
+from phantom_dyn.dynamics.dynamics import gravity_torque
 from phantom_dyn.errors import LogError
-from phantom_dyn.robot import Robot
+from phantom_dyn.model.robot import Robot
 
 PENDULUM = Path(__file__).resolve().parents[2] / "robots" / "pendulum.urdf"
 GAP, COUNTS = 0.02, 65536

@@ -9,11 +9,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from identification.recordings import Recording
-from phantom_dyn.dynamics import inverse_dynamics
-from phantom_dyn.loading import load_robot
+from identification.data.recording import Recording
+from phantom_dyn.dynamics.dynamics import inverse_dynamics
+from phantom_dyn.model.loading import load_robot
+from phantom_dyn.model.robot import Robot
 from phantom_dyn.motion import Motion, read_only
-from phantom_dyn.robot import Robot
 
 ROBOTS = Path(__file__).parents[2] / "robots"
 

@@ -11,14 +11,15 @@ import numpy as np
 import pinocchio as pin
 import pytest
 
-from identification.checks import check_recording, check_table
-from identification.checks.lag import torque_lags
-from identification.checks.motion import quantum
-from identification.checks.smooth import smoothed
-from identification.checks.torque import check_clipping
-from identification.recordings import Recording, Table, read_recording
-from phantom_dyn.loading import load_robot
-from phantom_dyn.robot import Robot
+from identification.data.checks.check_recording import check_recording
+from identification.data.checks.positions import quantum
+from identification.data.checks.smoothed_copy import smoothed
+from identification.data.checks.times_and_torques import check_clipping
+from identification.data.checks.torque_lag import torque_lags
+from identification.data.reading import read_recording
+from identification.data.recording import Recording
+from phantom_dyn.model.loading import load_robot
+from phantom_dyn.model.robot import Robot
 
 
 def only(warnings: tuple[str, ...]) -> str:
@@ -282,9 +283,3 @@ def test_a_torque_without_sign_is_told(clean, arm, changed):
     tau = recording.tau.copy()
     tau[:, 1] = np.abs(tau[:, 1])
     assert any("torque of tilt is never negative" in w for w in check_recording(changed(recording, tau=tau), arm))
-
-
-def test_check_table_repeats_the_warnings_of_reading(clean):
-    recording = clean()
-    columns = {"t": recording.t} | {f"q.{n}": recording.q[:, k] for k, n in enumerate(recording.joint_names)}
-    assert check_table(Table("a.csv", columns, ("read first",))) == ("read first",)

@@ -7,11 +7,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from identification.checks.passive import check_passive
-from identification.recordings import Recording, Table, recording
+from identification.data.checks.positions import check_passive
+from identification.data.reading import recording
+from identification.data.recording import Recording, Table
 from phantom_dyn import load_robot
 from phantom_dyn.errors import LogError
-from phantom_dyn.robot import Robot
+from phantom_dyn.model.robot import Robot
 
 ROBOTS = Path(__file__).parents[2] / "robots"
 T = np.arange(100) * 0.01

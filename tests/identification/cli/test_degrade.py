@@ -8,11 +8,11 @@ import numpy as np
 import pytest
 
 from identification.cli.main import main
-from identification.diagnosis.diagnose import diagnose
-from identification.readers import read_table
-from identification.recordings import read_recording
+from identification.data.readers.read_table import read_table
+from identification.data.reading import read_recording
+from identification.diagnosis.diagnosis import diagnose
 from phantom_dyn import load_robot
-from phantom_dyn.dynamics import inverse_dynamics
+from phantom_dyn.dynamics.dynamics import inverse_dynamics
 from phantom_dyn.motion import Motion
 
 ROBOTS = Path(__file__).resolve().parents[2] / "robots"

@@ -16,8 +16,8 @@ import pyarrow.parquet as pq
 import pytest
 
 from identification.cli.main import main
-from identification.corrected.written import NAMES as MODELS
-from identification.diagnosis.outputs import NAMES
+from identification.export.all_files import NAMES as MODELS
+from identification.reporting.diagnosis_files import NAMES
 
 OURS = sorted([*NAMES, *MODELS])
 

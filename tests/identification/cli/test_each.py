@@ -10,8 +10,8 @@ from pathlib import Path
 import pytest
 
 from identification.cli.main import main
-from identification.corrected.written import NAMES as MODELS
-from identification.diagnosis.outputs import NAMES
+from identification.export.all_files import NAMES as MODELS
+from identification.reporting.diagnosis_files import NAMES
 
 
 @pytest.fixture(scope="module")

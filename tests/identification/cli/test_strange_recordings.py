@@ -12,8 +12,8 @@ import numpy as np
 import pytest
 
 from identification.cli.main import main
-from phantom_dyn.dynamics import inverse_dynamics
-from phantom_dyn.loading import load_robot
+from phantom_dyn.dynamics.dynamics import inverse_dynamics
+from phantom_dyn.model.loading import load_robot
 from phantom_dyn.motion import Motion
 
 COULOMB = [("coulomb_friction", "pin")]

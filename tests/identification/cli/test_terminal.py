@@ -12,7 +12,7 @@ import pytest
 
 from identification.cli.main import main
 from identification.cli.progress import Progress
-from identification.diagnosis import outputs
+from identification.reporting import diagnosis_files as outputs
 
 
 def watched(words: list[str], interrupt_at: bytes | None = None) -> tuple[int, bytes, bytes]:

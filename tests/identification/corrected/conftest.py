@@ -8,12 +8,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from identification.corrected.parts import Parts, parts_of
-from identification.diagnosis.terms import KnownEffect
+from identification.diagnosis.model.terms import KnownEffect
+from identification.export.corrected.parts import Parts, parts_of
 from phantom_dyn.effects.catalogue import effect_named
 from phantom_dyn.motion import Motion
-from phantom_dyn.simulation import Cause, Simulation, simulate
-from phantom_dyn.tracking import Tracking, position_control
+from phantom_dyn.simulation.control import Tracking, position_control
+from phantom_dyn.simulation.simulate import Cause, Simulation, simulate
 
 ROBOTS = Path(__file__).resolve().parents[2] / "robots"
 

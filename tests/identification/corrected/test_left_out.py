@@ -6,11 +6,11 @@ from pathlib import Path
 
 import pytest
 
-from identification.corrected.left_out import mjcf_left_out, urdf_left_out
-from identification.corrected.parts import parts_of
-from identification.corrected.written import not_written
+from identification.export.all_files import not_written
+from identification.export.corrected.left_out import mjcf_left_out, urdf_left_out
+from identification.export.corrected.parts import parts_of
 from phantom_dyn import load_robot
-from phantom_dyn.robot_files import find_robot
+from phantom_dyn.model.robot_files import find_robot
 
 ROBOTS = Path(__file__).resolve().parents[2] / "robots"
 ARM = """<mujoco><worldbody><body name="a"><joint name="j" axis="0 1 0" armature="0.02"/>

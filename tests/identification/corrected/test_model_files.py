@@ -11,17 +11,17 @@ import mujoco
 import numpy as np
 import pytest
 
-from identification.corrected.files import model_files, rollout_note
-from identification.corrected.mjcf_parts import corrected_mjcf
-from identification.corrected.parts import parts_of
-from identification.corrected.reload import rollout_errors, torque_difference
-from identification.corrected.urdf_parts import corrected_urdf, said_by_urdf
-from identification.diagnosis.terms import KnownEffect
-from identification.export.mjcf import mjcf_text
-from identification.export.reload import urdf_difference
+from identification.diagnosis.model.terms import KnownEffect
+from identification.export.corrected.corrected_files import model_files, rollout_note
+from identification.export.corrected.corrected_mjcf import corrected_mjcf
+from identification.export.corrected.corrected_urdf import corrected_urdf, said_by_urdf
+from identification.export.corrected.parts import parts_of
+from identification.export.corrected.reload_in_mujoco import rollout_errors, torque_difference
+from identification.export.model_files.mjcf_file import mjcf_text
+from identification.export.model_files.reload import urdf_difference
 from phantom_dyn import load_robot
-from phantom_dyn.dynamics import inverse_dynamics
-from phantom_dyn.effects.changed_robot import with_gravity
+from phantom_dyn.dynamics.dynamics import inverse_dynamics
+from phantom_dyn.effects.support.changed_robot import with_gravity
 from phantom_dyn.errors import ParameterError, RobotError
 from phantom_dyn.motion import Motion
 

@@ -11,14 +11,14 @@ import numpy as np
 import pinocchio as pin
 import pytest
 
-from identification.corrected.mjcf_parts import corrected_mjcf
-from identification.corrected.parts import parts_of
-from identification.corrected.within import within_tolerance
-from identification.corrected.written import written
+from identification.diagnosis.model.terms import KnownEffect
 from identification.diagnosis.result import Adjusted, Diagnosis
-from identification.diagnosis.terms import KnownEffect
-from identification.uses.feedforward import loaded
-from phantom_dyn.dynamics import gravity_torque, inverse_dynamics
+from identification.export.all_files import written
+from identification.export.corrected.corrected_mjcf import corrected_mjcf
+from identification.export.corrected.found_effects import within_tolerance
+from identification.export.corrected.parts import parts_of
+from identification.export.uses.feedforward import loaded
+from phantom_dyn.dynamics.dynamics import gravity_torque, inverse_dynamics
 from phantom_dyn.motion import Motion
 
 

@@ -9,23 +9,22 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from identification.diagnosis.blocks import Block, Weights, assign_folds, build_grams, split_blocks
-from identification.diagnosis.columns import Columns, build_columns
-from identification.diagnosis.noise import estimate_noise, weights_of
-from identification.diagnosis.problem import Problem, set_up
-from identification.diagnosis.search import Search, set_up_search
-from identification.diagnosis.terms import FoundEffect, Term
-from identification.diagnosis.threshold import Threshold
-from identification.diagnosis.whitening import whitened
-from identification.log import Log
-from identification.recordings import Recording
-from identification.signals import process_all
+from identification.data.log import Log
+from identification.data.recording import Recording
+from identification.data.signals import process_all
+from identification.diagnosis.fit.blocks import Block, Weights, assign_folds, build_grams, split_blocks
+from identification.diagnosis.fit.problem import Problem, set_up
+from identification.diagnosis.model.columns import Columns, build_columns
+from identification.diagnosis.model.terms import FoundEffect, Term
+from identification.diagnosis.noise.noise_floor import estimate_noise, weights_of
+from identification.diagnosis.noise.whitening import whitened
+from identification.diagnosis.search.search import Search, Threshold, set_up_search
 from phantom_dyn import load_robot
-from phantom_dyn.dynamics import inverse_dynamics
+from phantom_dyn.dynamics.dynamics import inverse_dynamics
 from phantom_dyn.effects.catalogue import effect_named
 from phantom_dyn.effects.operation import Operation
+from phantom_dyn.model.robot import Robot, Tolerance
 from phantom_dyn.motion import Motion
-from phantom_dyn.robot import Robot, Tolerance
 
 ROBOTS = Path(__file__).resolve().parents[2] / "robots"
 Array = np.ndarray

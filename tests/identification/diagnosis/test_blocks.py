@@ -5,8 +5,8 @@ import itertools
 import numpy as np
 import pytest
 
-from identification.diagnosis.blocks import FOLDS, Weights, assign_folds, build_grams, row_grams, split_blocks
-from identification.signals import process
+from identification.data.signals import process
+from identification.diagnosis.fit.blocks import FOLDS, Weights, assign_folds, build_grams, row_grams, split_blocks
 
 
 @pytest.fixture(scope="module")

@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from identification.diagnosis import bounded
-from identification.diagnosis.bounded import bounded_solve, bounded_solve_without
+from identification.diagnosis.numerics import bounded
+from identification.diagnosis.numerics.bounded import bounded_solve, bounded_solve_without
 
 
 @pytest.fixture(params=[1, 3, 4, 5, 11, 40])

@@ -5,9 +5,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from identification.diagnosis.bounds import _lasting, smallest_seen
-from identification.diagnosis.diagnose import diagnose
-from identification.diagnosis.terms import merged, untestable_places
+from identification.diagnosis.diagnosis import diagnose
+from identification.diagnosis.judge.bounds import _lasting, smallest_seen
+from identification.diagnosis.model.terms import merged, untestable_places
 from phantom_dyn.effects.catalogue import EFFECTS
 from phantom_dyn.motion import Motion
 

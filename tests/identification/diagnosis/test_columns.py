@@ -5,12 +5,12 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from identification.diagnosis.columns import build_columns
-from identification.diagnosis.rest import standing_still, usable_samples
-from identification.diagnosis.terms import FoundEffect, KnownEffect
-from identification.log import Log
-from identification.signals import process, process_all
-from phantom_dyn.dynamics import inverse_dynamics
+from identification.data.log import Log
+from identification.data.signals import process, process_all
+from identification.diagnosis.model.columns import build_columns
+from identification.diagnosis.model.standstill import standing_still, usable_samples
+from identification.diagnosis.model.terms import FoundEffect, KnownEffect
+from phantom_dyn.dynamics.dynamics import inverse_dynamics
 from phantom_dyn.effects.catalogue import effect_named
 from phantom_dyn.motion import Motion
 

@@ -7,9 +7,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from identification.diagnosis.diagnose import diagnose
+from identification.data.recording import Recording
+from identification.diagnosis.diagnosis import diagnose
 from identification.diagnosis.result import Diagnosis
-from identification.recordings import Recording
 from phantom_dyn import load_robot
 
 

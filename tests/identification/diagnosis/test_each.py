@@ -11,15 +11,20 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from identification.corrected.written import NAMES as MODELS
-from identification.diagnosis import each
-from identification.diagnosis.diagnose import diagnose
-from identification.diagnosis.each import DiagnosedRecording, DiagnosedRecordings, diagnose_each
-from identification.diagnosis.each_folders import folder_names, logs_in
-from identification.diagnosis.each_tables import csv_text, json_text, table, write_tables
-from identification.diagnosis.json_output import to_json
-from identification.diagnosis.outputs import NAMES
-from identification.recordings import read_recording
+from identification.batch import diagnose_each as each
+from identification.batch.batch_tables import csv_text, json_text, table, write_tables
+from identification.batch.diagnose_each import (
+    DiagnosedRecording,
+    DiagnosedRecordings,
+    diagnose_each,
+    folder_names,
+    logs_in,
+)
+from identification.data.reading import read_recording
+from identification.diagnosis.diagnosis import diagnose
+from identification.export.all_files import NAMES as MODELS
+from identification.reporting.diagnosis_files import NAMES
+from identification.reporting.diagnosis_json import to_json
 from phantom_dyn.errors import LogError, ParameterError, UsageError
 from phantom_dyn.large_work import WorkerLostError
 

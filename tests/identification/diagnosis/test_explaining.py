@@ -5,18 +5,18 @@ import dataclasses
 import numpy as np
 import pytest
 
-from identification.diagnosis.effect_words import EFFECTS
-from identification.diagnosis.explaining import (
+from identification.diagnosis.result import Diagnosis, Finding, Value
+from identification.reporting.explaining import (
     CANDIDATES,
     Variable,
     displacement_by_recording,
     explained_share,
     explaining_variable,
+    joint_motions,
     joint_of,
     strongest_variable,
 )
-from identification.diagnosis.joint_motion import joint_motions
-from identification.diagnosis.result import Diagnosis, Finding, Value
+from identification.words.effect_words import EFFECTS
 
 
 def variable_of(diagnosis: Diagnosis, effect: str, joint: str | None = "j1", **parameters: Value) -> Variable:

@@ -7,7 +7,9 @@ import xml.etree.ElementTree as ET
 import numpy as np
 import pytest
 
-from identification.diagnosis.figures import (
+from identification.diagnosis.result import JointGap
+from identification.reporting.explaining import joint_motions
+from identification.reporting.gap_figures import (
     finding_figure,
     gap_bars,
     residual_over_position,
@@ -16,8 +18,6 @@ from identification.diagnosis.figures import (
     short_name,
     torque_figure,
 )
-from identification.diagnosis.joint_motion import joint_motions
-from identification.diagnosis.result import JointGap
 
 SVG = "{http://www.w3.org/2000/svg}"
 

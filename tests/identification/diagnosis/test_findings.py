@@ -6,11 +6,11 @@ import numpy as np
 import pytest
 from scipy.stats import norm
 
-from identification.diagnosis.diagnose import diagnose
-from identification.diagnosis.findings import certainty, distinct
-from identification.diagnosis.joint_fit import JointFit
-from identification.diagnosis.judge import narrow_search
-from identification.diagnosis.setting import Place
+from identification.diagnosis.diagnosis import diagnose
+from identification.diagnosis.fit.joint_fit import JointFit
+from identification.diagnosis.fit.whole_model import Place
+from identification.diagnosis.judge.findings import certainty, distinct
+from identification.diagnosis.judge.judged_band import narrow_search
 
 
 @pytest.fixture

@@ -8,12 +8,11 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.optimize import lsq_linear
 
-from identification.diagnosis.bounded import bounded_solve
-from identification.diagnosis.fitting import active_columns, fit, predict
-from identification.diagnosis.point_mass import point_mass_map
-from phantom_dyn.dynamics import inverse_dynamics
-from phantom_dyn.effects.payload import point_mass_parameters
-from phantom_dyn.robot import Tolerance
+from identification.diagnosis.fit.fitting import active_columns, fit, point_mass_map, predict
+from identification.diagnosis.numerics.bounded import bounded_solve
+from phantom_dyn.dynamics.dynamics import inverse_dynamics
+from phantom_dyn.effects.load.payload import point_mass_parameters
+from phantom_dyn.model.robot import Tolerance
 
 
 @settings(max_examples=60, deadline=None)

@@ -3,7 +3,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from identification.diagnosis.flexible import displacement_since_reversal, held_out_ridge, state_features
+from identification.diagnosis.fit.flexible import displacement_since_reversal, held_out_ridge, state_features
 
 
 def test_displacement_starts_anew_at_every_reversal():

@@ -3,8 +3,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from identification.diagnosis.fitting import predict
-from identification.diagnosis.gap import Sums, held_out_torque, in_judged_band, judged_blocks, residual_after, sums
+from identification.diagnosis.fit.fitting import predict
+from identification.diagnosis.fit.gap import Sums, held_out_torque, in_judged_band, judged_blocks, residual_after, sums
 
 
 def test_a_residual_of_the_size_of_the_noise_has_loss_one():

@@ -3,8 +3,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from identification.diagnosis.gap_shares import gap_shares, joint_colours
 from identification.diagnosis.result import JointGap
+from identification.reporting.robot_scene import gap_shares, joint_colours
 
 
 def gaps(*ratios: float, floor: float = 0.1) -> tuple[JointGap, ...]:

@@ -3,17 +3,16 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from identification.diagnosis.fitting import fit
-from identification.diagnosis.joint_fit import joint_fit
-from identification.diagnosis.judge import narrow_search
-from identification.diagnosis.moved_model import moved_robot
-from identification.diagnosis.nuisances import moves_of
-from identification.diagnosis.other_laws import dahl
-from identification.diagnosis.parameters import finding_parameters
-from identification.diagnosis.point import linearised
-from identification.diagnosis.setting import lay_out
-from identification.diagnosis.terms import FoundEffect
-from phantom_dyn.dynamics import inverse_dynamics
+from identification.diagnosis.fit.fitting import fit
+from identification.diagnosis.fit.joint_fit import joint_fit
+from identification.diagnosis.fit.other_laws import dahl
+from identification.diagnosis.fit.whole_model import lay_out, linearised
+from identification.diagnosis.judge.judged_band import narrow_search
+from identification.diagnosis.judge.parameters import finding_parameters
+from identification.diagnosis.model.nuisances import moves_of
+from identification.diagnosis.model.operations import moved_robot
+from identification.diagnosis.model.terms import FoundEffect
+from phantom_dyn.dynamics.dynamics import inverse_dynamics
 from phantom_dyn.effects.catalogue import effect_named
 
 

@@ -5,9 +5,9 @@ import dataclasses
 import numpy as np
 import pytest
 
-from identification.diagnosis.joint_motion import joint_motions
-from phantom_dyn.closed_chain import joint_velocity
-from phantom_dyn.loading import load_robot
+from identification.reporting.explaining import joint_motions
+from phantom_dyn.dynamics.tree_motion import joint_velocity
+from phantom_dyn.model.loading import load_robot
 from phantom_dyn.motion import Motion
 
 

@@ -11,8 +11,8 @@ import msgspec
 import numpy as np
 import pytest
 
-from identification.diagnosis.json_output import json_text, to_json
 from identification.diagnosis.result import Unexplained, Value
+from identification.reporting.diagnosis_json import json_text, to_json
 
 
 class Strict(msgspec.Struct, forbid_unknown_fields=True):

@@ -6,14 +6,13 @@ import numpy as np
 import pytest
 import yaml
 
-from identification.diagnosis.diagnose import diagnose
-from identification.diagnosis.known import known_effects
+from identification.diagnosis.diagnosis import diagnose
+from identification.diagnosis.model.terms import KnownEffect
 from identification.diagnosis.result import Diagnosis
-from identification.diagnosis.terms import KnownEffect
-from identification.export.corrected import write_corrected
+from identification.export.corrected.corrected_yaml import known_effects, write_corrected
 from phantom_dyn.effects.catalogue import effect_named
 from phantom_dyn.errors import ParameterError
-from phantom_dyn.robot import Robot
+from phantom_dyn.model.robot import Robot
 
 
 def saved(diagnosis: Diagnosis, robot: Robot, folder: Path) -> Path:

@@ -3,7 +3,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from identification.diagnosis.locate import regime_shares, regimes
+from identification.diagnosis.judge.regimes import regime_shares, regimes
 
 
 def shares(quiet, residual: np.ndarray) -> tuple[dict[str, float], str]:

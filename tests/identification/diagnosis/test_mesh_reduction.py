@@ -5,8 +5,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from identification.diagnosis.mesh_reduction import face_budgets, reduced, surface
-from identification.diagnosis.solids import Mesh, box
+from phantom_dyn.shapes.mesh_reduction import face_budgets, reduced, surface
+from phantom_dyn.shapes.solids import Mesh, box
 
 
 def grid_sphere(n: int = 60) -> Mesh:

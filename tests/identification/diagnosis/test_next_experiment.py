@@ -6,13 +6,13 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from identification.diagnosis.noise import estimate_noise
-from identification.diagnosis.outputs import write_outputs
+from identification.diagnosis.noise.noise_floor import estimate_noise
 from identification.diagnosis.result import EffectAt, Finding, Rival
-from identification.diagnosis.words import finding_words
 from identification.next_experiment.advise import with_next_experiment
 from identification.next_experiment.hypotheses import hypotheses_of
-from phantom_dyn.dynamics import inverse_dynamics
+from identification.reporting.diagnosis_files import write_outputs
+from identification.words.diagnosis_words import finding_words
+from phantom_dyn.dynamics.dynamics import inverse_dynamics
 
 
 def one_of(effect: str, rival: str, joint: str) -> Finding:
@@ -99,7 +99,7 @@ def test_a_finding_that_was_not_chosen_has_no_hypotheses(quiet):
 
 def test_the_motion_is_written_beside_the_diagnosis(friction, pendulum, tmp_path, monkeypatch):
     # The report has tests of its own, and takes a second.
-    monkeypatch.setattr("identification.diagnosis.outputs._report", lambda *_: "page")
+    monkeypatch.setattr("identification.reporting.diagnosis_files._report", lambda *_: "page")
     written = write_outputs(friction, pendulum, out=tmp_path, json_file=None)
     assert tmp_path / "next.csv" in written
     with (tmp_path / "next.csv").open() as file:

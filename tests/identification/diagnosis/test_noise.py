@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 from scipy.signal import lfilter
 
-from identification.diagnosis.gap import held_out_torque
-from identification.diagnosis.noise import (
+from identification.diagnosis.fit.gap import held_out_torque
+from identification.diagnosis.noise.noise_floor import (
     autocorrelation_time,
     estimate_noise,
     noise_without,

@@ -5,10 +5,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from identification.diagnosis.fitting import fit
-from identification.diagnosis.null import null_threshold
-from identification.diagnosis.search import PARAMETER_PRICE, price
-from identification.diagnosis.threshold import Threshold
+from identification.diagnosis.fit.fitting import fit
+from identification.diagnosis.noise.chance import null_threshold
+from identification.diagnosis.search.search import PARAMETER_PRICE, Threshold, price
 
 FRICTION = ("viscous_friction", "coulomb_friction", "torque_offset")
 

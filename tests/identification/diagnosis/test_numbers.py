@@ -4,8 +4,8 @@ import math
 
 import pytest
 
-from identification.diagnosis.numbers import NO_BREAK, percent, value_words
 from identification.diagnosis.result import Value
+from identification.words.numbers import NO_BREAK, percent, value_words
 
 
 @pytest.mark.parametrize(

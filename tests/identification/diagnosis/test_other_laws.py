@@ -2,7 +2,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from identification.diagnosis.other_laws import dahl
+from identification.diagnosis.fit.other_laws import dahl
 
 
 def test_a_bristle_of_dahl_yields_as_an_exponential_after_a_reversal():

@@ -7,12 +7,12 @@ from pathlib import Path
 
 import pytest
 
-from identification.corrected.written import NAMES as MODELS
-from identification.diagnosis.outputs import write_outputs
 from identification.diagnosis.result import Diagnosis, Value
-from identification.export.corrected import read_corrected
+from identification.export.all_files import NAMES as MODELS
+from identification.export.corrected.corrected_yaml import read_corrected
+from identification.reporting.diagnosis_files import write_outputs
 from phantom_dyn.errors import ParameterError, UsageError
-from phantom_dyn.loading import load_robot
+from phantom_dyn.model.loading import load_robot
 
 ROBOT = load_robot(Path(__file__).resolve().parents[2] / "robots" / "planar2.urdf")
 

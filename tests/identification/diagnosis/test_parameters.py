@@ -3,9 +3,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from identification.diagnosis.fitting import fit
-from identification.diagnosis.joint_fit import joint_fit
-from identification.diagnosis.parameters import finding_parameters
+from identification.diagnosis.fit.fitting import fit
+from identification.diagnosis.fit.joint_fit import joint_fit
+from identification.diagnosis.judge.parameters import finding_parameters
 from phantom_dyn.effects.catalogue import effect_named
 
 

@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from identification.diagnosis.bounded import bounded_solve, solve
-from identification.diagnosis.fitting import fit
-from identification.diagnosis.projection import beside, fold_projection, gain_of
+from identification.diagnosis.fit.fitting import fit
+from identification.diagnosis.fit.projection import beside, fold_projection, gain_of
+from identification.diagnosis.numerics.bounded import bounded_solve, solve
 
 
 @pytest.fixture(scope="module")

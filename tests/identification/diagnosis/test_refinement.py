@@ -7,14 +7,20 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from identification.diagnosis.diagnose import diagnose
-from identification.diagnosis.fitting import fit
-from identification.diagnosis.retaken import found_effects, needs_refinement, runners_up, same_effects, unchanged
-from identification.diagnosis.terms import FoundEffect
-from identification.recordings import Recording
+from identification.data.recording import Recording
+from identification.diagnosis.diagnosis import diagnose
+from identification.diagnosis.fit.fitting import fit
+from identification.diagnosis.model.terms import FoundEffect
+from identification.diagnosis.search.refinement import (
+    found_effects,
+    needs_refinement,
+    runners_up,
+    same_effects,
+    unchanged,
+)
 from phantom_dyn.effects.catalogue import effect_named
-from phantom_dyn.simulation import Cause, simulate
-from phantom_dyn.tracking import position_control
+from phantom_dyn.simulation.control import position_control
+from phantom_dyn.simulation.simulate import Cause, simulate
 
 
 @pytest.fixture(scope="module")

@@ -7,9 +7,9 @@ from html.parser import HTMLParser
 
 import pytest
 
-from identification.diagnosis.report import report_html
 from identification.diagnosis.result import Diagnosis, Evidence, NotTestable, Unexplained
-from phantom_dyn.robot import Robot
+from identification.reporting.diagnosis_report import report_html
+from phantom_dyn.model.robot import Robot
 
 VOID = {"meta", "br", "img", "link", "input", "hr"}
 

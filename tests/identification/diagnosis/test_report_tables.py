@@ -4,9 +4,9 @@ import dataclasses
 
 import pytest
 
-from identification.diagnosis.numbers import NO_BREAK
-from identification.diagnosis.report_tables import regime_table, seen_from, untestable_rows
 from identification.diagnosis.result import Bound, JointGap, NotTestable
+from identification.reporting.report_tables import regime_table, seen_from, untestable_rows
+from identification.words.numbers import NO_BREAK
 
 JOINTS = tuple(JointGap(name, "N m", 1.0, 0.1, 0.1, 10) for name in ("a", "b", "c"))
 

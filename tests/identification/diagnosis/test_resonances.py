@@ -8,15 +8,15 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from identification.diagnosis.diagnose import diagnose
-from identification.diagnosis.resonances import resonances
-from identification.recordings import Recording
-from identification.signals import process_all
+from identification.data.recording import Recording
+from identification.data.signals import process_all
+from identification.diagnosis.diagnosis import diagnose
+from identification.diagnosis.model.resonances import resonances
 from phantom_dyn import load_robot
-from phantom_dyn.haptics.axis import TwoMassAxis
-from phantom_dyn.haptics.discretisation import discretise
-from phantom_dyn.haptics.held_steps import held_forces
-from phantom_dyn.robot import Robot
+from phantom_dyn.haptics.device.axis import TwoMassAxis
+from phantom_dyn.haptics.device.discretisation import discretise
+from phantom_dyn.haptics.experiments.relay import held_forces
+from phantom_dyn.model.robot import Robot
 
 T = 1e-3
 # Rotor 0.05 and link 0.2 kg m2 on 800 N m/rad: they resonate at 22.5 Hz.

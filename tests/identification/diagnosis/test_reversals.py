@@ -4,9 +4,9 @@ from dataclasses import replace
 
 import numpy as np
 
-from identification.diagnosis.diagnose import diagnose
-from identification.diagnosis.reversals import reversal_doubt
-from identification.diagnosis.whitening import filtered, noise_filter, whitened, whitened_noise
+from identification.diagnosis.diagnosis import diagnose
+from identification.diagnosis.model.standstill import reversal_doubt
+from identification.diagnosis.noise.whitening import filtered, noise_filter, whitened, whitened_noise
 from phantom_dyn.effects.operation import Operation
 from phantom_dyn.motion import Motion
 

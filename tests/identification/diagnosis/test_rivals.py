@@ -5,13 +5,21 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from identification.diagnosis import assemble, rivals
-from identification.diagnosis.diagnose import diagnose
+from identification.diagnosis.diagnosis import diagnose
+from identification.diagnosis.judge.judged_band import assemble
 from identification.diagnosis.result import EffectAt, Rival
-from identification.diagnosis.rivals import REPLICATES, Standing, block_counts, odds_of_richer, settled, stand
-from identification.diagnosis.stepwise import explain
+from identification.diagnosis.search.rival_sets import (
+    REPLICATES,
+    Standing,
+    block_counts,
+    odds_of_richer,
+    settled,
+    stand,
+)
+from identification.diagnosis.search.search import rival_sets as rivals
+from identification.diagnosis.search.stepwise import explain
 from phantom_dyn import load_robot
-from phantom_dyn.dynamics import inverse_dynamics
+from phantom_dyn.dynamics.dynamics import inverse_dynamics
 
 
 def silent(_: str) -> None:

@@ -9,10 +9,9 @@ import numpy as np
 import pinocchio as pin
 import pytest
 
-from identification.diagnosis.gap_shares import share_colour
-from identification.diagnosis.robot_scene import extent, posture, robot_scene, shaded
-from identification.diagnosis.solids import Mesh
-from phantom_dyn.loading import load_robot
+from identification.reporting.robot_scene import extent, posture, robot_scene, shaded, share_colour
+from phantom_dyn.model.loading import load_robot
+from phantom_dyn.shapes.solids import Mesh
 
 
 def uneven(diagnosis, *ratios):

@@ -7,8 +7,8 @@ import numpy as np
 import pinocchio as pin
 import pytest
 
-from identification.diagnosis.robot_shapes import capsules, joint_axis, joint_solid, package_folders, robot_shapes
-from phantom_dyn.loading import load_robot
+from phantom_dyn.model.loading import load_robot
+from phantom_dyn.shapes.robot_shapes import capsules, joint_axis, joint_solid, package_folders, robot_shapes
 
 ROBOTS = Path(__file__).resolve().parents[2] / "robots"
 TETRAHEDRON = """solid t

@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from identification.diagnosis import row_products
-from identification.diagnosis.row_products import RowProducts
+from identification.diagnosis.fit import row_products
+from identification.diagnosis.fit.row_products import RowProducts
 
 COLUMNS, BLOCKS, ALWAYS = 20, 5, 4
 

@@ -5,20 +5,20 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from identification.diagnosis import stepwise
-from identification.diagnosis.search import (
+from identification.diagnosis.model.terms import ordered
+from identification.diagnosis.search.search import (
     PARAMETER_PRICE,
     claimed,
     contains,
-    ordered,
     possible,
     price,
     rank_of,
     relations,
+    stepwise,
     with_term,
 )
-from identification.diagnosis.stepwise import explain
-from identification.diagnosis.swaps import alternatives, replaced
+from identification.diagnosis.search.stepwise import explain
+from identification.diagnosis.search.swaps import alternatives, replaced
 from phantom_dyn.motion import Motion
 
 

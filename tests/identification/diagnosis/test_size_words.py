@@ -5,9 +5,9 @@ import string
 
 import pytest
 
-from identification.diagnosis.effect_words import EFFECTS as WORDS
 from identification.diagnosis.result import Value
-from identification.diagnosis.size_words import PARAMETERS, SIZES, meaning_of, size_words, value_cell
+from identification.words.effect_words import EFFECTS as WORDS
+from identification.words.size_words import PARAMETERS, SIZES, meaning_of, size_words, value_cell
 from phantom_dyn.effects.catalogue import EFFECTS
 
 

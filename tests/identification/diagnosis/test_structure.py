@@ -9,10 +9,10 @@ from functools import cache
 import numpy as np
 import pytest
 
-from identification.diagnosis.diagnose import diagnose
-from identification.diagnosis.fitting import fit
-from identification.diagnosis.structure import STRUCTURES
-from phantom_dyn.dynamics import inverse_dynamics
+from identification.diagnosis.diagnosis import diagnose
+from identification.diagnosis.fit.fitting import fit
+from identification.diagnosis.model.structure import STRUCTURES
+from phantom_dyn.dynamics.dynamics import inverse_dynamics
 from phantom_dyn.effects.catalogue import EFFECTS
 from phantom_dyn.effects.operation import Operation
 

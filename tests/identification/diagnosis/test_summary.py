@@ -5,7 +5,7 @@ import dataclasses
 import pytest
 
 from identification.diagnosis.result import Value
-from identification.diagnosis.summary import summary
+from identification.reporting.diagnosis_summary import summary
 
 
 @pytest.mark.parametrize(("joints", "findings"), [(1, 0), (2, 3), (7, 15)])

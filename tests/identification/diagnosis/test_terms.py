@@ -7,8 +7,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from identification.diagnosis.structure import STRUCTURES
-from identification.diagnosis.terms import FoundEffect, merged, shapes_of, untestable_places
+from identification.diagnosis.model.structure import STRUCTURES
+from identification.diagnosis.model.terms import FoundEffect, merged, shapes_of, untestable_places
 from phantom_dyn.effects.catalogue import EFFECTS, effect_named
 from phantom_dyn.effects.operation import Operation
 

@@ -8,9 +8,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from identification.diagnosis.diagnose import diagnose
-from identification.diagnosis.transient import pushes_in
-from identification.external_force import external_torque
+from identification.data.joint_torque import external_torque
+from identification.diagnosis.diagnosis import diagnose
+from identification.diagnosis.judge.pushes import pushes_in
 
 T = np.arange(0, 30, 0.02)
 FLOOR = np.array([0.05, 0.05])

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 from scipy.signal import lfilter
 
-from identification.diagnosis.noise import estimate_noise
-from identification.diagnosis.whitening import filtered, noise_filter, whitened
+from identification.diagnosis.noise.noise_floor import estimate_noise
+from identification.diagnosis.noise.whitening import filtered, noise_filter, whitened
 
 
 def autoregressive(rng: np.random.Generator, coefficients: list[float], count: int) -> np.ndarray:

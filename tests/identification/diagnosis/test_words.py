@@ -4,10 +4,10 @@ import dataclasses
 
 import pytest
 
-from identification.diagnosis import words
-from identification.diagnosis.effect_words import EFFECTS, REGIMES, effect_words, regime_words
-from identification.diagnosis.numbers import NO_BREAK
 from identification.diagnosis.result import EffectAt, Rival, Unexplained, Value
+from identification.words import diagnosis_words as words
+from identification.words.effect_words import EFFECTS, REGIMES, effect_words, regime_words
+from identification.words.numbers import NO_BREAK
 
 CONTRACT_EFFECTS = """viscous_friction coulomb_friction direction_dependent_friction stribeck_friction
 presliding_friction load_dependent_friction backlash transmission_compliance joint_coupling cogging torque_saturation

@@ -8,13 +8,13 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from identification.log import Band, Log
+from identification.data.log import Band, Log
 from phantom_dyn import load_robot
-from phantom_dyn.dynamics import inverse_dynamics
+from phantom_dyn.dynamics.dynamics import inverse_dynamics
 from phantom_dyn.effects.catalogue import effect_named
-from phantom_dyn.inertia import central_parameters
+from phantom_dyn.model.inertia import central_parameters
+from phantom_dyn.model.robot import Robot
 from phantom_dyn.motion import Motion
-from phantom_dyn.robot import Robot
 
 ROBOTS = Path(__file__).parents[2] / "robots"
 

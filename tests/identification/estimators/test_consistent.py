@@ -7,19 +7,19 @@ import numpy as np
 import pytest
 from scipy.stats import norm
 
-from identification.base_parameters import r_factor
-from identification.estimators.consistent import (
+from identification.estimators.consistent.consistent import (
     consistent,
     consistent_parameters,
     fit_consistent,
     program_of_factor,
 )
-from identification.estimators.consistent_bodies import Region, pseudo_inertia
-from identification.estimators.consistent_program import Prior
+from identification.estimators.consistent.consistent_bodies import Region, pseudo_inertia
+from identification.estimators.consistent.consistent_program import Prior
 from identification.estimators.wls import fit_wls
-from identification.regressor import gap_regressor, torque_regressor
+from identification.regression.base_parameters import r_factor
+from identification.regression.regressor import gap_regressor, torque_regressor
 from phantom_dyn import load_robot
-from phantom_dyn.dynamics import inverse_dynamics, standard_parameters
+from phantom_dyn.dynamics.dynamics import inverse_dynamics, standard_parameters
 from phantom_dyn.effects.catalogue import effect_named
 from phantom_dyn.errors import IdentifiabilityError, ParameterError
 from phantom_dyn.motion import Motion

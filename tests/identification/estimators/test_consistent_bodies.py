@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from identification.estimators.consistent_bodies import (
+from identification.estimators.consistent.consistent_bodies import (
     Region,
     pseudo_inertia,
     reference_bodies,
@@ -12,7 +12,7 @@ from identification.estimators.consistent_bodies import (
     standard_of,
 )
 from phantom_dyn.errors import ParameterError
-from phantom_dyn.inertia import body_parameters
+from phantom_dyn.model.inertia import body_parameters
 
 
 def some_body(rng, principal):

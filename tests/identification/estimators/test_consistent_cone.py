@@ -6,11 +6,11 @@ import cvxpy as cp
 import numpy as np
 import pytest
 
-from identification.estimators.consistent_bodies import PSEUDO, Region, pseudo_inertia, reference_body
-from identification.estimators.consistent_cone import solve_program
-from identification.estimators.consistent_program import Prior, Program, is_possible, nearest_unconstrained
+from identification.estimators.consistent.consistent_bodies import PSEUDO, Region, pseudo_inertia, reference_body
+from identification.estimators.consistent.consistent_cone import solve_program
+from identification.estimators.consistent.consistent_program import Prior, Program, is_possible, nearest_unconstrained
 from phantom_dyn.errors import EstimationError, ParameterError
-from phantom_dyn.inertia import body_parameters
+from phantom_dyn.model.inertia import body_parameters
 
 CAD = body_parameters(2.0, np.array([0.1, 0.0, 0.2]), np.diag([0.05, 0.06, 0.03]))
 

@@ -5,10 +5,10 @@ from itertools import product
 import numpy as np
 import pytest
 
-from identification.estimators.consistent_regions import body_regions, bounding_ellipsoid, region_of_points
+from identification.estimators.consistent.consistent_bodies import body_regions, bounding_ellipsoid, region_of_points
 from phantom_dyn import load_robot
 from phantom_dyn.errors import ParameterError, RobotError
-from phantom_dyn.inertia import body_parameters
+from phantom_dyn.model.inertia import body_parameters
 
 CUBE = np.array(list(product((-1.0, 1.0), repeat=3)))
 

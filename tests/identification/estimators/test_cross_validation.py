@@ -5,12 +5,12 @@ from itertools import pairwise
 import numpy as np
 import pytest
 
-import identification.regressor
+import identification.regression.regressor
+from identification.data.log import Log
+from identification.data.signals import low_pass
 from identification.estimators.cross_validation import cross_validate, cross_validation_error
 from identification.estimators.ols import fit_ols
-from identification.log import Log
-from identification.regressor import torque_regressor
-from identification.signals import low_pass
+from identification.regression.regressor import torque_regressor
 from phantom_dyn.errors import ParameterError
 
 
@@ -49,8 +49,8 @@ def test_a_missing_effect_shows(arm, noisy, friction):
 
 def test_streaming_does_not_change_it(arm, noisy, friction, monkeypatch):
     whole = cross_validate(arm, noisy, friction(arm))
-    monkeypatch.setattr(identification.regressor, "WHOLE_LIMIT", 0)
-    monkeypatch.setattr(identification.regressor, "_BLOCK", 70)
+    monkeypatch.setattr(identification.regression.regressor, "WHOLE_LIMIT", 0)
+    monkeypatch.setattr(identification.regression.regressor, "_BLOCK", 70)
     np.testing.assert_allclose(cross_validate(arm, noisy, friction(arm)), whole, rtol=1e-6)
 
 

@@ -7,15 +7,15 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from identification.data.log import Log
+from identification.data.recording import Recording
+from identification.data.signals import process
 from identification.estimators.cross_validation import cross_validate
 from identification.estimators.ols import fit_ols
 from identification.estimators.wls import fit_wls
-from identification.log import Log
-from identification.recordings import Recording
-from identification.signals import process
 from phantom_dyn import load_robot
 from phantom_dyn.effects.catalogue import effect_named
-from phantom_dyn.robot import Robot
+from phantom_dyn.model.robot import Robot
 
 SYMMETRIC = [(effect_named(name), "axis") for name in ("viscous_friction", "coulomb_friction", "torque_offset")]
 DIRECTIONAL = [(effect_named("direction_dependent_friction"), "axis")]

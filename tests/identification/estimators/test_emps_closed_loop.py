@@ -12,15 +12,15 @@ import numpy as np
 import pytest
 from scipy.signal import butter, filtfilt
 
-from identification.estimators.closed_loop import Feedback, loop_of, simulated
-from identification.estimators.didim import didim
+from identification.data.recording import Recording
+from identification.data.signals import process
+from identification.estimators.closed_loop.didim import didim
+from identification.estimators.closed_loop.loop import Feedback, loop_of, simulated
+from identification.estimators.closed_loop.plant import plant_of
 from identification.estimators.endogeneity import hausman_test
 from identification.estimators.fit import Fit
 from identification.estimators.iv import iv
-from identification.estimators.plant import plant_of
-from identification.recordings import Recording
-from identification.regressor import Regressor, torque_regressor
-from identification.signals import process
+from identification.regression.regressor import Regressor, torque_regressor
 from phantom_dyn import load_robot
 from phantom_dyn.effects.catalogue import effect_named
 

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from identification.estimators.ols import fit_ols, ols
-from identification.regressor import gap_regressor
+from identification.regression.regressor import gap_regressor
 from phantom_dyn.errors import LogError
 
 

@@ -3,12 +3,12 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from identification.estimators.full_parameters import full_parameters, nearest_full_parameters, selection
+from identification.estimators.consistent.full_parameters import full_parameters, nearest_full_parameters, selection
 from identification.estimators.ols import fit_ols, ols
-from identification.regressor import gap_regressor
+from identification.regression.regressor import gap_regressor
 from phantom_dyn import load_robot
-from phantom_dyn.dynamics import inverse_dynamics, standard_parameters
-from phantom_dyn.effects.changed_robot import with_parameters
+from phantom_dyn.dynamics.dynamics import inverse_dynamics, standard_parameters
+from phantom_dyn.effects.support.changed_robot import with_parameters
 from phantom_dyn.errors import EstimationError, ParameterError
 from phantom_dyn.motion import Motion
 

@@ -9,19 +9,19 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from identification.estimators.cloe import cloe
-from identification.estimators.closed_loop import Feedback, feedback_of
-from identification.estimators.didim import didim
+from identification.data.log import Band, Log
+from identification.estimators.closed_loop.cloe import cloe
+from identification.estimators.closed_loop.didim import didim
+from identification.estimators.closed_loop.loop import Feedback, feedback_of
 from identification.estimators.iv import iv
-from identification.log import Band, Log
-from identification.regressor import Regressor, gap_regressor, torque_regressor
+from identification.regression.regressor import Regressor, gap_regressor, torque_regressor
 from phantom_dyn import load_robot
 from phantom_dyn.effects.catalogue import effect_named
 from phantom_dyn.errors import EstimationError, IdentifiabilityError, LogError, ParameterError
+from phantom_dyn.model.robot import Controller, Robot
 from phantom_dyn.motion import Motion
-from phantom_dyn.robot import Controller, Robot
-from phantom_dyn.simulation import Cause, simulate
-from phantom_dyn.tracking import position_control
+from phantom_dyn.simulation.control import position_control
+from phantom_dyn.simulation.simulate import Cause, simulate
 
 ROBOTS = Path(__file__).parents[2] / "robots"
 FITS = [iv, didim, cloe]

@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 from scipy.signal import lfilter
 
-from identification.estimators.least_squares import base_of, solve
-from identification.estimators.noise import (
+from identification.estimators.linear.least_squares import base_of, solve
+from identification.estimators.linear.scatter import (
     autocorrelation,
     coloured_scatter,
     correlation_factor,
@@ -14,8 +14,8 @@ from identification.estimators.noise import (
     white_scatter,
 )
 from identification.estimators.ols import ols
-from identification.regressor import gap_regressor
-from phantom_dyn.dynamics import inverse_dynamics
+from identification.regression.regressor import gap_regressor
+from phantom_dyn.dynamics.dynamics import inverse_dynamics
 from phantom_dyn.effects.catalogue import effect_named
 
 TRUTH = np.array([0.4, 0.6, -0.3])

@@ -3,10 +3,10 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from identification.base_parameters import base_parameters
 from identification.estimators.ols import fit_ols, ols
-from identification.regressor import gap_regressor, torque_regressor
-from phantom_dyn.dynamics import standard_parameters
+from identification.regression.base_parameters import base_parameters
+from identification.regression.regressor import gap_regressor, torque_regressor
+from phantom_dyn.dynamics.dynamics import standard_parameters
 from phantom_dyn.effects.catalogue import effect_named
 from phantom_dyn.errors import IdentifiabilityError
 from phantom_dyn.motion import Motion

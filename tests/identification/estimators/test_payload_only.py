@@ -5,13 +5,13 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from identification.estimators.consistent_bodies import pseudo_inertia
+from identification.estimators.consistent.consistent_bodies import pseudo_inertia
 from identification.estimators.payload_only import fit_payload, fit_payload_and_robot
 from phantom_dyn import load_robot
-from phantom_dyn.dynamics import inverse_dynamics, standard_parameters
-from phantom_dyn.effects.changed_robot import with_parameters
+from phantom_dyn.dynamics.dynamics import inverse_dynamics, standard_parameters
+from phantom_dyn.effects.support.changed_robot import with_parameters
 from phantom_dyn.errors import LogError, ParameterError, RobotError
-from phantom_dyn.inertia import STANDARD_NAMES, body_parameters
+from phantom_dyn.model.inertia import STANDARD_NAMES, body_parameters
 from phantom_dyn.motion import Motion
 
 CENTER = np.array([0.05, -0.02, 0.15])

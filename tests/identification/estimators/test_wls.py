@@ -5,7 +5,7 @@ import pytest
 
 from identification.estimators.ols import fit_ols
 from identification.estimators.wls import fit_wls
-from phantom_dyn.dynamics import standard_parameters
+from phantom_dyn.dynamics.dynamics import standard_parameters
 from phantom_dyn.errors import IdentifiabilityError
 
 

@@ -5,18 +5,18 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from identification.base_parameters import base_parameters_of_matrix
-from identification.excitation.base import earlier_factor
 from identification.excitation.collisions import collisions_of, distances
 from identification.excitation.criteria import DOptimality
 from identification.excitation.excite import Excitation, excite
+from identification.excitation.excited_base import earlier_factor
 from identification.excitation.limits import FrameBox, limits_of
-from identification.excitation.shapes import BSplines, FourierSeries, TrianglesAndSines
+from identification.excitation.motion_shapes import BSplines, FourierSeries, TrianglesAndSines
+from identification.regression.base_parameters import base_parameters_of_matrix
 from phantom_dyn import load_robot
-from phantom_dyn.dynamics import inverse_dynamics, rigid_body_regressor
+from phantom_dyn.dynamics.dynamics import inverse_dynamics, rigid_body_regressor
 from phantom_dyn.errors import ParameterError
-from phantom_dyn.inertia import parameter_names, parameter_units
-from phantom_dyn.robot import Actuator
+from phantom_dyn.model.inertia import parameter_names, parameter_units
+from phantom_dyn.model.robot import Actuator
 
 SHAPES = FourierSeries(4.0, 3)
 FAST = {"starts": 4}

@@ -6,12 +6,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from identification.excitation.bounds import bounds_of
+from identification.excitation.limited_quantities import bounds_of
 from identification.excitation.limits import FrameBox, Limits, limits_of
-from identification.excitation.stated import stated_limits
+from identification.excitation.stated_limits import stated_limits
 from phantom_dyn import load_robot
 from phantom_dyn.errors import ParameterError, RobotError
-from phantom_dyn.robot import Actuator
+from phantom_dyn.model.robot import Actuator
 
 ROBOTS = Path(__file__).resolve().parents[2] / "robots"
 

@@ -3,15 +3,15 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from identification.excitation.base import base_of, earlier_factor
 from identification.excitation.collisions import collisions_of
 from identification.excitation.criteria import ConditionNumber, DOptimality
 from identification.excitation.descent import Penalty
+from identification.excitation.design_problem import Grid, Problem
+from identification.excitation.excited_base import base_of, earlier_factor
 from identification.excitation.limits import FrameBox, limits_of
-from identification.excitation.problem import Grid, Problem
-from identification.excitation.shapes import BSplines, FourierSeries, TrianglesAndSines
+from identification.excitation.motion_shapes import BSplines, FourierSeries, TrianglesAndSines
 from phantom_dyn import load_robot
-from phantom_dyn.dynamics import inverse_dynamics, modelled_friction, rigid_body_regressor, standard_parameters
+from phantom_dyn.dynamics.dynamics import inverse_dynamics, modelled_friction, rigid_body_regressor, standard_parameters
 from phantom_dyn.errors import ParameterError
 from phantom_dyn.motion import Motion
 
@@ -62,7 +62,7 @@ def test_the_slope_holds_where_bodies_come_close(chain_of_balls, rng):
 
 
 def test_the_limited_torque_is_that_of_inverse_dynamics_without_coulomb_friction(planar, rng):
-    # Oracle: phantom_dyn.dynamics.
+    # Oracle: phantom_dyn.dynamics.dynamics.
     problem = Problem(planar, base_of(planar), ConditionNumber(), limits_of(planar))
     motion = Motion(np.arange(6.0), *rng.normal(size=(3, 6, 2)))
     values = problem.limited(motion, problem.regressor(motion))
@@ -71,7 +71,7 @@ def test_the_limited_torque_is_that_of_inverse_dynamics_without_coulomb_friction
 
 
 def test_the_limited_torque_of_a_chain_holds_that_of_its_passive_joints(rng):
-    # Oracle: phantom_dyn.dynamics.
+    # Oracle: phantom_dyn.dynamics.dynamics.
     robot = load_robot("phantom_1_5")
     problem = Problem(robot, base_of(robot), ConditionNumber(), limits_of(robot))
     motion = Motion(np.arange(6.0), *rng.uniform(-0.5, 0.5, (3, 6, 3)))

@@ -3,7 +3,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from identification.excitation.shapes import BSplines, FourierSeries, TrianglesAndSines
+from identification.excitation.motion_shapes import BSplines, FourierSeries, TrianglesAndSines
 from phantom_dyn.errors import ParameterError
 
 FAMILIES = [FourierSeries(4.0, 3), BSplines(4.0, 5), BSplines(4.0, 1), TrianglesAndSines(4.0), FourierSeries(4.0, 2)]

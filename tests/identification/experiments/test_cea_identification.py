@@ -17,7 +17,7 @@ from identification.experiments.cea_identification import (
 from phantom_dyn import load_robot
 from phantom_dyn.devices.cea import GRAVITY, INERTIAL, LinkLengths
 from phantom_dyn.devices.cea_dynamics import NAMES, VALUES, regressor
-from phantom_dyn.dynamics import standard_parameters
+from phantom_dyn.dynamics.dynamics import standard_parameters
 from phantom_dyn.effects.catalogue import effect_named
 
 SHORT = Conditions(duration=40.0)

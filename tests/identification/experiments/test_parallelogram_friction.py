@@ -12,9 +12,9 @@ from identification.experiments.parallelogram_friction import (
     passive_friction,
 )
 from phantom_dyn import load_robot
-from phantom_dyn.closed_chain import joint_velocity
 from phantom_dyn.devices.cea import FRICTION_TESTS
 from phantom_dyn.devices.cea_dynamics import NAMES, VALUES, regressor
+from phantom_dyn.dynamics.tree_motion import joint_velocity
 from phantom_dyn.errors import LogError, ParameterError
 from phantom_dyn.motion import Motion
 

@@ -5,12 +5,12 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from identification.experiments.resonance import joint_response, transmission_resonance
-from identification.log import Band, Log
-from identification.signals import align_held_torque
+from identification.data.log import Band, Log
+from identification.data.signals import align_held_torque
+from identification.experiments.transmission import joint_response, transmission_resonance
 from phantom_dyn.errors import LogError, RobotError
-from phantom_dyn.haptics.axis import TwoMassAxis
-from phantom_dyn.haptics.white_noise import simulate_white_noise
+from phantom_dyn.haptics.device.axis import TwoMassAxis
+from phantom_dyn.haptics.experiments.white_noise import simulate_white_noise
 from phantom_dyn.motion import Motion
 
 T = 1e-3
@@ -19,7 +19,7 @@ JOINT = TwoMassAxis(0.05, 0.2, 0.1, 0.2, 800.0, 0.3)
 
 
 def log(rng, *, valid=None, torque=None) -> Log:
-    """Torque of the first joint as noise that was held, taken to the instants as `identification.signals` does."""
+    """Torque of the first joint as noise that was held, taken to the instants as `identification.data.signals` does."""
     experiment = simulate_white_noise(JOINT, period=T, force=2.0, position_noise=1e-6, duration=80.0, rng=rng)
     q = np.column_stack([experiment.position, np.zeros_like(experiment.position)])
     tau = np.column_stack([experiment.force, np.ones_like(experiment.force)]) if torque is None else torque

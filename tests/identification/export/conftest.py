@@ -9,10 +9,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from phantom_dyn.dynamics import standard_parameters
-from phantom_dyn.effects.changed_robot import with_parameters
+from phantom_dyn.dynamics.dynamics import standard_parameters
+from phantom_dyn.effects.support.changed_robot import with_parameters
+from phantom_dyn.model.robot import Robot
 from phantom_dyn.motion import Motion
-from phantom_dyn.robot import Robot
 
 ROBOTS = Path(__file__).parents[2] / "robots"
 

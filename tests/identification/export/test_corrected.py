@@ -7,7 +7,13 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from identification.diagnosis.result import Adjusted, Value
-from identification.export.corrected import Corrected, CorrectedEffect, corrected_text, read_corrected, write_corrected
+from identification.export.corrected.corrected_yaml import (
+    Corrected,
+    CorrectedEffect,
+    corrected_text,
+    read_corrected,
+    write_corrected,
+)
 from phantom_dyn.errors import ParameterError, RobotError
 
 GOOD = """\

@@ -5,8 +5,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from identification.export.log_files import ENDINGS, write_log
-from identification.readers import read_table
+from identification.data.readers.read_table import read_table
+from identification.export.log_and_map_files import ENDINGS, write_log
 from phantom_dyn.errors import UsageError
 
 

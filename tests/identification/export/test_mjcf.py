@@ -8,12 +8,12 @@ from xml.etree import ElementTree
 import numpy as np
 import pytest
 
-from identification.export.mjcf import mjcf_text
-from identification.export.reload import mujoco_difference
-from phantom_dyn.dynamics import inverse_dynamics
-from phantom_dyn.effects.changed_robot import with_rotor_inertia
+from identification.export.model_files.mjcf_file import mjcf_text
+from identification.export.model_files.reload import mujoco_difference
+from phantom_dyn.dynamics.dynamics import inverse_dynamics
+from phantom_dyn.effects.support.changed_robot import with_rotor_inertia
 from phantom_dyn.errors import ParameterError, RobotError
-from phantom_dyn.loading import load_robot
+from phantom_dyn.model.loading import load_robot
 
 
 @pytest.mark.parametrize("name", ["arm3.urdf", "arm3.xml", "fourbar.xml", "parallelogram.urdf", "pendulum.urdf"])

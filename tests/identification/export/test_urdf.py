@@ -11,13 +11,12 @@ from xml.etree import ElementTree
 import numpy as np
 import pytest
 
-from identification.export.new_urdf import new_urdf
-from identification.export.reload import urdf_difference
-from identification.export.urdf import edited_urdf
-from phantom_dyn.effects.changed_robot import with_parameters
+from identification.export.model_files.reload import urdf_difference
+from identification.export.model_files.urdf_file import edited_urdf, new_urdf
+from phantom_dyn.effects.support.changed_robot import with_parameters
 from phantom_dyn.errors import ParameterError, RobotError
-from phantom_dyn.loading import load_robot
-from phantom_dyn.robot_files import find_robot
+from phantom_dyn.model.loading import load_robot
+from phantom_dyn.model.robot_files import find_robot
 
 BUILT_IN = ["phantom_1_5", "cea_branch", "emps"]
 

@@ -9,14 +9,14 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from identification.data.recording import Recording
+from identification.identify.identification import Identification
 from identification.identify.identify import identify
-from identification.identify.result import Identification
-from identification.recordings import Recording
-from phantom_dyn.dynamics import inverse_dynamics, standard_parameters
-from phantom_dyn.effects.changed_robot import with_parameters
-from phantom_dyn.loading import load_robot
+from phantom_dyn.dynamics.dynamics import inverse_dynamics, standard_parameters
+from phantom_dyn.effects.support.changed_robot import with_parameters
+from phantom_dyn.model.loading import load_robot
+from phantom_dyn.model.robot import Robot
 from phantom_dyn.motion import Motion
-from phantom_dyn.robot import Robot
 
 ROBOTS = Path(__file__).parents[2] / "robots"
 

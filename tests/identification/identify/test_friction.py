@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from identification.identify.friction import effects_of, friction_terms, without_estimated
-from phantom_dyn.effects.changed_robot import with_rotor_inertia
+from identification.identify.identified_model import effects_of, friction_terms, without_estimated
+from phantom_dyn.effects.support.changed_robot import with_rotor_inertia
 from phantom_dyn.errors import UsageError
 
 

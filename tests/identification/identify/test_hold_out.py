@@ -8,11 +8,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from identification.data.recording import Recording
 from identification.identify.hold_out import caution, require_enough, split_logs
-from identification.recordings import Recording
-from phantom_dyn.dynamics import inverse_dynamics
+from phantom_dyn.dynamics.dynamics import inverse_dynamics
 from phantom_dyn.errors import IdentifiabilityError, LogError
-from phantom_dyn.loading import load_robot
+from phantom_dyn.model.loading import load_robot
 from phantom_dyn.motion import Motion
 
 

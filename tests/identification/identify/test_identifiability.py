@@ -11,8 +11,6 @@ import re
 import numpy as np
 import pytest
 
-from identification.base_parameters import base_parameters, base_parameters_of_matrix
-from identification.identify.friction import DEFAULT_TERMS, effects_of, without_estimated
 from identification.identify.hold_out import split_logs
 from identification.identify.identifiability import (
     body_table,
@@ -22,8 +20,10 @@ from identification.identify.identifiability import (
     shares,
     unidentified,
 )
-from identification.regressor import torque_regressor
-from phantom_dyn.loading import load_robot
+from identification.identify.identified_model import DEFAULT_TERMS, effects_of, without_estimated
+from identification.regression.base_parameters import base_parameters, base_parameters_of_matrix
+from identification.regression.regressor import torque_regressor
+from phantom_dyn.model.loading import load_robot
 
 
 def shares_by_null_space(W):

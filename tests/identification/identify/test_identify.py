@@ -11,14 +11,14 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from identification.base_parameters import base_parameters
-from identification.identify.friction import DEFAULT_TERMS, effects_of, without_estimated
 from identification.identify.hold_out import split_logs
+from identification.identify.identified_model import DEFAULT_TERMS, effects_of, without_estimated
 from identification.identify.identify import identify
-from identification.regressor import torque_regressor
-from phantom_dyn.dynamics import inverse_dynamics, standard_parameters
+from identification.regression.base_parameters import base_parameters
+from identification.regression.regressor import torque_regressor
+from phantom_dyn.dynamics.dynamics import inverse_dynamics, standard_parameters
 from phantom_dyn.errors import LogError, ParameterError
-from phantom_dyn.loading import load_robot
+from phantom_dyn.model.loading import load_robot
 
 
 def test_friction_of_every_joint_comes_back(found, truth):

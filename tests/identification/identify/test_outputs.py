@@ -7,8 +7,7 @@ from dataclasses import replace
 
 import pytest
 
-from identification.identify.json_output import json_text, to_json
-from identification.identify.outputs import NAMES, check_folder, write_outputs
+from identification.identify.identification_files import NAMES, check_folder, json_text, to_json, write_outputs
 from phantom_dyn.errors import UsageError
 
 

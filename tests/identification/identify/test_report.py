@@ -9,8 +9,8 @@ from html.parser import HTMLParser
 import numpy as np
 import pytest
 
-from identification.identify.report import report_html
-from identification.identify.summary import summary
+from identification.identify.identification_report import report_html
+from identification.identify.identification_words import summary
 
 VOID = {"meta", "br", "img", "link", "input", "hr"}
 

@@ -7,15 +7,14 @@ import numpy as np
 import pinocchio as pin
 import pytest
 
-from identification.known_changes.apart import ALIKE, apart_by
-from identification.known_changes.change import Change, KnownPayload
-from identification.known_changes.loaded import robot_in
-from phantom_dyn.dynamics import inverse_dynamics
+from identification.data.changes import Change, KnownPayload, robot_in
+from identification.diagnosis.model.own_effects import ALIKE, apart_by
+from phantom_dyn.dynamics.dynamics import inverse_dynamics
 from phantom_dyn.effects.catalogue import effect_named
 from phantom_dyn.effects.operation import Operation
 from phantom_dyn.errors import LogError
+from phantom_dyn.model.robot import Controller
 from phantom_dyn.motion import Motion
-from phantom_dyn.robot import Controller
 
 
 def test_a_known_mass_adds_its_torque(pendulum, swing):

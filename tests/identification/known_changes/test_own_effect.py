@@ -5,9 +5,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from identification.diagnosis.model.own_effects import EFFECTS_OF, own_effect
 from identification.diagnosis.result import Value
-from identification.known_changes.own_effect import EFFECTS_OF, own_effect
-from identification.known_changes.tell import growth
+from identification.scenarios.known_changes import growth
 from phantom_dyn.effects.catalogue import effect_named
 from phantom_dyn.effects.operation import Operation
 

@@ -4,10 +4,10 @@ import re
 
 import pytest
 
-from identification.known_changes.change import Change, KnownPayload
-from identification.known_changes.recordings_file import read_changes
+from identification.data.changes import Change, KnownPayload
+from identification.scenarios.recordings_file import read_changes
 from phantom_dyn.errors import ParameterError
-from phantom_dyn.robot import Controller
+from phantom_dyn.model.robot import Controller
 
 LOGS = ("data/a.csv", "data/b.csv")
 JOINTS = ("j1", "j2")

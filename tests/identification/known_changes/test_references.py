@@ -5,12 +5,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from identification.known_changes.change import Change
-from identification.known_changes.loaded import robot_in
-from identification.known_changes.references import states_controllers, with_asked_torque
-from identification.recordings import Recording
+from identification.data.changes import Change, robot_in
+from identification.data.recording import Recording
+from identification.scenarios.motion_only import states_controllers, with_asked_torque
 from phantom_dyn.errors import LogError
-from phantom_dyn.robot import Controller
+from phantom_dyn.model.robot import Controller
 
 
 @pytest.fixture

@@ -7,14 +7,13 @@ import json
 import numpy as np
 import pytest
 
-from identification.diagnosis.diagnose import diagnose
-from identification.diagnosis.json_output import json_text
-from identification.diagnosis.words import finding_words
-from identification.export.corrected import write_corrected
-from identification.known_changes.apart import apart_by
-from identification.known_changes.change import Change, KnownPayload
-from identification.known_changes.loaded import robot_in
-from phantom_dyn.dynamics import inverse_dynamics
+from identification.data.changes import Change, KnownPayload, robot_in
+from identification.diagnosis.diagnosis import diagnose
+from identification.diagnosis.model.own_effects import apart_by
+from identification.export.corrected.corrected_yaml import write_corrected
+from identification.reporting.diagnosis_json import json_text
+from identification.words.diagnosis_words import finding_words
+from phantom_dyn.dynamics.dynamics import inverse_dynamics
 from phantom_dyn.effects.catalogue import effect_named
 from phantom_dyn.effects.operation import Operation
 from phantom_dyn.errors import LogError

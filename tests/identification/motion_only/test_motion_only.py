@@ -8,19 +8,18 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from identification.diagnosis.diagnose import diagnose
-from identification.diagnosis.rest import usable_samples
-from identification.motion_only.gains import suggested_gains
-from identification.motion_only.reconstruct import commanded_torque, motion_robot, with_commanded_torque
-from identification.motion_only.tell import told_by_motion
-from identification.recordings import Recording
-from identification.signals import process_all
+from identification.data.recording import Recording
+from identification.data.signals import process_all
+from identification.diagnosis.diagnosis import diagnose
+from identification.diagnosis.model.standstill import usable_samples
+from identification.scenarios.motion_limits import told_by_motion
+from identification.scenarios.motion_only import commanded_torque, motion_robot, suggested_gains, with_commanded_torque
 from phantom_dyn import load_robot
 from phantom_dyn.effects.catalogue import effect_named
 from phantom_dyn.errors import LogError
-from phantom_dyn.robot import Actuator, Controller, Robot
-from phantom_dyn.simulation import Cause, Simulation, simulate
-from phantom_dyn.tracking import position_control
+from phantom_dyn.model.robot import Actuator, Controller, Robot
+from phantom_dyn.simulation.control import position_control
+from phantom_dyn.simulation.simulate import Cause, Simulation, simulate
 
 ROBOTS = Path(__file__).resolve().parents[2] / "robots"
 KP, KD = 60.0, 6.0

@@ -11,8 +11,8 @@ import pytest
 from identification.cli.main import main
 from phantom_dyn import load_robot
 from phantom_dyn.effects.catalogue import effect_named
-from phantom_dyn.simulation import Cause, simulate
-from phantom_dyn.tracking import position_control
+from phantom_dyn.simulation.control import position_control
+from phantom_dyn.simulation.simulate import Cause, simulate
 
 PENDULUM = Path(__file__).resolve().parents[2] / "robots" / "pendulum.urdf"
 CONTROLLER = "joints: {pin: {controller: {kind: pd, kp: 60, kd: 6}}}\n"

@@ -2,7 +2,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from identification.next_experiment.reference import reference_text
+from identification.next_experiment.proposal_words import reference_text
 from phantom_dyn.motion import Motion
 
 

@@ -5,14 +5,13 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from identification.log import Log
-from identification.next_experiment.candidates import candidates, design_of
-from identification.next_experiment.safe import safe_limits
-from identification.signals import low_pass
+from identification.data.log import Log
+from identification.data.signals import low_pass
+from identification.next_experiment.candidates import candidates, design_of, safe_limits
 from phantom_dyn import load_robot
-from phantom_dyn.dynamics import inverse_dynamics
+from phantom_dyn.dynamics.dynamics import inverse_dynamics
+from phantom_dyn.model.robot import Robot
 from phantom_dyn.motion import Motion
-from phantom_dyn.robot import Robot
 
 ROBOTS = Path(__file__).resolve().parents[2] / "robots"
 KINDS = {"Fourier series", "triangles and sines", "slow triangles", "holds with small reversals"}

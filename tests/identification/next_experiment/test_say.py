@@ -3,11 +3,11 @@ from __future__ import annotations
 import numpy as np
 
 from identification.diagnosis.result import EffectAt
-from identification.excitation.shapes import FourierSeries
+from identification.excitation.motion_shapes import FourierSeries
 from identification.next_experiment.candidates import Candidate
 from identification.next_experiment.hypotheses import Hypothesis
-from identification.next_experiment.propose import Pair
-from identification.next_experiment.say import proposal_words
+from identification.next_experiment.proposal_words import proposal_words
+from identification.next_experiment.separation import Pair
 from identification.next_experiment.trials import Trial
 
 MOTION = Candidate("Fourier series", FourierSeries(10.0, 4), np.zeros((9, 1)))

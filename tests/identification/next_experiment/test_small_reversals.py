@@ -3,7 +3,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from identification.next_experiment.small_reversals import SmallReversals
+from identification.next_experiment.candidates import SmallReversals
 from phantom_dyn.errors import ParameterError
 
 FAMILY = SmallReversals(9.0, stops=3, reversals=4)

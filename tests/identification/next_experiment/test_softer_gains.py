@@ -5,10 +5,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from identification.next_experiment.softer_gains import followed
+from identification.next_experiment.trials import followed
 from phantom_dyn import load_robot
+from phantom_dyn.model.robot import Controller, Robot
 from phantom_dyn.motion import Motion
-from phantom_dyn.robot import Controller, Robot
 
 KP, KD, W = 40000.0, 4000.0, 2 * np.pi * 3.0
 

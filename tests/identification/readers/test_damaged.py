@@ -16,7 +16,7 @@ from rosbags.rosbag2 import StoragePlugin
 from rosbags.rosbag2 import Writer as Writer2
 from rosbags.typesys import Stores, get_typestore
 
-from identification.readers import read_table
+from identification.data.readers.read_table import read_table
 from phantom_dyn.errors import LogError
 
 JOINT_STATE = "sensor_msgs/msg/JointState"

@@ -7,7 +7,7 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
-from identification.readers import read_raw, read_table
+from identification.data.readers.read_table import read_raw, read_table
 from phantom_dyn.errors import LogError
 
 

@@ -9,7 +9,7 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 import pytest
 
-from identification.readers import read_table
+from identification.data.readers.read_table import read_table
 from phantom_dyn.errors import LogError
 
 

@@ -9,22 +9,20 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from identification.diagnosis.blocks import split_blocks
-from identification.log import Log
-from identification.recordings import Recording
-from identification.rollout.compare import Rollout, compared
-from identification.rollout.drives import given_torque
-from identification.rollout.errors import HORIZONS
-from identification.rollout.hidden import hides
-from identification.rollout.models import model_of
+from identification.data.log import Log
+from identification.data.recording import Recording
+from identification.data.signals import process_all
+from identification.diagnosis.fit.blocks import split_blocks
+from identification.rollout.compare import HORIZONS, Rollout, compared
+from identification.rollout.driven import given_torque
+from identification.rollout.hidden_states import hides
 from identification.rollout.shots import Shot, under_control, under_torque
-from identification.rollout.starts import states_of
-from identification.rollout.windows import windows_in
-from identification.signals import process_all
+from identification.rollout.simulated_models import model_of
+from identification.rollout.starts import states_of, windows_in
 from phantom_dyn import load_robot
-from phantom_dyn.robot import Robot
-from phantom_dyn.simulation import Cause, Simulation, simulate
-from phantom_dyn.tracking import position_control
+from phantom_dyn.model.robot import Robot
+from phantom_dyn.simulation.control import position_control
+from phantom_dyn.simulation.simulate import Cause, Simulation, simulate
 
 ROBOTS = Path(__file__).resolve().parents[2] / "robots"
 Array = np.ndarray

@@ -7,15 +7,15 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from identification.rollout.drives import given_torque
-from identification.rollout.hidden import hides
-from identification.rollout.models import model_of
+from identification.rollout.driven import given_torque
+from identification.rollout.hidden_states import hides
 from identification.rollout.shots import under_torque
+from identification.rollout.simulated_models import model_of
 from identification.rollout.starts import true_state
 from phantom_dyn.effects.catalogue import effect_named
-from phantom_dyn.robot import Actuator, Controller, Robot
-from phantom_dyn.simulation import Cause, simulate
-from phantom_dyn.tracking import torque_over_time
+from phantom_dyn.model.robot import Actuator, Controller, Robot
+from phantom_dyn.simulation.control import torque_over_time
+from phantom_dyn.simulation.simulate import Cause, simulate
 
 PLAY = Cause(effect_named("backlash"), "elbow", np.array([0.03]))
 SPRING = Cause(effect_named("transmission_compliance"), "elbow", np.array([150.0]))

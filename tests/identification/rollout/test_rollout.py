@@ -7,21 +7,21 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from identification.diagnosis.diagnose import diagnose
-from identification.diagnosis.terms import Term
-from identification.rollout.drives import given_torque
-from identification.rollout.errors import Errors, horizon_of
-from identification.rollout.limits import Simulated, limit_warnings, limits_engaged, recorded_past
-from identification.rollout.models import loaded, model_of
+from identification.diagnosis.diagnosis import diagnose
+from identification.diagnosis.model.terms import Term
+from identification.rollout.compare import Errors, horizon_of
+from identification.rollout.driven import given_torque
+from identification.rollout.joint_limits import Simulated, limit_warnings, limits_engaged, recorded_past
 from identification.rollout.shots import under_torque
+from identification.rollout.simulated_models import loaded, model_of
 from identification.rollout.starts import States, states_of, true_state
-from phantom_dyn.dynamics import inverse_dynamics, rigid_body_regressor
+from phantom_dyn.dynamics.dynamics import inverse_dynamics, rigid_body_regressor
 from phantom_dyn.effects.catalogue import effect_named
 from phantom_dyn.errors import ParameterError
+from phantom_dyn.model.robot import Actuator, Controller
 from phantom_dyn.motion import Motion
-from phantom_dyn.robot import Actuator, Controller
-from phantom_dyn.simulation import Cause, simulate
-from phantom_dyn.tracking import torque_over_time
+from phantom_dyn.simulation.control import torque_over_time
+from phantom_dyn.simulation.simulate import Cause, simulate
 
 WIDE = (
     ("coulomb_friction", "shoulder", 1.0),

@@ -7,14 +7,13 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from identification.diagnosis.diagnose import diagnose
-from identification.known_changes.change import Change, KnownPayload
-from identification.known_changes.loaded import robot_in
-from identification.recordings import Recording
+from identification.data.changes import Change, KnownPayload, robot_in
+from identification.data.recording import Recording
+from identification.diagnosis.diagnosis import diagnose
 from phantom_dyn.effects.catalogue import effect_named
-from phantom_dyn.robot import Controller
-from phantom_dyn.simulation import Cause, simulate
-from phantom_dyn.tracking import position_control
+from phantom_dyn.model.robot import Controller
+from phantom_dyn.simulation.control import position_control
+from phantom_dyn.simulation.simulate import Cause, simulate
 
 RUBS = Cause(effect_named("coulomb_friction"), "pin", np.array([1.0]))
 

@@ -1,4 +1,4 @@
-"""Closed loops with a known truth: simulated by `phantom_dyn.simulation`, which the estimators do not use."""
+"""Closed loops with a known truth: simulated by `phantom_dyn.simulation.simulate`, which the estimators do not use."""
 
 from __future__ import annotations
 
@@ -9,15 +9,15 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from identification.base_parameters import BaseParameters
-from identification.log import Log
-from identification.recordings import Recording
-from identification.signals import process
+from identification.data.log import Log
+from identification.data.recording import Recording
+from identification.data.signals import process
+from identification.regression.base_parameters import BaseParameters
 from phantom_dyn import load_robot
-from phantom_dyn.dynamics import mass_matrix, standard_parameters
+from phantom_dyn.dynamics.dynamics import mass_matrix, standard_parameters
 from phantom_dyn.effects.catalogue import effect_named
-from phantom_dyn.robot import Controller, Robot
-from phantom_dyn.simulation import Cause, simulate
+from phantom_dyn.model.robot import Controller, Robot
+from phantom_dyn.simulation.simulate import Cause, simulate
 
 ROBOTS = Path(__file__).parents[2] / "robots"
 PLACES = {

@@ -11,11 +11,11 @@ import pytest
 from identification.estimators.endogeneity import hausman_test
 from identification.estimators.iv import iv
 from identification.estimators.wls import wls
+from identification.identify.identification_files import to_json
+from identification.identify.identification_report import report_html
+from identification.identify.identification_words import summary
 from identification.identify.identify import identify
-from identification.identify.json_output import to_json
-from identification.identify.report import report_html
-from identification.identify.summary import summary
-from identification.regressor import torque_regressor
+from identification.regression.regressor import torque_regressor
 
 COARSE = 5e-3  # rad
 

@@ -12,18 +12,18 @@ import numpy as np
 import pytest
 from scipy.signal import lfilter
 
-from identification.base_parameters import BaseParameters
-from identification.estimators.didim import didim
+from identification.data.signals import process
+from identification.estimators.closed_loop.didim import didim
+from identification.estimators.closed_loop.simulated_start import Resimulation, loops_of, resimulated
 from identification.estimators.endogeneity import hausman_test
 from identification.estimators.fit import Fit
 from identification.estimators.iv import iv
-from identification.estimators.least_squares import base_of
+from identification.estimators.linear.least_squares import base_of
+from identification.estimators.linear.rows import base_rows
 from identification.estimators.ols import ols
-from identification.estimators.resimulation import Resimulation, loops_of, resimulated
-from identification.estimators.rows import base_rows
 from identification.estimators.wls import wls
-from identification.regressor import Regressor, torque_regressor
-from identification.signals import process
+from identification.regression.base_parameters import BaseParameters
+from identification.regression.regressor import Regressor, torque_regressor
 
 DRAWS = 200
 FITS = {"ols": ols, "wls": wls, "iv": iv, "didim": didim}

@@ -1,6 +1,6 @@
 """Known truth: every estimator of the ladder on a serial arm, an industrial arm and two closed chains.
 
-Recordings are simulated by `phantom_dyn.simulation`, which no estimator uses, with noise of 5 % on the torque.
+Recordings are simulated by `phantom_dyn.simulation.simulate`, which no estimator uses, with noise of 5 % on the torque.
 """
 
 from __future__ import annotations
@@ -11,15 +11,15 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from identification.estimators.cloe import cloe
+from identification.data.log import Log
+from identification.estimators.closed_loop.cloe import cloe
 from identification.estimators.fit import Fit
 from identification.estimators.ladder import ESTIMATORS, estimator_named
 from identification.estimators.tls import KnownPayload
-from identification.log import Log
-from identification.regressor import gap_regressor, torque_regressor
-from phantom_dyn.dynamics import inverse_dynamics
-from phantom_dyn.effects.changed_robot import with_parameters
-from phantom_dyn.effects.payload import payload_body, point_mass_parameters
+from identification.regression.regressor import gap_regressor, torque_regressor
+from phantom_dyn.dynamics.dynamics import inverse_dynamics
+from phantom_dyn.effects.load.payload import payload_body, point_mass_parameters
+from phantom_dyn.effects.support.changed_robot import with_parameters
 
 PLACES = ("two_joints", "ur10", "phantom", "cea")
 PLAIN = [estimator.name for estimator in ESTIMATORS if estimator.plain and estimator.name != "cloe"]

@@ -12,17 +12,17 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from identification.corrected.parts import parts_of
+from identification.diagnosis.model.terms import KnownEffect
 from identification.diagnosis.result import Adjusted, Diagnosis
-from identification.diagnosis.terms import KnownEffect
-from identification.uses.feedforward import COLUMNS, feedforward_code, feedforward_table, loaded
+from identification.export.corrected.parts import parts_of
+from identification.export.uses.feedforward import COLUMNS, feedforward_code, feedforward_table, loaded
 from phantom_dyn import load_robot
-from phantom_dyn.dynamics import gravity_torque, inverse_dynamics
+from phantom_dyn.dynamics.dynamics import gravity_torque, inverse_dynamics
 from phantom_dyn.effects.catalogue import effect_named
 from phantom_dyn.effects.operation import Operation
 from phantom_dyn.errors import ParameterError
+from phantom_dyn.model.robot import Robot
 from phantom_dyn.motion import Motion
-from phantom_dyn.robot import Robot
 
 # Of one effect at a time the drive has to give the model's torque less the effect's.
 EXACT = {

@@ -11,12 +11,12 @@ import numpy as np
 import pytest
 import yaml
 
-from identification.corrected.mjcf_parts import corrected_mjcf
-from identification.corrected.parts import parts_of
 from identification.diagnosis.result import Bound, Value
-from identification.uses.mjcf_ranges import mjcf_ranges
-from identification.uses.randomisation import draws, randomisation_of, unseen_effect
-from identification.uses.randomisation_file import randomisation_text
+from identification.export.corrected.corrected_mjcf import corrected_mjcf
+from identification.export.corrected.parts import parts_of
+from identification.export.uses.mjcf_ranges import mjcf_ranges
+from identification.export.uses.randomisation import draws, randomisation_of, unseen_effect
+from identification.export.uses.randomisation_file import randomisation_text
 from phantom_dyn.errors import ParameterError
 
 UNSEEN = (

@@ -8,11 +8,12 @@ import pinocchio as pin
 import pytest
 
 from phantom_dyn import load_robot
-from phantom_dyn.closed_chain import tree_motion
-from phantom_dyn.devices import cea, cea_dynamics, cea_loop
+from phantom_dyn.devices import cea, cea_dynamics
+from phantom_dyn.devices import cea as cea_loop
 from phantom_dyn.devices.cea import INERTIAL, LinkLengths
-from phantom_dyn.dynamics import inverse_dynamics
-from phantom_dyn.dynamics import mass_matrix as pinocchio_mass_matrix
+from phantom_dyn.dynamics.dynamics import inverse_dynamics
+from phantom_dyn.dynamics.dynamics import mass_matrix as pinocchio_mass_matrix
+from phantom_dyn.dynamics.tree_motion import tree_motion
 from phantom_dyn.errors import ParameterError
 from phantom_dyn.motion import Motion
 

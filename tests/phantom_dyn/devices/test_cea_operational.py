@@ -6,7 +6,7 @@ import pytest
 from phantom_dyn import load_robot
 from phantom_dyn.devices import cea
 from phantom_dyn.devices.cea import LinkLengths
-from phantom_dyn.devices.cea_operational import felt, nearest_posture
+from phantom_dyn.devices.cea_dynamics import felt, nearest_posture
 from phantom_dyn.errors import ParameterError
 from phantom_dyn.maps.from_robot import map_model
 from phantom_dyn.maps.quantities import felt_at

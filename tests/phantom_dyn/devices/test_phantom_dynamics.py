@@ -13,10 +13,10 @@ from phantom_dyn import load_robot
 from phantom_dyn.devices import phantom_dynamics as closed
 from phantom_dyn.devices.phantom import JOINTS, PHANTOM_1_5
 from phantom_dyn.devices.phantom_urdf import phantom_urdf, phantom_yaml
-from phantom_dyn.dynamics import inverse_dynamics, mass_matrix
-from phantom_dyn.effects.payload import payload_body
+from phantom_dyn.dynamics.dynamics import inverse_dynamics, mass_matrix
+from phantom_dyn.effects.load.payload import payload_body
+from phantom_dyn.model.robot_files import find_robot
 from phantom_dyn.motion import Motion
-from phantom_dyn.robot_files import find_robot
 
 COUPLING = 0.215 * (0.170 * 0.0202 + 0.0325 * 0.0249)
 V = np.array([[1.0, 2.0, 3.0]])

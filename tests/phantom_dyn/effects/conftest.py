@@ -11,8 +11,8 @@ import pytest
 from phantom_dyn import load_robot
 from phantom_dyn.effects.effect import Moment, Simulated
 from phantom_dyn.effects.operation import Operation
+from phantom_dyn.model.robot import Robot
 from phantom_dyn.motion import Motion
-from phantom_dyn.robot import Robot
 
 ROBOTS = Path(__file__).resolve().parents[2] / "robots"
 

@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from phantom_dyn.effects.actuator_lag import ActuatorLag
+from phantom_dyn.effects.drive.actuator_lag import ActuatorLag
 from phantom_dyn.effects.operation import Operation
 
 EFFECT = ActuatorLag()

@@ -5,10 +5,10 @@ import numpy as np
 import pinocchio as pin
 import pytest
 
-from phantom_dyn.dynamics import inverse_dynamics
-from phantom_dyn.effects.base_tilt import INVISIBLE, BaseTilt
-from phantom_dyn.effects.changed_robot import with_gravity
+from phantom_dyn.dynamics.dynamics import inverse_dynamics
+from phantom_dyn.effects.load.base_tilt import INVISIBLE, BaseTilt
 from phantom_dyn.effects.operation import Operation
+from phantom_dyn.effects.support.changed_robot import with_gravity
 from phantom_dyn.motion import Motion
 
 EFFECT = BaseTilt()

@@ -7,9 +7,9 @@ import pytest
 from scipy.ndimage import uniform_filter1d
 
 from phantom_dyn import load_robot
-from phantom_dyn.effects.cogging import Cogging
-from phantom_dyn.effects.cogging_orders import order_range
+from phantom_dyn.effects.drive.cogging import Cogging
 from phantom_dyn.effects.operation import Operation
+from phantom_dyn.effects.support.cogging_orders import order_range
 from phantom_dyn.motion import Motion
 
 ROBOTS = Path(__file__).resolve().parents[2] / "robots"

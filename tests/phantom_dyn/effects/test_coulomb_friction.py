@@ -2,7 +2,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from phantom_dyn.effects.coulomb_friction import CoulombFriction
+from phantom_dyn.effects.friction.coulomb_friction import CoulombFriction
 
 
 def test_the_torque_is_minus_t_in_the_direction_of_motion(arm, operation):

@@ -3,7 +3,7 @@ from __future__ import annotations
 import numpy as np
 
 from phantom_dyn.effects.catalogue import effect_named
-from phantom_dyn.effects.direction_dependent_friction import DirectionDependentFriction
+from phantom_dyn.effects.friction.direction_dependent_friction import DirectionDependentFriction
 
 THETA = np.array([0.5, 0.3, 0.11, 0.23])  # T+, T-, c+, c-
 

@@ -3,8 +3,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from phantom_dyn.dynamics import inverse_dynamics, link_torque
-from phantom_dyn.effects.displaced import (
+from phantom_dyn.dynamics.dynamics import inverse_dynamics, link_torque
+from phantom_dyn.effects.operation import Operation
+from phantom_dyn.effects.support.displaced import (
     change_by_link,
     change_by_reading,
     displaced,
@@ -12,7 +13,6 @@ from phantom_dyn.effects.displaced import (
     exact_change_by_reading,
     link_load,
 )
-from phantom_dyn.effects.operation import Operation
 from phantom_dyn.motion import Motion
 
 STEP = 1e-6

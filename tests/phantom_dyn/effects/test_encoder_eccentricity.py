@@ -3,11 +3,11 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from phantom_dyn.dynamics import inverse_dynamics
-from phantom_dyn.effects.encoder_eccentricity import EncoderEccentricity
+from phantom_dyn.dynamics.dynamics import inverse_dynamics
+from phantom_dyn.effects.encoder.encoder_eccentricity import EncoderEccentricity
 from phantom_dyn.effects.operation import Operation
 from phantom_dyn.motion import Motion
-from phantom_dyn.simulation import Cause, simulate
+from phantom_dyn.simulation.simulate import Cause, simulate
 
 EFFECT = EncoderEccentricity()
 THETA = np.array([0.02, 0.7, 1.0])

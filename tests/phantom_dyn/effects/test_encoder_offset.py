@@ -5,11 +5,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from phantom_dyn.dynamics import inverse_dynamics
-from phantom_dyn.effects.encoder_offset import EncoderOffset
+from phantom_dyn.dynamics.dynamics import inverse_dynamics
+from phantom_dyn.effects.encoder.encoder_offset import EncoderOffset
 from phantom_dyn.effects.operation import Operation
 from phantom_dyn.motion import Motion
-from phantom_dyn.simulation import Cause, simulate
+from phantom_dyn.simulation.simulate import Cause, simulate
 
 EFFECT = EncoderOffset()
 

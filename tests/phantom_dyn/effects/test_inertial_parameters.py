@@ -4,10 +4,10 @@ import numpy as np
 import pinocchio as pin
 import pytest
 
-from phantom_dyn.effects.inertial_parameters import InertialParameters, bodies_of
+from phantom_dyn.effects.load.inertial_parameters import InertialParameters, bodies_of
 from phantom_dyn.effects.operation import Operation
 from phantom_dyn.errors import RobotError
-from phantom_dyn.robot import Robot
+from phantom_dyn.model.robot import Robot
 
 EFFECT = InertialParameters()
 

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from phantom_dyn import load_robot
-from phantom_dyn.effects.input_delay import InputDelay
+from phantom_dyn.effects.drive.input_delay import InputDelay
 from phantom_dyn.effects.operation import Operation
 
 EFFECT = InputDelay()

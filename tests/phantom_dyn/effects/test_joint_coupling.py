@@ -7,7 +7,7 @@ import pinocchio as pin
 import pytest
 
 from phantom_dyn import load_robot
-from phantom_dyn.effects.joint_coupling import JointCoupling
+from phantom_dyn.effects.friction.joint_coupling import JointCoupling
 from phantom_dyn.effects.operation import Operation
 from phantom_dyn.errors import RobotError
 from phantom_dyn.motion import Motion

@@ -5,8 +5,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from phantom_dyn.dynamics import inverse_dynamics
-from phantom_dyn.effects.load_dependent_friction import LoadDependentFriction
+from phantom_dyn.dynamics.dynamics import inverse_dynamics
+from phantom_dyn.effects.friction.load_dependent_friction import LoadDependentFriction
 from phantom_dyn.effects.operation import Operation
 from phantom_dyn.motion import Motion
 

@@ -2,7 +2,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from phantom_dyn.effects.parasitic_spring import ParasiticSpring
+from phantom_dyn.effects.transmission.parasitic_spring import ParasiticSpring
 
 
 def test_the_torque_is_minus_k_times_the_way_from_rest(arm, operation):

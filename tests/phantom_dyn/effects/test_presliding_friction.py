@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from phantom_dyn.effects.catalogue import effect_named
+from phantom_dyn.effects.friction.presliding_friction import PreslidingFriction, bristle, strokes
 from phantom_dyn.effects.operation import Operation
-from phantom_dyn.effects.presliding_friction import PreslidingFriction, bristle, strokes
 from phantom_dyn.motion import Motion
 
 EFFECT = PreslidingFriction()

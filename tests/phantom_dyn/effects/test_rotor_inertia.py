@@ -3,7 +3,7 @@ from __future__ import annotations
 import numpy as np
 import pinocchio as pin
 
-from phantom_dyn.effects.rotor_inertia import RotorInertia
+from phantom_dyn.effects.drive.rotor_inertia import RotorInertia
 
 
 def test_the_torque_is_minus_i_a(arm, operation):

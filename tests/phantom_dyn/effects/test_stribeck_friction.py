@@ -3,10 +3,10 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from phantom_dyn.effects.friction.stribeck_friction import StribeckFriction
 from phantom_dyn.effects.operation import Operation
-from phantom_dyn.effects.stribeck_friction import StribeckFriction
+from phantom_dyn.model.robot import Robot
 from phantom_dyn.motion import Motion
-from phantom_dyn.robot import Robot
 
 THETA = np.array([0.4, 0.9, 0.2])  # Tc, Ts, vs
 

@@ -3,8 +3,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from phantom_dyn.dynamics import inverse_dynamics
-from phantom_dyn.effects.torque_constant import TorqueConstant
+from phantom_dyn.dynamics.dynamics import inverse_dynamics
+from phantom_dyn.effects.drive.torque_constant import TorqueConstant
 
 
 @pytest.mark.parametrize("ratio", [0.6, 1.0, 1.7])

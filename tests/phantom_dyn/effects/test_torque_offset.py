@@ -2,7 +2,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from phantom_dyn.effects.torque_offset import TorqueOffset
+from phantom_dyn.effects.drive.torque_offset import TorqueOffset
 
 
 def test_the_torque_is_constant(arm, operation):

@@ -5,8 +5,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from phantom_dyn.effects.drive.torque_saturation import TorqueSaturation
 from phantom_dyn.effects.operation import Operation
-from phantom_dyn.effects.torque_saturation import TorqueSaturation
 
 EFFECT = TorqueSaturation()
 

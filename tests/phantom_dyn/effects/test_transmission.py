@@ -9,13 +9,13 @@ import pytest
 from scipy.interpolate import make_interp_spline
 from scipy.signal import butter, sosfiltfilt
 
-from phantom_dyn.effects import backlash
-from phantom_dyn.effects.backlash import Backlash, play
 from phantom_dyn.effects.operation import Operation
-from phantom_dyn.effects.transmission_compliance import TransmissionCompliance, swing, swing_steps
+from phantom_dyn.effects.transmission import backlash
+from phantom_dyn.effects.transmission.backlash import Backlash, play
+from phantom_dyn.effects.transmission.transmission_compliance import TransmissionCompliance, swing, swing_steps
 from phantom_dyn.errors import RobotError
 from phantom_dyn.motion import Motion
-from phantom_dyn.simulation import Cause, simulate
+from phantom_dyn.simulation.simulate import Cause, simulate
 
 BACKLASH, COMPLIANCE = Backlash(), TransmissionCompliance()
 

@@ -2,7 +2,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from phantom_dyn.effects.viscous_friction import ViscousFriction
+from phantom_dyn.effects.friction.viscous_friction import ViscousFriction
 
 
 def test_the_torque_is_minus_c_v(arm, operation):

@@ -10,37 +10,34 @@ import pytest
 
 from phantom_dyn.errors import ParameterError
 from phantom_dyn.haptics.arguments import require_columns, require_whole, sample_count
-from phantom_dyn.haptics.axis import RigidAxis, masses_from_resonance
-from phantom_dyn.haptics.cheap_axis import CheapAxis, CoggingTorque, StickingFriction
-from phantom_dyn.haptics.cheap_hardware import at_rest, felt, phantom_tip_force, rendered, rendered_axes
-from phantom_dyn.haptics.drives import warming
-from phantom_dyn.haptics.encoder import Encoder, record_motion
-from phantom_dyn.haptics.feedforward import Feedforward, felt_mass, low_pass, transparency
-from phantom_dyn.haptics.frequency_response import estimate_frequency_response
-from phantom_dyn.haptics.loop_simulation import LoopSettings, simulate_loop
-from phantom_dyn.haptics.operator import YOKOKOHJI_YOSHIKAWA
-from phantom_dyn.haptics.passivity import passive_damping, passive_stiffness
-from phantom_dyn.haptics.relay import RelayExperiment, limit_cycle, simulate_relay
-from phantom_dyn.haptics.sampled_loop import SampledLoop
-from phantom_dyn.haptics.stability import (
-    critical_stiffness,
-    critical_virtual_damping,
-    linear_ratio,
-    linear_stiffness,
-)
-from phantom_dyn.haptics.stability_map import stability_map
-from phantom_dyn.haptics.teleoperation import simulate_teleoperation
-from phantom_dyn.haptics.transfer_function import TransferFunction
-from phantom_dyn.haptics.velocity_comparison import estimator_figures, estimator_response
-from phantom_dyn.haptics.velocity_estimators import (
+from phantom_dyn.haptics.cheap.cheap_axis import CheapAxis, CoggingTorque, StickingFriction
+from phantom_dyn.haptics.cheap.cheap_hardware import at_rest, felt, phantom_tip_force, rendered, rendered_axes
+from phantom_dyn.haptics.device.axis import YOKOKOHJI_YOSHIKAWA, RigidAxis, masses_from_resonance
+from phantom_dyn.haptics.device.drives import warming
+from phantom_dyn.haptics.device.transfer_function import TransferFunction
+from phantom_dyn.haptics.experiments.relay import RelayExperiment, limit_cycle, simulate_relay
+from phantom_dyn.haptics.experiments.white_noise import estimate_frequency_response, simulate_white_noise
+from phantom_dyn.haptics.sensing.encoder import Encoder, record_motion
+from phantom_dyn.haptics.sensing.loop_simulation import LoopSettings, simulate_loop
+from phantom_dyn.haptics.sensing.velocity_comparison import estimator_figures, estimator_response
+from phantom_dyn.haptics.sensing.velocity_estimators import (
     STOCK,
     AveragedDifference,
     KalmanVelocity,
     PeriodMeasurement,
     kalman_gains,
 )
-from phantom_dyn.haptics.virtual_wall import simulate_damping, simulate_wall
-from phantom_dyn.haptics.white_noise import simulate_white_noise
+from phantom_dyn.haptics.stability.critical_stiffness import (
+    critical_stiffness,
+    critical_virtual_damping,
+    linear_ratio,
+    linear_stiffness,
+    stability_map,
+)
+from phantom_dyn.haptics.stability.force_feedforward import Feedforward, felt_mass, low_pass, transparency
+from phantom_dyn.haptics.stability.passivity import passive_damping, passive_stiffness, simulate_teleoperation
+from phantom_dyn.haptics.stability.sampled_loop import SampledLoop
+from phantom_dyn.haptics.stability.virtual_wall import simulate_damping, simulate_wall
 
 
 @pytest.fixture(autouse=True)

@@ -9,9 +9,8 @@ import numpy as np
 import pytest
 
 from phantom_dyn.errors import ParameterError
-from phantom_dyn.haptics.axis import RigidAxis, TwoMassAxis, masses_from_resonance
-from phantom_dyn.haptics.operator import Operator
-from phantom_dyn.haptics.published import LHIFAM
+from phantom_dyn.haptics.device.axis import Operator, RigidAxis, TwoMassAxis, masses_from_resonance
+from phantom_dyn.haptics.device.published import LHIFAM
 
 AXIS = TwoMassAxis(0.3, 5.0, 0.1, 3.4, 8e4, 14.0)
 

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from phantom_dyn.errors import ParameterError
-from phantom_dyn.haptics.cheap_axis import (
+from phantom_dyn.haptics.cheap.cheap_axis import (
     CheapAxis,
     CoggingTorque,
     StickingFriction,

@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 
 from phantom_dyn.devices.phantom import inverse_kinematics
-from phantom_dyn.effects.presliding_friction import stick_step
+from phantom_dyn.effects.friction.presliding_friction import stick_step
 from phantom_dyn.errors import ParameterError
-from phantom_dyn.haptics.cheap_axis import (
+from phantom_dyn.haptics.cheap.cheap_axis import (
     CheapAxis,
     CoggingTorque,
     StickingFriction,
@@ -16,7 +16,7 @@ from phantom_dyn.haptics.cheap_axis import (
     cheap_rotation,
     cheap_translation,
 )
-from phantom_dyn.haptics.cheap_hardware import at_rest, felt, phantom_tip_force, rendered, rendered_axes
+from phantom_dyn.haptics.cheap.cheap_hardware import at_rest, felt, phantom_tip_force, rendered, rendered_axes
 
 RATES = [500, 1000, 2000]
 FRICTION = StickingFriction(torque=2.0, displacement=100e-6, stick_velocity=5e-3)

@@ -11,10 +11,10 @@ from scipy.integrate import solve_ivp
 from scipy.linalg import expm
 
 from phantom_dyn.errors import ParameterError
-from phantom_dyn.haptics.axis import RigidAxis
-from phantom_dyn.haptics.compiled import frequency_grid
-from phantom_dyn.haptics.discretisation import discretise, split_delay
-from phantom_dyn.haptics.published import LHIFAM, LHIFAM_NEW_CABLE, PHANTOM_1_5_Z
+from phantom_dyn.haptics.device.axis import RigidAxis
+from phantom_dyn.haptics.device.discretisation import discretise, split_delay
+from phantom_dyn.haptics.device.frequency_kernels import frequency_grid
+from phantom_dyn.haptics.device.published import LHIFAM, LHIFAM_NEW_CABLE, PHANTOM_1_5_Z
 
 T = 1e-3
 

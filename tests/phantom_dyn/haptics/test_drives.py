@@ -7,7 +7,7 @@ import pytest
 from scipy.integrate import solve_ivp, trapezoid
 
 from phantom_dyn.errors import ParameterError
-from phantom_dyn.haptics.drives import (
+from phantom_dyn.haptics.device.drives import (
     PUBLISHED_RISE_LINEAR,
     PUBLISHED_RISE_PULSES,
     Winding,

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from phantom_dyn.errors import ParameterError
-from phantom_dyn.haptics.encoder import Encoder, record_motion
+from phantom_dyn.haptics.sensing.encoder import Encoder, record_motion
 
 
 def test_counts_are_the_rounded_position(rng):

@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 
 from phantom_dyn.errors import ParameterError
-from phantom_dyn.haptics.axis import RigidAxis
-from phantom_dyn.haptics.feedforward import (
+from phantom_dyn.haptics.device.axis import FREE_HAND, YOKOKOHJI_YOSHIKAWA, Operator, RigidAxis
+from phantom_dyn.haptics.stability.force_feedforward import (
     Feedforward,
     critical_feedforward,
     feedforward_loop,
@@ -18,7 +18,6 @@ from phantom_dyn.haptics.feedforward import (
     transparency,
     worst_critical_feedforward,
 )
-from phantom_dyn.haptics.operator import FREE_HAND, YOKOKOHJI_YOSHIKAWA, Operator
 
 LHIFAM = RigidAxis(5.4, 3.5)
 LIGHT_HAND = Operator(0.271, 0.271, 1.355)  # the cited operator scaled to the mass that gives the printed 0.14 kg

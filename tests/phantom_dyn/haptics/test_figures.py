@@ -11,29 +11,27 @@ from matplotlib.figure import Figure
 
 from phantom_dyn.errors import ParameterError
 from phantom_dyn.haptics import figures
-from phantom_dyn.haptics.axis import RigidAxis
-from phantom_dyn.haptics.cheap_axis import CheapAxis, StickingFriction, VirtualMass
-from phantom_dyn.haptics.cheap_hardware import rendered
-from phantom_dyn.haptics.drives import Winding, switched_current, warming
-from phantom_dyn.haptics.encoder import Encoder
-from phantom_dyn.haptics.feedforward import (
+from phantom_dyn.haptics.cheap.cheap_axis import CheapAxis, StickingFriction, VirtualMass
+from phantom_dyn.haptics.cheap.cheap_hardware import rendered
+from phantom_dyn.haptics.device.axis import YOKOKOHJI_YOSHIKAWA, RigidAxis
+from phantom_dyn.haptics.device.drives import Winding, switched_current, warming
+from phantom_dyn.haptics.device.published import LHIFAM, LHIFAM_NEW_CABLE, PHANTOM_1_5_X
+from phantom_dyn.haptics.experiments.frequency_identification import fit_two_mass
+from phantom_dyn.haptics.experiments.relay import limit_cycle, simulate_relay
+from phantom_dyn.haptics.experiments.white_noise import simulate_white_noise
+from phantom_dyn.haptics.sensing.encoder import Encoder
+from phantom_dyn.haptics.sensing.loop_simulation import LoopSettings
+from phantom_dyn.haptics.sensing.velocity_comparison import estimator_figures
+from phantom_dyn.haptics.sensing.velocity_estimators import STOCK, AveragedDifference
+from phantom_dyn.haptics.stability.critical_stiffness import loop_bode, stability_map
+from phantom_dyn.haptics.stability.force_feedforward import (
     Feedforward,
     critical_feedforward,
     transparency,
     worst_critical_feedforward,
 )
-from phantom_dyn.haptics.frequency_identification import fit_two_mass
-from phantom_dyn.haptics.loop_simulation import LoopSettings
-from phantom_dyn.haptics.operator import YOKOKOHJI_YOSHIKAWA
-from phantom_dyn.haptics.phantom_improvements import Improvement, ModelFigure
-from phantom_dyn.haptics.published import LHIFAM, LHIFAM_NEW_CABLE, PHANTOM_1_5_X
-from phantom_dyn.haptics.relay import limit_cycle, simulate_relay
-from phantom_dyn.haptics.stability import loop_bode
-from phantom_dyn.haptics.stability_map import stability_map
-from phantom_dyn.haptics.teleoperation import simulate_teleoperation
-from phantom_dyn.haptics.velocity_comparison import estimator_figures
-from phantom_dyn.haptics.velocity_estimators import STOCK, AveragedDifference
-from phantom_dyn.haptics.white_noise import simulate_white_noise
+from phantom_dyn.haptics.stability.passivity import simulate_teleoperation
+from phantom_dyn.haptics.stability.phantom_improvements import Improvement, ModelFigure
 
 T = 1e-3
 RIGID = RigidAxis(5.4, 3.5)

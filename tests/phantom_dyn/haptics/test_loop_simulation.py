@@ -7,12 +7,12 @@ import pytest
 from scipy.linalg import expm
 
 from phantom_dyn.errors import ParameterError
-from phantom_dyn.haptics.axis import RigidAxis, TwoMassAxis
-from phantom_dyn.haptics.discretisation import discretise
-from phantom_dyn.haptics.encoder import Encoder
-from phantom_dyn.haptics.loop_simulation import LoopSettings, LoopTrace, gain_until_swinging, simulate_loop
-from phantom_dyn.haptics.published import PHANTOM_1_5_Z
-from phantom_dyn.haptics.sampled_loop import SampledLoop
+from phantom_dyn.haptics.device.axis import RigidAxis, TwoMassAxis
+from phantom_dyn.haptics.device.discretisation import discretise
+from phantom_dyn.haptics.device.published import PHANTOM_1_5_Z
+from phantom_dyn.haptics.sensing.encoder import Encoder
+from phantom_dyn.haptics.sensing.loop_simulation import LoopSettings, LoopTrace, gain_until_swinging, simulate_loop
+from phantom_dyn.haptics.stability.sampled_loop import SampledLoop
 
 FINE = Encoder(1e-9)
 RIGID = RigidAxis(0.05, 1.0)

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from phantom_dyn.errors import ParameterError
-from phantom_dyn.haptics.operator import YOKOKOHJI_YOSHIKAWA, Operator
+from phantom_dyn.haptics.device.axis import YOKOKOHJI_YOSHIKAWA, Operator
 
 
 def test_impedance_at_standstill_is_the_stiffness():

@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from phantom_dyn.haptics.axis import RigidAxis
-from phantom_dyn.haptics.passivity import passive_damping, passive_stiffness
-from phantom_dyn.haptics.stability import critical_stiffness, linear_stiffness
+from phantom_dyn.haptics.device.axis import RigidAxis
+from phantom_dyn.haptics.stability.critical_stiffness import critical_stiffness, linear_stiffness
+from phantom_dyn.haptics.stability.passivity import passive_damping, passive_stiffness
 
 T = 1e-3
 

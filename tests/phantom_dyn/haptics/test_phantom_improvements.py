@@ -6,7 +6,8 @@ import math
 
 import pytest
 
-from phantom_dyn.haptics.phantom_improvements import (
+from phantom_dyn.haptics.device.published import PHANTOM_1_5_X, PHANTOM_1_5_Y, PHANTOM_1_5_Z, low_frequency_inertia
+from phantom_dyn.haptics.stability.phantom_improvements import (
     PUBLISHED_WALL,
     Improvement,
     damping_improvement,
@@ -14,7 +15,6 @@ from phantom_dyn.haptics.phantom_improvements import (
     operational_masses,
     wall_improvement,
 )
-from phantom_dyn.haptics.published import PHANTOM_1_5_X, PHANTOM_1_5_Y, PHANTOM_1_5_Z, low_frequency_inertia
 
 
 def test_masses_of_the_dynamic_model_at_the_origin():

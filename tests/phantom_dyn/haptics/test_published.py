@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 
 from phantom_dyn.errors import ParameterError
-from phantom_dyn.haptics.axis import masses_from_resonance
-from phantom_dyn.haptics.published import (
+from phantom_dyn.haptics.device.axis import masses_from_resonance
+from phantom_dyn.haptics.device.published import (
     LHIFAM,
     LHIFAM_HEAVIER_MOTOR,
     LHIFAM_NEW_CABLE,
@@ -23,7 +23,7 @@ from phantom_dyn.haptics.published import (
     phantom_1_0,
     two_mass_of_fit,
 )
-from phantom_dyn.haptics.transfer_function import TransferFunction
+from phantom_dyn.haptics.device.transfer_function import TransferFunction
 
 HZ = 2 * math.pi
 FITS = {"x": PHANTOM_1_5_X, "y": PHANTOM_1_5_Y, "z": PHANTOM_1_5_Z}

@@ -8,10 +8,10 @@ import numpy as np
 import pytest
 
 from phantom_dyn.errors import ParameterError
-from phantom_dyn.haptics.axis import RigidAxis
-from phantom_dyn.haptics.published import LHIFAM_NEW_CABLE
-from phantom_dyn.haptics.relay import RelayExperiment, limit_cycle, simulate_relay
-from phantom_dyn.haptics.stability import critical_stiffness
+from phantom_dyn.haptics.device.axis import RigidAxis
+from phantom_dyn.haptics.device.published import LHIFAM_NEW_CABLE
+from phantom_dyn.haptics.experiments.relay import RelayExperiment, limit_cycle, simulate_relay
+from phantom_dyn.haptics.stability.critical_stiffness import critical_stiffness
 
 T = 1e-3
 HZ = 2 * math.pi

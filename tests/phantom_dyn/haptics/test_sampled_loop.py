@@ -8,10 +8,9 @@ import pytest
 from scipy.signal import butter, dlsim
 
 from phantom_dyn.errors import ParameterError
-from phantom_dyn.haptics.axis import RigidAxis, TwoMassAxis
-from phantom_dyn.haptics.discretisation import discretise
-from phantom_dyn.haptics.operator import Operator
-from phantom_dyn.haptics.sampled_loop import DigitalFilter, SampledLoop, critical_gain
+from phantom_dyn.haptics.device.axis import Operator, RigidAxis, TwoMassAxis
+from phantom_dyn.haptics.device.discretisation import discretise
+from phantom_dyn.haptics.stability.sampled_loop import DigitalFilter, SampledLoop, critical_gain
 
 PERIOD = 1e-3
 LHIFAM = RigidAxis(5.4, 3.5)

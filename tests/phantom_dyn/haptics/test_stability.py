@@ -10,10 +10,9 @@ import numpy as np
 import pytest
 
 from phantom_dyn.errors import ParameterError
-from phantom_dyn.haptics.axis import RigidAxis, TwoMassAxis
-from phantom_dyn.haptics.discretisation import discretise
-from phantom_dyn.haptics.operator import YOKOKOHJI_YOSHIKAWA
-from phantom_dyn.haptics.published import (
+from phantom_dyn.haptics.device.axis import YOKOKOHJI_YOSHIKAWA, RigidAxis, TwoMassAxis
+from phantom_dyn.haptics.device.discretisation import discretise
+from phantom_dyn.haptics.device.published import (
     LHIFAM,
     LHIFAM_HEAVIER_MOTOR,
     LHIFAM_NEW_CABLE,
@@ -23,7 +22,7 @@ from phantom_dyn.haptics.published import (
     PRINTED_CROSSING,
     phantom_1_0,
 )
-from phantom_dyn.haptics.stability import (
+from phantom_dyn.haptics.stability.critical_stiffness import (
     critical_stiffness,
     critical_virtual_damping,
     linear_ratio,

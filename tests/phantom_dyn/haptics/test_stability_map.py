@@ -6,10 +6,9 @@ import numpy as np
 import pytest
 
 from phantom_dyn.errors import ParameterError
-from phantom_dyn.haptics.axis import RigidAxis, TwoMassAxis
-from phantom_dyn.haptics.published import LHIFAM_NEW_CABLE
-from phantom_dyn.haptics.stability import critical_stiffness
-from phantom_dyn.haptics.stability_map import stability_map
+from phantom_dyn.haptics.device.axis import RigidAxis, TwoMassAxis
+from phantom_dyn.haptics.device.published import LHIFAM_NEW_CABLE
+from phantom_dyn.haptics.stability.critical_stiffness import critical_stiffness, stability_map
 
 SOFT_MODE = TwoMassAxis(0.001, 0.05, 0.01, 0.0, 500.0, 0.02)
 

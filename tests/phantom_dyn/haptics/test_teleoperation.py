@@ -7,13 +7,12 @@ import math
 import numpy as np
 import pytest
 
-from phantom_dyn.haptics.axis import RigidAxis
-from phantom_dyn.haptics.loop_simulation import LoopSettings
-from phantom_dyn.haptics.operator import Operator
-from phantom_dyn.haptics.published import PHANTOM_1_5_X, PHANTOM_1_5_Y, PHANTOM_1_5_Z
-from phantom_dyn.haptics.teleoperation import critical_loop_gain, simulate_teleoperation, simulated_loop_gain
-from phantom_dyn.haptics.velocity_estimators import AveragedDifference, KalmanVelocity
-from phantom_dyn.haptics.virtual_wall import critical_wall
+from phantom_dyn.haptics.device.axis import Operator, RigidAxis
+from phantom_dyn.haptics.device.published import PHANTOM_1_5_X, PHANTOM_1_5_Y, PHANTOM_1_5_Z
+from phantom_dyn.haptics.sensing.loop_simulation import LoopSettings
+from phantom_dyn.haptics.sensing.velocity_estimators import AveragedDifference, KalmanVelocity
+from phantom_dyn.haptics.stability.passivity import critical_loop_gain, simulate_teleoperation, simulated_loop_gain
+from phantom_dyn.haptics.stability.virtual_wall import critical_wall
 
 TIP = RigidAxis(0.0525, 1.0)
 HELD = TIP.held_by(Operator(0.1, 2.0, 50.0))

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from phantom_dyn.errors import ParameterError
-from phantom_dyn.haptics.published import PHANTOM_1_5_X, PHANTOM_1_5_Y, PHANTOM_1_5_Z
-from phantom_dyn.haptics.transfer_function import TransferFunction
+from phantom_dyn.haptics.device.published import PHANTOM_1_5_X, PHANTOM_1_5_Y, PHANTOM_1_5_Z
+from phantom_dyn.haptics.device.transfer_function import TransferFunction
 
 
 @pytest.mark.parametrize("axis", [PHANTOM_1_5_X, PHANTOM_1_5_Y, PHANTOM_1_5_Z], ids="xyz")

@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 
 from phantom_dyn.errors import ParameterError
-from phantom_dyn.haptics.encoder import PHANTOM_STEP, Encoder
-from phantom_dyn.haptics.velocity_comparison import EstimatorFigures, estimator_figures, estimator_response
-from phantom_dyn.haptics.velocity_estimators import (
+from phantom_dyn.haptics.sensing.encoder import PHANTOM_STEP, Encoder
+from phantom_dyn.haptics.sensing.velocity_comparison import EstimatorFigures, estimator_figures, estimator_response
+from phantom_dyn.haptics.sensing.velocity_estimators import (
     IMPROVED,
     STOCK,
     AdaptiveWindow,

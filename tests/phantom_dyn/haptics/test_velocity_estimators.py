@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from phantom_dyn.errors import ParameterError
-from phantom_dyn.haptics.encoder import PHANTOM_STEP, Encoder, EncoderRecord, record_motion
-from phantom_dyn.haptics.velocity_estimators import (
+from phantom_dyn.haptics.sensing.encoder import PHANTOM_STEP, Encoder, EncoderRecord, record_motion
+from phantom_dyn.haptics.sensing.velocity_estimators import (
     IMPROVED,
     STOCK,
     AdaptiveWindow,

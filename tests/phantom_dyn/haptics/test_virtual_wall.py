@@ -8,15 +8,13 @@ import numpy as np
 import pytest
 
 from phantom_dyn.errors import ParameterError
-from phantom_dyn.haptics.axis import RigidAxis
-from phantom_dyn.haptics.discretisation import discretise
-from phantom_dyn.haptics.encoder import Encoder, record_motion
-from phantom_dyn.haptics.loop_simulation import LoopSettings
-from phantom_dyn.haptics.published import LHIFAM, PHANTOM_1_5_X, PHANTOM_1_5_Y, PHANTOM_1_5_Z
-from phantom_dyn.haptics.sampled_loop import SampledLoop
-from phantom_dyn.haptics.stability import critical_stiffness
-from phantom_dyn.haptics.transfer_function import TransferFunction
-from phantom_dyn.haptics.velocity_estimators import (
+from phantom_dyn.haptics.device.axis import RigidAxis
+from phantom_dyn.haptics.device.discretisation import discretise
+from phantom_dyn.haptics.device.published import LHIFAM, PHANTOM_1_5_X, PHANTOM_1_5_Y, PHANTOM_1_5_Z
+from phantom_dyn.haptics.device.transfer_function import TransferFunction
+from phantom_dyn.haptics.sensing.encoder import Encoder, record_motion
+from phantom_dyn.haptics.sensing.loop_simulation import LoopSettings
+from phantom_dyn.haptics.sensing.velocity_estimators import (
     IMPROVED,
     STOCK,
     AdaptiveWindow,
@@ -25,7 +23,9 @@ from phantom_dyn.haptics.velocity_estimators import (
     PeriodMeasurement,
     estimate_velocity,
 )
-from phantom_dyn.haptics.virtual_wall import (
+from phantom_dyn.haptics.stability.critical_stiffness import critical_stiffness
+from phantom_dyn.haptics.stability.sampled_loop import SampledLoop
+from phantom_dyn.haptics.stability.virtual_wall import (
     critical_damping_gain,
     critical_wall,
     simulate_wall,

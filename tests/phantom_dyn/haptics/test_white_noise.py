@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 from scipy.signal import lfilter
 
-from phantom_dyn.haptics.axis import RigidAxis
-from phantom_dyn.haptics.white_noise import simulate_white_noise
+from phantom_dyn.haptics.device.axis import RigidAxis
+from phantom_dyn.haptics.experiments.white_noise import simulate_white_noise
 
 T = 1e-3
 

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from scipy.signal import firwin, oaconvolve
 
-from phantom_dyn.kernels.fir import filtered
+from phantom_dyn._kernels.fir import filtered
 
 KERNEL = np.array(firwin(31, 0.2), dtype=float)
 

@@ -11,12 +11,12 @@ from threading import Barrier
 
 import pytest
 
-from phantom_dyn.kernels import jit
+from phantom_dyn._kernels import jit
 
 # Every third of the samples 0 to 6 behind a kernel of one sample: known in closed form.
 FILTER = """
 import numpy as np
-from phantom_dyn.kernels.fir import filtered
+from phantom_dyn._kernels.fir import filtered
 print(filtered(np.ones(1), np.arange(7.0)[:, None], 3).ravel().tolist(), hasattr(filtered, "signatures"))
 """
 

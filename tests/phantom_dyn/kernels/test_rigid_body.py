@@ -11,10 +11,10 @@ import pinocchio as pin
 import pytest
 
 from phantom_dyn import load_robot
-from phantom_dyn.dynamics import inverse_dynamics
+from phantom_dyn._kernels import jit, plain, rigid_body
+from phantom_dyn._kernels.tree_arrays import tree_arrays
+from phantom_dyn.dynamics.dynamics import inverse_dynamics
 from phantom_dyn.errors import LogError, ParameterError
-from phantom_dyn.kernels import jit, plain, rigid_body
-from phantom_dyn.kernels.tree_arrays import tree_arrays
 from phantom_dyn.motion import Motion
 
 SAMPLES = 7
@@ -196,7 +196,7 @@ def test_a_python_without_numba_gives_the_torque_of_one_with_it(absent):
 {absent}
 import numpy as np
 from phantom_dyn import load_robot
-from phantom_dyn.dynamics import inverse_dynamics
+from phantom_dyn.dynamics.dynamics import inverse_dynamics
 from phantom_dyn.kernels import jit
 from phantom_dyn.motion import Motion
 assert not jit.compiles()

@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 
 from phantom_dyn import load_robot
+from phantom_dyn._kernels import rigid_body
+from phantom_dyn._kernels.tree_arrays import tree_arrays
 from phantom_dyn.errors import ParameterError
-from phantom_dyn.kernels import rigid_body
-from phantom_dyn.kernels.tree_arrays import tree_arrays
 
 SAMPLES = 7
 

@@ -5,9 +5,8 @@ import numpy as np
 import pinocchio as pin
 import pytest
 
-from phantom_dyn.kernels.simulation_friction import invert, rub
-from phantom_dyn.kernels.simulation_links import at_root, joint_rows, links
-from phantom_dyn.kernels.tree_arrays import tree_arrays
+from phantom_dyn._kernels.tree_arrays import tree_arrays
+from phantom_dyn.simulation.compiled.links import at_root, invert, joint_rows, links, rub
 
 AXIS = np.array([0.48, -0.6, 0.64])
 JOINTS = (

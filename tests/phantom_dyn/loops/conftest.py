@@ -6,7 +6,7 @@ from pathlib import Path
 import pytest
 
 from phantom_dyn import load_robot
-from phantom_dyn.robot import Robot
+from phantom_dyn.model.robot import Robot
 
 ROBOTS = Path(__file__).parents[2] / "robots"
 

@@ -5,11 +5,11 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from phantom_dyn._kernels import jit
+from phantom_dyn._kernels.loop_closing import pseudo_inverse
 from phantom_dyn.errors import ChainError
-from phantom_dyn.kernels import jit
-from phantom_dyn.kernels.loop_closing import pseudo_inverse
 from phantom_dyn.loops.solver import drift, solve
-from phantom_dyn.robot import Robot
+from phantom_dyn.model.robot import Robot
 
 PINS = "frame_a: coupler_pin, frame_b: rocker_pin"
 CRANK = f"loops: [{{kind: point, {PINS}, active: [crank]}}]"

@@ -9,11 +9,10 @@ import numpy as np
 import pytest
 
 from phantom_dyn import load_robot
-from phantom_dyn.maps.dataset import arrays, dataset
-from phantom_dyn.maps.figures import figure
 from phantom_dyn.maps.from_robot import map_model
 from phantom_dyn.maps.grid import read_grid
-from phantom_dyn.maps.operational_map import operational_map
+from phantom_dyn.maps.map_figures import figure
+from phantom_dyn.maps.operational_map import arrays, dataset, operational_map
 
 NAMES = ("manipulability", "apparent_mass_matrix", "stiffness", "coulomb_friction", "gravity_force")
 

@@ -8,10 +8,10 @@ import numpy as np
 import pytest
 
 from phantom_dyn import load_robot
-from phantom_dyn.dynamics import inverse_dynamics, mass_matrix
+from phantom_dyn.dynamics.dynamics import inverse_dynamics, mass_matrix
+from phantom_dyn.dynamics.kinematics import frame_drift, frame_jacobian
 from phantom_dyn.errors import ParameterError
-from phantom_dyn.kinematics import frame_drift, frame_jacobian
-from phantom_dyn.maps.disturbance import disturbance_force
+from phantom_dyn.maps.quantities import disturbance_force
 from phantom_dyn.motion import Motion
 
 

@@ -12,11 +12,10 @@ from phantom_dyn.devices import cea
 from phantom_dyn.devices import phantom as closed
 from phantom_dyn.errors import ParameterError
 from phantom_dyn.maps import operational_map as streaming
-from phantom_dyn.maps.built_in import cea_branches
-from phantom_dyn.maps.from_robot import map_model
+from phantom_dyn.maps.from_robot import cea_branches, map_model
 from phantom_dyn.maps.grid import read_grid
 from phantom_dyn.maps.inverse import cloud_of, nearest_branch
-from phantom_dyn.maps.model import tip_of
+from phantom_dyn.maps.map_model import tip_of
 from phantom_dyn.maps.operational_map import operational_map
 from phantom_dyn.maps.quantities import felt_at
 
@@ -184,7 +183,7 @@ def test_a_grid_over_the_tip_of_a_six_joint_arm_is_refused():
 
 def test_a_map_over_joints_of_a_six_joint_arm(configurations):
     # Oracle: numpy's singular values of Pinocchio's Jacobian.
-    from phantom_dyn.kinematics import frame_jacobian
+    from phantom_dyn.dynamics.kinematics import frame_jacobian
 
     robot = load_robot("example:ur10")
     model = map_model(robot, posture=np.array([0.0, -1, 1, 0.3, 0.5, 0]))

@@ -11,9 +11,9 @@ import pytest
 from phantom_dyn import load_robot
 from phantom_dyn.devices import phantom as closed
 from phantom_dyn.devices import phantom_dynamics
-from phantom_dyn.dynamics import gravity_torque, mass_matrix
+from phantom_dyn.dynamics.dynamics import gravity_torque, mass_matrix
+from phantom_dyn.dynamics.kinematics import frame_jacobian
 from phantom_dyn.errors import ParameterError, RobotError
-from phantom_dyn.kinematics import frame_jacobian
 from phantom_dyn.maps.from_robot import map_model
 from phantom_dyn.maps.quantities import QUANTITIES, felt_at, require_quantities
 

@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 
 from phantom_dyn import load_robot
-from phantom_dyn.dynamics import gravity_torque, mass_matrix
-from phantom_dyn.kinematics import frame_jacobian, frame_pose
+from phantom_dyn.dynamics.dynamics import gravity_torque, mass_matrix
+from phantom_dyn.dynamics.kinematics import frame_jacobian, frame_pose
 from phantom_dyn.maps.from_robot import map_model
-from phantom_dyn.maps.model import joint_space, tip_of
+from phantom_dyn.maps.map_model import joint_space, tip_of
 
 BUILT = ["phantom_1_5", "cea_branch", "example:ur10", "example:panda", "example:kinova"]
 

@@ -3,7 +3,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from phantom_dyn.walking.joystick import Joystick
+from phantom_dyn.walking.footsteps import Joystick
 from phantom_dyn.walking.walker import talos
 from phantom_dyn.walking.walking_reference import walk
 

@@ -4,8 +4,7 @@ import numpy as np
 import pytest
 
 from phantom_dyn.errors import ParameterError
-from phantom_dyn.walking.footsteps import Gait, closed, other, standing, stepped
-from phantom_dyn.walking.joystick import Command
+from phantom_dyn.walking.footsteps import Command, Gait, closed, other, standing, stepped
 
 GAIT = Gait(foot_distance=0.2)
 

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from phantom_dyn.errors import ParameterError
-from phantom_dyn.walking.joystick import Command, Joystick
+from phantom_dyn.walking.footsteps import Command, Joystick
 
 
 @pytest.fixture

@@ -3,10 +3,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from phantom_dyn.walking.footsteps import Gait
-from phantom_dyn.walking.joystick import Joystick
-from phantom_dyn.walking.pattern import plan_walk
-from phantom_dyn.walking.trajectories import pendulum_motion
+from phantom_dyn.walking.footsteps import Gait, Joystick
+from phantom_dyn.walking.pattern import pendulum_motion, plan_walk
 
 OMEGA = 3.35
 GAIT = Gait(foot_distance=0.17)

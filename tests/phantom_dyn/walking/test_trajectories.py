@@ -2,7 +2,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from phantom_dyn.walking.trajectories import foot_motion
+from phantom_dyn.walking.pattern import foot_motion
 
 
 def test_velocity_and_acceleration_of_a_sole_are_the_derivatives_of_its_position(reference):

@@ -9,9 +9,9 @@ import pinocchio as pin
 import pytest
 
 from phantom_dyn.errors import RobotError
-from phantom_dyn.robot_files import examples_folder, find_robot
-from phantom_dyn.walking.support_polygon import support_polygon
+from phantom_dyn.model.robot_files import examples_folder, find_robot
 from phantom_dyn.walking.walker import G1_POSTURE, G1_SOLE, TALOS_POSTURE, TALOS_SOLE, g1, load_walker, talos
+from phantom_dyn.walking.zmp import support_polygon
 
 G1_FILE, TALOS_FILE = "example:g1_29dof_rev_1_0", "example:talos_reduced"
 

@@ -4,12 +4,10 @@ import numpy as np
 import pytest
 
 from phantom_dyn.errors import ParameterError
-from phantom_dyn.walking.footsteps import Gait
-from phantom_dyn.walking.joystick import Joystick
-from phantom_dyn.walking.support_polygon import support_polygon
+from phantom_dyn.walking.footsteps import Gait, Joystick
 from phantom_dyn.walking.walker import g1
 from phantom_dyn.walking.walking_reference import haptic_signal, walk
-from phantom_dyn.walking.zmp import zmp_from_bodies, zmp_from_centroidal_momentum
+from phantom_dyn.walking.zmp import support_polygon, zmp_from_bodies, zmp_from_centroidal_momentum
 
 
 def going(speed, turn=0.0) -> Joystick:

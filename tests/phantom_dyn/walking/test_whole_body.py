@@ -6,9 +6,8 @@ import pinocchio as pin
 import pytest
 
 from phantom_dyn.errors import ParameterError
-from phantom_dyn.walking.footsteps import Gait
-from phantom_dyn.walking.joystick import Joystick
-from phantom_dyn.walking.trajectories import foot_motion, pendulum_motion
+from phantom_dyn.walking.footsteps import Gait, Joystick
+from phantom_dyn.walking.pattern import foot_motion, pendulum_motion
 from phantom_dyn.walking.walking_reference import walk
 from phantom_dyn.walking.whole_body import ComMotion, whole_body_motion
 

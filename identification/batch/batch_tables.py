@@ -1,0 +1,124 @@
+"""Tables of many diagnoses: for a terminal, as CSV and as JSON (schema ``gap-diagnoses/1``)."""
+
+from __future__ import annotations
+
+import csv
+import io
+import json
+import textwrap
+from collections import Counter
+from contextlib import ExitStack
+from pathlib import Path
+from typing import Any
+
+from identification.batch.diagnose_each import REFUSED, TABLES, DiagnosedRecording, DiagnosedRecordings
+from identification.files import temporary_beside
+from identification.words.diagnosis_words import joined
+from identification.words.numbers import NO_BREAK
+from phantom_dyn import __version__
+
+SCHEMA = "gap-diagnoses/1"
+WIDTH = 100
+_NAME_WIDTH, _SHOWN = 32, 3
+
+
+def table(result: DiagnosedRecordings) -> str:
+    """One line a recording: log, verdict, causes or why it was refused; then how many there are of each verdict."""
+    names = [_cut(Path(row.log).name) for row in result.rows]
+    width = max(len("recording"), *map(len, names))
+    verdict_width = max(len("verdict"), *(len(row.verdict) for row in result.rows))
+    lines = [f"{'recording':<{width}}  {'verdict':<{verdict_width}}  cause"]
+    for name, row in zip(names, result.rows, strict=True):
+        head = f"{name:<{width}}  {row.verdict:<{verdict_width}}  "
+        lines.append(textwrap.fill(head + _printable(_said(row)), WIDTH, subsequent_indent=" " * len(head)).rstrip())
+    return "\n".join([*lines, "", counts(result)]).replace(NO_BREAK, " ")
+
+
+def counts(result: DiagnosedRecordings) -> str:
+    """How many recordings have each verdict, in a line."""
+    number = Counter(row.verdict for row in result.rows)
+    said = ", ".join(f"{count} {verdict}" for verdict, count in number.most_common())
+    return f"{len(result.rows)} {'recording' if len(result.rows) == 1 else 'recordings'}: {said}"
+
+
+def csv_text(result: DiagnosedRecordings) -> str:
+    """The table as CSV, one row a recording, with the residual of every joint before and after."""
+    out = io.StringIO()
+    joints = [f"{column}.{joint}" for joint in result.joint_names for column in ("rms_before", "rms_after")]
+    head = ["log", "folder", "verdict", "findings", "unexplained", *joints, "seconds", "refusal"]
+    writer = csv.DictWriter(out, head, lineterminator="\n")
+    writer.writeheader()
+    writer.writerows(_csv_row(row) for row in result.rows)
+    return out.getvalue()
+
+
+def json_text(result: DiagnosedRecordings) -> str:
+    """The table as JSON: every row with the whole content of its ``diagnosis.json``."""
+    rows = [
+        {
+            "log": row.log,
+            "folder": row.folder,
+            "verdict": row.verdict,
+            "refusal": row.refusal,
+            "diagnosis": row.document,
+        }
+        for row in result.rows
+    ]
+    content = {"schema": SCHEMA, "robot": result.robot, "version": __version__, "recordings": rows}
+    return json.dumps(content, indent=1, ensure_ascii=False, allow_nan=False) + "\n"
+
+
+def write_tables(
+    result: DiagnosedRecordings, *, out: str | Path | None = None, json_file: str | Path | None = None
+) -> tuple[Path, ...]:
+    """Write ``diagnoses.json`` and ``diagnoses.csv`` into a folder, and the JSON to a file; both may be None.
+
+    Returns:
+        The files written.
+
+    Raises:
+        UsageError: If one of them cannot be written; none is written then.
+    """
+    contents: dict[Path, str] = {}
+    if out is not None:
+        contents = dict(zip((Path(out) / name for name in TABLES), (json_text(result), csv_text(result)), strict=True))
+    if json_file is not None:
+        contents[Path(json_file)] = json_text(result)
+    with ExitStack() as renamed_together:
+        for path, text in contents.items():
+            renamed_together.enter_context(temporary_beside(path)).write_bytes(text.encode())
+    return tuple(contents)
+
+
+def _csv_row(row: DiagnosedRecording) -> dict[str, Any]:
+    out: dict[str, Any] = {"log": row.log, "folder": row.folder, "verdict": row.verdict, "refusal": row.refusal}
+    document: Any = row.document
+    if document is None:
+        return out
+    out["findings"] = "; ".join(" ".join(filter(None, (f["effect"], f["joint"]))) for f in document["findings"])
+    out["unexplained"] = document["unexplained"]["fraction_of_explainable"]
+    for joint in document["joints"]:
+        out[f"rms_before.{joint['joint']}"], out[f"rms_after.{joint['joint']}"] = (
+            joint["rms_before"],
+            joint["rms_after"],
+        )
+    return out | {"seconds": document["seconds"]}
+
+
+def _said(row: DiagnosedRecording) -> str:
+    if row.verdict == REFUSED:
+        return row.refusal or ""
+    causes = list(row.causes)
+    if len(causes) > _SHOWN:
+        return f"{joined(causes[:_SHOWN], last=', ')} and {len(causes) - _SHOWN} more"
+    return joined(causes)
+
+
+def _cut(name: str) -> str:
+    name = _printable(name)
+    return name if len(name) <= _NAME_WIDTH else f"{name[: _NAME_WIDTH - 1]}…"
+
+
+def _printable(text: str) -> str:
+    # A control character in the name of a file or joint must not reach the terminal.
+    return "".join(c if c.isprintable() or c == NO_BREAK else " " for c in text)

@@ -1,0 +1,281 @@
+"""Many recordings, each diagnosed by itself: one verdict a recording, in several processes or on a cluster.
+
+Which recordings are meant, and which folder each gets for its files.
+
+Many recordings, each diagnosed by itself: one verdict a recording, in several processes or on a cluster.
+"""
+
+from __future__ import annotations
+
+import copy
+import os
+import threading
+from collections import Counter
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+from identification.data.readers.column_map import read_column_map
+from identification.data.readers.read_table import require_existing
+from identification.data.reading import read_recording
+from identification.diagnosis.diagnosis import diagnose
+from identification.diagnosis.model.terms import KnownEffect
+from identification.reporting.diagnosis_files import check_targets, write_outputs
+from identification.reporting.diagnosis_json import Json, to_json
+from identification.words.diagnosis_words import effect_at_finding
+from phantom_dyn.errors import LogError, PhantomDynError, UsageError
+from phantom_dyn.large_work import WorkerLostError, spread
+from phantom_dyn.model.robot import Robot
+from phantom_dyn.model.robot_files import find_robot
+
+TABLES = ("diagnoses.json", "diagnoses.csv")
+"""Files beside the folders: one row a recording."""
+ENDINGS = (".csv", ".npz", ".parquet", ".bag", ".db3", ".mcap")
+"""What a recording in a folder ends in; a file that is named may end in anything."""
+_BAG = "metadata.yaml"
+
+
+def logs_in(path: str) -> list[str]:
+    """The recordings of a folder by name, those of its folders left out; of a file or a ROS 2 bag the path itself.
+
+    Raises:
+        LogError: If there is no recording in the folder.
+    """
+    folder = Path(path)
+    if not folder.is_dir() or (folder / _BAG).exists():
+        return [path]
+    found = [entry for entry in sorted(folder.iterdir()) if _is_log(entry)]
+    if not found:
+        raise LogError(
+            f"{path} holds no recording: wanted files that end in {', '.join(ENDINGS)}, or ROS 2 bags; name another "
+            "folder, or the files themselves."
+        )
+    return [str(entry) for entry in found]
+
+
+def _is_log(entry: Path) -> bool:
+    if entry.is_dir():
+        return (entry / _BAG).exists()
+    return entry.suffix.lower() in ENDINGS and entry.name not in TABLES and not entry.name.startswith(".")
+
+
+def require_logs(logs: Sequence[str | Path]) -> tuple[Path, ...]:
+    """Full paths of recordings.
+
+    Raises:
+        LogError: If there is none, or one is not there or given twice.
+    """
+    if isinstance(logs, str | Path) or not logs:
+        raise LogError(f"{logs!r} was given, wanted a list of at least one recording: give the paths of files.")
+    seen: dict[Path, None] = {}
+    for log in logs:
+        require_existing(log)
+        # Several files that mean one, by links or dots, would write into the same folder or count twice.
+        if Path(log).resolve() in seen:
+            raise LogError(f"{log} is given twice: give every recording once.")
+        seen[Path(log).resolve()] = None
+    return tuple(Path(os.path.abspath(log)) for log in logs)  # noqa: PTH100  pathlib keeps the dots of a/../b
+
+
+def folder_names(paths: Sequence[Path]) -> tuple[str, ...]:
+    """A name for each recording's folder: its own without the ending, longer where that names several.
+
+    Args:
+        paths: Full paths, each once.
+
+    Returns:
+        Names that differ, also where capitals count for nothing: ``run``, else ``run.csv``, else ``monday_run.csv``
+        and so on, else with a number.
+    """
+    lengths = [0] * len(paths)
+    longest = max(len(path.parts) for path in paths)
+    while True:
+        names = [_name(path, length) for path, length in zip(paths, lengths, strict=True)]
+        count = Counter([*(name.lower() for name in names), *TABLES])
+        twice = [place for place, name in enumerate(names) if count[name.lower()] > 1]
+        if not twice:
+            return tuple(names)
+        if max(lengths[place] for place in twice) > longest:
+            return tuple(f"{name}_{place + 1}" if place in twice else name for place, name in enumerate(names))
+        for place in twice:
+            lengths[place] += 1
+
+
+def _name(path: Path, length: int) -> str:
+    if length == 0 and not path.is_dir():
+        return path.stem
+    parts = path.parts[1:]
+    return "_".join(parts[-max(length, 1) :])
+
+
+def check_folders(out: Path, names: Sequence[str]) -> None:
+    """Refuse a folder for the files that cannot be written, before any work is done.
+
+    Raises:
+        UsageError: If a target is of the wrong kind or its folder may not be written to.
+    """
+    check_targets(out, None)
+    for name in names:
+        check_targets(out / name, None)
+    for table in TABLES:
+        if (out / table).is_dir():
+            raise UsageError(f"--out: {out / table} is a folder, wanted a file; remove it or name another place")
+
+
+REFUSED = "refused"
+# The style of matplotlib's figures is that of the whole process: threads write their reports in turn.
+_WRITING = threading.Lock()
+
+
+@dataclass(frozen=True)
+class DiagnosedRecording:
+    """What became of one recording.
+
+    Attributes:
+        log: The file as it was given.
+        folder: Name of the folder for its files, after the log.
+        verdict: That of ``diagnosis.json``, or ``refused``.
+        causes: Findings in words, first the one that closes most of the gap.
+        document: Content of ``diagnosis.json``; None if it was refused.
+        refusal: Why it was refused, in a sentence; None if it was not.
+    """
+
+    log: str
+    folder: str
+    verdict: str
+    causes: tuple[str, ...] = ()
+    document: dict[str, Json] | None = None
+    refusal: str | None = None
+
+
+@dataclass(frozen=True)
+class DiagnosedRecordings:
+    """Recordings of one robot, each diagnosed by itself, in the order they were given.
+
+    Attributes:
+        robot: Name of the robot.
+        joint_names: Of the robot.
+        rows: One a recording.
+    """
+
+    robot: str
+    joint_names: tuple[str, ...]
+    rows: tuple[DiagnosedRecording, ...]
+
+    @property
+    def refused(self) -> tuple[DiagnosedRecording, ...]:
+        """The recordings that were refused."""
+        return tuple(row for row in self.rows if row.verdict == REFUSED)
+
+
+@dataclass(frozen=True)
+class _Reading:
+    columns: Path | None
+    topic: str | None
+    excluded: tuple[tuple[float, float], ...]
+
+
+def diagnose_each(
+    robot: Robot,
+    logs: Sequence[str | Path],
+    *,
+    known: tuple[KnownEffect, ...] = (),
+    columns: str | Path | None = None,
+    topic: str | None = None,
+    excluded: Sequence[tuple[float, float]] = (),
+    out: str | Path | None = None,
+    jobs: int | None = None,
+    progress: Callable[[str], None] = lambda _: None,
+) -> DiagnosedRecordings:
+    """Diagnose every recording by itself; one that is refused does not stop the others.
+
+    Recordings are spread over processes, or over Dask or Ray with `joblib.parallel_config`, see
+    `phantom_dyn.large_work`. A worker reads one recording at a time and writes its files itself, so that memory does
+    not grow with their number; workers on other machines need the same file system.
+
+    Args:
+        robot: The model that is judged.
+        logs: Files, each a recording of that robot.
+        known: Effects that belong to the given model already.
+        columns: Column map (YAML) of all of them, see `identification.data.reading.read_recording`.
+        topic: Topic of sensor_msgs/JointState in bags that have several.
+        excluded: Stretches of time [s] to leave out of every recording.
+        out: Folder that gets a folder with the files of a diagnosis for each recording, named after its log. None:
+            nothing is written.
+        jobs: Recordings at once, see `phantom_dyn.large_work.worker_count`.
+        progress: Told in words what is done.
+
+    Returns:
+        One row a recording. The same whatever does the work, but for the ``seconds`` in the documents.
+
+    Raises:
+        LogError: If a log is not there or given twice, there is none, or the column map cannot be used.
+        UsageError: If a folder cannot be written.
+        ParameterError: If ``jobs`` is below one.
+    """
+    paths = require_logs(logs)
+    names = folder_names(paths)
+    folders: list[Path | None] = [None] * len(paths)
+    if out is not None:
+        folders = [Path(out).absolute() / name for name in names]
+        check_folders(Path(out), names)
+    if columns is not None:
+        read_column_map(columns)
+    reading = _Reading(None if columns is None else Path(columns).absolute(), topic, tuple(excluded))
+    given = _at_home(robot)
+    rows = [
+        DiagnosedRecording(str(log), name, REFUSED, refusal=_LOST.format(Path(log).name))
+        for log, name in zip(logs, names, strict=True)
+    ]
+    pieces = [
+        (given, known, reading, path, folder, row) for path, folder, row in zip(paths, folders, rows, strict=True)
+    ]
+    done = 0
+    progress(f"diagnosing {len(rows)} recordings")
+    try:
+        for place, row in spread(_diagnosed, pieces, jobs=jobs):
+            rows[place], done = row, done + 1
+            progress(f"diagnosed {done} of {len(rows)}, last {Path(row.log).name}")
+    except WorkerLostError:
+        pass  # what was not finished says so in its row
+    return DiagnosedRecordings(robot.name, robot.joint_names, tuple(rows))
+
+
+_LOST = (
+    "{}: the process that diagnosed it ended again and again, perhaps because memory ran out: diagnose it alone, or "
+    "with fewer --jobs."
+)
+_FAULT = "{}: the diagnosis itself failed ({}: {}): please report this with the recording."
+
+
+def _at_home(robot: Robot) -> Robot:
+    """The robot with its file named in full: a worker may have another working folder, and draws its shape."""
+    file = Path(robot.source)
+    return replace(robot, source=str(file.absolute())) if file.is_file() and find_robot(robot.source) == file else robot
+
+
+def _diagnosed(
+    robot: Robot,
+    known: tuple[KnownEffect, ...],
+    reading: _Reading,
+    log: Path,
+    folder: Path | None,
+    row: DiagnosedRecording,
+) -> DiagnosedRecording:
+    """One recording read, diagnosed and written."""
+    # Its own copy: a closed chain remembers what it solved last, and nothing may depend on the recordings before.
+    robot = copy.deepcopy(robot)
+    try:
+        found = read_recording(log, robot, columns=reading.columns, topic=reading.topic, excluded=reading.excluded)
+        diagnosis = diagnose(robot, (found,), known=known)
+        if folder is not None:
+            with _WRITING:
+                write_outputs(diagnosis, robot, out=folder, json_file=None, known=known)
+    except PhantomDynError as refusal:
+        return replace(row, refusal=str(refusal))
+    # Days of work on other recordings must not end here; the row says what happened.
+    except Exception as fault:
+        reason = " ".join(str(fault).split())[:160]
+        return replace(row, refusal=_FAULT.format(log.name, type(fault).__name__, reason))
+    causes = tuple(effect_at_finding(finding) for finding in diagnosis.findings)
+    return replace(row, verdict=diagnosis.verdict, causes=causes, document=to_json(diagnosis), refusal=None)

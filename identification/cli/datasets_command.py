@@ -1,0 +1,58 @@
+"""``phantom-dyn datasets list | fetch NAME``."""
+
+from __future__ import annotations
+
+import argparse
+
+from identification.cli.arguments import Parser
+from identification.data import datasets
+from phantom_dyn.errors import LogError, UsageError
+
+
+def parser() -> argparse.ArgumentParser:
+    """Arguments of the command."""
+    parser = Parser(
+        prog="phantom-dyn datasets",
+        description="Recordings of real robots: list them, or fetch one and print its folder.",
+        epilog="PHANTOM_DYN_DATA names a folder that holds recordings already, one folder each.",
+    )
+    parser.add_argument("action", choices=("list", "fetch"), help="what to do")
+    parser.add_argument("name", metavar="NAME", nargs="?", help="recording to fetch")
+    return parser
+
+
+def run(arguments: argparse.Namespace) -> int:
+    """Do the job; the exit code."""
+    if arguments.action == "fetch":
+        if arguments.name is None:
+            raise UsageError(f"fetch needs a name, one of {', '.join(datasets.NAMES)}")
+        print(datasets.fetch(arguments.name))
+        return 0
+    if arguments.name is not None:
+        raise UsageError(f"list takes no name, {arguments.name!r} was given; see phantom-dyn datasets --help")
+    print("\n\n".join(_entry(dataset) for dataset in datasets.DATASETS))
+    return 0
+
+
+def _entry(dataset: datasets.Dataset) -> str:
+    return "\n".join(
+        [
+            f"{dataset.name}: {dataset.what}",
+            f"  licence  {dataset.licence}",
+            f"  source   {dataset.source}",
+            f"  cite     {dataset.citation}",
+            f"  here     {_whereabouts(dataset)}",
+        ]
+    )
+
+
+def _whereabouts(dataset: datasets.Dataset) -> str:
+    try:
+        folder = datasets.local(dataset.name)
+    except LogError as error:
+        return f"no: {error}"
+    if folder is not None:
+        return str(folder)
+    if dataset.is_public:
+        return f"no: phantom-dyn datasets fetch {dataset.name}"
+    return "no: from a mirror only (PHANTOM_DYN_DATA), for the public original has another form"

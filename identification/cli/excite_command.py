@@ -1,0 +1,197 @@
+"""``phantom-dyn excite``: a reference motion that makes a robot's inertial parameters visible."""
+
+from __future__ import annotations
+
+import argparse
+import sys
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from identification.cli.arguments import Parser, add_robot, one_blas_thread
+from phantom_dyn.errors import UsageError
+
+if TYPE_CHECKING:
+    import numpy as np
+
+    from identification.excitation.criteria import Criterion
+    from identification.excitation.excite import Excitation
+    from identification.excitation.limits import FrameBox
+    from identification.excitation.motion_shapes import Shapes
+    from phantom_dyn.model.robot import Robot
+
+
+def parser() -> argparse.ArgumentParser:
+    """The command's arguments."""
+    out = Parser(
+        prog="phantom-dyn excite",
+        description="Design a motion from rest to rest that makes the inertial parameters of a robot visible and keeps "
+        "its limits of position, velocity and torque. Try it slowly first: the robot's surroundings are not known.",
+    )
+    add_robot(out)
+    out.add_argument("--duration", metavar="S", type=float, default=10.0, help="length [s] (default: 10)")
+    out.add_argument("--out", metavar="FILE", type=Path, required=True, help="CSV, NPZ or Parquet, by ending")
+    out.add_argument("--rate", metavar="HZ", type=float, default=100.0, help="rows per second (default: 100)")
+    out.add_argument(
+        "--shapes",
+        choices=("fourier", "splines", "triangles"),
+        default="fourier",
+        help="what the motion is made of: Fourier series (default), B-splines, or triangles and sines, whose constant "
+        "speeds show friction",
+    )
+    out.add_argument(
+        "--harmonics", metavar="N", type=int, default=5, help="of the series; pieces of splines are twice as many"
+    )
+    out.add_argument(
+        "--criterion",
+        choices=("condition", "information"),
+        default="condition",
+        help="condition number of the base regressor (default), or information (D-optimality: smallest volume of the "
+        "parameters' uncertainty)",
+    )
+    out.add_argument("--velocity", metavar="V", nargs="+", type=float, help="lower limit of speed [rad/s or m/s]")
+    out.add_argument(
+        "--acceleration", metavar="A", nargs="+", type=float, help="limit of acceleration [rad/s^2, m/s^2]"
+    )
+    out.add_argument(
+        "--share", type=float, default=1.0, help="part of the velocity and torque limits to use, as 0.8 (default: 1)"
+    )
+    out.add_argument(
+        "--box",
+        metavar="FRAME=X0:X1,Y0:Y1,Z0:Z1",
+        action="append",
+        default=[],
+        help="box [m] along the base's axes that a frame stays in; an empty number is no limit, as in tool0=,,0.1:",
+    )
+    out.add_argument(
+        "--clearance", metavar="M", type=float, help="distance of the robot's bodies to one another [m] (default: 0.01)"
+    )
+    out.add_argument("--ignore-collisions", action="store_true", help="do not look at distances of bodies")
+    out.add_argument(
+        "--earlier", metavar="LOG", nargs="+", default=[], help="recordings made before: show what they do not"
+    )
+    out.add_argument("--seed", type=int, default=0, help="of the random motions that it starts from (default: 0)")
+    return out
+
+
+def run(arguments: argparse.Namespace) -> int:
+    """Design the motion, write it, and say what it reaches."""
+    one_blas_thread()
+    if arguments.seed < 0:
+        raise UsageError(f"--seed {arguments.seed} was given, wanted 0 or more")
+    if arguments.ignore_collisions and arguments.clearance is not None:
+        raise UsageError("--clearance and --ignore-collisions exclude each other: give one of them")
+    from identification.export.log_and_map_files import require_ending, write_log
+    from phantom_dyn.model.robot_files import find_robot
+
+    find_robot(arguments.robot)
+    require_ending(arguments.out)
+    from identification.cli.progress import Progress
+
+    with Progress("loading", sys.stderr) as progress:
+        from identification.excitation.excite import excite
+        from identification.excitation.limits import limits_of
+        from phantom_dyn.model.loading import load_robot
+
+        shapes, criterion = _shapes(arguments), _criterion(arguments.criterion)
+        boxes = [_box(text) for text in arguments.box]
+        robot = load_robot(arguments.robot, config=arguments.robot_config)
+        limits = limits_of(
+            robot,
+            velocity=arguments.velocity,
+            acceleration=arguments.acceleration,
+            share=arguments.share,
+            boxes=boxes,
+            collisions=_collisions(arguments, robot),
+        )
+        result = excite(
+            robot,
+            shapes,
+            limits=limits,
+            criterion=criterion,
+            earlier=_earlier(arguments, robot),
+            rate_hz=arguments.rate,
+            seed=arguments.seed,
+            say=progress.say,
+        )
+        write_log(arguments.out, columns(result, arguments.rate))
+    for note in result.notes:
+        print(f"note: {note}")
+    print(result.summary())
+    print(f"wrote {arguments.out}")
+    return 0
+
+
+def columns(result: Excitation, rate_hz: float) -> dict[str, np.ndarray]:
+    """Columns of the reference under the contract's names."""
+    motion, joints = result.motion(rate_hz), result.robot.joint_names
+    out = {"t": motion.t}
+    for name, values in (("q_ref", motion.q), ("v_ref", motion.v), ("a_ref", motion.a)):
+        out |= {f"{name}.{joint}": values[:, k] for k, joint in enumerate(joints)}
+    return out
+
+
+def _shapes(arguments: argparse.Namespace) -> Shapes:
+    from identification.excitation.motion_shapes import BSplines, FourierSeries, TrianglesAndSines
+
+    duration, harmonics = arguments.duration, arguments.harmonics
+    if arguments.shapes == "splines":
+        return BSplines(duration, 2 * harmonics)
+    if arguments.shapes == "triangles":
+        return TrianglesAndSines(duration, harmonics=harmonics)
+    return FourierSeries(duration, harmonics)
+
+
+def _criterion(name: str) -> Criterion:
+    from identification.excitation.criteria import ConditionNumber, DOptimality
+
+    return ConditionNumber() if name == "condition" else DOptimality()
+
+
+def _collisions(arguments: argparse.Namespace, robot: Robot):
+    if arguments.ignore_collisions:
+        return None
+    from identification.excitation.collisions import CLEARANCE, collisions_of
+
+    return collisions_of(robot, clearance=CLEARANCE if arguments.clearance is None else arguments.clearance)
+
+
+def _earlier(arguments: argparse.Namespace, robot: Robot):
+    """Triangular factor of the recordings made before, thinned out to the rate of the new one."""
+    if not arguments.earlier:
+        return None
+    from identification.data.reading import read_recording
+    from identification.data.signals import process
+    from identification.excitation.excited_base import earlier_factor
+    from phantom_dyn.motion import Motion
+
+    motions = []
+    for path in arguments.earlier:
+        log = process(read_recording(path, robot), robot)
+        rows = log.valid.nonzero()[0][:: max(1, round(log.band.rate_hz / arguments.rate))]
+        motions.append(Motion(log.motion.t[rows], log.motion.q[rows], log.motion.v[rows], log.motion.a[rows]))
+    return earlier_factor(robot, motions)
+
+
+def _box(text: str) -> FrameBox:
+    """``frame=x0:x1,y0:y1,z0:z1``, where an empty number or axis is no limit."""
+    import numpy as np
+
+    from identification.excitation.limits import FrameBox
+
+    frame, equals, ranges = text.partition("=")
+    ends = [[-np.inf, np.inf] for _ in range(3)]
+    axes = ranges.split(",")
+    try:
+        for k, axis in enumerate(axes if axes != [""] else []):
+            low, colon, high = axis.partition(":")
+            if axis.strip() and not colon:
+                raise ValueError(axis)
+            ends[k] = [float(low) if low.strip() else -np.inf, float(high) if high.strip() else np.inf]
+    except (ValueError, IndexError):
+        frame = ""
+    if not (frame and equals) or len(axes) != 3:
+        raise UsageError(
+            f"--box {text} was given, wanted FRAME=X0:X1,Y0:Y1,Z0:Z1 such as tool0=-0.5:0.5,-0.5:0.5,0.1:1"
+        )
+    lower, upper = np.array(ends).T
+    return FrameBox(frame, lower, upper)

@@ -1,0 +1,90 @@
+"""``phantom-dyn identify``: parameters of a robot from recordings."""
+
+from __future__ import annotations
+
+import argparse
+import sys
+from pathlib import Path
+
+from identification.cli.arguments import Parser, add_logs, add_robot, one_blas_thread, require_files, stretch
+
+
+def parser() -> argparse.ArgumentParser:
+    """Arguments of the command."""
+    out = Parser(
+        prog="phantom-dyn identify",
+        description="Estimate the base parameters, friction and drives of a robot, judge them on data that no fit has "
+        "seen, and write a report and models to simulate. Of a single LOG the last fifth is held out, of several the "
+        "last one.",
+    )
+    add_robot(out)
+    add_logs(out)
+    out.add_argument(
+        "--out",
+        metavar="DIR",
+        type=Path,
+        required=True,
+        help="folder for identification.json, report.html, corrected.urdf and corrected.xml",
+    )
+    out.add_argument(
+        "--estimator",
+        metavar="NAME",
+        default="wls",
+        help="ols, wls (default), irls, consistent; with q_ref and controllers in robot.yaml: iv, didim, cloe",
+    )
+    out.add_argument(
+        "--friction",
+        metavar="TERM[,TERM]",
+        default="viscous,coulomb,offset",
+        help="terms of every joint: viscous,coulomb,offset (default), direction_dependent, or none for the file's own",
+    )
+    out.add_argument("--rotors", action="store_true", help="rotor inertias are unknowns, too")
+    several = {"action": "extend", "nargs": "+", "default": []}
+    out.add_argument("--hold-out", metavar="LOG", **several, help="recordings to judge on, instead of those above")
+    return out
+
+
+def run(arguments: argparse.Namespace) -> int:
+    """Identify, write the files and print a summary."""
+    excluded = tuple(stretch(text) for text in arguments.exclude)
+    require_files(arguments)
+    one_blas_thread()
+    from identification.cli.progress import Progress
+
+    with Progress("reading", sys.stderr) as progress:
+        from identification.data.reading import read_recording
+        from identification.identify.identification_files import check_folder, write_outputs
+        from identification.identify.identified_model import friction_terms
+        from identification.identify.identify import identify, usable_estimator
+        from phantom_dyn.model.loading import load_robot
+
+        usable_estimator(arguments.estimator)
+        terms = friction_terms([word.strip() for word in arguments.friction.split(",")])
+        check_folder(arguments.out)
+        robot = load_robot(arguments.robot, config=arguments.robot_config)
+
+        def read(path: str):
+            progress.say(f"reading {Path(path).name}")
+            return read_recording(
+                Path(path), robot, columns=arguments.columns, topic=arguments.topic, excluded=excluded
+            )
+
+        found = identify(
+            robot,
+            tuple(read(path) for path in arguments.logs),
+            hold_out=tuple(read(path) for path in arguments.hold_out),
+            estimator=arguments.estimator,
+            friction=terms,
+            rotors=arguments.rotors,
+            folder=arguments.out,
+            config=arguments.robot_config,
+            progress=progress.say,
+        )
+        progress.say("writing")
+        written = write_outputs(found, arguments.out)
+    from identification.identify.identification_words import summary
+
+    print(summary(found))
+    for path in written:
+        print(f"wrote {path}")
+    return 0

@@ -1,0 +1,148 @@
+"""``phantom-dyn map``: what a hand feels of a robot, over its workspace."""
+
+from __future__ import annotations
+
+import argparse
+import sys
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from identification.cli.arguments import Parser, add_robot, one_blas_thread
+from phantom_dyn.errors import UsageError
+
+if TYPE_CHECKING:
+    import numpy as np
+
+    from phantom_dyn.maps.operational_map import OperationalMap
+
+_QUANTITIES = (
+    "manipulability, apparent_mass, apparent_mass_matrix, stiffness, viscous_friction, coulomb_friction, gravity_force"
+)
+
+
+def parser() -> argparse.ArgumentParser:
+    """Arguments of the command."""
+    out = Parser(
+        prog="phantom-dyn map",
+        description="Map what is felt at the tip of a robot over a grid, into map.npz, map.nc and figures. Points that "
+        "the tip cannot reach, or where it is singular, are NaN and counted.",
+    )
+    add_robot(out)
+    out.add_argument("--quantity", metavar="NAME[,NAME]", required=True, help=f"some of {_QUANTITIES}")
+    out.add_argument(
+        "--grid",
+        metavar="x=START:STOP:COUNT,...",
+        required=True,
+        help="over the tip in the root frame [m] (x, y, z), or over joints [rad or m] (q.<joint>); both ends included; "
+        "what is left out stays as in --q0",
+    )
+    out.add_argument("--out", metavar="DIR", type=Path, required=True, help="write the files there")
+    out.add_argument("--frame", metavar="NAME", help="the tip (default: tip, or the last frame)")
+    out.add_argument(
+        "--q0",
+        metavar="Q",
+        nargs="+",
+        help="joint positions, one per joint or joint=position: the branch nearest to it is taken (default: zero)",
+    )
+    out.add_argument(
+        "--stiffness", metavar="K", nargs="+", help="stiffness of each joint [N m/rad] (default: where it is stated)"
+    )
+    out.add_argument("--jobs", metavar="N", type=int, help="processes at most (default: one per core)")
+    return out
+
+
+def run(arguments: argparse.Namespace) -> int:
+    """Compute the map, write its files and print a summary."""
+    if arguments.jobs is not None and arguments.jobs < 1:
+        raise UsageError(f"--jobs {arguments.jobs} was given, wanted a number of processes from 1 on")
+    from phantom_dyn.model.robot_files import find_robot
+
+    find_robot(arguments.robot)
+    if arguments.out.exists() and not arguments.out.is_dir():
+        raise UsageError(f"--out {arguments.out} is a file, wanted a folder: name another one")
+    one_blas_thread()
+    from identification.cli.progress import Progress
+
+    with Progress("loading", sys.stderr) as progress:
+        from identification.export.log_and_map_files import write_map
+        from phantom_dyn.maps.from_robot import map_model
+        from phantom_dyn.maps.grid import read_grid
+        from phantom_dyn.maps.operational_map import operational_map
+        from phantom_dyn.model.loading import load_robot
+
+        robot = load_robot(arguments.robot, config=arguments.robot_config)
+        model = map_model(
+            robot,
+            frame=arguments.frame,
+            stiffness=joint_values("--stiffness", arguments.stiffness, robot.joint_names),
+            posture=joint_values("--q0", arguments.q0, robot.joint_names),
+        )
+        grid = read_grid(arguments.grid, robot.joint_names)
+        names = [name.strip() for name in arguments.quantity.split(",") if name.strip()]
+
+        def done(points: int) -> None:
+            progress.say(f"mapping {points} of {grid.size} points, {100 * points // grid.size} %")
+
+        result = operational_map(model, grid, names, jobs=arguments.jobs, progress=done)
+        written = write_map(result, arguments.out, say=progress.say)
+    for line in _summary(result):
+        print(line)
+    for path in written:
+        print(f"wrote {path}")
+    return 0
+
+
+def joint_values(option: str, words: list[str] | None, joints: tuple[str, ...]) -> np.ndarray | None:
+    """Numbers of an option, one per joint in order, or by name with 0 for the others.
+
+    Raises:
+        UsageError: In a sentence.
+    """
+    if words is None:
+        return None
+    import numpy as np
+
+    from phantom_dyn.errors import known_names
+
+    parts = [part for word in words for part in word.replace(",", " ").split()]
+    try:
+        if not any("=" in part for part in parts):
+            values = np.array([float(part) for part in parts])
+        else:
+            values = np.zeros(len(joints))
+            for part in parts:
+                name, _, number = part.partition("=")
+                name = name.removeprefix("q.")
+                if name not in joints:
+                    raise UsageError(
+                        f"{option} names the unknown joint {name!r}, {known_names(name, joints, 'joints')}"
+                    )
+                values[joints.index(name)] = float(number)
+    except ValueError as problem:
+        if isinstance(problem, UsageError):
+            raise
+        raise UsageError(f"{option} {' '.join(words)} was given, wanted numbers such as 0,0.5,-0.5") from None
+    if len(values) != len(joints):
+        raise UsageError(f"{option} has {len(values)} numbers, wanted one for each of {', '.join(joints)}")
+    return values
+
+
+def _summary(result: OperationalMap) -> list[str]:
+    """How many points, and the range of each quantity."""
+    import numpy as np
+
+    from phantom_dyn.maps.quantities import QUANTITIES
+
+    size = result.grid.size
+    lines = [
+        f"{result.model.name}, frame {result.model.frame}: {size} points, {result.unreachable} out of reach, "
+        f"{result.singular} singular"
+    ]
+    for name, values in result.values.items():
+        finite = values[np.isfinite(values)]
+        unit = f" {QUANTITIES[name].unit}" if QUANTITIES[name].unit else ""
+        span = f"{finite.min():.6g} to {finite.max():.6g}{unit}" if finite.size else "nowhere"
+        lines.append(f"  {name:<20} {span}")
+    if "stiffness" in result.values:
+        lines.append(f"  {result.model.stiffness_note}")
+    return lines

@@ -1,1 +1,0 @@
-"""What a diagnosis found as files that simulators and other programs read."""

@@ -1,0 +1,1 @@
+"""Recordings: files in many formats to signals that a fit can use."""

@@ -1,0 +1,97 @@
+# pyright: reportAttributeAccessIssue=false
+"""What is known to be different in one of several recordings, and the robot as it was in it.
+
+What is known to be different in one of several recordings.
+
+The robot of one recording: the given one with the load and the controllers that are known of it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
+from typing import Literal, get_args
+
+import numpy as np
+from jaxtyping import Float
+
+from phantom_dyn.dynamics.dynamics import standard_parameters
+from phantom_dyn.effects.load.payload import payload_body, point_mass_parameters
+from phantom_dyn.effects.support.changed_robot import with_parameters
+from phantom_dyn.model.robot import Controller, Robot
+
+# What may have changed by an amount that nobody knows.
+Kind = Literal["payload", "friction", "temperature", "controller"]
+KINDS: tuple[Kind, ...] = get_args(Kind)
+
+
+@dataclass(frozen=True)
+class KnownPayload:
+    """A point mass [kg] and its centre [m] in the axes of ``payload_frame``, else of the joint that moves the link."""
+
+    mass: float
+    center: tuple[float, float, float]
+
+
+@dataclass(frozen=True)
+class Change:
+    """One recording as it differs from the others.
+
+    Attributes:
+        file: Name of the recording, for messages.
+        payload: A mass that the robot carries there, besides what the model has.
+        controllers: Position controllers by joint, where they are not those of the robot.
+        changed: What is different there by an amount that is to be found.
+        exclude: Stretches of its time [s] to leave out of every fit.
+    """
+
+    file: str
+    payload: KnownPayload | None = None
+    controllers: Mapping[str, Controller] = field(default_factory=dict)
+    changed: tuple[Kind, ...] = ()
+    exclude: tuple[tuple[float, float], ...] = ()
+
+    @property
+    def unknown(self) -> tuple[Kind, ...]:
+        """What has changed and has no known value."""
+        known = {"payload": self.payload is not None, "controller": bool(self.controllers)}
+        return tuple(kind for kind in self.changed if not known.get(kind, False))
+
+
+Array = np.ndarray
+
+_TIP = "tip"
+
+
+def robot_in(robot: Robot, change: Change) -> Robot:
+    """The given robot as it was in one recording; the very same object if nothing is known of it."""
+    loaded = robot if change.payload is None or change.payload.mass == 0 else with_payload(robot, change.payload)
+    if not change.controllers:
+        return loaded
+    pairs = zip(robot.joint_names, loaded.actuators, strict=True)
+    return replace(
+        loaded,
+        actuators=tuple(
+            replace(actuator, controller=change.controllers.get(joint, actuator.controller))
+            for joint, actuator in pairs
+        ),
+    )
+
+
+def with_payload(robot: Robot, payload: KnownPayload) -> Robot:
+    """``robot`` with a point mass on ``payload_frame``, else on the link with frame ``tip``, else on the last."""
+    body = payload_body(robot)
+    added = np.zeros_like(standard_parameters(robot))
+    added[10 * (body - 1) : 10 * body] = point_mass_parameters(payload.mass, payload_center(robot, payload))
+    return with_parameters(robot, added)
+
+
+def payload_center(robot: Robot, payload: KnownPayload) -> Float[Array, " 3"]:
+    """Centre of the mass [m] in the frame of the joint that moves its link, as findings state it."""
+    center = np.array(payload.center, dtype=float)
+    frame = robot.payload_frame or _TIP
+    if robot.model.existFrame(frame):
+        found = robot.model.frames[robot.model.getFrameId(frame)]
+        if found.parentJoint == payload_body(robot):
+            return np.asarray(found.placement.act(center))
+    return center

@@ -1,0 +1,1 @@
+"""What is wrong with a recording: one sentence each, with joint and place."""

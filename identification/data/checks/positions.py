@@ -1,0 +1,231 @@
+"""What is wrong with positions and velocities: frozen samples, coarse steps, stillness, loops that do not close.
+
+What is wrong with positions and velocities: frozen samples, coarse steps, stillness, velocities that do not fit.
+
+Positions of a closed chain: whether its loops close there, and where passive joints were measured.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from jaxtyping import Bool, Float
+
+from identification.data.checks.smoothed_copy import Smooth, included
+from identification.data.recording import Recording
+from phantom_dyn.errors import ChainError, LogError
+from phantom_dyn.loops.solver import tree_positions
+from phantom_dyn.model.robot import Robot
+
+Array = np.ndarray
+
+# Share of moving samples that repeat the one before, and run length, from which repeats are worth a warning.
+_FROZEN_SHARE, _FROZEN_RUN = 0.005, 5
+# A tail counts as standing still if it lasts this share of the record, and this long [s].
+_TAIL_SHARE, _TAIL_SECONDS = 0.05, 0.5
+# Ratios of measured velocity to the derivative of the position that a wrong unit gives.
+_UNIT_RATIOS = {
+    180 / np.pi: "deg/s against rad",
+    np.pi / 180: "rad/s against deg",
+    30 / np.pi: "rpm against rad",
+    1 / (2 * np.pi): "revolutions per second against rad",
+    1e3: "mm/s against m",
+}
+
+
+def quantum(q: Float[Array, " N"]) -> float:
+    """Step of the encoder [rad or m] read off the differences of ``q``; 0 where they are no multiples of one step."""
+    steps = np.abs(np.diff(q))
+    steps = steps[steps > 1e-12 * max(np.max(np.abs(q)), 1e-9)]
+    if len(steps) < 20:
+        return 0.0
+    step = float(np.min(steps))
+    for _ in range(3):
+        small = steps[steps < 50 * step]
+        counts = np.round(small / step)
+        step = float(np.sum(small * counts) / np.sum(counts**2)) if np.any(counts) else 0.0
+        if step == 0:
+            return 0.0
+    small = steps[steps < 50 * step]
+    off = np.abs(small / step - np.round(small / step))
+    return step if len(small) >= 20 and np.percentile(off, 95) < 0.05 else 0.0
+
+
+def _noise(q: Float[Array, " N"]) -> float:
+    """Standard deviation of white noise on ``q``, from its third differences (a smooth motion has next to none)."""
+    third = np.diff(q, 3)
+    return float(1.4826 * np.median(np.abs(third)) / np.sqrt(20))
+
+
+def _stillness(recording: Recording) -> Float[Array, " nv"]:
+    """How far each joint may wander and still stand still [rad or m], shape ``(nv,)``."""
+    return np.array([5 * _noise(q) + 2 * quantum(q) + 1e-4 * np.ptp(q) for q in recording.q.T])
+
+
+def _runs(mask: Array) -> list[tuple[int, int]]:
+    """Start and end (exclusive) of each run of True."""
+    edges = np.flatnonzero(np.diff(np.concatenate([[False], mask, [False]])))
+    return list(zip(edges[::2].tolist(), edges[1::2].tolist(), strict=True))
+
+
+def check_frozen(recording: Recording, smooth: Smooth) -> tuple[str, ...]:
+    """Positions that repeat although the joint moves, and then catch up with a jump."""
+    out = []
+    for j, joint in enumerate(recording.joint_names):
+        q = recording.q[:, j]
+        v = np.interp(recording.t, smooth.t, smooth.v[:, j])
+        # A step of the encoder explains repeats while the joint moves less than a few of them per sample.
+        moves = np.abs(v) * smooth.step > 3 * quantum(q)
+        if not moves.any():
+            continue
+        runs = []
+        for start, stop in _runs(np.diff(q) == 0):
+            if stop + 1 >= len(q) or not moves[start : stop + 1].all():
+                continue
+            due = float(np.mean(v[start : stop + 1]) * (recording.t[stop + 1] - recording.t[start]))
+            if (q[stop + 1] - q[start]) / due > 0.5:
+                runs.append((start, stop))
+        frozen = sum(stop - start for start, stop in runs)
+        longest = max(runs, key=lambda run: run[1] - run[0], default=(0, 0))
+        share = frozen / int(moves.sum())
+        if share > _FROZEN_SHARE or longest[1] - longest[0] >= _FROZEN_RUN:
+            out.append(
+                f"{recording.file}: q of {joint} repeats {frozen} samples ({100 * share:.2g} % of those in motion) and "
+                f"then jumps, the longest time for {longest[1] - longest[0] + 1} samples at "
+                f"t = {recording.t[longest[0]]:.6g} s: the encoder is read more slowly than it is logged, or stalls."
+            )
+    return tuple(out)
+
+
+def check_coarse_step(recording: Recording, smooth: Smooth, stated: tuple[bool, ...]) -> tuple[str, ...]:
+    """Encoder steps that dominate: few in the whole range, or more acceleration than the motion's."""
+    out = []
+    share_kept = min(1.0, 2 * smooth.cutoff_hz * smooth.step)
+    for j, joint in enumerate(recording.joint_names):
+        step = quantum(recording.q[:, j])
+        extent = np.ptp(recording.q[:, j])
+        if stated[j] or step == 0 or extent < 3 * step:
+            continue
+        # White noise of a rounding, low-passed: its acceleration has the spectrum w^4.
+        noise = step / np.sqrt(12) * np.sqrt(share_kept / 5) * (2 * np.pi * smooth.cutoff_hz) ** 2
+        motion = float(np.sqrt(np.mean(smooth.a[smooth.inside, j] ** 2))) if smooth.inside.any() else 0.0
+        if extent < 100 * step or noise > 0.5 * motion:
+            out.append(
+                f"{recording.file}: the encoder of {joint} has the coarse step {step:.3g}, of which its whole motion "
+                f"is {extent / step:.0f}: state encoder_counts in robot.yaml, and expect little from accelerations."
+            )
+    return tuple(out)
+
+
+def still_joints(recording: Recording, prismatic: Bool[Array, " nv"] | None) -> Bool[Array, " nv"]:
+    """True for joints that never move by more than noise and a few steps of the encoder.
+
+    Args:
+        recording: Raw samples.
+        prismatic: True for linear joints; None where nothing is known of them.
+    """
+    q = recording.q[included(recording)]
+    if len(q) < 20:
+        return np.zeros(q.shape[1], dtype=bool)
+    smallest = _smallest(recording, prismatic)
+    return np.ptp(q, axis=0) <= np.maximum(smallest, 2 * _tolerance(recording, smallest))
+
+
+def _smallest(recording: Recording, prismatic: Bool[Array, " nv"] | None) -> Float[Array, " nv"]:
+    """Least motion that counts [rad or m]."""
+    return np.where(prismatic, 1e-5, 1e-3) if prismatic is not None else np.full(recording.q.shape[1], 1e-5)
+
+
+def _tolerance(recording: Recording, smallest: Float[Array, " nv"]) -> Float[Array, " nv"]:
+    return np.maximum(_stillness(recording), 0.1 * smallest)
+
+
+def check_stillness(recording: Recording, prismatic: Array | None) -> tuple[str, ...]:
+    """Joints that never move, and a tail of the record in which none does."""
+    out = []
+    q = recording.q[included(recording)]
+    t = recording.t[included(recording)]
+    if len(q) < 20:
+        return ()
+    tolerance = _tolerance(recording, _smallest(recording, prismatic))
+    still = still_joints(recording, prismatic)
+    for joint in np.array(recording.joint_names)[still]:
+        out.append(f"{recording.file}: {joint} never moves, so nothing can be told about it from this recording.")
+    if still.all():
+        return tuple(out)
+    last = np.median(q[-20:], axis=0)
+    moving = np.flatnonzero(np.any(np.abs(q - last) > tolerance, axis=1))
+    start = t[moving[-1] + 1] if moving[-1] + 1 < len(t) else t[-1]
+    tail = t[-1] - start
+    if tail >= max(_TAIL_SECONDS, _TAIL_SHARE * (t[-1] - t[0])):
+        out.append(
+            f"{recording.file}: no joint moves from t = {start:.6g} s to the end at t = {t[-1]:.6g} s: leave it out "
+            f"with --exclude {start:.6g}:{t[-1]:.6g}."
+        )
+    return tuple(out)
+
+
+def check_velocity(recording: Recording, smooth: Smooth) -> tuple[str, ...]:
+    """Measured velocities that are not the derivative of the measured position."""
+    if smooth.v_measured is None:
+        return ()
+    out = []
+    for j, joint in enumerate(recording.joint_names):
+        v, measured = smooth.v[smooth.inside, j], smooth.v_measured[smooth.inside, j]
+        power = float(v @ v)
+        noise = _noise(recording.q[:, j]) + quantum(recording.q[:, j])
+        if not len(v) or power == 0 or np.sqrt(power / len(v)) < 20 * noise * smooth.cutoff_hz:
+            continue
+        ratio = float(measured @ v) / power
+        scale = np.sqrt(power * float(measured @ measured))
+        agreement = float(measured @ v) / scale if scale > 0 else 0.0
+        sentence = _velocity_sentence(ratio, agreement)
+        if sentence is not None:
+            out.append(f"{recording.file}: the measured velocity of {joint} {sentence}")
+    return tuple(out)
+
+
+def _velocity_sentence(ratio: float, agreement: float) -> str | None:
+    if abs(agreement) < 0.7:
+        return f"does not follow the derivative of its position (correlation {agreement:.2f}): is it of another joint?"
+    for factor, unit in _UNIT_RATIOS.items():
+        if abs(abs(ratio) / factor - 1) < 0.15:
+            return f"is {ratio:.3g} times the derivative of its position: the units differ ({unit})."
+    if ratio < 0:
+        return f"has the opposite sign of the derivative of its position (ratio {ratio:.2f}): flip one of them."
+    if abs(ratio - 1) > 0.15:
+        return f"is {ratio:.3g} times the derivative of its position: check its unit and the gear ratio."
+    return None
+
+
+_SHARE = 0.01
+"""Disagreement that is worth a sentence, relative to the travel of the joint: any encoder is better than that."""
+
+
+def check_passive(recording: Recording, robot: Robot) -> tuple[str, ...]:
+    """Passive joints that were measured elsewhere than the loops put them.
+
+    Raises:
+        LogError: If the loops do not close at the recorded positions of the active joints.
+    """
+    if robot.chain is None or not (robot.chain.anchors or recording.passive_q):
+        return ()
+    try:
+        tree = tree_positions(robot.model, robot.chain, recording.q)
+    except ChainError as problem:
+        raise LogError(f"{recording.file}: {problem}") from problem
+    joints = list(robot.model.joints)[1:]
+    out = []
+    for joint, place in zip(robot.passive_names, robot.chain.passive, strict=True):
+        if joint not in recording.passive_q:
+            continue
+        apart = recording.passive_q[joint] - tree[:, place]
+        linear = joints[place].shortname().startswith("JointModelP")
+        if not linear:
+            apart = np.mod(apart + np.pi, 2 * np.pi) - np.pi
+        rms = float(np.sqrt(np.mean(apart**2)))
+        if rms > _SHARE * np.ptp(tree[:, place]):
+            out.append(
+                f"{recording.file}: the measured position of {joint} is {rms:.3g} {'m' if linear else 'rad'} (rms) "
+                f"from where the loops of {robot.name} put it: look at its sign, its zero and the loops in robot.yaml."
+            )
+    return tuple(out)

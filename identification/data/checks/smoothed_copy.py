@@ -1,0 +1,109 @@
+"""A smoothed copy of a recording on a uniform grid, good enough for checks; the diagnosis makes its own."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from jaxtyping import Float
+
+from identification.data.recording import Recording
+from phantom_dyn.motion import Motion
+
+Array = np.ndarray
+
+# Fewer samples than this say nothing about a spectrum.
+_FEWEST = 100
+
+
+@dataclass(frozen=True)
+class Smooth:
+    """Motion and torque on a uniform grid, low-passed alike and without delay.
+
+    Attributes:
+        t: Time [s], shape ``(N,)``.
+        step: Of the grid [s].
+        cutoff_hz: Of the low pass.
+        q, v, a: Motion, shape ``(N, nv)``.
+        sign: Low-passed sign of the velocity, shape ``(N, nv)``: what Coulomb friction leaves in a smoothed torque.
+        tau: Smoothed torque, or None.
+        v_measured: Smoothed measured velocity, or None.
+        inside: False at the ends of the record, where the filter settles, and in excluded stretches.
+    """
+
+    t: Float[Array, " N"]
+    step: float
+    cutoff_hz: float
+    q: Float[Array, "N nv"]
+    v: Float[Array, "N nv"]
+    a: Float[Array, "N nv"]
+    sign: Float[Array, "N nv"]
+    tau: Float[Array, "N nv"] | None
+    v_measured: Float[Array, "N nv"] | None
+    inside: Array
+
+    def motion(self, rows: Array) -> Motion:
+        """Motion of some rows."""
+        return Motion(self.t[rows], self.q[rows], self.v[rows], self.a[rows])
+
+    def rows(self, largest: int) -> Array:
+        """At most ``largest`` rows, evenly spread over those that are inside."""
+        inside = np.flatnonzero(self.inside)
+        return inside[np.linspace(0, len(inside) - 1, min(largest, len(inside))).astype(int)]
+
+
+def included(recording: Recording) -> Array:
+    """True for samples outside every excluded stretch, shape ``(N,)``."""
+    kept = np.ones(len(recording.t), dtype=bool)
+    for start, stop in recording.excluded:
+        kept &= (recording.t < start) | (recording.t > stop)
+    return kept
+
+
+def _low_passed(values: Float[Array, "N k"], rate_hz: float, cutoff_hz: float) -> Float[Array, "N k"]:
+    from scipy.signal import butter, sosfiltfilt
+
+    if cutoff_hz >= 0.4 * rate_hz:
+        return values
+    sos = butter(4, cutoff_hz, fs=rate_hz, output="sos")
+    return sosfiltfilt(sos, values, axis=0, padlen=min(len(values) - 1, int(3 * rate_hz / cutoff_hz)))
+
+
+def smoothed(recording: Recording) -> Smooth | None:
+    """The smoothed copy, cut off where the motion of most joints ends in noise; None for a very short record."""
+    from identification.data.signals import differentiate
+    from identification.data.spectra import acceleration_edge
+
+    t = recording.t
+    step = float(np.median(np.diff(t)))
+    # A gap of hours must not fill the memory with interpolated samples.
+    if len(t) < _FEWEST or t[-1] - t[0] > 4 * len(t) * step:
+        return None
+    rate = 1 / step
+    grid = np.arange(t[0], t[-1] + 1e-9 * step, step)
+
+    def on_grid(values: Array | None) -> Array | None:
+        if values is None:
+            return None
+        return np.column_stack([np.interp(grid, t, column) for column in values.T])
+
+    q = np.column_stack([np.interp(grid, t, column) for column in recording.q.T])
+    edges = [edge for column in q.T if (edge := acceleration_edge(column, rate)) is not None]
+    cutoff = float(np.clip(np.median(edges) if edges else 0.1 * rate, 10 / (t[-1] - t[0]), 0.2 * rate))
+    q, v, a = differentiate(q, rate, cutoff)
+    tau, measured = on_grid(recording.tau), on_grid(recording.v)
+    margin = int(min(2 * rate / cutoff, 0.1 * len(grid)))
+    inside = np.interp(grid, t, included(recording)) > 0.999
+    inside[:margin] = inside[len(grid) - margin :] = False
+    return Smooth(
+        t=grid,
+        step=step,
+        cutoff_hz=cutoff,
+        q=q,
+        v=v,
+        a=a,
+        sign=_low_passed(np.sign(v), rate, cutoff),
+        tau=None if tau is None else _low_passed(tau, rate, cutoff),
+        v_measured=None if measured is None else _low_passed(measured, rate, cutoff),
+        inside=inside,
+    )

@@ -1,0 +1,98 @@
+"""What is wrong with times and torques by themselves: jitter, gaps, clipping.
+
+What is wrong with the times of a recording: jitter and gaps.
+
+What is wrong with torques by themselves: clipping.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from jaxtyping import Float
+
+from identification.data.checks.smoothed_copy import included
+from identification.data.recording import Recording
+
+# A step that differs from the median by more than this share is irregular; timers of a real-time system keep 1 %.
+_JITTER = 0.1
+# Share of irregular steps that is worth a warning.
+_IRREGULAR_SHARE = 0.01
+# A step longer than this many medians is a gap: samples are missing.
+_GAP = 2.5
+
+
+def check_timing(recording: Recording) -> tuple[str, ...]:
+    """Sentences about irregular sampling and missing samples."""
+    kept = included(recording)
+    steps = np.diff(recording.t)[kept[1:] & kept[:-1]]
+    starts = recording.t[:-1][kept[1:] & kept[:-1]]
+    if not len(steps):
+        return ()
+    step = float(np.median(steps))
+    gap = steps > _GAP * step
+    out = []
+    irregular = np.abs(steps - step) > _JITTER * step
+    share = float(np.mean(irregular & ~gap))
+    if share > _IRREGULAR_SHARE:
+        low, high = np.percentile(steps[~gap], [1, 99])
+        out.append(
+            f"{recording.file}: sampling is irregular: {100 * share:.0f} % of the steps differ from the median of "
+            f"{1e3 * step:.3g} ms by more than {100 * _JITTER:.0f} % (1st to 99th percentile {1e3 * low:.3g} to "
+            f"{1e3 * high:.3g} ms)."
+        )
+    if gap.any():
+        worst = int(np.argmax(steps))
+        noun = "gap" if gap.sum() == 1 else "gaps"
+        out.append(
+            f"{recording.file}: {int(gap.sum())} {noun} in time; the longest lasts {1e3 * steps[worst]:.3g} ms at "
+            f"t = {starts[worst]:.6g} s, where a step is {1e3 * step:.3g} ms."
+        )
+    return tuple(out)
+
+
+Array = np.ndarray
+
+# From this share of the samples, or this many in a row, at the extreme value on.
+_CLIPPED_SHARE, _CLIPPED_RUN = 0.01, 5
+# A smooth peak, however coarsely rounded, has at most 2.4 times as many samples in its top level as in the next.
+_TOP_HEAVY = 4
+
+
+def _clipped(tau: Float[Array, " N"]) -> tuple[float, float, int] | None:
+    """Extreme value, share of samples at it and longest run, if the upper end of ``tau`` is clipped."""
+    extent = np.ptp(tau)
+    top = float(np.max(tau))
+    levels = np.unique(tau[tau > top - 0.1 * extent])
+    # Levels closer than the numbers' own rounding are one.
+    levels = levels[np.concatenate([[True], np.diff(levels) > 1e-9 * extent])] if len(levels) else levels
+    step = max(float(top - levels[-2]) if len(levels) > 1 and len(levels) < 50 else 0.0, 2e-3 * extent)
+    at_top = tau >= top - 1e-9 * max(extent, abs(top))
+    below = (tau < top) & ~at_top & (tau >= top - 1.5 * step)
+    edges = np.flatnonzero(np.diff(np.concatenate([[False], at_top, [False]])))
+    run = int(np.max(edges[1::2] - edges[::2]))
+    share = float(np.mean(at_top))
+    if (share >= _CLIPPED_SHARE or run >= _CLIPPED_RUN) and at_top.sum() >= _TOP_HEAVY * max(int(below.sum()), 1):
+        return top, share, run
+    return None
+
+
+def check_clipping(recording: Recording) -> tuple[str, ...]:
+    """Torques that sit at their extreme value."""
+    if recording.tau is None:
+        return ()
+    out = []
+    for j, joint in enumerate(recording.joint_names):
+        tau = recording.tau[:, j]
+        if np.ptp(tau) == 0:
+            if tau[0] != 0:
+                out.append(f"{recording.file}: the torque of {joint} is {tau[0]:.6g} throughout: was it recorded?")
+            continue
+        for sign in (1.0, -1.0):
+            found = _clipped(sign * tau)
+            if found is not None:
+                value, share, run = found
+                out.append(
+                    f"{recording.file}: the torque of {joint} sits at {sign * value:.6g} for {100 * share:.2g} % of "
+                    f"the samples, up to {run} in a row: it is clipped there."
+                )
+    return tuple(out)

@@ -1,0 +1,327 @@
+"""Recordings of real robots: what they are, where they come from, and a folder that holds them.
+
+Downloading one file: at most ten seconds without an answer, a progress bar on a terminal, a checked hash.
+
+Recordings of real robots: what they are, where they come from, and a folder that holds them.
+
+A recording is taken from the folder that the environment variable ``PHANTOM_DYN_DATA`` names (one folder a
+recording), else from the cache, else from its public address; every file is checked against its SHA-256.
+"""
+
+from __future__ import annotations
+
+import difflib
+import hashlib
+import os
+import sys
+import threading
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, TypeVar, cast
+
+from phantom_dyn.errors import LogError, UsageError
+
+T = TypeVar("T")
+
+PATIENCE_S = 8.0
+"""Wait for a server's first answer [s]; it includes the search for its address, which has no limit of its own."""
+CHUNK = 1 << 16
+
+
+def download(address: str, path: Path, sha256: str) -> None:
+    """Put the file at ``address`` at ``path``; nothing is left there if it is not what ``sha256`` says.
+
+    Raises:
+        OSError: If the address does not answer, or the file cannot be written; the text is a few words.
+        ValueError: If the file has another hash.
+    """
+    import pooch
+
+    pooch.get_logger().setLevel("WARNING")  # it announces every download
+    file = {"known_hash": f"sha256:{sha256}", "fname": path.name, "path": path.parent}
+    try:
+        pooch.retrieve(address, downloader=cast("Any", _to_file), **file)
+    except ValueError as error:
+        raise ValueError("what came has another SHA-256") from error
+
+
+def _to_file(url: str, output_file: str, _: object) -> None:
+    """Pooch's interface of a downloader: write what is at ``url`` to a path."""
+    import requests
+
+    try:
+        response = within(PATIENCE_S, lambda: requests.get(url, stream=True, timeout=PATIENCE_S / 2))
+        if not response.ok:
+            raise OSError(f"the server answered {response.status_code}")
+        size = int(response.headers.get("content-length", 0))
+        with Path(output_file).open("wb") as out:
+            for chunk in _with_progress(response.iter_content(CHUNK), size, Path(url).name):
+                out.write(chunk)
+    except requests.RequestException as error:
+        raise OSError("no connection to the server") from error
+
+
+def within(seconds: float, job: Callable[[], T]) -> T:
+    """What ``job`` returns; a job that takes longer is left behind.
+
+    It runs in a thread, because the search for a host's address cannot be interrupted otherwise.
+
+    Raises:
+        TimeoutError: After ``seconds``.
+    """
+    results: list[T] = []
+    errors: list[Exception] = []
+
+    def work() -> None:
+        try:
+            results.append(job())
+        except Exception as error:
+            errors.append(error)
+
+    thread = threading.Thread(target=work, daemon=True)
+    thread.start()
+    thread.join(seconds)
+    if errors:
+        raise errors[0]
+    if not results:
+        raise TimeoutError(f"no answer within {seconds:g} s")
+    return results[0]
+
+
+def _with_progress(chunks: Iterator[bytes], size: int, label: str) -> Iterator[bytes]:
+    """The chunks, with a progress bar on standard error where that is a terminal."""
+    if not sys.stderr.isatty():
+        yield from chunks
+        return
+    from rich.console import Console
+    from rich.progress import Progress
+
+    with Progress(console=Console(stderr=True), transient=True) as progress:
+        task = progress.add_task(label, total=size or None)
+        for chunk in chunks:
+            progress.advance(task, len(chunk))
+            yield chunk
+
+
+@dataclass(frozen=True)
+class File:
+    """One file of a recording; ``address`` is None where the public original has another form."""
+
+    name: str
+    sha256: str
+    address: str | None = None
+
+
+@dataclass(frozen=True)
+class Dataset:
+    """A recording of a real robot.
+
+    Attributes:
+        name: Also the name of its folder.
+        what: One line.
+        licence: Of the data, or of the repository that publishes them.
+        source: Public page at the commit that was used.
+        citation: Whom to cite.
+        files: What its folder holds.
+    """
+
+    name: str
+    what: str
+    licence: str
+    source: str
+    citation: str
+    files: tuple[File, ...]
+
+    @property
+    def is_public(self) -> bool:
+        """Whether every file can be fetched from a public address as it is; else a mirror is needed."""
+        return all(file.address for file in self.files)
+
+
+DATASETS: tuple[Dataset, ...] = (
+    Dataset(
+        name="emps",
+        what="ball-screw axis, 1 joint, 24.8 s at 1 kHz",
+        licence="Apache-2.0 (repository); the data are a public benchmark",
+        source="https://github.com/forgi86/sysid-neural-continuous/tree/956aa7ecd730/examples/EMPS/data",
+        citation="Janot, Gautier, Brunot, Workshop on Nonlinear System Identification Benchmarks, 2019",
+        files=(
+            File(
+                "DATA_EMPS.mat",
+                "6cf6814ae14618795da0101aae2bb97ff0c6351b0501b5492751b02b07facf7e",
+                "https://github.com/forgi86/sysid-neural-continuous/raw/956aa7ecd730/examples/EMPS/data/DATA_EMPS.mat",
+            ),
+        ),
+    ),
+    Dataset(
+        name="ur10_unisa",
+        what="UR10 arm, 6 joints, exciting trajectory, 27.5 s at 125 Hz",
+        licence="BSD-3-Clause",
+        source="https://github.com/unisa-acg/inverse-dynamics-solver/tree/41e196de5ca3",
+        citation="Petrone, Ferrentino, Chiacchio, IEEE TII 2025, doi 10.1109/TII.2025.3534415",
+        files=(
+            File(
+                "ur10_exciting_trajectory.db3",
+                "14244fc39e9b42047039824f3c20ab984f9d1b28d5a67e9415cc1b3cc0ac3369",
+                "https://github.com/unisa-acg/inverse-dynamics-solver/raw/41e196de5ca3/"
+                "ur10_inverse_dynamics_solver/bagfiles/ur10_exciting_trajectory.db3",
+            ),
+        ),
+    ),
+    Dataset(
+        name="dfki_double_pendulum",
+        what="double pendulum with two 6:1 drives, designs C.0 and C.1, 19 runs of 6-10 s at 500 Hz",
+        licence="BSD-3-Clause",
+        source="https://github.com/dfki-ric-underactuated-lab/double_pendulum/tree/1e8544e67f3d/data/experiment_records",
+        citation="DFKI Underactuated Lab, double_pendulum",
+        files=(
+            File("C0_sysid.npz", "add3bbdcf291affbdbb6c7d1ef1a4fc053e95cdb3d669a729eebef3e23f4afa2"),
+            File("C1_sysid.npz", "4c3a7563bd1ed099d41671a5e4ccabcf168469b8a795f7ee92a2fd8e7486bf48"),
+            File("C1_model.urdf", "2e62b7a1232354c08240164dbf6a48d8fa4505aef91c12f94b8017af36a136db"),
+            File("design_C1_identified.urdf", "a4f56327e8248e3014105bf467242a84c42239ef21d41a9ca04df04238bf274c"),
+        ),
+    ),
+    Dataset(
+        name="bam_xl330",
+        what="Dynamixel XL330 servo with a pendulum, 8 runs of 6 s at 190 Hz",
+        licence="Apache-2.0",
+        source="https://github.com/Rhoban/bam/tree/af2260462471ff45ac18af159b1327ea51d8db15/bam/data.bak/raw",
+        citation="Duclusaud et al., ICRA 2025, arXiv 2410.08650",
+        files=(
+            File("bam_xl330.npz", "7eeafccc17c0844869cbb036c5c09e8056dd2ab1178e4e74f1f2cf29f3839329"),
+            File("runs.json", "8e3f24e1eda7313106b5f25332954ab8f3e6b4ee84c049055f4e402b72ddb26d"),
+        ),
+    ),
+    Dataset(
+        name="odrive_cogging",
+        what="brushless motor on an ODrive: cogging maps, slow runs, spin-ups, with and without compensation",
+        licence="MIT",
+        source="https://github.com/gchenfc/ODrive/tree/54611550c141fb024b663d1d17fc98dc2c5b7fd3/analysis/cogging_torque",
+        citation="G. Chen, ODrive fork, analysis of cogging torque",
+        files=(
+            File("cogging_maps.npz", "6406870af2b550a0390c9db1bd7c5c00846d63cf5886a638cf0d2bd0f4332b9f"),
+            File("slow_and_pull.npz", "87a6e4a31a8237e2db72c2a40a2e1178fea82afc4db51fb188b25204ce18381d"),
+            File("spinup.npz", "8a62a8f2fc7a69c2759afae742d9ed9045bf674d6039f8596268a0d7b78d528e"),
+        ),
+    ),
+    Dataset(
+        name="robonine_backlash",
+        what="STS3215 and STS3250 servos on a backlash stand, 3 runs of 27-40 s at 10 Hz",
+        licence="CC-BY-4.0 (hardware and documents)",
+        source="https://github.com/roboninecom/Measuring-Backlash-in-Popular-UART-Servos/tree/5273b56230f3/logs",
+        citation="Zenodo 19261714",
+        files=(
+            File("nocomp2.csv", "14067ce8b01614dd06b57710f584133dcb76413dab9bea765dc52e99753f27d8"),
+            File("single.csv", "73ccfcde66feb26917a520fd722ee773a20d5923fa97f8da0b9c4c513e796443"),
+            File("single_3250.csv", "63a9492014942a64e1b218177af129a0bbb903d7b2ad07eca3012cedfeadfd36"),
+        ),
+    ),
+    Dataset(
+        name="sage_so101",
+        what="SO-101 arm of six hobby servos, 8 motions at 50 Hz, position only",
+        licence="Apache-2.0",
+        source="https://github.com/isaac-sim2real/sage/tree/4ffd2627df9d23e279b35712a67e629ce0c0dfa7/output/real/so101",
+        citation="isaac-sim2real/sage",
+        files=(File("so101.npz", "3ebc8c56d643d015c3e23160972519d730b67a8a121dd1dfd20dc5834e1c1a7e"),),
+    ),
+)
+
+NAMES: tuple[str, ...] = tuple(dataset.name for dataset in DATASETS)
+
+
+def find(name: str) -> Dataset:
+    """The recording of that name.
+
+    Raises:
+        UsageError: If there is none; lists the names and the nearest.
+    """
+    for dataset in DATASETS:
+        if dataset.name == name:
+            return dataset
+    nearest = difflib.get_close_matches(name, NAMES, n=1)
+    hint = f"; did you mean {nearest[0]}?" if nearest else ""
+    raise UsageError(f"unknown recording {name!r}, wanted one of {', '.join(NAMES)}{hint}")
+
+
+def local(name: str) -> Path | None:
+    """Folder on this machine that holds the recording, or None; never asks the network.
+
+    Raises:
+        UsageError: If the name is unknown.
+        LogError: If a file in the folder of ``PHANTOM_DYN_DATA`` is not the one that is registered.
+    """
+    dataset = find(name)
+    mirror = _mirror(name)
+    if mirror is not None and all((mirror / file.name).is_file() for file in dataset.files):
+        for file in dataset.files:
+            _check(mirror / file.name, file)
+        return mirror
+    cached = cache_folder(name)
+    if all(_is_intact(cached / file.name, file) for file in dataset.files):
+        return cached
+    return None
+
+
+def fetch(name: str) -> Path:
+    """Folder that holds the recording, downloaded into the cache where it is not on this machine yet.
+
+    Raises:
+        UsageError: If the name is unknown.
+        LogError: If the recording cannot be had; says from where to take it and where to put it.
+    """
+    dataset = find(name)
+    folder = local(name)
+    if folder is not None:
+        return folder
+    if not dataset.is_public:
+        raise LogError(
+            f"{name} is published in another form at {dataset.source} and is fetched from a mirror only: "
+            f"{_where_to_put(dataset)}"
+        )
+    from identification.data.datasets import download
+
+    folder = cache_folder(name)
+    for file in dataset.files:
+        assert file.address is not None
+        try:
+            download(file.address, folder / file.name, file.sha256)
+        except (OSError, ValueError) as error:  # no network, no such page, a full disk, another hash
+            raise LogError(
+                f"could not fetch {file.name} of {name} ({error}): take it from {file.address} and "
+                f"{_where_to_put(dataset)}"
+            ) from error
+    return folder
+
+
+def cache_folder(name: str) -> Path:
+    """Folder of the cache where a downloaded recording lies, whether it is there or not."""
+    import pooch
+
+    return Path(pooch.os_cache("phantom-dyn")) / name
+
+
+def _mirror(name: str) -> Path | None:
+    root = os.environ.get("PHANTOM_DYN_DATA")
+    return Path(root) / name if root else None
+
+
+def _check(path: Path, file: File) -> None:
+    found = hashlib.sha256(path.read_bytes()).hexdigest()
+    if found != file.sha256:
+        raise LogError(
+            f"{path} has SHA-256 {found[:12]}..., wanted {file.sha256[:12]}...: it was changed or is another version; "
+            "replace it by the original"
+        )
+
+
+def _is_intact(path: Path, file: File) -> bool:
+    return path.is_file() and hashlib.sha256(path.read_bytes()).hexdigest() == file.sha256
+
+
+def _where_to_put(dataset: Dataset) -> str:
+    root = os.environ.get("PHANTOM_DYN_DATA")
+    names = ", ".join(file.name for file in dataset.files)
+    if root:
+        return f"put {names} into {Path(root) / dataset.name}"
+    return f"put {names} into a folder {dataset.name}, and set PHANTOM_DYN_DATA to the folder that holds it"

@@ -1,0 +1,140 @@
+# pyright: reportAttributeAccessIssue=false
+"""Torque of every joint from what was recorded: torque, current or voltage of the drives, and measured forces.
+
+Drive torque of every joint from what was recorded: torque itself, motor current, or motor voltage.
+
+Measured forces on a robot as torques on its joints.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+
+import numpy as np
+from jaxtyping import Float
+
+from identification.data.recording import Table
+from phantom_dyn.dynamics.kinematics import wrench_torque
+from phantom_dyn.errors import LogError, known_names
+from phantom_dyn.model.robot import Actuator, Robot
+from phantom_dyn.motion import read_only
+
+Array = np.ndarray
+
+
+def _constant(table: Table, joint: str, actuator: Actuator, column: str) -> float:
+    """Torque on the joint side per ampere [N m/A]."""
+    if actuator.torque_constant is None:
+        raise LogError(
+            f"{table.file} has {column} but no tau.{joint}, and the robot states no torque_constant of {joint}: add "
+            "torque_constant (and gear_ratio) under joints in robot.yaml, or a column of the torque."
+        )
+    return actuator.torque_constant * actuator.gear_ratio
+
+
+def _voltage_torque(table: Table, joint: str, actuator: Actuator) -> Float[Array, " N"]:
+    r"""Torque from the voltage: :math:`i = (u - k\,n\,v)/R`, :math:`\tau = k\,n\,i`."""
+    constant = _constant(table, joint, actuator, f"u.{joint}")
+    if actuator.resistance is None:
+        raise LogError(
+            f"{table.file} has u.{joint} but neither tau. nor i. of it, and the robot states no resistance of {joint}: "
+            "add resistance under joints in robot.yaml, or a column of the current or torque."
+        )
+    v = table.columns.get(f"v.{joint}")
+    if v is None:
+        v = np.gradient(table.columns[f"q.{joint}"], table.columns["t"])
+    return (table.columns[f"u.{joint}"] - constant * v) / actuator.resistance * constant
+
+
+def _one_joint(table: Table, joint: str, actuator: Actuator) -> Float[Array, " N"] | None:
+    """Torque of one joint, or None if nothing gives it."""
+    if f"tau.{joint}" in table.columns:
+        return table.columns[f"tau.{joint}"]
+    if f"i.{joint}" in table.columns:
+        return table.columns[f"i.{joint}"] * _constant(table, joint, actuator, f"i.{joint}")
+    if f"u.{joint}" in table.columns:
+        return _voltage_torque(table, joint, actuator)
+    return None if actuator.actuated else np.zeros(len(table.columns["t"]))
+
+
+def _missing(table: Table, joints: list[str], all_missing: bool) -> str:
+    what = "no torque: there is no column" if all_missing else "no torque of"
+    names = ", ".join(f"tau.{joint}" for joint in joints) if all_missing else ", ".join(joints)
+    return (
+        f"{table.file} has {what} {names}: add tau.<joint>, or the motor current i.<joint> with torque_constant in "
+        "robot.yaml, or say actuated: false there for a joint without a drive."
+    )
+
+
+def drive_torque(
+    table: Table, robot: Robot, torque_needed: bool
+) -> tuple[Float[Array, "N nv"] | None, tuple[str, ...]]:
+    """Drive torque on the joint side [N m or N], shape ``(N, nv)``, read-only, and what was noticed about it.
+
+    Args:
+        table: Columns under the contract's names.
+        robot: Gives the joints and the constants of its drives.
+        torque_needed: If False, None is returned where a joint has no torque.
+
+    Raises:
+        LogError: If a driven joint has no torque and it is needed, a constant is missing that turns current or voltage
+            into torque, or the torque of every joint is zero.
+    """
+    pairs = list(zip(robot.joint_names, robot.actuators, strict=True))
+    found = {joint: _one_joint(table, joint, actuator) for joint, actuator in pairs}
+    missing = [joint for joint, values in found.items() if values is None]
+    if missing and torque_needed:
+        raise LogError(_missing(table, missing, all_missing=len(missing) == len(found)))
+    if missing:
+        sentence = f"{table.file}: without torque of {', '.join(missing)}, the torque is not used."
+        return None, (sentence,) if len(missing) < len(found) else ()
+    tau = read_only(np.column_stack([values for values in found.values() if values is not None]))
+    driven = np.array([actuator.actuated for _, actuator in pairs])
+    if torque_needed and driven.any() and not np.any(tau[:, driven]):
+        raise LogError(f"{table.file}: the torque is zero on every joint: record the torque or current of the drives.")
+    zero = [joint for (joint, _), live, column in zip(pairs, driven, tau.T, strict=True) if live and not np.any(column)]
+    warnings = tuple(
+        f"{table.file}: the torque of {joint} is zero throughout: if the joint has no drive, say actuated: false in "
+        "robot.yaml."
+        for joint in zero
+    )
+    return tau, warnings
+
+
+def external_torque(
+    robot: Robot, q: Float[Array, "N nv"], forces: Mapping[str, Float[Array, "N 3"]]
+) -> Float[Array, "N nv"]:
+    r"""Torque :math:`\sum J^T f` that forces on the robot put on its joints, :math:`(N, nv)` [N m or N].
+
+    Args:
+        robot: Gives frames and loops.
+        q: Joint positions [rad or m].
+        forces: Force on the robot [N], world axes, by the frame at whose origin it acts.
+
+    Raises:
+        LogError: If the robot has no such frame, or a force is not finite.
+        ChainError: If a loop of a closed chain cannot be closed at a sample.
+    """
+    require_frames(robot, forces)
+    out = np.zeros_like(q)
+    for frame, force in forces.items():
+        if not np.isfinite(force).all():
+            row = int(np.argwhere(~np.isfinite(force))[0, 0])
+            raise LogError(f"The force f.{frame} is not finite at sample {row}: give finite numbers or leave it out.")
+        out += wrench_torque(robot, q, np.hstack([force, np.zeros_like(force)]), frame)
+    return out
+
+
+def require_frames(robot: Robot, frames: Iterable[str]) -> None:
+    """Refuse a force at a frame that the robot does not have.
+
+    Raises:
+        LogError: It lists the frames that there are.
+    """
+    for frame in frames:
+        if not robot.model.existFrame(frame):
+            names = dict.fromkeys(f.name for f in robot.model.frames)
+            raise LogError(
+                f"The columns f.{frame}.x, .y and .z are a force at a frame that {robot.name} does not have: "
+                f"{known_names(frame, names, 'frames')}"
+            )

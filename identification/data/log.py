@@ -1,0 +1,89 @@
+"""A recording made ready for fitting: motion with derivatives, torque aligned to it, and the band that is analysed."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from jaxtyping import Bool, Float, Int
+
+from phantom_dyn._kernels.fir import filtered
+from phantom_dyn.motion import Motion, read_only
+
+Array = np.ndarray
+
+
+@dataclass(frozen=True)
+class Band:
+    """The one filter that torque and every regressor column go through: linear phase, no delay, then decimation.
+
+    Attributes:
+        rate_hz: Rate of the samples that go in.
+        cutoff_hz: Edge of the band (-6 dB).
+        kernel: Symmetric FIR kernel of odd length; ``[1.0]`` lets everything through.
+        step: Every ``step``-th sample comes out.
+    """
+
+    rate_hz: float
+    cutoff_hz: float
+    kernel: Float[Array, " m"]
+    step: int
+
+    @property
+    def half(self) -> int:
+        """Samples lost at both ends, where the kernel would reach over the edge of the recording."""
+        return len(self.kernel) // 2
+
+    def samples(self, count: int) -> Int[Array, " n"]:
+        """Which of ``count`` input samples the output samples are centred on."""
+        return np.arange(self.half, count - self.half, self.step)
+
+    def __call__(self, x: Float[Array, "N ..."]) -> Float[Array, "n ..."]:
+        """Samples of ``x`` in the band, first axis time; only those whose kernel lies inside the recording."""
+        if len(self.kernel) == 1:
+            return x[:: self.step]
+        flat = np.asarray(x, dtype=float).reshape(len(x), -1)
+        return filtered(self.kernel, flat, self.step).reshape(-1, *x.shape[1:])
+
+
+@dataclass(frozen=True)
+class Log:
+    """Motion and torque of one recording, ready for fitting; all arrays at the full, uniform rate.
+
+    Attributes:
+        file: Name of the recording.
+        joint_names: Second axis of the arrays.
+        motion: Uniform samples of position, velocity and acceleration.
+        tau: Drive torque [N m or N] at the same instants, shape ``(N, nv)``.
+        band: Filter for torque and regressor columns alike.
+        valid: False where a sample must not be used (excluded, in a gap), shape ``(N,)``.
+        raw_q: Positions [rad or m] before they were low-passed, shape ``(N, nv)``; None where nobody kept them.
+        q_ref: References of the position controllers at the same instants, shape ``(N, nv)``; None where not recorded.
+        external: Torque of the measured external forces on the joints [N m or N], ``(N, nv)``; None where none was.
+    """
+
+    file: str
+    joint_names: tuple[str, ...]
+    motion: Motion
+    tau: Float[Array, "N nv"]
+    band: Band
+    valid: Bool[Array, " N"]
+    raw_q: Float[Array, "N nv"] | None = None
+    q_ref: Float[Array, "N nv"] | None = None
+    external: Float[Array, "N nv"] | None = None
+
+    def __post_init__(self):
+        object.__setattr__(self, "tau", read_only(self.tau))
+        object.__setattr__(self, "valid", read_only(self.valid, bool))
+
+    @property
+    def samples(self) -> Int[Array, " n"]:
+        """Full-rate index of each sample in the band."""
+        return self.band.samples(len(self.motion.t))
+
+    @property
+    def valid_in_band(self) -> Bool[Array, " n"]:
+        """True for samples in the band whose kernel touches no sample that must not be used."""
+        bad = np.concatenate([[0], np.cumsum(~self.valid)])
+        at, half = self.samples, self.band.half
+        return bad[at + half + 1] == bad[at - half]

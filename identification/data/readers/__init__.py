@@ -1,0 +1,1 @@
+"""Readers: one format of recordings a file."""

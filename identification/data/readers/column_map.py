@@ -1,0 +1,174 @@
+"""Column maps: YAML that says which column of a file is which of the contract's, in which unit and with which sign.
+
+```yaml
+t: {from: time_ms, unit: ms}
+q.j1: {from: enc1, counts: 8192}     # counts per revolution of the joint
+tau.j1: {from: load1, unit: Nmm, sign: -1}
+v: {from: "vel_{joint}", unit: deg/s}  # every column vel_<joint>
+ignore: [q.gripper]                  # columns that are left out
+```
+"""
+
+from __future__ import annotations
+
+import math
+import re
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, cast
+
+import msgspec
+
+from identification.data.readers.names import COUNTED, JOINT_QUANTITIES, UNITS, Quantity, column_of
+from identification.data.readers.raw import RawTable
+from phantom_dyn.errors import LogError, known_names
+from phantom_dyn.model.settings_file import describe, read_settings
+
+_PLACE = "{joint}"
+
+
+class _Source(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
+    """One entry of a map as the user writes it."""
+
+    name: str = msgspec.field(name="from")
+    unit: str | None = None
+    sign: int = 1
+    counts: float | None = None
+
+
+@dataclass(frozen=True)
+class Source:
+    """Column of the file that an entry takes, and the factor to SI; ``{joint}`` in the name stands for any joint."""
+
+    name: str
+    factor: float
+
+
+@dataclass(frozen=True)
+class ColumnMap:
+    """A column map, validated.
+
+    Attributes:
+        file: Name of the map, for messages.
+        sources: By name of the contract (or bare quantity, where the source has a ``{joint}`` in it).
+        ignored: Columns of the log to leave out.
+    """
+
+    file: str
+    sources: Mapping[str, Source]
+    ignored: tuple[str, ...] = ()
+
+
+def _factor(where: str, quantity: Quantity, source: _Source) -> float:
+    if source.sign not in (1, -1):
+        raise LogError(f"{where}.sign is {source.sign}, wanted 1 or -1.")
+    if source.counts is not None:
+        if source.unit is not None:
+            raise LogError(f"{where} has both unit and counts: give one of them.")
+        if quantity not in COUNTED:
+            raise LogError(f"{where}.counts is for positions and speeds ({', '.join(COUNTED)}): give a unit instead.")
+        if not source.counts > 0:
+            raise LogError(f"{where}.counts is {source.counts:g}, wanted the counts per revolution, above 0.")
+        return source.sign * 2 * math.pi / source.counts
+    if source.unit is None:
+        return float(source.sign)
+    units = UNITS[quantity]
+    if source.unit not in units:
+        raise LogError(f"{where}.unit is {source.unit!r}: {known_names(source.unit, units, 'units of ' + quantity)}")
+    return source.sign * units[source.unit]
+
+
+def _source(file: str, key: str, value: Any) -> Source:
+    where = f"{file}: {key}"
+    given = {"from": value} if isinstance(value, str) else value
+    if not isinstance(given, dict):
+        raise LogError(f"{where} is {describe(value)}, wanted a column name or {{from: NAME, unit: UNIT}}.")
+    unknown = [str(name) for name in given if name not in ("from", "unit", "sign", "counts")]
+    if unknown:
+        keys = ("from", "unit", "sign", "counts")
+        raise LogError(f"{where} has the unknown key {unknown[0]}: {known_names(unknown[0], keys, 'keys')}")
+    if "from" not in given:
+        raise LogError(f"{where} does not say which column it is: add from: NAME.")
+    try:
+        source = msgspec.convert(given, _Source)
+    except msgspec.ValidationError as error:
+        raise LogError(f"{where}: {str(error).replace('`', '')}.") from error
+    column = column_of(key)
+    if column is None and key in JOINT_QUANTITIES:
+        if source.name.count(_PLACE) != 1:
+            raise LogError(
+                f"{where} is meant for every joint, but from is {source.name!r}: put {_PLACE} into it once, "
+                f"or write {key}.<joint>."
+            )
+        return Source(source.name, _factor(where, cast("Quantity", key), source))
+    if column is None:
+        raise LogError(
+            f"{where} is no column of a log: write t, f.<frame>.x/.y/.z, or one of {', '.join(JOINT_QUANTITIES)} "
+            "followed by .<joint>."
+        )
+    return Source(source.name, _factor(where, column.quantity, source))
+
+
+def read_column_map(path: str | Path) -> ColumnMap:
+    """A column map from a YAML file, see the head of this module for its form.
+
+    Args:
+        path: The file.
+
+    Raises:
+        LogError: If it cannot be read, or a key, unit, sign or count in it means nothing; one sentence says which.
+    """
+    path = Path(path)
+    content = read_settings(path, LogError)
+    ignored = content.pop("ignore", [])
+    if not isinstance(ignored, list) or not all(isinstance(name, str) for name in ignored):
+        raise LogError(f"{path.name}: ignore is {describe(ignored)}, wanted a list of column names.")
+    if not content and not ignored:
+        raise LogError(f"{path.name} is empty: a column map needs entries such as t: TIME_COLUMN.")
+    sources = {str(key): _source(path.name, str(key), value) for key, value in content.items()}
+    return ColumnMap(path.name, sources, tuple(ignored))
+
+
+def _expanded(columns: ColumnMap, raw: RawTable) -> dict[str, Source]:
+    """Sources with every ``{joint}`` replaced by what it matches; entries written out win."""
+    out: dict[str, Source] = {}
+    for key, source in columns.sources.items():
+        if column_of(key) is not None:
+            continue
+        before, after = source.name.split(_PLACE)
+        pattern = re.compile(re.escape(before) + "(.+)" + re.escape(after))
+        found = {m.group(1): m.group(0) for name in raw.names if (m := pattern.fullmatch(name))}
+        if not found:
+            raise LogError(
+                f"{columns.file}: {key} takes {source.name}, but no column of {raw.file} looks so: "
+                f"{known_names(source.name, raw.names, 'columns')}"
+            )
+        out |= {f"{key}.{joint}": Source(name, source.factor) for joint, name in found.items()}
+    return out | {key: source for key, source in columns.sources.items() if column_of(key) is not None}
+
+
+def mapped(raw: RawTable, columns: ColumnMap) -> RawTable:
+    """The columns of a file under the contract's names and in SI units; columns that the map does not name stay.
+
+    Args:
+        raw: Columns as the file names them.
+        columns: What they are.
+
+    Raises:
+        LogError: If the map names a column that the file does not have, or one that holds no numbers.
+    """
+    sources = _expanded(columns, raw)
+    for name in [*(source.name for source in sources.values()), *columns.ignored]:
+        if name not in raw.names:
+            raise LogError(
+                f"{columns.file}: {raw.file} has no column {name}: {known_names(name, raw.names, 'columns')}"
+            )
+    gone = {source.name for source in sources.values()} | set(columns.ignored)
+    out = {name: values for name, values in raw.columns.items() if name not in gone}
+    for key, source in sources.items():
+        if source.name in raw.problems:
+            raise LogError(raw.problems[source.name])
+        out[key] = raw.columns[source.name] * source.factor
+    problems = {name: text for name, text in raw.problems.items() if name not in gone and name not in sources}
+    return RawTable(raw.file, out, problems, raw.place, raw.warnings)

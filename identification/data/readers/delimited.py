@@ -1,0 +1,215 @@
+# pyright: reportAttributeAccessIssue=false
+"""CSV and its relatives: separated by comma, semicolon, tab or spaces, with comment lines and a byte-order mark.
+
+Reading is quick (pyarrow parses all columns as numbers at once); only after a failure are the lines walked one by
+one, to name line, column and value.
+"""
+
+from __future__ import annotations
+
+import csv
+import re
+from itertools import islice
+from pathlib import Path
+
+import numpy as np
+
+from identification.data.readers.names import column_of
+from identification.data.readers.raw import RawTable, listed
+from phantom_dyn.errors import LogError
+
+Array = np.ndarray
+
+_SKIPPED = re.compile(rb"(?m)^[ \t\r]*(?:#[^\n]*)?\n")
+
+
+def _text(path: Path) -> bytes:
+    """Content with lines that end in a line feed; refuses what cannot be text."""
+    data = path.read_bytes()
+    if data[:2] in (b"\xff\xfe", b"\xfe\xff"):
+        raise LogError(f"{path.name} is UTF-16 text: save it as UTF-8.")
+    data = data.removeprefix(b"\xef\xbb\xbf")
+    if b"\0" in data[:4096]:
+        raise LogError(
+            f"{path.name} is no log: give CSV, NPZ, Parquet, a ROS 1 or ROS 2 bag (.bag, .db3) or MCAP file."
+        )
+    if not data.strip():
+        raise LogError(f"{path.name} is empty: a log needs a line of column names and rows of numbers.")
+    if data.lstrip()[:1] in (b"<", b"{", b"["):
+        raise LogError(f"{path.name} is no log (it looks like XML or JSON): give CSV, NPZ, Parquet, a bag or MCAP.")
+    if b"\r" in data and b"\n" not in data:
+        data = data.replace(b"\r", b"\n")
+    return data if data.endswith(b"\n") else data + b"\n"
+
+
+def _separator(header: str) -> str:
+    """The separator of a header line; a space stands for any white space."""
+    counts = {mark: header.count(mark) for mark in ("\t", ";", ",")}
+    best = max(counts, key=lambda mark: counts[mark])
+    return best if counts[best] else " "
+
+
+def _cells(line: str, separator: str) -> list[str]:
+    """Values of one line without surrounding white space."""
+    if separator == " ":
+        return line.split()
+    return [cell.strip() for cell in next(csv.reader([line], delimiter=separator), [])]
+
+
+def _number(cell: str) -> float | None:
+    """Value of a cell, or None if it is text."""
+    if "_" in cell:
+        return None
+    try:
+        return float(cell)
+    except ValueError:
+        return None
+
+
+def _data_lines(data: bytes):
+    """Number (from 1, as an editor shows it) and text of each line that is neither blank nor a comment."""
+    for number, line in enumerate(data.split(b"\n"), start=1):
+        stripped = line.strip()
+        if stripped and not stripped.startswith(b"#"):
+            yield number, stripped.decode("utf-8", errors="replace")
+
+
+def _last_comment_before(data: bytes, line_number: int) -> str:
+    """Last comment line before a line, without its mark: some programs write the column names there."""
+    comments = [line.strip() for line in data.split(b"\n")[: line_number - 1] if line.strip().startswith(b"#")]
+    return comments[-1].lstrip(b"# ").decode("utf-8", errors="replace").strip() if comments else ""
+
+
+def _header(file: str, data: bytes) -> tuple[list[str], str, bool]:
+    """Column names, separator, and whether the names stand on a line of their own (not in a comment)."""
+    first = next(_data_lines(data), None)
+    if first is None:
+        raise LogError(f"{file} has only comments: a log needs a line of column names and rows of numbers.")
+    number, line = first
+    separator = _separator(line)
+    cells = _cells(line, separator)
+    if not all(_number(cell) is not None for cell in cells):
+        return cells, separator, True
+    comment = _last_comment_before(data, number)
+    names = _cells(comment, _separator(comment))
+    if comment and len(names) == len(cells):
+        return names, separator, False
+    raise LogError(
+        f"{file} has no column names: line {number} holds numbers; put a line such as t,q.<joint>,tau.<joint> first."
+    )
+
+
+def _require_unique(file: str, names: list[str]) -> None:
+    seen: set[str] = set()
+    for column, name in enumerate(names, start=1):
+        if not name:
+            raise LogError(f"{file}: column {column} has no name: name every column in the first line.")
+        if name in seen:
+            raise LogError(f"{file}: the column name {name} stands there twice: give every column its own name.")
+        seen.add(name)
+
+
+def _raise_uneven(file: str, data: bytes, names: list[str], separator: str, own_line: bool) -> None:
+    """Raise the sentence about the first line whose number of values is not the number of names."""
+    looks_like_log = any(column_of(name) is not None for name in names)
+    for number, line in islice(_data_lines(data), 1 if own_line else 0, None):
+        cells = _cells(line, separator)
+        if len(cells) == len(names):
+            looks_like_log = looks_like_log or any(_number(cell) is not None for cell in cells)
+            continue
+        if not looks_like_log and sum(_number(cell) is not None for cell in cells) < 2:
+            raise LogError(
+                f"{file} is no log: its first lines hold no table of numbers; give CSV with a line of column names, "
+                "NPZ, Parquet, a bag or MCAP."
+            )
+        raise LogError(
+            f"{file}, line {number} has {len(cells)} values where {len(names)} columns are named: every row must "
+            "have the same length; mend or delete that line."
+        )
+
+
+def _as_numbers(body: bytes, names: list[str], separator: str) -> list[Array] | None:
+    """All columns as float arrays, or None if a value is no number or a row is uneven."""
+    import pyarrow as pa
+    from pyarrow import csv as arrow_csv
+
+    keys = [str(k) for k in range(len(names))]
+    try:
+        table = arrow_csv.read_csv(
+            pa.BufferReader(body),
+            read_options=arrow_csv.ReadOptions(column_names=keys, block_size=1 << 22),
+            parse_options=arrow_csv.ParseOptions(delimiter=separator),
+            convert_options=arrow_csv.ConvertOptions(
+                column_types={key: pa.float64() for key in keys}, null_values=[], strings_can_be_null=False
+            ),
+        )
+    except pa.ArrowInvalid:
+        return None
+    return [table.column(key).to_numpy() for key in keys]
+
+
+def _column_or_problem(file: str, name: str, cells: list[str], lines: list[int]) -> Array | str:
+    """Numbers of a column, or the sentence about its first value that is none."""
+    values = np.empty(len(cells))
+    for k, cell in enumerate(cells):
+        value = _number(cell)
+        if value is None:
+            if not cell:
+                return f"{file}, line {lines[k]}, column {name} is empty: a number is needed there."
+            wanted = "the decimal point as a point" if _number(cell.replace(",", ".", 1)) is not None else "a number"
+            return f"{file}, line {lines[k]}, column {name} holds {cell!r} where a number should be: write {wanted}."
+        values[k] = value
+    return values
+
+
+def _slowly(
+    file: str, data: bytes, names: list[str], separator: str, own_line: bool
+) -> tuple[dict[str, Array], dict[str, str]]:
+    """Columns that hold numbers, and a sentence for each that does not."""
+    _raise_uneven(file, data, names, separator, own_line)
+    numbered = list(islice(_data_lines(data), 1 if own_line else 0, None))
+    lines = [number for number, _ in numbered]
+    rows = [_cells(line, separator) for _, line in numbered]
+    columns, problems = {}, {}
+    for k, name in enumerate(names):
+        result = _column_or_problem(file, name, [row[k] for row in rows], lines)
+        if isinstance(result, str):
+            problems[name] = result
+        else:
+            columns[name] = result
+    return columns, problems
+
+
+def _line_of(data: bytes, own_line: bool, row: int) -> str:
+    numbered = next(islice(_data_lines(data), row + (1 if own_line else 0), None), None)
+    return f"line {numbered[0]}" if numbered else f"row {row + 1}"
+
+
+def read_delimited(path: Path) -> RawTable:
+    """Columns of a text table under the file's own names.
+
+    Args:
+        path: The file; the first line that is no comment names the columns (or the last comment before the numbers).
+
+    Returns:
+        Its columns; a column that holds anything but numbers is listed under ``problems``.
+
+    Raises:
+        LogError: Empty, no text, no table, no names, a name twice, or rows of different length.
+    """
+    data = _text(path)
+    names, separator, own_line = _header(path.name, data)
+    _require_unique(path.name, names)
+    body = _SKIPPED.sub(b"", data)
+    if own_line:
+        body = body[body.index(b"\n") + 1 :]
+    if not body:
+        raise LogError(f"{path.name} has no rows: there is nothing below its column names {listed(names)}.")
+    if separator == " ":
+        body = re.sub(rb"[ \t]+", b" ", re.sub(rb"(?m)^[ \t]+|[ \t\r]+$", b"", body))
+    arrays = _as_numbers(body, names, separator)
+    if arrays is None:
+        columns, problems = _slowly(path.name, data, names, separator, own_line)
+    else:
+        columns, problems = dict(zip(names, arrays, strict=True)), {}
+    return RawTable(path.name, columns, problems, lambda row: _line_of(data, own_line, row))

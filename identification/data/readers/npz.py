@@ -1,0 +1,60 @@
+"""NPZ: one one-dimensional array per column."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+
+from identification.data.readers.raw import RawTable
+from phantom_dyn.errors import LogError
+
+Array = np.ndarray
+
+
+def _problem(file: str, name: str, array: Array) -> str | None:
+    """Why an array cannot be a column, or None if it can."""
+    if array.ndim != 1:
+        return (
+            f"{file}: array {name} has the shape {array.shape}: write one 1-D array per column, "
+            f"named as {name}.<joint> where it belongs to a joint."
+        )
+    if array.dtype.kind not in "fiub":
+        return f"{file}: array {name} holds {array.dtype} where numbers should be: write floats."
+    return None
+
+
+def read_npz(path: Path) -> RawTable:
+    """Columns of an NPZ file under the file's own names.
+
+    Args:
+        path: The file, written by ``numpy.savez`` or ``numpy.savez_compressed``.
+
+    Returns:
+        Its columns; arrays that are no columns of numbers are listed under ``problems``.
+
+    Raises:
+        LogError: If it holds no arrays, or Python objects (those are never loaded).
+    """
+    columns, problems = {}, {}
+    # Opened here, as NumPy leaves a file open that it cannot read.
+    with path.open("rb") as file, np.load(file, allow_pickle=False) as archive:
+        if not archive.files:
+            raise LogError(f"{path.name} is empty: an NPZ log needs one array per column.")
+        for name in archive.files:
+            try:
+                array = archive[name]
+            except ValueError as error:
+                if "allow_pickle" not in str(error):
+                    raise
+                problems[name] = (
+                    f"{path.name}: array {name} holds Python objects, which are not loaded because a pickle can run "
+                    "code: write it as an array of floats."
+                )
+                continue
+            sentence = _problem(path.name, name, array)
+            if sentence is None:
+                columns[name] = array.astype(float)
+            else:
+                problems[name] = sentence
+    return RawTable(path.name, columns, problems)

@@ -1,0 +1,187 @@
+"""A recording from a table of columns or from a file, checked."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+
+from identification.data.recording import Recording, Table
+from phantom_dyn.errors import LogError, known_names
+from phantom_dyn.model.robot import Robot
+from phantom_dyn.motion import read_only
+
+Array = np.ndarray
+
+
+def _joints_of(table: Table, quantity: str) -> list[str]:
+    """Joints that have a column of a quantity, in the file's order."""
+    start = f"{quantity}."
+    return [name.removeprefix(start) for name in table.columns if name.startswith(start)]
+
+
+def _per_joint(table: Table, quantity: str, joints: Sequence[str]) -> Array | None:
+    """Columns of a quantity, shape ``(N, nv)``; None if no joint has one, NaN where a joint has none."""
+    if not any(f"{quantity}.{joint}" in table.columns for joint in joints):
+        return None
+    missing = np.full(len(table.columns["t"]), np.nan)
+    return read_only(np.column_stack([table.columns.get(f"{quantity}.{joint}", missing) for joint in joints]))
+
+
+def _complete(table: Table, quantity: str, joints: Sequence[str]) -> tuple[Array | None, tuple[str, ...]]:
+    """Columns of an optional quantity; with a warning it is left out if only some joints have one."""
+    values = _per_joint(table, quantity, joints)
+    lacking = [joint for joint in joints if f"{quantity}.{joint}" not in table.columns]
+    if values is None or not lacking:
+        return values, ()
+    sentence = f"{table.file}: the columns {quantity}. are not used, as {', '.join(lacking)} has none."
+    return None, (sentence,)
+
+
+def _forces(table: Table) -> dict[str, Array]:
+    """Forces by frame, each ``(N, 3)``, read-only."""
+    frames = dict.fromkeys(name[2:-2] for name in table.columns if name.startswith("f."))
+    out = {}
+    for frame in frames:
+        names = [f"f.{frame}.{axis}" for axis in "xyz"]
+        lacking = [name for name in names if name not in table.columns]
+        if lacking:
+            raise LogError(f"{table.file} has no column {lacking[0]}: a force needs its three axes x, y and z.")
+        out[frame] = read_only(np.column_stack([table.columns[name] for name in names]))
+    return out
+
+
+def _excluded(table: Table, excluded: Sequence[tuple[float, float]]) -> tuple[tuple[float, float], ...]:
+    """Stretches of time inside the log, as floats."""
+    t = table.columns["t"]
+    for start, stop in excluded:
+        if not start < stop:
+            raise LogError(f"the excluded stretch {start:g}:{stop:g} ends before it begins: write T0:T1 with T0 < T1.")
+        if stop < t[0] or start > t[-1]:
+            raise LogError(
+                f"the excluded stretch {start:g}:{stop:g} lies outside {table.file}, which goes from {t[0]:.6g} s to "
+                f"{t[-1]:.6g} s: give times of the log."
+            )
+    return tuple((float(start), float(stop)) for start, stop in excluded)
+
+
+def _require_joints(table: Table, robot: Robot) -> tuple[str, ...]:
+    """Refuse a column of an unknown joint and a joint without position; returns warnings about locked joints."""
+    from identification.data.readers.names import column_of
+
+    locked: dict[str, None] = {}
+    for name in table.columns:
+        column = column_of(name)
+        if column is None or column.quantity in ("t", "f") or column.of in (*robot.joint_names, *robot.passive_names):
+            continue
+        if column.of in robot.locked:
+            locked[column.of] = None
+            continue
+        raise LogError(
+            f"{table.file}: column {name} is of the joint {column.of}, which {robot.name} does not have: "
+            f"{known_names(column.of, [*robot.joint_names, *robot.passive_names], 'joints')}"
+        )
+    for joint in robot.joint_names:
+        if f"q.{joint}" not in table.columns:
+            raise LogError(
+                f"{table.file} has no column q.{joint}, but {robot.name} has the joint {joint}: add its position, map "
+                "it with --columns, or hold the joint fixed under lock in robot.yaml."
+            )
+    if not locked:
+        return ()
+    return (f"{table.file}: the columns of {', '.join(locked)} are not used, as the robot holds it fixed.",)
+
+
+def recording(
+    table: Table, robot: Robot, *, excluded: Sequence[tuple[float, float]] = (), torque_needed: bool = True
+) -> Recording:
+    """The columns of a table for the joints of one robot.
+
+    Args:
+        table: Columns under the contract's names.
+        robot: Gives joints, their order, and the constants of its drives.
+        excluded: Stretches of time [s] to leave out of every fit.
+        torque_needed: False for work on motion alone: then ``tau`` may be None.
+
+    Returns:
+        The recording, read-only; its warnings are those of the table, the data themselves are not checked here.
+
+    Raises:
+        LogError: Unknown or missing joint, no torque and nothing that gives one, torque zero on every joint, or an
+            excluded stretch outside the log.
+    """
+    from identification.data.joint_torque import drive_torque, require_frames
+
+    joints = robot.joint_names
+    forces = _forces(table)
+    require_frames(robot, forces)
+    warnings = [*table.warnings, *_require_joints(table, robot)]
+    optional = {}
+    for key, quantity in (("v", "v"), ("current", "i"), ("voltage", "u"), ("q_ref", "q_ref"), ("x", "x")):
+        optional[key], sentences = _complete(table, quantity, joints)
+        # Current and voltage of some joints only are usual: the torque of the others may be measured.
+        warnings += sentences if quantity not in ("i", "u") else ()
+    warnings += [
+        f"{table.file}: the torque of {joint} is not used, as the joint is passive: it has no drive."
+        for joint in robot.passive_names
+        if np.any(table.columns.get(f"tau.{joint}", 0.0))
+    ]
+    tau, sentences = drive_torque(table, robot, torque_needed)
+    return Recording(
+        file=table.file,
+        joint_names=tuple(joints),
+        t=read_only(table.columns["t"]),
+        q=read_only(np.column_stack([table.columns[f"q.{joint}"] for joint in joints])),
+        tau=tau,
+        forces=forces,
+        excluded=_excluded(table, excluded),
+        warnings=(*warnings, *sentences),
+        passive_q={
+            name: read_only(table.columns[f"q.{name}"]) for name in robot.passive_names if f"q.{name}" in table.columns
+        },
+        **optional,
+    )
+
+
+def read_recording(
+    path: str | Path,
+    robot: Robot,
+    *,
+    columns: str | Path | None = None,
+    topic: str | None = None,
+    excluded: Sequence[tuple[float, float]] = (),
+    torque_needed: bool = True,
+) -> Recording:
+    """A recording from a file, checked: its warnings say what is wrong with it.
+
+    Args:
+        path: CSV, NPZ, Parquet, ROS 1 or ROS 2 bag, or MCAP.
+        robot: The robot that was recorded.
+        columns: Column map (YAML), if the columns have other names or units.
+        topic: Topic of sensor_msgs/JointState in a bag that has several.
+        excluded: Stretches of time [s] to leave out of every fit.
+        torque_needed: False for work on motion alone.
+
+    Raises:
+        LogError: If the file, a column or a value cannot be used; one sentence says which and what to do.
+    """
+    from identification.data.checks.check_recording import check_recording
+    from identification.data.checks.positions import check_passive
+    from identification.data.readers.read_table import read_table
+
+    found = recording(
+        read_table(path, columns=columns, topic=topic), robot, excluded=excluded, torque_needed=torque_needed
+    )
+    # Loops first: where they do not close there is no model to check against.
+    return replace(found, warnings=(*found.warnings, *check_passive(found, robot), *check_recording(found, robot)))
+
+
+def unassigned_recording(table: Table) -> Recording:
+    """The joints of a table as they stand there, for checks without a robot; torque and speed if all joints have it."""
+    joints = _joints_of(table, "q")
+    q, tau, v = _per_joint(table, "q", joints), _complete(table, "tau", joints)[0], _complete(table, "v", joints)[0]
+    if q is None:
+        raise LogError(f"{table.file} has no column q.<joint> (measured position): add it or map it with --columns.")
+    return Recording(table.file, tuple(joints), read_only(table.columns["t"]), q, tau, v)

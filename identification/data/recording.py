@@ -1,0 +1,69 @@
+"""A recording as it was measured: raw samples, one column per joint in the robot's order."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING
+
+import numpy as np
+from jaxtyping import Float
+
+if TYPE_CHECKING:
+    pass
+
+Array = np.ndarray
+
+
+@dataclass(frozen=True)
+class Table:
+    """Columns of a file under the contract's names (``t``, ``q.<joint>``, ...), before any robot is known.
+
+    Attributes:
+        file: Name of the file, for messages.
+        columns: One 1-D float array per column, all of the same length.
+        warnings: What was noticed while reading (dropped repeated rows and the like).
+    """
+
+    file: str
+    columns: Mapping[str, Float[Array, " N"]]
+    warnings: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True)
+class Recording:
+    """Raw samples of one recording for the joints of one robot; None where a quantity was not recorded.
+
+    Attributes:
+        file: Name of the file, for messages.
+        joint_names: The robot's joints, in its order; second axis of every array.
+        t: Time [s], strictly increasing, shape ``(N,)``.
+        q: Measured positions [rad or m], shape ``(N, nv)``.
+        tau: Drive torque on the joint side [N m or N]; zeros for joints that are not actuated.
+        v: Measured velocities.
+        current: Motor currents [A].
+        voltage: Motor voltages [V].
+        q_ref: References of the position controllers.
+        x: Link-side positions of a second encoder.
+        forces: Measured external forces [N] by frame, world axes, each ``(N, 3)``.
+        excluded: Stretches of time [s] that are left out of every fit.
+        warnings: Sentences about the data.
+        passive_q: Measured positions [rad or m] of passive joints of a closed chain by joint, each ``(N,)``.
+        controlled: True if no torque was recorded, and ``tau`` is what the stated controllers ask for.
+    """
+
+    file: str
+    joint_names: tuple[str, ...]
+    t: Float[Array, " N"]
+    q: Float[Array, "N nv"]
+    tau: Float[Array, "N nv"] | None
+    v: Float[Array, "N nv"] | None = None
+    current: Float[Array, "N nv"] | None = None
+    voltage: Float[Array, "N nv"] | None = None
+    q_ref: Float[Array, "N nv"] | None = None
+    x: Float[Array, "N nv"] | None = None
+    forces: Mapping[str, Float[Array, "N 3"]] = field(default_factory=dict)
+    excluded: tuple[tuple[float, float], ...] = ()
+    warnings: tuple[str, ...] = ()
+    passive_q: Mapping[str, Float[Array, " N"]] = field(default_factory=dict)
+    controlled: bool = False

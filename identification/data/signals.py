@@ -1,0 +1,226 @@
+"""From raw samples to a `Log`: uniform time, aligned torque, derivatives, and a band chosen from the data.
+
+The chain: resample to a uniform rate if the recording is not; take the known half sample of a held torque out; low-pass
+the positions far above the band (so that the filter leaves no trace inside it) and differentiate; filter torque and
+regressor columns with one linear-phase kernel at the edge of the band and decimate. Filtering only the torque, or
+filtering accelerations twice, biases friction by one to several per cent.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from jaxtyping import Float
+
+from identification.data.joint_torque import external_torque
+from identification.data.log import Band, Log
+from identification.data.recording import Recording
+from identification.data.spectra import acceleration_edge, driven_edge, torque_edge
+from phantom_dyn._kernels.fir import filtered
+from phantom_dyn.dynamics.dynamics import inverse_dynamics
+from phantom_dyn.errors import LogError
+from phantom_dyn.model.robot import Robot
+from phantom_dyn.motion import Motion
+
+Array = np.ndarray
+# Positions, torques and rate of one recording.
+Signals = tuple[Float[Array, "_ nv"], Float[Array, "_ nv"], float]
+
+# The positions are low-passed this many times above the band, which leaves 0.1 % of attenuation at its edge.
+_MOTION_BAND = 2.5
+# The band ends at 6 % of the rate: above, what a torque "at an instant" means differs by more than a per cent between
+# recorders that log a held torque, its mean over a sample, or its value in between.
+_HIGHEST = 0.06
+_WIDEST_HZ = 50.0
+# Samples in the band per period of its edge: the least that loses nothing to aliasing.
+_SAMPLES_PER_PERIOD = 2.5
+
+
+def uniform(recording: Recording) -> tuple[Float[Array, " N"], Float[Array, "N nv"], Float[Array, "N nv"], Array]:
+    """Time, positions, torques and validity on a uniform grid with the recording's median step.
+
+    Positions are interpolated by cubic splines, torques linearly (or held, as ``torque_hold`` of the robot says,
+    after alignment). Samples inside a gap of more than five steps or an excluded stretch are not valid.
+    """
+    t = recording.t
+    steps = np.diff(t)
+    step = float(np.median(steps))
+    tau = recording.tau
+    if tau is None:
+        raise LogError(f"{recording.file} has no torque, current or voltage: record one, or see --motion-only.")
+    q = recording.q
+    gaps = [(t[k], t[k + 1]) for k in np.flatnonzero(steps > 5 * step)]
+    if t[-1] - t[0] > 3 * len(t) * step:
+        k = int(np.argmax(steps))
+        raise LogError(
+            f"{recording.file}: the time jumps from {t[k]:g} to {t[k + 1]:g} s, a gap longer than the recording: "
+            "give each part in a file of its own."
+        )
+    if np.max(np.abs(steps - step)) > 1e-3 * step:
+        from scipy.interpolate import CubicSpline
+
+        grid = np.arange(t[0], t[-1] + 1e-9 * step, step)
+        q = CubicSpline(t, q)(grid)
+        tau = np.column_stack([np.interp(grid, t, column) for column in tau.T])
+        t = grid
+    valid = np.ones(len(t), dtype=bool)
+    for start, stop in [*gaps, *recording.excluded]:
+        valid &= (t < start) | (t > stop)
+    return t, q, tau, valid
+
+
+def align_held_torque(tau: Float[Array, "N nv"]) -> Float[Array, "N nv"]:
+    """Torque at the sample instants when ``tau[k]`` is held from ``t[k]`` to ``t[k+1]``.
+
+    The motion sees the held torque half a sample late and weakened by ``sinc(f T)``. The mean of two neighbours is as
+    late but too weak at high frequencies; the weights -1, 13, 13, -1 over 24 agree to fourth order in ``f T``.
+    """
+    before = np.vstack([tau[:1], tau[:-1]])
+    earlier = np.vstack([tau[:1], before[:-1]])
+    later = np.vstack([tau[1:], tau[-1:]])
+    return (13.0 * (tau + before) - earlier - later) / 24.0
+
+
+def within_limits(tau: Float[Array, "N nv"], robot: Robot) -> Float[Array, "N nv"]:
+    """What drives with stated limits give when ``tau`` is asked for; a measured torque is what it is."""
+    if robot.torque_source != "command":
+        return tau
+    limits = np.array([np.inf if a.torque_limit is None else a.torque_limit for a in robot.actuators])
+    return np.clip(tau, -limits, limits)
+
+
+def low_pass(cutoff_hz: float, rate_hz: float) -> Band:
+    """Hamming-windowed band of half length two periods of its edge, decimated to 2.5 samples per period."""
+    from scipy.signal import firwin
+
+    if cutoff_hz >= 0.4 * rate_hz:
+        return Band(rate_hz, 0.5 * rate_hz, np.ones(1), 1)
+    half = int(np.ceil(2 * rate_hz / cutoff_hz))
+    step = max(1, int(rate_hz / (_SAMPLES_PER_PERIOD * cutoff_hz)))
+    return Band(rate_hz, cutoff_hz, np.asarray(firwin(2 * half + 1, cutoff_hz, fs=rate_hz), dtype=float), step)
+
+
+def smoothed(x: Float[Array, "n ..."], rate_hz: float, cutoff_hz: float) -> Float[Array, "n ..."]:
+    """``x`` without what lies above ``cutoff_hz``, of the same length; the ends see their mirror image."""
+    band = low_pass(cutoff_hz, rate_hz)
+    half = min(band.half, len(x) - 1)
+    if half == 0:
+        return x
+    kernel = band.kernel[band.half - half : band.half + half + 1]
+    padded = np.concatenate([x[half:0:-1], x, x[-2 : -half - 2 : -1]])
+    flat = np.asarray(padded, dtype=float).reshape(len(padded), -1)
+    return filtered(kernel / kernel.sum(), flat, 1).reshape(x.shape)
+
+
+def differentiate(q: Float[Array, "N nv"], rate_hz: float, cutoff_hz: float) -> tuple[Array, Array, Array]:
+    """Position, velocity and acceleration [per s, per s^2] of ``q`` low-passed without delay at ``cutoff_hz``.
+
+    Derivatives are those of a quintic spline through the filtered samples, exact to 0.5 % up to a sixth of the rate
+    (central differences lose 17 % there).
+    """
+    from scipy.interpolate import make_interp_spline
+    from scipy.signal import butter, sosfiltfilt
+
+    if cutoff_hz < 0.4 * rate_hz:
+        sos = butter(4, cutoff_hz, fs=rate_hz, output="sos")
+        q = sosfiltfilt(sos, q, axis=0, padlen=min(len(q) - 1, int(3 * rate_hz / cutoff_hz)))
+    grid = np.arange(len(q)) / rate_hz
+    spline = make_interp_spline(grid, q, k=5)
+    return q, spline(grid, 1), spline(grid, 2)
+
+
+def motion_edge(band: Band) -> float:
+    """Frequency [Hz] up to which the positions are kept: far above the band, so that it leaves no trace inside."""
+    return min(_MOTION_BAND * band.cutoff_hz, 0.4 * band.rate_hz)
+
+
+def process(recording: Recording, robot: Robot, *, cutoff_hz: float | None = None) -> Log:
+    """The log of one recording; the band is chosen from the data unless it is given.
+
+    Args:
+        recording: Raw samples.
+        robot: Says how the torque was held.
+        cutoff_hz: Edge of the band [Hz], or None.
+
+    Raises:
+        LogError: If the recording is too short for its band.
+    """
+    t, q, tau, valid = uniform(recording)
+    rate = (len(t) - 1) / (t[-1] - t[0])
+    if robot.torque_hold == "zoh":
+        tau = align_held_torque(tau)
+    if cutoff_hz is None:
+        cutoff_hz = choose_cutoff([(q, tau, rate)])
+    band = low_pass(cutoff_hz, rate)
+    if len(band.samples(len(t))) < 20:
+        raise LogError(
+            f"{recording.file} lasts {t[-1] - t[0]:.2f} s, too short for a band of {band.cutoff_hz:.1f} Hz: "
+            "record at least ten seconds of motion."
+        )
+    smooth, v, a = differentiate(q, rate, motion_edge(band))
+    wanted = None if recording.q_ref is None else _on_grid(recording.t, recording.q_ref, t)
+    forces = {frame: _on_grid(recording.t, force, t) for frame, force in recording.forces.items()}
+    external = external_torque(robot, smooth, forces) if forces else None
+    return Log(recording.file, recording.joint_names, Motion(t, smooth, v, a), tau, band, valid, q, wanted, external)
+
+
+def _on_grid(t: Array, columns: Array, grid: Array) -> Array:
+    """Linear interpolation of references, which are no smoother than their generator left them."""
+    if grid is t:
+        return columns
+    return np.column_stack([np.interp(grid, t, column) for column in columns.T])
+
+
+def process_all(recordings: tuple[Recording, ...], robot: Robot) -> tuple[tuple[Log, ...], float]:
+    """Logs of several recordings in one band that is wide enough for whitening, and the edge of the judged band [Hz].
+
+    The judged band is that of `choose_cutoff`; the logs reach up to four times as high (at most 50 Hz, 6 % of the
+    rate, and what the recorder has left of the torque), as sharp effects have content there that a fit can use if it
+    weighs each frequency by its noise.
+    """
+    raw = [uniform(recording) for recording in recordings]
+    rates = [(len(t) - 1) / (t[-1] - t[0]) for t, *_ in raw]
+    signals = [(q, tau, rate) for (_, q, tau, _), rate in zip(raw, rates, strict=True)]
+    # What controllers ask for no recorder has smoothed, and a servo of position asks for little that is fast.
+    asked = all(recording.controlled for recording in recordings)
+    smoothed = np.inf if asked else max(torque_edge(column, rate) for _, tau, rate in signals for column in tau.T)
+    judged = _within_rate(_moving_edge(signals), signals) if asked else choose_cutoff(signals)
+    wide = max(judged, min(4 * judged, _WIDEST_HZ, _HIGHEST * min(rates), smoothed))
+    driven = np.inf if asked else _driven_edge(robot, signals, wide)
+    judged, wide = min(judged, driven), min(wide, 1.3 * driven)
+    return tuple(process(recording, robot, cutoff_hz=wide) for recording in recordings), judged
+
+
+def _driven_edge(robot: Robot, signals: list[Signals], cutoff_hz: float) -> float:
+    """Edge [Hz] above which the drives move nothing: the median over joints of `driven_edge` on the longest recording.
+
+    What moves there is disturbance or encoder noise, which torque and acceleration share with opposite signs: a fit
+    would take it for a lack of inertia, or for a delay.
+    """
+    q, tau, rate = max(signals, key=lambda signal: len(signal[0]))
+    smooth, v, a = differentiate(q, rate, min(_MOTION_BAND * cutoff_hz, 0.4 * rate))
+    model = inverse_dynamics(robot, Motion(np.arange(len(q)) / rate, smooth, v, a))
+    moving = np.ptp(q, axis=0) > 1e-6
+    edges = [driven_edge(tau[:, j], model[:, j], rate, cutoff_hz) for j in np.flatnonzero(moving)]
+    return float(np.median(edges)) if edges else np.inf
+
+
+def choose_cutoff(signals: list[Signals]) -> float:
+    """Edge of the band [Hz] that the data support: the lower of two edges, over ``(q, tau, rate)`` of recordings.
+
+    The first is the median, over moving joints, of the frequency up to which the acceleration stands 10 dB above its
+    noise floor. The second is the frequency above which the torque carries less than 1 % of its amplitude: there the
+    recorder has smoothed it, while a step of friction in the model still has content.
+    """
+    torque = max(torque_edge(column, rate) for _, tau, rate in signals for column in tau.T)
+    return _within_rate(min(_moving_edge(signals), torque), signals)
+
+
+def _within_rate(edge: float, signals: list[Signals]) -> float:
+    return float(np.clip(edge, 1.0, _HIGHEST * min(rate for *_, rate in signals)))
+
+
+def _moving_edge(signals: list[Signals]) -> float:
+    """Median, over moving joints, of the frequency up to which the acceleration is more than noise; else infinite."""
+    moving = [acceleration_edge(column, rate) for q, _, rate in signals for column in q.T]
+    edges = [edge for edge in moving if edge is not None]
+    return float(np.median(edges)) if edges else np.inf

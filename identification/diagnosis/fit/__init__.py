@@ -1,0 +1,1 @@
+"""Fits on products of columns, block by block."""

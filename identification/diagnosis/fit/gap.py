@@ -1,0 +1,103 @@
+"""The gap in the contract's measure: mean over joints of the squared residual over the squared noise floor."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from jaxtyping import Float
+
+from identification.data.log import Log
+from identification.data.signals import smoothed
+from identification.diagnosis.fit.fitting import Fitted, predict
+from identification.diagnosis.fit.problem import Problem
+from identification.diagnosis.model.terms import Term, ordered
+
+Array = np.ndarray
+
+
+@dataclass(frozen=True)
+class Sums:
+    """Squared residuals and numbers of samples, by block and joint, over the cores of the judged blocks.
+
+    Attributes:
+        squares: Summed squared residuals, ``(B, nv)``.
+        counts: Numbers of samples, ``(B, nv)``.
+    """
+
+    squares: Float[Array, "B nv"]
+    counts: Float[Array, "B nv"]
+
+    def rms(self) -> Float[Array, " nv"]:
+        """Root mean square of each joint."""
+        return np.sqrt(self.squares.sum(axis=0) / np.maximum(self.counts.sum(axis=0), 1))
+
+    def loss(self, floor: Float[Array, " nv"], weights: Float[Array, "R B"]) -> Float[Array, " R"]:
+        """The contract's loss when each block counts ``weights`` times."""
+        mean = (weights @ self.squares) / np.maximum(weights @ self.counts, 1e-12)
+        return (mean / floor**2).mean(axis=1)
+
+
+def judged_blocks(problem: Problem) -> Array:
+    """Blocks of held-out recordings if there are any, else all: each is predicted by a fit that has not seen it."""
+    outside = np.flatnonzero(problem.grams.fold < 0)
+    return outside if len(outside) else np.arange(len(problem.blocks))
+
+
+def held_out_torque(problem: Problem, chosen: frozenset[Term], found: Fitted) -> tuple[Float[Array, "n nv"], ...]:
+    """Torque of the corrected model on every log, each block by the fit that has not seen it."""
+    terms = ordered(chosen)
+    out = [np.array(torque) for torque in problem.columns.model_torque]
+    for block, fold in zip(problem.blocks, problem.grams.fold, strict=True):
+        part = slice(block.start, block.stop)
+        theta = found.theta if fold < 0 else found.fold_theta[fold]
+        out[block.log][part] = predict(problem, terms, theta, block.log, part)
+    return tuple(out)
+
+
+def sums(problem: Problem, residual: tuple[Float[Array, "n nv"], ...]) -> Sums:
+    """Squares and counts of residuals over the judged blocks."""
+    judged = judged_blocks(problem)
+    rows = len(problem.columns.rows)
+    squares, counts = np.zeros((len(judged), rows)), np.zeros((len(judged), rows))
+    for i, k in enumerate(judged):
+        block = problem.blocks[k]
+        part = slice(block.core, block.stop)
+        use = problem.columns.usable[block.log][part]
+        squares[i] = (residual[block.log][part] ** 2 * use).sum(axis=0)
+        counts[i] = use.sum(axis=0)
+    return Sums(squares, counts)
+
+
+def in_judged_band(
+    series: tuple[Float[Array, "n nv"], ...], logs: tuple[Log, ...], cutoff_hz: float
+) -> tuple[Float[Array, "n nv"], ...]:
+    """In-band series of each log without what lies above the judged band, of the same length."""
+    return tuple(
+        part if cutoff_hz >= 0.99 * log.band.cutoff_hz else smoothed(part, log.band.rate_hz / log.band.step, cutoff_hz)
+        for part, log in zip(series, logs, strict=True)
+    )
+
+
+def residual_after(problem: Problem, torque: tuple[Float[Array, "n nv"], ...]) -> tuple[Float[Array, "n nv"], ...]:
+    """Measured minus predicted torque of every log."""
+    columns = problem.columns
+    return tuple(
+        residual + model - predicted
+        for residual, model, predicted in zip(columns.residual, columns.model_torque, torque, strict=True)
+    )
+
+
+def row_counts(problem: Problem) -> Float[Array, " nv"]:
+    """Effective number of samples on each row, over the cores of all blocks."""
+    return np.array([row.count.sum() for row in problem.grams.rows])
+
+
+def row_losses(problem: Problem, found: Fitted) -> tuple[Float[Array, " nv"], Float[Array, " nv"]]:
+    """Weighted squared residual of each row over the cores: with the given model, and with a linear fit."""
+    given, fitted = [], []
+    for row in problem.grams.rows:
+        theta = found.theta[row.index]
+        given.append(row.core_c.sum())
+        fitted.append((row.core_c - 2 * row.core_b @ theta + (row.core_a @ theta) @ theta).sum())
+    return np.array(given), np.array(fitted)

@@ -1,0 +1,234 @@
+"""All numbers of a diagnosis at once: moves within the tolerances, coefficients and shapes of what was found.
+
+The search holds shapes on a grid and fits the coefficients. Here a few Gauss-Newton steps move both, and the
+covariance at the end counts what the search cannot: how shapes and coefficients trade against each other, how the
+tolerances of the model leave them open, and how they scatter from block to block, where the noise is not as modelled.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from jaxtyping import Float
+
+from identification.data.log import Log
+from identification.diagnosis.fit.fitting import Fitted
+from identification.diagnosis.fit.other_laws import OtherLaw, other_law
+from identification.diagnosis.fit.problem import Problem
+from identification.diagnosis.fit.whole_model import (
+    Linearised,
+    Place,
+    Setting,
+    by_other_law,
+    change_by_model,
+    law_of,
+    lay_out,
+    linearised,
+)
+from identification.diagnosis.model.terms import Term
+from identification.diagnosis.numerics.bounded import bounded_solve, solve
+from phantom_dyn.effects.drive.torque_saturation import TorqueSaturation
+from phantom_dyn.effects.transmission.backlash import Backlash
+from phantom_dyn.model.robot import Robot
+
+Array = np.ndarray
+
+# Information on a number, in its own units, below which there is none.
+_NO_TRACE = 1e-200
+
+_STEPS = 4
+# Columns made of the model are taken of the moved one again if a move changes by more than that many sigmas.
+_SAME_MODEL = 0.3
+# A step that promises less than this many squared deviations is not worth taking.
+_LEAST_GAIN = 0.02
+# Models drawn to see what columns that are made of one leave open.
+_DRAWS = 4
+
+
+@dataclass(frozen=True)
+class JointFit:
+    """Result of a fit of everything.
+
+    Attributes:
+        places: Where the numbers of each term stand.
+        x: All numbers.
+        cov: Their covariance.
+    """
+
+    places: tuple[Place, ...]
+    x: Float[Array, " p"]
+    cov: Float[Array, "p p"]
+
+    def place(self, term: Term) -> Place:
+        """Where the numbers of one term stand."""
+        return next(place for place in self.places if place.term is term)
+
+
+def joint_fit(
+    robot: Robot, problem: Problem, logs: tuple[Log, ...], cutoff_hz: float, terms: tuple[Term, ...], found: Fitted
+) -> JointFit:
+    """Moves, coefficients and shapes together, from a fit with the shapes held.
+
+    Args:
+        robot: The given model.
+        problem: Columns and fits in the judged band.
+        logs: Recordings, ready for fitting.
+        cutoff_hz: Edge of the judged band.
+        terms: Of the model.
+        found: Its fit.
+    """
+    setting, x = lay_out(robot, problem, logs, cutoff_hz, terms, found)
+    precision, lower, upper = _limits(setting, x)
+    moves = slice(0, problem.nuisances)
+    start = x[moves]
+    setting = setting.moved(start) if setting.of_model else setting
+    x, model, (a, b, _) = _descended(setting, x, precision, lower, upper)
+    if setting.of_model and np.any(precision[moves] * (x[moves] - start) ** 2 > _SAME_MODEL**2):
+        setting = setting.moved(x[moves])
+        x, model, (a, b, _) = _descended(setting, x, precision, lower, upper)
+    # What leaves no trace at all (an inertia of a link that never turns about that axis) stays where it is.
+    precision = np.where(np.einsum("bkk->k", a) + precision < _NO_TRACE, 1.0, precision)
+    cov = _covariance(a, b, precision, x)
+    if setting.of_model:
+        cov = cov + _by_model(setting, model, x, cov, a.sum(axis=0) + np.diag(precision))
+    for place in setting.places:
+        shift = _by_share(place, x)
+        cov = cov + np.outer(shift, shift)
+        law = other_law(place.term.effect)
+        if law is not None:
+            shift = _by_law(setting, model, x, place, law, a.sum(axis=0) + np.diag(precision))
+            cov = cov + np.outer(shift, shift)
+    return JointFit(setting.places, x, cov)
+
+
+def _by_share(place: Place, x: Float[Array, " p"]) -> Float[Array, " p"]:
+    """What a share that should be one and is not says of its shape, to first order: it may be off by as much.
+
+    A gap or a limit is the whole of its effect. Where only a part of it fits, the shape is not what it seems.
+    """
+    shift = np.zeros(len(x))
+    if isinstance(place.term.effect, Backlash | TorqueSaturation):
+        shift[place.shape] = (1.0 - x[place.coefficients]) * x[place.shape]
+    return shift
+
+
+def _by_law(
+    setting: Setting, model: Linearised, x: Float[Array, " p"], place: Place, law: OtherLaw, total: Float[Array, "p p"]
+) -> Float[Array, " p"]:
+    """How far all numbers move when one term follows another law: a few quasi-Newton steps with the slopes of its own.
+
+    It is within a factor of two of a shape that another law means the same by it.
+    """
+    at = [*range(place.coefficients.start, place.coefficients.stop), *range(place.shape.start, place.shape.stop)]
+    own = tuple(law_of(setting, place, x))
+    shift = np.zeros(len(x))
+    for _ in range(_STEPS):
+        tried = x + shift
+        tried[place.shape] = np.clip(tried[place.shape], 0.5 * x[place.shape], 2.0 * x[place.shape])
+        other = by_other_law(setting, place, tried, law)
+        # What it gives less than the tangent of the term's own law promises there.
+        less = tuple(
+            o + slopes[:, :, at] @ (tried - x)[at] - t for o, slopes, t in zip(own, model.slopes, other, strict=True)
+        )
+        shift = solve(total, _products(setting, model, less)[1].sum(axis=0))
+    return shift
+
+
+def _descended(
+    setting: Setting,
+    x: Float[Array, " p"],
+    precision: Float[Array, " p"],
+    lower: Float[Array, " p"],
+    upper: Float[Array, " p"],
+) -> tuple[Array, Linearised, tuple[Array, Array, Array]]:
+    """Gauss-Newton steps within the bounds as long as they lower the loss; the model and its products at the end."""
+    model = linearised(setting, x)
+    products = _products(setting, model)
+    for _ in range(_STEPS):
+        a, b, c = products
+        total, gradient = a.sum(axis=0) + np.diag(precision), b.sum(axis=0) - precision * x
+        step = bounded_solve(total, gradient, lower - x, upper - x)
+        if 2 * gradient @ step - step @ total @ step < _LEAST_GAIN:
+            break
+        loss = c.sum() + precision @ x**2
+        for shorter in (1.0, 0.3):
+            tried = x + shorter * step
+            there = linearised(setting, tried)
+            again = _products(setting, there)
+            if again[2].sum() + precision @ tried**2 < loss:
+                x, model, products = tried, there, again
+                break
+        else:
+            break
+    return x, model, products
+
+
+def _by_model(
+    setting: Setting, model: Linearised, x: Float[Array, " p"], cov: Float[Array, "p p"], total: Float[Array, "p p"]
+) -> Float[Array, "p p"]:
+    """Covariance more because columns are made of a model that is known as well as its moves are.
+
+    The model is drawn some times from what the data leave of its tolerances, and the columns are made of it.
+    """
+    count = setting.problem.nuisances
+    rng = np.random.default_rng(20260106)
+    shifts = []
+    for draw in rng.multivariate_normal(np.zeros(count), cov[:count, :count], _DRAWS, method="eigh"):
+        moved = setting.moved(x[:count] + draw)
+        _, b, _ = _products(setting, model, change_by_model(setting, moved, x))
+        shifts.append(solve(total, b.sum(axis=0)))
+    return np.einsum("sp,sk->pk", np.array(shifts), np.array(shifts)) / _DRAWS
+
+
+def _limits(setting: Setting, x: Float[Array, " p"]) -> tuple[Array, Array, Array]:
+    """Prior precision about zero and bounds of all numbers; a shape stays within a factor of two of where it was."""
+    problem = setting.problem
+    precision, lower, upper = np.zeros(setting.size), np.full(setting.size, -np.inf), np.full(setting.size, np.inf)
+    moves = slice(0, problem.nuisances)
+    for out, values in ((precision, problem.precision), (lower, problem.lower), (upper, problem.upper)):
+        out[moves] = values[moves]
+        for place in setting.places:
+            count = place.coefficients.stop - place.coefficients.start
+            out[place.coefficients] = values[list(place.term.columns[:count])]
+    for place in setting.places:
+        ends = np.sort([0.5 * x[place.shape], 2.0 * x[place.shape]], axis=0)
+        lower[place.shape], upper[place.shape] = ends
+    return precision, lower, upper
+
+
+def _products(
+    setting: Setting, model: Linearised, rest: tuple[Float[Array, "_ nv"], ...] | None = None
+) -> tuple[Array, Array, Array]:
+    """Weighted products of slopes and rest, of each block that trains; the rest is what the model leaves if None."""
+    if rest is None:
+        rest = tuple(r - t for r, t in zip(setting.problem.white.residual, model.torque, strict=True))
+    problem = setting.problem
+    weights = problem.weights.per_sample
+    a, b, c = [], [], []
+    for block, fold in zip(problem.blocks, problem.grams.fold, strict=True):
+        if fold < 0:
+            continue
+        part = slice(block.start, block.stop)
+        scale = np.sqrt(weights) * problem.white.usable[block.log][part]
+        slopes = (model.slopes[block.log][part] * scale[:, :, None]).reshape(-1, setting.size)
+        left = (rest[block.log][part] * scale).ravel()
+        a.append(slopes.T @ slopes)
+        b.append(slopes.T @ left)
+        c.append(left @ left)
+    return np.array(a), np.array(b), np.array(c)
+
+
+def _covariance(
+    a: Float[Array, "B p p"], b: Float[Array, "B p"], precision: Float[Array, " p"], x: Float[Array, " p"]
+) -> Float[Array, "p p"]:
+    """The larger of what the noise model says and of the scatter of fits without one block each; priors counted."""
+    total = a.sum(axis=0) + np.diag(precision)
+    inverse = solve(total, np.eye(len(x)))
+    count = len(a)
+    gradient = b.sum(axis=0) - precision * x
+    moved = np.array([solve(total - a[k], gradient - b[k]) for k in range(count)])
+    moved -= moved.mean(axis=0)
+    scatter = (count - 1) / count * moved.T @ moved + inverse @ np.diag(precision) @ inverse
+    larger = np.sqrt(np.maximum(1.0, np.diag(scatter) / np.maximum(np.diag(inverse), 1e-300)))
+    return inverse * np.outer(larger, larger)

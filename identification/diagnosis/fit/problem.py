@@ -1,0 +1,81 @@
+"""A fitting problem: columns, their products, priors and bounds."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from jaxtyping import Float
+
+from identification.diagnosis.fit.blocks import Block, Grams, Weights
+from identification.diagnosis.model.columns import Columns
+
+Array = np.ndarray
+
+
+@dataclass(frozen=True)
+class Problem:
+    """Columns, their Gram matrices, and the priors and bounds of all coefficients.
+
+    Attributes:
+        columns: All columns, as computed.
+        white: The same with white noise; what the products are made of.
+        blocks: Stretches of samples.
+        weights: Noise of each row of ``white``.
+        grams: Products of the columns.
+        precision: Prior precision of each coefficient about zero, ``(K,)``.
+        lower, upper: Bounds, ``(K,)``.
+        nuisances: Number of leading columns that every fit contains.
+        total_a, total_b: Products summed over the blocks that train.
+        touched: Rows that each column touches.
+    """
+
+    columns: Columns
+    white: Columns
+    blocks: tuple[Block, ...]
+    weights: Weights
+    grams: Grams
+    precision: Float[Array, " K"]
+    lower: Float[Array, " K"]
+    upper: Float[Array, " K"]
+    nuisances: int
+    total_a: Float[Array, "K K"]
+    total_b: Float[Array, " K"]
+    touched: tuple[frozenset[int], ...]
+
+
+def set_up(columns: Columns, white: Columns, blocks: tuple[Block, ...], weights: Weights, grams: Grams) -> Problem:
+    """Priors: the tolerance for nuisances; for effects so wide that only what the data do not show is held down.
+
+    The width is thirty times the size at which a column alone would carry the whole residual.
+    """
+    count = len(columns.names)
+    energy = np.diag(grams.a.sum(axis=0))
+    with np.errstate(divide="ignore"):
+        precision = np.where(energy > 0, energy / (900.0 * max(grams.c.sum(), 1e-30)), 1.0)
+    lower, upper = np.full(count, -np.inf), np.full(count, np.inf)
+    for k, nuisance in enumerate(columns.nuisances):
+        precision[k] = 1.0 / nuisance.sigma**2
+        lower[k], upper[k] = -nuisance.bound, nuisance.bound
+    for term in columns.terms:
+        lower[list(term.columns)] = np.maximum(lower[list(term.columns)], term.lower)
+        upper[list(term.columns)] = np.minimum(upper[list(term.columns)], term.upper)
+    touched = tuple(frozenset(j for j, index in enumerate(columns.rows) if k in index) for k in range(count))
+    train = grams.fold >= 0
+    # Taking blocks out of all is cheaper than copying those that are kept.
+    total_a = grams.a.sum(axis=0) - (grams.a[~train].sum(axis=0) if not train.all() else 0.0)
+    total_b = grams.b[train].sum(axis=0)
+    return Problem(
+        columns,
+        white,
+        blocks,
+        weights,
+        grams,
+        precision,
+        lower,
+        upper,
+        len(columns.nuisances),
+        total_a,
+        total_b,
+        touched,
+    )

@@ -1,0 +1,136 @@
+"""Products of the columns of one model, with the torques of wrong torque constants rescaled."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+from jaxtyping import Float, Int
+
+from identification.diagnosis.fit.problem import Problem
+
+Array = np.ndarray
+
+
+@dataclass(frozen=True)
+class Scaling:
+    """A wrong torque constant on one row: measured torque is ``gain`` times what the joint truly got.
+
+    The row's columns are then seen times the gain, and the column of the torque constant is the true torque of the
+    current fit instead of the given model's: a fit about this point is exact in the gain.
+
+    Attributes:
+        row: Which joint.
+        column: The torque constant's column, which is the given model's torque.
+        gain: Current estimate.
+        theta: Coefficients of the current fit, that of the torque constant zero, ``(K,)``.
+    """
+
+    row: int
+    column: int
+    gain: float
+    theta: Float[Array, " K"]
+
+
+@dataclass(frozen=True)
+class HeldOut:
+    """Products of the columns of one model by which fits without one fold each are made and judged.
+
+    Attributes:
+        a, b: Of each fold, ``(F, k, k)`` and ``(F, k)``.
+        core_b, core_c: Of the core of each block, ``(B, k)`` and ``(B,)``.
+        squares: ``x core_a x`` of each block for coefficients of its own, ``(B, k)``.
+    """
+
+    a: Float[Array, "F k k"]
+    b: Float[Array, "F k"]
+    core_b: Float[Array, "B k"]
+    core_c: Float[Array, " B"]
+    squares: Callable[[Float[Array, "B k"]], Float[Array, " B"]]
+
+    def losses(self, x: Float[Array, "B k"]) -> Float[Array, " B"]:
+        """Weighted squared residual of the core of each block."""
+        return self.core_c - 2 * np.einsum("bk,bk->b", self.core_b, x) + self.squares(x)
+
+
+@dataclass(frozen=True)
+class Products:
+    """Products of the columns of one model: over all blocks that train, and by fold if they are needed."""
+
+    a: Float[Array, "k k"]
+    b: Float[Array, " k"]
+    c: float
+    held_out: HeldOut | None
+
+
+def products_of(problem: Problem, active: Int[Array, " k"], scalings: tuple[Scaling, ...], held_out: bool) -> Products:
+    """Products of the active columns, with rows of wrong torque constants rescaled."""
+    grams = problem.grams
+    a, b = problem.total_a[active[:, None], active], problem.total_b[active]
+    c = float(grams.c[grams.fold >= 0].sum())
+    if not scalings:
+        return Products(a, b, c, _held_out(problem, active) if held_out else None)
+    fold_a, fold_b = grams.fold_a.among(active), grams.by_fold(grams.b[:, active])
+    core_a, core_b, core_c = grams.core_a.among(active), grams.core_b[:, active], grams.core_c.copy()
+    for scaling in scalings:
+        row = grams.rows[scaling.row]
+        local = np.flatnonzero(np.isin(row.index, active))
+        at = np.searchsorted(active, row.index[local])
+        own = int(np.searchsorted(row.index[local], scaling.column))
+        mix = scaling.gain * np.eye(len(local))
+        mix[:, own] = scaling.theta[row.index[local]]
+        mix[own, own] = 1.0
+        square, place = (slice(None), local[:, None], local[None, :]), (slice(None), at[:, None], at[None, :])
+        row_a, row_b, row_c = (
+            grams.fold_a.values[scaling.row][square],
+            grams.by_fold(row.b[:, local]),
+            grams.by_fold(row.c),
+        )
+        new_a, new_b, new_c = _rescale(row_a, row_b, row_c, mix, own, scaling.gain)
+        a[place[1:]] += (new_a - row_a).sum(axis=0)
+        b[at] += (new_b - row_b).sum(axis=0)
+        c += float((new_c - row_c).sum())
+        if held_out:
+            fold_a[place] += new_a - row_a
+            fold_b[:, at] += new_b - row_b
+            row_a, row_b = row.core_a[square], row.core_b[:, local]
+            new_a, new_b, new_c = _rescale(row_a, row_b, row.core_c, mix, own, scaling.gain)
+            core_a[place] += new_a - row_a
+            core_b[:, at] += new_b - row_b
+            core_c += new_c - row.core_c
+
+    def squares(x: Float[Array, "B k"]) -> Float[Array, " B"]:
+        return np.einsum("bk,bk->b", (core_a @ x[:, :, None])[:, :, 0], x)
+
+    return Products(a, b, c, HeldOut(fold_a, fold_b, core_b, core_c, squares) if held_out else None)
+
+
+def _held_out(problem: Problem, active: Int[Array, " k"]) -> HeldOut:
+    """Products by fold and block as they are."""
+    grams = problem.grams
+
+    def squares(x: Float[Array, "B k"]) -> Float[Array, " B"]:
+        return grams.core_a.squares(active, x)
+
+    return HeldOut(
+        grams.fold_a.among(active),
+        grams.by_fold(grams.b[:, active]),
+        grams.core_b[:, active],
+        grams.core_c,
+        squares,
+    )
+
+
+def _rescale(
+    a: Float[Array, "B k k"],
+    b: Float[Array, "B k"],
+    c: Float[Array, " B"],
+    mix: Float[Array, "k k"],
+    own: int,
+    gain: float,
+) -> tuple[Array, Array, Array]:
+    """Products of a row's columns mixed by ``mix`` with the residual less ``gain - 1`` times column ``own``."""
+    moved = b - (gain - 1.0) * a[:, :, own]
+    square = c - 2 * (gain - 1.0) * b[:, own] + (gain - 1.0) ** 2 * a[:, own, own]
+    return mix.T @ a @ mix, moved @ mix, square

@@ -1,0 +1,150 @@
+"""Products of all columns, kept row by row: columns that touch no common row have none, and most touch one row only.
+
+Written out, those of a robot with six joints would be a matrix of some thousand columns for each block of samples, nine
+tenths of it zero.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+from jaxtyping import Float, Int
+
+from phantom_dyn._kernels.jit import fused, jit
+
+Array = np.ndarray
+
+
+@dataclass(frozen=True)
+class RowProducts:
+    """Columns times columns, block by block, rows summed where they are asked for.
+
+    Attributes:
+        index: For each row, which of all columns touch it.
+        values: For each row, products of these, ``(B, k, k)``.
+        columns: How many columns there are in all.
+        always: How many of the first columns are among those of every fit.
+    """
+
+    index: tuple[Int[Array, " k"], ...]
+    values: tuple[Float[Array, "B k k"], ...]
+    columns: int
+    always: int = 0
+
+    @property
+    def shape(self) -> tuple[int, int, int]:
+        """As if written out."""
+        return len(self.values[0]), self.columns, self.columns
+
+    def among(self, columns: Int[Array, " k"]) -> Float[Array, "B k k"]:
+        """Products among some columns, which are all different."""
+        out = np.zeros((self.shape[0], len(columns), len(columns)))
+        known = self._known(columns)
+        if known:
+            out[:, :known, :known] = self._first
+        for place, values in zip(self._places, self.values, strict=True):
+            here = place[columns]
+            into = np.flatnonzero(here >= 0)
+            _add(out, values, here[into], into, int(np.count_nonzero(into < known)))
+        return out
+
+    def grouped(self, groups: Int[Array, " B"]) -> RowProducts:
+        """Sums over the blocks of each group; groups count from zero, blocks below that belong to none."""
+        chosen = [np.flatnonzero(groups == group) for group in range(int(groups.max(initial=-1)) + 1)]
+        values = tuple(np.stack([_total(v, blocks) for blocks in chosen]) for v in self.values)
+        return RowProducts(self.index, values, self.columns, self.always)
+
+    def squares(self, columns: Int[Array, " k"], x: Float[Array, "B k"]) -> Float[Array, " B"]:
+        """For each block ``x a x`` with its own ``x`` among some columns, which are all different."""
+        known = self._known(columns)
+        first = np.ascontiguousarray(x[:, :known])
+        out = np.einsum("bi,bi->b", (self._first @ first[:, :, None])[:, :, 0], first) if known else np.zeros(len(x))
+        for place, values in zip(self._places, self.values, strict=True):
+            here = place[columns]
+            into = np.flatnonzero(here >= 0)
+            _square(out, values, here[into], np.ascontiguousarray(x[:, into]), int(np.count_nonzero(into < known)))
+        return out
+
+    def sum(self, axis: int = 0) -> Float[Array, "K K"]:
+        """Over all blocks, written out; ``axis`` is zero, as of an array."""
+        return self.over(np.arange(self.shape[0]))
+
+    def over(self, blocks: Int[Array, " m"]) -> Float[Array, "K K"]:
+        """Over some blocks, written out."""
+        out = np.zeros((self.columns, self.columns))
+        for index, values in zip(self.index, self.values, strict=True):
+            out[np.ix_(index, index)] += _total(values, blocks)
+        return out
+
+    def __getitem__(self, key: int | Array | tuple[slice, list[int] | Array]) -> Float[Array, "*B k K"]:
+        """Blocks written out: ``[block]``, ``[blocks]`` or, in all blocks, some columns with all: ``[:, columns]``."""
+        if isinstance(key, tuple):
+            chosen = np.asarray(key[1])
+            part = np.zeros((self.shape[0], len(chosen), self.columns))
+            for place, index, values in zip(self._places, self.index, self.values, strict=True):
+                here = place[chosen]
+                into = np.flatnonzero(here >= 0)
+                if len(into):
+                    part[:, into[:, None], index] += values[:, here[into]]
+            return part
+        blocks = np.atleast_1d(np.arange(self.shape[0])[key])
+        out = np.zeros((len(blocks), self.columns, self.columns))
+        for index, values in zip(self.index, self.values, strict=True):
+            _add(out, values[blocks], np.arange(len(index)), index, 0)
+        return out[0] if isinstance(key, int | np.integer) else out
+
+    def __array__(self, dtype: object = None, copy: bool | None = None) -> Array:
+        """All written out."""
+        return self[np.arange(self.shape[0])]
+
+    def _known(self, columns: Int[Array, " k"]) -> int:
+        """How many of the first columns are those of every fit."""
+        return self.always if np.array_equal(columns[: self.always], np.arange(self.always)) else 0
+
+    @cached_property
+    def _first(self) -> Float[Array, "B n n"]:
+        """Among the columns of every fit."""
+        return RowProducts(self.index, self.values, self.columns).among(np.arange(self.always))
+
+    @cached_property
+    def _places(self) -> tuple[Int[Array, " K"], ...]:
+        """For each row, where each of all columns stands in it; -1 where it does not touch it."""
+        out = np.full((len(self.index), self.columns), -1)
+        for place, index in zip(out, self.index, strict=True):
+            place[index] = np.arange(len(index))
+        return tuple(out)
+
+
+def _total(values: Float[Array, "B k k"], blocks: Int[Array, " m"]) -> Float[Array, "k k"]:
+    """Sum over some blocks, without a copy of them."""
+    out = np.zeros(values.shape[1:])
+    for block in blocks:
+        out += values[block]
+    return out
+
+
+@fused
+def _square(out: Array, values: Array, source: Array, x: Array, known: int) -> None:
+    """Add ``x values[:, source, source] x`` to ``out`` but for what is among the first ``known`` of them."""
+    for block in range(len(out)):
+        for i in range(known, len(source)):
+            line = values[block, source[i]]
+            inner = 0.5 * line[source[i]] * x[block, i]
+            for k in range(i):
+                inner += line[source[k]] * x[block, k]
+            out[block] += 2.0 * inner * x[block, i]
+
+
+@jit
+def _add(out: Array, values: Array, source: Array, into: Array, known: int) -> None:
+    """Add ``values[:, source, source]`` to ``out[:, into, into]`` but for what is among the first ``known`` of them."""
+    for block in range(len(out)):
+        for i in range(known, len(into)):
+            # Products are the same both ways: one line is read from end to end, which caches like.
+            for k in range(i):
+                value = values[block, source[i], source[k]]
+                out[block, into[i], into[k]] += value
+                out[block, into[k], into[i]] += value
+            out[block, into[i], into[i]] += values[block, source[i], source[i]]

@@ -1,0 +1,283 @@
+"""A whole model, its numbers laid out, its torque at one point of them, and its slope to each.
+
+What a whole model is made of, and where each of its numbers stands: moves, coefficients and shapes.
+
+The torque of a whole model at one point of all its numbers, shapes included, and its slope to each of them.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from jaxtyping import Float
+
+from identification.data.log import Log
+from identification.diagnosis.fit.fitting import Fitted, point_mass_map
+from identification.diagnosis.fit.gap import in_judged_band
+from identification.diagnosis.fit.other_laws import OtherLaw
+from identification.diagnosis.fit.problem import Problem
+from identification.diagnosis.model.operations import moved_operation, moved_robot
+from identification.diagnosis.model.own_effects import OwnEffect
+from identification.diagnosis.model.terms import Term
+from phantom_dyn.effects.drive.actuator_lag import ActuatorLag
+from phantom_dyn.effects.drive.cogging import Cogging
+from phantom_dyn.effects.drive.input_delay import InputDelay
+from phantom_dyn.effects.drive.torque_constant import TorqueConstant
+from phantom_dyn.effects.effect import Shape
+from phantom_dyn.effects.encoder.encoder_eccentricity import EncoderEccentricity
+from phantom_dyn.effects.encoder.encoder_offset import EncoderOffset
+from phantom_dyn.effects.friction.load_dependent_friction import LoadDependentFriction
+from phantom_dyn.effects.load.base_tilt import BaseTilt
+from phantom_dyn.effects.load.payload import Payload
+from phantom_dyn.effects.operation import Operation
+from phantom_dyn.effects.transmission.backlash import Backlash
+from phantom_dyn.effects.transmission.transmission_compliance import TransmissionCompliance
+from phantom_dyn.model.robot import Robot
+
+Array = np.ndarray
+
+
+@dataclass(frozen=True)
+class Place:
+    """Where the numbers of one term stand among all.
+
+    Attributes:
+        term: The effect with the shape that the search has found.
+        coefficients: Of its columns; of a payload mass and first moments only.
+        shape: Numbers of its shape that are moved; empty where there are none, or they follow the coefficients.
+    """
+
+    term: Term
+    coefficients: slice
+    shape: slice
+
+
+@dataclass(frozen=True)
+class Setting:
+    """What a model is made of.
+
+    Attributes:
+        robot: The given model, or that with moves within its tolerances made.
+        problem: Columns and fits in the judged band.
+        logs: Recordings, ready for fitting.
+        operations: Their motions with the torque of the robot.
+        cutoff_hz: Edge of the judged band.
+        places: Of all terms.
+        size: How many numbers there are; the first are the moves within the tolerances.
+        given: The given model.
+    """
+
+    robot: Robot
+    problem: Problem
+    logs: tuple[Log, ...]
+    operations: tuple[Operation, ...]
+    cutoff_hz: float
+    places: tuple[Place, ...]
+    size: int
+    given: Robot
+
+    @property
+    def of_model(self) -> bool:
+        """True if some column is made of the model's torque."""
+        return any(of_model(place.term) for place in self.places)
+
+    def moved(self, moves: Float[Array, " n"]) -> Setting:
+        """The same with moves within the tolerances made, in what columns are made of."""
+        robots = {id(self.given): moved_robot(self.given, moves)}
+        operations = []
+        for operation in self.problem.columns.operations:
+            # A recording with a known load has a model of its own, with the same moves.
+            loaded = operation.robot
+            if id(loaded) not in robots:
+                robots[id(loaded)] = moved_robot(loaded, moves, self.given)
+            operations.append(moved_operation(operation, robots[id(loaded)]))
+        return replace(self, robot=robots[id(self.given)], operations=tuple(operations))
+
+
+def lay_out(
+    robot: Robot, problem: Problem, logs: tuple[Log, ...], cutoff_hz: float, terms: tuple[Term, ...], found: Fitted
+) -> tuple[Setting, Float[Array, " p"]]:
+    """Where each number stands, and their values in a fit."""
+    values, places = [found.theta[: problem.nuisances]], []
+    start = problem.nuisances
+    for term in terms:
+        own = found.theta[list(term.columns)]
+        own = own[:4] if isinstance(term.effect, Payload) else own
+        held = term.effect.shape_is_estimate or isinstance(term.effect, Cogging)
+        shape = np.array(() if held else term.shape, dtype=float)
+        middle, stop = start + len(own), start + len(own) + len(shape)
+        places.append(Place(term, slice(start, middle), slice(middle, stop)))
+        values += [own, shape]
+        start = stop
+    setting = Setting(robot, problem, logs, problem.columns.operations, cutoff_hz, tuple(places), start, robot)
+    return setting, np.concatenate(values)
+
+
+def of_model(term: Term) -> bool:
+    """True if the columns of an effect are made of the model's torque; the regressor's own are linear in the model."""
+    effect = term.effect.inner if isinstance(term.effect, OwnEffect) else term.effect
+    return isinstance(
+        effect,
+        ActuatorLag
+        | Backlash
+        | BaseTilt
+        | EncoderEccentricity
+        | EncoderOffset
+        | InputDelay
+        | LoadDependentFriction
+        | TransmissionCompliance,
+    )
+
+
+# Step of a difference in a shape, in shares of it: what is made of samples (a bristle, a play) changes in jumps.
+_STEP = 0.03
+
+
+@dataclass(frozen=True)
+class Linearised:
+    """A model about a point, for each log: torque beyond the given model's, and its slopes.
+
+    Attributes:
+        torque: ``(n, nv)`` each.
+        slopes: ``(n, nv, p)`` each.
+    """
+
+    torque: tuple[Float[Array, "_ nv"], ...]
+    slopes: tuple[Float[Array, "_ nv p"], ...]
+
+
+def linearised(setting: Setting, x: Float[Array, " p"]) -> Linearised:
+    """The model about a point."""
+    return Linearised(*zip(*(_one_log(setting, x, log) for log in range(len(setting.logs))), strict=True))
+
+
+def change_by_model(setting: Setting, moved: Setting, x: Float[Array, " p"]) -> tuple[Float[Array, "_ nv"], ...]:
+    """Torque of the terms more when their columns are made of another model, for each log ``(n, nv)``."""
+    out = [np.zeros_like(residual) for residual in setting.problem.white.residual]
+    for log, change in enumerate(out):
+        for place in setting.places:
+            if of_model(place.term):
+                own, shape = x[place.coefficients], x[place.shape]
+                change += _law(moved, place, own, shape, log) - _law(setting, place, own, shape, log)
+    return tuple(out)
+
+
+def law_of(setting: Setting, place: Place, x: Float[Array, " p"]) -> tuple[Float[Array, "_ nv"], ...]:
+    """Torque of one term, for each log."""
+    return tuple(_law(setting, place, x[place.coefficients], x[place.shape], log) for log in range(len(setting.logs)))
+
+
+def by_other_law(setting: Setting, place: Place, x: Float[Array, " p"], law: OtherLaw) -> tuple[Array, ...]:
+    """Torque of a term by another law of the same parameters, for each log ``(n, nv)``."""
+    own, shape = x[place.coefficients], x[place.shape]
+    return tuple(
+        in_band(setting, log, law(setting.operations[log], place.term.joint, own, shape))
+        for log in range(len(setting.logs))
+    )
+
+
+def _one_log(setting: Setting, x: Float[Array, " p"], log: int) -> tuple[Float[Array, "_ nv"], Float[Array, "n nv p"]]:
+    problem = setting.problem
+    moves = np.arange(problem.nuisances)
+    n, nv = problem.white.residual[log].shape
+    slopes = np.zeros((n, nv, setting.size))
+    slopes[:, :, moves] = _columns(problem, tuple(moves.tolist()), log)
+    torque = slopes[:, :, moves] @ x[moves]
+    gains = [place for place in setting.places if isinstance(place.term.effect, TorqueConstant)]
+    for place in setting.places:
+        if place not in gains:
+            at = [
+                *range(place.coefficients.start, place.coefficients.stop),
+                *range(place.shape.start, place.shape.stop),
+            ]
+            own, slopes[:, :, at] = _with_slopes(setting, place, x[place.coefficients], x[place.shape], log)
+            torque += own
+    for place in gains:
+        # A torque constant scales the whole of its row, what is found beside it included.
+        column = _columns(problem, place.term.columns, log)[:, :, 0]
+        rows = np.any(column != 0, axis=0)
+        gain = x[place.coefficients][0]
+        slopes[:, rows] *= 1.0 + gain
+        slopes[:, rows, place.coefficients.start] = column[:, rows] + torque[:, rows]
+        torque[:, rows] += gain * (column[:, rows] + torque[:, rows])
+    return torque, slopes
+
+
+def _with_slopes(
+    setting: Setting, place: Place, own: Float[Array, " k"], shape: Float[Array, " m"], log: int
+) -> tuple[Float[Array, "_ nv"], Float[Array, "n nv p"]]:
+    """Torque of one term, and its slopes to the coefficients and the shape."""
+    effect = place.term.effect
+    if isinstance(effect, Payload):
+        columns = _columns(setting.problem, place.term.columns, log)
+        jacobian, offset = point_mass_map(own)
+        return columns @ (jacobian @ own + offset), columns @ jacobian
+
+    def slope(k: int) -> Float[Array, "n nv"]:
+        numbers = np.concatenate([own, shape])
+        mine = own if k < len(own) else shape[k - len(own) :][:1]
+        step = np.zeros(len(numbers))
+        step[k] = _STEP * max(float(np.abs(mine).max()), 1e-9)
+        above, below = (
+            _law(setting, place, x[: len(own)], x[len(own) :], log) for x in (numbers + step, numbers - step)
+        )
+        return (above - below) / (2.0 * step[k])
+
+    if effect.shape_is_estimate or isinstance(effect, EncoderEccentricity):
+        return _law(setting, place, own, shape, log), np.stack([slope(k) for k in range(len(own))], axis=-1)
+    columns = _at_shape(setting, place, tuple(shape.tolist()) or place.term.shape, log)
+    more = [slope(len(own) + k)[:, :, None] for k in range(len(shape))]
+    return columns @ own, np.concatenate([columns, *more], axis=2)
+
+
+def _law(
+    setting: Setting, place: Place, own: Float[Array, " k"], shape: Float[Array, " m"], log: int
+) -> Float[Array, "n nv"]:
+    """Torque of one term, in the judged band."""
+    term = place.term
+    if isinstance(term.effect, EncoderEccentricity):
+        # The columns are to first order in the amplitude, the law is not.
+        theta = term.effect.from_coefficients(setting.operations[log].robot, term.joint, own, ())
+        torque = -term.effect.torque(setting.operations[log].robot, setting.operations[log], term.joint, theta)
+        return in_band(setting, log, torque)
+    at = tuple(shape.tolist()) or term.shape
+    if term.effect.shape_is_estimate:
+        # A law that takes its own parameter as shape is exact where they agree.
+        at = term.effect.at_estimate(own, term.shape)
+    return _at_shape(setting, place, at, log) @ own
+
+
+def _columns(problem: Problem, wanted: tuple[int, ...], log: int) -> Float[Array, "n nv k"]:
+    """Columns of the problem in the judged band, zero on rows that they do not touch."""
+    white = problem.white
+    out = np.zeros((*white.residual[log].shape, len(wanted)))
+    for j, index in enumerate(white.rows):
+        there = {column: k for k, column in enumerate(index)}
+        for k, column in enumerate(wanted):
+            if column in there:
+                out[:, j, k] = white.values[log][j][:, there[column]]
+    return out
+
+
+def _at_shape(setting: Setting, place: Place, shape: Shape, log: int) -> Float[Array, "n nv k"]:
+    """Columns of an effect at a shape, in the judged band."""
+    term = place.term
+    if shape == term.shape and not (term.effect.uses_acceleration or of_model(term)):
+        return _columns(setting.problem, term.columns, log)
+    operation = setting.operations[log]
+    signature = term.effect.signature(operation.robot, operation, term.joint, shape)
+    narrow = in_band(setting, log, signature.columns)
+    out = np.zeros((len(narrow), setting.robot.nv, narrow.shape[2]))
+    out[:, list(signature.rows)] = narrow
+    return out
+
+
+def in_band(setting: Setting, log: int, x: Float[Array, "N ..."]) -> Float[Array, "n ..."]:
+    """Series in the judged band, filtered as the recorded torque is.
+
+    The columns of the problem that are made of accelerations are filtered there twice, which takes from them what the
+    torque keeps near the edge of the band: a stiffness that shows there would come out a tenth too low.
+    """
+    record = setting.logs[log]
+    return in_judged_band((record.band(x),), (record,), setting.cutoff_hz)[0]

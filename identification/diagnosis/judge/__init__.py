@@ -1,0 +1,1 @@
+"""What is claimed of a fit: gap, findings, bounds, verdict."""

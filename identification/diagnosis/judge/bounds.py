@@ -1,0 +1,170 @@
+"""What would have been seen: the smallest size of each effect that this recording shows with 95 % power."""
+
+from __future__ import annotations
+
+import numpy as np
+from jaxtyping import Float
+
+from identification.diagnosis.fit.blocks import held_out_share
+from identification.diagnosis.fit.problem import Problem
+from identification.diagnosis.judge.judged_band import VISIBLE
+from identification.diagnosis.model.terms import Term, untestable_places
+from identification.diagnosis.numerics.bounded import solve
+from identification.diagnosis.result import Bound, NotTestable
+from identification.diagnosis.search.search import (
+    BEST_BLOCKS,
+    LARGE,
+    PARAMETER_PRICE,
+    SIGNIFICANT,
+    Search,
+    contains,
+    least_gain,
+    price,
+)
+from phantom_dyn.effects.effect import Effect
+from phantom_dyn.effects.operation import Operation
+from phantom_dyn.model.robot import Robot
+
+Array = np.ndarray
+
+# Standard normal deviate that is exceeded with 95 % power.
+_POWER = 1.645
+
+
+def smallest_seen(
+    robot: Robot, operation: Operation, search: Search, plain: Search, chosen: frozenset[Term]
+) -> tuple[tuple[Bound, ...], tuple[NotTestable, ...]]:
+    """Bounds of every effect and joint that is not a finding, and what cannot be tested at all.
+
+    The held-out gain of an effect of size ``s`` is about ``(s sqrt(I) + z)^2`` less the price of its parameters, with
+    ``I`` the information that is left on it when the nuisances and the findings are fitted too. It has to be a claim,
+    and what it leaves in the judged band has to be visible there, see `_seen`. An effect that would have to be larger
+    than the whole measured torque to be seen is not testable.
+
+    Args:
+        robot: The given model.
+        operation: Of all recordings.
+        search: Rivals, with fits to white noise, and what a claim needs.
+        plain: The same with plain fits in the judged band.
+        chosen: What was found.
+    """
+    problem = search.problem
+    bounds: dict[tuple[str, str | None], Bound] = {}
+    hopeless: dict[tuple[str, str | None], NotTestable] = {}
+    found = {term.place for term in chosen}
+    kept = sorted({column for term in chosen for column in term.columns})
+    base = np.array([*range(problem.nuisances), *kept], dtype=int)
+    inverse, inverse_plain = _inverse(problem, base), _inverse(plain.problem, base)
+    held_out = held_out_share(problem.blocks)
+    tested = set(search.terms)
+    for term in problem.columns.terms:
+        if not isinstance(term.effect, Effect) or term.place in found or any(contains(other, term) for other in chosen):
+            continue
+        joint = term.joint if term.joint is not None else "the robot"
+        if term.effect.seen_by == "neither":
+            why = f"what is logged of {joint} does not stay beyond any limit that its motion would allow"
+            hopeless[term.place] = NotTestable(*term.place, why)
+            continue
+        if term not in tested:
+            why = f"{joint} moves too little: the effect leaves no trace in this recording"
+            hopeless[term.place] = NotTestable(*term.place, why)
+            continue
+        name, direction = term.effect.probe(robot, operation, term.joint)
+        # Several orders of a cogging torque: one unit of the first.
+        direction = np.concatenate([direction, np.zeros(len(term.columns) - len(direction))])
+        whole, beside = _information(problem, term, direction, base, inverse)
+        narrow, _ = _information(plain.problem, term, direction, base, inverse_plain)
+        index, parts = np.concatenate([base, term.columns]), np.concatenate([beside, direction])
+        by_block = problem.grams.core_a.squares(index, np.tile(parts, (len(problem.blocks), 1)))
+        size = max(
+            deviations / np.sqrt(held_out * information) if information > 0 else np.inf
+            for deviations, information in (
+                (_claimable(search, term, by_block), whole),
+                (_seen(plain, term, direction), narrow),
+            )
+        )
+        by_shape = term.effect.seen_by == "shape"
+        # A real play may leave less than its law says, but no less than the share from which on it is taken for one.
+        if not size < (term.lower[0] if by_shape else _largest(search, term, direction)):
+            why = f"it would have to exceed the torque measured on {joint} to be seen in this recording"
+            if by_shape:
+                why = f"even the largest that was tried leaves less on {joint} than this recording shows"
+            hopeless.setdefault(term.place, NotTestable(*term.place, why))
+            continue
+        # Of shapes that are sizes the smallest that is seen counts, of other shapes the one that is seen worst.
+        below, better = (term.shape[0], min) if by_shape else (float(size), max)
+        if term.place in bounds:
+            below = better(below, bounds[term.place].below)
+        unit = term.effect.probe_unit(robot, term.joint, name)
+        bounds[term.place] = Bound(*term.place, name, float(below), unit)
+    left = [value for place, value in hopeless.items() if place not in bounds]
+    left += [NotTestable(*place) for place in untestable_places(robot, operation)]
+    return tuple(bounds.values()), tuple(left)
+
+
+def _claimable(search: Search, term: Term, by_block: Float[Array, " B"]) -> float:
+    """How many standard deviations of its own size an effect has to have to be claimed with 95 % power."""
+    needed = least_gain(search, frozenset([term])) + max(price(search.sizes[term]) - PARAMETER_PRICE, 0.0)
+    return float(np.sqrt(max(needed + 2.0, _lasting(by_block, needed)))) + _POWER
+
+
+def _lasting(by_block: Float[Array, " B"], needed: float) -> float:
+    """The gain from which on an effect is taken for one that lasts, see `claimed`.
+
+    Args:
+        by_block: Information on its size in each block.
+        needed: Gain that a claim needs.
+    """
+    whole = float(by_block.sum())
+    if whole <= 0:
+        return needed
+    # The variance of a gain ``u`` over blocks is ``4 u`` by noise, and grows with its square by how it is spread.
+    room = 1.0 - SIGNIFICANT**2 * len(by_block) * float(by_block.var()) / whole**2
+    from_block_to_block = 4.0 * SIGNIFICANT**2 / room if room > 0 else np.inf
+    rest = float(np.sort(by_block)[:-BEST_BLOCKS].sum()) / whole
+    without_the_best = needed / rest if rest > 0 else np.inf
+    return min(from_block_to_block, without_the_best, LARGE * needed)
+
+
+def _seen(plain: Search, term: Term, direction: Float[Array, " k"]) -> float:
+    """The same to be visible: the squared residual of a joint grows by a share of what is noise there."""
+    own = set(term.columns)
+    energy, samples = [0.0], [0.0]
+    for row in plain.problem.grams.rows:
+        at = [k for k, column in enumerate(row.index) if int(column) in own]
+        part = direction[[term.columns.index(int(row.index[k])) for k in at]]
+        energy.append(float(part @ row.a[:, at][:, :, at].sum(axis=0) @ part))
+        samples.append(float(row.count.sum()))
+    count = float(np.dot(energy, samples)) / max(sum(energy), 1e-300)
+    return float(np.sqrt(VISIBLE * count)) + _POWER
+
+
+def _inverse(problem: Problem, base: Array) -> Float[Array, "n n"]:
+    return solve(problem.total_a[np.ix_(base, base)] + np.diag(problem.precision[base]), np.eye(len(base)))
+
+
+def _information(
+    problem: Problem, term: Term, direction: Float[Array, " k"], base: Array, inverse: Float[Array, "n n"]
+) -> tuple[float, Float[Array, " n"]]:
+    """Information on a term's size when nuisances and findings are fitted beside it, and what these then take."""
+    a = problem.total_a
+    own = list(term.columns)
+    cross = direction @ a[own][:, base]
+    beside = -inverse @ cross
+    return float(direction @ a[own][:, own] @ direction + cross @ beside), beside
+
+
+def _largest(search: Search, term: Term, direction: Float[Array, " k"]) -> float:
+    """Size at which the effect's torque would have the energy of all measured torque on the rows that it touches."""
+    problem = search.problem
+    own = list(term.columns)
+    energy = float(direction @ problem.total_a[own][:, own] @ direction)
+    rows = [j for j, index in enumerate(problem.columns.rows) if set(own) & set(index)]
+    measured = sum(
+        float(((torque[:, j] + residual[:, j])[use[:, j]] ** 2).sum() * problem.weights.per_sample[j])
+        for torque, residual, use in zip(
+            problem.white.model_torque, problem.white.residual, problem.white.usable, strict=True
+        )
+        for j in rows
+    )
+    return float(np.sqrt(measured / energy)) if energy > 0 else 0.0

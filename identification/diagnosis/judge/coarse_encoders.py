@@ -1,0 +1,84 @@
+"""Readings coarser than stated, as findings: their lattice proves them, and the torque they feign is their gap."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from jaxtyping import Float
+
+from identification.data.log import Log
+from identification.diagnosis.fit.gap import Sums, in_judged_band, sums
+from identification.diagnosis.fit.problem import Problem
+from identification.diagnosis.noise.encoder_noise import Coarse
+from identification.diagnosis.result import Finding, Value
+from phantom_dyn.effects.encoder.encoder_quantization import EncoderQuantization
+from phantom_dyn.model.robot import Robot
+
+Array = np.ndarray
+
+# A coarse reading counts if it makes at least this share of some joint's squared noise.
+_LEAST = 0.05
+# The noise that is left when what the reading makes is taken out is not known better than to this share.
+_CERTAIN = 0.3
+
+
+@dataclass(frozen=True)
+class Rounded:
+    """Coarse joints that matter, and the squared torque that their rounding feigns.
+
+    Attributes:
+        coarse: The joints.
+        energy: Of each, mean squared torque on every joint, ``(k, nv)``.
+    """
+
+    coarse: tuple[Coarse, ...]
+    energy: Float[Array, "k nv"]
+
+    @property
+    def total(self) -> Float[Array, " nv"]:
+        """Of all together."""
+        return self.energy.sum(axis=0)
+
+
+def rounded(
+    problem: Problem,
+    logs: tuple[Log, ...],
+    cutoff_hz: float,
+    coarse: tuple[Coarse, ...],
+    floor: Float[Array, " nv"],
+    noise: tuple[Float[Array, "n nv"], ...],
+) -> Rounded:
+    """Coarse joints whose rounding makes a share of the noise on some joint, in the judged band or above it."""
+    kept, energy = [], []
+    for one in coarse:
+        squares = sums(problem, in_judged_band(one.torque, logs, cutoff_hz)).rms() ** 2
+        # The judged band ends where the reading drowns the motion: what matters may lie above it.
+        wide = sums(problem, one.torque).rms() ** 2 > _LEAST * sums(problem, noise).rms() ** 2
+        if np.any(squares > _LEAST * floor**2) or np.any(wide):
+            kept.append(one)
+            energy.append(squares)
+    return Rounded(tuple(kept), np.array(energy).reshape(len(kept), len(floor)))
+
+
+def floor_without(rounding: Rounded, floor: Float[Array, " nv"]) -> Float[Array, " nv"]:
+    """Noise floor of encoders as fine as stated."""
+    return np.sqrt(np.maximum(floor**2 - rounding.total, (_CERTAIN * floor) ** 2)) if rounding.coarse else floor
+
+
+def findings_of(robot: Robot, rounding: Rounded, before: Sums, floor: Float[Array, " nv"]) -> tuple[Finding, ...]:
+    """One finding for each coarse joint."""
+    effect = EncoderQuantization()
+    gap = max(float(np.mean(before.rms() ** 2 / floor**2)) - 1.0, 1e-9)
+    out = []
+    for one, energy in zip(rounding.coarse, rounding.energy, strict=True):
+        joint = robot.joint_names[one.row]
+        closed = float(min(np.mean(energy / floor**2) / gap, 1.0))
+        # The energy of rounding is that of a uniform law: known to about the root of two over the samples' number.
+        spread = 2.0 * closed / np.sqrt(max(before.counts.sum() / len(floor), 1.0))
+        unit = effect.parameters(robot, joint)[0].unit
+        # Distances of levels are known to rounding of numbers; a hundredth of a step is on the safe side.
+        step = Value(one.step, 0.01 * one.step, unit)
+        interval = (max(closed - spread, 0.0), min(closed + spread, 1.0))
+        out.append(Finding(effect.name, joint, effect.regime, {"step": step}, closed, interval, 1.0, (), "supported"))
+    return tuple(out)

@@ -1,0 +1,116 @@
+"""Effects that were chosen, as findings: parameters, what each closes of the gap, and what else it may be."""
+
+from __future__ import annotations
+
+import numpy as np
+from jaxtyping import Float
+from scipy.stats import chi2
+
+from identification.data.log import Log
+from identification.diagnosis.fit.gap import Sums, held_out_torque, residual_after, sums
+from identification.diagnosis.fit.joint_fit import JointFit, joint_fit
+from identification.diagnosis.judge.judged_band import Judge
+from identification.diagnosis.judge.parameters import finding_loadings, finding_parameters
+from identification.diagnosis.model.terms import Term, ordered
+from identification.diagnosis.result import Finding
+from identification.diagnosis.search.rival_sets import block_counts, stand
+from identification.diagnosis.search.search import Search
+from phantom_dyn.effects.drive.input_delay import InputDelay
+from phantom_dyn.model.robot import Robot
+
+Array = np.ndarray
+# With which probability an effect is told from nothing.
+_CERTAIN = 0.95
+# Of each log, ``(n, nv)``.
+Torque = tuple[Float[Array, "n nv"], ...]
+
+
+def distinct(
+    robot: Robot, plain: Search, chosen: frozenset[Term], logs: tuple[Log, ...], cutoff_hz: float
+) -> tuple[frozenset[Term], JointFit]:
+    """Effects without those whose numbers, fitted with all others, are not told from zero, and that fit.
+
+    The search holds all but the coefficients, and weighs noise otherwise: what gains there may be nothing in the fit
+    that states its size. Only laws that are linear are asked: of others the shape says how large they are. Nor is what
+    goes with accelerations: a torque constant and a load trade with each other and with the tolerances, so that neither
+    is told from zero beside the other.
+    """
+    while True:
+        fitted = joint_fit(robot, plain.problem, logs, cutoff_hz, ordered(chosen), plain.evaluate(chosen))
+        certain = {term: certainty(term, fitted) for term in ordered(chosen) if term.named and _is_asked(term)}
+        least = min(certain, key=lambda term: certain[term], default=None)
+        if least is None or certain[least] >= _CERTAIN:
+            return chosen, fitted
+        chosen = chosen - {least}
+
+
+def _is_asked(term: Term) -> bool:
+    # The shape of a delay is its coefficient.
+    return isinstance(term.effect, InputDelay) or not (term.shape or term.effect.uses_acceleration)
+
+
+def certainty(term: Term, fitted: JointFit) -> float:
+    """Probability that chance keeps the coefficients of an effect that is not there nearer to zero (Wald's test)."""
+    at = fitted.place(term).coefficients
+    x, cov = fitted.x[at], fitted.cov[at, at]
+    return float(chi2.cdf(x @ np.linalg.pinv(cov, rcond=1e-9, hermitian=True) @ x, len(x)))
+
+
+def findings_without(
+    robot: Robot,
+    search: Search,
+    plain: Search,
+    chosen: frozenset[Term],
+    fitted: JointFit,
+    settled: frozenset[Term],
+    judge: Judge,
+    before: Sums,
+) -> tuple[tuple[Finding, Torque], ...]:
+    """Each named effect with its gap closed and rivals, and the torque of the other named ones without it.
+
+    Args:
+        robot: The given model.
+        search: Rivals, with fits to white noise.
+        plain: The same with plain fits in the judged band.
+        chosen: The effects that are told.
+        fitted: Fit of all their numbers.
+        settled: All that the search has found, those too that nobody would see: a rival must not win by making up for
+            one of them.
+        judge: Of the gap.
+        before: Loss of the given model.
+    """
+    problem, floor, found = plain.problem, judge.floor, plain.evaluate(chosen)
+    after = sums(problem, judge.narrow(residual_after(problem, held_out_torque(problem, chosen, found))))
+    counts = block_counts(len(before.counts), np.random.default_rng(20260105))
+    once = np.ones((1, len(before.counts)))
+    out = []
+    for term in ordered(chosen):
+        if not term.named:
+            continue
+        others = frozenset(other for other in chosen if other.named and other is not term)
+        without = plain.evaluate(chosen - {term})
+        torque = held_out_torque(problem, chosen - {term}, without)
+        lost = sums(problem, judge.narrow(residual_after(problem, torque)))
+
+        def closed(weights: Float[Array, "R B"], lost: Sums = lost) -> Float[Array, " R"]:
+            gap = np.maximum(before.loss(floor, weights) - 1.0, 1e-9)
+            return (lost.loss(floor, weights) - after.loss(floor, weights)) / gap
+
+        standing = stand(search, settled, term)
+        low, high = np.percentile(closed(counts), [2.5, 97.5])
+        finding = Finding(
+            effect=term.effect.name,
+            joint=term.joint,
+            regime=term.effect.regime,
+            parameters=finding_parameters(robot, term, fitted),
+            gap_closed=float(closed(once)[0]),
+            gap_closed_interval=(float(low), float(high)),
+            probability=standing.probability,
+            rivals=standing.rivals,
+            verdict="one_of" if standing.rivals else "supported",
+            loadings=finding_loadings(robot, term, fitted),
+        )
+        if others != chosen - {term}:
+            torque = held_out_torque(problem, others, plain.evaluate(others))
+        out.append((finding, torque))
+    return tuple(out)

@@ -1,0 +1,124 @@
+"""From the coefficients of a fit to the parameters of the contract, with their deviations."""
+
+from __future__ import annotations
+
+import numpy as np
+from jaxtyping import Float
+
+from identification.diagnosis.fit.joint_fit import JointFit
+from identification.diagnosis.model.terms import Term
+from identification.diagnosis.result import Value
+from identification.regression.base_parameters import base_parameters_of_matrix
+from phantom_dyn.dynamics.dynamics import rigid_body_regressor
+from phantom_dyn.effects.effect import Effect, Parameter
+from phantom_dyn.effects.load.inertial_parameters import InertialParameters
+from phantom_dyn.model.robot import Robot
+from phantom_dyn.motion import Motion
+
+Array = np.ndarray
+
+
+def finding_parameters(robot: Robot, term: Term, fitted: JointFit) -> dict[str, Value]:
+    """Parameters of one finding by name, each with value, standard deviation and unit.
+
+    Deviations are those of the joint fit carried through the law to first order. Of inertial parameters only a set
+    that any motion can tell apart is given, with what the others add to it.
+
+    Args:
+        robot: The given model.
+        term: The finding.
+        fitted: Fit of the whole model.
+    """
+    effect, at = term.effect, _numbers(term, fitted)
+    assert isinstance(effect, Effect)
+    x, cov = fitted.x[at], fitted.cov[np.ix_(at, at)]
+    if isinstance(effect, InertialParameters):
+        return _inertial(robot, term, x, cov)
+    values, slope = _law(robot, term, fitted)
+    std = np.sqrt(np.maximum(np.diag(slope @ cov @ slope.T), 0.0))
+    return _named(effect.parameters(robot, term.joint), values, std)
+
+
+def finding_loadings(robot: Robot, term: Term, fitted: JointFit) -> tuple[tuple[float, ...], ...]:
+    """Deviations of one finding's parameters as sums of independent standard numbers that all findings share.
+
+    One row a parameter, in the order of `finding_parameters`, lists unfolded: the covariance of any two parameters, of
+    whatever findings, is the product of their rows.
+
+    Args:
+        robot: The given model.
+        term: The finding.
+        fitted: Fit of the whole model.
+    """
+    squares, axes = np.linalg.eigh(0.5 * (fitted.cov + fitted.cov.T))
+    shared = (axes * np.sqrt(np.maximum(squares, 0.0)))[_numbers(term, fitted)]
+    slope = _base(robot, term)[1] if isinstance(term.effect, InertialParameters) else _law(robot, term, fitted)[1]
+    return tuple(tuple(row) for row in (slope @ shared).tolist())
+
+
+def _numbers(term: Term, fitted: JointFit) -> list[int]:
+    """Where the numbers of a term stand in a fit."""
+    place = fitted.place(term)
+    return [*range(place.coefficients.start, place.coefficients.stop), *range(place.shape.start, place.shape.stop)]
+
+
+def _law(robot: Robot, term: Term, fitted: JointFit) -> tuple[Float[Array, " p"], Float[Array, "p k"]]:
+    """Parameters of the contract, and their slopes in the numbers of the fit."""
+    effect, place, at = term.effect, fitted.place(term), _numbers(term, fitted)
+    assert isinstance(effect, Effect)
+    x, cov = fitted.x[at], fitted.cov[np.ix_(at, at)]
+    count = place.coefficients.stop - place.coefficients.start
+
+    def law(x: Float[Array, " k"]) -> Float[Array, " p"]:
+        return effect.from_coefficients(robot, term.joint, x[:count], tuple(x[count:].tolist()) or term.shape)
+
+    values = law(x)
+    slope = np.empty((len(values), len(x)))
+    for k in range(len(x)):
+        # A step of a hundredth of a deviation keeps the difference inside the linear range of every law.
+        step = 0.01 * np.sqrt(max(cov[k, k], 1e-30))
+        moved = x.copy()
+        moved[k] += step
+        slope[:, k] = (law(moved) - values) / step
+    return values, slope
+
+
+def _named(parameters: tuple[Parameter, ...], values: Float[Array, " p"], std: Float[Array, " p"]) -> dict[str, Value]:
+    """Values by name; where there are several of each parameter, one after the other, each is a list."""
+    each = len(values) // len(parameters)
+    if each <= 1:
+        return {p.name: Value(float(v), float(s), p.unit) for p, v, s in zip(parameters, values, std, strict=True)}
+    return {
+        p.name: Value(values[k * each : (k + 1) * each].tolist(), std[k * each : (k + 1) * each].tolist(), p.unit)
+        for k, p in enumerate(parameters)
+    }
+
+
+def _inertial(robot: Robot, term: Term, coefficients: Float[Array, " k"], cov: Float[Array, "k k"]) -> dict[str, Value]:
+    """Base parameters among the free ones."""
+    independent, mix = _base(robot, term)
+    effect = term.effect
+    assert isinstance(effect, InertialParameters)
+    parameters = effect.parameters(robot, term.joint)
+    values = mix @ coefficients
+    std = np.sqrt(np.maximum(np.diag(mix @ cov @ mix.T), 0.0))
+    return {
+        parameters[k].name: Value(float(value), float(deviation), parameters[k].unit)
+        for k, value, deviation in zip(independent, values, std, strict=True)
+    }
+
+
+def _base(robot: Robot, term: Term) -> tuple[tuple[int, ...], Float[Array, "r k"]]:
+    """Which of the free parameters are told apart, as columns of the regressor over random motions; their sums."""
+    rng = np.random.default_rng(20260104)
+    motion = Motion(np.arange(200.0), *(rng.uniform(-3, 3, (200, robot.nv)) for _ in range(3)))
+    effect = term.effect
+    assert isinstance(effect, InertialParameters)
+    parameters = effect.parameters(robot, term.joint)
+    columns = list(effect.columns_of(robot, term.joint))
+    w = rigid_body_regressor(robot, motion)[:, :, columns].reshape(-1, len(columns))
+    base = base_parameters_of_matrix(w, [p.name for p in parameters], [p.unit for p in parameters])
+    mix = np.zeros((base.rank, len(columns)))
+    mix[np.arange(base.rank), list(base.independent)] = 1.0
+    mix[:, list(base.dependent)] = base.grouping
+    return tuple(base.independent), mix

@@ -1,0 +1,89 @@
+"""Where the gap lies: which regimes of a joint's motion hold more of the residual than their share of time."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from jaxtyping import Bool, Float
+
+from identification.data.log import Log
+from identification.diagnosis.model.columns import Columns
+
+Array = np.ndarray
+
+
+def regimes(log: Log, columns: Columns, index: int, row: int) -> dict[str, Bool[Array, " n"]]:
+    """Which in-band samples of one joint belong to each regime that needs no model to see."""
+    at = log.samples
+    v, a = log.motion.v[:, row], log.motion.a[at, row]
+    rate = log.band.rate_hz
+    load = np.abs(columns.model_torque[index][:, row])
+    speed = np.abs(v[at])
+    crossing = np.concatenate([[False], np.sign(v[1:]) != np.sign(v[:-1])])
+    # A reversal reaches as far as the band's filter smears its step, at least 50 ms.
+    reach = max(int(0.05 * rate), log.band.half // 2, 1)
+    near = np.convolve(crossing, np.ones(2 * reach + 1), mode="same")[at] > 0.5
+    top, most, hardest = (np.percentile(x, 95) + 1e-300 for x in (speed, load, np.abs(a)))
+    elapsed = (log.motion.t[at] - log.motion.t[0]) / max(log.motion.t[-1] - log.motion.t[0], 1e-12)
+    return {
+        "velocity_reversal": near,
+        "low_speed": (speed < 0.25 * top) & ~near,
+        "high_speed": speed > 0.6 * top,
+        "high_load": load > 0.6 * most,
+        "high_acceleration": np.abs(a) > 0.6 * hardest,
+        "one_direction": v[at] > 0,
+        "time_drift": elapsed > 0.5,
+    }
+
+
+@dataclass(frozen=True)
+class RegimeSplit:
+    """How one joint's residual energy is spread over regimes.
+
+    Attributes:
+        shares: Of the energy, by regime.
+        times: Of the samples, by regime.
+        best: The regime that holds most beyond its share of time, or ``everywhere``.
+    """
+
+    shares: dict[str, float]
+    times: dict[str, float]
+    best: str
+
+
+def regime_shares(
+    columns: Columns, logs: tuple[Log, ...], residual: tuple[Float[Array, "n nv"], ...], row: int
+) -> tuple[dict[str, float], str]:
+    """Shares of one joint's residual energy, and the regime that stands out; see `regime_split`."""
+    split = regime_split(columns, logs, residual, row)
+    return split.shares, split.best
+
+
+def regime_split(
+    columns: Columns, logs: tuple[Log, ...], residual: tuple[Float[Array, "n nv"], ...], row: int
+) -> RegimeSplit:
+    """Share of one joint's residual energy in each regime, and the regime that holds most beyond its share of time.
+
+    The direction and the half of the record that hold more are the ones that are counted. A regime is named if it
+    holds at least 1.5 times its share of the samples; otherwise the gap is ``everywhere``.
+    """
+    energy, samples, total, count = {}, {}, 0.0, 0
+    for k, log in enumerate(logs):
+        use = columns.usable[k][:, row]
+        square = residual[k][:, row] ** 2 * use
+        total += float(square.sum())
+        count += int(use.sum())
+        for name, mask in regimes(log, columns, k, row).items():
+            energy[name] = energy.get(name, 0.0) + float(square[mask].sum())
+            samples[name] = samples.get(name, 0) + int((use & mask).sum())
+    if total == 0 or count == 0:
+        return RegimeSplit(dict.fromkeys(energy, 0.0), dict.fromkeys(energy, 0.0), "everywhere")
+    shares = {name: value / total for name, value in energy.items()}
+    times = {name: value / count for name, value in samples.items()}
+    for name in ("one_direction", "time_drift"):
+        if shares[name] < times[name]:
+            shares[name], times[name] = 1 - shares[name], 1 - times[name]
+    lift = {name: shares[name] / times[name] if times[name] > 0.02 else 0.0 for name in shares}
+    best = max(lift, key=lambda name: lift[name])
+    return RegimeSplit(shares, times, best if lift[best] >= 1.5 else "everywhere")

@@ -1,0 +1,1 @@
+"""What may explain a residual: candidate terms and their columns."""

@@ -1,0 +1,311 @@
+"""Everything that may explain a residual, as columns: what the tolerances allow, and what each effect would add.
+
+Everything that may explain a residual, as columns: what the tolerances allow, and what each effect would add.
+
+The residual of joint ``j`` is measured minus modelled torque, in the analysed band. It is taken to be a sum of columns
+times unknown numbers. Columns of one recording are computed once; every later fit works on their Gram matrices.
+
+What is left of a residual before any effect is fitted: where rhythms are looked for first.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+from jaxtyping import Bool, Float
+
+from identification.data.log import Log
+from identification.data.signals import smoothed
+from identification.diagnosis.model.nuisances import Move, Nuisance, move_columns, moves_of
+from identification.diagnosis.model.operations import expecting, operate
+from identification.diagnosis.model.own_effects import ALIKE, Apart
+from identification.diagnosis.model.standstill import reversal_doubt, usable_samples
+from identification.diagnosis.model.terms import SERIES, FoundEffect, KnownEffect, Term, merged, shapes_of
+from identification.diagnosis.numerics.bounded import solve
+from identification.diagnosis.numerics.two_threads import two_at_a_time
+from phantom_dyn.dynamics.dynamics import rigid_body_regressor
+from phantom_dyn.effects.effect import Rival, Shape
+from phantom_dyn.effects.load.inertial_parameters import InertialParameters
+from phantom_dyn.effects.load.payload import Payload
+from phantom_dyn.effects.operation import Operation
+from phantom_dyn.model.inertia import parameter_names
+from phantom_dyn.model.robot import Robot
+
+Array = np.ndarray
+
+
+@dataclass(frozen=True)
+class Columns:
+    """Columns of all recordings of one robot, row by row (a row is a joint's torque).
+
+    Attributes:
+        names: One per column; the first ``len(nuisances)`` are nuisances, then the rigid-body regressor's, then others.
+        nuisances: Of the first columns.
+        terms: Rivals.
+        rows: For each row, the indices of the columns that touch it.
+        values: For each log and row, in-band samples of those columns, ``values[log][row] (n, len(rows[row]))``.
+        residual: For each log, measured minus modelled torque in the band, ``(n, nv)``.
+        model_torque: For each log, modelled torque in the band, ``(n, nv)``.
+        usable: For each log, samples that may be used on each row, ``(n, nv)``.
+        doubt: For each log, by how much modelled torque may be off where friction changes sign, ``(n, nv)``.
+        operations: For each log, motion and torque at the full rate.
+        local: Where the columns of each effect stand.
+    """
+
+    names: tuple[str, ...]
+    nuisances: tuple[Nuisance, ...]
+    terms: tuple[Term, ...]
+    rows: tuple[tuple[int, ...], ...]
+    values: tuple[tuple[Float[Array, "n k"], ...], ...]
+    residual: tuple[Float[Array, "n nv"], ...]
+    model_torque: tuple[Float[Array, "n nv"], ...]
+    usable: tuple[Bool[Array, "n nv"], ...]
+    doubt: tuple[Float[Array, "n nv"], ...]
+    operations: tuple[Operation, ...]
+    local: tuple[Local, ...]
+
+
+@dataclass(frozen=True)
+class Local:
+    """Columns of one effect in one place with one shape that are not the rigid-body regressor's.
+
+    Attributes:
+        effect, joint, shape: What they are of.
+        first: Index of the first among all columns.
+        count: How many.
+        rows: Which rows they touch.
+    """
+
+    effect: Rival
+    joint: str | None
+    shape: Shape
+    first: int
+    count: int
+    rows: tuple[int, ...]
+
+
+def build_columns(
+    robot: Robot,
+    logs: tuple[Log, ...],
+    cutoff_hz: float,
+    known: tuple[KnownEffect, ...] = (),
+    found: tuple[FoundEffect, ...] = (),
+    rest: tuple[Float[Array, "n nv"], ...] | None = None,
+    near: tuple[FoundEffect, ...] = (),
+    like: Columns | None = None,
+    before: Columns | None = None,
+    seen: tuple[FoundEffect, ...] = (),
+    apart: Apart = ALIKE,
+) -> Columns:
+    """Columns of every nuisance and of every effect at every place.
+
+    Args:
+        robot: The given model.
+        logs: In one common band.
+        cutoff_hz: Edge of the judged band. Columns made of accelerations end there: above, they are encoder noise,
+            the same noise as in the residual, and a fit would take it for inertia that is too large.
+        known: Effects that belong to the given model already.
+        found: What the last fit has found, about which laws that are not linear are taken.
+        rest: What the last fit left of each log's torque, in the band; a fit of the tolerances alone if it is None.
+        near: Runners-up, about which laws are taken too.
+        like: Columns of other logs of the same robot, whose effects and shapes are taken.
+        before: Columns of the same logs before the last fit: what it does not change is taken from there.
+        seen: What an experiment of its own says of a law, tried beside its grid of shapes.
+        apart: What is known to be different between the logs.
+    """
+    moves = moves_of(robot)
+    if before is None:
+        operations = [operate(apart.robot(robot, k), log, known, k) for k, log in enumerate(logs)]
+        plain = [_plain(robot, log, o, moves, cutoff_hz) for log, o in zip(logs, operations, strict=True)]
+        torque = tuple(log.band(o.tau) for log, o in zip(logs, operations, strict=True))
+        residual = tuple(log.band(log.tau) - model for log, model in zip(logs, torque, strict=True))
+        usable = tuple(usable_samples(log) for log in logs)
+        doubt = tuple(log.band(reversal_doubt(o)) for log, o in zip(logs, operations, strict=True))
+    else:
+        operations, plain = list(before.operations), [_plain_before(before, k) for k in range(len(logs))]
+        torque, residual, usable, doubt = before.model_torque, before.residual, before.usable, before.doubt
+    operations = [expecting(o.robot, o, found) for o in operations]
+    if like is None:
+        rest = left_by_moves(robot, moves, plain, residual, usable) if rest is None else rest
+        operations = [with_rest(log, o, part) for log, o, part in zip(logs, operations, rest, strict=True)]
+        names = [move.nuisance.name for move in moves] + list(parameter_names(robot))
+        terms, local = _lay_out(robot, merged(tuple(operations)), len(moves), names, (*found, *near), seen, apart)
+    else:
+        names, terms, local = list(like.names), like.terms, like.local
+    first = range(len(moves), len(moves) + len(parameter_names(robot)))
+    rows = []
+    for j in range(robot.nv):
+        mine = [k for k, move in enumerate(moves) if move.touches(robot, j)]
+        mine += first
+        for block in local:
+            if j in block.rows:
+                mine += range(block.first, block.first + block.count)
+        rows.append(tuple(mine))
+    values = tuple(
+        _values(o.robot, log, o, _narrow(log, cutoff_hz), own, local, _kept(before, k))
+        for k, (log, o, own) in enumerate(zip(logs, operations, plain, strict=True))
+    )
+    nuisances = tuple(move.nuisance for move in moves)
+    return Columns(
+        tuple(names), nuisances, terms, tuple(rows), values, residual, torque, usable, doubt, tuple(operations), local
+    )
+
+
+def _narrow(log: Log, cutoff_hz: float) -> Callable[[Array], Array]:
+    """Filter of columns made of accelerations: they end with the judged band."""
+
+    def narrow(x: Array) -> Array:
+        if cutoff_hz >= 0.99 * log.band.cutoff_hz:
+            return x
+        return smoothed(x, log.band.rate_hz / log.band.step, cutoff_hz)
+
+    return narrow
+
+
+def _plain(
+    robot: Robot, log: Log, operation: Operation, moves: tuple[Move, ...], cutoff_hz: float
+) -> list[list[Float[Array, " n"]]]:
+    """Columns of the moves and of the rigid-body regressor in the band, row by row."""
+    regressor = rigid_body_regressor(robot, operation)
+    narrow = _narrow(log, cutoff_hz)
+    bodies = np.stack([narrow(log.band(regressor[:, j, :])) for j in range(robot.nv)])
+    moved = move_columns(robot, operation, moves, bodies, log.band, narrow)
+    return [[*moved[j], *bodies[j].T] for j in range(robot.nv)]
+
+
+def _plain_before(before: Columns, log: int) -> list[list[Float[Array, " n"]]]:
+    """The same, from columns of the same log."""
+    others = min((block.first for block in before.local), default=len(before.names))
+    return [
+        [*before.values[log][j][:, : sum(column < others for column in row)].T] for j, row in enumerate(before.rows)
+    ]
+
+
+Place = tuple[str, str | None, Shape]
+
+
+def _kept(before: Columns | None, log: int) -> dict[Place, tuple[Float[Array, "n c"], ...]]:
+    """Columns of one log, by effect, joint and shape, that no fit changes: one array for each row that they touch."""
+    out: dict[Place, tuple[Array, ...]] = {}
+    if before is None:
+        return out
+    for block in before.local:
+        if block.effect.stays:
+            places = [before.rows[row].index(block.first) for row in block.rows]
+            parts = zip(block.rows, places, strict=True)
+            out[block.effect.name, block.joint, block.shape] = tuple(
+                before.values[log][row][:, place : place + block.count] for row, place in parts
+            )
+    return out
+
+
+def _lay_out(
+    robot: Robot,
+    operation: Operation,
+    first_body: int,
+    names: list[str],
+    found: tuple[FoundEffect, ...],
+    seen: tuple[FoundEffect, ...],
+    apart: Apart,
+) -> tuple[tuple[Term, ...], tuple[Local, ...]]:
+    """Rivals and where their columns stand; appends the columns' names."""
+    terms: list[Term] = []
+    local: list[Local] = []
+    start = _first(operation)
+    for effect, joint, shapes in shapes_of(robot, operation, found, seen, apart.own):
+        if isinstance(effect, Payload | InertialParameters):
+            columns = tuple(first_body + c for c in effect.columns_of(robot, joint))
+            size = 4 if isinstance(effect, Payload) else len(columns)
+            free = (np.inf,) * len(columns)
+            terms.append(Term(effect, joint, (), columns, size, tuple(-x for x in free), free))
+            continue
+        for shape in shapes:
+            signature = effect.signature(robot, start, joint, shape)
+            count = len(signature.names)
+            if count == 0:
+                continue
+            columns = tuple(range(len(names), len(names) + count))
+            names += [f"{effect.name} {joint} {name}" for name in signature.names]
+            bounds = effect.coefficient_bounds(robot, joint, shape) or ((-np.inf, np.inf),) * count
+            lower, upper = zip(*bounds, strict=True)
+            size = count + (0 if effect.shape_is_estimate else len(shape))
+            terms.append(Term(effect, joint, shape, columns, size, lower, upper))
+            local.append(Local(effect, joint, shape, columns[0], count, signature.rows))
+    return tuple(terms), tuple(local)
+
+
+def _first(operation: Operation) -> Operation:
+    """A few samples, enough to see how many columns a signature has."""
+    t, q, v, a, tau, expected, logged = (getattr(operation, name)[:8] for name in SERIES)
+    return Operation(t, q, v, a, operation.robot, tau, expected, logged)
+
+
+def _values(
+    robot: Robot,
+    log: Log,
+    operation: Operation,
+    narrow: Callable[[Array], Array],
+    plain: list[list[Float[Array, " n"]]],
+    local: tuple[Local, ...],
+    kept: dict[Place, tuple[Float[Array, "n c"], ...]],
+) -> tuple[Float[Array, "n k"], ...]:
+    """In-band columns of one log row by row, those that are kept as they are."""
+
+    def computed(block: Local) -> tuple[Array, ...]:
+        known = kept.get((block.effect.name, block.joint, block.shape))
+        if known is not None:
+            return known
+        signature = block.effect.signature(robot, operation, block.joint, block.shape)
+        out = []
+        for k in range(len(signature.rows)):
+            column = log.band(signature.columns[:, k, :])
+            if block.effect.uses_acceleration:
+                steps = 0.0 if signature.steps is None else log.band(signature.steps[:, k, :])
+                column = narrow(column - steps) + steps
+            out.append(column)
+        return tuple(out)
+
+    rows = [list(columns) for columns in plain]
+    for block, parts in zip(local, two_at_a_time(computed, local), strict=True):
+        for row, columns in zip(block.rows, parts, strict=True):
+            rows[row].extend(columns.T)
+    return tuple(np.column_stack(columns) for columns in rows)
+
+
+def left_by_moves(
+    robot: Robot,
+    moves: tuple[Move, ...],
+    columns: list[list[list[Float[Array, " n"]]]],
+    residual: tuple[Float[Array, "n nv"], ...],
+    usable: tuple[Bool[Array, "n nv"], ...],
+) -> tuple[Float[Array, "n nv"], ...]:
+    """What moves within the tolerances leave of the residual, by weighted least squares with the tolerances as prior.
+
+    Rows are weighed by a tenth of their residual, which is about its noise where the model is off.
+    """
+    rows = range(residual[0].shape[1])
+    touching = [[k for k, move in enumerate(moves) if move.touches(robot, j)] for j in rows]
+    a = np.diag([1.0 / move.nuisance.sigma**2 for move in moves])
+    b = np.zeros(len(moves))
+    for j in rows:
+        x = np.concatenate(
+            [np.column_stack(log[j][: len(touching[j])])[u[:, j]] for log, u in zip(columns, usable, strict=True)]
+        )
+        y = np.concatenate([r[:, j][u[:, j]] for r, u in zip(residual, usable, strict=True)])
+        weight = 100.0 / max(float(y @ y) / max(len(y), 1), 1e-30)
+        a[np.ix_(touching[j], touching[j])] += weight * x.T @ x
+        b[touching[j]] += weight * x.T @ y
+    move = solve(a, b)
+    return tuple(
+        np.column_stack([r[:, j] - np.column_stack(log[j][: len(touching[j])]) @ move[touching[j]] for j in rows])
+        for log, r in zip(columns, residual, strict=True)
+    )
+
+
+def with_rest(log: Log, operation: Operation, rest: Float[Array, "n nv"]) -> Operation:
+    """An operation that knows what a fit left, brought to the full rate."""
+    t = operation.t
+    full = np.column_stack([np.interp(t, t[log.samples], column) for column in rest.T])
+    return operation.again(operation.expected, full)

@@ -1,0 +1,96 @@
+"""Motion and torque of a recording as the laws of effects look at them, with the model moved within its tolerances.
+
+Motion and torque of a recording as the laws of effects look at them: with the given model, and with the findings.
+
+The given model with the moves within its tolerances made: what effects of readings, drives and loads are taken of.
+
+A late drive lags the torque that the robot truly needs, and a tilted base turns the weights that it truly has: taken of
+the given model their sizes would be wrong by as much as the model is.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+from jaxtyping import Float
+
+from identification.data.log import Log
+from identification.diagnosis.model.nuisances import moves_of
+from identification.diagnosis.model.standstill import standing_still
+from identification.diagnosis.model.terms import FoundEffect, KnownEffect
+from phantom_dyn.dynamics.dynamics import inverse_dynamics, standard_parameters
+from phantom_dyn.effects.catalogue import effect_named
+from phantom_dyn.effects.operation import Operation
+from phantom_dyn.effects.support.changed_robot import with_friction, with_parameters, with_rotor_inertia
+from phantom_dyn.effects.support.rows import modelled_friction_of
+from phantom_dyn.model.robot import Robot
+from phantom_dyn.motion import Motion
+
+
+def operate(robot: Robot, log: Log, known: tuple[KnownEffect, ...], recording: int = 0) -> Operation:
+    """Motion of a log with the torque of the given model; ``recording`` says which of several it is."""
+    # The noise of a joint that is held has a sign, which friction would follow, and an acceleration, which couples.
+    moves = ~standing_still(log).all(axis=0)
+    motion = Motion(log.motion.t, log.motion.q, log.motion.v * moves, log.motion.a * moves)
+    tau = inverse_dynamics(robot, motion)
+    # What pushes from outside, the drive need not give.
+    tau = tau if log.external is None else tau - log.external
+    plain = Operation(motion.t, motion.q, motion.v, motion.a, robot, tau, tau, log.tau, recording=recording)
+    for effect in known:
+        # The drive has to give what the model needs less what the effect gives.
+        tau = tau - effect_named(effect.effect).torque(robot, plain, effect.joint, np.array(effect.theta))
+    return replace(plain, tau=tau, expected=tau) if known else plain
+
+
+def expecting(robot: Robot, operation: Operation, found: tuple[FoundEffect, ...]) -> Operation:
+    """The same operation with the torque of the effects that the last fit found."""
+    plain = operation.again(operation.tau)
+    expected = operation.tau
+    for point in found:
+        if not point.effect.follows_torque and point.effect.name != "torque_constant":
+            signature = point.effect.signature(robot, plain, point.joint, point.shape)
+            expected = expected.copy()
+            expected[:, list(signature.rows)] += signature.columns @ point.coefficients
+    return plain.again(expected)
+
+
+Array = np.ndarray
+
+# A mass is lessened by this share at most: tolerances are meant small, but nobody has to keep to that.
+_LEAST = -0.9
+
+
+def moved_robot(robot: Robot, moves: Float[Array, " n"], given: Robot | None = None) -> Robot:
+    """The given model with its tolerances used.
+
+    Args:
+        robot: The given model, or the same with a load that is known.
+        moves: Relative changes, one for each of `moves_of`.
+        given: The model whose tolerances they are, if ``robot`` carries a load.
+    """
+    change = np.zeros_like(standard_parameters(robot))
+    out = robot
+    for move, value in zip(moves_of(robot if given is None else given), np.maximum(moves, _LEAST), strict=True):
+        place = move.place
+        if isinstance(place, int):
+            if move.direction is not None:
+                change[10 * (place - 1) : 10 * place] += value * move.direction
+        elif place is not None and move.kind == "rotor":
+            out = with_rotor_inertia(out, place, value * float(robot.rotor_inertia[robot.joint_names.index(place)]))
+        elif place is not None:
+            viscous, coulomb = modelled_friction_of(robot, place)
+            more = {"viscous": value * viscous} if move.kind == "viscous" else {"coulomb": value * coulomb}
+            out = with_friction(out, place, **more)
+    return with_parameters(out, change)
+
+
+def moved_operation(operation: Operation, robot: Robot) -> Operation:
+    """The same motion and record, with the torque of another model in place of that of the given one.
+
+    Args:
+        operation: Of the given model.
+        robot: The other model.
+    """
+    more = inverse_dynamics(robot, operation) - inverse_dynamics(operation.robot, operation)
+    return replace(operation, robot=robot, tau=operation.tau + more, expected=operation.expected + more)

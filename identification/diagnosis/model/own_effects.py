@@ -1,0 +1,174 @@
+"""Effects that act in one of several recordings only, and each recording with its own model.
+
+An effect that acts in one of several recordings only, with coefficients of its own: what may have changed there.
+
+Recordings that are not alike, as fits see them: each with its own model, and effects that act in some of them.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from jaxtyping import Float
+
+from identification.data.changes import Change, Kind, robot_in
+from phantom_dyn.effects.catalogue import effect_named
+from phantom_dyn.effects.effect import Effect, Parameter, Shape, Signature, Simulated
+from phantom_dyn.effects.operation import Operation
+from phantom_dyn.errors import LogError
+from phantom_dyn.model.robot import Robot
+
+Array = np.ndarray
+
+# What each kind of change may change; a payload has to be known.
+_FRICTION = ("viscous_friction", "coulomb_friction", "load_dependent_friction")
+EFFECTS_OF: dict[Kind, tuple[str, ...]] = {
+    "friction": _FRICTION,
+    "temperature": (*_FRICTION, "torque_constant"),
+    "controller": ("input_delay", "actuator_lag"),
+}
+
+
+class OwnEffect(Effect):
+    """An effect of the catalogue whose columns are zero in all recordings but one.
+
+    Attributes:
+        inner: The effect.
+        recording: Where it acts, counted from 0.
+        file: Name of that recording.
+    """
+
+    def __init__(self, inner: Effect, recording: int, file: str):
+        self.inner, self.recording, self.file = inner, recording, file
+        self.name = own_name(inner.name, recording)
+        self.contains = tuple(own_name(name, recording) for name in inner.contains)
+        self.scope, self.regime, self.uses_acceleration = inner.scope, inner.regime, inner.uses_acceleration
+        self.shape_is_estimate, self.follows_torque = inner.shape_is_estimate, inner.follows_torque
+        self.stays, self.seen_by = inner.stays, inner.seen_by
+
+    def places(self, robot: Robot) -> tuple[str | None, ...]:
+        """Those of the effect."""
+        return self.inner.places(robot)
+
+    def shapes(self, robot: Robot, operation: Operation, joint: str | None) -> tuple[Shape, ...]:
+        """Those of the effect."""
+        return self.inner.shapes(robot, operation, joint)
+
+    def refined(self, coefficients: Float[Array, " k"], shape: Shape) -> tuple[Shape, ...]:
+        """Those of the effect."""
+        return self.inner.refined(coefficients, shape)
+
+    def signature(self, robot: Robot, operation: Operation, joint: str | None, shape: Shape) -> Signature:
+        """That of the effect in its recording, zero in the others."""
+        return only_in(self.recording, operation, self.inner.signature(robot, operation, joint, shape))
+
+    def coefficient_bounds(self, robot: Robot, joint: str | None, shape: Shape) -> tuple[tuple[float, float], ...]:
+        """No drive is early; of friction there may be less than elsewhere, and less than modelled."""
+        return self.inner.coefficient_bounds(robot, joint, shape) if self.shape_is_estimate else ()
+
+    def untestable(self, robot: Robot, operation: Operation, joint: str | None) -> str | None:
+        """As the effect."""
+        return self.inner.untestable(robot, operation, joint)
+
+    def parameters(self, robot: Robot, joint: str | None) -> tuple[Parameter, ...]:
+        """Those of the effect: what this recording has more than the others."""
+        return self.inner.parameters(robot, joint)
+
+    def from_coefficients(self, robot: Robot, joint: str | None, coefficients: Array, shape: Shape) -> Array:
+        """As the effect."""
+        return self.inner.from_coefficients(robot, joint, coefficients, shape)
+
+    def probe(self, robot: Robot, operation: Operation, joint: str | None) -> tuple[str, Array]:
+        """As the effect."""
+        return self.inner.probe(robot, operation, joint)
+
+    def torque(self, robot: Robot, operation: Operation, joint: str | None, theta: Array) -> Array:
+        """That of the effect in its recording, zero in the others."""
+        if operation.recording != self.recording:
+            return np.zeros_like(operation.tau)
+        return self.inner.torque(robot, operation, joint, theta)
+
+    def simulated(self, robot: Robot, joint: str | None, theta: Array) -> Simulated:
+        """That of the effect: a simulation is of one recording."""
+        return self.inner.simulated(robot, joint, theta)
+
+
+def own_effect(name: str, recording: int, file: str) -> OwnEffect:
+    """An effect of the catalogue that acts in one recording only."""
+    return OwnEffect(effect_named(name), recording, file)
+
+
+def own_name(name: str, recording: int) -> str:
+    """A name that is no other effect's and no other recording's."""
+    return f"{name}@{recording}"
+
+
+def only_in(recording: int, operation: Operation, signature: Signature) -> Signature:
+    """A signature as it is in one recording, and zero in the others."""
+    if operation.recording == recording:
+        return signature
+    steps = None if signature.steps is None else np.zeros_like(signature.steps)
+    return replace(signature, columns=np.zeros_like(signature.columns), steps=steps)
+
+
+@dataclass(frozen=True)
+class Apart:
+    """How recordings differ.
+
+    Attributes:
+        robots: The model of each; empty if all have the given one.
+        own: Effects that act in one recording only.
+    """
+
+    robots: tuple[Robot, ...] = ()
+    own: tuple[OwnEffect, ...] = ()
+
+    def robot(self, given: Robot, recording: int) -> Robot:
+        """The model of one recording."""
+        return self.robots[recording] if self.robots else given
+
+
+ALIKE = Apart()
+
+
+def apart_by(changes: tuple[Change, ...], robot: Robot, fitted: int) -> Apart:
+    """What known and unknown changes make of the model.
+
+    Of each kind of unknown change, the recordings that do not name it have one amount in common. Where all name it, the
+    first one is what the others are compared with.
+
+    Args:
+        changes: One for each recording, those held out at the end; empty if nothing is known.
+        robot: The given model.
+        fitted: How many recordings fits see.
+
+    Raises:
+        LogError: If an unknown amount is asked for that no fit can see, or an unknown payload of one recording, whose
+            place and mass fits do not hold apart.
+    """
+    if not changes:
+        return ALIKE
+    for change in changes[fitted:]:
+        if change.unknown:
+            raise LogError(
+                f"{change.file} is held out, so no fit sees what changed in it: give it as LOG, or take "
+                f"{', '.join(change.unknown)} out of what changed."
+            )
+    for change in changes:
+        if "payload" in change.unknown:
+            raise LogError(
+                f"{change.file}: the payload that changed has no value: give its mass and center under payload, or "
+                "diagnose that recording by itself."
+            )
+    if fitted == 1 and changes[0].unknown:
+        raise LogError(
+            f"{changes[0].file} is the only recording that fits see, so {', '.join(changes[0].unknown)} cannot have "
+            "changed: give another LOG to compare it with, or leave changed out."
+        )
+    own = {}
+    for kind, effects in EFFECTS_OF.items():
+        stated = [k for k, change in enumerate(changes[:fitted]) if kind in change.unknown]
+        for k in stated[1:] if len(stated) == fitted else stated:
+            own.update({(name, k): own_effect(name, k, changes[k].file) for name in effects})
+    return Apart(tuple(robot_in(robot, change) for change in changes), tuple(own.values()))

@@ -1,0 +1,53 @@
+"""Stiff transmissions seen directly: resonances of joints whose recording reaches them, as compliances to try.
+
+The grid of `TransmissionCompliance` is coarse. A torque rich enough to show a resonance tells the stiffness to a few
+per cent, whatever the model of the links says; the diagnosis tries that one too, and judges it as it does all others.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from identification.data.log import Log
+from identification.diagnosis.model.terms import FoundEffect
+from identification.experiments.transmission import joint_response
+from phantom_dyn.effects.support.displaced import behind_encoder
+from phantom_dyn.effects.transmission.transmission_compliance import TransmissionCompliance
+from phantom_dyn.errors import EstimationError, LogError, ParameterError
+from phantom_dyn.haptics.experiments.frequency_identification import fit_two_mass_of_instants
+from phantom_dyn.model.robot import Robot
+
+# A recording has the bandwidth if its torque explains the motion (coherence) at this share of all frequencies: motions
+# along a smooth reference move a joint at a few frequencies only.
+_COHERENT, _SHARE = 0.7, 0.2
+
+
+def resonances(robot: Robot, logs: tuple[Log, ...]) -> tuple[FoundEffect, ...]:
+    """Compliance of every joint whose vibration some recording shows, with an encoder on its motor's side.
+
+    Args:
+        robot: Says where the encoders sit.
+        logs: Ready for fitting.
+    """
+    effect = TransmissionCompliance()
+    out = []
+    for log in logs:
+        for row, joint in enumerate(robot.joint_names):
+            stiffness = None if behind_encoder(robot, row) else _stiffness(log, joint)
+            if stiffness is not None:
+                compliance = 1.0 / stiffness
+                out.append(FoundEffect(effect, joint, (compliance,), np.array([compliance])))
+    return tuple(out)
+
+
+def _stiffness(log: Log, joint: str) -> float | None:
+    """Stiffness of one transmission, None where the recording does not show it."""
+    try:
+        response = joint_response(log, joint)
+        if np.mean(response.coherence >= _COHERENT) < _SHARE:
+            return None
+        # On its way a fit of what is no two-mass system may overflow; what it comes to is judged by its misfit.
+        with np.errstate(all="ignore"):
+            return fit_two_mass_of_instants(response).axis.cable_stiffness
+    except (EstimationError, LogError, ParameterError):
+        return None

@@ -1,0 +1,177 @@
+"""Structure of a residual that no effect of the catalogue has a name for: what makes a gap `unknown`.
+
+Each is a small group of columns that stands for a class of causes: something that changes slowly with time, something
+with a rhythm of its own in time, a force that depends on where the robot is, and a drive that weakens with the load of
+all joints. They compete with the catalogue at the price of their parameters, so that an effect that merely resembles
+one of these is not blamed, and one that is in the catalogue is not lost to them.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from jaxtyping import Float
+from scipy.signal import lfilter
+
+from phantom_dyn.effects.effect import Rival, Shape, Signature
+from phantom_dyn.effects.operation import Operation
+from phantom_dyn.effects.support.rows import row_of
+from phantom_dyn.model.robot import Robot
+
+Array = np.ndarray
+
+_SLOW = 3
+
+
+def _on_row(robot: Robot, joint: str | None, columns: list[Float[Array, " N"]]) -> Signature:
+    names = tuple(f"c{k}" for k in range(len(columns)))
+    return Signature((row_of(robot, joint),), np.stack(columns, axis=-1)[:, None, :], names, ("",) * len(columns))
+
+
+def _scaled(x: Float[Array, " N"]) -> Float[Array, " N"]:
+    return x / max(float(np.percentile(np.abs(x), 95)), 1e-12)
+
+
+class Drift(Rival):
+    """An offset, a friction or a gain of one joint that changes slowly over the recording."""
+
+    regime = "time_drift"
+
+    def __init__(self, name: str, steady: str):
+        self.name, self.contains = name, (steady,)
+        self.uses_acceleration = steady == "torque_constant"
+
+    def signature(self, robot: Robot, operation: Operation, joint: str | None, shape: Shape) -> Signature:
+        """What changes, as it is and times slow cosines of time."""
+        j = row_of(robot, joint)
+        v = operation.v[:, j]
+        whole = {
+            "torque_offset": np.ones(len(v)),
+            "coulomb_friction": np.sign(v),
+            "viscous_friction": _scaled(v),
+            "torque_constant": _scaled(operation.tau[:, j]),
+        }[self.contains[0]]
+        phase = np.pi * (operation.t - operation.t[0]) / max(operation.t[-1] - operation.t[0], 1e-9)
+        return _on_row(robot, joint, [whole * np.cos(k * phase) for k in range(_SLOW + 1)])
+
+
+class Rhythm(Rival):
+    """A force with a period of its own in time, whatever the robot does."""
+
+    name = "rhythm"
+    regime = "everywhere"
+
+    def shapes(self, robot: Robot, operation: Operation, joint: str | None) -> tuple[Shape, ...]:
+        """The two strongest frequencies [Hz] of what is left of the torque."""
+        j = row_of(robot, joint)
+        rest = np.array(operation.rest[:, j])
+        v = operation.v[:, j]
+        plain = np.column_stack([np.ones(len(v)), np.sign(v), v, operation.expected[:, j], operation.q[:, j]])
+        rest = rest - plain @ np.linalg.lstsq(plain, rest, rcond=None)[0]
+        # Four times as long with zeros: the frequency is wanted to a fraction of a line.
+        power = np.abs(np.fft.rfft(rest * np.hanning(len(rest)), 4 * len(rest))) ** 2
+        frequency = np.fft.rfftfreq(4 * len(rest), operation.dt)
+        seconds = operation.t[-1] - operation.t[0]
+        power[(frequency < 4.0 / seconds) | (frequency > 25.0)] = 0.0
+        out = []
+        for _ in range(2):
+            peak = int(np.argmax(power))
+            if power[peak] <= 0:
+                break
+            out.append((float(frequency[peak]),))
+            power[np.abs(frequency - frequency[peak]) < 2.0 / seconds] = 0.0
+        return tuple(out)
+
+    def refined(self, coefficients: Float[Array, " k"], shape: Shape) -> tuple[Shape, ...]:
+        """The frequency that was found."""
+        return (shape,)
+
+    def signature(self, robot: Robot, operation: Operation, joint: str | None, shape: Shape) -> Signature:
+        """Sine and cosine of time."""
+        phase = 2 * np.pi * shape[0] * (operation.t - operation.t[0])
+        return _on_row(robot, joint, [np.sin(phase), np.cos(phase)])
+
+
+class Field(Rival):
+    """A force on one joint that depends on the positions of all: a contact, a cable that catches."""
+
+    name = "field"
+    regime = "posture"
+    contains = ("torque_offset", "parasitic_spring")
+
+    def signature(self, robot: Robot, operation: Operation, joint: str | None, shape: Shape) -> Signature:
+        """Hinge functions of each position, which a contact that starts somewhere leaves."""
+        columns = [np.ones(len(operation.t))]
+        for k in range(robot.nv):
+            q = operation.q[:, k]
+            low, high = np.percentile(q, [2, 98])
+            x = (q - low) / max(high - low, 1e-3)
+            knots = (0.15, 0.3, 0.5, 0.7, 0.85) if k == row_of(robot, joint) else (0.25, 0.75)
+            columns.append(x)
+            columns += [np.maximum(x - knot, 0.0) for knot in knots]
+        return _on_row(robot, joint, columns)
+
+
+class Contact(Rival):
+    """A spring on one joint that acts on one side of a position only."""
+
+    name = "contact"
+    regime = "posture"
+
+    def shapes(self, robot: Robot, operation: Operation, joint: str | None) -> tuple[Shape, ...]:
+        """Positions over the travel, and on which side of them."""
+        low, high = np.percentile(operation.q[:, row_of(robot, joint)], [1, 99])
+        return tuple(
+            (low + part * (high - low), side) for side in (-1.0, 1.0) for part in (0.15, 0.32, 0.5, 0.68, 0.85)
+        )
+
+    def refined(self, coefficients: Float[Array, " k"], shape: Shape) -> tuple[Shape, ...]:
+        """The same position, and some before and after."""
+        return tuple((shape[0] + step, shape[1]) for step in (-0.1, -0.03, 0.0, 0.03, 0.1))
+
+    def signature(self, robot: Robot, operation: Operation, joint: str | None, shape: Shape) -> Signature:
+        """How deep the joint is in."""
+        q = operation.q[:, row_of(robot, joint)]
+        return _on_row(robot, joint, [np.maximum(shape[1] * (q - shape[0]), 0.0)])
+
+
+class Supply(Rival):
+    """Drives that give less when all of them together ask for more, one of them or all alike."""
+
+    name = "supply"
+    scope = "either"
+    regime = "high_load"
+    contains = ("torque_constant",)
+    uses_acceleration = True
+
+    def shapes(self, robot: Robot, operation: Operation, joint: str | None) -> tuple[Shape, ...]:
+        """How long [s] a supply takes to give way."""
+        return ((0.03,), (0.1,), (0.3,))
+
+    def signature(self, robot: Robot, operation: Operation, joint: str | None, shape: Shape) -> Signature:
+        """Modelled torque, and the same times the load of all joints; of one joint also the power and its own load."""
+        tau = operation.tau
+        load = _scaled(_followed(np.abs(tau).sum(axis=1), operation.dt, shape[0]))
+        if joint is None:
+            columns = np.stack([tau, tau * load[:, None]], axis=-1)
+            return Signature(tuple(range(robot.nv)), columns, ("gain", "sag"), ("1", "1"))
+        power = _scaled(_followed(np.maximum((tau * operation.v).sum(axis=1), 0.0), operation.dt, shape[0]))
+        own = _scaled(tau[:, row_of(robot, joint)])
+        return _on_row(robot, joint, [own, own * load, own * power, own * np.abs(own)])
+
+
+def _followed(x: Float[Array, " N"], dt: float, seconds: float) -> Float[Array, " N"]:
+    """``x`` behind a first-order lag."""
+    step = -np.expm1(-dt / seconds)
+    return np.asarray(lfilter([step], [1.0, step - 1.0], x, zi=[(1.0 - step) * x[0]])[0])
+
+
+STRUCTURES: tuple[Rival, ...] = (
+    Drift("drifting_offset", "torque_offset"),
+    Drift("drifting_friction", "coulomb_friction"),
+    Drift("drifting_damping", "viscous_friction"),
+    Drift("drifting_gain", "torque_constant"),
+    Rhythm(),
+    Field(),
+    Contact(),
+    Supply(),
+)

@@ -1,0 +1,149 @@
+"""Rivals: one effect in one place with one shape, and where a fit has found one."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+from jaxtyping import Float
+
+from identification.diagnosis.model.structure import STRUCTURES
+from phantom_dyn.effects.catalogue import EFFECTS
+from phantom_dyn.effects.effect import Effect, Rival, Shape
+from phantom_dyn.effects.operation import Operation
+from phantom_dyn.model.robot import Robot
+
+Array = np.ndarray
+# What an operation has one row a sample of.
+SERIES = ("t", "q", "v", "a", "tau", "expected", "logged")
+
+
+@dataclass(frozen=True)
+class KnownEffect:
+    """An effect that an earlier diagnosis added to the model, with the contract's parameters in order."""
+
+    effect: str
+    joint: str | None
+    theta: tuple[float, ...]
+
+
+@dataclass(frozen=True)
+class FoundEffect:
+    """An effect that the last fit has found: the point about which laws that are not linear are taken next.
+
+    Attributes:
+        effect: Of the catalogue, or a structure that has no name there.
+        joint: Its joint, None for the whole robot.
+        shape: Its shape in that fit.
+        coefficients: Of its columns.
+    """
+
+    effect: Rival
+    joint: str | None
+    shape: Shape
+    coefficients: Float[Array, " k"]
+
+    @property
+    def place(self) -> tuple[str, str | None]:
+        """Effect and joint, whatever the shape."""
+        return self.effect.name, self.joint
+
+
+@dataclass(frozen=True, eq=False)
+class Term:
+    """One effect in one place with one shape, and the columns that it sets free.
+
+    Attributes:
+        effect: Of the catalogue, or a structure that has no name there.
+        joint: Its joint, None for the whole robot.
+        shape: What the torque is not linear in, () if there is nothing.
+        columns: Indices among all columns.
+        size: Number of parameters that it adds.
+        lower, upper: Bounds of each coefficient.
+    """
+
+    effect: Rival
+    joint: str | None
+    shape: Shape
+    columns: tuple[int, ...]
+    size: int
+    lower: tuple[float, ...]
+    upper: tuple[float, ...]
+
+    @property
+    def place(self) -> tuple[str, str | None]:
+        """Effect and joint, whatever the shape."""
+        return self.effect.name, self.joint
+
+    @cached_property
+    def column_set(self) -> frozenset[int]:
+        """Its columns without an order."""
+        return frozenset(self.columns)
+
+    @property
+    def named(self) -> bool:
+        """False for a structure that the catalogue has no name for."""
+        return isinstance(self.effect, Effect)
+
+
+def shapes_of(
+    robot: Robot,
+    operation: Operation,
+    found: tuple[FoundEffect, ...],
+    seen: tuple[FoundEffect, ...] = (),
+    own: tuple[Effect, ...] = (),
+) -> tuple[tuple[Rival, str | None, tuple[Shape, ...]], ...]:
+    """Effects, places and shapes to try in a recording that can show them.
+
+    Args:
+        robot: Says what can be where.
+        operation: Of all recordings.
+        found: By the last fit; shapes near these take the place of the effect's grid.
+        seen: By an experiment of its own; these stand beside the grid.
+        own: Effects that act in one of several recordings only.
+    """
+    near = {(point.effect.name, point.joint): point for point in found}
+    out = []
+    for effect in (*EFFECTS, *own, *STRUCTURES):
+        for joint in effect.places(robot):
+            if effect.untestable(robot, operation, joint) is not None:
+                continue
+            point = near.get((effect.name, joint))
+            if point is None:
+                beside = (point.shape for point in seen if point.place == (effect.name, joint))
+                shapes = (*effect.shapes(robot, operation, joint), *beside)
+            else:
+                shapes = effect.refined(point.coefficients, point.shape)
+            out.append((effect, joint, tuple(shapes)))
+    return tuple(out)
+
+
+def untestable_places(robot: Robot, operation: Operation) -> tuple[tuple[str, str | None, str], ...]:
+    """Effects and places that a recording like this cannot show, and why, in words."""
+    out = []
+    for effect in EFFECTS:
+        for joint in effect.places(robot):
+            why = effect.untestable(robot, operation, joint)
+            if why is not None:
+                out.append((effect.name, joint, why))
+    return tuple(out)
+
+
+def merged(operations: tuple[Operation, ...]) -> Operation:
+    """All operations one after the other, as one that is used for ranges and periodograms only."""
+    if len(operations) == 1:
+        return operations[0]
+    start, times = 0.0, []
+    for operation in operations:
+        times.append(operation.t - operation.t[0] + start)
+        start = float(times[-1][-1]) + operation.dt
+    q, v, a, tau, expected, logged = (np.concatenate([getattr(o, name) for o in operations]) for name in SERIES[1:])
+    rest = np.concatenate([o.rest for o in operations])
+    return Operation(np.concatenate(times), q, v, a, operations[0].robot, tau, expected, logged, rest)
+
+
+def ordered(terms: Iterable[Term]) -> tuple[Term, ...]:
+    """Terms in the order of their columns, so that results do not depend on the order of a set."""
+    return tuple(sorted(terms, key=lambda term: (term.columns, term.place[0])))

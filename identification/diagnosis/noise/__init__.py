@@ -1,0 +1,1 @@
+"""Noise of a residual, and what chance and encoders feign."""

@@ -1,0 +1,176 @@
+"""What the noise of the encoders does: torque that is not there, and gains of effects that are not there.
+
+Columns and modelled torque are made of the same measured positions. Their common noise lets a fit explain noise by
+noise (errors in variables), which no resampling of residuals shows. So the recording is made again: its smooth motion
+is taken for the truth, fresh encoder noise of the same kind is laid on it, and all is computed anew.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from jaxtyping import Float
+
+from identification.data.log import Log
+from identification.data.recording import Recording
+from identification.data.signals import differentiate, motion_edge
+from identification.diagnosis.fit.blocks import build_grams
+from identification.diagnosis.fit.fitting import fit
+from identification.diagnosis.fit.problem import set_up
+from identification.diagnosis.fit.projection import beside, gain_of
+from identification.diagnosis.model.columns import Columns, build_columns
+from identification.diagnosis.model.own_effects import Apart
+from identification.diagnosis.model.terms import KnownEffect
+from identification.diagnosis.noise.noise_floor import rms
+from identification.diagnosis.noise.whitening import whitened
+from identification.diagnosis.search.search import Search
+from phantom_dyn.dynamics.dynamics import inverse_dynamics
+from phantom_dyn.effects.encoder.encoder_quantization import coarse_step, stated_step, step_of
+from phantom_dyn.effects.operation import Operation
+from phantom_dyn.model.robot import Robot
+from phantom_dyn.motion import Motion
+
+Array = np.ndarray
+
+# A step that is this many times the stated one is coarser than stated.
+_COARSER = 1.5
+# Step of an encoder without noise.
+_FINE = 1e-12
+
+
+@dataclass(frozen=True)
+class Coarse:
+    """A joint whose readings lie on a coarser lattice than stated.
+
+    Attributes:
+        row: Which joint.
+        step: Of the readings [rad or m].
+        torque: For each log, torque in the band that the rounding beyond the stated one is taken for, ``(n, nv)``.
+    """
+
+    row: int
+    step: float
+    torque: tuple[Float[Array, "n nv"], ...]
+
+
+def read_again(log: Log, operation: Operation, steps: tuple[float | None, ...], rng: np.random.Generator) -> Log:
+    """A log of the same motion with other encoder noise, driven by the torque that the given model needs for it.
+
+    Args:
+        log: A recording.
+        operation: Its motion, taken for the true one, and the model's torque.
+        steps: Of each joint's readings where they lie on a lattice; else the noise is what smoothing takes off.
+        rng: Draws where on its lattice an encoder starts.
+    """
+    motion, count = log.motion, len(log.motion.t)
+    noise = np.zeros_like(motion.q)
+    for j, step in enumerate(steps):
+        if step is not None:
+            start = rng.uniform(0, step)
+            noise[:, j] = np.round((motion.q[:, j] - start) / step) * step + start - motion.q[:, j]
+        elif log.raw_q is not None:
+            noise[:, j] = np.roll(log.raw_q[:, j] - motion.q[:, j], int(rng.integers(count // 4, count // 2)))
+    q, v, a = differentiate(motion.q + noise, log.band.rate_hz, motion_edge(log.band))
+    return replace(log, motion=Motion(motion.t, q, v, a), tau=operation.tau, raw_q=motion.q + noise)
+
+
+def reading_steps(robot: Robot, recordings: tuple[Recording, ...]) -> tuple[float | None, ...]:
+    """Step of each joint's lattice of readings, the coarsest over the recordings; None where there is none."""
+    out: list[float | None] = []
+    for j in range(robot.nv):
+        stated = stated_step(robot, j)
+        steps = [_step(recording.q[:, j], stated) for recording in recordings]
+        known = [step for step in steps if step is not None]
+        out.append(max(known) if len(known) == len(steps) else None)
+    return tuple(out)
+
+
+def _step(readings: Float[Array, " N"], stated: float | None) -> float | None:
+    """The coarser of the step of the lattice and the step about which the readings gather."""
+    lattice = step_of(readings, stated)
+    gathered = None if stated is None else coarse_step(readings, stated)
+    known = [step for step in (lattice, gathered) if step is not None]
+    return max(known, default=None)
+
+
+def coarse_joints(
+    robot: Robot, columns: Columns, logs: tuple[Log, ...], steps: tuple[float | None, ...]
+) -> tuple[Coarse, ...]:
+    """Joints that are read more coarsely than stated, and what that does to the torque."""
+    out = []
+    for j, step in enumerate(steps):
+        stated = stated_step(robot, j)
+        if step is None or stated is None or step < _COARSER * stated:
+            continue
+        torque = []
+        for log, operation in zip(logs, columns.operations, strict=True):
+            alone = tuple(step if k == j else _FINE for k in range(robot.nv))
+            rough = read_again(log, operation, alone, np.random.default_rng(20260106)).motion
+            error = log.band(inverse_dynamics(operation.robot, rough) - inverse_dynamics(operation.robot, log.motion))
+            # Noise that the stated step would have made is no gap.
+            torque.append(error * np.sqrt(1.0 - min((stated / step) ** 2, 1.0)))
+        out.append(Coarse(j, step, tuple(torque)))
+    return tuple(out)
+
+
+def columns_read_again(
+    robot: Robot,
+    columns: Columns,
+    logs: tuple[Log, ...],
+    cutoff_hz: float,
+    steps: tuple[float | None, ...],
+    known: tuple[KnownEffect, ...],
+) -> Columns:
+    """The same columns of a robot without a gap whose encoders are as noisy as these; its residual is their noise.
+
+    Args:
+        robot: The given model.
+        columns: Of the recordings.
+        logs: The recordings.
+        cutoff_hz: Edge of the judged band.
+        steps: Of the readings, see `reading_steps`.
+        known: Effects that belong to the model.
+    """
+    rng = np.random.default_rng(20260107)
+    again = tuple(read_again(log, o, steps, rng) for log, o in zip(logs, columns.operations, strict=True))
+    apart = Apart(tuple(operation.robot for operation in columns.operations))
+    return build_columns(robot, again, cutoff_hz, known, like=columns, apart=apart)
+
+
+def at_least_encoder_noise(noise: tuple[Float[Array, "n nv"], ...], again: Columns) -> tuple[Float[Array, "n nv"], ...]:
+    """Noise of each row, that of the encoders where the estimate is below it.
+
+    Free fits explain encoder noise by columns that share it, and so take noise for less than it is.
+    """
+    out = [part.copy() for part in noise]
+    for j in range(noise[0].shape[1]):
+        use = [u[:, j] for u in again.usable]
+        encoders = [r[:, j] for r in again.residual]
+        if rms([e[:, j][u] for e, u in zip(noise, use, strict=True)]) < rms(
+            [r[u] for r, u in zip(encoders, use, strict=True)]
+        ):
+            for k, r in enumerate(encoders):
+                out[k][:, j] = np.where(use[k], r, 0.0)
+    return tuple(out)
+
+
+def spurious_gains(
+    search: Search, again: Columns, noise: tuple[Float[Array, "n nv"], ...]
+) -> dict[tuple[str, str | None], float]:
+    """What each effect gains, in sample, from encoder noise alone.
+
+    Args:
+        search: Rivals, weights and noise of the recordings.
+        again: Of `columns_read_again`.
+        noise: Unpredicted residual, which whitens.
+    """
+    problem = search.problem
+    white, _ = whitened(again, noise)
+    grams = build_grams(white, problem.blocks, problem.grams.fold, problem.weights)
+    null = set_up(again, white, problem.blocks, problem.weights, grams)
+    besides = beside(null, fit(null, (), held_out=False))
+    out: dict[tuple[str, str | None], float] = {}
+    for term in search.terms:
+        out[term.place] = max(gain_of(null, besides, term), out.get(term.place, 0.0))
+    return out

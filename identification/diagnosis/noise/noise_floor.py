@@ -1,0 +1,141 @@
+"""Noise of each joint's residual, from the data themselves."""
+
+from __future__ import annotations
+
+import numpy as np
+from jaxtyping import Float, Int
+
+from identification.data.log import Log
+from identification.diagnosis.fit.blocks import Block, Weights
+from identification.diagnosis.fit.flexible import held_out_ridge, state_features
+from identification.diagnosis.fit.gap import held_out_torque, residual_after
+from identification.diagnosis.model.columns import Columns
+from identification.diagnosis.model.terms import Term
+from identification.diagnosis.noise.whitening import whitened_noise
+from identification.diagnosis.numerics.two_threads import two_at_a_time
+from identification.diagnosis.search.search import Search
+
+Array = np.ndarray
+
+
+def autocorrelation_time(e: Float[Array, " n"]) -> float:
+    """Samples of ``e`` that tell as much as one independent sample: ``1 + 2 sum of autocorrelations``.
+
+    The sum stops where the autocorrelation of a pair of lags first turns negative (Geyer's initial positive
+    sequence), which keeps it from adding noise.
+    """
+    n = len(e)
+    if n < 8 or not np.any(e):
+        return 1.0
+    centred = e - e.mean()
+    spectrum = np.abs(np.fft.rfft(centred, 2 * n)) ** 2
+    r = np.fft.irfft(spectrum)[: n // 2]
+    r = r / r[0]
+    pairs = r[: len(r) // 2 * 2].reshape(-1, 2).sum(axis=1)
+    negative = np.flatnonzero(pairs <= 0)
+    stop = int(negative[0]) if len(negative) else len(pairs)
+    return float(max(1.0, 2 * pairs[:stop].sum() - 1.0))
+
+
+def estimate_noise(
+    columns: Columns, logs: tuple[Log, ...], blocks: tuple[Block, ...], folds: Int[Array, " B"]
+) -> tuple[Float[Array, "n nv"], ...]:
+    """What no model here predicts of each row's residual, for each log ``(n, nv)``; zero where it is not usable.
+
+    Each row's residual is predicted from all columns at once, and from all columns and the flexible features; the
+    better of the two leaves the noise. Both are judged on blocks that they have not seen.
+    """
+
+    def unpredicted(j: int) -> list[Float[Array, " n"]]:
+        y = [r[:, j] for r in columns.residual]
+        use = [u[:, j] for u in columns.usable]
+        plain = [values[j] for values in columns.values]
+        rich = [
+            np.column_stack([x, state_features(columns, log, k, j)])
+            for k, (x, log) in enumerate(zip(plain, logs, strict=True))
+        ]
+        predicted, _ = held_out_ridge(rich, y, use, blocks, folds, first=(plain[0].shape[1],))
+        return [np.where(u, given - p, 0.0) for u, given, p in zip(use, y, predicted, strict=True)]
+
+    rows = two_at_a_time(unpredicted, range(len(columns.rows)))
+    return tuple(np.column_stack(parts) for parts in zip(*rows, strict=True))
+
+
+def weights_of(white: Columns, noise: tuple[Float[Array, "n nv"], ...]) -> Weights:
+    """Size and remaining colour of the noise of each row after whitening.
+
+    A residual of exactly zero (a simulated robot without noise) would make a weight infinite, so a noise is at least a
+    millionth of the modelled torque.
+    """
+    rows = len(white.rows)
+    floor, spread = np.zeros(rows), np.ones(rows)
+    for j in range(rows):
+        parts = [e[:, j][u[:, j]] for e, u in zip(noise, white.usable, strict=True)]
+        drive = max(float(np.std(np.concatenate([t[:, j] for t in white.model_torque]))), 1e-12)
+        floor[j] = max(rms(parts), 1e-6 * drive)
+        spread[j] = np.mean([autocorrelation_time(e) for e in parts])
+    return Weights(floor, spread)
+
+
+def rms(parts: list[Float[Array, " n"]]) -> float:
+    """Root mean square over several series; zero if they are empty."""
+    joined = np.concatenate(parts)
+    return float(np.sqrt(np.mean(joined**2))) if len(joined) else 0.0
+
+
+def smaller_noise(
+    search: Search, chosen: frozenset[Term], noise: tuple[Float[Array, "n nv"], ...]
+) -> tuple[tuple[Float[Array, "n nv"], ...], float]:
+    """Noise with the rows replaced on which the chosen effects leave less, on held-out blocks, than the free fits did.
+
+    Free fits overfit where recordings are short.
+
+    Returns:
+        The noise, and the smallest ratio of new to old over the rows.
+    """
+    problem = search.problem
+    rest = residual_after(problem, held_out_torque(problem, chosen, search.evaluate(chosen)))
+    left = [part.copy() for part in noise]
+    ratio = 1.0
+    for j in range(len(problem.columns.rows)):
+        use = [u[:, j] for u in problem.columns.usable]
+        new = rms([r[:, j][u] for r, u in zip(rest, use, strict=True)])
+        old = rms([e[:, j][u] for e, u in zip(noise, use, strict=True)])
+        if 0 < new < old:
+            ratio = min(ratio, new / old)
+            for k, r in enumerate(rest):
+                left[k][:, j] = np.where(use[k], r[:, j], 0.0)
+    return tuple(left), ratio
+
+
+def noise_without(
+    search: Search, tried: frozenset[Term], chosen: frozenset[Term], noise: tuple[Float[Array, "n nv"], ...]
+) -> tuple[tuple[Float[Array, "n nv"], ...], float]:
+    """Noise without the trace that what ``tried`` has beyond ``chosen`` has left in it.
+
+    Free fits with many columns do not predict an effect in full on blocks that they have not seen; the rest is taken
+    for noise. The trace is what fits of the effect predict on such blocks, and the share of it that the noise holds is
+    that of least squares once the noise is white.
+
+    Returns:
+        The noise, and by how much its whitened, weighed square shrinks.
+    """
+    problem = search.problem
+    with_it, without = (held_out_torque(problem, terms, search.evaluate(terms)) for terms in (tried, chosen))
+    trace = tuple(a - b for a, b in zip(with_it, without, strict=True))
+    white = whitened_noise(problem.columns, noise)
+    white_trace = whitened_noise(problem.columns, trace, like=noise)
+    left, gain = [part.copy() for part in noise], 0.0
+    for j, weight in enumerate(problem.weights.per_sample):
+        use = [usable[:, j] for usable in problem.white.usable]
+        e, x = (
+            np.concatenate([part[u, j] for part, u in zip(series, use, strict=True)]) for series in (white, white_trace)
+        )
+        common, energy = float(x @ e), float(x @ x)
+        if common <= 0:
+            continue
+        share = min(common / energy, 1.0)
+        gain += weight * share * (2.0 * common - share * energy)
+        for part, own, usable in zip(left, trace, problem.columns.usable, strict=True):
+            part[:, j] -= share * np.where(usable[:, j], own[:, j], 0.0)
+    return tuple(left), gain

@@ -1,0 +1,115 @@
+"""Noise made white: each row through one short filter, so that every frequency counts by how little noise it has.
+
+Encoder noise grows with the fourth power of frequency in a torque residual, disturbances fall off. A narrow band would
+lose what friction leaves at high frequencies, a wide one would drown what inertias leave at low ones; whitened, a wide
+band loses neither (generalised least squares with an autoregressive noise model).
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+from jaxtyping import Bool, Float
+
+from identification.diagnosis.model.columns import Columns
+from identification.diagnosis.numerics.two_threads import two_at_a_time
+
+Array = np.ndarray
+
+_ORDER = 8
+
+
+def noise_filter(e: list[Float[Array, " n"]]) -> Float[Array, " m"]:
+    """Finite filter ``1, -a_1 .. -a_8`` that whitens series of one noise, by the Yule-Walker equations."""
+    count = sum(len(part) for part in e)
+    lags = np.zeros(_ORDER + 1)
+    for part in e:
+        for lag in range(min(_ORDER + 1, len(part))):
+            lags[lag] += part[lag:] @ part[: len(part) - lag]
+    if count < 20 * _ORDER or lags[0] == 0:
+        return np.array([1.0])
+    # A millionth of the variance keeps the equations solvable for noise that is nothing but low frequencies.
+    matrix = lags[np.abs(np.subtract.outer(np.arange(_ORDER), np.arange(_ORDER)))] + 1e-6 * lags[0] * np.eye(_ORDER)
+    return np.concatenate([[1.0], -np.linalg.solve(matrix, lags[1:])])
+
+
+def filtered(kernel: Float[Array, " m"], x: Float[Array, "n ..."]) -> Float[Array, "n ..."]:
+    """``x`` through a causal finite filter along time; the first samples see zeros before them."""
+    out = kernel[0] * x
+    for lag in range(1, len(kernel)):
+        out[lag:] += kernel[lag] * x[:-lag]
+    return out
+
+
+def whitened(
+    columns: Columns, noise: tuple[Float[Array, "n nv"], ...]
+) -> tuple[Columns, tuple[Float[Array, "n nv"], ...]]:
+    """The same columns, residual and modelled torque with the noise of each row white, and that noise.
+
+    Samples in doubt count less, as if their noise were larger by that.
+
+    Args:
+        columns: As computed.
+        noise: What no model predicts of the residual, for each log ``(n, nv)``; zero where a sample is not usable.
+    """
+    rows = range(len(columns.rows))
+    kernels = _kernels(noise)
+    trust = _trust(columns, kernels, noise)
+    values, residual, torque, usable = [], [], [], []
+    for log in range(len(columns.values)):
+        own, counts = columns.values[log], trust[log]
+        values.append(
+            tuple(two_at_a_time(lambda j, own=own, c=counts: filtered(kernels[j], own[j]) * c[:, j : j + 1], rows))
+        )
+        residual.append(_white(kernels, columns.residual[log]) * counts)
+        torque.append(_white(kernels, columns.model_torque[log]) * counts)
+        usable.append(np.column_stack([_reached(len(kernels[j]), columns.usable[log][:, j]) for j in rows]))
+    white = replace(
+        columns, values=tuple(values), residual=tuple(residual), model_torque=tuple(torque), usable=tuple(usable)
+    )
+    return white, tuple(_white(kernels, part) * counts for part, counts in zip(noise, trust, strict=True))
+
+
+def whitened_noise(
+    columns: Columns,
+    noise: tuple[Float[Array, "n nv"], ...],
+    like: tuple[Float[Array, "n nv"], ...] | None = None,
+) -> tuple[Float[Array, "n nv"], ...]:
+    """The noise of each log as `whitened` makes it, or another series if ``like`` is the noise."""
+    whitens = noise if like is None else like
+    kernels = _kernels(whitens)
+    trust = _trust(columns, kernels, whitens)
+    return tuple(_white(kernels, part) * counts for part, counts in zip(noise, trust, strict=True))
+
+
+def _kernels(noise: tuple[Float[Array, "n nv"], ...]) -> list[Float[Array, " m"]]:
+    return [noise_filter([part[:, j] for part in noise]) for j in range(noise[0].shape[1])]
+
+
+def _white(kernels: list[Float[Array, " m"]], series: Float[Array, "n nv"]) -> Float[Array, "n nv"]:
+    return np.column_stack([filtered(kernel, series[:, j]) for j, kernel in enumerate(kernels)])
+
+
+def _trust(
+    columns: Columns, kernels: list[Float[Array, " m"]], noise: tuple[Float[Array, "n nv"], ...]
+) -> list[Float[Array, "n nv"]]:
+    """What each sample counts: its noise over noise and doubt together, of mean square one on each row."""
+    white = [_white(kernels, part) ** 2 for part in noise]
+    doubt = [_white(kernels, part) ** 2 for part in columns.doubt]
+    total = sum(np.where(use, w, 0.0).sum(axis=0) for w, use in zip(white, columns.usable, strict=True))
+    count = sum(use.sum(axis=0) for use in columns.usable)
+    variance = np.maximum(total / np.maximum(count, 1), 1e-300)
+    share = [variance / (variance + d) for d in doubt]
+    mean = sum(np.where(use, s, 0.0).sum(axis=0) for s, use in zip(share, columns.usable, strict=True))
+    mean = np.maximum(mean / np.maximum(count, 1), 1e-300)
+    return [np.sqrt(s / mean) for s in share]
+
+
+def _reached(length: int, usable: Bool[Array, " n"]) -> Bool[Array, " n"]:
+    """Usable samples whose filter reaches back to usable samples only."""
+    out = usable.copy()
+    out[: length - 1] = False
+    for lag in range(1, length):
+        out[lag:] &= usable[:-lag]
+    return out

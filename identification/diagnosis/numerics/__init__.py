@@ -1,0 +1,1 @@
+"""Small numerical tools: bounded least squares, two threads."""

@@ -1,0 +1,1 @@
+"""Which set of effects explains the recordings, and what else may."""

@@ -1,0 +1,78 @@
+"""About which effects laws that are not linear are taken again: those that a fit has found, and their runners-up."""
+
+from __future__ import annotations
+
+from identification.diagnosis.fit.fitting import Fitted
+from identification.diagnosis.model.terms import FoundEffect, Term, ordered
+from identification.diagnosis.search.search import Search, possible, with_term
+
+# A rival is a runner-up with this share of the gain of the finding in whose place it stands, or of the threshold.
+_CLOSE = 0.8
+# How many of them are taken in the place of one finding.
+_MOST_CLOSE = 3
+# Shapes that differ by less are the same point to take a law about.
+_SAME_SHAPE = 0.03
+
+
+def found_effects(fitted: Fitted, chosen: frozenset[Term]) -> tuple[FoundEffect, ...]:
+    """What a fit has found, as points to take laws about."""
+    return tuple(_point(fitted, term) for term in ordered(chosen))
+
+
+def runners_up(search: Search, chosen: frozenset[Term]) -> tuple[FoundEffect, ...]:
+    """Rivals with a shape that do nearly as well as a finding, or nearly well enough to be one.
+
+    A grid of shapes is coarse, and a first-order law is wrong where an effect is large: the truth may come second to
+    something richer for no other reason.
+    """
+    taken = {term.place for term in chosen}
+    shaped = tuple(term for term in search.terms if term.named and term.shape and term.place not in taken)
+    out: dict[tuple[str, str | None], FoundEffect] = {}
+    for finding in (None, *ordered(chosen)):
+        rest = chosen - {finding}
+        won = None if finding is None else search.gains(rest, (finding,))[finding]
+        rivals = tuple(term for term in shaped if possible(rest, term))
+        gains = search.gains(rest, rivals)
+        best: dict[tuple[str, str | None], Term] = {}
+        for term in sorted(rivals, key=lambda term: -gains[term]):
+            if gains[term] >= _CLOSE * (search.threshold.of(term) if won is None else won) and len(best) < _MOST_CLOSE:
+                best.setdefault(term.place, term)
+        for place, term in best.items():
+            out.setdefault(place, _point(search.evaluate(with_term(rest, term)), term))
+    return tuple(out.values())
+
+
+def needs_refinement(found: tuple[FoundEffect, ...]) -> bool:
+    """True if a law is not linear in its parameters, or made of a torque that the other findings change."""
+    return any(point.shape or point.effect.follows_torque for point in found)
+
+
+def unchanged(found: tuple[FoundEffect, ...], before: tuple[FoundEffect, ...]) -> bool:
+    """True if laws would be taken about the same points again."""
+    names = [[(*point.place, len(point.shape)) for point in points] for points in (found, before)]
+    if names[0] != names[1]:
+        return False
+    return all(
+        abs(x - y) <= _SAME_SHAPE * abs(y)
+        for a, b in zip(found, before, strict=True)
+        for x, y in zip(a.shape, b.shape, strict=True)
+    )
+
+
+def same_effects(search: Search, found: tuple[FoundEffect, ...]) -> frozenset[Term]:
+    """The terms of a new search that stand where an earlier one has found effects, with the shape nearest to it."""
+    out = []
+    for point in found:
+        here = [term for term in search.terms if term.place == (point.effect.name, point.joint)]
+        if here:
+            out.append(min(here, key=lambda term: (abs(len(term.shape) - len(point.shape)), _apart(term, point))))
+    return frozenset(out)
+
+
+def _point(fitted: Fitted, term: Term) -> FoundEffect:
+    return FoundEffect(term.effect, term.joint, term.shape, fitted.theta[list(term.columns)])
+
+
+def _apart(term: Term, point: FoundEffect) -> float:
+    """How far two shapes of one effect are apart."""
+    return sum(abs(a - b) for a, b in zip(term.shape, point.shape, strict=False))

@@ -1,0 +1,206 @@
+"""What else a finding may be: sets of effects that explain the same held-out data, and how often each one wins."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from jaxtyping import Float
+
+from identification.diagnosis.fit.projection import taken_out
+from identification.diagnosis.model.terms import Term, ordered
+from identification.diagnosis.result import EffectAt, Rival
+from identification.diagnosis.search.search import ACCURACY, Search, contains
+from identification.diagnosis.search.swaps import explained, relevant, replaced
+
+Array = np.ndarray
+
+REPLICATES = 1000
+_LISTED = 0.05
+# A rival that wins this many times as often as the finding takes its place.
+_OUTDONE = 1.5
+# Looks at all findings in turn.
+_LOOKS = 3
+# A rival that is this much worse in sample (ten standard deviations of one parameter) wins no replicate.
+_FAR = 100.0
+# Share of the torque that was found which a further parameter of a richer law is expected to carry.
+_EXPECTED = 0.5
+# Held-out losses that differ by less (in units of one squared standard deviation) are the same predictions.
+_SAME = 0.05
+
+
+@dataclass(frozen=True)
+class Standing:
+    """How a finding stands against its rivals.
+
+    Attributes:
+        probability: Its own share of wins.
+        rivals: Theirs, the likeliest first.
+        instead: The whole set with the likeliest rival in the finding's place, None if there is no rival.
+    """
+
+    probability: float
+    rivals: tuple[Rival, ...]
+    instead: frozenset[Term] | None = None
+
+
+def block_counts(blocks: int, rng: np.random.Generator) -> Float[Array, "R B"]:
+    """How often each block is drawn in each of a thousand bootstrap replicates."""
+    draws = rng.integers(0, blocks, size=(REPLICATES, blocks))
+    return np.apply_along_axis(np.bincount, 1, draws, minlength=blocks).astype(float)
+
+
+def stand(search: Search, chosen: frozenset[Term], term: Term) -> Standing:
+    """Compare a finding with everything that could stand in its place.
+
+    A richer effect that contains the finding is a rival only if its extra parameters lower the held-out loss, and wins
+    a replicate only if they earn there their price and what the method is accurate to; predictions that are the same
+    share their wins. It needs no more than that: what chance gives over the whole catalogue is no measure of laws
+    of one kind on one joint.
+    """
+    base, accuracy = search.evaluate(chosen), ACCURACY * explained(search, chosen, term)
+    options: dict[frozenset[Term], Array] = {chosen: base.loss}
+    names: dict[frozenset[Term], frozenset[Term]] = {}
+    richer_laws: list[tuple[frozenset[Term], frozenset[Term]]] = []
+    for others in relevant(search, chosen, term, _FAR):
+        if not all(other.named for other in others):
+            continue
+        swapped = replaced(chosen, term, others)
+        if swapped in options or not others <= swapped:
+            continue
+        if _hopeless(search, chosen, swapped):
+            continue
+        found = search.evaluate(swapped)
+        richer = any(contains(other, term) for other in others) and search.sizes_of(others) > search.sizes[term]
+        if richer:
+            richer_laws.append((others, swapped))
+        if richer and found.total >= base.total:
+            continue
+        options[swapped] = found.loss + (accuracy / len(found.loss) if richer else 0.0)
+        names[swapped] = others
+    same = {}
+    for others, swapped in _twins(search, chosen, term):
+        options[swapped], same[swapped] = base.loss, chosen
+        names[swapped] = others
+    if len(options) == 1 and not richer_laws:
+        return Standing(1.0, ())
+    keys = list(options)
+    counts = block_counts(len(base.loss), np.random.default_rng(20260103))
+    losses = counts @ np.array([options[key] for key in keys]).T
+    costs = _costs(search, [same.get(key, key) for key in keys])
+    shares = _by_place(term, keys, names, np.mean([_wins(losses + cost) for cost in costs], axis=0))
+    for others, swapped in richer_laws:
+        place = tuple(other.place for other in ordered(others))
+        odds = min(odds_of_richer(search, chosen, swapped), 1.0)
+        shares[place] = max(shares.get(place, 0.0), odds * shares[()])
+    own = shares[()]
+    kept = {effects: share for effects, share in shares.items() if share >= _LISTED and effects}
+    # Odds of richer laws come on top of the shares, so that all may be more than one.
+    while kept and min(kept.values()) < _LISTED * (own + sum(kept.values())):
+        del kept[min(kept, key=lambda effects: kept[effects])]
+    total = own + sum(kept.values())
+    rivals = tuple(
+        Rival(tuple(EffectAt(*place) for place in effects), share / total)
+        for effects, share in sorted(kept.items(), key=lambda item: -item[1])
+    )
+    first = next(iter(sorted(kept, key=lambda effects: -kept[effects])), None)
+    there = [key for key in keys[1:] if tuple(other.place for other in ordered(names[key])) == first]
+    return Standing(own / total, rivals, min(there, key=search.score) if there else None)
+
+
+def settled(search: Search, chosen: frozenset[Term]) -> frozenset[Term]:
+    """``chosen`` with findings replaced by the rival that wins more often than they do, if there is one.
+
+    The search compares sums over all blocks; a rival that wins in most bootstrap replicates is the better name. Where
+    one takes a place, the others are looked at again beside it.
+    """
+    for _ in range(_LOOKS):
+        before = chosen
+        for term in ordered(chosen):
+            if not term.named or term not in chosen:
+                continue
+            standing = stand(search, chosen, term)
+            if standing.instead is not None and standing.rivals[0].probability > _OUTDONE * standing.probability:
+                chosen = standing.instead
+        if chosen == before:
+            break
+    return chosen
+
+
+def _costs(search: Search, sets: list[frozenset[Term]]) -> tuple[Float[Array, " m"], Float[Array, " m"]]:
+    """What sets cost in every replicate, in two ways that are both fair: their prices, and moves of the model.
+
+    Either all moves count, or those only that cost four more than the first set's (two tolerances of one quantity), or
+    four less: how wrong a model is within its tolerance is not known that well.
+    """
+    prices = np.array([search.price_of(chosen) for chosen in sets])
+    moves = np.array([search.evaluate(chosen).penalty for chosen in sets])
+    more = moves - moves[0]
+    return prices + more, prices + np.sign(more) * np.maximum(np.abs(more) - 4.0, 0.0)
+
+
+def _wins(scores: Float[Array, "R m"]) -> Float[Array, " m"]:
+    """How often each set has the lowest score of a replicate; equal ones share it."""
+    tied = scores <= scores.min(axis=1, keepdims=True) + _SAME
+    return (tied / tied.sum(axis=1, keepdims=True)).mean(axis=0)
+
+
+def odds_of_richer(search: Search, chosen: frozenset[Term], rich: frozenset[Term]) -> float:
+    """Odds of a richer law of the same kind against what it contains, its further parameters not known beforehand.
+
+    By Laplace's approximation: each further direction is expected to carry some half of the torque that was found. If
+    the data hardly show such a direction beside the tolerances, they cannot say that it is not there.
+    """
+    problem, found = search.problem, search.evaluate(chosen)
+    more = np.array(sorted({k for term in rich - chosen for k in term.columns} - set(found.active.tolist())), dtype=int)
+    old = np.array(sorted({k for term in chosen - rich for k in term.columns}), dtype=int)
+    a = problem.total_a
+    energy = float(found.theta[old] @ a[np.ix_(old, old)] @ found.theta[old])
+    own = np.diag(a)[more]
+    if not len(more) or energy <= 0.0 or not np.all(own > 0.0):
+        return 0.0
+    cross, made, gradient = taken_out(problem, found)
+    left = a[np.ix_(more, more)] - cross[:, more].T @ made[:, more]
+    size = _EXPECTED * np.sqrt(energy / own)
+    shown = np.eye(len(more)) + left * np.outer(size, size)
+    pull = gradient[more] * size
+    log_odds = 0.5 * float(pull @ np.linalg.solve(shown, pull)) - 0.5 * float(np.linalg.slogdet(shown)[1])
+    return float(np.exp(min(log_odds, 0.0)))
+
+
+def _by_place(
+    term: Term, keys: list[frozenset[Term]], names: dict[frozenset[Term], frozenset[Term]], shares: Float[Array, " m"]
+) -> dict[tuple[tuple[str, str | None], ...], float]:
+    """Shares by set of effects and joints, shapes of one effect added up; the finding itself under ``()``."""
+    out: dict[tuple[tuple[str, str | None], ...], float] = {}
+    for key, share in zip(keys, shares, strict=True):
+        place = tuple(other.place for other in ordered(names[key])) if key in names else ()
+        if place == (term.place,):
+            place = ()
+        out[place] = out.get(place, 0.0) + float(share)
+    return out
+
+
+def _hopeless(search: Search, chosen: frozenset[Term], swapped: frozenset[Term]) -> bool:
+    """True if the swap loses by so much, block by block, that it would win no bootstrap replicate."""
+    if search.quick(swapped) > search.quick(chosen) + _FAR:
+        return True
+    found, base = search.evaluate(swapped), search.evaluate(chosen)
+    worse = found.loss - base.loss
+    loss = found.total + search.price_of(swapped) - base.total - search.price_of(chosen)
+    return loss > 4.0 * float(np.sqrt(len(worse)) * worse.std()) + 4.0
+
+
+def _twins(search: Search, chosen: frozenset[Term], term: Term) -> list[tuple[frozenset[Term], frozenset[Term]]]:
+    """Direction-dependent friction without a viscous difference is Coulomb friction plus an offset, exactly."""
+    pair = {"coulomb_friction", "torque_offset"}
+    here = {other.effect.name: other for other in chosen if other.joint == term.joint}
+    if term.effect.name not in pair or not pair <= set(here):
+        return []
+    rich = next(
+        (t for t in search.terms if t.joint == term.joint and pair <= set(t.effect.contains)),
+        None,
+    )
+    if rich is None:
+        return []
+    return [(frozenset([rich]), replaced(chosen, term, frozenset([rich])))]

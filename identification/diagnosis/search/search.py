@@ -1,0 +1,285 @@
+"""Rivals, how sets of them are judged, and what a claim needs: more than chance gives.
+
+What a claim has to gain on held-out data: more than chance gives, over the whole catalogue or on one joint.
+
+Rivals, how sets of them are judged, and what a claim needs.
+"""
+
+from __future__ import annotations
+
+from collections import defaultdict
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import cache
+
+import numpy as np
+from jaxtyping import Float
+
+from identification.diagnosis.fit.fitting import Fitted, Near, fit
+from identification.diagnosis.fit.problem import Problem
+from identification.diagnosis.fit.projection import Beside, beside, gain_of
+from identification.diagnosis.model.terms import Term, ordered
+
+
+@dataclass(frozen=True)
+class Threshold:
+    """Held-out gain below which no effect is claimed: what chance gives over the whole catalogue, or on one joint.
+
+    Attributes:
+        overall: What no effect reaches by chance.
+        joints: The same for the effects of one joint, None for those of no single joint. Noise of a joint that nothing
+            explains raises what chance seems to give there, which is no reason to doubt effects on others.
+    """
+
+    overall: float
+    joints: dict[str | None, float]
+
+    def of(self, *terms: Term) -> float:
+        """For these effects together."""
+        return max((min(self.joints.get(joint_of(term), self.overall), self.overall) for term in terms), default=0.0)
+
+    def lowered(self, other: Threshold) -> Threshold:
+        """The lower one of two, everywhere."""
+        joints = {
+            joint: min(both.joints.get(joint, both.overall) for both in (self, other))
+            for joint in {*self.joints, *other.joints}
+        }
+        return Threshold(min(self.overall, other.overall), joints)
+
+
+def joint_of(term: Term) -> str | None:
+    """The single joint that a term sits on, None if there is none (a coupling sits on two, joined by ``+``)."""
+    return None if term.joint is None or "+" in term.joint else term.joint
+
+
+Array = np.ndarray
+
+# What a parameter has to earn on held-out data, beyond what it costs there, to be preferred to doing without it:
+# about the logarithm of the effective number of samples, as in the Bayesian information criterion.
+PARAMETER_PRICE = 5.0
+# Standard errors over blocks by which a gain has to be positive, unless it is very large.
+SIGNIFICANT = 2.0
+# Or without its best blocks, so many, still as large as it has to be; a structure without a name may act more rarely,
+# as a contact does, since to say that something is unknown is not to blame anything.
+BEST_BLOCKS, _BEST_BLOCKS_NAMELESS = 2, 1
+# Or so many times as large as it has to be.
+LARGE = 10.0
+# A gain has to be this many times what encoder noise alone gives, beyond what chance gives.
+_SPURIOUS = 2.0
+# Alignment, derivatives and the tolerance taken as linear are trusted to 2.6 % of the torque they explain; its square.
+ACCURACY = 0.0007
+# Rivals that are fitted to know their gains in sample: the best ranked, with at least this share of the best gain.
+_MOST_FITTED = 30
+_WORTH_FITTING = 0.2
+
+
+@dataclass(frozen=True)
+class Search:
+    """Rivals of one problem and how sets of them are judged.
+
+    Attributes:
+        problem: What is fitted.
+        terms: All rivals.
+        sizes: Number of parameters that each rival really adds (its rank), by rival.
+        evaluate: Fit with held-out losses of a set of rivals, remembered.
+        quick: Loss in sample of a set of rivals, a tenth of the work; it ranks what is worth evaluating.
+        besides: All columns with what a set can make of them taken out, remembered.
+        displaced: Rivals that give way to one that is added, itself among them, remembered.
+        covering: Rivals that one is a special case of, remembered.
+        threshold: What chance gives.
+        row_thresholds: The same for the part of the gain on each row, ``(nv,)``: what touches a row with a large gap
+            has to close a fair part of it.
+        spurious: What encoder noise alone lets each effect gain.
+    """
+
+    problem: Problem
+    terms: tuple[Term, ...]
+    sizes: dict[Term, int]
+    evaluate: Callable[[frozenset[Term]], Fitted]
+    quick: Callable[[frozenset[Term]], float]
+    besides: Callable[[frozenset[Term]], Beside]
+    displaced: Callable[[Term], frozenset[Term]]
+    covering: Callable[[Term], frozenset[Term]]
+    threshold: Threshold
+    row_thresholds: Float[Array, " nv"]
+    spurious: dict[tuple[str, str | None], float]
+
+    def score(self, chosen: frozenset[Term]) -> float:
+        """Held-out loss plus the price of the parameters; lower is better.
+
+        A hair is added for parameters that add no rank, so that of exact twins the one that says less is named.
+        """
+        return self.evaluate(chosen).total + self.price_of(chosen) + 0.02 * sum(term.size for term in chosen)
+
+    def gains(self, chosen: frozenset[Term], terms: tuple[Term, ...]) -> dict[Term, float]:
+        """What each term gains in sample beside a set, less the price of its parameters.
+
+        All are ranked with the bounds that bind the set held; the best of them are then fitted.
+        """
+        besides = self.besides(chosen)
+        gone = {term: (chosen & self.displaced(term)) - {term} for term in terms}
+        costs = {term: price(self.sizes[term]) - self.price_of(gone[term]) for term in terms}
+        out = {term: gain_of(self.problem, besides, term) - costs[term] for term in terms}
+        ranked = sorted(terms, key=lambda term: -out[term])
+        least = _WORTH_FITTING * max(out[ranked[0]], 0.0) if ranked else 0.0
+        for k, term in enumerate(ranked):
+            if gone[term] or (out[term] > least and (k < _MOST_FITTED or out[term] > 0.8 * out[ranked[0]])):
+                out[term] = self.quick(chosen) - self.quick((chosen - gone[term]) | {term}) - costs[term]
+        return out
+
+    def price_of(self, chosen: frozenset[Term]) -> float:
+        """Price of the parameters of a set."""
+        return sum(price(self.sizes[term]) for term in chosen)
+
+    def sizes_of(self, chosen: frozenset[Term]) -> int:
+        """Number of parameters of a set."""
+        return sum(self.sizes[term] for term in chosen)
+
+
+def price(size: int) -> float:
+    """What an effect with ``size`` parameters has to earn; beyond four, each costs what chance gives it."""
+    return PARAMETER_PRICE * min(size, 4) + max(size - 4, 0)
+
+
+def rank_of(problem: Problem, term: Term) -> int:
+    """Independent directions among a term's columns in these recordings, at most its number of parameters."""
+    index = list(term.columns)
+    a = problem.grams.a.among(np.array(index)).sum(axis=0)
+    scale = np.sqrt(np.diag(a))
+    alive = scale > 1e-9 * max(float(scale.max()), 1e-300)
+    if not alive.any():
+        return 0
+    normal = a[np.ix_(alive, alive)] / np.outer(scale[alive], scale[alive])
+    values = np.linalg.eigvalsh(normal)
+    rank = int(np.sum(values > 1e-7 * values[-1]))
+    return min(rank + (0 if term.effect.shape_is_estimate else len(term.shape)), term.size)
+
+
+def set_up_search(
+    problem: Problem,
+    threshold: Threshold,
+    row_thresholds: Float[Array, " nv"],
+    spurious: dict[tuple[str, str | None], float],
+) -> Search:
+    """A search over all terms that leave any trace in the recordings."""
+    sizes = {term: rank_of(problem, term) for term in problem.columns.terms}
+    terms = tuple(term for term in problem.columns.terms if sizes[term] > 0)
+
+    # Most bounds that bind in one fit bind in the next, and the payload of the last fit is a good start for it.
+    nearby = [Near.nothing(problem)]
+
+    def fitted(chosen: frozenset[Term], held_out: bool) -> Fitted:
+        terms = ordered(chosen)
+        found = fit(problem, terms, held_out=held_out, near=nearby[0])
+        nearby[0] = nearby[0].after(found, terms)
+        return found
+
+    @cache
+    def evaluate(chosen: frozenset[Term]) -> Fitted:
+        return fitted(chosen, True)
+
+    @cache
+    def quick(chosen: frozenset[Term]) -> float:
+        return fitted(chosen, False).objective
+
+    @cache
+    def besides(chosen: frozenset[Term]) -> Beside:
+        return beside(problem, fitted(chosen, False))
+
+    displaced, covering = relations(problem.columns.terms)
+    return Search(
+        problem, terms, sizes, evaluate, quick, besides, displaced, covering, threshold, row_thresholds, spurious
+    )
+
+
+def contains(rich: Term, simple: Term) -> bool:
+    """True if ``simple`` is a special case of ``rich``."""
+    if rich is simple:
+        return False
+    if simple.column_set < rich.column_set:
+        return True
+    if simple.effect.name in rich.effect.contains:
+        return simple.joint == rich.joint or simple.column_set == rich.column_set
+    return False
+
+
+def with_term(chosen: frozenset[Term], term: Term) -> frozenset[Term]:
+    """``chosen`` and ``term``, without its special cases and without the same effect of another shape."""
+    kept = (other for other in chosen if not contains(term, other) and not _exclude(term, other))
+    return frozenset([*kept, term])
+
+
+def _exclude(one: Term, other: Term) -> bool:
+    """The same effect of another shape, or two rich friction laws on one joint, which collapse into the better."""
+    if one.joint != other.joint:
+        return False
+    return one.effect.name == other.effect.name or not set(one.effect.contains).isdisjoint(other.effect.contains)
+
+
+def possible(chosen: frozenset[Term], term: Term) -> bool:
+    """False if ``term`` is there already, or a special case of what is."""
+    return term not in chosen and not any(contains(other, term) for other in chosen)
+
+
+def relations(terms: tuple[Term, ...]) -> tuple[Callable[[Term], frozenset[Term]], Callable[[Term], frozenset[Term]]]:
+    """For one of these terms, those that give way to it, itself among them, and those that contain it."""
+    near: dict[object, list[Term]] = defaultdict(list)
+    for term in terms:
+        # Only terms on one joint or with common columns have anything to do with each other.
+        for key in (("joint", term.joint), *term.columns):
+            near[key].append(term)
+
+    def related(term: Term) -> set[Term]:
+        return {other for key in (("joint", term.joint), *term.columns) for other in near[key]}
+
+    @cache
+    def displaced(term: Term) -> frozenset[Term]:
+        return frozenset(other for other in related(term) if contains(term, other) or _exclude(term, other))
+
+    @cache
+    def covering(term: Term) -> frozenset[Term]:
+        return frozenset(other for other in related(term) if contains(other, term))
+
+    return displaced, covering
+
+
+def least_gain(search: Search, terms: frozenset[Term]) -> float:
+    """Held-out gain that a claim of these effects needs: more than chance, and a fair part of the gap it touches."""
+    rows = sorted(set().union(*(rows_of(search.problem, term) for term in terms)))
+    noise = sum(search.spurious.get(term.place, 0.0) for term in terms)
+    return max(search.threshold.of(*terms), float(search.row_thresholds[rows].sum())) + _SPURIOUS * noise
+
+
+def claimed(search: Search, chosen: frozenset[Term], without: frozenset[Term]) -> bool:
+    """True if what ``chosen`` has beyond ``without`` gains on held-out data what chance does not.
+
+    The gain has to be above the threshold, in sample too, and either positive from block to block or above the
+    threshold without its two best blocks too; a gain ten times the threshold may sit in few blocks only, as that of an
+    effect that acts rarely does.
+    """
+    rich, plain = search.evaluate(chosen), search.evaluate(without)
+    # In sample a gain can only be larger, unless chance has made the few held-out blocks agree.
+    held_out = plain.total - rich.total
+    gain = min(held_out, plain.objective - rich.objective)
+    gains = plain.loss - rich.loss
+    extra = search.price_of(chosen) - search.price_of(without)
+    needed = least_gain(search, chosen - without) + max(extra - PARAMETER_PRICE, 0.0)
+    error = float(np.sqrt(len(gains)) * gains.std()) + 1e-12
+    few = BEST_BLOCKS if any(term.named for term in chosen - without) else _BEST_BLOCKS_NAMELESS
+    lasting = held_out > SIGNIFICANT * error or held_out - float(np.sort(gains)[-few:].sum()) > needed
+    return gain > needed and (lasting or gain > LARGE * needed)
+
+
+def dropped(search: Search, chosen: frozenset[Term]) -> frozenset[Term]:
+    """Take out, one by one, what is no longer needed."""
+    while chosen:
+        least = min(ordered(chosen), key=lambda term: search.score(chosen - {term}))
+        if claimed(search, chosen, chosen - {least}):
+            return chosen
+        chosen = chosen - {least}
+    return chosen
+
+
+def rows_of(problem: Problem, term: Term) -> frozenset[int]:
+    """Joints whose torque a term touches."""
+    return problem.touched[term.columns[0]]

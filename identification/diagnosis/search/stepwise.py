@@ -1,0 +1,130 @@
+"""Stepwise search for the set of effects that explains the residual, structures without a name included.
+
+Which set of effects explains the residual: stepwise in, out again, and swapped for simpler or better ones.
+
+Structures that the catalogue has no name for: when they join what it explains, or take its place.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+from identification.diagnosis.model.terms import Term, ordered
+from identification.diagnosis.search.search import Search, claimed, dropped, possible, with_term
+from identification.diagnosis.search.swaps import simplified, swapped
+
+_MOST_TERMS = 40
+# Rivals that are judged on held-out data in one step, the best in sample.
+_MOST_JUDGED = 24
+# The same where one that falls short is tried.
+_SHORT_JUDGED = 8
+
+
+def explain(search: Search, progress: Callable[[str], None], start: frozenset[Term] = frozenset()) -> frozenset[Term]:
+    """The set of effects that explains the recordings with the fewest parameters.
+
+    Args:
+        search: Problem, rivals, threshold.
+        progress: Told in words what is being done.
+        start: What an earlier search has found.
+    """
+    chosen = dropped(search, frozenset(term for term in start if term.named))
+    for _ in range(4):
+        before = chosen
+        chosen = _forward(search, chosen, progress)
+        progress("weighing alternatives")
+        chosen = simplified(search, swapped(search, dropped(search, chosen)))
+        if chosen == before:
+            break
+    return with_nameless(search, chosen, progress)
+
+
+def best_short(search: Search, chosen: frozenset[Term]) -> frozenset[Term] | None:
+    """The set with the named effect in it that gains most beside ``chosen``, if it gains more than its price."""
+    rivals = tuple(term for term in search.terms if term.named and possible(chosen, term))
+    promised = search.gains(chosen, rivals)
+    best = sorted(rivals, key=lambda term: -promised[term])[:_SHORT_JUDGED]
+    tried = min((with_term(chosen, term) for term in best), key=search.score, default=None)
+    return tried if tried is not None and search.score(tried) < search.score(chosen) else None
+
+
+def _forward(search: Search, chosen: frozenset[Term], progress: Callable[[str], None]) -> frozenset[Term]:
+    """Add the effect that helps most until none helps more than chance.
+
+    In sample a gain is larger than on held-out data, so rivals are judged there in the order of their gains in sample
+    until none that is left can do better than the best so far. What is added can make earlier effects needless, and
+    without them it can be needless itself: where that leads in a circle, the best set of the circle is it.
+    """
+    seen = [chosen]
+    while len(chosen) < _MOST_TERMS:
+        progress(f"trying rivals, {len(chosen)} found")
+        base = search.score(chosen)
+        rivals = [term for term in search.terms if term.named and possible(chosen, term)]
+        promised = search.gains(chosen, tuple(rivals))
+        best, most = None, 0.0
+        for term in sorted(rivals, key=lambda term: -promised[term])[:_MOST_JUDGED]:
+            if promised[term] < most:
+                break
+            if promised[term] < search.threshold.of(term):
+                continue
+            gain = base - search.score(with_term(chosen, term))
+            if gain > most and claimed(search, with_term(chosen, term), chosen):
+                best, most = term, gain
+        if best is None:
+            return chosen
+        chosen = dropped(search, with_term(chosen, best))
+        if chosen in seen:
+            return min(seen[seen.index(chosen) :], key=search.score)
+        seen.append(chosen)
+    return chosen
+
+
+# By how many thresholds a structure has to be better than the named effects whose place it takes, by their number:
+# several effects together that do no better than one structure are the less likely cause.
+_MARGIN = (1.0, 1.0, 0.0, -0.5)
+# And, of a single named effect, by this share of what it explains: so much is lost by what the fits take as linear, and
+# a structure, with many shapes to choose from, makes good for some of it.
+_ACCURACY = 0.015
+# Structures without a name that are taken in, and how many of them are judged on held-out data in one step.
+_MOST_NAMELESS = 4
+_MOST_JUDGED_nameless = 8
+
+
+def with_nameless(search: Search, chosen: frozenset[Term], progress: Callable[[str], None]) -> frozenset[Term]:
+    """Structures that the catalogue has no name for, added to what it explains or put in its place.
+
+    A structure has to gain what any claim has to gain beyond the best that named effects do; what it makes needless
+    is then dropped. One that stands for several effects at a lower price takes their place.
+    """
+    progress("looking for what has no name")
+    accuracy = _ACCURACY * max(search.score(frozenset()) - search.score(chosen), 0.0)
+    nameless = tuple(term for term in search.terms if not term.named)
+    for _ in range(_MOST_NAMELESS):
+        best, lowest = None, search.score(chosen)
+        for base in {chosen, frozenset(term for term in chosen if not term.named)}:
+            promised = search.gains(base, nameless)
+            for term in sorted(nameless, key=lambda term: -promised[term])[:_MOST_JUDGED_nameless]:
+                if promised[term] < search.threshold.overall or not possible(base, term):
+                    continue
+                tried = _only_needed(search, with_term(base, term), chosen)
+                gone = len(chosen - tried)
+                limit = lowest - _MARGIN[min(gone, len(_MARGIN) - 1)] * search.threshold.overall
+                limit -= accuracy if gone == 1 else 0.0
+                if search.score(tried) < limit and claimed(search, tried, tried - {term}):
+                    best, lowest = tried, search.score(tried)
+        if best is None:
+            return chosen
+        chosen = best
+    return chosen
+
+
+def _only_needed(search: Search, tried: frozenset[Term], chosen: frozenset[Term]) -> frozenset[Term]:
+    """A set with a structure in it, with the named effects that it still needs and without the others."""
+    for term in ordered(chosen):
+        if term.named and possible(tried, term) and claimed(search, with_term(tried, term), tried):
+            tried = with_term(tried, term) if with_term(tried, term) >= tried else tried
+    while True:
+        needless = [t for t in ordered(tried) if t.named and not claimed(search, tried, tried - {t})]
+        if not needless:
+            return tried
+        tried = tried - {min(needless, key=lambda term: search.score(tried - {term}))}

@@ -1,0 +1,121 @@
+"""What could stand in the place of an effect, and swaps for what is better or simpler."""
+
+from __future__ import annotations
+
+from itertools import combinations
+
+import numpy as np
+
+from identification.diagnosis.model.terms import Term, ordered
+from identification.diagnosis.search.search import (
+    ACCURACY,
+    PARAMETER_PRICE,
+    Search,
+    claimed,
+    contains,
+    dropped,
+    possible,
+    price,
+    rows_of,
+    with_term,
+)
+
+# Swaps that are evaluated on held-out data, the best in sample.
+_WORTH_TRYING = 8
+
+
+def swapped(search: Search, chosen: frozenset[Term]) -> frozenset[Term]:
+    """Replace single effects by better or simpler ones until no swap lowers the score."""
+    for _ in range(20):
+        base, quick = search.score(chosen), search.quick(chosen) + search.price_of(chosen)
+        tried = {
+            replaced(chosen, term, others)
+            for term in ordered(chosen)
+            for others in relevant(search, chosen, term, 2 * PARAMETER_PRICE)
+        }
+        ranked = sorted(tried - {chosen}, key=lambda other: (search.quick(other) + search.price_of(other), _key(other)))
+        better = [
+            other
+            for other in ranked[:_WORTH_TRYING]
+            if search.quick(other) + search.price_of(other) < quick + PARAMETER_PRICE
+            and search.score(other) < base - 1e-6
+            # A richer set has to earn its place as any new claim has, or dropping it would undo the swap.
+            and (search.price_of(other) <= search.price_of(chosen) or claimed(search, other, chosen))
+        ]
+        if not better:
+            return chosen
+        chosen = dropped(search, min(better, key=lambda other: (search.score(other), _key(other))))
+    return chosen
+
+
+def simplified(search: Search, chosen: frozenset[Term]) -> frozenset[Term]:
+    """Replace single effects by special cases of them that explain as much, as far as the method is accurate.
+
+    Where noise is small against what an effect explains, the further parameters of a richer law take up what the
+    tolerance, taken as linear, and filters leave.
+    """
+    for term in ordered(chosen):
+        allowed = search.score(chosen) + ACCURACY * explained(search, chosen, term)
+        simpler = [
+            replaced(chosen, term, others)
+            for others in alternatives(search, term)
+            if all(contains(term, other) for other in others)
+        ]
+        simpler = [other for other in simpler if search.price_of(other) < search.price_of(chosen)]
+        best = min(simpler, key=lambda other: (search.score(other), _key(other)), default=chosen)
+        if search.score(best) < allowed:
+            chosen = best
+    return chosen
+
+
+def explained(search: Search, chosen: frozenset[Term], term: Term) -> float:
+    """What one of several effects explains of the loss in sample."""
+    return search.quick(chosen - {term}) - search.quick(chosen)
+
+
+def alternatives(search: Search, term: Term) -> tuple[frozenset[Term], ...]:
+    """Sets of effects that could stand for ``term``: single ones, and pairs and triples of its special cases."""
+    single = [frozenset([other]) for other in search.terms if other.named and other.place != term.place]
+    parts = [other for other in search.terms if contains(term, other) and other.joint == term.joint]
+    several = [frozenset(group) for size in (2, 3) for group in combinations(parts, size)]
+    same = [frozenset([other]) for other in search.terms if other.place == term.place and other is not term]
+    return (*single, *several, *same)
+
+
+def relevant(search: Search, chosen: frozenset[Term], term: Term, slack: float) -> tuple[frozenset[Term], ...]:
+    """Alternatives of ``term`` that touch a joint that it touches and could gain in sample what it gains.
+
+    Args:
+        search: Rivals.
+        chosen: A set with ``term`` in it.
+        term: What is to be replaced.
+        slack: By how much less an alternative may gain, prices counted.
+    """
+    rest = chosen - {term}
+    rows = rows_of(search.problem, term)
+    near = [
+        others
+        for others in alternatives(search, term)
+        if any(rows & rows_of(search.problem, other) for other in others)
+        and all(rest.isdisjoint(search.covering(other)) for other in others)
+    ]
+    singles = tuple(other for others in near if len(others) == 1 for other in others if other not in rest)
+    lost = explained(search, chosen, term)
+    promised = search.gains(rest, singles)
+    # Promises are to second order, and may be off by a few per cent where a law is not linear.
+    least = lost - price(search.sizes[term]) - max(slack, 0.05 * lost)
+    return tuple(others for others in near if len(others) > 1 or promised.get(next(iter(others)), -np.inf) >= least)
+
+
+def replaced(chosen: frozenset[Term], term: Term, others: frozenset[Term]) -> frozenset[Term]:
+    """``chosen`` with ``others`` in place of ``term``."""
+    out = chosen - {term}
+    for other in ordered(others):
+        if possible(out, other):
+            out = with_term(out, other)
+    return out
+
+
+def _key(chosen: frozenset[Term]) -> list[tuple[int, ...]]:
+    """Something to break ties by that does not depend on the order of a set."""
+    return [term.columns for term in ordered(chosen)]

@@ -1,0 +1,139 @@
+r"""Direct and inverse identification (DIDIM): the torque of a simulated closed loop is fitted to the measured one.
+
+Positions enter through the simulation alone, so that only references and torques are needed. The torque of the
+simulated loop depends on the parameters through the simulated motion, too, but little, as the controllers hold the
+motion: its slope is the regressor on the simulated motion, and a few linear fits settle.
+
+References:
+    M. Gautier, A. Janot, P.-O. Vandanjon, A new closed-loop output error method for parameter identification of robot
+    dynamics, IEEE Transactions on Control Systems Technology 21(2), 2013.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Literal
+
+import numpy as np
+from jaxtyping import Float
+
+from identification.data.log import Log
+from identification.estimators.closed_loop.loop import Feedback, Loop
+from identification.estimators.closed_loop.simulated_start import Resimulation, resimulated, start_of
+from identification.estimators.fit import Fit, Status
+from identification.estimators.judged_values import judged
+from identification.estimators.linear.rows import factor_of, influence_of, least_squares, noise_left
+from identification.estimators.wls import floored
+from identification.regression.base_parameters import BaseParameters
+from identification.regression.regressor import EffectOnJoint, Regressor, torque_regressor
+from phantom_dyn.errors import EstimationError
+from phantom_dyn.model.robot import Robot
+
+Array = np.ndarray
+
+_SETTLED = 0.05  # standard deviations, see `identification.estimators.iv`
+_HALVINGS = 6  # of a step after which the robot cannot move
+
+
+def fit_didim(
+    robot: Robot,
+    logs: Log | Sequence[Log],
+    effects: Sequence[EffectOnJoint] = (),
+    *,
+    feedback: Feedback | None = None,
+    iterations: int = 20,
+    on_failure: Literal["raise", "return"] = "raise",
+) -> Fit:
+    """Base parameters of the rigid body and the effects from references and torques.
+
+    Args:
+        robot: Gives the rigid body and, in its actuators, the controllers.
+        logs: One recording or several, with references.
+        effects: What acts on the joints beside the rigid body.
+        feedback: The controllers, where the robot does not state them.
+        iterations: Most steps there may be.
+        on_failure: What to do where the estimates do not settle.
+
+    Raises:
+        LogError: If a log has no references.
+        ParameterError: If a controller is not stated, or robot or effects cannot be simulated.
+        IdentifiabilityError: If the recording excites no parameter.
+        EstimationError: If the simulated robot cannot move, or the estimates do not settle and ``on_failure`` is
+            ``raise``.
+    """
+    return didim(
+        torque_regressor(robot, logs, effects), feedback=feedback, iterations=iterations, on_failure=on_failure
+    )
+
+
+def didim(
+    regressor: Regressor,
+    *,
+    feedback: Feedback | None = None,
+    iterations: int = 20,
+    on_failure: Literal["raise", "return"] = "raise",
+) -> Fit:
+    """`fit_didim` on equations that are made already (`gap_regressor` for the effects alone).
+
+    Args:
+        regressor: The equations.
+        feedback: See `fit_didim`.
+        iterations: See `fit_didim`.
+        on_failure: See `fit_didim`.
+
+    Raises:
+        LogError: See `fit_didim`.
+        ParameterError: See `fit_didim`.
+        IdentifiabilityError: See `fit_didim`.
+        EstimationError: See `fit_didim`.
+    """
+    start = start_of(regressor, feedback)
+    base, theta, simulation, weights = start.base, start.theta, start.simulation, start.weights
+    for _ in range(iterations):
+        rows, target = simulation.rows(base), _target(regressor, simulation)
+        found, factor = least_squares(rows, target, weights)
+        influence = influence_of(rows, factor, weights)
+        weights = 1.0 / floored(noise_left(rows, influence, target - rows @ found), regressor)
+        std = np.sqrt(np.einsum("njk,j->k", influence**2, weights**-2))
+        step = found - theta
+        theta, simulation = _taken(regressor, start.loops, base, theta, step)
+        if (np.abs(step) <= _SETTLED * std + 1e-9 * np.abs(theta)).all():
+            return _fit(regressor, base, theta, simulation, weights, Status.SOLVED)
+    if on_failure == "raise":
+        raise EstimationError(f"{Status.NOT_SETTLED.value} ({iterations} steps)")
+    return _fit(regressor, base, theta, simulation, weights, Status.NOT_SETTLED)
+
+
+def _target(regressor: Regressor, simulation: Resimulation) -> Float[Array, "N nv"]:
+    """Measured torque less what the simulated motion takes whatever the unknowns are."""
+    return regressor.measured - (simulation.regressor.measured - simulation.regressor.y)
+
+
+def _taken(
+    regressor: Regressor,
+    loops: tuple[Loop, ...],
+    base: BaseParameters,
+    theta: Float[Array, " r"],
+    step: Float[Array, " r"],
+) -> tuple[Float[Array, " r"], Resimulation]:
+    """The estimates after a step, or as much of it as leaves a robot that can move, and their simulation."""
+    for _ in range(_HALVINGS):
+        try:
+            return theta + step, resimulated(regressor, loops, base, theta + step)
+        except EstimationError:
+            step = 0.5 * step
+    return theta + step, resimulated(regressor, loops, base, theta + step)
+
+
+def _fit(
+    regressor: Regressor,
+    base: BaseParameters,
+    theta: Float[Array, " r"],
+    simulation: Resimulation,
+    weights: Float[Array, " nv"],
+    status: Status,
+) -> Fit:
+    rows = simulation.rows(base)
+    factor = factor_of(rows, weights)
+    target, influence = _target(regressor, simulation), influence_of(rows, factor, weights)
+    return judged(theta, rows, target, influence, factor, regressor.starts).fit("didim", regressor, base, status)

@@ -1,0 +1,217 @@
+"""A recording simulated again: the same references, the same controllers, a robot with estimated parameters."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from jaxtyping import Float
+
+from identification.data.log import Log
+from identification.data.signals import align_held_torque
+from identification.estimators.closed_loop.closed_loop_steps import run
+from identification.estimators.closed_loop.plant import Plant
+from phantom_dyn.errors import EstimationError, LogError, ParameterError
+from phantom_dyn.model.robot import Robot
+from phantom_dyn.motion import Motion
+
+Array = np.ndarray
+
+# As in `phantom_dyn.simulation.simulate`: the longest step [s].
+_STEP = 5e-4
+
+
+@dataclass(frozen=True)
+class Feedback:
+    """Position controllers ``tau = kp (q_ref - q) - kd v`` of all joints, in SI units on the joint side.
+
+    Attributes:
+        kp: Position gains, shape ``(nv,)``.
+        kd: Velocity gains, shape ``(nv,)``.
+        limit: Largest torques, infinite where there is none, shape ``(nv,)``.
+        delay: Time [s] by which the torque is late.
+        held: True if the controllers work once a sample of the recording and hold their torque in between, else they
+            work all the time.
+        window: Samples over which controllers that are held differentiate the position; 0 for the true velocity.
+    """
+
+    kp: Float[Array, " nv"]
+    kd: Float[Array, " nv"]
+    limit: Float[Array, " nv"]
+    delay: float = 0.0
+    held: bool = False
+    window: int = 0
+
+    def __post_init__(self):
+        sizes = {np.shape(getattr(self, name)) for name in ("kp", "kd", "limit")}
+        if len(sizes) != 1:
+            raise ParameterError("kp, kd and limit differ in length: give one number of each for every joint.")
+        for name in ("kp", "kd", "delay"):
+            value = np.asarray(getattr(self, name))
+            if not (np.isfinite(value).all() and (value >= 0).all()):
+                raise ParameterError(f"{name} of the controllers is {value}: give numbers of 0 or more.")
+        if not (np.asarray(self.limit) > 0).all():
+            raise ParameterError(f"The torque limits of the controllers are {self.limit}: give numbers above 0.")
+        if self.window < 0 or (self.window and not self.held):
+            raise ParameterError("Only controllers that are held differentiate over samples: set held, or window 0.")
+
+
+def feedback_of(robot: Robot) -> Feedback:
+    """The controllers that ``robot.yaml`` states.
+
+    Args:
+        robot: Gives the actuators.
+
+    Raises:
+        ParameterError: If a driven joint has no controller, or the controllers differ in delay.
+    """
+    pairs = list(zip(robot.joint_names, robot.actuators, strict=True))
+    lacking = [joint for joint, actuator in pairs if actuator.actuated and actuator.controller is None]
+    if lacking:
+        raise ParameterError(
+            f"The robot states no controller of {', '.join(lacking)}: add controller: {{kind: pd, kp: ..., kd: ...}} "
+            "under joints in robot.yaml, or use an estimator without simulation, such as wls."
+        )
+    stated = [actuator.controller for _, actuator in pairs]
+    delays = {controller.delay for controller in stated if controller is not None}
+    if len(delays) > 1:
+        raise ParameterError(f"The controllers are late by {sorted(delays)} s: the simulation wants one delay for all.")
+    return Feedback(
+        np.array([0.0 if controller is None else controller.kp for controller in stated]),
+        np.array([0.0 if controller is None else controller.kd for controller in stated]),
+        np.array([np.inf if a.torque_limit is None else a.torque_limit for a in robot.actuators]),
+        delays.pop() if delays else 0.0,
+        robot.torque_hold == "zoh",
+    )
+
+
+@dataclass(frozen=True)
+class Loop:
+    """Controllers and references around one recording.
+
+    Attributes:
+        log: The recording, ready for fitting; it has references.
+        feedback: The controllers.
+        steps: Integration steps per sample.
+        align: True if the log's torque was shifted to the instants of its samples.
+    """
+
+    log: Log
+    feedback: Feedback
+    steps: int
+    align: bool
+
+    @property
+    def dt(self) -> float:
+        """Time between samples [s]."""
+        return float(1.0 / self.log.band.rate_hz)
+
+
+def loop_of(robot: Robot, log: Log, feedback: Feedback) -> Loop:
+    """The loop around a log.
+
+    Args:
+        robot: The robot of the log.
+        log: One recording.
+        feedback: Its controllers.
+
+    Raises:
+        LogError: If the log has no references.
+        ParameterError: If the controllers are not those of this robot.
+    """
+    if log.q_ref is None:
+        raise LogError(
+            f"{log.file} has no references: record q_ref.<joint> of every joint, or use an estimator without "
+            "simulation, such as wls."
+        )
+    if not np.isfinite(log.q_ref).all():
+        row, joint = np.argwhere(~np.isfinite(log.q_ref))[0]
+        raise LogError(
+            f"{log.file}: q_ref.{log.joint_names[joint]} is not finite at sample {row}: give a reference for every "
+            "sample."
+        )
+    if len(feedback.kp) != robot.nv:
+        raise ParameterError(f"There are {len(feedback.kp)} controllers for {robot.nv} joints: give one for each.")
+    dt = 1.0 / log.band.rate_hz
+    return Loop(log, feedback, max(1, int(np.ceil(dt / _STEP - 1e-9))), robot.torque_hold == "zoh")
+
+
+def simulated(
+    loop: Loop,
+    plant: Plant,
+    start: int = 0,
+    stop: int | None = None,
+    q0: Float[Array, " nv"] | None = None,
+    v0: Float[Array, " nv"] | None = None,
+) -> tuple[Motion, Float[Array, "N nv"]]:
+    """Motion and drive torque [N m or N] of samples ``start`` to ``stop`` of a log.
+
+    Args:
+        loop: Controllers and references.
+        plant: The robot.
+        start: First sample.
+        stop: Last sample and one.
+        q0: Position at the start; that of the log by default.
+        v0: Velocity at the start; that of the log by default.
+
+    Raises:
+        EstimationError: If the robot cannot move with these parameters.
+    """
+    log, feedback = loop.log, loop.feedback
+    if log.q_ref is None:
+        raise LogError(f"{log.file} has no references.")
+    at = slice(start, stop)
+    wanted = np.ascontiguousarray(log.q_ref[at])
+    q, v, a, tau = (np.zeros(wanted.shape) for _ in range(4))
+    first = log.motion.q[start] if q0 is None else q0
+    speed = log.motion.v[start] if v0 is None else v0
+    bad = run(
+        plant.parents,
+        plant.rotations,
+        plant.translations,
+        plant.angular,
+        plant.linear,
+        plant.gravity,
+        plant.G,
+        plant.offset,
+        plant.pi,
+        plant.rotor,
+        plant.E,
+        plant.dry,
+        plant.push,
+        plant.spring,
+        wanted,
+        np.array([feedback.kp, feedback.kd, feedback.limit], dtype=float),
+        feedback.window,
+        feedback.delay,
+        feedback.held,
+        loop.dt,
+        loop.steps,
+        np.array(first, dtype=float),
+        np.array(speed, dtype=float),
+        q,
+        v,
+        a,
+        tau,
+    )
+    if bad >= 0:
+        raise EstimationError(
+            f"{log.file}: with the parameters of this step the robot does not move as a robot does after "
+            f"{(start + bad) * loop.dt:.4g} s (an inertia that is not positive, or a loop that is not stable): check "
+            "the controllers, or use an estimator without simulation, such as wls."
+        )
+    return Motion(log.motion.t[at], q, v, a), align_held_torque(tau) if loop.align else tau
+
+
+def simulated_log(loop: Loop, plant: Plant) -> Log:
+    """The log that the simulated robot gives, in the band and with the valid samples of the recorded one.
+
+    Args:
+        loop: Controllers and references.
+        plant: The robot.
+
+    Raises:
+        EstimationError: If the robot cannot move with these parameters.
+    """
+    motion, tau = simulated(loop, plant)
+    return replace(loop.log, motion=motion, tau=tau, raw_q=None)

@@ -1,0 +1,214 @@
+"""A robot with parameters that are being estimated, as arrays that a compiled simulation takes."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+from jaxtyping import Float, Int
+
+from identification.regression.base_parameters import BaseParameters
+from identification.regression.regressor import Regressor, Term, term_columns
+from phantom_dyn.dynamics.dynamics import standard_parameters
+from phantom_dyn.effects.load.inertial_parameters import InertialParameters
+from phantom_dyn.effects.load.payload import Payload
+from phantom_dyn.errors import ParameterError
+from phantom_dyn.maps.from_robot import tree_of
+from phantom_dyn.model.robot import Robot
+
+Array = np.ndarray
+
+
+@dataclass(frozen=True)
+class Plant:
+    """What moves in a closed loop; see `identification.estimators.closed_loop.closed_loop_steps.run` for the arrays.
+
+    Attributes:
+        parents, rotations, translations, angular, linear, gravity: The tree.
+        G: Slope of the tree's positions in the active ones, ``(nt, nv)``.
+        offset: Positions of the tree where the active joints are at zero, ``(nt,)``.
+        pi: Parameters of the bodies, ``(nt, 10)``.
+        rotor: What rotors add to the mass matrix, ``(nv, nv)``.
+        E: Speed of each rubbing joint per velocity of the active ones, ``(ne, nv)``.
+        dry: Friction of each rubbing joint, ``(ne, 5)``.
+        push: Constant torques, ``(nv,)``.
+        spring: Stiffness of springs, ``(nv,)``.
+    """
+
+    parents: Int[Array, " nt"]
+    rotations: Float[Array, "nt 3 3"]
+    translations: Float[Array, "nt 3"]
+    angular: Float[Array, "nt 3"]
+    linear: Float[Array, "nt 3"]
+    gravity: Float[Array, " 3"]
+    G: Float[Array, "nt nv"]
+    offset: Float[Array, " nt"]
+    pi: Float[Array, "nt 10"]
+    rotor: Float[Array, "nv nv"]
+    E: Float[Array, "ne nv"]
+    dry: Float[Array, "ne 5"]
+    push: Float[Array, " nv"]
+    spring: Float[Array, " nv"]
+
+
+def plant_of(regressor: Regressor, base: BaseParameters, theta: Float[Array, " r"]) -> Plant:
+    """The robot with these base parameters: what regroups stays as the model has it, effects that regroup are none.
+
+    Args:
+        regressor: Gives robot and terms.
+        base: How the parameters regroup.
+        theta: Their values.
+
+    Raises:
+        ParameterError: If a loop of the robot is not linear, or a term has no law in the compiled simulation.
+    """
+    full = all_parameters(regressor, base, theta)
+    plant = _given(regressor.robot)
+    if regressor.rigid_body:
+        plant.pi[:] = full[: regressor.first_effect].reshape(-1, 10)
+    for term, columns in zip(regressor.terms, term_columns(regressor), strict=True):
+        _laws(term)(plant, regressor.robot, term, full[list(columns)])
+    return plant
+
+
+def all_parameters(regressor: Regressor, base: BaseParameters, theta: Float[Array, " r"]) -> Float[Array, " p"]:
+    """Values of all columns that have the given base parameters; those that regroup are the model's.
+
+    Args:
+        regressor: Gives robot and columns.
+        base: How the parameters regroup.
+        theta: Base parameters.
+    """
+    full = model_parameters(regressor)
+    kept, rest = list(base.independent), list(base.dependent)
+    full[kept] = theta - base.grouping @ full[rest]
+    return full
+
+
+def model_parameters(regressor: Regressor) -> Float[Array, " p"]:
+    """Values of all columns in the given model, which has none of the effects."""
+    full = np.zeros(len(regressor.names))
+    if regressor.rigid_body:
+        full[: regressor.first_effect] = standard_parameters(regressor.robot)
+    return full
+
+
+def require_simulable(regressor: Regressor) -> None:
+    """Refuse what the compiled simulation does not know, before anything is computed.
+
+    Args:
+        regressor: Gives robot and terms.
+
+    Raises:
+        ParameterError: If a loop of the robot is not linear, or a term has no law in the compiled simulation.
+    """
+    robot = regressor.robot
+    if robot.chain is not None and robot.chain.anchors:
+        raise ParameterError(
+            f"{robot.name} has loops that are closed numerically, which the simulation of the closed loop does not "
+            "know: use an estimator without simulation, such as wls, or state the loops as linear ones."
+        )
+    for term in regressor.terms:
+        _laws(term)
+
+
+def _laws(term: Term) -> Callable[[Plant, Robot, Term, Array], None]:
+    name = term.effect.name
+    if name not in _LAWS:
+        raise ParameterError(
+            f"The simulation of the closed loop has no law for {name}: leave it out, or use an estimator without "
+            f"simulation, such as wls; it knows {', '.join(_LAWS)}."
+        )
+    return _LAWS[name]
+
+
+def _given(robot: Robot) -> Plant:
+    """The model as it is; its arrays may be written to."""
+    tree = tree_of(robot.model, len(robot.model.frames) - 1)
+    chain = robot.chain
+    nt, nv = robot.model.nv, robot.nv
+    G = np.eye(nv) if chain is None else np.array(chain.linear_map[:, :nv])
+    offset = np.zeros(nv) if chain is None else np.array(chain.offset)
+    passive = [] if chain is None else list(chain.passive)
+    rows = [*robot.tree_rows, *passive]
+    dry = np.zeros((nt, 5))
+    dry[:, 2] = 1.0
+    dry[:nv, 0] = robot.coulomb_friction
+    dry[:nv, 3] = dry[:nv, 4] = robot.viscous_friction
+    if chain is not None:
+        dry[nv:, 0] = chain.coulomb_friction
+        dry[nv:, 3] = dry[nv:, 4] = chain.viscous_friction
+    return Plant(
+        np.array(tree.parents, dtype=np.int64),
+        np.ascontiguousarray(tree.rotations),
+        np.ascontiguousarray(tree.translations),
+        np.ascontiguousarray(tree.angular),
+        np.ascontiguousarray(tree.linear),
+        np.array(tree.gravity, dtype=float),
+        np.ascontiguousarray(G),
+        offset,
+        standard_parameters(robot).reshape(-1, 10).copy(),
+        G.T @ (np.asarray(tree.armature)[:, None] * G),
+        np.ascontiguousarray(G[rows]),
+        dry,
+        np.zeros(nv),
+        np.zeros(nv),
+    )
+
+
+def _row(robot: Robot, joint: str | None) -> int:
+    """Place of a joint among those that rub: active ones, then passive ones."""
+    return [*robot.joint_names, *robot.passive_names].index(joint or "")
+
+
+def _viscous(plant: Plant, robot: Robot, term: Term, c: Array) -> None:
+    plant.dry[_row(robot, term.joint), 3:] += c[0]
+
+
+def _coulomb(plant: Plant, robot: Robot, term: Term, c: Array) -> None:
+    plant.dry[_row(robot, term.joint), 0] += c[0]
+
+
+def _stribeck(plant: Plant, robot: Robot, term: Term, c: Array) -> None:
+    plant.dry[_row(robot, term.joint), :3] += [c[0], c[1], term.shape[0] - 1.0]
+
+
+def _directions(plant: Plant, robot: Robot, term: Term, c: Array) -> None:
+    row = _row(robot, term.joint)
+    plant.dry[row, 0] += 0.5 * (c[0] + c[1])
+    plant.push[row] -= 0.5 * (c[0] - c[1])
+    plant.dry[row, 3:] += c[2:]
+
+
+def _offset(plant: Plant, robot: Robot, term: Term, c: Array) -> None:
+    plant.push[_row(robot, term.joint)] += c[0]
+
+
+def _rotor(plant: Plant, robot: Robot, term: Term, c: Array) -> None:
+    row = _row(robot, term.joint)
+    plant.rotor[row, row] += c[0]
+
+
+def _spring(plant: Plant, robot: Robot, term: Term, c: Array) -> None:
+    row = _row(robot, term.joint)
+    plant.spring[row] += c[0]
+    plant.push[row] -= c[1]
+
+
+def _bodies(plant: Plant, robot: Robot, term: Term, c: Array) -> None:
+    if isinstance(term.effect, Payload | InertialParameters):
+        plant.pi.reshape(-1)[list(term.effect.columns_of(robot, term.joint))] += c
+
+
+_LAWS: dict[str, Callable[[Plant, Robot, Term, Array], None]] = {
+    "viscous_friction": _viscous,
+    "coulomb_friction": _coulomb,
+    "direction_dependent_friction": _directions,
+    "stribeck_friction": _stribeck,
+    "torque_offset": _offset,
+    "rotor_inertia": _rotor,
+    "parasitic_spring": _spring,
+    "payload": _bodies,
+    "inertial_parameters": _bodies,
+}

@@ -1,0 +1,1 @@
+"""Estimates among what is physically possible."""

@@ -1,0 +1,234 @@
+"""Weighted least squares among what is physically possible: no negative mass, no impossible inertia or friction."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, fields, replace
+
+import numpy as np
+from jaxtyping import Float
+from scipy.linalg import block_diag
+
+from identification.data.log import Log
+from identification.estimators.consistent.consistent_bodies import Region, reference_bodies
+from identification.estimators.consistent.consistent_cone import solve_program
+from identification.estimators.consistent.consistent_program import (
+    FREE,
+    Point,
+    Prior,
+    Program,
+    is_possible,
+    nearest_unconstrained,
+)
+from identification.estimators.consistent.full_parameters import (
+    coefficient_bounds,
+    regions_for,
+    selection,
+)
+from identification.estimators.fit import Fit
+from identification.estimators.linear.least_squares import base_blocks
+from identification.estimators.wls import floored, wls
+from identification.regression.base_parameters import base_parameters_of_matrix, r_factor
+from identification.regression.regressor import EffectOnJoint, Regressor, torque_regressor
+from identification.regression.triangular import triangular
+from phantom_dyn.dynamics.dynamics import standard_parameters
+from phantom_dyn.errors import ParameterError
+from phantom_dyn.model.inertia import body_name
+from phantom_dyn.model.robot import Robot
+
+Array = np.ndarray
+
+
+@dataclass(frozen=True, kw_only=True)
+class ConsistentFit(Fit):
+    """A `Fit` whose base parameters belong to bodies that can exist.
+
+    Attributes:
+        pi: Standard parameters of all bodies, then the coefficients of the effects, shape ``(p,)``; those that the
+            recording cannot tell apart are nearest to the robot's.
+        held: One sentence per body or coefficient that a constraint holds; empty where none acts.
+    """
+
+    pi: Float[Array, " p"]
+    held: tuple[str, ...] = ()
+
+
+def fit_consistent(
+    robot: Robot,
+    logs: Log | Sequence[Log],
+    effects: Sequence[EffectOnJoint] = (),
+    *,
+    prior: Prior | None = None,
+    regions: Sequence[Region | None] = (),
+) -> ConsistentFit:
+    """Physically possible parameters of the rigid body and the effects, each joint weighted by its noise.
+
+    Args:
+        robot: Gives the rigid body; its inertias are the reference of the prior.
+        logs: One recording or several.
+        effects: What acts on the joints beside the rigid body; friction and rotor inertia is not negative.
+        prior: How strongly bodies are drawn to the robot's; None only chooses among those that fit equally well.
+        regions: Where the mass of each body is (`body_regions`), one per body; none by default.
+
+    Raises:
+        IdentifiabilityError: If the recording excites no parameter, or leaves no equation to judge the noise by.
+        EstimationError: If the solver fails.
+    """
+    return consistent(torque_regressor(robot, logs, effects), prior=prior, regions=regions)
+
+
+def consistent(
+    regressor: Regressor, *, prior: Prior | None = None, regions: Sequence[Region | None] = ()
+) -> ConsistentFit:
+    """`fit_consistent` on equations that are made already.
+
+    Args:
+        regressor: The equations, with the rigid body among the unknowns.
+        prior: See `fit_consistent`.
+        regions: See `fit_consistent`.
+
+    Raises:
+        ParameterError: If the rigid body is not among the unknowns, or there is not one region per body.
+        IdentifiabilityError: If the recording excites no parameter, or leaves no equation to judge the noise by.
+        EstimationError: If the solver fails.
+    """
+    if not regressor.rigid_body:
+        raise ParameterError("The equations hold no rigid body: make them with torque_regressor.")
+    free = replace(wls(regressor), estimator="consistent")
+    kept = free.base.independent
+    weighted = regressor.reduction.weighted(1 / floored(free.sigma, regressor))
+    factor = triangular(np.concatenate(weighted.rows(kept)))[: len(kept), : len(kept)]
+    program = _program(regressor, factor @ selection(free.base), factor @ free.theta, prior, regions)
+    point = consistent_parameters(program, chosen_only=prior is None)
+    return _moved(free, regressor, program, point, prior)
+
+
+def program_of_factor(
+    regressor: Regressor,
+    factor: Float[Array, "k q"],
+    *,
+    prior: Prior | None = None,
+    regions: Sequence[Region | None] = (),
+) -> Program:
+    """The program of the triangular factor of ``[W y]``; the recording itself is no longer needed.
+
+    Args:
+        regressor: Says what the columns are.
+        factor: Of the rows in units of their noise (`identification.regression.base_parameters.r_factor`), ``p + 1``
+        columns, the
+            last one that of the torque.
+        prior: See `fit_consistent`.
+        regions: See `fit_consistent`.
+
+    Raises:
+        ParameterError: If the factor has other columns than the regressor and the torque, or holds values that are not
+            finite, or there is not one region per body.
+    """
+    p = len(regressor.names)
+    if factor.shape[1] != p + 1:
+        raise ParameterError(
+            f"The factor has {factor.shape[1]} columns for {p} parameters and the torque: give {p + 1} columns."
+        )
+    base = base_parameters_of_matrix(factor[:, :p], regressor.names, regressor.units)
+    if not np.isfinite(factor[:, p]).all():
+        raise ParameterError("The torque of the factor holds values that are not finite: give finite torque.")
+    small = r_factor([factor[:, [*base.independent, p]]])[: base.rank]
+    return _program(regressor, small[:, : base.rank] @ selection(base), small[:, base.rank], prior, regions)
+
+
+def consistent_parameters(program: Program, *, chosen_only: bool = False) -> Point:
+    """Solution of a program; where its equations have a possible one, that in closed form.
+
+    Args:
+        program: What is asked for.
+        chosen_only: True if the prior only chooses among what fits equally well.
+
+    Raises:
+        EstimationError: If the solver fails.
+    """
+    if chosen_only:
+        nearest = nearest_unconstrained(program)
+        if is_possible(program, nearest):
+            return Point(nearest)
+    return solve_program(program)
+
+
+def _program(
+    regressor: Regressor, factor: Array, target: Array, prior: Prior | None, regions: Sequence[Region | None]
+) -> Program:
+    robot = regressor.robot
+    lower, upper = coefficient_bounds(robot, regressor.terms, regressor.names[regressor.first_effect :])
+    bodies = reference_bodies(standard_parameters(robot))
+    return Program(factor, target, bodies, regions_for(robot, regions), lower, upper, prior or Prior())
+
+
+def _moved(free: Fit, regressor: Regressor, program: Program, point: Point, prior: Prior | None) -> ConsistentFit:
+    """The unconstrained fit, moved to the possible point."""
+    held = _sentences(regressor, program, point)
+    theta = free.base.values(point.pi)
+    given = {field.name: getattr(free, field.name) for field in fields(Fit)}
+    if held or prior is not None:
+        residual = np.empty_like(regressor.y)
+        for at, block in base_blocks(regressor, free.base):
+            residual[at] = regressor.y[at] - block @ theta
+        sizes = np.linalg.norm(regressor.measured, axis=0)
+        error = np.full(len(sizes), np.nan)
+        np.divide(100 * np.linalg.norm(residual, axis=0), sizes, out=error, where=sizes > 0)
+        given["relative_error"] = error
+    if prior is not None:
+        for name in ("cov", "cov_white"):
+            given[name] = _shrunk(free, program, given[name])
+    if held:
+        moved = [f"{regressor.names[regressor.first_effect + at]} is " for at in point.held_bounds]
+        given["warnings"] = (
+            # What the free value means at its bound is said by what holds it there.
+            *(said for said in free.warnings if not any(said.startswith(name) for name in moved)),
+            *held,
+            "The deviations are those without these constraints: the true ones are smaller, and not symmetric.",
+        )
+    return ConsistentFit(**{**given, "theta": theta}, pi=point.pi, held=held)
+
+
+def _shrunk(free: Fit, program: Program, covariance: Array) -> Array:
+    r"""Covariance of an estimate that a prior draws: what is left of the noise, and how far the prior may be off.
+
+    With the information ``A`` of the equations and ``H`` of the prior in all parameters, both to second order:
+    :math:`S (A + H)^{-1} (A_\theta C A_\theta + H) (A + H)^{-1} S^T`.
+    """
+    free_columns = program.factor.shape[1] - 10 * len(program.bodies)
+    metrics = [np.sqrt(program.prior.weight) * body.metric for body in program.bodies]
+    prior = np.asarray(block_diag(*metrics, np.zeros((0, free_columns))))
+    equations = program.factor * program.scale
+    finite = FREE * np.eye(len(program.scale))[10 * len(program.bodies) :]
+    # Through a triangular factor, as the square of 1e9 cannot be inverted beside one of 1.
+    triangle = np.linalg.qr(np.vstack([equations, prior, finite]), mode="r")
+    inverse = np.linalg.inv(triangle)
+    out = (selection(free.base) * program.scale) @ inverse
+    # The equations' information is that of base parameters: their scatter there is A C A.
+    base_factor = program.factor[:, list(free.base.independent)]
+    scatter = base_factor @ covariance @ base_factor.T
+    pulled = equations @ inverse
+    drawn = prior @ inverse
+    total = out @ (pulled.T @ scatter @ pulled + drawn.T @ drawn) @ out.T
+    return 0.5 * (total + total.T)
+
+
+def _sentences(regressor: Regressor, program: Program, point: Point) -> tuple[str, ...]:
+    robot, names = regressor.robot, regressor.names[regressor.first_effect :]
+    coefficients = point.pi[regressor.first_effect :]
+    out = [
+        f"{body_name(robot, at + 1)}: the recording alone asks for a body that cannot exist; its mass distribution is "
+        "held at the edge of the possible."
+        for at in point.held_bodies
+    ]
+    out += [
+        f"{body_name(robot, at + 1)}: the recording alone asks for mass outside the given region; it is held at its "
+        "edge."
+        for at in point.held_regions
+    ]
+    out += [
+        f"{names[at]} is held at its bound of {coefficients[at] if abs(coefficients[at]) > 1e-9 else 0:g}: the "
+        "recording alone asks for a value beyond it."
+        for at in point.held_bounds
+    ]
+    return tuple(out)

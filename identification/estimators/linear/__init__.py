@@ -1,0 +1,1 @@
+"""What the linear estimators share: least squares, scatter, cautions."""

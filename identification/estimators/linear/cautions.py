@@ -1,0 +1,172 @@
+"""Sentences on what a reader of an estimate has to be careful with."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import numpy as np
+from jaxtyping import Float
+
+from identification.regression.base_parameters import BaseParameters
+from identification.regression.regressor import Regressor, term_columns
+from phantom_dyn.model.robot import Robot
+
+Array = np.ndarray
+
+_POOR_CONDITION = 1000.0  # above it, an error of one per mil in a column may become one of 100 % in a parameter
+_AT_BOUND = 2.0  # standard deviations from a bound within which a value may as well lie on it
+_NAMED = 0.3  # share of the weakest combination from which a parameter is named as part of it
+# A joint leans on its stop if it rests within this share of its range from it, for this share of the samples.
+_NEAR, _RESTS, _OFTEN = 1e-3, 1e-2, 5e-3
+_NOTHING = 100.0  # [%] of the torque, the error of a model that predicts none
+_CLIPPED = 0.999  # share of a torque limit from which a drive gives all it has
+
+
+def condition_of(factor: Float[Array, "r r"]) -> float:
+    """Condition number of equations from their triangular factor, each column divided by its norm."""
+    scaled = np.linalg.svd(factor / np.linalg.norm(factor, axis=0), compute_uv=False)
+    return float(scaled[0] / scaled[-1])
+
+
+def cautions(
+    regressor: Regressor,
+    base: BaseParameters,
+    theta: Float[Array, " r"],
+    std: Float[Array, " r"],
+    factor: Float[Array, "r r"],
+) -> tuple[str, ...]:
+    """What does not part, is ill-conditioned, lies at a bound, or was recorded at the limits of the robot.
+
+    Args:
+        regressor: The equations.
+        base: The unknowns.
+        theta: Their values.
+        std: Their standard deviations, nan where they are not known.
+        factor: Triangular factor of the equations.
+    """
+    return (*_lost(regressor, base), *_ill_conditioned(base, factor), *_uncertain(std),
+            *_at_bounds(regressor, base, theta, std), *_at_stops(regressor), *_at_torque_limits(regressor))  # fmt: skip
+
+
+def unexplained(robot: Robot, error: Float[Array, " nv"]) -> Iterator[str]:
+    """Joints whose torque is further from the fit than from zero.
+
+    Args:
+        robot: Gives the joints.
+        error: Root mean square of the residual over that of the measured torque [%], nan where there is none.
+    """
+    for joint, share in zip(robot.joint_names, error, strict=True):
+        if share > _NOTHING:
+            yield (
+                f"The fit misses the torque of {joint} by {share:.3g} % of its size, more than no model would: check "
+                "its sign and gain, or use an estimator that weighs joints by their noise, such as wls."
+            )
+
+
+def _lost(regressor: Regressor, base: BaseParameters) -> Iterator[str]:
+    lost = [regressor.names[k] for k in base.dependent if k >= regressor.first_effect]
+    if lost:
+        yield (
+            f"Not separable from other parameters in this recording: {', '.join(lost)}; see the regroupings, or record "
+            "a motion that parts them."
+        )
+
+
+def _ill_conditioned(base: BaseParameters, factor: Array) -> Iterator[str]:
+    condition = condition_of(factor)
+    if condition > _POOR_CONDITION:
+        weakest = np.linalg.svd(factor / np.linalg.norm(factor, axis=0))[2][-1]
+        share = np.abs(weakest) / np.abs(weakest).max()
+        named = [base.base_names[k] for k in np.argsort(-share, kind="stable")[:4] if share[k] >= _NAMED]
+        yield (
+            f"The condition number is {condition:.3g}: small errors in the motion move the estimates by much, most of "
+            f"all those of {', '.join(named)}; record a motion that excites them more."
+        )
+
+
+def _uncertain(std: Array) -> Iterator[str]:
+    if np.isnan(std).all():
+        yield "There are no more equations than unknowns, so that no uncertainty can be given: record more."
+
+
+def _at_bounds(regressor: Regressor, base: BaseParameters, theta: Array, std: Array) -> Iterator[str]:
+    lower, upper = (bound + 0.0 for bound in coefficient_limits(regressor))  # no "-0" in sentences
+    # A coefficient that others regroup into may have any value.
+    alone = [not row.any() for row in np.abs(base.grouping) > 1e-9]
+    for k, column in enumerate(base.independent):
+        for bound, side, beyond in (
+            (lower[column], "lower", theta[k] - lower[column]),
+            (upper[column], "upper", upper[column] - theta[k]),
+        ):
+            if not alone[k] or not np.isfinite(bound) or not beyond <= _AT_BOUND * std[k]:
+                continue
+            value = f"{base.names[column]} is {theta[k]:.4g} {base.units[column]}".rstrip()
+            if beyond < -_AT_BOUND * std[k]:
+                yield (
+                    f"{value}, beyond its {side} bound of {bound:.4g}, which is impossible: something that the model "
+                    "lacks takes its place; check the torque's sign and delay, or add effects."
+                )
+            else:
+                yield f"{value}, at its {side} bound of {bound:.4g} within its uncertainty: it may not be there."
+
+
+def coefficient_limits(regressor: Regressor) -> tuple[Float[Array, " p"], Float[Array, " p"]]:
+    """Bounds that physics sets to each column's coefficient, infinite where there is none.
+
+    Args:
+        regressor: Gives the terms.
+    """
+    lower, upper = np.full(len(regressor.names), -np.inf), np.full(len(regressor.names), np.inf)
+    for term, columns in zip(regressor.terms, term_columns(regressor), strict=True):
+        bounds = term.effect.coefficient_bounds(regressor.robot, term.joint, term.shape)
+        for k, bound in zip(columns, bounds, strict=False):
+            lower[k], upper[k] = bound
+    return lower, upper
+
+
+def _at_stops(regressor: Regressor) -> Iterator[str]:
+    limits = position_limits(regressor.robot)
+    units = regressor.robot.position_units
+    for log in regressor.logs:
+        q, v = log.motion.q[log.valid], log.motion.v[log.valid]
+        if not len(q):
+            continue
+        rests = np.abs(v) < _RESTS * np.abs(v).max(axis=0)
+        for side, bound, gap in (("lower", limits[0], q - limits[0]), ("upper", limits[1], limits[1] - q)):
+            share = np.mean(rests & (gap <= _NEAR * (limits[1] - limits[0])), axis=0)
+            for j in np.flatnonzero(share > _OFTEN):
+                yield (
+                    f"{log.file}: {log.joint_names[j]} rests at its {side} limit of {bound[j]:.4g} {units[j]} in "
+                    f"{100 * share[j]:.2g} % of the samples, where the stop may carry torque that parameters then "
+                    "explain: leave these stretches out (--exclude) or record with less range."
+                )
+
+
+def position_limits(robot: Robot) -> tuple[Float[Array, " nv"], Float[Array, " nv"]]:
+    """Lower and upper position limit of each joint [rad or m], infinite where it has none.
+
+    Args:
+        robot: Gives the joints.
+    """
+    lower, upper = np.full(robot.nv, -np.inf), np.full(robot.nv, np.inf)
+    for j, row in enumerate(robot.tree_rows):
+        joint = robot.model.joints[row + 1]
+        if joint.nq == 1:
+            low, high = robot.model.lowerPositionLimit[joint.idx_q], robot.model.upperPositionLimit[joint.idx_q]
+            if low < high:
+                lower[j], upper[j] = low, high
+    return lower, upper
+
+
+def _at_torque_limits(regressor: Regressor) -> Iterator[str]:
+    for log in regressor.logs:
+        for j, actuator in enumerate(regressor.robot.actuators):
+            if actuator.torque_limit is None:
+                continue
+            share = np.mean(np.abs(log.tau[log.valid, j]) >= _CLIPPED * actuator.torque_limit) if log.valid.any() else 0
+            if share > 0:
+                yield (
+                    f"{log.file}: the drive of {log.joint_names[j]} is at its limit of {actuator.torque_limit:.4g} "
+                    f"{regressor.robot.torque_units[j]} in {100 * share:.2g} % of the samples, where it gives less "
+                    "than it is asked for: leave these stretches out (--exclude)."
+                )

@@ -1,0 +1,185 @@
+"""Weighted linear least squares on streamed equations, shared by the estimators."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from jaxtyping import Float
+from scipy.linalg import solve_triangular
+
+from identification.regression.base_parameters import RANK_TOLERANCE, BaseParameters, base_parameters
+from identification.regression.regressor import Regressor
+from identification.regression.triangular import ROWS, absorb, one_blas_thread, triangular
+from phantom_dyn.errors import IdentifiabilityError
+
+Array = np.ndarray
+
+_KEPT = 5_000_000
+"""Entries of the base equations that are kept from one pass to the next (40 MB); of more, they are made again."""
+
+
+@dataclass(frozen=True)
+class Solution:
+    """Least-squares solution of the base equations.
+
+    Attributes:
+        theta: Base parameters, shape ``(r,)``.
+        factor: Triangular factor of the weighted base regressor, shape ``(r, r)``.
+        residual: Torque that is left, not weighted, shape ``(N, nv)``.
+        grams: Share of each joint in the information, ``(X_j R^-1)^T (X_j R^-1)`` with the unweighted rows of joint
+            ``j`` and ``R`` the factor, shape ``(nv, r, r)``.
+        rows: By joint, the columns that its torque can depend on (`base_places`), each contiguous, ``(c, N)``; none
+            where they are too many to be kept.
+    """
+
+    theta: Float[Array, " r"]
+    factor: Float[Array, "r r"]
+    residual: Float[Array, "N nv"]
+    grams: Float[Array, "nv r r"]
+    rows: tuple[Float[Array, "_ N"], ...] = ()
+
+    @property
+    def condition(self) -> float:
+        """Condition number of the weighted base regressor, each column divided by its norm."""
+        scaled = np.linalg.svd(self.factor / np.linalg.norm(self.factor, axis=0), compute_uv=False)
+        return float(scaled[0] / scaled[-1])
+
+
+def base_of(regressor: Regressor, tolerance: float = RANK_TOLERANCE) -> BaseParameters:
+    """Base parameters of a regressor that excites at least one.
+
+    Raises:
+        IdentifiabilityError: If no column produces torque.
+    """
+    base = base_parameters(regressor, tolerance=tolerance)
+    if not base.rank:
+        some = ", ".join(regressor.names[:3]) + (", ..." if len(regressor.names) > 3 else "")
+        raise IdentifiabilityError(
+            f"The recording excites none of the {len(regressor.names)} parameters ({some}): record a motion that "
+            "moves the joints in question."
+        )
+    return base
+
+
+def solve(regressor: Regressor, base: BaseParameters, weights: Float[Array, "N nv"]) -> Solution:
+    """Base parameters that minimise the sum of squares of ``weights * (W theta - y)``.
+
+    Args:
+        regressor: The equations.
+        base: Which columns are the unknowns.
+        weights: Of each row; 1 over its noise.
+
+    Raises:
+        IdentifiabilityError: If the weights leave fewer independent rows than unknowns.
+    """
+    factor = _weighted_factor(regressor, base, weights)
+    theta, square = solve_factor(factor)
+    residual, rows = _left_over(regressor, base, theta)
+    return Solution(theta, square, residual, joint_grams(regressor.reduction.rows(base.independent), square), rows)
+
+
+def solve_factor(factor: Float[Array, "q q"]) -> tuple[Float[Array, " r"], Float[Array, "r r"]]:
+    """Base parameters and the triangular factor of the base regressor from that of ``[W y]``, ``(r + 1, r + 1)``.
+
+    Raises:
+        IdentifiabilityError: If there are fewer independent rows than unknowns.
+    """
+    r = len(factor) - 1
+    square, right = factor[:r, :r], factor[:r, r]
+    norms = np.linalg.norm(square, axis=0)
+    # Rows with weight zero can take a column away that the base set has counted on.
+    if (np.abs(np.diag(square)) < 1e-12 * norms).any() or not norms.all():
+        raise IdentifiabilityError(
+            f"The weighted equations do not determine the {r} base parameters: record more motion or leave effects out."
+        )
+    return solve_triangular(square, right), square
+
+
+def joint_grams(rows: Sequence[Float[Array, "_ q"]], factor: Float[Array, "r r"]) -> Float[Array, "nv r r"]:
+    """Share of each joint in the information, see `Solution`.
+
+    Args:
+        rows: Of each joint: what has the same products as its base regressor, and the torque behind it.
+        factor: Triangular factor ``R``.
+    """
+    white = [solve_triangular(factor, joint[:, :-1].T, trans=1) for joint in rows]
+    return np.array([w @ w.T for w in white])
+
+
+def whitened(factor: Float[Array, "r r"], block: Float[Array, "n nv r"]) -> Float[Array, "n nv r"]:
+    """``X R^-1``: rows of the base regressor in coordinates in which its information is the identity.
+
+    Args:
+        factor: Triangular factor ``R``.
+        block: Rows of the base regressor.
+    """
+    return solve_triangular(factor, block.reshape(-1, block.shape[2]).T, trans=1).T.reshape(block.shape)
+
+
+def base_blocks(regressor: Regressor, base: BaseParameters) -> Iterator[tuple[slice, Array]]:
+    """Blocks of the base regressor with the samples they hold.
+
+    Args:
+        regressor: The equations.
+        base: Which columns are the unknowns.
+    """
+    start = 0
+    for block in regressor.blocks(base.independent):
+        yield slice(start, start + len(block)), block
+        start += len(block)
+
+
+def base_places(regressor: Regressor, base: BaseParameters) -> list[list[int]]:
+    """By joint, which of the base columns its torque can depend on: the others are zero in its rows.
+
+    Args:
+        regressor: The equations.
+        base: Which columns are the unknowns.
+    """
+    own = [set(columns) for columns in regressor.touched]
+    return [[k for k, column in enumerate(base.independent) if column in touched] for touched in own]
+
+
+def _left_over(regressor: Regressor, base: BaseParameters, theta: Array) -> tuple[Array, tuple[Array, ...]]:
+    """Residual, ``(N, nv)``, and the rows that it came from (see `Solution`)."""
+    places, y = base_places(regressor, base), regressor.y
+    residual = np.empty_like(y)
+    few = len(y) * sum(map(len, places)) <= _KEPT
+    rows = tuple(np.empty((len(place), len(y))) for place in places) if few else ()
+    for at, block in base_blocks(regressor, base):
+        if few:
+            for joint, place in enumerate(places):
+                rows[joint][:, at] = block[:, joint, place].T
+        else:
+            np.subtract(y[at], block @ theta, out=residual[at])
+    for joint, mine in enumerate(rows):
+        residual[:, joint] = y[:, joint] - theta[places[joint]] @ mine
+    return residual, rows
+
+
+def _weighted_factor(regressor: Regressor, base: BaseParameters, weights: Array) -> Array:
+    """Triangular factor of the weighted base regressor and torque."""
+    reduction = regressor.reduction
+    kept = base.independent
+    if (weights == weights[:1]).all():  # then the rows have been reduced already
+        return triangular(np.concatenate(reduction.weighted(weights[0]).rows(kept)))
+    r = len(kept)
+    own = base_places(regressor, base)
+    factors = [np.zeros((len(place) + 1, len(place) + 1), order="F") for place in own]
+    with one_blas_thread():
+        for at, block in base_blocks(regressor, base):
+            for first in range(0, len(block), ROWS):
+                part = block[first : first + ROWS]
+                here = slice(at.start + first, at.start + first + len(part))
+                for joint, place in enumerate(own):
+                    rows = np.empty((len(part), len(place) + 1), order="F")
+                    rows[:, :-1] = part[:, joint, place]
+                    rows[:, -1] = regressor.y[here, joint]
+                    rows *= weights[here, joint, None]
+                    absorb(factors[joint], rows)
+    wide = [np.zeros((len(factor), r + 1)) for factor in factors]
+    for rows, place, factor in zip(wide, own, factors, strict=True):
+        rows[:, [*place, r]] = factor
+    return triangular(np.concatenate(wide))

@@ -1,0 +1,203 @@
+"""How much an estimate scatters: noise of each joint, its memory, and the covariance that follows."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from itertools import pairwise
+
+import numpy as np
+from jaxtyping import Float
+from scipy.fft import next_fast_len
+from scipy.linalg import solve_triangular
+
+from identification.estimators.linear.least_squares import Solution, base_blocks, base_places
+from identification.regression.base_parameters import BaseParameters
+from identification.regression.regressor import Regressor
+
+Array = np.ndarray
+
+_STRETCH = 4096  # samples at the full rate whose pairs count: longer than the memory of any residual in a band
+
+
+def autocorrelation(score: Float[Array, " N"], starts: tuple[int, ...]) -> Float[Array, " m"]:
+    """Autocorrelation from lag 0 up to where it is lost in its own noise.
+
+    Lags count while the sum of two neighbours is positive (the initial positive sequence of [Geyer]_), so that the
+    noise of the distant ones does not pile up. Pairs of samples from different recordings do not count.
+
+    Args:
+        score: Residual of one joint.
+        starts: First sample of each recording, and N.
+
+    References:
+        .. [Geyer] C. J. Geyer, Practical Markov chain Monte Carlo, Statistical Science 7(4), 1992.
+    """
+    longest = max((stop - start for start, stop in pairwise(starts)), default=0)
+    power = np.zeros(longest)
+    for start, stop in pairwise(starts):
+        x = score[start:stop]
+        if len(x):
+            spectrum = np.abs(np.fft.rfft(x, 2 * len(x))) ** 2
+            power[: len(x)] += np.fft.irfft(spectrum, 2 * len(x))[: len(x)]
+    if longest < 4 or power[0] <= 0:
+        return np.ones(1)
+    rho = power / power[0]
+    pairs = rho[: longest // 2 * 2].reshape(-1, 2).sum(axis=1)
+    negative = np.flatnonzero(pairs <= 0)
+    return rho[: 2 * (negative[0] if len(negative) else len(pairs))] if pairs[0] > 0 else np.ones(1)
+
+
+def correlation_factor(rho: Float[Array, " m"]) -> float:
+    r"""Samples per independent sample, :math:`N / N_\mathrm{eff} = 1 + 2 \sum_k \rho_k`, at least 1.
+
+    Args:
+        rho: Autocorrelation from lag 0.
+    """
+    return max(1.0, float(2 * rho.sum() - 1))
+
+
+def leverage(solution: Solution, information: Float[Array, " nv"]) -> Float[Array, " nv"]:
+    """Number of parameters that each joint's rows determine; they sum to ``r``.
+
+    Args:
+        solution: Gives the grams.
+        information: Weight of each joint's rows (squared).
+    """
+    bread = np.einsum("j,jkl->kl", information, solution.grams)
+    return information * np.array([np.trace(np.linalg.solve(bread, gram)) for gram in solution.grams])
+
+
+def joint_noise(residual: Float[Array, "N nv"], used: Float[Array, " nv"]) -> Float[Array, " nv"]:
+    """Standard deviation of each joint's noise; nan where no equation is left over.
+
+    Args:
+        residual: Of the fit.
+        used: Parameters that each joint's rows determine.
+    """
+    spare = len(residual) - used
+    left = spare > 1e-6 * len(residual)
+    return np.sqrt(np.where(left, np.sum(residual**2, axis=0), np.nan) / np.where(left, spare, 1.0))
+
+
+def white_scatter(solution: Solution, scatter: Float[Array, " nv"]) -> Float[Array, "r r"]:
+    """Covariance of the score if every sample's noise were independent.
+
+    Args:
+        solution: Gives the grams.
+        scatter: Variance of each joint's score.
+    """
+    return np.einsum("j,jkl->kl", scatter, solution.grams)
+
+
+def coloured_scatter(
+    regressor: Regressor,
+    base: BaseParameters,
+    solution: Solution,
+    scatter: Float[Array, " nv"],
+    rho: Sequence[Float[Array, " _"]],
+) -> Float[Array, "r r"]:
+    r"""Covariance of the score with noise that has a memory: :math:`\sum_j b_j \sum_{t,s} x_t x_s^T \rho_j(t - s)`.
+
+    A column that varies slowly against the noise gets the full factor `correlation_factor`, a fast one less. The
+    spectrum of the noise is taken as at least that of white noise, so that no estimate is called better than the
+    white formula does: residuals hold what the model lacks, too. Pairs in different blocks do not count.
+
+    Args:
+        regressor: The equations.
+        base: The unknowns.
+        solution: Gives the factor.
+        scatter: Variance ``b`` of each joint's score.
+        rho: Autocorrelation of each joint's score.
+    """
+    out = np.zeros((base.rank, base.rank))
+    inverse = solve_triangular(solution.factor, np.eye(base.rank))
+    # Columns that a joint does not feel are zero in its rows: before whitening, they cost nothing.
+    places = base_places(regressor, base)
+    # Whitening is a square matrix of the joint's columns, then orthonormal rows: the long product needs the first only.
+    turned = [np.linalg.qr(inverse[place].T) for place in places]
+    grams = [np.zeros((len(place), len(place))) for place in places]
+    for stretch in _stretches(regressor, base, solution, places):
+        for joint, lags in enumerate(rho):
+            white = _coloured_spectrum(stretch[joint], lags) @ turned[joint].R.T
+            grams[joint] += white.T @ white
+    for joint, (turn, _) in enumerate(turned):
+        out += scatter[joint] * (turn @ grams[joint] @ turn.T)
+    return out
+
+
+def _stretches(
+    regressor: Regressor, base: BaseParameters, solution: Solution, places: Sequence[Sequence[int]]
+) -> Iterator[list[Float[Array, "n _"]]]:
+    """Some base columns of each joint's rows, by joint, over stretches of one log."""
+    longest = max(1, _STRETCH // min(log.band.step for log in regressor.logs))
+    if solution.rows:
+        for start, stop in pairwise(regressor.starts):
+            for k in range(start, stop, longest):
+                yield [rows[:, k : min(k + longest, stop)].T for rows in solution.rows]
+        return
+    ends, parts = set(regressor.starts), [[] for _ in places]
+    count = 0
+    for at, block in base_blocks(regressor, base):
+        for joint, place in enumerate(places):
+            parts[joint].append(block[:, joint, place].T)
+        count += len(block)
+        if count >= longest or at.stop in ends:
+            yield [np.concatenate(part, axis=1).T for part in parts]
+            parts, count = [[] for _ in places], 0
+    if count:
+        yield [np.concatenate(part, axis=1).T for part in parts]
+
+
+def scatter_of_rows(
+    rows: Float[Array, "n nv r"], scatter: Float[Array, " nv"], rho: Sequence[Float[Array, " _"]]
+) -> Float[Array, "r r"]:
+    """`coloured_scatter` of the rows of one block.
+
+    Args:
+        rows: What multiplies the noise of each joint at each sample.
+        scatter: Variance of each joint's noise.
+        rho: Autocorrelation of each joint's noise.
+    """
+    out = np.zeros((rows.shape[2], rows.shape[2]))
+    for joint, lags in enumerate(rho):
+        spectrum = _coloured_spectrum(rows[:, joint], lags)
+        out += scatter[joint] * (spectrum.T @ spectrum)
+    return out
+
+
+def _coloured_spectrum(columns: Float[Array, "n k"], lags: Float[Array, " _"]) -> Float[Array, "f k"]:
+    """Spectrum of columns, real and imaginary part in turn, each times the root of the noise at its frequency."""
+    if not len(columns):
+        return columns
+    kept = lags[: len(columns)]
+    # Zeros behind the columns, so that their end does not meet their beginning within the memory.
+    length = 2 * int(next_fast_len((len(columns) + 1) // 2 + len(kept), real=True) or 0)
+    padded = np.zeros(length)
+    padded[: len(kept)] = kept
+    padded[length - len(kept) + 1 :] += kept[:0:-1]
+    colour = np.maximum(np.fft.rfft(padded).real, 1.0)
+    # The two ends of a real spectrum count once, all other frequencies twice.
+    share = np.full(len(colour), 2.0 / length)
+    share[[0, -1]] = 1.0 / length
+    # The spectrum of a transposed view would be one, too, and have no view as pairs of real numbers.
+    spectrum = np.fft.rfft(np.ascontiguousarray(columns.T), length, axis=1)
+    spectrum *= np.sqrt(colour * share)
+    return spectrum.view(float).T
+
+
+def sandwich(solution: Solution, information: Float[Array, " nv"], scatter: Float[Array, "r r"]) -> Float[Array, "r r"]:
+    r"""Covariance :math:`A^{-1} B A^{-1}` of the base parameters, :math:`A = \sum_j a_j X_j^T X_j`.
+
+    Noise of different joints is taken as independent.
+
+    Args:
+        solution: Gives the grams.
+        information: ``a``, weight (squared) of each joint's rows: the information that the estimator believes in.
+        scatter: ``B``, covariance of the score.
+    """
+    bread = np.einsum("j,jkl->kl", information, solution.grams)
+    middle = np.linalg.solve(bread, np.linalg.solve(bread, scatter).T)
+    # Not finite where the noise is not known.
+    left = solve_triangular(solution.factor, middle, check_finite=False)
+    covariance = solve_triangular(solution.factor, left.T, check_finite=False)
+    return 0.5 * (covariance + covariance.T)

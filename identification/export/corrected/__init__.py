@@ -1,0 +1,1 @@
+"""The corrected model as URDF, MJCF and YAML."""

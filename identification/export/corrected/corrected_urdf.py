@@ -1,0 +1,111 @@
+# pyright: reportAttributeAccessIssue=false
+"""A corrected model as URDF: links, friction, torque limits, zeros of encoders, and a base that is not level."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+from xml.etree import ElementTree
+
+import numpy as np
+import pinocchio as pin
+from jaxtyping import Float
+
+from identification.export.corrected.corrected_mjcf import said_zeros
+from identification.export.corrected.parts import Parts, with_base_turned, with_zeros_moved
+from identification.export.model_files.urdf_file import edited_urdf, new_urdf, words
+from phantom_dyn.effects.support.changed_robot import with_gravity
+from phantom_dyn.model.robot import Robot
+from phantom_dyn.model.robot_xml import Element
+
+Array = np.ndarray
+
+LEVEL = "level"
+"""Link on which a tilted robot stands."""
+
+
+def corrected_urdf(parts: Parts, file: Path, folder: Path) -> str:
+    """The text of a URDF; all that the findings do not touch stays as it is in the given file, if that is a URDF.
+
+    Args:
+        parts: The corrected model.
+        file: The robot's file.
+        folder: Where the text will lie: file names of meshes are made relative to it.
+
+    Raises:
+        RobotError: If the file has no link on a joint of the robot.
+        ParameterError: If no body can have the inertia that is left for a link.
+    """
+    robot = _without_rotors(parts)
+    text = edited_urdf(robot, parts.given, file, folder) if file.suffix == ".urdf" else new_urdf(robot)
+    parser = ElementTree.XMLParser(target=ElementTree.TreeBuilder(insert_comments=True))
+    head, start, _ = text.partition("<robot")
+    root = ElementTree.fromstring(start + text[len(head) + len(start) :], parser)
+    joints = {str(joint.get("name")): joint for joint in root.findall("joint")}
+    for name, limit in parts.limits.items():
+        if limit != parts.given.actuators[parts.given.joint_names.index(name)].torque_limit:
+            _set_effort(joints[name], limit)
+    for name, zero in said_zeros(parts).items():
+        _move_zero(joints[name], zero)
+    if not np.array_equal(parts.turned, np.eye(3)):
+        _tilt(root, parts.turned.T)
+    ElementTree.indent(root)
+    return f"{head}{ElementTree.tostring(root, encoding='unicode')}\n"
+
+
+def said_by_urdf(parts: Parts) -> Robot:
+    """What the URDF says as a robot: the given gravity, rotors as given, zeros and base moved."""
+    robot = with_gravity(_without_rotors(parts), parts.given.model.gravity.linear)
+    return with_base_turned(with_zeros_moved(robot, said_zeros(parts)), parts.turned.T)
+
+
+def _without_rotors(parts: Parts) -> Robot:
+    """The robot with the given rotors, as a URDF says none."""
+    model = parts.robot.model.copy()
+    model.armature = parts.given.model.armature
+    return replace(parts.robot, model=model)
+
+
+def _set_effort(joint: Element, limit: float) -> None:
+    element = joint.find("limit")
+    if element is None:
+        element = ElementTree.SubElement(joint, "limit", velocity="1e3")
+    element.set("effort", repr(limit))
+
+
+def _move_zero(joint: Element, zero: float) -> None:
+    """Turn or shift the joint's place back by what its encoder reads too much, and move its limits along."""
+    origin = joint.find("origin")
+    if origin is None:
+        origin = ElementTree.SubElement(joint, "origin")
+    stated = joint.find("axis")
+    axis = _numbers(None if stated is None else stated.get("xyz"), "1 0 0")
+    axis = axis / np.linalg.norm(axis)
+    turn = pin.rpy.rpyToMatrix(_numbers(origin.get("rpy"), "0 0 0"))
+    if joint.get("type") == "prismatic":
+        origin.set("xyz", words(_numbers(origin.get("xyz"), "0 0 0") - turn @ axis * zero))
+    else:
+        turn = turn @ pin.AngleAxis(-zero, axis).matrix()
+        origin.set("rpy", words(pin.rpy.matrixToRpy(turn)))
+    limit = joint.find("limit")
+    if limit is not None and joint.get("type") != "continuous":
+        for key in ("lower", "upper"):
+            limit.set(key, repr(float(limit.get(key, "0")) + zero))
+
+
+def _tilt(root: Element, rotation: Float[Array, "3 3"]) -> None:
+    """A level link under the robot's root, on which that stands turned."""
+    links = [str(link.get("name")) for link in root.findall("link")]
+    children = {str(child.get("link")) for joint in root.findall("joint") for child in joint.findall("child")}
+    base = next(name for name in links if name not in children)
+    level = next(name for name in (LEVEL, *(f"{LEVEL}_{k}" for k in range(len(links)))) if name not in links)
+    joint = ElementTree.Element("joint", name=f"{level}_base", type="fixed")
+    ElementTree.SubElement(joint, "parent", link=level)
+    ElementTree.SubElement(joint, "child", link=base)
+    ElementTree.SubElement(joint, "origin", xyz="0 0 0", rpy=words(pin.rpy.matrixToRpy(np.array(rotation))))
+    root.insert(0, ElementTree.Element("link", name=level))
+    root.insert(1, joint)
+
+
+def _numbers(text: str | None, default: str) -> Float[Array, " 3"]:
+    return np.array([float(x) for x in (text or default).split()])

@@ -1,0 +1,213 @@
+"""``corrected.yaml`` (schema ``phantom-dyn-model/1``): what a diagnosis found, written, and read back as known effects.
+
+``corrected.yaml`` (schema ``phantom-dyn-model/1``): what a diagnosis found, to be added to the model again.
+
+Findings of earlier diagnoses, as part of the given model.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from identification.data.strict_yaml import list_at, mapping_at, number_at, text_at
+from identification.diagnosis.model.terms import KnownEffect
+from identification.diagnosis.result import Adjusted, Diagnosis, Value
+from phantom_dyn.effects.catalogue import effect_named
+from phantom_dyn.effects.load.inertial_parameters import InertialParameters
+from phantom_dyn.errors import ParameterError, PhantomDynError, RobotError
+from phantom_dyn.model.robot import Robot
+from phantom_dyn.model.settings_file import describe, load_mapping, settings_text
+
+SCHEMA = "phantom-dyn-model/1"
+ROBOT_KEYS = ("source", "sha256")
+EFFECT_KEYS = ("effect", "joint", "parameters", "gap_closed")
+VALUE_KEYS = ("value", "std", "unit")
+ADJUSTED_KEYS = ("quantity", "change", "tolerance")
+
+
+@dataclass(frozen=True)
+class CorrectedEffect:
+    """One effect to add to the model; `gap_closed` is NaN where it is not known."""
+
+    effect: str
+    joint: str | None
+    parameters: Mapping[str, Value]
+    gap_closed: float
+
+
+@dataclass(frozen=True)
+class Corrected:
+    """Content of a ``corrected.yaml``: the robot it was found for, its effects, and the moves within tolerance."""
+
+    robot: str
+    sha256: str
+    effects: tuple[CorrectedEffect, ...]
+    adjusted: tuple[Adjusted, ...]
+
+
+def write_corrected(diagnosis: Diagnosis, robot_source: str, sha256: str) -> str:
+    """The text of ``corrected.yaml`` with all findings, but for those that act in one of several recordings only.
+
+    Args:
+        diagnosis: What was found.
+        robot_source: The robot file or name that was diagnosed.
+        sha256: Of the robot file.
+
+    Raises:
+        ParameterError: If the value of a parameter is not finite.
+    """
+    lasting = (finding for finding in diagnosis.findings if finding.recording is None)
+    effects = tuple(CorrectedEffect(f.effect, f.joint, f.parameters, f.gap_closed) for f in lasting)
+    return corrected_text(Corrected(robot_source, sha256, effects, diagnosis.adjusted))
+
+
+def corrected_text(corrected: Corrected) -> str:
+    """The text of a ``corrected.yaml``; nothing is rounded.
+
+    Raises:
+        ParameterError: If the value of a parameter is not finite.
+    """
+    content = {
+        "schema": SCHEMA,
+        "robot": {"source": corrected.robot, "sha256": corrected.sha256},
+        "effects": [_effect_entry(effect) for effect in corrected.effects],
+        "adjusted": [
+            {"quantity": a.quantity, "change": float(a.change), "tolerance": float(a.tolerance)}
+            for a in corrected.adjusted
+        ],
+    }
+    return settings_text(content)
+
+
+def read_corrected(path: str | Path) -> Corrected:
+    """The content of a ``corrected.yaml``.
+
+    Raises:
+        RobotError: If the file cannot be read or is no YAML.
+        ParameterError: If a key is missing or unknown, or a value is of the wrong kind.
+    """
+    content = load_mapping(Path(path), RobotError)
+    file = str(path)
+    if content.get("schema") != SCHEMA:
+        given = f"schema is {describe(content['schema'])}" if "schema" in content else "there is no key schema"
+        raise ParameterError(f"{file}: {given}, wanted {SCHEMA}: give the corrected.yaml of a diagnosis.")
+    top = mapping_at(content, file, "", ("schema", "robot", "effects", "adjusted"))
+    robot = mapping_at(top["robot"], file, "robot", ROBOT_KEYS)
+    return Corrected(
+        robot=text_at(robot["source"], file, "robot.source"),
+        sha256=text_at(robot["sha256"], file, "robot.sha256"),
+        effects=tuple(
+            _effect(entry, file, f"effects[{k}]") for k, entry in enumerate(list_at(top["effects"], file, "effects"))
+        ),
+        adjusted=tuple(
+            _adjusted(entry, file, f"adjusted[{k}]")
+            for k, entry in enumerate(list_at(top["adjusted"], file, "adjusted"))
+        ),
+    )
+
+
+def _effect_entry(effect: CorrectedEffect) -> dict[str, object]:
+    return {
+        "effect": effect.effect,
+        "joint": effect.joint,
+        "parameters": {name: _value_entry(effect.effect, name, value) for name, value in effect.parameters.items()},
+        "gap_closed": _finite_or_none(effect.gap_closed),
+    }
+
+
+def _value_entry(effect: str, name: str, value: Value) -> dict[str, object]:
+    values = value.value if isinstance(value.value, list) else [value.value]
+    if not all(map(math.isfinite, values)):
+        raise ParameterError(
+            f"{name} of {effect} is {value.value}, wanted a finite number: it cannot be added to a model."
+        )
+    stds = value.std if isinstance(value.std, list) else [value.std] * len(values)
+    numbers, unsure = [float(v) for v in values], [_finite_or_none(std) for std in stds]
+    if isinstance(value.value, list):
+        return {"value": numbers, "std": unsure, "unit": value.unit}
+    return {"value": numbers[0], "std": unsure[0], "unit": value.unit}
+
+
+def _finite_or_none(number: float) -> float | None:
+    return float(number) if math.isfinite(number) else None
+
+
+def _effect(entry: Any, file: str, key: str) -> CorrectedEffect:
+    effect = mapping_at(entry, file, key, EFFECT_KEYS)
+    parameters = mapping_at(effect["parameters"], file, f"{key}.parameters", None)
+    return CorrectedEffect(
+        effect=text_at(effect["effect"], file, f"{key}.effect"),
+        joint=None if effect["joint"] is None else text_at(effect["joint"], file, f"{key}.joint"),
+        parameters={name: _value(value, file, f"{key}.parameters.{name}") for name, value in parameters.items()},
+        gap_closed=number_at(effect["gap_closed"], file, f"{key}.gap_closed", unknown=True),
+    )
+
+
+def _value(entry: Any, file: str, key: str) -> Value:
+    value = mapping_at(entry, file, key, VALUE_KEYS)
+    if not isinstance(value["value"], list):
+        std = number_at(value["std"], file, f"{key}.std", unknown=True)
+        return Value(number_at(value["value"], file, f"{key}.value"), std, text_at(value["unit"], file, f"{key}.unit"))
+    values = [number_at(v, file, f"{key}.value[{k}]") for k, v in enumerate(value["value"])]
+    stds = value["std"] if isinstance(value["std"], list) else None
+    if stds is None or len(stds) != len(values):
+        raise ParameterError(
+            f"{file}: {key}.std is {describe(value['std'])}, wanted a list of {len(values)} numbers, one a value."
+        )
+    std = [number_at(s, file, f"{key}.std[{k}]", unknown=True) for k, s in enumerate(stds)]
+    return Value(values, std, text_at(value["unit"], file, f"{key}.unit"))
+
+
+def _adjusted(entry: Any, file: str, key: str) -> Adjusted:
+    adjusted = mapping_at(entry, file, key, ADJUSTED_KEYS)
+    return Adjusted(
+        text_at(adjusted["quantity"], file, f"{key}.quantity"),
+        number_at(adjusted["change"], file, f"{key}.change"),
+        number_at(adjusted["tolerance"], file, f"{key}.tolerance"),
+    )
+
+
+def known_effects(files: tuple[Path, ...], robot: Robot) -> tuple[KnownEffect, ...]:
+    """All effects of several ``corrected.yaml``, checked against the robot.
+
+    Raises:
+        ParameterError: If a file names an unknown effect, joint or parameter, or leaves one out.
+    """
+    out = []
+    for file in files:
+        for entry in read_corrected(file).effects:
+            try:
+                effect = effect_named(entry.effect)
+            except PhantomDynError as error:
+                raise ParameterError(f"{file}: {error}") from error
+            places = effect.places(robot)
+            if entry.joint is None and None not in places and not isinstance(effect, InertialParameters):
+                raise ParameterError(
+                    f"{file}: effect {entry.effect} has no joint, wanted one of {', '.join(robot.joint_names)}."
+                )
+            # Two joints that are coupled need not be neighbours to be known.
+            apart = entry.joint.split("+") if entry.joint is not None else []
+            if entry.joint not in places and not set(apart) <= set(robot.joint_names):
+                raise ParameterError(
+                    f"{file}: effect {entry.effect} is on joint '{entry.joint}', which this robot does not have: "
+                    f"its joints are {', '.join(robot.joint_names)}."
+                )
+            names = [parameter.name for parameter in effect.parameters(robot, entry.joint)]
+            unknown = sorted(set(entry.parameters) - set(names))
+            # Inertial parameters that are not named did not move.
+            missing = [] if isinstance(effect, InertialParameters) else sorted(set(names) - set(entry.parameters))
+            if unknown or missing:
+                raise ParameterError(
+                    f"{file}: effect {entry.effect} has parameters {', '.join(entry.parameters)}, wanted "
+                    f"{', '.join(names)}: correct the file or diagnose again."
+                )
+            theta: list[float] = []
+            for name in names:
+                value = entry.parameters[name].value if name in entry.parameters else 0.0
+                theta += [float(x) for x in value] if isinstance(value, list) else [float(value)]
+            out.append(KnownEffect(entry.effect, entry.joint, tuple(theta)))
+    return tuple(out)

@@ -1,0 +1,137 @@
+"""The findings of a diagnosis as effects, and the given model with the moves within its tolerances.
+
+The findings of a diagnosis as effects with the contract's parameters in order.
+
+The given model with the moves within its tolerances that a diagnosis made: what it was judged with.
+
+Moves are fitted one by one, and only their sum along the recorded motion is seen. Together they may make a body that
+cannot be, as the axial moment of a thin link leaves its two others no room to differ: then possible bodies take its
+place that need the same torques there.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from jaxtyping import Float
+
+from identification.diagnosis.model.nuisances import moves_of
+from identification.diagnosis.model.operations import moved_robot
+from identification.diagnosis.model.terms import KnownEffect
+from identification.diagnosis.result import Diagnosis, Finding
+from identification.estimators.consistent.consistent_bodies import reference_bodies
+from identification.estimators.consistent.consistent_cone import solve_program
+from identification.estimators.consistent.consistent_program import Program
+from phantom_dyn.dynamics.dynamics import rigid_body_regressor, standard_parameters
+from phantom_dyn.effects.catalogue import effect_named
+from phantom_dyn.effects.load.inertial_parameters import InertialParameters
+from phantom_dyn.effects.support.changed_robot import with_parameters
+from phantom_dyn.model.robot import Robot
+from phantom_dyn.motion import Motion
+
+Array = np.ndarray
+
+
+def lasting_findings(diagnosis: Diagnosis) -> tuple[Finding, ...]:
+    """Findings that act in all recordings: what acts in one of them only is no part of the robot."""
+    return tuple(finding for finding in diagnosis.findings if finding.recording is None)
+
+
+def effect_of(robot: Robot, finding: Finding) -> KnownEffect:
+    """A finding as an effect; inertial parameters that are not named did not move.
+
+    Raises:
+        ParameterError: If the effect is unknown.
+        RobotError: If the robot does not have its joint.
+    """
+    names = _names(robot, finding)
+    theta: list[float] = []
+    for name in names:
+        value = finding.parameters[name].value if name in finding.parameters else 0.0
+        theta += [float(x) for x in value] if isinstance(value, list) else [float(value)]
+    return KnownEffect(finding.effect, finding.joint, tuple(theta))
+
+
+def loadings_of(robot: Robot, finding: Finding) -> Float[Array, "p k"]:
+    """Deviations of `effect_of`'s numbers as sums of independent standard numbers.
+
+    Where a finding does not say what it shares with others, each of its deviations stands for itself (``k`` is the
+    number of its parameters), and one that is not finite counts as none.
+    """
+    given = {name: _rows(finding, name) for name in finding.parameters}
+    width = max((len(row) for rows in given.values() for row in rows), default=0)
+    out: list[Array] = []
+    for name in _names(robot, finding):
+        out += [np.array(row) for row in given[name]] if name in given else [np.zeros(width)]
+    return np.array(out).reshape(len(out), width)
+
+
+def _names(robot: Robot, finding: Finding) -> list[str]:
+    effect = effect_named(finding.effect)
+    known = [parameter.name for parameter in effect.parameters(robot, finding.joint)]
+    if isinstance(effect, InertialParameters):
+        return known
+    return [name for name in known if name in finding.parameters] + [n for n in finding.parameters if n not in known]
+
+
+def _rows(finding: Finding, name: str) -> list[list[float]]:
+    """Rows of the loadings of one parameter, which has several where its value is a list."""
+    sizes = {key: len(v.value) if isinstance(v.value, list) else 1 for key, v in finding.parameters.items()}
+    total = sum(sizes.values())
+    start = sum(sizes[key] for key in list(sizes)[: list(sizes).index(name)])
+    if len(finding.loadings) == total:
+        return [list(row) for row in finding.loadings[start : start + sizes[name]]]
+    std = finding.parameters[name].std
+    values = std if isinstance(std, list) else [std]
+    finite = [float(s) if np.isfinite(s) else 0.0 for s in values]
+    return [[s if start + k == j else 0.0 for j in range(total)] for k, s in enumerate(finite)]
+
+
+_SAMPLES = 300
+"""Samples of the recorded motion on which possible bodies need the same torques."""
+_SEEN = 1e-4
+"""Combinations of parameters whose torque is a smaller share of the largest one's are free."""
+
+
+def within_tolerance(robot: Robot, diagnosis: Diagnosis) -> Robot:
+    """The given robot with what the diagnosis lists as adjusted; the very same object where that is nothing.
+
+    Findings are sizes beside these moves: a model that has the findings alone is not the one whose gap was measured,
+    and may be further from the recordings than the given one.
+
+    Args:
+        robot: The given model.
+        diagnosis: Of this model.
+
+    Raises:
+        RobotError: If a link would weigh nothing or less.
+    """
+    changes = {entry.quantity: entry.change for entry in diagnosis.adjusted}
+    values = np.array([changes.get(m.nuisance.name, 0.0) if m.nuisance.relative else 0.0 for m in moves_of(robot)])
+    return moved_robot(robot, values) if values.any() else robot
+
+
+def possible_within_tolerance(robot: Robot, diagnosis: Diagnosis) -> Robot:
+    """`within_tolerance` with bodies that can be, nearest to the given ones, of the same torque along the recording.
+
+    Args:
+        robot: The given model.
+        diagnosis: Of this model; its evidence holds the motion.
+
+    Raises:
+        RobotError: If a link would weigh nothing or less.
+        EstimationError: If no such bodies can be.
+    """
+    moved = within_tolerance(robot, diagnosis)
+    evidence = diagnosis.evidence
+    at = np.unique(np.linspace(0, len(evidence.t) - 1, min(_SAMPLES, len(evidence.t))).astype(int))
+    if moved is robot or not len(evidence.t):
+        return moved
+    motion = Motion(evidence.t[at], evidence.q[at], evidence.v[at], evidence.a[at])
+    wanted, given = standard_parameters(moved), standard_parameters(robot)
+    bodies = reference_bodies(given)
+    scale = np.concatenate([body.scale for body in bodies])
+    _, sizes, rows = np.linalg.svd(rigid_body_regressor(robot, motion).reshape(-1, len(given)) * scale)
+    seen = rows[: len(sizes)][sizes > _SEEN * sizes[0]] / scale
+    none = np.zeros(0)
+    found = solve_program(Program(seen, seen @ wanted, bodies, (None,) * len(bodies), none, none, exact=True))
+    return with_parameters(moved, found.pi - wanted)

@@ -1,0 +1,169 @@
+# pyright: reportAttributeAccessIssue=false
+"""Loading a corrected MJCF again in MuJoCo: the torques that it needs, and how far its motion leaves a recorded one."""
+
+from __future__ import annotations
+
+from importlib.util import find_spec
+from typing import Any
+
+import numpy as np
+from jaxtyping import Float, Int
+
+from identification.export.corrected.corrected_mjcf import rotor_of, said_compliances, said_zeros
+from identification.export.corrected.parts import Parts, with_zeros_moved
+from identification.export.model_files.reload import load_mujoco, mujoco_joints, mujoco_torque, relative_difference
+from identification.export.model_files.tree import tree_torque
+from phantom_dyn.dynamics.tree_motion import TreeMotion, tree_motion
+from phantom_dyn.effects.drive.cogging import cogging_torque
+from phantom_dyn.effects.support.changed_robot import with_rotor_inertia
+from phantom_dyn.errors import RobotError
+from phantom_dyn.model.robot import Robot
+from phantom_dyn.motion import Motion
+
+Array = np.ndarray
+
+_STEP = 1e-3
+"""Step of a rollout [s]."""
+
+_LEAD = 300
+"""Steps in which the encoders' joints are led along the recorded motion."""
+
+
+def needed_torque(parts: Parts, motion: Motion) -> Float[Array, "N nt"]:
+    """True torque on every joint of the tree that the corrected model needs, of what MJCF says, [N m or N].
+
+    Args:
+        parts: The corrected model.
+        motion: N samples of the active joints, positions as encoders read them.
+    """
+    robot = _with_rotors(parts)
+    tree = tree_motion(robot, motion)
+    out = tree_torque(with_zeros_moved(robot, said_zeros(parts)) if said_zeros(parts) else robot, tree)
+    at = dict(zip(robot.joint_names, robot.tree_rows, strict=True))
+    for joint, (stiffness, rest) in parts.springs.items():
+        out[:, at[joint]] += stiffness * (tree.q[:, at[joint]] - rest)
+    for joint, offset in parts.offsets.items():
+        out[:, at[joint]] -= offset
+    for joint, waves in parts.cogging.items():
+        orders, amplitudes, phases = np.array(waves).T
+        out[:, at[joint]] -= cogging_torque(tree.q[:, at[joint], None], orders, amplitudes, phases)
+    for c in parts.couplings:
+        first, second = at[c.first], at[c.second]
+        w, gain = (x[:, first] + c.ratio * x[:, second] for x in (tree.v, tree.a))
+        shared = c.coulomb_torque * np.sign(w) + c.coefficient * w + c.inertia * gain
+        out[:, first] += shared
+        out[:, second] += c.ratio * shared
+    return out
+
+
+def torque_difference(text: str, parts: Parts, motion: Motion) -> float:
+    """Largest difference of torques, over the largest, of a MJCF that MuJoCo has loaded again; NaN without MuJoCo.
+
+    Args:
+        text: Of the MJCF.
+        parts: What the file is to say.
+        motion: N samples of the active joints.
+
+    Raises:
+        RobotError: If MuJoCo refuses the text.
+    """
+    if find_spec("mujoco") is None:
+        return float("nan")
+    tree = tree_motion(parts.robot, motion)
+    found = mujoco_torque(text, parts.robot, tree) + _tendon_friction(parts, tree)
+    return relative_difference(found, needed_torque(parts, motion))
+
+
+def rollout_errors(
+    text: str, robot: Robot, motion: Motion, tau: Float[Array, "N nv"], *, horizon: float = 0.2, starts: int = 40
+) -> Float[Array, " nv"]:
+    """How far MuJoCo's motion is from the recorded one after some time under the recorded torque, root mean square.
+
+    What the recording does not hold (links in their play, drives that lag) is found by leading the encoders' joints
+    along the recorded motion for a while before each rollout.
+
+    Args:
+        text: A MJCF with one actuator per active joint, in the robot's order, first.
+        robot: Gives joints and loops.
+        motion: N samples of the active joints, from which the rollouts start.
+        tau: Logged torque at the same times [N m or N].
+        horizon: Length of each rollout [s].
+        starts: At most so many rollouts, evenly spread.
+
+    Raises:
+        RobotError: If MuJoCo refuses the text, or the motion is shorter than the horizon.
+    """
+    import mujoco
+
+    model = load_mujoco(text)
+    model.opt.timestep = _STEP
+    model.opt.integrator = mujoco.mjtIntegrator.mjINT_IMPLICITFAST
+    data = mujoco.MjData(model)
+    tree = tree_motion(robot, motion)
+    order, active = mujoco_joints(model, robot), list(robot.tree_rows)
+    hidden = model.nq > len(order) or model.na > 0 or bool(model.actuator_history[:, 0].any())
+    lead, count = _LEAD if hidden else 0, round(horizon / _STEP)
+    chosen = _starts(motion.t, lead * _STEP, count * _STEP, starts)
+    errors = np.empty((len(chosen), robot.nv))
+    for row, k in enumerate(chosen):
+        t = motion.t[k] + np.arange(-lead, count) * _STEP
+        asked = _at(t + 0.5 * _STEP, motion.t, tau)
+        mujoco.mj_resetData(model, data)
+        _set_drives(model, data, float(t[0]), asked[0])
+        for q, v, torque in zip(_at(t[:lead], motion.t, tree.q), _at(t[:lead], motion.t, tree.v), asked, strict=False):
+            data.qpos[order], data.qvel[order], data.ctrl[: robot.nv] = q, v, torque
+            mujoco.mj_step(model, data)
+        data.qpos[order], data.qvel[order] = tree.q[k], tree.v[k]
+        for torque in asked[lead:]:
+            data.ctrl[: robot.nv] = torque
+            mujoco.mj_step(model, data)
+        errors[row] = data.qpos[order][active] - _at(t[-1:] + _STEP, motion.t, motion.q)[0]
+    return np.sqrt(np.mean(errors**2, axis=0))
+
+
+def _starts(t: Float[Array, " N"], before: float, behind: float, most: int) -> Int[Array, " k"]:
+    """Samples with recorded motion before and behind them: a rollout over a break in the recording judges nothing."""
+    first = np.r_[0, np.flatnonzero(np.diff(t) > 3 * np.median(np.diff(t))) + 1]
+    part = np.searchsorted(first, np.arange(len(t)), side="right") - 1
+    begins, ends = t[first], t[np.r_[first[1:] - 1, len(t) - 1]]
+    inside = np.flatnonzero((t - before >= begins[part]) & (t + behind <= ends[part]))
+    if len(inside) == 0:
+        raise RobotError(f"The motion is shorter than {before + behind:g} s: give more of it for a rollout.")
+    return inside[np.unique(np.linspace(0, len(inside) - 1, most).astype(int))]
+
+
+def _at(times: Float[Array, " k"], t: Float[Array, " N"], columns: Float[Array, "N n"]) -> Float[Array, "k n"]:
+    return np.column_stack([np.interp(times, t, column) for column in columns.T])
+
+
+def _set_drives(model: Any, data: Any, start: float, asked: Float[Array, " nv"]) -> None:
+    """Drives that have been asked for the same torque for long."""
+    import mujoco
+
+    data.time = start
+    for j, torque in enumerate(asked):
+        if model.actuator_actnum[j]:
+            data.act[model.actuator_actadr[j]] = torque
+        count = int(model.actuator_history[j, 0])
+        if count:
+            times = start - _STEP * np.arange(count, 0, -1)
+            mujoco.mj_initCtrlHistory(model, data, j, times, np.full((count, 1), torque))
+
+
+def _with_rotors(parts: Parts) -> Robot:
+    """The robot with the rotors that a play or a spring needs."""
+    robot = parts.robot
+    for joint in (*parts.plays, *said_compliances(parts)):
+        known = float(parts.robot.rotor_inertia[robot.joint_names.index(joint)])
+        robot = with_rotor_inertia(robot, joint, rotor_of(parts, joint) - known)
+    return robot
+
+
+def _tendon_friction(parts: Parts, tree: TreeMotion) -> Float[Array, "N nt"]:
+    out = np.zeros_like(tree.v)
+    at = dict(zip(parts.robot.joint_names, parts.robot.tree_rows, strict=True))
+    for c in parts.couplings:
+        sign = np.sign(tree.v[:, at[c.first]] + c.ratio * tree.v[:, at[c.second]])
+        out[:, at[c.first]] += c.coulomb_torque * sign
+        out[:, at[c.second]] += c.ratio * c.coulomb_torque * sign
+    return out

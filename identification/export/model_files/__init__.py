@@ -1,0 +1,1 @@
+"""A robot as URDF and MJCF, loaded again and compared."""

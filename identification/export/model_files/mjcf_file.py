@@ -1,0 +1,102 @@
+# pyright: reportAttributeAccessIssue=false
+"""A robot as MJCF: tree, inertias, damping, dry friction, rotor inertias and point loops; no shapes."""
+
+from __future__ import annotations
+
+from xml.etree import ElementTree
+
+import numpy as np
+import pinocchio as pin
+from jaxtyping import Float
+
+from identification.export.model_files.tree import TreeBody, TreeFrame, bodies, frames
+from identification.export.model_files.urdf_file import words
+from phantom_dyn.errors import ParameterError
+from phantom_dyn.model.inertia import breaks_triangle
+from phantom_dyn.model.robot import Robot
+from phantom_dyn.model.robot_xml import Element
+
+Array = np.ndarray
+
+_LEAST = 1e-15
+"""MuJoCo's least mass [kg] and principal inertia [kg m^2] of a body that moves."""
+
+
+def mjcf_text(robot: Robot) -> str:
+    """The text of a MJCF file with one motor per active joint, and loops that keep two frames together.
+
+    Args:
+        robot: Gives the tree.
+
+    Raises:
+        ParameterError: If a body cannot exist, or not in MuJoCo.
+    """
+    root = ElementTree.Element("mujoco", model=robot.name)
+    ElementTree.SubElement(root, "compiler", angle="radian", autolimits="true")
+    ElementTree.SubElement(root, "option", gravity=words(robot.model.gravity.linear))
+    world = ElementTree.SubElement(root, "worldbody")
+    tree = bodies(robot)
+    elements: list[Element] = []
+    for body in tree:
+        elements.append(_body(elements[body.parent] if body.parent >= 0 else world, body))
+    for site in frames(robot):
+        _site(elements[site.body] if site.body >= 0 else world, site)
+    _loops(root, robot, [*elements, world])
+    actuators = ElementTree.SubElement(root, "actuator")
+    for joint, actuator in zip(robot.joint_names, robot.actuators, strict=True):
+        if actuator.actuated:
+            ElementTree.SubElement(actuators, "motor", name=f"{joint}_motor", joint=joint)
+    ElementTree.indent(root)
+    return ElementTree.tostring(root, encoding="unicode") + "\n"
+
+
+def _body(parent: Element, body: TreeBody) -> Element:
+    inertia = body.inertia
+    if inertia.mass < _LEAST or np.linalg.eigvalsh(inertia.inertia)[0] < _LEAST:
+        raise ParameterError(
+            f"MuJoCo takes no moving body without mass and inertia in every direction, and {body.name} is one: give "
+            "it some in the robot's file."
+        )
+    if breaks_triangle(inertia.inertia):
+        raise ParameterError(
+            f"MuJoCo takes no body whose principal inertia exceeds the sum of the others, and {body.name} is one: "
+            "correct it in the robot's file."
+        )
+    element = ElementTree.SubElement(parent, "body", {"name": body.name, **_place(body.position, body.rotation)})
+    joint = {"name": body.joint, "type": "slide" if body.prismatic else "hinge", "axis": words(body.axis)}
+    for name, value in (("damping", body.damping), ("frictionloss", body.friction), ("armature", body.armature)):
+        if value:
+            joint[name] = repr(value)
+    if body.limits is not None:
+        joint["range"] = words(body.limits)
+    ElementTree.SubElement(element, "joint", joint)
+    entries = [inertia.inertia[i, j] for i, j in ((0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2))]
+    ElementTree.SubElement(
+        element, "inertial", pos=words(inertia.center), mass=repr(inertia.mass), fullinertia=words(entries)
+    )
+    return element
+
+
+def _site(parent: Element, site: TreeFrame) -> None:
+    ElementTree.SubElement(parent, "site", {"name": site.name, "size": "0.005", **_place(site.position, site.rotation)})
+
+
+def _loops(root: Element, robot: Robot, owners: list[Element]) -> None:
+    """Loops that keep two frames together, between sites; linear ones have no word in MJCF for several joints."""
+    if robot.chain is None or not robot.chain.anchors:
+        return
+    group = ElementTree.SubElement(root, "equality")
+    for index, anchor in enumerate(robot.chain.anchors):
+        names = [f"loop_{index}_a", f"loop_{index}_b"]
+        for name, frame in zip(names, (anchor.frame_a, anchor.frame_b), strict=True):
+            where = robot.model.frames[frame]
+            # The ground is the last of the owners.
+            place = TreeFrame(name, -1, np.array(where.placement.rotation), np.array(where.placement.translation))
+            _site(owners[where.parentJoint - 1], place)
+        kind = "connect" if anchor.kind == "point" else "weld"
+        ElementTree.SubElement(group, kind, name=f"loop_{index}", site1=names[0], site2=names[1])
+
+
+def _place(position: Float[Array, " 3"], rotation: Float[Array, "3 3"]) -> dict[str, str]:
+    turn = pin.Quaternion(np.array(rotation)).normalized()
+    return {"pos": words(position), "quat": words([turn.w, turn.x, turn.y, turn.z])}

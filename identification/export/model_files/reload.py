@@ -1,0 +1,151 @@
+# pyright: reportAttributeAccessIssue=false
+"""Loading a written model again, and comparing the torques that it needs with those of the model it was made from."""
+
+from __future__ import annotations
+
+import tempfile
+from dataclasses import replace
+from importlib.util import find_spec
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pinocchio as pin
+from jaxtyping import Float
+
+from identification.export.model_files.tree import tree_torque
+from phantom_dyn.dynamics.tree_motion import TreeMotion, tree_motion
+from phantom_dyn.errors import PhantomDynError, RobotError
+from phantom_dyn.model.loading import load_robot
+from phantom_dyn.model.robot import Robot
+from phantom_dyn.motion import Motion, configurations
+
+Array = np.ndarray
+
+TOLERANCE = 1e-6
+"""Largest difference over the largest torque of the motion: files carry all digits, so more is a mistake."""
+
+
+def urdf_difference(text: str, robot: Robot, motion: Motion, config: Path | None) -> float:
+    """Largest difference of torques, over the largest torque, of a URDF that Pinocchio has loaded again.
+
+    All joints of the tree are compared, as if each had a drive: a URDF says nothing of loops.
+
+    Args:
+        text: Of the URDF.
+        robot: What the file is to say; rotor inertias are taken from it, as the file has none.
+        motion: N samples of the active joints.
+        config: The robot's ``robot.yaml``, for the joints that are held fixed and for gravity.
+
+    Raises:
+        RobotError: If the text cannot be loaded, or has other joints.
+    """
+    with tempfile.TemporaryDirectory() as folder:
+        path = Path(folder) / "robot.urdf"
+        path.write_text(text, encoding="utf-8")
+        try:
+            loaded = load_robot(path, config=config)
+        except PhantomDynError as error:
+            raise RobotError(str(error).replace(str(path), "the URDF that was written")) from error
+    if list(loaded.model.names) != list(robot.model.names):
+        raise RobotError(
+            f"The URDF that was written has the joints {', '.join(list(loaded.model.names)[1:])}, wanted "
+            f"{', '.join(list(robot.model.names)[1:])}: this is an error of phantom-dyn."
+        )
+    model = loaded.model.copy()
+    model.armature, model.gravity = robot.model.armature, robot.model.gravity
+    tree = tree_motion(robot, motion)
+    again = replace(tree, configuration=configurations(model, tree.q))
+    return relative_difference(tree_torque(replace(loaded, model=model), again), tree_torque(robot, tree))
+
+
+def mujoco_difference(text: str, robot: Robot, motion: Motion) -> float:
+    """Largest difference of torques, over the largest torque, of a MJCF that MuJoCo has loaded again; NaN without it.
+
+    Args:
+        text: Of the MJCF.
+        robot: What the file is to say.
+        motion: N samples of the active joints.
+
+    Raises:
+        RobotError: If MuJoCo refuses the text.
+    """
+    if find_spec("mujoco") is None:
+        return float("nan")
+    tree = tree_motion(robot, motion)
+    return relative_difference(mujoco_torque(text, robot, tree), tree_torque(robot, tree))
+
+
+def mujoco_torque(text: str, robot: Robot, tree: TreeMotion) -> Float[Array, "N nt"]:
+    """Torque [N m or N] on every joint of the tree that a MJCF needs in MuJoCo, beyond what its drives give unasked.
+
+    Args:
+        text: Of the MJCF; joints that the robot does not have stay at zero.
+        robot: Gives the joints.
+        tree: N samples.
+
+    Raises:
+        RobotError: If MuJoCo refuses the text.
+    """
+    import mujoco
+
+    model = load_mujoco(text)
+    # Loops and dry friction are constraints: without them the torque is that of the tree, and friction is added.
+    model.opt.disableflags |= mujoco.mjtDisableBit.mjDSBL_CONSTRAINT
+    data = mujoco.MjData(model)
+    order = mujoco_joints(model, robot)
+    out = np.empty_like(tree.v)
+    for k, (q, v, a) in enumerate(zip(tree.q, tree.v, tree.a, strict=True)):
+        for values, own in ((data.qpos, q), (data.qvel, v), (data.qacc, a)):
+            values[:] = 0.0
+            values[order] = own
+        mujoco.mj_inverse(model, data)
+        out[k] = data.qfrc_inverse[order]
+        data.ctrl[:] = 0.0
+        mujoco.mj_fwdActuation(model, data)
+        out[k] -= data.qfrc_actuator[order]
+    return out + model.dof_frictionloss[order] * np.sign(tree.v)
+
+
+def load_mujoco(text: str) -> Any:
+    """MuJoCo's model of a MJCF.
+
+    Raises:
+        RobotError: If MuJoCo refuses the text.
+    """
+    import mujoco
+
+    try:
+        return mujoco.MjModel.from_xml_string(text)
+    except ValueError as error:
+        raise RobotError(f"MuJoCo refuses the MJCF that was written ({' '.join(str(error).split())}).") from error
+
+
+def mujoco_joints(model: Any, robot: Robot) -> list[int]:
+    """Where MuJoCo keeps each joint of the robot's tree."""
+    import mujoco
+
+    names = [mujoco.mj_id2name(model, mujoco.mjtObj.mjOBJ_JOINT, k) for k in range(model.njnt)]
+    return [names.index(name) for name in list(robot.model.names)[1:]]
+
+
+def some_motion(motion: Motion, most: int = 200) -> Motion:
+    """At most so many samples of a motion, evenly spread."""
+    at = np.unique(np.linspace(0, len(motion.t) - 1, most).astype(int))
+    return Motion(motion.t[at], motion.q[at], motion.v[at], motion.a[at])
+
+
+def versions() -> dict[str, str]:
+    """What loads the files again: name and version of Pinocchio, and of MuJoCo where it is installed."""
+    out = {"urdf": f"Pinocchio {pin.__version__}"}
+    if find_spec("mujoco") is not None:
+        import mujoco
+
+        out["mjcf"] = f"MuJoCo {mujoco.__version__}"
+    return out
+
+
+def relative_difference(found: Float[Array, "N nt"], wanted: Float[Array, "N nt"]) -> float:
+    """Largest difference of torques, over the largest that is wanted."""
+    largest = float(np.abs(wanted).max())
+    return float(np.abs(found - wanted).max() / (largest if largest > 0 else 1.0))

@@ -1,0 +1,157 @@
+# pyright: reportAttributeAccessIssue=false
+"""The tree of a robot as plain data for files that are written from nothing: bodies, joints, frames, friction.
+
+The tree of a robot as plain data for files that are written from nothing: bodies, joints, frames.
+
+Modelled friction of every joint of a robot's tree, and the torque that the whole tree needs.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+import pinocchio as pin
+from jaxtyping import Float
+
+from identification.export.model_files.rigid_links import LinkInertia
+from phantom_dyn.dynamics.tree_motion import TreeMotion
+from phantom_dyn.errors import ParameterError
+from phantom_dyn.model.inertia import body_name, central_parameters, impossible_because
+from phantom_dyn.model.robot import Robot
+
+Array = np.ndarray
+
+
+@dataclass(frozen=True)
+class TreeBody:
+    """One moving body with its joint.
+
+    Attributes:
+        name: Of the link.
+        parent: Its parent's index among all bodies, -1 for the ground.
+        joint: Name of the joint.
+        prismatic: True if the joint is linear.
+        rotation, position: Place of the joint in the parent's frame.
+        axis: Of the joint, in its own frame.
+        limits: Lower and upper position [rad or m]; None where it has none.
+        inertia: In the axes of the joint.
+        damping, friction, armature: Viscous coefficient, Coulomb torque, rotor inertia of the joint.
+    """
+
+    name: str
+    parent: int
+    joint: str
+    prismatic: bool
+    rotation: Float[Array, "3 3"]
+    position: Float[Array, " 3"]
+    axis: Float[Array, " 3"]
+    limits: tuple[float, float] | None
+    inertia: LinkInertia
+    damping: float
+    friction: float
+    armature: float
+
+
+@dataclass(frozen=True)
+class TreeFrame:
+    """A named place on a body (index -1: the ground)."""
+
+    name: str
+    body: int
+    rotation: Float[Array, "3 3"]
+    position: Float[Array, " 3"]
+
+
+def bodies(robot: Robot) -> tuple[TreeBody, ...]:
+    """The moving bodies of a robot, parents first.
+
+    Raises:
+        ParameterError: If a body cannot exist.
+    """
+    model = robot.model
+    viscous, coulomb = tree_friction(robot)
+    data = model.createData()
+    pin.computeJointJacobians(model, data, pin.neutral(model))
+    out = []
+    for j in range(1, model.njoints):
+        joint = model.joints[j]
+        jacobian = pin.getJointJacobian(model, data, j, pin.ReferenceFrame.LOCAL)
+        column = np.reshape(jacobian, (6, -1))[:, joint.idx_v]  # one-dimensional for a robot with one joint
+        prismatic = bool(np.abs(column[:3]).sum() > 0.5)
+        mass, center, inertia = central_parameters(model.inertias[j].toDynamicParameters())
+        name = body_name(robot, j)
+        reason = impossible_because(mass, inertia)
+        if reason is not None:
+            raise ParameterError(f"The link {name} cannot exist with its inertia, {reason}: record more motion.")
+        low, high = float(model.lowerPositionLimit[joint.idx_q]), float(model.upperPositionLimit[joint.idx_q])
+        out.append(
+            TreeBody(
+                name=name,
+                parent=model.parents[j] - 1,
+                joint=model.names[j],
+                prismatic=prismatic,
+                rotation=np.array(model.jointPlacements[j].rotation),
+                position=np.array(model.jointPlacements[j].translation),
+                axis=column[:3] if prismatic else column[3:],
+                limits=(low, high) if joint.nq == 1 and np.isfinite([low, high]).all() and low < high else None,
+                inertia=LinkInertia(mass, center, inertia),
+                damping=float(viscous[joint.idx_v]),
+                friction=float(coulomb[joint.idx_v]),
+                armature=float(model.armature[joint.idx_v]),
+            )
+        )
+    return tuple(out)
+
+
+def frames(robot: Robot) -> tuple[TreeFrame, ...]:
+    """Named places that are no moving body and no joint: links fixed to others, and points of use.
+
+    A name that is there already is left out.
+    """
+    model = robot.model
+    seen = {body_name(robot, j) for j in range(1, model.njoints)} | {"universe", "world"}
+    out = []
+    for frame in model.frames:
+        if frame.type in (pin.FrameType.BODY, pin.FrameType.OP_FRAME) and frame.name not in seen:
+            seen.add(frame.name)
+            placement = frame.placement
+            rotation, position = np.array(placement.rotation), np.array(placement.translation)
+            out.append(TreeFrame(frame.name, frame.parentJoint - 1, rotation, position))
+    return tuple(out)
+
+
+def tree_friction(robot: Robot) -> tuple[Float[Array, " nt"], Float[Array, " nt"]]:
+    """Viscous coefficients and Coulomb torques of all joints of the tree, passive ones included."""
+    viscous, coulomb = np.zeros(robot.model.nv), np.zeros(robot.model.nv)
+    viscous[list(robot.tree_rows)], coulomb[list(robot.tree_rows)] = robot.viscous_friction, robot.coulomb_friction
+    if robot.chain is not None:
+        passive = list(robot.chain.passive)
+        viscous[passive], coulomb[passive] = robot.chain.viscous_friction, robot.chain.coulomb_friction
+    return viscous, coulomb
+
+
+def tree_torque(robot: Robot, tree: TreeMotion) -> Float[Array, "N nt"]:
+    """Torque [N m or N] on every joint of the tree, as if each had a drive: links, rotors and friction.
+
+    Args:
+        robot: Gives model and friction.
+        tree: N samples.
+    """
+    viscous, coulomb = tree_friction(robot)
+    data = robot.model.createData()
+    rigid = [
+        np.array(pin.rnea(robot.model, data, q, v, a))
+        for q, v, a in zip(tree.configuration, tree.v, tree.a, strict=True)
+    ]
+    return np.reshape(rigid, tree.v.shape) + viscous * tree.v + coulomb * np.sign(tree.v)
+
+
+def with_tree_friction(robot: Robot, viscous: Float[Array, " nt"], coulomb: Float[Array, " nt"]) -> Robot:
+    """The robot with other friction on every joint of its tree."""
+    active = list(robot.tree_rows)
+    chain = robot.chain
+    if chain is not None:
+        passive = list(chain.passive)
+        chain = replace(chain, viscous_friction=viscous[passive], coulomb_friction=coulomb[passive])
+    return replace(robot, viscous_friction=viscous[active], coulomb_friction=coulomb[active], chain=chain)

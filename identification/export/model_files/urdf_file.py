@@ -1,0 +1,170 @@
+# pyright: reportAttributeAccessIssue=false
+"""A robot as URDF: its own file with other inertias and friction, or one written from nothing.
+
+A robot's URDF with other inertias and friction; all else in the file stays as it is.
+
+A URDF written from nothing, for a robot whose own file is none: tree, inertias and friction, no shapes.
+"""
+
+from __future__ import annotations
+
+import os
+from pathlib import Path
+from xml.etree import ElementTree
+
+import numpy as np
+import pinocchio as pin
+from jaxtyping import Float
+
+from identification.export.model_files.rigid_links import (
+    LinkInertia,
+    fixed_links,
+    link_of_joint,
+    links_held,
+    own_inertia,
+)
+from identification.export.model_files.tree import bodies, frames, tree_friction
+from phantom_dyn.errors import RobotError
+from phantom_dyn.model.robot import Robot
+from phantom_dyn.model.robot_xml import Element
+
+_SCHEMES = tuple(f"{name}://" for name in ("package", "file", "http", "https", "model"))
+
+
+def edited_urdf(robot: Robot, given: Robot, file: Path, folder: Path) -> str:
+    """The text of a URDF in which the inertias and frictions that differ from the given robot's are replaced.
+
+    Args:
+        robot: With the new inertias and friction.
+        given: As the file states it.
+        file: The URDF.
+        folder: Where the text will lie: file names of meshes are made relative to it.
+
+    Raises:
+        RobotError: If the file has no link on a joint of the robot.
+        ParameterError: If no body can have the inertia that is left for a link.
+    """
+    # Comments stay: they often say where numbers come from.
+    parser = ElementTree.XMLParser(target=ElementTree.TreeBuilder(insert_comments=True))
+    root = ElementTree.parse(file, parser).getroot()
+    links = {link.get("name", ""): link for link in root.findall("link")}
+    held = links_held(given, root)
+    for body in range(1, robot.model.njoints):
+        if robot.model.inertias[body] == given.model.inertias[body]:
+            continue
+        own = link_of_joint(root, robot.model.names[body])
+        if own is None or own not in links:
+            raise RobotError(f"{file} hangs no link on the joint {robot.model.names[body]}: give the robot's URDF.")
+        inertia, losing = own_inertia(robot, body, fixed_links(given, root, body, own), held)
+        for name in losing:
+            for element in links[name].findall("inertial"):
+                links[name].remove(element)
+        _set_inertia(links[own], inertia)
+    _set_friction(root, robot, given)
+    _relocate(root, file.resolve().parent, folder)
+    ElementTree.indent(root)
+    before = "".join(f"<!--{comment}-->\n" for comment in _comments_before(file))
+    return f'<?xml version="1.0"?>\n{before}{ElementTree.tostring(root, encoding="unicode")}\n'
+
+
+def _comments_before(file: Path) -> list[str]:
+    """Comments in front of the root element, which is no part of them."""
+    out = []
+    for event, element in ElementTree.iterparse(file, events=("start", "comment")):
+        if event == "start":
+            break
+        out.append(element.text or "")
+    return out
+
+
+def inertial_element(inertia: LinkInertia) -> Element:
+    """The ``<inertial>`` of a link; nothing is rounded."""
+    element = ElementTree.Element("inertial")
+    ElementTree.SubElement(element, "origin", xyz=words(inertia.center), rpy="0 0 0")
+    ElementTree.SubElement(element, "mass", value=repr(float(inertia.mass)))
+    names = (("ixx", 0, 0), ("ixy", 0, 1), ("ixz", 0, 2), ("iyy", 1, 1), ("iyz", 1, 2), ("izz", 2, 2))
+    entries = {name: repr(float(inertia.inertia[i, j])) for name, i, j in names}
+    ElementTree.SubElement(element, "inertia", entries)
+    return element
+
+
+def words(numbers) -> str:
+    """Numbers of an attribute; nothing is rounded."""
+    return " ".join(repr(float(x)) for x in np.ravel(numbers))
+
+
+def _set_inertia(link: Element, inertia: LinkInertia) -> None:
+    for element in link.findall("inertial"):
+        link.remove(element)
+    link.insert(0, inertial_element(inertia))
+
+
+def _set_friction(root: Element, robot: Robot, given: Robot) -> None:
+    joints = {joint.get("name"): joint for joint in root.findall("joint")}
+    new, old = tree_friction(robot), tree_friction(given)
+    for k, name in enumerate(list(robot.model.names)[1:]):
+        for values, before, attribute in zip(new, old, ("damping", "friction"), strict=True):
+            if values[k] != before[k] and name in joints:
+                element = joints[name].find("dynamics")
+                if element is None:
+                    element = ElementTree.SubElement(joints[name], "dynamics")
+                element.set(attribute, repr(float(values[k])))
+
+
+def _relocate(root: Element, source: Path, folder: Path) -> None:
+    for element in root.iter():
+        name = element.get("filename") if isinstance(element.tag, str) else None
+        if name and not name.startswith(_SCHEMES) and not Path(name).is_absolute() and (source / name).exists():
+            element.set("filename", Path(os.path.relpath(source / name, folder.resolve())).as_posix())
+
+
+Array = np.ndarray
+
+
+def new_urdf(robot: Robot) -> str:
+    """The text of a URDF.
+
+    Args:
+        robot: Gives the tree; joints of loops are plain joints in it.
+
+    Raises:
+        ParameterError: If a body cannot exist.
+    """
+    root = ElementTree.Element("robot", name=robot.name)
+    tree, places = bodies(robot), frames(robot)
+    taken = {body.name for body in tree} | {place.name for place in places}
+    ground = next(name for name in ("ground", *(f"ground_{k}" for k in range(len(taken) + 1))) if name not in taken)
+    names = [*(body.name for body in tree), ground]  # parent -1 is the last
+    ElementTree.SubElement(root, "link", name=ground)
+    for body in tree:
+        link = ElementTree.SubElement(root, "link", name=body.name)
+        link.append(inertial_element(body.inertia))
+        kind = "prismatic" if body.prismatic else "revolute" if body.limits else "continuous"
+        joint = _joint(root, body.joint, kind, names[body.parent], body.name, body.rotation, body.position)
+        ElementTree.SubElement(joint, "axis", xyz=words(body.axis))
+        # URDF wants effort and speed with the limits, and a linear joint never goes without.
+        low, high = body.limits or ((-1e3, 1e3) if body.prismatic else (0.0, 0.0))
+        limit = {"lower": repr(low), "upper": repr(high)} if kind != "continuous" else {}
+        ElementTree.SubElement(joint, "limit", limit, effort="1e6", velocity="1e3")
+        ElementTree.SubElement(joint, "dynamics", damping=repr(body.damping), friction=repr(body.friction))
+    for place in places:
+        ElementTree.SubElement(root, "link", name=place.name)
+        _joint(root, f"{place.name}_fixed", "fixed", names[place.body], place.name, place.rotation, place.position)
+    ElementTree.indent(root)
+    return f'<?xml version="1.0"?>\n{ElementTree.tostring(root, encoding="unicode")}\n'
+
+
+def _joint(
+    root: Element,
+    name: str,
+    kind: str,
+    parent: str,
+    child: str,
+    rotation: Float[Array, "3 3"],
+    position: Float[Array, " 3"],
+) -> Element:
+    joint = ElementTree.SubElement(root, "joint", name=name, type=kind)
+    ElementTree.SubElement(joint, "origin", xyz=words(position), rpy=words(pin.rpy.matrixToRpy(np.array(rotation))))
+    ElementTree.SubElement(joint, "parent", link=parent)
+    ElementTree.SubElement(joint, "child", link=child)
+    return joint

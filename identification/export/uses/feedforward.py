@@ -1,0 +1,210 @@
+# pyright: reportAttributeAccessIssue=false
+"""Feedforward for control: the corrected model's drive torque as plain Python without dependencies, and as a table."""
+
+from __future__ import annotations
+
+import csv
+import io
+import runpy
+import tempfile
+from importlib.resources import files
+from pathlib import Path
+from pprint import pformat
+from typing import Any
+
+import numpy as np
+import pinocchio as pin
+from jaxtyping import Float
+
+from identification.diagnosis.result import Diagnosis
+from identification.export.corrected.parts import Parts
+from identification.export.model_files.tree import bodies, tree_friction
+from phantom_dyn import __version__
+from phantom_dyn.errors import ParameterError
+from phantom_dyn.loops.solver import tree_positions
+from phantom_dyn.model.robot import Robot
+
+Array = np.ndarray
+
+_POSITIONS, _SPEEDS, _SAMPLES = 91, 20, 400
+"""Rows of the table over the position of a joint and over each direction of its speed; samples that are judged."""
+_NOT_SAID = {
+    "encoder_quantization": "coarse encoders",
+    "presliding_friction": "the way of presliding friction up to its torque",
+}
+COLUMNS = ("over", "joint", "q", "v", "gravity", "friction", "cogging", "command", "headroom")
+
+
+def feedforward_code(parts: Parts, diagnosis: Diagnosis) -> str:
+    """The text of ``feedforward.py``.
+
+    Args:
+        parts: The corrected model.
+        diagnosis: Gives the torque reduction to expect.
+
+    Raises:
+        ParameterError: If the robot has loops that keep frames together: they need a solver.
+    """
+    functions = (files("identification.uses") / "feedforward_functions.txt").read_text(encoding="utf-8")
+    imports, _, functions = functions.partition("import math\n")
+    constants = "".join(f"{name} = {pformat(value, width=110)}\n" for name, value in _constants(parts).items())
+    code = f"{imports}import math\n\n{constants}{functions}"
+    return f'"""{_said(parts, diagnosis, loaded(code))}\n"""\n\n{code}'
+
+
+def loaded(code: str) -> dict[str, Any]:
+    """The names that the text of a ``feedforward.py`` defines."""
+    with tempfile.TemporaryDirectory() as folder:
+        path = Path(folder) / "feedforward.py"
+        path.write_text(code, encoding="utf-8")
+        return runpy.run_path(str(path))
+
+
+def feedforward_table(parts: Parts, diagnosis: Diagnosis) -> str:
+    """The text of ``feedforward.csv``: each joint over its recorded positions and speeds, the others in mid range.
+
+    Raises:
+        ParameterError: If the robot has loops that keep frames together.
+    """
+    law = loaded(feedforward_code(parts, diagnosis))
+    q, v = diagnosis.evidence.q, diagnosis.evidence.v
+    low, high = (q.min(axis=0), q.max(axis=0)) if len(q) else (np.zeros(parts.robot.nv), np.zeros(parts.robot.nv))
+    fastest = np.abs(v).max(axis=0) if len(v) else np.zeros(parts.robot.nv)
+    middle = 0.5 * (low + high)
+    text = io.StringIO()
+    table = csv.writer(text, lineterminator="\n")
+    table.writerow(COLUMNS)
+    for j, joint in enumerate(parts.robot.joint_names):
+        for place in np.linspace(low[j], high[j], _POSITIONS):
+            at = np.where(np.arange(len(middle)) == j, place, middle)
+            table.writerow(["position", joint, *_row(law, j, at, np.zeros(len(at)))])
+        one = fastest[j] * np.geomspace(1e-3, 1.0, _SPEEDS)
+        for speed in (*-one[::-1], 0.0, *one):
+            moving = np.where(np.arange(len(middle)) == j, speed, 0.0)
+            table.writerow(["velocity", joint, *_row(law, j, middle, moving)])
+    return text.getvalue()
+
+
+def _row(law: dict[str, Any], j: int, q: Float[Array, " nv"], v: Float[Array, " nv"]) -> list[float]:
+    at, moving, rest = q.tolist(), v.tolist(), [0.0] * len(q)
+    parts = law["gravity"](at), law["friction"](at, moving), law["cogging"](at)
+    asked = law["torque"](at, moving, rest), law["headroom"](at, moving, rest)
+    return [at[j], moving[j], *(float(values[j]) for values in (*parts, *asked))]
+
+
+def _constants(parts: Parts) -> dict[str, object]:
+    robot = parts.robot
+    slope, start = _linear_loops(robot)
+    row = {joint: k for k, joint in enumerate(robot.joint_names)}
+    viscous, coulomb = tree_friction(robot)
+    laws: dict[str, list[tuple]] = {}
+    for effect in parts.others:
+        laws.setdefault(effect.effect, []).append((row[str(effect.joint)], *effect.theta))
+    late = [parts.delays.get(joint, 0.0) + parts.lags.get(joint, 0.0) for joint in robot.joint_names]
+    return {
+        "JOINTS": robot.joint_names,
+        "LEAD": tuple(late),
+        "GAINS": tuple(parts.gains.get(joint, 1.0) for joint in robot.joint_names),
+        "LIMITS": _Limits(parts.limits.get(joint, np.inf) for joint in robot.joint_names),
+        "GRAVITY": _plain(robot.model.gravity.linear),
+        "BODIES": _bodies(robot),
+        "SLOPE": _plain(slope),
+        "START": _plain(start),
+        "ROTORS": _plain(robot.model.armature),
+        "VISCOUS": _plain(viscous),
+        "COULOMB": _plain(coulomb),
+        "TWO_WAY": {law[0]: 0.5 * (law[3] - law[4]) for law in laws.get("direction_dependent_friction", [])},
+        "STRIBECK": tuple((law[0], law[2] - law[1], law[3]) for law in laws.get("stribeck_friction", [])),
+        "LOADED": tuple((law[0], law[1]) for law in laws.get("load_dependent_friction", [])),
+        "COUPLINGS": tuple(
+            (row[c.first], row[c.second], c.ratio, c.coulomb_torque, c.coefficient, c.inertia) for c in parts.couplings
+        ),
+        "COGGING": tuple((row[joint], *wave) for joint, waves in parts.cogging.items() for wave in waves),
+        "OFFSETS": {row[joint]: value for joint, value in parts.offsets.items()},
+        "SPRINGS": {row[joint]: value for joint, value in parts.springs.items()},
+        "ZEROS": {row[joint]: value for joint, value in parts.zeros.items()},
+        "ECCENTRIC": {law[0]: law[1:] for law in laws.get("encoder_eccentricity", [])},
+    }
+
+
+class _Limits(tuple):
+    """Numbers of which some are infinite, as Python writes them."""
+
+    def __repr__(self) -> str:
+        words = [repr(float(x)) if np.isfinite(x) else "math.inf" for x in self]
+        return f"({', '.join(words)},)"
+
+
+def _plain(values: Float[Array, "..."]) -> tuple:
+    return tuple(float(x) if np.ndim(x) == 0 else _plain(x) for x in np.asarray(values))
+
+
+def _bodies(robot: Robot) -> tuple:
+    """Parent, kind, place, axis and inertia about the joint, of every body."""
+    out = []
+    for body in bodies(robot):
+        whole = pin.Inertia(body.inertia.mass, np.array(body.inertia.center), np.array(body.inertia.inertia))
+        about = whole.matrix()[3:, 3:]
+        moment = body.inertia.mass * body.inertia.center
+        place = _plain(body.rotation), _plain(body.position), _plain(body.axis)
+        out.append((body.parent, body.prismatic, *place, float(body.inertia.mass), _plain(moment), _plain(about)))
+    return tuple(out)
+
+
+def _linear_loops(robot: Robot) -> tuple[Float[Array, "nt nv"], Float[Array, " nt"]]:
+    """Positions of the tree's joints as slopes and starts in those of the driven ones."""
+    if robot.chain is None:
+        return np.eye(robot.nv), np.zeros(robot.nv)
+    if robot.chain.anchors:
+        raise ParameterError(
+            f"{robot.name} has loops that keep two frames together, which need a solver: use the library instead."
+        )
+    at = np.vstack([np.zeros((1, robot.nv)), np.eye(robot.nv)])
+    tree = tree_positions(robot.model, robot.chain, at, arrays=robot.arrays)
+    return (tree[1:] - tree[0]).T, tree[0]
+
+
+def _said(parts: Parts, diagnosis: Diagnosis, law: dict[str, Any]) -> str:
+    """The text in front of the file: how it is used, what it gains, what it cannot say."""
+    names = parts.robot.joint_names
+    lines = [
+        f"Feedforward torque of {parts.robot.name}, made by phantom-dyn {__version__} from a diagnosis. Python alone.",
+        "",
+        f"torque(q, v, a) takes the wanted motion, one number a joint ({', '.join(names)}), and gives what to ask of",
+        "the drives [N m or N]; gravity, friction, cogging (with constant torques and springs) and headroom give parts",
+        "of it. Where LEAD is not zero the drive is late: give the motion that is wanted so many seconds later.",
+        "",
+        "Torque that the feedback has to give, root mean square on data that no fit has seen:",
+        f"{'joint':20s} {'no feedforward':>15s} {'given model':>15s} {'this file':>15s}",
+    ]
+    for row in _gains(parts, diagnosis, law):
+        lines.append(f"{row[0]:20s} {row[1]:15.4g} {row[2]:15.4g} {row[3]:15.4g} {row[4]}")
+    missing = _missing(parts)
+    if missing:
+        lines += ["", f"Not in it: {'; '.join(missing)}."]
+    return "\n".join(lines).replace("\\", "/").replace('"""', "'''")
+
+
+def _missing(parts: Parts) -> list[str]:
+    out = [f"{_NOT_SAID[e.effect]} ({e.joint})" for e in parts.others if e.effect in _NOT_SAID]
+    out += [f"play ({joint})" for joint in parts.plays]
+    return out + [f"springs of transmissions ({joint})" for joint in parts.compliances]
+
+
+def _gains(parts: Parts, diagnosis: Diagnosis, law: dict[str, Any]) -> list[tuple[str, float, float, float, str]]:
+    """For each joint what feedback has to give without feedforward, with the given model, and with the law."""
+    evidence = diagnosis.evidence
+    at = np.unique(np.linspace(0, len(evidence.t) - 1, _SAMPLES).astype(int)) if len(evidence.t) else np.zeros(0, int)
+    own = np.zeros((len(at), parts.robot.nv))
+    for k, n in enumerate(at):
+        own[k] = law["torque"](evidence.q[n].tolist(), evidence.v[n].tolist(), evidence.a[n].tolist())
+    left = np.sqrt(np.mean((evidence.tau_measured[at] - own) ** 2, axis=0)) if len(at) else np.zeros(parts.robot.nv)
+    none = np.sqrt(np.mean(evidence.tau_measured**2, axis=0)) if len(at) else np.zeros(parts.robot.nv)
+    lacks = bool(_missing(parts)) or any(finding.recording is not None for finding in diagnosis.findings)
+    lacks = lacks or (bool(diagnosis.adjusted) and parts.base is parts.given)
+    out = []
+    for j, gap in enumerate(diagnosis.joints):
+        # Where the file lacks something of the model that was judged, what it leaves itself counts.
+        after = max(gap.rms_after, float(left[j])) if lacks else gap.rms_after
+        out.append((gap.joint, float(none[j]), gap.rms_before, after, gap.unit))
+    return out

@@ -1,0 +1,205 @@
+"""Ranges for training in simulation: draws of what was found, and of what may be there without having been seen.
+
+What was found is drawn from its joint normal distribution, correlations included where the diagnosis knows them. What
+was not seen is drawn evenly between nothing and the smallest size that the recordings would have shown; few at a time,
+as together they would have been seen. Ranges are two deviations to either side.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from jaxtyping import Float
+
+from identification.diagnosis.model.terms import KnownEffect
+from identification.diagnosis.result import Bound, Diagnosis, Finding
+from identification.export.corrected.found_effects import effect_of, lasting_findings, loadings_of
+from phantom_dyn.effects.catalogue import effect_named
+from phantom_dyn.effects.load.payload import payload_body
+from phantom_dyn.effects.support.rows import row_of
+from phantom_dyn.errors import ParameterError
+from phantom_dyn.model.robot import Robot
+
+Array = np.ndarray
+
+SIGMAS = 2.0
+"""Half width of a range in deviations."""
+
+# Effects that may be there with either sign.
+_SIGNED = ("torque_offset", "encoder_offset", "base_tilt", "torque_constant")
+
+
+@dataclass(frozen=True)
+class Randomisation:
+    """What a robot may be, as far as a diagnosis knows.
+
+    Attributes:
+        robot: The given model.
+        findings: What was found.
+        found: The same with its parameters in order.
+        loadings: Of all their numbers, one row each, ``(p, k)``.
+        unseen: What was not seen, with the size that would have been.
+        control_step: Time from one command to the next [s], or None.
+        posture: Mean recorded positions [rad or m]; the zero posture by default.
+    """
+
+    robot: Robot
+    findings: tuple[Finding, ...]
+    found: tuple[KnownEffect, ...]
+    loadings: Float[Array, "p k"]
+    unseen: tuple[Bound, ...]
+    control_step: float | None
+    posture: Float[Array, " nv"] | None = None
+
+    @property
+    def values(self) -> Float[Array, " p"]:
+        """All numbers of what was found, one effect after the other."""
+        return np.array([x for effect in self.found for x in effect.theta])
+
+    @property
+    def std(self) -> Float[Array, " p"]:
+        """Their deviations."""
+        return np.sqrt((self.loadings**2).sum(axis=1))
+
+    @property
+    def correlation(self) -> Float[Array, "p p"]:
+        """Their correlations; zero with what has no deviation."""
+        std = self.std
+        scale = np.where(std > 0, std, 1.0)
+        out = self.loadings @ self.loadings.T / np.outer(scale, scale)
+        np.fill_diagonal(out, 1.0)
+        return np.clip(out, -1.0, 1.0)
+
+
+def randomisation_of(diagnosis: Diagnosis, robot: Robot, *, control_step: float | None = None) -> Randomisation:
+    """What a robot may be after a diagnosis.
+
+    Args:
+        diagnosis: What was found, and what was not seen.
+        robot: The given model.
+        control_step: Time from one command to the next [s]; by default that between samples of the recordings.
+
+    Raises:
+        ParameterError: If the control step is not a positive number.
+    """
+    step = diagnosis.evidence.sample_period if control_step is None else control_step
+    if step is not None and not (np.isfinite(step) and step > 0):
+        raise ParameterError(f"The control step is {step} s, wanted a time above zero: give it in seconds.")
+    findings = lasting_findings(diagnosis)
+    found = tuple(effect_of(robot, finding) for finding in findings)
+    parts = [loadings_of(robot, finding) for finding in findings]
+    shared = bool(parts) and all(f.loadings for f in findings) and len({p.shape[1] for p in parts}) == 1
+    unseen = tuple(bound for bound in diagnosis.bounds if np.isfinite(bound.below) and bound.below > 0)
+    loadings = np.vstack(parts) if shared else _apart(parts)
+    posture = diagnosis.evidence.q.mean(axis=0) if len(diagnosis.evidence.q) else None
+    return Randomisation(robot, findings, found, loadings, unseen, step, posture)
+
+
+def draws(
+    randomisation: Randomisation, count: int, rng: np.random.Generator, *, unseen: int = 1
+) -> tuple[tuple[KnownEffect, ...], ...]:
+    """Robots as they may be: the effects of each, for `identification.export.corrected.parts.parts_of` or a simulation.
+
+    Args:
+        randomisation: What the robot may be.
+        count: How many robots.
+        rng: Random numbers.
+        unseen: How many of the effects that were not seen each robot has besides.
+
+    Raises:
+        ParameterError: If a number is below zero.
+    """
+    if count < 0 or unseen < 0:
+        raise ParameterError(f"{count} draws with {unseen} unseen effects were asked for: give numbers from 0 on.")
+    known = tuple(bound for bound in randomisation.unseen if unseen_effect(randomisation, bound, 1.0) is not None)
+    normal = rng.standard_normal((count, randomisation.loadings.shape[1]))
+    values = randomisation.values + normal @ randomisation.loadings.T
+    return tuple(
+        (*_drawn(randomisation, row), *_hidden(randomisation, known, rng, min(unseen, len(known)))) for row in values
+    )
+
+
+def unseen_effect(randomisation: Randomisation, bound: Bound, share: float) -> KnownEffect | None:
+    """An effect of a share of the size that would have been seen; None where the size alone does not make one."""
+    robot = randomisation.robot
+    effect, size = effect_named(bound.effect), share * bound.below
+    names = [parameter.name for parameter in effect.parameters(robot, bound.joint)]
+    if bound.effect == "transmission_compliance":
+        return KnownEffect(bound.effect, bound.joint, (1.0 / size,)) if size > 0 else None
+    if bound.effect == "torque_constant":
+        return KnownEffect(bound.effect, bound.joint, (1.0 / (1.0 + size),)) if size > -1 else None
+    values = {**_beside(randomisation, bound), bound.parameter: size}
+    if bound.parameter not in names or set(names) - set(values):
+        return None
+    return KnownEffect(bound.effect, bound.joint, tuple(values[name] for name in names))
+
+
+def unseen_range(bound: Bound) -> tuple[float, float]:
+    """Sizes that would not have been seen."""
+    return (-bound.below if bound.effect in _SIGNED else 0.0, bound.below)
+
+
+def found_range(randomisation: Randomisation, place: int) -> tuple[float, float]:
+    """Two deviations to either side of one number, within its bounds."""
+    low, high = _bounds(randomisation)
+    value, half = randomisation.values[place], SIGMAS * randomisation.std[place]
+    # What was found outside the bounds (less friction than modelled) stays what it is.
+    return float(max(value - half, min(low[place], value))), float(min(value + half, max(high[place], value)))
+
+
+def _beside(randomisation: Randomisation, bound: Bound) -> dict[str, float]:
+    """What else a law needs beside the size that a bound is on: there the bound was asked for, see `Effect.probe`."""
+    robot = randomisation.robot
+    if bound.effect == "payload":
+        center = robot.model.inertias[payload_body(robot)].lever
+        return {f"center_{axis}": float(x) for axis, x in zip("xyz", center, strict=True)}
+    if bound.effect == "parasitic_spring":
+        posture = np.zeros(robot.nv) if randomisation.posture is None else randomisation.posture
+        return {"rest_position": float(posture[row_of(robot, bound.joint)])}
+    return {"roll": 0.0, "pitch": 0.0} if bound.effect == "base_tilt" else {}
+
+
+def _apart(parts: list[Array]) -> Array:
+    """Loadings of findings that share nothing."""
+    out = np.zeros((sum(len(p) for p in parts), sum(p.shape[1] for p in parts)))
+    row = column = 0
+    for part in parts:
+        out[row : row + len(part), column : column + part.shape[1]] = part
+        row, column = row + len(part), column + part.shape[1]
+    return out
+
+
+def _bounds(randomisation: Randomisation) -> tuple[Array, Array]:
+    """Bounds of all numbers as the effects state them."""
+    low, high = [], []
+    for effect in randomisation.found:
+        parameters = effect_named(effect.effect).parameters(randomisation.robot, effect.joint)
+        each = max(len(effect.theta) // len(parameters), 1)
+        low += [p.lower for p in parameters for _ in range(each)][: len(effect.theta)]
+        high += [p.upper for p in parameters for _ in range(each)][: len(effect.theta)]
+    return np.array(low), np.array(high)
+
+
+def _drawn(randomisation: Randomisation, values: Float[Array, " p"]) -> tuple[KnownEffect, ...]:
+    low, high = _bounds(randomisation)
+    mean = randomisation.values
+    held = np.clip(values, np.minimum(low, mean), np.maximum(high, mean))
+    out, start = [], 0
+    for effect in randomisation.found:
+        stop = start + len(effect.theta)
+        out.append(KnownEffect(effect.effect, effect.joint, tuple(held[start:stop].tolist())))
+        start = stop
+    return tuple(out)
+
+
+def _hidden(
+    randomisation: Randomisation, known: tuple[Bound, ...], rng: np.random.Generator, count: int
+) -> tuple[KnownEffect, ...]:
+    out = []
+    for place in rng.choice(len(known), count, replace=False) if count else ():
+        low, high = unseen_range(known[place])
+        share = float(rng.uniform(low, high)) / known[place].below
+        effect = unseen_effect(randomisation, known[place], share)
+        out += [] if effect is None else [effect]
+    return tuple(out)

@@ -1,0 +1,154 @@
+"""Writing the files of an identification: ``identification.json``, models and report, all of them or none.
+
+The identification as ``identification.json`` (schema ``identification/1``).
+
+Writing the files of an identification: all of them, or none where one of them could not be written.
+"""
+
+from __future__ import annotations
+
+import json
+import math
+import os
+from contextlib import ExitStack
+from pathlib import Path
+
+from identification.files import temporary_beside
+from identification.identify.exports import MJCF, URDF
+from identification.identify.identification import Export, Identification, Parameter
+from phantom_dyn.errors import UsageError
+
+SCHEMA = "identification/1"
+
+Json = dict[str, "Json"] | list["Json"] | str | float | int | bool | None
+
+
+def to_json(found: Identification) -> dict[str, Json]:
+    """The content of ``identification.json``: plain types, nothing rounded, null where a number is not finite."""
+    return {
+        "schema": SCHEMA,
+        "robot": found.robot,
+        "recordings": list(found.recordings),
+        "estimator": found.estimator,
+        "friction_terms": list(found.terms),
+        "band_hz": [*found.band_hz],
+        "samples": found.samples,
+        "rank": found.rank,
+        "rank_of_exciting_motion": found.excitable,
+        "condition_number": _number(found.condition),
+        "bias_of_least_squares": found.bias or None,
+        "base_parameters": [_parameter(parameter) for parameter in found.base],
+        "friction_and_actuator_parameters": [
+            {"joint": parameter.joint, "effect": parameter.effect, **_parameter(parameter)}
+            for parameter in found.others
+        ],
+        "not_identified": [{"name": u.name, "unit": u.unit, "why": u.why} for u in found.unidentified],
+        "bodies": [
+            {"body": b.body, "this_recording": {**b.this_recording}, "any_motion": {**b.any_motion}}
+            for b in found.bodies
+        ],
+        "held_out": found.held_out,
+        "joints": [
+            {
+                "joint": joint.joint,
+                "unit": joint.unit,
+                "rms": _number(joint.rms),
+                "relative_error": _number(joint.relative),
+                "relative_error_given_model": _number(joint.given),
+                "relative_error_fit": _number(joint.fitted),
+                "full_model_rms_from_fit": _number(off),
+                "hold_out_samples": joint.samples,
+            }
+            for joint, off in zip(found.joints, found.departure, strict=True)
+        ],
+        "full_model": found.full_words,
+        "exports": [_export(export) for export in found.exports],
+        "warnings": list(found.warnings),
+        "seconds": found.seconds,
+        "version": found.version,
+    }
+
+
+def json_text(found: Identification) -> str:
+    """The text of ``identification.json``, ending in a newline."""
+    return json.dumps(to_json(found), indent=1, ensure_ascii=False, allow_nan=False) + "\n"
+
+
+def _parameter(parameter: Parameter) -> dict[str, Json]:
+    return {
+        "name": parameter.name,
+        "value": _number(parameter.value),
+        "std": _number(parameter.std),
+        "relative_std": _number(parameter.relative_std),
+        "unit": parameter.unit,
+        "regroups": parameter.regroups or None,
+        "identified": parameter.identified,
+        "why_not": parameter.why or None,
+    }
+
+
+def _export(export: Export) -> dict[str, Json]:
+    return {
+        "file": export.file,
+        "written": bool(export.text),
+        "loaded_again_with": export.loaded_with or None,
+        "largest_relative_difference": _number(export.difference),
+        "tolerance": export.tolerance,
+        "notes": list(export.left_out),
+    }
+
+
+def _number(value: float) -> float | None:
+    """JSON has no word for a number that is not finite."""
+    return float(value) if math.isfinite(value) else None
+
+
+NAMES = ("identification.json", "report.html", URDF, MJCF)
+
+
+def check_folder(out: Path) -> None:
+    """Refuse a folder that cannot be written to, before any work is done.
+
+    Raises:
+        UsageError: If it is no folder, one of our files is a folder, or there is no right to write.
+    """
+    if out.exists() and not out.is_dir():
+        raise UsageError(f"--out {out} is a file, wanted a folder; name another folder")
+    taken = next((out / name for name in NAMES if (out / name).is_dir()), None)
+    if taken is not None:
+        raise UsageError(f"--out: {taken} is a folder, wanted a file; remove it or name another place")
+    nearest = next(parent for parent in (out, *out.absolute().parents) if parent.exists())
+    if not nearest.is_dir():
+        raise UsageError(f"--out: cannot make {out}: {nearest} is no folder; name another place")
+    if not os.access(nearest, os.W_OK | os.X_OK):
+        raise UsageError(f"--out: no right to write in {nearest}; name another place")
+
+
+def write_outputs(found: Identification, out: Path) -> tuple[Path, ...]:
+    """Write ``identification.json``, ``report.html`` and the models into a folder, made where it is missing.
+
+    A model of an earlier run that this one cannot write is removed, as it would pass for this one's.
+
+    Args:
+        found: What was identified.
+        out: The folder; other files in it are kept.
+
+    Returns:
+        The files written.
+
+    Raises:
+        UsageError: If a file cannot be written; nothing is written then.
+    """
+    # Drawing loads matplotlib, which whoever wants the numbers alone need not wait for.
+    from identification.identify.identification_report import report_html
+
+    check_folder(out)
+    texts = {"identification.json": json_text(found), "report.html": report_html(found)}
+    texts |= {export.file: export.text for export in found.exports if export.text}
+    with ExitStack() as renamed_together:
+        for name, text in texts.items():
+            renamed_together.enter_context(temporary_beside(out / name)).write_bytes(text.encode())
+    for export in found.exports:
+        if not export.text:
+            (out / export.file).unlink(missing_ok=True)
+    return tuple(out / name for name in texts)

@@ -1,0 +1,116 @@
+"""Sentences and cells of the report on an identification, and its summary for the terminal.
+
+Sentences and cells of the report and the summary.
+
+The identification in a few lines for the terminal.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from identification.identify.identification import Identification, Parameter
+from identification.words.diagnosis_words import capital, parameter_name
+from identification.words.effect_words import effect_words
+from identification.words.numbers import NO_BREAK, number, with_std, with_unit
+
+SHARES = {"alone": "alone", "combination": "in combination", "none": "not at all"}
+
+
+def error_percent(share: float) -> str:
+    """A relative error as a percentage of two digits, three from 99.5 to 99.9 %; a dash where there is no number."""
+    value = 100 * share
+    if not np.isfinite(value):
+        return "–"
+    if value < 10:
+        return f"{value:.2g}{NO_BREAK}%"
+    return f"{value:.1f}{NO_BREAK}%" if 99.45 <= value < 99.95 else f"{value:.0f}{NO_BREAK}%"
+
+
+def headline(found: Identification) -> str:
+    """What was identified and how well it predicts, in one sentence."""
+    sure = sum(parameter.identified for parameter in (*found.base, *found.others))
+    before, after = (
+        np.array([getattr(joint, name) for joint in found.joints], dtype=float) for name in ("given", "relative")
+    )
+    head = f"{found.rank} parameters were estimated, {sure} of them more than two standard deviations from zero"
+    if not np.isfinite(after).any():
+        return f"{head}."
+    low, high = error_percent(float(np.nanmin(after))), error_percent(float(np.nanmax(after)))
+    error = low if low == high else f"{low} to {high}"
+    given = error_percent(float(np.nanmedian(before)))
+    middle = "" if len(found.joints) == 1 else " in the median"
+    return f"{head}; on held-out data the torque error is {error} (given model: {given}{middle})."
+
+
+def law_cell(parameter: Parameter, everything: tuple[Parameter, ...]) -> str:
+    """Law of a parameter of friction or a drive, with the parameter's own name where the law has several."""
+    law = capital(effect_words(parameter.effect or "").name.removeprefix("a "))
+    several = sum((p.joint, p.effect) == (parameter.joint, parameter.effect) for p in everything) > 1
+    return f"{law}: {parameter_name(parameter.name.rpartition('.')[2])}" if several else law
+
+
+def value_cell(parameter: Parameter) -> str:
+    """Value with its deviation and unit."""
+    return with_unit(with_std(parameter.value, parameter.std), parameter.unit)
+
+
+def relative_cell(parameter: Parameter) -> str:
+    """Relative deviation as a percentage; a dash where there is none."""
+    relative = 100 * parameter.relative_std
+    if not np.isfinite(relative):
+        return "–"
+    return f"{relative:.2g} %" if relative < 100 else "over 100 %"
+
+
+def error_cells(found: Identification) -> list[tuple[str, ...]]:
+    """Joint, given model, identified model, fit, RMS, departure of the full model, unit, samples."""
+    return [
+        (
+            joint.joint,
+            error_percent(joint.given),
+            error_percent(joint.relative),
+            error_percent(joint.fitted),
+            number(joint.rms),
+            number(off),
+            joint.unit,
+            str(joint.samples),
+        )
+        for joint, off in zip(found.joints, found.departure, strict=True)
+    ]
+
+
+def export_sentence(difference: float, tolerance: float, loaded_with: str) -> str:
+    """What loading a file again has shown."""
+    if not loaded_with:
+        return "It was not loaded again."
+    return (
+        f"Loaded again with {loaded_with}, its torques differ by {difference:.1g} of the largest at most "
+        f"(allowed: {tolerance:g})."
+    )
+
+
+def summary(found: Identification) -> str:
+    """What was found, a line for each fact."""
+    lines = [headline(found), f"held out: {found.held_out}; band 0 to {found.band_hz[1]:.3g} Hz; {found.estimator}"]
+    for joint in found.joints:
+        lines.append(
+            f"  {joint.joint}: torque error {error_percent(joint.relative)}, given model {error_percent(joint.given)}"
+        )
+    if found.bias:
+        lines.append(found.bias)
+    if found.others:
+        lines.append("friction and drives:")
+    for parameter in found.others:
+        doubt = "" if parameter.identified else " (not told from zero)"
+        lines.append(f"  {parameter.name}: {value_cell(parameter)}, {relative_cell(parameter)}{doubt}")
+    lines.append(
+        f"links: {len(found.base)} base parameters, {sum(p.identified for p in found.base)} of them not zero; "
+        f"condition number {found.condition:.3g}"
+    )
+    lines += [f"warning: {warning}" for warning in found.warnings]
+    for export in found.exports:
+        if export.text:
+            lines.append(f"{export.file}: {export_sentence(export.difference, export.tolerance, export.loaded_with)}")
+        lines += [f"  {note}" for note in export.left_out]
+    return "\n".join(lines)

@@ -1,0 +1,194 @@
+# pyright: reportAttributeAccessIssue=false
+"""Which friction terms are unknowns, and the given robot with what was identified.
+
+Which friction terms are unknowns, and the robot without those that its file states already.
+
+The given robot with what was identified: possible inertias nearest to the given ones, friction, rotors.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+import pinocchio as pin
+from jaxtyping import Float
+
+from identification.estimators.consistent.full_parameters import full_parameters
+from identification.estimators.fit import Fit
+from identification.regression.regressor import EffectOnJoint
+from phantom_dyn.dynamics.dynamics import inverse_dynamics, standard_parameters
+from phantom_dyn.effects.catalogue import effect_named
+from phantom_dyn.errors import EstimationError, ParameterError, UsageError, known_names
+from phantom_dyn.model.robot import Robot
+from phantom_dyn.motion import Motion
+
+TERMS = {
+    "viscous": "viscous_friction",
+    "coulomb": "coulomb_friction",
+    "offset": "torque_offset",
+    "direction_dependent": "direction_dependent_friction",
+}
+"""Short name of a term and the effect that it is."""
+
+DEFAULT_TERMS = ("viscous", "coulomb", "offset")
+
+
+def friction_terms(words: Sequence[str]) -> tuple[str, ...]:
+    """The terms that a user names; ``none`` alone is no term.
+
+    Args:
+        words: Short names, or those of the effects.
+
+    Raises:
+        UsageError: If a term is unknown, given twice, or contained in another one.
+    """
+    if list(words) == ["none"]:
+        return ()
+    short = {effect: term for term, effect in TERMS.items()}
+    found = tuple(short.get(word, word) for word in words)
+    for word in found:
+        if word not in TERMS:
+            known = known_names(word, [*TERMS, "none"], "terms")
+            raise UsageError(f"--friction names the unknown term {word!r}, {known}")
+        if found.count(word) > 1:
+            raise UsageError(f"--friction names {word} twice; name it once")
+    if "direction_dependent" in found and len(found) > 1:
+        others = ", ".join(word for word in found if word != "direction_dependent")
+        raise UsageError(
+            f"--friction names {others} beside direction_dependent, which holds viscous, coulomb and offset already; "
+            "leave one of the two out"
+        )
+    return found
+
+
+def effects_of(robot: Robot, terms: Sequence[str], *, rotors: bool = False) -> tuple[EffectOnJoint, ...]:
+    """The terms on every joint of a robot, joint by joint.
+
+    Args:
+        robot: Gives the joints.
+        terms: Keys of `TERMS`.
+        rotors: True if the rotor inertias are unknowns too.
+    """
+    effects = [effect_named(TERMS[term]) for term in terms] + ([effect_named("rotor_inertia")] if rotors else [])
+    return tuple((effect, joint) for joint in robot.joint_names for effect in effects)
+
+
+def without_estimated(robot: Robot, terms: Sequence[str], *, rotors: bool = False) -> Robot:
+    """The robot without the friction and rotors that are unknowns, so that their estimates are whole values.
+
+    Args:
+        robot: As its file states it.
+        terms: Keys of `TERMS`.
+        rotors: True if the rotor inertias are unknowns too.
+    """
+    zero = np.zeros(robot.nv)
+    both = "direction_dependent" in terms
+    if rotors:
+        model = robot.model.copy()
+        armature = np.array(model.armature)
+        armature[list(robot.tree_rows)] = 0.0
+        model.armature = armature
+        robot = replace(robot, model=model)
+    return replace(
+        robot,
+        viscous_friction=zero if both or "viscous" in terms else robot.viscous_friction,
+        coulomb_friction=zero if both or "coulomb" in terms else robot.coulomb_friction,
+    )
+
+
+Array = np.ndarray
+
+# A body moves if its parameters differ by more than this share of the largest of their kind: less is rounding.
+_SAME = 1e-12
+
+
+@dataclass(frozen=True)
+class FullModel:
+    """The identified model as a robot.
+
+    Attributes:
+        robot: With the identified inertias, friction and rotors.
+        offset: Constant torque on each joint, positive along it [N m or N], shape ``(nv,)``: no part of the robot.
+        asymmetry: Joints whose friction differs by direction; the robot has the mean of both.
+        words: How the inertias were chosen, or why they are the given ones.
+        possible: False if no possible inertias were found, so that the robot has the given ones.
+        moved: Largest move of a base parameter, in standard deviations, that makes bodies possible.
+    """
+
+    robot: Robot
+    offset: Float[Array, " nv"]
+    asymmetry: tuple[str, ...]
+    words: str
+    possible: bool
+    moved: float
+
+
+def full_model(given: Robot, fitted: Robot, fit: Fit) -> FullModel:
+    """The given robot with everything that a fit says of it.
+
+    Args:
+        given: As its file states it: the reference of the inertias.
+        fitted: The robot that was fitted, without what was an unknown.
+        fit: Of rigid body and effects.
+    """
+    model = fitted.model.copy()
+    try:
+        full = full_parameters(fitted, fit)
+    except (ParameterError, EstimationError) as error:
+        values = dict(zip((fit.base.names[k] for k in fit.base.independent), fit.theta.tolist(), strict=True))
+        words, possible, moved = f"The inertias are those of the given model: {error}", False, float("nan")
+    else:
+        values = dict(zip(full.names, full.pi.tolist(), strict=True))
+        moved = float(np.max(np.abs(full.moved), initial=0.0))
+        possible = True
+        words = (
+            "Of all physically possible bodies with the identified base parameters these are nearest to the given ones."
+            if moved < 0.01
+            else "No possible bodies have exactly the identified base parameters: these are the nearest, with base "
+            f"parameters moved by up to {moved:.2g} standard deviations."
+        )
+        _set_inertias(model, given, full.pi[: fit.first_effect])
+    robot = replace(fitted, model=model)
+    offset, asymmetry = np.zeros(robot.nv), []
+    viscous, coulomb = np.array(robot.viscous_friction), np.array(robot.coulomb_friction)
+    armature = np.array(model.armature)
+    for term in fit.effects:
+        if term.joint not in robot.joint_names:
+            continue
+        j = robot.joint_names.index(term.joint)
+
+        def of(name: str, label: str = term.label) -> float:
+            return values.get(f"{label}.{name}", 0.0)
+
+        if term.effect.name == "viscous_friction":
+            viscous[j] += of("coefficient")
+        elif term.effect.name == "coulomb_friction":
+            coulomb[j] += of("torque")
+        elif term.effect.name == "torque_offset":
+            offset[j] += of("torque")
+        elif term.effect.name == "rotor_inertia":
+            armature[robot.tree_rows[j]] += of("inertia")
+        elif term.effect.name == "direction_dependent_friction":
+            viscous[j] += 0.5 * (of("coefficient_positive") + of("coefficient_negative"))
+            coulomb[j] += 0.5 * (of("torque_positive") + of("torque_negative"))
+            offset[j] -= 0.5 * (of("torque_positive") - of("torque_negative"))
+            asymmetry.append(term.joint)
+    model.armature = armature
+    robot = replace(robot, model=model, viscous_friction=viscous, coulomb_friction=coulomb)
+    return FullModel(robot, offset, tuple(asymmetry), words, possible, moved)
+
+
+def model_torque(full: FullModel, motion: Motion) -> Float[Array, "N nv"]:
+    """Drive torque that the full model needs for a motion, offsets included, shape ``(N, nv)`` [N m or N]."""
+    return inverse_dynamics(full.robot, motion) - full.offset
+
+
+def _set_inertias(model: pin.Model, given: Robot, pi: Float[Array, " p"]) -> None:
+    before = standard_parameters(given).reshape(-1, 10)
+    after = pi.reshape(-1, 10)
+    scale = np.maximum(np.abs(before).max(axis=0), np.abs(after).max(axis=0))
+    for j, (old, new) in enumerate(zip(before, after, strict=True), start=1):
+        if (np.abs(new - old) > _SAME * scale).any():
+            model.inertias[j] = pin.Inertia.FromDynamicParameters(new)

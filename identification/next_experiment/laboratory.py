@@ -1,0 +1,110 @@
+"""Products of the columns over a motion that was not made yet, in the units of the fits."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from jaxtyping import Float, Int
+
+from identification.data.log import Band, Log
+from identification.data.signals import low_pass
+from identification.diagnosis.fit.problem import Problem
+from identification.diagnosis.model.columns import Columns, build_columns
+from identification.diagnosis.model.own_effects import Apart
+from identification.diagnosis.model.terms import FoundEffect, KnownEffect
+from identification.diagnosis.noise.whitening import filtered, noise_filter
+from phantom_dyn.dynamics.dynamics import inverse_dynamics
+from phantom_dyn.model.robot import Robot
+from phantom_dyn.motion import Motion
+
+Array = np.ndarray
+
+# Samples per period of the band's edge that a planned motion is looked at with.
+_SAMPLES = 4.0
+
+
+@dataclass(frozen=True)
+class Laboratory:
+    """How a motion would be recorded and judged: as the recordings at hand.
+
+    Attributes:
+        robot: The given model.
+        problem: Columns and weights of the fits.
+        like: Columns of the recordings, those only that are asked for.
+        union: Which of them the products are of.
+        band: Filter of a planned motion, with the samples of the recordings' one.
+        kernels: Filters that whiten the noise of each row.
+        cutoff_hz: Edge of the judged band.
+        known: Effects that belong to the given model already.
+        found: What the diagnosis has found.
+    """
+
+    robot: Robot
+    problem: Problem
+    like: Columns
+    union: Int[Array, " u"]
+    band: Band
+    kernels: tuple[Float[Array, "_"], ...]
+    cutoff_hz: float
+    known: tuple[KnownEffect, ...]
+    found: tuple[FoundEffect, ...]
+
+    def products(self, motion: Motion, robot: Robot) -> Float[Array, "u u"]:
+        """Weighted products over a motion at the band's rate, of a robot that may carry a known load."""
+        tau = inverse_dynamics(robot, motion)
+        log = Log("next", robot.joint_names, motion, tau, self.band, np.ones(len(motion.t), dtype=bool))
+        loaded = Apart((robot,))
+        columns = build_columns(
+            self.robot, (log,), self.cutoff_hz, self.known, self.found, like=self.like, apart=loaded
+        )
+        out = np.zeros((len(self.union), len(self.union)))
+        for j, row in enumerate(columns.rows):
+            places = {column: k for k, column in enumerate(row)}
+            here = [(k, places[column]) for k, column in enumerate(self.union.tolist()) if column in places]
+            kernel = self.kernels[j]
+            values = filtered(kernel, columns.values[0][j][:, [place for _, place in here]])
+            values = values[len(kernel) - 1 :][columns.usable[0][len(kernel) - 1 :, j]]
+            at = [k for k, _ in here]
+            out[np.ix_(at, at)] += self.problem.weights.per_sample[j] * values.T @ values
+        return out
+
+
+def laboratory(
+    robot: Robot,
+    logs: tuple[Log, ...],
+    problem: Problem,
+    noise: tuple[Float[Array, "_ nv"], ...],
+    cutoff_hz: float,
+    union: Int[Array, " u"],
+    known: tuple[KnownEffect, ...],
+    found: tuple[FoundEffect, ...],
+) -> Laboratory:
+    """What it takes to judge motions that were not made yet; the first log is the pattern of the next one."""
+    columns = problem.columns
+    wanted = set(union.tolist())
+    local = tuple(
+        block for block in columns.local if wanted.intersection(range(block.first, block.first + block.count))
+    )
+    kernels = tuple(noise_filter([part[:, j] for part in noise]) for j in range(robot.nv))
+    return Laboratory(
+        robot,
+        problem,
+        replace(columns, local=local),
+        union,
+        coarser(logs[0].band),
+        kernels,
+        cutoff_hz,
+        known,
+        found,
+    )
+
+
+def coarser(band: Band) -> Band:
+    """A filter for motions without noise: fewer samples go in, the same come out."""
+    parts = [m for m in range(1, band.step + 1) if band.step % m == 0]
+    fair = [m for m in parts if band.rate_hz / m >= _SAMPLES * band.cutoff_hz]
+    m = max(fair, default=1)
+    if m == 1:
+        return band
+    return replace(low_pass(band.cutoff_hz, band.rate_hz / m), step=band.step // m)

@@ -1,0 +1,92 @@
+"""The proposed experiment in words, and its motion as a file.
+
+What is proposed, and what nothing would tell apart, in words.
+
+The proposed motion as a file under the contract's names of columns.
+"""
+
+from __future__ import annotations
+
+import io
+
+import numpy as np
+
+from identification.next_experiment.hypotheses import Hypothesis
+from identification.next_experiment.separation import Pair
+from identification.next_experiment.trials import KnownMass, Trial
+from identification.words.diagnosis_words import joined, on_place, percent
+from identification.words.effect_words import effect_words
+from phantom_dyn.motion import Motion
+
+_MASS = ("payload", "inertial_parameters", "torque_constant")
+_READING = ("encoder_offset", "encoder_eccentricity", "backlash", "transmission_compliance")
+_GRAVITY = ("base_tilt", "torque_offset", "parasitic_spring")
+_TIMING = ("input_delay", "actuator_lag")
+
+
+def proposal_words(parted: tuple[Pair, ...], trial: Trial, reference: str, power: float) -> str:
+    """One sentence: what to record, and what it will tell."""
+    load = "" if trial.mass is None else f" with {_mass_words(trial.mass)}"
+    if trial.gains is not None:
+        load = f" with the gains of the position controllers at {percent(trial.gains)} of those in robot.yaml"
+    motion = f"{trial.candidate.shapes.duration:g} s, {trial.candidate.kind}"
+    safe = "at most half of the recorded range beyond its ends, and twice the recorded speeds and torques"
+    return (
+        f"Record the motion of {reference}{load} ({motion}, {safe}; obstacles are not looked at) and diagnose it "
+        f"together with this recording: with a probability of {percent(power)} it tells {_pairs_words(parted)}."
+    )
+
+
+def nothing_parts(pairs: tuple[Pair, ...]) -> str:
+    """What no safe motion parts, and which change would."""
+    effects = {at.effect for pair in pairs for one in (pair.one, pair.other) for at in one.effects}
+    changes = []
+    if effects & set(_MASS):
+        changes.append("a link or load that is weighed, or a torque that is calibrated")
+    if "rotor_inertia" in effects:
+        changes.append("a rotor inertia from the drive's data sheet")
+    if effects & set(_READING):
+        changes.append("an encoder on the link")
+    if effects & set(_GRAVITY):
+        changes.append("a level on the base, or the robot mounted another way up")
+    if effects & set(_TIMING):
+        changes.append("a measured torque, or another controller gain")
+    advice = (
+        f"; what would is {joined(changes, ' or ')}"
+        if changes
+        else "; take either of them, as both predict the same there, or record faster motions, if they are safe"
+    )
+    return f"No safe motion that was tried tells {_pairs_words(pairs)}{advice}."
+
+
+def _pairs_words(pairs: tuple[Pair, ...]) -> str:
+    """``a from b and c``: what stands in most pairs first."""
+    left = list(dict.fromkeys((_hypothesis_words(pair.one), _hypothesis_words(pair.other)) for pair in pairs))
+    said = []
+    while left:
+        names = [name for pair in left for name in pair]
+        most = max(dict.fromkeys(names), key=names.count)
+        others = [other for pair in left for other in pair if most in pair and other != most]
+        said.append(f"{most} from {joined(others)}")
+        left = [pair for pair in left if most not in pair]
+    return joined(said, ", and ")
+
+
+def _hypothesis_words(one: Hypothesis) -> str:
+    return joined([f"{effect_words(at.effect).name} {on_place(at.effect, at.joint)}" for at in one.effects], " with ")
+
+
+def _mass_words(mass: KnownMass) -> str:
+    if mass.frame:
+        return f"a known mass of {mass.mass:g} kg at {mass.frame}"
+    x, y, z = mass.center
+    return f"a known mass of {mass.mass:g} kg at ({x:g}, {y:g}, {z:g}) m of the last joint's frame"
+
+
+def reference_text(motion: Motion, joint_names: tuple[str, ...]) -> str:
+    """CSV with ``t``, ``q_ref.<joint>``, ``v_ref.<joint>`` and ``a_ref.<joint>``; nothing is rounded."""
+    names = ["t", *(f"{kind}.{joint}" for kind in ("q_ref", "v_ref", "a_ref") for joint in joint_names)]
+    rows = np.column_stack([motion.t, motion.q, motion.v, motion.a])
+    out = io.StringIO()
+    np.savetxt(out, rows, delimiter=",", header=",".join(names), comments="", fmt="%.17g")
+    return out.getvalue()

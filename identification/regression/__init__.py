@@ -1,0 +1,1 @@
+"""Robot, logs and effects as linear equations, and their base parameters."""

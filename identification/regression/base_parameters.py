@@ -1,0 +1,163 @@
+"""Regressor -> base parameters: which columns a recording can tell apart, and what the others regroup into.
+
+The choice of columns is deterministic: they are taken in the order of their names, and one is kept if it is not a
+combination of those kept before it. It rests on the triangular factor of the regressor, which the order of the rows
+does not change, and not on a pivoting order, which small noise does change.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+from jaxtyping import Bool, Float
+
+from identification.regression.triangular import dependent_columns, r_factor
+from phantom_dyn.errors import ParameterError
+
+if TYPE_CHECKING:
+    from identification.regression.regressor import Regressor
+
+__all__ = ["RANK_TOLERANCE", "BaseParameters", "base_parameters", "base_parameters_of_matrix", "r_factor"]
+
+Array = np.ndarray
+
+RANK_TOLERANCE = 1e-6
+"""A column counts if it adds this share of the largest column of the same unit. Angles in robot files are often given
+to nine digits, which leaves columns of 1e-9 that no recording excites; real torques are known to 1e-3 at best."""
+
+_SHOWN = 1e-8  # regroupings leave out terms below this share of their column: rounding errors of 1e-16 grow to 1e-10
+
+
+@dataclass(frozen=True)
+class BaseParameters:
+    """Independent columns and how the others regroup into them.
+
+    Attributes:
+        names: Of all ``p`` columns.
+        units: Of all columns.
+        independent: Kept columns, ascending, ``r`` of them.
+        dependent: All others, ascending.
+        zero: Those of the others that never produce torque.
+        grouping: ``W[:, dependent] == W[:, independent] @ grouping``, shape ``(r, p - r)``.
+        norms: Norms of all columns.
+        singular_values: Of the independent columns, each divided by its norm; shape ``(r,)``, descending.
+        tolerance: See `RANK_TOLERANCE`.
+    """
+
+    names: tuple[str, ...]
+    units: tuple[str, ...]
+    independent: tuple[int, ...]
+    dependent: tuple[int, ...]
+    zero: tuple[int, ...]
+    grouping: Float[Array, "r d"]
+    norms: Float[Array, " p"]
+    singular_values: Float[Array, " r"]
+    tolerance: float
+
+    @property
+    def rank(self) -> int:
+        """Number ``r`` of base parameters."""
+        return len(self.independent)
+
+    @property
+    def condition(self) -> float:
+        """Condition number of the independent columns, each divided by its norm; nan for rank zero."""
+        return float(self.singular_values[0] / self.singular_values[-1]) if self.rank else np.nan
+
+    @property
+    def base_names(self) -> tuple[str, ...]:
+        """Names of the base parameters; one that others regroup into ends in ``R``."""
+        regrouped = [bool(row.any()) for row in self._shown()]
+        return tuple(self.names[k] + "R" * more for k, more in zip(self.independent, regrouped, strict=True))
+
+    @property
+    def base_units(self) -> tuple[str, ...]:
+        """Units of the base parameters."""
+        return tuple(self.units[k] for k in self.independent)
+
+    @property
+    def regrouped(self) -> Bool[Array, "r d"]:
+        """True where a dependent column is part of a base parameter; rounding errors are left out, shape ``(r, d)``."""
+        return self._shown()
+
+    def values(self, pi: Float[Array, " p"]) -> Float[Array, " r"]:
+        """Base parameters of given values of all ``p`` parameters."""
+        if len(pi) != len(self.names):
+            raise ParameterError(f"{len(pi)} values were given for {len(self.names)} parameters: give one for each.")
+        return pi[list(self.independent)] + self.grouping @ pi[list(self.dependent)]
+
+    def regroupings(self) -> tuple[str, ...]:
+        """One equation per base parameter that others regroup into, such as ``a.IzzR = a.Izz + 0.25 b.m``."""
+        shown = self._shown()
+        return tuple(
+            f"{self.base_names[row]} = {self.names[self.independent[row]]}"
+            + "".join(_signed(self.grouping[row, k], self.names[self.dependent[k]]) for k in np.flatnonzero(shown[row]))
+            for row in range(self.rank)
+            if shown[row].any()
+        )
+
+    def _shown(self) -> Array:
+        size = np.abs(self.grouping) * self.norms[list(self.independent)][:, None]
+        # A column that produces no torque but by rounding is a combination of anything, to no purpose.
+        torque = np.array([k not in self.zero for k in self.dependent], dtype=bool)
+        return (size > _SHOWN * self.norms[list(self.dependent)][None, :]) & torque[None, :]
+
+
+def base_parameters(regressor: Regressor, *, tolerance: float = RANK_TOLERANCE) -> BaseParameters:
+    """Base parameters of a regressor on its own samples.
+
+    Args:
+        regressor: Gives columns, names and units.
+        tolerance: See `RANK_TOLERANCE`.
+    """
+    factor = regressor.reduction.factor()[:, :-1]
+    return base_parameters_of_matrix(factor, regressor.names, regressor.units, tolerance=tolerance)
+
+
+def base_parameters_of_matrix(
+    W: Float[Array, "m p"],
+    names: Sequence[str],
+    units: Sequence[str] | None = None,
+    *,
+    tolerance: float = RANK_TOLERANCE,
+) -> BaseParameters:
+    """Base parameters of a stacked regressor, or of its triangular factor.
+
+    Args:
+        W: Rows of torque, shape ``(m, p)``.
+        names: One per column.
+        units: One per column; columns are weighed against those of the same unit. None: against all.
+        tolerance: Relative, see `RANK_TOLERANCE`.
+
+    Raises:
+        ParameterError: If the numbers of names, units and columns differ, or a value is not finite.
+    """
+    p = W.shape[1]
+    given = ("",) * p if units is None else tuple(units)
+    if len(names) != p or len(given) != p:
+        raise ParameterError(f"{p} columns came with {len(names)} names and {len(given)} units: give one for each.")
+    if not np.isfinite(W).all():
+        raise ParameterError("The regressor holds values that are not finite: give finite motion.")
+    factor = r_factor([W])
+    norms = np.linalg.norm(factor, axis=0)
+    independent, dependent, grouping, scale = dependent_columns(factor, given, tolerance)
+    kept = factor[:, independent] / norms[independent]
+    return BaseParameters(
+        tuple(names),
+        given,
+        tuple(independent.tolist()),
+        tuple(dependent.tolist()),
+        tuple(k for k in dependent.tolist() if norms[k] <= tolerance * scale[k]),
+        grouping,
+        norms,
+        np.linalg.svd(kept, compute_uv=False),
+        tolerance,
+    )
+
+
+def _signed(coefficient: float, name: str) -> str:
+    size = f"{abs(coefficient):.6g}"
+    return f" {'-' if coefficient < 0 else '+'} {'' if size == '1' else size + ' '}{name}"

@@ -1,0 +1,128 @@
+"""The numbers of a `Regressor`: its blocks, and which of its entries can be other than zero."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator, Sequence
+
+import numpy as np
+from jaxtyping import Float
+
+from identification.data.log import Log
+from phantom_dyn.dynamics.dynamics import rigid_body_regressor
+from phantom_dyn.effects.effect import Signature
+from phantom_dyn.model.robot import Robot
+from phantom_dyn.motion import Motion
+
+Array = np.ndarray
+
+BandedEffect = tuple[list[int], Float[Array, "n m k"]]
+"""Rows that an effect acts on, and its columns in the band of the log."""
+
+
+def touched_columns(
+    robot: Robot, effects: Sequence[tuple[Sequence[int], int]], *, rigid_body: bool
+) -> tuple[tuple[int, ...], ...]:
+    """By joint, the columns that its torque can depend on: of bodies that it carries and of effects that act on it.
+
+    Args:
+        robot: Gives the bodies.
+        effects: Of each, the rows that it acts on and its number of columns.
+        rigid_body: True if the first columns are the bodies'.
+    """
+    out: list[list[int]] = [[] for _ in range(robot.nv)]
+    column = 0
+    if rigid_body:
+        column = 10 * (robot.model.njoints - 1)
+        if robot.chain is not None:  # a loop lets every drive feel every body
+            out = [list(range(column)) for _ in range(robot.nv)]
+        else:
+            for body in range(1, robot.model.njoints):
+                joint = body
+                while joint > 0:
+                    first = robot.model.idx_vs[joint]
+                    for row in range(first, first + robot.model.nvs[joint]):
+                        out[row].extend(range(10 * (body - 1), 10 * body))
+                    joint = robot.model.parents[joint]
+    for rows, count in effects:
+        for row in rows:
+            out[row].extend(range(column, column + count))
+        column += count
+    return tuple(tuple(columns) for columns in out)
+
+
+def banded(log: Log, signatures: Iterable[Signature]) -> tuple[BandedEffect, ...]:
+    """Columns of effects in the band of a log, all its samples.
+
+    Args:
+        log: Gives the band.
+        signatures: Of the effects on the log's whole motion, as some of them remember the past.
+    """
+    return tuple((list(signature.rows), log.band(signature.columns)) for signature in signatures)
+
+
+def part(motion: Motion, start: int, stop: int) -> Motion:
+    """Samples ``start`` to ``stop`` of a motion."""
+    return Motion(motion.t[start:stop], motion.q[start:stop], motion.v[start:stop], motion.a[start:stop])
+
+
+def _every(motion: Motion, step: int, first: int, last: int) -> Motion:
+    """Samples ``first`` to ``last`` of those that a band without a filter keeps."""
+    at = slice(first * step, (last - 1) * step + 1, step)
+    return Motion(motion.t[at], motion.q[at], motion.v[at], motion.a[at])
+
+
+def blocks_of(
+    robot: Robot,
+    log: Log,
+    effects: Sequence[BandedEffect],
+    *,
+    rigid_body: bool,
+    samples: int,
+    columns: Sequence[int] | None = None,
+) -> Iterator[Float[Array, "n nv p"]]:
+    """Blocks of the equations of one log, valid samples only.
+
+    Args:
+        robot: Gives the rigid body.
+        log: The recording.
+        effects: From `banded`.
+        rigid_body: True if the first columns are the bodies'.
+        samples: Of the log at its full rate, per block.
+        columns: Which columns to make, ascending; by default all.
+    """
+    band, kept = log.band, log.valid_in_band
+    bodies = 10 * (robot.model.njoints - 1) if rigid_body else 0
+    total = bodies + sum(values.shape[2] for _, values in effects)
+    wanted = range(total) if columns is None else columns
+    rigid = tuple(column for column in wanted if column < bodies)
+    chosen = _chosen(effects, np.array([column - bodies for column in wanted[len(rigid) :]], dtype=int))
+    # The ends of a block are made twice, for the filter's reach: a small part of it.
+    size = max(1, max(samples, 8 * band.half) // band.step)
+    for first in range(0, len(kept), size):
+        last = min(first + size, len(kept))
+        block = np.zeros((last - first, robot.nv, len(wanted)))
+        if rigid and band.half == 0:
+            rigid_body_regressor(robot, _every(log.motion, band.step, first, last), columns=rigid, out=block)
+        elif rigid:
+            reach = part(log.motion, first * band.step, (last - 1) * band.step + 2 * band.half + 1)
+            block[:, :, : len(rigid)] = band(rigid_body_regressor(robot, reach, columns=rigid))
+        column = len(rigid)
+        for rows, values in chosen:
+            wide = values.shape[2]
+            for place, row in enumerate(rows):
+                block[:, row, column : column + wide] = values[first:last, place]
+            column += wide
+        valid = kept[first:last]
+        yield block if valid.all() else block[valid]
+
+
+def _chosen(effects: Sequence[BandedEffect], columns: Array) -> list[BandedEffect]:
+    """Some columns of the effects, numbered from the first effect's first."""
+    out, start = [], 0
+    for rows, values in effects:
+        stop = start + values.shape[2]
+        own = columns[(columns >= start) & (columns < stop)] - start
+        if len(own):
+            out.append((rows, values if len(own) == values.shape[2] else values[:, :, own]))
+        start = stop
+    return out

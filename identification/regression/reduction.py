@@ -1,0 +1,249 @@
+"""A recording reduced to one small triangular factor per joint: all that a least-squares fit needs of it.
+
+A recording reduced to one small triangular factor per joint: all that a least-squares fit needs of it.
+
+The factor of ``[W y]`` of each joint is kept apart, on the columns that its torque can depend on: then joints can be
+weighted after the fact, and the standard deviations know which joint tells what. Reductions of several recordings are
+stacked (`combined`): one is added or removed, or given another weight, without going back to the recordings.
+
+Blocks of equations -> `Reduction`, with as few columns as the data allow.
+
+The rows of a joint of a serial chain touch the bodies beyond it only, so each joint has its own factor on its own
+columns. Of these, many are combinations of others whatever the motion. The first rows tell which; from then on only
+the others are taken in, and random combinations of the columns left out watch, in every row, that they stay what the
+first rows said. Where they do not, nothing is lost: the factor is widened by the relation that held so far, and the
+rows that broke it are taken in with all columns.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from jaxtyping import Float
+
+from identification.regression.triangular import ROWS, absorb, dependent_columns, one_blas_thread, triangular
+from phantom_dyn.errors import ParameterError
+
+Array = np.ndarray
+
+
+@dataclass(frozen=True)
+class Reduction:
+    """Triangular factors of the equations of one recording, or of several.
+
+    Attributes:
+        names: Of all ``p`` columns.
+        units: Of all columns.
+        joint_names: One per row of a sample.
+        columns: By joint, the columns that its torque can depend on, ascending; all others are zero in its rows.
+        factors: By joint, ``R`` with ``R^T R = [W_j y_j]^T [W_j y_j]`` on these columns and the torque behind them,
+            upper triangular, shape ``(c + 1, c + 1)``.
+        samples: Rows of each joint.
+    """
+
+    names: tuple[str, ...]
+    units: tuple[str, ...]
+    joint_names: tuple[str, ...]
+    columns: tuple[tuple[int, ...], ...]
+    factors: tuple[Float[Array, "_ _"], ...]
+    samples: int
+
+    def __post_init__(self):
+        for factor in self.factors:
+            factor.flags.writeable = False
+
+    def rows(self, columns: Sequence[int]) -> list[Float[Array, "_ _"]]:
+        """Of each joint, rows with the same products as its equations: ``columns``, then the torque.
+
+        Args:
+            columns: Some of the ``p`` columns, in the order wanted.
+        """
+        out = []
+        for own, factor in zip(self.columns, self.factors, strict=True):
+            place = {column: k for k, column in enumerate(own)}
+            wide = np.zeros((len(factor), len(columns) + 1))
+            here = [k for k, column in enumerate(columns) if column in place]
+            wide[:, here] = factor[:, [place[columns[k]] for k in here]]
+            wide[:, -1] = factor[:, -1]
+            out.append(wide)
+        return out
+
+    def factor(self) -> Float[Array, "q q"]:
+        """Triangular factor of ``[W y]`` of all joints, ``(p + 1, p + 1)``."""
+        return triangular(np.concatenate(self.rows(range(len(self.names)))))
+
+    def weighted(self, weights: float | Float[Array, " nv"]) -> Reduction:
+        """The same equations times a weight: one for all, or one per joint, such as 1 over its noise.
+
+        Args:
+            weights: Not negative and finite.
+
+        Raises:
+            ParameterError: If a weight is negative or not finite, or there is not one per joint.
+        """
+        each = np.asarray(weights, dtype=float)
+        if each.ndim > 1 or (each.ndim and len(each) != len(self.factors)):
+            raise ParameterError(f"{each.shape} weights were given for {len(self.factors)} joints: give one for each.")
+        if not np.isfinite(each).all() or (each < 0).any():
+            raise ParameterError(f"A weight of {weights} was given: give finite ones that are not negative.")
+        given = np.broadcast_to(each, len(self.factors))
+        return replace(self, factors=tuple(w * factor for w, factor in zip(given, self.factors, strict=True)))
+
+
+def combined(reductions: Sequence[Reduction]) -> Reduction:
+    """The equations of several recordings of one robot as one reduction.
+
+    A recording is taken out again by combining the others: nothing is subtracted, so nothing is lost to rounding. One
+    counts more or less with ``combined([a, b.weighted(0.5)])``.
+
+    Args:
+        reductions: At least one, all of the same columns and joints.
+
+    Raises:
+        ParameterError: If there is none, or their columns or joints differ.
+    """
+    if not reductions:
+        raise ParameterError("No reduction was given: give at least one.")
+    first = reductions[0]
+    for k, other in enumerate(reductions):
+        for what, mine, theirs in (
+            ("columns", first.names, other.names),
+            ("units", first.units, other.units),
+            ("joints", first.joint_names, other.joint_names),
+        ):
+            if mine != theirs:
+                lone = sorted(set(mine) ^ set(theirs))
+                raise ParameterError(
+                    f"Reduction number {k} has other {what} than the first ({', '.join(lone) or 'in another order'}): "
+                    "reduce all recordings with the same robot and the same effects."
+                )
+    if len(reductions) == 1:
+        return first
+    columns, factors = [], []
+    for joint in range(len(first.factors)):
+        union = sorted({column for one in reductions for column in one.columns[joint]})
+        columns.append(tuple(union))
+        factors.append(triangular(np.concatenate([_joint_rows(one, joint, union) for one in reductions])))
+    samples = sum(one.samples for one in reductions)
+    return Reduction(first.names, first.units, first.joint_names, tuple(columns), tuple(factors), samples)
+
+
+def _joint_rows(reduction: Reduction, joint: int, columns: Sequence[int]) -> Array:
+    factor = reduction.factors[joint]
+    rows = np.zeros((len(factor), len(columns) + 1))
+    rows[:, np.searchsorted(columns, reduction.columns[joint])] = factor[:, :-1]
+    rows[:, -1] = factor[:, -1]
+    return rows
+
+
+_EXACT = 1e-10
+"""A column is left out if the others make it up to this share of the largest column of its unit: ten thousand times
+below what counts as a parameter of its own, ten thousand times above rounding."""
+
+_HOLDS = 1e-9
+"""The relation is broken if a random combination that should be zero is above this share of one that should not."""
+
+_PROBES = 4  # a relation that breaks by 1e-6 escapes all of four with a probability of 1e-12
+_ATTEMPTS = 4  # relations that broke so often are not looked for any more
+
+
+@dataclass(frozen=True)
+class _Lean:
+    """Columns that are taken in, and how the others follow."""
+
+    places: tuple[Array, ...]  # by joint: which of its columns are taken in
+    widen: tuple[Array, ...]  # by joint: from the columns taken in and the torque to all and the torque
+    probes: Array  # combinations of all columns, all but the last of which are zero, ``(p, 5)``
+    samples: int  # that it rests on
+
+
+def reduce_blocks(
+    names: tuple[str, ...],
+    units: tuple[str, ...],
+    joint_names: tuple[str, ...],
+    columns: tuple[tuple[int, ...], ...],
+    blocks: Iterable[tuple[Float[Array, "_ nv p"], Float[Array, "_ nv"]]],
+) -> Reduction:
+    """Triangular factors of equations that come in blocks, which are not kept.
+
+    Args:
+        names: Of the ``p`` columns.
+        units: Of the columns.
+        joint_names: Of the rows of a sample.
+        columns: By joint, the columns that its torque can depend on, ascending.
+        blocks: Columns ``(n, nv, p)`` and torque ``(n, nv)`` of n samples each.
+    """
+    own = tuple(np.array(c, dtype=int) for c in columns)
+    factors = [np.zeros((len(c) + 1, len(c) + 1), order="F") for c in own]
+    lean: _Lean | None = None
+    samples = attempts = 0
+    with one_blas_thread():
+        for block, y in blocks:
+            for start in range(0, len(block), ROWS):
+                part, torque = block[start : start + ROWS], y[start : start + ROWS]
+                if lean is None and 0 < samples and attempts < _ATTEMPTS:
+                    lean, attempts = _leaner(factors, own, names, units, samples), attempts + 1
+                    factors = _narrow(factors, lean)
+                if lean is not None and not _holds(lean, part):
+                    factors, lean = _wide(factors, lean), None
+                for joint, factor in enumerate(factors):
+                    place = slice(None) if lean is None else lean.places[joint]
+                    absorb(factor, _rows(part, torque, joint, own[joint][place]))
+                samples += len(part)
+        if lean is not None:
+            factors = _wide(factors, lean)
+    return Reduction(names, units, joint_names, columns, tuple(factors), samples)
+
+
+def _rows(block: Array, torque: Array, joint: int, columns: Array) -> Array:
+    rows = np.empty((len(block), len(columns) + 1), order="F")
+    rows[:, :-1] = block[:, joint, columns]
+    rows[:, -1] = torque[:, joint]
+    return rows
+
+
+def _leaner(factors: Sequence[Array], own: Sequence[Array], names: Sequence[str], units: Sequence[str], samples: int):
+    """Columns to go on with, from what has been taken in with all of them."""
+    p = len(names)
+    stacked = np.zeros((sum(len(factor) for factor in factors), p))
+    row = 0
+    for columns, factor in zip(own, factors, strict=True):
+        stacked[row : row + len(factor), columns] = factor[:, :-1]
+        row += len(factor)
+    kept, dependent, grouping, scale = dependent_columns(triangular(stacked), units, _EXACT)
+    # Everything in terms of all p columns: widening, and what is zero because of it.
+    relation = np.zeros((p, p))
+    relation[kept, kept] = 1.0
+    relation[np.ix_(kept, dependent)] = grouping
+    rng = np.random.default_rng(0)
+    zero = np.zeros((p, _PROBES))
+    draws = rng.standard_normal((len(dependent), _PROBES)) / scale[dependent, None]
+    zero[dependent] = draws
+    zero[kept] = -grouping @ draws
+    probes = np.column_stack([zero, rng.standard_normal(p) / scale])
+    places, widen = [], []
+    for columns in own:
+        place = np.flatnonzero(np.isin(columns, kept))
+        places.append(place)
+        wide = np.zeros((len(place) + 1, len(columns) + 1))
+        wide[:-1, :-1] = relation[np.ix_(columns[place], columns)]
+        wide[-1, -1] = 1.0
+        widen.append(wide)
+    return _Lean(tuple(places), tuple(widen), probes, samples)
+
+
+def _narrow(factors: Sequence[Array], lean: _Lean) -> list[Array]:
+    return [triangular(factor[:, [*place, -1]]) for factor, place in zip(factors, lean.places, strict=True)]
+
+
+def _wide(factors: Sequence[Array], lean: _Lean) -> list[Array]:
+    return [triangular(factor @ wide) for factor, wide in zip(factors, lean.widen, strict=True)]
+
+
+def _holds(lean: _Lean, block: Array) -> bool:
+    """False where a column left out is not, in some row, what the columns taken in say."""
+    seen = block.reshape(-1, block.shape[2]) @ lean.probes
+    *zero, size = np.einsum("nk,nk->k", seen, seen)
+    return bool(max(zero) <= _HOLDS**2 * (size + len(block) / lean.samples))

@@ -1,0 +1,306 @@
+"""Robot, logs and effects to the linear equations that an estimator solves, streamed block by block.
+
+Effects that act on the joints, with their shapes held, so that the torque is linear in what is left.
+
+Robot, logs and effects -> the linear equations that an estimator solves, streamed block by block.
+
+Columns are the rigid body's standard parameters (absolute values) and the coefficients of each effect; rows are the
+torques of every joint at every valid sample, in the band of the log. Columns go through the same filter as the
+torque: filtering the torque alone moves friction by one per cent and more.
+
+Which columns of the equations belong to which effect.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from itertools import pairwise
+
+import numpy as np
+from jaxtyping import Float
+
+from identification.data.log import Log
+from identification.regression.equation_blocks import BandedEffect, banded, blocks_of, part, touched_columns
+from identification.regression.reduction import Reduction, reduce_blocks
+from phantom_dyn.dynamics.dynamics import inverse_dynamics, modelled_friction, rotor_torque
+from phantom_dyn.effects.effect import Effect, Shape
+from phantom_dyn.effects.operation import Operation
+from phantom_dyn.errors import LogError, ParameterError
+from phantom_dyn.model.inertia import parameter_names, parameter_units
+from phantom_dyn.model.robot import Robot
+from phantom_dyn.motion import Motion
+
+EffectOnJoint = tuple[Effect, str | None] | tuple[Effect, str | None, Shape | float]
+"""An effect, its joint (None for the whole robot) and, where the torque is not linear in it, the shape to hold.
+
+A shape of one number may be given as that number.
+"""
+
+
+@dataclass(frozen=True)
+class Term:
+    """An effect on a joint with its shape held (empty where it has none)."""
+
+    effect: Effect
+    joint: str | None
+    shape: Shape
+
+    @property
+    def label(self) -> str:
+        """Start of the names of its coefficients: ``joint.effect``, or the effect alone for the whole robot."""
+        return self.effect.name if self.joint is None else f"{self.joint}.{self.effect.name}"
+
+
+def term_of(robot: Robot, operation: Operation, given: EffectOnJoint) -> Term:
+    """The term of an effect as a caller gives it.
+
+    Args:
+        robot: The model.
+        operation: Motion and torque of a recording.
+        given: The effect and where it acts.
+
+    Raises:
+        ParameterError: If the effect is nonlinear in a parameter and no shape is given for it.
+    """
+    effect, joint = given[0], given[1]
+    if len(given) == 3:
+        shape = given[2] if isinstance(given[2], tuple) else (float(given[2]),)
+        return Term(effect, joint, shape)
+    shapes = effect.shapes(robot, operation, joint)
+    if len(shapes) != 1:
+        like = f", for instance ({', '.join(f'{x:.3g}' for x in shapes[len(shapes) // 2])},)" if shapes else ""
+        raise ParameterError(
+            f"{effect.name} is not linear in one of its parameters: give its shape as the third entry, "
+            f"(effect, joint, shape){like}."
+        )
+    return Term(effect, joint, shapes[0])
+
+
+__all__ = ["EffectOnJoint", "Regressor", "Term", "gap_regressor", "known_torque", "part", "torque_regressor"]
+
+Array = np.ndarray
+
+WHOLE_LIMIT = 20_000_000
+"""Entries of the largest ``W`` that is kept whole (160 MB); beyond it, equations are made again for each pass."""
+
+_EFFECTS_LIMIT = 2_000_000  # entries of the columns of effects that are kept (16 MB) for the next pass
+
+# Samples from which a signature tells how many columns it has.
+_FEW = 8
+
+_BLOCK = 1024  # full-rate samples per block: 1024 x 6 joints x 80 columns are 4 MB
+
+
+@dataclass(frozen=True)
+class Regressor:
+    r"""The equations :math:`W \theta = y` of a robot, its logs and effects.
+
+    Attributes:
+        robot: Gives the rigid body.
+        logs: Recordings, ready for fitting.
+        terms: Effects with their joints and shapes.
+        rigid_body: True if the standard parameters are unknowns too; else the given model is subtracted from ``y``.
+        names: Of the columns: ``<body>.m`` and so on, then ``<joint>.<effect>.<coefficient>``.
+        units: Of the columns.
+        touched: By joint, the columns that its torque can depend on, ascending; all others are zero in its rows.
+    """
+
+    robot: Robot
+    logs: tuple[Log, ...]
+    terms: tuple[Term, ...]
+    rigid_body: bool
+    names: tuple[str, ...]
+    units: tuple[str, ...]
+    touched: tuple[tuple[int, ...], ...]
+
+    @cached_property
+    def count(self) -> int:
+        """Number of samples ``N`` over all logs: valid ones in the band."""
+        return sum(int(log.valid_in_band.sum()) for log in self.logs)
+
+    @cached_property
+    def starts(self) -> tuple[int, ...]:
+        """Sample at which each log starts, and ``N`` at the end."""
+        counts = [int(log.valid_in_band.sum()) for log in self.logs]
+        return tuple(int(k) for k in np.concatenate([[0], np.cumsum(counts)]))
+
+    @property
+    def first_effect(self) -> int:
+        """First column that belongs to an effect: those before are the rigid body's."""
+        return 10 * (self.robot.model.njoints - 1) if self.rigid_body else 0
+
+    @property
+    def is_small(self) -> bool:
+        """True if ``W`` has at most `WHOLE_LIMIT` entries, so that it is kept."""
+        return self.count * self.robot.nv * len(self.names) <= WHOLE_LIMIT
+
+    @cached_property
+    def W(self) -> Float[Array, "N nv p"]:
+        """The whole regressor, shape ``(N, nv, p)``.
+
+        Raises:
+            ParameterError: If it has more than `WHOLE_LIMIT` entries.
+        """
+        if not self.is_small:
+            raise ParameterError(
+                f"The whole regressor of {self.count} samples would have more than {WHOLE_LIMIT} entries: "
+                "go through blocks() instead."
+            )
+        return np.concatenate([np.zeros((0, self.robot.nv, len(self.names))), *self._made()])
+
+    @cached_property
+    def y(self) -> Float[Array, "N nv"]:
+        """Torque that the columns are to explain [N m or N], shape ``(N, nv)``: measured minus `known_torque`."""
+        return self.measured - np.concatenate(
+            [self.in_band(log, known_torque(self.robot, log.motion, rigid_body=self.rigid_body)) for log in self.logs]
+        )
+
+    @cached_property
+    def measured(self) -> Float[Array, "N nv"]:
+        """Measured torque in the band, shape ``(N, nv)``."""
+        return np.concatenate([self.in_band(log, log.tau) for log in self.logs])
+
+    @staticmethod
+    def in_band(log: Log, values: Float[Array, "M ..."]) -> Float[Array, "n ..."]:
+        """Full-rate ``values`` of a log through its band, valid samples only."""
+        return log.band(values)[log.valid_in_band]
+
+    @cached_property
+    def reduction(self) -> Reduction:
+        """Triangular factors of all equations, made in one pass over `blocks`."""
+        return reduce_blocks(self.names, self.units, self.robot.joint_names, self.touched, self._with_torque())
+
+    def blocks(self, columns: Sequence[int] | None = None) -> Iterator[Float[Array, "n nv p"]]:
+        """Blocks of the regressor in the order of the samples, each ``(n, nv, p)`` and of one log.
+
+        They are cut out of `W` if that has been made, which pays for many passes, and else made again.
+
+        Args:
+            columns: Which columns to make, ascending; by default all.
+        """
+        if "W" in self.__dict__:
+            for start, stop in pairwise(self.starts):
+                for k in range(start, stop, _BLOCK):
+                    block = self.W[k : min(k + _BLOCK, stop)]
+                    yield block if columns is None else block[:, :, list(columns)]
+        else:
+            yield from self._made(columns)
+
+    def _with_torque(self) -> Iterator[tuple[Float[Array, "n nv p"], Float[Array, "n nv"]]]:
+        start = 0
+        for block in self.blocks():
+            yield block, self.y[start : start + len(block)]
+            start += len(block)
+
+    def _made(self, columns: Sequence[int] | None = None) -> Iterator[Float[Array, "n nv p"]]:
+        for log, effects in zip(self.logs, self._effects(), strict=True):
+            yield from blocks_of(self.robot, log, effects, rigid_body=self.rigid_body, samples=_BLOCK, columns=columns)
+
+    def _effects(self) -> Iterable[tuple[BandedEffect, ...]]:
+        """Columns of the effects by log: kept, as they are few, or made again where the recordings are long."""
+        few = self.count * (len(self.names) - self.first_effect) <= _EFFECTS_LIMIT
+        return self._kept_effects if few else map(self._effects_on, self.logs)
+
+    @cached_property
+    def _kept_effects(self) -> tuple[tuple[BandedEffect, ...], ...]:
+        return tuple(map(self._effects_on, self.logs))
+
+    def _effects_on(self, log: Log) -> tuple[BandedEffect, ...]:
+        if not self.terms:
+            return ()
+        operation = Operation.of(self.robot, log.motion, log.tau)
+        return banded(
+            log, (term.effect.signature(self.robot, operation, term.joint, term.shape) for term in self.terms)
+        )
+
+
+def torque_regressor(robot: Robot, logs: Log | Sequence[Log], effects: Sequence[EffectOnJoint] = ()) -> Regressor:
+    """Equations whose unknowns are the standard parameters of the rigid body and the coefficients of ``effects``.
+
+    What the robot states as armature and modelled friction is taken as known; effects come on top of it.
+
+    Args:
+        robot: Gives the rigid body.
+        logs: One recording or several.
+        effects: What may act on the joints beside the rigid body.
+
+    Raises:
+        LogError: If a log has other joints than the robot, or no valid sample is left.
+        ParameterError: If an effect is nonlinear in a parameter and no shape is given for it.
+    """
+    return _regressor(robot, logs, effects, rigid_body=True)
+
+
+def gap_regressor(robot: Robot, logs: Log | Sequence[Log], effects: Sequence[EffectOnJoint]) -> Regressor:
+    """Equations for the gap to the given model: its inverse dynamics is subtracted, the unknowns are the effects'.
+
+    Args:
+        robot: The model, taken as it is.
+        logs: One recording or several.
+        effects: Candidates for what the model lacks.
+
+    Raises:
+        LogError: If a log has other joints than the robot, or no valid sample is left.
+        ParameterError: If an effect is nonlinear in a parameter and no shape is given for it.
+    """
+    return _regressor(robot, logs, effects, rigid_body=False)
+
+
+def known_torque(robot: Robot, motion: Motion, *, rigid_body: bool) -> Float[Array, "N nv"]:
+    """The part of the drive torque that needs no estimate [N m or N], shape ``(N, nv)``.
+
+    Args:
+        robot: The model.
+        motion: N samples.
+        rigid_body: True if the rigid body is unknown: then armature and modelled friction only.
+    """
+    if not rigid_body:
+        return inverse_dynamics(robot, motion)
+    return rotor_torque(robot, motion) + modelled_friction(robot, motion)
+
+
+def _regressor(robot: Robot, logs: Log | Sequence[Log], effects: Sequence[EffectOnJoint], *, rigid_body: bool):
+    several = (logs,) if isinstance(logs, Log) else tuple(logs)
+    for log in several:
+        if log.joint_names != robot.joint_names:
+            raise LogError(
+                f"{log.file} has the joints {', '.join(log.joint_names)} and the robot {', '.join(robot.joint_names)}: "
+                "give the log of this robot."
+            )
+    if not any(log.valid_in_band.any() for log in several):
+        raise LogError("No valid sample is left to fit: give a longer recording or exclude less of it.")
+    log = next(log for log in several if log.valid_in_band.any())
+    signatures = []
+    if effects:
+        operation = Operation.of(robot, log.motion, log.tau)
+        start = Operation.of(robot, part(log.motion, 0, _FEW), log.tau[:_FEW])
+        terms = (term_of(robot, operation, given) for given in effects)
+        signatures = [(term, term.effect.signature(robot, start, term.joint, term.shape)) for term in terms]
+    effect_names = tuple(f"{term.label}.{name}" for term, signature in signatures for name in signature.names)
+    effect_units = tuple(unit for _, signature in signatures for unit in signature.units)
+    return Regressor(
+        robot,
+        several,
+        tuple(term for term, _ in signatures),
+        rigid_body,
+        (parameter_names(robot) if rigid_body else ()) + effect_names,
+        (parameter_units(robot) if rigid_body else ()) + effect_units,
+        touched_columns(robot, [(s.rows, len(s.names)) for _, s in signatures], rigid_body=rigid_body),
+    )
+
+
+def term_columns(regressor: Regressor) -> tuple[tuple[int, ...], ...]:
+    """Columns of each term, in the order of the terms.
+
+    Args:
+        regressor: Its columns stand in the order of its terms, each named after its own.
+    """
+    out, at = [], regressor.first_effect
+    for term in regressor.terms:
+        start = at
+        while at < len(regressor.names) and regressor.names[at].startswith(f"{term.label}."):
+            at += 1
+        out.append(tuple(range(start, at)))
+    return tuple(out)

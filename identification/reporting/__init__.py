@@ -1,0 +1,1 @@
+"""A diagnosis in figures, tables and files."""

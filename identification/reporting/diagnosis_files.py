@@ -1,0 +1,104 @@
+"""Writing the files of a diagnosis: all of them, or none where one of them could not be written."""
+
+from __future__ import annotations
+
+import os
+from contextlib import ExitStack
+from pathlib import Path
+
+from identification.diagnosis.model.terms import KnownEffect
+from identification.diagnosis.result import Diagnosis
+from identification.export.all_files import NAMES as MODELS
+from identification.export.all_files import written
+from identification.export.corrected.corrected_yaml import write_corrected
+from identification.files import temporary_beside
+from identification.next_experiment.proposal_words import reference_text
+from identification.reporting.diagnosis_json import json_text
+from phantom_dyn.errors import UsageError
+from phantom_dyn.model.robot import Robot
+
+NAMES = ("diagnosis.json", "report.html", "corrected.yaml")
+NEXT = "next.csv"
+
+
+def check_targets(out: Path | None, json_file: Path | None) -> None:
+    """Refuse targets that cannot be written, before any work is done.
+
+    Raises:
+        UsageError: If a target is of the wrong kind or its folder may not be written to.
+    """
+    if out is not None:
+        if out.exists() and not out.is_dir():
+            raise UsageError(f"--out {out} is a file, wanted a folder; name another folder")
+        for name in (*NAMES, NEXT, *MODELS):
+            _check_file(out / name, "--out")
+    if json_file is not None:
+        _check_file(json_file, "--json")
+
+
+def write_outputs(
+    diagnosis: Diagnosis,
+    robot: Robot,
+    *,
+    out: Path | None,
+    json_file: Path | None,
+    known: tuple[KnownEffect, ...] = (),
+    config: Path | None = None,
+) -> tuple[Path, ...]:
+    """Write ``diagnosis.json``, ``report.html`` and ``corrected.yaml`` into a folder, and the JSON to a file.
+
+    The motion that is proposed next goes beside them as ``next.csv``, where there is one; so do the corrected model as
+    URDF and MJCF, ranges for training and a feedforward law, as far as they can be written. Those of an earlier run
+    that this one cannot write are removed, as they would pass for this one's.
+
+    Args:
+        diagnosis: What was found.
+        robot: The robot as it was given; its source and hash go into ``corrected.yaml``, its shape into the report.
+        out: The folder, made where it is missing; other files in it are kept. None: no folder.
+        json_file: Another place for the JSON. None: nowhere.
+        known: Effects that belong to the given model already.
+        config: The ``robot.yaml`` that was given, None for the one beside the robot's file.
+
+    Returns:
+        The files written.
+
+    Raises:
+        UsageError: If a target cannot be written; nothing is written then.
+        ParameterError: If a finding has a parameter that is not finite; nothing is written then.
+    """
+    check_targets(out, json_file)
+    contents: dict[Path, str] = {}
+    if out is not None:
+        corrected = write_corrected(diagnosis, robot.source, robot.sha256)
+        models, diagnosis = written(diagnosis, robot, folder=out, known=known, config=config)
+        texts = (json_text(diagnosis), _report(diagnosis, robot), corrected)
+        contents = {out / name: text for name, text in zip(NAMES, texts, strict=True)}
+        contents |= {out / name: text for name, text in models.items()}
+        if diagnosis.next_motion is not None:
+            contents[out / NEXT] = reference_text(diagnosis.next_motion, robot.joint_names)
+    if json_file is not None:
+        contents[json_file] = json_text(diagnosis)
+    with ExitStack() as renamed_together:
+        for path, text in contents.items():
+            renamed_together.enter_context(temporary_beside(path)).write_bytes(text.encode())
+    for path in () if out is None else (out / name for name in (NEXT, *MODELS)):
+        if path not in contents:
+            path.unlink(missing_ok=True)
+    return tuple(contents)
+
+
+def _report(diagnosis: Diagnosis, robot: Robot) -> str:
+    # Drawing loads matplotlib, which whoever wants the JSON alone need not wait for.
+    from identification.reporting.diagnosis_report import report_html
+
+    return report_html(diagnosis, robot)
+
+
+def _check_file(path: Path, option: str) -> None:
+    if path.is_dir():
+        raise UsageError(f"{option}: {path} is a folder, wanted a file; remove it or name another place")
+    folder = next(parent for parent in path.absolute().parents if parent.exists())
+    if not folder.is_dir():
+        raise UsageError(f"{option}: cannot write {path}: {folder} is no folder; name a file in another place")
+    if not os.access(folder, os.W_OK | os.X_OK):
+        raise UsageError(f"{option}: cannot write {path}: no right to write in {folder}; name another place")

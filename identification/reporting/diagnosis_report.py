@@ -1,0 +1,184 @@
+"""The report: one self-contained page that says what differs between robot and model, how sure, and what to do."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from importlib.resources import files
+
+import numpy as np
+from jinja2 import Environment, StrictUndefined
+from markupsafe import Markup
+
+from identification.diagnosis.result import Diagnosis, Finding
+from identification.reporting.explaining import JointMotion, joint_motions, joint_of
+from identification.reporting.gap_figures import (
+    finding_figure,
+    gap_bars,
+    residual_over_position,
+    residual_over_velocity,
+    rest_figure,
+    torque_figure,
+)
+from identification.reporting.report_tables import (
+    RegimeShare,
+    Row,
+    gap_row,
+    parameter_rows,
+    regime_table,
+    rollout_rows,
+    seen_from,
+    untestable_rows,
+)
+from identification.reporting.robot_scene import gap_shares, joint_colours
+from identification.words import diagnosis_words as words
+from identification.words.diagnosis_words import FindingWords
+from identification.words.numbers import percent
+from phantom_dyn.model.robot import Robot
+
+VERDICTS = {
+    "explained": "Explained",
+    "partly_explained": "Partly explained",
+    "unknown": "Unknown cause",
+    "no_gap": "No gap",
+    "not_testable": "Not testable",
+}
+# Figures take time and room: of a robot with many joints those with the largest gap are drawn.
+_FIGURES = 20  # findings
+_CURVES = 12  # joints over time
+_CLOUDS = 8  # joints over velocity and position
+_SOME = 0.02  # share of the gap from which a joint's residual is drawn over velocity and position
+_OPEN_JOINTS = 2  # so many joints with the largest gap have their figures unfolded
+
+
+@dataclass(frozen=True)
+class Card:
+    """One finding on the page: the parts of its sentence, its sizes, and its figure, empty without samples."""
+
+    name: str
+    share: str
+    sentence: FindingWords
+    sizes: list[Row]
+    figure: Markup
+
+
+@dataclass(frozen=True)
+class JointView:
+    """One joint on the page: name, share of the gap, figures over time and over its own motion, regimes."""
+
+    name: str
+    share: str
+    torque: Markup
+    clouds: list[Markup]
+    regimes: list[RegimeShare]
+    unfolded: bool
+
+
+@dataclass(frozen=True)
+class SceneView:
+    """The robot in three dimensions on the page.
+
+    Attributes:
+        script: Plotly's own library.
+        figure: The figure as JSON that may stand in a script element.
+        legend: For each joint its name, share of the gap and colour.
+        from_meshes: False if the links are drawn as capsules.
+        has_gap: False if no joint has a residual above its noise floor.
+    """
+
+    script: Markup
+    figure: Markup
+    legend: list[Row]
+    from_meshes: bool
+    has_gap: bool
+
+
+def report_html(diagnosis: Diagnosis, robot: Robot | None = None) -> str:
+    """The whole page as text; everything it shows is inside it, and every name is escaped.
+
+    Args:
+        diagnosis: What is shown.
+        robot: Drawn in three dimensions if it is given; the page then holds Plotly's library, about 5 MB.
+    """
+    environment = Environment(autoescape=True, undefined=StrictUndefined, trim_blocks=True, lstrip_blocks=True)
+    source = files("identification.diagnosis").joinpath("report.html.jinja").read_text(encoding="utf-8")
+    has_samples = len(diagnosis.evidence.t) > 1
+    motions = joint_motions(robot, diagnosis) if has_samples else {}
+    return environment.from_string(source).render(
+        diagnosis=diagnosis,
+        badge=VERDICTS.get(diagnosis.verdict, diagnosis.verdict.replace("_", " ")),
+        verdict=words.verdict_sentence(diagnosis),
+        cards=[_card(diagnosis, motions, index) for index in range(len(diagnosis.findings))],
+        notes=[note for note in diagnosis.notes if not note.startswith("corrected.")],
+        file_notes=[note for note in diagnosis.notes if note.startswith("corrected.")],
+        say=(diagnosis.next_experiment or {}).get("say"),
+        scene=None if robot is None else _scene(robot, diagnosis),
+        gaps=[gap_row(joint) for joint in diagnosis.joints],
+        gap_figure=Markup(gap_bars(diagnosis.joints)),
+        joints=_joint_views(diagnosis) if has_samples else [],
+        has_times=bool(diagnosis.evidence.regime_times),
+        rollout=rollout_rows(diagnosis),
+        adjusted=[(a.quantity, f"{100 * a.change:+.2g} %", f"±{100 * a.tolerance:.2g} %") for a in diagnosis.adjusted],
+        rest=words.capital(words.rest_phrase(diagnosis.unexplained)),
+        rest_figure=_rest(diagnosis, motions),
+        bounds=seen_from(diagnosis.bounds),
+        not_testable=untestable_rows(diagnosis.not_testable, diagnosis.joints),
+        band="at rest" if diagnosis.at_rest else f"{diagnosis.band_hz[0]:g} to {diagnosis.band_hz[1]:.3g} Hz",
+        residual="position less reference" if diagnosis.at_rest else "measured less modelled torque",
+        seconds=f"{diagnosis.seconds:.1f}",
+    )
+
+
+def _card(diagnosis: Diagnosis, motions: dict[str, JointMotion], index: int) -> Card:
+    finding = diagnosis.findings[index]
+    return Card(
+        name=_title(finding),
+        share=percent(finding.gap_closed),
+        sentence=words.finding_words(finding, diagnosis.next_experiment),
+        sizes=parameter_rows(finding),
+        figure=Markup(finding_figure(diagnosis, motions, index) if motions and index < _FIGURES else ""),
+    )
+
+
+def _title(finding: Finding) -> str:
+    return f"{words.capital(words.finding_name(finding))} {words.on_place(finding.effect, finding.joint)}"
+
+
+def _joint_views(diagnosis: Diagnosis) -> list[JointView]:
+    shares = gap_shares(diagnosis.joints)
+    ranked = np.argsort(-shares, kind="stable").tolist()
+    named = {joint_of(diagnosis, finding.joint) for finding in diagnosis.findings[:_FIGURES]}
+    telling = [k for k in ranked if shares[k] > _SOME or k in named or k in ranked[:_OPEN_JOINTS]][:_CLOUDS]
+    return [
+        JointView(
+            name=gap.joint,
+            share=percent(float(shares[k])),
+            torque=Markup(torque_figure(diagnosis, k) if k in ranked[:_CURVES] else ""),
+            clouds=[Markup(f(diagnosis, k)) for f in (residual_over_velocity, residual_over_position) if k in telling],
+            regimes=regime_table(diagnosis, k),
+            unfolded=k in ranked[:_OPEN_JOINTS],
+        )
+        for k, gap in enumerate(diagnosis.joints)
+    ]
+
+
+def _rest(diagnosis: Diagnosis, motions: dict[str, JointMotion]) -> Markup:
+    rest = diagnosis.unexplained
+    if not motions or not rest.structured or rest.joint is None:
+        return Markup("")
+    return Markup(rest_figure(diagnosis, motions, rest.joint))
+
+
+def _scene(robot: Robot, diagnosis: Diagnosis) -> SceneView:
+    # Plotly takes its time to load, and whoever wants no picture of the robot need not wait for it.
+    from plotly.offline import get_plotlyjs
+
+    from identification.reporting.robot_scene import robot_scene
+
+    scene = robot_scene(robot, diagnosis)
+    shares = gap_shares(diagnosis.joints)
+    legend = [
+        (gap.joint, percent(float(share)), colour)
+        for gap, share, colour in zip(diagnosis.joints, shares, joint_colours(shares), strict=True)
+    ]
+    figure = scene.figure.replace("<", "\\u003c").replace("\u2028", "\\u2028").replace("\u2029", "\\u2029")
+    return SceneView(Markup(get_plotlyjs()), Markup(figure), legend, scene.from_meshes, bool(shares.any()))

@@ -1,0 +1,278 @@
+"""The variable that explains a residual: which one shows a finding best, and its samples.
+
+The variable that explains a residual: which one shows a finding best, and its samples.
+
+Motion of every joint of a robot at the samples of a diagnosis: of those in the log, and of passive ones.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from itertools import pairwise
+
+import numpy as np
+from jaxtyping import Bool, Float
+
+from identification.diagnosis.fit.flexible import displacement_since_reversal
+from identification.diagnosis.result import Diagnosis, Evidence, Finding
+from identification.reporting.thinning import bin_numbers, gap_starts
+from phantom_dyn.dynamics.tree_motion import tree_motion
+from phantom_dyn.model.robot import Robot
+from phantom_dyn.motion import Motion
+
+Array = np.ndarray
+
+# What the law of an effect depends on, the likeliest first; where there are several, the data choose.
+CANDIDATES: dict[str, tuple[str, ...]] = {
+    "viscous_friction": ("velocity",),
+    "coulomb_friction": ("velocity",),
+    "direction_dependent_friction": ("velocity",),
+    "stribeck_friction": ("velocity",),
+    "presliding_friction": ("displacement",),
+    "load_dependent_friction": ("transmitted",),
+    "backlash": ("transmitted",),
+    "transmission_compliance": ("torque_curvature", "torque_rate", "transmitted"),
+    "joint_coupling": ("coupled_velocity",),
+    "cogging": ("phase",),
+    "torque_saturation": ("measured",),
+    "torque_constant": ("modelled",),
+    "torque_offset": ("time",),
+    "input_delay": ("torque_rate",),
+    "actuator_lag": ("torque_rate",),
+    "rotor_inertia": ("acceleration",),
+    "payload": ("position", "modelled", "acceleration"),
+    "inertial_parameters": ("acceleration", "position", "modelled"),
+    "base_tilt": ("position",),
+    "parasitic_spring": ("position",),
+    "encoder_offset": ("position",),
+    "encoder_eccentricity": ("phase",),
+    "encoder_quantization": ("position", "acceleration"),
+}
+ANY = ("velocity", "position", "displacement", "transmitted", "acceleration", "torque_rate", "time")
+_CLEARLY = 0.03  # a later candidate has to explain this much more of the residual's variance
+_PRESLIDING_WIDTHS = 8.0  # of the breakaway displacement are shown to either side
+_MIDDLE = (0.5, 99.5)  # percentiles between which a derivative is drawn
+_TURNS = 1.5  # periods from which a position is folded into one of them
+
+
+@dataclass(frozen=True)
+class Variable:
+    """What a residual is drawn over.
+
+    Attributes:
+        name: As on the axis, without the unit.
+        unit: Its unit.
+        x: Samples, shape ``(N,)``; not finite where it has no value.
+        by_direction: True if the residual has two branches, one for each direction of motion.
+        reach: Half of the range that is drawn, or None for all of it.
+    """
+
+    name: str
+    unit: str
+    x: Float[Array, " N"]
+    by_direction: bool = False
+    reach: float | None = None
+
+
+def joint_of(diagnosis: Diagnosis, joint: str | None) -> int:
+    """Row of the joint whose residual shows a finding: its own, else that of the joint that gained most.
+
+    Of a coupling it is that of the two joints that gained more; findings of the whole robot and of passive joints have
+    no row of their own.
+    """
+    rows = {gap.joint: k for k, gap in enumerate(diagnosis.joints)}
+    if joint in rows:
+        return rows[joint]
+    own = [rows[name] for name in (joint or "").split("+") if name in rows] or list(rows.values())
+    gains = [_gain(diagnosis, k) for k in own]
+    return own[int(np.argmax(gains))]
+
+
+def explaining_variable(
+    diagnosis: Diagnosis, motions: dict[str, JointMotion], finding: Finding, residual: Float[Array, " N"]
+) -> Variable:
+    """The variable of the finding's law that explains most of a residual.
+
+    Args:
+        diagnosis: Its evidence gives the samples.
+        motions: Motion of each joint by name.
+        finding: What explains the residual.
+        residual: Of the joint that shows the finding, shape ``(N,)``.
+    """
+    names = CANDIDATES.get(finding.effect, ANY)
+    forward = motions[diagnosis.joints[joint_of(diagnosis, finding.joint)].joint].v > 0
+    return _best([_variable(name, diagnosis, motions, finding) for name in names], residual, forward)
+
+
+def strongest_variable(
+    diagnosis: Diagnosis, motions: dict[str, JointMotion], joint: str, residual: Float[Array, " N"]
+) -> Variable:
+    """Of everything that may explain a residual of unknown cause, what explains most of it."""
+    nameless = Finding("", joint, "everywhere", {}, 0.0, (0.0, 0.0), 0.0, (), "supported")
+    variables = [_variable(name, diagnosis, motions, nameless) for name in ANY]
+    return _best(variables, residual, motions[joint].v > 0)
+
+
+def explained_share(x: Float[Array, " N"], y: Float[Array, " N"], forward: Bool[Array, " N"] | None = None) -> float:
+    """Share of the variance of `y` that its means in bins of `x` explain, for each direction of its own if given."""
+    finite = np.isfinite(x) & np.isfinite(y)
+    if np.count_nonzero(finite) < 2 or np.var(y[finite]) == 0:
+        return 0.0
+    # A few extreme values would make all others one bin.
+    bins = bin_numbers(np.clip(x[finite], *np.percentile(x[finite], _MIDDLE)))
+    groups = np.unique(bins if forward is None else 2 * bins + forward[finite], return_inverse=True)[1]
+    counts = np.bincount(groups)
+    means = np.bincount(groups, y[finite]) / counts
+    # A mean of few samples follows their noise.
+    spread = np.sum(counts * (means - y[finite].mean()) ** 2) - (len(counts) - 1) * np.var(y[finite])
+    return float(np.clip(spread / (len(groups) * np.var(y[finite])), 0.0, 1.0))
+
+
+def displacement_by_recording(
+    t: Float[Array, " N"], q: Float[Array, " N"], v: Float[Array, " N"]
+) -> Float[Array, " N"]:
+    """How far a joint has gone since its velocity last changed sign; NaN before the first reversal of a recording.
+
+    A joint that stops and goes on has not reversed.
+    """
+    out = np.full(len(t), np.nan)
+    starts = np.concatenate([[0], gap_starts(t), [len(t)]]) if len(t) else np.zeros(0, dtype=int)
+    sign = np.sign(v)
+    sign = sign[np.maximum.accumulate(np.where(sign != 0, np.arange(len(v)), 0))]
+    for start, stop in pairwise(starts):
+        turns = np.flatnonzero(sign[start + 1 : stop] != sign[start : stop - 1])
+        if len(turns):
+            first = start + 1 + turns[0]
+            out[first:stop] = displacement_since_reversal(q[start:stop], sign[start:stop])[first - start :]
+    return out
+
+
+def _gain(diagnosis: Diagnosis, row: int) -> float:
+    gap = diagnosis.joints[row]
+    floor = gap.noise_floor if gap.noise_floor > 0 else 1.0
+    return float(np.nan_to_num((gap.rms_before**2 - gap.rms_after**2) / floor**2))
+
+
+def _best(variables: list[Variable], residual: Float[Array, " N"], forward: Bool[Array, " N"]) -> Variable:
+    best, share = variables[0], -1.0
+    for variable in variables if len(variables) > 1 else ():
+        explained = explained_share(variable.x, residual, forward if variable.by_direction else None)
+        if share < 0 or explained > share + _CLEARLY:
+            best, share = variable, explained
+    return best
+
+
+def _variable(name: str, diagnosis: Diagnosis, motions: dict[str, JointMotion], finding: Finding) -> Variable:
+    evidence, row = diagnosis.evidence, joint_of(diagnosis, finding.joint)
+    gap = diagnosis.joints[row]
+    linear = gap.unit in ("N", "m")
+    load = "N" if linear else "N m"  # at rest gaps are positions, and loads are torques still
+    torque, length = ("force" if linear else "torque"), ("m" if linear else "rad")
+    # A passive joint's friction follows its own motion and shows on the joint that moves it.
+    motion = motions.get(finding.joint or "", motions[gap.joint])
+    after = f" of {finding.joint}" if finding.joint in motions and finding.joint != gap.joint else ""
+    if name == "velocity":
+        return Variable(f"velocity{after}", f"{length}/s", motion.v)
+    if name == "acceleration":
+        return Variable(f"acceleration{after}", f"{length}/s²", motion.a)
+    if name == "position":
+        return Variable(f"position{after}", length, motion.q, by_direction=True)
+    if name == "displacement":
+        width = _first(finding, "displacement")
+        x = displacement_by_recording(evidence.t, motion.q, motion.v)
+        return Variable("displacement since reversal", length, x, reach=width and _PRESLIDING_WIDTHS * abs(width))
+    if name == "phase":
+        return _phase(finding, motion, length)
+    if name == "coupled_velocity":
+        return _coupled(finding, motions, motion, length)
+    if name == "time":
+        return Variable("time", "s", evidence.t)
+    if name == "measured":
+        return Variable(f"commanded {torque}", load, evidence.tau_measured[:, row])
+    if name == "modelled":
+        return Variable(f"modelled {torque}", load, evidence.tau_before[:, row])
+    transmitted = _transmitted(evidence, row)
+    if name == "transmitted":
+        return Variable(f"{torque} that the transmission passes on", load, transmitted, by_direction=True)
+    rate = _slope(evidence.t, transmitted)
+    if name == "torque_rate":
+        return Variable(f"rate of change of the {torque}", f"{load}/s", rate, reach=_most(rate))
+    bend = _slope(evidence.t, rate)
+    return Variable(f"second derivative of the {torque}", f"{load}/s²", bend, reach=_most(bend))
+
+
+def _phase(finding: Finding, motion: JointMotion, length: str) -> Variable:
+    """Position within one period of the strongest order, where the motion goes through more than one."""
+    orders, sizes = _all(finding, "order") or [1.0], _all(finding, "amplitude")
+    order = orders[int(np.argmax(np.abs(sizes)))] if len(sizes) == len(orders) else orders[0]
+    period = 2 * np.pi / abs(order) if order else np.inf
+    if length == "m" or not np.ptp(motion.q[np.isfinite(motion.q)], axis=0) > _TURNS * period:
+        return Variable("position", length, motion.q, by_direction=True)
+    folded = np.mod(motion.q, period)
+    name = "angle in one turn" if order == 1 else f"angle in one of {order:g} periods of a turn"
+    return Variable(name, "rad", folded, by_direction=True)
+
+
+def _coupled(finding: Finding, motions: dict[str, JointMotion], motion: JointMotion, length: str) -> Variable:
+    pair = [name for name in (finding.joint or "").split("+") if name in motions]
+    ratio = _first(finding, "ratio")
+    if len(pair) != 2 or ratio is None:
+        return Variable("velocity", f"{length}/s", motion.v)
+    first, second = (motions[name].v for name in pair)
+    return Variable(f"velocity of {pair[0]} {ratio:+.3g} × that of {pair[1]}", f"{length}/s", first + ratio * second)
+
+
+def _transmitted(evidence: Evidence, row: int) -> Float[Array, " N"]:
+    given = evidence.tau_transmitted
+    return evidence.tau_before[:, row] if given is None else given[:, row]
+
+
+def _slope(t: Float[Array, " N"], x: Float[Array, " N"]) -> Float[Array, " N"]:
+    """Derivative in time; NaN at the ends of recordings, where there is none."""
+    if len(t) < 3:
+        return np.full(len(t), np.nan)
+    out = np.gradient(x, t)
+    starts = gap_starts(t)
+    out[[0, -1, *starts, *(starts - 1)]] = np.nan
+    return out
+
+
+def _most(x: Float[Array, " N"]) -> float | None:
+    """Size that almost all values stay below."""
+    finite = np.abs(x[np.isfinite(x)])
+    return float(np.percentile(finite, _MIDDLE[1])) if len(finite) else None
+
+
+def _first(finding: Finding, name: str) -> float | None:
+    values = _all(finding, name)
+    return values[0] if values else None
+
+
+def _all(finding: Finding, name: str) -> list[float]:
+    value = finding.parameters.get(name)
+    return [] if value is None else list(value.value) if isinstance(value.value, list) else [value.value]
+
+
+@dataclass(frozen=True)
+class JointMotion:
+    """``N`` samples of one joint: position [rad or m], velocity, acceleration, each of shape ``(N,)``."""
+
+    q: Float[Array, " N"]
+    v: Float[Array, " N"]
+    a: Float[Array, " N"]
+
+
+def joint_motions(robot: Robot | None, diagnosis: Diagnosis) -> dict[str, JointMotion]:
+    """Motion of each joint by name; of passive joints only where the robot is given and a finding names one."""
+    evidence = diagnosis.evidence
+    out = {
+        gap.joint: JointMotion(evidence.q[:, k], evidence.v[:, k], evidence.a[:, k])
+        for k, gap in enumerate(diagnosis.joints)
+    }
+    named = {name for finding in diagnosis.findings if finding.joint for name in finding.joint.split("+")}
+    if robot is None or robot.chain is None or not named - set(out) or not len(evidence.t):
+        return out
+    tree = tree_motion(robot, Motion(evidence.t, evidence.q, evidence.v, evidence.a))
+    for name, row in zip(robot.passive_names, robot.chain.passive, strict=True):
+        out[name] = JointMotion(tree.q[:, row], tree.v[:, row], tree.a[:, row])
+    return out

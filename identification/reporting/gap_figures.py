@@ -1,0 +1,201 @@
+"""The figures of the report as inline SVG whose text and axes take the page's colour, so that dark pages work too."""
+
+from __future__ import annotations
+
+import numpy as np
+from jaxtyping import Bool, Float
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+
+from identification.diagnosis.result import Diagnosis, Evidence, JointGap
+from identification.reporting.explaining import JointMotion, Variable, explaining_variable, joint_of, strongest_variable
+from identification.reporting.svg import INK, drawn_svg
+from identification.reporting.thinning import binned_median, eventful_stretch, gap_starts, scatter_choice, thinned
+
+Array = np.ndarray
+
+BEFORE, AFTER = "#d55e00", "#0072b2"  # orange and blue of Okabe and Ito: apart for every kind of colour vision
+BEFORE_POINTS, AFTER_POINTS = "#eba36f", "#6fb1d8"
+# Samples of which a median is drawn, each with the dashes of its line.
+Groups = tuple[tuple[Bool[Array, " N"], str | tuple[int, tuple[float, ...]]], ...]
+
+STRETCH_S = 10.0
+FEW_POINTS = 600  # fewer are drawn larger
+FINER_FROM = 3.0  # ratio of residuals from which the corrected model's panel has a scale of its own
+
+
+def gap_bars(joints: tuple[JointGap, ...]) -> str:
+    """Residual of each joint before and after in units of its noise floor, which is the line at one."""
+
+    def draw(figure: Figure) -> None:
+        axes = figure.subplots()
+        rows = np.arange(len(joints), dtype=float)
+        for shift, values, colour, label in (
+            (-0.19, [j.rms_before for j in joints], BEFORE, "given model"),
+            (0.19, [j.rms_after for j in joints], AFTER, "corrected model"),
+        ):
+            ratios = [_ratio(value, j.noise_floor) for value, j in zip(values, joints, strict=True)]
+            bars = axes.barh(rows + shift, np.nan_to_num(ratios), height=0.36, color=colour, label=label)
+            axes.bar_label(bars, [f"{r:.3g}" if np.isfinite(r) else "–" for r in ratios], padding=3, fontsize=9.5)
+        axes.axvline(1.0, color=INK, linewidth=1.2, linestyle=(0, (4, 2)), label="noise floor")
+        axes.set_yticks(rows, [short_name(j.joint) for j in joints])
+        axes.invert_yaxis()
+        axes.margins(x=0.12)
+        axes.set_xlim(left=0.0)
+        axes.set_xlabel("RMS residual [noise floors]")
+        _legend(figure, axes)
+
+    return drawn_svg(draw, "gap", (5.7, 1.0 + 0.5 * len(joints)), "Gap of each joint before and after, in noise floors")
+
+
+def torque_figure(diagnosis: Diagnosis, joint: int) -> str:
+    """Torque measured and modelled over a stretch that shows something, and the residuals below it."""
+    evidence, gap = diagnosis.evidence, diagnosis.joints[joint]
+    rows = eventful_stretch(evidence.t, residual(evidence.tau_before, evidence, joint), STRETCH_S)
+    t = evidence.t[rows]
+
+    def draw(figure: Figure) -> None:
+        top, bottom = figure.subplots(2, 1, sharex=True, height_ratios=(3, 2))
+        _curve(top, t, evidence.tau_measured[rows, joint], INK, "measured", 1.8, 0.55)
+        _curve(top, t, evidence.tau_before[rows, joint], BEFORE, "given model", 1.1)
+        _curve(top, t, evidence.tau_after[rows, joint], AFTER, "corrected model", 1.1)
+        _curve(bottom, t, residual(evidence.tau_before, evidence, joint)[rows], BEFORE, "", 0.9)
+        _curve(bottom, t, residual(evidence.tau_after, evidence, joint)[rows], AFTER, "", 0.9)
+        _noise_band(bottom, gap.noise_floor)
+        what = "error" if diagnosis.at_rest else "force" if gap.unit == "N" else "torque"
+        top.set_ylabel(f"{what} [{gap.unit}]")
+        bottom.set_ylabel(f"residual [{gap.unit}]")
+        bottom.set_xlabel("time [s]")
+        _legend(figure, top)
+        figure.align_ylabels()
+
+    return drawn_svg(
+        draw, f"torque{joint}", (11.5, 4.2), f"Measured and modelled torque of joint {gap.joint} over time"
+    )
+
+
+def residual_over_velocity(diagnosis: Diagnosis, joint: int) -> str:
+    """Residual over the joint's own velocity, given model above, corrected model below."""
+    unit = "m/s" if diagnosis.joints[joint].unit == "N" else "rad/s"
+    return _before_after(diagnosis, joint, Variable("velocity", unit, diagnosis.evidence.v[:, joint]), "velocity")
+
+
+def residual_over_position(diagnosis: Diagnosis, joint: int) -> str:
+    """Residual over the joint's own position, given model above, corrected model below, medians by direction.
+
+    One median over both directions would jump between the two branches that friction makes.
+    """
+    unit = "m" if diagnosis.joints[joint].unit == "N" else "rad"
+    q = diagnosis.evidence.q[:, joint]
+    return _before_after(diagnosis, joint, Variable("position", unit, q, by_direction=True), "position")
+
+
+def finding_figure(diagnosis: Diagnosis, motions: dict[str, JointMotion], index: int) -> str:
+    """Residual over the variable that explains a finding: without it above, with everything that was found below."""
+    evidence, finding = diagnosis.evidence, diagnosis.findings[index]
+    row = joint_of(diagnosis, finding.joint)
+    alone = bool(evidence.tau_without)
+    before = residual(evidence.tau_without[index] if alone else evidence.tau_before, evidence, row)
+    variable = explaining_variable(diagnosis, motions, finding, before)
+    titles = ("without this finding", "with it") if alone else ("given model", "corrected model")
+    after = residual(evidence.tau_after, evidence, row)
+    return _residual_figure(diagnosis, row, variable, (before, after), titles, f"finding{index}")
+
+
+def rest_figure(diagnosis: Diagnosis, motions: dict[str, JointMotion], joint: str) -> str:
+    """Residual of a joint over what explains most of its rest, which no effect of the catalogue explains."""
+    evidence, row = diagnosis.evidence, joint_of(diagnosis, joint)
+    after = residual(evidence.tau_after, evidence, row)
+    variable = strongest_variable(diagnosis, motions, diagnosis.joints[row].joint, after)
+    return _before_after(diagnosis, row, variable, "rest")
+
+
+def residual(tau: Float[Array, "N nv"], evidence: Evidence, joint: int) -> Float[Array, " N"]:
+    """Measured less modelled torque of one joint."""
+    return evidence.tau_measured[:, joint] - tau[:, joint]
+
+
+def _before_after(diagnosis: Diagnosis, joint: int, variable: Variable, key: str) -> str:
+    evidence = diagnosis.evidence
+    both = (residual(evidence.tau_before, evidence, joint), residual(evidence.tau_after, evidence, joint))
+    return _residual_figure(diagnosis, joint, variable, both, ("given model", "corrected model"), key)
+
+
+def _residual_figure(
+    diagnosis: Diagnosis,
+    joint: int,
+    variable: Variable,
+    residuals: tuple[Float[Array, " N"], Float[Array, " N"]],
+    titles: tuple[str, str],
+    key: str,
+) -> str:
+    gap, v = diagnosis.joints[joint], diagnosis.evidence.v[:, joint]
+    within = np.isfinite(variable.x)
+    if variable.reach:
+        within &= np.abs(variable.x) <= variable.reach
+    groups: Groups = ((v > 0, "-"), (v < 0, (0, (3, 1.5)))) if variable.by_direction else ((within, "-"),)
+    reach = [max(_reach(values[within]), 3 * np.nan_to_num(gap.noise_floor)) for values in residuals]
+    # What is left would be a flat line on the scale of a large gap.
+    finer = reach[0] > FINER_FROM * reach[1]
+
+    def draw(figure: Figure) -> None:
+        panels = figure.subplots(2, 1, sharex=True, sharey=not finer)
+        colours = ((BEFORE_POINTS, BEFORE), (AFTER_POINTS, AFTER))
+        named = (titles[0], f"{titles[1]}, finer scale" if finer else titles[1])
+        for axes, values, (points, line), title in zip(panels, residuals, colours, named, strict=True):
+            _cloud(axes, np.where(within, variable.x, np.nan), values, groups, points, line)
+            _noise_band(axes, gap.noise_floor)
+            axes.set_ylabel(f"residual [{gap.unit}]")
+            axes.set_title(f"{title}: samples and median", loc="left", fontsize=10.5)
+        panels[1].set_xlabel(f"{variable.name} [{variable.unit}]")
+        figure.align_ylabels()
+
+    title = f"Residual of joint {gap.joint} over {variable.name}"
+    return drawn_svg(draw, f"{key}-{joint}", (5.7, 4.2), title)
+
+
+def _cloud(axes: Axes, x: Array, y: Array, groups: Groups, points: str, line: str) -> None:
+    finite = np.isfinite(x) & np.isfinite(y)
+    chosen = scatter_choice(finite)
+    # Thousands of markers as vectors would weigh megabytes: the cloud is a picture, the median a curve.
+    size = 3.0 if len(chosen) > FEW_POINTS else 9.0
+    axes.scatter(x[chosen], y[chosen], s=size, color=points, linewidths=0, rasterized=True)
+    for members, dashes in groups:
+        inside = finite & members
+        axes.plot(*binned_median(x[inside], y[inside]), color=line, linewidth=1.8, linestyle=dashes)
+
+
+def _curve(axes: Axes, t: Array, y: Array, colour: str, label: str, width: float, alpha: float = 1.0) -> None:
+    chosen = thinned(y)
+    # Between recordings the line is lifted.
+    x, y = t[chosen], np.array(y[chosen], dtype=float)
+    starts = gap_starts(x)
+    axes.plot(np.insert(x, starts, np.nan), np.insert(y, starts, np.nan), color=colour, linewidth=width, label=label,
+              alpha=alpha)  # fmt: skip
+
+
+def _noise_band(axes: Axes, noise_floor: float) -> None:
+    if np.isfinite(noise_floor):
+        axes.axhspan(-2 * noise_floor, 2 * noise_floor, color="#808080", alpha=0.22, linewidth=0, zorder=0)
+    axes.axhline(0.0, color=INK, linewidth=0.5, alpha=0.6)
+
+
+def _reach(residual: Float[Array, " N"]) -> float:
+    finite = residual[np.isfinite(residual)]
+    return float(np.max(np.abs(finite))) if len(finite) else 0.0
+
+
+def _ratio(value: float, noise_floor: float) -> float:
+    return value / noise_floor if noise_floor > 0 and np.isfinite(value) else float("nan")
+
+
+def _legend(figure: Figure, axes: Axes) -> None:
+    figure.legend(*axes.get_legend_handles_labels(), loc="outside upper left", ncols=3, borderaxespad=0.1)
+
+
+def short_name(name: str, length: int = 18) -> str:
+    """A name for an axis: long ones lose their middle."""
+    if len(name) <= length:
+        return name
+    kept = length - 1
+    return f"{name[: kept - kept // 2]}…{name[-(kept // 2) :]}"

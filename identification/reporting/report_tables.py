@@ -1,0 +1,144 @@
+"""The tables of the report: every cell as text, ready to be escaped."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from identification.diagnosis.result import Bound, Diagnosis, Finding, JointGap, NotTestable
+from identification.words import diagnosis_words as words
+from identification.words.effect_words import EFFECTS, REGIMES, effect_words, regime_words
+from identification.words.numbers import number, percent, with_unit
+from identification.words.size_words import meaning_of, value_cell
+
+Row = tuple[str, ...]
+
+_STANDS_OUT = 1.5  # times its share of the time
+_STANDS_OUT_ALONE = 0.25  # share that stands out where the time is not known
+_HALVES = {"one_direction": 0.5, "time_drift": 0.5}  # of two halves the stronger: about so much by chance
+_LEAST = 0.1  # a smaller share of the energy never stands out
+
+
+@dataclass(frozen=True)
+class RegimeShare:
+    """Share of a joint's residual energy in one regime, as text; ``width`` is that share for a bar [%]."""
+
+    regime: str
+    share: str
+    time: str
+    width: float
+    stands_out: bool
+
+
+@dataclass(frozen=True)
+class SeenFrom:
+    """From which size one parameter of an effect would have been seen: in short, and place by place."""
+
+    effect: str
+    parameter: str
+    short: str
+    places: tuple[Row, ...]
+
+
+def parameter_rows(finding: Finding) -> list[Row]:
+    """Parameter, value with its standard deviation and unit, and what it means."""
+    return [
+        (words.parameter_name(name), value_cell(value), meaning_of(finding.effect, name))
+        for name, value in finding.parameters.items()
+    ]
+
+
+def gap_row(joint: JointGap) -> Row:
+    """Joint, residual before and after, noise floor, unit, samples."""
+    numbers = (joint.rms_before, joint.rms_after, joint.noise_floor)
+    return (joint.joint, *(number(value) for value in numbers), joint.unit, str(joint.hold_out_samples))
+
+
+def regime_table(diagnosis: Diagnosis, joint: int) -> list[RegimeShare]:
+    """Regimes of one joint that hold a part of the given model's residual energy, the largest share first."""
+    evidence = diagnosis.evidence
+    shares = evidence.regime_shares[joint] if joint < len(evidence.regime_shares) else {}
+    times = evidence.regime_times[joint] if joint < len(evidence.regime_times) else {}
+    rows = []
+    for regime in sorted(shares, key=lambda name: (-shares[name], list(REGIMES).index(name) if name in REGIMES else 0)):
+        share, time = shares[regime], times.get(regime)
+        expected = _HALVES.get(regime) if time is None else time
+        least = _STANDS_OUT_ALONE if expected is None else max(_LEAST, _STANDS_OUT * expected)
+        width = 100 * min(max(share, 0.0), 1.0) if share == share else 0.0
+        in_time = "" if time is None else percent(time)
+        rows.append(RegimeShare(words.capital(regime_words(regime)), percent(share), in_time, width, share >= least))
+    return rows
+
+
+def rollout_rows(diagnosis: Diagnosis) -> list[Row]:
+    """Joint with the error of a simulated motion before and after, of all recordings, then of each of several."""
+    rollout = diagnosis.rollout or {}
+    units = {joint.joint: "m" if joint.unit == "N" else "rad" for joint in diagnosis.joints}
+    rows = []
+    for part in (rollout, *rollout.get("recordings", ())):
+        before, after = part.get("rms_before") or {}, part.get("rms_after") or {}
+        where = f" in {part['recording']}" if "recording" in part else ""
+        rows += [
+            (f"{joint}{where}", _number(value), _number(after.get(joint)), units.get(joint, "rad"))
+            for joint, value in before.items()
+        ]
+    return rows
+
+
+def seen_from(bounds: tuple[Bound, ...]) -> list[SeenFrom]:
+    """Bounds gathered by effect and parameter, in the order of the catalogue."""
+    groups: dict[tuple[str, str], list[Bound]] = {}
+    for bound in sorted(bounds, key=lambda bound: _order(bound.effect)):
+        groups.setdefault((bound.effect, bound.parameter), []).append(bound)
+    return [
+        SeenFrom(
+            words.capital(effect_words(effect).name),
+            words.parameter_name(parameter),
+            "; ".join(_range([b for b in group if b.unit == unit]) for unit in dict.fromkeys(b.unit for b in group)),
+            tuple((_bare(effect, b.joint), with_unit(number(b.below), b.unit)) for b in group),
+        )
+        for (effect, parameter), group in groups.items()
+    ]
+
+
+def untestable_rows(entries: tuple[NotTestable, ...], joints: tuple[JointGap, ...]) -> list[Row]:
+    """Effects, places and reason, one row for each reason that holds at the same places."""
+    places: dict[tuple[str, str], list[str | None]] = {}
+    for entry in sorted(entries, key=lambda entry: _order(entry.effect)):
+        places.setdefault((entry.effect, entry.why), []).append(entry.joint)
+    effects: dict[tuple[str, Row], list[str]] = {}
+    for (effect, why), at in places.items():
+        effects.setdefault((why, _places(effect, at, joints)), []).append(effect_words(effect).name)
+    return [
+        (words.capital(words.joined(names)), words.joined(list(where)), why) for (why, where), names in effects.items()
+    ]
+
+
+def _places(effect: str, at: list[str | None], joints: tuple[JointGap, ...]) -> Row:
+    names = [joint.joint for joint in joints]
+    if len(names) > 2 and set(names) <= set(at):
+        return ("all joints", *(_bare(effect, joint) for joint in at if joint not in names))
+    return tuple(_bare(effect, joint) for joint in at)
+
+
+def _range(bounds: list[Bound]) -> str:
+    """``0.002 to 0.01 rad (7 joints)``."""
+    sizes = [bound.below for bound in bounds]
+    low, high = number(min(sizes)), number(max(sizes))
+    size = with_unit(low if low == high else f"{low} to {high}", bounds[0].unit)
+    if len(bounds) == 1:
+        return f"{size} ({words.place(bounds[0].effect, bounds[0].joint)})"
+    kind = "pairs of joints" if bounds[0].effect == "joint_coupling" else "joints"
+    return f"{size} ({len(bounds)} {kind})"
+
+
+def _bare(effect: str, joint: str | None) -> str:
+    """A place for a list: the names of joints without the word."""
+    return words.place(effect, joint).removeprefix("joints ").removeprefix("joint ")
+
+
+def _order(effect: str) -> int:
+    return list(EFFECTS).index(effect) if effect in EFFECTS else len(EFFECTS)
+
+
+def _number(value: object) -> str:
+    return number(float(value)) if isinstance(value, int | float) else "–"

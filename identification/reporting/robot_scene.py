@@ -1,0 +1,199 @@
+# pyright: reportAttributeAccessIssue=false
+"""The robot in three dimensions, each joint coloured by its share of the gap.
+
+The robot in three dimensions, each joint coloured by its share of the gap.
+
+How the gap is shared among the joints, and the colours that show it.
+"""
+
+from __future__ import annotations
+
+import html
+from dataclasses import dataclass
+
+import numpy as np
+import pinocchio as pin
+import plotly.graph_objects as go
+from jaxtyping import Float
+
+from identification.diagnosis.result import Diagnosis, JointGap
+from identification.reporting.gap_figures import short_name
+from identification.words.diagnosis_words import finding_name
+from identification.words.numbers import percent
+from phantom_dyn.model.robot import Robot
+from phantom_dyn.shapes.robot_shapes import joint_axis, joint_solid, robot_shapes
+from phantom_dyn.shapes.solids import Mesh, capsule, joined, moved
+
+Array = np.ndarray
+
+LIGHT = np.array([0.53, -0.8, 0.27])  # from beside the camera
+_LINK_TINT = 0.4  # a link is paler than its joint
+_LABELLED = 0.05  # joints with a smaller share of the gap have no label
+
+
+@dataclass(frozen=True)
+class Scene:
+    """What the page needs to draw the robot.
+
+    Attributes:
+        figure: Plotly's figure as JSON.
+        from_meshes: False if the links are drawn as capsules.
+    """
+
+    figure: str
+    from_meshes: bool
+
+
+def robot_scene(robot: Robot, diagnosis: Diagnosis) -> Scene:
+    """The robot in a posture from the middle of the recording.
+
+    Args:
+        robot: The robot that the diagnosis is about.
+        diagnosis: Gap of each joint, and the recorded positions.
+
+    Returns:
+        Its links and joints in the colour of their share; a passive joint has that of none.
+    """
+    model = robot.model
+    data = model.createData()
+    pin.forwardKinematics(model, data, posture(robot, diagnosis))
+    shapes = robot_shapes(robot)
+    links = [_placed(mesh, data.oMi[k]) for k, mesh in enumerate(shapes.links)]
+    rails = _rails(robot, diagnosis, data)
+    origins = np.array([place.translation for place in data.oMi][1:])
+    size = extent(np.concatenate([*(mesh.points for mesh in links + rails), origins]))
+    joints = [_placed(joint_solid(model, k, size), data.oMi[k]) for k in range(1, model.njoints)]
+    shares = dict(zip((gap.joint for gap in diagnosis.joints), gap_shares(diagnosis.joints).tolist(), strict=True))
+    strengths = dict(zip(shares, relative(gap_shares(diagnosis.joints)).tolist(), strict=True))
+    traces = [_solid(mesh, "", share_colour(0.0)) for mesh in (links[0], *rails) if len(mesh.faces)]
+    for name, link, joint in zip(list(model.names)[1:], links[1:], joints, strict=True):
+        share, text = strengths.get(name, 0.0), _hover(name, shares.get(name), diagnosis)
+        if len(link.faces):
+            traces.append(_solid(link, text, share_colour(share, _LINK_TINT)))
+        traces.append(_solid(joint, text, share_colour(share)))
+    figure = go.Figure(traces, _layout(joined([*links, *rails, *joints]).points, _labels(model, origins, shares)))
+    return Scene(str(figure.to_json()), shapes.from_meshes)
+
+
+def posture(robot: Robot, diagnosis: Diagnosis) -> Float[Array, " nq"]:
+    """Configuration of the robot in the middle of the recording; its neutral one without samples."""
+    q = diagnosis.evidence.q
+    finite = np.flatnonzero(np.isfinite(q).all(axis=1)) if q.size else np.zeros(0, dtype=int)
+    if not len(finite):
+        return pin.neutral(robot.model)
+    return robot.configuration(q[finite[len(finite) // 2]][None, :])[0]
+
+
+def extent(points: Float[Array, "P 3"]) -> float:
+    """Largest side of the box around points [m]; a tenth of a metre for a single point."""
+    side = float(np.ptp(points, axis=0).max()) if len(points) else 0.0
+    return side if side > 1e-6 else 0.1
+
+
+def _placed(mesh: Mesh, place: pin.SE3) -> Mesh:
+    return moved(mesh, place.rotation, place.translation)
+
+
+def _rails(robot: Robot, diagnosis: Diagnosis, data: pin.Data) -> list[Mesh]:
+    """For each linear joint a thin rod along the way that it went."""
+    rails = []
+    for joint, row in zip(_active_joints(robot), range(robot.nv), strict=True):
+        axis, linear = joint_axis(robot.model, joint)
+        way = diagnosis.evidence.q[:, row]
+        if not linear or not np.isfinite(way).any():
+            continue
+        low, high = np.nanmin(way) - np.nanmedian(way), np.nanmax(way) - np.nanmedian(way)
+        rails.append(_placed(capsule(low * axis, high * axis, 0.02 * (high - low)), data.oMi[joint]))
+    return rails
+
+
+def _active_joints(robot: Robot) -> list[int]:
+    return [robot.model.getJointId(name) for name in robot.joint_names]
+
+
+def _solid(mesh: Mesh, text: str, colour: Colour) -> go.Mesh3d:
+    points = np.round(mesh.points, 5).astype(np.float32)
+    faces = mesh.faces.astype(np.uint16)
+    return go.Mesh3d(
+        x=points[:, 0], y=points[:, 1], z=points[:, 2], i=faces[:, 0], j=faces[:, 1], k=faces[:, 2],
+        facecolor=shaded(mesh, colour), hovertext=text, hoverinfo="text" if text else "skip",
+        lighting={"ambient": 1.0, "diffuse": 0.0, "specular": 0.0, "fresnel": 0.0},
+    )  # fmt: skip
+
+
+def shaded(mesh: Mesh, colour: Colour) -> list[str]:
+    """Colour of each face in a light of our own, the same for both of its sides.
+
+    Visual meshes do not agree on which side of a face is outside, and a light that asks leaves black patches.
+    """
+    a, b, c = (mesh.points[mesh.faces[:, k]] for k in range(3))
+    normals = np.cross(b - a, c - a)
+    normals /= np.maximum(np.linalg.norm(normals, axis=1, keepdims=True), 1e-300)
+    bright = np.minimum(0.66 + 0.22 * np.abs(normals @ LIGHT) + 0.14 * np.abs(normals[:, 2]), 1.0)
+    return [f"#{r:02x}{g:02x}{b:02x}" for r, g, b in np.round(bright[:, None] * colour).astype(int).tolist()]
+
+
+def _labels(model: pin.Model, origins: Float[Array, "n 3"], shares: dict[str, float]) -> list[dict]:
+    """Names beside the joints that hold a part of the gap; beside all where none does and they are few."""
+    names = list(model.names)[1:]
+    shown = [name for name in names if shares.get(name, 0.0) >= _LABELLED] or (names if len(names) <= 8 else [])
+    return [
+        {"x": x, "y": y, "z": z, "text": html.escape(short_name(name)), "showarrow": True, "arrowhead": 0,
+         "arrowwidth": 1, "ax": 46 * (1 if k % 2 else -1), "ay": -26, "font": {"size": 12},
+         "xanchor": "left" if k % 2 else "right"}
+        for k, (name, (x, y, z)) in enumerate(
+            (name, origin.tolist()) for name, origin in zip(names, origins, strict=True) if name in shown)
+    ]  # fmt: skip
+
+
+def _hover(name: str, share: float | None, diagnosis: Diagnosis) -> str:
+    found = [finding_name(f) for f in diagnosis.findings if f.joint is not None and name in f.joint.split("+")]
+    what = "passive joint" if share is None else f"{percent(share)} of the gap"
+    return "<br>".join(html.escape(line) for line in (f"{name}: {what}", *found))
+
+
+def _layout(points: Float[Array, "P 3"], labels: list[dict]) -> go.Layout:
+    # Ranges stated, so that text outside the robot does not shrink it.
+    low, high = points.min(axis=0), points.max(axis=0)
+    middle, half = (low + high) / 2, max(float((high - low).max()) / 2, 1e-3) * 1.04
+    hidden = {"visible": False, "showspikes": False}
+    axes = {f"{a}axis": {**hidden, "range": [m - half, m + half]} for a, m in zip("xyz", middle, strict=True)}
+    return go.Layout(
+        scene={**axes, "annotations": labels, "aspectmode": "cube", "dragmode": "orbit",
+               "camera": {"eye": {"x": 0.9, "y": -1.09, "z": 0.56}, "projection": {"type": "perspective"}}},
+        margin={"l": 0, "r": 0, "t": 0, "b": 0}, showlegend=False, template="none",
+        paper_bgcolor="rgba(0,0,0,0)", hoverlabel={"align": "left"},
+        modebar={"bgcolor": "rgba(0,0,0,0)", "color": "#808a98"},
+    )  # fmt: skip
+
+
+Colour = Float[Array, "3"]
+
+NONE, ALL = np.array([0xD3, 0xDA, 0xE3], dtype=float), np.array([0xE8, 0x66, 0x00], dtype=float)
+_GAMMA = 0.7  # a tenth of the largest share is still to be seen
+
+
+def gap_shares(joints: tuple[JointGap, ...]) -> Float[Array, " nv"]:
+    """Share of each joint in the given model's gap: its mean square beyond the noise floor, in noise floors."""
+    before = np.array([joint.rms_before for joint in joints])
+    floor = np.array([joint.noise_floor for joint in joints])
+    with np.errstate(divide="ignore", invalid="ignore"):
+        excess = np.nan_to_num((before / floor) ** 2 - 1.0, nan=0.0, posinf=0.0, neginf=0.0)
+    excess = np.maximum(excess, 0.0)
+    return excess / excess.sum() if excess.sum() > 0 else excess
+
+
+def share_colour(share: float, tint: float = 1.0) -> Colour:
+    """Red, green and blue from grey for nothing to orange for the largest share, 1; paler for a small tint."""
+    return NONE + (ALL - NONE) * tint * np.clip(share, 0.0, 1.0) ** _GAMMA
+
+
+def relative(shares: Float[Array, " nv"]) -> Float[Array, " nv"]:
+    """Shares in terms of the largest, so that one joint always stands out; zero if there is no gap."""
+    return shares / shares.max() if shares.size and shares.max() > 0 else shares
+
+
+def joint_colours(shares: Float[Array, " nv"]) -> list[str]:
+    """Colour of each joint as ``#rrggbb``."""
+    colours = [np.round(share_colour(float(share))).astype(int).tolist() for share in relative(shares)]
+    return [f"#{red:02x}{green:02x}{blue:02x}" for red, green, blue in colours]

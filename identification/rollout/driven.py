@@ -1,0 +1,122 @@
+"""Models set in motion from a start, under the torque that drives give when a recorded torque is asked of them.
+
+What drives give when a recorded torque is asked of them, over a whole recording.
+
+Models set in motion: from a start of links and motors, free or pulled along a recording.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from jaxtyping import Float
+
+from identification.rollout.simulated_models import Model
+from identification.rollout.starts import Start
+from phantom_dyn.dynamics.dynamics import mass_matrix
+from phantom_dyn.effects.drive.actuator_lag import lag_law
+from phantom_dyn.effects.drive.input_delay import delay_law
+from phantom_dyn.effects.drive.torque_constant import scaled_law
+from phantom_dyn.effects.drive.torque_saturation import clipped_law
+from phantom_dyn.effects.effect import Law
+from phantom_dyn.effects.support.rows import row_of
+from phantom_dyn.errors import ParameterError
+from phantom_dyn.model.robot import Robot
+from phantom_dyn.simulation.control import Tracking
+from phantom_dyn.simulation.simulate import Cause, Simulation, simulate
+
+Array = np.ndarray
+
+
+def given_torque(model: Model, t: Float[Array, " N"], tau: Float[Array, "N nv"]) -> Float[Array, "N nv"]:
+    """Torque [N m or N] that acts when ``tau`` is asked for at uniform times: each drive with its history.
+
+    Args:
+        model: Gives the effects of the drives and the timing of the log.
+        t: Times [s].
+        tau: Recorded torque.
+    """
+    dt = (t[-1] - t[0]) / (len(t) - 1)
+    out = np.array(tau, dtype=float)
+    if model.late:
+        out = np.column_stack([np.interp(t - model.late * dt, t, column) for column in out.T])
+    for drive in model.drives:
+        for law in drive.laws:
+            out[:, law.row] = _after(law, t, dt, out[:, law.row])
+    return out
+
+
+def _after(law: Law, t: Array, dt: float, tau: Array) -> Array:
+    """One drive's torque behind one law; it starts in balance."""
+    size = law.numbers[0]
+    if law.function is scaled_law:
+        return size * tau
+    if law.function is clipped_law:
+        return np.clip(tau, -size, size)
+    if law.function is delay_law:
+        return np.interp(t - size, t, tau)
+    if law.function is lag_law:
+        return _lagged(tau, dt, size)
+    raise ParameterError("The simulation has no law for a drive like this.")
+
+
+def _lagged(tau: Array, dt: float, time_constant: float) -> Array:
+    """First-order low pass, exact for a torque that is linear between samples."""
+    from scipy.signal import lfilter
+
+    if time_constant <= 0:
+        return tau
+    steps = dt / time_constant
+    keep = np.exp(-steps)
+    old, new = (1.0 - keep) / steps - keep, 1.0 - (1.0 - keep) / steps
+    return np.asarray(lfilter([new, old], [1.0, -keep], tau, zi=[tau[0] * (1.0 - new)])[0])
+
+
+STEP = 1e-3  # [s], the longest: the midpoint rule has a 20 Hz motion right to 0.2 % of its phase
+# A model with hidden states is pulled along the recording, critically damped [rad/s]: a tenth of a torque that would
+# take a joint a centimetre away in half a second leaves it a micrometre off.
+_PULL = 2.0 * np.pi * 15.0
+# A motor behind a spring or a play is pulled alone: fast enough for its own small inertia to hold it.
+_MOTOR_PULL = 2.0 * np.pi * 60.0
+
+
+def simulated(robot: Robot, causes: tuple[Cause, ...], law: Tracking, start: Start) -> Simulation:
+    """A simulation from a start, at the times of its law.
+
+    Raises:
+        ParameterError: If the motion leaves all bounds, or a motor without inertia would have to move by itself.
+    """
+    motors = start.motor_q, start.motor_v
+    return simulate(robot, causes, law, law.t, start.q, start.v, max_step=STEP, motors=motors)
+
+
+def moved(model: Model, law: Tracking, start: Start) -> Simulation:
+    """The same of a model whose law gives the torque behind its drives."""
+    return simulated(model.moving, model.causes, law, start)
+
+
+def pull(model: Model, q: Float[Array, " nv"]) -> Float[Array, "2 nv"]:
+    """Gains of position and velocity with which readings are pulled along a recording.
+
+    None where the encoder sits on the link behind a spring or a play: pulled at by its motor, it would swing up.
+    """
+    inertia = np.diag(mass_matrix(model.robot, q[None])[0]).copy()
+    speed = np.full(model.robot.nv, _PULL)
+    for part in model.transmissions:
+        row = row_of(model.robot, part.joint)
+        on_motor = model.robot.actuators[row].encoder_side == "motor"
+        inertia[row], speed[row] = model.robot.rotor_inertia[row], _MOTOR_PULL if on_motor else 0.0
+    return np.array([speed**2 * inertia, 2.0 * speed * inertia])
+
+
+def pulling(
+    t: Float[Array, " n"],
+    torque: Float[Array, "n nv"],
+    q: Float[Array, "n nv"],
+    v: Float[Array, "n nv"],
+    gains: Float[Array, "2 nv"],
+    count: int,
+) -> Tracking:
+    """The recorded torque, with a pull towards ``q`` and ``v`` at the first ``count`` samples."""
+    tables = np.zeros((2, *q.shape))
+    tables[:, :count] = gains[:, None]
+    return Tracking(t, torque, q, v, tables[0], tables[1], np.zeros_like(q), np.full(q.shape[1], np.inf))

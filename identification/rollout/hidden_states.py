@@ -1,0 +1,193 @@
+"""States that no encoder reads, estimated: a link in its play, or the motor behind an encoder that sits on the link.
+
+First the motors are pulled along the recording, so that their links come to where that motion takes them. Then free
+motion under the recorded torque is laid through the last readings before a window, by its start: of what the encoders
+read, as an impact is faster than any smoothing, and of what they do not. No sample behind the window's first is used
+but those that smooth it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+from jaxtyping import Float
+from scipy.optimize import least_squares
+
+from identification.data.log import Log
+from identification.rollout.driven import moved, pull, pulling
+from identification.rollout.simulated_models import LEAD, Model
+from identification.rollout.starts import Start, States, Window, true_state
+from phantom_dyn.effects.support.rows import row_of
+from phantom_dyn.simulation.control import torque_over_time
+from phantom_dyn.simulation.simulate import Simulation
+
+Array = np.ndarray
+
+# Readings that free motion is laid through [s], and the fewest of them. Over longer stretches an error of the model
+# takes the motion away, over shorter ones the noise of the readings is felt.
+_THROUGH, _FEWEST = 0.1, 8
+_ROUNDS, _ENOUGH = 4, 0.02  # of least squares; they end when the squares fall by less than this share
+_FAR_OFF = 4.0  # mean square of the misses, in variances of the readings
+_LOOK = 0.02  # of its spread: how far a start is moved for a slope
+_ELSEWHERE = (-1.0, -0.5, 0.5, 1.0)  # gaps by which the hidden side of a play may be elsewhere
+_BLIND = 0.2  # smoothed speeds may be wrong by this share of the usual speed, right behind an impact
+_LATE = 0.005  # [s]: and places by so much of that
+
+
+@dataclass(frozen=True, eq=False)
+class Settled:
+    """A model with all its states, some samples before a window.
+
+    Attributes:
+        model: Whose states they are.
+        at: Sample of the log.
+        start: States of links and motors there.
+    """
+
+    model: Model
+    at: int
+    start: Start
+
+
+def hides(model: Model) -> bool:
+    """True if a link may be anywhere in a play, or the encoder behind a spring sits on the link."""
+    return any(part.gap > 0 or not _on_motor(model, row_of(model.robot, part.joint)) for part in model.transmissions)
+
+
+def look_back(rate_hz: float) -> float:
+    """Seconds before a window that are used at most."""
+    return LEAD + max(_THROUGH, _FEWEST / rate_hz)
+
+
+def tries(model: Model) -> int:
+    """About how many short simulations `settled` takes."""
+    return len(_ELSEWHERE) + 1 + _ROUNDS * (2 * model.robot.nv + 2 * len(_hidden(model)) + 2)
+
+
+def settled(log: Log, states: States, window: Window, model: Model, torque: Float[Array, "N nv"]) -> Settled:
+    """States of a model before a window; at its start, as smoothed, where too few samples lead up to it.
+
+    Args:
+        log: The recording.
+        states: Its smoothed states.
+        window: Says how many samples before it may be used.
+        model: With transmissions.
+        torque: What its drives gave, of the whole log.
+
+    Raises:
+        ParameterError: If the motion leaves all bounds, or a motor without inertia would have to move by itself.
+    """
+    rate = log.band.rate_hz
+    fitted = max(round(_THROUGH * rate), _FEWEST)
+    if window.lead < fitted:
+        return Settled(model, window.start, true_state(model, states, window.start, 1.0 / rate))
+    at = window.start - fitted
+    begun = _pulled(log, states, model, torque, at, min(round(LEAD * rate), window.lead - fitted))
+    spread = _spread(model, states, begun)
+    rows = slice(at, window.start + 1)
+    law = torque_over_time(log.motion.t[rows], torque[rows])
+
+    def run(moves: Array) -> Simulation:
+        return moved(model, law, _shifted(model, begun, moves * spread))
+
+    def misses(moves: Array) -> Array:
+        return np.concatenate([((run(moves).q - states.raw[rows]) / states.read_std).ravel(), moves])
+
+    moves = _best_fitted(misses, _elsewhere(model, spread))
+    return Settled(model, at, _shifted(model, begun, moves * spread))
+
+
+def pulled_to(log: Log, states: States, window: Window, model: Model, torque: Float[Array, "N nv"]) -> Settled:
+    """States of a model at the start of a window by the pull alone: rougher, in one simulation instead of `tries`."""
+    lead = min(round(LEAD * log.band.rate_hz), window.lead)
+    return Settled(model, window.start, _pulled(log, states, model, torque, window.start, lead))
+
+
+def _pulled(log: Log, states: States, model: Model, torque: Array, at: int, lead: int) -> Start:
+    """State at a sample behind a pull over the samples before it; motors behind read links are not pulled."""
+    start = true_state(model, states, max(at - lead, 0), 1.0 / log.band.rate_hz)
+    loose = [row_of(model.robot, part.joint) for part in model.transmissions]
+    if lead < 2 or not all(_on_motor(model, row) for row in loose):
+        return true_state(model, states, at, 1.0 / log.band.rate_hz)
+    rows = slice(at - lead, at + 1)
+    gains = pull(model, states.q[at])
+    law = pulling(log.motion.t[rows], torque[rows], states.q[rows], states.v[rows], gains, lead + 1)
+    out = moved(model, law, start)
+    return Start(out.links.q[-1], out.links.v[-1], out.encoders.q[-1], out.encoders.v[-1])
+
+
+def _on_motor(model: Model, row: int) -> bool:
+    return model.robot.actuators[row].encoder_side == "motor"
+
+
+def _hidden(model: Model) -> list[int]:
+    return sorted({row_of(model.robot, part.joint) for part in model.transmissions})
+
+
+def _shifted(model: Model, start: Start, moves: Float[Array, " n"]) -> Start:
+    """A start with other places and speeds of all joints, and of the hidden sides apart from these."""
+    nv, rows = model.robot.nv, _hidden(model)
+    q, v, motor_q, motor_v = (np.array(x) for x in (start.q, start.v, start.motor_q, start.motor_v))
+    for place, moved_by in (
+        (q, moves[:nv]),
+        (motor_q, moves[:nv]),
+        (v, moves[nv : 2 * nv]),
+        (motor_v, moves[nv : 2 * nv]),
+    ):
+        place += moved_by
+    for k, row in enumerate(rows):
+        place, pace = (q, v) if _on_motor(model, row) else (motor_q, motor_v)
+        place[row] += moves[2 * nv + 2 * k]
+        pace[row] += moves[2 * nv + 2 * k + 1]
+    return Start(q, v, motor_q, motor_v)
+
+
+def _spread(model: Model, states: States, start: Start) -> Float[Array, " n"]:
+    """How far the numbers of `_shifted` may be off."""
+    v = 5.0 * states.v_std + _BLIND * states.v.std(axis=0)
+    q = 5.0 * states.q_std + _LATE * v
+    out = [*q, *v]
+    for row in _hidden(model):
+        gap = sum(part.gap for part in model.transmissions if row_of(model.robot, part.joint) == row)
+        apart = abs(float(start.motor_q[row] - start.q[row]))
+        out += [q[row] + gap + 0.2 * apart, 2.0 * v[row]]
+    return np.array(out)
+
+
+def _elsewhere(model: Model, spread: Float[Array, " n"]) -> list[Float[Array, " n"]]:
+    """Starts to choose from, in spreads: as it is, and with one hidden side elsewhere in its play."""
+    out, nv = [np.zeros(len(spread))], model.robot.nv
+    for k, row in enumerate(_hidden(model)):
+        gap = sum(part.gap for part in model.transmissions if row_of(model.robot, part.joint) == row)
+        for share in _ELSEWHERE if gap > 0 else ():
+            moves = np.zeros(len(spread))
+            moves[2 * nv + 2 * k] = share * gap / spread[2 * nv + 2 * k]
+            out.append(moves)
+    return out
+
+
+def _best_fitted(misses: Callable[[Array], Array], guesses: list[Float[Array, " n"]]) -> Float[Array, " n"]:
+    """The moves of least squares from the best guess, and from the next best where that one ends far off."""
+
+    def mean_square(moves: Array) -> float:
+        return float(np.mean(misses(moves) ** 2))
+
+    first, *others = sorted(guesses, key=mean_square)
+    best = _fitted(misses, first)
+    if others and mean_square(best) > _FAR_OFF:
+        best = min(best, _fitted(misses, others[0]), key=mean_square)
+    return best
+
+
+def _fitted(misses: Callable[[Array], Array], moves: Float[Array, " n"]) -> Float[Array, " n"]:
+    """The moves of least squares, from a first guess."""
+
+    def slopes(at: Array) -> Array:
+        # Longer steps than rounding asks for: a play makes the misses rough.
+        missed = misses(at)
+        return np.column_stack([(misses(at + _LOOK * one) - missed) / _LOOK for one in np.eye(len(at))])
+
+    # SciPy's documented callable: pyright reads the type of `jac` off its default, a string.
+    return least_squares(misses, moves, jac=slopes, max_nfev=_ROUNDS, ftol=_ENOUGH).x  # pyright: ignore[reportArgumentType]

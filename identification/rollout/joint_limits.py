@@ -1,0 +1,146 @@
+# pyright: reportAttributeAccessIssue=false
+"""Modelled joint limits that simulated motion runs past, and which a simulation with stops would engage."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass
+
+import numpy as np
+from jaxtyping import Float
+
+from identification.data.log import Log
+from phantom_dyn.model.robot import Robot
+
+Array = np.ndarray
+
+# Past a limit is by more than this share of the range: stops give, and encoders have offsets.
+_PAST = 0.005
+
+
+@dataclass(frozen=True)
+class Engaged:
+    """A limit that simulated motion runs past where the recording keeps it.
+
+    Attributes:
+        model: ``given`` or ``corrected``.
+        joint: Which joint.
+        recording: Where.
+        t: When first, in the recording's time [s].
+        limit: The limit [rad or m].
+        windows: In how many of the simulated windows of the recording.
+        of: How many these are.
+    """
+
+    model: str
+    joint: str
+    recording: str
+    t: float
+    limit: float
+    windows: int
+    of: int
+
+
+@dataclass(frozen=True)
+class Simulated:
+    """One window, read and simulated.
+
+    Attributes:
+        recording: Name of the recording.
+        t: Its times [s], ``(n,)``.
+        read: Recorded positions, ``(n, nv)``.
+        given: Of the given model.
+        corrected: Of the corrected model.
+    """
+
+    recording: str
+    t: Float[Array, " n"]
+    read: Float[Array, "n nv"]
+    given: Float[Array, "n nv"]
+    corrected: Float[Array, "n nv"]
+
+
+def limits_engaged(robot: Robot, windows: tuple[Simulated, ...]) -> tuple[Engaged, ...]:
+    """Limits that a model runs past and the recording keeps, one entry for each model, joint and recording.
+
+    Args:
+        robot: Its model states the limits; a joint without any, or with a turn without end, has none.
+        windows: At least one.
+    """
+    limits, out = _limits(robot), []
+    for recording in dict.fromkeys(window.recording for window in windows):
+        here = [window for window in windows if window.recording == recording]
+        for model in ("given", "corrected"):
+            for j, joint in enumerate(robot.joint_names):
+                found = [x for x in (_passed(window, model, j, limits[j]) for window in here) if x is not None]
+                if found:
+                    t, limit = min(found)
+                    out.append(Engaged(model, joint, recording, t, limit, len(found), len(here)))
+    return tuple(out)
+
+
+def limit_warnings(robot: Robot, engaged: tuple[Engaged, ...]) -> tuple[str, ...]:
+    """One sentence for each limit that the corrected model runs past, or the given one where the corrected does not."""
+    corrected = {(one.joint, one.recording) for one in engaged if one.model == "corrected"}
+    units = dict(zip(robot.joint_names, robot.position_units, strict=True))
+    return tuple(
+        f"{one.recording}: in {one.windows} of {one.of} simulated windows {one.joint} runs past the limit of "
+        f"{one.limit:.4g} {units[one.joint]} of the {one.model} model, first at t = {one.t:.4g} s, where the recording "
+        "keeps it: a stop may have held it there, and the simulation has none."
+        for one in engaged
+        if one.model == "corrected" or (one.joint, one.recording) not in corrected
+    )
+
+
+def recorded_past(robot: Robot, logs: Iterable[Log]) -> tuple[str, ...]:
+    """One sentence for each joint that a recording itself takes past the model's limits.
+
+    Args:
+        robot: Its model states the limits.
+        logs: The recordings.
+    """
+    limits, out = _limits(robot), []
+    for log in logs:
+        q = log.motion.q if log.raw_q is None else log.raw_q
+        for j, joint in enumerate(robot.joint_names):
+            lower, upper = limits[j]
+            beyond = np.where(log.valid, np.maximum(lower - q[:, j], q[:, j] - upper), -np.inf)
+            if beyond.max() <= _margin(limits[j]):
+                continue
+            first = int(np.argmax(beyond > 0))
+            unit = robot.position_units[j]
+            out.append(
+                f"{log.file}: {joint} goes up to {beyond.max():.3g} {unit} past the model's limits of {lower:.4g} to "
+                f"{upper:.4g} {unit}, first at t = {log.motion.t[first]:.4g} s: a simulator that keeps limits would "
+                "stop it there. Correct the limits in the robot file."
+            )
+    return tuple(out)
+
+
+def _passed(window: Simulated, model: str, j: int, limits: Float[Array, " 2"]) -> tuple[float, float] | None:
+    """When [s] a model first runs past which limit of a joint; None where it does not, or the recording does."""
+    simulated = (window.given if model == "given" else window.corrected)[:, j]
+    for limit, side in ((limits[0], -1.0), (limits[1], 1.0)):
+        past = side * (simulated - limit) > _margin(limits)
+        if past.any() and not (side * (window.read[:, j] - limit) > _margin(limits)).any():
+            return float(window.t[int(np.argmax(past))]), float(limit)
+    return None
+
+
+def _margin(limits: Float[Array, " 2"]) -> float:
+    width = float(limits[1] - limits[0])
+    return _PAST * (width if np.isfinite(width) else 1.0)
+
+
+def _limits(robot: Robot) -> Float[Array, "nv 2"]:
+    """Limits of the joints; infinite for those whose configuration is no single number."""
+    model = robot.model
+    out = np.tile([-np.inf, np.inf], (robot.nv, 1))
+    for j, row in enumerate(robot.tree_rows):
+        for joint in range(1, model.njoints):
+            if model.idx_vs[joint] == row and model.nqs[joint] == model.nvs[joint] == 1:
+                at = model.idx_qs[joint]
+                low, high = float(model.lowerPositionLimit[at]), float(model.upperPositionLimit[at])
+                if low < high:
+                    out[j] = low, high
+    return out

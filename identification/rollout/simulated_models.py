@@ -1,0 +1,188 @@
+"""The given and the corrected model as simulations take them."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from functools import cached_property
+
+import numpy as np
+from jaxtyping import Float
+
+from identification.diagnosis.model.nuisances import moves_of
+from identification.diagnosis.model.operations import moved_robot
+from identification.diagnosis.model.own_effects import OwnEffect
+from identification.diagnosis.model.terms import KnownEffect, Term
+from phantom_dyn.dynamics.dynamics import standard_parameters
+from phantom_dyn.effects.catalogue import effect_named
+from phantom_dyn.effects.effect import Effect, Simulated, Transmission
+from phantom_dyn.effects.encoder.encoder_quantization import EncoderQuantization
+from phantom_dyn.effects.load.payload import Payload
+from phantom_dyn.effects.operation import Operation
+from phantom_dyn.effects.support.changed_robot import with_parameters
+from phantom_dyn.errors import ParameterError
+from phantom_dyn.model.robot import Robot
+from phantom_dyn.simulation.simulate import Cause
+from phantom_dyn.simulation.stepping import longest_step, machine_of
+
+Array = np.ndarray
+
+_LARGEST = 1e12  # of a parameter: beyond, it was divided by what is nothing but rounding
+LEAD, _SPRING_LEAD = 0.15, 0.03  # [s]
+
+
+@dataclass(frozen=True, eq=False)
+class Model:
+    """A robot with what it has besides its model.
+
+    Attributes:
+        robot: With all that only makes it another robot (friction, inertias, gravity).
+        commands: Effects of the drives, from the controller on.
+        causes: All other effects.
+        late: Samples by which the recorded torque acts later than it stands in the log.
+    """
+
+    robot: Robot
+    commands: tuple[Cause, ...] = ()
+    causes: tuple[Cause, ...] = ()
+    late: float = 0.0
+
+    @cached_property
+    def parts(self) -> tuple[Simulated, ...]:
+        """How the causes enter a simulation of this robot."""
+        return tuple(self._part(cause) for cause in self.causes)
+
+    @cached_property
+    def drives(self) -> tuple[Simulated, ...]:
+        """The same of the commands."""
+        return tuple(self._part(cause) for cause in self.commands)
+
+    @cached_property
+    def transmissions(self) -> tuple[Transmission, ...]:
+        """Motors that are not rigidly tied to their links."""
+        return tuple(part.transmission for part in self.parts if part.transmission is not None)
+
+    def longest_step(self, q: Float[Array, " nv"]) -> float:
+        """Longest step [s] that follows the transmissions; infinite where all are rigid.
+
+        Raises:
+            ParameterError: If a motor without inertia would have to move by itself.
+        """
+        return longest_step(machine_of(self.robot, self.transmissions), q)
+
+    def _part(self, cause: Cause) -> Simulated:
+        return cause.effect.simulated(self.robot, cause.joint, cause.theta)
+
+    @cached_property
+    def moving(self) -> Robot:
+        """The robot as simulations under a given torque take it: one, which keeps what they make of it."""
+        return replace(self.robot, torque_hold="instant", torque_source="command")
+
+    @property
+    def settles(self) -> float:
+        """Seconds along a recording after which states that no encoder reads are what the recording makes them.
+
+        A spring's length is known from its load, and pulled for long it would only ring.
+        """
+        if any(part.gap > 0 for part in self.transmissions) or any(part.start.size for part in self.parts):
+            return LEAD
+        return _SPRING_LEAD if self.transmissions else 0.0
+
+
+def model_of(robot: Robot, causes: tuple[Cause, ...], *, late: float = 0.0) -> Model:
+    """The model with effects in it; a rounded reading is left out, as it moves nothing.
+
+    Args:
+        robot: Without them.
+        causes: The effects, those of the drives from the controller on.
+        late: See `Model`.
+
+    Raises:
+        RobotError: If a link would weigh nothing or less.
+    """
+    moved, commands, others = robot, [], []
+    for cause in causes:
+        if isinstance(cause.effect, EncoderQuantization):
+            continue
+        part = cause.effect.simulated(robot, cause.joint, cause.theta)
+        if part.command is not None:
+            commands.append(cause)
+        elif any(x is not None for x in (part.torque, part.reading, part.transmission, part.inertia)):
+            others.append(cause)
+        elif part.robot is not None:
+            moved = part.robot(moved)
+    return Model(moved, tuple(commands), tuple(others), late)
+
+
+def known_causes(known: tuple[KnownEffect, ...]) -> tuple[Cause, ...]:
+    """Effects that belong to the given model."""
+    return tuple(Cause(effect_named(one.effect), one.joint, np.array(one.theta)) for one in known)
+
+
+def found_causes(robot: Robot, terms: tuple[Term, ...], theta: Float[Array, " K"], recording: int) -> tuple[Cause, ...]:
+    """Effects with the coefficients of one fit; structures that have no name and a load (see `loaded`) are left out.
+
+    Args:
+        robot: The given model.
+        terms: In the fit.
+        theta: Coefficients of all columns.
+        recording: Effects that act in other recordings only are left out.
+
+    Raises:
+        ParameterError: If a parameter is not finite.
+    """
+    out = []
+    for term in terms:
+        effect = term.effect
+        elsewhere = isinstance(effect, OwnEffect) and effect.recording != recording
+        if not isinstance(effect, Effect) or isinstance(effect, Payload) or elsewhere:
+            continue
+        values = np.array(effect.from_coefficients(robot, term.joint, theta[list(term.columns)], term.shape))
+        if not np.abs(values).max() < _LARGEST:
+            raise ParameterError(f"The size of {effect.name} is not a number that a simulation can use.")
+        out.append(Cause(effect, term.joint, values))
+    return tuple(out)
+
+
+def loaded(robot: Robot, terms: tuple[Term, ...], theta: Float[Array, " K"]) -> Robot:
+    """``robot`` with the load of one fit, as the inertial parameters that the fit has seen.
+
+    The fit of a point mass is linearised: its mass alone need not be the one that its inertia is of, where the motion
+    tells the inertia and not the mass.
+
+    Raises:
+        RobotError: If a link would weigh nothing or less.
+    """
+    for term in terms:
+        if isinstance(term.effect, Payload):
+            added = np.zeros_like(standard_parameters(robot))
+            added[list(term.effect.columns_of(robot, term.joint))] = theta[list(term.columns)]
+            robot = with_parameters(robot, added)
+    return robot
+
+
+def corrected_model(
+    given: Robot,
+    known: tuple[KnownEffect, ...],
+    terms: tuple[Term, ...],
+    theta: Float[Array, " K"],
+    operation: Operation,
+) -> Model:
+    """The model of one recording with its moves within tolerance made and with the effects of one fit.
+
+    Args:
+        given: The given model.
+        known: What belongs to it besides.
+        terms: Effects in the fit.
+        theta: Coefficients of all columns, moves within tolerance first.
+        operation: Of the recording; its robot may carry a load that is known.
+
+    Raises:
+        RobotError: If a link would weigh nothing or less.
+        ParameterError: If a parameter is not finite.
+    """
+    moves = moves_of(given)
+    values = theta[: len(moves)]
+    late = sum(float(x) for x, move in zip(values, moves, strict=True) if move.place is None)
+    causes = (*known_causes(known), *found_causes(given, terms, theta, operation.recording))
+    robot = loaded(moved_robot(operation.robot, values, given), terms, theta)
+    return model_of(robot, causes, late=late)

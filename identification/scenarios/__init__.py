@@ -1,0 +1,1 @@
+"""Recordings that differ, recordings without torque, recordings at rest."""

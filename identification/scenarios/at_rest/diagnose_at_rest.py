@@ -1,0 +1,233 @@
+"""A diagnosis in positions: of recordings that are too slow for torques, or whose controllers state no gain."""
+
+from __future__ import annotations
+
+import time
+
+import numpy as np
+
+from identification.data.recording import Recording
+from identification.diagnosis.result import (
+    Bound,
+    Diagnosis,
+    EffectAt,
+    Evidence,
+    Finding,
+    JointGap,
+    NotTestable,
+    Rival,
+    Unexplained,
+    Value,
+)
+from identification.scenarios.at_rest.giving_way import GivingWay, Way, giving_way, testable
+from identification.scenarios.at_rest.rests import LOADED, Stills, stills_under_load
+from phantom_dyn import __version__
+from phantom_dyn.effects.catalogue import EFFECTS
+from phantom_dyn.model.robot import Robot
+from phantom_dyn.motion import read_only
+
+Array = np.ndarray
+
+_GIVES = ("backlash", "transmission_compliance")
+_LISTED = 0.05  # rivals with at least this probability are listed
+_STRUCTURED = 0.1  # of the explainable gap: more is a rest with a cause of its own
+_ON_MOTOR = (
+    "the encoder sits before the transmission, whose give it does not see: state encoder_side: link if it does not"
+)
+_ONE_SIGN = "it does not rest often enough under loads of either sign"
+_AT_REST = (
+    "positions at rest show only how a joint gives way under load: for all else record the torque, or state the gain "
+    "kp of its controller in robot.yaml"
+)
+
+
+def judged_at_rest(robot: Robot, recordings: tuple[Recording, ...]) -> bool:
+    """True if nothing but rests can be judged: no torque, no gain of a controller, but references and rests.
+
+    A joint whose encoder sits on its link has to rest under loads of either sign.
+    """
+    gains = all(a.controller is not None and a.controller.kp > 0 for a in robot.actuators if a.actuated)
+    if gains or any(recording.q_ref is None or recording.tau is not None for recording in recordings):
+        return False
+    return any(_why_not(robot, stills_under_load(robot, recordings, row), row) is None for row in range(robot.nv))
+
+
+def diagnose_at_rest(robot: Robot, recordings: tuple[Recording, ...]) -> Diagnosis:
+    """How the joints give way under load, judged in positions at rest; each rest by fits that have not seen it.
+
+    The load is that of the model: weight and measured external forces. No torque is used: that of a position
+    controller is its own law of the error, and says nothing of the transmission.
+
+    Args:
+        robot: Gives loads and readings.
+        recordings: With references.
+
+    Raises:
+        LogError: If a recording has no references, or one that is not finite.
+    """
+    started = time.perf_counter()
+    every = [stills_under_load(robot, recordings, row) for row in range(robot.nv)]
+    why = [_why_not(robot, stills, row) for row, stills in enumerate(every)]
+    ways = {row: giving_way(stills) for row, stills in enumerate(every) if why[row] is None}
+    rows = sorted(ways, key=lambda row: -abs(ways[row].shift))
+    findings = tuple(finding for row in rows for finding in _findings(robot, row, every[row], ways[row]))
+    gaps = tuple(_gap(robot, row, every[row], ways.get(row)) for row in range(robot.nv))
+    rest = _unexplained(robot, every, ways)
+    warnings = [sentence for row in rows for sentence in _told(robot, row, every[row], ways[row])]
+    return Diagnosis(
+        verdict=_verdict(ways, findings, rest),
+        robot=robot.name,
+        recordings=tuple(recording.file for recording in recordings),
+        joints=gaps,
+        band_hz=(0.0, 0.0),
+        findings=findings,
+        adjusted=(),
+        unexplained=rest,
+        bounds=tuple(_bound(robot, row, way) for row, way in ways.items() if not way.ways),
+        not_testable=_untestable(robot, why),
+        data_warnings=(
+            *robot.warnings,
+            *(warning for recording in recordings for warning in recording.warnings),
+            *warnings,
+        ),
+        next_experiment=None,
+        rollout=None,
+        seconds=time.perf_counter() - started,
+        version=__version__,
+        evidence=_evidence(robot, every, ways, rows),
+    )
+
+
+def _why_not(robot: Robot, stills: Stills, row: int) -> str | None:
+    if robot.actuators[row].encoder_side == "motor":
+        return _ON_MOTOR
+    return None if testable(stills) else _ONE_SIGN
+
+
+def _untestable(robot: Robot, why: list[str | None]) -> tuple[NotTestable, ...]:
+    out = []
+    for effect in EFFECTS:
+        for joint in effect.places(robot):
+            reason = why[robot.joint_names.index(joint)] if effect.name in _GIVES and joint is not None else _AT_REST
+            out += [NotTestable(effect.name, joint, reason)] if reason is not None else []
+    return tuple(out)
+
+
+def _findings(robot: Robot, row: int, stills: Stills, found: GivingWay) -> list[Finding]:
+    """What explains the rests of a joint: one finding for each effect of the most probable way."""
+    if not found.ways:
+        return []
+    joint, best = robot.joint_names[row], found.ways[0]
+    rivals = tuple(
+        Rival(tuple(EffectAt(effect, joint) for effect in way.effects), probability)
+        for way, probability in zip(found.ways[1:], found.probabilities[1:], strict=True)
+        if probability >= _LISTED
+    )
+    # What is not listed is shared among those that are.
+    listed = found.probabilities[0] + sum(rival.probability for rival in rivals)
+    rivals = tuple(Rival(rival.effects, rival.probability / listed) for rival in rivals)
+    gap = max(_square(found.before) - stills.repeat**2, 1e-300)
+    low, high = (float(x) for x in np.percentile(found.replicates, [2.5, 97.5]))
+    return [
+        Finding(
+            effect=effect,
+            joint=joint,
+            regime="high_load",
+            parameters=_parameters(robot, row, best, k),
+            gap_closed=(_square(found.before) - _square(best.left)) / gap,
+            gap_closed_interval=(low, high),
+            probability=found.probabilities[0] / listed,
+            rivals=rivals,
+            verdict="one_of" if rivals else "supported",
+        )
+        for k, effect in enumerate(best.effects)
+    ]
+
+
+def _parameters(robot: Robot, row: int, way: Way, k: int) -> dict[str, Value]:
+    value, std = float(way.values[k]), float(way.std[k])
+    if way.effects[k] == "backlash":
+        return {"gap": Value(value, std, robot.position_units[row])}
+    unit = f"{robot.torque_units[row]}/{robot.position_units[row]}"
+    return {"stiffness": Value(1.0 / value, std / value**2, unit)}
+
+
+def _told(robot: Robot, row: int, stills: Stills, found: GivingWay) -> list[str]:
+    """How far apart the joint rests, in its unit and in steps of its reading, and under which load."""
+    joint, unit = robot.joint_names[row], robot.position_units[row]
+    load = np.abs(stills.middles(stills.load))
+    steps = f" ({found.shift / stills.quantum:.1f} steps of its reading)" if stills.quantum > 0 else ""
+    told = (
+        f"{joint} rests {found.shift:.3g} {unit}{steps} apart under loads of opposite sign of {load.min():.2g} to "
+        f"{load.max():.2g} {robot.torque_units[row]}, by {len(load)} rests; loads below {100 * LOADED:.0f} % of the "
+        "largest are not counted."
+    )
+    if not found.ways:
+        return [told]
+    return [told, f"Of {joint} what its controller gives way under load is in it: state its gain kp to part the two."]
+
+
+def _bound(robot: Robot, row: int, found: GivingWay) -> Bound:
+    return Bound("backlash", robot.joint_names[row], "gap", found.seen_from, robot.position_units[row])
+
+
+def _gap(robot: Robot, row: int, stills: Stills, found: GivingWay | None) -> JointGap:
+    joint, unit = robot.joint_names[row], robot.position_units[row]
+    if found is None:
+        return JointGap(joint, unit, 0.0, 0.0, max(stills.repeat, 1e-12), 0)
+    left = found.ways[0].left if found.ways else found.before
+    before, after = np.sqrt(_square(found.before)), np.sqrt(_square(left))
+    return JointGap(joint, unit, before, after, max(min(stills.repeat, after), 1e-12), len(stills.t))
+
+
+def _unexplained(robot: Robot, every: list[Stills], ways: dict[int, GivingWay]) -> Unexplained:
+    """Share of what rests leave beyond their repeatability, and the joint that leaves most."""
+    found = {row: way for row, way in ways.items() if way.ways}
+    if not found:
+        return Unexplained(0.0, False, None, None)
+    left = {row: max(_square(way.ways[0].left) - every[row].repeat ** 2, 0.0) for row, way in found.items()}
+    gap = {row: max(_square(way.before) - every[row].repeat ** 2, 1e-300) for row, way in found.items()}
+    share = {row: left[row] / gap[row] for row in found}
+    worst = max(share, key=lambda row: share[row])
+    mean = float(np.mean(list(share.values())))
+    structured = mean > _STRUCTURED
+    return Unexplained(mean, structured, robot.joint_names[worst] if structured else None, None)
+
+
+def _verdict(ways: dict[int, GivingWay], findings: tuple[Finding, ...], rest: Unexplained) -> str:
+    if not ways:
+        return "not_testable"
+    if not findings:
+        return "no_gap"
+    return "partly_explained" if rest.structured else "explained"
+
+
+def _evidence(robot: Robot, every: list[Stills], ways: dict[int, GivingWay], rows: list[int]) -> Evidence:
+    """Samples at rest of the joint that gives way most, with its error in the place of a torque."""
+    row = rows[0] if rows else 0
+    stills, found = every[row], ways.get(row)
+    count = (len(stills.t), robot.nv)
+    error, after, load = np.zeros(count), np.zeros(count), np.zeros(count)
+    error[:, row], load[:, row] = stills.error, stills.load
+    if found is not None:
+        rest_error = stills.middles(stills.error)
+        held_out = found.ways[0].left if found.ways else found.before
+        after[:, row] = (rest_error - held_out)[stills.rest]
+    still = read_only(np.zeros(count))
+    arrays = (read_only(x) for x in (error, np.zeros(count), after))
+    measured, before, corrected = arrays
+    return Evidence(
+        t=read_only(stills.t),
+        q=read_only(stills.q),
+        v=still,
+        a=still,
+        tau_measured=measured,
+        tau_before=before,
+        tau_after=corrected,
+        regime_shares=tuple({"high_load": 1.0} if k == row else {} for k in range(robot.nv)),
+        tau_transmitted=read_only(load),
+    )
+
+
+def _square(values: Array) -> float:
+    return float(np.mean(values**2))

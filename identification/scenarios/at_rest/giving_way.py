@@ -1,0 +1,129 @@
+r"""How a joint gives way under load: a play, a spring, or both, from where it rests.
+
+A motor that is where its reference says moves the link by :math:`q - q_{ref} = c - \frac{g}{2} s - \tau_l / k`, with
+the load :math:`\tau_l` that the transmission passes to the link, its sign :math:`s`, a play of full width :math:`g`, a
+stiffness :math:`k` and a constant :math:`c` of reading and reference. Loads of one size part none of play and spring.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from jaxtyping import Float
+from scipy.stats import t as student
+
+from identification.scenarios.at_rest.rests import Stills
+
+Array = np.ndarray
+
+# Rests under either sign of load that a judgement needs: less do not show how well they repeat.
+LEAST_RESTS = 3
+# Probability that chance makes rests give way as much.
+_CHANCE = 1e-3
+# Sizes of load that differ by less than this part nothing: the model and the forces are not better known.
+_ALIKE = 0.2
+_REPLICATES = 2000
+
+# Of the catalogue; the last one, both together, has a parameter more.
+WAYS = (("backlash",), ("transmission_compliance",), ("backlash", "transmission_compliance"))
+
+
+@dataclass(frozen=True)
+class Way:
+    """One way of giving way, fitted to the rests.
+
+    Attributes:
+        effects: Of the catalogue.
+        values: Full width of the play [rad or m], or compliance [rad/(N m) or m/N], one for each effect.
+        std: Their deviations.
+        left: Error that is left of each rest, by the fit to all others, ``(R,)``.
+    """
+
+    effects: tuple[str, ...]
+    values: Float[Array, " k"]
+    std: Float[Array, " k"]
+    left: Float[Array, " R"]
+
+
+@dataclass(frozen=True)
+class GivingWay:
+    """What the rests of one joint say.
+
+    Attributes:
+        before: Error of each rest less the mean of all others, ``(R,)``.
+        ways: What explains them, the most probable first; empty where nothing is beyond chance.
+        probabilities: Shares of bootstrap replicates over rests that each way wins.
+        replicates: Shares of the gap that the first way closes, in each of them.
+        shift: Distance of the rests under loads of opposite sign [rad or m].
+        shift_std: Its deviation.
+        seen_from: The smallest shift that would be claimed in 95 of 100 such recordings.
+    """
+
+    before: Float[Array, " R"]
+    ways: tuple[Way, ...]
+    probabilities: tuple[float, ...]
+    replicates: Float[Array, " B"]
+    shift: float
+    shift_std: float
+    seen_from: float
+
+
+def testable(stills: Stills) -> bool:
+    """True if the joint rests often enough under loads of either sign."""
+    load = stills.middles(stills.load)
+    return bool(min(np.sum(load > 0), np.sum(load < 0)) >= LEAST_RESTS)
+
+
+def giving_way(stills: Stills) -> GivingWay:
+    """How a joint gives way; each rest is judged by fits that have not seen it.
+
+    Args:
+        stills: Rests under loads of either sign.
+    """
+    error, load = stills.middles(stills.error), stills.middles(stills.load)
+    side = np.sign(load)
+    before = _fit(error, ()).left
+    shift = _fit(error, (("backlash", -0.5 * side),))
+    width, deviation = float(shift.values[0]), max(float(shift.std[0]), stills.quantum / np.sqrt(12.0 * len(error)))
+    needed = float(student.isf(_CHANCE, len(error) - 2)) * deviation
+    seen_from = needed + 1.645 * deviation
+    if width <= needed:
+        return GivingWay(before, (), (), np.zeros(0), width, deviation, seen_from)
+    columns = {"backlash": -0.5 * side, "transmission_compliance": -load}
+    sizes = np.abs(load)
+    alike = sizes.max() - sizes.min() < _ALIKE * sizes.mean()
+    ways = [_fit(error, tuple((name, columns[name]) for name in names)) for names in WAYS]
+    # Both together are a rival only if each is sure beside the other.
+    sure = ways[2].values > float(student.isf(0.01, max(len(error) - 3, 1))) * ways[2].std
+    ways = ways if len(error) > 6 and not alike and sure.all() else ways[:2]
+    rng = np.random.default_rng(20261121)
+    drawn = rng.integers(len(error), size=(_REPLICATES, len(error)))
+    losses = np.array([(way.left[drawn] ** 2).sum(axis=1) for way in ways])
+    least = losses.argmin(axis=0)
+    wins = np.full(len(ways), 1.0 / len(ways)) if alike else np.bincount(least, minlength=len(ways)) / _REPLICATES
+    ranked = sorted(range(len(ways)), key=lambda k: (-wins[k], k))
+    floor = stills.repeat**2
+    given = (before[drawn] ** 2).mean(axis=1)
+    closed = (given - losses[ranked[0]] / len(error)) / np.maximum(given - floor, 1e-300)
+    return GivingWay(
+        before,
+        tuple(ways[k] for k in ranked),
+        tuple(float(wins[k]) for k in ranked),
+        closed,
+        width,
+        deviation,
+        seen_from,
+    )
+
+
+def _fit(error: Float[Array, " R"], columns: tuple[tuple[str, Float[Array, " R"]], ...]) -> Way:
+    """Least squares with a constant; what is left of each rest is by leaving it out."""
+    x = np.column_stack([np.ones_like(error), *(column for _, column in columns)])
+    inverse = np.linalg.pinv(x.T @ x)
+    theta = inverse @ x.T @ error
+    rest = error - x @ theta
+    lever = np.clip(np.einsum("ij,jk,ik->i", x, inverse, x), 0.0, 1.0 - 1e-9)
+    variance = float(rest @ rest) / max(len(error) - x.shape[1], 1)
+    std = np.sqrt(variance * np.diag(inverse))
+    return Way(tuple(name for name, _ in columns), theta[1:], std[1:], rest / (1.0 - lever))

@@ -1,0 +1,143 @@
+"""Where a joint stands still, how far it is from its reference there, and which load its transmission holds."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from itertools import pairwise
+
+import numpy as np
+from jaxtyping import Bool, Float, Int
+
+from identification.data.joint_torque import external_torque
+from identification.data.recording import Recording
+from phantom_dyn.dynamics.dynamics import gravity_torque
+from phantom_dyn.effects.encoder.encoder_quantization import stated_step, step_of
+from phantom_dyn.errors import LogError
+from phantom_dyn.model.robot import Robot
+
+Array = np.ndarray
+
+# Share of the largest load below which a loose joint may rest anywhere: friction holds it, not the load.
+LOADED = 0.2
+# A load of rounding errors (a vertical axis that gravity does not turn) is none [N m or N].
+_LEAST_LOAD = 1e-6
+
+
+@dataclass(frozen=True)
+class Stills:
+    """Samples of one joint in which the whole robot stands still, of all recordings one after the other.
+
+    Attributes:
+        t: Time [s], recordings one second apart.
+        q: Positions of all joints [rad or m].
+        error: Position less reference of the joint [rad or m].
+        load: Torque [N m or N] that its transmission has to pass to the link, from the model and measured forces.
+        rest: Number of the rest that a sample belongs to: a stretch of stillness under one sign of load.
+        quantum: Step of the joint's reading [rad or m].
+    """
+
+    t: Float[Array, " N"]
+    q: Float[Array, "N nv"]
+    error: Float[Array, " N"]
+    load: Float[Array, " N"]
+    rest: Int[Array, " N"]
+    quantum: float
+
+    def middles(self, values: Float[Array, " N"]) -> Float[Array, " R"]:
+        """Median over each rest: at its begin and end the load comes and goes."""
+        return np.array([np.median(values[self.rest == k]) for k in range(self.rests)])
+
+    @property
+    def rests(self) -> int:
+        """Number of rests."""
+        return int(self.rest.max()) + 1 if len(self.rest) else 0
+
+    @property
+    def repeat(self) -> float:
+        """Deviation of the samples within a rest, at least that of the rounding of the reading."""
+        within = self.error - self.middles(self.error)[self.rest]
+        freedom = max(len(within) - self.rests, 1)
+        return max(float(np.sqrt((within @ within) / freedom)), self.quantum / np.sqrt(12.0))
+
+
+def stills_under_load(robot: Robot, recordings: tuple[Recording, ...], row: int) -> Stills:
+    """Samples in which the robot stands still while a joint is under load, by rests.
+
+    A joint stands still where it moves by one step of its reading at most from either neighbour. After its reference
+    has changed it has to have moved first: a servo answers late.
+
+    Args:
+        robot: Gives weights and steps of readings.
+        recordings: With references.
+        row: The joint.
+
+    Raises:
+        LogError: If a recording has no references, or one that is not finite.
+    """
+    parts, start = [], 0.0
+    steps = np.array([_quantum(robot, recordings, k) for k in range(robot.nv)])
+    for recording in recordings:
+        q_ref = _references(recording, row)
+        still = _still(recording, steps) & _answered(recording.q[:, row], q_ref, steps[row]) & ~_left_out(recording)
+        load = (gravity_torque(robot, recording.q) - external_torque(robot, recording.q, recording.forces))[:, row]
+        parts.append((recording.t - recording.t[0] + start, recording.q, recording.q[:, row] - q_ref, load, still))
+        start = float(parts[-1][0][-1]) + 1.0
+    largest = max((float(np.abs(load[still]).max()) for *_, load, still in parts if still.any()), default=0.0)
+    chosen, rest, count = [], [], 0
+    for *_, load, still in parts:
+        side = np.where(still & (np.abs(load) > max(LOADED * largest, _LEAST_LOAD)), np.sign(load), 0.0)
+        begins = (side != 0) & (side != np.concatenate([[0.0], side[:-1]]))
+        number = np.cumsum(begins) - 1 + count
+        chosen.append(side != 0)
+        rest.append(number[side != 0])
+        count += int(begins.sum())
+    t, q, error, load = (np.concatenate([p[k][c] for p, c in zip(parts, chosen, strict=True)]) for k in range(4))
+    return Stills(t, q, error, load, np.concatenate(rest), float(steps[row]))
+
+
+def _references(recording: Recording, row: int) -> Float[Array, " N"]:
+    if recording.q_ref is None:
+        raise LogError(
+            f"{recording.file} has no q_ref.<joint> of every joint: how far a joint gives way at rest needs the "
+            "references of its controller. Add them."
+        )
+    bad = np.flatnonzero(~np.isfinite(recording.q_ref[:, row]))
+    if len(bad):
+        joint = recording.joint_names[row]
+        raise LogError(
+            f"{recording.file}: q_ref.{joint} is {recording.q_ref[bad[0], row]} in row {bad[0]}: give a reference for "
+            "every sample."
+        )
+    return recording.q_ref[:, row]
+
+
+def _quantum(robot: Robot, recordings: tuple[Recording, ...], row: int) -> float:
+    """Step of a reading: what is stated, else what the recordings show; 0 where they show none."""
+    stated = stated_step(robot, row)
+    if stated is not None:
+        return stated
+    return step_of(np.concatenate([recording.q[:, row] for recording in recordings])) or 0.0
+
+
+def _still(recording: Recording, steps: Float[Array, " nv"]) -> Bool[Array, " N"]:
+    """True where no joint moves by more than one step from the sample before or to the one after."""
+    moves = np.any(np.abs(np.diff(recording.q, axis=0)) > 1.01 * steps, axis=1)
+    return ~(np.concatenate([[False], moves]) | np.concatenate([moves, [False]]))
+
+
+def _answered(q: Float[Array, " N"], q_ref: Float[Array, " N"], step: float) -> Bool[Array, " N"]:
+    """False from a change of the reference, or the start, until the joint has moved."""
+    out = np.zeros(len(q), dtype=bool)
+    changes = [0, *(np.flatnonzero(np.diff(q_ref) != 0) + 1), len(q)]
+    for begin, end in pairwise(changes):
+        moved = np.flatnonzero(np.abs(q[begin:end] - q[begin]) > 1.01 * step)
+        if len(moved):
+            out[begin + moved[0] : end] = True
+    return out
+
+
+def _left_out(recording: Recording) -> Bool[Array, " N"]:
+    out = np.zeros(len(recording.t), dtype=bool)
+    for begin, end in recording.excluded:
+        out |= (recording.t >= begin) & (recording.t <= end)
+    return out

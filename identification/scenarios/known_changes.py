@@ -1,0 +1,124 @@
+"""Findings of one recording said as such: which effect, in which recording, and its ratio to the others."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+
+from identification.diagnosis.model.own_effects import Apart, OwnEffect
+from identification.diagnosis.model.terms import KnownEffect
+from identification.diagnosis.result import Diagnosis, EffectAt, Finding, Value
+from identification.diagnosis.result import Rival as RivalSet
+from phantom_dyn.effects.catalogue import effect_named
+from phantom_dyn.effects.support.rows import modelled_friction_of
+from phantom_dyn.model.robot import Robot
+
+# The parameters of each friction law that are the same friction as that of another law; of several their mean counts.
+_SAME_FRICTION: dict[str, dict[str, tuple[str, ...]]] = {
+    "coulomb_friction": {
+        "coulomb_friction": ("torque",),
+        "stribeck_friction": ("coulomb_torque",),
+        "presliding_friction": ("torque",),
+        "direction_dependent_friction": ("torque_positive", "torque_negative"),
+    },
+    "viscous_friction": {
+        "viscous_friction": ("coefficient",),
+        "direction_dependent_friction": ("coefficient_positive", "coefficient_negative"),
+    },
+}
+_MODELLED = {"viscous_friction": (0, "viscous friction"), "coulomb_friction": (1, "Coulomb friction")}
+# A level below so many of its deviations is nothing to compare with.
+_LEAST_LEVEL = 2.0
+
+
+def told_by_recording(
+    diagnosis: Diagnosis, robot: Robot, apart: Apart, known: tuple[KnownEffect, ...] = ()
+) -> Diagnosis:
+    """The same diagnosis with the catalogue's names for effects of single recordings.
+
+    Args:
+        diagnosis: As fits have left it.
+        robot: The given model.
+        apart: How the recordings differ.
+        known: Effects that belong to the given model.
+    """
+    own = {effect.name: effect for effect in apart.own}
+    if not own:
+        return diagnosis
+    return replace(
+        diagnosis,
+        findings=tuple(_told(finding, diagnosis, robot, own, known) for finding in diagnosis.findings),
+        bounds=tuple(bound for bound in diagnosis.bounds if bound.effect not in own),
+        not_testable=tuple(entry for entry in diagnosis.not_testable if entry.effect not in own),
+    )
+
+
+def _told(
+    finding: Finding,
+    diagnosis: Diagnosis,
+    robot: Robot,
+    own: dict[str, OwnEffect],
+    known: tuple[KnownEffect, ...],
+) -> Finding:
+    rivals = tuple(
+        RivalSet(tuple(_named(at, own) for at in rival.effects), rival.probability) for rival in finding.rivals
+    )
+    effect = own.get(finding.effect)
+    if effect is None:
+        return replace(finding, rivals=rivals)
+    parameters = dict(finding.parameters)
+    name = effect.inner.name
+    if name in _SAME_FRICTION:
+        ratio = growth(
+            parameters[next(iter(parameters))], level_elsewhere(name, finding.joint, diagnosis, robot, known)
+        )
+        parameters |= {} if ratio is None else {"ratio": ratio}
+    return replace(finding, effect=name, recording=effect.file, parameters=parameters, rivals=rivals)
+
+
+def _named(at: EffectAt, own: dict[str, OwnEffect]) -> EffectAt:
+    effect = own.get(at.effect)
+    return at if effect is None else EffectAt(effect.inner.name, at.joint, effect.file)
+
+
+def level_elsewhere(
+    name: str, joint: str | None, diagnosis: Diagnosis, robot: Robot, known: tuple[KnownEffect, ...] = ()
+) -> Value:
+    """Friction of one kind on one joint that all recordings have: modelled, moved within tolerance, known and found."""
+    at, words = _MODELLED[name]
+    modelled = modelled_friction_of(robot, joint)[at]
+    moved = sum(entry.change for entry in diagnosis.adjusted if entry.quantity == f"{joint} {words}")
+    level, variance = modelled * (1.0 + moved), 0.0
+    laws = _SAME_FRICTION[name]
+    for effect in known:
+        if effect.effect in laws and effect.joint == joint:
+            names = [parameter.name for parameter in effect_named(effect.effect).parameters(robot, joint)]
+            values = dict(zip(names, effect.theta, strict=True))
+            level += sum(values[key] for key in laws[effect.effect]) / len(laws[effect.effect])
+    for finding in diagnosis.findings:
+        if finding.effect in laws and finding.joint == joint and finding.recording is None:
+            share = len(laws[finding.effect])
+            for value, std in (_single(finding.parameters[key]) for key in laws[finding.effect]):
+                level, variance = level + value / share, variance + (std / share) ** 2
+    return Value(level, math.sqrt(variance), "")
+
+
+def growth(difference: Value, level: Value) -> Value | None:
+    """Level in one recording over that in the others; None where the others have nothing to compare with.
+
+    The difference of two recordings is as sure as both together, so that its variance less that of the level elsewhere
+    is the variance of the level in that recording.
+    """
+    more, more_std = _single(difference)
+    base, base_std = _single(level)
+    if base <= _LEAST_LEVEL * base_std:
+        return None
+    here = base + more
+    own = max(more_std**2 - base_std**2, 0.25 * more_std**2)
+    return Value(here / base, math.sqrt(own + (here / base * base_std) ** 2) / base, "1")
+
+
+def _single(value: Value) -> tuple[float, float]:
+    assert not isinstance(value.value, list)
+    assert not isinstance(value.std, list)
+    return value.value, value.std

@@ -1,0 +1,85 @@
+"""What a diagnosis without torque cannot tell apart: a drive that gives more per command, and a higher gain."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from identification.data.recording import Recording
+from identification.diagnosis.result import Adjusted, Diagnosis, Finding, NotTestable
+
+# How well stated gains are trusted, one sigma, relative; twice that is no gap.
+GAIN_TOLERANCE = 0.10
+# Without a gap a simulation under controllers comes as near as a few deviations of the readings.
+_STRAYS = 10.0
+_TWIN = (
+    "positions tell only the product of torque constant and controller gain: measure the current or torque, or hang "
+    "a known mass on the robot"
+)
+
+
+def told_by_motion(diagnosis: Diagnosis, recordings: tuple[Recording, ...]) -> Diagnosis:
+    """The diagnosis without claims on torque constants, which a controller's gain would explain as well.
+
+    A ratio within two tolerances of the gains is no gap and is listed as adjusted; a larger one stays a finding, of
+    the product of both, and a warning says so.
+
+    Args:
+        diagnosis: Of the torque that controllers ask for.
+        recordings: Its recordings; where a torque was measured the diagnosis stays as it is.
+    """
+    if not any(recording.controlled for recording in recordings):
+        return diagnosis
+    constants = [finding for finding in diagnosis.findings if finding.effect == "torque_constant"]
+    small = [finding for finding in constants if abs(_excess(finding)) <= 2 * GAIN_TOLERANCE]
+    large = [finding for finding in constants if finding not in small]
+    findings = tuple(finding for finding in diagnosis.findings if finding not in small)
+    claimed = {finding.joint for finding in large}
+    twins = tuple(
+        NotTestable("torque_constant", gap.joint, _TWIN) for gap in diagnosis.joints if gap.joint not in claimed
+    )
+    others = tuple(entry for entry in diagnosis.not_testable if entry.effect != "torque_constant")
+    moved = tuple(
+        Adjusted(f"{finding.joint} torque constant times controller gain", _excess(finding), GAIN_TOLERANCE)
+        for finding in small
+    )
+    warned = tuple(
+        f"The torque constant of {finding.joint} and the gain of its controller cannot be parted by positions: the "
+        f"ratio of {1.0 + _excess(finding):.3g} is that of their product."
+        for finding in large
+    )
+    kept = [finding not in small for finding in diagnosis.findings]
+    without = diagnosis.evidence.tau_without
+    shown = tuple(torque for torque, keep in zip(without, kept, strict=False) if keep)
+    verdict = "no_gap" if not findings and diagnosis.verdict == "explained" else diagnosis.verdict
+    return replace(
+        diagnosis,
+        findings=findings,
+        verdict=verdict,
+        adjusted=(*diagnosis.adjusted, *moved),
+        bounds=tuple(bound for bound in diagnosis.bounds if bound.effect != "torque_constant"),
+        not_testable=(*others, *twins),
+        data_warnings=(*diagnosis.data_warnings, *warned),
+        evidence=replace(diagnosis.evidence, tau_without=shown),
+        notes=(*diagnosis.notes, *(_strays(diagnosis) if verdict == "no_gap" else ())),
+    )
+
+
+def _strays(diagnosis: Diagnosis) -> tuple[str, ...]:
+    """A sentence for each joint whose simulated motion strays although its torque shows no gap."""
+    rollout = diagnosis.rollout or {}
+    after, noise = rollout.get("rms_after", {}), rollout.get("reading_noise", {})
+    return tuple(
+        f"The torque that is asked for shows no gap, yet under its controller {joint} strays by {after[joint]:.3g} "
+        f"from the recorded motion, {after[joint] / noise[joint]:.0f} times what its readings scatter: a disturbance, "
+        "or an effect too fast for the band of this recording (play, sticking). Record faster, or with torque."
+        for joint in after
+        if after[joint] > _STRAYS * noise.get(joint, np.inf)
+    )
+
+
+def _excess(finding: Finding) -> float:
+    """By how much the torque per command is larger than modelled, relative."""
+    value = finding.parameters["ratio"].value
+    return float(value[0] if isinstance(value, list) else value) - 1.0

@@ -1,0 +1,202 @@
+"""Recordings without torque: the torque that the stated position controllers ask for takes its place.
+
+The torque that known controllers asked for, where a recording has their references and no torque.
+
+Gains of position controllers that nobody has stated, as far as the given model tells them.
+
+The torque that stated position controllers ask for along a recorded motion.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+from jaxtyping import Float
+
+from identification.data.recording import Recording
+from identification.data.signals import process_all
+from phantom_dyn.dynamics.dynamics import inverse_dynamics
+from phantom_dyn.errors import LogError, PhantomDynError
+from phantom_dyn.model.robot import Robot
+from phantom_dyn.motion import read_only
+
+Array = np.ndarray
+
+
+def states_controllers(robot: Robot) -> bool:
+    """True if every driven joint has a controller, and one at least is driven."""
+    driven = [actuator for actuator in robot.actuators if actuator.actuated]
+    return bool(driven) and all(actuator.controller is not None for actuator in driven)
+
+
+def with_asked_torque(recording: Recording, robot: Robot) -> Recording:
+    """The recording as it is if it has a torque, else with the torque that the controllers asked for.
+
+    Velocities are the recorded ones, else differences of positions: the noise that this leaves is taken off with the
+    band of the torque, which filters both alike.
+
+    Args:
+        recording: With references if it has no torque.
+        robot: States the controllers in force.
+
+    Raises:
+        LogError: If there is neither torque nor a reference of every driven joint, or the references never move the
+            torque.
+    """
+    if recording.tau is not None:
+        return recording
+    if recording.q_ref is None:
+        raise LogError(
+            f"{recording.file} has neither torque nor references: add tau.<joint>, or q_ref.<joint> of every joint, as "
+            "its controllers are known."
+        )
+    torque = asked_torque(recording, robot)
+    if not np.any(torque):
+        raise LogError(
+            f"{recording.file}: its controllers ask for no torque at all: check their gains, and that q_ref is not q."
+        )
+    words = f"{recording.file}: without torque columns, the torque is what its controllers asked for."
+    return replace(recording, tau=read_only(torque), controlled=True, warnings=(*recording.warnings, words))
+
+
+def asked_torque(recording: Recording, robot: Robot) -> Float[Array, "N nv"]:
+    """``kp (q_ref - q) - kd v``, late by the controller's own delay; zeros for joints without a drive."""
+    assert recording.q_ref is not None
+    t = recording.t
+    v = np.gradient(recording.q, t, axis=0) if recording.v is None else recording.v
+    out = np.zeros_like(recording.q)
+    for k, actuator in enumerate(robot.actuators):
+        controller = actuator.controller
+        if controller is None or not actuator.actuated:
+            continue
+        asked = controller.kp * (recording.q_ref[:, k] - recording.q[:, k]) - controller.kd * v[:, k]
+        out[:, k] = asked if controller.delay == 0 else np.interp(t - controller.delay, t, asked)
+    return out
+
+
+_FEWEST = 100  # rows
+_LEAST = 1e-9  # [rad or m]: a reference that is nearer is the reading itself
+
+
+def suggested_gains(recording: Recording, robot: Robot) -> Float[Array, "2 nv"]:
+    """Gains kp and kd [N m/rad, N m s/rad; N/m, N s/m] under which the given model moves most like the recording.
+
+    They are as wrong as the masses of the model: positions tell only the ratio of both. Dry friction and a constant
+    torque that the model lacks are fitted besides, as they would be taken for gains. NaN for a joint whose motion tells
+    none, or whose reference never leaves it.
+
+    Args:
+        recording: With references.
+        robot: The given model.
+
+    Raises:
+        LogError: If there are no references, one is not finite, or the recording is too short.
+    """
+    if recording.q_ref is None:
+        raise LogError(f"{recording.file} has no q_ref.<joint> of every joint, so nothing tells the gains.")
+    if len(recording.t) < _FEWEST or not np.isfinite(recording.q_ref).all():
+        raise LogError(f"{recording.file} is too short, or a reference is no number, so nothing tells the gains.")
+    (log,), _ = process_all((replace(recording, tau=np.zeros_like(recording.q), controlled=True),), robot)
+    motion, rows, q_ref = log.motion, log.valid_in_band, log.q_ref
+    assert q_ref is not None
+    needed = log.band(inverse_dynamics(robot, motion))[rows]
+    out = np.full((2, robot.nv), np.nan)
+    for j in range(robot.nv):
+        v = motion.v[:, j]
+        asked = (q_ref[:, j] - motion.q[:, j], -v, -np.sign(v), np.ones_like(v))
+        columns = log.band(np.column_stack(asked))[rows]
+        if np.ptp(recording.q_ref[:, j] - recording.q[:, j]) < _LEAST or len(columns) < 2 * len(asked):
+            continue
+        kp, kd, *_ = np.linalg.lstsq(columns, needed[:, j])[0]
+        if kp > 0:
+            out[:, j] = kp, max(kd, 0.0)
+    return out
+
+
+_LEAST_ROWS = 20
+
+
+def motion_robot(robot: Robot) -> Robot:
+    """The robot whose torque is a command, whatever was said of torque columns: there are none."""
+    return replace(robot, torque_source="command")
+
+
+def with_commanded_torque(recording: Recording, robot: Robot) -> Recording:
+    """The recording with the torque ``kp (q_ref - q) - kd v`` of its controllers, late and limited as stated.
+
+    Args:
+        recording: With references, or with voltages that give a torque.
+        robot: States the controllers.
+
+    Raises:
+        LogError: If a controller, its gain or the references are missing, and no voltage gives the torque.
+    """
+    lacking = [
+        joint
+        for joint, actuator in zip(robot.joint_names, robot.actuators, strict=True)
+        if actuator.actuated and (actuator.controller is None or actuator.controller.kp <= 0)
+    ]
+    if recording.q_ref is not None and not lacking:
+        used = " The torque of the log is not used." if recording.tau is not None else ""
+        sentence = (
+            f"{recording.file}: the torque is what the controllers of robot.yaml ask for at the recorded motion: "
+            f"findings are as good as these gains.{used}"
+        )
+        tau = commanded_torque(recording, robot)
+        return replace(recording, tau=tau, controlled=True, warnings=(*recording.warnings, sentence))
+    if recording.voltage is not None and recording.tau is not None:
+        return recording
+    if recording.q_ref is None:
+        raise LogError(
+            f"{recording.file} has no q_ref.<joint> of every joint: --motion-only needs the references of the position "
+            "controllers, or motor voltages u.<joint> with resistance and torque_constant in robot.yaml."
+        )
+    raise LogError(
+        f"{recording.file}: robot.yaml states no controller with a gain kp of {', '.join(lacking)}: --motion-only "
+        "needs it to know the torque, as positions alone do not tell a gain from the inertia that it moves. Add "
+        "controller: {kind: pd, kp: ..., kd: ..., delay: ...} under joints, in N m/rad and N m s/rad at the "
+        f"joint.{_guess(recording, robot, lacking)} "
+        "Without a gain, only joints that rest under loads of either sign (weight or f. columns), with encoder_side: "
+        "link, can be judged."
+    )
+
+
+def _guess(recording: Recording, robot: Robot, lacking: list[str]) -> str:
+    """Gains that go with the masses of the model, for who trusts these; nothing where the motion tells none."""
+    try:
+        kp, kd = suggested_gains(recording, robot)
+    except PhantomDynError:
+        return ""
+    words = ", ".join(
+        f"kp {kp[j]:.3g} and kd {kd[j]:.2g} of {joint}"
+        for j, joint in enumerate(robot.joint_names)
+        if joint in lacking and np.isfinite(kp[j])
+    )
+    return f" If its masses are right, the model says {words}." if words else ""
+
+
+def commanded_torque(recording: Recording, robot: Robot) -> Float[Array, "N nv"]:
+    """Torque [N m or N] that the stated controllers ask for, zero without a drive; read-only.
+
+    Args:
+        recording: With references.
+        robot: States the controllers.
+
+    Raises:
+        LogError: If the recording is too short, or a reference is not finite, or no torque is asked for.
+    """
+    q_ref, rows = recording.q_ref, len(recording.t)
+    if q_ref is None or rows < _LEAST_ROWS:
+        raise LogError(f"{recording.file} has {rows} rows: record at least ten seconds of motion with references.")
+    if not np.isfinite(q_ref).all():
+        row, joint = np.argwhere(~np.isfinite(q_ref))[0]
+        raise LogError(
+            f"{recording.file}: q_ref.{recording.joint_names[joint]} is {q_ref[row, joint]} in row {row}: give a "
+            "reference for every sample."
+        )
+    limits = np.array([np.inf if a.torque_limit is None else a.torque_limit for a in robot.actuators])
+    torque = np.clip(asked_torque(recording, robot), -limits, limits)
+    if not np.any(torque):
+        raise LogError(f"{recording.file}: its controllers ask for no torque at all: check that q_ref is not q.")
+    return read_only(torque)

@@ -1,0 +1,207 @@
+"""The file ``recordings.yaml``: what was different between several recordings of one robot; recordings read with it.
+
+The file ``recordings.yaml``: what was different between several recordings of one robot.
+
+Recordings read with the robot as it was in each of them.
+"""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+from identification.data.changes import KINDS, Change, Kind, KnownPayload, robot_in
+from identification.data.reading import read_recording
+from identification.data.recording import Recording
+from identification.data.strict_yaml import list_at, number_at, text_at
+from identification.scenarios.motion_only import states_controllers, with_asked_torque
+from phantom_dyn.errors import ParameterError, known_names
+from phantom_dyn.model.robot import Controller, Robot
+from phantom_dyn.model.settings_file import describe, load_mapping
+
+_KEYS = ("file", "payload", "controller", "changed", "exclude")
+_PAYLOAD_KEYS = ("mass", "center")
+_GAINS = ("kp", "kd", "delay")
+_CONTROLLER_KEYS = ("kind", *_GAINS)
+
+
+def read_changes(path: str | Path, logs: Sequence[str | Path], joints: Sequence[str]) -> tuple[Change, ...]:
+    """What a ``recordings.yaml`` says of each recording, in the order of the recordings.
+
+    A recording that the file does not name is like the given model in all. A file is found as it is written there,
+    seen from the folder of the ``recordings.yaml`` or from the working folder, or by its name alone.
+
+    Args:
+        path: The file.
+        logs: The recordings of the diagnosis, those held out at the end.
+        joints: Names of the robot's joints.
+
+    Raises:
+        ParameterError: If the file cannot be read, names no recording of the diagnosis or one twice, or a key or value
+            is not of the contract; one sentence says where and what to do.
+    """
+    path = Path(path)
+    content = load_mapping(path, ParameterError)
+    _known_keys(content, str(path), "", ("recordings",))
+    if "recordings" not in content:
+        raise ParameterError(f"{path}: the key recordings is missing, wanted a list of entries such as - file: a.csv.")
+    entries = list_at(content["recordings"], str(path), "recordings")
+    out = [Change(Path(log).name) for log in logs]
+    seen: dict[int, str] = {}
+    for k, entry in enumerate(entries):
+        key = f"recordings[{k}]"
+        change = _change(entry, str(path), key, joints)
+        at = _which(change.file, path, key, logs)
+        if at in seen:
+            raise ParameterError(
+                f"{path}: {key}.file is {change.file}, which {seen[at]} has said already: join the two."
+            )
+        seen[at] = key
+        out[at] = replace(change, file=out[at].file)
+    return tuple(out)
+
+
+def _which(file: str, path: Path, key: str, logs: Sequence[str | Path]) -> int:
+    """Which recording a file is."""
+    places = {(folder / file).resolve() for folder in (path.parent, Path())}
+    exact = [k for k, log in enumerate(logs) if Path(log).resolve() in places]
+    found = exact or [k for k, log in enumerate(logs) if Path(log).name == file]
+    if len(found) == 1:
+        return found[0]
+    if found:
+        raise ParameterError(
+            f"{path}: {key}.file is {file}, and {len(found)} recordings have that name: give its path."
+        )
+    raise ParameterError(
+        f"{path}: {key}.file is {file}, which is not among the recordings that were given: "
+        f"{known_names(file, [Path(log).name for log in logs], 'recordings')}"
+    )
+
+
+def _change(entry: Any, file: str, key: str, joints: Sequence[str]) -> Change:
+    if not isinstance(entry, Mapping):
+        raise ParameterError(f"{file}: {key} is {describe(entry)}, wanted a mapping with file and what was different.")
+    _known_keys(entry, file, key, _KEYS)
+    if "file" not in entry:
+        raise ParameterError(f"{file}: {key}.file is missing, wanted the recording that the entry is about.")
+    gains = entry.get("controller")
+    return Change(
+        file=text_at(entry["file"], file, f"{key}.file"),
+        payload=_payload(entry["payload"], file, f"{key}.payload") if "payload" in entry else None,
+        controllers=_controllers(gains, file, f"{key}.controller", joints) if "controller" in entry else {},
+        changed=_changed(entry["changed"], file, f"{key}.changed") if "changed" in entry else (),
+        exclude=_stretches(entry["exclude"], file, f"{key}.exclude") if "exclude" in entry else (),
+    )
+
+
+def _payload(entry: Any, file: str, key: str) -> KnownPayload:
+    if not isinstance(entry, Mapping):
+        raise ParameterError(
+            f"{file}: {key} is {describe(entry)}, wanted a mapping such as {{mass: 0.5, center: [0, 0, 0.1]}}; if the "
+            "payload is not known, diagnose that recording by itself."
+        )
+    _known_keys(entry, file, key, _PAYLOAD_KEYS)
+    for name in _PAYLOAD_KEYS:
+        if name not in entry:
+            raise ParameterError(f"{file}: {key}.{name} is missing, wanted mass [kg] and center [m].")
+    mass = _not_negative(entry["mass"], file, f"{key}.mass")
+    center = list_at(entry["center"], file, f"{key}.center")
+    if len(center) != 3:
+        raise ParameterError(f"{file}: {key}.center has {len(center)} numbers, wanted three [m] such as [0, 0, 0.1].")
+    x, y, z = (number_at(value, file, f"{key}.center[{k}]") for k, value in enumerate(center))
+    return KnownPayload(mass, (x, y, z))
+
+
+def _controllers(entry: Any, file: str, key: str, joints: Sequence[str]) -> dict[str, Controller]:
+    """Controllers by joint; gains without a joint are those of all."""
+    if not isinstance(entry, Mapping) or not entry:
+        raise ParameterError(
+            f"{file}: {key} is {describe(entry)}, wanted gains such as {{kp: 40, kd: 1}}, or joints each with its "
+            "gains; if they are not known, say changed: [controller]."
+        )
+    if set(entry) & set(_CONTROLLER_KEYS) and not set(entry) & set(joints):
+        one = _controller(entry, file, key)
+        return dict.fromkeys(joints, one)
+    _known_keys(entry, file, key, tuple(joints), "joints")
+    return {joint: _controller(gains, file, f"{key}.{joint}") for joint, gains in entry.items()}
+
+
+def _controller(entry: Any, file: str, key: str) -> Controller:
+    if not isinstance(entry, Mapping):
+        raise ParameterError(f"{file}: {key} is {describe(entry)}, wanted gains such as {{kp: 40, kd: 1}}.")
+    _known_keys(entry, file, key, _CONTROLLER_KEYS)
+    if entry.get("kind", "pd") != "pd":
+        raise ParameterError(f"{file}: {key}.kind is {describe(entry['kind'])}, wanted pd, the only one there is.")
+    return Controller("pd", **{name: _not_negative(entry.get(name, 0.0), file, f"{key}.{name}") for name in _GAINS})
+
+
+def _changed(entry: Any, file: str, key: str) -> tuple[Kind, ...]:
+    if not isinstance(entry, list):
+        raise ParameterError(f"{file}: {key} is {describe(entry)}, wanted a list such as [friction].")
+    names = [text_at(name, file, f"{key}[{k}]") for k, name in enumerate(entry)]
+    for name in names:
+        if name not in KINDS:
+            raise ParameterError(f"{file}: {key} has {name}, {known_names(name, KINDS, 'kinds of change')}")
+    twice = [name for name, count in Counter(names).items() if count > 1]
+    if twice:
+        raise ParameterError(f"{file}: {key} has {twice[0]} twice: say it once.")
+    return tuple(kind for kind in KINDS if kind in names)
+
+
+def _stretches(entry: Any, file: str, key: str) -> tuple[tuple[float, float], ...]:
+    out = []
+    for k, pair in enumerate(list_at(entry, file, key)):
+        times = [number_at(time, file, f"{key}[{k}][{i}]") for i, time in enumerate(list_at(pair, file, f"{key}[{k}]"))]
+        if len(times) != 2 or not times[0] < times[1]:
+            raise ParameterError(f"{file}: {key}[{k}] is {describe(pair)}, wanted two times [s] such as [2.5, 4].")
+        out.append((times[0], times[1]))
+    return tuple(out)
+
+
+def _not_negative(value: Any, file: str, key: str) -> float:
+    number = number_at(value, file, key)
+    if number < 0:
+        raise ParameterError(f"{file}: {key} is {describe(value)}, wanted a number of 0 or more.")
+    return number
+
+
+def _known_keys(entry: Mapping[Any, Any], file: str, key: str, wanted: tuple[str, ...], what: str = "keys") -> None:
+    for name in entry:
+        if name not in wanted:
+            place = f" in {key}" if key else ""
+            kind = "joint" if what == "joints" else "key"
+            raise ParameterError(f"{file}: there is no {kind} {name}{place}, {known_names(str(name), wanted, what)}")
+
+
+def read_changed(
+    path: str | Path,
+    robot: Robot,
+    change: Change,
+    *,
+    columns: str | Path | None = None,
+    topic: str | None = None,
+    excluded: Sequence[tuple[float, float]] = (),
+) -> Recording:
+    """A recording, checked against the robot with the load that it carried there.
+
+    Where its controllers are known and it has references, it needs no torque: that is what the controllers asked for.
+
+    Args:
+        path: CSV, NPZ, Parquet, ROS 1 or ROS 2 bag, or MCAP.
+        robot: The given model.
+        change: What is known of this recording.
+        columns: Column map (YAML), if the columns have other names or units.
+        topic: Topic of sensor_msgs/JointState in a bag that has several.
+        excluded: Stretches of time [s] to leave out of every fit, besides those of ``change``.
+
+    Raises:
+        LogError: If the file, a column or a value cannot be used; one sentence says which and what to do.
+    """
+    there = robot_in(robot, change)
+    asked = bool(change.controllers) and states_controllers(there)
+    left_out = (*excluded, *change.exclude)
+    found = read_recording(path, there, columns=columns, topic=topic, excluded=left_out, torque_needed=not asked)
+    return with_asked_torque(found, there) if asked else found

@@ -1,0 +1,1 @@
+"""A diagnosis in words: effects, sizes, numbers, sentences."""

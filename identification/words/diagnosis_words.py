@@ -1,0 +1,206 @@
+"""A diagnosis in plain words: the verdict, and for each finding what, where, how sure, what else, what next.
+
+Changes between recordings in words.
+
+A diagnosis in plain words: the verdict, and for each finding what, where, how sure, what else, what next.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+from identification.diagnosis.result import Diagnosis, EffectAt, Finding, Rival, Unexplained
+from identification.words.effect_words import effect_words, regime_words
+from identification.words.numbers import NO_BREAK, percent, value_words
+from identification.words.size_words import shortfall_words, size_words
+
+
+def in_recording(recording: str | None) -> str:
+    """``in b.csv`` with a space before it; nothing for what all recordings have."""
+    return "" if recording is None else f" in {recording}"
+
+
+def growth_words(finding: Finding) -> str:
+    """``, where it is 2.1 times what it is in the other recordings``; nothing where that is not known."""
+    ratio = (
+        None if finding.effect in ("torque_constant", "load_dependent_friction") else finding.parameters.get("ratio")
+    )
+    if finding.recording is None or ratio is None:
+        return ""
+    return f", where it is {value_words(ratio)} times what it is in the other recordings"
+
+
+SURENESS = ((0.99, "practically certain"), (0.9, "very likely"), (0.7, "likely"), (0.5, "more likely than not"))
+NO_RIVAL = "nothing else in the catalogue explains the data as well"
+
+
+@dataclass(frozen=True)
+class FindingWords:
+    """One finding in five parts, each without its punctuation.
+
+    Attributes:
+        what: The effect, its size and what it is.
+        where: Joint and part of the motion.
+        how_sure: Probability and share of the gap.
+        what_else: Rivals.
+        what_next: What to do, with a full stop and a small first letter.
+    """
+
+    what: str
+    where: str
+    how_sure: str
+    what_else: str
+    what_next: str
+
+
+def finding_words(finding: Finding, next_experiment: Mapping[str, Any] | None = None) -> FindingWords:
+    """The parts of one finding in words.
+
+    Args:
+        finding: What was found.
+        next_experiment: That of the diagnosis; it is the next step of the findings that it separates.
+    """
+    words = effect_words(finding.effect)
+    head = " ".join(part for part in (finding_name(finding), _size(finding)) if part).replace(" :", ":")
+    where = on_place(finding.effect, finding.joint) + in_recording(finding.recording)
+    return FindingWords(
+        what=capital(f"{head} ({words.meaning})" if words.meaning != words.name else head) + growth_words(finding),
+        where=", ".join(filter(None, (where, regime_words(finding.regime)))),
+        how_sure=f"{sureness(finding.probability)}; it accounts for {gap_closed(finding)} of the gap",
+        what_else=rivals_words(finding.rivals),
+        what_next=small(_next_step(finding, next_experiment or {})),
+    )
+
+
+def finding_name(finding: Finding) -> str:
+    """Plain name of the effect; a negative size is named for what it is: less than modelled."""
+    words = effect_words(finding.effect)
+    return words.less if _is_less(finding) else words.name
+
+
+def on_place(effect: str, joint: str | None) -> str:
+    """``on joint j2``; of a coupling ``between joints j2 and j3``; on the robot as a whole for None."""
+    if joint is None:
+        return "on the robot as a whole"
+    where = place(effect, joint)
+    return f"between {where}" if where.startswith("joints ") else f"on {where}"
+
+
+def _size(finding: Finding) -> str:
+    if _is_less(finding):
+        return shortfall_words(next(iter(finding.parameters.values())))
+    return size_words(finding)
+
+
+def _is_less(finding: Finding) -> bool:
+    first = next(iter(finding.parameters.values()), None)
+    negative = first is not None and not isinstance(first.value, list) and first.value < 0
+    return negative and bool(effect_words(finding.effect).less)
+
+
+def _next_step(finding: Finding, experiment: Mapping[str, Any]) -> str:
+    separated = [tuple(entry) for entry in experiment.get("separates") or ()]
+    if experiment.get("say") and (finding.effect, finding.joint) in separated:
+        return str(experiment["say"])
+    return effect_words(finding.effect).next_step
+
+
+def place(effect: str, joint: str | None) -> str:
+    """``joint j2``; of a coupling ``joints j2 and j3``; the whole robot for None."""
+    if joint is None:
+        return "the whole robot"
+    first, plus, second = joint.partition("+")
+    if effect == "joint_coupling" and plus:
+        return f"joints {first} and {second}"
+    return f"joint {joint}"
+
+
+def effect_at(at: EffectAt) -> str:
+    """An effect with its place, as in ``a payload`` or ``Coulomb friction on joint j2``."""
+    name = effect_words(at.effect).name
+    name += "" if at.joint is None else f" on {place(at.effect, at.joint)}"
+    return name + in_recording(at.recording)
+
+
+def effect_at_finding(finding: Finding) -> str:
+    """A finding with its place, as in ``viscous friction on joint j1``."""
+    name = finding_name(finding)
+    name += "" if finding.joint is None else f" on {place(finding.effect, finding.joint)}"
+    return name + in_recording(finding.recording)
+
+
+def rivals_words(rivals: tuple[Rival, ...]) -> str:
+    """What else a finding may be, most probable first."""
+    if not rivals:
+        return NO_RIVAL
+    ranked = sorted(rivals, key=lambda rival: -rival.probability)
+    return "it may instead be " + "; or ".join(
+        f"{joined([effect_at(at) for at in rival.effects])}{' together' if len(rival.effects) > 1 else ''} "
+        f"({percent(rival.probability)})"
+        for rival in ranked
+    )
+
+
+def sureness(probability: float) -> str:
+    """A probability as words and number."""
+    words = next((words for least, words in SURENESS if probability >= least), "one of several candidates")
+    return f"{words} ({percent(probability)})"
+
+
+def gap_closed(finding: Finding) -> str:
+    """Share of the gap that a finding accounts for, with its interval."""
+    low, high = finding.gap_closed_interval
+    return f"{percent(finding.gap_closed)} ({percent(low).removesuffix(f'{NO_BREAK}%')} to {percent(high)})"
+
+
+def verdict_sentence(diagnosis: Diagnosis) -> str:
+    """The verdict in one sentence."""
+    names = [effect_at_finding(finding) for finding in diagnosis.findings]
+    named = joined(names) if len(names) <= 4 else f"{joined(names[:3], last=', ')} and {len(names) - 3} more"
+    rest = diagnosis.unexplained
+    if diagnosis.verdict == "explained":
+        return f"The gap between robot and model is explained by {named or 'what was adjusted'}."
+    if diagnosis.verdict == "partly_explained":
+        return f"Part of the gap between robot and model is explained by {named}; {rest_phrase(rest)}."
+    if diagnosis.verdict == "unknown":
+        found = f" ({named} found, but not enough)" if names else ""
+        return (
+            f"There is a gap between robot and model that the catalogue does not explain{found}: {rest_phrase(rest)}."
+        )
+    if diagnosis.verdict == "no_gap":
+        return "The model fits the robot: nothing was found beyond noise and the tolerances that the model states."
+    if diagnosis.verdict == "not_testable":
+        return "This recording cannot show a gap at all: record a motion that excites the joints, then diagnose again."
+    return f"The verdict is {diagnosis.verdict.replace('_', ' ')}."
+
+
+def rest_phrase(rest: Unexplained) -> str:
+    """What is left unexplained: how much, whether it has structure, and where."""
+    where = [place("", rest.joint) if rest.joint else "", regime_words(rest.regime)]
+    at = ", ".join(part for part in where if part)
+    share = percent(rest.fraction_of_explainable)
+    if not rest.structured:
+        return f"{share} of what could be explained is left, without structure that another effect could explain"
+    return f"{share} of what could be explained is left" + (f", mostly at {at}" if rest.joint else f", {at}" * bool(at))
+
+
+def parameter_name(name: str) -> str:
+    """``torque positive`` for ``torque_positive``; the parameters of a body keep the body's name as it is."""
+    return name if "." in name else name.replace("_", " ")
+
+
+def joined(parts: list[str], last: str = " and ") -> str:
+    """``a, b and c``."""
+    return parts[0] if len(parts) == 1 else last.join([", ".join(parts[:-1]), parts[-1]]) if parts else ""
+
+
+def capital(text: str) -> str:
+    """The text with a capital first letter."""
+    return text[:1].upper() + text[1:]
+
+
+def small(text: str) -> str:
+    """The text with a small first letter; a name such as J2 stays as it is."""
+    return text[:1].lower() + text[1:] if text[1:2].islower() else text

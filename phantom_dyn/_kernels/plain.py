@@ -1,0 +1,73 @@
+# pyright: reportAttributeAccessIssue=false
+"""What `phantom_dyn._kernels.rigid_body` gives, by Pinocchio: without numba, or for joints of other kinds.
+
+Arguments and results are the same, so that one can stand for the other.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+import pinocchio as pin
+
+Array = np.ndarray
+
+
+def regressor(model: pin.Model, q: Array, v: Array, a: Array) -> Array:
+    """Rigid-body torque regressor of the tree, all columns, shape ``(N, nt, 10 (njoints - 1))``."""
+    data, p = model.createData(), 10 * (model.njoints - 1)
+    out = np.empty((*v.shape, p))
+    for k in range(len(q)):
+        # Pinocchio returns a 1-D array for a robot with one joint.
+        out[k] = pin.computeJointTorqueRegressor(model, data, q[k], v[k], a[k]).reshape(model.nv, p)
+    return out
+
+
+def torque(model: pin.Model, q: Array, v: Array, a: Array) -> Array:
+    """Torque of the tree with armature, shape ``(N, nt)`` [N m or N]."""
+    data, out = model.createData(), np.empty(v.shape)
+    for k in range(len(q)):
+        out[k] = pin.rnea(model, data, q[k], v[k], a[k])
+    return out
+
+
+def weight(model: pin.Model, q: Array, gravity: Array) -> Array:
+    """Torque that holds the tree against gravity [m/s2 in the root frame], shape ``(N, nt)`` [N m or N]."""
+    turned = model.copy()
+    turned.gravity = pin.Motion(np.asarray(gravity, dtype=float), np.zeros(3))
+    data, out = turned.createData(), np.empty((len(q), model.nv))
+    for k in range(len(q)):
+        out[k] = pin.computeGeneralizedGravity(turned, data, q[k])
+    return out
+
+
+def mass(model: pin.Model, q: Array) -> Array:
+    """Mass matrix of the tree with armature, shape ``(N, nt, nt)``.
+
+    Pinocchio wants the joints of every branch one after the other, as its own readers of robot files leave them.
+    """
+    data, out = model.createData(), np.empty((len(q), model.nv, model.nv))
+    for k in range(len(q)):
+        out[k] = pin.crba(model, data, q[k])
+    # Only the upper triangle is filled.
+    lower = np.tril_indices(model.nv, -1)
+    out[:, lower[0], lower[1]] = out[:, lower[1], lower[0]]
+    return out
+
+
+def frame_pose(model: pin.Model, q: Array, frame: int) -> tuple[Array, Array]:
+    """Orientation ``(N, 3, 3)`` and position ``(N, 3)`` [m] of a frame in the root frame."""
+    data, rotation, position = model.createData(), np.empty((len(q), 3, 3)), np.empty((len(q), 3))
+    for k in range(len(q)):
+        pin.forwardKinematics(model, data, q[k])
+        placement = pin.updateFramePlacement(model, data, frame)
+        rotation[k], position[k] = placement.rotation, placement.translation
+    return rotation, position
+
+
+def frame_jacobian(model: pin.Model, q: Array, frame: int, body: bool) -> Array:
+    """Jacobian of a frame in its own axes or in those of the root, rows v, then w, shape ``(N, 6, nt)``."""
+    data, out = model.createData(), np.empty((len(q), 6, model.nv))
+    reference = pin.LOCAL if body else pin.LOCAL_WORLD_ALIGNED
+    for k in range(len(q)):
+        out[k] = pin.computeFrameJacobian(model, data, q[k], frame, reference).reshape(6, model.nv)
+    return out

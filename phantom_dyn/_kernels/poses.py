@@ -1,0 +1,147 @@
+"""Where the joints of a tree are and how they move at one sample, in the axes of the root, inside compiled loops.
+
+Numba does not see that a function which calls these must be compiled anew after a change here: delete the
+``__pycache__`` of this folder then.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from phantom_dyn._kernels.jit import inlined
+from phantom_dyn._kernels.vectors import cross, turned
+
+Array = np.ndarray
+
+
+@inlined
+def turn_by_quaternion(R: Array, j: int, q: Array, i: int, k: int) -> None:
+    """Multiply ``R[j]`` from the right by the rotation of the quaternion ``q[i, k:k + 4]`` (x, y, z, w)."""
+    x, y, z, w = q[i, k], q[i, k + 1], q[i, k + 2], q[i, k + 3]
+    for r in range(3):
+        a, b, c = R[j, r, 0], R[j, r, 1], R[j, r, 2]
+        R[j, r, 0] = a * (1 - 2 * (y * y + z * z)) + b * 2 * (x * y + w * z) + c * 2 * (x * z - w * y)
+        R[j, r, 1] = a * 2 * (x * y - w * z) + b * (1 - 2 * (x * x + z * z)) + c * 2 * (y * z + w * x)
+        R[j, r, 2] = a * 2 * (x * z + w * y) + b * 2 * (y * z - w * x) + c * (1 - 2 * (x * x + y * y))
+
+
+@inlined
+def place(
+    parents: Array,
+    kinds: Array,
+    first_q: Array,
+    first_v: Array,
+    rotations: Array,
+    translations: Array,
+    axes: Array,
+    q: Array,
+    i: int,
+    R: Array,
+    o: Array,
+    lin: Array,
+    ang: Array,
+) -> None:
+    """Poses of all joints at one configuration.
+
+    Args:
+        parents: These seven are `TreeArrays.kinematics`.
+        kinds: See there, as the next five.
+        first_q: .
+        first_v: .
+        rotations: .
+        translations: .
+        axes: .
+        q: Pinocchio's configurations, ``(N, nq)``.
+        i: Which of them.
+        R: Receives rotations, ``(n, 3, 3)``; the root's must be there.
+        o: Receives origins [m], ``(n, 3)``; the root's must be there.
+        lin: Receives the velocity of each joint's origin per unit of each of its velocities, ``(nv, 3)``.
+        ang: Receives the same for the angular velocity, ``(nv, 3)``.
+    """
+    for j in range(1, len(parents)):
+        p, kind, k, d = parents[j], kinds[j], first_q[j], first_v[j]
+        x, y, z = translations[j, 0], translations[j, 1], translations[j, 2]
+        c = s = 0.0
+        if kind == 1:  # revolute
+            c, s = np.cos(q[i, k]), np.sin(q[i, k])
+        elif kind == 2:  # continuous
+            c, s = q[i, k], q[i, k + 1]
+        elif kind == 3:  # prismatic
+            mx, my, mz = turned(rotations, 3 * j, axes[j, 0], axes[j, 1], axes[j, 2])
+            x, y, z = x + q[i, k] * mx, y + q[i, k] * my, z + q[i, k] * mz
+        else:
+            mx, my, mz = turned(rotations, 3 * j, q[i, k], q[i, k + 1], q[i, k + 2])
+            x, y, z = x + mx, y + my, z + mz
+        x, y, z = turned(R, p, x, y, z)
+        o[j, 0], o[j, 1], o[j, 2] = o[p, 0] + x, o[p, 1] + y, o[p, 2] + z
+        for m in range(3):
+            x = rotations[3 * j, 0, m] + c * rotations[3 * j + 1, 0, m] + s * rotations[3 * j + 2, 0, m]
+            y = rotations[3 * j, 1, m] + c * rotations[3 * j + 1, 1, m] + s * rotations[3 * j + 2, 1, m]
+            z = rotations[3 * j, 2, m] + c * rotations[3 * j + 1, 2, m] + s * rotations[3 * j + 2, 2, m]
+            R[j, 0, m], R[j, 1, m], R[j, 2, m] = turned(R, p, x, y, z)
+        if kind == 4:
+            turn_by_quaternion(R, j, q, i, k + 3)
+        if kind == 3:
+            lin[d, 0], lin[d, 1], lin[d, 2] = turned(R, j, axes[j, 0], axes[j, 1], axes[j, 2])
+            ang[d, 0] = ang[d, 1] = ang[d, 2] = 0.0
+        elif kind < 3:
+            ang[d, 0], ang[d, 1], ang[d, 2] = turned(R, j, axes[j, 0], axes[j, 1], axes[j, 2])
+            lin[d, 0] = lin[d, 1] = lin[d, 2] = 0.0
+        else:
+            for column in range(3):
+                for row in range(3):
+                    lin[d + column, row] = ang[d + 3 + column, row] = R[j, row, column]
+                    lin[d + 3 + column, row] = ang[d + column, row] = 0.0
+
+
+@inlined
+def move(
+    parents: Array,
+    first_v: Array,
+    o: Array,
+    lin: Array,
+    ang: Array,
+    v: Array,
+    a: Array,
+    i: int,
+    w: Array,
+    dw: Array,
+    acc: Array,
+) -> None:
+    """Motion of all joint frames at one sample.
+
+    Args:
+        parents: As in `TreeArrays`.
+        first_v: As in `TreeArrays`.
+        o: This and the next two as `place` writes them.
+        lin: .
+        ang: .
+        v: Velocities, ``(N, nv)``.
+        a: Accelerations, ``(N, nv)``.
+        i: Which sample.
+        w: Receives angular velocities [rad/s], ``(n, 3)``; the root's must be there, as in the next two.
+        dw: Receives their derivatives, ``(n, 3)``.
+        acc: Receives the accelerations of the origins [m/s2], ``(n, 3)``; with that of the root set to minus gravity
+            all bodies feel their weight.
+    """
+    for j in range(1, len(parents)):
+        p = parents[j]
+        vx = vy = vz = wx = wy = wz = ax = ay = az = bx = by = bz = 0.0
+        for d in range(first_v[j], first_v[j + 1]):
+            vx, vy, vz = vx + lin[d, 0] * v[i, d], vy + lin[d, 1] * v[i, d], vz + lin[d, 2] * v[i, d]
+            wx, wy, wz = wx + ang[d, 0] * v[i, d], wy + ang[d, 1] * v[i, d], wz + ang[d, 2] * v[i, d]
+            ax, ay, az = ax + lin[d, 0] * a[i, d], ay + lin[d, 1] * a[i, d], az + lin[d, 2] * a[i, d]
+            bx, by, bz = bx + ang[d, 0] * a[i, d], by + ang[d, 1] * a[i, d], bz + ang[d, 2] * a[i, d]
+        rx, ry, rz = o[j, 0] - o[p, 0], o[j, 1] - o[p, 1], o[j, 2] - o[p, 2]
+        px, py, pz = w[p, 0], w[p, 1], w[p, 2]
+        # A velocity of a floating base is given in its own turning axes.
+        sx, sy, sz = cross(wx, wy, wz, vx, vy, vz)
+        cx, cy, cz = cross(px, py, pz, rx, ry, rz)
+        cx, cy, cz = cross(px, py, pz, cx + 2 * vx, cy + 2 * vy, cz + 2 * vz)
+        tx, ty, tz = cross(dw[p, 0], dw[p, 1], dw[p, 2], rx, ry, rz)
+        acc[j, 0] = acc[p, 0] + ax + sx + cx + tx
+        acc[j, 1] = acc[p, 1] + ay + sy + cy + ty
+        acc[j, 2] = acc[p, 2] + az + sz + cz + tz
+        gx, gy, gz = cross(px, py, pz, wx, wy, wz)
+        dw[j, 0], dw[j, 1], dw[j, 2] = dw[p, 0] + bx + gx, dw[p, 1] + by + gy, dw[p, 2] + bz + gz
+        w[j, 0], w[j, 1], w[j, 2] = px + wx, py + wy, pz + wz

@@ -1,0 +1,192 @@
+# pyright: reportAttributeAccessIssue=false
+"""Rigid-body quantities of a Pinocchio model for N samples: compiled loops where there are such, else plain ones.
+
+``arrays`` are `tree_arrays` of the model, or None for a model that has joints the compiled loops do not know. Gravity
+and armature are read from the model at every call. ``q`` are Pinocchio's configurations, ``(N, nq)``; ``v`` and ``a``
+have shape ``(N, nt)``.
+"""
+
+from __future__ import annotations
+
+import logging
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+import pinocchio as pin
+
+from phantom_dyn._kernels import jit, plain
+from phantom_dyn._kernels.regressor_loop import regressor_loop
+from phantom_dyn._kernels.rigid_body_loops import frame_loop, mass_loop, torque_loop
+from phantom_dyn._kernels.tree_arrays import TreeArrays
+from phantom_dyn.errors import LogError, ParameterError
+
+Array = np.ndarray
+
+
+def regressor(
+    model: pin.Model,
+    arrays: TreeArrays | None,
+    q: Array,
+    v: Array,
+    a: Array,
+    *,
+    slope: Array | None = None,
+    columns: tuple[int, ...] | None = None,
+    out: Array | None = None,
+) -> Array:
+    """Rigid-body torque regressor.
+
+    Args:
+        model: Gives gravity.
+        arrays: See above.
+        q: See above.
+        v: See above.
+        a: See above.
+        slope: ``G`` of a closed chain, ``(N, nt, nv)``: the rows become those of its active joints.
+        columns: Which columns to make, ascending; by default all ten of each joint.
+        out: Receives them in its first columns, C-contiguous, ``(N, nv, c)`` with ``c`` at least their number. It must
+            be zero, or hold what the same call with other samples wrote.
+
+    Returns:
+        Shape ``(N, nv, number of columns)``, or ``out``.
+
+    Raises:
+        LogError: If the motion has another shape than the robot; so of all functions here.
+        ParameterError: If a column does not exist, they do not ascend, or ``slope`` or ``out`` does not fit.
+    """
+    _require_motion(model, q, v, a)
+    if slope is not None and slope.shape[:2] != v.shape:
+        raise ParameterError(f"slope has shape {slope.shape}: give {v.shape[1]} rows for each of {len(v)} samples.")
+    p = 10 * (model.njoints - 1)
+    wanted = np.arange(p) if columns is None else np.asarray(columns).reshape(-1)
+    whole = len(wanted) == 0 or np.issubdtype(wanted.dtype, np.integer)
+    chosen = wanted.astype(np.int64)
+    if not whole or (len(chosen) and (chosen[0] < 0 or chosen[-1] >= p or (np.diff(chosen) <= 0).any())):
+        raise ParameterError(f"columns is {columns}: give ascending column numbers from 0 to {p - 1}.")
+    rows = v.shape[1] if slope is None else slope.shape[2]
+    if out is None:
+        # Pages of zeros come from the system: what is always zero is never written.
+        out = np.zeros((len(q), rows, len(chosen)))
+    else:
+        _require_room(out, (len(q), rows, len(chosen)))
+    if arrays is None or not jit.compiles():
+        tree = plain.regressor(model, q, v, a)[:, :, chosen]
+        out[:, :, : len(chosen)] = tree if slope is None else np.swapaxes(slope, 1, 2) @ tree
+        return out
+    places = np.full(p, -1)
+    places[chosen] = np.arange(len(chosen))
+    G = np.empty((0, *v.shape[1:], rows)) if slope is None else slope
+    G = G[:1] if len(G) and G.strides[0] == 0 else G
+    samples = ready(q), ready(v), ready(a), ready(G)
+    announce(regressor_loop)
+    regressor_loop(*arrays.kinematics, _gravity(model), *samples, ready(places.reshape(-1, 10), np.int64), out)
+    return out
+
+
+def _require_motion(model: pin.Model, q: Array, *rates: Array) -> None:
+    """A compiled loop would read beyond the end of what is too short."""
+    if q.ndim != 2 or q.shape[1] != model.nq or any(rate.shape != (len(q), model.nv) for rate in rates):
+        given = ", ".join(str(x.shape) for x in (q, *rates))
+        raise LogError(
+            f"Samples of shape {given} do not fit a robot of {model.nq} configuration entries and {model.nv} "
+            f"velocities: give one row per sample and one column for each."
+        )
+
+
+def _require_room(out: Array, wanted: tuple[int, int, int]) -> None:
+    fits = out.ndim == 3 and out.shape[:2] == wanted[:2] and out.shape[2] >= wanted[2]
+    if not (fits and out.dtype == np.float64 and out.flags.c_contiguous and out.flags.writeable):
+        raise ParameterError(
+            f"out has shape {out.shape} and type {out.dtype}: give a C-contiguous array of floats that can be written, "
+            f"of shape {wanted} or with more columns."
+        )
+
+
+def torque(model: pin.Model, arrays: TreeArrays | None, q: Array, v: Array, a: Array) -> Array:
+    """Torque with armature, as `pin.rnea`, shape ``(N, nt)`` [N m or N]."""
+    _require_motion(model, q, v, a)
+    if arrays is None or not jit.compiles():
+        return plain.torque(model, q, v, a)
+    return _torque(arrays, _gravity(model), q, v, a) + model.armature * a
+
+
+def weight(model: pin.Model, arrays: TreeArrays | None, q: Array, gravity: Array | None = None) -> Array:
+    """Torque that holds all bodies against gravity [m/s2 in the root frame], by default the model's, ``(N, nt)``."""
+    _require_motion(model, q)
+    pull = model.gravity.linear if gravity is None else np.asarray(gravity, dtype=float)
+    if pull.shape != (3,):
+        raise ParameterError(f"gravity has shape {pull.shape}: give three components [m/s^2].")
+    if arrays is None or not jit.compiles():
+        return plain.weight(model, q, pull)
+    rest = np.zeros((len(q), model.nv))
+    return _torque(arrays, ready(pull), q, rest, rest)
+
+
+def _torque(arrays: TreeArrays, gravity: Array, q: Array, v: Array, a: Array) -> Array:
+    out = np.empty(v.shape)
+    announce(torque_loop)
+    torque_loop(*arrays.kinematics, arrays.inertias, gravity, ready(q), ready(v), ready(a), out)
+    return out
+
+
+def mass(model: pin.Model, arrays: TreeArrays | None, q: Array) -> Array:
+    """Mass matrix with armature, as `pin.crba` with both triangles, shape ``(N, nt, nt)``."""
+    _require_motion(model, q)
+    if arrays is None or not jit.compiles():
+        return plain.mass(model, q)
+    out = np.zeros((len(q), model.nv, model.nv))
+    announce(mass_loop)
+    mass_loop(*arrays.kinematics, arrays.inertias, ready(q), out)
+    diagonal = np.arange(model.nv)
+    out[:, diagonal, diagonal] += model.armature
+    return out
+
+
+def frame_pose(model: pin.Model, arrays: TreeArrays | None, q: Array, frame: int) -> tuple[Array, Array]:
+    """Orientation ``(N, 3, 3)`` and position ``(N, 3)`` [m] of a frame, by its index, in the root frame."""
+    _require_motion(model, q)
+    if arrays is None or not jit.compiles():
+        return plain.frame_pose(model, q, frame)
+    return _frame(model, arrays, q, frame, body=False, jacobian=False)[:2]
+
+
+def frame_jacobian(model: pin.Model, arrays: TreeArrays | None, q: Array, frame: int, *, body: bool) -> Array:
+    """Jacobian of a frame in its own axes (``body``) or in those of the root, rows v, then w, ``(N, 6, nt)``."""
+    _require_motion(model, q)
+    if arrays is None or not jit.compiles():
+        return plain.frame_jacobian(model, q, frame, body)
+    return _frame(model, arrays, q, frame, body=body, jacobian=True)[2]
+
+
+def _frame(
+    model: pin.Model, arrays: TreeArrays, q: Array, frame: int, *, body: bool, jacobian: bool
+) -> tuple[Array, Array, Array]:
+    placed = model.frames[frame].placement
+    joint = model.frames[frame].parentJoint
+    out = np.empty((len(q), 3, 3)), np.empty((len(q), 3)), np.zeros((len(q) if jacobian else 0, 6, model.nv))
+    at = ready(placed.rotation), ready(placed.translation)
+    announce(frame_loop)
+    frame_loop(*arrays.kinematics, ready(q), joint, *at, body, *out)
+    return out
+
+
+def _gravity(model: pin.Model) -> Array:
+    return ready(model.gravity.linear)
+
+
+def ready(array: Array, kind: type = np.float64) -> Array:
+    """Contiguous, of one type and not to be written: a loop is compiled once more for every other kind of array."""
+    if array.dtype == kind and array.flags.c_contiguous and not array.flags.writeable:
+        return array
+    view = np.ascontiguousarray(array, dtype=kind).view()
+    view.flags.writeable = False
+    return view
+
+
+def announce(loop: Callable[..., Any]) -> None:
+    """Say what the first use in a process waits for."""
+    if not getattr(loop, "signatures", True):
+        logging.getLogger("phantom_dyn").info(
+            "Preparing compiled loops over samples: some seconds at the first use, read from disk later."
+        )

@@ -1,0 +1,232 @@
+"""Compiled loops over samples: inverse dynamics, mass matrix, pose and Jacobian of a frame."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from phantom_dyn._kernels.jit import fused, inlined
+from phantom_dyn._kernels.poses import move, place
+from phantom_dyn._kernels.vectors import cross, dot, turned, turned_back
+
+Array = np.ndarray
+
+
+@fused
+def torque_loop(
+    parents: Array,
+    kinds: Array,
+    first_q: Array,
+    first_v: Array,
+    rotations: Array,
+    translations: Array,
+    axes: Array,
+    inertias: Array,
+    gravity: Array,
+    q: Array,
+    v: Array,
+    a: Array,
+    out: Array,
+) -> None:
+    """Torque that the links need, without armature.
+
+    Args:
+        parents: These seven are `TreeArrays.kinematics`.
+        kinds: See there, as the next five.
+        first_q: .
+        first_v: .
+        rotations: .
+        translations: .
+        axes: .
+        inertias: See there.
+        gravity: In the root frame [m/s2], ``(3,)``.
+        q: Pinocchio's configurations, ``(N, nq)``.
+        v: Velocities, ``(N, nv)``.
+        a: Accelerations, ``(N, nv)``.
+        out: Receives the torque [N m or N], ``(N, nv)``.
+    """
+    n, nt = len(parents), first_v[len(parents)]
+    R, o, w, dw, acc = np.zeros((n, 3, 3)), np.zeros((n, 3)), np.zeros((n, 3)), np.zeros((n, 3)), np.zeros((n, 3))
+    lin, ang, f, m = np.empty((nt, 3)), np.empty((nt, 3)), np.empty((n, 3)), np.empty((n, 3))
+    for axis in range(3):
+        R[0, axis, axis], acc[0, axis] = 1.0, -gravity[axis]
+    for k in range(len(q)):
+        place(parents, kinds, first_q, first_v, rotations, translations, axes, q, k, R, o, lin, ang)
+        move(parents, first_v, o, lin, ang, v, a, k, w, dw, acc)
+        for i in range(1, n):
+            mass = inertias[i, 0]
+            hx, hy, hz = turned(R, i, inertias[i, 1], inertias[i, 2], inertias[i, 3])
+            wx, wy, wz = cross(w[i, 0], w[i, 1], w[i, 2], hx, hy, hz)
+            wx, wy, wz = cross(w[i, 0], w[i, 1], w[i, 2], wx, wy, wz)
+            ax, ay, az = cross(dw[i, 0], dw[i, 1], dw[i, 2], hx, hy, hz)
+            f[i, 0] = mass * acc[i, 0] + ax + wx
+            f[i, 1] = mass * acc[i, 1] + ay + wy
+            f[i, 2] = mass * acc[i, 2] + az + wz
+            ax, ay, az = cross(hx, hy, hz, acc[i, 0], acc[i, 1], acc[i, 2])
+            wx, wy, wz = turned_back(R, i, w[i, 0], w[i, 1], w[i, 2])
+            bx, by, bz = turned_back(R, i, dw[i, 0], dw[i, 1], dw[i, 2])
+            x, y, z = times_inertia(inertias, i, wx, wy, wz)
+            x, y, z = cross(wx, wy, wz, x, y, z)
+            bx, by, bz = times_inertia(inertias, i, bx, by, bz)
+            x, y, z = turned(R, i, x + bx, y + by, z + bz)
+            m[i, 0], m[i, 1], m[i, 2] = ax + x, ay + y, az + z
+        for i in range(n - 1, 0, -1):
+            for d in range(first_v[i], first_v[i + 1]):
+                out[k, d] = dot(lin[d, 0], lin[d, 1], lin[d, 2], f[i, 0], f[i, 1], f[i, 2]) + dot(
+                    ang[d, 0], ang[d, 1], ang[d, 2], m[i, 0], m[i, 1], m[i, 2]
+                )
+            p = parents[i]
+            if p > 0:
+                rx, ry, rz = o[i, 0] - o[p, 0], o[i, 1] - o[p, 1], o[i, 2] - o[p, 2]
+                x, y, z = cross(rx, ry, rz, f[i, 0], f[i, 1], f[i, 2])
+                m[p, 0], m[p, 1], m[p, 2] = m[p, 0] + m[i, 0] + x, m[p, 1] + m[i, 1] + y, m[p, 2] + m[i, 2] + z
+                f[p, 0], f[p, 1], f[p, 2] = f[p, 0] + f[i, 0], f[p, 1] + f[i, 1], f[p, 2] + f[i, 2]
+
+
+@inlined
+def times_inertia(inertias: Array, i: int, x: float, y: float, z: float) -> tuple[float, float, float]:
+    """Inertia about the joint's origin times a vector, both in the axes of body ``i``."""
+    xx, xy, yy = inertias[i, 4], inertias[i, 5], inertias[i, 6]
+    xz, yz, zz = inertias[i, 7], inertias[i, 8], inertias[i, 9]
+    return xx * x + xy * y + xz * z, xy * x + yy * y + yz * z, xz * x + yz * y + zz * z
+
+
+@fused
+def mass_loop(
+    parents: Array,
+    kinds: Array,
+    first_q: Array,
+    first_v: Array,
+    rotations: Array,
+    translations: Array,
+    axes: Array,
+    inertias: Array,
+    q: Array,
+    out: Array,
+) -> None:
+    """Mass matrices without armature; arguments as of `torque_loop`, ``out`` of shape ``(N, nv, nv)`` and zero."""
+    n, nt = len(parents), first_v[len(parents)]
+    R, o, lin, ang = np.zeros((n, 3, 3)), np.zeros((n, 3)), np.empty((nt, 3)), np.empty((nt, 3))
+    # Mass, first moment and inertia xx, xy, yy, xz, yz, zz of all that a joint carries, about its origin.
+    whole = np.empty((n, 10))
+    for axis in range(3):
+        R[0, axis, axis] = 1.0
+    for k in range(len(q)):
+        place(parents, kinds, first_q, first_v, rotations, translations, axes, q, k, R, o, lin, ang)
+        for i in range(1, n):
+            carry(inertias, i, R, whole)
+        for i in range(n - 1, 0, -1):
+            for d in range(first_v[i], first_v[i + 1]):
+                lx, ly, lz, sx, sy, sz = lin[d, 0], lin[d, 1], lin[d, 2], ang[d, 0], ang[d, 1], ang[d, 2]
+                mass, hx, hy, hz = whole[i, 0], whole[i, 1], whole[i, 2], whole[i, 3]
+                fx, fy, fz = cross(sx, sy, sz, hx, hy, hz)
+                fx, fy, fz = fx + mass * lx, fy + mass * ly, fz + mass * lz
+                mx, my, mz = cross(hx, hy, hz, lx, ly, lz)
+                x, y, z = times_inertia(whole, i, sx, sy, sz)
+                mx, my, mz = mx + x, my + y, mz + z
+                j = i
+                while j > 0:
+                    for e in range(first_v[j], min(first_v[j + 1], d + 1)):
+                        value = dot(lin[e, 0], lin[e, 1], lin[e, 2], fx, fy, fz) + dot(
+                            ang[e, 0], ang[e, 1], ang[e, 2], mx, my, mz
+                        )
+                        out[k, d, e] = out[k, e, d] = value
+                    p = parents[j]
+                    x, y, z = cross(o[j, 0] - o[p, 0], o[j, 1] - o[p, 1], o[j, 2] - o[p, 2], fx, fy, fz)
+                    mx, my, mz = mx + x, my + y, mz + z
+                    j = p
+            p = parents[i]
+            if p > 0:
+                hand_over(whole, i, p, o[i, 0] - o[p, 0], o[i, 1] - o[p, 1], o[i, 2] - o[p, 2])
+
+
+@inlined
+def carry(inertias: Array, i: int, R: Array, whole: Array) -> None:
+    """Write the ten parameters of body ``i`` in the axes of the root, still about its joint's origin."""
+    whole[i, 0] = inertias[i, 0]
+    whole[i, 1], whole[i, 2], whole[i, 3] = turned(R, i, inertias[i, 1], inertias[i, 2], inertias[i, 3])
+    # Rows of R I, then R I R^T.
+    ax, ay, az = times_inertia(inertias, i, R[i, 0, 0], R[i, 0, 1], R[i, 0, 2])
+    bx, by, bz = times_inertia(inertias, i, R[i, 1, 0], R[i, 1, 1], R[i, 1, 2])
+    cx, cy, cz = times_inertia(inertias, i, R[i, 2, 0], R[i, 2, 1], R[i, 2, 2])
+    whole[i, 4], whole[i, 5], whole[i, 7] = turned(R, i, ax, ay, az)
+    _, whole[i, 6], whole[i, 8] = turned(R, i, bx, by, bz)
+    _, _, whole[i, 9] = turned(R, i, cx, cy, cz)
+
+
+@inlined
+def hand_over(whole: Array, i: int, p: int, x: float, y: float, z: float) -> None:
+    """Add what joint ``i`` carries to what joint ``p`` carries, whose origin lies ``-(x, y, z)`` away."""
+    m, hx, hy, hz = whole[i, 0], whole[i, 1], whole[i, 2], whole[i, 3]
+    whole[p, 0] += m
+    whole[p, 1] += hx + m * x
+    whole[p, 2] += hy + m * y
+    whole[p, 3] += hz + m * z
+    whole[p, 4] += whole[i, 4] + 2 * (y * hy + z * hz) + m * (y * y + z * z)
+    whole[p, 5] += whole[i, 5] - (x * hy + y * hx) - m * x * y
+    whole[p, 6] += whole[i, 6] + 2 * (x * hx + z * hz) + m * (x * x + z * z)
+    whole[p, 7] += whole[i, 7] - (x * hz + z * hx) - m * x * z
+    whole[p, 8] += whole[i, 8] - (y * hz + z * hy) - m * y * z
+    whole[p, 9] += whole[i, 9] + 2 * (x * hx + y * hy) + m * (x * x + y * y)
+
+
+@fused
+def frame_loop(
+    parents: Array,
+    kinds: Array,
+    first_q: Array,
+    first_v: Array,
+    rotations: Array,
+    translations: Array,
+    axes: Array,
+    q: Array,
+    joint: int,
+    turn: Array,
+    offset: Array,
+    body: bool,
+    rotation: Array,
+    position: Array,
+    jacobian: Array,
+) -> None:
+    """Pose and Jacobian of a frame.
+
+    Args:
+        parents: These eight as of `torque_loop`.
+        kinds: .
+        first_q: .
+        first_v: .
+        rotations: .
+        translations: .
+        axes: .
+        q: .
+        joint: That carries the frame.
+        turn: Rotation of the frame in that joint, ``(3, 3)``.
+        offset: Its origin there [m], ``(3,)``.
+        body: True for a Jacobian in the frame's own axes, else in those of the root.
+        rotation: Receives the rotations, ``(N, 3, 3)``.
+        position: Receives the positions [m], ``(N, 3)``.
+        jacobian: Receives the Jacobians, rows v, then w, ``(N, 6, nv)`` and zero; of length 0 if not wanted.
+    """
+    n, nt = len(parents), first_v[len(parents)]
+    R, o, lin, ang = np.zeros((n, 3, 3)), np.zeros((n, 3)), np.empty((nt, 3)), np.empty((nt, 3))
+    for axis in range(3):
+        R[0, axis, axis] = 1.0
+    for k in range(len(q)):
+        place(parents, kinds, first_q, first_v, rotations, translations, axes, q, k, R, o, lin, ang)
+        x, y, z = turned(R, joint, offset[0], offset[1], offset[2])
+        px, py, pz = x + o[joint, 0], y + o[joint, 1], z + o[joint, 2]
+        position[k, 0], position[k, 1], position[k, 2] = px, py, pz
+        for c in range(3):
+            x, y, z = turned(R, joint, turn[0, c], turn[1, c], turn[2, c])
+            rotation[k, 0, c], rotation[k, 1, c], rotation[k, 2, c] = x, y, z
+        j = joint if len(jacobian) else 0
+        while j > 0:
+            for d in range(first_v[j], first_v[j + 1]):
+                sx, sy, sz = ang[d, 0], ang[d, 1], ang[d, 2]
+                x, y, z = cross(sx, sy, sz, px - o[j, 0], py - o[j, 1], pz - o[j, 2])
+                lx, ly, lz = x + lin[d, 0], y + lin[d, 1], z + lin[d, 2]
+                if body:
+                    lx, ly, lz = turned_back(rotation, k, lx, ly, lz)
+                    sx, sy, sz = turned_back(rotation, k, sx, sy, sz)
+                jacobian[k, 0, d], jacobian[k, 1, d], jacobian[k, 2, d] = lx, ly, lz
+                jacobian[k, 3, d], jacobian[k, 4, d], jacobian[k, 5, d] = sx, sy, sz
+            j = parents[j]

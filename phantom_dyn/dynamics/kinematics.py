@@ -1,0 +1,114 @@
+# pyright: reportAttributeAccessIssue=false
+"""Pose, Jacobian and acceleration of a frame over whole trajectories of a Pinocchio model; closed chains included."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import Literal
+
+import numpy as np
+import pinocchio as pin
+from jaxtyping import Float
+
+from phantom_dyn._kernels import rigid_body
+from phantom_dyn.dynamics.tree_motion import TreeMotion, tree_motion
+from phantom_dyn.errors import RobotError, known_names
+from phantom_dyn.model.robot import Robot
+from phantom_dyn.motion import Motion
+
+Array = np.ndarray
+
+
+def frame_index(robot: Robot, frame: str) -> int:
+    """Place of a frame in the robot's model.
+
+    Raises:
+        RobotError: If there is none of that name.
+    """
+    if not robot.model.existFrame(frame):
+        names = dict.fromkeys(f.name for f in robot.model.frames)
+        raise RobotError(f"{robot.name} has no frame {frame!r}: {known_names(frame, names, 'frames')}")
+    return robot.model.getFrameId(frame)
+
+
+def _at_rest(robot: Robot, q: Array) -> TreeMotion:
+    rest = np.zeros_like(q)
+    return tree_motion(robot, Motion(np.arange(float(len(q))), q, rest, rest))
+
+
+def frame_pose(robot: Robot, q: Float[Array, "N nv"], frame: str) -> tuple[Float[Array, "N 3 3"], Float[Array, "N 3"]]:
+    """Orientation and position [m] of a frame in the root frame.
+
+    Args:
+        robot: A plain robot or a closed chain.
+        q: Joint positions [rad or m], shape ``(N, nv)``.
+        frame: Its name.
+
+    Raises:
+        RobotError: If the robot has no such frame.
+        ChainError: If a loop of a closed chain cannot be closed at a sample.
+    """
+    index = frame_index(robot, frame)
+    return rigid_body.frame_pose(robot.model, robot.arrays, _at_rest(robot, q).configuration, index)
+
+
+def frame_jacobian(
+    robot: Robot, q: Float[Array, "N nv"], frame: str, axes: Literal["body", "hybrid"]
+) -> Float[Array, "N 6 nv"]:
+    """Jacobian to the twist of a frame's origin: rows v, then w.
+
+    Args:
+        robot: A plain robot or a closed chain; of the latter the columns are those of its active joints.
+        q: Joint positions [rad or m], shape ``(N, nv)``.
+        frame: Its name.
+        axes: ``body`` for the frame's own axes, ``hybrid`` for those of the root frame.
+
+    Raises:
+        RobotError: If the robot has no such frame.
+        ChainError: If a loop of a closed chain cannot be closed at a sample.
+    """
+    index, tree = frame_index(robot, frame), _at_rest(robot, q)
+    J = rigid_body.frame_jacobian(robot.model, robot.arrays, tree.configuration, index, body=axes == "body")
+    return J if robot.chain is None else J @ tree.G
+
+
+def wrench_torque(
+    robot: Robot, q: Float[Array, "N nv"], wrench: Float[Array, "N 6"], frame: str
+) -> Float[Array, "N nv"]:
+    """Drive torque with which a frame exerts a wrench, at rest and without weight.
+
+    Args:
+        robot: A plain robot or a closed chain.
+        q: Joint positions [rad or m], shape ``(N, nv)``.
+        wrench: Force [N], then moment about the frame's origin [N m], in the root frame's axes, shape ``(N, 6)``.
+        frame: Its name.
+
+    Returns:
+        ``J^T F`` [N m or N], shape ``(N, nv)``.
+
+    Raises:
+        RobotError: If the robot has no such frame.
+        ChainError: If a loop of a closed chain cannot be closed at a sample.
+    """
+    return np.einsum("nij,ni->nj", frame_jacobian(robot, q, frame, "hybrid"), wrench)
+
+
+def frame_drift(robot: Robot, motion: Motion, frame: str) -> Float[Array, "N 3"]:
+    r"""Acceleration :math:`\dot J v` [m/s2] of a frame's origin in the root frame while no active joint accelerates.
+
+    Args:
+        robot: A plain robot or a closed chain.
+        motion: N samples; its accelerations do not count.
+        frame: Its name.
+
+    Raises:
+        RobotError: If the robot has no such frame.
+        ChainError: If a loop of a closed chain cannot be closed at a sample.
+    """
+    index, data = frame_index(robot, frame), robot.model.createData()
+    tree = tree_motion(robot, replace(motion, a=np.zeros_like(motion.v)))
+    out = np.empty((len(motion.q), 3))
+    for k, sample in enumerate(zip(tree.configuration, tree.v, tree.a, strict=True)):
+        pin.forwardKinematics(robot.model, data, *sample)
+        out[k] = pin.getFrameClassicalAcceleration(robot.model, data, index, pin.LOCAL_WORLD_ALIGNED).linear
+    return out

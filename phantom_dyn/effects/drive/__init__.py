@@ -1,0 +1,1 @@
+"""What a drive does to its command: one effect a file."""

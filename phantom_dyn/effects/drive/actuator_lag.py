@@ -1,0 +1,96 @@
+"""A drive that follows its command as a first-order low pass: ``T dtau/dt + tau = command``.
+
+The command has to lead: it is the needed torque plus ``T`` times its time derivative, which is exact. It is equal to a
+delay of ``T`` to first order: content at high frequency parts the two. A lag common to all joints has no joint.
+MJCF: actuator ``dyntype="filterexact"`` with ``dynprm``; URDF has no place for it.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from jaxtyping import Float
+
+from phantom_dyn._kernels.jit import jit
+from phantom_dyn.effects.effect import Effect, Law, Parameter, Shape, Signature, Simulated
+from phantom_dyn.effects.operation import Operation
+from phantom_dyn.effects.support.rows import drive_places, driven_rows, hidden_behind_drive, torque_on_rows
+from phantom_dyn.model.robot import Robot
+
+Array = np.ndarray
+
+
+class ActuatorLag(Effect):
+    """See the module."""
+
+    name = "actuator_lag"
+    scope = "either"
+    regime = "high_acceleration"
+    uses_acceleration = True
+    follows_torque = True
+    stays = False
+
+    def places(self, robot: Robot) -> tuple[str | None, ...]:
+        """All joints alike, or one."""
+        return drive_places(robot)
+
+    def parameters(self, robot: Robot, joint: str | None) -> tuple[Parameter, ...]:
+        """``time_constant`` of the low pass."""
+        return (Parameter("time_constant", "s", 0.0),)
+
+    def signature(self, robot: Robot, operation: Operation, joint: str | None, shape: Shape) -> Signature:
+        """Time derivative of the torque that the drive is asked for."""
+        rows = driven_rows(robot, joint)
+        return Signature(rows, _slope(operation, rows)[:, :, None], ("time_constant",), ("s",))
+
+    def coefficient_bounds(self, robot: Robot, joint: str | None, shape: Shape) -> tuple[tuple[float, float], ...]:
+        """No drive is early."""
+        return ((0.0, np.inf),)
+
+    def probe(self, robot: Robot, operation: Operation, joint: str | None) -> tuple[str, Array]:
+        """The parameter itself."""
+        return "time_constant", np.array([1.0])
+
+    def untestable(self, robot: Robot, operation: Operation, joint: str | None) -> str | None:
+        """A torque sensor sits behind the drive."""
+        return hidden_behind_drive(robot, "the lag of the drive")
+
+    def torque(self, robot: Robot, operation: Operation, joint: str | None, theta: Array) -> Array:
+        """Minus the lead that the command needs."""
+        rows = driven_rows(robot, joint)
+        return torque_on_rows(robot, rows, -theta[0] * _slope(operation, rows))
+
+    def simulated(self, robot: Robot, joint: str | None, theta: Array) -> Simulated:
+        """Mean of the low pass over the step, with the command held: exact for any time step.
+
+        The state is the torque that the drive gives now; it starts at the first command.
+        """
+        rows, time_constant = list(driven_rows(robot, joint)), float(theta[0])
+
+        def command(state: Array, dt: float, tau: Array) -> tuple[Array, Array]:
+            asked, out = tau[rows], tau.copy()
+            now = np.where(np.isnan(state), asked, state)
+            if time_constant <= 0:
+                return asked, out
+            steps = max(dt / time_constant, 1e-12)
+            out[rows] = asked - (now - asked) * np.expm1(-steps) / steps
+            return asked + (now - asked) * np.exp(-steps), out
+
+        laws = tuple(Law(lag_law, row, (time_constant,), (np.nan,)) for row in rows)
+        return Simulated(start=np.full(len(rows), np.nan), command=command, laws=laws)
+
+
+def _slope(operation: Operation, rows: tuple[int, ...]) -> Float[Array, "N m"]:
+    asked = operation.expected[:, list(rows)]
+    return np.gradient(asked, operation.t, axis=0) if len(asked) > 1 else np.zeros_like(asked)
+
+
+@jit
+def lag_law(now: float, asked: float, dt: float, time_constant: float) -> tuple[float, float]:
+    """Torque at the end of a step and its mean over the step; ``now`` is not a number at the first."""
+    if np.isnan(now):
+        now = asked
+    if time_constant <= 0.0:
+        return asked, asked
+    steps = max(dt / time_constant, 1e-12)
+    rest = np.expm1(-steps)
+    return asked + (now - asked) * (1.0 + rest), asked - (now - asked) * rest / steps

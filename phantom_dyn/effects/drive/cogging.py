@@ -1,0 +1,103 @@
+"""Torque that is periodic in the joint's position: ``sum of A sin(n q + p)``, in cycles ``n`` per joint revolution.
+
+It leaves the same torque at the same place in both directions and at any speed. Friction ripple flips with the
+direction, an eccentric encoder leaves torque that grows with the square of speed: several speeds part them, over at
+least one period. On a linear joint ``n`` is in radians per metre. What it is confused with below one period over the
+travelled range is gravity or a spring, so it is not looked for there.
+MJCF: a ``dcmotor`` with ``cogging`` for each wave, from MuJoCo 4.0; URDF has no place for it.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from jaxtyping import Float
+
+from phantom_dyn._kernels.jit import jit
+from phantom_dyn.effects.effect import Effect, Law, Moment, Parameter, Shape, Signature, Simulated
+from phantom_dyn.effects.operation import Operation
+from phantom_dyn.effects.support.cogging_orders import order_range, orders_in
+from phantom_dyn.effects.support.rows import row_of, torque_on_joint, torque_unit
+from phantom_dyn.model.robot import Robot
+
+Array = np.ndarray
+
+
+class Cogging(Effect):
+    """See the module."""
+
+    name = "cogging"
+    regime = "periodic_in_angle"
+
+    def parameters(self, robot: Robot, joint: str | None) -> tuple[Parameter, ...]:
+        """Lists of equal length; ``theta`` is all orders, then all amplitudes, then all phases."""
+        order = "rad/m" if robot.prismatic[row_of(robot, joint)] else "1"
+        return (
+            Parameter("order", order, 0.0),
+            Parameter("amplitude", torque_unit(robot, joint), 0.0),
+            Parameter("phase", "rad", -np.pi, np.pi),
+        )
+
+    def shapes(self, robot: Robot, operation: Operation, joint: str | None) -> tuple[Shape, ...]:
+        """Sets of one to so many orders as stand out in the residual torque over position."""
+        row = row_of(robot, joint)
+        return orders_in(operation, row, whole_numbers=not robot.prismatic[row])
+
+    def signature(self, robot: Robot, operation: Operation, joint: str | None, shape: Shape) -> Signature:
+        """Minus sine and cosine of every order: the drive cancels them."""
+        q, unit = operation.q[:, row_of(robot, joint)], torque_unit(robot, joint)
+        waves = np.stack([wave(n * q) for n in shape for wave in (np.sin, np.cos)], axis=-1)
+        names = tuple(f"{wave}_{k + 1}" for k in range(len(shape)) for wave in ("sine", "cosine"))
+        return Signature((row_of(robot, joint),), -waves[:, None, :], names, (unit,) * len(names))
+
+    def from_coefficients(self, robot: Robot, joint: str | None, coefficients: Array, shape: Shape) -> Array:
+        """Orders, amplitudes and phases."""
+        sine, cosine = coefficients[0::2], coefficients[1::2]
+        return np.concatenate([shape, np.hypot(sine, cosine), np.arctan2(cosine, sine)])
+
+    def probe(self, robot: Robot, operation: Operation, joint: str | None) -> tuple[str, Array]:
+        """Amplitude of the strongest order."""
+        return "amplitude", np.array([1.0, 0.0])
+
+    def untestable(self, robot: Robot, operation: Operation, joint: str | None) -> str | None:
+        """At least one period has to be travelled, slowly enough for the sampling rate."""
+        low, high = order_range(operation, row_of(robot, joint))
+        if low < high:
+            return None
+        return f"{joint} travels less than one period of any cogging that its sampling rate can show"
+
+    def torque(self, robot: Robot, operation: Operation, joint: str | None, theta: Array) -> Array:
+        """The law on the joint."""
+        return torque_on_joint(robot, joint, _law(operation.q[:, row_of(robot, joint)], theta))
+
+    def simulated(self, robot: Robot, joint: str | None, theta: Array) -> Simulated:
+        """The law at the true position."""
+        row = row_of(robot, joint)
+
+        def torque(state: Array, dt: float, moment: Moment) -> tuple[Array, Array]:
+            return state, torque_on_joint(robot, joint, _law(moment.q[row : row + 1], theta))[0]
+
+        waves = np.reshape(np.asarray(theta, dtype=float), (3, -1)).T
+        return Simulated(torque=torque, laws=tuple(Law(wave_law, row, tuple(map(float, wave))) for wave in waves))
+
+
+def _law(q: Float[Array, " N"], theta: Float[Array, " p"]) -> Float[Array, " N"]:
+    orders, amplitudes, phases = np.split(np.asarray(theta, dtype=float), 3)
+    return cogging_torque(q[:, None], orders, amplitudes, phases)
+
+
+def cogging_torque(q, orders, amplitudes, phases):
+    """The law at one position, or at many, shape ``(N, 1)``; kernels compile it for one.
+
+    Args:
+        q: Position [rad or m].
+        orders: Cycles per revolution (rad/m on a linear joint), shape ``(k,)``.
+        amplitudes: Torques [N m or N], shape ``(k,)``.
+        phases: Phases [rad], shape ``(k,)``.
+    """
+    return np.dot(np.sin(q * orders + phases), amplitudes)
+
+
+@jit
+def wave_law(q: float, order: float, amplitude: float, phase: float) -> float:
+    """One wave of the law."""
+    return amplitude * np.sin(order * q + phase)

@@ -1,0 +1,147 @@
+"""A drive that is late: ``true torque(t) = command(t - d)``, so that the command is ahead of the needed torque.
+
+The law is not linear in ``d``: the column is the change of torque per second of delay between zero and the shape, the
+last estimate of ``d``. It is equal to a first-order lag of the same time to first order, and looks like viscous
+friction of about ``kp d`` in a position loop: two controller gains or steps part them. A delay common to all joints
+has no joint. MJCF: actuator ``delay`` with ``nsample``; URDF has no place for it.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from jaxtyping import Float
+from scipy.interpolate import CubicHermiteSpline
+
+from phantom_dyn._kernels.jit import jit
+from phantom_dyn.effects.effect import Effect, Law, Parameter, Shape, Signature, Simulated
+from phantom_dyn.effects.operation import Operation
+from phantom_dyn.effects.support.rows import drive_places, driven_rows, hidden_behind_drive, secant, torque_on_rows
+from phantom_dyn.model.robot import Robot
+
+Array = np.ndarray
+
+# Delays to start from beside one sample, and the least of a secant [s]: differences over less would be rounding.
+_STARTS = (0.002, 0.005, 0.012)
+_LEAST = 1e-5
+
+
+class InputDelay(Effect):
+    """See the module."""
+
+    name = "input_delay"
+    scope = "either"
+    regime = "high_acceleration"
+    uses_acceleration = True
+    shape_is_estimate = True
+    follows_torque = True
+    stays = False
+
+    def places(self, robot: Robot) -> tuple[str | None, ...]:
+        """All joints alike, or one."""
+        return drive_places(robot)
+
+    def parameters(self, robot: Robot, joint: str | None) -> tuple[Parameter, ...]:
+        """``delay`` of the true torque."""
+        return (Parameter("delay", "s", 0.0),)
+
+    def shapes(self, robot: Robot, operation: Operation, joint: str | None) -> tuple[Shape, ...]:
+        """One sample, and some longer delays."""
+        first = max(operation.dt, _LEAST)
+        return ((first,), *((start,) for start in _STARTS if not np.isclose(start, first, rtol=0.2)))
+
+    def refined(self, coefficients: Array, shape: Shape) -> tuple[Shape, ...]:
+        """The last estimate."""
+        return secant(max(float(coefficients[0]), 0.0), _LEAST)
+
+    def signature(self, robot: Robot, operation: Operation, joint: str | None, shape: Shape) -> Signature:
+        """Torque that the drive will be asked for less the one that it is asked for now, per second."""
+        rows = driven_rows(robot, joint)
+        columns = _ahead(operation, rows, shape[0]) / shape[0]
+        return Signature(rows, columns[:, :, None], ("delay",), ("s",))
+
+    def coefficient_bounds(self, robot: Robot, joint: str | None, shape: Shape) -> tuple[tuple[float, float], ...]:
+        """No drive is early."""
+        return ((0.0, np.inf),)
+
+    def probe(self, robot: Robot, operation: Operation, joint: str | None) -> tuple[str, Array]:
+        """The parameter itself."""
+        return "delay", np.array([1.0])
+
+    def untestable(self, robot: Robot, operation: Operation, joint: str | None) -> str | None:
+        """A torque sensor sits behind the drive."""
+        return hidden_behind_drive(robot, "the delay of the drive")
+
+    def torque(self, robot: Robot, operation: Operation, joint: str | None, theta: Array) -> Array:
+        """Minus what the command is ahead of the needed torque."""
+        rows = driven_rows(robot, joint)
+        return torque_on_rows(robot, rows, -_ahead(operation, rows, float(theta[0])))
+
+    def simulated(self, robot: Robot, joint: str | None, theta: Array) -> Simulated:
+        """Mean over the step of the command held from step to step and shifted: exact for any time step.
+
+        The state is the history as far as it is needed, one row for each step: its length and the commands during it,
+        flattened. It grows and shrinks; before the first command, that one is assumed.
+        """
+        rows, delay = list(driven_rows(robot, joint)), float(theta[0])
+
+        def command(state: Array, dt: float, tau: Array) -> tuple[Array, Array]:
+            history = state.reshape(-1, 1 + len(rows))
+            dt = max(dt, 1e-12)
+            history = np.vstack([history, [dt, *tau[rows]]])
+            ends = np.cumsum(history[:, 0]) - history[:, 0].sum()  # time before the end of this step
+            out = tau.copy()
+            out[rows] = _mean_held(history, ends, -delay - dt, -delay)
+            # The next mean begins a delay ago: what ended by then is not needed any more.
+            return history[ends > -delay].ravel(), out
+
+        return Simulated(command=command, laws=tuple(Law(delay_law, row, (delay,)) for row in rows))
+
+
+def _ahead(operation: Operation, rows: tuple[int, ...], delay: float) -> Float[Array, "N m"]:
+    """Expected torque ``delay`` later less the one now; behind the end the last one is held."""
+    asked = operation.expected[:, list(rows)]
+    if len(asked) < 2:
+        return np.zeros_like(asked)
+    # Cubic with slopes from the neighbours only: a spline over all samples rings at every reversal of friction.
+    curve = CubicHermiteSpline(operation.t, asked, np.gradient(asked, operation.t, axis=0))
+    return curve(np.minimum(operation.t + delay, operation.t[-1])) - asked
+
+
+def _mean_held(history: Float[Array, "n k"], ends: Float[Array, " n"], start: float, stop: float) -> Float[Array, " m"]:
+    """Mean of the held commands between two times; before the first step its command holds."""
+    begin = np.maximum(ends - history[:, 0], start)
+    begin[0] = start
+    lengths = np.clip(np.minimum(ends, stop) - begin, 0.0, None)
+    return lengths @ history[:, 1:] / lengths.sum()
+
+
+@jit
+def delay_law(
+    line: Float[Array, "n 2"], first: int, last: int, delay: float, dt: float, tau: float
+) -> tuple[int, int, float]:
+    """The delay line one step later: its first and last place, and the mean command that leaves it.
+
+    It holds ``delay`` seconds of commands: what goes in at one end pushes as much out at the other.
+
+    Args:
+        line: Lengths [s] and commands of the steps on their way, a ring; has to hold all steps of one delay and two.
+        first: Place of the oldest.
+        last: Place of the newest, -1 at the first step.
+        delay: Of the line [s].
+        dt: Length of this step [s].
+        tau: Command during it.
+    """
+    if last < 0:
+        first = last = 0
+        line[0, 0], line[0, 1] = delay, tau
+    last = last + 1 if last + 1 < len(line) else 0
+    line[last, 0], line[last, 1] = dt, tau
+    wanted, total = dt, 0.0
+    while True:
+        ready = line[first, 0]
+        if ready > wanted or first == last:
+            line[first, 0] = ready - wanted
+            return first, last, (total + wanted * line[first, 1]) / dt
+        total += ready * line[first, 1]
+        wanted -= ready
+        first = first + 1 if first + 1 < len(line) else 0

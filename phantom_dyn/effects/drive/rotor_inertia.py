@@ -1,0 +1,54 @@
+"""Rotor inertia that the model lacks, reflected to the joint side: ``torque = -I a``.
+
+It leaves a residual proportional to that joint's own acceleration and no gravity. On the first joint, and wherever it
+regroups with the link's inertia, nothing can part the two.
+URDF has no place for it; MJCF: joint ``armature``.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from phantom_dyn.effects.effect import Effect, Parameter, Shape, Signature, Simulated
+from phantom_dyn.effects.operation import Operation
+from phantom_dyn.effects.support.changed_robot import with_rotor_inertia
+from phantom_dyn.effects.support.rows import on_one_joint, row_of, torque_on_joint
+from phantom_dyn.model.robot import Robot
+
+Array = np.ndarray
+
+
+class RotorInertia(Effect):
+    """See the module."""
+
+    name = "rotor_inertia"
+    regime = "high_acceleration"
+    uses_acceleration = True
+
+    def parameters(self, robot: Robot, joint: str | None) -> tuple[Parameter, ...]:
+        """``inertia`` I."""
+        return (Parameter("inertia", _unit(robot, joint), 0.0),)
+
+    def signature(self, robot: Robot, operation: Operation, joint: str | None, shape: Shape) -> Signature:
+        """Acceleration of the joint."""
+        return on_one_joint(robot, joint, inertia=(operation.a[:, row_of(robot, joint)], _unit(robot, joint)))
+
+    def coefficient_bounds(self, robot: Robot, joint: str | None, shape: Shape) -> tuple[tuple[float, float], ...]:
+        """Together with the modelled rotor it is not negative."""
+        return ((-float(robot.rotor_inertia[row_of(robot, joint)]), np.inf),)
+
+    def probe(self, robot: Robot, operation: Operation, joint: str | None) -> tuple[str, Array]:
+        """The parameter itself."""
+        return "inertia", np.array([1.0])
+
+    def torque(self, robot: Robot, operation: Operation, joint: str | None, theta: Array) -> Array:
+        """``-I a`` on the joint."""
+        return torque_on_joint(robot, joint, -theta[0] * operation.a[:, row_of(robot, joint)])
+
+    def simulated(self, robot: Robot, joint: str | None, theta: Array) -> Simulated:
+        """A heavier rotor."""
+        return Simulated(robot=lambda moved: with_rotor_inertia(moved, joint, theta[0]))
+
+
+def _unit(robot: Robot, joint: str | None) -> str:
+    return "kg" if robot.prismatic[row_of(robot, joint)] else "kg m^2"

@@ -1,0 +1,72 @@
+"""A wrong torque constant: the true torque is ``ratio`` times the logged one.
+
+Everything of that joint is scaled, gravity and friction included. The column is the modelled torque, not the
+measured one, whose noise would bias the fit. A wrong mass of all links behind the joint looks alike; a known mass, or
+friction that is trusted, parts the two. URDF has no place for it; MJCF: actuator ``gear``.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from phantom_dyn._kernels.jit import jit
+from phantom_dyn.effects.effect import Effect, Law, Parameter, Shape, Signature, Simulated
+from phantom_dyn.effects.operation import Operation
+from phantom_dyn.effects.support.rows import on_one_joint, row_of, torque_on_joint
+from phantom_dyn.model.robot import Robot
+
+Array = np.ndarray
+
+
+class TorqueConstant(Effect):
+    """See the module."""
+
+    name = "torque_constant"
+    regime = "high_load"
+    uses_acceleration = True
+
+    def untestable(self, robot: Robot, operation: Operation, joint: str | None) -> str | None:
+        """A torque sensor sits behind the drive."""
+        if robot.torque_source == "sensor":
+            return (
+                "the torque columns come from a sensor, behind the drive: the torque constant leaves no trace in them"
+            )
+        return None
+
+    def parameters(self, robot: Robot, joint: str | None) -> tuple[Parameter, ...]:
+        """``ratio`` of true to logged torque."""
+        return (Parameter("ratio", "1", 0.0),)
+
+    def signature(self, robot: Robot, operation: Operation, joint: str | None, shape: Shape) -> Signature:
+        """Modelled torque; its coefficient is ``1/ratio - 1``."""
+        row = row_of(robot, joint)
+        signature = on_one_joint(robot, joint, excess=(operation.tau[:, row], "1"))
+        return replace(signature, steps=operation.own_friction[:, row][:, None, None])
+
+    def from_coefficients(self, robot: Robot, joint: str | None, coefficients: Array, shape: Shape) -> Array:
+        """``ratio = 1 / (1 + excess)``; an excess of -1 or less would be a drive that pulls the wrong way."""
+        return np.array([1.0 / max(1.0 + coefficients[0], 1e-6)])
+
+    def probe(self, robot: Robot, operation: Operation, joint: str | None) -> tuple[str, Array]:
+        """A ratio that is off by one, to first order."""
+        return "ratio", np.array([-1.0])
+
+    def torque(self, robot: Robot, operation: Operation, joint: str | None, theta: Array) -> Array:
+        """What the drive gives beyond the logged torque when the logged torque is what the true motion needs."""
+        needed = operation.tau[:, row_of(robot, joint)]
+        return torque_on_joint(robot, joint, needed * (1.0 - 1.0 / theta[0]))
+
+    def simulated(self, robot: Robot, joint: str | None, theta: Array) -> Simulated:
+        """The drive gives ``ratio`` times what is asked of it."""
+        scale, row = np.ones(robot.nv), row_of(robot, joint)
+        scale[row] = theta[0]
+        law = Law(scaled_law, row, (float(theta[0]),))
+        return Simulated(command=lambda state, dt, tau: (state, scale * tau), laws=(law,))
+
+
+@jit
+def scaled_law(tau: float, ratio: float) -> float:
+    """What the drive gives when ``tau`` is asked for."""
+    return ratio * tau

@@ -1,0 +1,53 @@
+"""A constant torque on one joint that the model lacks (positive along the joint).
+
+The drive has to cancel it, so the measured torque is lower by it. On a joint whose gravity torque hardly changes it
+looks like a base tilt or a payload. URDF has no place for it; MJCF: ``biasprm`` of the
+actuator.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from phantom_dyn._kernels.jit import jit
+from phantom_dyn.effects.effect import Effect, Law, Parameter, Shape, Signature, Simulated
+from phantom_dyn.effects.operation import Operation
+from phantom_dyn.effects.support.rows import on_one_joint, row_of, torque_on_joint, torque_unit
+from phantom_dyn.model.robot import Robot
+
+Array = np.ndarray
+
+
+class TorqueOffset(Effect):
+    """See the module."""
+
+    name = "torque_offset"
+    regime = "everywhere"
+
+    def parameters(self, robot: Robot, joint: str | None) -> tuple[Parameter, ...]:
+        """``torque``, either sign."""
+        return (Parameter("torque", torque_unit(robot, joint)),)
+
+    def signature(self, robot: Robot, operation: Operation, joint: str | None, shape: Shape) -> Signature:
+        """Minus one: the drive cancels the offset."""
+        return on_one_joint(robot, joint, torque=(-np.ones(len(operation.t)), torque_unit(robot, joint)))
+
+    def probe(self, robot: Robot, operation: Operation, joint: str | None) -> tuple[str, Array]:
+        """The torque itself."""
+        return "torque", np.array([1.0])
+
+    def torque(self, robot: Robot, operation: Operation, joint: str | None, theta: Array) -> Array:
+        """The constant on the joint."""
+        return torque_on_joint(robot, joint, np.full(len(operation.t), theta[0]))
+
+    def simulated(self, robot: Robot, joint: str | None, theta: Array) -> Simulated:
+        """A constant torque on the joint."""
+        constant = torque_on_joint(robot, joint, np.array([theta[0]]))[0]
+        law = Law(constant_law, row_of(robot, joint), (float(theta[0]),))
+        return Simulated(torque=lambda state, dt, moment: (state, constant), laws=(law,))
+
+
+@jit
+def constant_law(torque: float) -> float:
+    """The torque itself."""
+    return torque

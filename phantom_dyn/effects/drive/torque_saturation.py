@@ -1,0 +1,133 @@
+"""A drive that gives no more than ``limit``: the true torque is the command held within ``+-limit``.
+
+It leaves an error only where the command is beyond the limit, as large as the excess, and it spoils every other fit.
+It is confused with nothing that acts below the limit. The command is smoothed a little before it is compared with
+the limit: its noise beyond the limit would explain itself. URDF: ``<limit effort>``; MJCF: the actuator's
+``forcerange``.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from phantom_dyn._kernels.jit import jit
+from phantom_dyn.effects.effect import Effect, Law, Parameter, Shape, Signature, Simulated
+from phantom_dyn.effects.operation import Operation
+from phantom_dyn.effects.support.rows import (
+    hidden_behind_drive,
+    moving_average,
+    on_one_joint,
+    row_of,
+    torque_on_joint,
+    torque_unit,
+)
+from phantom_dyn.model.robot import Robot
+
+Array = np.ndarray
+
+# Shares of the recording in which the command, and the torque that was needed, exceeds the limits that are tried.
+_BEYOND = (0.4, 0.2, 0.1, 0.04, 0.01)
+_NEEDED_BEYOND = 0.02
+# A limit is believed if the command is beyond it for that long once, and for no more than that share of the time.
+_LEAST_SECONDS = 0.03
+_MOST = 0.45
+# While the command is beyond the limit, the model needs this much of the limit at its median.
+_NEEDED = (0.6, 1.4)
+# Time over which the command is averaged [s].
+_SECONDS = 0.01
+
+
+class TorqueSaturation(Effect):
+    """See the module."""
+
+    name = "torque_saturation"
+    regime = "saturated"
+    stays = False
+    seen_by = "neither"
+    # What the motion needs is without what a drive at its limit lacks.
+    follows_torque = True
+
+    def parameters(self, robot: Robot, joint: str | None) -> tuple[Parameter, ...]:
+        """``limit`` of the true torque."""
+        return (Parameter("limit", torque_unit(robot, joint), 0.0),)
+
+    def shapes(self, robot: Robot, operation: Operation, joint: str | None) -> tuple[Shape, ...]:
+        """Limits that the command exceeds for 1 % to 40 % of the recording, and one from the motion.
+
+        However far the command is beyond the limit, the motion needs no more torque than the limit.
+        """
+        row = row_of(robot, joint)
+        limits = np.quantile(np.abs(_command(operation, row)), 1.0 - np.array(_BEYOND))
+        needed = np.quantile(np.abs(operation.tau[:, row]), 1.0 - _NEEDED_BEYOND)
+        return tuple((float(x),) for x in np.unique([*limits, needed]))
+
+    def refined(self, coefficients: Array, shape: Shape) -> tuple[Shape, ...]:
+        """The same limit and some next to it."""
+        return tuple((factor * shape[0],) for factor in (0.9, 0.97, 0.99, 1.0, 1.01, 1.03, 1.1))
+
+    def signature(self, robot: Robot, operation: Operation, joint: str | None, shape: Shape) -> Signature:
+        """Command beyond the limit; its coefficient is one if the limit is right.
+
+        Zero where the motion speaks against a limit there: a drive at its limit gives just that.
+        """
+        row = row_of(robot, joint)
+        excess = _excess(operation, row, shape[0])
+        return on_one_joint(robot, joint, excess=(excess * _plausible(operation, row, shape[0], excess), "1"))
+
+    def coefficient_bounds(self, robot: Robot, joint: str | None, shape: Shape) -> tuple[tuple[float, float], ...]:
+        """About one: with another coefficient it is no saturation."""
+        return ((0.85, 1.15),)
+
+    def from_coefficients(self, robot: Robot, joint: str | None, coefficients: Array, shape: Shape) -> Array:
+        """The limit is the shape."""
+        return np.array([shape[0]])
+
+    def probe(self, robot: Robot, operation: Operation, joint: str | None) -> tuple[str, Array]:
+        """All that is beyond the limit."""
+        return "limit", np.array([1.0])
+
+    def untestable(self, robot: Robot, operation: Operation, joint: str | None) -> str | None:
+        """A torque sensor sits behind the drive."""
+        return hidden_behind_drive(robot, "the limit of the drive")
+
+    def torque(self, robot: Robot, operation: Operation, joint: str | None, theta: Array) -> Array:
+        """Minus what the logged command has beyond the limit."""
+        return torque_on_joint(robot, joint, -_excess(operation, row_of(robot, joint), theta[0]))
+
+    def simulated(self, robot: Robot, joint: str | None, theta: Array) -> Simulated:
+        """The command held within the limit."""
+        limit, row = np.full(robot.nv, np.inf), row_of(robot, joint)
+        limit[row] = theta[0]
+        law = Law(clipped_law, row, (float(theta[0]),))
+        return Simulated(command=lambda state, dt, tau: (state, held_within(tau, limit)), laws=(law,))
+
+
+def _command(operation: Operation, row: int) -> Array:
+    return moving_average(operation.logged[:, row], operation.dt, _SECONDS)
+
+
+def _plausible(operation: Operation, row: int, limit: float, excess: Array) -> bool:
+    """True if the command stays beyond the limit for a while, not for most of the time, and the motion needs just it.
+
+    Without this, a limit near zero would make the whole logged torque its excess, noise and missing friction included.
+    """
+    beyond = excess != 0
+    runs = np.diff(np.flatnonzero(np.diff(np.concatenate([[False], beyond, [False]]).astype(int))))[::2]
+    if len(runs) == 0 or runs.max() * operation.dt < _LEAST_SECONDS or beyond.mean() > _MOST:
+        return False
+    # Signed, as the noise of accelerations has no sign of its own.
+    needed = float(np.median(operation.expected[beyond, row] * np.sign(excess[beyond])))
+    return _NEEDED[0] * limit < needed < _NEEDED[1] * limit
+
+
+def _excess(operation: Operation, row: int, limit: float) -> Array:
+    command = _command(operation, row)
+    return command - held_within(command, limit)
+
+
+def held_within(tau, limit):
+    """``tau`` held within ``+-limit``, numbers or arrays; kernels compile it for numbers."""
+    return np.minimum(np.maximum(tau, -limit), limit)
+
+
+clipped_law = jit(held_within)

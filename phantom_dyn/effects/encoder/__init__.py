@@ -1,0 +1,1 @@
+"""Encoders: one effect a file."""

@@ -1,0 +1,102 @@
+"""An encoder disc off its centre: ``reading = q + A sin(n q + p)``, with ``n = 1`` cycle per turn of the joint.
+
+The true motion differs from the one that is read, so it leaves a torque with the joint's angle that grows with speed
+squared and with acceleration (cogging does not), besides a small change of gravity. Over a small arc it is an encoder
+offset. Motor and link turn together, whichever side the encoder sits on, so the rotor's torque is wrong too; with
+the encoder on the motor's side ``n = 1`` is an eccentric gear on the joint's axis, as the motor's own turns would
+be far faster. URDF and MJCF have no place for it.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from phantom_dyn._kernels.jit import jit
+from phantom_dyn.effects.effect import Effect, Law, Parameter, Shape, Signature, Simulated
+from phantom_dyn.effects.operation import Operation
+from phantom_dyn.effects.support.displaced import change_by_reading, exact_change_by_reading
+from phantom_dyn.effects.support.rows import row_of
+from phantom_dyn.model.robot import Robot
+
+Array = np.ndarray
+
+ORDER = 1.0
+# Arc [rad of n q] over which a sine departs from a straight line by 1 % of its amplitude.
+_LEAST_ARC = 0.5
+# Newton steps for the true angle; each squares an error of at most the amplitude.
+_NEWTON = 8
+
+
+class EncoderEccentricity(Effect):
+    """See the module."""
+
+    name = "encoder_eccentricity"
+    regime = "periodic_in_angle"
+    uses_acceleration = True
+
+    def places(self, robot: Robot) -> tuple[str | None, ...]:
+        """Joints that turn."""
+        return tuple(name for name, linear in zip(robot.joint_names, robot.prismatic, strict=True) if not linear)
+
+    def parameters(self, robot: Robot, joint: str | None) -> tuple[Parameter, ...]:
+        """``amplitude`` A, ``phase`` p and ``order`` n."""
+        unit = robot.position_units[row_of(robot, joint)]
+        return (Parameter("amplitude", unit, 0.0), Parameter("phase", "rad"), Parameter("order", "1", 0.0))
+
+    def signature(self, robot: Robot, operation: Operation, joint: str | None, shape: Shape) -> Signature:
+        """Drive torque more per unit of a sine and of a cosine of the angle that is read."""
+        row = row_of(robot, joint)
+        unit = robot.position_units[row]
+        columns = [change_by_reading(operation, row, *_error(operation, row, phase)) for phase in (0.0, 0.5 * np.pi)]
+        return Signature(tuple(range(robot.nv)), -np.stack(columns, axis=-1), ("sine", "cosine"), (unit, unit))
+
+    def from_coefficients(self, robot: Robot, joint: str | None, coefficients: Array, shape: Shape) -> Array:
+        """Amplitude and phase of the two."""
+        sine, cosine = coefficients
+        return np.array([np.hypot(sine, cosine), np.arctan2(cosine, sine), ORDER])
+
+    def probe(self, robot: Robot, operation: Operation, joint: str | None) -> tuple[str, Array]:
+        """An amplitude of phase zero."""
+        return "amplitude", np.array([1.0, 0.0])
+
+    def untestable(self, robot: Robot, operation: Operation, joint: str | None) -> str | None:
+        """Over a small arc."""
+        arc = float(np.ptp(operation.q[:, row_of(robot, joint)]))
+        if arc * ORDER < _LEAST_ARC:
+            return f"the joint turns by {arc:.2f} rad only: over so small an arc a sine cannot be told from a line"
+        return None
+
+    def torque(self, robot: Robot, operation: Operation, joint: str | None, theta: Array) -> Array:
+        """Inverse dynamics as read less that of the true motion."""
+        row, (amplitude, phase, n) = row_of(robot, joint), theta
+        q, v, a = (x[:, row] for x in (operation.q, operation.v, operation.a))
+        angle = q - amplitude * np.sin(n * q + phase)
+        for _ in range(_NEWTON):
+            excess = angle + amplitude * np.sin(n * angle + phase) - q
+            angle = angle - excess / (1.0 + n * amplitude * np.cos(n * angle + phase))
+        slope = 1.0 + n * amplitude * np.cos(n * angle + phase)
+        speed = v / slope
+        acceleration = (a + n**2 * amplitude * np.sin(n * angle + phase) * speed**2) / slope
+        return -exact_change_by_reading(robot, operation, row, angle - q, speed - v, acceleration - a)
+
+    def simulated(self, robot: Robot, joint: str | None, theta: Array) -> Simulated:
+        """Added to the reading."""
+        row, (amplitude, phase, n) = row_of(robot, joint), (float(x) for x in theta)
+        here = np.arange(robot.nv) == row
+        return Simulated(
+            reading=lambda q: q + here * amplitude * np.sin(n * q + phase),
+            laws=(Law(eccentric_law, row, (amplitude, phase, n)),),
+        )
+
+
+def _error(operation: Operation, row: int, phase: float) -> tuple[Array, Array, Array]:
+    """``sin(n q + phase)`` and its two time derivatives along the motion that is read."""
+    q, v, a = (x[:, row] for x in (operation.q, operation.v, operation.a))
+    sine, cosine = np.sin(ORDER * q + phase), np.cos(ORDER * q + phase)
+    return sine, ORDER * cosine * v, ORDER * cosine * a - ORDER**2 * sine * v**2
+
+
+@jit
+def eccentric_law(q: float, amplitude: float, phase: float, order: float) -> float:
+    """Reading of a disc off its centre at position ``q``."""
+    return q + amplitude * np.sin(order * q + phase)

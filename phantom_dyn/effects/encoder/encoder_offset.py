@@ -1,0 +1,90 @@
+"""A wrong zero of an encoder: ``reading = q + offset``.
+
+It leaves the change of gravity (and of the inertias) with that joint's position, on every joint that feels it, and
+nothing at all where no torque depends on that position, as on a vertical first joint. On a joint with a horizontal
+axis a base tilt about that axis is the same thing; over a small range so is a spring. Wide postures part them. Which
+side the encoder sits on makes no difference: motor and link turn together.
+URDF: joint ``origin``; MJCF: joint ``ref``.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from phantom_dyn._kernels.jit import jit
+from phantom_dyn.effects.effect import Effect, Law, Parameter, Shape, Signature, Simulated
+from phantom_dyn.effects.operation import Operation
+from phantom_dyn.effects.support.displaced import change_by_reading, exact_change_by_reading
+from phantom_dyn.effects.support.rows import row_of, secant
+from phantom_dyn.model.robot import Robot
+
+Array = np.ndarray
+
+# Below this [rad or m] the secant is the tangent to three digits, and rounding shows.
+_LEAST = 1e-4
+# Share of the torque: less is rounding of the robot file (angles of a frame printed with seven digits).
+_NOTHING = 1e-6
+
+
+class EncoderOffset(Effect):
+    """See the module."""
+
+    name = "encoder_offset"
+    regime = "posture"
+    uses_acceleration = True
+    shape_is_estimate = True
+
+    def parameters(self, robot: Robot, joint: str | None) -> tuple[Parameter, ...]:
+        """``offset``."""
+        return (Parameter("offset", robot.position_units[row_of(robot, joint)]),)
+
+    def shapes(self, robot: Robot, operation: Operation, joint: str | None) -> tuple[Shape, ...]:
+        """The tangent."""
+        return ((0.0,),)
+
+    def refined(self, coefficients: Array, shape: Shape) -> tuple[Shape, ...]:
+        """The secant to the last estimate."""
+        return secant(float(coefficients[0]), _LEAST)
+
+    def signature(self, robot: Robot, operation: Operation, joint: str | None, shape: Shape) -> Signature:
+        """Drive torque more per unit of offset, between none and ``shape``."""
+        row, step = row_of(robot, joint), shape[0] if shape else 0.0
+        none = np.zeros(len(operation.t))
+        if abs(step) < _LEAST:
+            change = change_by_reading(operation, row, none - 1.0, none, none)
+        else:
+            change = exact_change_by_reading(robot, operation, row, none - step, none, none) / step
+        return Signature(tuple(range(robot.nv)), change[:, :, None], ("offset",), (robot.position_units[row],))
+
+    def coefficient_bounds(self, robot: Robot, joint: str | None, shape: Shape) -> tuple[tuple[float, float], ...]:
+        """A hinge comes round after half a turn."""
+        return () if robot.prismatic[row_of(robot, joint)] else ((-np.pi, np.pi),)
+
+    def probe(self, robot: Robot, operation: Operation, joint: str | None) -> tuple[str, Array]:
+        """The parameter itself."""
+        return "offset", np.array([1.0])
+
+    def untestable(self, robot: Robot, operation: Operation, joint: str | None) -> str | None:
+        """Where no torque depends on the position."""
+        column = operation.partials[0][:, :, row_of(robot, joint)]
+        if np.abs(column).max() <= _NOTHING * np.abs(operation.tau).max():
+            return "no torque depends on the position of this joint: its zero leaves no trace"
+        return None
+
+    def torque(self, robot: Robot, operation: Operation, joint: str | None, theta: Array) -> Array:
+        """Inverse dynamics as read less that at the true positions."""
+        none = np.zeros(len(operation.t))
+        return -exact_change_by_reading(robot, operation, row_of(robot, joint), none - theta[0], none, none)
+
+    def simulated(self, robot: Robot, joint: str | None, theta: Array) -> Simulated:
+        """Added to the reading."""
+        row, offset = row_of(robot, joint), float(theta[0])
+        return Simulated(
+            reading=lambda q: q + offset * (np.arange(robot.nv) == row), laws=(Law(shifted_law, row, (offset,)),)
+        )
+
+
+@jit
+def shifted_law(q: float, offset: float) -> float:
+    """Reading of an encoder with a wrong zero at position ``q``."""
+    return q + offset

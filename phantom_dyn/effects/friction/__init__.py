@@ -1,0 +1,1 @@
+"""Friction: one law a file."""

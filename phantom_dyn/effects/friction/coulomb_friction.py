@@ -1,0 +1,59 @@
+"""Coulomb friction: ``torque = -T sign(v)``, with ``sign(0) = 0``.
+
+In inverse dynamics it leaves a step of ``2 T`` at every reversal, of the same height everywhere.
+URDF: ``<dynamics friction>``; MJCF: joint ``frictionloss``.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from phantom_dyn.effects.effect import Effect, Parameter, Shape, Signature, Simulated
+from phantom_dyn.effects.operation import Operation
+from phantom_dyn.effects.support.changed_robot import with_friction
+from phantom_dyn.effects.support.rows import (
+    modelled_friction_of,
+    on_any_joint,
+    speed_of,
+    torque_on_any_joint,
+    torque_unit,
+)
+from phantom_dyn.model.robot import Robot
+
+Array = np.ndarray
+
+
+class CoulombFriction(Effect):
+    """See the module."""
+
+    name = "coulomb_friction"
+    regime = "velocity_reversal"
+
+    def places(self, robot: Robot) -> tuple[str | None, ...]:
+        """Every joint, the passive ones of a closed chain too."""
+        return (*robot.joint_names, *robot.passive_names)
+
+    def parameters(self, robot: Robot, joint: str | None) -> tuple[Parameter, ...]:
+        """``torque`` T."""
+        return (Parameter("torque", torque_unit(robot, joint), 0.0),)
+
+    def signature(self, robot: Robot, operation: Operation, joint: str | None, shape: Shape) -> Signature:
+        """Direction of operation."""
+        s = np.sign(speed_of(robot, operation, joint))
+        return on_any_joint(robot, operation, joint, torque=(s, torque_unit(robot, joint)))
+
+    def coefficient_bounds(self, robot: Robot, joint: str | None, shape: Shape) -> tuple[tuple[float, float], ...]:
+        """Together with the modelled torque it is not negative."""
+        return ((-modelled_friction_of(robot, joint)[1], np.inf),)
+
+    def probe(self, robot: Robot, operation: Operation, joint: str | None) -> tuple[str, Array]:
+        """The parameter itself."""
+        return "torque", np.array([1.0])
+
+    def torque(self, robot: Robot, operation: Operation, joint: str | None, theta: Array) -> Array:
+        """``-T sign(v)`` on the joint."""
+        return torque_on_any_joint(robot, operation, joint, -theta[0] * np.sign(speed_of(robot, operation, joint)))
+
+    def simulated(self, robot: Robot, joint: str | None, theta: Array) -> Simulated:
+        """More modelled friction, which sticks at rest."""
+        return Simulated(robot=lambda moved: with_friction(moved, joint, coulomb=theta[0]))

@@ -1,0 +1,82 @@
+"""Friction that differs by direction: ``-(T+ + c+ v)`` for ``v > 0``, ``T- - c- v`` for ``v < 0``.
+
+It contains Coulomb friction, viscous friction and a torque offset as special cases. Without a difference of the
+viscous parts it is Coulomb friction plus an offset, and nothing can part the two.
+URDF and MJCF have a place for the mean of both directions only; MJCF for half the difference of the torques too, as
+``biasprm`` of the actuator.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from phantom_dyn._kernels.jit import jit
+from phantom_dyn.effects.effect import Effect, Law, Moment, Parameter, Shape, Signature, Simulated
+from phantom_dyn.effects.operation import Operation
+from phantom_dyn.effects.support.changed_robot import with_friction
+from phantom_dyn.effects.support.rows import damping_unit, on_one_joint, row_of, torque_on_joint, torque_unit
+from phantom_dyn.model.robot import Robot
+
+Array = np.ndarray
+
+
+class DirectionDependentFriction(Effect):
+    """See the module."""
+
+    name = "direction_dependent_friction"
+    regime = "one_direction"
+    contains = ("coulomb_friction", "viscous_friction", "torque_offset")
+
+    def parameters(self, robot: Robot, joint: str | None) -> tuple[Parameter, ...]:
+        """Torque and viscous coefficient of each direction."""
+        torque, damping = torque_unit(robot, joint), damping_unit(robot, joint)
+        return (
+            Parameter("torque_positive", torque),
+            Parameter("torque_negative", torque),
+            Parameter("coefficient_positive", damping),
+            Parameter("coefficient_negative", damping),
+        )
+
+    def signature(self, robot: Robot, operation: Operation, joint: str | None, shape: Shape) -> Signature:
+        """A step and a slope for each direction."""
+        v = operation.v[:, row_of(robot, joint)]
+        torque, damping = torque_unit(robot, joint), damping_unit(robot, joint)
+        forward, backward = (v > 0).astype(float), (v < 0).astype(float)
+        return on_one_joint(
+            robot,
+            joint,
+            torque_positive=(forward, torque),
+            torque_negative=(-backward, torque),
+            coefficient_positive=(forward * v, damping),
+            coefficient_negative=(backward * v, damping),
+        )
+
+    def probe(self, robot: Robot, operation: Operation, joint: str | None) -> tuple[str, Array]:
+        """A viscous coefficient in one direction only, which no simpler law explains."""
+        return "coefficient_positive", np.array([0.0, 0.0, 1.0, 0.0])
+
+    def torque(self, robot: Robot, operation: Operation, joint: str | None, theta: Array) -> Array:
+        """The law of the direction of motion; zero at rest."""
+        v = operation.v[:, row_of(robot, joint)]
+        law = np.where(v > 0, -(theta[0] + theta[2] * v), np.where(v < 0, theta[1] - theta[3] * v, 0.0))
+        return torque_on_joint(robot, joint, law)
+
+    def simulated(self, robot: Robot, joint: str | None, theta: Array) -> Simulated:
+        """The mean of both levels as Coulomb friction, which sticks at rest; half their difference as an offset."""
+        row = row_of(robot, joint)
+
+        def torque(state: Array, dt: float, moment: Moment) -> tuple[Array, Array]:
+            v = moment.v[row]
+            out = np.zeros(robot.nv)
+            out[row] = -0.5 * (theta[0] - theta[1]) - (theta[2] if v > 0 else theta[3]) * v
+            return state, out
+
+        level, half = 0.5 * (theta[0] + theta[1]), 0.5 * (theta[0] - theta[1])
+        law = Law(two_way_law, row, (float(half), float(theta[2]), float(theta[3])))
+        return Simulated(robot=lambda moved: with_friction(moved, joint, coulomb=level), torque=torque, laws=(law,))
+
+
+@jit
+def two_way_law(v: float, half: float, positive: float, negative: float) -> float:
+    """Torque besides the mean level: half the difference of both levels, and viscous friction of the direction."""
+    return -half - (positive if v > 0 else negative) * v

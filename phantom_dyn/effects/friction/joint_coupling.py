@@ -1,0 +1,134 @@
+"""Friction or inertia of something that turns with two joints: ``w = v_i + ratio v_j``.
+
+Its torque ``-(T sign(w) + c w + I dw/dt)`` acts on joint i, and ``ratio`` times it on joint j: a belt, a differential,
+a bearing between two links that move on parallel axes. On one joint alone it looks like friction of that joint:
+motions with the joints in and out of phase part the two. Between the two it leaves a friction that
+flips with the other joint's direction. MJCF: a fixed ``tendon`` with ``frictionloss``, ``damping`` and ``armature``;
+URDF has no place for it.
+"""
+
+from __future__ import annotations
+
+from itertools import combinations
+
+import numpy as np
+from jaxtyping import Float
+
+from phantom_dyn._kernels.jit import jit
+from phantom_dyn.effects.effect import Effect, Law, Moment, Parameter, Shape, Signature, Simulated
+from phantom_dyn.effects.operation import Operation
+from phantom_dyn.effects.support.rows import damping_unit, row_of, torque_on_rows, torque_unit
+from phantom_dyn.model.robot import Robot
+
+Array = np.ndarray
+
+# Up to this many joints any two may be coupled; on longer arms a belt spans a joint at most.
+_ALL_PAIRS = 4
+# Travel below which a joint counts as at rest [rad or m].
+_AT_REST = 1e-4
+
+
+class JointCoupling(Effect):
+    """See the module."""
+
+    name = "joint_coupling"
+    regime = "velocity_reversal"
+    uses_acceleration = True
+
+    def places(self, robot: Robot) -> tuple[str | None, ...]:
+        """Pairs in the robot's order: all of them on a short arm, else neighbours and next neighbours."""
+        names = robot.joint_names
+        reach = len(names) if len(names) <= _ALL_PAIRS else 2
+        return tuple(f"{names[i]}+{names[j]}" for i, j in combinations(range(len(names)), 2) if j - i <= reach)
+
+    def parameters(self, robot: Robot, joint: str | None) -> tuple[Parameter, ...]:
+        """``ratio`` of the second joint, then friction and inertia as felt on the first."""
+        first = robot.joint_names[_pair(robot, joint)[0]]
+        return (
+            Parameter("ratio", "1"),
+            Parameter("coulomb_torque", torque_unit(robot, first), 0.0),
+            Parameter("coefficient", damping_unit(robot, first), 0.0),
+            Parameter("inertia", _inertia_unit(robot, first), 0.0),
+        )
+
+    def shapes(self, robot: Robot, operation: Operation, joint: str | None) -> tuple[Shape, ...]:
+        """Sum and difference of the two speeds."""
+        return ((1.0,), (-1.0,))
+
+    def refined(self, coefficients: Array, shape: Shape) -> tuple[Shape, ...]:
+        """The same ratio, and some less and more."""
+        return tuple((factor * shape[0],) for factor in (0.8, 0.93, 1.0, 1.07, 1.25))
+
+    def signature(self, robot: Robot, operation: Operation, joint: str | None, shape: Shape) -> Signature:
+        """Direction, speed and acceleration of what turns with both, on both joints."""
+        rows = _pair(robot, joint)
+        w, dw = (_combined(x, rows, shape[0]) for x in (operation.v, operation.a))
+        columns = np.stack([np.sign(w), w, dw], axis=-1)
+        first = self.parameters(robot, joint)[1:]
+        return Signature(
+            rows,
+            np.stack([columns, shape[0] * columns], axis=1),
+            tuple(p.name for p in first),
+            tuple(p.unit for p in first),
+        )
+
+    def coefficient_bounds(self, robot: Robot, joint: str | None, shape: Shape) -> tuple[tuple[float, float], ...]:
+        """Friction holds back, an inertia is positive."""
+        return ((0.0, np.inf),) * 3
+
+    def from_coefficients(self, robot: Robot, joint: str | None, coefficients: Array, shape: Shape) -> Array:
+        """The ratio is the shape."""
+        return np.array([shape[0], *coefficients])
+
+    def probe(self, robot: Robot, operation: Operation, joint: str | None) -> tuple[str, Array]:
+        """Coulomb friction of the coupling."""
+        return "coulomb_torque", np.array([1.0, 0.0, 0.0])
+
+    def untestable(self, robot: Robot, operation: Operation, joint: str | None) -> str | None:
+        """Both joints have to move: with one at rest it is not known how the other one's speed counts."""
+        for row in _pair(robot, joint):
+            low, high = np.percentile(operation.q[:, row], [1, 99])
+            if high - low < _AT_REST:
+                return f"{robot.joint_names[row]} does not move: a coupling looks like friction of the other joint"
+        return None
+
+    def torque(self, robot: Robot, operation: Operation, joint: str | None, theta: Array) -> Array:
+        """The law on both joints."""
+        rows = _pair(robot, joint)
+        ratio, coulomb, viscous, inertia = theta
+        w, dw = (_combined(x, rows, ratio) for x in (operation.v, operation.a))
+        inner = -(coulomb * np.sign(w) + viscous * w + inertia * dw)
+        return torque_on_rows(robot, rows, np.stack([inner, ratio * inner], axis=1))
+
+    def simulated(self, robot: Robot, joint: str | None, theta: Array) -> Simulated:
+        """Friction as a torque, the inertia as part of the mass matrix."""
+        rows = list(_pair(robot, joint))
+        ratio, coulomb, viscous, inertia = theta
+        share = np.zeros(robot.nv)
+        share[rows] = 1.0, ratio
+
+        def torque(state: Array, dt: float, moment: Moment) -> tuple[Array, Array]:
+            w = float(share @ moment.v)
+            return state, -(coulomb * np.sign(w) + viscous * w) * share
+
+        law = Law(shared_law, rows[0], (float(coulomb), float(viscous)), other=rows[1], share=float(ratio))
+        return Simulated(torque=torque, inertia=inertia * np.outer(share, share), laws=(law,))
+
+
+def _pair(robot: Robot, joint: str | None) -> tuple[int, int]:
+    first, _, second = (joint or "").partition("+")
+    return row_of(robot, first), row_of(robot, second)
+
+
+def _combined(x: Float[Array, "N nv"], rows: tuple[int, int], ratio: float) -> Float[Array, " N"]:
+    return x[:, rows[0]] + ratio * x[:, rows[1]]
+
+
+def _inertia_unit(robot: Robot, joint: str) -> str:
+    return "kg" if robot.prismatic[row_of(robot, joint)] else "kg m^2"
+
+
+@jit
+def shared_law(w: float, coulomb: float, viscous: float) -> float:
+    """Friction of what turns with both joints."""
+    return -(coulomb * np.sign(w) + viscous * w)

@@ -1,0 +1,71 @@
+"""Friction that grows with the load: ``torque = -ratio |tl| sign(v)``, ``tl`` the torque that the transmission passes.
+
+It leaves a step at every reversal that is as high as the load there. With a load that hardly changes it looks like
+Coulomb friction: wide postures or two payloads part them. The load is that of the model, not the measured one, whose
+noise would bias the fit. MJCF and URDF have no place for it.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from phantom_dyn._kernels.jit import jit
+from phantom_dyn.effects.effect import Effect, Law, Moment, Parameter, Shape, Signature, Simulated
+from phantom_dyn.effects.operation import Operation
+from phantom_dyn.effects.support.rows import never_reverses, on_one_joint, row_of, torque_on_joint
+from phantom_dyn.model.robot import Robot
+
+Array = np.ndarray
+
+
+class LoadDependentFriction(Effect):
+    """See the module."""
+
+    name = "load_dependent_friction"
+    regime = "high_load"
+    uses_acceleration = True
+
+    def parameters(self, robot: Robot, joint: str | None) -> tuple[Parameter, ...]:
+        """``ratio`` of friction to load."""
+        return (Parameter("ratio", "1", 0.0),)
+
+    def signature(self, robot: Robot, operation: Operation, joint: str | None, shape: Shape) -> Signature:
+        """Load in the direction of motion."""
+        row = row_of(robot, joint)
+        direction = np.sign(operation.v[:, row])
+        return on_one_joint(robot, joint, ratio=(np.abs(operation.transmitted[:, row]) * direction, "1"))
+
+    def coefficient_bounds(self, robot: Robot, joint: str | None, shape: Shape) -> tuple[tuple[float, float], ...]:
+        """Friction holds back."""
+        return ((0.0, np.inf),)
+
+    def probe(self, robot: Robot, operation: Operation, joint: str | None) -> tuple[str, Array]:
+        """The parameter itself."""
+        return "ratio", np.array([1.0])
+
+    def untestable(self, robot: Robot, operation: Operation, joint: str | None) -> str | None:
+        """In one direction it is a torque constant or an offset."""
+        return never_reverses(robot, operation, joint)
+
+    def torque(self, robot: Robot, operation: Operation, joint: str | None, theta: Array) -> Array:
+        """``-ratio |tl| sign(v)`` on the joint."""
+        row = row_of(robot, joint)
+        law = -theta[0] * np.abs(operation.transmitted[:, row]) * np.sign(operation.v[:, row])
+        return torque_on_joint(robot, joint, law)
+
+    def simulated(self, robot: Robot, joint: str | None, theta: Array) -> Simulated:
+        """The law with the load of the moment."""
+        row = row_of(robot, joint)
+
+        def torque(state: Array, dt: float, moment: Moment) -> tuple[Array, Array]:
+            out = np.zeros(robot.nv)
+            out[row] = -theta[0] * abs(moment.transmitted[row]) * np.sign(moment.v[row])
+            return state, out
+
+        return Simulated(torque=torque, laws=(Law(loaded_law, row, (float(theta[0]),)),))
+
+
+@jit
+def loaded_law(v: float, load: float, ratio: float) -> float:
+    """Friction under a transmitted torque ``load``."""
+    return -ratio * abs(load) * np.sign(v)

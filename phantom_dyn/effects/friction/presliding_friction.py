@@ -1,0 +1,195 @@
+"""Friction of a bristle: a spring of stiffness ``torque / displacement`` that slips once it has given ``torque``.
+
+With ``z`` the bristle's deflection, ``z += dq`` held within ``+-displacement``, the torque is ``-T z/displacement``.
+It leaves a torque that grows with the way since the last reversal, whatever the speed, up to Coulomb friction, which
+it contains (no displacement). It is confused with Coulomb friction and a late drive, and with backlash: reversals at
+several accelerations part them, as the curves overlay over displacement here and over time for a late drive.
+
+With two more numbers, ``static_ratio`` and ``stick_velocity``, it is the modified Karnopp friction of simulated haptic
+hardware: it slips with ``T``, sticks below the stick velocity to where it was the sample before, by a spring of
+stiffness ``static_ratio T / displacement``, and breaks loose at ``static_ratio T``.
+URDF: ``<dynamics friction>``, MJCF: ``frictionloss``, for the torque behind the bristle only.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from jaxtyping import Float
+
+from phantom_dyn._kernels.jit import jit
+from phantom_dyn.effects.effect import Effect, Law, Moment, Parameter, Shape, Signature, Simulated
+from phantom_dyn.effects.operation import Operation
+from phantom_dyn.effects.support.rows import (
+    never_reverses,
+    on_one_joint,
+    row_of,
+    torque_on_joint,
+    torque_unit,
+    turning_points,
+    velocity_unit,
+)
+from phantom_dyn.model.robot import Robot
+
+Array = np.ndarray
+
+# Keeps the law defined where a fit goes to Coulomb friction [rad or m].
+_LEAST_DISPLACEMENT = 1e-12
+
+
+class PreslidingFriction(Effect):
+    """See the module."""
+
+    name = "presliding_friction"
+    regime = "velocity_reversal"
+    contains = ("coulomb_friction",)
+
+    def parameters(self, robot: Robot, joint: str | None) -> tuple[Parameter, ...]:
+        """Torque in full slip, and the displacement at which the bristle slips."""
+        displacement = robot.position_units[row_of(robot, joint)]
+        return (Parameter("torque", torque_unit(robot, joint), 0.0), Parameter("displacement", displacement, 0.0))
+
+    def shapes(self, robot: Robot, operation: Operation, joint: str | None) -> tuple[Shape, ...]:
+        """Displacements from 0.4 % to 40 % of the way between reversals: shorter is Coulomb, longer is a spring."""
+        way = max(float(np.percentile(strokes(operation, row_of(robot, joint)), 95)), 1e-9)
+        return tuple((float(x),) for x in np.geomspace(0.004, 0.4, 6) * way)
+
+    def refined(self, coefficients: Array, shape: Shape) -> tuple[Shape, ...]:
+        """The same displacement, and a quarter less and a third more."""
+        return tuple((factor * shape[0],) for factor in (0.75, 1.0, 4 / 3))
+
+    def signature(self, robot: Robot, operation: Operation, joint: str | None, shape: Shape) -> Signature:
+        """Share of the slip torque that the bristle gives at displacement ``shape``."""
+        z = bristle(operation.q[:, row_of(robot, joint)], shape[0])
+        return on_one_joint(robot, joint, torque=(z, torque_unit(robot, joint)))
+
+    def coefficient_bounds(self, robot: Robot, joint: str | None, shape: Shape) -> tuple[tuple[float, float], ...]:
+        """A bristle holds back."""
+        return ((0.0, np.inf),)
+
+    def from_coefficients(self, robot: Robot, joint: str | None, coefficients: Array, shape: Shape) -> Array:
+        """The slip torque at the displacement of the shape."""
+        return np.array([coefficients[0], shape[0]])
+
+    def probe(self, robot: Robot, operation: Operation, joint: str | None) -> tuple[str, Array]:
+        """The slip torque."""
+        return "torque", np.array([1.0])
+
+    def untestable(self, robot: Robot, operation: Operation, joint: str | None) -> str | None:
+        """Without a reversal the bristle stays deflected."""
+        return never_reverses(robot, operation, joint)
+
+    def torque(self, robot: Robot, operation: Operation, joint: str | None, theta: Array) -> Array:
+        """The law along the motion; the bristle starts at rest. ``theta`` may have the two numbers of sticking."""
+        row = row_of(robot, joint)
+        q, v = operation.q[:, row], operation.v[:, row]
+        if len(theta) == 2:
+            return torque_on_joint(robot, joint, -theta[0] * bristle(q, theta[1]))
+        values, state = np.empty(len(q)), _NEW
+        for k in range(len(q)):
+            state, values[k] = stick_step(state, q[k], v[k], theta)
+        return torque_on_joint(robot, joint, values)
+
+    def simulated(self, robot: Robot, joint: str | None, theta: Array) -> Simulated:
+        """The same, one step after the other: the state is the last position and what the bristle remembers."""
+        row = row_of(robot, joint)
+        step = bristle_step if len(theta) == 2 else stick_step
+
+        def torque(state: Array, dt: float, moment: Moment) -> tuple[Array, Array]:
+            out = np.zeros(robot.nv)
+            state, out[row] = step(state, moment.q[row], moment.v[row], theta)
+            return state, out
+
+        function = bristle_law if len(theta) == 2 else stick_law
+        law = Law(function, row, tuple(map(float, theta)), tuple(map(float, _NEW)))
+        return Simulated(start=_NEW, torque=torque, laws=(law,))
+
+
+def sticking_parameters(robot: Robot, joint: str | None) -> tuple[Parameter, ...]:
+    """The two numbers more that make it stick, see the module."""
+    return (Parameter("static_ratio", "1", 1.0), Parameter("stick_velocity", velocity_unit(robot, joint), 0.0))
+
+
+# No position yet; no deflection (or: not stuck, no anchor).
+_NEW = np.array([np.nan, 0.0, 0.0])
+
+
+def strokes(operation: Operation, row: int) -> Float[Array, " n"]:
+    """Ways between reversals of a joint [rad or m], the first and the last one included."""
+    q = operation.q[:, row]
+    return np.abs(np.diff(q[[0, *turning_points(operation, row), len(q) - 1]]))
+
+
+def bristle(q: Float[Array, " N"], displacement: float) -> Float[Array, " N"]:
+    """Deflection of the bristle over its largest one, -1 to 1, along the positions ``q``; 0 at the first.
+
+    Each step is ``z -> clip(z + dq, -d, d)``. Two of them one after the other are again a shift and a clip, so that
+    all steps are put together in ``log2(N)`` passes over the samples.
+    """
+    d = max(displacement, _LEAST_DISPLACEMENT)
+    shift = np.diff(q, prepend=q[:1])
+    low, high = np.full(len(q), -d), np.full(len(q), d)
+    reach = 1
+    while reach < len(q):
+        later = shift[reach:], low[reach:], high[reach:]
+        new_low = np.clip(low[:-reach] + later[0], later[1], later[2])
+        new_high = np.clip(high[:-reach] + later[0], later[1], later[2])
+        shift = np.concatenate([shift[:reach], shift[:-reach] + later[0]])
+        low, high = np.concatenate([low[:reach], new_low]), np.concatenate([high[:reach], new_high])
+        reach *= 2
+    return np.clip(shift, low, high) / d
+
+
+def bristle_step(state: Float[Array, " 3"], q: float, v: float, theta: Array) -> tuple[Array, float]:
+    """The next state and the torque of the bristle at position ``q``; ``theta`` is torque and displacement."""
+    last, z, _ = state
+    d = max(theta[1], _LEAST_DISPLACEMENT)
+    z = 0.0 if np.isnan(last) else min(max(z + q - last, -d), d)
+    return np.array([q, z, 0.0]), -theta[0] * z / d
+
+
+def stick_step(state: Float[Array, " 3"], q: float, v: float, theta: Array) -> tuple[Array, float]:
+    """The next state and the torque of Karnopp friction; ``theta`` has static ratio and stick velocity too."""
+    stuck, anchor, torque = stick_law(state[0], state[1], state[2], q, v, theta[0], theta[1], theta[2], theta[3])
+    return np.array([q, stuck, anchor]), torque
+
+
+@jit
+def stick_law(
+    last: float,
+    stuck: float,
+    anchor: float,
+    q: float,
+    v: float,
+    torque: float,
+    displacement: float,
+    ratio: float,
+    stick_velocity: float,
+) -> tuple[float, float, float]:
+    """Whether it sticks now (1 or 0), what to, and the torque of Karnopp friction.
+
+    Args:
+        last: Position at the sample before, NaN at the first.
+        stuck: 1 if it stuck there.
+        anchor: Position that it stuck to.
+        q: Position now.
+        v: Velocity now.
+        torque: Friction in slip.
+        displacement: Way over which the spring of the stuck state reaches ``ratio`` times ``torque``.
+        ratio: Torque at which it breaks loose, over ``torque``.
+        stick_velocity: It sticks below that speed.
+    """
+    if stuck == 0.0 and abs(v) < stick_velocity:
+        stuck, anchor = 1.0, (q if np.isnan(last) else last)
+    held = -ratio * torque * (q - anchor) / max(displacement, _LEAST_DISPLACEMENT)
+    if stuck == 1.0 and abs(held) < ratio * torque:
+        return 1.0, anchor, held
+    return 0.0, anchor, -torque * np.sign(v)
+
+
+@jit
+def bristle_law(last: float, z: float, q: float, torque: float, displacement: float) -> tuple[float, float]:
+    """Deflection of the bristle at position ``q`` and its torque; ``last`` and ``z`` are those of the step before."""
+    d = max(displacement, _LEAST_DISPLACEMENT)
+    # Comparisons and no isnan: what is not a number yet is nowhere.
+    z = min(max(z + q - last, -d), d) if last == last else 0.0
+    return z, -torque * z / d

@@ -1,0 +1,88 @@
+"""Stribeck friction: ``-(Tc + (Ts - Tc) exp(-(v/vs)^2)) sign(v)``.
+
+It contains Coulomb friction (``Ts = Tc``). What parts the two is extra torque at low speed that decays with speed:
+slow constant speeds in both directions show it. URDF and MJCF have a place for the level at
+high speed only.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from phantom_dyn._kernels.jit import jit
+from phantom_dyn.effects.effect import Effect, Law, Moment, Parameter, Shape, Signature, Simulated
+from phantom_dyn.effects.operation import Operation
+from phantom_dyn.effects.support.changed_robot import with_friction
+from phantom_dyn.effects.support.rows import on_one_joint, row_of, torque_on_joint, torque_unit, velocity_unit
+from phantom_dyn.model.robot import Robot
+
+Array = np.ndarray
+
+
+class StribeckFriction(Effect):
+    """See the module."""
+
+    name = "stribeck_friction"
+    regime = "low_speed"
+    contains = ("coulomb_friction",)
+
+    def parameters(self, robot: Robot, joint: str | None) -> tuple[Parameter, ...]:
+        """Level at speed, level at rest and the velocity at which the difference has fallen to 1/e."""
+        torque = torque_unit(robot, joint)
+        return (
+            Parameter("coulomb_torque", torque, 0.0),
+            Parameter("static_torque", torque, 0.0),
+            Parameter("stribeck_velocity", velocity_unit(robot, joint), 0.0),
+        )
+
+    def shapes(self, robot: Robot, operation: Operation, joint: str | None) -> tuple[Shape, ...]:
+        """Stribeck velocities from 2 % to 50 % of the joint's top speed: outside, the law is Coulomb or viscous."""
+        top = float(np.percentile(np.abs(operation.v[:, row_of(robot, joint)]), 99))
+        return tuple((float(x),) for x in np.geomspace(0.02, 0.5, 7) * max(top, 1e-9))
+
+    def refined(self, coefficients: Array, shape: Shape) -> tuple[Shape, ...]:
+        """The same velocity, and a sixth less and more."""
+        return tuple((factor * shape[0],) for factor in (0.85, 1.0, 1.18))
+
+    def signature(self, robot: Robot, operation: Operation, joint: str | None, shape: Shape) -> Signature:
+        """Direction of motion, and the same faded out with speed at ``shape`` = vs."""
+        v, unit = operation.v[:, row_of(robot, joint)], torque_unit(robot, joint)
+        s = np.sign(v)
+        return on_one_joint(robot, joint, coulomb_torque=(s, unit), excess=(s * np.exp(-((v / shape[0]) ** 2)), unit))
+
+    def from_coefficients(self, robot: Robot, joint: str | None, coefficients: Array, shape: Shape) -> Array:
+        """``Ts`` is the level at speed plus the excess."""
+        return np.array([coefficients[0], coefficients[0] + coefficients[1], shape[0]])
+
+    def coefficient_bounds(self, robot: Robot, joint: str | None, shape: Shape) -> tuple[tuple[float, float], ...]:
+        """The excess at rest is not negative."""
+        return ((-np.inf, np.inf), (0.0, np.inf))
+
+    def probe(self, robot: Robot, operation: Operation, joint: str | None) -> tuple[str, Array]:
+        """Torque at rest beyond the level at speed."""
+        return "static_torque", np.array([0.0, 1.0])
+
+    def torque(self, robot: Robot, operation: Operation, joint: str | None, theta: Array) -> Array:
+        """The law, zero at rest."""
+        v = operation.v[:, row_of(robot, joint)]
+        level = theta[0] + (theta[1] - theta[0]) * np.exp(-((v / theta[2]) ** 2))
+        return torque_on_joint(robot, joint, -level * np.sign(v))
+
+    def simulated(self, robot: Robot, joint: str | None, theta: Array) -> Simulated:
+        """The level at rest as Coulomb friction, which sticks; what it falls by with speed as a torque."""
+        row = row_of(robot, joint)
+
+        def torque(state: Array, dt: float, moment: Moment) -> tuple[Array, Array]:
+            v = moment.v[row]
+            out = np.zeros(robot.nv)
+            out[row] = (theta[1] - theta[0]) * (1.0 - np.exp(-((v / theta[2]) ** 2))) * np.sign(v)
+            return state, out
+
+        law = Law(falling_law, row, (float(theta[1] - theta[0]), float(theta[2])))
+        return Simulated(robot=lambda moved: with_friction(moved, joint, coulomb=theta[1]), torque=torque, laws=(law,))
+
+
+@jit
+def falling_law(v: float, fall: float, velocity: float) -> float:
+    """By how much the friction is lower than at rest, as a torque."""
+    return fall * (1.0 - np.exp(-((v / velocity) ** 2))) * np.sign(v)

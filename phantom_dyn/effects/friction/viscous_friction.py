@@ -1,0 +1,60 @@
+"""Viscous friction: ``torque = -c v``.
+
+In inverse dynamics it leaves a residual proportional to velocity. Nothing else in the catalogue is odd and linear in
+``v`` on one joint; a delay under a proportional controller comes close and is told apart by acceleration.
+URDF: ``<dynamics damping>``; MJCF: joint ``damping``.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from phantom_dyn.effects.effect import Effect, Parameter, Shape, Signature, Simulated
+from phantom_dyn.effects.operation import Operation
+from phantom_dyn.effects.support.changed_robot import with_friction
+from phantom_dyn.effects.support.rows import (
+    damping_unit,
+    modelled_friction_of,
+    on_any_joint,
+    speed_of,
+    torque_on_any_joint,
+)
+from phantom_dyn.model.robot import Robot
+
+Array = np.ndarray
+
+
+class ViscousFriction(Effect):
+    """See the module."""
+
+    name = "viscous_friction"
+    regime = "high_speed"
+
+    def places(self, robot: Robot) -> tuple[str | None, ...]:
+        """Every joint, the passive ones of a closed chain too."""
+        return (*robot.joint_names, *robot.passive_names)
+
+    def parameters(self, robot: Robot, joint: str | None) -> tuple[Parameter, ...]:
+        """``coefficient`` c."""
+        return (Parameter("coefficient", damping_unit(robot, joint), 0.0),)
+
+    def signature(self, robot: Robot, operation: Operation, joint: str | None, shape: Shape) -> Signature:
+        """Velocity."""
+        v = speed_of(robot, operation, joint)
+        return on_any_joint(robot, operation, joint, coefficient=(v, damping_unit(robot, joint)))
+
+    def coefficient_bounds(self, robot: Robot, joint: str | None, shape: Shape) -> tuple[tuple[float, float], ...]:
+        """Together with the modelled coefficient it is not negative."""
+        return ((-modelled_friction_of(robot, joint)[0], np.inf),)
+
+    def probe(self, robot: Robot, operation: Operation, joint: str | None) -> tuple[str, Array]:
+        """The parameter itself."""
+        return "coefficient", np.array([1.0])
+
+    def torque(self, robot: Robot, operation: Operation, joint: str | None, theta: Array) -> Array:
+        """``-c v`` on the joint."""
+        return torque_on_any_joint(robot, operation, joint, -theta[0] * speed_of(robot, operation, joint))
+
+    def simulated(self, robot: Robot, joint: str | None, theta: Array) -> Simulated:
+        """More modelled friction."""
+        return Simulated(robot=lambda moved: with_friction(moved, joint, viscous=theta[0]))

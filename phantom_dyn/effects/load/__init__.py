@@ -1,0 +1,1 @@
+"""Bodies, loads and gravity: one effect a file."""

@@ -1,0 +1,1 @@
+"""What several effects share: rows of joints, displaced joints, changed robots, periodograms."""

@@ -1,0 +1,68 @@
+# pyright: reportAttributeAccessIssue=false
+"""The given robot with other friction, rotors, inertias or gravity: what effects of the model move in a simulation."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pinocchio as pin
+from jaxtyping import Float
+
+from phantom_dyn.effects.support.rows import row_of
+from phantom_dyn.errors import RobotError
+from phantom_dyn.model.robot import Robot
+
+Array = np.ndarray
+
+
+def with_friction(robot: Robot, joint: str | None, *, viscous: float = 0.0, coulomb: float = 0.0) -> Robot:
+    """``robot`` with friction added on an active or passive joint; together with the modelled one never below zero."""
+    if robot.chain is not None and joint in robot.passive_names:
+        at = robot.passive_names.index(joint)
+        levels = _added(robot.chain.viscous_friction, at, viscous), _added(robot.chain.coulomb_friction, at, coulomb)
+        return replace(robot, chain=replace(robot.chain, viscous_friction=levels[0], coulomb_friction=levels[1]))
+    at = row_of(robot, joint)
+    return replace(
+        robot,
+        viscous_friction=_added(robot.viscous_friction, at, viscous),
+        coulomb_friction=_added(robot.coulomb_friction, at, coulomb),
+    )
+
+
+def with_rotor_inertia(robot: Robot, joint: str | None, inertia: float) -> Robot:
+    """``robot`` with rotor inertia [kg m^2 or kg] added on a joint; never below zero."""
+    model = robot.model.copy()
+    model.armature = _added(model.armature, robot.tree_rows[row_of(robot, joint)], inertia)
+    return replace(robot, model=model)
+
+
+def with_parameters(robot: Robot, change: Float[Array, " p"]) -> Robot:
+    """``robot`` with a change of its standard parameters, in the order of
+    `phantom_dyn.dynamics.dynamics.standard_parameters`.
+
+    Raises:
+        RobotError: If a link would weigh nothing or less.
+    """
+    model = robot.model.copy()
+    for body in range(1, model.njoints):
+        moved = change[10 * (body - 1) : 10 * body]
+        if moved.any():
+            parameters = model.inertias[body].toDynamicParameters() + moved
+            if parameters[0] <= 0:
+                raise RobotError(f"The link of {model.names[body]} would weigh {parameters[0]:.3g} kg: give more.")
+            model.inertias[body] = pin.Inertia.FromDynamicParameters(parameters)
+    return replace(robot, model=model)
+
+
+def with_gravity(robot: Robot, gravity: Float[Array, " 3"]) -> Robot:
+    """``robot`` under another gravity [m/s^2], in the base frame."""
+    model = robot.model.copy()
+    model.gravity = pin.Motion(np.asarray(gravity, dtype=float), np.zeros(3))
+    return replace(robot, model=model)
+
+
+def _added(values: Float[Array, " n"], at: int, change: float) -> Float[Array, " n"]:
+    out = np.array(values, dtype=float)
+    out[at] = max(out[at] + change, 0.0)
+    return out

@@ -1,0 +1,165 @@
+"""Orders of a torque that is periodic in position: a periodogram of the residual torque over position.
+
+The positions of a recording are not evenly spread, so that the power of an order is what a sine and a cosine fitted
+by least squares take out of the residual (Lomb-Scargle with a mean). The sums that it takes come from transforms of
+the residual and of the count of samples, both gathered in narrow bins of position.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from jaxtyping import Float
+from scipy.fft import next_fast_len
+from scipy.ndimage import median_filter
+from scipy.optimize import minimize_scalar
+
+from phantom_dyn.effects.operation import Operation
+from phantom_dyn.effects.support.rows import moving_average
+
+Array = np.ndarray
+
+_SECONDS = 0.01  # the residual is averaged over this long
+_RATE_SHARE = 0.2  # the wave is at most this share of the sampling rate at speed
+_MOST = 12  # a bound on the work; what stands out, and then the held-out data, say how many there are
+_BINS = 8  # per period of the highest order
+_MOST_BINS = 2**16
+_LINES = 4  # points of the periodogram per resolved order
+_BACKGROUND = 30  # resolved orders over which the background is taken
+_SIGNIFICANT = 15.0  # power over background; for noise it exceeds 9 about once in ten thousand orders
+_LEAST_POWER = 0.001  # of the first order's, 3 % of its amplitude: less is what the reading's own error leaves
+_SAMPLES = 8000  # enough to place an order
+_LOSS = 0.01  # share of what an order explains that a whole number may leave
+
+
+def order_range(operation: Operation, row: int) -> tuple[float, float]:
+    """Lowest and highest order to look for: a period over the range, a fifth of the sampling rate at speed.
+
+    A wave that the averaging takes out even in the slowest quarter of the recording is not looked for either. Where
+    the joint does not move, the lowest is above the highest.
+    """
+    low, high = np.percentile(operation.q[:, row], [0.5, 99.5])
+    slow, speed = (float(np.percentile(np.abs(operation.v[:, row]), share)) for share in (25, 95))
+    if len(operation.t) < 2 or high - low < 1e-6 or speed < 1e-9:
+        return np.inf, 0.0
+    finest = 2 * np.pi * _MOST_BINS / (_BINS * float(np.ptp(operation.q[:, row])))
+    fastest = min(_RATE_SHARE / (operation.dt * speed), 0.5 / (_SECONDS * max(slow, 1e-9)))
+    return 2 * np.pi / float(high - low), min(2 * np.pi * fastest, finest)
+
+
+def orders_in(operation: Operation, row: int, *, whole_numbers: bool) -> tuple[tuple[float, ...], ...]:
+    """Sets of orders to try for the residual torque of a joint, from the recording.
+
+    The first holds the order that stands out most from its neighbours; the next ones add what stands out most once
+    those before are taken out, if it is significant. The last one holds the order with most power, if it is another:
+    a slow one has no neighbours to stand out from. A whole number is taken where it explains as much, if
+    ``whole_numbers`` are to be expected.
+    """
+    low, high = order_range(operation, row)
+    if low >= high:
+        return ()
+    step = max(1, int(0.5 * _SECONDS / operation.dt), -(-len(operation.t) // _SAMPLES))
+    rest = moving_average(operation.rest[:, row], operation.dt, _SECONDS)[::step]
+    residual = _Residual(operation.q[::step, row], _background(operation, row, low)[::step], rest, low)
+    sets: list[tuple[float, ...]] = []
+    orders: tuple[float, ...] = ()
+    largest, most = 0.0, 0.0
+    for _ in range(_MOST):
+        n, power = _periodogram(residual.q, residual.without(orders), low, high)
+        prominence = power / np.maximum(_background_power(power), 1e-3 * np.median(power) + 1e-300)
+        prominence[power < _LEAST_POWER * most] = 0.0
+        peak = int(np.argmax(prominence))
+        if not orders:
+            largest, most = residual.placed((), float(n[np.argmax(power)]), whole_numbers), float(power[peak])
+        elif prominence[peak] < _SIGNIFICANT:
+            break
+        found = residual.placed(orders, float(n[peak]), whole_numbers)
+        if any(abs(found - other) < 0.5 * low for other in orders):
+            break
+        orders = (*orders, found)
+        sets.append(orders)
+    if abs(largest - sets[0][0]) > 0.5 * low:
+        sets.append((largest,))
+    return tuple(sets)
+
+
+def _background(operation: Operation, row: int, low: float) -> Float[Array, "N k"]:
+    """What else the residual may hold: an offset, friction, a spring, a scale of the torque, an inertia, gravity."""
+    q, v = operation.q[:, row], operation.v[:, row]
+    columns = [np.ones(len(q)), v, np.sign(v), q - q.mean(), operation.a[:, row], operation.tau[:, row]]
+    # Over less than a revolution, no order looked for is as slow as gravity.
+    return np.column_stack([*columns, np.sin(q), np.cos(q)] if low > 1.5 else columns)
+
+
+@dataclass(frozen=True)
+class _Residual:
+    """Residual torque over position, with what else it may hold, and the order that its range resolves."""
+
+    q: Float[Array, " N"]
+    plain: Float[Array, "N k"]
+    torque: Float[Array, " N"]
+    resolution: float
+
+    def without(self, orders: tuple[float, ...]) -> Float[Array, " N"]:
+        """What background and orders leave, fitted by least squares."""
+        waves = [wave(n * self.q) for n in orders for wave in (np.sin, np.cos)]
+        columns = np.column_stack([self.plain, *waves])
+        columns = columns / np.maximum(np.sqrt(np.mean(columns**2, axis=0)), 1e-300)
+        gram = columns.T @ columns
+        return self.torque - columns @ np.linalg.lstsq(gram, columns.T @ self.torque, rcond=1e-12)[0]
+
+    def misfit(self, orders: tuple[float, ...]) -> float:
+        """Sum of squares of what is left."""
+        left = self.without(orders)
+        return float(left @ left)
+
+    def placed(self, known: tuple[float, ...], peak: float, whole_numbers: bool) -> float:
+        """The order near ``peak`` that leaves least beside those that are known; whole if that leaves no more."""
+        reach = 0.5 * self.resolution
+        found = minimize_scalar(
+            lambda n: self.misfit((*known, n)),
+            bounds=(peak - reach, peak + reach),
+            method="bounded",
+            options={"xatol": 1e-4 * reach},
+        )
+        order, whole = float(found.x), float(round(found.x))  # pyright: ignore[reportAttributeAccessIssue]
+        if not whole_numbers or whole < 1 or abs(whole - order) > self.resolution:
+            return order
+        left = self.without((*known, order))
+        least = float(left @ left)
+        # Independent samples of what is left, from the correlation of neighbours.
+        memory = float(np.clip(left[1:] @ left[:-1] / max(least, 1e-300), 0.0, 0.999))
+        noise = 4.0 * least / max(len(left) * (1 - memory) / (1 + memory), 1.0)
+        explained = self.misfit(known) - least
+        return whole if self.misfit((*known, whole)) - least < max(_LOSS * explained, noise) else order
+
+
+def _periodogram(
+    q: Float[Array, " N"], rest: Float[Array, " N"], low: float, high: float
+) -> tuple[Float[Array, " n"], Float[Array, " n"]]:
+    """Orders between ``low`` and ``high``, and the squares that sine and cosine of each take out of the residual."""
+    width = 2 * np.pi / (_BINS * high)
+    bins = ((q - q.min()) / width).astype(int)
+    length = int(next_fast_len(max(_LINES * (int(bins.max()) + 1), 4 * _BINS), real=True) or 0)
+    wave = np.fft.rfft(np.bincount(bins, rest - rest.mean(), length), length)
+    count = np.fft.rfft(np.bincount(bins, minlength=length), length)
+    last = length // _BINS
+    k = np.arange(min(max(1, int(np.ceil(low * length * width / (2 * np.pi)))), last), last + 1)
+    return 2 * np.pi * k / (length * width), _power(wave[k], count[k], count[2 * k], len(q))
+
+
+def _power(wave: Array, once: Array, twice: Array, samples: int) -> Float[Array, " n"]:
+    """Power of each order, from the sums of the residual's wave and of the plain wave at once and twice the order."""
+    c, s = np.real(once), -np.imag(once)
+    cc = 0.5 * (samples + np.real(twice)) - c * c / samples
+    ss = 0.5 * (samples - np.real(twice)) - s * s / samples
+    cs = -0.5 * np.imag(twice) - c * s / samples
+    y_c, y_s = np.real(wave), -np.imag(wave)
+    area = np.maximum(cc * ss - cs * cs, 1e-6 * samples**2)
+    return (y_c**2 * ss - 2 * y_c * y_s * cs + y_s**2 * cc) / area
+
+
+def _background_power(power: Float[Array, " n"]) -> Float[Array, " n"]:
+    """Median power of the neighbours of each order."""
+    return median_filter(power, 2 * (_BACKGROUND * _LINES // 2) + 1, mode="nearest")

@@ -1,0 +1,74 @@
+"""Drive torque when a joint is not where it is thought to be: what effects of readings and transmissions share.
+
+A *reading* that errs moves joint and motor together, so friction and rotor move too. A *link* that gives way moves
+without its motor: friction and rotor stay where the encoder is.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from jaxtyping import Float
+
+from phantom_dyn.dynamics.dynamics import inverse_dynamics, link_torque
+from phantom_dyn.effects.operation import Operation
+from phantom_dyn.model.robot import Robot
+from phantom_dyn.motion import Motion
+
+Array = np.ndarray
+Samples = Float[Array, " N"]
+
+
+def change_by_reading(operation: Operation, row: int, dq: Samples, dv: Samples, da: Samples) -> Float[Array, "N nv"]:
+    """Drive torque more when joint ``row`` truly moves by ``dq``, ``dv``, ``da`` more than read, to first order."""
+    to_q, to_v, mass = operation.partials
+    out = to_q[:, :, row] * dq[:, None] + to_v[:, :, row] * dv[:, None] + mass[:, :, row] * da[:, None]
+    out[:, row] += operation.robot.viscous_friction[row] * dv
+    return out
+
+
+def change_by_link(operation: Operation, row: int, dq: Samples, dv: Samples, da: Samples) -> Float[Array, "N nv"]:
+    """Torque on the links more when link ``row`` moves by ``dq``, ``dv``, ``da`` more than its motor, first order."""
+    to_q, to_v, mass = operation.partials
+    out = to_q[:, :, row] * dq[:, None] + to_v[:, :, row] * dv[:, None] + mass[:, :, row] * da[:, None]
+    out[:, row] -= operation.robot.rotor_inertia[row] * da
+    return out
+
+
+def exact_change_by_reading(
+    robot: Robot, operation: Operation, row: int, dq: Samples, dv: Samples, da: Samples
+) -> Float[Array, "N nv"]:
+    """As `change_by_reading`, by inverse dynamics of the displaced motion, friction included."""
+    return inverse_dynamics(robot, displaced(operation, row, dq, dv, da)) - inverse_dynamics(robot, operation)
+
+
+def exact_change_by_link(
+    robot: Robot, operation: Operation, row: int, dq: Samples, dv: Samples, da: Samples
+) -> Float[Array, "N nv"]:
+    """As `change_by_link`, by inverse dynamics of the displaced links."""
+    return link_torque(robot, displaced(operation, row, dq, dv, da)) - link_torque(robot, operation)
+
+
+def displaced(motion: Motion, row: int, dq: Samples, dv: Samples, da: Samples) -> Motion:
+    """``motion`` with one joint moved."""
+    q, v, a = motion.q.copy(), motion.v.copy(), motion.a.copy()
+    for values, change in ((q, dq), (v, dv), (a, da)):
+        values[:, row] += change
+    return Motion(motion.t, q, v, a)
+
+
+def link_load(operation: Operation, row: int) -> Samples:
+    """Torque that the transmission passes to the link: the drive torque less what rotor and modelled friction take."""
+    return operation.transmitted[:, row] - operation.own_friction[:, row]
+
+
+def load_and_inertia(operation: Operation, row: int) -> tuple[Samples, Samples]:
+    """`link_load`, and the inertia of the link alone, without its rotor, [kg m^2 or kg]."""
+    inertia = operation.partials[2][:, row, row] - operation.robot.rotor_inertia[row]
+    return link_load(operation, row), np.maximum(inertia, 1e-12)
+
+
+def behind_encoder(robot: Robot, row: int) -> str | None:
+    """Why nothing behind the motor shows where the encoder is on the link's side, in words; None where it is not."""
+    if robot.actuators[row].encoder_side == "link":
+        return "the encoder sits on the link's side: it never sees how far motor and link are apart"
+    return None

@@ -1,0 +1,156 @@
+"""Building blocks that the effects share: which row a joint is, and signatures that touch one row."""
+
+from __future__ import annotations
+
+import numpy as np
+from jaxtyping import Float, Int
+from scipy.ndimage import uniform_filter1d
+
+from phantom_dyn.dynamics.tree_motion import joint_velocity
+from phantom_dyn.effects.effect import Shape, Signature
+from phantom_dyn.effects.operation import Operation
+from phantom_dyn.errors import RobotError
+from phantom_dyn.model.robot import Robot
+
+Array = np.ndarray
+
+
+def row_of(robot: Robot, joint: str | None) -> int:
+    """Index of ``joint`` among the robot's velocities."""
+    if joint not in robot.joint_names:
+        raise RobotError(f"No joint '{joint}' in this robot: its joints are {', '.join(robot.joint_names)}.")
+    return robot.joint_names.index(joint)
+
+
+def on_one_joint(robot: Robot, joint: str | None, **columns: tuple[Float[Array, " N"], str]) -> Signature:
+    """Signature of an effect that touches one joint only: ``name=(column, unit)`` for each coefficient."""
+    return Signature(
+        rows=(row_of(robot, joint),),
+        columns=np.stack([column for column, _ in columns.values()], axis=-1)[:, None, :],
+        names=tuple(columns),
+        units=tuple(unit for _, unit in columns.values()),
+    )
+
+
+def torque_on_joint(robot: Robot, joint: str | None, values: Float[Array, " N"]) -> Float[Array, "N nv"]:
+    """Joint torques that are ``values`` on one joint and zero on the others."""
+    out = np.zeros((len(values), robot.nv))
+    out[:, row_of(robot, joint)] = values
+    return out
+
+
+def speed_of(robot: Robot, operation: Operation, joint: str | None) -> Float[Array, " N"]:
+    """Velocity of an active joint, or of a passive one of a closed chain."""
+    if joint in robot.passive_names:
+        return joint_velocity(robot, operation, joint)[0]
+    return operation.v[:, row_of(robot, joint)]
+
+
+def on_any_joint(
+    robot: Robot, operation: Operation, joint: str | None, **columns: tuple[Float[Array, " N"], str]
+) -> Signature:
+    """As `on_one_joint`; torque on a passive joint shows on all active joints that move it."""
+    if joint not in robot.passive_names:
+        return on_one_joint(robot, joint, **columns)
+    rows, shares = _movers(robot, operation, joint)
+    values = np.stack([column for column, _ in columns.values()], axis=-1)
+    units = tuple(unit for _, unit in columns.values())
+    return Signature(rows, shares[:, :, None] * values[:, None, :], tuple(columns), units)
+
+
+def torque_on_any_joint(
+    robot: Robot, operation: Operation, joint: str | None, values: Float[Array, " N"]
+) -> Float[Array, "N nv"]:
+    """As `torque_on_joint`, also for a passive joint."""
+    if joint not in robot.passive_names:
+        return torque_on_joint(robot, joint, values)
+    return joint_velocity(robot, operation, joint)[1] * values[:, None]
+
+
+def modelled_friction_of(robot: Robot, joint: str | None) -> tuple[float, float]:
+    """Viscous coefficient and Coulomb torque that the model gives an active or passive joint."""
+    if joint in robot.passive_names and robot.chain is not None:
+        at = robot.passive_names.index(joint)
+        return float(robot.chain.viscous_friction[at]), float(robot.chain.coulomb_friction[at])
+    row = row_of(robot, joint)
+    return float(robot.viscous_friction[row]), float(robot.coulomb_friction[row])
+
+
+def _movers(robot: Robot, operation: Operation, joint: str) -> tuple[tuple[int, ...], Float[Array, "N m"]]:
+    """Active joints that move a passive one, and how much."""
+    shares = joint_velocity(robot, operation, joint)[1]
+    # Where the shares change with position, one that is zero now need not be zero later.
+    fixed = robot.chain is not None and not robot.chain.anchors
+    rows = tuple(range(robot.nv)) if not fixed else tuple(int(k) for k in np.flatnonzero(np.abs(shares[0]) > 1e-12))
+    return rows, shares[:, list(rows)]
+
+
+def _prismatic(robot: Robot, joint: str | None) -> bool:
+    """True if an active or passive joint is linear."""
+    if joint in robot.passive_names:
+        return robot.model.joints[robot.model.getJointId(joint)].shortname().startswith("JointModelP")
+    return bool(robot.prismatic[row_of(robot, joint)])
+
+
+def secant(estimate: float, least: float) -> tuple[Shape, ...]:
+    """The next shape of a law that takes its last estimate as shape, never so small that rounding shows."""
+    return ((estimate if abs(estimate) > least else least,),)
+
+
+def torque_unit(robot: Robot, joint: str | None) -> str:
+    """``N m`` for a rotary joint, ``N`` for a linear one."""
+    return "N" if _prismatic(robot, joint) else "N m"
+
+
+def damping_unit(robot: Robot, joint: str | None) -> str:
+    """Torque unit per velocity unit."""
+    return "N s/m" if _prismatic(robot, joint) else "N m s/rad"
+
+
+def velocity_unit(robot: Robot, joint: str | None) -> str:
+    """``rad/s`` or ``m/s``."""
+    return "m/s" if _prismatic(robot, joint) else "rad/s"
+
+
+def drive_places(robot: Robot) -> tuple[str | None, ...]:
+    """Where a drive may be late: on all joints alike or on one, which is the same thing on a robot with one joint."""
+    return (None, *robot.joint_names) if robot.nv > 1 else robot.joint_names
+
+
+def driven_rows(robot: Robot, joint: str | None) -> tuple[int, ...]:
+    """The row of ``joint``, or all rows for the whole robot."""
+    return tuple(range(robot.nv)) if joint is None else (row_of(robot, joint),)
+
+
+def torque_on_rows(robot: Robot, rows: tuple[int, ...], values: Float[Array, "N m"]) -> Float[Array, "N nv"]:
+    """Joint torques that are ``values`` on some rows and zero on the others."""
+    out = np.zeros((len(values), robot.nv))
+    out[:, list(rows)] = values
+    return out
+
+
+def hidden_behind_drive(robot: Robot, what: str) -> str | None:
+    """Why ``what`` of a drive cannot be seen when the torque is measured behind it; None if it may."""
+    if robot.torque_source != "sensor":
+        return None
+    return f"the torque columns come from a sensor, behind the drive: {what} leaves no trace in them"
+
+
+def moving_average(x: Float[Array, " N"], dt: float, seconds: float) -> Float[Array, " N"]:
+    """Centred moving average over about ``seconds``: an odd number of samples, one if ``dt`` is longer than that."""
+    half = int(0.5 * seconds / dt) if dt > 0 else 0
+    return uniform_filter1d(x, min(2 * half + 1, len(x)), mode="nearest")
+
+
+def turning_points(operation: Operation, row: int) -> Int[Array, " n"]:
+    """Samples at which a joint has reversed: its speed was a fiftieth of the top speed one way, then the other way."""
+    v = operation.v[:, row]
+    moving = np.flatnonzero(np.abs(v) > max(0.02 * float(np.percentile(np.abs(v), 99)), 1e-9))
+    return moving[1:][np.diff(np.sign(v[moving])) != 0]
+
+
+def never_reverses(robot: Robot, operation: Operation, joint: str | None) -> str | None:
+    """Why a recording without a reversal of ``joint`` cannot show a friction that depends on it; None if it has one."""
+    if len(turning_points(operation, row_of(robot, joint))):
+        return None
+    return f"{joint} never reverses: its friction looks like a constant torque"

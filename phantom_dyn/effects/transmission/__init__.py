@@ -1,0 +1,1 @@
+"""Transmissions and springs between motor, link and base: one effect a file."""

@@ -1,0 +1,175 @@
+"""A play of full width ``gap`` between motor and link.
+
+Where the torque ``tl`` that is passed to the link changes its sign, the link comes loose: the drive lacks ``tl`` until
+the free link has crossed the gap, and then an impact brings its speed back. Averaged over both nothing is left, so it
+shows above a frequency of one over the time of flight. Friction acts where the velocity crosses zero, backlash where
+the transmitted torque does: gravity parts the two. Compliance has a resonance that does not move with amplitude.
+Friction and rotor are taken to sit on the motor's side, and impacts to be plastic.
+MJCF: a second joint on the same axis with the gap as its ``range``, the rotor as the first one's ``armature``; URDF has
+no place for it.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from jaxtyping import Float
+
+from phantom_dyn._kernels.jit import jit
+from phantom_dyn.effects.effect import Effect, Parameter, Shape, Signature, Simulated, Transmission
+from phantom_dyn.effects.operation import Operation
+from phantom_dyn.effects.support.displaced import behind_encoder, change_by_link, link_load, load_and_inertia
+from phantom_dyn.effects.support.rows import row_of
+from phantom_dyn.effects.transmission.transmission_compliance import followed_load, moving_mass
+from phantom_dyn.model.robot import Robot
+
+Array = np.ndarray
+
+# Times of flight [s] whose gaps are tried: shorter ones end inside the band of a recording, longer ones are rattling.
+_FLIGHTS = np.geomspace(0.008, 0.06, 12)
+# The load is followed up to an edge [Hz] within the first and third: it has to tell when a link comes loose.
+_EDGES = (15.0, 60.0, 60.0)
+# Frequency [Hz] and damping ratio of rotor against link in contact, in a simulation: stiff, and hardly bouncing.
+_CONTACT, _CONTACT_DAMPING = 120.0, 0.7
+
+
+class Backlash(Effect):
+    """See the module. The shape is the gap, the coefficient should be one."""
+
+    name = "backlash"
+    regime = "velocity_reversal"
+    seen_by = "shape"
+
+    def parameters(self, robot: Robot, joint: str | None) -> tuple[Parameter, ...]:
+        """``gap``."""
+        return (Parameter("gap", robot.position_units[row_of(robot, joint)], 0.0),)
+
+    def shapes(self, robot: Robot, operation: Operation, joint: str | None) -> tuple[Shape, ...]:
+        """Gaps that a link crosses in 8 to 60 ms from a torque that changes its sign as fast as it does here."""
+        load, inertia = load_and_inertia(operation, row_of(robot, joint))
+        crossings = np.flatnonzero(load[1:] * load[:-1] < 0)
+        if len(crossings) == 0:
+            return ()
+        steps = operation.t[crossings + 1] - operation.t[crossings]
+        slopes = np.abs(load[crossings + 1] - load[crossings]) / steps / inertia[crossings]
+        return tuple((float(gap),) for gap in np.median(slopes) * _FLIGHTS**3 / 6.0)
+
+    def refined(self, coefficients: Array, shape: Shape) -> tuple[Shape, ...]:
+        """The same gap, and a quarter less and more."""
+        return tuple((factor * shape[0],) for factor in (0.8, 1.0, 1.25))
+
+    def signature(self, robot: Robot, operation: Operation, joint: str | None, shape: Shape) -> Signature:
+        """Drive torque more with a gap of ``shape``: less the load in flight, impacts, and what other joints feel."""
+        row = row_of(robot, joint)
+        values = _change(operation, row, shape[0])
+        return Signature(tuple(range(robot.nv)), values[:, :, None], ("share",), ("1",))
+
+    def coefficient_bounds(self, robot: Robot, joint: str | None, shape: Shape) -> tuple[tuple[float, float], ...]:
+        """The load is known, so the share is one, but for what is known worse of flights and impacts."""
+        return ((0.5, 1.5),)
+
+    def from_coefficients(self, robot: Robot, joint: str | None, coefficients: Array, shape: Shape) -> Array:
+        """The gap is the shape."""
+        return np.array([shape[0]])
+
+    def probe(self, robot: Robot, operation: Operation, joint: str | None) -> tuple[str, Array]:
+        """The whole of it."""
+        return "gap", np.array([1.0])
+
+    def untestable(self, robot: Robot, operation: Operation, joint: str | None) -> str | None:
+        """Where the link never comes loose, or the encoder sits on it."""
+        row = row_of(robot, joint)
+        hidden = behind_encoder(robot, row)
+        load = link_load(operation, row)
+        if hidden is None and not (load.min() < 0 < load.max()):
+            return "the transmitted torque never changes sign"
+        return hidden
+
+    def torque(self, robot: Robot, operation: Operation, joint: str | None, theta: Array) -> Array:
+        """Minus the column at that gap."""
+        return -_change(operation, row_of(robot, joint), float(theta[0]))
+
+    def simulated(self, robot: Robot, joint: str | None, theta: Array) -> Simulated:
+        """A play with stiff ends."""
+        row = row_of(robot, joint)
+        mass, omega = moving_mass(robot, row), 2.0 * np.pi * _CONTACT
+        damping = 2.0 * _CONTACT_DAMPING * mass * omega
+        return Simulated(transmission=Transmission(robot.joint_names[row], mass * omega**2, damping, float(theta[0])))
+
+
+@dataclass(frozen=True)
+class Play:
+    """Motion of a link in its play, ``(N,)`` each.
+
+    Attributes:
+        lead: How far the motor is ahead of the link [rad or m], from minus to plus half the gap.
+        rate: Its velocity.
+        loose: True where the link is free.
+        impact: Gain of the link's velocity over the motor's at an impact [per s], spread over two samples.
+    """
+
+    lead: Float[Array, " N"]
+    rate: Float[Array, " N"]
+    loose: Float[Array, " N"]
+    impact: Float[Array, " N"]
+
+
+def play(t: Float[Array, " N"], pull: Float[Array, " N"], gap: float) -> Play:
+    """Motion of a link in its play while its motor moves as recorded.
+
+    Args:
+        t: Time [s].
+        pull: Acceleration with which a free link falls behind its motor: transmitted torque over link inertia.
+        gap: Full width [rad or m].
+    """
+    half, width = 0.5 * gap, np.gradient(t)
+    lead, rate, loose, impact = np.zeros((4, len(t)))
+    against = {side: np.flatnonzero(side * pull < 0) for side in (-1.0, 1.0)}
+    side, k = (1.0 if pull[0] >= 0 else -1.0), 0
+    while True:
+        place = int(np.searchsorted(against[side], k))
+        start = int(against[side][place]) if place < len(against[side]) else len(t)
+        lead[k:start] = side * half
+        if start >= len(t) - 1:
+            lead[start:] = side * half
+            return Play(lead, rate, loose, impact)
+        k, side = _fly(t, pull, half, start, side, lead, rate, loose)
+        # What the link lost on its motor in the flight, the impact gives back.
+        landed = loose[start:k] * pull[start:k] * width[start:k]
+        late = min(max((half - abs(lead[k - 1])) / max(abs(lead[k] - lead[k - 1]), 1e-300), 0.0), 1.0)
+        impact[k - 1] += (1.0 - late) * landed.sum() / width[k - 1]
+        impact[k] += late * landed.sum() / width[k]
+        lead[k] = side * half
+
+
+@jit
+def _fly(
+    t: Array, pull: Array, half: float, start: int, side: float, lead: Array, rate: Array, loose: Array
+) -> tuple[int, float]:
+    """Fill in the flight that begins on ``side`` just before sample ``start``; where it ends, and on which side."""
+    place, speed, k = side * half, 0.0, start
+    if start > 0 and side * pull[start - 1] >= 0:
+        since = (t[start] - t[start - 1]) * pull[start] / (pull[start] - pull[start - 1])
+        speed, place = 0.5 * since * pull[start], place + since**2 * pull[start] / 6.0
+    for k in range(start, len(t) - 1):
+        lead[k], rate[k], loose[k] = place, speed, 1.0
+        h = t[k + 1] - t[k]
+        place += h * (speed + h * (2.0 * pull[k] + pull[k + 1]) / 6.0)
+        speed += 0.5 * h * (pull[k] + pull[k + 1])
+        if abs(place) >= half:
+            break
+    lead[k + 1] = place
+    return k + 1, (1.0 if place > 0 else -1.0)
+
+
+def _change(operation: Operation, row: int, gap: float) -> Float[Array, "N nv"]:
+    """Torque of the links more than if they were tied to their motors."""
+    load, inertia = followed_load(operation, row, _EDGES)
+    moved = play(operation.t, load / inertia, gap)
+    gained = moved.impact - load / inertia * moved.loose
+    change = change_by_link(operation, row, -moved.lead, -moved.rate, gained)
+    free = moved.loose > 0
+    # A free link takes no torque at all, whatever its place and speed.
+    change[free, row] = (inertia * gained)[free]
+    return change

@@ -1,0 +1,78 @@
+"""A spring on one joint that the model lacks (cable, hose, seal): ``torque = -k (q - q0)``.
+
+It leaves a residual that grows with position on one joint only. Gravity of a wrong mass looks alike over a small
+range; wide postures of the other joints part the two.
+URDF has no place for it; MJCF: joint ``stiffness`` and ``springref``.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from phantom_dyn._kernels.jit import jit
+from phantom_dyn.effects.effect import Effect, Law, Moment, Parameter, Shape, Signature, Simulated
+from phantom_dyn.effects.operation import Operation
+from phantom_dyn.effects.support.rows import on_one_joint, row_of, torque_on_joint, torque_unit
+from phantom_dyn.model.robot import Robot
+
+Array = np.ndarray
+
+
+class ParasiticSpring(Effect):
+    """See the module."""
+
+    name = "parasitic_spring"
+    regime = "posture"
+
+    def parameters(self, robot: Robot, joint: str | None) -> tuple[Parameter, ...]:
+        """``stiffness`` k and ``rest_position`` q0."""
+        rest = robot.position_units[row_of(robot, joint)]
+        return (Parameter("stiffness", _stiffness_unit(robot, joint), 0.0), Parameter("rest_position", rest))
+
+    def signature(self, robot: Robot, operation: Operation, joint: str | None, shape: Shape) -> Signature:
+        """Position, and the constant ``-k q0``."""
+        q = operation.q[:, row_of(robot, joint)]
+        return on_one_joint(
+            robot,
+            joint,
+            stiffness=(q, _stiffness_unit(robot, joint)),
+            preload=(np.ones(len(q)), torque_unit(robot, joint)),
+        )
+
+    def from_coefficients(self, robot: Robot, joint: str | None, coefficients: Array, shape: Shape) -> Array:
+        """``q0 = -preload / k``."""
+        stiffness = coefficients[0] if coefficients[0] != 0 else np.finfo(float).tiny
+        return np.array([coefficients[0], -coefficients[1] / stiffness])
+
+    def coefficient_bounds(self, robot: Robot, joint: str | None, shape: Shape) -> tuple[tuple[float, float], ...]:
+        """A spring pulls back."""
+        return ((0.0, np.inf), (-np.inf, np.inf))
+
+    def probe(self, robot: Robot, operation: Operation, joint: str | None) -> tuple[str, Array]:
+        """Stiffness about the mean position."""
+        return "stiffness", np.array([1.0, -float(np.mean(operation.q[:, row_of(robot, joint)]))])
+
+    def torque(self, robot: Robot, operation: Operation, joint: str | None, theta: Array) -> Array:
+        """``-k (q - q0)`` on the joint."""
+        return torque_on_joint(robot, joint, -theta[0] * (operation.q[:, row_of(robot, joint)] - theta[1]))
+
+    def simulated(self, robot: Robot, joint: str | None, theta: Array) -> Simulated:
+        """The law at the true position."""
+        row = row_of(robot, joint)
+
+        def torque(state: Array, dt: float, moment: Moment) -> tuple[Array, Array]:
+            out = np.zeros(robot.nv)
+            out[row] = -theta[0] * (moment.q[row] - theta[1])
+            return state, out
+
+        return Simulated(torque=torque, laws=(Law(spring_law, row, (float(theta[0]), float(theta[1]))),))
+
+
+def _stiffness_unit(robot: Robot, joint: str | None) -> str:
+    return "N/m" if robot.prismatic[row_of(robot, joint)] else "N m/rad"
+
+
+@jit
+def spring_law(q: float, stiffness: float, rest_position: float) -> float:
+    """Torque of the spring."""
+    return -stiffness * (q - rest_position)

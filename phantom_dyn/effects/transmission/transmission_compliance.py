@@ -1,0 +1,197 @@
+"""A transmission that gives way: ``tl = k (q_motor - q_link)``, with the torque ``tl`` that it passes to the link.
+
+The link is not where a motor-side encoder says. It swings on the spring, driven by the torque that it would need to
+follow its motor: by how much is found by integrating that swing, which takes no derivative of a torque. It leaves a
+torque on every joint that feels the link, with an anti-resonance whose frequency does not depend on amplitude (that
+of backlash does). Well below it, it looks like a delay or a rotor inertia; content near it, or an encoder on the link,
+parts them. Friction and rotor are taken to sit on the motor's side.
+MJCF: a second joint on the same axis with ``stiffness``, the rotor as the first one's ``armature``; URDF has no place
+for it.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from phantom_dyn._kernels.jit import jit
+from phantom_dyn.dynamics.dynamics import mass_matrix
+from phantom_dyn.effects.effect import Effect, Parameter, Shape, Signature, Simulated, Transmission
+from phantom_dyn.effects.encoder.encoder_quantization import stated_step
+from phantom_dyn.effects.operation import Operation
+from phantom_dyn.effects.support.displaced import behind_encoder, change_by_link, exact_change_by_link, load_and_inertia
+from phantom_dyn.effects.support.rows import row_of
+from phantom_dyn.model.robot import Robot
+
+Array = np.ndarray
+
+# Frequencies [Hz] at which the link swings on its spring that are tried; above the last one nothing but the size of
+# the effect depends on the stiffness in the band of a recording.
+_SWINGS = np.array([70.0, 35.0, 22.0, 14.0, 9.0])
+# A frequency may be off by half the way to the next one: so far may a coefficient be off its shape, in squares.
+_SPREAD = 2.5
+# Compliances that are tried about one that was found, as shares of it.
+_NEARBY = (0.75, 0.9, 1.0, 1.11, 1.33)
+# Damping ratio of link and motor on the spring in a simulation; gears and belts have 0.02 to 0.1.
+_DAMPING = 0.05
+# And of the swing that is computed: at its own frequency the motor of a true spring nearly stands still, so much of
+# what is read there is noise, which less damping would amplify more.
+_SMOOTHING = 0.1
+# The load is followed up to an edge [Hz]: where the noise of the stated encoder has half its amplitude, within the
+# first and third number; the second where no step is stated.
+Edges = tuple[float, float, float]
+_EDGES: Edges = (8.0, 12.0, 20.0)
+# Compliance [rad/(N m) or m/N] at which a spring is as good as none.
+_LEAST = 1e-10
+
+
+class TransmissionCompliance(Effect):
+    """See the module. The coefficient is the compliance ``1/k``."""
+
+    name = "transmission_compliance"
+    regime = "high_acceleration"
+    uses_acceleration = True
+    shape_is_estimate = True
+
+    def parameters(self, robot: Robot, joint: str | None) -> tuple[Parameter, ...]:
+        """``stiffness`` k."""
+        return (Parameter("stiffness", "N/m" if robot.prismatic[row_of(robot, joint)] else "N m/rad", 0.0),)
+
+    def shapes(self, robot: Robot, operation: Operation, joint: str | None) -> tuple[Shape, ...]:
+        """Compliances at which the link swings at some frequencies, from stiff to soft."""
+        inertia = float(np.median(load_and_inertia(operation, row_of(robot, joint))[1]))
+        return tuple((float(1.0 / (inertia * (2.0 * np.pi * f) ** 2)),) for f in _SWINGS)
+
+    def refined(self, coefficients: Array, shape: Shape) -> tuple[Shape, ...]:
+        """Around the last shape, and the last estimate: near its resonance that says how high it is, not where."""
+        return (*((factor * shape[0],) for factor in _NEARBY), self.at_estimate(coefficients, shape))
+
+    def at_estimate(self, coefficients: Array, shape: Shape) -> Shape:
+        """The coefficient."""
+        return (max(float(coefficients[0]), _LEAST),)
+
+    def signature(self, robot: Robot, operation: Operation, joint: str | None, shape: Shape) -> Signature:
+        """Drive torque more per unit of compliance, between none and ``shape``."""
+        row = row_of(robot, joint)
+        change = change_by_link(operation, row, *swing(operation, row, 1.0 / shape[0])) / shape[0]
+        unit = "m/N" if robot.prismatic[row] else "rad/(N m)"
+        return Signature(tuple(range(robot.nv)), change[:, :, None], ("compliance",), (unit,))
+
+    def coefficient_bounds(self, robot: Robot, joint: str | None, shape: Shape) -> tuple[tuple[float, float], ...]:
+        """Near the shape, as the frequency of the swing is the shape's."""
+        return ((shape[0] / _SPREAD, shape[0] * _SPREAD),)
+
+    def from_coefficients(self, robot: Robot, joint: str | None, coefficients: Array, shape: Shape) -> Array:
+        """``k`` is one over the compliance."""
+        return np.array([1.0 / max(float(coefficients[0]), _LEAST)])
+
+    def probe(self, robot: Robot, operation: Operation, joint: str | None) -> tuple[str, Array]:
+        """One unit of compliance: small is stiff, so what is seen is a compliance above, a stiffness below."""
+        return "compliance", np.array([1.0])
+
+    def probe_unit(self, robot: Robot, joint: str | None, name: str) -> str:
+        """Of a compliance, one over a stiffness."""
+        numerator, _, denominator = self.parameters(robot, joint)[0].unit.partition("/")
+        return f"{denominator}/({numerator})"
+
+    def untestable(self, robot: Robot, operation: Operation, joint: str | None) -> str | None:
+        """Where the encoder sits on the link's side."""
+        return behind_encoder(robot, row_of(robot, joint))
+
+    def torque(self, robot: Robot, operation: Operation, joint: str | None, theta: Array) -> Array:
+        """Torque of the links as read less that of the links where they truly are."""
+        row = row_of(robot, joint)
+        return -exact_change_by_link(robot, operation, row, *swing(operation, row, float(theta[0])))
+
+    def simulated(self, robot: Robot, joint: str | None, theta: Array) -> Simulated:
+        """A spring without play, and a little damping."""
+        row = row_of(robot, joint)
+        damping = 2.0 * _DAMPING * np.sqrt(theta[0] * moving_mass(robot, row))
+        return Simulated(transmission=Transmission(robot.joint_names[row], float(theta[0]), float(damping), 0.0))
+
+
+def moving_mass(robot: Robot, row: int) -> float:
+    """Inertia with which rotor and link of a joint swing against each other, links stretched out to zero positions."""
+    rotor = float(robot.rotor_inertia[row])
+    link = float(mass_matrix(robot, np.zeros((1, robot.nv)))[0, row, row]) - rotor
+    return rotor * link / (rotor + link)
+
+
+def swing(operation: Operation, row: int, stiffness: float) -> tuple[Array, Array, Array]:
+    r"""How far the link of a joint is ahead of its motor, and its first two time derivatives, each of shape ``(N,)``.
+
+    :math:`m\,\ddot\delta + (d + c)\,\dot\delta + (k + g)\,\delta = -t_l`, with the torque :math:`t_l` that the link
+    would need to follow its motor and the derivatives :math:`m, c, g` of that torque; by the trapezoidal rule, which
+    no stiffness makes unstable, from where the spring is in balance.
+    """
+    load, inertia = followed_load(operation, row, _EDGES)
+    to_q, to_v = (part[:, row, row] for part in operation.partials[:2])
+    pull = -load / inertia
+    spring = np.maximum(stiffness + to_q, 0.1 * stiffness) / inertia
+    drag = np.maximum(2.0 * _SMOOTHING * np.sqrt(stiffness * inertia) + to_v, 0.0) / inertia
+    return swing_steps(0.5 * np.diff(operation.t), pull, spring, drag)
+
+
+def followed_load(operation: Operation, row: int, edges: Edges) -> tuple[Array, Array]:
+    """Torque that a transmission passes, as far as it is more than the rounding of the encoder, and the link's inertia.
+
+    Args:
+        operation: Motion and torque.
+        row: Of the joint.
+        edges: Frequencies [Hz] between which the load ends, the second one where no step of the encoder is stated.
+
+    Returns:
+        Load [N m or N] and inertia [kg m^2 or kg], shape ``(N,)`` each.
+    """
+    key = ("followed_load", row, edges)
+    if key not in operation.kept:
+        load, inertia = load_and_inertia(operation, row)
+        edge = _edge(operation.t, load, float(np.median(inertia)), stated_step(operation.robot, row), edges)
+        operation.kept[key] = _followed(operation.t, load, edge), inertia
+    return operation.kept[key]
+
+
+@jit
+def swing_steps(half: Array, pull: Array, spring: Array, drag: Array) -> tuple[Array, Array, Array]:
+    """Place, speed and acceleration along all samples of what is pulled, held by a spring and dragged.
+
+    Args:
+        half: Half the time between samples [s], ``(N - 1,)``.
+        pull: Acceleration by the load, ``(N,)``.
+        spring: Acceleration back per unit of place, ``(N,)``.
+        drag: Acceleration back per unit of speed, ``(N,)``.
+    """
+    places, speeds, gains = np.zeros(len(pull)), np.zeros(len(pull)), np.zeros(len(pull))
+    places[0] = pull[0] / spring[0]
+    place, speed, gain = places[0], 0.0, 0.0
+    for k in range(1, len(pull)):
+        h = half[k - 1]
+        # Place and speed of the next sample are those without its acceleration, plus h^2 and h times it.
+        ahead, faster = place + h * (2.0 * speed + h * gain), speed + h * gain
+        gain = (pull[k] - drag[k] * faster - spring[k] * ahead) / (1.0 + h * (drag[k] + h * spring[k]))
+        place, speed = ahead + h * h * gain, faster + h * gain
+        places[k], speeds[k], gains[k] = place, speed, gain
+    return places, speeds, gains
+
+
+def _edge(t: Array, load: Array, inertia: float, step: float | None, edges: Edges) -> float:
+    """Frequency [Hz] up to which ``load`` is more than what the rounding of an encoder to ``step`` makes of it."""
+    from scipy.signal import welch
+
+    if step is None or len(t) < 16:
+        return edges[1]
+    rate = (len(t) - 1) / float(t[-1] - t[0])
+    f, power = welch(load, rate, nperseg=min(len(t), int(2.0 * rate)))
+    noise = (inertia * step * (2.0 * np.pi * f) ** 2) ** 2 / (6.0 * rate)
+    lost = np.flatnonzero((power < 4.0 * noise) & (f > edges[0]))
+    return edges[2] if len(lost) == 0 else min(float(f[lost[0]]), edges[2])
+
+
+def _followed(t: Array, load: Array, edge: float) -> Array:
+    """``load`` without what lies above ``edge`` [Hz], without delay."""
+    from scipy.signal import butter, sosfiltfilt
+
+    rate = (len(t) - 1) / float(t[-1] - t[0])
+    if edge > 0.4 * rate or len(t) < 16:
+        return load
+    low_pass = butter(2, edge, fs=rate, output="sos")
+    return np.asarray(sosfiltfilt(low_pass, load, padlen=min(len(load) - 1, int(3 * rate / edge))), dtype=float)

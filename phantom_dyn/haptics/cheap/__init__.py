@@ -1,0 +1,1 @@
+"""What a hand feels of a cheaper device."""

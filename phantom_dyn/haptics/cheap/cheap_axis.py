@@ -1,0 +1,175 @@
+"""What makes one axis of a haptic device cheap, in the catalogue's parameters; by default nothing does.
+
+The figures are those of Brouwer and MacLean, Simulating Cheap Hardware, Table 2, the values that ran stably together.
+Its columns for friction are swapped as printed (millirad for a translation, micrometres for a rotation): here they
+stand where their units belong. It does not give the friction in slip, the cogging's period, the level of the clipping
+or the unit of the damping: the first three are to be given, and the damping is critical, which the text calls ideal
+(7.75 N s/m at 0.1 kg and 150 N/m; the printed 0.05 would be a damping ratio of 0.006 in N s/m, and 6.5 in N s/mm).
+The rotary inertia is printed "1 mkgmm" and read 1e-3 kg m^2: with 1 N m/rad its period is 0.2 s, as on the translation.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from phantom_dyn.errors import ParameterError
+from phantom_dyn.haptics.cheap.virtual_mass import CUTOFF_HZ
+
+
+@dataclass(frozen=True)
+class VirtualMass:
+    """Inertia that the hand feels through a coupling.
+
+    Attributes:
+        inertia: [kg or kg m^2].
+        stiffness: Of the coupling [N/m or N m/rad].
+        damping: Of the coupling [N s/m or N m s/rad]; None is critical.
+    """
+
+    inertia: float
+    stiffness: float
+    damping: float | None = None
+
+    def __post_init__(self):
+        _require(self, "inertia", "stiffness", above_zero=True)
+        if self.damping is None:
+            object.__setattr__(self, "damping", 2.0 * float(np.sqrt(self.inertia * self.stiffness)))
+        _require(self, "damping")
+
+    @property
+    def period(self) -> float:
+        """Of the mass on its coupling, undamped [s]."""
+        return 2.0 * float(np.pi) * float(np.sqrt(self.inertia / self.stiffness))
+
+
+@dataclass(frozen=True)
+class StickingFriction:
+    """The catalogue's ``presliding_friction`` with stick.
+
+    Attributes:
+        torque: In slip [N or N m].
+        displacement: At which it breaks loose [m or rad].
+        stick_velocity: It sticks below that speed [m/s or rad/s].
+        static_ratio: Torque at which it breaks loose over that in slip.
+    """
+
+    torque: float
+    displacement: float
+    stick_velocity: float
+    static_ratio: float = 1.05
+
+    def __post_init__(self):
+        _require(self, "torque", "stick_velocity")
+        _require(self, "displacement", above_zero=True)
+        if not (np.isfinite(self.static_ratio) and self.static_ratio >= 1):
+            raise ParameterError(
+                f"The static_ratio of a StickingFriction is {self.static_ratio:g}: give 1 or more, as breaking loose "
+                "takes at least what slipping does."
+            )
+
+
+@dataclass(frozen=True)
+class CoggingTorque:
+    """The catalogue's ``cogging``: the sum of ``amplitude sin(order x + phase)``, in tuples of equal length.
+
+    Attributes:
+        order: [1, or rad/m on a translation].
+        amplitude: [N or N m].
+        phase: [rad].
+    """
+
+    order: tuple[float, ...]
+    amplitude: tuple[float, ...]
+    phase: tuple[float, ...]
+
+    def __post_init__(self):
+        counts = {len(self.order), len(self.amplitude), len(self.phase)}
+        if len(counts) != 1:
+            raise ParameterError(
+                f"A cogging torque has {len(self.order)} orders, {len(self.amplitude)} amplitudes and "
+                f"{len(self.phase)} phases: give one of each a wave."
+            )
+        for name in ("order", "amplitude", "phase"):
+            for value in getattr(self, name):
+                if not np.isfinite(value):
+                    raise ParameterError(f"The {name} of a cogging torque is {value:g}: give finite numbers.")
+
+
+@dataclass(frozen=True)
+class CheapAxis:
+    """One axis; by default nothing is wrong with it.
+
+    Attributes:
+        mass: Inertia that the hand feels besides the device's own.
+        gap: Full width of the play between probe and mass [m or rad].
+        friction: Friction that sticks.
+        cogging: Torque that follows the position.
+        limit: Force beyond which the motor is clipped [N or N m].
+        cutoff_hz: Of the filter of the probe's velocity; infinite: the bare difference of positions.
+    """
+
+    mass: VirtualMass | None = None
+    gap: float = 0.0
+    friction: StickingFriction | None = None
+    cogging: CoggingTorque | None = None
+    limit: float = np.inf
+    cutoff_hz: float = CUTOFF_HZ
+
+    def __post_init__(self):
+        _require(self, "gap")
+        if not self.limit >= 0:
+            raise ParameterError(f"The limit of a cheap axis is {self.limit:g}: give 0 or more.")
+        if not self.cutoff_hz > 0:
+            raise ParameterError(f"The velocity's cut-off is {self.cutoff_hz:g} Hz: give more than 0.")
+        if self.gap > 0 and self.mass is None:
+            raise ParameterError(
+                f"A cheap axis has a gap of {self.gap:g} and no mass: a play is between two masses, give one."
+            )
+
+
+def cheap_translation(*, slip: float, order: float, limit: float) -> CheapAxis:
+    """The published translation with everything on: 0.1 kg at 150 N/m, 1 mm, 0.6 N, 100 um, 5 mm/s, ratio 1.05.
+
+    Args:
+        slip: Friction in slip [N].
+        order: Of the cogging [rad/m].
+        limit: Of the motor [N].
+    """
+    return CheapAxis(
+        mass=VirtualMass(0.1, 150.0),
+        gap=1e-3,
+        friction=StickingFriction(slip, 100e-6, 5e-3),
+        cogging=CoggingTorque((order,), (0.6,), (0.0,)),
+        limit=limit,
+    )
+
+
+def cheap_rotation(*, slip: float, order: float, limit: float) -> CheapAxis:
+    """The published rotation with everything on: 1e-3 kg m^2 at 1 N m/rad, 2 deg, 0.04 N m, 5 mrad, 6 deg/s, 1.05.
+
+    The text has 0.2 deg (3.5 mrad) for the 5 mrad of the table.
+
+    Args:
+        slip: Friction in slip [N m].
+        order: Of the cogging, cycles per revolution.
+        limit: Of the motor [N m].
+    """
+    return CheapAxis(
+        mass=VirtualMass(1e-3, 1.0),
+        gap=float(np.deg2rad(2.0)),
+        friction=StickingFriction(slip, 5e-3, float(np.deg2rad(6.0))),
+        cogging=CoggingTorque((order,), (0.04,), (0.0,)),
+        limit=limit,
+    )
+
+
+def _require(part: object, *names: str, above_zero: bool = False) -> None:
+    """Refuse a number that is not finite, negative, or zero where it must not be."""
+    for name in names:
+        value = getattr(part, name)
+        if np.isfinite(value) and (value > 0 if above_zero else value >= 0):
+            continue
+        wanted = "more than 0" if above_zero else "0 or more"
+        raise ParameterError(f"The {name} of a {type(part).__name__} is {value:g}: give {wanted}.")

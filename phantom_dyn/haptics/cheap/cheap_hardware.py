@@ -1,0 +1,279 @@
+"""The force that a hand feels on a cheaper device, from what it does with a good one and what is rendered to it.
+
+One cycle a sample of a cheap axis, compiled; `phantom_dyn.haptics.cheap.cheap_hardware` says what it computes.
+
+The force that a hand feels on a cheaper device, from what it does with a good one and what is rendered to it.
+
+One model of one degree of freedom per motor, composed as in Figure 7 of Brouwer and MacLean, Simulating Cheap Hardware:
+
+- what the virtual environment asks for is clipped at the motor's limit (`phantom_dyn.effects.drive.torque_saturation`);
+- cogging at the probe's position (`phantom_dyn.effects.drive.cogging`) and friction that sticks, of the probe's
+  position and
+  velocity (`phantom_dyn.effects.friction.presliding_friction`), are added without the coupling in between;
+- the gap's switch lets all of this through while the probe presses a wall, and blocks it in between
+  (`phantom_dyn.haptics.cheap.virtual_mass`);
+- the force of the virtual mass, averaged, is added in the end (`phantom_dyn.haptics.cheap.virtual_mass`).
+
+The sampling rate may change from sample to sample: the published one went from 500 to 2000 Hz. An average over 25
+samples delays the inertia by 24, 12 or 6 ms at 500, 1000 or 2000 Hz. An encoder of 8 um gives speeds in steps of 4, 8
+and 16 mm/s there, against a stick velocity of 5 mm/s: without the velocity's filter friction would not stick.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from jaxtyping import Bool, Float
+
+from phantom_dyn._kernels.jit import jit
+from phantom_dyn.devices.phantom import PHANTOM_1_5, PhantomParameters, hybrid_jacobian
+from phantom_dyn.effects.drive.cogging import cogging_torque
+from phantom_dyn.effects.drive.torque_saturation import held_within
+from phantom_dyn.effects.friction.presliding_friction import stick_law
+from phantom_dyn.errors import ParameterError
+from phantom_dyn.haptics.arguments import require_columns, require_not_negative, require_numbers
+from phantom_dyn.haptics.cheap.cheap_axis import CheapAxis
+from phantom_dyn.haptics.cheap.virtual_mass import GAP_DAMPING, WINDOW, coupling_force, low_passed, mass_step, side_of
+
+Array = np.ndarray
+
+_clipped, _cogging = jit(held_within), jit(cogging_torque)
+# Places in the state of an axis; the last forces of the coupling are behind them.
+LAST, RAW, SPEED, MASS_X, MASS_V, STUCK, ANCHOR, COUNT = range(8)
+FORCES = 8
+# Columns of what is rendered.
+FORCE, COUPLING, SIDE, X, V, PROBE_SPEED, STICKS = range(7)
+COLUMNS = 7
+
+
+def axis_numbers(axis: CheapAxis) -> tuple[Array, Array, Array, Array]:
+    """An axis as arrays for the compiled loop: ten numbers, and the waves of its cogging."""
+    mass, friction, waves = axis.mass, axis.friction, axis.cogging
+    numbers = [0.0] * 3 if mass is None else [mass.inertia, mass.stiffness, mass.damping]
+    numbers += [axis.gap, axis.limit]
+    if friction is None:
+        numbers += [0.0] * 4
+    else:
+        numbers += [friction.torque, friction.displacement, friction.static_ratio, friction.stick_velocity]
+    numbers.append(axis.cutoff_hz)
+    table = ((), (), ()) if waves is None else (waves.order, waves.amplitude, waves.phase)
+    orders, amplitudes, phases = (np.array(values, dtype=float) for values in table)
+    return np.array(numbers, dtype=float), orders, amplitudes, phases
+
+
+@jit
+def along(
+    numbers: Array,
+    orders: Array,
+    amplitudes: Array,
+    phases: Array,
+    state: Array,
+    steps: Array,
+    positions: Array,
+    asked: Array,
+    out: Array,
+) -> None:
+    """One cycle a sample; ``state`` moves on, ``out`` is filled."""
+    mass, stiffness, damping, gap, limit = numbers[0], numbers[1], numbers[2], numbers[3], numbers[4]
+    cutoff = numbers[9]
+    slip, displacement, ratio, stick_velocity = numbers[5], numbers[6], numbers[7], numbers[8]
+    for k in range(len(steps)):
+        x, dt, last = positions[k], steps[k], state[LAST]
+        if np.isnan(last):
+            state[MASS_X] = x
+        elif dt > 0.0:
+            raw = (x - last) / dt
+            state[SPEED] = raw if cutoff == np.inf else low_passed(state[SPEED], state[RAW], raw, dt, cutoff)
+            state[RAW] = raw
+        speed = state[SPEED]
+
+        side, coupling = 1.0, 0.0
+        if mass > 0.0:
+            x_mass, v_mass = state[MASS_X], state[MASS_V]
+            if not np.isnan(last):
+                side = side_of(last - x_mass, gap)
+                held, drag = (stiffness, damping) if side != 0.0 else (0.0, GAP_DAMPING * damping)
+                middle = 0.5 * (last + x) - 0.5 * side * gap
+                state[MASS_X], state[MASS_V] = mass_step(x_mass, v_mass, dt, mass, middle, held, drag, speed)
+            apart = x - state[MASS_X]
+            side = side_of(apart, gap)
+            # A difference of positions is the velocity half a step ago, so the mass's is taken there too.
+            rate = speed - 0.5 * (v_mass + state[MASS_V])
+            coupling = coupling_force(apart, rate, side, gap, stiffness, damping)
+        else:
+            state[MASS_X], state[MASS_V] = x, speed
+        state[FORCES + int(state[COUNT]) % WINDOW] = coupling
+        state[COUNT] += 1.0
+
+        friction = 0.0
+        if slip > 0.0:
+            state[STUCK], state[ANCHOR], friction = stick_law(
+                last, state[STUCK], state[ANCHOR], x, speed, slip, displacement, ratio, stick_velocity
+            )
+        direct = _clipped(asked[k], limit) + friction
+        if len(orders) > 0:
+            direct += _cogging(x, orders, amplitudes, phases)
+        if side == 0.0:
+            direct = 0.0
+        if mass > 0.0:
+            direct += np.sum(state[FORCES:]) / WINDOW
+        out[k, FORCE], out[k, COUPLING], out[k, SIDE] = direct, coupling, side
+        out[k, X], out[k, V], out[k, PROBE_SPEED] = state[MASS_X], state[MASS_V], speed
+        out[k, STICKS] = state[STUCK]
+        state[LAST] = x
+
+
+# Condition number of a Jacobian, of metres by radians, beyond which a force is rounding.
+_SINGULAR = 1e8
+
+
+@dataclass(frozen=True)
+class Rendered:
+    """What a hand feels over ``N`` samples, and the states behind it; each of shape ``(N,)``.
+
+    Attributes:
+        force: On the hand [N or N m].
+        coupling: Of the virtual mass on the probe, before it is averaged.
+        mass_position: Of the virtual mass; that of the probe where there is none.
+        mass_velocity: Of the virtual mass.
+        velocity: Of the probe, as filtered.
+        contact: True where the probe presses a wall of the gap.
+        stuck: True where the friction sticks.
+    """
+
+    force: Float[Array, " N"]
+    coupling: Float[Array, " N"]
+    mass_position: Float[Array, " N"]
+    mass_velocity: Float[Array, " N"]
+    velocity: Float[Array, " N"]
+    contact: Bool[Array, " N"]
+    stuck: Bool[Array, " N"]
+
+
+def at_rest() -> Float[Array, " s"]:
+    """State of an axis before its first sample, which it takes to be at rest there."""
+    state = np.zeros(FORCES + WINDOW)
+    state[LAST] = np.nan
+    return state
+
+
+def felt(
+    axis: CheapAxis, state: Float[Array, " s"], dt: float, x: float, force: float
+) -> tuple[Float[Array, " s"], float]:
+    """The next state, and the force on the hand: one cycle of a controller.
+
+    Args:
+        axis: What is cheap.
+        state: Of the cycle before, or `at_rest`; it is left as it is.
+        dt: Time since the cycle before [s].
+        x: Position of the probe [m or rad].
+        force: That the virtual environment asks for [N or N m].
+
+    Raises:
+        ParameterError: If a number is not finite, time goes back, or the step is too long for the velocity's filter.
+    """
+    require_not_negative(time_step=dt)
+    require_numbers(position_of_the_probe=x, force=force)
+    _require_rate(axis, dt)
+    state, out = state.copy(), np.zeros((1, COLUMNS))
+    along(*axis_numbers(axis), state, np.array([dt]), np.array([x]), np.array([force]), out)
+    return state, float(out[0, FORCE])
+
+
+def rendered(axis: CheapAxis, t: Float[Array, " N"], x: Float[Array, " N"], force: Float[Array, " N"]) -> Rendered:
+    """What a hand feels that moves the probe along ``x``.
+
+    Args:
+        axis: What is cheap.
+        t: Sample times [s], of any spacing that has the velocity's cut-off below half the rate (7 ms at 70 Hz).
+        x: Positions of the probe [m or rad].
+        force: That the virtual environment asks for [N or N m].
+
+    Raises:
+        ParameterError: If there is no sample, a column has another length or holds no number, or times do not increase
+            or lie too far apart for the velocity's filter.
+    """
+    if np.ndim(t) != 1 or len(t) == 0:
+        raise ParameterError(
+            f"Sample times of shape {np.shape(t)} were given: give one for each of one or more samples."
+        )
+    require_columns(len(t), sample_times=t, position_of_the_probe=x, force=force)
+    steps = np.diff(t, prepend=t[:1])
+    if not (steps[1:] > 0).all():
+        raise ParameterError("The sample times do not increase: give each sample a time later than the last.")
+    _require_rate(axis, float(steps.max()))
+    out = np.zeros((len(t), COLUMNS))
+    x, force = (np.ascontiguousarray(values, dtype=float) for values in (x, force))
+    along(*axis_numbers(axis), at_rest(), steps, x, force, out)
+    return Rendered(
+        force=out[:, FORCE],
+        coupling=out[:, COUPLING],
+        mass_position=out[:, X],
+        mass_velocity=out[:, V],
+        velocity=out[:, PROBE_SPEED],
+        contact=out[:, SIDE] != 0,
+        stuck=out[:, STICKS] != 0,
+    )
+
+
+def rendered_axes(
+    axes: tuple[CheapAxis, ...], t: Float[Array, " N"], q: Float[Array, "N n"], force: Float[Array, "N n"]
+) -> Float[Array, "N n"]:
+    """Forces [N or N m] on the hand of a device with several motors, each with a model of its own; see `rendered`.
+
+    Raises:
+        ParameterError: If the axes are not as many as the columns, or the times are refused.
+    """
+    if not axes or np.shape(q) != (len(t), len(axes)) or np.shape(force) != (len(t), len(axes)):
+        raise ParameterError(
+            f"There are {len(t)} times, {len(axes)} axes, and positions and forces of the shapes {np.shape(q)} and "
+            f"{np.shape(force)}: give one or more axes, and for each sample as many positions and forces."
+        )
+    return np.column_stack([rendered(axis, t, q[:, k], force[:, k]).force for k, axis in enumerate(axes)])
+
+
+def phantom_tip_force(
+    axes: tuple[CheapAxis, CheapAxis, CheapAxis],
+    t: Float[Array, " N"],
+    q: Float[Array, "N 3"],
+    tip_force: Float[Array, "N 3"],
+    parameters: PhantomParameters = PHANTOM_1_5,
+) -> Float[Array, "N 3"]:
+    r"""Force [N] on the hand at the tip of a PHANToM whose three motors are cheap.
+
+    The force at the tip is brought to the motors, :math:`\tau = J^T F`, degraded there, and brought back.
+
+    Args:
+        axes: Of theta1, theta2, theta3; in rad and N m.
+        t: Sample times [s].
+        q: Absolute joint angles of seed 003 [rad].
+        tip_force: That the virtual environment asks for, in the axes of the zero configuration.
+        parameters: Of the device.
+
+    Raises:
+        ParameterError: If a column has another shape, the times are refused, or the device is singular in a sample.
+    """
+    if np.shape(q) != (len(t), 3) or np.shape(tip_force) != (len(t), 3):
+        raise ParameterError(
+            f"Joint angles and tip forces of the shapes {np.shape(q)} and {np.shape(tip_force)} were given for "
+            f"{len(t)} times: give three of each for every time."
+        )
+    J = hybrid_jacobian(q, parameters)[:, :3]
+    singular = np.flatnonzero(np.linalg.cond(J) > _SINGULAR)
+    if len(singular):
+        raise ParameterError(
+            f"The PHANToM is singular at sample {singular[0]}, where a force at its tip does not tell those of its "
+            "motors: give a motion that keeps away from there."
+        )
+    tau = np.einsum("nij,ni->nj", J, tip_force)
+    given = rendered_axes(axes, t, q, tau)
+    return np.linalg.solve(np.swapaxes(J, 1, 2), given[:, :, None])[:, :, 0]
+
+
+def _require_rate(axis: CheapAxis, longest: float) -> None:
+    if np.isfinite(axis.cutoff_hz) and not longest < 0.5 / axis.cutoff_hz:
+        raise ParameterError(
+            f"Samples are up to {1e3 * longest:.3g} ms apart and the velocity is filtered at {axis.cutoff_hz:g} "
+            f"Hz: give more than {2 * axis.cutoff_hz:g} samples a second."
+        )

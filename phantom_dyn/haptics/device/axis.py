@@ -1,0 +1,262 @@
+r"""One axis of a haptic device, a rigid mass or motor and body tied by a cable, and the hand that holds it.
+
+One axis of a haptic device: a rigid mass, or motor and body tied by a cable.
+
+The two-mass model is that of the chapter, (18): motor :math:`m_r` and body :math:`m_d` with dampers to ground, tied by
+spring :math:`k_c` and damper :math:`b_c`. The encoder sits on the motor, so what counts for stability is
+
+.. math:: G_r = p_d / p, \quad p = p_r p_d - (k_c + b_c s)^2, \quad
+   p_r = m_r s^2 + (b_r + b_c) s + k_c, \quad p_d = m_d s^2 + (b_d + b_c) s + k_c + (b_g s + k_g).
+
+All equations hold for a rotating axis with inertias, N m s/rad and N m/rad.
+
+References:
+    .. [Gil] J. J. Gil et al., chapter on stability and transparency in "Advances in Haptics", 2010, equations (18) to
+       (24); those that the copy at hand lost, (19), (23) and (24), are derived, and held by tests.
+
+The hand that holds a haptic device: a mass on a spring and a damper.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, replace
+
+import numpy as np
+from jaxtyping import Complex, Float
+
+from phantom_dyn.errors import ParameterError
+from phantom_dyn.haptics.arguments import require_positive
+from phantom_dyn.haptics.device.transfer_function import StateSpace, TransferFunction
+
+
+def _check(axis: object, positive: tuple[str, ...], others: tuple[str, ...]) -> None:
+    for name in positive + others:
+        value = getattr(axis, name)
+        if not (math.isfinite(value) and (value > 0 if name in positive else value >= 0)):
+            wanted = "a positive number" if name in positive else "a number of 0 or more"
+            raise ParameterError(f"The {name} of the axis is {value:g}: give {wanted}.")
+
+
+@dataclass(frozen=True)
+class RigidAxis:
+    """A mass with a damper, and perhaps a spring, to ground.
+
+    Attributes:
+        mass: [kg or kg m2].
+        damping: [N s/m or N m s/rad].
+        stiffness: Of a spring to ground [N/m or N m/rad]: none unless a hand holds the device.
+
+    Raises:
+        ParameterError: If the mass is not positive, or another is negative.
+    """
+
+    mass: float
+    damping: float
+    stiffness: float = 0.0
+
+    def __post_init__(self):
+        _check(self, ("mass",), ("damping", "stiffness"))
+
+    @property
+    def transfer_function(self) -> TransferFunction:
+        """``1 / (m s^2 + b s + k)``."""
+        return TransferFunction(np.array([1.0]), np.array([self.mass, self.damping, self.stiffness]))
+
+    @property
+    def state_space(self) -> StateSpace:
+        """States: position and velocity."""
+        A = np.array([[0.0, 1.0], [-self.stiffness / self.mass, -self.damping / self.mass]])
+        return StateSpace(A, np.array([0.0, 1.0 / self.mass]), np.array([1.0, 0.0]))
+
+    def rest(self, position: float) -> np.ndarray:
+        """State of a device that stands still at ``position`` [m or rad]."""
+        return np.array([position, 0.0])
+
+    def damped(self, damping: float) -> RigidAxis:
+        """With this much more damping to ground."""
+        return replace(self, damping=self.damping + damping)
+
+    def held_by(self, hand: Operator) -> RigidAxis:
+        """With the operator's mass, damper and spring on it."""
+        return RigidAxis(self.mass + hand.mass, self.damping + hand.damping, self.stiffness + hand.stiffness)
+
+
+@dataclass(frozen=True)
+class TwoMassAxis:
+    """Motor and body, tied by a cable; `ground_damping` and `ground_stiffness` are those of a hand on the body.
+
+    Attributes:
+        motor_mass: :math:`m_r` [kg or kg m2], with what is rigidly tied to the motor.
+        body_mass: :math:`m_d` [kg or kg m2].
+        motor_damping: :math:`b_r` to ground [N s/m or N m s/rad].
+        body_damping: :math:`b_d` to ground.
+        cable_stiffness: :math:`k_c` [N/m or N m/rad].
+        cable_damping: :math:`b_c`.
+        ground_stiffness: Of a spring from the body to ground: none unless a hand holds the device.
+
+    Raises:
+        ParameterError: If a mass or the cable's stiffness is not positive, or another is negative.
+    """
+
+    motor_mass: float
+    body_mass: float
+    motor_damping: float
+    body_damping: float
+    cable_stiffness: float
+    cable_damping: float
+    ground_stiffness: float = 0.0
+
+    def __post_init__(self):
+        dampings = ("motor_damping", "body_damping", "cable_damping", "ground_stiffness")
+        _check(self, ("motor_mass", "body_mass", "cable_stiffness"), dampings)
+
+    @property
+    def transfer_function(self) -> TransferFunction:
+        """:math:`G_r = p_d / p`, motor position over motor force."""
+        mr, md, br, bd = self.motor_mass, self.body_mass, self.motor_damping, self.body_damping
+        k, b, kg = self.cable_stiffness, self.cable_damping, self.ground_stiffness
+        # p written out: the constant and linear terms of p_r p_d and of the coupling cancel, and must do so exactly.
+        denominator = np.array(
+            [
+                mr * md,
+                mr * (bd + b) + md * (br + b),
+                (mr + md) * k + mr * kg + br * bd + b * (br + bd),
+                k * (br + bd) + kg * (br + b),
+                k * kg,
+            ]
+        )
+        return TransferFunction(np.array([md, bd + b, k + kg]), denominator)
+
+    @property
+    def state_space(self) -> StateSpace:
+        """States: positions of motor and body, their velocities over the resonance (so that all are of one size)."""
+        mr, md, k, b = self.motor_mass, self.body_mass, self.cable_stiffness, self.cable_damping
+        w = self.free_frequency
+        A = np.zeros((4, 4))
+        A[0, 2] = A[1, 3] = w
+        A[2] = np.array([-k / w, k / w, -(self.motor_damping + b), b]) / mr
+        A[3] = np.array([k / w, -(k + self.ground_stiffness) / w, b, -(self.body_damping + b)]) / md
+        return StateSpace(A, np.array([0.0, 0.0, 1.0 / (mr * w), 0.0]), np.array([1.0, 0.0, 0.0, 0.0]))
+
+    def rest(self, position: float) -> np.ndarray:
+        """State of a device that stands still at ``position`` [m or rad], its cable slack."""
+        return np.array([position, position, 0.0, 0.0])
+
+    def damped(self, damping: float) -> TwoMassAxis:
+        """With this much more damping to ground at the motor."""
+        return replace(self, motor_damping=self.motor_damping + damping)
+
+    def held_by(self, hand: Operator) -> TwoMassAxis:
+        """With the operator's mass, damper and spring on the body."""
+        return replace(
+            self,
+            body_mass=self.body_mass + hand.mass,
+            body_damping=self.body_damping + hand.damping,
+            ground_stiffness=self.ground_stiffness + hand.stiffness,
+        )
+
+    def at_radius(self, radius: float) -> TwoMassAxis:
+        """A rotating axis as it is felt at this distance [m]: everything over the square of it."""
+        if not (math.isfinite(radius) and radius > 0):
+            raise ParameterError(f"The radius is {radius:g} m: give a positive length.")
+        fields = (self.motor_mass, self.body_mass, self.motor_damping, self.body_damping, self.cable_stiffness)
+        return TwoMassAxis(*(x / radius**2 for x in (*fields, self.cable_damping, self.ground_stiffness)))
+
+    @property
+    def rigid(self) -> RigidAxis:
+        """The device with a cable that does not give: both masses, both dampers."""
+        return RigidAxis(
+            self.motor_mass + self.body_mass, self.motor_damping + self.body_damping, self.ground_stiffness
+        )
+
+    @property
+    def free_frequency(self) -> float:
+        r"""Resonance :math:`\omega_n` of the two masses on the undamped cable, (22) [rad/s]."""
+        return math.sqrt(self.cable_stiffness * (1.0 / self.motor_mass + 1.0 / self.body_mass))
+
+    @property
+    def blocked_frequency(self) -> float:
+        """Anti-resonance: the body swings on the cable while the motor stands still [rad/s]."""
+        return math.sqrt((self.cable_stiffness + self.ground_stiffness) / self.body_mass)
+
+    @property
+    def peak_distance(self) -> float:
+        r"""Distance Q [dB] of the resonant peak from 0 dB, (23), for a lightly damped cable.
+
+        :math:`20 \log_{10}\{\omega_n [b_c ((m_r + m_d)/m_d)^2 + b_r + b_d (m_r/m_d)^2]\}`. The chapter says that the
+        vibration counts where Q is "similar or larger" than the gain margin of the linear condition; a distance to
+        0 dB must be similar or *smaller*.
+        """
+        ratio = self.motor_mass / self.body_mass
+        damping = self.cable_damping * (1 + ratio) ** 2 + self.motor_damping + self.body_damping * ratio**2
+        return 20.0 * math.log10(self.free_frequency * damping)
+
+
+def masses_from_resonance(total: float, stiffness: float, resonance: float) -> tuple[float, float]:
+    """The lighter and the heavier of two masses with this sum that swing on this spring at this frequency, (22).
+
+    Args:
+        total: Sum of both [kg or kg m2].
+        stiffness: Of the spring [N/m or N m/rad].
+        resonance: [rad/s].
+
+    Raises:
+        ParameterError: If a value is not above 0, or two masses on that spring cannot swing so slowly.
+    """
+    require_positive(total_of_both_masses=total, stiffness=stiffness, resonance=resonance)
+    reduced = stiffness / resonance**2
+    if not 0 < 4 * reduced <= total:
+        raise ParameterError(
+            f"No two masses of {total:g} together swing on a spring of {stiffness:g} at {resonance:g} rad/s: "
+            f"give a resonance of {2 * math.sqrt(stiffness / total):g} rad/s or more."
+        )
+    half = 0.5 * total
+    apart = math.sqrt(half**2 - reduced * total)
+    return reduced * total / (half + apart), half + apart
+
+
+Array = np.ndarray
+
+
+@dataclass(frozen=True)
+class Operator:
+    r"""Impedance of a human operator, force over position: :math:`Z_h(s) = m_h s^2 + b_h s + k_h`.
+
+    Equation (30) of Gil et al. (2010, "Advances in Haptics", chapter on stability and transparency).
+
+    Attributes:
+        mass: :math:`m_h` [kg, or kg m2 about a joint].
+        damping: :math:`b_h` [N s/m, or N m s/rad].
+        stiffness: :math:`k_h` [N/m, or N m/rad].
+
+    Raises:
+        ParameterError: If a value is negative or not finite.
+    """
+
+    mass: float
+    damping: float
+    stiffness: float
+
+    def __post_init__(self) -> None:
+        for name, value in (("mass", self.mass), ("damping", self.damping), ("stiffness", self.stiffness)):
+            if not (math.isfinite(value) and value >= 0):
+                raise ParameterError(f"The operator's {name} is {value}: give a number of 0 or more.")
+
+    def polynomial(self) -> Float[Array, "3"]:
+        """Coefficients of the impedance in falling powers of s, ``[m_h, b_h, k_h]``."""
+        return np.array([self.mass, self.damping, self.stiffness], dtype=np.float64)
+
+    def impedance(self, frequency: Float[Array, " n"]) -> Complex[Array, " n"]:
+        """Force over position [N/m] at the frequencies [rad/s], shape ``(n,)``."""
+        return np.polyval(self.polynomial(), 1j * frequency)
+
+
+FREE_HAND = Operator(0.0, 0.0, 0.0)
+"""Nobody holds the device."""
+
+YOKOKOHJI_YOSHIKAWA = Operator(2.0, 2.0, 10.0)
+"""2 kg, 2 N s/m, 10 N/m, as commonly cited after Yokokohji and Yoshikawa (1994).
+
+The chapter takes its operator from there without printing numbers, so these are no data of the chapter.
+"""

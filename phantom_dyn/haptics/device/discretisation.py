@@ -1,0 +1,169 @@
+r"""What a sampling computer sees of a device: zero-order hold and delay, exactly.
+
+The force that the computer gives at :math:`kT` acts from :math:`kT + t_d` to :math:`(k + 1)T + t_d`, and with
+:math:`t_d = dT + \tau`, :math:`0 \le \tau < T` the state at the samples follows
+
+.. math:: x_{k+1} = \Phi(T) x_k + \Gamma(T - \tau)\, u_{k-d} + \Phi(T - \tau) \Gamma(\tau)\, u_{k-d-1}
+
+without approximation; :math:`\Phi(h) = e^{A h}` and :math:`\Gamma(h) = \int_0^h e^{A s} B\, ds` come out of one
+exponential of the matrix :math:`[A, B; 0, 0]`. The delay need not be a multiple of the period.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+from jaxtyping import Complex, Float
+
+from phantom_dyn.errors import ParameterError
+from phantom_dyn.haptics.device.frequency_kernels import loop_polynomials, with_delay
+from phantom_dyn.haptics.device.transfer_function import Axis
+from phantom_dyn.motion import read_only
+
+Array = np.ndarray
+Controller = tuple[Array, Array, Array, float]
+
+# A delay that is this close to a multiple of the period, relative to the period, is one.
+_SAME = 1e-9
+
+
+@dataclass(frozen=True)
+class SampledAxis:
+    """Position at the samples from forces that are held and delayed.
+
+    ``x[k+1] = transition x[k] + newer u[k-steps] + older u[k-steps-1]``,
+    ``y[k] = output x[k] + direct_now u[k-steps] + direct_before u[k-steps-1]``.
+
+    Attributes:
+        period: Sampling period T [s].
+        delay: Delay of the loop beside the hold [s].
+        steps: Whole periods in the delay.
+        transition: Shape ``(n, n)``.
+        newer: Shape ``(n,)``.
+        older: Shape ``(n,)``, zero if the delay is a multiple of the period.
+        output: Shape ``(n,)``.
+        direct_now: Feed-through of the newer input; zero unless the delay is a multiple of the period.
+        direct_before: Feed-through of the older input.
+    """
+
+    period: float
+    delay: float
+    steps: int
+    transition: Float[Array, "n n"]
+    newer: Float[Array, " n"]
+    older: Float[Array, " n"]
+    output: Float[Array, " n"]
+    direct_now: float
+    direct_before: float
+
+    def __post_init__(self):
+        for name in ("transition", "newer", "older", "output"):
+            object.__setattr__(self, name, read_only(getattr(self, name)))
+
+    @cached_property
+    def loop(self) -> tuple[int, float, float, Array, Array, Array]:
+        """Steps, feed-through, and the polynomials of
+        `phantom_dyn.haptics.device.frequency_kernels.loop_polynomials`.
+        """
+        polynomials = loop_polynomials(self.transition, self.newer, self.older, self.output)
+        return (self.steps, self.direct_now, self.direct_before, *polynomials)
+
+    def response(self, frequency: Float[Array, " k"]) -> Complex[Array, " k"]:
+        """:math:`Z[H(s) G(s) e^{-t_d s}]` at the frequencies [rad/s] up to the Nyquist frequency, shape ``(k,)``."""
+        steps, direct_now, direct_before, denominator, now, before = self.loop
+        x = frequency * self.period
+        back = np.exp(-1j * x)
+        delta = -2.0 * np.sin(0.5 * x) ** 2 + 1j * np.sin(x)
+        low = np.polyval(denominator, delta)
+        high = np.polyval(now, delta) + np.polyval(before, delta) * back
+        return (high / low + direct_now + direct_before * back) * np.exp(-1j * steps * x)
+
+    def closed_loop(self, stiffness: float, virtual_damping: float = 0.0) -> Float[Array, "m m"]:
+        r"""Transition matrix of device and virtual wall :math:`u = -(K + B (z - 1) / (T z))\, y`.
+
+        State: that of the device, the last ``steps + 1`` forces, the last position.
+        """
+        rate = virtual_damping / self.period
+        return self.closed_by((np.zeros((1, 1)), np.ones(1), np.array([-rate]), stiffness + rate))
+
+    def closed_by(self, controller: Controller) -> Float[Array, "m m"]:
+        """Transition matrix of device and controller, the force minus what the controller makes of the position.
+
+        State: that of the device, the last ``steps + 1`` forces, that of the controller.
+
+        Args:
+            controller: ``A``, ``B``, ``C``, ``D`` of ``x[k+1] = A x[k] + B y[k]``, ``-u[k] = C x[k] + D y[k]``.
+        """
+        A, B, C, D = controller
+        n, kept = len(self.output), self.steps + 1
+        own = n + kept
+        size = own + len(B)
+
+        def forces(back: int) -> Array:
+            row = np.zeros(size)
+            row[n + back - 1] = 1.0
+            return row
+
+        position = np.zeros(size)
+        position[:n] = self.output
+        position += self.direct_before * forces(self.steps + 1)
+        if self.steps > 0:
+            position += self.direct_now * forces(self.steps)
+        force = -D * position
+        force[own:] -= C
+        if self.steps == 0:
+            # Force and position of one instant depend on each other: solved for the force.
+            force = force / (1.0 + D * self.direct_now)
+            position = position + self.direct_now * force
+        out = np.zeros((size, size))
+        out[:n, :n] = self.transition
+        out[:n] += np.outer(self.newer, force if self.steps == 0 else forces(self.steps))
+        out[:n] += np.outer(self.older, forces(self.steps + 1))
+        out[n] = force
+        for back in range(1, kept):
+            out[n + back] = forces(back)
+        out[own:, own:] = A
+        out[own:] += np.outer(B, position)
+        return out
+
+    def spectral_radius(self, stiffness: float, virtual_damping: float = 0.0) -> float:
+        """Largest absolute eigenvalue of device and virtual wall: stable below one."""
+        return float(np.abs(np.linalg.eigvals(self.closed_loop(stiffness, virtual_damping))).max())
+
+
+def split_delay(period: float, delay: float) -> tuple[int, float]:
+    """Whole periods in a delay, and the rest of it [s].
+
+    Raises:
+        ParameterError: If the period is not positive, or the delay is negative.
+    """
+    if not (math.isfinite(period) and period > 0 and math.isfinite(delay) and delay >= 0):
+        raise ParameterError(
+            f"A sampling period of {period:g} s and a delay of {delay:g} s were given: "
+            "give a positive period and a delay of 0 or more."
+        )
+    steps = math.floor(delay / period + _SAME)
+    rest = delay - steps * period
+    return steps, (rest if rest > _SAME * period else 0.0)
+
+
+def discretise(axis: Axis, *, period: float, delay: float = 0.0) -> SampledAxis:
+    """Exact sampled form of an axis behind a zero-order hold and a delay.
+
+    Args:
+        axis: A model of `phantom_dyn.haptics.device.axis`, or a transfer function.
+        period: Sampling period T [s].
+        delay: Any delay of 0 or more [s].
+
+    Raises:
+        ParameterError: If the period is not positive, or the delay is negative.
+    """
+    steps, rest = split_delay(period, delay)
+    system = axis.state_space
+    transition, newer, older = with_delay(system.A, system.B, period, rest)
+    # A position is read just before its force arrives, so under a fraction of a period the older force is felt.
+    now, before = (0.0, system.D) if rest > 0 else (system.D, 0.0)
+    return SampledAxis(period, delay, steps, transition, newer, older, system.C, now, before)

@@ -1,0 +1,242 @@
+"""Loops that are compiled: held input, loop polynomials, frequency grid, crossings of the real axis.
+
+Unannotated on purpose: numba compiles for whatever arrives. See `phantom_dyn.haptics.device.discretisation` for what
+they compute; a system here is ``A (n, n)``, ``B (n,)``, ``C (n,)``, a loop the tuple that `loop_polynomials` returns.
+"""
+
+import numpy as np
+
+from phantom_dyn._kernels.jit import jit
+
+# Terms of the Taylor series at norm 0.5: the first one left out is under 1e-17.
+_TERMS = 14
+# Points of the frequency grid a decade, and around each lightly damped mode, in units of its half width.
+_A_DECADE = 150
+_AROUND = np.tan(np.linspace(-1.5, 1.5, 25))
+# Phase [rad] that delay and hold may turn between two points.
+_TURN = 0.2
+_HALVINGS = 60
+
+
+@jit
+def _times(a, b):
+    """Product of two square matrices; compiles in a fraction of what ``@`` does, and is faster for four rows."""
+    n = a.shape[0]
+    out = np.zeros((n, n))
+    for i in range(n):
+        for k in range(n):
+            for j in range(n):
+                out[i, j] += a[i, k] * b[k, j]
+    return out
+
+
+@jit
+def held_input(A, B, duration):
+    """Exact transition matrix over ``duration``, and what an input held over it adds: Taylor series, then squaring."""
+    n = A.shape[0]
+    norm = 0.0
+    for i in range(n):
+        row = 0.0
+        for j in range(n):
+            row += abs(A[i, j]) * duration
+        norm = max(norm, row)
+    # The input column scales as it likes: the halvings are those of the dynamics alone.
+    scale = 1.0
+    halvings = 0
+    while norm * scale > 0.5:
+        scale *= 0.5
+        halvings += 1
+    wide = np.zeros((n + 1, n + 1))
+    total = np.zeros((n + 1, n + 1))
+    term = np.zeros((n + 1, n + 1))
+    for i in range(n + 1):
+        total[i, i] = term[i, i] = 1.0
+    for i in range(n):
+        wide[i, n] = B[i] * duration * scale
+        for j in range(n):
+            wide[i, j] = A[i, j] * duration * scale
+    for k in range(1, _TERMS + 1):
+        term = _times(term, wide)
+        for i in range(n + 1):
+            for j in range(n + 1):
+                term[i, j] /= k
+                total[i, j] += term[i, j]
+    for _ in range(halvings):
+        total = _times(total, total)
+    return total[:n, :n].copy(), total[:n, n].copy()
+
+
+@jit
+def with_delay(A, B, period, fraction):
+    """Transition over a period, and the parts of the newer and the older input, which rules for the first ``fraction``.
+
+    Where the fraction is zero, the newer input rules for the whole period.
+    """
+    late, newer = held_input(A, B, period - fraction)
+    older = np.zeros(len(B))
+    if fraction == 0.0:
+        return late, newer, older
+    early, first = held_input(A, B, fraction)
+    for i in range(len(B)):
+        for j in range(len(B)):
+            older[i] += late[i, j] * first[j]
+    return _times(late, early), newer, older
+
+
+@jit
+def loop_polynomials(transition, newer, older, C):
+    """Denominator and the numerators of newer and older input, in falling powers of ``z - 1``.
+
+    By Faddeev and LeVerrier on the transition matrix less one: near z = 1, where the crossings of low frequency lie,
+    powers of z would cancel.
+    """
+    n = transition.shape[0]
+    step = transition.copy()
+    adjugate = np.zeros((n, n))
+    for i in range(n):
+        step[i, i] -= 1.0
+        adjugate[i, i] = 1.0
+    denominator = np.zeros(n + 1)
+    denominator[0] = 1.0
+    now = np.zeros(n)
+    before = np.zeros(n)
+    for k in range(n):
+        for i in range(n):
+            for j in range(n):
+                now[k] += C[i] * adjugate[i, j] * newer[j]
+                before[k] += C[i] * adjugate[i, j] * older[j]
+        adjugate = _times(step, adjugate)
+        trace = 0.0
+        for i in range(n):
+            trace += adjugate[i, i]
+        denominator[k + 1] = -trace / (k + 1)
+        for i in range(n):
+            adjugate[i, i] += denominator[k + 1]
+    return denominator, now, before
+
+
+@jit
+def inverse_loop(w, period, steps, direct_now, direct_before, denominator, now, before):
+    """One over the sampled open loop at ``w`` [rad/s]."""
+    x = w * period
+    delta = complex(-2.0 * np.sin(0.5 * x) ** 2, np.sin(x))
+    back = complex(np.cos(x), -np.sin(x))
+    low = 0j
+    for c in denominator:
+        low = low * delta + c
+    newer = 0j
+    for c in now:
+        newer = newer * delta + c
+    older = 0j
+    for c in before:
+        older = older * delta + c
+    high = newer + older * back + (direct_now + direct_before * back) * low
+    return low / high * complex(np.cos(steps * x), np.sin(steps * x))
+
+
+@jit
+def gain_on_axis(w, period, loop, scaled, fixed):
+    """The gain g with ``1 + (g scaled + fixed) L = 0``, complex; real where the loop crosses.
+
+    ``scaled`` and ``fixed`` are controllers, two coefficients each of ``1`` and of ``1/z``.
+    """
+    back = complex(np.cos(w * period), -np.sin(w * period))
+    steps, direct_now, direct_before, denominator, now, before = loop
+    inverse = inverse_loop(w, period, steps, direct_now, direct_before, denominator, now, before)
+    return -(inverse + fixed[0] + fixed[1] * back) / (scaled[0] + scaled[1] * back)
+
+
+@jit
+def frequency_grid(low, period, delay, modes):
+    """Increasing frequencies [rad/s] from ``low`` to just under the Nyquist frequency.
+
+    Evenly spaced in logarithm, so dense that the delay turns little between two, and close about each mode (frequency
+    and half width, shape ``(m, 2)``).
+    """
+    high = np.pi / period * (1.0 - 1e-9)
+    low = min(low, 0.1 * high)
+    many = int(np.ceil(np.log10(high / low) * _A_DECADE)) + 1
+    even = int(np.ceil(np.pi / period * (delay + period) / _TURN)) + 1
+    grid = np.empty(many + even + len(modes) * len(_AROUND))
+    for k in range(many):
+        grid[k] = low * (high / low) ** (k / (many - 1))
+    for k in range(even):
+        grid[many + k] = low + (high - low) * (k + 1) / even
+    at = many + even
+    for m in range(len(modes)):
+        for offset in _AROUND:
+            grid[at] = min(max(modes[m, 0] + offset * modes[m, 1], low), high)
+            at += 1
+    return np.sort(grid)
+
+
+@jit
+def crossings(grid, period, loop, scaled, fixed):
+    """Frequencies [rad/s] at which the gain of `gain_on_axis` is real, and that gain; the Nyquist frequency too."""
+    found = np.empty((len(grid) + 1, 2))
+    count = 0
+    value = gain_on_axis(grid[0], period, loop, scaled, fixed)
+    for k in range(1, len(grid)):
+        following = gain_on_axis(grid[k], period, loop, scaled, fixed)
+        if (value.imag < 0.0) != (following.imag < 0.0):
+            a, b, sign = grid[k - 1], grid[k], value.imag < 0.0
+            for _ in range(_HALVINGS):
+                middle = 0.5 * (a + b)
+                if (gain_on_axis(middle, period, loop, scaled, fixed).imag < 0.0) == sign:
+                    a = middle
+                else:
+                    b = middle
+            gain = gain_on_axis(0.5 * (a + b), period, loop, scaled, fixed)
+            # At an undamped anti-resonance the gain changes sign through infinity: no crossing.
+            if abs(gain) < 1e3 * (abs(value) + abs(following)):
+                found[count] = 0.5 * (a + b), gain.real
+                count += 1
+        value = following
+    edge = np.pi / period
+    found[count] = edge, gain_on_axis(edge, period, loop, scaled, fixed).real
+    return found[: count + 1]
+
+
+@jit
+def lowest_gain(low, modes, period, delay, loop, virtual_damping):
+    """Critical stiffness and its frequency, as `phantom_dyn.haptics.stability.critical_stiffness.critical_stiffness`
+    has them.
+
+    Whether soft walls are stable is told without eigenvalues: the damping at the lowest frequency must be positive,
+    and the virtual damping between the two edges nearest to none. Holds for a device that is stable by itself.
+    """
+    grid = frequency_grid(low, period, delay, modes)
+    rate = virtual_damping / period
+    spring = (1.0, 0.0)
+    fixed = (rate, -rate)
+    if gain_on_axis(grid[0], period, loop, spring, fixed).imag >= 0.0:
+        return 0.0, np.nan
+    if virtual_damping != 0.0:
+        for edge in crossings(grid, period, loop, (1.0 / period, -1.0 / period), (0.0, 0.0))[:, 1]:
+            if (0.0 < edge <= virtual_damping) or (virtual_damping <= edge < 0.0):
+                return 0.0, np.nan
+    best, at = np.inf, np.nan
+    for w, gain in crossings(grid, period, loop, spring, fixed):
+        if 0.0 < gain < best:
+            best, at = gain, w
+    return best, at
+
+
+@jit
+def map_lowest_gain(A, B, C, low, modes, period, virtual_damping, steps, rest, stiffness, frequency):
+    """Fill the two maps, ``(damping, virtual damping, delay, period)``.
+
+    ``A`` and ``modes`` have one matrix for each damping; ``low`` is a frequency for each damping, virtual damping,
+    delay and period; ``steps`` and ``rest`` one for each delay and period.
+    """
+    for i in range(A.shape[0]):
+        for k in range(steps.shape[0]):
+            for m in range(len(period)):
+                transition, newer, older = with_delay(A[i], B, period[m], rest[k, m])
+                polynomials = loop_polynomials(transition, newer, older, C)
+                loop = (steps[k, m], 0.0, 0.0, polynomials[0], polynomials[1], polynomials[2])
+                delay = steps[k, m] * period[m] + rest[k, m]
+                for j in range(len(virtual_damping)):
+                    stiffness[i, j, k, m], frequency[i, j, k, m] = lowest_gain(
+                        low[i, j, k, m], modes[i], period[m], delay, loop, virtual_damping[j]
+                    )

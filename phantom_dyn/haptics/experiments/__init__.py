@@ -1,0 +1,1 @@
+"""Experiments that identify a device: relay and white noise."""

@@ -1,0 +1,204 @@
+r"""Relay experiment on a device: limit cycles that give mass and damping; the held-force steps behind it, compiled.
+
+Loops over the samples of a device behind hold and delay, compiled; unannotated, as numba takes what arrives.
+
+Relay experiment: critical stiffness from the oscillation of a device under an on-off force.
+
+A relay :math:`u = -F\,\mathrm{sign}(x)` makes the device swing about zero at a frequency where the loop's phase is
+-180 degrees; the quotient of the first harmonics of force and position is the critical stiffness there (Astrom and
+Hagglund, 1995). A device with a vibration has several such frequencies, and **two limit cycles coexist**: a small start
+ends in the vibration's, a large one in that of the rigid device. Which one an experiment shows depends on its start.
+
+The relay is sampled: it sees a zero crossing up to one period late, which counts as half a period of delay on average;
+at the vibration's frequency and little delay that is visible, at a few hertz it is not.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from jaxtyping import Float
+
+from phantom_dyn._kernels.jit import jit
+from phantom_dyn.errors import ParameterError
+from phantom_dyn.haptics.arguments import require_columns, require_numbers, require_positive, sample_count
+from phantom_dyn.haptics.device.axis import RigidAxis, TwoMassAxis
+from phantom_dyn.haptics.device.discretisation import discretise
+from phantom_dyn.motion import read_only
+
+
+@jit
+def _read(C, x):
+    """Position in a state."""
+    y = 0.0
+    for i in range(len(x)):
+        y += C[i] * x[i]
+    return y
+
+
+@jit
+def _advance(transition, newer, older, steps, given, k, x, following):
+    """Write the state after sample ``k`` into ``following``; before the first sample no force was given."""
+    new = given[k - steps] if k >= steps else 0.0
+    old = given[k - steps - 1] if k > steps else 0.0
+    for i in range(len(x)):
+        following[i] = newer[i] * new + older[i] * old
+        for j in range(len(x)):
+            following[i] += transition[i, j] * x[j]
+
+
+@jit
+def relay_loop(transition, newer, older, C, steps, state, force, count):
+    """Forces of a relay that are given, and positions that are read, from a state at rest."""
+    given = np.zeros(count)
+    position = np.zeros(count)
+    x = state.copy()
+    following = np.zeros(len(state))
+    for k in range(count):
+        position[k] = _read(C, x)
+        given[k] = force if position[k] < 0.0 else -force
+        _advance(transition, newer, older, steps, given, k, x, following)
+        x, following = following, x
+    return given, position
+
+
+@jit
+def held_forces(transition, newer, older, C, steps, state, forces):
+    """Positions that are read while the forces are given one after the other, held and delayed."""
+    position = np.zeros(len(forces))
+    x = state.copy()
+    following = np.zeros(len(state))
+    for k in range(len(forces)):
+        position[k] = _read(C, x)
+        _advance(transition, newer, older, steps, forces, k, x, following)
+        x, following = following, x
+    return position
+
+
+Array = np.ndarray
+
+# Share of the recording that is left out while the oscillation settles, and longest segment of a spectrum.
+_SETTLING = 0.4
+_SEGMENT = 8192
+# Bins on either side of a peak of the Hann window that belong to it.
+_REACH = 2
+
+
+@dataclass(frozen=True)
+class RelayExperiment:
+    """Force and position of a device under a relay.
+
+    Attributes:
+        period: Sampling period [s].
+        delay: Of the loop beside the hold [s].
+        t: Time [s], shape ``(N,)``.
+        force: Of the relay, as given by the computer [N or N m], shape ``(N,)``.
+        position: [m or rad], shape ``(N,)``.
+    """
+
+    period: float
+    delay: float
+    t: Float[Array, " N"]
+    force: Float[Array, " N"]
+    position: Float[Array, " N"]
+
+    def __post_init__(self):
+        for name in ("t", "force", "position"):
+            object.__setattr__(self, name, read_only(getattr(self, name)))
+
+
+@dataclass(frozen=True)
+class LimitCycle:
+    """The steady oscillation of a relay experiment.
+
+    Attributes:
+        frequency: Of the greatest peak of the position's spectrum [rad/s].
+        stiffness: First harmonic of force over that of position: the critical stiffness [N/m or N m/rad].
+        amplitude: First harmonic of the position [m or rad].
+        frequencies: Of the spectra [rad/s], shape ``(k,)``.
+        force_density: Power spectral density of the force, in its unit squared per hertz, shape ``(k,)``.
+        position_density: That of the position, shape ``(k,)``.
+    """
+
+    frequency: float
+    stiffness: float
+    amplitude: float
+    frequencies: Float[Array, " k"]
+    force_density: Float[Array, " k"]
+    position_density: Float[Array, " k"]
+
+    def __post_init__(self):
+        for name in ("frequencies", "force_density", "position_density"):
+            object.__setattr__(self, name, read_only(getattr(self, name)))
+
+    @property
+    def decibels(self) -> float:
+        """The stiffness as a gain margin [dB]."""
+        return 20.0 * math.log10(self.stiffness)
+
+
+def simulate_relay(
+    axis: RigidAxis | TwoMassAxis, *, period: float, delay: float = 0.0, force: float, start: float, duration: float
+) -> RelayExperiment:
+    """Device under an ideal sampled relay behind hold and delay, released at rest.
+
+    Args:
+        axis: Model of the device.
+        period: Sampling period [s].
+        delay: Of the loop beside the hold [s].
+        force: Of the relay [N or N m]; at position zero it is negative.
+        start: Position from which the device is released [m or rad]: it decides which limit cycle is reached.
+        duration: [s].
+
+    Raises:
+        ParameterError: If the force or period is not positive, the delay is negative, the start no number, or the
+            duration under a hundred periods.
+    """
+    require_positive(force_of_the_relay=force)
+    require_numbers(start=start)
+    count = sample_count(duration, period)
+    if count < 100:
+        raise ParameterError(f"A relay experiment of {count} samples was asked for: give a duration of 100 or more.")
+    sampled = discretise(axis, period=period, delay=delay)
+    given, position = relay_loop(
+        sampled.transition, sampled.newer, sampled.older, sampled.output, sampled.steps, axis.rest(start), force, count
+    )
+    return RelayExperiment(period, delay, period * np.arange(count), given, position)
+
+
+def limit_cycle(experiment: RelayExperiment) -> LimitCycle:
+    """Frequency and critical stiffness of a relay experiment, from the averaged spectra of its later part.
+
+    As in the chapter the frequency is that of the greatest peak, here between the bins by the centre of the peak, and
+    the stiffness is the inverse of the empirical transfer function there.
+
+    Raises:
+        ParameterError: If fewer than 64 samples are left after the device has settled, the relay does not switch any
+            more, or force or position are not finite.
+    """
+    from scipy.signal import csd, welch
+
+    require_columns(len(experiment.t), force=experiment.force, position=experiment.position)
+    first = int(_SETTLING * len(experiment.t))
+    force, position = experiment.force[first:], experiment.position[first:]
+    length = min(_SEGMENT, len(force))
+    if length < 64:
+        raise ParameterError(f"{length} samples are left of the relay experiment after settling: record 64 or more.")
+    if np.ptp(force) == 0 or np.ptp(position) == 0:
+        raise ParameterError(
+            "After settling the relay never switches, so that there is no limit cycle: "
+            "record for longer, and for several times the delay."
+        )
+    rate = 1.0 / experiment.period
+    f, density = welch(position, rate, nperseg=length, detrend="constant")
+    _, force_density = welch(force, rate, nperseg=length, detrend="constant")
+    _, cross = csd(force, position, rate, nperseg=length, detrend="constant")
+    at = 1 + int(np.argmax(density[1:]))
+    peak = slice(max(at - _REACH, 1), at + _REACH + 1)
+    frequency = float(np.sum(f[peak] * density[peak]) / np.sum(density[peak]))
+    # Force over position with the noise of neither: power of the force over the cross power of both.
+    stiffness = float(np.sum(force_density[peak]) / np.abs(np.sum(cross[peak])))
+    amplitude = float(np.sqrt(2.0 * np.sum(density[peak]) * (f[1] - f[0])))
+    return LimitCycle(2 * np.pi * frequency, stiffness, amplitude, 2 * np.pi * f, force_density, density)

@@ -1,0 +1,114 @@
+"""Simulated cheap hardware: friction that sticks, play, and everything on one axis."""
+
+from __future__ import annotations
+
+import numpy as np
+from jaxtyping import Float
+from matplotlib.figure import Figure
+
+from phantom_dyn.haptics.cheap.cheap_axis import CheapAxis
+from phantom_dyn.haptics.cheap.cheap_hardware import Rendered
+from phantom_dyn.haptics.figures.canvas import COLORS, GREY, beside, panels, shade
+
+Array = np.ndarray
+
+
+def sticking_figure(t: Float[Array, " N"], x: Float[Array, " N"], out: Rendered, axis: CheapAxis) -> Figure:
+    """Friction that sticks, as in Figure 8 of Brouwer and MacLean: position of the probe and force of the friction.
+
+    Args:
+        t: Times [s], shape ``(N,)``.
+        x: Positions of the probe [m], shape ``(N,)``.
+        out: What the hand feels.
+        axis: What is cheap; its friction gives the levels that are drawn.
+    """
+    title = "Friction that sticks: it drops, grows while the hand creeps, turns with it, and slips again"
+    figure, ((place,), (force,), (speed,)) = panels(3, title=title, together=True, height=2.2, width=10)
+    place.plot(t, 1e3 * x, color=COLORS[0], gid="position")
+    force.plot(t, out.force, color=COLORS[1], gid="force")
+    speed.plot(t, 1e3 * out.velocity, color=COLORS[0], gid="velocity")
+    if axis.friction is not None:
+        slip, static = axis.friction.torque, axis.friction.torque * axis.friction.static_ratio
+        for sign in (-1, 1):
+            force.axhline(sign * slip, color=GREY, ls="--", lw=1, label="in slip" if sign > 0 else None)
+            force.axhline(sign * static, color=GREY, ls=":", lw=1, label="breaks loose" if sign > 0 else None)
+            level = 1e3 * sign * axis.friction.stick_velocity
+            speed.axhline(level, color=GREY, ls=":", lw=1, label="sticks below" if sign > 0 else None)
+    for ax in (place, force, speed):
+        shade(ax, t, out.stuck, "stuck")
+    speed.set_ylim(*(4 * np.array([-1, 1]) * max(5.0, 1e3 * (axis.friction.stick_velocity if axis.friction else 0.0))))
+    place.set_ylabel("probe [mm]")
+    force.set_ylabel("friction on\nthe hand [N]")
+    speed.set_ylabel("velocity, filtered\n[mm/s]")
+    speed.set_xlabel("time [s]")
+    for ax in (force, speed):
+        beside(ax)
+    return figure
+
+
+def backlash_figure(t: Float[Array, " N"], x: Float[Array, " N"], out: Rendered, axis: CheapAxis) -> Figure:
+    """Play, as in Figure 9 of Brouwer and MacLean: the probe relative to the gap in the virtual mass.
+
+    Args:
+        t: Times [s], shape ``(N,)``.
+        x: Positions of the probe [m], shape ``(N,)``.
+        out: What the hand feels.
+        axis: What is cheap; its gap is drawn.
+    """
+    mass = "" if axis.mass is None else f", mass {axis.mass.inertia:g} kg on {axis.mass.stiffness:g} N/m"
+    title = f"Play of {1e3 * axis.gap:g} mm: the mass drifts from wall to wall{mass}"
+    figure, ((place,), (apart,), (force,)) = panels(3, title=title, together=True, height=2.2, width=10)
+    place.plot(t, 1e3 * x, color=COLORS[0], label="probe", gid="probe")
+    place.plot(t, 1e3 * out.mass_position, color=COLORS[1], ls="--", label="virtual mass", gid="mass")
+    apart.plot(t, 1e3 * (x - out.mass_position), color=COLORS[2], gid="apart")
+    for sign in (-1, 1):
+        apart.axhline(1e3 * sign * axis.gap / 2, color=GREY, ls="--", lw=1, label="wall" if sign > 0 else None)
+    force.plot(t, out.coupling, color=COLORS[1], lw=0.9, label="of the coupling", gid="coupling")
+    force.plot(t, out.force, color=COLORS[0], label="on the hand, averaged", gid="force")
+    for ax in (place, apart, force):
+        shade(ax, t, out.contact, "contact")
+    place.set_ylabel("position [mm]")
+    apart.set_ylabel("probe less\nmass [mm]")
+    force.set_ylabel("force [N]")
+    force.set_xlabel("time [s]")
+    for ax in (place, apart, force):
+        beside(ax)
+    return figure
+
+
+def cheap_axis_figure(
+    t: Float[Array, " N"], x: Float[Array, " N"], asked: Float[Array, " N"], out: Rendered, axis: CheapAxis
+) -> Figure:
+    """Everything that is cheap together: what the virtual environment asks for and what the hand feels.
+
+    Args:
+        t: Times [s], shape ``(N,)``.
+        x: Positions of the probe [m], shape ``(N,)``.
+        asked: Force that is asked for [N], shape ``(N,)``.
+        out: What the hand feels.
+        axis: What is cheap.
+    """
+    parts = {
+        "mass": axis.mass,
+        f"play {1e3 * axis.gap:g} mm": axis.gap,
+        "friction": axis.friction,
+        "cogging": axis.cogging,
+        f"motor of {axis.limit:g} N": np.isfinite(axis.limit),
+    }
+    title = f"A cheap axis ({', '.join(name for name, there in parts.items() if there)}): asked for and felt"
+    figure, ((place,), (force,), (step,)) = panels(
+        3, title=title, together=True, ratios=(2, 3, 1.5), height=2.3, width=10
+    )
+    place.plot(t, 1e3 * x, color=COLORS[0], label="probe", gid="probe")
+    place.plot(t, 1e3 * out.mass_position, color=COLORS[1], ls="--", label="virtual mass", gid="mass")
+    force.plot(t, asked, color="black", lw=1, label="asked for", gid="asked")
+    force.plot(t, out.force, color=COLORS[1], lw=0.9, label="felt", gid="felt")
+    step.plot(t[1:], 1 / np.diff(t), ".", ms=1.5, color=COLORS[0], gid="rate")
+    for ax in (place, force):
+        shade(ax, t, out.contact, "contact")
+        beside(ax)
+    place.set_ylabel("position [mm]")
+    force.set_ylabel("force [N]")
+    step.set_ylabel("sampling [Hz]")
+    step.set_xlabel("time [s]")
+    return figure

@@ -1,0 +1,1 @@
+"""Encoders, velocity estimators, and sampled loops in time."""

@@ -1,0 +1,158 @@
+"""An incremental encoder read by a sampled controller: counts, and the instants of its edges.
+
+Counting the edges of an encoder along a straight motion, compiled; see `phantom_dyn.haptics.sensing.encoder`.
+
+An incremental encoder read by a sampled controller: counts, and the instants of its edges.
+
+The continuous motion is given as a polyline finer than the sampling period. Edges lie half-way between two counts;
+`spacing` moves them, with the period of four edges that the quadrature of two tracks has.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, field
+
+import numpy as np
+from jaxtyping import Float, Int
+
+from phantom_dyn._kernels.jit import jit
+from phantom_dyn.errors import ParameterError
+from phantom_dyn.haptics.arguments import require_positive, require_whole
+
+
+@jit
+def edge_position(count, step, spacing):
+    """Position of the edge below a count: between it and the count before."""
+    return (count - 0.5 + spacing[count % 4]) * step
+
+
+@jit
+def count_through(count, t0, x0, t1, x1, step, spacing, times, directions, used):
+    """Follow the straight motion from (t0, x0) to (t1, x1); write edges from index `used` on; new count and index.
+
+    Edges that no longer fit into `times` overwrite the last ones modulo its length, so it can be a ring.
+    """
+    while x1 >= edge_position(count + 1, step, spacing):
+        level = edge_position(count + 1, step, spacing)
+        times[used % times.size] = t0 + (t1 - t0) * min(max((level - x0) / (x1 - x0), 0.0), 1.0) if x1 > x0 else t0
+        directions[used % times.size] = 1.0
+        used += 1
+        count += 1
+    while x1 < edge_position(count, step, spacing):
+        level = edge_position(count, step, spacing)
+        times[used % times.size] = t0 + (t1 - t0) * min(max((level - x0) / (x1 - x0), 0.0), 1.0) if x1 < x0 else t0
+        directions[used % times.size] = -1.0
+        used += 1
+        count -= 1
+    return count, used
+
+
+@jit
+def follow_motion(x, dt, per_sample, step, spacing, counts, times, directions):
+    """Counts at every `per_sample`-th point of a polyline and its edges; returns the number of edges."""
+    count = int(np.floor(x[0] / step + 0.5))
+    count, _ = count_through(count, 0.0, x[0], 0.0, x[0], step, spacing, times, directions, 0)
+    counts[0] = count
+    used = 0
+    for i in range(1, x.size):
+        count, used = count_through(count, (i - 1) * dt, x[i - 1], i * dt, x[i], step, spacing, times, directions, used)
+        if i % per_sample == 0:
+            counts[i // per_sample] = count
+    return used
+
+
+Array = np.ndarray
+
+# Edges of one recording; each takes 32 bytes while it is made.
+_MOST_EDGES = 2e7
+
+PHANTOM_STEP = 0.03e-3
+"""Position precision of the PHANToM 1.5 at the centre of the workspace [m] (seed of 2002, section 4.1.2)."""
+
+
+@dataclass(frozen=True)
+class Encoder:
+    """Resolution of a position sensor.
+
+    Attributes:
+        step: Motion per count [m or rad].
+        spacing: By how much of a step each of the four edges of a quadrature period is misplaced, each in
+            (-0.25, 0.25).
+
+    Raises:
+        ParameterError: If the step is not positive, or a misplacement is too large for edges to keep their order.
+    """
+
+    step: float = PHANTOM_STEP
+    spacing: tuple[float, float, float, float] = (0.0, 0.0, 0.0, 0.0)
+
+    def __post_init__(self) -> None:
+        if not (math.isfinite(self.step) and self.step > 0):
+            raise ParameterError(f"The encoder step is {self.step}: give a motion per count above 0.")
+        if len(self.spacing) != 4 or not all(abs(part) < 0.25 for part in self.spacing):
+            raise ParameterError(
+                f"The spacing errors of the encoder are {self.spacing}: give four shares of a step in (-0.25, 0.25)."
+            )
+
+
+@dataclass(frozen=True)
+class EncoderRecord:
+    """What the electronics has seen of a motion.
+
+    Attributes:
+        period: Sampling period of the controller [s].
+        step: Motion per count [m or rad].
+        counts: Count at each sample k, taken at time k * period, shape ``(N,)``.
+        edge_time: Instants of all edges [s], shape ``(E,)``.
+        edge_direction: +1 or -1 for each edge, shape ``(E,)``.
+    """
+
+    period: float
+    step: float
+    counts: Int[Array, " N"]
+    edge_time: Float[Array, " E"]
+    edge_direction: Float[Array, " E"]
+    reading: Float[Array, " N"] = field(init=False)
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "reading", self.counts * self.step)
+
+
+def record_motion(
+    encoder: Encoder, position: Float[Array, " n"], *, interval: float, samples_apart: int
+) -> EncoderRecord:
+    """Counts and edge instants of a motion, straight between its points.
+
+    Args:
+        encoder: The sensor.
+        position: True position [m or rad] at equal intervals, shape ``(n,)``.
+        interval: Time between two points [s].
+        samples_apart: The controller samples every so many points.
+
+    Raises:
+        ParameterError: If there are fewer than two samples, a position is not finite, the interval not above 0, or the
+            motion passes more edges than a computer holds.
+    """
+    require_positive(interval=interval)
+    require_whole(1, samples_apart=samples_apart)
+    if position.size <= samples_apart:
+        raise ParameterError(
+            f"{position.size} points with {samples_apart} to a sample are less than two samples: give a longer motion."
+        )
+    if not np.isfinite(position).all():
+        raise ParameterError("The motion holds a position that is not finite: give numbers only.")
+    x = np.ascontiguousarray(position, dtype=np.float64)
+    spacing = np.array(encoder.spacing)
+    # An interval passes at most its length in steps, and one more edge for where it starts and ends.
+    passed = float(np.sum(np.abs(np.diff(x)))) / encoder.step
+    if passed > _MOST_EDGES:
+        raise ParameterError(
+            f"The motion passes {passed:.3g} edges of {encoder.step:g} each, more than the {_MOST_EDGES:.0g} that are "
+            "kept: give a coarser encoder or a shorter motion."
+        )
+    room = int(2 * passed) + x.size + 8
+    counts = np.zeros((x.size - 1) // samples_apart + 1, dtype=np.int64)
+    times, directions = np.zeros(room), np.zeros(room)
+    used = follow_motion(x, interval, samples_apart, encoder.step, spacing, counts, times, directions)
+    return EncoderRecord(interval * samples_apart, encoder.step, counts, times[:used], directions[:used])

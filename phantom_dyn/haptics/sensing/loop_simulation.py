@@ -1,0 +1,272 @@
+"""Sampled loops of one or two devices in time: quantised positions, any velocity estimator, held and late forces.
+
+One or two devices in a sampled loop, compiled: encoder edges between samples, velocity estimate, held forces.
+
+Sampled loops of one or two devices in time: quantised positions, any velocity estimator, held and late forces.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass, field
+
+import numpy as np
+from jaxtyping import Float
+
+from phantom_dyn._kernels.jit import jit
+from phantom_dyn.errors import ParameterError
+from phantom_dyn.haptics.arguments import require_columns, require_numbers
+from phantom_dyn.haptics.device.frequency_kernels import held_input
+from phantom_dyn.haptics.device.transfer_function import Axis, StateSpace
+from phantom_dyn.haptics.sensing.encoder import Encoder, count_through
+from phantom_dyn.haptics.sensing.velocity_estimators import AveragedDifference, Estimator, kernel_form
+from phantom_dyn.haptics.sensing.velocity_kernel import EDGES_KEPT, READINGS_KEPT, next_velocity
+
+_FORCES_KEPT = 4096
+
+
+@jit
+def run_loop(
+    transition, push, output, direct, x, hand, substeps, late, period, step, spacing, kind, parameters,
+    gain, damping, one_sided, far, positions, readings, velocities, forces,
+):  # fmt: skip
+    """Fill the four traces, shape ``(N, d)``, of d devices; returns the samples done before one is beyond `far`.
+
+    One device: ``u = -(gain x + damping v)``, if `one_sided` only where x > 0. Two: the same of the difference between
+    a device and the other. `transition`, `push`: exact over a substep, shapes ``(d, n, n)`` and ``(d, n)``; `late`:
+    substeps between a sample and its force; `hand`: force of the hand at each sample, shape ``(N, d)``; `x`: states,
+    shape ``(d, n)``, overwritten.
+    """
+    samples, devices = positions.shape
+    order = x.shape[1]
+    dt = period / substeps
+    rings = np.zeros((devices, READINGS_KEPT))
+    memories = np.zeros((devices, READINGS_KEPT + 2))
+    times, directions = np.full((devices, EDGES_KEPT), -1.0), np.zeros((devices, EDGES_KEPT))
+    edges, counts = np.zeros(devices, np.int64), np.zeros(devices, np.int64)
+    place, speed, following = np.zeros(devices), np.zeros(devices), np.zeros(order)
+    commands = np.zeros((devices, _FORCES_KEPT))
+    for i in range(devices):
+        for j in range(order):
+            place[i] += output[i, j] * x[i, j]
+        counts[i] = int(np.floor(place[i] / step + 0.5))
+    for k in range(samples):
+        for i in range(devices):
+            rings[i, k % READINGS_KEPT] = counts[i] * step
+            speed[i] = next_velocity(
+                kind, parameters, k, period, rings[i], memories[i], times[i], directions[i], edges[i]
+            )
+        for i in range(devices):
+            error, rate = counts[i] * step, speed[i]
+            if devices == 2:
+                error, rate = error - counts[1 - i] * step, rate - speed[1 - i]
+            u = -(gain * error + damping * rate)
+            if one_sided and error <= 0.0:
+                u = 0.0
+            commands[i, k % _FORCES_KEPT] = u
+            positions[k, i], readings[k, i] = place[i], counts[i] * step
+            velocities[k, i], forces[k, i] = speed[i], u
+            if abs(place[i]) > far:
+                return k
+        for s in range(substeps):
+            at = (k * substeps + s - late) // substeps
+            for i in range(devices):
+                u = hand[k, i] + (commands[i, at % _FORCES_KEPT] if at >= 0 else 0.0)
+                for row in range(order):
+                    following[row] = push[i, row] * u
+                    for j in range(order):
+                        following[row] += transition[i, row, j] * x[i, j]
+                new = direct[i] * u
+                for j in range(order):
+                    x[i, j] = following[j]
+                    new += output[i, j] * following[j]
+                if not abs(new) <= far:
+                    # Far within a sample: counting the edges on the way there would take for ever.
+                    return k + 1
+                start = k * period + s * dt
+                counts[i], edges[i] = count_through(
+                    counts[i], start, place[i], start + dt, new, step, spacing, times[i], directions[i], edges[i]
+                )
+                place[i] = new
+    return samples
+
+
+Array = np.ndarray
+
+_SUBSTEPS = 20  # of a sample: the motion between two is straight, so an edge is placed to some tens of nanoseconds
+_LATEST = 4000  # samples of delay that the store of forces holds
+_FAR = 10.0  # m or rad; what has gone so far has no way back
+
+
+@dataclass(frozen=True)
+class LoopSettings:
+    """What sits between a device and its force.
+
+    Attributes:
+        period: Sampling period T [s].
+        delay: From a sample to its force [s], a multiple of T / 20.
+        encoder: Position sensor.
+        estimator: Velocity estimator.
+
+    Raises:
+        ParameterError: If the period is not above 0, or the delay is no multiple of a twentieth of it.
+    """
+
+    period: float = 1e-3
+    delay: float = 0.0
+    encoder: Encoder = field(default_factory=Encoder)
+    estimator: Estimator = field(default_factory=AveragedDifference)
+
+    def __post_init__(self) -> None:
+        if not (math.isfinite(self.period) and self.period > 0):
+            raise ParameterError(f"The period of the loop is {self.period}: give seconds above 0.")
+        late = self.delay / self.period * _SUBSTEPS
+        if not (0 <= late <= _LATEST * _SUBSTEPS and abs(late - round(late)) < 1e-6):
+            raise ParameterError(
+                f"The delay of the loop is {self.delay} s: give a multiple of {self.period / _SUBSTEPS:g} s, "
+                f"at most {_LATEST} periods."
+            )
+
+
+@dataclass(frozen=True)
+class LoopTrace:
+    """Time traces of d devices; they end where one has gone beyond 10 m or rad.
+
+    Attributes:
+        t: Times of the samples [s], shape ``(N,)``.
+        position: True position [m or rad], shape ``(N, d)``.
+        reading: What the encoder gives, shape ``(N, d)``.
+        velocity: What the estimator makes of it, shape ``(N, d)``.
+        force: Commanded force [N or N m], shape ``(N, d)``.
+        ran_away: Whether a device went beyond 10 m or rad.
+    """
+
+    t: Float[Array, " N"]
+    position: Float[Array, "N d"]
+    reading: Float[Array, "N d"]
+    velocity: Float[Array, "N d"]
+    force: Float[Array, "N d"]
+    ran_away: bool
+
+    def keeps_swinging(self, step: float) -> bool:
+        """Whether an oscillation of more than ten encoder steps lasts: in the last third as wide as in the middle one.
+
+        As wide is nine tenths. An oscillation of a few steps is what rounding sustains in a stable loop; one that goes
+        nowhere and back is none.
+
+        Raises:
+            ParameterError: If there are fewer than nine samples, which tell nothing.
+        """
+        if self.ran_away:
+            return True
+        third = len(self.t) // 3
+        if third < 3:
+            raise ParameterError(f"{len(self.t)} samples tell no swing from none: simulate for nine periods or more.")
+        difference = self.position[:, 0] if self.position.shape[1] == 1 else self.position[:, 0] - self.position[:, 1]
+        last = difference[-third:]
+        turns = np.count_nonzero(np.diff(np.sign(np.diff(last))))
+        middle = np.ptp(difference[third : 2 * third])
+        return bool(turns >= 2 and np.ptp(last) > 10 * step and np.ptp(last) > 0.9 * middle)
+
+
+def simulate_loop(
+    devices: tuple[Axis, ...],
+    settings: LoopSettings,
+    *,
+    gain: float,
+    damping: float,
+    start: tuple[float, ...],
+    speed: tuple[float, ...],
+    hand: Float[Array, "N d"],
+    one_sided: bool = False,
+) -> LoopTrace:
+    """Run one device against ``-(gain x + damping v)``, or two against their difference.
+
+    Args:
+        devices: One or two models; the motor's position is read, and hand and motor push at the motor.
+        settings: Sampling, sensor and estimator, the same for both.
+        gain: On the position [N/m or N m/rad].
+        damping: On the estimated velocity [N s/m or N m s/rad].
+        start: Position of each device at the start.
+        speed: Velocity of each device at the start; only a device of mass at its motor has one.
+        hand: Force of the hand, held over each sample, shape ``(N, d)``.
+        one_sided: Whether the force acts on positions above zero only, a wall.
+
+    Raises:
+        ParameterError: If there are not one or two devices, a list has another length, or a number is not finite.
+    """
+    count = len(devices)
+    if count not in (1, 2) or len(start) != count or len(speed) != count or np.shape(hand)[1:] != (count,):
+        raise ParameterError(
+            f"{count} devices with {len(start)} positions, {len(speed)} speeds and hands of shape {np.shape(hand)} "
+            "were given: give one or two devices and as many of each."
+        )
+    require_numbers(gain=gain, damping=damping)
+    for k in range(count):
+        require_numbers(start=start[k], speed=speed[k])
+        require_columns(len(hand), force_of_the_hand=hand[:, k])
+    systems = [device.state_space for device in devices]
+    order = max(len(system.B) for system in systems)
+    transition, push = np.zeros((count, order, order)), np.zeros((count, order))
+    output, x = np.zeros((count, order)), np.zeros((count, order))
+    for i, system in enumerate(systems):
+        n = len(system.B)
+        transition[i, :n, :n], push[i, :n] = held_input(system.A, system.B, settings.period / _SUBSTEPS)
+        output[i, :n] = system.C
+        x[i, :n] = _state(system, start[i], speed[i])
+    traces = [np.zeros(hand.shape) for _ in range(4)]
+    kind, parameters = kernel_form(settings.estimator, step=settings.encoder.step, period=settings.period)
+    done = run_loop(
+        transition, push, output, np.array([system.D for system in systems]), x, np.ascontiguousarray(hand, float),
+        _SUBSTEPS, round(settings.delay / settings.period * _SUBSTEPS), settings.period, settings.encoder.step,
+        np.array(settings.encoder.spacing), kind, parameters, float(gain), float(damping), one_sided, _FAR, *traces,
+    )  # fmt: skip
+    position, reading, velocity, force = (trace[:done] for trace in traces)
+    return LoopTrace(np.arange(done) * settings.period, position, reading, velocity, force, done < len(hand))
+
+
+def gain_until_swinging(
+    run: Callable[[float], LoopTrace], step: float, *, low: float, high: float, tolerance: float = 0.01
+) -> float:
+    """Gain at which an oscillation begins to last, by bisection; infinite if none lasts at the highest.
+
+    Args:
+        run: Simulation at a gain.
+        step: Encoder step, the unit of what is taken for an oscillation.
+        low: Lowest gain that is tried.
+        high: Highest gain that is tried.
+        tolerance: Relative width at which the bisection ends.
+
+    Returns:
+        The gain in the middle of the last bracket; 0 if one lasts at the lowest gain already.
+
+    Raises:
+        ParameterError: If the gains are not positive and increasing.
+    """
+    if not 0 < low < high < math.inf:
+        raise ParameterError(f"Gains from {low} to {high} were given: give two above 0, the lower one first.")
+    if run(low).keeps_swinging(step):
+        return 0.0
+    if not run(high).keeps_swinging(step):
+        return math.inf
+    while high / low > 1 + tolerance:
+        middle = math.sqrt(low * high)
+        low, high = (low, middle) if run(middle).keeps_swinging(step) else (middle, high)
+    return math.sqrt(low * high)
+
+
+def _state(system: StateSpace, position: float, speed: float) -> Float[Array, " n"]:
+    """Smallest state that reads this position and this speed, and stays at rest where there is no speed.
+
+    The accelerations of that state are zero as far as the device allows, so that no inner swing is set off.
+    """
+    rows = [system.C]
+    for _ in range(len(system.B) - 1):
+        rows.append(rows[-1] @ system.A)
+    scale = np.array([max(float(np.abs(row).max()), 1e-300) for row in rows])
+    wanted = np.zeros(len(rows))
+    wanted[0] = position
+    if len(rows) > 1:
+        wanted[1] = speed
+    return np.linalg.lstsq(np.array(rows) / scale[:, None], wanted / scale, rcond=None)[0]

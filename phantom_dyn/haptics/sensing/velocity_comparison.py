@@ -1,0 +1,158 @@
+"""Lag, granularity and frequency response of velocity estimators, each measured on a motion that is known."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from jaxtyping import Complex, Float
+
+from phantom_dyn.errors import ParameterError
+from phantom_dyn.haptics.arguments import require_positive, require_whole, sample_count
+from phantom_dyn.haptics.sensing.encoder import Encoder, record_motion
+from phantom_dyn.haptics.sensing.velocity_estimators import Estimator, estimate_velocity
+
+Array = np.ndarray
+
+_POINTS = 20  # of the true motion in one sampling period: an edge is then placed to some nanoseconds
+_SETTLING = 0.6  # s, longer than any window, so that only steady values are measured
+
+
+@dataclass(frozen=True)
+class EstimatorFigures:
+    """What an estimator costs, and the traces that it was measured on.
+
+    Attributes:
+        lag: Mean of (true velocity - estimate) / acceleration in a motion of constant acceleration [s].
+        granularity: Largest less smallest estimate in a motion of constant speed [m/s or rad/s].
+        noise: Root mean square of the error in that motion, its mean left in [m/s or rad/s].
+        t: Times of the accelerated motion [s], shape ``(N,)``.
+        velocity: Its true velocity, shape ``(N,)``.
+        estimate: The estimate, shape ``(N,)``.
+        steady_estimate: The estimate in the motion of constant speed, at the same times, shape ``(N,)``.
+    """
+
+    lag: float
+    granularity: float
+    noise: float
+    t: Float[Array, " N"]
+    velocity: Float[Array, " N"]
+    estimate: Float[Array, " N"]
+    steady_estimate: Float[Array, " N"]
+
+
+@dataclass(frozen=True)
+class EstimatorResponse:
+    """Fundamental of the estimate over the true velocity, for motions along a sine.
+
+    Attributes:
+        frequency: Frequencies [rad/s], shape ``(n,)``.
+        response: Complex ratio, shape ``(n,)``.
+    """
+
+    frequency: Float[Array, " n"]
+    response: Complex[Array, " n"]
+
+    def lag(self) -> Float[Array, " n"]:
+        """Phase lag as a time [s], shape ``(n,)``; the phase is unwrapped from the lowest frequency on."""
+        return -np.unwrap(np.angle(self.response)) / self.frequency
+
+
+def estimator_figures(
+    estimator: Estimator,
+    encoder: Encoder,
+    *,
+    speed: float,
+    acceleration: float,
+    period: float = 1e-3,
+    duration: float = 1.0,
+) -> EstimatorFigures:
+    """Lag and granularity of an estimator.
+
+    Args:
+        estimator: Any estimator of `velocity_estimators`.
+        encoder: The sensor.
+        speed: Constant speed for the granularity, and speed at the start of the accelerated motion [m/s or rad/s].
+        acceleration: Constant acceleration for the lag [m/s2 or rad/s2].
+        period: Sampling period [s].
+        duration: Length of either motion after 0.6 s of settling [s].
+
+    Raises:
+        ParameterError: If the acceleration is zero, a value is not finite, or the duration is under a period.
+    """
+    if not (math.isfinite(acceleration) and acceleration != 0 and math.isfinite(speed)):
+        raise ParameterError(
+            f"A speed of {speed} with an acceleration of {acceleration}: "
+            "give numbers, and an acceleration that is not 0."
+        )
+    sample_count(duration, period)
+    fine = np.arange(round((_SETTLING + duration) / period) * _POINTS + 1) * (period / _POINTS)
+    t = fine[::_POINTS]
+    settled = t >= _SETTLING
+
+    def estimate(position: Float[Array, " n"]) -> Float[Array, " N"]:
+        record = record_motion(encoder, position, interval=period / _POINTS, samples_apart=_POINTS)
+        return estimate_velocity(estimator, record)
+
+    # Both start inside a step, as a motion at rest on an edge is no ordinary one.
+    start = 0.1 * encoder.step
+    steady = estimate(start + speed * fine)
+    accelerated = estimate(start + speed * fine + acceleration * fine**2 / 2)
+    velocity = speed + acceleration * t
+    return EstimatorFigures(
+        lag=float(np.mean((velocity - accelerated)[settled]) / acceleration),
+        granularity=float(np.ptp(steady[settled])),
+        noise=float(np.sqrt(np.mean((steady[settled] - speed) ** 2))),
+        t=t,
+        velocity=velocity,
+        estimate=accelerated,
+        steady_estimate=steady,
+    )
+
+
+def estimator_response(
+    estimator: Estimator,
+    encoder: Encoder,
+    frequency: Float[Array, " n"],
+    *,
+    speed: float,
+    period: float = 1e-3,
+    cycles: int = 8,
+) -> EstimatorResponse:
+    """Response of an estimator to sines of one peak speed: what it does to the phase of a velocity loop.
+
+    Args:
+        estimator: Any estimator of `velocity_estimators`.
+        encoder: The sensor.
+        frequency: Frequencies below half the sampling frequency [rad/s], shape ``(n,)``.
+        speed: Peak speed of the motion [m/s or rad/s].
+        period: Sampling period [s].
+        cycles: Cycles that are evaluated, after 0.6 s of settling.
+
+    Raises:
+        ParameterError: If a frequency is not between 0 and half the sampling frequency, the peak speed or period not
+            above 0, or cycles no whole number above 0.
+    """
+    require_positive(peak_speed=speed, period=period)
+    require_whole(1, cycles=cycles)
+    highest = math.pi / period
+    if not ((frequency > 0) & (frequency < highest)).all():
+        raise ParameterError(
+            f"A frequency outside 0 to {highest:g} rad/s, half the sampling frequency, was given: give ones between."
+        )
+    ratio = np.empty(frequency.size, dtype=complex)
+    for index, omega in enumerate(frequency):
+        length = cycles * 2 * math.pi / omega
+        samples = round((_SETTLING + length) / period)
+        fine = np.arange(samples * _POINTS + 1) * (period / _POINTS)
+        record = record_motion(
+            encoder, speed / omega * np.sin(omega * fine), interval=period / _POINTS, samples_apart=_POINTS
+        )
+        t = fine[::_POINTS]
+        part = t >= t[-1] - length
+        # Least squares, not a sum: the cycles need not be a whole number of samples.
+        base = np.column_stack([np.cos(omega * t[part]), np.sin(omega * t[part]), np.ones(part.sum())])
+        cosine, sine, _ = np.linalg.lstsq(base, estimate_velocity(estimator, record)[part], rcond=None)[0]
+        ratio[index] = complex(cosine, -sine) / speed
+    return EstimatorResponse(frequency, ratio)

@@ -1,0 +1,175 @@
+"""Velocity from an incremental encoder: five estimators, on recordings and inside loops alike.
+
+The stock PHANToM averages 100 differences; the improved one of Cavusoglu, Feygin and Tendick (2002, section 4.2.2)
+measures the period between edges with a 10 MHz clock and a 16-bit counter, and averages 16 samples.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from jaxtyping import Float
+from scipy.linalg import solve_discrete_are
+
+from phantom_dyn.errors import ParameterError
+from phantom_dyn.haptics.arguments import require_positive
+from phantom_dyn.haptics.sensing import velocity_kernel as kernel
+from phantom_dyn.haptics.sensing.encoder import EncoderRecord
+
+Array = np.ndarray
+
+
+def _check_window(name: str, value: int) -> None:
+    if not (1 <= value <= kernel.READINGS_KEPT - 12 and value == int(value)):
+        raise ParameterError(f"The estimator's {name} is {value}: give a whole number from 1 to 500.")
+
+
+@dataclass(frozen=True)
+class AveragedDifference:
+    """Mean of the last n finite differences, which is (x[k] - x[k - n]) / (n T); n = 1 is the finite difference.
+
+    Attributes:
+        samples: n, from 1 to 500.
+    """
+
+    samples: int = 1
+
+    def __post_init__(self) -> None:
+        _check_window("samples", self.samples)
+
+
+@dataclass(frozen=True)
+class AdaptiveWindow:
+    """End-fit first-order adaptive windowing (Janabi-Sharifi, Hayward and Chen 2000).
+
+    The slope over the longest window whose chord passes within `bound` of all readings inside it.
+
+    Attributes:
+        samples: Longest window, from 1 to 500 samples.
+        bound: Largest error of a chord [counts]. One count: two rounded end points and a rounded middle cannot be
+            further off a straight motion.
+    """
+
+    samples: int = 100
+    bound: float = 1.0
+
+    def __post_init__(self) -> None:
+        _check_window("samples", self.samples)
+        if not (math.isfinite(self.bound) and self.bound > 0):
+            raise ParameterError(f"The bound of the adaptive window is {self.bound}: give counts above 0.")
+
+
+@dataclass(frozen=True)
+class KalmanVelocity:
+    """Stationary Kalman filter of a motion of constant velocity pushed by white acceleration.
+
+    The reading's noise is that of rounding, step^2 / 12.
+
+    Attributes:
+        acceleration: Standard deviation of the acceleration, constant over a sample [m/s2 or rad/s2].
+    """
+
+    acceleration: float = 1.0
+
+    def __post_init__(self) -> None:
+        if not (math.isfinite(self.acceleration) and self.acceleration > 0):
+            raise ParameterError(f"The acceleration of the Kalman filter is {self.acceleration}: give one above 0.")
+
+
+@dataclass(frozen=True)
+class PeriodMeasurement:
+    """Steps over the time between edges, counted by a clock, averaged over samples.
+
+    Attributes:
+        clock: Frequency of the clock [Hz].
+        bits: Size of the counter.
+        edges: Periods joined into one measurement; a multiple of four is blind to the spacing of a quadrature.
+        samples: Samples of the controller averaged afterwards, from 1 to 500.
+        overflow: What happens where a period is longer than the counter. `wraps`: the counter starts again and
+            nobody knows, a slow motion looks fast. `bounded`: the controller counts its own samples instead, and
+            while no edge comes takes the speed as at most one step over the time waited.
+    """
+
+    clock: float = 10e6
+    bits: int = 16
+    edges: int = 1
+    samples: int = 16
+    overflow: str = "bounded"
+
+    def __post_init__(self) -> None:
+        _check_window("samples", self.samples)
+        _check_window("edges", self.edges)
+        if not (math.isfinite(self.clock) and self.clock > 0 and self.bits in range(1, 53)):
+            raise ParameterError(
+                f"A clock of {self.clock} Hz with a counter of {self.bits} bits: give a clock above 0 and 1 to 52 bits."
+            )
+        if self.overflow not in ("bounded", "wraps"):
+            raise ParameterError(f"The overflow is {self.overflow!r}: give 'bounded' or 'wraps'.")
+
+    def longest_period(self) -> float:
+        """Longest time between edges that the counter holds [s]."""
+        return (2**self.bits - 1) / self.clock
+
+    def lowest_speed(self, step: float) -> float:
+        """Speed below which the counter overflows [m/s or rad/s], for a motion `step` per count."""
+        return step / self.longest_period()
+
+
+Estimator = AveragedDifference | AdaptiveWindow | KalmanVelocity | PeriodMeasurement
+
+STOCK = AveragedDifference(100)
+"""The stock PHANToM: an average of 100 samples, 50 ms late."""
+
+IMPROVED = PeriodMeasurement()
+"""The improved PHANToM: period measurement, 16 samples averaged."""
+
+
+def kalman_gains(estimator: KalmanVelocity, *, step: float, period: float) -> tuple[float, float]:
+    """Stationary gains of position [-] and velocity [1/s] on the innovation.
+
+    Raises:
+        ParameterError: If encoder step or period are not above 0.
+    """
+    require_positive(encoder_step=step, period=period)
+    transition = np.array([[1.0, period], [0.0, 1.0]])
+    push = np.array([[period**2 / 2], [period]]) * estimator.acceleration
+    reading = np.array([[1.0, 0.0]])
+    noise = np.array([[step**2 / 12]])
+    covariance = solve_discrete_are(transition.T, reading.T, push @ push.T, noise)
+    gain = covariance @ reading.T / (reading @ covariance @ reading.T + noise)
+    return float(gain[0, 0]), float(gain[1, 0])
+
+
+def kernel_form(estimator: Estimator, *, step: float, period: float) -> tuple[int, Float[Array, "6"]]:
+    """Kind and parameters with which `velocity_kernel.next_velocity` runs an estimator."""
+    p = np.zeros(6)
+    match estimator:
+        case AveragedDifference(samples):
+            p[0] = samples
+            return kernel.AVERAGED_DIFFERENCE, p
+        case AdaptiveWindow(samples, bound):
+            # A chord of readings that are whole counts may touch the bound: rounding must not decide.
+            p[:2] = samples, bound * step * (1 + 1e-9)
+            return kernel.ADAPTIVE_WINDOW, p
+        case KalmanVelocity():
+            p[:2] = kalman_gains(estimator, step=step, period=period)
+            return kernel.KALMAN, p
+        case PeriodMeasurement(clock, bits, edges, samples, overflow):
+            p[:] = step, clock, 2.0**bits, edges, samples, overflow == "wraps"
+            return kernel.PERIOD_MEASUREMENT, p
+
+
+def estimate_velocity(estimator: Estimator, record: EncoderRecord) -> Float[Array, " N"]:
+    """Velocity [m/s or rad/s] at each sample, from what was known then, shape ``(N,)``."""
+    kind, parameters = kernel_form(estimator, step=record.step, period=record.period)
+    velocities = np.zeros(record.reading.size)
+    ring, memory = np.zeros(kernel.READINGS_KEPT), np.zeros(kernel.READINGS_KEPT + 2)
+    # An index modulo the size needs one edge even where there is none.
+    times = np.append(record.edge_time, np.inf)
+    directions = np.append(record.edge_direction, 0.0)
+    kernel.velocities_of_record(
+        kind, parameters, record.period, record.reading, times, directions, ring, memory, velocities
+    )
+    return velocities

@@ -1,0 +1,1 @@
+"""What a sampled device can render before it becomes unstable."""

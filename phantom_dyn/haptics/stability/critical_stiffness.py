@@ -1,0 +1,342 @@
+r"""How stiff a virtual wall may be before a sampled device becomes unstable, at one setting and as a map.
+
+How stiff a virtual wall may be: gain margins of a sampled loop, exact, linear and passive.
+
+Device G behind a hold H, a delay :math:`t_d` and a virtual wall :math:`C(z) = K + B (z - 1)/(T z)`:
+
+.. math:: 1 + K\,Z[H(s) G(s) e^{-t_d s}] = 0 \quad (20), \qquad K_{CR} = Gm\{Z[H(s) G(s) e^{-t_d s}]\} \quad (21)
+
+The gain margin is that of the crossing with the lowest gain. Every crossing of the negative real axis is found (a
+vibration makes several) and the verdict is checked by eigenvalues. With virtual damping the loop that is crossed is
+the one closed by B already.
+
+References:
+    Equation numbers are those of the chapter, [Gil]_ in `phantom_dyn.haptics.device.axis`. (10) is lost in the copy
+    at hand: it is derived, :math:`K < (b + B)/(T/2 + t_d)`, and held by a test against the exact boundary.
+
+Critical stiffness over damping of the device, virtual damping, delay and period.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from jaxtyping import Complex, Float
+
+from phantom_dyn.errors import ParameterError
+from phantom_dyn.haptics.arguments import require_numbers
+from phantom_dyn.haptics.device.axis import RigidAxis, TwoMassAxis
+from phantom_dyn.haptics.device.discretisation import SampledAxis, discretise, split_delay
+from phantom_dyn.haptics.device.frequency_kernels import crossings, frequency_grid, map_lowest_gain
+from phantom_dyn.haptics.device.transfer_function import Axis
+from phantom_dyn.motion import read_only
+
+Array = np.ndarray
+
+# The lowest frequency that is searched, relative to the slowest thing in the loop.
+_BELOW = 0.03
+# Gains this far from a crossing, relative to it, are tried for stability.
+_ASIDE = 1e-3
+# A real part of a pole is a zero if it is less than this, relative to the largest root.
+_ZERO = 1e-9
+
+
+@dataclass(frozen=True)
+class Crossing:
+    """Where the open loop is real and negative.
+
+    Attributes:
+        frequency: [rad/s].
+        gain: Virtual stiffness [N/m or N m/rad] (or virtual damping, where that is asked for) that makes the loop
+            oscillate there.
+    """
+
+    frequency: float
+    gain: float
+
+    @property
+    def decibels(self) -> float:
+        """Gain margin at this crossing."""
+        return 20.0 * math.log10(self.gain)
+
+
+@dataclass(frozen=True)
+class CriticalStiffness:
+    """The virtual stiffness up to which a loop is stable.
+
+    Attributes:
+        stiffness: Critical stiffness [N/m or N m/rad]; 0 if no wall is stable, infinite if every wall is.
+        frequency: At which the loop then oscillates [rad/s]; NaN where there is no such frequency.
+        crossings: All crossings, by frequency; the last one may be at the Nyquist frequency.
+        radius_below: Spectral radius 0.1 % under the critical stiffness (of the softest wall that was tried, if the
+            critical stiffness is 0; of the stiffest, if it is infinite).
+        radius_above: Spectral radius 0.1 % above it; the same as `radius_below` in those cases.
+    """
+
+    stiffness: float
+    frequency: float
+    crossings: tuple[Crossing, ...]
+    radius_below: float
+    radius_above: float
+
+    @property
+    def decibels(self) -> float:
+        """Gain margin [dB]."""
+        return 20.0 * math.log10(self.stiffness) if self.stiffness > 0 else -math.inf
+
+    @property
+    def verified(self) -> bool:
+        """Whether the eigenvalues say the same: stable under it, unstable above."""
+        if self.stiffness == 0:
+            return self.radius_below > 1
+        return self.radius_below < 1 and (math.isinf(self.stiffness) or self.radius_above > 1)
+
+
+def critical_stiffness(
+    axis: Axis, *, period: float, delay: float = 0.0, virtual_damping: float = 0.0
+) -> CriticalStiffness:
+    """Critical stiffness of a virtual wall, (21): the stiffest one below which every wall is stable.
+
+    Args:
+        axis: A model of `phantom_dyn.haptics.device.axis`, or a transfer function.
+        period: Sampling period T [s].
+        delay: Of the loop beside the hold [s]; any number of 0 or more.
+        virtual_damping: B of the wall, on the backward difference of the position [N s/m or N m s/rad].
+
+    Raises:
+        ParameterError: If the period is not positive, the delay negative, or the virtual damping not finite.
+    """
+    sampled = discretise(axis, period=period, delay=delay)
+    rate = virtual_damping / period
+    grid = search_grid(axis, period, delay, virtual_damping)
+    found = crossings(grid, period, sampled.loop, (1.0, 0.0), (rate, -rate))
+    all_of_them = tuple(Crossing(float(w), float(gain)) for w, gain in found if gain > 0)
+    lowest = min(all_of_them, key=lambda crossing: crossing.gain, default=None)
+    if lowest is None:
+        # Nothing happens between soft and stiff: one wall stands for all.
+        radius = sampled.spectral_radius(float(np.abs(found[:, 1]).min()), virtual_damping)
+        return CriticalStiffness(math.inf if radius < 1 else 0.0, math.nan, (), radius, radius)
+    below = sampled.spectral_radius((1 - _ASIDE) * lowest.gain, virtual_damping)
+    above = sampled.spectral_radius((1 + _ASIDE) * lowest.gain, virtual_damping)
+    if below >= 1:
+        return CriticalStiffness(0.0, math.nan, all_of_them, below, below)
+    return CriticalStiffness(lowest.gain, lowest.frequency, all_of_them, below, above)
+
+
+def critical_virtual_damping(
+    axis: Axis, *, period: float, delay: float = 0.0, stiffness: float = 0.0
+) -> tuple[Crossing, ...]:
+    """Virtual dampings at which a wall of this stiffness is at the edge of stability, each with its frequency.
+
+    `Crossing.gain` is the damping B [N s/m or N m s/rad], negative ones included, lowest first: a wall that is stable
+    between two of them for one damping is so for all.
+
+    Raises:
+        ParameterError: If the period is not positive, the delay negative, or the stiffness not finite.
+    """
+    require_numbers(stiffness=stiffness)
+    sampled = discretise(axis, period=period, delay=delay)
+    grid = search_grid(axis, period, delay, 0.0)
+    found = crossings(grid, period, sampled.loop, (1.0 / period, -1.0 / period), (float(stiffness), 0.0))
+    edges = sorted((float(gain), float(w)) for w, gain in found if np.isfinite(gain))
+    return tuple(Crossing(w, gain) for gain, w in edges)
+
+
+def linear_stiffness(damping: float, *, period: float, delay: float = 0.0, virtual_damping: float = 0.0) -> float:
+    r"""Critical stiffness by the linear condition (10), :math:`(b + B)/(T/2 + t_d)`.
+
+    It holds for a rigid device whose dampings are small against its mass over the period.
+
+    Args:
+        damping: b, all the device's damping to ground [N s/m or N m s/rad].
+        period: Sampling period T [s].
+        delay: Of the loop beside the hold [s].
+        virtual_damping: B of the wall.
+
+    Raises:
+        ParameterError: If the period is not positive, the delay is negative, or a damping is not finite.
+    """
+    split_delay(period, delay)
+    require_numbers(damping=damping, virtual_damping=virtual_damping)
+    return (damping + virtual_damping) / (0.5 * period + delay)
+
+
+def linear_ratio(
+    axis: RigidAxis | TwoMassAxis, *, period: float, delay: float = 0.0, virtual_damping: float = 0.0
+) -> float:
+    """Exact critical stiffness over that of the linear condition, which takes the device for rigid.
+
+    NaN where the linear condition leaves no wall.
+    """
+    exact = critical_stiffness(axis, period=period, delay=delay, virtual_damping=virtual_damping).stiffness
+    rigid = axis.rigid if isinstance(axis, TwoMassAxis) else axis
+    linear = linear_stiffness(rigid.damping, period=period, delay=delay, virtual_damping=virtual_damping)
+    return exact / linear if linear > 0 else math.nan
+
+
+def roots_of_modes(axis: Axis) -> tuple[Float[Array, "m 2"], float]:
+    """Frequency and half width of each resonance and anti-resonance, and the lowest of all corner frequencies."""
+    function = axis.transfer_function
+    roots = np.concatenate([function.poles, function.zeros])
+    size = np.abs(roots)
+    largest = float(size.max()) if len(size) else 0.0
+    corners = size[size > _ZERO * largest]
+    bent = roots[np.imag(roots) > _ZERO * largest]
+    modes = np.column_stack([np.imag(bent), np.maximum(np.abs(np.real(bent)), _ZERO * largest)])
+    return modes, float(corners.min()) if len(corners) else math.inf
+
+
+def lowest_frequency(axis: Axis, corner: float, period: float, delay: float, virtual_damping: float) -> float:
+    """Frequency [rad/s] well under every crossing: ``corner`` is the lowest corner of the axis."""
+    require_numbers(virtual_damping=virtual_damping)
+    function = axis.transfer_function
+    damper = abs(virtual_damping) * abs(function.numerator[-1])
+    inertia = np.abs(function.denominator[:-2]).max() if len(function.denominator) > 2 else 0.0
+    # A virtual damper adds a corner at B over the mass, and lowest among them is that of the greatest mass.
+    virtual = damper / inertia if damper > 0 and inertia > 0 else math.inf
+    return _BELOW * min(corner, virtual, 1.0 / (0.5 * period + delay))
+
+
+def search_grid(axis: Axis, period: float, delay: float, virtual_damping: float) -> Float[Array, " k"]:
+    """Frequencies [rad/s] so close that no crossing hides between two."""
+    modes, corner = roots_of_modes(axis)
+    return frequency_grid(lowest_frequency(axis, corner, period, delay, virtual_damping), period, delay, modes)
+
+
+@dataclass(frozen=True)
+class LoopBode:
+    """Sampled open loop for a Bode diagram, with its margins.
+
+    Attributes:
+        frequency: [rad/s], shape ``(k,)``, up to the Nyquist frequency.
+        response: Position over force, ``Z[H G e^{-td s}]``, shape ``(k,)``.
+        margin: Critical stiffness and all crossings.
+        linear: Critical stiffness by the linear condition; NaN where the axis is no mass and damper.
+    """
+
+    frequency: Float[Array, " k"]
+    response: Complex[Array, " k"]
+    margin: CriticalStiffness
+    linear: float
+
+    def __post_init__(self):
+        object.__setattr__(self, "frequency", read_only(self.frequency))
+        object.__setattr__(self, "response", read_only(self.response, complex))
+
+    @property
+    def decibels(self) -> Float[Array, " k"]:
+        """Magnitude [dB]."""
+        return 20.0 * np.log10(np.abs(self.response))
+
+    @property
+    def phase(self) -> Float[Array, " k"]:
+        """Unwrapped phase [rad], from -pi or -pi/2 at low frequency downwards."""
+        phase = np.unwrap(np.angle(self.response))
+        return phase - 2 * np.pi * np.round((phase[0] + 0.75 * np.pi) / (2 * np.pi))
+
+
+def loop_bode(axis: Axis, *, period: float, delay: float = 0.0) -> LoopBode:
+    """Sampled open loop of an axis from well under its crossings to the Nyquist frequency, with its margins."""
+    sampled: SampledAxis = discretise(axis, period=period, delay=delay)
+    frequency = search_grid(axis, period, delay, 0.0)
+    response = sampled.response(frequency)
+    linear = math.nan
+    if isinstance(axis, RigidAxis | TwoMassAxis):
+        rigid = axis.rigid if isinstance(axis, TwoMassAxis) else axis
+        linear = linear_stiffness(rigid.damping, period=period, delay=delay)
+    return LoopBode(frequency, response, critical_stiffness(axis, period=period, delay=delay), linear)
+
+
+Values = Sequence[float] | Float[Array, " _"]
+
+
+@dataclass(frozen=True)
+class StabilityMap:
+    """Critical stiffness on a grid; the axes of each array are those of the first four fields.
+
+    Attributes:
+        damping: Added to the motor's own [N s/m or N m s/rad], shape ``(i,)``.
+        virtual_damping: Of the wall, shape ``(j,)``.
+        delay: Beside the hold [s], shape ``(k,)``.
+        period: Of sampling [s], shape ``(m,)``.
+        stiffness: Critical stiffness [N/m or N m/rad]; 0 where no wall is stable.
+        frequency: Of the oscillation at the edge [rad/s]; NaN where no wall is stable.
+        linear: Critical stiffness by the linear condition (10).
+    """
+
+    damping: Float[Array, " i"]
+    virtual_damping: Float[Array, " j"]
+    delay: Float[Array, " k"]
+    period: Float[Array, " m"]
+    stiffness: Float[Array, "i j k m"]
+    frequency: Float[Array, "i j k m"]
+    linear: Float[Array, "i j k m"]
+
+    def __post_init__(self):
+        for name in ("damping", "virtual_damping", "delay", "period", "stiffness", "frequency", "linear"):
+            object.__setattr__(self, name, read_only(getattr(self, name)))
+
+    @property
+    def ratio(self) -> Float[Array, "i j k m"]:
+        """Exact critical stiffness over that of the linear condition; NaN where that leaves no wall."""
+        out = np.full(self.stiffness.shape, np.nan)
+        return np.divide(self.stiffness, self.linear, out=out, where=self.linear > 0)
+
+
+def stability_map(
+    axis: RigidAxis | TwoMassAxis,
+    *,
+    period: Values,
+    delay: Values = (0.0,),
+    damping: Values = (0.0,),
+    virtual_damping: Values = (0.0,),
+) -> StabilityMap:
+    """Critical stiffness for every combination, each as exact as that of `critical_stiffness`.
+
+    Args:
+        axis: Model of the device.
+        period: Sampling periods [s].
+        delay: Delays of the loop beside the hold [s].
+        damping: Added to that of the motor [N s/m or N m s/rad].
+        virtual_damping: Of the wall, on the backward difference of the position.
+
+    Raises:
+        ParameterError: If a sequence is empty or none, a period is not positive, a delay or damping is negative, or a
+            number not finite.
+    """
+    values = {"period": period, "delay": delay, "damping": damping, "virtual_damping": virtual_damping}
+    for name, given in values.items():
+        if np.ndim(given) != 1 or len(given) == 0:
+            raise ParameterError(f"The {name} of the map is {given}: give a sequence of at least one number.")
+    added, virtual, delays, periods = (
+        np.array(values[name], dtype=float) for name in ("damping", "virtual_damping", "delay", "period")
+    )
+    devices = [axis.damped(float(extra)) for extra in added]
+    splits = [[split_delay(float(T), float(late)) for T in periods] for late in delays]
+    steps = np.array([[whole for whole, _ in row] for row in splits], dtype=np.int64)
+    rest = np.array([[part for _, part in row] for row in splits])
+    low, linear = (np.empty((len(added), len(virtual), len(delays), len(periods))) for _ in range(2))
+    found = [roots_of_modes(device) for device in devices]
+    for (i, j, k, m), _ in np.ndenumerate(low):
+        T, late, B = float(periods[m]), float(delays[k]), float(virtual[j])
+        low[i, j, k, m] = lowest_frequency(devices[i], found[i][1], T, late, B)
+        rigid = devices[i].rigid if isinstance(devices[i], TwoMassAxis) else devices[i]
+        linear[i, j, k, m] = linear_stiffness(rigid.damping, period=T, delay=late, virtual_damping=B)
+    stiffness, frequency = np.empty_like(low), np.empty_like(low)
+    systems = [device.state_space for device in devices]
+    A = np.stack([system.A for system in systems])
+    modes = _same_length([modes for modes, _ in found])
+    map_lowest_gain(A, systems[0].B, systems[0].C, low, modes, periods, virtual, steps, rest, stiffness, frequency)
+    return StabilityMap(added, virtual, delays, periods, stiffness, frequency, linear)
+
+
+def _same_length(modes: list[Float[Array, "_ 2"]]) -> Float[Array, "i most 2"]:
+    """Modes of all devices in one array: frequency 0 fills up where damping has taken one."""
+    most = max(len(part) for part in modes)
+    out = np.zeros((len(modes), most, 2))
+    for row, part in zip(out, modes, strict=True):
+        row[: len(part)] = part
+    return out

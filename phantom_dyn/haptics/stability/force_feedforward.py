@@ -1,0 +1,200 @@
+r"""Force feedforward: a device that measures the hand's force and helps makes itself lighter.
+
+The motor adds :math:`K_f` times the measured force. In continuous time the hand feels mass and damper divided by
+:math:`1 + K_f`, (28); sampled, filtered and held, the loop around the hand's impedance :math:`Z_h` has the
+characteristic equation
+
+.. math:: 1 + K_f\, D(z)\, Z\left[H(s)\, G_f(s)\, \frac{Z_h(s)}{m s^2 + b s + Z_h(s)}\, e^{-t_d s}\right] = 0
+   \quad (29)
+
+and :math:`K_f` has a limit, (32). For a delay so large that the phase crosses where mass alone counts, it is
+:math:`1 + m / m_h`, (33).
+
+**Beside the chapter.** It prints a limit that brings 5.4 kg down to 0.14 kg, but not its operator. This loop gives
+0.14 kg for an operator of 0.271 kg. For 2 kg, the value commonly cited for the operator that it names, the limit is
+6.64 and 0.71 kg: the two do not agree. Nor does every delay lower the limit: the phase crosses at the Nyquist
+frequency, and half a period more than doubles it before longer ones bring it down.
+
+References:
+    J. J. Gil et al., chapter on stability and transparency in "Advances in Haptics", 2010, equations (28) to (33);
+    (29) is derived, the copy at hand has lost it.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import cast
+
+import numpy as np
+from jaxtyping import Complex, Float
+from scipy.signal import butter
+
+from phantom_dyn.errors import ParameterError
+from phantom_dyn.haptics.arguments import require_positive, require_whole
+from phantom_dyn.haptics.device.axis import Operator, RigidAxis
+from phantom_dyn.haptics.device.discretisation import SampledAxis, discretise
+from phantom_dyn.haptics.device.transfer_function import TransferFunction
+from phantom_dyn.haptics.stability.sampled_loop import (
+    UNFILTERED,
+    CriticalGain,
+    DigitalFilter,
+    SampledLoop,
+    critical_gain,
+)
+
+Array = np.ndarray
+
+SENSOR_CUTOFF = 2 * math.pi * 200.0
+"""First-order low pass of the force sensor [rad/s], (31)."""
+
+
+@dataclass(frozen=True)
+class Feedforward:
+    """How the measured force becomes a motor force.
+
+    Attributes:
+        period: Sampling period T [s].
+        delay: Beside the hold [s], any of 0 or more.
+        cutoff: Of the sensor's first-order low pass [rad/s].
+        filter: Digital filter on the measured force.
+
+    Raises:
+        ParameterError: If period or cutoff are not above 0, or the delay is negative.
+    """
+
+    period: float = 1e-3
+    delay: float = 0.0
+    cutoff: float = SENSOR_CUTOFF
+    filter: DigitalFilter = UNFILTERED
+
+    def __post_init__(self) -> None:
+        for name, value in (("period", self.period), ("cutoff", self.cutoff)):
+            if not (math.isfinite(value) and value > 0):
+                raise ParameterError(f"The {name} of the feedforward is {value}: give a number above 0.")
+        if not (math.isfinite(self.delay) and self.delay >= 0):
+            raise ParameterError(f"The delay of the feedforward is {self.delay}: give seconds of 0 or more.")
+
+    def response(self, frequency: Float[Array, " k"]) -> Complex[Array, " k"]:
+        """Motor force over the hand's force per unit of gain, images of the sampling left out, shape ``(k,)``."""
+        s = 1j * frequency
+        turn = frequency * self.period
+        held = np.exp(-0.5j * turn) * np.sinc(turn / (2 * np.pi))
+        sensor = 1.0 / (1.0 + s / self.cutoff)
+        return held * sensor * np.exp(-s * self.delay) * self.filter.response(frequency, self.period)
+
+
+@dataclass(frozen=True)
+class Transparency:
+    """Bode data of a device in a hand, and the device as the hand feels it.
+
+    Attributes:
+        frequency: [rad/s], shape ``(k,)``.
+        response: Position over the hand's own force, X_h / F_h [m/N], shape ``(k,)``.
+        ideal: The same by (28), without sampling, filter and delay, shape ``(k,)``.
+        device: Impedance of the device that is felt, force over position [N/m], shape ``(k,)``.
+        apparent_inertia: Real part of force over acceleration of the device [kg], shape ``(k,)``.
+    """
+
+    frequency: Float[Array, " k"]
+    response: Complex[Array, " k"]
+    ideal: Complex[Array, " k"]
+    device: Complex[Array, " k"]
+    apparent_inertia: Float[Array, " k"]
+
+
+def low_pass(cutoff: float, *, period: float, order: int = 2) -> DigitalFilter:
+    """Digital Butterworth low pass; the chapter puts one of second order at 30 Hz into the loop.
+
+    Args:
+        cutoff: [rad/s].
+        period: Sampling period [s].
+        order: Order of the filter.
+
+    Raises:
+        ParameterError: If the cutoff is not below half the sampling frequency, the period not positive, or the order no
+            whole number above 0.
+    """
+    require_positive(period=period)
+    require_whole(1, order_of_the_filter=order)
+    if not 0 < cutoff < math.pi / period:
+        raise ParameterError(f"The cutoff is {cutoff:g} rad/s: give one above 0 and below {math.pi / period:g} rad/s.")
+    numerator, denominator = cast("tuple[Array, Array]", butter(order, cutoff * period / math.pi))
+    return DigitalFilter(numerator, denominator)
+
+
+def feedforward_loop(axis: RigidAxis, hand: Operator, feedforward: Feedforward) -> SampledLoop:
+    """The loop (29): what the hand gives back of a motor force, filtered, sampled and held.
+
+    Raises:
+        ParameterError: If nobody holds the device: without a hand there is no loop.
+    """
+    if hand.mass == 0 and hand.damping == 0 and hand.stiffness == 0:
+        raise ParameterError("Nobody holds the device, so force feedforward has no loop: give an operator.")
+    return SampledLoop((_hand_loop(axis, hand, feedforward),), scaled=feedforward.filter)
+
+
+def critical_feedforward(axis: RigidAxis, hand: Operator, feedforward: Feedforward) -> CriticalGain:
+    """Largest stable force gain K_f, (32), with its crossings and Bode data."""
+    return critical_gain(feedforward_loop(axis, hand, feedforward))
+
+
+def worst_critical_feedforward(mass: float, hand_mass: float) -> float:
+    """Lowest limit of the force gain under a large delay, 1 + m / m_h, (33); 1 for an infinitely heavy hand.
+
+    Raises:
+        ParameterError: If the mass is negative, or the hand's mass is not above 0.
+    """
+    if not (mass >= 0 and hand_mass > 0):
+        raise ParameterError(f"Masses of {mass} kg and {hand_mass} kg were given: give a hand's mass above 0.")
+    return 1.0 + mass / hand_mass
+
+
+def felt_mass(mass: float, gain: float) -> float:
+    """Mass that the hand feels under an ideal force gain, m / (1 + K_f) [kg].
+
+    Raises:
+        ParameterError: If the mass is negative, or the gain not above -1.
+    """
+    if not (math.isfinite(mass) and mass >= 0):
+        raise ParameterError(f"The mass is {mass} kg: give a number of 0 or more.")
+    _require_gain(gain)
+    return mass / (1.0 + gain)
+
+
+def transparency(
+    axis: RigidAxis, hand: Operator, feedforward: Feedforward, gain: float, frequency: Float[Array, " k"]
+) -> Transparency:
+    """Bode data with force gain K_f at the frequencies [rad/s]: (28), and the same with filter, hold and delay.
+
+    What is sampled has images beyond half the sampling frequency; they are left out, so this holds below it.
+
+    Raises:
+        ParameterError: If a frequency is not a number above 0, or the gain not above -1.
+    """
+    _require_gain(gain)
+    if not (np.isfinite(frequency) & (frequency > 0)).all():
+        raise ParameterError("A frequency of 0 or less was given: a Bode diagram needs frequencies above 0.")
+    device = 1.0 / axis.transfer_function.response(frequency)
+    impedance = hand.impedance(frequency)
+    felt = device / (1.0 + gain * feedforward.response(frequency))
+    return Transparency(
+        frequency=frequency,
+        response=1.0 / (felt + impedance),
+        ideal=1.0 / (device / (1.0 + gain) + impedance),
+        device=felt,
+        apparent_inertia=np.real(felt / (1j * frequency) ** 2),
+    )
+
+
+def _require_gain(gain: float) -> None:
+    if not (math.isfinite(gain) and gain > -1):
+        raise ParameterError(f"The force gain is {gain}: give a number above -1, which would take all resistance away.")
+
+
+def _hand_loop(axis: RigidAxis, hand: Operator, feedforward: Feedforward) -> SampledAxis:
+    """Z[H G_f Z_h / (m s^2 + b s + k + Z_h) e^(-t_d s)]."""
+    numerator = np.trim_zeros(hand.polynomial(), "f")
+    held = axis.held_by(hand).transfer_function.denominator
+    denominator = np.polymul(held, [1.0 / feedforward.cutoff, 1.0])
+    return discretise(TransferFunction(numerator, denominator), period=feedforward.period, delay=feedforward.delay)

@@ -1,0 +1,202 @@
+r"""The three improvements that Cavusoglu, Feygin and Tendick (2002, section 5) measured, beside what models give.
+
+Wall 2.0 to 2.7 N/mm (+35 %), virtual damping 0.0050 to 0.011 N/(mm/s) (+120 %), teleoperation loop gain +50 % (no
+values). Between the two set-ups the amplifiers changed, and for the damping the velocity estimator.
+
+**What cannot be had.** The published transfer functions are unstable behind a virtual wall of any stiffness in x and y
+(they turn the phase forward too little for the hold, and have no damper to ground) and stable for every one in z (its
+position answers force at once). So they give neither the walls nor the loop gain; nor does the dynamic model, whose
+axes have no damping. Nothing is fitted here: where a model has no answer its figure is 0 or infinite, and `says` tells
+why. What a damper or a delay would have to be for the published figures is in `needs`.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+
+from phantom_dyn.devices.phantom import PHANTOM_1_5
+from phantom_dyn.devices.phantom_dynamics import mass_matrix
+from phantom_dyn.haptics.device.axis import RigidAxis
+from phantom_dyn.haptics.device.published import PHANTOM_1_5_X, PHANTOM_1_5_Y, PHANTOM_1_5_Z
+from phantom_dyn.haptics.device.transfer_function import Axis
+from phantom_dyn.haptics.sensing.loop_simulation import LoopSettings
+from phantom_dyn.haptics.sensing.velocity_estimators import IMPROVED, STOCK
+from phantom_dyn.haptics.stability.passivity import critical_loop_gain
+from phantom_dyn.haptics.stability.virtual_wall import critical_damping_gain, critical_wall, simulated_damping_gain
+
+PUBLISHED_WALL = (2.0e3, 2.7e3)
+"""Largest stiffness [N/m] before and after; y axis, no virtual damping."""
+PUBLISHED_DAMPING = (5.0, 11.0)
+"""Largest virtual damping [N s/m] before and after."""
+PUBLISHED_LOOP_GAIN_RATIO = 1.5
+"""Loop gain after over before; its values are not published."""
+
+_FITS = (("x", PHANTOM_1_5_X), ("y", PHANTOM_1_5_Y), ("z", PHANTOM_1_5_Z))
+
+
+@dataclass(frozen=True)
+class ModelFigure:
+    """One figure of one model, before and after the improvement.
+
+    Attributes:
+        model: Which model.
+        unit: Unit of both figures; that of a published fit is its own.
+        before: With the stock set-up: 0 if unstable for every gain, infinite if stable for every gain.
+        after: With the improved one.
+        says: What this means beside the published figure, one sentence.
+    """
+
+    model: str
+    unit: str
+    before: float
+    after: float
+    says: str
+
+    @property
+    def ratio(self) -> float:
+        """After over before; NaN where the model has no answer."""
+        return self.after / self.before if 0 < self.before < math.inf else math.nan
+
+
+@dataclass(frozen=True)
+class Improvement:
+    """A published improvement and what models make of it.
+
+    Attributes:
+        quantity: What was improved.
+        published: Figures before and after, None where none are published.
+        unit: Their unit.
+        published_ratio: After over before.
+        models: What models give.
+        needs: What would have to be so for the published figures, one sentence.
+    """
+
+    quantity: str
+    published: tuple[float, float] | None
+    unit: str
+    published_ratio: float
+    models: tuple[ModelFigure, ...]
+    needs: str
+
+    def summary(self) -> str:
+        """Published and computed figures under each other."""
+        given = "values not published" if self.published is None else f"{self.published[0]:g} to {self.published[1]:g}"
+        lines = [f"{self.quantity}: published {_percent(self.published_ratio)} ({given} {self.unit})"]
+        for model in self.models:
+            figures = f"{_figure(model.before)} to {_figure(model.after)} {model.unit}"
+            lines.append(f"  {model.model}: {_percent(model.ratio)} ({figures}). {model.says}")
+        return "\n".join([*lines, f"  {self.needs}"])
+
+
+def operational_masses() -> tuple[float, float, float]:
+    """Mass [kg] of the tip along x, y, z at the origin of the PHANToM 1.5, from its dynamic model."""
+    diagonal = np.diag(mass_matrix(np.zeros((1, 3)))[0])
+    levers = np.array([PHANTOM_1_5.l1, PHANTOM_1_5.l1, PHANTOM_1_5.l2])
+    x, y, z = diagonal / levers**2
+    return float(x), float(y), float(z)
+
+
+def wall_improvement() -> Improvement:
+    """Stiffness of a virtual wall, +35 %: the amplifiers changed, which no model of the source holds."""
+    settings = LoopSettings()
+    before, after = PUBLISHED_WALL
+    half = settings.period / 2
+    return Improvement(
+        "virtual wall stiffness",
+        PUBLISHED_WALL,
+        "N/m",
+        after / before,
+        tuple(_same(name, critical_wall(axis, settings).gain) for name, axis in _models()),
+        f"By the linear condition K < b / (T/2 + t_d) the walls need a damping of {before * half:g} and "
+        f"{after * half:g} N s/m, or at one damping a stock amplifier that is {half * (after / before - 1) * 1e3:g} ms "
+        "later than one without delay; neither is published.",
+    )
+
+
+def loop_gain_improvement() -> Improvement:
+    """Loop gain of teleoperation, +50 %: again the amplifiers."""
+    settings = LoopSettings()
+    return Improvement(
+        "teleoperation loop gain",
+        None,
+        "N/m",
+        PUBLISHED_LOOP_GAIN_RATIO,
+        tuple(_same(name, critical_loop_gain(axis, axis, settings).gain) for name, axis in _models()),
+        "By the linear condition a later amplifier costs wall and loop gain the same share, whatever the damping: "
+        f"{_percent(PUBLISHED_WALL[1] / PUBLISHED_WALL[0])} of the one and {_percent(PUBLISHED_LOOP_GAIN_RATIO)} "
+        "of the other cannot both come from a delay.",
+    )
+
+
+def damping_improvement() -> Improvement:
+    """Virtual damping, +120 %: the lag of the velocity estimator, which models do hold."""
+    stock, improved = LoopSettings(estimator=STOCK), LoopSettings(estimator=IMPROVED)
+    mass = operational_masses()[1]
+    rigid = RigidAxis(mass, 0.0)
+    linear = _linear_damping(rigid)
+    before, after = (simulated_damping_gain(rigid, s, low=0.1, high=100.0) for s in (stock, improved))
+    name = f"rigid, {mass * 1e3:.1f} g"
+    figures = [
+        ModelFigure(f"{name}, linear", "N s/m", *linear, "The two lags alone, without hand or resonance."),
+        ModelFigure(
+            f"{name}, simulated",
+            "N s/m",
+            before,
+            after,
+            "At low speed the period measurement waits for edges: a swing of some steps lasts before the linear limit.",
+        ),
+    ]
+    for fit, axis in _FITS:
+        says = "The fit's units are not stated: its ratio counts, not its values."
+        figures.append(
+            ModelFigure(f"published fit of {fit}, linear", "in the fit's units", *_linear_damping(axis), says)
+        )
+    needed = [published / gain * mass * 1e3 for published, gain in zip(PUBLISHED_DAMPING, linear, strict=True)]
+    return Improvement(
+        "virtual damping",
+        PUBLISHED_DAMPING,
+        "N s/m",
+        PUBLISHED_DAMPING[1] / PUBLISHED_DAMPING[0],
+        tuple(figures),
+        f"The limit of a rigid device is proportional to its mass: the published figures need {needed[0]:.0f} g before "
+        f"and {needed[1]:.0f} g after, so no one mass of device and hand gives both.",
+    )
+
+
+def phantom_improvements() -> tuple[Improvement, Improvement, Improvement]:
+    """Wall, damping and loop gain, in the order of the paper's abstract."""
+    return wall_improvement(), damping_improvement(), loop_gain_improvement()
+
+
+def _linear_damping(axis: Axis) -> tuple[float, float]:
+    """Largest virtual damping with the stock estimator and with the improved one."""
+    stock, improved = LoopSettings(estimator=STOCK), LoopSettings(estimator=IMPROVED)
+    return critical_damping_gain(axis, stock).gain, critical_damping_gain(axis, improved).gain
+
+
+def _models() -> list[tuple[str, Axis]]:
+    mass = operational_masses()[1]
+    rigid = (f"rigid, {mass * 1e3:.1f} g, no damper", RigidAxis(mass, 0.0))
+    return [rigid, *((f"published fit of {name}", axis) for name, axis in _FITS)]
+
+
+def _same(name: str, gain: float) -> ModelFigure:
+    """Figure of a model that knows no amplifier, so that before and after are one."""
+    if gain == 0.0:
+        says = "Unstable for every gain, so that it cannot give the published figure."
+    elif gain == math.inf:
+        says = "Stable for every gain, so that it cannot give the published figure."
+    else:
+        says = "It holds no amplifier, so that before and after are the same."
+    return ModelFigure(name, "N/m", gain, gain, says)
+
+
+def _percent(ratio: float) -> str:
+    return "no answer" if math.isnan(ratio) else f"{100 * (ratio - 1):+.0f} %"
+
+
+def _figure(value: float) -> str:
+    return "any" if value == math.inf else f"{value:.3g}"

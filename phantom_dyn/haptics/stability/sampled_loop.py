@@ -1,0 +1,243 @@
+r"""A sampled device behind any digital filter, and the gains for which that loop is stable.
+
+The force is :math:`u = -(g\,S(z) + F(z))\,y`: the filter S with the gain that is asked for, the filter F held fixed.
+The loop crosses the border of stability where :math:`g(\omega) = -(1/P + F)/S` is real and positive; which side of a
+crossing is stable, the spectral radius of the closed loop says.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, replace
+from functools import cached_property, reduce
+
+import numpy as np
+from jaxtyping import Complex, Float
+from scipy.linalg import block_diag
+from scipy.signal import tf2ss
+
+from phantom_dyn.errors import ParameterError
+from phantom_dyn.haptics.device.discretisation import SampledAxis
+from phantom_dyn.haptics.device.frequency_kernels import frequency_grid
+from phantom_dyn.motion import read_only
+
+Array = np.ndarray
+
+# A free device keeps an eigenvalue of one, which a hundred stored samples blur by some 1e-9.
+_MARGINAL = 1e-7
+# Halvings of a step of the grid, which is under a tenth of its frequency: to the last bits of it.
+_HALVINGS = 50
+
+
+@dataclass(frozen=True)
+class DigitalFilter:
+    """Rational filter in powers of 1/z, as in `scipy.signal.lfilter`.
+
+    Attributes:
+        numerator: Coefficients of 1, 1/z, ..., shape ``(m,)``.
+        denominator: The same, the first not zero, shape ``(n,)``.
+    """
+
+    numerator: Float[Array, " m"]
+    denominator: Float[Array, " n"]
+
+    def __post_init__(self) -> None:
+        for name in ("numerator", "denominator"):
+            values = read_only(getattr(self, name))
+            object.__setattr__(self, name, values)
+            if not (len(values) and np.isfinite(values).all()):
+                raise ParameterError(f"The {name} of the filter is {values.tolist()}: give finite coefficients.")
+        if self.denominator[0] == 0:
+            raise ParameterError("The denominator of the filter starts with 0: give one that does not.")
+
+    def response(self, frequency: Float[Array, " k"], period: float) -> Complex[Array, " k"]:
+        """Output over input at the frequencies [rad/s], sampled every `period` [s], shape ``(k,)``."""
+        back = np.exp(-1j * frequency * period)
+        return np.polyval(self.numerator[::-1], back) / np.polyval(self.denominator[::-1], back)
+
+    def matrices(self) -> tuple[Array, Array, Array, float]:
+        """State space ``x[k+1] = A x[k] + B u[k]``, ``y[k] = C x[k] + D u[k]``."""
+        size = max(len(self.numerator), len(self.denominator))
+        b, a = np.zeros(size), np.zeros(size)
+        b[: len(self.numerator)], a[: len(self.denominator)] = self.numerator, self.denominator
+        if size == 1:
+            return np.zeros((0, 0)), np.zeros(0), np.zeros(0), float(b[0] / a[0])
+        A, B, C, D = tf2ss(b, a)
+        return A, B[:, 0], C[0], float(D[0, 0])
+
+
+UNFILTERED = DigitalFilter(np.ones(1), np.ones(1))
+NOTHING = DigitalFilter(np.zeros(1), np.ones(1))
+
+
+@dataclass(frozen=True)
+class SampledLoop:
+    """Device and digital controller ``u = -(g scaled + fixed) y``.
+
+    Attributes:
+        plants: The sampled device, or several under one force whose positions add up.
+        scaled: Filter whose gain is looked for.
+        fixed: Filter beside it.
+
+    Raises:
+        ParameterError: If there is no device, or devices differ in period or delay.
+    """
+
+    plants: tuple[SampledAxis, ...]
+    scaled: DigitalFilter = UNFILTERED
+    fixed: DigitalFilter = NOTHING
+
+    def __post_init__(self) -> None:
+        if not self.plants:
+            raise ParameterError("The loop has no device: give at least one.")
+        for other in self.plants[1:]:
+            if (other.period, other.delay) != (self.period, self.plants[0].delay):
+                raise ParameterError(
+                    f"Devices sampled every {self.period:g} s and {other.period:g} s with delays of "
+                    f"{self.plants[0].delay:g} s and {other.delay:g} s: give all the same period and delay."
+                )
+
+    @property
+    def period(self) -> float:
+        """Sampling period [s]."""
+        return self.plants[0].period
+
+    def open_loop(self, frequency: Float[Array, " k"]) -> Complex[Array, " k"]:
+        """Open loop per unit of gain, the fixed filter closed, at the frequencies [rad/s], shape ``(k,)``."""
+        return -1.0 / self.gain_on_axis(frequency)
+
+    def gain_on_axis(self, frequency: Float[Array, " k"]) -> Complex[Array, " k"]:
+        """The gain that puts a root on the unit circle at each frequency [rad/s]: one where it is real and positive."""
+        response = sum(plant.response(frequency) for plant in self.plants)
+        held = 1.0 / response + self.fixed.response(frequency, self.period)
+        with np.errstate(divide="ignore", invalid="ignore"):
+            return -held / self.scaled.response(frequency, self.period)
+
+    @cached_property
+    def plant(self) -> SampledAxis:
+        """All devices as one."""
+        return reduce(_in_parallel, self.plants)
+
+    @cached_property
+    def _parts(self) -> tuple[tuple[Array, Array, Array, float], tuple[Array, Array, Array, float]]:
+        return self.scaled.matrices(), self.fixed.matrices()
+
+    def closed_loop(self, gain: float) -> Float[Array, "m m"]:
+        """Transition matrix; states of the device, past forces, states of both filters."""
+        scaled, fixed = self._parts
+        return self.plant.closed_by(
+            (
+                np.asarray(block_diag(scaled[0], fixed[0])),
+                np.concatenate([scaled[1], fixed[1]]),
+                np.concatenate([gain * scaled[2], fixed[2]]),
+                gain * scaled[3] + fixed[3],
+            )
+        )
+
+    def spectral_radius(self, gain: float) -> float:
+        """Largest absolute eigenvalue of the closed loop: stable below one."""
+        return float(np.abs(np.linalg.eigvals(self.closed_loop(gain))).max())
+
+    def is_stable(self, gain: float) -> bool:
+        """Whether nothing grows; a position that is held by nothing may stay where it is."""
+        return self.spectral_radius(gain) < 1.0 + _MARGINAL
+
+
+@dataclass(frozen=True)
+class CriticalGain:
+    """Up to which gain a loop is stable, with its Bode data.
+
+    Attributes:
+        gain: End of the stable gains that begin at 0: 0 if the loop is unstable for the smallest, inf if it always is
+            stable.
+        frequency: Of the oscillation there [rad/s]; NaN if gain is 0 or infinite.
+        crossing_frequency: All frequencies at which the open loop crosses the negative real axis, shape ``(c,)``.
+        crossing_gain: The gains that it crosses -1 with, in increasing order, shape ``(c,)``.
+        stable: Whether the loop is stable below each crossing gain, and above the last, shape ``(c + 1,)``.
+        bode_frequency: [rad/s], shape ``(k,)``.
+        open_loop: Open loop per unit of gain, shape ``(k,)``.
+    """
+
+    gain: float
+    frequency: float
+    crossing_frequency: Float[Array, " c"]
+    crossing_gain: Float[Array, " c"]
+    stable: Array
+    bode_frequency: Float[Array, " k"]
+    open_loop: Complex[Array, " k"]
+
+
+def critical_gain(loop: SampledLoop, *, lowest: float = 1e-2) -> CriticalGain:
+    """Largest gain up to which a loop is stable, from all crossings of the border and the spectral radius between.
+
+    Args:
+        loop: Device and controller.
+        lowest: Frequency from which on crossings are looked for [rad/s].
+
+    Raises:
+        ParameterError: If the lowest frequency is not between 0 and half the sampling frequency.
+    """
+    period = loop.period
+    if not 0 < lowest < math.pi / period:
+        raise ParameterError(
+            f"The lowest frequency is {lowest} rad/s: give one above 0 and below {math.pi / period:g} rad/s."
+        )
+    stored = max(len(loop.scaled.numerator), len(loop.fixed.numerator), 1) - 1
+    modes = np.concatenate([_modes(plant) for plant in loop.plants])
+    grid = frequency_grid(lowest, period, loop.plants[0].delay + stored * period, modes)
+    gains = loop.gain_on_axis(grid)
+
+    changes = np.flatnonzero(np.diff(np.signbit(np.imag(gains))))
+    where = _roots(loop, grid[changes], grid[changes + 1])
+    ends = np.append(where, math.pi / period)
+    there = loop.gain_on_axis(ends)
+    # Through infinity, where the filter is deaf, the sign changes without a crossing.
+    near = np.append(np.abs(there[:-1]) < 1e3 * (np.abs(gains[changes]) + np.abs(gains[changes + 1])), True)
+    found = zip(np.real(there)[near], ends[near], strict=True)
+    crossing = np.array(sorted(pair for pair in found if np.isfinite(pair[0]) and pair[0] > 0)).reshape(-1, 2)
+    between = _between(crossing[:, 0])
+    stable = np.array([loop.is_stable(gain) for gain in between])
+    unstable = np.flatnonzero(~stable)
+    end, frequency = math.inf, math.nan
+    if len(unstable) and unstable[0] == 0:
+        end = 0.0
+    elif len(unstable):
+        end, frequency = map(float, crossing[unstable[0] - 1])
+    return CriticalGain(end, frequency, crossing[:, 1], crossing[:, 0], stable, grid, -1.0 / gains)
+
+
+def _roots(loop: SampledLoop, low: Float[Array, " n"], high: Float[Array, " n"]) -> Float[Array, " n"]:
+    """Frequencies between ``low`` and ``high`` at which the gain turns real, all halved at once."""
+    below = np.signbit(np.imag(loop.gain_on_axis(low)))
+    for _ in range(_HALVINGS):
+        middle = 0.5 * (low + high)
+        same = np.signbit(np.imag(loop.gain_on_axis(middle))) == below
+        low, high = np.where(same, middle, low), np.where(same, high, middle)
+    return 0.5 * (low + high)
+
+
+def _in_parallel(first: SampledAxis, second: SampledAxis) -> SampledAxis:
+    return replace(
+        first,
+        transition=block_diag(first.transition, second.transition),
+        newer=np.concatenate([first.newer, second.newer]),
+        older=np.concatenate([first.older, second.older]),
+        output=np.concatenate([first.output, second.output]),
+        direct_now=first.direct_now + second.direct_now,
+        direct_before=first.direct_before + second.direct_before,
+    )
+
+
+def _modes(plant: SampledAxis) -> Float[Array, "m 2"]:
+    """Frequency and half width [rad/s] of the oscillating poles and zeros of a device."""
+    roots = np.concatenate([np.linalg.eigvals(plant.transition), 1.0 + np.roots(plant.loop[4])])
+    s = np.log(roots[np.abs(roots) > 1e-12].astype(complex)) / plant.period
+    s = s[s.imag > 0]
+    return np.column_stack([s.imag, np.maximum(np.abs(s.real), 1e-6 * s.imag)]).astype(float)
+
+
+def _between(gains: Float[Array, " c"]) -> Float[Array, " d"]:
+    if not len(gains):
+        return np.ones(1)
+    inner = np.sqrt(gains[1:] * gains[:-1])
+    return np.concatenate([gains[:1] / 2, inner, gains[-1:] * 2])

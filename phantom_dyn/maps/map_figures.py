@@ -1,0 +1,173 @@
+"""Figures of maps: curves, sections with lines of equal value, and sections in space; NaN stays white."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.cm import ScalarMappable
+from matplotlib.colors import Normalize
+from matplotlib.figure import Figure
+from matplotlib.ticker import MaxNLocator
+from mpl_toolkits.mplot3d import Axes3D
+
+from phantom_dyn.maps.operational_map import OperationalMap, axis_unit
+from phantom_dyn.maps.quantities import QUANTITIES
+
+Array = np.ndarray
+_LEVELS = 12
+_COLORS = "viridis"
+
+
+@dataclass(frozen=True)
+class _Panel:
+    title: str
+    values: Array  # over the axes that vary
+
+
+def figure(result: OperationalMap, name: str) -> Figure:
+    """One quantity of a map as a figure.
+
+    Args:
+        result: The map.
+        name: Of a quantity in it. Of matrices the diagonal is shown.
+
+    Returns:
+        A curve over one axis; over two a section with lines of equal value; over three the middle sections in space
+        and the section across the first axis; over more the middle section across all but the last two.
+    """
+    axes, panels = _panels(result, name)
+    space = 2 if len(axes) == 3 else 1
+    size = (1.2 + 4.2 * len(panels), 0.9 + 3.6 * space)
+    out = Figure(figsize=size, dpi=110, layout="constrained")
+    for column, panel in enumerate(panels):
+        for row in range(space):
+            place = (space, len(panels), row * len(panels) + column + 1)
+            if space == 2 and row == 0:
+                _draw_space(out, out.add_subplot(*place, projection="3d"), panel, axes, result)
+            else:
+                _draw(out, out.add_subplot(*place), panel, axes, result)
+    out.suptitle(_caption(result, name, axes), fontsize=8)
+    return out
+
+
+def _panels(result: OperationalMap, name: str) -> tuple[list[int], list[_Panel]]:
+    """Axes that vary, at most three, and values over them; further ones are cut in the middle."""
+    grid, quantity = result.grid, QUANTITIES[name]
+    varying = [k for k, count in enumerate(grid.shape) if count > 1]
+    kept = varying if len(varying) <= 3 else varying[-2:]
+    cut = tuple(slice(None) if k in kept else count // 2 for k, count in enumerate(grid.shape))
+    values = result.values[name][cut]
+    unit = f" [{quantity.unit}]" if quantity.unit else ""
+    if quantity.kind == "scalar":
+        return kept, [_Panel(f"{quantity.title}{unit}", values)]
+    if quantity.kind == "vector":
+        return kept, [_Panel(f"{quantity.title}, {axis}{unit}", values[..., k]) for k, axis in enumerate("xyz")]
+    if values.shape[-1] != 3:  # friction of other than three joints: all that acts along each direction
+        along = np.linalg.norm(values, axis=-1)
+        return kept, [_Panel(f"{quantity.title}, {axis}{unit}", along[..., k]) for k, axis in enumerate("xyz")]
+    return kept, [_Panel(f"{quantity.title}, {axis * 2}{unit}", values[..., k, k]) for k, axis in enumerate("xyz")]
+
+
+def _label(result: OperationalMap, axis: int) -> str:
+    name = result.grid.names[axis]
+    return f"{name} [{axis_unit(name, result.grid, result.model)}]"
+
+
+def _scale(values: Array) -> Normalize:
+    """Range of the colours."""
+    finite = values[np.isfinite(values)]
+    if not len(finite):
+        return Normalize(0, 1)
+    # Towards a singularity masses grow without bound, which must not take all the colours: the usual fence of a box
+    # plot, three times the middle half beyond it.
+    quarter, three = np.percentile(finite, [25, 75])
+    beyond = 3 * (three - quarter)
+    low, high = max(finite.min(), quarter - beyond), min(finite.max(), three + beyond)
+    if high - low <= 1e-9 * max(abs(low), abs(high), 1e-9):
+        width = max(abs(low), 1e-3)
+        return Normalize(low - width / 2, low + width / 2)
+    return Normalize(low, high)
+
+
+def _draw(out: Figure, ax: Axes, panel: _Panel, axes: list[int], result: OperationalMap) -> None:
+    grid = result.grid
+    ax.set_title(panel.title, fontsize=9)
+    if not axes:
+        ax.axis("off")
+        ax.text(0.5, 0.5, f"{float(panel.values):.6g}", ha="center", va="center", fontsize=14)
+        return
+    if len(axes) == 1:
+        ax.plot(grid.values[axes[0]], panel.values)
+        ax.set_xlabel(_label(result, axes[0]))
+        ax.grid(alpha=0.3)
+        return
+    # Height upwards: y before z would lie on its side, so the earlier axis goes up when it is y.
+    first, second = axes[-2:]
+    values = panel.values if panel.values.ndim == 2 else panel.values[panel.values.shape[0] // 2]
+    across, up = (second, first) if grid.names[first] == "y" else (first, second)
+    values = values if up == first else values.T
+    scale = _scale(values)
+    if min(values.shape) < 2 or not np.isfinite(values).any():
+        ax.text(0.5, 0.5, "no point can be reached", ha="center", transform=ax.transAxes)
+        return
+    levels = MaxNLocator(_LEVELS).tick_values(scale.vmin or 0.0, scale.vmax or 0.0)
+    beyond = bool(np.nanmin(values) < levels[0]), bool(np.nanmax(values) > levels[-1])
+    extend = {(False, False): "neither", (True, False): "min", (False, True): "max", (True, True): "both"}[beyond]
+    shown = ax.contourf(grid.values[across], grid.values[up], values, levels, cmap=_COLORS, extend=extend)
+    if ((levels > np.nanmin(values)) & (levels < np.nanmax(values))).any():
+        lines = ax.contour(grid.values[across], grid.values[up], values, levels, colors="k", linewidths=0.4)
+        ax.clabel(lines, fontsize=6)
+    out.colorbar(shown, ax=ax, shrink=0.9)
+    ax.set_xlabel(_label(result, across))
+    ax.set_ylabel(_label(result, up))
+    if grid.cartesian:
+        ax.set_aspect("equal")
+
+
+def _draw_space(out: Figure, ax: Axes3D, panel: _Panel, axes: list[int], result: OperationalMap) -> None:
+    """Three middle sections at right angles."""
+    values, scale = panel.values, _scale(panel.values)
+    coloured = ScalarMappable(scale, _COLORS)
+    along = [_thinned(result.grid.values[k]) for k in axes]
+    for normal in range(3):
+        middle = values.shape[normal] // 2
+        others = [k for k in range(3) if k != normal]
+        surface = np.meshgrid(*(along[k][1] for k in others), indexing="ij")
+        place: list[Array] = [np.zeros(0)] * 3
+        place[normal] = np.full(surface[0].shape, result.grid.values[axes[normal]][middle])
+        place[others[0]], place[others[1]] = surface
+        cut = np.take(values, middle, axis=normal)[np.ix_(along[others[0]][0], along[others[1]][0])]
+        color = coloured.to_rgba(cut)
+        color[..., 3] = np.where(np.isfinite(cut), 0.9, 0.0)
+        ax.plot_surface(*place, facecolors=color, rstride=1, cstride=1, shade=False, linewidth=0)
+    ax.set_title(f"{panel.title}\nmiddle sections", fontsize=9)
+    for k, label in zip(axes, (ax.set_xlabel, ax.set_ylabel, ax.set_zlabel), strict=True):
+        label(_label(result, k), fontsize=7)
+    ax.tick_params(labelsize=6)
+    ax.set_box_aspect(None, zoom=0.85)  # pyright: ignore[reportArgumentType]  # room for the upright label
+    out.colorbar(coloured, ax=ax, shrink=0.6)
+
+
+def _thinned(values: Array, most: int = 45) -> tuple[Array, Array]:
+    """Indices and values of at most ``most`` points: a surface in space is drawn face by face."""
+    index = np.unique(np.linspace(0, len(values) - 1, min(most, len(values))).round().astype(int))
+    return index, values[index]
+
+
+def _caption(result: OperationalMap, name: str, axes: Sequence[int]) -> str:
+    model, grid = result.model, result.grid
+    fixed = [
+        f"{axis} = {values[len(values) // 2]:.4g}"
+        for k, (axis, values) in enumerate(zip(grid.names, grid.values, strict=True))
+        if k not in axes or (len(axes) == 3 and k == axes[0])
+    ]
+    section = f", section at {', '.join(fixed)}" if fixed else ""
+    lines = [f"{model.name}, frame {model.frame}{section}; root frame"]
+    if result.unreachable or result.singular:
+        lines.append(f"{grid.size} points, {result.unreachable} out of reach, {result.singular} singular (blank)")
+    if name == "stiffness":
+        lines.append(model.stiffness_note)
+    return "\n".join(lines)

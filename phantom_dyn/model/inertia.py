@@ -1,0 +1,135 @@
+# pyright: reportAttributeAccessIssue=false
+"""Inertial parameters of bodies: their names, what is physically possible, and what a tolerance on them means."""
+
+from __future__ import annotations
+
+import numpy as np
+import pinocchio as pin
+from jaxtyping import Float
+
+from phantom_dyn.model.robot import Robot
+
+Array = np.ndarray
+
+STANDARD_NAMES = ("m", "mx", "my", "mz", "Ixx", "Ixy", "Iyy", "Ixz", "Iyz", "Izz")
+"""Pinocchio's order of the ten parameters of a body, moments about the joint origin in joint axes."""
+STANDARD_UNITS = ("kg", "kg m", "kg m", "kg m", *["kg m^2"] * 6)
+_ENTRIES = ((0, 0), (0, 1), (1, 1), (0, 2), (1, 2), (2, 2))
+"""Row and column of the six inertia entries in that order."""
+
+
+def body_name(robot: Robot, joint_index: int) -> str:
+    """Name of the link that hangs on a joint; links fixed to it are part of that body.
+
+    Args:
+        robot: Gives the model.
+        joint_index: Pinocchio's, from 1; 1 + the velocity's number.
+    """
+    model = robot.model
+    joint_frame = model.getFrameId(model.names[joint_index], pin.FrameType.JOINT)
+    for frame in model.frames:
+        if frame.type == pin.FrameType.BODY and frame.parentFrame == joint_frame:
+            return frame.name
+    return model.names[joint_index]
+
+
+def parameter_names(robot: Robot) -> tuple[str, ...]:
+    """Names such as ``upper_arm.mx`` of the columns of `phantom_dyn.dynamics.dynamics.rigid_body_regressor`."""
+    bodies = [body_name(robot, j) for j in range(1, robot.model.njoints)]
+    return tuple(f"{body}.{name}" for body in bodies for name in STANDARD_NAMES)
+
+
+def parameter_units(robot: Robot) -> tuple[str, ...]:
+    """Unit of each of `parameter_names`."""
+    return STANDARD_UNITS * (robot.model.njoints - 1)
+
+
+def impossible_because(mass: float, central_inertia: Float[Array, "3 3"]) -> str | None:
+    """Why no body can have this mass and this inertia about its centre of mass; None if one can.
+
+    A principal inertia counts as negative below -1e-9 of the largest, as files carry about ten digits, and below that
+    of a radius of gyration of 0.1 um, as exporters write rounding errors for zero. The triangle inequality is left to
+    `breaks_triangle`: many vendors' files break it.
+
+    Args:
+        mass: In kg.
+        central_inertia: About the centre of mass [kg m^2], shape ``(3, 3)``, symmetric.
+    """
+    if not (np.isfinite(mass) and np.isfinite(central_inertia).all()):
+        return "its inertia is not a finite number"
+    if mass < 0:
+        return f"its mass is {mass:g} kg, below zero"
+    principal = np.linalg.eigvalsh(central_inertia)
+    if principal[0] < -max(1e-9 * np.abs(principal).max(), 1e-14 * mass):
+        return f"its smallest principal inertia is {principal[0]:g} kg m^2, below zero"
+    return None
+
+
+def breaks_triangle(central_inertia: Float[Array, "3 3"]) -> bool:
+    """True if one principal inertia exceeds the sum of the others by more than 1e-6 (the rounding of files)."""
+    principal = np.linalg.eigvalsh(central_inertia)
+    return bool(principal[2] > (principal[0] + principal[1]) * (1 + 1e-6))
+
+
+def central_parameters(
+    standard: Float[Array, " 10"],
+) -> tuple[float, Float[Array, " 3"], Float[Array, "3 3"]]:
+    """Mass [kg], centre of mass [m] and inertia about it [kg m^2] from the ten standard parameters.
+
+    A body without mass has its centre at the joint origin.
+
+    Args:
+        standard: In the order of `STANDARD_NAMES`.
+    """
+    mass = float(standard[0])
+    center = standard[1:4] / mass if mass else np.zeros(3)
+    inertia = np.empty((3, 3))
+    for (i, j), value in zip(_ENTRIES, standard[4:], strict=True):
+        inertia[i, j] = inertia[j, i] = value
+    return mass, center, inertia - mass * (center @ center * np.eye(3) - np.outer(center, center))
+
+
+def body_parameters(
+    mass: float, center: Float[Array, " 3"], central_inertia: Float[Array, "3 3"]
+) -> Float[Array, " 10"]:
+    """The ten standard parameters, inverse of `central_parameters`.
+
+    Args:
+        mass: In kg.
+        center: Centre of mass in the joint frame [m].
+        central_inertia: About the centre of mass, joint axes [kg m^2].
+    """
+    inertia = central_inertia + mass * (center @ center * np.eye(3) - np.outer(center, center))
+    return np.concatenate([[mass], mass * center, [inertia[i, j] for i, j in _ENTRIES]])
+
+
+def tolerance_directions(robot: Robot, joint_index: int) -> tuple[Float[Array, "10 10"], tuple[str, ...]]:
+    r"""Change of the ten standard parameters of a body per unit relative change of what a tolerance speaks of.
+
+    Columns: mass (relative to itself; centre and central inertia fixed), three components of the centre of mass
+    (relative to its distance from the joint origin), six entries of the central inertia (``Iij`` relative to
+    :math:`\sqrt{I_{ii} I_{jj}}`). A tolerance ``s`` on inertias is then a prior of covariance :math:`s^2 D D^T`.
+
+    Args:
+        robot: Gives the model.
+        joint_index: Pinocchio's, from 1.
+
+    Returns:
+        ``D``, shape ``(10, 10)``, rows in the order of `STANDARD_NAMES`, and a name for each column such as
+        ``link2 mass``, ``link2 center x``, ``link2 Ixx``.
+    """
+    mass, center, inertia = central_parameters(robot.model.inertias[joint_index].toDynamicParameters())
+    directions = np.zeros((10, 10))
+    directions[:, 0] = body_parameters(mass, center, np.zeros((3, 3)))
+    distance = np.linalg.norm(center)
+    for axis, unit in enumerate(np.eye(3)):
+        directions[1 + axis, 1 + axis] = distance * mass
+        slope = 2 * center[axis] * np.eye(3) - np.outer(unit, center) - np.outer(center, unit)
+        directions[4:, 1 + axis] = distance * mass * np.array([slope[i, j] for i, j in _ENTRIES])
+    # A file may state a diagonal entry that rounding made negative.
+    diagonal = np.sqrt(np.maximum(np.diag(inertia), 0.0))
+    for column, (i, j) in enumerate(_ENTRIES):
+        directions[4 + column, 4 + column] = diagonal[i] * diagonal[j]
+    body = body_name(robot, joint_index)
+    quantities = ("mass", "center x", "center y", "center z", *STANDARD_NAMES[4:])
+    return directions, tuple(f"{body} {quantity}" for quantity in quantities)

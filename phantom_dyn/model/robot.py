@@ -1,0 +1,154 @@
+# pyright: reportAttributeAccessIssue=false
+"""The robot as the diagnosis sees it: a private Pinocchio model, its actuators and what is trusted of them."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from functools import cached_property
+from typing import Literal
+
+import numpy as np
+import pinocchio as pin
+from jaxtyping import Float
+
+from phantom_dyn._kernels.tree_arrays import TreeArrays, tree_arrays
+from phantom_dyn.loops.chain import ClosedChain
+from phantom_dyn.loops.solver import tree_positions
+from phantom_dyn.motion import configurations, read_only
+
+Array = np.ndarray
+
+
+@dataclass(frozen=True)
+class Controller:
+    """Position controller of one joint: ``tau = kp (q_ref - q) - kd v``, late by ``delay`` [s]."""
+
+    kind: Literal["pd"] = "pd"
+    kp: float = 0.0
+    kd: float = 0.0
+    delay: float = 0.0
+
+
+@dataclass(frozen=True)
+class Actuator:
+    """Drive of one joint; SI units on the joint side unless a name says motor."""
+
+    rotor_inertia: float = 0.0
+    gear_ratio: float = 1.0
+    torque_constant: float | None = None
+    torque_limit: float | None = None
+    encoder_counts: float | None = None
+    encoder_side: Literal["motor", "link"] = "motor"
+    actuated: bool = True
+    resistance: float | None = None
+    voltage_limit: float | None = None
+    controller: Controller | None = None
+
+
+@dataclass(frozen=True)
+class Tolerance:
+    """Relative one-sigma trust in the modelled inertias, friction and rotor inertias; 0 is trusted exactly."""
+
+    inertia: float = 0.05
+    friction: float = 0.05
+    rotor_inertia: float = 0.10
+
+
+@dataclass(frozen=True)
+class Robot:
+    """A robot ready for dynamics: fixed base, one velocity per joint.
+
+    The model is a tree. In a closed chain (``chain`` is not None) its joints are active or passive, and all that is
+    said of the robot's joints, their number ``nv`` included, is of the active ones, in the tree's order.
+
+    Attributes:
+        model: Private copy of the Pinocchio model; rotor inertias are in ``model.armature``, passive joints' included.
+        name: Name for reports.
+        source: The file or name that was given.
+        sha256: Of the robot file.
+        joint_names: One per velocity, in Pinocchio's order.
+        actuators: One per velocity.
+        viscous_friction: Modelled viscous coefficients [N m s/rad or N s/m], shape ``(nv,)``.
+        coulomb_friction: Modelled Coulomb torques [N m or N], shape ``(nv,)``.
+        prismatic: True where the joint is linear, shape ``(nv,)``.
+        torque_hold: ``zoh`` if ``tau[k]`` acts from ``t[k]`` to ``t[k+1]``.
+        torque_source: What the torque columns of recordings are.
+        tolerance: How far the model is trusted.
+        payload_frame: Frame that carries a payload, or None for frame ``tip`` if there is one, else the last link.
+        warnings: Sentences about the robot file that the user should read.
+        locked: Joints of the file that are held fixed and are no longer in the model.
+        chain: How the passive joints of a closed chain follow the active ones, or None.
+    """
+
+    model: pin.Model
+    name: str
+    source: str
+    sha256: str
+    joint_names: tuple[str, ...]
+    actuators: tuple[Actuator, ...]
+    viscous_friction: Float[Array, " nv"]
+    coulomb_friction: Float[Array, " nv"]
+    prismatic: np.ndarray
+    torque_hold: Literal["zoh", "instant"] = "instant"
+    torque_source: Literal["command", "current", "sensor"] = "command"
+    tolerance: Tolerance = field(default_factory=Tolerance)
+    payload_frame: str | None = None
+    warnings: tuple[str, ...] = ()
+    locked: tuple[str, ...] = ()
+    chain: ClosedChain | None = None
+
+    def __post_init__(self):
+        object.__setattr__(self, "model", self.model.copy())
+        for name in ("viscous_friction", "coulomb_friction"):
+            object.__setattr__(self, name, read_only(getattr(self, name)))
+        object.__setattr__(self, "prismatic", read_only(self.prismatic, bool))
+
+    @cached_property
+    def arrays(self) -> TreeArrays | None:
+        """The model as compiled loops take it, made at the first use; None for joints that they do not know."""
+        return tree_arrays(self.model)
+
+    @property
+    def nv(self) -> int:
+        """Number of joint velocities; in a closed chain of the active joints."""
+        return self.model.nv if self.chain is None else self.chain.nv
+
+    @property
+    def nq(self) -> int:
+        """Length of Pinocchio's configuration vector of the tree (a continuous joint takes two entries)."""
+        return self.model.nq
+
+    @property
+    def tree_rows(self) -> tuple[int, ...]:
+        """Place of each joint among the velocities of ``model``."""
+        return tuple(range(self.model.nv)) if self.chain is None else self.chain.active
+
+    @property
+    def passive_names(self) -> tuple[str, ...]:
+        """Joints of a closed chain that follow the active ones."""
+        return () if self.chain is None else self.chain.passive_names
+
+    @property
+    def rotor_inertia(self) -> Float[Array, " nv"]:
+        """Rotor inertia of each joint on the joint side [kg m^2 or kg]."""
+        return self.model.armature[list(self.tree_rows)]
+
+    @property
+    def torque_units(self) -> tuple[str, ...]:
+        """Unit of the drive torque of each joint."""
+        return tuple("N" if p else "N m" for p in self.prismatic)
+
+    @property
+    def position_units(self) -> tuple[str, ...]:
+        """Unit of the position of each joint."""
+        return tuple("m" if p else "rad" for p in self.prismatic)
+
+    def configuration(self, q: Float[Array, "N nv"]) -> Float[Array, "N nq"]:
+        """Pinocchio configurations of the tree at joint positions ``q`` [rad or m]; a continuous joint: cos, sin.
+
+        Raises:
+            ChainError: If the loops of a closed chain cannot be closed there.
+        """
+        if self.chain is not None:
+            q = tree_positions(self.model, self.chain, q, arrays=self.arrays)
+        return configurations(self.model, q)

@@ -1,0 +1,193 @@
+"""The file ``robot.yaml``: what a URDF cannot say of drives, gravity and trust. Nothing here needs Pinocchio."""
+
+from __future__ import annotations
+
+import re
+import types
+from pathlib import Path
+from typing import Annotated, Any, Literal, TypeVar, Union, get_args, get_origin, get_type_hints
+
+import msgspec
+from msgspec import Meta
+
+from phantom_dyn.errors import RobotError, known_names
+from phantom_dyn.model.settings_file import describe, read_settings
+
+NonNegative = Annotated[float, Meta(ge=0, description="a number of 0 or more")]
+Positive = Annotated[float, Meta(gt=0, description="a number above 0")]
+Vector = Annotated[tuple[float, float, float], Meta(description="three numbers such as [0, 0, -9.81]")]
+Names = Annotated[list[str], Meta(description="a list of joint names")]
+Table = Annotated[dict[str, dict[str, Any]], Meta(description="joint names, each with its keys")]
+_S = TypeVar("_S", bound=msgspec.Struct)
+
+
+class _Strict(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
+    """An unknown key is a mistake, not an extension."""
+
+
+class ControllerConfig(_Strict, frozen=True):
+    """Position controller of a joint, gains on the joint side; ``delay`` in s."""
+
+    kind: Literal["pd"] = "pd"
+    kp: NonNegative = 0.0
+    kd: NonNegative = 0.0
+    delay: NonNegative = 0.0
+
+
+class JointConfig(_Strict, frozen=True):
+    """Drive of a joint; None where the file says nothing."""
+
+    rotor_inertia: NonNegative | None = None
+    gear_ratio: Annotated[float, Meta(description="a number other than 0")] = 1.0
+    torque_constant: Positive | None = None
+    torque_limit: Positive | None = None
+    encoder_counts: Positive | None = None
+    encoder_side: Literal["motor", "link"] = "motor"
+    actuated: bool = True
+    resistance: Positive | None = None
+    voltage_limit: Positive | None = None
+    controller: ControllerConfig | None = None
+
+
+class ToleranceConfig(_Strict, frozen=True):
+    """Relative one-sigma trust in the model; 0 is trusted exactly."""
+
+    inertia: NonNegative = 0.05
+    friction: NonNegative = 0.05
+    rotor_inertia: NonNegative = 0.10
+
+
+class LinearLoop(_Strict, frozen=True):
+    """Closed chain whose passive joints are linear in the active ones."""
+
+    kind: Literal["linear"]
+    active: Names
+    passive: Annotated[dict[str, str], Meta(description='joint names, each with a formula such as "j5 - j2"')]
+
+
+class _AnchorLoop(_Strict, frozen=True):
+    """Closed chain that keeps two frames together.
+
+    Of the joints between the frames, those in ``active`` are driven and the others passive; without ``active``, those
+    with ``actuated: false`` are passive. ``start`` says near which positions the loop is assembled (0 for the rest).
+    """
+
+    frame_a: Annotated[str, Meta(description="the name of a frame")]
+    frame_b: Annotated[str, Meta(description="the name of a frame")]
+    active: Names | None = None
+    start: Annotated[dict[str, float], Meta(description="joint names, each with a position")] | None = None
+
+
+class PointLoop(_AnchorLoop, frozen=True, kw_only=True):
+    """Closed chain that keeps the origins of two frames together."""
+
+    kind: Literal["point"] = "point"
+
+
+class FrameLoop(_AnchorLoop, frozen=True, kw_only=True):
+    """Closed chain that keeps the origins and the axes of two frames together."""
+
+    kind: Literal["frame"] = "frame"
+
+
+class RobotConfig(_Strict, frozen=True):
+    """Content of a ``robot.yaml``, checked but for the names in it, which only the robot knows."""
+
+    gravity: Vector | None = None
+    torque_hold: Literal["zoh", "instant"] = "instant"
+    torque_source: Literal["command", "current", "sensor"] = "command"
+    tolerance: ToleranceConfig = ToleranceConfig()
+    joints: dict[str, JointConfig] = {}
+    lock: Names = []
+    payload_frame: Annotated[str, Meta(description="the name of a frame")] | None = None
+    loops: list[LinearLoop | PointLoop | FrameLoop] = []
+
+
+class _File(RobotConfig, frozen=True):
+    """As `RobotConfig`; joints and loops still raw, as msgspec does not tell the joint in which it finds a mistake."""
+
+    joints: Table = {}  # pyright: ignore[reportIncompatibleVariableOverride]
+    loops: Annotated[list[dict[str, Any]], Meta(description="a list of loops")] = []  # pyright: ignore[reportIncompatibleVariableOverride]
+
+
+def read_robot_config(path: Path) -> RobotConfig:
+    """Content of a ``robot.yaml``.
+
+    Raises:
+        RobotError: If the file cannot be read, is broken, or a key or value is not of the contract.
+    """
+    raw = read_settings(path, RobotError)
+    content = _convert(raw, _File, path, "")
+    joints = {name: _convert(keys, JointConfig, path, f"joints.{name}.") for name, keys in content.joints.items()}
+    for name, joint in joints.items():
+        if joint.gear_ratio == 0:
+            raise RobotError(f"{path}: joints.{name}.gear_ratio is 0, wanted {_wanted(JointConfig, ['gear_ratio'])}.")
+    loops = [_loop(loop, path, f"loops[{index}].") for index, loop in enumerate(content.loops)]
+    values = {field: getattr(content, field) for field in content.__struct_fields__}
+    return RobotConfig(**(values | {"joints": joints, "loops": loops}))
+
+
+def _loop(raw: dict[str, Any], path: Path, prefix: str) -> LinearLoop | PointLoop | FrameLoop:
+    kinds = {"linear": LinearLoop, "point": PointLoop, "frame": FrameLoop}
+    kind = raw.get("kind")
+    if kind not in kinds:
+        raise RobotError(f"{path}: {prefix}kind is {describe(kind)}, wanted one of {', '.join(kinds)}.")
+    return _convert(raw, kinds[kind], path, prefix)
+
+
+def _convert(raw: dict[str, Any], struct: type[_S], path: Path, prefix: str) -> _S:
+    """``raw`` as ``struct``; every refusal names file, key, value and what was wanted."""
+    try:
+        return msgspec.convert(raw, struct)
+    except msgspec.ValidationError as problem:
+        place = re.search(r"\$((?:\.\w+)+)", str(problem))
+        keys = place.group(1).strip(".").split(".") if place else []
+        field = re.search(r"(unknown|required) field `(.+?)`", str(problem))
+        raise RobotError(f"{path}: {_refusal(raw, struct, keys, field and field.groups(), prefix)}") from problem
+
+
+def _refusal(
+    raw: Any, struct: type[msgspec.Struct], keys: list[str], field: tuple[str, ...] | None, prefix: str
+) -> str:
+    """Sentence on the value under ``keys``, or on a ``field`` of it that is unknown or missing."""
+    if field is not None:
+        kind, name = field
+        full = prefix + ".".join([*keys, name])
+        if kind == "unknown":
+            return f"there is no key {full}, {known_names(name, _fields(struct, keys), 'keys')}"
+        return f"{full} is missing, wanted {_wanted(struct, [*keys, name])}."
+    value = raw
+    for key in keys:
+        value = value[key]
+    place = (prefix + ".".join(keys)).strip(".") or "the file"
+    return f"{place} is {describe(value)}, wanted {_wanted(struct, keys)}."
+
+
+def _fields(struct: type[msgspec.Struct], keys: list[str]) -> tuple[str, ...]:
+    """Keys that the table under ``keys`` may have."""
+    for key in keys:
+        struct = next(t for t in _alternatives(get_type_hints(struct)[key]) if issubclass(t, msgspec.Struct))
+    return struct.__struct_fields__
+
+
+def _alternatives(annotation: Any) -> tuple[Any, ...]:
+    """Members of a union without None; anything else alone."""
+    if get_origin(annotation) in (Union, types.UnionType):
+        return tuple(member for member in get_args(annotation) if member is not type(None))
+    return (annotation,)
+
+
+def _wanted(struct: type[msgspec.Struct], keys: list[str]) -> str:
+    """What the key path ``keys`` of ``struct`` takes, in words."""
+    annotation: Any = struct
+    for key in keys:
+        if not (isinstance(annotation, type) and issubclass(annotation, msgspec.Struct)):
+            break
+        annotation = _alternatives(get_type_hints(annotation, include_extras=True)[key])[0]
+    if get_origin(annotation) is Annotated:
+        return annotation.__metadata__[0].description
+    if get_origin(annotation) is Literal:
+        return f"one of {', '.join(get_args(annotation))}"
+    if annotation is bool:
+        return "true or false"
+    return f"a table with some of the keys {', '.join(annotation.__struct_fields__)}"

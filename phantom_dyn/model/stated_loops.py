@@ -1,0 +1,199 @@
+# pyright: reportAttributeAccessIssue=false
+"""From the loops that robot.yaml or the robot file state to a `ClosedChain`.
+
+Linear loops of robot.yaml: each passive joint as numbers times joints that are not.
+
+From the loops that robot.yaml or the robot file state to a `ClosedChain`.
+
+Which joints are passive: those with an expression in a linear loop; and of the joints between the two frames of a
+point or frame loop those that its list ``active`` leaves out, or, without that list, those that have no drive
+(``actuated: false``; in MJCF also those without an actuator). Every other joint is active, with a drive or without.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from pathlib import Path
+
+import numpy as np
+import pinocchio as pin
+
+from phantom_dyn.errors import RobotError
+from phantom_dyn.loops.assembly import assembled, require_determined
+from phantom_dyn.loops.chain import Anchor, ClosedChain
+from phantom_dyn.loops.expression import LinearExpression, linear_expression
+from phantom_dyn.model.robot_config import FrameLoop, LinearLoop, PointLoop, RobotConfig
+
+
+def followed_joints(loops: Iterable[tuple[int, LinearLoop]], config: Path) -> dict[str, LinearExpression]:
+    """Expression of each joint that follows others, in joints that follow none.
+
+    Args:
+        loops: Linear loops with their places in the list ``loops``.
+        config: The file, for messages.
+
+    Raises:
+        RobotError: If an expression is not linear, or a joint follows twice or itself.
+    """
+    stated: dict[str, LinearExpression] = {}
+    for index, loop in loops:
+        if not loop.passive:
+            raise RobotError(f"{config}: loops[{index}].passive is empty: give each passive joint its expression.")
+        for name, text in loop.passive.items():
+            place = f"{config}: loops[{index}].passive.{name}"
+            if name in stated or name in loop.active:
+                other = "in another loop already" if name in stated else "active in the same loop"
+                raise RobotError(f"{place} is {other}: a passive joint stands in one loop, and only as passive.")
+            stated[name] = _read(text, loop.active, place)
+    return {name: _resolved(name, stated, (), config) for name in stated}
+
+
+def _read(text: str, active: list[str], place: str) -> LinearExpression:
+    try:
+        return linear_expression(text, active)
+    except ValueError as problem:
+        raise RobotError(
+            f"{place} is {text!r}, and {problem}: wanted a sum of numbers, pi and multiples of the loop's active "
+            "joints, such as 'pi/2 - 2*j5'."
+        ) from None
+
+
+def _resolved(name: str, stated: dict[str, LinearExpression], asked: tuple[str, ...], config: Path) -> LinearExpression:
+    """Expression of a joint with every follower in it replaced by what that one follows."""
+    if name in asked:
+        circle = " follows ".join([*asked[asked.index(name) :], name])
+        raise RobotError(f"{config}: the loops lead in a circle ({circle}): give one of these joints as active.")
+    out = LinearExpression(stated[name].constant)
+    for joint, factor in stated[name].factors.items():
+        one = LinearExpression(0.0, {joint: 1.0})
+        out = out.plus((_resolved(joint, stated, (*asked, name), config) if joint in stated else one).scaled(factor))
+    return out
+
+
+Array = np.ndarray
+
+
+def closed_chain(
+    model: pin.Model,
+    stated: RobotConfig,
+    config: Path,
+    *,
+    carried: dict[str, PointLoop | FrameLoop] | None = None,
+    without_drive: frozenset[str] = frozenset(),
+) -> ClosedChain | None:
+    """The closed chain of a tree, or None if no loop is stated.
+
+    Args:
+        model: The tree, without the joints that are held fixed; its friction is that of the joints.
+        stated: Content of robot.yaml.
+        config: The file, for messages.
+        carried: Loops of the robot file itself, by their labels; one around a joint that a linear loop gives is not
+            solved, the linear loop stands for it.
+        without_drive: Joints that the robot file gives no actuator.
+
+    Raises:
+        RobotError: If the loops contradict each other, cannot be closed, or do not say what every passive joint does.
+    """
+    names = list(model.names)[1:]
+    followed = followed_joints(
+        [(index, loop) for index, loop in enumerate(stated.loops) if isinstance(loop, LinearLoop)], config
+    )
+    loops: dict[str, PointLoop | FrameLoop] = {
+        f"loops[{index}] ({loop.frame_a} to {loop.frame_b})": loop
+        for index, loop in enumerate(stated.loops)
+        if not isinstance(loop, LinearLoop)
+    }
+    for label, loop in (carried or {}).items():
+        if not followed.keys() & set(_around(model, loop)):
+            loops[label] = loop
+    if not followed and not loops:
+        return None
+    idle = without_drive | {name for name, joint in stated.joints.items() if not joint.actuated}
+    unknown = _unknown_joints(model, loops, followed, idle, config)
+    passive = tuple(k for k, name in enumerate(names) if name in followed or name in unknown)
+    active = tuple(k for k, name in enumerate(names) if k not in passive)
+    if not active:
+        raise RobotError(f"{config}: the loops leave no active joint: give at least one joint that is not passive.")
+    free = [*(names[k] for k in active), *unknown]
+    linear_map, offset = _linear_map(names, followed, free)
+    start = {joint: position for loop in loops.values() for joint, position in (loop.start or {}).items()}
+    chain = ClosedChain(
+        active=active,
+        passive=passive,
+        passive_names=tuple(names[k] for k in passive),
+        unknowns=tuple(names.index(name) for name in unknown),
+        linear_map=linear_map,
+        offset=offset,
+        anchors=tuple(_anchor(model, label, loop) for label, loop in loops.items()),
+        start=linear_map @ np.array([start.get(name, 0.0) for name in free]) + offset,
+        viscous_friction=model.damping[list(passive)],
+        coulomb_friction=model.upperDryFrictionLimit[list(passive)],
+    )
+    if not loops:
+        return chain
+    chain = assembled(model, chain, config)
+    require_determined(model, chain, config)
+    return chain
+
+
+def _linear_map(names: list[str], followed: dict[str, LinearExpression], free: list[str]) -> tuple[Array, Array]:
+    """``S`` and ``o`` of `ClosedChain`, with the columns ``free``."""
+    linear_map, offset = np.zeros((len(names), len(free))), np.zeros(len(names))
+    for row, name in enumerate(names):
+        expression = followed.get(name, LinearExpression(0.0, {name: 1.0}))
+        offset[row] = expression.constant
+        for joint, factor in expression.factors.items():
+            linear_map[row, free.index(joint)] = factor
+    return linear_map, offset
+
+
+def _anchor(model: pin.Model, label: str, loop: PointLoop | FrameLoop) -> Anchor:
+    return Anchor(label, loop.kind, frame_index(model, loop.frame_a), frame_index(model, loop.frame_b))
+
+
+def frame_index(model: pin.Model, name: str) -> int:
+    """Index of a frame; of a link and a joint of the same name the link."""
+    found = [k for k, frame in enumerate(model.frames) if frame.name == name]
+    links = [k for k in found if model.frames[k].type == pin.FrameType.BODY]
+    return (links or found)[0]
+
+
+def _around(model: pin.Model, loop: PointLoop | FrameLoop) -> tuple[str, ...]:
+    """Joints of a loop: those that move one of its frames and not the other."""
+    frames = (frame_index(model, name) for name in (loop.frame_a, loop.frame_b))
+    a, b = (set(model.supports[model.frames[frame].parentJoint]) for frame in frames)
+    return tuple(model.names[joint] for joint in sorted(a ^ b))
+
+
+def _unknown_joints(
+    model: pin.Model,
+    loops: dict[str, PointLoop | FrameLoop],
+    followed: dict[str, LinearExpression],
+    idle: set[str] | frozenset[str],
+    config: Path,
+) -> tuple[str, ...]:
+    """Passive joints that no expression gives, in the tree's order."""
+    unknown: set[str] = set()
+    driven = {name for loop in loops.values() for name in (loop.active or ())}
+    for label, loop in loops.items():
+        around = _around(model, loop)
+        if not around:
+            raise RobotError(
+                f"{config}: no joint moves one of the frames of {label} and not the other: give frames on two "
+                "branches of the robot."
+            )
+        wrong = [name for name in loop.active or () if name not in around or name in followed]
+        if wrong:
+            what = "passive in a linear loop" if wrong[0] in followed else "not one of its joints"
+            raise RobotError(
+                f"{config}: {label} names {wrong[0]!r} as active, which is {what}: its joints are {', '.join(around)}."
+            )
+        passive = idle if loop.active is None else set(around) - driven
+        mine = [name for name in around if name in passive and name not in followed]
+        if not mine:
+            raise RobotError(
+                f"{config}: {label} has no passive joint: of {', '.join(around)}, list the driven ones under active, "
+                "or say actuated: false of the others."
+            )
+        unknown |= set(mine) - driven
+    return tuple(name for name in list(model.names)[1:] if name in unknown)

@@ -1,0 +1,158 @@
+# pyright: reportAttributeAccessIssue=false
+"""The shape of a robot as triangles: its visual meshes reduced to a budget of faces, or capsules along its links."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+
+import coal
+import numpy as np
+import pinocchio as pin
+from jaxtyping import Float, Int
+
+from phantom_dyn.errors import RobotError
+from phantom_dyn.model.robot import Robot
+from phantom_dyn.model.robot_files import find_robot
+from phantom_dyn.shapes.mesh_reduction import face_budgets, reduced, surface
+from phantom_dyn.shapes.solids import Mesh, ball, box, capsule, cylinder, joined, moved
+
+Array = np.ndarray
+
+FACES = 2000
+_WIDTH = 0.018  # radius of a capsule, relative to the reach of the robot
+_SHORT = 1e-3  # links below this length [m] have no direction to draw a capsule along
+_POINT = 0.05  # radius [m] of a robot that has no length at all
+
+
+@dataclass(frozen=True)
+class Shapes:
+    """Triangles of a robot, each in the frame of the joint that moves them.
+
+    Attributes:
+        links: One mesh per joint of Pinocchio's model, the first that of the fixed base; empty where there is none.
+        from_meshes: True if they are the visual shapes of the robot's file, False for capsules.
+    """
+
+    links: tuple[Mesh, ...]
+    from_meshes: bool
+
+
+def robot_shapes(robot: Robot, faces: int = FACES) -> Shapes:
+    """Visual shapes of the robot's file with at most ``faces`` triangles in all; capsules where there are none.
+
+    A mesh file that is missing, or that cannot be read, takes capsules for the whole robot: half a robot misleads.
+    """
+    parts = _visuals(robot)
+    from_meshes = bool(parts)
+    if not parts:
+        parts = [(joint, mesh) for joint, mesh in enumerate(capsules(robot.model)) if len(mesh.faces)]
+    budgets = face_budgets([surface(mesh) for _, mesh in parts], [len(mesh.faces) for _, mesh in parts], faces)
+    links: list[list[Mesh]] = [[] for _ in range(robot.model.njoints)]
+    for (joint, mesh), budget in zip(parts, budgets, strict=True):
+        links[joint].append(reduced(mesh, budget))
+    return Shapes(tuple(joined(meshes) for meshes in links), from_meshes)
+
+
+def package_folders(file: Path) -> list[str]:
+    """Where ``package://`` may lead: the folders above the file; Pinocchio adds those that ROS's variables name."""
+    return [str(folder) for folder in file.resolve().parents]
+
+
+def capsules(model: pin.Model) -> tuple[Mesh, ...]:
+    """A capsule from each joint to those that it carries, and to the tip or centre of mass of the last ones."""
+    ends = [_ends(model, joint) for joint in range(model.njoints)]
+    reach = np.zeros(model.njoints)
+    for joint in range(1, model.njoints):
+        reach[joint] = reach[model.parents[joint]] + np.linalg.norm(model.jointPlacements[joint].translation)
+    longest = max(far + float(np.linalg.norm(end)) for far, link in zip(reach, ends, strict=True) for end in link)
+    radius = _WIDTH * longest if longest > _SHORT else _POINT
+    links = []
+    for joint, link in enumerate(ends):
+        solids = [capsule(np.zeros(3), end, radius) for end in link if np.linalg.norm(end) > _SHORT]
+        # A linear joint without length is its own carriage, see `joint_solid`.
+        if joint and not solids and not joint_axis(model, joint)[1]:
+            solids = [ball(np.zeros(3), radius)]
+        links.append(joined(solids))
+    return tuple(links)
+
+
+def joint_axis(model: pin.Model, joint: int) -> tuple[Float[Array, "3"], bool]:
+    """Axis of a joint in its own frame, and whether it is linear."""
+    twist = np.asarray(model.joints[joint].createData().S, dtype=float).reshape(6)
+    linear = bool(np.linalg.norm(twist[:3]) > 0)
+    return (twist[:3] if linear else twist[3:]), linear
+
+
+def joint_solid(model: pin.Model, joint: int, size: float) -> Mesh:
+    """What shows a joint: a drum along the axis of a revolute one, a bar along that of a linear one.
+
+    Args:
+        model: Pinocchio's model.
+        joint: Its index, from 1 on.
+        size: Size of the robot [m].
+
+    Returns:
+        Triangles in the frame of the joint.
+    """
+    axis, linear = joint_axis(model, joint)
+    return box(axis, 0.16 * size, 0.06 * size) if linear else cylinder(axis, 0.11 * size, 0.036 * size)
+
+
+def _ends(model: pin.Model, joint: int) -> list[Float[Array, "3"]]:
+    """Where the link of a joint leads, in the joint's frame."""
+    children = [k for k in range(1, model.njoints) if model.parents[k] == joint]
+    if children or joint == 0:
+        return [np.array(model.jointPlacements[k].translation) for k in children]
+    frames = [np.array(f.placement.translation) for f in model.frames if f.parentJoint == joint]
+    far = max(frames, key=lambda end: float(np.linalg.norm(end)), default=np.zeros(3))
+    # Many files end with the last joint: the mass then says where the link goes.
+    centre = 2 * np.array(model.inertias[joint].lever)
+    return [far if np.linalg.norm(far) >= np.linalg.norm(centre) else centre]
+
+
+def _visuals(robot: Robot) -> list[tuple[int, Mesh]]:
+    """Visual shapes of the robot's file: index of the joint that moves each, triangles in that joint's frame."""
+    try:
+        path = find_robot(robot.source)
+        if path.suffix == ".urdf":
+            full = pin.buildModelFromUrdf(str(path))
+            shapes = pin.buildGeomFromUrdf(full, str(path), pin.VISUAL, package_dirs=package_folders(path))
+        else:
+            full = pin.buildModelFromMJCF(str(path))
+            shapes = pin.buildGeomFromMJCF(full, str(path), pin.VISUAL)
+    except (RobotError, ValueError, RuntimeError):  # a picture is never a reason to refuse a diagnosis
+        return []
+    names = list(robot.model.names)
+    out = []
+    for shape in shapes.geometryObjects:
+        joint, placement = shape.parentJoint, shape.placement
+        # Joints that are held fixed are no joints of the robot: their links move with the joint before.
+        while joint and full.names[joint] not in names:
+            placement, joint = full.jointPlacements[joint] * placement, full.parents[joint]
+        mesh = _triangles(shape.geometry)
+        if len(mesh.faces):
+            index = names.index(full.names[joint]) if joint else 0
+            out.append((index, moved(mesh, placement.rotation, placement.translation)))
+    return out
+
+
+def _triangles(geometry: coal.CollisionGeometry) -> Mesh:
+    if isinstance(geometry, coal.BVHModelBase):
+        return Mesh(np.array(geometry.vertices(), dtype=float), _faces(geometry))
+    if isinstance(geometry, coal.Box):
+        x, y, z = 2 * np.array(geometry.halfSide)
+        return box(np.array([0.0, 0.0, 1.0]), z, x, y)
+    if isinstance(geometry, coal.Cylinder):
+        return cylinder(np.array([0.0, 0.0, 1.0]), 2 * geometry.halfLength, geometry.radius)
+    if isinstance(geometry, coal.Capsule):
+        half = np.array([0.0, 0.0, geometry.halfLength])
+        return capsule(-half, half, geometry.radius)
+    if isinstance(geometry, coal.Sphere):
+        return ball(np.zeros(3), geometry.radius)
+    return joined([])
+
+
+def _faces(geometry: coal.BVHModelBase) -> Int[Array, "F 3"]:
+    triangles = (geometry.tri_indices(k) for k in range(geometry.num_tris))
+    return np.array([(t[0], t[1], t[2]) for t in triangles], dtype=int).reshape(-1, 3)

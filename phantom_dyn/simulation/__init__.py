@@ -1,0 +1,1 @@
+"""A robot that differs from its model, moved by its drives."""

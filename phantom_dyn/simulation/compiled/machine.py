@@ -1,0 +1,146 @@
+"""A machine and its effects as arrays for compiled steps, where all of them are such as compiled steps know."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import NamedTuple
+
+import numpy as np
+
+from phantom_dyn._kernels.jit import compiles
+from phantom_dyn._kernels.tree_arrays import FREE
+from phantom_dyn.dynamics.dynamics import gravity_torque, mass_matrix
+from phantom_dyn.effects.effect import Simulated
+from phantom_dyn.model.robot import Robot
+from phantom_dyn.simulation.compiled.arm_steps import Arm, run_arm
+from phantom_dyn.simulation.compiled.arrays import AT_SAMPLES, AT_STEPS, GIVEN, Control, Laws, Lines, lines_of, packed
+from phantom_dyn.simulation.compiled.axis_steps import Axis, run_axis
+from phantom_dyn.simulation.compiled.laws import COMMANDS, READINGS, TORQUES
+from phantom_dyn.simulation.compiled.links import Chain, at_root, chain_of, joint_rows
+from phantom_dyn.simulation.control import Tracking
+from phantom_dyn.simulation.stepping import Machine
+
+Array = np.ndarray
+
+
+class Compiled(NamedTuple):
+    """All that compiled steps take before the controller and the state.
+
+    Attributes:
+        run: The compiled loop.
+        machine: Its machine.
+        torques: Laws of the torque channel.
+        commands: Laws of the drives.
+        readings: Laws of the encoders.
+        lines: Delay lines of the drives.
+    """
+
+    run: Callable[..., int]
+    machine: Axis | Arm
+    torques: Laws
+    commands: Laws
+    readings: Laws
+    lines: Lines
+
+
+def compiled(machine: Machine, parts: tuple[Simulated, ...], t: Array, counts: Array) -> Compiled | None:
+    """Machine and effects for ``counts[k]`` steps between ``t[k]`` and ``t[k + 1]``; None where Python has to step.
+
+    That is so without numba, for closed chains whose loops are solved numerically, and for effects that have Python
+    laws only.
+    """
+    chain = machine.robot.chain
+    if not compiles() or (chain is not None and chain.anchors):
+        return None
+    laws = [law for part in parts for law in part.laws]
+    channels = [[law for law in laws if law.function in known] for known in (TORQUES, COMMANDS, READINGS)]
+    if sum(map(len, channels)) < len(laws) or not all(part.laws or _is_silent(part) for part in parts):
+        return None
+    one = machine.nv == 1 and chain is None
+    found = (_axis(machine), run_axis) if one else (_arm(machine), run_arm)
+    if found[0] is None:
+        return None
+    torques, commands, readings = (
+        packed(channel, known) for channel, known in zip(channels, (TORQUES, COMMANDS, READINGS), strict=True)
+    )
+    return Compiled(found[1], found[0], torques, commands, readings, lines_of(channels[1], t, counts))
+
+
+def control_of(controller: Callable, robot: Robot) -> Control:
+    """A tracking law as arrays, empty ones for any other controller."""
+    if not isinstance(controller, Tracking):
+        return Control(GIVEN, np.zeros(2), np.zeros((2, robot.nv, 6)), np.zeros(robot.nv), np.zeros(1, np.int64))
+    law = controller
+    tables = np.stack([law.feedforward, law.q_ref, law.v_ref, law.kp, law.kd, law.extra], axis=-1)
+    mode = AT_SAMPLES if robot.torque_hold == "zoh" else AT_STEPS
+    return Control(mode, np.array(law.t), np.ascontiguousarray(tables), np.array(law.limits), np.zeros(1, np.int64))
+
+
+def _is_silent(part: Simulated) -> bool:
+    """True if an effect needs no law: it changes the robot or its transmissions only."""
+    return part.command is None and part.torque is None and part.reading is None
+
+
+def _arm(machine: Machine) -> Arm | None:
+    robot, nv, loose = machine.robot, machine.nv, list(machine.loose)
+    arrays = robot.arrays
+    if arrays is None or FREE in arrays.kinds:
+        return None
+    numbers, places = joint_rows(arrays)
+    drives = np.array(machine.drives, np.int64)
+    n = nv + len(loose)
+    added = np.zeros((n, n))
+    added[drives, drives] = machine.rotor
+    added[np.ix_(drives, drives)] += machine.coupled
+    chain, carried = _chain(robot)
+    added[:nv, :nv] += carried
+    numbers_of_joints = (machine.rotor, robot.viscous_friction, robot.coulomb_friction)
+    rotor, viscous, coulomb = (np.array(part, dtype=float) for part in numbers_of_joints)
+    root = at_root(len(places), robot.model.gravity.linear)
+    stiffness, damping, gap = (
+        np.array(part, dtype=float) for part in (machine.stiffness, machine.damping, machine.gap)
+    )
+    return Arm(
+        numbers, places, root, added, rotor, viscous, coulomb, drives,
+        np.array(machine.encoders, np.int64), np.array(loose, np.int64), stiffness, damping, gap, chain,
+    )  # fmt: skip
+
+
+def _chain(robot: Robot) -> tuple[Chain, Array]:
+    """How the tree follows the active joints, and what inertia rotors on passive joints add to these, ``(nv, nv)``."""
+    given = robot.chain
+    if given is None:
+        return chain_of(np.zeros((0, robot.nv)), *np.zeros((3, 0))), np.zeros((robot.nv, robot.nv))
+    passive, S = list(given.passive), given.linear_map
+    viscous, coulomb = np.zeros((2, len(S)))
+    viscous[passive], coulomb[passive] = given.viscous_friction, given.coulomb_friction
+    rotors = S[passive].T @ (robot.model.armature[passive, None] * S[passive])
+    return chain_of(S, given.offset, viscous, coulomb), rotors
+
+
+def _axis(machine: Machine) -> Axis | None:
+    robot = machine.robot
+    arrays = robot.arrays
+    # Joints that are held fixed leave one joint and one body.
+    if arrays is None or len(arrays.kinds) != 2 or FREE in arrays.kinds:
+        return None
+    loose, rotor = bool(machine.loose), float(machine.rotor[0]) + float(machine.coupled[0, 0])
+    at = gravity_torque(robot, np.array([[0.0], [0.5 * np.pi]]))[:, 0]
+    link = float(mass_matrix(robot, np.zeros((1, 1)))[0, 0, 0])
+    stiffness, damping, gap = (
+        float(part[0]) if loose else 0.0 for part in (machine.stiffness, machine.damping, machine.gap)
+    )
+    return Axis(
+        link - float(machine.rotor[0]) if loose else link + float(machine.coupled[0, 0]),
+        rotor,
+        loose,
+        float(robot.viscous_friction[0]),
+        float(robot.coulomb_friction[0]),
+        stiffness,
+        damping,
+        gap,
+        float(at[0]),
+        float(at[1]),
+        not bool(robot.prismatic[0]) and bool(np.any(at != 0.0)),
+        machine.encoders[0] == 1,
+    )

@@ -1,0 +1,148 @@
+"""Control laws: gravity compensation, computed torque, and a controller that follows tables.
+
+Torques of model-based control: gravity compensation and computed torque.
+
+A controller that follows tables: the one kind of controller that compiled simulations call without Python.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from jaxtyping import Float
+
+from phantom_dyn.dynamics.dynamics import gravity_torque, inverse_dynamics
+from phantom_dyn.errors import ParameterError
+from phantom_dyn.model.robot import Robot
+from phantom_dyn.motion import Motion, read_only
+
+Array = np.ndarray
+
+
+def gravity_compensation(robot: Robot, q: Float[Array, "N nv"]) -> Float[Array, "N nv"]:
+    """Drive torque [N m or N] under which the robot hangs free of weight, shape ``(N, nv)``.
+
+    Args:
+        robot: A plain robot or a closed chain.
+        q: Measured joint positions [rad or m], shape ``(N, nv)``.
+
+    Raises:
+        ChainError: If a loop of a closed chain cannot be closed at a sample.
+    """
+    return gravity_torque(robot, q)
+
+
+def computed_torque(
+    robot: Robot,
+    reference: Motion,
+    q: Float[Array, "N nv"],
+    v: Float[Array, "N nv"],
+    *,
+    kp: Float[Array, " nv"],
+    kd: Float[Array, " nv"],
+) -> Float[Array, "N nv"]:
+    r"""Drive torque under which the error of a robot like its model dies out as that of free masses on springs.
+
+    :math:`\tau = M(q)\,(a_r + k_d (v_r - v) + k_p (q_r - q)) + C(q, v) v + g(q)` plus the modelled friction at the
+    measured velocity, so that :math:`\ddot e + k_d \dot e + k_p e = 0` for each joint.
+
+    Args:
+        robot: A plain robot or a closed chain.
+        reference: Wanted motion, N samples.
+        q: Measured joint positions [rad or m], shape ``(N, nv)``.
+        v: Measured velocities, shape ``(N, nv)``.
+        kp: Gains [1/s2], shape ``(nv,)``.
+        kd: Gains [1/s], shape ``(nv,)``.
+
+    Returns:
+        Torque [N m or N], shape ``(N, nv)``.
+
+    Raises:
+        ParameterError: If a gain is negative or not finite.
+        LogError: If a measured value is not finite.
+        ChainError: If a loop of a closed chain cannot be closed at a sample.
+    """
+    for name, gain in (("kp", kp), ("kd", kd)):
+        if not (np.isfinite(gain).all() and (gain >= 0).all()):
+            raise ParameterError(f"The gains {name} are {gain}: give numbers of 0 or more.")
+    a = reference.a + kd * (reference.v - v) + kp * (reference.q - q)
+    return inverse_dynamics(robot, Motion(reference.t, q, v, a))
+
+
+@dataclass(frozen=True)
+class Tracking:
+    r"""Drive torque :math:`\mathrm{clip}(f + k_p (q_r - q) + k_d (v_r - v)) + e` from tables over time.
+
+    Linear between the times, held before the first and behind the last.
+
+    Attributes:
+        t: Times [s], increasing, at least two, shape ``(N,)``.
+        feedforward: Torque f [N m or N], shape ``(N, nv)``.
+        q_ref: Wanted positions [rad or m], shape ``(N, nv)``.
+        v_ref: Wanted velocities, shape ``(N, nv)``.
+        kp: Gains [N m/rad or N/m], shape ``(N, nv)``.
+        kd: Gains [N m s/rad or N s/m], shape ``(N, nv)``.
+        extra: Torque e behind the limit, shape ``(N, nv)``.
+        limits: Of the part in brackets, shape ``(nv,)``; infinite where there is none.
+    """
+
+    t: Float[Array, " N"]
+    feedforward: Float[Array, "N nv"]
+    q_ref: Float[Array, "N nv"]
+    v_ref: Float[Array, "N nv"]
+    kp: Float[Array, "N nv"]
+    kd: Float[Array, "N nv"]
+    extra: Float[Array, "N nv"]
+    limits: Float[Array, " nv"]
+
+    def __post_init__(self):
+        for name in ("t", "feedforward", "q_ref", "v_ref", "kp", "kd", "extra", "limits"):
+            object.__setattr__(self, name, read_only(getattr(self, name)))
+        if self.t.ndim != 1 or len(self.t) < 2 or not (np.diff(self.t) > 0).all():
+            raise ParameterError("The times of a tracking law do not increase: give at least two.")
+        wanted = (len(self.t), len(np.atleast_1d(self.limits)))
+        for name in ("feedforward", "q_ref", "v_ref", "kp", "kd", "extra"):
+            table = getattr(self, name)
+            if table.shape != wanted:
+                raise ParameterError(
+                    f"{name} of a tracking law has shape {table.shape}, wanted {wanted}: times by joints."
+                )
+            if not np.isfinite(table).all():
+                raise ParameterError(f"{name} of a tracking law is not finite everywhere: give finite numbers.")
+        if not (self.limits >= 0).all():
+            raise ParameterError("A limit of a tracking law is negative or not a number: give zero or more.")
+
+    def __call__(self, t: float, q: Array, v: Array) -> Array:
+        """Torque at time ``t`` from position readings and velocities, shape ``(nv,)``."""
+        k = int(np.clip(np.searchsorted(self.t, t, side="right") - 1, 0, len(self.t) - 2))
+        share = min(max((t - self.t[k]) / (self.t[k + 1] - self.t[k]), 0.0), 1.0)
+        f, q_ref, v_ref, kp, kd, extra = (
+            (1.0 - share) * table[k] + share * table[k + 1]
+            for table in (self.feedforward, self.q_ref, self.v_ref, self.kp, self.kd, self.extra)
+        )
+        return np.clip(f + kp * (q_ref - q) + kd * (v_ref - v), -self.limits, self.limits) + extra
+
+
+def torque_over_time(t: Float[Array, " N"], torque: Float[Array, "N nv"]) -> Tracking:
+    """A controller that plays torques [N m or N] whatever the motion."""
+    torque = np.asarray(torque, dtype=float)
+    if torque.ndim != 2:
+        raise ParameterError(f"The torque has shape {torque.shape}, wanted a row a time and a column a joint.")
+    none = np.zeros_like(torque)
+    return Tracking(t, torque, none, none, none, none, none, np.full(torque.shape[1], np.inf))
+
+
+def position_control(
+    t: Float[Array, " N"],
+    q_ref: Float[Array, "N nv"],
+    v_ref: Float[Array, "N nv"],
+    *,
+    kp: Float[Array, " nv"],
+    kd: Float[Array, " nv"],
+) -> Tracking:
+    """A controller of position with constant gains, without a limit."""
+    q_ref = np.asarray(q_ref, dtype=float)
+    none = np.zeros_like(q_ref)
+    gains = np.broadcast_to(kp, q_ref.shape), np.broadcast_to(kd, q_ref.shape)
+    return Tracking(t, none, q_ref, v_ref, *gains, none, np.full(q_ref.shape[-1], np.inf))

@@ -1,0 +1,280 @@
+"""A robot that differs from its model, moved by its drives: what a recording of it would hold.
+
+The effects' channels in a simulation that Python steps: commands, torques and readings with their states.
+
+A robot that differs from its model, moved by its drives: what a recording of it would hold.
+
+Effects enter through their `phantom_dyn.effects.effect.Simulated` channels, in the order in which they are given:
+command -> drive -> transmission -> links -> reading. Friction, rotor and the effects' torques act on the motor's side
+of a transmission that is not rigid.
+
+Steps are compiled and free of the GIL where machine and effects are such as `phantom_dyn.simulation.compiled.machine`
+knows; with a `phantom_dyn.simulation.control.Tracking` as controller there is no Python between first and last sample.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, field
+
+import numpy as np
+from jaxtyping import Float
+
+from phantom_dyn.effects.effect import Effect, Moment, Simulated
+from phantom_dyn.errors import ParameterError
+from phantom_dyn.model.robot import Robot
+from phantom_dyn.motion import Motion, read_only
+from phantom_dyn.simulation.compiled.arrays import Moving, Rows, moving_from, rows_for
+from phantom_dyn.simulation.compiled.machine import Compiled, compiled, control_of
+from phantom_dyn.simulation.control import Tracking
+from phantom_dyn.simulation.stepping import Machine, State, in_balance, longest_step, machine_of, stepped, with_motors
+
+Array = np.ndarray
+
+# What a drive is asked for [N m or N], shape (nv,), from time, position readings and velocities at the encoders.
+Controller = Callable[[float, Array, Array], Array]
+
+
+class Channels:
+    """The effects' channels with their states, which move on with every step."""
+
+    def __init__(self, machine: Machine, parts: tuple[Simulated, ...], controller: Controller, *, held: bool):
+        self._controller, self._held = controller, held
+        self._seen, self._drives = list(machine.encoders), list(machine.drives)
+        self._readings = [part.reading for part in parts if part.reading is not None]
+        self._commands = [part.command for part in parts if part.command is not None]
+        self._laws = [part.torque for part in parts if part.torque is not None]
+        self._command_states = [part.start for part in parts if part.command is not None]
+        self._law_states = [part.start for part in parts if part.torque is not None]
+        self._asked = np.zeros(machine.robot.nv)
+        self._given: Array | None = None
+
+    def reading(self, state: State) -> Array:
+        """Position readings of a state."""
+        return self._read(state.x[self._seen])
+
+    def _read(self, q: Array) -> Array:
+        for reading in self._readings:
+            q = reading(q)
+        return q
+
+    def sample(self, t: float, state: State) -> tuple[Array, Array]:
+        """What the drives are asked for at a sample, and what they gave in the step before it."""
+        self._asked = self.ask(t, state.x, state.v)
+        return self._asked, self._asked if self._given is None else self._given
+
+    def ask(self, t: float, x: Array, v: Array) -> Array:
+        """What the controller asks of the drives in a state."""
+        tau = np.asarray(self._controller(t, self._read(x[self._seen]), v[self._seen]), dtype=float)
+        if tau.shape != (len(self._drives),):
+            wanted = f"wanted {len(self._drives)} numbers, one a joint"
+            raise ParameterError(f"The controller gave a torque of shape {tau.shape}, {wanted}.")
+        return tau
+
+    def torques(self, h: float) -> Callable[[float, Array, Array, Array], tuple[Array, Array]]:
+        """Drive torque and the effects' torques for one step of ``h`` seconds."""
+
+        def at(t: float, x: Array, v: Array, transmitted: Array) -> tuple[Array, Array]:
+            tau = self._asked if self._held else self.ask(t, x, v)
+            for i, command in enumerate(self._commands):
+                self._command_states[i], tau = command(self._command_states[i], h, tau)
+            self._given = tau
+            added = np.zeros(len(tau))
+            if not self._laws:
+                return tau, added
+            moment = Moment(t, x[self._drives], v[self._drives], transmitted)
+            for i, law in enumerate(self._laws):
+                self._law_states[i], torque = law(self._law_states[i], h, moment)
+                added = added + torque
+            return tau, added
+
+        return at
+
+
+# No robot moves at this speed [rad/s or m/s]: the integration has blown up, or the drives push without end.
+_TOO_FAST = 1e6
+_MOTORS = ("motors[0]", "motors[1]")
+
+
+@dataclass(frozen=True)
+class Cause:
+    """An effect in its place with the contract's parameters in order."""
+
+    effect: Effect
+    joint: str | None
+    theta: Float[Array, " p"]
+
+
+@dataclass(frozen=True)
+class Simulation:
+    """What a recording of the robot holds, and what it does not.
+
+    Attributes:
+        t: Time [s], shape ``(N,)``.
+        q: Position readings [rad or m], shape ``(N, nv)``.
+        tau: Torque columns, shape ``(N, nv)``: what was asked of the drives, or what they gave if ``torque_source``
+            is ``sensor``.
+        encoders: True motion where the encoders sit (motor or link), without what readings add.
+        links: True motion of the links.
+    """
+
+    t: Float[Array, " N"]
+    q: Float[Array, "N nv"]
+    tau: Float[Array, "N nv"]
+    encoders: Motion = field(repr=False)
+    links: Motion = field(repr=False)
+
+    def __post_init__(self):
+        for name in ("t", "q", "tau"):
+            object.__setattr__(self, name, read_only(getattr(self, name)))
+
+
+def simulate(
+    robot: Robot,
+    causes: tuple[Cause, ...],
+    controller: Controller,
+    t: Float[Array, " N"],
+    q0: Float[Array, " nv"],
+    v0: Float[Array, " nv"] | None = None,
+    *,
+    max_step: float = 5e-4,
+    motors: tuple[Float[Array, " nv"], Float[Array, " nv"]] | None = None,
+) -> Simulation:
+    """Motion of ``robot`` with ``causes`` in it, from ``q0``, ``v0`` at ``t[0]``.
+
+    The torque is held from ``t[k]`` to ``t[k+1]`` if ``robot.torque_hold`` is ``zoh``, else it follows the controller
+    at every step. Accelerations are means over one step before and one after a sample.
+
+    Args:
+        robot: The given model.
+        causes: What the real robot has besides.
+        controller: Torque from time, readings and velocities; a plain function, without memory.
+        t: Sample times [s], increasing, of any spacing.
+        q0: True link positions at the start [rad or m].
+        v0: True link velocities at the start; 0 by default.
+        max_step: Longest step [s]; transmissions take shorter ones by themselves.
+        motors: Positions and velocities at the start of the motors that are not rigidly tied to their links, one a
+            joint; those of other joints do not count. None: where they carry what the links need to go on.
+
+    Raises:
+        ParameterError: If times do not increase, an array has the wrong length, a motor without inertia would have to
+            move by itself, or the motion leaves all bounds.
+    """
+    v0 = np.zeros(robot.nv) if v0 is None else v0
+    starts = {"q0": q0, "v0": v0} | ({} if motors is None else dict(zip(_MOTORS, motors, strict=True)))
+    _check(robot, controller, t, starts, max_step)
+    parts = tuple(cause.effect.simulated(robot, cause.joint, np.asarray(cause.theta, dtype=float)) for cause in causes)
+    true = robot
+    for part in parts:
+        true = true if part.robot is None else part.robot(true)
+    machine = machine_of(
+        true,
+        tuple(part.transmission for part in parts if part.transmission is not None),
+        tuple(part.inertia for part in parts if part.inertia is not None),
+    )
+    t, start = np.array(t, dtype=float), in_balance(machine, np.array(q0, dtype=float), np.array(v0, dtype=float))
+    start = start if motors is None else with_motors(machine, start, *motors)
+    spans = np.append(np.diff(t), 0.0)
+    counts = np.ceil(spans / min(max_step, longest_step(machine, start.x[: robot.nv])) - 1e-9).astype(np.int64)
+    counts[:-1] = np.maximum(counts[:-1], 1)
+    plan = _Plan(t, spans / np.maximum(counts, 1), counts, held=robot.torque_hold == "zoh")
+    steps = compiled(machine, parts, t, counts)
+    channels = Channels(machine, parts, controller, held=plan.held)
+    if steps is None:
+        rows = _in_python(machine, start, channels, plan)
+    else:
+        moving = moving_from(start.x, start.v, start.transmitted)
+        rows = _compiled(steps, moving, channels, plan, controller, robot)
+    return _recorded(machine, t, rows, sensed=robot.torque_source == "sensor")
+
+
+@dataclass(frozen=True)
+class _Plan:
+    """Sample times [s], length and number of the steps behind each, and whether torque is held between samples."""
+
+    t: Float[Array, " N"]
+    steps: Float[Array, " N"]
+    counts: np.ndarray
+    held: bool
+
+
+def _in_python(machine: Machine, state: State, channels: Channels, plan: _Plan) -> Rows:
+    """Any machine with any effects."""
+    rows = rows_for(len(plan.t), machine.nv, len(state.x))
+    for k, (t, h, count) in enumerate(zip(plan.t.tolist(), plan.steps.tolist(), plan.counts.tolist(), strict=True)):
+        rows.asked[k], rows.given[k] = channels.sample(t, state)
+        rows.q[k], rows.x[k], rows.v[k] = channels.reading(state), state.x, state.v
+        rows.before[k] = rows.after[k] = state.a
+        for i in range(count):
+            state = stepped(machine, state, t + i * h, h, channels.torques(h))
+            if not np.abs(state.v).max() < _TOO_FAST:
+                raise _unbounded(t)
+            if i == 0:
+                rows.after[k] = state.a
+    return rows
+
+
+def _compiled(
+    steps: Compiled, moving: Moving, channels: Channels, plan: _Plan, controller: Controller, robot: Robot
+) -> Rows:
+    """Machines and effects that are compiled: all at once under a tracking law, else from one call to the next."""
+    rows = rows_for(len(plan.t), robot.nv, len(moving.x))
+    control = control_of(controller, robot)
+
+    def run(t: Array, h: Array, counts: Array, out: Rows) -> None:
+        broke = steps.run(*steps[1:], control, moving, t, h, counts, _TOO_FAST, out)
+        if broke >= 0:
+            raise _unbounded(float(t[broke]))
+
+    if isinstance(controller, Tracking):
+        run(plan.t, plan.steps, plan.counts, rows)
+        return rows
+    none, one, scratch = np.zeros(1, np.int64), np.ones(1, np.int64), rows_for(1, robot.nv, len(moving.x))
+    for k in range(len(plan.t)):
+        here = slice(k, k + 1)
+        t, h, out = plan.t[here], plan.steps[here], Rows(*(part[here] for part in rows))
+        moving.asked[:] = channels.ask(float(t[0]), moving.x, moving.v)
+        if plan.held:
+            run(t, h, plan.counts[here], out)
+            continue
+        run(t, h, none, out)
+        for i in range(plan.counts[k]):
+            x, v = moving.x + 0.5 * h * moving.v, moving.v + 0.5 * h * moving.a
+            moving.asked[:] = channels.ask(float(t[0] + (i + 0.5) * h[0]), x, v)
+            run(t, h, one, scratch)
+            if i == 0:
+                rows.after[k] = moving.a
+    return rows
+
+
+def _check(robot: Robot, controller: Controller, t: Array, starts: dict[str, Array], max_step: float) -> None:
+    if np.ndim(t) != 1 or len(t) < 2 or not np.isfinite(t).all() or not (np.diff(t) > 0).all():
+        raise ParameterError("The times of a simulation do not increase: give at least two, each later than the last.")
+    for name, values in starts.items():
+        if np.shape(values) != (robot.nv,):
+            raise ParameterError(f"{name} has shape {np.shape(values)}, wanted {robot.nv} numbers, one a joint.")
+        if not np.isfinite(values).all():
+            raise ParameterError(f"{name} is {values}: give finite numbers.")
+    if not max_step > 0:
+        raise ParameterError(f"max_step is {max_step} s: give a length above zero.")
+    if isinstance(controller, Tracking) and len(controller.limits) != robot.nv:
+        raise ParameterError(
+            f"The tracking law is one of {len(controller.limits)} joints and the robot has {robot.nv}: give as many."
+        )
+
+
+def _unbounded(t: float) -> ParameterError:
+    return ParameterError(
+        f"The motion leaves all bounds after {t:.4g} s: check controller and parameters, or shorten max_step."
+    )
+
+
+def _recorded(machine: Machine, t: Array, rows: Rows, *, sensed: bool) -> Simulation:
+    nv, seen = machine.nv, list(machine.encoders)
+    # The mean over the steps before and after a sample; at both ends there is one of them.
+    a = 0.5 * (rows.before + rows.after)
+    a[0], a[-1] = rows.after[0], rows.before[-1]
+    x, v = rows.x, rows.v
+    links = Motion(t, x[:, :nv], v[:, :nv], a[:, :nv])
+    encoders = Motion(t, x[:, seen], v[:, seen], a[:, seen])
+    return Simulation(t, rows.q, rows.given if sensed else rows.asked, encoders, links)
