@@ -1,0 +1,91 @@
+from __future__ import annotations
+
+import copy
+import json
+
+import pytest
+
+from benchmarks.same_answers import Comparison, compare, compared, line, main
+from benchmarks.same_answers_cases import recordings
+
+RIVAL = {"effects": [{"effect": "stribeck_friction", "joint": "j1"}], "probability": 0.2}
+ANSWER = {
+    "inputs": "0123",
+    "verdict": "explained",
+    "joints": [{"joint": "j1", "noise_floor": 0.04}],
+    "findings": [
+        {
+            "effect": "coulomb_friction",
+            "joint": "j1",
+            "regime": None,
+            "parameters": {"torque": {"value": 0.5, "std": 0.01}},
+            "rivals": [RIVAL],
+        }
+    ],
+    "bounds": [{"effect": "payload", "joint": None, "parameter": "mass", "below": 0.1}],
+}
+
+
+@pytest.fixture
+def changed() -> dict:
+    return copy.deepcopy(ANSWER)
+
+
+def test_an_answer_is_the_same_as_itself(changed):
+    assert compared(ANSWER, changed) == Comparison((), {})
+    assert line(compared(ANSWER, changed)) == "same"
+
+
+def test_a_changed_verdict_is_reported(changed):
+    changed["verdict"] = "unknown"
+    assert compared(ANSWER, changed).words == ("verdict explained -> unknown",)
+
+
+def test_a_moved_size_is_reported_with_how_far_and_is_no_other_answer(changed, capsys):
+    changed["findings"][0]["parameters"]["torque"]["value"] = 0.5 * (1 + 1e-6)
+    found = compared(ANSWER, changed)
+    assert found.words == ()
+    assert found.sizes == {
+        "findings: coulomb_friction j1: parameters: torque: value": pytest.approx(1e-6, rel=1e-3),
+    }
+    assert compared(ANSWER, changed, rtol=1e-5).sizes == {}
+    assert compare({"a": ANSWER}, {"a": changed}, 1e-9) == 0
+    assert "a: sizes differ by up to 1.0e-06: findings: coulomb_friction j1" in capsys.readouterr().out
+
+
+def test_a_lost_rival_is_reported(changed):
+    changed["findings"][0]["rivals"] = []
+    (words,) = compared(ANSWER, changed).words
+    assert words == "findings: coulomb_friction j1: rivals [stribeck_friction j1] -> []"
+
+
+def test_a_size_that_became_nothing_is_another_answer(changed):
+    changed["bounds"][0]["below"] = None
+    assert compared(ANSWER, changed).words == ("bounds: payload mass: below 0.1 -> None",)
+
+
+def test_findings_in_another_order_are_another_answer(changed):
+    changed["findings"].append({**ANSWER["findings"][0], "joint": "j2"})
+    turned = {**changed, "findings": changed["findings"][::-1]}
+    (words,) = compared(changed, turned).words
+    assert words == "findings [coulomb_friction j1, coulomb_friction j2] -> [coulomb_friction j2, coulomb_friction j1]"
+
+
+def test_a_part_that_is_missing_is_another_answer(changed):
+    del changed["bounds"]
+    assert compared(ANSWER, changed).words
+
+
+def test_the_exit_code_says_whether_all_answers_are_the_same(changed, tmp_path, capsys):
+    changed["verdict"] = "unknown"
+    one, other = tmp_path / "one.json", tmp_path / "other.json"
+    one.write_text(json.dumps({"a": ANSWER, "b": ANSWER, "c": ANSWER}))
+    other.write_text(json.dumps({"a": ANSWER, "b": changed}))
+    assert main(["compare", str(one), str(one)]) == 0
+    assert main(["compare", str(one), str(other)]) == 1
+    assert capsys.readouterr().out.splitlines()[-1] == "1 same, 0 with other sizes only, 2 different"
+    assert main(["compare", str(one), str(other), "--only", "a"]) == 0
+
+
+def test_there_are_forty_recordings_each_with_its_own_name():
+    assert len({recording.name for recording in recordings()}) == 40
