@@ -12,7 +12,7 @@ _EXAMPLES_IN_PACKAGE = "cmeel.prefix/share/example-robot-data/robots"
 _SUFFIXES = (".urdf", ".xml", ".mjcf")
 
 
-def urdf_folder(package: Path = Path(__file__).parent) -> Path | None:
+def urdf_folder(package: Path = Path(__file__).parents[1]) -> Path | None:
     """Folder of the built-in robots: inside the installed package, or beside the packages in a checkout."""
     for folder in (package / "urdf", package.parent / "urdf"):
         if any(folder.glob("*/robot.*")):
