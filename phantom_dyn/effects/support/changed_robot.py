@@ -38,8 +38,7 @@ def with_rotor_inertia(robot: Robot, joint: str | None, inertia: float) -> Robot
 
 
 def with_parameters(robot: Robot, change: Float[Array, " p"]) -> Robot:
-    """``robot`` with a change of its standard parameters, in the order of
-    `phantom_dyn.dynamics.dynamics.standard_parameters`.
+    """``robot`` with a change of its parameters, in the order of `standard_parameters`.
 
     Raises:
         RobotError: If a link would weigh nothing or less.

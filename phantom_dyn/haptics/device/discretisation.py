@@ -65,9 +65,7 @@ class SampledAxis:
 
     @cached_property
     def loop(self) -> tuple[int, float, float, Array, Array, Array]:
-        """Steps, feed-through, and the polynomials of
-        `phantom_dyn.haptics.device.frequency_kernels.loop_polynomials`.
-        """
+        """Steps, feed-through, and the polynomials of `loop_polynomials`."""
         polynomials = loop_polynomials(self.transition, self.newer, self.older, self.output)
         return (self.steps, self.direct_now, self.direct_before, *polynomials)
 

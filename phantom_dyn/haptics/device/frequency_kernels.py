@@ -199,8 +199,7 @@ def crossings(grid, period, loop, scaled, fixed):
 
 @jit
 def lowest_gain(low, modes, period, delay, loop, virtual_damping):
-    """Critical stiffness and its frequency, as `phantom_dyn.haptics.stability.critical_stiffness.critical_stiffness`
-    has them.
+    """Critical stiffness and its frequency, as of `phantom_dyn.haptics.stability.critical_stiffness`.
 
     Whether soft walls are stable is told without eigenvalues: the damping at the lowest frequency must be positive,
     and the virtual damping between the two edges nearest to none. Holds for a device that is stable by itself.
