@@ -11,10 +11,10 @@ import pytest
 from phantom_dyn import load_robot
 from phantom_dyn.effects.catalogue import effect_named
 from phantom_dyn.model.robot import Robot
+from phantom_dyn.simulation import simulate as simulation
 from phantom_dyn.simulation.compiled.machine import compiled
 from phantom_dyn.simulation.control import position_control
 from phantom_dyn.simulation.simulate import Cause, Simulation, simulate
-from phantom_dyn.simulation.simulate import simulate as simulation
 from phantom_dyn.simulation.stepping import machine_of
 
 ROBOTS = Path(__file__).resolve().parents[1] / "robots"

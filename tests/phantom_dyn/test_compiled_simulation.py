@@ -8,7 +8,6 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from phantom_dyn.simulation.simulate.compiled import machine as simulation_machine
 
 from phantom_dyn import load_robot
 from phantom_dyn.dynamics.dynamics import forward_dynamics, inverse_dynamics
@@ -16,9 +15,10 @@ from phantom_dyn.effects.catalogue import EFFECTS, effect_named
 from phantom_dyn.effects.effect import Simulated
 from phantom_dyn.effects.operation import Operation
 from phantom_dyn.errors import ParameterError
+from phantom_dyn.simulation import simulate as simulation
+from phantom_dyn.simulation.compiled import machine as simulation_machine
 from phantom_dyn.simulation.control import position_control, torque_over_time
 from phantom_dyn.simulation.simulate import Cause, Simulation, simulate
-from phantom_dyn.simulation.simulate import simulate as simulation
 
 ROBOTS = Path(__file__).resolve().parents[1] / "robots"
 # Contract parameters, on one joint or on the whole robot.

@@ -6,8 +6,9 @@ import numpy as np
 import pytest
 
 from identification.diagnosis.diagnosis import diagnose
-from identification.diagnosis.judge.judged_band import assemble
+from identification.diagnosis.judge import assemble
 from identification.diagnosis.result import EffectAt, Rival
+from identification.diagnosis.search import rival_sets as rivals
 from identification.diagnosis.search.rival_sets import (
     REPLICATES,
     Standing,
@@ -16,7 +17,6 @@ from identification.diagnosis.search.rival_sets import (
     settled,
     stand,
 )
-from identification.diagnosis.search.search import rival_sets as rivals
 from identification.diagnosis.search.stepwise import explain
 from phantom_dyn import load_robot
 from phantom_dyn.dynamics.dynamics import inverse_dynamics

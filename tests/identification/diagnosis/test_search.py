@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from identification.diagnosis.model.terms import ordered
+from identification.diagnosis.search import stepwise
 from identification.diagnosis.search.search import (
     PARAMETER_PRICE,
     claimed,
@@ -14,7 +15,6 @@ from identification.diagnosis.search.search import (
     price,
     rank_of,
     relations,
-    stepwise,
     with_term,
 )
 from identification.diagnosis.search.stepwise import explain

@@ -197,7 +197,7 @@ def test_a_python_without_numba_gives_the_torque_of_one_with_it(absent):
 import numpy as np
 from phantom_dyn import load_robot
 from phantom_dyn.dynamics.dynamics import inverse_dynamics
-from phantom_dyn.kernels import jit
+from phantom_dyn._kernels import jit
 from phantom_dyn.motion import Motion
 assert not jit.compiles()
 print(*inverse_dynamics(load_robot("emps"), Motion(np.zeros(1), *np.full((3, 1, 1), 0.3)))[0])
