@@ -6,7 +6,6 @@ import json
 import subprocess
 import sys
 import textwrap
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -18,7 +17,6 @@ from benchmarks.blind.run import default_command, diagnose_all
 from benchmarks.blind.score import load_pairs
 from benchmarks.blind.seal import NAME, decrypted, encrypted, sealed
 
-CHECKOUT = Path(__file__).resolve().parents[2]
 SEED = 12  # a pendulum: the quickest to move
 # Pendulum, planar arm, three-joint arm and PHANToM, an offset, and each other kind.
 DOZEN = (
@@ -137,6 +135,7 @@ def test_answers_are_opened_again_when_a_diagnosis_breaks(tmp_path):
 # its environment, its open files, and what the system tells of its parent. Root is stopped by nothing but the seal.
 SPY = """
 import json, os, pathlib, sys
+from places import CHECKOUT
 found, word = [], sys.argv[2].encode()
 places = [p for p in pathlib.Path(sys.argv[1]).rglob("*") if p.is_file()]
 places += [pathlib.Path(f"/proc/{pid}/{name}") for pid in (os.getpid(), os.getppid()) for name in ("environ",)]

@@ -6,7 +6,6 @@ import json
 import subprocess
 import sys
 from collections import namedtuple
-from pathlib import Path
 from types import SimpleNamespace
 
 import mujoco
@@ -22,6 +21,7 @@ from benchmarks.blind.baselines.mujoco_sysid import DELAY, mujoco_sysid, torque_
 from benchmarks.blind.baselines.windows import Windows, read_windows, robot_spec
 from benchmarks.blind.oracle import told
 from benchmarks.blind.processes import ORACLE, run_case
+from places import CHECKOUT
 
 SAMPLES = 400
 DRY, SECONDS, DT = 0.3, 14.0, 0.002
@@ -245,7 +245,7 @@ def test_the_oracle_closes_the_gap_of_the_true_effect(sticky, tmp_path):
 
 
 def test_all_baselines_answer_a_case_as_the_diagnosis_is_called(sticky, tmp_path):
-    code = [sys.executable, str(Path(__file__).resolve().parents[2] / "benchmarks/blind/baselines/answers.py")]
+    code = [sys.executable, str(CHECKOUT / "benchmarks/blind/baselines/answers.py")]
     out = tmp_path / "said.json"
     subprocess.run([*code, "robot.urdf", "log.csv", "--json", str(out)], cwd=sticky, check=True, capture_output=True)
     said = json.loads(out.read_text())

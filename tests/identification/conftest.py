@@ -1,89 +1,39 @@
-"""A planar arm, and made-up diagnoses for everything that writes one down."""
+"""Small robots, recordings of them whose truth is known, and made-up diagnoses."""
 
 from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 import pytest
 
-from identification.diagnosis.result import (
-    Adjusted,
-    Bound,
-    Diagnosis,
-    EffectAt,
-    Evidence,
-    Finding,
-    JointGap,
-    NotTestable,
-    Rival,
-    Unexplained,
-    Value,
-)
+from identification.diagnosis.result import Diagnosis
+from lab import Lab, Prepared
+from made_up_diagnosis import made_up_diagnosis
 from phantom_dyn import load_robot
-from phantom_dyn.model.robot import Robot
+from phantom_dyn.model.robot import Robot, Tolerance
+from places import ROBOTS
 
-ROBOTS = Path(__file__).resolve().parents[1] / "robots"
-
-
-def _evidence(nv: int, samples: int, prismatic: bool) -> Evidence:
-    rng = np.random.default_rng(5)
-    t = np.arange(samples) / 200.0
-    t[samples // 2 :] += 5.0  # the second recording
-    w = 0.6 + 0.25 * np.arange(nv)
-    swing = np.sin(np.outer(t, w) + np.arange(nv)) * (0.3 if prismatic else 1.2)
-    v = np.cos(np.outer(t, w) + np.arange(nv)) * w * (0.3 if prismatic else 1.2)
-    a = -swing * w**2
-    tau_after = 0.4 * a + 2.0 * swing
-    measured = tau_after + 0.25 * np.tanh(v / 0.01) + 0.03 * rng.standard_normal((samples, nv))
-    shares = {"velocity_reversal": 0.44, "low_speed": 0.21, "high_load": 0.05, "everywhere": 0.3}
-    return Evidence(t, swing, v, a, measured, tau_after, tau_after + 0.25 * np.sign(v), (shares,) * nv)
+TRUSTED = Tolerance(inertia=0.0, friction=0.0, rotor_inertia=0.0)
 
 
-def _finding(k: int, joint: str) -> Finding:
-    effects = (
-        ("coulomb_friction", "velocity_reversal", {"torque": Value(0.251, 0.0006, "N m")}),
-        ("viscous_friction", "high_speed", {"coefficient": Value(0.13, 0.021, "N m s/rad")}),
-        (
-            "cogging",
-            "periodic_in_angle",
-            {"order": Value([6.0, 12.0], [0.0, 0.0], "1"), "amplitude": Value([0.02, 0.004], [1e-3, 4e-4], "N m")},
-        ),
-    )
-    effect, regime, parameters = effects[k % 3]
-    rivals = (Rival((EffectAt("presliding_friction", joint), EffectAt("torque_offset", joint)), 0.07),)
-    return Finding(
-        effect, joint, regime, parameters, 0.83, (0.80, 0.86), 0.93, rivals[: k % 2], ("supported", "one_of")[k % 2]
-    )
+@pytest.fixture(scope="session")
+def pendulum() -> Robot:
+    """A rod of 2 kg on joint pin with modelled friction: 0.3 N m s/rad and 0.7 N m."""
+    return load_robot(ROBOTS / "pendulum.urdf")
 
 
-def made_up_diagnosis(
-    joints: tuple[str, ...] = ("j1", "j2"), findings: int = 1, samples: int = 6000, unit: str = "N m"
-) -> Diagnosis:
-    """A diagnosis of a robot that lacks Coulomb friction of 0.25 on every joint."""
-    nv = len(joints)
-    return Diagnosis(
-        verdict="explained" if findings else "no_gap",
-        robot="arm.urdf",
-        recordings=("first.csv", "second.csv"),
-        joints=tuple(JointGap(joint, unit, 0.25 / (k + 1), 0.031 / (k + 1), 0.03 / (k + 1), samples // 2)
-                     for k, joint in enumerate(joints)),
-        band_hz=(0.0, 25.0),
-        findings=tuple(_finding(k, joints[k % nv]) for k in range(findings)),
-        adjusted=(Adjusted("link2 mass", 0.02, 0.05),),
-        unexplained=Unexplained(0.04, False, None, None),
-        bounds=(Bound("backlash", joints[0], "gap", 0.002, "rad"), Bound("payload", None, "mass", 0.03, "kg")),
-        not_testable=(NotTestable("backlash", joints[-1], "the transmitted torque never changes sign"),),
-        data_warnings=("first.csv: 12 repeated rows were dropped",),
-        next_experiment=None,
-        rollout=None,
-        seconds=4.2,
-        version="0.1.0",
-        evidence=_evidence(nv, samples, unit == "N"),
-        notes=("The band was chosen from the data.",),
-    )  # fmt: skip
+@pytest.fixture(scope="session")
+def arm() -> Robot:
+    """Joints turn and tilt (hinges) and slide (linear), with modelled friction."""
+    return load_robot(ROBOTS / "arm3.urdf")
+
+
+@pytest.fixture(scope="session")
+def planar2() -> Robot:
+    """Two links on shoulder and elbow, with modelled friction."""
+    return load_robot(ROBOTS / "planar2.urdf")
 
 
 @pytest.fixture(scope="session")
@@ -99,3 +49,20 @@ def planar() -> Robot:
 def made_up() -> Callable[..., Diagnosis]:
     """Builds a diagnosis: joint names, number of findings, samples and torque unit can be given."""
     return made_up_diagnosis
+
+
+@pytest.fixture(scope="session")
+def lab() -> Lab:
+    return Lab()
+
+
+@pytest.fixture(scope="session")
+def trusted() -> Callable[[Robot], Robot]:
+    """The same robot with a model that is trusted exactly."""
+    return lambda robot: replace(robot, tolerance=TRUSTED)
+
+
+@pytest.fixture(scope="session")
+def quiet(lab: Lab, planar2: Robot) -> Prepared:
+    """The planar arm without a gap, ready for fits."""
+    return lab.prepared(planar2, (lab.recording(planar2, lab.motion(2)),))

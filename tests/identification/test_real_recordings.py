@@ -17,8 +17,9 @@ from identification.scenarios.at_rest.diagnose_at_rest import diagnose_at_rest, 
 from identification.scenarios.recordings_file import read_changed, read_changes
 from phantom_dyn import load_robot
 from phantom_dyn.errors import LogError
+from places import CHECKOUT
 
-EXAMPLES = Path(__file__).resolve().parents[2] / "examples"
+EXAMPLES = CHECKOUT / "examples"
 DATA = EXAMPLES / "data"
 
 

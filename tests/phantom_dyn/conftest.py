@@ -4,15 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 import pytest
 
 from phantom_dyn import load_robot
 from phantom_dyn.model.robot import Robot
-
-_ROBOTS = Path(__file__).resolve().parents[1] / "robots"
+from places import ROBOTS
 
 
 def with_rotors(robot: Robot, inertias: list[float]) -> Robot:
@@ -24,7 +22,7 @@ def with_rotors(robot: Robot, inertias: list[float]) -> Robot:
 @pytest.fixture(scope="session")
 def planar() -> Robot:
     """Joints shoulder and elbow, both about y, hanging, with friction and rotors; torque follows the controller."""
-    return with_rotors(load_robot(_ROBOTS / "planar2.urdf"), [0.3, 0.1])
+    return with_rotors(load_robot(ROBOTS / "planar2.urdf"), [0.3, 0.1])
 
 
 @pytest.fixture(scope="session")
@@ -36,7 +34,13 @@ def frictionless(planar: Robot) -> Robot:
 @pytest.fixture(scope="session")
 def pendulum() -> Robot:
     """A rod of 0.6 kg m^2 about its pin, 2 kg at 0.5 m below it, with friction."""
-    return load_robot(_ROBOTS / "pendulum.urdf")
+    return load_robot(ROBOTS / "pendulum.urdf")
+
+
+@pytest.fixture(scope="session")
+def arm() -> Robot:
+    """Joints turn and tilt (hinges) and slide (linear), with modelled friction."""
+    return load_robot(ROBOTS / "arm3.urdf")
 
 
 @pytest.fixture(scope="session")

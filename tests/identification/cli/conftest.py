@@ -14,9 +14,7 @@ from identification.cli.main import main
 from phantom_dyn.dynamics.dynamics import inverse_dynamics
 from phantom_dyn.model.loading import load_robot
 from phantom_dyn.motion import Motion
-
-ROBOTS = Path(__file__).parents[2] / "robots"
-
+from places import ROBOTS
 
 # The contract's diagnosis.json (schema gap-diagnosis/1) as types: every field, nothing besides.
 Share = Annotated[float, msgspec.Meta(ge=0, le=1)]

@@ -3,32 +3,16 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from pathlib import Path
 
 import numpy as np
 import pytest
 
 from identification.data.log import Band, Log
-from phantom_dyn import load_robot
 from phantom_dyn.dynamics.dynamics import inverse_dynamics
 from phantom_dyn.effects.catalogue import effect_named
 from phantom_dyn.model.inertia import central_parameters
 from phantom_dyn.model.robot import Robot
 from phantom_dyn.motion import Motion
-
-ROBOTS = Path(__file__).parents[2] / "robots"
-
-
-@pytest.fixture(scope="session")
-def arm() -> Robot:
-    """Turntable, hinge, slide; modelled friction on the turntable."""
-    return load_robot(ROBOTS / "arm3.urdf")
-
-
-@pytest.fixture(scope="session")
-def pendulum() -> Robot:
-    """One joint."""
-    return load_robot(ROBOTS / "pendulum.urdf")
 
 
 def log_of(robot: Robot, motion: Motion, tau: np.ndarray) -> Log:

@@ -2,26 +2,17 @@
 
 from __future__ import annotations
 
-from pathlib import Path
-
 import pytest
 
 from phantom_dyn import load_robot
 from phantom_dyn.model.robot import Robot
-
-ROBOTS = Path(__file__).resolve().parents[2] / "robots"
+from places import ROBOTS
 
 BALL = '<collision><origin xyz="0 0 {at}"/><geometry><sphere radius="{radius}"/></geometry></collision>'
 INERTIA = (
     '<inertial><origin xyz="0.1 0 -0.2"/><mass value="1.5"/>'
     '<inertia ixx="0.02" ixy="0" ixz="0" iyy="0.02" iyz="0" izz="0.01"/></inertial>'
 )
-
-
-@pytest.fixture(scope="session")
-def robots() -> Path:
-    """Folder of small robots."""
-    return ROBOTS
 
 
 @pytest.fixture(scope="session")

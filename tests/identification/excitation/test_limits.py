@@ -1,7 +1,6 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -12,8 +11,7 @@ from identification.excitation.stated_limits import stated_limits
 from phantom_dyn import load_robot
 from phantom_dyn.errors import ParameterError, RobotError
 from phantom_dyn.model.robot import Actuator
-
-ROBOTS = Path(__file__).resolve().parents[2] / "robots"
+from places import ROBOTS
 
 HINGE = """<robot name="hinge"><link name="base"/><link name="arm"><inertial><origin xyz="0 0 -0.2"/><mass value="1"/>
 <inertia ixx="0.1" ixy="0" ixz="0" iyy="0.1" iyz="0" izz="0.1"/></inertial></link>

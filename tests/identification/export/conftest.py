@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -13,8 +12,6 @@ from phantom_dyn.dynamics.dynamics import standard_parameters
 from phantom_dyn.effects.support.changed_robot import with_parameters
 from phantom_dyn.model.robot import Robot
 from phantom_dyn.motion import Motion
-
-ROBOTS = Path(__file__).parents[2] / "robots"
 
 
 def changed_robot(robot: Robot, share: float = 0.05) -> Robot:
@@ -43,9 +40,3 @@ def changed() -> Callable[..., Robot]:
 def some() -> Callable[..., Motion]:
     """Makes a motion, see `random_motion`."""
     return random_motion
-
-
-@pytest.fixture(scope="session")
-def robots() -> Path:
-    """Folder of the test robots."""
-    return ROBOTS

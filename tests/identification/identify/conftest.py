@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -14,11 +13,8 @@ from identification.identify.identification import Identification
 from identification.identify.identify import identify
 from phantom_dyn.dynamics.dynamics import inverse_dynamics, standard_parameters
 from phantom_dyn.effects.support.changed_robot import with_parameters
-from phantom_dyn.model.loading import load_robot
 from phantom_dyn.model.robot import Robot
 from phantom_dyn.motion import Motion
-
-ROBOTS = Path(__file__).parents[2] / "robots"
 
 
 def heavier(robot: Robot) -> Robot:
@@ -59,18 +55,6 @@ def made_recording(
 def recorded() -> Callable[..., Recording]:
     """Makes a recording, see `made_recording`."""
     return made_recording
-
-
-@pytest.fixture(scope="session")
-def robots() -> Path:
-    """Folder of the test robots."""
-    return ROBOTS
-
-
-@pytest.fixture(scope="session")
-def arm() -> Robot:
-    """Joints turn, tilt and slide, as the file states them."""
-    return load_robot(ROBOTS / "arm3.urdf")
 
 
 @pytest.fixture(scope="session")

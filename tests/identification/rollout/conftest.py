@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -19,12 +18,10 @@ from identification.rollout.hidden_states import hides
 from identification.rollout.shots import Shot, under_control, under_torque
 from identification.rollout.simulated_models import model_of
 from identification.rollout.starts import states_of, windows_in
-from phantom_dyn import load_robot
 from phantom_dyn.model.robot import Robot
 from phantom_dyn.simulation.control import position_control
 from phantom_dyn.simulation.simulate import Cause, Simulation, simulate
 
-ROBOTS = Path(__file__).resolve().parents[2] / "robots"
 Array = np.ndarray
 
 
@@ -60,12 +57,6 @@ class Recorded:
         shoot = under_control if controlled else open_loop
         horizons = tuple(h for h in (2.0, 1.0, *HORIZONS) if h <= seconds)
         return compared(self.robot, lambda window: pair, self.shots(seconds), shoot, horizons, "the torque", settle)
-
-
-@pytest.fixture(scope="session")
-def pendulum() -> Robot:
-    """A rod of 0.6 kg m^2 about its pin, 2 kg at 0.5 m below it, with friction."""
-    return load_robot(ROBOTS / "pendulum.urdf")
 
 
 @pytest.fixture(scope="session")

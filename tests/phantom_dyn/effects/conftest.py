@@ -3,24 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from pathlib import Path
 
 import numpy as np
 import pytest
 
-from phantom_dyn import load_robot
 from phantom_dyn.effects.effect import Moment, Simulated
 from phantom_dyn.effects.operation import Operation
 from phantom_dyn.model.robot import Robot
 from phantom_dyn.motion import Motion
-
-ROBOTS = Path(__file__).resolve().parents[2] / "robots"
-
-
-@pytest.fixture(scope="package")
-def arm() -> Robot:
-    """Joints turn and tilt (hinges) and slide (linear), all with modelled friction."""
-    return load_robot(ROBOTS / "arm3.urdf")
 
 
 @pytest.fixture

@@ -1,14 +1,12 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from pathlib import Path
 
 import pytest
 
 from phantom_dyn import load_robot
 from phantom_dyn.model.robot import Robot
-
-ROBOTS = Path(__file__).parents[2] / "robots"
+from places import ROBOTS
 
 
 @pytest.fixture

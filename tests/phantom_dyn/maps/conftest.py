@@ -2,25 +2,15 @@
 
 from __future__ import annotations
 
-from pathlib import Path
-
 import numpy as np
 import pytest
 
 from phantom_dyn import load_robot
 
-ROBOTS = Path(__file__).parents[2] / "robots"
-
 
 @pytest.fixture(scope="session")
 def phantom():
     return load_robot("phantom_1_5")
-
-
-@pytest.fixture(scope="session")
-def arm():
-    """Joints turn, tilt and slide."""
-    return load_robot(ROBOTS / "arm3.urdf")
 
 
 FOUR_BAR = """<?xml version="1.0"?>

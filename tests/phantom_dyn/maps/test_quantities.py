@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -16,8 +15,8 @@ from phantom_dyn.dynamics.kinematics import frame_jacobian
 from phantom_dyn.errors import ParameterError, RobotError
 from phantom_dyn.maps.from_robot import map_model
 from phantom_dyn.maps.quantities import QUANTITIES, felt_at, require_quantities
+from places import ROBOTS
 
-ROBOTS = Path(__file__).parents[2] / "robots"
 ORIGIN = np.zeros((1, 3))
 
 

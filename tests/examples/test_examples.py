@@ -1,0 +1,277 @@
+"""Every example runs, and so does the README's; what they print is held against published values and known truths."""
+
+from __future__ import annotations
+
+import importlib
+import json
+import os
+import re
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from identification.data.readers.column_map import read_column_map
+from identification.scenarios.recordings_file import read_changes
+from phantom_dyn import load_robot
+from phantom_dyn.dynamics.dynamics import inverse_dynamics, rigid_body_regressor
+from phantom_dyn.effects.catalogue import EFFECTS
+from phantom_dyn.model.robot_config import RobotConfig, read_robot_config
+from phantom_dyn.motion import Motion
+from places import CHECKOUT
+
+EXAMPLES = CHECKOUT / "examples"
+README = (CHECKOUT / "README.md").read_text()
+PENDULUM = CHECKOUT / "tests" / "robots" / "pendulum.urdf"
+
+# A proxy where nobody listens: every address is out of reach, at once and on every machine.
+NO_NETWORK = {name: "http://127.0.0.1:9" for name in ("http_proxy", "https_proxy", "HTTP_PROXY", "HTTPS_PROXY")}
+
+
+def run(script: str, *words: object, **environment: str) -> subprocess.CompletedProcess[str]:
+    """An example as its own process."""
+    command = [sys.executable, str(EXAMPLES / script), *map(str, words)]
+    return subprocess.run(command, env={**os.environ, **environment}, capture_output=True, text=True)
+
+
+def printed(script: str, *words: object, **environment: str) -> str:
+    """What an example prints, which has to end well."""
+    done = run(script, *words, **environment)
+    assert (done.returncode, done.stderr) == (0, "")
+    return done.stdout
+
+
+@pytest.fixture
+def offline(tmp_path: Path) -> dict[str, str]:
+    """Environment without a network, without recordings and with an empty cache."""
+    return {**NO_NETWORK, "PHANTOM_DYN_DATA": "", "XDG_CACHE_HOME": str(tmp_path / "cache")}
+
+
+@pytest.fixture(scope="session")
+def mirror(data_folder: Path) -> dict[str, str]:
+    """Environment in which the recordings are at hand."""
+    return {"PHANTOM_DYN_DATA": str(data_folder)}
+
+
+@pytest.fixture
+def rubbing_pendulum(tmp_path: Path, rng: np.random.Generator) -> Path:
+    """Folder with ``robot.urdf`` and a ``log.csv`` of a pendulum that has 1.5 N m of Coulomb friction more than it."""
+    robot = load_robot(PENDULUM)
+    t = np.arange(0, 20, 0.002)
+    w, size = 2 * np.pi * np.array([0.13, 0.41, 0.97]), np.array([0.6, 0.4, 0.15])
+    phase = np.outer(t, w)
+    q, v, a = ((f * size).sum(axis=1)[:, None] for f in (np.sin(phase), np.cos(phase) * w, -np.sin(phase) * w**2))
+    tau = inverse_dynamics(robot, Motion(t, q, v, a)) + 1.5 * np.sign(v) + 0.05 * rng.normal(size=q.shape)
+    columns = np.column_stack([t, q, tau])
+    (tmp_path / "robot.urdf").write_text(PENDULUM.read_text())
+    np.savetxt(tmp_path / "log.csv", columns, fmt="%.9g", delimiter=",", header="t,q.pin,tau.pin", comments="")
+    return tmp_path
+
+
+def test_the_readme_example_finds_the_friction_that_was_put_in(rubbing_pendulum):
+    # Known truth: Coulomb friction on the pin.
+    section = README.partition("## Ten lines of Python")[2].partition("\n## ")[0]
+    (block,) = re.findall(r"```python\n(.*?)```", section, flags=re.DOTALL)
+    done = subprocess.run(
+        [sys.executable, "-c", block], cwd=rubbing_pendulum, capture_output=True, text=True, check=True
+    )
+    assert re.search(r"^coulomb_friction pin ", done.stdout, flags=re.MULTILINE)
+
+
+def test_own_robot_finds_the_friction_that_was_put_in(rubbing_pendulum):
+    # Known truth: 1.5 N m.
+    out = printed("own_robot.py", rubbing_pendulum / "robot.urdf", rubbing_pendulum / "log.csv")
+    found = re.search(r"^coulomb_friction pin .*'torque': Value\(value=([\d.]+)", out, flags=re.MULTILINE)
+    assert found
+    assert float(found[1]) == pytest.approx(1.5, rel=0.05)
+
+
+def test_own_robot_says_what_it_takes():
+    assert run("own_robot.py", "robot.urdf").stderr.startswith("own_robot.py takes a robot file and a log")
+
+
+def test_own_robot_refuses_a_log_that_is_not_there_in_one_sentence(tmp_path):
+    said = run("own_robot.py", PENDULUM, tmp_path / "log.csv").stderr
+    assert "does not exist" in said
+    assert said.count("\n") == 1
+
+
+def test_the_readme_lists_the_effects_of_the_catalogue_in_its_order():
+    section = README.partition("## Effects")[2].partition("\n## ")[0]
+    assert re.findall(r"^\| `(\w+)` \|", section, flags=re.MULTILINE) == [effect.name for effect in EFFECTS]
+
+
+def test_the_readme_names_the_parameters_of_every_effect():
+    robot = load_robot(PENDULUM.with_name("planar2.urdf"))  # a coupling needs two joints
+    section = README.partition("## Effects")[2].partition("\n## ")[0]
+    for effect in EFFECTS:
+        (row,) = re.findall(rf"^\| `{effect.name}` \|.*\|(.*)\|$", section, flags=re.MULTILINE)
+        wanted = [parameter.name for parameter in effect.parameters(robot, effect.places(robot)[0])]
+        if effect.name != "inertial_parameters":  # by name, as many as the robot has
+            assert re.findall(r"`(\w+)`", row) == wanted
+
+
+def test_the_files_that_the_readme_links_are_there():
+    linked = re.findall(r"\]\((?!https?:)([^)#]+)\)|src=\"([^\"]+)\"", README)
+    assert [name for pair in linked for name in pair if name and not (CHECKOUT / name).exists()] == []
+
+
+def test_the_yaml_of_the_readme_is_a_valid_column_map_and_a_valid_robot_yaml(tmp_path):
+    # Oracle: the readers of both files, in the order of the README; they raise where a key or value is not theirs.
+    blocks = re.findall(r"```yaml\n(.*?)```", README, flags=re.DOTALL)
+    read = []
+    for k, (block, reader) in enumerate(zip(blocks, (read_column_map, read_robot_config), strict=True)):
+        path = tmp_path / f"{k}.yaml"
+        path.write_text(block)
+        read.append(reader(path))
+    assert None not in read
+
+
+@pytest.mark.parametrize("path", sorted(EXAMPLES.glob("data/*/*.yaml")), ids=lambda path: f"{path.parent.name}")
+def test_the_files_beside_the_real_recordings_are_valid(path):
+    # Oracle: the readers, which raise where a key or value is not theirs; every file says something.
+    if path.name == "recordings.yaml":
+        logs = re.findall(r"file: (\S+)", path.read_text())
+        assert [change.file for change in read_changes(path, logs, ())] == logs
+    elif path.name == "columns.yaml":
+        assert read_column_map(path) is not None
+    else:
+        assert read_robot_config(path) != RobotConfig()
+
+
+def test_the_column_map_of_emps_fits_the_recording_with_clear_names(data_folder, mirror):
+    log, columns = data_folder / "emps" / "emps_train.npz", EXAMPLES / "data" / "emps" / "columns.yaml"
+    command = [sys.executable, "-m", "identification.cli", "check", log, "--robot", "emps", "--columns", columns]
+    done = subprocess.run(list(map(str, command)), capture_output=True, text=True)
+    assert done.stdout.startswith("emps_train.npz: 24841 samples, 24.84 s, 1000 Hz")
+
+
+def test_the_log_of_emps_holds_newtons_and_not_volts(data_folder, mirror, tmp_path):
+    # Oracle: the same recording decoded by others, with the force in newtons.
+    printed("emps_log.py", tmp_path, **mirror)
+    log = np.loadtxt(tmp_path / "emps.csv", delimiter=",", skiprows=1)
+    np.testing.assert_allclose(log[:, 2], np.load(data_folder / "emps" / "emps_train.npz")["force"], rtol=1e-8)
+
+
+def test_diagnose_emps_names_friction_beside_its_published_values(mirror, tmp_path):
+    out = printed("diagnose_emps.py", tmp_path, **mirror)
+    assert "friction on joint axis" in out
+    assert re.search(r"torque_positive .* N +20\.1440|torque .* N +20\.3935", out)
+
+
+def test_identify_emps_prints_estimates_within_half_a_per_cent_of_the_published_ones(mirror, tmp_path):
+    # Published: mass and friction of both models; the offset and the relative errors have wider limits of their own.
+    out = printed("identify_emps.py", tmp_path, **mirror)
+    rows = re.findall(r"(?:\.m|torque\w*|coefficient\w*) +([\d.]+) \+- .* published +([\d.]+)", out)
+    values = np.array([[float(found), float(published)] for found, published in rows])
+    assert len(values) == 9
+    np.testing.assert_allclose(values[:, 0], values[:, 1], rtol=0.005)
+
+
+def test_diagnose_ur10_names_friction(mirror):
+    assert "friction on joint" in printed("diagnose_ur10.py", **mirror)
+
+
+def test_double_pendulum_names_coulomb_friction_where_it_is_not_modelled_and_inertias_where_they_are_wrong(
+    mirror, tmp_path
+):
+    # Known causes: the makers measured Coulomb friction on both joints; their own file counts m r^2 twice.
+    plain, wrong = printed("double_pendulum.py", tmp_path, **mirror).split("== design_C1_identified.urdf")
+    assert "Coulomb friction on joint Joint1" in plain
+    assert "Coulomb friction on joint Joint2" in plain
+    assert "inertial parameters" in wrong
+
+
+def test_base_parameters_ur10_prints_the_rank_that_numpy_finds():
+    # Oracle: singular values of the same kind of regressor.
+    robot = load_robot("example:ur10")
+    q, v, a = np.random.default_rng(2).uniform(-2, 2, (3, 300, robot.nv))
+    W = rigid_body_regressor(robot, Motion(np.arange(300.0), q, v, a)).reshape(300 * robot.nv, -1)
+    rank = np.linalg.matrix_rank(W / np.maximum(np.linalg.norm(W, axis=0), 1e-6), tol=1e-4)
+    assert f"ur10: {rank} base parameters of 60" in printed("base_parameters_ur10.py")
+
+
+@pytest.mark.parametrize(
+    "script", ["emps_log.py", "diagnose_emps.py", "identify_emps.py", "diagnose_ur10.py", "double_pendulum_logs.py"]
+)
+def test_without_recording_and_network_an_example_says_in_one_sentence_how_to_get_it(script, offline):
+    done = run(script, **offline)
+    assert done.returncode == 1
+    assert re.fullmatch(r"(could not fetch .*: take it from|.* is published in another form at) .*\n", done.stderr)
+
+
+FOLDER_TAKERS = (
+    "diagnose_emps.py",
+    "identify_emps.py",
+    "emps_log.py",
+    "double_pendulum.py",
+    "double_pendulum_logs.py",
+    "haptics_gallery.py",
+    "joystick_walk.py",
+    "phantom_maps.py",
+)
+
+
+@pytest.mark.parametrize("script", FOLDER_TAKERS)
+@pytest.mark.parametrize("word", ["--help", "--no-such-option"])
+def test_an_option_is_no_folder_to_write_into(script, word, offline, tmp_path):
+    here = tmp_path / "here"  # beside it, libraries keep their caches
+    here.mkdir()
+    command, environment = [sys.executable, str(EXAMPLES / script), word], {**os.environ, **offline}
+    done = subprocess.run(command, cwd=here, env=environment, capture_output=True, text=True)
+    assert f"usage: {script} [-h] [FOLDER]" in done.stdout + done.stderr
+    assert (done.returncode, list(here.iterdir())) == (0 if word == "--help" else 2, [])
+
+
+def test_the_demo_diagnoses_before_it_opens_the_envelope_and_names_reports_that_exist(mirror, tmp_path):
+    # Known truth and published values: seed 1 draws Coulomb friction, and EMPS stands beside its authors' estimates.
+    out = printed("demo.py", "--seed", 1, "--out", tmp_path, **mirror)
+    (envelope,) = tmp_path.glob("envelope/*.json")
+    (drawn,) = json.loads(envelope.read_text())["effects"]
+    assert out.index("$ phantom-dyn diagnose") < out.index(f"drawn: Coulomb friction on joint {drawn['joint']}")
+    assert re.search(r"torque_positive .* published 20\.14|torque .* published 20\.39", out)
+    named = [Path(name) for name in re.findall(r"^  report: (.*)$", out, flags=re.MULTILINE)]
+    assert named == [tmp_path / "report" / "report.html", tmp_path / "emps" / "report" / "report.html"]
+    assert all(path.is_file() for path in named)
+
+
+def test_the_demo_without_recording_and_network_says_in_one_line_how_to_get_it(offline, tmp_path):
+    out = printed("demo.py", "--seed", 1, "--out", tmp_path, **offline)
+    assert re.search(r"^Left out: could not fetch DATA_EMPS.mat .*: take it from .*$", out, flags=re.MULTILINE)
+
+
+def test_the_demo_without_the_simulator_says_what_installs_it(offline, tmp_path):
+    (tmp_path / "mujoco.py").write_text("raise ModuleNotFoundError('no', name='mujoco')")
+    done = run("demo.py", "--out", tmp_path, PYTHONPATH=str(tmp_path), **offline)
+    assert "needs mujoco, which is not in this environment: run make demo" in done.stdout
+    assert (done.returncode, done.stderr) == (1, "")
+
+
+def test_the_demo_refuses_a_seed_that_is_kept_for_the_report():
+    assert "--seed 1000 was given, wanted one from 0 to 999" in run("demo.py", "--seed", 1000).stderr
+
+
+@pytest.mark.parametrize(
+    ("finding", "said"),
+    [
+        (("coulomb_friction", "j1", ()), r"yes, effect and joint"),
+        (("coulomb_friction", "j2", ()), r"no: another cause was named"),
+        (("viscous_friction", "j1", (("coulomb_friction", "j1"),)), r"in part: what was drawn is among the candidates"),
+        (None, r"no: nothing was found of a change of 3\.0 noise floors"),
+    ],
+)
+def test_the_demo_says_whether_the_diagnosis_agrees(finding, said, monkeypatch):
+    # Known truth: Coulomb friction on j1.
+    monkeypatch.syspath_prepend(str(EXAMPLES))
+    demo = importlib.import_module("demo")
+    drawn = {"effect": "coulomb_friction", "joint": "j1", "parameters": {"torque": 0.1}}
+    answer = {"id": "c", "kind": "single", "robot": "planar2", "joints": ["j1", "j2"], "effects": [drawn]}
+    findings = []
+    if finding is not None:
+        effect, joint, others = finding
+        rivals = [{"effects": [{"effect": e, "joint": j}], "probability": 0.4} for e, j in others]
+        findings = [{"effect": effect, "joint": joint, "parameters": {}, "gap_closed": 0.9, "rivals": rivals}]
+    diagnosis = {"verdict": "explained", "findings": findings, "joints": [], "seconds": 1.0}
+    assert re.match(said, demo.agreement({**answer, "paired_gap": 3.0}, diagnosis))

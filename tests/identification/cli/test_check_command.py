@@ -1,0 +1,114 @@
+"""The command check. Oracle: the contract (what it prints, exit code 2 with one sentence for bad input)."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+
+import numpy as np
+import pytest
+
+from identification.cli.main import main
+from phantom_dyn.dynamics.dynamics import inverse_dynamics
+from phantom_dyn.model.loading import load_robot
+from phantom_dyn.motion import Motion
+from places import ROBOTS
+
+ARM = ROBOTS / "arm3.urdf"
+
+
+@pytest.fixture
+def log(tmp_path):
+    """A clean recording of the arm, 10 s at 200 Hz."""
+    robot = load_robot(ARM)
+    t = np.arange(2000) / 200
+    w = 2 * np.pi * np.array([0.7, 0.9, 1.1])
+    q, v, a = 0.3 * np.sin(np.outer(t, w)), 0.3 * w * np.cos(np.outer(t, w)), -0.3 * w**2 * np.sin(np.outer(t, w))
+    tau = inverse_dynamics(robot, Motion(t, q, v, a))
+    columns = {f"q.{n}": q[:, k] for k, n in enumerate(robot.joint_names)}
+    columns |= {f"tau.{n}": tau[:, k] for k, n in enumerate(robot.joint_names)}
+    path = tmp_path / "log.csv"
+    rows = np.column_stack([t, *columns.values()])
+    np.savetxt(path, rows, delimiter=",", header=",".join(["t", *columns]), comments="", fmt="%.9g")
+    return path
+
+
+def test_a_clean_log_is_said_to_be_so(log, capsys):
+    assert main(["check", str(log), "--robot", str(ARM)]) == 0
+    assert capsys.readouterr().out == (
+        "log.csv: 2000 samples, 9.995 s, 200 Hz\njoints: turn, tilt, slide\nnothing is wrong with it\n"
+    )
+
+
+def test_without_a_robot_it_says_that_less_is_checked(log, capsys):
+    assert main(["check", str(log)]) == 0
+    assert "nothing is wrong with it, as far as can be told without --robot" in capsys.readouterr().out
+
+
+def test_warnings_are_printed_and_the_job_is_done(log, capsys):
+    log.write_text(log.read_text().replace("tau.tilt", "load"))
+    assert main(["check", str(log)]) == 0
+    assert "warning: log.csv: column load not used" in capsys.readouterr().out
+
+
+def test_columns_are_mapped(log, tmp_path, capsys):
+    log.write_text(log.read_text().replace("tau.tilt", "load"))
+    (tmp_path / "map.yaml").write_text("tau.tilt: load\n")
+    assert main(["check", str(log), "--robot", str(ARM), "--columns", str(tmp_path / "map.yaml")]) == 0
+    assert "nothing is wrong" in capsys.readouterr().out
+
+
+def test_bad_input_is_exit_code_2_and_one_sentence(log, capsys):
+    lines = log.read_text().splitlines()
+    lines[80] = "nan" + lines[80][lines[80].index(",") :]
+    log.write_text("\n".join(lines))
+    assert main(["check", str(log)]) == 2
+    captured = capsys.readouterr()
+    assert captured.out == ""
+    assert captured.err == (
+        "phantom-dyn: log.csv, line 81, column t is nan: every value must be a number; repair or delete the row.\n"
+    )
+
+
+def test_a_configuration_without_robot_is_refused(log, capsys):
+    assert main(["check", str(log), "--robot-config", "robot.yaml"]) == 2
+    assert "--robot-config was given without --robot" in capsys.readouterr().err
+
+
+def test_a_refusal_loads_nothing_heavy(tmp_path):
+    code = (
+        "import sys; from identification.cli.main import main;"
+        "code = main(['check', 'no.csv', '--robot', 'example:ur10']);"
+        "print(code, sorted({'scipy', 'pyarrow', 'pinocchio', 'rosbags', 'matplotlib'} & set(sys.modules)))"
+    )
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, cwd=tmp_path, check=True)
+    assert done.stdout == "2 []\n"
+
+
+def test_repeated_rows_are_counted(log, capsys):
+    lines = log.read_text().splitlines()
+    log.write_text("\n".join([*lines[:80], lines[79], *lines[80:]]))
+    assert main(["check", str(log), "--robot", str(ARM)]) == 0
+    assert "warning: log.csv: 1 row that repeats the one before was dropped.\n" in capsys.readouterr().out
+
+
+def test_warnings_about_the_robot_are_printed(log, tmp_path, capsys):
+    (tmp_path / "robot.urdf").write_text(ARM.read_text().replace('izz="0.04"', 'izz="0.4"'))
+    assert main(["check", str(log), "--robot", str(tmp_path / "robot.urdf")]) == 0
+    assert "no rigid body has the inertia of link column" in capsys.readouterr().out
+
+
+def test_a_missing_log_names_the_nearest(log, capsys):
+    assert main(["check", str(log.with_name("lag.csv"))]) == 2
+    assert capsys.readouterr().err.endswith("lag.csv does not exist; did you mean log.csv?\n")
+
+
+def test_a_missing_robot_is_refused(log, capsys):
+    assert main(["check", str(log), "--robot", "nosuch.urdf"]) == 2
+    assert capsys.readouterr().err.startswith("phantom-dyn: There is no robot file 'nosuch.urdf'")
+
+
+def test_nothing_is_written(log, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    main(["check", "log.csv", "--robot", str(ARM)])
+    assert [path.name for path in tmp_path.iterdir()] == ["log.csv"]

@@ -1,0 +1,110 @@
+"""Measured forces as joint torques. Oracles: a closed form and virtual work by finite differences."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from identification.data.checks.check_recording import check_recording
+from identification.data.joint_torque import external_torque
+from identification.data.reading import recording
+from identification.data.recording import Recording, Table
+from identification.data.signals import process
+from identification.diagnosis.model.operations import operate
+from identification.identify.identify import identify
+from phantom_dyn import load_robot
+from phantom_dyn.dynamics.dynamics import inverse_dynamics
+from phantom_dyn.dynamics.kinematics import frame_pose
+from phantom_dyn.errors import LogError, ParameterError
+from phantom_dyn.model.robot import Robot
+from phantom_dyn.motion import Motion
+from places import ROBOTS
+
+
+@pytest.fixture(scope="module")
+def planar() -> Robot:
+    return load_robot(ROBOTS / "planar2.urdf")
+
+
+def test_a_force_on_the_elbow_turns_the_shoulder_alone(planar):
+    # Closed form: hanging straight down, 3 N along x at the elbow, 0.5 m below the shoulder about y.
+    found = external_torque(planar, np.zeros((1, 2)), {"lower": np.array([[3.0, 0.0, 0.0]])})
+    np.testing.assert_allclose(found, [[-0.5 * 3.0, 0.0]], atol=1e-12)
+
+
+@pytest.mark.parametrize("name", ["arm3.urdf", "fourbar.xml", "parallelogram.urdf"])
+def test_virtual_work_is_that_of_the_force(name):
+    # Finite differences: the force's work over a small step of each driven joint.
+    robot = load_robot(ROBOTS / name)
+    frame = robot.model.frames[robot.model.nframes - 1].name
+    q, force = 0.1 * np.ones((1, robot.nv)), np.array([[1.0, -2.0, 0.5]])
+    found = external_torque(robot, q, {frame: force})[0]
+    for j in range(robot.nv):
+        step = 1e-6 * (np.arange(robot.nv) == j)
+        ahead, behind = (frame_pose(robot, q + side * step, frame)[1][0] for side in (1, -1))
+        assert found[j] == pytest.approx(float(force[0] @ (ahead - behind)) / 2e-6, abs=1e-6)
+
+
+def test_the_drive_need_not_give_what_pushes(planar):
+    t = np.arange(2000) / 200.0
+    q = 0.4 * np.column_stack([np.sin(3 * t), np.cos(4 * t)])
+    force = np.column_stack([np.sin(t), 0 * t, 2 * np.cos(t)])
+    recording = Recording("a.csv", planar.joint_names, t, q, np.zeros_like(q), forces={"lower": force})
+    log, bare = (process(r, planar, cutoff_hz=10.0) for r in (recording, replace(recording, forces={})))
+    assert log.external is not None
+    less = operate(planar, bare, ()).tau - operate(planar, log, ()).tau
+    np.testing.assert_allclose(less, external_torque(planar, log.motion.q, {"lower": force}), atol=1e-12)
+
+
+def test_a_force_at_an_unknown_frame_is_refused(planar):
+    with pytest.raises(LogError, match=r"f\.tool\.x, \.y and \.z are a force at a frame that planar2 does not have"):
+        external_torque(planar, np.zeros((1, 2)), {"tool": np.zeros((1, 3))})
+
+
+def test_a_force_that_is_not_finite_is_refused(planar):
+    with pytest.raises(LogError, match=r"The force f\.lower is not finite at sample 1: give finite numbers"):
+        external_torque(planar, np.zeros((2, 2)), {"lower": np.array([[0.0, 0.0, 0.0], [np.nan, 0.0, 0.0]])})
+
+
+@pytest.fixture(scope="module")
+def pushed(planar) -> Recording:
+    """The arm in a motion under a measured force that takes most of its torque."""
+    t = np.arange(2400) / 200.0
+    w, size = np.array([2.1, 3.7]), np.array([0.6, 0.5])
+    angle = np.outer(t, w)
+    motion = Motion(t, size * np.sin(angle), size * w * np.cos(angle), -size * w**2 * np.sin(angle))
+    force = {"lower": 60.0 * np.column_stack([np.sin(1.3 * t), 0 * t, np.cos(0.7 * t)])}
+    tau = inverse_dynamics(planar, motion) - external_torque(planar, motion.q, force)
+    noise = np.random.default_rng(0).standard_normal(tau.shape)
+    return Recording("a.csv", planar.joint_names, t, motion.q, tau + 0.01 * noise, forces=force)
+
+
+def test_an_identification_counts_measured_forces(planar, pushed):
+    counted, not_counted = (identify(planar, (r,)).joints[0].rms for r in (pushed, replace(pushed, forces={})))
+    assert counted < 0.02 < 1.0 < not_counted
+
+
+def test_an_estimator_that_simulates_the_loop_refuses_measured_forces(planar, pushed):
+    with pytest.raises(ParameterError, match=r"a\.csv has measured forces .* the estimator didim simulates the robot"):
+        identify(planar, (pushed,), estimator="didim")
+
+
+def test_a_check_against_the_model_counts_measured_forces(planar, pushed):
+    # Closed form: a force along x at the elbow that gives the shoulder twice its torque, so that its drive holds back.
+    needed = (pushed.tau + external_torque(planar, pushed.q, pushed.forces))[:, 0]
+    along = -4.0 * needed / np.cos(pushed.q[:, 0])
+    force = {"lower": np.column_stack([along, 0 * along, 0 * along])}
+    tau = np.column_stack([-needed, (pushed.tau + external_torque(planar, pushed.q, pushed.forces))[:, 1]])
+    held = replace(pushed, tau=tau, forces=force)
+    told = "the torque of shoulder has the opposite sign"
+    assert not any(told in sentence for sentence in check_recording(held, planar))
+    assert any(told in sentence for sentence in check_recording(replace(held, forces={}), planar))
+
+
+def test_a_force_at_an_unknown_frame_is_refused_when_a_recording_is_read(planar):
+    columns = {"t": np.arange(3.0)} | {f"f.hnd.{axis}": np.zeros(3) for axis in "xyz"}
+    columns |= {f"{quantity}.{joint}": np.ones(3) for quantity in ("q", "tau") for joint in planar.joint_names}
+    with pytest.raises(LogError, match=r"The columns f\.hnd\.x, \.y and \.z are a force at a frame"):
+        recording(Table("a.csv", columns), planar)

@@ -1,0 +1,178 @@
+"""From a table to a recording. Oracle: the numbers that were put in, and the drive's equations by hand."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from identification.data.reading import read_recording, recording, unassigned_recording
+from identification.data.recording import Table
+from phantom_dyn.errors import LogError
+from phantom_dyn.model.robot import Actuator
+
+T = np.arange(100) * 0.01
+
+
+def driven(arm, **constants):
+    """The arm with the same drive on every joint."""
+    return replace(arm, actuators=(Actuator(**constants),) * 3)
+
+
+def table(**changes):
+    """Columns of the three joints, in another order than the robot's; None leaves one out."""
+    columns = {"t": T}
+    for k, joint in enumerate(("slide", "turn", "tilt")):
+        columns[f"q.{joint}"] = np.sin(T + k)
+        columns[f"tau.{joint}"] = np.cos(T + k)
+    columns |= {name.replace("__", "."): values for name, values in changes.items()}
+    return Table("log.csv", {name: values for name, values in columns.items() if values is not None})
+
+
+NO_TORQUE = {"tau__turn": None, "tau__tilt": None, "tau__slide": None}
+
+
+def test_joints_stand_in_the_order_of_the_robot(arm):
+    found = recording(table(), arm)
+    assert found.joint_names == ("turn", "tilt", "slide")
+    np.testing.assert_array_equal(found.q, np.column_stack([np.sin(T + 1), np.sin(T + 2), np.sin(T)]))
+    np.testing.assert_array_equal(found.tau, np.column_stack([np.cos(T + 1), np.cos(T + 2), np.cos(T)]))
+
+
+@pytest.mark.parametrize("name", ["t", "q", "tau"])
+def test_arrays_cannot_be_written_to(arm, name):
+    assert not getattr(recording(table(), arm), name).flags.writeable
+
+
+def test_what_was_not_recorded_is_none(arm):
+    found = recording(table(), arm)
+    assert (found.v, found.current, found.voltage, found.q_ref, found.x) == (None,) * 5
+
+
+def test_forces_are_collected_by_frame(arm):
+    found = recording(table(f__tool__x=T, f__tool__y=2 * T, f__tool__z=3 * T), arm)
+    np.testing.assert_array_equal(found.forces["tool"], np.column_stack([T, 2 * T, 3 * T]))
+
+
+def test_a_force_without_all_axes_is_refused(arm):
+    with pytest.raises(LogError, match=r"has no column f\.tool\.z: a force needs its three axes"):
+        recording(table(f__tool__x=T, f__tool__y=T), arm)
+
+
+def test_an_unknown_joint_lists_the_robots_joints(arm):
+    with pytest.raises(LogError, match=r"column q\.tilf is of the joint tilf, which .* did you mean tilt\?"):
+        recording(table(q__tilf=T), arm)
+
+
+def test_a_joint_without_position_is_refused(arm):
+    with pytest.raises(LogError, match=r"has no column q\.tilt, but arm3 has the joint tilt"):
+        recording(table(q__tilt=None, tau__tilt=None), arm)
+
+
+def test_columns_of_a_locked_joint_are_left_out_with_a_warning(arm):
+    found = recording(table(q__gripper=T), replace(arm, locked=("gripper",)))
+    assert found.warnings == ("log.csv: the columns of gripper are not used, as the robot holds it fixed.",)
+
+
+def test_no_torque_at_all_tells_of_currents(arm):
+    with pytest.raises(LogError, match=r"no torque: there is no column tau\.turn, .* or the motor current i\.<joint>"):
+        recording(table(**NO_TORQUE), arm)
+
+
+def test_a_joint_without_torque_is_refused(arm):
+    with pytest.raises(LogError, match=r"has no torque of tilt: add tau\.<joint>.* or say actuated: false"):
+        recording(table(tau__tilt=None), arm)
+
+
+def test_a_joint_without_drive_needs_no_torque(arm):
+    passive = replace(arm, actuators=(Actuator(), Actuator(actuated=False), Actuator()))
+    assert not recording(table(tau__tilt=None), passive).tau[:, 1].any()
+
+
+def test_motion_alone_needs_no_torque(arm):
+    assert recording(table(**NO_TORQUE), arm, torque_needed=False).tau is None
+
+
+def test_torque_zero_on_every_joint_is_refused(arm):
+    with pytest.raises(LogError, match="the torque is zero on every joint"):
+        recording(table(tau__turn=0 * T, tau__tilt=0 * T, tau__slide=0 * T), arm)
+
+
+def test_torque_zero_on_one_joint_is_a_warning(arm):
+    assert "torque of tilt is zero throughout" in recording(table(tau__tilt=0 * T), arm).warnings[0]
+
+
+def test_torque_zero_on_a_joint_without_drive_is_no_warning(arm):
+    passive = replace(arm, actuators=(Actuator(), Actuator(actuated=False), Actuator()))
+    assert recording(table(tau__tilt=0 * T), passive).warnings == ()
+
+
+def test_current_becomes_torque_by_constant_and_gear(arm):
+    robot = driven(arm, torque_constant=0.06, gear_ratio=100.0)
+    found = recording(table(tau__tilt=None, i__tilt=T), robot)
+    np.testing.assert_allclose(found.tau[:, 1], 6.0 * T)
+
+
+def test_measured_torque_goes_before_current(arm):
+    found = recording(table(i__tilt=T), driven(arm, torque_constant=0.06))
+    np.testing.assert_array_equal(found.tau[:, 1], np.cos(T + 2))
+
+
+def test_current_without_constant_is_refused(arm):
+    with pytest.raises(
+        LogError, match=r"has i\.tilt but no tau\.tilt, and the robot states no torque_constant of tilt"
+    ):
+        recording(table(tau__tilt=None, i__tilt=T), arm)
+
+
+def test_voltage_becomes_torque_by_resistance_and_speed(arm):
+    robot = driven(arm, torque_constant=0.05, gear_ratio=10.0, resistance=2.0)
+    found = recording(table(tau__tilt=None, u__tilt=3 + T, v__tilt=4 * T), robot)
+    np.testing.assert_allclose(found.tau[:, 1], (3 + T - 0.5 * 4 * T) / 2.0 * 0.5)
+
+
+def test_voltage_without_speed_takes_that_of_the_position(arm):
+    robot = driven(arm, torque_constant=0.05, gear_ratio=10.0, resistance=2.0)
+    found = recording(table(tau__tilt=None, u__tilt=3 + T), robot)
+    np.testing.assert_allclose(found.tau[1:-1, 1], ((3 + T - 0.5 * np.cos(T + 2)) / 2.0 * 0.5)[1:-1], atol=1e-5)
+
+
+def test_voltage_without_resistance_is_refused(arm):
+    with pytest.raises(LogError, match="the robot states no resistance of tilt"):
+        recording(table(tau__tilt=None, u__tilt=T), driven(arm, torque_constant=0.05))
+
+
+def test_velocity_of_some_joints_only_is_left_out_with_a_warning(arm):
+    found = recording(table(v__tilt=T), arm)
+    assert found.v is None
+    assert found.warnings == ("log.csv: the columns v. are not used, as turn, slide has none.",)
+
+
+def test_excluded_stretches_are_kept(arm):
+    assert recording(table(), arm, excluded=[(0.1, 0.2), (0.9, 5)]).excluded == ((0.1, 0.2), (0.9, 5.0))
+
+
+@pytest.mark.parametrize(
+    ("stretch", "sentence"),
+    [
+        ((0.5, 0.2), r"0\.5:0\.2 ends before it begins"),
+        ((2, 3), r"2:3 lies outside log\.csv, which goes from 0 s to 0\.99 s"),
+    ],
+)
+def test_an_excluded_stretch_that_cannot_be_is_refused(arm, stretch, sentence):
+    with pytest.raises(LogError, match=sentence):
+        recording(table(), arm, excluded=[stretch])
+
+
+def test_without_a_robot_the_joints_are_those_of_the_file():
+    assert unassigned_recording(table()).joint_names == ("slide", "turn", "tilt")
+
+
+def test_reading_a_recording_checks_it(arm, tmp_path):
+    t = np.arange(2000) * 0.005
+    columns = {"t": t}
+    for k, joint in enumerate(arm.joint_names):
+        columns |= {f"q.{joint}": 0.5 * np.sin(t * (k + 1)) * (t < 8), f"tau.{joint}": np.cos(t * (k + 1))}
+    np.savez(tmp_path / "log.npz", **columns)
+    assert any("no joint moves from t = 8 s" in w for w in read_recording(tmp_path / "log.npz", arm).warnings)

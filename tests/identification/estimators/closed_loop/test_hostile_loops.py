@@ -1,0 +1,156 @@
+"""Estimators that simulate, called as nobody should: one sentence each, never a number that is none."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from identification.data.log import Band, Log
+from identification.estimators.closed_loop.cloe import cloe
+from identification.estimators.closed_loop.didim import didim
+from identification.estimators.closed_loop.loop import Feedback, feedback_of
+from identification.estimators.iv import iv
+from identification.regression.regressor import Regressor, gap_regressor, torque_regressor
+from phantom_dyn import load_robot
+from phantom_dyn.effects.catalogue import effect_named
+from phantom_dyn.errors import EstimationError, IdentifiabilityError, LogError, ParameterError
+from phantom_dyn.model.robot import Controller, Robot
+from phantom_dyn.motion import Motion
+from phantom_dyn.simulation.control import position_control
+from phantom_dyn.simulation.simulate import Cause, simulate
+from places import ROBOTS
+
+FITS = [iv, didim, cloe]
+RUBS = 0.6
+
+
+def controlled(robot: Robot, kp: float = 60.0, kd: float = 8.0) -> Robot:
+    actuators = tuple(replace(a, controller=Controller("pd", kp, kd)) for a in robot.actuators)
+    return replace(robot, actuators=actuators)
+
+
+def recorded(robot: Robot, seconds: float, size: float = 0.5, *, name: str = "made") -> Log:
+    """A robot with viscous friction that its model lacks, under the controllers that it states."""
+    t = np.arange(round(seconds / 5e-3)) * 5e-3
+    wave = np.sin(2.1 * t) + 0.4 * np.sin(5.3 * t) + 0.2 * np.sin(11.0 * t)
+    q_ref = size * wave[:, None] * (1 + 0.2 * np.arange(robot.nv))
+    stated = feedback_of(robot)
+    law = position_control(t, q_ref, np.zeros_like(q_ref), kp=stated.kp, kd=stated.kd)
+    causes = tuple(Cause(effect_named("viscous_friction"), joint, np.array([RUBS])) for joint in robot.joint_names)
+    moved = simulate(robot, causes, law, t, q_ref[0])
+    motion = Motion(t, moved.q, moved.encoders.v, moved.encoders.a)
+    everything = Band(200.0, 100.0, np.ones(1), 1)
+    return Log(name, robot.joint_names, motion, moved.tau, everything, np.ones(len(t), bool), moved.q, q_ref)
+
+
+def equations(robot: Robot, *logs: Log) -> Regressor:
+    return gap_regressor(robot, logs, [(effect_named("viscous_friction"), joint) for joint in robot.joint_names])
+
+
+@pytest.fixture(scope="module")
+def pendulum() -> Robot:
+    return controlled(load_robot(ROBOTS / "pendulum.urdf"))
+
+
+@pytest.fixture(scope="module")
+def swing(pendulum) -> Log:
+    return recorded(pendulum, 4.0)
+
+
+@pytest.mark.parametrize("fit", FITS)
+def test_one_joint_is_enough(fit, pendulum, swing):
+    assert fit(equations(pendulum, swing)).theta[0] == pytest.approx(RUBS, rel=0.02)
+
+
+@pytest.mark.parametrize("fit", FITS)
+def test_hinges_and_a_slide_work_alike(fit):
+    arm = controlled(load_robot(ROBOTS / "arm3.urdf"), kp=400.0, kd=60.0)
+    np.testing.assert_allclose(fit(equations(arm, recorded(arm, 3.0, 0.2))).theta, RUBS, rtol=0.05)
+
+
+@pytest.mark.parametrize("fit", FITS)
+def test_recordings_may_differ_in_length(fit, pendulum, swing):
+    found = fit(equations(pendulum, swing, recorded(pendulum, 1.5, 0.3, name="short")))
+    assert found.theta[0] == pytest.approx(RUBS, rel=0.02)
+
+
+@pytest.mark.parametrize("fit", FITS)
+def test_no_references_are_refused(fit, pendulum, swing):
+    with pytest.raises(LogError, match=r"made has no references: record q_ref.<joint> of every joint, or use an esti"):
+        fit(equations(pendulum, replace(swing, q_ref=None)))
+
+
+@pytest.mark.parametrize("fit", FITS)
+def test_a_reference_that_is_no_number_is_refused(fit, pendulum, swing):
+    wanted = np.array(swing.q_ref)
+    wanted[7] = np.nan
+    with pytest.raises(LogError, match=r"q_ref.pin is not finite at sample 7"):
+        fit(equations(pendulum, replace(swing, q_ref=wanted)))
+
+
+@pytest.mark.parametrize("fit", FITS)
+def test_a_robot_that_states_no_controller_is_refused(fit, swing):
+    bare = load_robot(ROBOTS / "pendulum.urdf")
+    with pytest.raises(ParameterError, match=r"states no controller of pin: add controller: \{kind: pd"):
+        fit(equations(bare, swing))
+
+
+def test_a_gain_of_the_wrong_sign_is_refused():
+    one = np.ones(1)
+    with pytest.raises(ParameterError, match=r"kp of the controllers is \[-60\.\]: give numbers of 0 or more"):
+        Feedback(-60.0 * one, one, np.inf * one)
+
+
+def test_gains_for_another_robot_are_refused(pendulum, swing):
+    two = np.ones(2)
+    with pytest.raises(ParameterError, match="There are 2 controllers for 1 joints: give one for each"):
+        iv(equations(pendulum, swing), feedback=Feedback(two, two, np.inf * two))
+
+
+@pytest.mark.parametrize("fit", FITS)
+def test_a_loop_that_is_not_stable_is_refused(fit, pendulum, swing):
+    # A hundred times the stiffness, half a second late.
+    loop = Feedback(np.full(1, 6000.0), np.full(1, 8.0), np.full(1, np.inf), delay=0.5)
+    with pytest.raises((EstimationError, IdentifiabilityError), match=r"check (the|references and) controllers"):
+        fit(equations(pendulum, swing), feedback=loop)
+
+
+@pytest.mark.parametrize("fit", FITS)
+def test_torque_of_the_wrong_sign_gives_no_fit_that_says_nothing(fit, pendulum, swing):
+    # The parameters of a torque with the wrong sign cannot move the robot: refused, or named as impossible.
+    regressor = torque_regressor(pendulum, replace(swing, tau=-swing.tau), [(effect_named("viscous_friction"), "pin")])
+    try:
+        said = " ".join(fit(regressor).warnings)
+    except (EstimationError, IdentifiabilityError) as error:
+        said = str(error)
+    assert "controllers" in said or "which is impossible" in said or "check its sign and gain" in said
+
+
+@pytest.mark.parametrize("fit", FITS)
+def test_a_robot_at_rest_without_weight_is_refused(fit):
+    arm = controlled(load_robot(ROBOTS / "pendulum.urdf"))
+    t = np.arange(100) * 5e-3
+    still = Motion(t, *np.zeros((3, 100, 1)))
+    log = Log("still", arm.joint_names, still, np.zeros((100, 1)), Band(200.0, 100.0, np.ones(1), 1),
+              np.ones(100, bool), still.q, still.q)  # fmt: skip
+    with pytest.raises(IdentifiabilityError, match=r"excites none of the 1 parameters"):
+        fit(equations(arm, log))
+
+
+@pytest.mark.parametrize("fit", FITS)
+def test_two_samples_are_too_few(fit, pendulum, swing):
+    motion = Motion(*(getattr(swing.motion, name)[:2] for name in "tqva"))
+    short = replace(swing, motion=motion, tau=swing.tau[:2], valid=swing.valid[:2], raw_q=None, q_ref=swing.q_ref[:2])
+    regressor = torque_regressor(pendulum, short, [(effect_named("viscous_friction"), "pin")])
+    with pytest.raises(IdentifiabilityError, match=r"leave no equation to judge the noise by: record more"):
+        fit(regressor)
+
+
+@pytest.mark.parametrize("fit", FITS)
+def test_an_effect_without_a_law_in_the_loop_is_refused(fit: Callable, pendulum, swing):
+    regressor = gap_regressor(pendulum, swing, [(effect_named("load_dependent_friction"), "pin")])
+    with pytest.raises(ParameterError, match="has no law for load_dependent_friction: leave it out, or use an estima"):
+        fit(regressor)

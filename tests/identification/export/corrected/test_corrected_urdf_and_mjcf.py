@@ -1,0 +1,207 @@
+# pyright: reportAttributeAccessIssue=false
+"""Corrected URDF and MJCF. Oracles: Pinocchio and MuJoCo on the files loaded again, and simulations of known truth."""
+
+from __future__ import annotations
+
+import re
+from xml.etree import ElementTree
+
+import mujoco
+import numpy as np
+import pytest
+
+from identification.diagnosis.model.terms import KnownEffect
+from identification.export.corrected.corrected_files import model_files, rollout_note
+from identification.export.corrected.corrected_mjcf import corrected_mjcf
+from identification.export.corrected.corrected_urdf import corrected_urdf, said_by_urdf
+from identification.export.corrected.parts import parts_of
+from identification.export.corrected.reload_in_mujoco import rollout_errors, torque_difference
+from identification.export.model_files.mjcf_file import mjcf_text
+from identification.export.model_files.reload import urdf_difference
+from phantom_dyn import load_robot
+from phantom_dyn.dynamics.dynamics import inverse_dynamics
+from phantom_dyn.effects.support.changed_robot import with_gravity
+from phantom_dyn.errors import ParameterError, RobotError
+from phantom_dyn.motion import Motion
+from places import ROBOTS
+
+FILE = ROBOTS / "planar2.urdf"
+# MuJoCo says all of these, or the larger part of them.
+SAID = [
+    "viscous_friction", "coulomb_friction", "direction_dependent_friction", "stribeck_friction", "presliding_friction",
+    "torque_offset", "torque_constant", "rotor_inertia", "payload", "inertial_parameters", "parasitic_spring",
+    "joint_coupling", "cogging", "torque_saturation", "input_delay", "actuator_lag", "base_tilt", "encoder_offset",
+]  # fmt: skip
+HIDDEN = ["backlash", "transmission_compliance"]
+NOT_SAID = ["load_dependent_friction", "encoder_eccentricity", "encoder_quantization"]
+EVERYTHING = [*SAID, *HIDDEN, *NOT_SAID]
+
+
+def driven(text: str, planar, swing) -> np.ndarray:
+    """Torque that the position controller asks for when MuJoCo moves the model, at the controller's times."""
+    model = mujoco.MjModel.from_xml_string(text)
+    model.opt.timestep, model.opt.integrator = 5e-4, mujoco.mjtIntegrator.mjINT_IMPLICITFAST
+    data = mujoco.MjData(model)
+    at = [model.joint(name).qposadr[0] for name in planar.joint_names]
+    dof = [model.joint(name).dofadr[0] for name in planar.joint_names]
+    data.qpos[at], data.qvel[dof] = swing.q_ref[0], swing.v_ref[0]
+    out = []
+    for _ in swing.t:
+        for k in range(10):
+            data.ctrl[:2] = swing(data.time, data.qpos[at], data.qvel[dof])
+            if k == 0:
+                out.append(data.ctrl[:2].copy())
+            mujoco.mj_step(model, data)
+    return np.array(out)
+
+
+@pytest.mark.parametrize("name", EVERYTHING)
+def test_mujoco_needs_the_torques_of_the_corrected_model(name, corrected, some_motion):
+    parts = corrected(name)
+    assert torque_difference(corrected_mjcf(parts), parts, some_motion) < 1e-12
+
+
+@pytest.mark.parametrize("name", EVERYTHING)
+def test_pinocchio_needs_the_torques_of_what_the_urdf_says(name, corrected, some_motion, tmp_path):
+    parts = corrected(name)
+    assert urdf_difference(corrected_urdf(parts, FILE, tmp_path), said_by_urdf(parts), some_motion, None) < 1e-12
+
+
+def test_a_turned_base_is_the_same_as_turned_gravity(corrected, some_motion):
+    parts = corrected("base_tilt")
+    found, wanted = (inverse_dynamics(robot, some_motion) for robot in (said_by_urdf(parts), parts.robot))
+    np.testing.assert_allclose(found, wanted, atol=1e-12)
+
+
+def test_a_zero_that_is_moved_back_makes_readings_true(corrected, some_motion, planar):
+    shifted = Motion(some_motion.t, some_motion.q - [0.0, 0.1], some_motion.v, some_motion.a)
+    found = inverse_dynamics(said_by_urdf(corrected("encoder_offset")), some_motion)
+    np.testing.assert_allclose(found, inverse_dynamics(planar, shifted), atol=1e-12)
+
+
+@pytest.mark.parametrize("name", SAID)
+def test_the_gap_shrinks_in_mujoco(name, corrected, recorded, planar):
+    parts, seen = corrected(name), recorded(name)
+    motion = Motion(seen.t, seen.q, seen.encoders.v, seen.encoders.a)
+    before = rollout_errors(mjcf_text(planar), planar, motion, seen.tau, starts=12)
+    after = rollout_errors(corrected_mjcf(parts), planar, motion, seen.tau, starts=12)
+    assert np.hypot(*after) < 0.5 * np.hypot(*before)
+
+
+@pytest.mark.parametrize("name", HIDDEN)
+def test_the_torque_gap_of_what_hides_behind_a_motor_shrinks_in_mujoco(name, corrected, recorded, planar, swing):
+    wanted = recorded(name).tau[200:]
+    before, after = (
+        np.sqrt(np.mean((driven(text, planar, swing)[200:] - wanted) ** 2))
+        for text in (mjcf_text(planar), corrected_mjcf(corrected(name)))
+    )
+    assert after < 0.5 * before
+
+
+def test_the_gear_is_the_ratio_of_true_to_logged_torque(corrected):
+    motor = ElementTree.fromstring(corrected_mjcf(corrected("torque_constant"))).find("actuator/motor")
+    assert motor is not None
+    assert motor.get("gear") == "0.8"
+
+
+def test_play_is_a_second_joint_on_the_same_axis(corrected):
+    root = ElementTree.fromstring(corrected_mjcf(corrected("backlash")))
+    body = next(body for body in root.iter("body") if body.get("name") == "lower")
+    motor, play = body.findall("joint")
+    assert (motor.get("name"), play.get("name"), play.get("range")) == ("elbow", "elbow_play", "-0.025 0.025")
+    assert motor.get("axis") == play.get("axis")
+
+
+def test_the_limit_of_a_drive_does_not_move_with_a_constant_torque(corrected):
+    text = corrected_mjcf(corrected("torque_saturation", "torque_constant"))
+    model = mujoco.MjModel.from_xml_string(text)
+    np.testing.assert_allclose(model.actuator_forcerange[0], [-9.0, 9.0])
+    offset = KnownEffect("torque_offset", "shoulder", (1.0,))
+    parts = parts_of(corrected().given, (offset, KnownEffect("torque_saturation", "shoulder", (9.0,))))
+    model = mujoco.MjModel.from_xml_string(corrected_mjcf(parts))
+    data = mujoco.MjData(model)
+    data.ctrl[0] = 100.0
+    mujoco.mj_forward(model, data)
+    assert data.qfrc_actuator[0] == pytest.approx(9.0 + 1.0)
+
+
+def test_a_limit_is_the_effort_of_the_urdf(corrected, tmp_path):
+    root = ElementTree.fromstring(corrected_urdf(corrected("torque_saturation"), FILE, tmp_path).split("-->")[-1])
+    limit = root.find("joint[@name='shoulder']/limit")
+    assert limit is not None
+    assert limit.get("effort") == "9.0"
+
+
+def test_both_files_and_their_notes_are_made(corrected, some_motion, tmp_path):
+    urdf, mjcf = model_files(corrected("cogging", "backlash", "load_dependent_friction"), some_motion, folder=tmp_path)
+    assert "corrected.urdf: it has no place for cogging (largest amplitude): elbow 0.8." in urdf.notes
+    assert "corrected.urdf: it has no place for play (gap [rad or m]): elbow 0.05." in urdf.notes
+    assert "corrected.xml: it has no place for friction that grows with load (ratio): elbow 0.2." in mjcf.notes
+    assert re.search(r"corrected\.xml: loaded again with MuJoCo .*, it needs the same torques", mjcf.notes[0])
+
+
+@pytest.mark.parametrize("index", [0, 1], ids=["urdf", "mjcf"])
+def test_what_a_file_cannot_say_is_a_comment_in_it(index, corrected, some_motion, tmp_path):
+    text = model_files(corrected("load_dependent_friction"), some_motion, folder=tmp_path)[index].text
+    comment = text.split("<!--")[-1].split("-->")[0]
+    assert "friction that grows with load" in comment
+    assert ElementTree.fromstring(text.split("?>")[-1].strip()).tag in ("robot", "mujoco")
+
+
+def test_the_rollout_is_told_in_a_sentence(corrected, recorded):
+    parts, seen = corrected("rotor_inertia"), recorded("rotor_inertia")
+    motion = Motion(seen.t, seen.q, seen.encoders.v, seen.encoders.a)
+    (note,) = rollout_note(parts, corrected_mjcf(parts), motion, seen.tau)
+    assert re.search(r"rolled out in MuJoCo for 0\.2 s .*elbow 0\.\d+ rad before and 0\.00\d+ after", note)
+
+
+def test_a_rotor_that_nobody_knows_is_told(some_motion, tmp_path):
+    robot = load_robot(FILE)
+    parts = parts_of(robot, (KnownEffect("backlash", "elbow", (0.02,)),))
+    notes = model_files(parts, some_motion, folder=tmp_path)[1].notes
+    assert any("the rotor inertia of elbow is not known" in note for note in notes)
+
+
+@pytest.mark.parametrize("name", ["arm3.urdf", "arm3.xml", "fourbar.xml", "parallelogram.urdf", "pendulum.urdf"])
+def test_robots_of_all_kinds_get_both_files(name, tmp_path):
+    robot = load_robot(ROBOTS / name)
+    joint = robot.joint_names[0]
+    found = tuple(
+        KnownEffect(effect, joint, theta)
+        for effect, theta in (("coulomb_friction", (0.3,)), ("torque_offset", (0.2,)), ("encoder_offset", (0.05,)))
+    )
+    q, v, a = np.random.default_rng(1).standard_normal((3, 30, robot.nv))
+    parts = parts_of(robot, found)
+    for file in model_files(parts, Motion(np.arange(30.0), 0.1 * q, v, a), folder=tmp_path):
+        assert file.text, file.notes
+
+
+def test_a_finding_with_too_few_parameters_is_refused(planar):
+    with pytest.raises(ParameterError, match="parasitic_spring was given 1 parameters, wanted 2: give the contract's"):
+        parts_of(planar, (KnownEffect("parasitic_spring", "elbow", (1.0,)),))
+
+
+def test_a_finding_that_is_not_a_number_is_refused(planar):
+    with pytest.raises(ParameterError, match="torque_offset has a parameter that is not finite"):
+        parts_of(planar, (KnownEffect("torque_offset", "elbow", (float("nan"),)),))
+
+
+def test_a_finding_on_an_unknown_joint_is_refused(planar):
+    with pytest.raises(RobotError, match="No joint 'wrist' in this robot"):
+        parts_of(planar, (KnownEffect("torque_offset", "wrist", (1.0,)),))
+
+
+def test_a_motion_shorter_than_the_rollout_is_refused(planar, some_motion):
+    short = Motion(0.001 * some_motion.t, some_motion.q, some_motion.v, some_motion.a)
+    with pytest.raises(RobotError, match=r"The motion is shorter than 0\.2 s: give more of it for a rollout"):
+        rollout_errors(mjcf_text(planar), planar, short, some_motion.q)
+
+
+def test_gravity_of_the_given_file_is_kept(planar, some_motion, tmp_path):
+    moon = with_gravity(planar, np.array([0.0, 0.0, -1.62]))
+    parts = parts_of(moon, (KnownEffect("base_tilt", None, (0.2, -0.1)),))
+    text = corrected_urdf(parts, FILE, tmp_path)
+    assert urdf_difference(text, said_by_urdf(parts), some_motion, None) < 1e-12
+    np.testing.assert_allclose(
+        inverse_dynamics(said_by_urdf(parts), some_motion), inverse_dynamics(parts.robot, some_motion), atol=1e-12
+    )

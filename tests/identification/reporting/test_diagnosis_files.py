@@ -1,0 +1,109 @@
+from __future__ import annotations
+
+import dataclasses
+import json
+import math
+
+import pytest
+
+from identification.diagnosis.result import Diagnosis, Value
+from identification.export.all_files import NAMES as MODELS
+from identification.export.corrected.corrected_yaml import read_corrected
+from identification.reporting.diagnosis_files import write_outputs
+from phantom_dyn.errors import ParameterError, UsageError
+from phantom_dyn.model.loading import load_robot
+from places import ROBOTS
+
+ROBOT = load_robot(ROBOTS / "planar2.urdf")
+
+
+def diagnosis(made_up) -> Diagnosis:
+    return made_up(ROBOT.joint_names, samples=400)
+
+
+def test_a_folder_gets_all_files(made_up, tmp_path):
+    out = tmp_path / "new" / "report"
+    written = write_outputs(diagnosis(made_up), ROBOT, out=out, json_file=None)
+    assert [path.name for path in written] == ["diagnosis.json", "report.html", "corrected.yaml", *MODELS]
+    assert sorted(path.name for path in out.iterdir()) == sorted(path.name for path in written)
+    assert read_corrected(out / "corrected.yaml").sha256 == ROBOT.sha256
+
+
+def test_the_json_can_go_to_another_place(made_up, tmp_path):
+    written = write_outputs(diagnosis(made_up), ROBOT, out=None, json_file=tmp_path / "a.json")
+    assert written == (tmp_path / "a.json",)
+    assert json.loads(written[0].read_text())["schema"] == "gap-diagnosis/1"
+
+
+def test_without_a_target_nothing_is_written(made_up):
+    assert write_outputs(diagnosis(made_up), ROBOT, out=None, json_file=None) == ()
+
+
+def test_files_of_others_stay_and_ours_are_replaced(made_up, tmp_path):
+    (tmp_path / "mine.txt").write_text("mine")
+    (tmp_path / "diagnosis.json").write_text("old")
+    write_outputs(diagnosis(made_up), ROBOT, out=tmp_path, json_file=None)
+    assert (tmp_path / "mine.txt").read_text() == "mine"
+    assert (tmp_path / "diagnosis.json").read_text().startswith("{")
+
+
+def test_a_file_as_folder_is_refused(made_up, tmp_path):
+    (tmp_path / "report").write_text("")
+    with pytest.raises(UsageError, match=r"--out .*report is a file, wanted a folder; name another folder"):
+        write_outputs(diagnosis(made_up), ROBOT, out=tmp_path / "report", json_file=None)
+
+
+def test_nothing_is_written_when_one_target_cannot_be(made_up, tmp_path):
+    (tmp_path / "file").write_text("")
+    with pytest.raises(UsageError, match=r"--json: cannot write .*a\.json: .*file is no folder; name a file"):
+        write_outputs(diagnosis(made_up), ROBOT, out=tmp_path / "out", json_file=tmp_path / "file" / "a.json")
+    assert not (tmp_path / "out").exists()
+
+
+def test_a_folder_in_the_place_of_a_file_is_refused(made_up, tmp_path):
+    (tmp_path / "report.html").mkdir()
+    with pytest.raises(UsageError, match=r"--out: .*report\.html is a folder, wanted a file"):
+        write_outputs(diagnosis(made_up), ROBOT, out=tmp_path, json_file=None)
+    assert [path.name for path in tmp_path.iterdir()] == ["report.html"]
+
+
+def test_a_folder_without_the_right_to_write_is_refused(made_up, tmp_path, monkeypatch):
+    monkeypatch.setattr("os.access", lambda *_: False)  # the superuser may write anywhere
+    with pytest.raises(UsageError, match=r"no right to write in .*; name another place"):
+        write_outputs(diagnosis(made_up), ROBOT, out=tmp_path, json_file=None)
+
+
+def test_a_parameter_without_a_value_leaves_no_file(made_up, tmp_path):
+    bad = dataclasses.replace(made_up().findings[0], parameters={"torque": Value(math.nan, 0.1, "N m")})
+    with pytest.raises(ParameterError, match="torque of coulomb_friction is nan, wanted a finite number"):
+        write_outputs(
+            dataclasses.replace(diagnosis(made_up), findings=(bad,)), ROBOT, out=tmp_path / "out", json_file=None
+        )
+    assert not (tmp_path / "out").exists()
+
+
+def test_the_report_shows_the_robot(made_up, tmp_path):
+    write_outputs(diagnosis(made_up), ROBOT, out=tmp_path, json_file=None)
+    assert 'id="robot-figure"' in (tmp_path / "report.html").read_text()
+
+
+def test_what_the_files_cannot_say_is_in_the_report(made_up, tmp_path):
+    write_outputs(diagnosis(made_up), ROBOT, out=tmp_path, json_file=None)
+    page = (tmp_path / "report.html").read_text()
+    assert "corrected.xml: loaded again with MuJoCo" in page
+    assert "corrected.xml: shapes, sensors and limits of torque and speed" in page
+
+
+def test_a_model_of_an_earlier_run_that_cannot_be_written_is_removed(made_up, tmp_path):
+    (tmp_path / "corrected.xml").write_text("old")
+    heavy = dataclasses.replace(
+        made_up().findings[0],
+        effect="payload",
+        joint=None,
+        parameters={name: Value(-9.0, 0.1, "kg") for name in ("mass", "center_x", "center_y", "center_z")},
+    )
+    found = dataclasses.replace(diagnosis(made_up), findings=(heavy,))
+    written = write_outputs(found, ROBOT, out=tmp_path, json_file=None)
+    assert [path.name for path in written] == ["diagnosis.json", "report.html", "corrected.yaml"]
+    assert not (tmp_path / "corrected.xml").exists()
+    assert "would weigh" in (tmp_path / "report.html").read_text()

@@ -1,0 +1,175 @@
+"""Recordings without torque, moved by a simulated controller whose truth is known."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from identification.data.recording import Recording
+from identification.data.signals import process_all
+from identification.diagnosis.diagnosis import diagnose
+from identification.diagnosis.model.standstill import usable_samples
+from identification.scenarios.motion_limits import told_by_motion
+from identification.scenarios.motion_only import commanded_torque, motion_robot, suggested_gains, with_commanded_torque
+from phantom_dyn import load_robot
+from phantom_dyn.effects.catalogue import effect_named
+from phantom_dyn.errors import LogError
+from phantom_dyn.model.robot import Actuator, Controller, Robot
+from phantom_dyn.simulation.control import position_control
+from phantom_dyn.simulation.simulate import Cause, Simulation, simulate
+from places import ROBOTS
+
+KP, KD = 60.0, 6.0
+
+
+@pytest.fixture(scope="module")
+def pendulum() -> Robot:
+    """A rod on joint pin whose controller is stated."""
+    robot = load_robot(ROBOTS / "pendulum.urdf")
+    return replace(robot, actuators=(Actuator(controller=Controller(kp=KP, kd=KD)),))
+
+
+def moved(robot: Robot, *causes: Cause, noise: float = 1e-5) -> tuple[Recording, Simulation]:
+    """12 s at 250 Hz of references and positions, and the simulation behind them."""
+    rng = np.random.default_rng(3)
+    t = np.arange(3000) / 250.0
+    sines = [0.3 / hz**0.5 * np.sin(2 * np.pi * hz * t + phase) for hz, phase in ((0.21, 0.3), (0.53, 1.2), (1.1, 2.5))]
+    q_ref = np.sum(sines, axis=0)[:, None]
+    law = position_control(t, q_ref, np.zeros_like(q_ref), kp=np.array([KP]), kd=np.array([KD]))
+    found = simulate(robot, causes, law, t, np.zeros(1))
+    q = found.q + noise * rng.standard_normal(q_ref.shape)
+    return Recording("moved.csv", robot.joint_names, t, q, None, q_ref=q_ref), found
+
+
+def cause(effect: str, joint: str | None, *theta: float) -> Cause:
+    return Cause(effect_named(effect), joint, np.array(theta))
+
+
+@pytest.fixture(scope="module")
+def rubbing(pendulum):
+    """Diagnosis of a pendulum with 1 N m more Coulomb friction than modelled, from positions alone."""
+    recording, _ = moved(pendulum, cause("coulomb_friction", "pin", 1.0))
+    return diagnose(motion_robot(pendulum), (with_commanded_torque(recording, pendulum),))
+
+
+def test_the_torque_is_the_one_that_the_simulated_controller_asked_for(pendulum):
+    recording, found = moved(pendulum, noise=1e-7)
+    rebuilt = commanded_torque(recording, pendulum)
+    assert np.abs(rebuilt - found.tau)[20:-20].max() < 0.1
+
+
+def test_a_late_controller_asks_later(pendulum):
+    recording, _ = moved(pendulum)
+    late = replace(pendulum, actuators=(Actuator(controller=Controller(kp=KP, kd=KD, delay=0.008)),))
+    ours, plain = commanded_torque(recording, late), commanded_torque(recording, pendulum)
+    np.testing.assert_allclose(ours[2:], plain[:-2], atol=1e-9)
+
+
+def test_a_controller_asks_no_more_than_its_drive_gives(pendulum):
+    recording, _ = moved(pendulum)
+    weak = replace(pendulum, actuators=(replace(pendulum.actuators[0], torque_limit=2.0),))
+    assert np.abs(commanded_torque(recording, weak)).max() == 2.0
+
+
+def test_friction_is_named_from_positions_alone(rubbing):
+    (finding,) = rubbing.findings
+    assert finding.joint == "pin"
+    assert finding.effect in ("coulomb_friction", "stribeck_friction", "presliding_friction")
+    size = finding.parameters["coulomb_torque" if finding.effect == "stribeck_friction" else "torque"]
+    assert size.value == pytest.approx(1.0, rel=0.15)
+
+
+def test_the_closed_loop_is_judged_in_motion(rubbing):
+    assert rubbing.rollout["rms_after"]["pin"] < 0.3 * rubbing.rollout["rms_before"]["pin"]
+
+
+def test_the_torque_constant_is_not_testable_and_the_reason_is_the_gain(rubbing):
+    (entry,) = (entry for entry in rubbing.not_testable if entry.effect == "torque_constant")
+    assert "product of torque constant and controller gain" in entry.why
+    assert not [bound for bound in rubbing.bounds if bound.effect == "torque_constant"]
+
+
+def test_where_a_torque_was_measured_nothing_is_taken_back(rubbing, pendulum):
+    recording, _ = moved(pendulum)
+    assert told_by_motion(rubbing, (recording,)) is rubbing
+
+
+def test_without_a_gain_the_refusal_says_what_is_needed(pendulum):
+    recording, _ = moved(pendulum)
+    silent = replace(pendulum, actuators=(Actuator(),))
+    with pytest.raises(LogError, match="states no controller with a gain kp of pin: --motion-only needs it"):
+        with_commanded_torque(recording, silent)
+
+
+def test_the_gains_that_moved_the_true_model_are_suggested(pendulum):
+    # 1 N m of dry friction that the model lacks is not taken for a gain.
+    recording, _ = moved(pendulum, cause("coulomb_friction", "pin", 1.0))
+    kp, kd = suggested_gains(recording, replace(pendulum, actuators=(Actuator(),)))[:, 0]
+    assert kp == pytest.approx(KP, rel=0.02)
+    assert kd == pytest.approx(KD, rel=0.05)
+
+
+def test_the_refusal_says_which_gains_go_with_the_masses_of_the_model(pendulum):
+    recording, _ = moved(pendulum)
+    silent = replace(pendulum, actuators=(Actuator(),))
+    with pytest.raises(
+        LogError, match=r"If its masses are right, the model says kp 60(\.\d+)? and kd 6(\.\d+)? of pin\."
+    ):
+        with_commanded_torque(recording, silent)
+
+
+def test_gains_of_a_recording_of_a_few_rows_are_not_suggested(pendulum):
+    recording, _ = moved(pendulum)
+    assert recording.q_ref is not None
+    short = replace(recording, t=recording.t[:9], q=recording.q[:9], q_ref=recording.q_ref[:9])
+    with pytest.raises(LogError, match=r"moved\.csv is too short, or a reference is no number"):
+        suggested_gains(short, pendulum)
+
+
+def test_a_reference_that_never_leaves_the_joint_tells_no_gain(pendulum):
+    recording, _ = moved(pendulum)
+    assert np.isnan(suggested_gains(replace(recording, q=recording.q_ref), pendulum)).all()
+
+
+def test_without_references_the_refusal_says_what_is_needed(pendulum):
+    recording, _ = moved(pendulum)
+    with pytest.raises(LogError, match=r"has no q_ref.<joint> of every joint: --motion-only needs the references"):
+        with_commanded_torque(replace(recording, q_ref=None), pendulum)
+
+
+def test_a_reference_that_is_no_number_is_refused(pendulum):
+    recording, _ = moved(pendulum)
+    q_ref = np.array(recording.q_ref)
+    q_ref[7] = np.nan
+    with pytest.raises(LogError, match=r"q_ref.pin is nan in row 7"):
+        with_commanded_torque(replace(recording, q_ref=q_ref), pendulum)
+
+
+def test_too_few_rows_are_refused(pendulum):
+    recording, _ = moved(pendulum)
+    assert recording.q_ref is not None
+    short = replace(recording, t=recording.t[:5], q=recording.q[:5], q_ref=recording.q_ref[:5])
+    with pytest.raises(LogError, match="has 5 rows"):
+        with_commanded_torque(short, pendulum)
+
+
+def test_without_a_gap_in_torque_motion_that_strays_is_noted(rubbing, pendulum):
+    recording = with_commanded_torque(moved(pendulum)[0], pendulum)
+    rollout = {"rms_before": {"pin": 0.02}, "rms_after": {"pin": 0.01}, "reading_noise": {"pin": 1e-4}}
+    still = replace(rubbing, findings=(), verdict="no_gap", rollout=rollout, notes=())
+    (note,) = told_by_motion(still, (recording,)).notes
+    assert "under its controller pin strays by 0.01 from the recorded motion, 100 times what its readings" in note
+    near = replace(still, rollout={**rollout, "rms_after": {"pin": 5e-4}})
+    assert told_by_motion(near, (recording,)).notes == ()
+
+
+def test_what_controllers_ask_for_keeps_its_band(pendulum):
+    # Under a soft controller the torque has nothing above 2 Hz, which is no recorder's smoothing: the motion says 4 Hz.
+    recording, _ = moved(pendulum, cause("coulomb_friction", "pin", 1.0))
+    asked = with_commanded_torque(recording, pendulum)
+    wide = process_all((asked,), motion_robot(pendulum))[1]
+    assert wide >= process_all((replace(asked, controlled=False),), motion_robot(pendulum))[1]
+    (log,), _ = process_all((asked,), motion_robot(pendulum))
+    assert usable_samples(log).mean() > 0.8

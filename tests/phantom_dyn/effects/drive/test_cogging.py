@@ -1,0 +1,153 @@
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from scipy.ndimage import uniform_filter1d
+
+from phantom_dyn import load_robot
+from phantom_dyn.effects.drive.cogging import Cogging
+from phantom_dyn.effects.operation import Operation
+from phantom_dyn.effects.support.cogging_orders import order_range
+from phantom_dyn.motion import Motion
+from places import ROBOTS
+
+EFFECT = Cogging()
+THETA = np.array([6.0, 24.5, 0.03, 0.01, 0.7, -2.0])  # two orders, their amplitudes, their phases
+
+
+@pytest.fixture(scope="module")
+def wide(arm) -> Operation:
+    """``tilt`` goes 20 s over five radians, at 250 Hz, at several speeds."""
+    t = np.arange(5000) / 250.0
+    states = np.zeros((3, len(t), 3))
+    for w, amplitude in ((0.9, 1.5), (2.3, 0.9), (3.7, 0.3)):
+        states[0, :, 1] += amplitude * np.sin(w * t)
+        states[1, :, 1] += amplitude * w * np.cos(w * t)
+        states[2, :, 1] -= amplitude * w**2 * np.sin(w * t)
+    return Operation.of(arm, Motion(t, *states))
+
+
+def recorded(operation: Operation, torque: np.ndarray) -> Operation:
+    """The recording of a drive that makes up for ``torque`` on the tilt joint."""
+    logged = operation.tau.copy()
+    logged[:, 1] -= torque
+    return Operation.of(operation.robot, operation, logged)
+
+
+def test_the_torque_follows_the_contract(arm, wide):
+    # Contract: sum of A sin(n q + p).
+    q = wide.q[:, 1]
+    expected = 0.03 * np.sin(6 * q + 0.7) + 0.01 * np.sin(24.5 * q - 2.0)
+    np.testing.assert_allclose(EFFECT.torque(arm, wide, "tilt", THETA)[:, 1], expected, atol=1e-14)
+
+
+def test_the_drive_makes_up_for_the_torque(arm, wide):
+    # Addition theorem: A sin(n q + p) = A cos(p) sin(n q) + A sin(p) cos(n q).
+    coefficients = np.array([0.03 * np.cos(0.7), 0.03 * np.sin(0.7), 0.01 * np.cos(-2.0), 0.01 * np.sin(-2.0)])
+    np.testing.assert_allclose(EFFECT.from_coefficients(arm, "tilt", coefficients, (6.0, 24.5)), THETA)
+    columns = EFFECT.signature(arm, wide, "tilt", (6.0, 24.5)).columns
+    torque = EFFECT.torque(arm, wide, "tilt", THETA)[:, 1]
+    np.testing.assert_allclose(torque, -columns[:, 0] @ coefficients, atol=1e-14)
+
+
+def test_it_takes_out_no_energy_over_a_period():
+    # Closed form: the integral of a sine over its period is zero.
+    q = np.linspace(0, 2 * np.pi, 10_001)
+    assert np.trapezoid(0.03 * np.sin(6 * q + 0.7), q) == pytest.approx(0.0, abs=1e-9)
+
+
+@pytest.mark.parametrize("order", [6.0, 17.0, 48.0])
+def test_a_planted_order_is_found_among_noise(arm, wide, rng, order):
+    # Known truth: a wave of half the noise's deviation, beside a wrong friction and a wrong scale of the model.
+    noise = 0.02 * rng.normal(size=len(wide.t))
+    rest = -0.05 * np.sign(wide.v[:, 1]) - 0.02 * wide.tau[:, 1] + noise
+    wave = 0.01 * np.sin(order * wide.q[:, 1] + 1.0)
+    assert EFFECT.shapes(arm, recorded(wide, wave + rest), "tilt")[0] == (order,)
+
+
+def test_an_order_between_whole_numbers_is_found(arm, wide, rng):
+    wave = 0.02 * np.sin(15.4 * wide.q[:, 1] + 1.0) + 0.01 * rng.normal(size=len(wide.t))
+    ((order,), *_) = EFFECT.shapes(arm, recorded(wide, wave), "tilt")
+    assert order == pytest.approx(15.4, abs=0.02)
+
+
+def test_two_planted_orders_are_found_strongest_first(arm, wide, rng):
+    q = wide.q[:, 1]
+    wave = 0.02 * np.sin(12 * q) + 0.01 * np.cos(42 * q) + 0.005 * rng.normal(size=len(q))
+    shapes = EFFECT.shapes(arm, recorded(wide, wave), "tilt")
+    assert shapes[:2] == ((12.0,), (12.0, 42.0))
+
+
+def test_as_many_orders_are_found_as_are_planted(arm, wide, rng):
+    # Known truth: five waves of 4 to 1 times the deviation of the noise.
+    q = wide.q[:, 1]
+    planted = {12.0: 0.02, 42.0: 0.014, 28.0: 0.01, 36.0: 0.007, 19.0: 0.005}
+    wave = sum(amplitude * np.sin(n * q + n) for n, amplitude in planted.items())
+    shapes = EFFECT.shapes(arm, recorded(wide, wave + 0.005 * rng.normal(size=len(q))), "tilt")
+    assert set(max(shapes, key=len)) == set(planted)
+
+
+def test_the_fit_at_the_orders_found_gives_amplitude_and_phase(arm, wide, rng):
+    # Known truth within four standard deviations of 5000 samples.
+    torque = EFFECT.torque(arm, wide, "tilt", np.array([12.0, 0.02, 0.7]))[:, 1]
+    operation = recorded(wide, torque + 0.005 * rng.normal(size=len(torque)))
+    shape = EFFECT.shapes(arm, operation, "tilt")[0]
+    column = EFFECT.signature(arm, operation, "tilt", shape).columns[:, 0]
+    coefficients = np.linalg.lstsq(column, (operation.logged - operation.tau)[:, 1], rcond=None)[0]
+    deviation = 4 * 0.005 * np.sqrt(2 / 5000)
+    np.testing.assert_allclose(
+        EFFECT.from_coefficients(arm, "tilt", coefficients, shape), [12.0, 0.02, 0.7],
+        atol=max(deviation, deviation / 0.02), rtol=0,
+    )  # fmt: skip
+
+
+def test_noise_alone_has_one_order_beside_the_largest(arm, wide, rng):
+    shapes = EFFECT.shapes(arm, recorded(wide, rng.normal(size=len(wide.t))), "tilt")
+    assert all(len(shape) == 1 for shape in shapes)
+    assert len(shapes) <= 2
+
+
+@pytest.mark.parametrize("run", ["slow2_nocomp_0", "slow2_nocomp_1", "slow2_slower_nocomp_0"])
+def test_the_orders_of_a_real_motor_are_those_of_its_published_map(data_folder, run):
+    # Published value: the cogging map of this motor (12 slots, 7 pole pairs) is dominated by 7, 28, 14, 36, 12.
+    recording = np.load(data_folder / "odrive_cogging" / "slow_and_pull.npz")
+    q = recording[f"{run}__pos_counts"] * 2 * np.pi / 8192
+    t = recording[f"{run}__t"]
+    v = uniform_filter1d(np.gradient(q, t), 101)
+    still = np.zeros((len(t), 1))
+    motor = load_robot(ROBOTS / "pendulum.urdf")
+    operation = Operation(
+        t, q[:, None], v[:, None], still, motor, still, still, recording[f"{run}__iq_A"][:, None].astype(float)
+    )
+    shapes = EFFECT.shapes(motor, operation, motor.joint_names[0])
+    assert shapes[0] == (7.0,)
+    assert len(shapes[2]) == 3
+    assert set(shapes[2]) <= {7.0, 28.0, 14.0, 36.0, 12.0}
+
+
+def test_orders_go_from_one_period_of_the_range_to_a_fifth_of_the_sampling_rate(wide):
+    low, high = order_range(wide, 1)
+    assert low == pytest.approx(2 * np.pi / np.ptp(wide.q[:, 1]), rel=0.02)
+    assert high * np.percentile(np.abs(wide.v[:, 1]), 95) / (2 * np.pi) == pytest.approx(0.2 * 250.0)
+
+
+def test_a_joint_at_rest_cannot_show_it(arm, wide):
+    assert EFFECT.untestable(arm, wide, "turn") == (
+        "turn travels less than one period of any cogging that its sampling rate can show"
+    )
+    assert EFFECT.shapes(arm, wide, "turn") == ()
+    assert EFFECT.untestable(arm, wide, "tilt") is None
+
+
+def test_a_simulation_gives_the_same_torque(arm, smooth, torque_in_steps):
+    expected = EFFECT.torque(arm, smooth, "tilt", THETA)
+    np.testing.assert_allclose(torque_in_steps(EFFECT.simulated(arm, "tilt", THETA), smooth), expected, atol=1e-12)
+
+
+def test_parameters_are_lists_of_orders_amplitudes_and_phases(arm):
+    assert [(p.name, p.unit) for p in EFFECT.parameters(arm, "tilt")] == [
+        ("order", "1"),
+        ("amplitude", "N m"),
+        ("phase", "rad"),
+    ]
+    assert EFFECT.parameters(arm, "slide")[0].unit == "rad/m"

@@ -1,0 +1,249 @@
+# pyright: reportAttributeAccessIssue=false
+from __future__ import annotations
+
+import hashlib
+import subprocess
+import sys
+from pathlib import Path
+
+import mujoco
+import numpy as np
+import pytest
+
+import phantom_dyn
+from phantom_dyn import load_robot
+from phantom_dyn.dynamics.dynamics import gravity_torque, inverse_dynamics, mass_matrix, standard_parameters
+from phantom_dyn.model.robot_files import find_robot
+from phantom_dyn.motion import Motion
+from places import ROBOTS
+
+ARM, ARM_XML = ROBOTS / "arm3.urdf", ROBOTS / "arm3.xml"
+
+
+@pytest.fixture
+def edited(tmp_path):
+    """Load a robot file after replacing text in it."""
+
+    def load(source: Path, *changes: tuple[str, str], config: str = ""):
+        text = source.read_text()
+        for old, new in changes:
+            assert old in text
+            text = text.replace(old, new)
+        path = tmp_path / source.name
+        path.write_text(text)
+        (tmp_path / "robot.yaml").write_text(config)
+        return load_robot(path)
+
+    return load
+
+
+def some_motion(rng: np.random.Generator, nv: int, samples: int = 20) -> Motion:
+    return Motion(np.arange(samples) * 0.01, *rng.normal(size=(3, samples, nv)))
+
+
+def test_the_package_starts_without_pinocchio():
+    code = "import sys, phantom_dyn; phantom_dyn.__version__; print('pinocchio' in sys.modules)"
+    printed = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True).stdout
+    assert printed.strip() == "False"
+
+
+def test_loading_a_robot_prints_nothing(capfd):
+    load_robot("example:panda")
+    assert capfd.readouterr() == ("", "")
+
+
+def test_output_goes_where_it_went_after_a_refused_robot(edited, capfd):
+    with pytest.raises(phantom_dyn.errors.RobotError):
+        edited(ARM, ("<limit", "<limits"))
+    print("seen")
+    assert capfd.readouterr() == ("seen\n", "")
+
+
+def test_names_and_hash_of_the_file_are_kept():
+    robot = load_robot(ARM)
+    assert (robot.name, robot.joint_names, robot.source, robot.sha256) == (
+        "arm3",
+        ("turn", "tilt", "slide"),
+        str(ARM),
+        hashlib.sha256(ARM.read_bytes()).hexdigest(),
+    )
+
+
+def test_units_tell_the_linear_joint():
+    assert load_robot(ARM).torque_units == ("N m", "N m", "N")
+
+
+@pytest.mark.parametrize("source", [ARM, ARM_XML])
+def test_viscous_friction_is_the_damping_of_the_file(source):
+    assert load_robot(source).viscous_friction.tolist() == [0.3, 0.4, 12.0]
+
+
+@pytest.mark.parametrize("source", [ARM, ARM_XML])
+def test_coulomb_friction_is_the_friction_of_the_file(source):
+    assert load_robot(source).coulomb_friction.tolist() == [0.7, 0.5, 3.0]
+
+
+def test_mjcf_and_urdf_of_one_arm_need_the_same_torque(rng):
+    motion = some_motion(rng, 3)
+    np.testing.assert_allclose(
+        inverse_dynamics(load_robot(ARM_XML), motion), inverse_dynamics(load_robot(ARM), motion), atol=1e-10
+    )
+
+
+def test_a_mjcf_arm_needs_the_torque_that_mujoco_computes(rng):
+    # MuJoCo makes friction a constraint, so it is left out there and taken off here.
+    motion = some_motion(rng, 3)
+    robot = load_robot(ARM_XML)
+    model = mujoco.MjModel.from_xml_path(str(ARM_XML))
+    model.opt.disableflags |= mujoco.mjtDisableBit.mjDSBL_CONSTRAINT
+    data = mujoco.MjData(model)
+    expected = np.empty_like(motion.q)
+    for k in range(len(motion.t)):
+        data.qpos, data.qvel, data.qacc = motion.q[k], motion.v[k], motion.a[k]
+        mujoco.mj_inverse(model, data)
+        expected[k] = data.qfrc_inverse
+    smooth = inverse_dynamics(robot, motion) - np.sign(motion.v) * robot.coulomb_friction
+    np.testing.assert_allclose(smooth, expected, atol=1e-9)
+
+
+def test_the_armature_of_a_mjcf_file_is_kept(edited):
+    robot = edited(ARM_XML, ('joint name="turn"', 'joint name="turn" armature="0.02"'))
+    assert (robot.model.armature[0], robot.actuators[0].rotor_inertia) == (0.02, 0.02)
+
+
+def test_a_stated_rotor_inertia_replaces_the_armature_of_the_file(edited):
+    robot = edited(
+        ARM_XML,
+        ('joint name="turn"', 'joint name="turn" armature="0.02"'),
+        config="joints: {turn: {rotor_inertia: 0.005}}",
+    )
+    assert robot.model.armature[0] == 0.005
+
+
+def test_the_gravity_of_a_mjcf_file_is_kept(edited):
+    robot = edited(ARM_XML, ("<compiler", '<option gravity="0 0 -1.62"/><compiler'))
+    assert robot.model.gravity.linear.tolist() == [0, 0, -1.62]
+
+
+def test_mjcf_features_that_the_model_leaves_out_are_a_warning(edited):
+    robot = edited(ARM_XML, ('joint name="turn"', 'joint name="turn" stiffness="4"'))
+    assert "states stiffness of <joint>, which the model leaves out" in robot.warnings[0]
+
+
+def test_a_clean_file_gives_no_warning():
+    assert load_robot(ARM).warnings == load_robot(ARM_XML).warnings == ()
+
+
+def test_a_fixed_joint_merges_its_link_into_the_moving_body():
+    # Known truth: rail 0.7 kg and tool 0.4 kg.
+    assert standard_parameters(load_robot(ARM))[20] == pytest.approx(1.1)
+
+
+def test_a_continuous_joint_needs_the_torque_of_a_revolute_one(edited, rng):
+    motion = some_motion(rng, 3)
+    continuous = edited(ARM, ('name="tilt" type="revolute"', 'name="tilt" type="continuous"'))
+    np.testing.assert_allclose(
+        inverse_dynamics(continuous, motion), inverse_dynamics(load_robot(ARM), motion), atol=1e-12
+    )
+
+
+def test_a_continuous_joint_takes_two_entries_of_the_configuration(edited):
+    robot = edited(ARM, ('name="tilt" type="revolute"', 'name="tilt" type="continuous"'))
+    assert (robot.nq, robot.nv) == (4, 3)
+
+
+def test_a_locked_joint_leaves_the_mass_matrix_of_the_others(edited, rng):
+    q = rng.normal(size=(5, 3))
+    q[:, 2] = 0
+    locked = edited(ARM, config="lock: [slide]")
+    np.testing.assert_allclose(mass_matrix(locked, q[:, :2]), mass_matrix(load_robot(ARM), q)[:, :2, :2], atol=1e-12)
+
+
+def test_a_locked_joint_takes_its_friction_along(edited):
+    robot = edited(ARM, config="lock: [tilt]")
+    assert (robot.joint_names, robot.locked) == (("turn", "slide"), ("tilt",))
+    assert robot.coulomb_friction.tolist() == [0.7, 3]
+
+
+def test_a_mjcf_file_with_a_keyframe_can_have_locked_joints(edited):
+    assert edited(ARM_XML, config="lock: [tilt]").viscous_friction.tolist() == [0.3, 12]
+
+
+def test_a_mimic_joint_is_held_with_a_warning(edited):
+    robot = edited(ARM, ('<axis xyz="0.8 0 0.6"/>', '<axis xyz="0.8 0 0.6"/><mimic joint="tilt" offset="0.2"/>'))
+    assert "joints that follow another are held fixed: slide (follows tilt)" in robot.warnings[0]
+
+
+def test_a_mimic_joint_is_held_at_its_offset(edited, rng):
+    q = rng.normal(size=(5, 3))
+    q[:, 2] = 0.2
+    robot = edited(ARM, ('<axis xyz="0.8 0 0.6"/>', '<axis xyz="0.8 0 0.6"/><mimic joint="tilt" offset="0.2"/>'))
+    np.testing.assert_allclose(mass_matrix(robot, q[:, :2]), mass_matrix(load_robot(ARM), q)[:, :2, :2], atol=1e-12)
+
+
+def test_a_joint_that_an_equality_of_mujoco_couples_is_held(edited):
+    robot = edited(ARM_XML, ("<actuator>", '<equality><joint joint1="slide" joint2="tilt"/></equality><actuator>'))
+    assert robot.locked == ("slide",)
+
+
+def test_a_broken_triangle_inequality_is_a_warning(edited):
+    robot = edited(ARM, ('ixx="0.004"', 'ixx="0.04"'))
+    assert "no rigid body has the inertia of link rail" in robot.warnings[0]
+
+
+def test_a_link_without_mass_is_fine(edited):
+    robot = edited(ARM, ('<mass value="0.4"/>', '<mass value="0"/>'))
+    assert standard_parameters(robot)[20] == pytest.approx(0.7)
+
+
+def test_meshes_need_not_be_there(edited):
+    visual = '<visual><geometry><mesh filename="package://x/y.stl"/></geometry></visual>'
+    assert edited(ARM, ('<link name="base"/>', f'<link name="base">{visual}</link>')).nv == 3
+
+
+def test_a_visual_that_cannot_be_read_changes_nothing(edited):
+    visual = '<visual><geometry><sphere radius="abc"/></geometry></visual>'
+    robot = edited(ARM, ('<link name="rail">', f'<link name="rail">{visual}'))
+    np.testing.assert_array_equal(standard_parameters(robot), standard_parameters(load_robot(ARM)))
+
+
+def test_the_emps_axis_is_the_published_mass_without_gravity(rng):
+    # Published: M = 95.1089 kg; the model has neither gravity nor friction, so force = M a.
+    motion = some_motion(rng, 1)
+    np.testing.assert_allclose(inverse_dynamics(load_robot("emps"), motion), 95.1089 * motion.a, rtol=1e-12)
+
+
+def test_the_emps_axis_is_linear():
+    robot = load_robot("emps")
+    assert (robot.joint_names, robot.torque_units, robot.warnings) == (("axis",), ("N",), ())
+
+
+def test_the_ur10_example_loads_with_its_six_joints():
+    assert load_robot("example:ur10").joint_names[::5] == ("shoulder_pan_joint", "wrist_3_joint")
+
+
+def test_the_panda_example_loads_with_its_second_finger_held():
+    robot = load_robot("example:panda")
+    assert (robot.nv, robot.locked) == (8, ("panda_finger_joint2",))
+
+
+def test_the_panda_example_carries_the_damping_of_its_file():
+    assert 'damping="0.003"' in find_robot("example:panda").read_text()
+    assert load_robot("example:panda").viscous_friction[0] == 0.003
+
+
+def test_a_base_that_mjcf_hangs_on_a_wall_is_where_mujoco_has_it(tmp_path):
+    arm = (
+        '<body name="arm" euler="10 5 0"><joint name="s" axis="0 1 0"/>'
+        '<geom type="capsule" fromto="0 0 0 0.1 0.2 -0.3" size="0.02" mass="1.2"/></body>'
+    )
+    base = f'<body name="base" pos="0 0 1" euler="30 0 0"><geom size="0.05" mass="3"/>{arm}</body>'
+    path = tmp_path / "wall.xml"
+    path.write_text(f'<mujoco><compiler angle="degree"/><worldbody>{base}</worldbody></mujoco>')
+    model = mujoco.MjModel.from_xml_path(str(path))
+    data = mujoco.MjData(model)
+    data.qpos[0] = 0.3
+    mujoco.mj_forward(model, data)
+    robot = load_robot(path)
+    np.testing.assert_allclose(gravity_torque(robot, np.array([[0.3]]))[0], data.qfrc_bias, atol=1e-12)
+    np.testing.assert_allclose(robot.model.jointPlacements[1].translation, data.xanchor[0], atol=1e-12)

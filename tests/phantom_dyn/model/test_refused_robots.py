@@ -1,0 +1,146 @@
+"""Robot files that are no robots, cut off or impossible: each is refused in a sentence that says where."""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+
+import pytest
+
+from phantom_dyn import load_robot
+from phantom_dyn.errors import RobotError
+from places import ROBOTS
+
+URDF = (ROBOTS / "arm3.urdf").read_text()
+# Without its keyframe, whose length Pinocchio checks against the joints before anything else.
+MJCF = re.sub(r"<keyframe>.*</keyframe>", "", (ROBOTS / "arm3.xml").read_text())
+
+
+def assert_refused(path: Path, text: str, message: str) -> None:
+    path.write_text(text)
+    with pytest.raises(RobotError, match=message) as refusal:
+        load_robot(path)
+    assert str(path) in str(refusal.value)
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ("", "is empty: give a URDF or MJCF file"),
+        (" \n", "is empty"),
+        ("t,q.j1,tau.j1\n0,0,0\n", "is not valid XML, or is cut off"),
+        (URDF[:900], r"is not valid XML, or is cut off \(.*line \d+"),
+        (MJCF[:900], r"is not valid XML, or is cut off \(.*line \d+"),
+        ("<html></html>", "root element <html>, wanted <robot>"),
+        ('<sdf version="1.6"></sdf>', "SDF file, and Pinocchio's wheel is built without SDF: convert it"),
+        (
+            '<robot name="x" xmlns:xacro="http://www.ros.org/wiki/xacro"><xacro:arm/></robot>',
+            "is a xacro source: expand it",
+        ),
+        ('<robot name="x"><link name="base"/></robot>', "has no joint that moves"),
+        ("<mujoco/>", "is not a robot that Pinocchio can read"),
+        ("<robot><link name='base'/></robot>", r"can read \(No name given for the robot\): correct the file"),
+    ],
+)
+def test_what_is_no_robot_is_refused(tmp_path, text, message):
+    assert_refused(tmp_path / "robot.urdf", text, message)
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "message"),
+    [
+        ('<mass value="3"/>', '<mass value="-3"/>', r"link column cannot exist, its mass is -3 kg, below zero"),
+        ('<mass value="3"/>', '<mass value="nan"/>', r"value='nan' in <mass> of link column must be finite numbers"),
+        ('<mass value="3"/>', '<mass value="heavy"/>', r"value='heavy' in <mass> of link column must be finite"),
+        (
+            '<mass value="3"/>',
+            '<mass value="3 4"/>',
+            r"mass \[3 4\] is not a float; .* Link \[column\]",
+        ),
+        ('<mass value="3"/>', "", r"the <inertial> of link column has no mass"),
+        ('ixx="0.01"', 'ixx="-0.01"', r"link beam cannot exist, its smallest principal inertia is -0\.01.* below zero"),
+        ('ixy="0.001"', 'ixy="0.9"', r"link beam cannot exist, its smallest principal inertia is -0\.8"),
+        ('ixx="0.01"', 'ixx="inf"', r"ixx='inf' in <inertia> of link beam must be finite numbers"),
+        ('ixx="0.01"', "", r"the <inertia> of link beam lacks ixx"),
+        ('<origin xyz="0.2 0.03 -0.04"/>', '<origin xyz="0.2 nan 0"/>', r"xyz='0.2 nan 0' in <origin> of link beam"),
+        ('<axis xyz="0.8 0 0.6"/>', '<axis xyz="0 0 0"/>', "the axis of joint slide is zero: give its direction"),
+        ('damping="0.4"', 'damping="-0.4"', r"damping='-0.4' in <dynamics> of joint tilt is below zero"),
+        ('friction="0.5"', 'friction="none"', r"friction='none' in <dynamics> of joint tilt must be finite numbers"),
+        ('<limit lower="-2"', '<limits lower="-2"', r"can read \(Joint \[tilt\] is of type REVOLUTE but it does not"),
+        ('<child link="beam"/>', '<child link="bean"/>', r"child link \[bean\] of joint \[tilt\] not found"),
+        ('<link name="tool">', '<link name="rail">', r"link 'rail' is not unique"),
+        (
+            'name="slide" type="prismatic"',
+            'name="slide" type="floating"',
+            r"slide is a floating base, and only",
+        ),
+        ('name="slide" type="prismatic"', 'name="slide" type="planar"', r"slide is a planar joint, .*lock: \[slide\]"),
+        ('name="slide" type="prismatic"', 'name="slide" type="screw"', r"Joint \[slide\] has no known type \[screw\]"),
+    ],
+)
+def test_a_broken_urdf_is_refused_with_its_place(tmp_path, old, new, message):
+    assert old in URDF
+    assert_refused(tmp_path / "robot.urdf", URDF.replace(old, new, 1), message)
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "message"),
+    [
+        ('mass="3"', 'mass="-3"', "body column cannot exist, its mass is -3 kg, below zero"),
+        ('mass="3"', 'mass="x"', r"mass='x' in <inertial> of body column must be finite numbers"),
+        ('mass="3"', "", r"the <inertial> of body column needs mass and diaginertia"),
+        ("0.004 0.005 0.003", "0.004 -0.005 0.003", "body rail cannot exist, its smallest principal inertia is -0.005"),
+        ("0.004 0.005 0.003", "0.004 0.005", r"the <inertial> of body rail needs mass and diaginertia \(3\)"),
+        ('damping="12"', 'damping="x"', r"damping='x' in <joint> of joint slide must be finite numbers"),
+        ('frictionloss="3"', 'frictionloss="-3"', r"frictionloss='-3' in <joint> of joint slide is below zero"),
+        ('type="slide"', 'type="ball"', "slide is a ball joint, and only revolute"),
+        (
+            '<joint name="slide"',
+            '<joint name="extra" type="hinge"/><joint name="slide"',
+            "extra is several joints on one body, .*one joint per body",
+        ),
+        ('type="slide"', 'type="rope"', r"is not a robot that Pinocchio can read \(Unknown joint type\)"),
+        ("<compiler", '<include file="other.xml"/><compiler', "uses <include>, .*mj_saveLastXML"),
+        (
+            "<actuator>",
+            '<equality><connect body1="tool" body2="bean" anchor="0 0 0"/></equality><actuator>',
+            "<connect> of tool and bean names 'bean', which the model does not have, .*did you mean beam",
+        ),
+        (
+            "<actuator>",
+            '<equality><connect body2="beam" anchor="0 0 0"/></equality><actuator>',
+            "<connect> in <equality> names no body1: add it",
+        ),
+        (
+            "<actuator>",
+            '<equality><weld body1="tool" body2="beam" relpose="0 0 0"/></equality><actuator>',
+            "<weld> of tool and beam needs three numbers as anchor and seven as relpose",
+        ),
+        (
+            '<inertial pos="0 0 0.1" mass="0.4" diaginertia="0.001 0.001 0.001"/>',
+            '<geom type="mesh" mesh="tool"/>',
+            "the inertia of body tool comes from a mesh, and meshes are not read: give it an <inertial>",
+        ),
+        (
+            '<inertial pos="0 0 0.1" mass="0.4" diaginertia="0.001 0.001 0.001"/>',
+            '<geom type="sphere" size="0.1" mass="-1"/>',
+            r"mass='-1' in <geom> of body tool is below zero",
+        ),
+        ("<compiler", '<option gravity="-9.81"/><compiler', "gravity in <option> has 1 numbers, wanted three"),
+    ],
+)
+def test_a_broken_mjcf_is_refused_with_its_place(tmp_path, old, new, message):
+    assert old in MJCF
+    assert_refused(tmp_path / "robot.xml", MJCF.replace(old, new, 1), message)
+
+
+def test_a_floating_base_in_mjcf_is_refused(tmp_path):
+    joint = '<joint name="turn" type="hinge" axis="0 0 1" damping="0.3" frictionloss="0.7"/>'
+    assert joint in MJCF
+    assert_refused(tmp_path / "robot.xml", MJCF.replace(joint, "<freejoint/>"), "is a floating base, and only revolute")
+
+
+def test_a_folder_named_as_a_robot_is_refused(tmp_path):
+    (tmp_path / "robot.urdf").mkdir()
+    with pytest.raises(RobotError, match=r"robot\.urdf is a folder, wanted a robot file"):
+        load_robot(tmp_path / "robot.urdf")

@@ -1,0 +1,225 @@
+"""Compiled steps against the steps of NumPy and Pinocchio."""
+
+from __future__ import annotations
+
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from phantom_dyn import load_robot
+from phantom_dyn.dynamics.dynamics import forward_dynamics, inverse_dynamics
+from phantom_dyn.effects.catalogue import EFFECTS, effect_named
+from phantom_dyn.effects.effect import Simulated
+from phantom_dyn.effects.operation import Operation
+from phantom_dyn.errors import ParameterError
+from phantom_dyn.simulation import simulate as simulation
+from phantom_dyn.simulation.compiled import machine as simulation_machine
+from phantom_dyn.simulation.control import position_control, torque_over_time
+from phantom_dyn.simulation.simulate import Cause, Simulation, simulate
+from places import ROBOTS
+
+# Contract parameters, on one joint or on the whole robot.
+LAWS = {
+    "viscous_friction": [0.5],
+    "coulomb_friction": [0.3],
+    "direction_dependent_friction": [0.5, 0.2, 0.1, 0.3],
+    "stribeck_friction": [0.2, 0.6, 0.4],
+    "torque_offset": [0.4],
+    "torque_constant": [0.8],
+    "rotor_inertia": [0.05],
+    "payload": [0.4, 0.02, 0.0, -0.3],
+    "inertial_parameters": [0.1, 0.02, 0.0, -0.03, 0.01, 0.0, 0.01, 0.0, 0.0, 0.01],
+    "parasitic_spring": [3.0, 0.2],
+    "presliding_friction": [0.6, 0.02],
+    "load_dependent_friction": [0.1],
+    "joint_coupling": [-0.7, 0.3, 0.2, 0.05],
+    "cogging": [3.0, 7.0, 0.3, 0.2, 0.1, 1.0],
+    "torque_saturation": [2.0],
+    "input_delay": [0.0117],
+    "actuator_lag": [0.01],
+    "backlash": [0.02],
+    "transmission_compliance": [300.0],
+    "base_tilt": [0.02, -0.05],
+    "encoder_offset": [0.03],
+    "encoder_eccentricity": [0.02, 0.4, 1.0],
+    "encoder_quantization": [0.01],
+}
+STICK = [0.6, 0.02, 1.4, 0.05]
+SECONDS = np.linspace(0.0, 0.1, 21)
+
+
+def tied(robot, *, hold="instant", source="command", rotor=0.1):
+    """The robot with rotors everywhere."""
+    model = robot.model.copy()
+    model.armature = np.full(robot.nv, rotor)
+    return replace(robot, model=model, torque_hold=hold, torque_source=source)
+
+
+def cause(robot, name, theta=None) -> Cause:
+    """An effect on the robot's last joint, on its first two, or on all of it."""
+    effect = effect_named(name)
+    joint = None if effect.scope == "robot" else robot.joint_names[-1]
+    if name == "joint_coupling":
+        joint = "+".join(robot.joint_names[:2])
+    return Cause(effect, joint, np.array(LAWS[name] if theta is None else theta))
+
+
+def controller_of(robot):
+    """Gains and a wave that reverse each joint."""
+    t = np.linspace(0.0, 1.0, 400)
+    omega = 20.0 + 9.0 * np.arange(robot.nv)
+    wave = 0.2 * np.sin(np.outer(t, omega) + 0.3), 0.2 * omega * np.cos(np.outer(t, omega) + 0.3)
+    return position_control(t, *wave, kp=np.full(robot.nv, 150.0), kd=np.full(robot.nv, 9.0))
+
+
+def in_python(monkeypatch, *args, **options) -> Simulation:
+    """The same simulation without compiled steps."""
+    with monkeypatch.context() as patch:
+        patch.setattr(simulation, "compiled", lambda *given: None)
+        return simulate(*args, **options)
+
+
+def assert_same(a: Simulation, b: Simulation, tolerance=1e-9):
+    for part in ("q", "tau"):
+        np.testing.assert_allclose(getattr(a, part), getattr(b, part), atol=tolerance)
+    for side in ("links", "encoders"):
+        for part, scale in (("q", 1.0), ("v", 10.0), ("a", 1e4)):
+            one, other = getattr(getattr(a, side), part), getattr(getattr(b, side), part)
+            np.testing.assert_allclose(one, other, atol=tolerance * scale)
+
+
+@pytest.fixture(scope="module")
+def arm():
+    """Two hinges and a slide."""
+    return tied(load_robot(ROBOTS / "arm3.urdf"))
+
+
+def robots_of(name: str) -> list[str]:
+    return ["planar2", "arm3"] if name == "joint_coupling" else ["pendulum", "planar2"]
+
+
+@pytest.mark.parametrize(("name", "file"), [(name, file) for name in LAWS for file in robots_of(name)])
+def test_an_effect_moves_the_robot_as_without_compiled_steps(name, file, monkeypatch):
+    robot = tied(load_robot(ROBOTS / f"{file}.urdf"))
+    args = robot, (cause(robot, name),), controller_of(robot), SECONDS, np.zeros(robot.nv)
+    assert_same(simulate(*args), in_python(monkeypatch, *args))
+
+
+@pytest.mark.parametrize("file", ["pendulum", "arm3"])
+@pytest.mark.parametrize(("hold", "source"), [("zoh", "command"), ("zoh", "sensor"), ("instant", "sensor")])
+def test_stick_play_delay_lag_and_offset_together_move_as_without_compiled_steps(file, hold, source, monkeypatch):
+    robot = tied(load_robot(ROBOTS / f"{file}.urdf"), hold=hold, source=source)
+    names = ("backlash", "input_delay", "actuator_lag", "torque_saturation", "encoder_offset", "stribeck_friction")
+    causes = (cause(robot, "presliding_friction", STICK), *(cause(robot, name) for name in names))
+    args = robot, causes, controller_of(robot), SECONDS, np.full(robot.nv, 0.1), np.full(robot.nv, -0.2)
+    assert_same(simulate(*args), in_python(monkeypatch, *args))
+
+
+@pytest.mark.parametrize("hold", ["zoh", "instant"])
+@pytest.mark.parametrize("file", ["pendulum", "arm3"])
+def test_a_tracking_law_moves_the_robot_as_the_same_law_in_python(file, hold):
+    robot = tied(load_robot(ROBOTS / f"{file}.urdf"), hold=hold)
+    names = ("input_delay", "encoder_offset", "encoder_eccentricity", "transmission_compliance")
+    causes, law = tuple(cause(robot, name) for name in names), controller_of(robot)
+    law = replace(law, limits=np.full(robot.nv, 8.0), extra=np.full_like(law.extra, 0.3))
+    start = SECONDS, np.zeros(robot.nv)
+    assert_same(simulate(robot, causes, law, *start), simulate(robot, causes, lambda *x: law(*x), *start), 1e-12)
+
+
+def test_every_effect_of_the_catalogue_is_compiled(arm):
+    # Nothing falls back to Python without being seen.
+    assert set(LAWS) == {effect.name for effect in EFFECTS}
+    for name in LAWS:
+        one = cause(arm, name)
+        part = one.effect.simulated(arm, one.joint, one.theta)
+        counts = np.ones(3, np.int64)
+        machine = simulation.machine_of(arm, () if part.transmission is None else (part.transmission,))
+        assert simulation_machine.compiled(machine, (part,), np.arange(3.0), counts) is not None, name
+
+
+def test_an_effect_with_a_law_in_python_only_still_acts(arm, monkeypatch):
+    offset = effect_named("torque_offset")
+    whole = Cause(offset, "tilt", np.array([0.4]))
+    args = controller_of(arm), SECONDS, np.zeros(3)
+    expected = simulate(arm, (whole,), *args)
+    full = type(offset).simulated
+
+    def without_laws(self, *given) -> Simulated:
+        return replace(full(self, *given), laws=())
+
+    monkeypatch.setattr(type(offset), "simulated", without_laws)
+    assert_same(simulate(arm, (whole,), *args), expected)
+
+
+def test_a_closed_chain_starts_with_the_acceleration_of_its_forward_dynamics():
+    chain = load_robot("phantom_1_5")
+    chain = replace(chain, viscous_friction=np.zeros(3), coulomb_friction=np.zeros(3))
+    push = torque_over_time(SECONDS[:2], np.full((2, 3), 0.1))
+    s = simulate(chain, (), push, np.array([0.0, 1e-5]), np.full(3, 0.1))
+    still = np.full((1, 3), 0.1), np.zeros((1, 3))
+    np.testing.assert_allclose(s.links.v[1:] / 1e-5, forward_dynamics(chain, *still, np.full((1, 3), 0.1)), rtol=1e-3)
+
+
+def test_an_inertia_that_couples_two_joints_takes_its_torque(arm):
+    frictionless = replace(arm, viscous_friction=np.zeros(3), coulomb_friction=np.zeros(3))
+    theta = np.array([-0.7, 0.0, 0.0, 0.4])
+    coupling = Cause(effect_named("joint_coupling"), "turn+tilt", theta)
+    s = simulate(frictionless, (coupling,), controller_of(arm), SECONDS, np.zeros(3))
+    law = coupling.effect.torque(arm, Operation.of(frictionless, s.links), "turn+tilt", theta)
+    error = (s.tau - inverse_dynamics(frictionless, s.links) + law)[1:-1]
+    assert np.abs(error).max() < 0.01 * np.abs(law).max()
+
+
+def test_a_delay_holds_over_uneven_samples(rng, monkeypatch):
+    wheel = tied(load_robot(ROBOTS / "pendulum.urdf"), hold="zoh")
+    t = np.cumsum(rng.uniform(1e-4, 2e-2, 60))
+    law = torque_over_time(t, rng.normal(size=(60, 1)))
+    args = wheel, (cause(wheel, "input_delay", [0.05]),), law, t, np.zeros(1)
+    assert_same(simulate(*args), in_python(monkeypatch, *args))
+
+
+def test_two_threads_move_robots_as_one_does(arm, pendulum):
+    robots = [replace(arm, torque_hold="zoh"), tied(pendulum)] * 2
+    t = np.linspace(0.0, 0.3, 61)
+
+    def run(robot):
+        causes = tuple(cause(robot, name) for name in ("input_delay", "presliding_friction", "backlash"))
+        return simulate(robot, causes, controller_of(robot), t, np.zeros(robot.nv))
+
+    alone = [run(robot) for robot in robots]
+    with ThreadPoolExecutor(2) as threads:
+        together = list(threads.map(run, robots))
+    for one, other in zip(alone, together, strict=True):
+        assert_same(one, other, 0.0)
+
+
+def test_a_tracking_law_of_other_joints_is_refused(arm):
+    with pytest.raises(ParameterError, match=r"The tracking law is one of 2 joints and the robot has 3: give as many"):
+        simulate(arm, (), torque_over_time(SECONDS[:2], np.zeros((2, 2))), SECONDS, np.zeros(3))
+
+
+def test_a_controller_that_gives_one_torque_for_all_is_refused(arm):
+    with pytest.raises(ParameterError, match=r"The controller gave a torque of shape \(1,\), wanted 3 numbers"):
+        simulate(arm, (), lambda t, q, v: np.zeros(1), SECONDS, np.zeros(3))
+
+
+@pytest.mark.parametrize("q0", [np.array([0.0, np.nan, 0.0]), np.array([0.0, np.inf, 0.0])])
+def test_a_start_that_is_not_finite_is_refused(arm, q0):
+    with pytest.raises(ParameterError, match=r"q0 is .*: give finite numbers"):
+        simulate(arm, (), controller_of(arm), SECONDS, q0)
+
+
+@pytest.mark.parametrize("step", [0.0, -1e-3, np.nan])
+def test_a_step_of_no_length_is_refused(arm, step):
+    with pytest.raises(ParameterError, match=r"max_step is .* s: give a length above zero"):
+        simulate(arm, (), controller_of(arm), SECONDS, np.zeros(3), max_step=step)
+
+
+@pytest.mark.parametrize("file", ["pendulum", "arm3"])
+def test_a_compiled_motion_that_leaves_all_bounds_is_refused(file):
+    robot = load_robot(ROBOTS / f"{file}.urdf")
+    push = torque_over_time(np.array([0.0, 1.0]), np.full((2, robot.nv), 1e12))
+    with pytest.raises(ParameterError, match=r"The motion leaves all bounds after 0 s"):
+        simulate(robot, (), push, SECONDS, np.zeros(robot.nv))
