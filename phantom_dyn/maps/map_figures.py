@@ -59,7 +59,7 @@ def _panels(result: OperationalMap, name: str) -> tuple[list[int], list[_Panel]]
     varying = [k for k, count in enumerate(grid.shape) if count > 1]
     kept = varying if len(varying) <= 3 else varying[-2:]
     cut = tuple(slice(None) if k in kept else count // 2 for k, count in enumerate(grid.shape))
-    values = result.values[name][cut]
+    values = np.asarray(result.values[name][cut])
     unit = f" [{quantity.unit}]" if quantity.unit else ""
     if quantity.kind == "scalar":
         return kept, [_Panel(f"{quantity.title}{unit}", values)]

@@ -183,7 +183,7 @@ def _clearly_better(before: Float[Array, " nv"], after: Float[Array, " nv"], of:
     if np.isnan(before[of]).any() or np.isnan(after[of]).any():
         return False
     rest = np.setdiff1d(np.arange(len(before)), of)
-    worse = np.nansum(after[rest] - before[rest])
+    worse = float(np.nansum(after[rest] - before[rest]))
     gained = float(np.sum(before[of] - after[of]))
     # Joints that move each other's load fit exchanged data fairly well: then the ratio tells, else the amount.
     ratio = float(np.max(after[of] / before[of]))

@@ -79,9 +79,11 @@ def test_friction_of_a_passive_joint_reaches_the_active_ones(phantom, configurat
     J = closed.hybrid_jacobian(q)[:, :3]
     joint = np.swapaxes(J, 1, 2) @ felt(model, q, "viscous_friction") @ J
     expected = 0.01 * np.array([[0, 0, 0], [0, 1, -1], [0, -1, 1]])
-    np.testing.assert_allclose(joint, np.broadcast_to(expected, joint.shape), rtol=0, atol=1e-14)
+    np.testing.assert_allclose(joint, np.broadcast_to(expected, joint.shape), rtol=0, atol=1e-11)
     worst = np.swapaxes(J, 1, 2) @ felt(model, q, "coulomb_friction")
-    np.testing.assert_allclose(worst, np.broadcast_to(np.diag([0, 0.02, 0.02]), worst.shape), rtol=0, atol=1e-14)
+    np.testing.assert_allclose(
+        worst, np.broadcast_to(np.diag([0, 0.02, 0.02]), worst.shape), rtol=0, atol=1e-11
+    )  # near a singularity
 
 
 def test_the_apparent_mass_of_a_redundant_arm_is_the_inverse_of_its_mobility(configurations):
