@@ -22,10 +22,9 @@ if __package__ in (None, ""):  # called by its path: the checkout is not on the 
     sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 
 from benchmarks.comparison import NotInstalled, Row, environment, missed, more_than, own, table, worker
-from identification.estimators.linear.cautions import position_limits
 from phantom_dyn import load_robot
 from phantom_dyn.dynamics.dynamics import inverse_dynamics
-from phantom_dyn.model.robot import Robot
+from phantom_dyn.model.robot import Robot, position_limits
 from phantom_dyn.motion import Motion
 
 REQUIREMENT = "mujoco[sysid]>=4.0,<5"

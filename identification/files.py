@@ -1,4 +1,7 @@
-"""Writing files so that a reader never sees half of one: under a temporary name, then renamed."""
+"""Files of the user: a recording that is not there is refused, and a file that is written is never seen half.
+
+Nothing heavy is imported here, so that a command can refuse a wrong path at once.
+"""
 
 from __future__ import annotations
 
@@ -7,7 +10,42 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
-from phantom_dyn.errors import UsageError
+from phantom_dyn.errors import LogError, UsageError, nearest
+
+LOG_ENDINGS = (".csv", ".npz", ".parquet")
+"""Endings of the formats that a log is written in."""
+LOG_FORMATS = "CSV, NPZ, Parquet, a ROS 1 or ROS 2 bag (.bag, .db3 or its folder) or MCAP"
+"""Formats of a recording that are read, for sentences."""
+
+
+def require_existing(path: str | Path) -> None:
+    """Refuse a log that does not exist, naming the nearest file of its folder; loads nothing heavy.
+
+    Raises:
+        LogError: If there is no such file or folder.
+    """
+    path = Path(path)
+    if path.exists():
+        return
+    folder = path.parent
+    if not folder.is_dir():
+        raise LogError(f"{path} does not exist, nor does its folder: give a log ({LOG_FORMATS}).")
+    files = sorted(entry.name for entry in folder.iterdir())
+    guess = nearest(path.name, files)
+    meant = f"; did you mean {guess}?" if guess else f": give a log ({LOG_FORMATS})."
+    raise LogError(f"{path} does not exist{meant}")
+
+
+def require_ending(path: Path) -> None:
+    """Refuse a log to be written whose ending names no format.
+
+    Raises:
+        UsageError: The sentence names the endings.
+    """
+    if path.suffix.lower() not in LOG_ENDINGS:
+        raise UsageError(
+            f"{path} ends in {path.suffix or 'nothing'}, wanted a log that ends in {', '.join(LOG_ENDINGS)}"
+        )
 
 
 @contextmanager

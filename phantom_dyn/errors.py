@@ -71,3 +71,11 @@ def known_names(name: str, known: Iterable[str], what: str) -> str:
     more = f" and {len(names) - _LISTED} more" if len(names) > _LISTED else ""
     guess = nearest(name, names)
     return f"the {what} are {', '.join(names[:_LISTED])}{more}" + (f"; did you mean {guess}?" if guess else ".")
+
+
+def listed(names: Iterable[object], limit: int = 12) -> str:
+    """Names for a message, the first ``limit`` of them."""
+    words = [str(name) for name in names]
+    if not words:
+        return "none"
+    return ", ".join(words[:limit]) + (f" and {len(words) - limit} more" if len(words) > limit else "")

@@ -16,10 +16,10 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 from identification.data.readers.column_map import read_column_map
-from identification.data.readers.read_table import require_existing
 from identification.data.reading import read_recording
 from identification.diagnosis.diagnosis import diagnose
 from identification.diagnosis.model.terms import KnownEffect
+from identification.files import require_existing
 from identification.reporting.diagnosis_files import check_targets, write_outputs
 from identification.reporting.diagnosis_json import Json, to_json
 from identification.words.diagnosis_words import effect_at_finding

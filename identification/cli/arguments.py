@@ -1,11 +1,4 @@
-"""The argument parser of every command, and what is checked before anything heavy is loaded.
-
-The argument parser of every command, and the arguments that several have.
-
-What commands that read a robot and recordings check before anything heavy is loaded.
-
-How many threads linear algebra takes.
-"""
+"""The argument parser of every command, arguments that several share, and checks that need nothing heavy loaded."""
 
 from __future__ import annotations
 
@@ -15,7 +8,12 @@ import re
 from pathlib import Path
 from typing import NoReturn
 
+from identification.files import require_existing
 from phantom_dyn.errors import UsageError
+from phantom_dyn.model.robot_files import find_robot
+
+DONE, BAD_INPUT, INTERRUPTED = 0, 2, 130
+"""Exit codes of every command."""
 
 
 class Parser(argparse.ArgumentParser):
@@ -42,9 +40,13 @@ def add_logs(parser: argparse.ArgumentParser) -> None:
     """LOG, once or more, and how recordings are read."""
     parser.add_argument("logs", metavar="LOG", nargs="+", help="CSV, Parquet, NPZ, ROS bag or MCAP")
     add_reading(parser)
-    parser.add_argument(
-        "--exclude", metavar="T0:T1", action="extend", nargs="+", default=[], help="stretches of time [s] to leave out"
-    )
+    add_list(parser, "--exclude", metavar="T0:T1", help="stretches of time [s] to leave out")
+
+
+def add_list(parser: argparse.ArgumentParser, option: str, *, metavar: str, help: str, dest: str | None = None) -> None:
+    """An option with one value or more that may be given again: all values stand in one list."""
+    dest = dest or option.removeprefix("--").replace("-", "_")
+    parser.add_argument(option, dest=dest, metavar=metavar, action="extend", nargs="+", default=[], help=help)
 
 
 def add_reading(parser: argparse.ArgumentParser) -> None:
@@ -58,9 +60,6 @@ def require_files(arguments: argparse.Namespace) -> None:
 
     Blocks of a recording that is there twice would be judged by fits that have seen their copy.
     """
-    from identification.data.readers.read_table import require_existing
-    from phantom_dyn.model.robot_files import find_robot
-
     find_robot(arguments.robot)
     seen: dict[Path, str] = {}
     for option, paths in (("LOG", arguments.logs), ("--hold-out", arguments.hold_out)):
@@ -72,7 +71,12 @@ def require_files(arguments: argparse.Namespace) -> None:
             seen[place] = option
 
 
-def stretch(text: str) -> tuple[float, float]:
+def excluded_stretches(arguments: argparse.Namespace) -> tuple[tuple[float, float], ...]:
+    """Start and end [s] of each stretch of time that ``--exclude`` names."""
+    return tuple(_stretch(text) for text in arguments.exclude)
+
+
+def _stretch(text: str) -> tuple[float, float]:
     """``T0:T1`` as two times."""
     try:
         start, stop = (float(part) for part in text.split(":"))
@@ -84,6 +88,6 @@ def stretch(text: str) -> tuple[float, float]:
 
 
 def one_blas_thread() -> None:
-    """Before NumPy is loaded: matrices are small, and two threads on a busy machine wait for each other."""
+    """One thread of linear algebra, if NumPy is not loaded yet: matrices are small, and threads wait for each other."""
     for name in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"):
         os.environ.setdefault(name, "1")

@@ -1,14 +1,31 @@
-"""``phantom-dyn diagnose``: find what the model of a robot lacks, from recordings."""
+"""``phantom-dyn diagnose``: find what the model of a robot lacks, from recordings; ``--each`` takes them one by one."""
 
 from __future__ import annotations
 
 import argparse
 import sys
 from pathlib import Path
+from typing import TYPE_CHECKING
 
-from identification.cli.arguments import Parser, add_logs, add_robot, one_blas_thread, require_files, stretch
-from identification.cli.each_command import require_each, run_each
+from identification.cli.arguments import (
+    BAD_INPUT,
+    DONE,
+    Parser,
+    add_list,
+    add_logs,
+    add_robot,
+    excluded_stretches,
+    one_blas_thread,
+    require_files,
+)
+from identification.cli.progress import Progress
 from phantom_dyn.errors import UsageError
+
+if TYPE_CHECKING:
+    from identification.data.recording import Recording
+    from identification.diagnosis.model.terms import KnownEffect
+    from identification.diagnosis.result import Diagnosis
+    from phantom_dyn.model.robot import Robot
 
 
 def parser() -> argparse.ArgumentParser:
@@ -28,11 +45,8 @@ def parser() -> argparse.ArgumentParser:
         "and .csv there",
     )
     out.add_argument("--json", metavar="FILE", type=Path, help="write the diagnosis as JSON to this file")
-    several = {"action": "extend", "nargs": "+", "default": []}
-    out.add_argument(
-        "--hold-out", metavar="LOG", **several, help="recordings that no fit may see; all figures are theirs"
-    )
-    out.add_argument("--with", dest="known", metavar="FILE", **several, help="corrected.yaml of an earlier diagnosis")
+    add_list(out, "--hold-out", metavar="LOG", help="recordings that no fit may see; all figures are theirs")
+    add_list(out, "--with", dest="known", metavar="FILE", help="corrected.yaml of an earlier diagnosis")
     out.add_argument("--recordings", metavar="FILE", type=Path, help="recordings.yaml: what changed between the LOGs")
     out.add_argument(
         "--motion-only",
@@ -56,81 +70,182 @@ def parser() -> argparse.ArgumentParser:
 
 def run(arguments: argparse.Namespace) -> int:
     """Diagnose and print a summary; write files where they are asked for."""
-    excluded = tuple(stretch(text) for text in arguments.exclude)
+    one_blas_thread()
+    excluded = excluded_stretches(arguments)
+    _refuse_contradictions(arguments)
+    if arguments.each:
+        arguments.logs = _logs_of_folders(arguments.logs)
+    require_files(arguments)
+    return _diagnose_each(arguments, excluded) if arguments.each else _diagnose_together(arguments, excluded)
+
+
+def _refuse_contradictions(arguments: argparse.Namespace) -> None:
+    """Refuse options that do not go together.
+
+    Raises:
+        UsageError: Says which, and which to leave out.
+    """
     if arguments.jobs is not None and arguments.jobs < 1:
         raise UsageError(f"--jobs {arguments.jobs} was given, wanted a number of processes from 1 on; leave it out")
-    if arguments.motion_only and (arguments.each or getattr(arguments, "recordings", None) is not None):
+    if arguments.motion_only and (arguments.each or arguments.recordings is not None):
         raise UsageError("--motion-only does not go with --each or --recordings; diagnose the recordings one by one")
-    if arguments.each:
-        require_each(arguments)
-    require_files(arguments)
-    one_blas_thread()
-    if arguments.each:
-        return run_each(arguments, excluded)
-    from identification.cli.progress import Progress
+    if arguments.each and arguments.hold_out:
+        raise UsageError(
+            "--hold-out was given with --each, which diagnoses every recording by itself, so that there is nothing to "
+            "judge on others: leave out one of the two"
+        )
+    if arguments.each and arguments.recordings is not None:
+        raise UsageError(
+            "--recordings was given with --each, which diagnoses every recording by itself, so that nothing can have "
+            "changed between them: leave out one of the two"
+        )
+
+
+def _diagnose_together(arguments: argparse.Namespace, excluded: tuple[tuple[float, float], ...]) -> int:
+    """One diagnosis of all recordings."""
     from identification.export.all_files import not_written
+    from identification.export.corrected.corrected_yaml import known_effects
     from identification.reporting.diagnosis_files import check_targets, write_outputs
+    from identification.reporting.diagnosis_summary import summary
+    from identification.scenarios.motion_only import motion_robot
+    from phantom_dyn.model.loading import load_robot
 
     check_targets(arguments.out, arguments.json)
     with Progress("reading", sys.stderr) as progress:
-        from identification.data.changes import Change
-        from identification.data.reading import read_recording
-        from identification.diagnosis.diagnosis import diagnose
-        from identification.export.corrected.corrected_yaml import known_effects
-        from identification.scenarios.at_rest.diagnose_at_rest import diagnose_at_rest, judged_at_rest
-        from identification.scenarios.motion_only import motion_robot, with_commanded_torque
-        from identification.scenarios.recordings_file import read_changed, read_changes
-        from phantom_dyn.model.loading import load_robot
-
         robot = load_robot(arguments.robot, config=arguments.robot_config)
         robot = motion_robot(robot) if arguments.motion_only else robot
         known = known_effects(tuple(Path(path) for path in arguments.known), robot)
-        every = (*arguments.logs, *arguments.hold_out)
-        stated = arguments.recordings is not None
-        changes = read_changes(arguments.recordings, every, robot.joint_names) if stated else ()
-
-        def read(path: str, change: Change):
-            progress.say(f"reading {Path(path).name}")
-            if arguments.motion_only:
-                return read_recording(
-                    path,
-                    robot,
-                    columns=arguments.columns,
-                    topic=arguments.topic,
-                    excluded=excluded,
-                    torque_needed=False,
-                )
-            return read_changed(
-                path, robot, change, columns=arguments.columns, topic=arguments.topic, excluded=excluded
-            )
-
-        alike = tuple(Change(Path(path).name) for path in every)
-        read_all = tuple(read(path, change) for path, change in zip(every, changes or alike, strict=True))
-        at_rest = arguments.motion_only and judged_at_rest(robot, read_all)
-        if at_rest and (known or arguments.hold_out):
-            raise UsageError(
-                "--with and --hold-out do not go with recordings that are judged at rest, where every rest is held "
-                "out in turn; leave them out"
-            )
-        if arguments.motion_only and not at_rest:
-            read_all = tuple(with_commanded_torque(recording, robot) for recording in read_all)
-        recordings, hold_out = read_all[: len(arguments.logs)], read_all[len(arguments.logs) :]
-        if at_rest:
-            diagnosis = diagnose_at_rest(robot, recordings)
+        if arguments.motion_only:
+            diagnosis = _diagnosis_of_motion(arguments, robot, known, excluded, progress)
         else:
-            diagnosis = diagnose(
-                robot, recordings, hold_out=hold_out, known=known, changes=changes, progress=progress.say
-            )
-        progress.say("writing")
-        config = arguments.robot_config
+            diagnosis = _diagnosis_of_torque(arguments, robot, known, excluded, progress)
+        progress.show("writing")
         written = write_outputs(
-            diagnosis, robot, out=arguments.out, json_file=arguments.json, known=known, config=config
+            diagnosis, robot, out=arguments.out, json_file=arguments.json, known=known, config=arguments.robot_config
         )
-    from identification.reporting.diagnosis_summary import summary
-
     print(summary(diagnosis))
     for path in written:
         print(f"wrote {path}")
     if arguments.out is not None and (lacking := not_written(arguments.out, written)):
         print(f"not written: {', '.join(lacking)}; see {arguments.out / 'report.html'}")
-    return 0
+    return DONE
+
+
+def _diagnosis_of_torque(
+    arguments: argparse.Namespace,
+    robot: Robot,
+    known: tuple[KnownEffect, ...],
+    excluded: tuple[tuple[float, float], ...],
+    progress: Progress,
+) -> Diagnosis:
+    """Diagnosis of recordings with torque, each read with what ``--recordings`` says of it."""
+    from identification.data.changes import Change
+    from identification.diagnosis.diagnosis import diagnose
+    from identification.scenarios.recordings_file import read_changed, read_changes
+
+    paths = (*arguments.logs, *arguments.hold_out)
+    stated = arguments.recordings is not None
+    changes = read_changes(arguments.recordings, paths, robot.joint_names) if stated else ()
+
+    def read(path: str, change: Change) -> Recording:
+        progress.show(f"reading {Path(path).name}")
+        return read_changed(path, robot, change, columns=arguments.columns, topic=arguments.topic, excluded=excluded)
+
+    unchanged = tuple(Change(Path(path).name) for path in paths)
+    recordings = tuple(read(path, change) for path, change in zip(paths, changes or unchanged, strict=True))
+    fitted, hold_out = recordings[: len(arguments.logs)], recordings[len(arguments.logs) :]
+    return diagnose(robot, fitted, hold_out=hold_out, known=known, changes=changes, progress=progress.show)
+
+
+def _diagnosis_of_motion(
+    arguments: argparse.Namespace,
+    robot: Robot,
+    known: tuple[KnownEffect, ...],
+    excluded: tuple[tuple[float, float], ...],
+    progress: Progress,
+) -> Diagnosis:
+    """Diagnosis of recordings without torque: with that of the stated controllers, else in positions at standstill."""
+    from identification.data.reading import read_recording
+    from identification.diagnosis.diagnosis import diagnose
+    from identification.scenarios.at_rest.diagnose_at_rest import diagnose_at_rest, judged_at_rest
+    from identification.scenarios.motion_only import with_commanded_torque
+
+    def read(path: str) -> Recording:
+        progress.show(f"reading {Path(path).name}")
+        return read_recording(
+            path,
+            robot,
+            columns=arguments.columns,
+            topic=arguments.topic,
+            excluded=excluded,
+            torque_needed=False,
+        )
+
+    recordings = tuple(read(path) for path in (*arguments.logs, *arguments.hold_out))
+    if judged_at_rest(robot, recordings):
+        if known or arguments.hold_out:
+            raise UsageError(
+                "--with and --hold-out do not go with recordings that are judged at rest, where every rest is held "
+                "out in turn; leave them out"
+            )
+        return diagnose_at_rest(robot, recordings)
+    recordings = tuple(with_commanded_torque(recording, robot) for recording in recordings)
+    fitted, hold_out = recordings[: len(arguments.logs)], recordings[len(arguments.logs) :]
+    return diagnose(robot, fitted, hold_out=hold_out, known=known, progress=progress.show)
+
+
+def _logs_of_folders(logs: list[str]) -> list[str]:
+    """The recordings that are meant: those in a folder in place of the folder.
+
+    Raises:
+        LogError: If there is no recording in a folder.
+    """
+    if not any(Path(log).is_dir() for log in logs):
+        return logs
+    from identification.batch.diagnose_each import logs_in
+
+    return [path for log in logs for path in logs_in(log)]
+
+
+def _diagnose_each(arguments: argparse.Namespace, excluded: tuple[tuple[float, float], ...]) -> int:
+    """Diagnose every recording by itself, print the table of verdicts and write what is asked for.
+
+    Returns:
+        0 if every recording was diagnosed, 2 if one was refused; the others are diagnosed and written all the same.
+    """
+    from identification.batch.batch_tables import table, write_tables
+    from identification.batch.diagnose_each import diagnose_each
+    from identification.export.corrected.corrected_yaml import known_effects
+    from identification.reporting.diagnosis_files import check_targets
+    from phantom_dyn.model.loading import load_robot
+
+    check_targets(arguments.out, arguments.json)
+    with Progress("loading", sys.stderr) as progress:
+        robot = load_robot(arguments.robot, config=arguments.robot_config)
+        result = diagnose_each(
+            robot,
+            arguments.logs,
+            known=known_effects(tuple(Path(path) for path in arguments.known), robot),
+            columns=arguments.columns,
+            topic=arguments.topic,
+            excluded=excluded,
+            out=arguments.out,
+            jobs=arguments.jobs,
+            progress=progress.show,
+        )
+        written = write_tables(result, out=arguments.out, json_file=arguments.json)
+    print(table(result))
+    for path in written:
+        print(f"wrote {path}")
+    if arguments.out is not None:
+        print(f"wrote {len(result.rows) - len(result.refused)} folders in {arguments.out}")
+    if not result.refused:
+        return DONE
+    sys.stdout.flush()
+    count = len(result.refused)
+    print(
+        f"phantom-dyn: {count} of {len(result.rows)} recordings {'was' if count == 1 else 'were'} refused; the table "
+        "says why",
+        file=sys.stderr,
+    )
+    return BAD_INPUT

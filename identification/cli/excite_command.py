@@ -7,12 +7,16 @@ import sys
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from identification.cli.arguments import Parser, add_robot, one_blas_thread
+from identification.cli.arguments import DONE, Parser, add_robot, one_blas_thread
+from identification.cli.progress import Progress
+from identification.files import require_ending
 from phantom_dyn.errors import UsageError
+from phantom_dyn.model.robot_files import find_robot
 
 if TYPE_CHECKING:
     import numpy as np
 
+    from identification.excitation.collisions import Collisions
     from identification.excitation.criteria import Criterion
     from identification.excitation.excite import Excitation
     from identification.excitation.limits import FrameBox
@@ -80,18 +84,18 @@ def run(arguments: argparse.Namespace) -> int:
         raise UsageError(f"--seed {arguments.seed} was given, wanted 0 or more")
     if arguments.ignore_collisions and arguments.clearance is not None:
         raise UsageError("--clearance and --ignore-collisions exclude each other: give one of them")
-    from identification.export.log_and_map_files import require_ending, write_log
-    from phantom_dyn.model.robot_files import find_robot
-
     find_robot(arguments.robot)
     require_ending(arguments.out)
-    from identification.cli.progress import Progress
+    return _excite(arguments)
+
+
+def _excite(arguments: argparse.Namespace) -> int:
+    from identification.excitation.excite import excite
+    from identification.excitation.limits import limits_of
+    from identification.export.log_and_map_files import write_log
+    from phantom_dyn.model.loading import load_robot
 
     with Progress("loading", sys.stderr) as progress:
-        from identification.excitation.excite import excite
-        from identification.excitation.limits import limits_of
-        from phantom_dyn.model.loading import load_robot
-
         shapes, criterion = _shapes(arguments), _criterion(arguments.criterion)
         boxes = [_box(text) for text in arguments.box]
         robot = load_robot(arguments.robot, config=arguments.robot_config)
@@ -111,14 +115,14 @@ def run(arguments: argparse.Namespace) -> int:
             earlier=_earlier(arguments, robot),
             rate_hz=arguments.rate,
             seed=arguments.seed,
-            say=progress.say,
+            progress=progress.show,
         )
         write_log(arguments.out, columns(result, arguments.rate))
     for note in result.notes:
         print(f"note: {note}")
     print(result.summary())
     print(f"wrote {arguments.out}")
-    return 0
+    return DONE
 
 
 def columns(result: Excitation, rate_hz: float) -> dict[str, np.ndarray]:
@@ -147,7 +151,7 @@ def _criterion(name: str) -> Criterion:
     return ConditionNumber() if name == "condition" else DOptimality()
 
 
-def _collisions(arguments: argparse.Namespace, robot: Robot):
+def _collisions(arguments: argparse.Namespace, robot: Robot) -> Collisions | None:
     if arguments.ignore_collisions:
         return None
     from identification.excitation.collisions import CLEARANCE, collisions_of
@@ -155,7 +159,7 @@ def _collisions(arguments: argparse.Namespace, robot: Robot):
     return collisions_of(robot, clearance=CLEARANCE if arguments.clearance is None else arguments.clearance)
 
 
-def _earlier(arguments: argparse.Namespace, robot: Robot):
+def _earlier(arguments: argparse.Namespace, robot: Robot) -> np.ndarray | None:
     """Triangular factor of the recordings made before, thinned out to the rate of the new one."""
     if not arguments.earlier:
         return None

@@ -5,8 +5,22 @@ from __future__ import annotations
 import argparse
 import sys
 from pathlib import Path
+from typing import TYPE_CHECKING
 
-from identification.cli.arguments import Parser, add_logs, add_robot, one_blas_thread, require_files, stretch
+from identification.cli.arguments import (
+    DONE,
+    Parser,
+    add_list,
+    add_logs,
+    add_robot,
+    excluded_stretches,
+    one_blas_thread,
+    require_files,
+)
+from identification.cli.progress import Progress
+
+if TYPE_CHECKING:
+    from identification.data.recording import Recording
 
 
 def parser() -> argparse.ArgumentParser:
@@ -39,32 +53,34 @@ def parser() -> argparse.ArgumentParser:
         help="terms of every joint: viscous,coulomb,offset (default), direction_dependent, or none for the file's own",
     )
     out.add_argument("--rotors", action="store_true", help="rotor inertias are unknowns, too")
-    several = {"action": "extend", "nargs": "+", "default": []}
-    out.add_argument("--hold-out", metavar="LOG", **several, help="recordings to judge on, instead of those above")
+    add_list(out, "--hold-out", metavar="LOG", help="recordings to judge on, instead of those above")
     return out
 
 
 def run(arguments: argparse.Namespace) -> int:
     """Identify, write the files and print a summary."""
-    excluded = tuple(stretch(text) for text in arguments.exclude)
-    require_files(arguments)
     one_blas_thread()
-    from identification.cli.progress import Progress
+    excluded = excluded_stretches(arguments)
+    require_files(arguments)
+    return _identify(arguments, excluded)
+
+
+def _identify(arguments: argparse.Namespace, excluded: tuple[tuple[float, float], ...]) -> int:
+    from identification.data.reading import read_recording
+    from identification.identify.identification_files import check_folder, write_outputs
+    from identification.identify.identification_words import summary
+    from identification.identify.identified_model import friction_terms
+    from identification.identify.identify import identify, usable_estimator
+    from phantom_dyn.model.loading import load_robot
 
     with Progress("reading", sys.stderr) as progress:
-        from identification.data.reading import read_recording
-        from identification.identify.identification_files import check_folder, write_outputs
-        from identification.identify.identified_model import friction_terms
-        from identification.identify.identify import identify, usable_estimator
-        from phantom_dyn.model.loading import load_robot
-
         usable_estimator(arguments.estimator)
         terms = friction_terms([word.strip() for word in arguments.friction.split(",")])
         check_folder(arguments.out)
         robot = load_robot(arguments.robot, config=arguments.robot_config)
 
-        def read(path: str):
-            progress.say(f"reading {Path(path).name}")
+        def read(path: str) -> Recording:
+            progress.show(f"reading {Path(path).name}")
             return read_recording(
                 Path(path), robot, columns=arguments.columns, topic=arguments.topic, excluded=excluded
             )
@@ -78,13 +94,11 @@ def run(arguments: argparse.Namespace) -> int:
             rotors=arguments.rotors,
             folder=arguments.out,
             config=arguments.robot_config,
-            progress=progress.say,
+            progress=progress.show,
         )
-        progress.say("writing")
+        progress.show("writing")
         written = write_outputs(found, arguments.out)
-    from identification.identify.identification_words import summary
-
     print(summary(found))
     for path in written:
         print(f"wrote {path}")
-    return 0
+    return DONE

@@ -9,10 +9,9 @@ import os
 import sys
 from typing import Protocol, cast
 
+from identification.cli.arguments import BAD_INPUT, DONE, INTERRUPTED
 from phantom_dyn import __version__
 from phantom_dyn.errors import PhantomDynError, UsageError
-
-DONE, BAD_INPUT, INTERRUPTED = 0, 2, 130
 
 # Name -> module and what it does. A module is imported only when its command is called, and imports what computes
 # only when it computes, so that help and refusals come at once.

@@ -7,8 +7,10 @@ import sys
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from identification.cli.arguments import Parser, add_robot, one_blas_thread
-from phantom_dyn.errors import UsageError
+from identification.cli.arguments import DONE, Parser, add_robot, one_blas_thread
+from identification.cli.progress import Progress
+from phantom_dyn.errors import UsageError, known_names
+from phantom_dyn.model.robot_files import find_robot
 
 if TYPE_CHECKING:
     import numpy as np
@@ -53,23 +55,23 @@ def parser() -> argparse.ArgumentParser:
 
 def run(arguments: argparse.Namespace) -> int:
     """Compute the map, write its files and print a summary."""
+    one_blas_thread()
     if arguments.jobs is not None and arguments.jobs < 1:
         raise UsageError(f"--jobs {arguments.jobs} was given, wanted a number of processes from 1 on")
-    from phantom_dyn.model.robot_files import find_robot
-
     find_robot(arguments.robot)
     if arguments.out.exists() and not arguments.out.is_dir():
         raise UsageError(f"--out {arguments.out} is a file, wanted a folder: name another one")
-    one_blas_thread()
-    from identification.cli.progress import Progress
+    return _map(arguments)
+
+
+def _map(arguments: argparse.Namespace) -> int:
+    from identification.export.log_and_map_files import write_map
+    from phantom_dyn.maps.from_robot import map_model
+    from phantom_dyn.maps.grid import read_grid
+    from phantom_dyn.maps.operational_map import operational_map
+    from phantom_dyn.model.loading import load_robot
 
     with Progress("loading", sys.stderr) as progress:
-        from identification.export.log_and_map_files import write_map
-        from phantom_dyn.maps.from_robot import map_model
-        from phantom_dyn.maps.grid import read_grid
-        from phantom_dyn.maps.operational_map import operational_map
-        from phantom_dyn.model.loading import load_robot
-
         robot = load_robot(arguments.robot, config=arguments.robot_config)
         model = map_model(
             robot,
@@ -81,15 +83,15 @@ def run(arguments: argparse.Namespace) -> int:
         names = [name.strip() for name in arguments.quantity.split(",") if name.strip()]
 
         def done(points: int) -> None:
-            progress.say(f"mapping {points} of {grid.size} points, {100 * points // grid.size} %")
+            progress.show(f"mapping {points} of {grid.size} points, {100 * points // grid.size} %")
 
         result = operational_map(model, grid, names, jobs=arguments.jobs, progress=done)
-        written = write_map(result, arguments.out, say=progress.say)
+        written = write_map(result, arguments.out, progress=progress.show)
     for line in _summary(result):
         print(line)
     for path in written:
         print(f"wrote {path}")
-    return 0
+    return DONE
 
 
 def joint_values(option: str, words: list[str] | None, joints: tuple[str, ...]) -> np.ndarray | None:
@@ -101,8 +103,6 @@ def joint_values(option: str, words: list[str] | None, joints: tuple[str, ...]) 
     if words is None:
         return None
     import numpy as np
-
-    from phantom_dyn.errors import known_names
 
     parts = [part for word in words for part in word.replace(",", " ").split()]
     try:

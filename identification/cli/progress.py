@@ -32,7 +32,7 @@ class Progress:
                 raise
         return self
 
-    def say(self, words: str) -> None:
+    def show(self, words: str) -> None:
         """Show what is being done now."""
         if self._status is not None:
             self._status.update(self._task, description=words)

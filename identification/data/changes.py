@@ -1,10 +1,5 @@
 # pyright: reportAttributeAccessIssue=false
-"""What is known to be different in one of several recordings, and the robot as it was in it.
-
-What is known to be different in one of several recordings.
-
-The robot of one recording: the given one with the load and the controllers that are known of it.
-"""
+"""What is known to differ in one of several recordings (payload, controllers), and the robot's model as it was then."""
 
 from __future__ import annotations
 
@@ -20,9 +15,13 @@ from phantom_dyn.effects.load.payload import payload_body, point_mass_parameters
 from phantom_dyn.effects.support.changed_robot import with_parameters
 from phantom_dyn.model.robot import Controller, Robot
 
-# What may have changed by an amount that nobody knows.
+Array = np.ndarray
+
+# What may have changed by an unknown amount.
 Kind = Literal["payload", "friction", "temperature", "controller"]
 KINDS: tuple[Kind, ...] = get_args(Kind)
+
+_TIP = "tip"
 
 
 @dataclass(frozen=True)
@@ -56,11 +55,6 @@ class Change:
         """What has changed and has no known value."""
         known = {"payload": self.payload is not None, "controller": bool(self.controllers)}
         return tuple(kind for kind in self.changed if not known.get(kind, False))
-
-
-Array = np.ndarray
-
-_TIP = "tip"
 
 
 def robot_in(robot: Robot, change: Change) -> Robot:

@@ -1,11 +1,7 @@
 """Recordings of real robots: what they are, where they come from, and a folder that holds them.
 
-Downloading one file: at most ten seconds without an answer, a progress bar on a terminal, a checked hash.
-
-Recordings of real robots: what they are, where they come from, and a folder that holds them.
-
-A recording is taken from the folder that the environment variable ``PHANTOM_DYN_DATA`` names (one folder a
-recording), else from the cache, else from its public address; every file is checked against its SHA-256.
+A recording is taken from the folder that the environment variable ``PHANTOM_DYN_DATA`` names (one folder per
+recording), else from the cache, else downloaded from its public address; every file is checked against its SHA-256.
 """
 
 from __future__ import annotations

@@ -1,10 +1,5 @@
 # pyright: reportAttributeAccessIssue=false
-"""Torque of every joint from what was recorded: torque, current or voltage of the drives, and measured forces.
-
-Drive torque of every joint from what was recorded: torque itself, motor current, or motor voltage.
-
-Measured forces on a robot as torques on its joints.
-"""
+"""Torque of every joint from what was recorded: torque, current or voltage of its drive, and measured forces."""
 
 from __future__ import annotations
 

@@ -8,6 +8,11 @@ from pathlib import Path
 
 import numpy as np
 
+from identification.data.checks.check_recording import check_recording
+from identification.data.checks.positions import check_passive
+from identification.data.joint_torque import drive_torque, require_frames
+from identification.data.readers.contract_columns import column_of
+from identification.data.readers.read_table import read_table
 from identification.data.recording import Recording, Table
 from phantom_dyn.errors import LogError, known_names
 from phantom_dyn.model.robot import Robot
@@ -69,8 +74,6 @@ def _excluded(table: Table, excluded: Sequence[tuple[float, float]]) -> tuple[tu
 
 def _require_joints(table: Table, robot: Robot) -> tuple[str, ...]:
     """Refuse a column of an unknown joint and a joint without position; returns warnings about locked joints."""
-    from identification.data.readers.names import column_of
-
     locked: dict[str, None] = {}
     for name in table.columns:
         column = column_of(name)
@@ -112,8 +115,6 @@ def recording(
         LogError: Unknown or missing joint, no torque and nothing that gives one, torque zero on every joint, or an
             excluded stretch outside the log.
     """
-    from identification.data.joint_torque import drive_torque, require_frames
-
     joints = robot.joint_names
     forces = _forces(table)
     require_frames(robot, forces)
@@ -167,10 +168,6 @@ def read_recording(
     Raises:
         LogError: If the file, a column or a value cannot be used; one sentence says which and what to do.
     """
-    from identification.data.checks.check_recording import check_recording
-    from identification.data.checks.positions import check_passive
-    from identification.data.readers.read_table import read_table
-
     found = recording(
         read_table(path, columns=columns, topic=topic), robot, excluded=excluded, torque_needed=torque_needed
     )

@@ -1,18 +1,47 @@
-"""A recording as it was measured: raw samples, one column per joint in the robot's order."""
+"""The three stages of a recording before any processing: a file's own columns, named columns, a robot's joints.
+
+`RawTable` holds columns under the names of the file, `Table` under the contract's (``t``, ``q.<joint>``, ...), and
+`Recording` one column per joint in the robot's order.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING
 
 import numpy as np
 from jaxtyping import Float
 
-if TYPE_CHECKING:
-    pass
-
 Array = np.ndarray
+
+
+def row_place(row: int) -> str:
+    """Where sample ``row`` (from 0) stands in a file that has no lines."""
+    return f"row {row + 1}"
+
+
+@dataclass(frozen=True)
+class RawTable:
+    """Columns of a file under the file's own names.
+
+    Attributes:
+        file: Name of the file, for messages.
+        columns: One 1-D float array per column that could be read as numbers; lengths may differ.
+        problems: For each other column the sentence to raise if somebody wants it.
+        place: Where a sample (from 0) stands in the file, as its reader would say it.
+        warnings: What was noticed while reading.
+    """
+
+    file: str
+    columns: Mapping[str, Array]
+    problems: Mapping[str, str] = field(default_factory=dict)
+    place: Callable[[int], str] = row_place
+    warnings: tuple[str, ...] = ()
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """All column names, readable or not."""
+        return (*self.columns, *self.problems)
 
 
 @dataclass(frozen=True)

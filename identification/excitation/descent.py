@@ -49,7 +49,7 @@ def descend(
     rounds: int = 5,
     iterations: int = 40,
     criterion: Criterion | None = None,
-    say: Callable[[str], None] = lambda words: None,
+    progress: Callable[[str], None] = lambda _: None,
 ) -> Float[Array, "K nv"]:
     """Weights of a motion that is better by the criterion, and about within the limits.
 
@@ -60,7 +60,7 @@ def descend(
         rounds: Of multipliers.
         iterations: Of L-BFGS in each.
         criterion: In place of the problem's own.
-        say: Told how far it is.
+        progress: Told in words how far it is.
     """
     sizes = joint_sizes(problem)
     # In units of what each joint may do, every weight is of about one size.
@@ -82,5 +82,5 @@ def descend(
         values = problem.limited(motion, problem.regressor(motion))
         multipliers = penalty.pushes(values)
         excess = max(0.0, float(penalty.bounds.excess(values).max()))
-        say(f"round {number + 1} of {rounds}: cost {found.fun:.3f}, limits exceeded by {100 * excess:.1f} %")
+        progress(f"round {number + 1} of {rounds}: cost {found.fun:.3f}, limits exceeded by {100 * excess:.1f} %")
     return weights

@@ -86,7 +86,7 @@ def excite(
     rate_hz: float = 100.0,
     starts: int = 24,
     seed: int = 0,
-    say: Callable[[str], None] = lambda words: None,
+    progress: Callable[[str], None] = lambda _: None,
 ) -> Excitation:
     """A motion that is good by a criterion and keeps all limits, checked at ten times the samples that it is made from.
 
@@ -100,7 +100,7 @@ def excite(
         rate_hz: Rate of the recording that is planned; it weighs against the earlier ones.
         starts: Random motions; the best one is improved.
         seed: Of the random motions.
-        say: Told what is being done.
+        progress: Told in words what is being done.
 
     Raises:
         ParameterError: If no motion keeps the limits (the sentence says which one is broken, and by how much), or a
@@ -115,9 +115,9 @@ def excite(
     problem = Problem(robot, base, ConditionNumber() if criterion is None else criterion, kept)
     grid, dense = Grid.of(shapes, shapes.samples), Grid.of(shapes, _DENSE * shapes.samples)
     rng = np.random.default_rng(seed)
-    say("looking for postures within the limits")
+    progress("looking for postures within the limits")
     postures = feasible_postures(problem, rng)
-    say("trying random motions")
+    progress("trying random motions")
     tried = []
     for _ in range(starts):
         posture = postures[rng.integers(len(postures))]
@@ -126,7 +126,7 @@ def excite(
     _, start, posture = min(tried, key=lambda one: one[0])
     start = largest(problem, dense, start, posture)
     _require_motion(problem, dense, start, posture)
-    designed = _within(problem, shapes, dense, descend(problem, grid, start, say=say), posture)
+    designed = _within(problem, shapes, dense, descend(problem, grid, start, progress=progress), posture)
     better = criterion_of(problem, grid, designed) <= criterion_of(problem, grid, start)
     weights = designed if better else start
     motion = dense.motion(weights)

@@ -1,9 +1,4 @@
-"""Files of a log (CSV, NPZ or Parquet) and of a map (NPZ, NetCDF, figures).
-
-Files of a log under the contract's names of columns: CSV, NPZ or Parquet, by ending; nothing is rounded.
-
-Files of a map: ``map.npz``, ``map.nc`` and a figure of each quantity.
-"""
+"""Files of a log (CSV, NPZ or Parquet by ending, nothing rounded) and of a map (NPZ, NetCDF and figures)."""
 
 from __future__ import annotations
 
@@ -13,23 +8,11 @@ from pathlib import Path
 import numpy as np
 from jaxtyping import Float
 
-from identification.files import temporary_beside
-from phantom_dyn.errors import UsageError
+from identification.files import require_ending, temporary_beside
 from phantom_dyn.maps.map_figures import figure
 from phantom_dyn.maps.operational_map import OperationalMap, arrays, dataset
 
 Array = np.ndarray
-ENDINGS = (".csv", ".npz", ".parquet")
-
-
-def require_ending(path: Path) -> None:
-    """Refuse a file whose ending names no format that is written.
-
-    Raises:
-        UsageError: In a sentence.
-    """
-    if path.suffix.lower() not in ENDINGS:
-        raise UsageError(f"{path} ends in {path.suffix or 'nothing'}, wanted a log that ends in {', '.join(ENDINGS)}")
 
 
 def write_log(path: Path, columns: Mapping[str, Float[Array, " N"]]) -> None:
@@ -53,13 +36,13 @@ def write_log(path: Path, columns: Mapping[str, Float[Array, " N"]]) -> None:
             np.savetxt(temporary, rows, delimiter=",", header=",".join(columns), comments="", fmt="%.17g")
 
 
-def write_map(result: OperationalMap, folder: Path, *, say: Callable[[str], None] = lambda words: None) -> list[Path]:
+def write_map(result: OperationalMap, folder: Path, *, progress: Callable[[str], None] = lambda _: None) -> list[Path]:
     """Write a map.
 
     Args:
         result: The map.
         folder: Made if it is missing; files that are not ours stay.
-        say: Told what is being written.
+        progress: Told in words what is being written.
 
     Returns:
         The files.
@@ -68,15 +51,15 @@ def write_map(result: OperationalMap, folder: Path, *, say: Callable[[str], None
         UsageError: If a file cannot be written.
     """
     written = [folder / "map.npz", folder / "map.nc"]
-    say("writing map.npz")
+    progress("writing map.npz")
     with temporary_beside(written[0]) as path, path.open("wb") as file:
         np.savez(file, allow_pickle=False, **arrays(result))
-    say("writing map.nc")
+    progress("writing map.nc")
     with temporary_beside(written[1]) as path:
         dataset(result).to_netcdf(path, format="NETCDF4", engine="netcdf4")
     for name in result.values:
         written.append(folder / f"{name}.png")
-        say(f"drawing {name}")
+        progress(f"drawing {name}")
         with temporary_beside(written[-1]) as path:
             figure(result, name).savefig(path)
     return written

@@ -149,7 +149,7 @@ class JointView:
 def report_html(found: Identification) -> str:
     """The whole page as text; everything it shows is inside it, and every name is escaped."""
     environment = Environment(autoescape=True, undefined=StrictUndefined, trim_blocks=True, lstrip_blocks=True)
-    source = files("identification.identify").joinpath("report.html.jinja").read_text(encoding="utf-8")
+    source = files(__package__).joinpath("identification_report.html.jinja").read_text(encoding="utf-8")
     return environment.from_string(source).render(
         found=found,
         headline=words.headline(found),

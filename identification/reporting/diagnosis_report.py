@@ -100,7 +100,7 @@ def report_html(diagnosis: Diagnosis, robot: Robot | None = None) -> str:
         robot: Drawn in three dimensions if it is given; the page then holds Plotly's library, about 5 MB.
     """
     environment = Environment(autoescape=True, undefined=StrictUndefined, trim_blocks=True, lstrip_blocks=True)
-    source = files("identification.diagnosis").joinpath("report.html.jinja").read_text(encoding="utf-8")
+    source = files(__package__).joinpath("diagnosis_report.html.jinja").read_text(encoding="utf-8")
     has_samples = len(diagnosis.evidence.t) > 1
     motions = joint_motions(robot, diagnosis) if has_samples else {}
     return environment.from_string(source).render(

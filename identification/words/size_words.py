@@ -99,7 +99,6 @@ PARAMETERS: dict[str, dict[str, str]] = {
     "encoder_quantization": {"step": "distance between two readings"},
 }
 
-
 # Of a body, in the frame of the joint that moves it; a name is BODY.QUANTITY.
 INERTIAL: dict[str, str] = {
     "m": "mass",

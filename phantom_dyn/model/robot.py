@@ -152,3 +152,19 @@ class Robot:
         if self.chain is not None:
             q = tree_positions(self.model, self.chain, q, arrays=self.arrays)
         return configurations(self.model, q)
+
+
+def position_limits(robot: Robot) -> tuple[Float[Array, " nv"], Float[Array, " nv"]]:
+    """Lower and upper position limit of each joint [rad or m], infinite where it has none.
+
+    Args:
+        robot: Gives the joints.
+    """
+    lower, upper = np.full(robot.nv, -np.inf), np.full(robot.nv, np.inf)
+    for j, row in enumerate(robot.tree_rows):
+        joint = robot.model.joints[row + 1]
+        if joint.nq == 1:
+            low, high = robot.model.lowerPositionLimit[joint.idx_q], robot.model.upperPositionLimit[joint.idx_q]
+            if low < high:
+                lower[j], upper[j] = low, high
+    return lower, upper

@@ -1,9 +1,8 @@
 # pyright: reportAttributeAccessIssue=false
-"""Readings of the data that fit the model far better than the one given: signs, units, order of the joints.
+"""Checks of the torque against the model: signs, order of the joints, degrees.
 
-How well a reading of the data (as it stands, joints swapped, in degrees) fits the model, friction left free.
-
-Readings of the data that fit the model far better than the one given: signs, units, order of the joints.
+Each check compares how well two readings of the data fit the model by linear regression with friction left free: the
+data as they stand, and the data with a sign, a pair of joints or a unit changed.
 """
 
 from __future__ import annotations
@@ -17,12 +16,15 @@ from jaxtyping import Float
 from identification.data.checks.smoothed_copy import Smooth
 from identification.data.recording import Recording
 from phantom_dyn.dynamics.dynamics import inverse_dynamics, modelled_friction
-from phantom_dyn.model.robot import Robot
+from phantom_dyn.model.robot import Robot, position_limits
 from phantom_dyn.motion import Motion
 
 Array = np.ndarray
 
-_ROWS = 300
+_ROWS = 300  # samples in a regression: enough for four coefficients, and quick for many pairs of joints
+_DEGREE = np.pi / 180  # [rad]
+_FAR = 4 * np.pi  # [rad]: two turns are what a joint without limits may well travel
+_MOST_JOINTS = 12  # pairs of joints are tried up to this number of joints
 
 
 @dataclass(frozen=True)
@@ -35,24 +37,25 @@ class Sample:
 
 
 @dataclass(frozen=True)
-class Fit:
+class TorqueRegression:
     """Regression of one measured torque on model torque, viscous and Coulomb friction and an offset.
 
     Attributes:
         slope: Measured torque per modelled torque, in each half of the record.
-        friction: Correlation of what the rest leaves with what friction adds; positive if it opposes motion.
-        share: Share of the measured torque's variance that is left, with a slope that cannot be negative.
+        friction: Correlation of the fitted friction with the torque that model and offset leave; positive where
+            friction opposes the motion.
+        unexplained: Share of the measured torque's variance that is left, with a slope that cannot be negative.
         model_share: Share of that variance that the model torque explains beyond friction, with any slope.
     """
 
     slope: tuple[float, float]
     friction: float
-    share: float
+    unexplained: float
     model_share: float
 
 
-def sample(smooth: Smooth) -> Sample | None:
-    """Evenly spread samples for fits; None without torque or with too few samples."""
+def spread_samples(smooth: Smooth) -> Sample | None:
+    """Samples for regressions, spread evenly over the record; None without torque or with too few samples."""
     rows = smooth.rows(_ROWS)
     if smooth.tau is None or len(rows) < 50:
         return None
@@ -64,74 +67,56 @@ def model_torque(robot: Robot, motion: Motion) -> Float[Array, "N nv"]:
     return inverse_dynamics(robot, motion) - modelled_friction(robot, motion)
 
 
-def _left(columns: Float[Array, "N k"], target: Float[Array, " N"]) -> tuple[Float[Array, " k"], float]:
-    """Least-squares coefficients and the sum of squares that they leave."""
+def _least_squares(columns: Float[Array, "N k"], target: Float[Array, " N"]) -> tuple[Float[Array, " k"], float]:
+    """Least-squares coefficients and the sum of squares of the residual."""
     scale = np.linalg.norm(columns, axis=0)
     scale[scale == 0] = 1.0
     coefficients = np.linalg.lstsq(columns / scale, target, rcond=1e-9)[0] / scale
     return coefficients, float(np.sum((target - columns @ coefficients) ** 2))
 
 
-def fit(
+def regress_torque(
     model: Float[Array, " N"], v: Float[Array, " N"], sign: Float[Array, " N"], tau: Float[Array, " N"]
-) -> Fit | None:
+) -> TorqueRegression | None:
     """Regression of ``tau`` on the model torque and friction; None where the torque does not vary."""
     total = float(np.sum((tau - tau.mean()) ** 2))
     if total <= 1e-18 * len(tau) * max(1.0, float(np.max(np.abs(tau)))) ** 2:
         return None
     plain = np.column_stack([v, sign, np.ones(len(v))])
     columns = np.column_stack([model, plain])
-    coefficients, left = _left(columns, tau)
-    friction_left = _left(plain, tau)[1]
+    coefficients, left = _least_squares(columns, tau)
+    friction_left = _least_squares(plain, tau)[1]
     half = len(tau) // 2
     slopes = (
-        float(_left(columns[:half], tau[:half])[0][0]),
-        float(_left(columns[half:], tau[half:])[0][0]),
+        float(_least_squares(columns[:half], tau[:half])[0][0]),
+        float(_least_squares(columns[half:], tau[half:])[0][0]),
     )
     without_friction = tau - model * coefficients[0] - coefficients[3]
     added = v * coefficients[1] + sign * coefficients[2]
     scale = np.linalg.norm(without_friction) * np.linalg.norm(v) * np.linalg.norm(added)
     direction = np.sign(float(added @ v))
     friction = float(direction * abs(without_friction @ added) * np.linalg.norm(v) / scale) if scale > 0 else 0.0
-    share = left if coefficients[0] > 0 else friction_left
-    return Fit(slopes, friction, share / total, (friction_left - left) / total)
+    squares = left if coefficients[0] > 0 else friction_left
+    return TorqueRegression(slopes, friction, squares / total, (friction_left - left) / total)
 
 
-def own_fits(data: Sample, model: Float[Array, "N nv"]) -> tuple[Fit | None, ...]:
-    """Fit of every joint's torque on its own model torque."""
+def regress_joints(data: Sample, model: Float[Array, "N nv"]) -> tuple[TorqueRegression | None, ...]:
+    """Regression of every joint's torque on the model torque of that joint."""
     return tuple(
-        fit(model[:, j], data.motion.v[:, j], data.sign[:, j], data.tau[:, j]) for j in range(data.tau.shape[1])
+        regress_torque(model[:, j], data.motion.v[:, j], data.sign[:, j], data.tau[:, j])
+        for j in range(data.tau.shape[1])
     )
 
 
-def shares(fits: tuple[Fit | None, ...]) -> Float[Array, " nv"]:
-    """Unexplained share of every joint; NaN where its torque does not vary."""
-    return np.array([np.nan if one is None else one.share for one in fits])
-
-
-_DEGREE = np.pi / 180
-# Without limits, this many rad (two turns) are what a joint may well travel.
-_FAR = 4 * np.pi
-# Pairs of joints are tried up to this number of joints.
-_MOST_JOINTS = 12
-
-
-def joint_limits(robot: Robot) -> Float[Array, "nv 2"]:
-    """Lower and upper position limit of each joint [rad or m]; infinite where there is none."""
-    out = np.tile([-np.inf, np.inf], (robot.nv, 1))
-    lower, upper = robot.model.lowerPositionLimit, robot.model.upperPositionLimit
-    joints = list(robot.model.joints)[1:]
-    for row, place in enumerate(robot.tree_rows):
-        joint = joints[place]
-        if joint.nq == 1 and upper[joint.idx_q] > lower[joint.idx_q]:
-            out[row] = lower[joint.idx_q], upper[joint.idx_q]
-    return out
+def unexplained_shares(data: Sample, model: Float[Array, "N nv"]) -> Float[Array, " nv"]:
+    """Share of the variance of each joint's torque that model and friction leave; NaN where it does not vary."""
+    return np.array([np.nan if one is None else one.unexplained for one in regress_joints(data, model)])
 
 
 def check_flipped(recording: Recording, data: Sample, model: Float[Array, "N nv"]) -> tuple[str, ...]:
     """Torques whose sign is opposite to what the model or friction needs."""
     out = []
-    for joint, found in zip(recording.joint_names, own_fits(data, model), strict=True):
+    for joint, found in zip(recording.joint_names, regress_joints(data, model), strict=True):
         if found is None:
             continue
         # Friction that clearly opposes motion vouches for the sign, unless the model explains most of the torque.
@@ -159,9 +144,9 @@ def check_unsigned(recording: Recording, data: Sample, model: Float[Array, "N nv
         both = min(np.mean(needed > strong), np.mean(needed < -strong)) > 0.1
         if not (np.min(tau) >= 0 and np.max(tau) > 0 and np.ptp(np.sign(data.motion.v[:, j])) == 2 and both):
             continue
-        signed = fit(needed, data.motion.v[:, j], data.sign[:, j], data.tau[:, j])
-        unsigned = fit(np.abs(needed), data.motion.v[:, j], data.sign[:, j], data.tau[:, j])
-        if signed is not None and unsigned is not None and unsigned.share < 0.8 * signed.share:
+        signed = regress_torque(needed, data.motion.v[:, j], data.sign[:, j], data.tau[:, j])
+        unsigned = regress_torque(np.abs(needed), data.motion.v[:, j], data.sign[:, j], data.tau[:, j])
+        if signed is not None and unsigned is not None and unsigned.unexplained < 0.8 * signed.unexplained:
             out.append(
                 f"{recording.file}: the torque of {joint} is never negative although its motion needs both signs: it "
                 "looks like a magnitude; record it with its sign."
@@ -178,15 +163,21 @@ def _permuted(data: Sample, i: int, j: int, motion: bool, torque: bool) -> Sampl
     return Sample(moved, data.tau[:, order] if torque else data.tau, data.sign[:, order] if motion else data.sign)
 
 
-def _clearly_better(before: Float[Array, " nv"], after: Float[Array, " nv"], of: list[int]) -> bool:
-    """Whether a reading fits the joints ``of`` far better, each of them, and no other joint much worse."""
-    if np.isnan(before[of]).any() or np.isnan(after[of]).any():
+def _clearly_better(before: Float[Array, " nv"], after: Float[Array, " nv"], joints: list[int]) -> bool:
+    """Whether a reading fits each of ``joints`` far better, and no other joint much worse.
+
+    Args:
+        before: Unexplained share of every joint as the data stand.
+        after: The same for the other reading.
+        joints: Those that the reading changes.
+    """
+    if np.isnan(before[joints]).any() or np.isnan(after[joints]).any():
         return False
-    rest = np.setdiff1d(np.arange(len(before)), of)
-    worse = float(np.nansum(after[rest] - before[rest]))
-    gained = float(np.sum(before[of] - after[of]))
-    # Joints that move each other's load fit exchanged data fairly well: then the ratio tells, else the amount.
-    ratio = float(np.max(after[of] / before[of]))
+    others = np.setdiff1d(np.arange(len(before)), joints)
+    worse = float(np.nansum(after[others] - before[others]))
+    gained = float(np.sum(before[joints] - after[joints]))
+    # Joints that move each other's load fit exchanged data fairly well: then the ratio decides, else the amount.
+    ratio = float(np.max(after[joints] / before[joints]))
     return (ratio < 0.1 and gained > 0.02 and gained > 2 * worse) or (ratio < 0.5 and gained > 0.6 + 2 * max(worse, 0))
 
 
@@ -194,7 +185,7 @@ def check_swapped(
     recording: Recording, robot: Robot, data: Sample, model: Float[Array, "N nv"]
 ) -> tuple[tuple[str, ...], bool]:
     """Pairs of joints that fit far better when exchanged, and whether there are any."""
-    before = shares(own_fits(data, model))
+    before = unexplained_shares(data, model)
     out = []
     if not 2 <= robot.nv <= _MOST_JOINTS:
         return (), False
@@ -206,7 +197,7 @@ def check_swapped(
         for motion, torque, what in ((False, True, "torques"), (True, False, "positions"), (True, True, "columns")):
             changed = _permuted(data, i, j, motion, torque)
             new_model = model_torque(robot, changed.motion) if motion else model
-            after = shares(own_fits(changed, new_model))
+            after = unexplained_shares(changed, new_model)
             if _clearly_better(before, after, [i, j]):
                 readings.append((float(np.nanmean(after)), what))
         if readings:
@@ -230,17 +221,18 @@ def check_degrees(
     """Positions that look like degrees: far outside the limits, or in degrees the torque fits far better."""
     q = recording.q
     revolute = ~robot.prismatic if robot is not None else np.ones(q.shape[1], dtype=bool)
-    limits = joint_limits(robot) if robot is not None else np.tile([-np.inf, np.inf], (q.shape[1], 1))
-    width = limits[:, 1] - limits[:, 0]
+    unlimited = np.full(q.shape[1], np.inf)
+    lower, upper = (-unlimited, unlimited) if robot is None else position_limits(robot)
+    width = upper - lower
     with np.errstate(invalid="ignore"):
-        beyond = np.maximum(q.max(axis=0) - limits[:, 1], limits[:, 0] - q.min(axis=0))
+        beyond = np.maximum(q.max(axis=0) - upper, lower - q.min(axis=0))
         outside = np.isfinite(width) & (beyond > np.maximum(width, 0.5))
     far = ~np.isfinite(width) & (np.abs(q).max(axis=0) > _FAR) & (np.abs(q).max(axis=0) < 1000)
     suspects = revolute & (outside | (far if robot is None else False))
     if robot is not None and data is not None and model is not None and not suspects.any() and revolute.any():
-        before = shares(own_fits(data, model))
+        before = unexplained_shares(data, model)
         changed = _in_degrees(data, revolute)
-        after = shares(own_fits(changed, model_torque(robot, changed.motion)))
+        after = unexplained_shares(changed, model_torque(robot, changed.motion))
         if np.nanmean(before) > 0.3 and np.nanmean(after) < 0.3 * np.nanmean(before):
             suspects = revolute & (np.abs(q).max(axis=0) > np.pi)
     if not suspects.any():

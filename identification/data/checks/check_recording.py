@@ -1,13 +1,21 @@
-"""What is wrong with a recording: one sentence each, with joint and place."""
+"""All checks of a recording in order: each warning is one sentence that names the joint and the time."""
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
-if TYPE_CHECKING:
-    from identification.data.checks.smoothed_copy import Smooth
-    from identification.data.recording import Recording
-    from phantom_dyn.model.robot import Robot
+from identification.data.checks.against_model import (
+    check_degrees,
+    check_flipped,
+    check_swapped,
+    check_unsigned,
+    model_torque,
+    spread_samples,
+)
+from identification.data.checks.positions import check_coarse_step, check_frozen, check_stillness, check_velocity
+from identification.data.checks.smoothed_copy import Smooth, smoothed
+from identification.data.checks.times_and_torques import check_clipping, check_lag, check_timing
+from identification.data.joint_torque import external_torque
+from identification.data.recording import Recording
+from phantom_dyn.model.robot import Robot
 
 
 def check_recording(recording: Recording, robot: Robot | None) -> tuple[str, ...]:
@@ -20,18 +28,8 @@ def check_recording(recording: Recording, robot: Robot | None) -> tuple[str, ...
     Returns:
         One sentence each; a good recording gives none.
     """
-    from identification.data.checks.against_model import check_degrees
-    from identification.data.checks.positions import (
-        check_coarse_step,
-        check_frozen,
-        check_stillness,
-        check_velocity,
-    )
-    from identification.data.checks.smoothed_copy import smoothed
-    from identification.data.checks.times_and_torques import check_clipping, check_timing
-
     out = [*check_timing(recording), *check_stillness(recording, None if robot is None else robot.prismatic)]
-    felt = recording if robot is None else _felt(recording, robot)
+    felt = recording if robot is None else _with_external_torque(recording, robot)
     smooth = smoothed(felt)
     if smooth is not None and smooth.inside.any():
         stated = tuple(
@@ -47,11 +45,9 @@ def check_recording(recording: Recording, robot: Robot | None) -> tuple[str, ...
     return (*out, *_check_against_model(felt, robot, smooth))
 
 
-def _felt(recording: Recording, robot: Robot) -> Recording:
+def _with_external_torque(recording: Recording, robot: Robot) -> Recording:
     """The recording with all torque that the joints feel: that of their drives and that of measured forces."""
     from dataclasses import replace
-
-    from identification.data.joint_torque import external_torque
 
     if recording.tau is None or not recording.forces:
         return recording
@@ -60,17 +56,7 @@ def _felt(recording: Recording, robot: Robot) -> Recording:
 
 def _check_against_model(recording: Recording, robot: Robot, smooth: Smooth) -> list[str]:
     """Checks of the torque against the model; one that finds a misreading ends them, as the next would echo it."""
-    from identification.data.checks.against_model import (
-        check_degrees,
-        check_flipped,
-        check_swapped,
-        check_unsigned,
-        model_torque,
-        sample,
-    )
-    from identification.data.checks.torque_lag import check_lag
-
-    data = sample(smooth)
+    data = spread_samples(smooth)
     if data is None:
         return list(check_degrees(recording, robot, None, None))
     model = model_torque(robot, data.motion)

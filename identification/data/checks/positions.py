@@ -1,9 +1,4 @@
-"""What is wrong with positions and velocities: frozen samples, coarse steps, stillness, loops that do not close.
-
-What is wrong with positions and velocities: frozen samples, coarse steps, stillness, velocities that do not fit.
-
-Positions of a closed chain: whether its loops close there, and where passive joints were measured.
-"""
+"""Checks of positions and velocities: frozen samples, coarse steps, standstill, units, loops that do not close."""
 
 from __future__ import annotations
 
@@ -31,6 +26,10 @@ _UNIT_RATIOS = {
     1e3: "mm/s against m",
 }
 
+# Distance of a passive joint from where the loops put it, relative to its travel, that is worth a sentence: any encoder
+# is better than that.
+_PASSIVE_SHARE = 0.01
+
 
 def quantum(q: Float[Array, " N"]) -> float:
     """Step of the encoder [rad or m] read off the differences of ``q``; 0 where they are no multiples of one step."""
@@ -56,8 +55,8 @@ def _noise(q: Float[Array, " N"]) -> float:
     return float(1.4826 * np.median(np.abs(third)) / np.sqrt(20))
 
 
-def _stillness(recording: Recording) -> Float[Array, " nv"]:
-    """How far each joint may wander and still stand still [rad or m], shape ``(nv,)``."""
+def _wander(recording: Recording) -> Float[Array, " nv"]:
+    """Wander of each joint at standstill by its noise and encoder steps [rad or m], shape ``(nv,)``."""
     return np.array([5 * _noise(q) + 2 * quantum(q) + 1e-4 * np.ptp(q) for q in recording.q.T])
 
 
@@ -126,17 +125,18 @@ def still_joints(recording: Recording, prismatic: Bool[Array, " nv"] | None) -> 
     q = recording.q[included(recording)]
     if len(q) < 20:
         return np.zeros(q.shape[1], dtype=bool)
-    smallest = _smallest(recording, prismatic)
-    return np.ptp(q, axis=0) <= np.maximum(smallest, 2 * _tolerance(recording, smallest))
+    least_motion = _least_motion(recording, prismatic)
+    return np.ptp(q, axis=0) <= np.maximum(least_motion, 2 * _tolerance(recording, least_motion))
 
 
-def _smallest(recording: Recording, prismatic: Bool[Array, " nv"] | None) -> Float[Array, " nv"]:
-    """Least motion that counts [rad or m]."""
+def _least_motion(recording: Recording, prismatic: Bool[Array, " nv"] | None) -> Float[Array, " nv"]:
+    """Least motion of each joint that counts as one [rad or m], shape ``(nv,)``."""
     return np.where(prismatic, 1e-5, 1e-3) if prismatic is not None else np.full(recording.q.shape[1], 1e-5)
 
 
-def _tolerance(recording: Recording, smallest: Float[Array, " nv"]) -> Float[Array, " nv"]:
-    return np.maximum(_stillness(recording), 0.1 * smallest)
+def _tolerance(recording: Recording, least_motion: Float[Array, " nv"]) -> Float[Array, " nv"]:
+    """How far each joint may be from where it stands and still stand there [rad or m], shape ``(nv,)``."""
+    return np.maximum(_wander(recording), 0.1 * least_motion)
 
 
 def check_stillness(recording: Recording, prismatic: Array | None) -> tuple[str, ...]:
@@ -146,7 +146,7 @@ def check_stillness(recording: Recording, prismatic: Array | None) -> tuple[str,
     t = recording.t[included(recording)]
     if len(q) < 20:
         return ()
-    tolerance = _tolerance(recording, _smallest(recording, prismatic))
+    tolerance = _tolerance(recording, _least_motion(recording, prismatic))
     still = still_joints(recording, prismatic)
     for joint in np.array(recording.joint_names)[still]:
         out.append(f"{recording.file}: {joint} never moves, so nothing can be told about it from this recording.")
@@ -185,6 +185,12 @@ def check_velocity(recording: Recording, smooth: Smooth) -> tuple[str, ...]:
 
 
 def _velocity_sentence(ratio: float, agreement: float) -> str | None:
+    """End of the sentence on a measured velocity that is no derivative of the position; None where it is one.
+
+    Args:
+        ratio: Slope of the measured velocity over the derivative.
+        agreement: Correlation of the two.
+    """
     if abs(agreement) < 0.7:
         return f"does not follow the derivative of its position (correlation {agreement:.2f}): is it of another joint?"
     for factor, unit in _UNIT_RATIOS.items():
@@ -195,10 +201,6 @@ def _velocity_sentence(ratio: float, agreement: float) -> str | None:
     if abs(ratio - 1) > 0.15:
         return f"is {ratio:.3g} times the derivative of its position: check its unit and the gear ratio."
     return None
-
-
-_SHARE = 0.01
-"""Disagreement that is worth a sentence, relative to the travel of the joint: any encoder is better than that."""
 
 
 def check_passive(recording: Recording, robot: Robot) -> tuple[str, ...]:
@@ -218,12 +220,12 @@ def check_passive(recording: Recording, robot: Robot) -> tuple[str, ...]:
     for joint, place in zip(robot.passive_names, robot.chain.passive, strict=True):
         if joint not in recording.passive_q:
             continue
-        apart = recording.passive_q[joint] - tree[:, place]
+        distance = recording.passive_q[joint] - tree[:, place]
         linear = joints[place].shortname().startswith("JointModelP")
         if not linear:
-            apart = np.mod(apart + np.pi, 2 * np.pi) - np.pi
-        rms = float(np.sqrt(np.mean(apart**2)))
-        if rms > _SHARE * np.ptp(tree[:, place]):
+            distance = np.mod(distance + np.pi, 2 * np.pi) - np.pi
+        rms = float(np.sqrt(np.mean(distance**2)))
+        if rms > _PASSIVE_SHARE * np.ptp(tree[:, place]):
             out.append(
                 f"{recording.file}: the measured position of {joint} is {rms:.3g} {'m' if linear else 'rad'} (rms) "
                 f"from where the loops of {robot.name} put it: look at its sign, its zero and the loops in robot.yaml."

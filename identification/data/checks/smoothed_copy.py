@@ -1,4 +1,4 @@
-"""A smoothed copy of a recording on a uniform grid, good enough for checks; the diagnosis makes its own."""
+"""Low-passed copy of a recording on a uniform grid, shared by the checks; the diagnosis filters the recording anew."""
 
 from __future__ import annotations
 
@@ -8,12 +8,13 @@ import numpy as np
 from jaxtyping import Float
 
 from identification.data.recording import Recording
+from identification.data.signals import differentiate
+from identification.data.spectra import acceleration_edge
 from phantom_dyn.motion import Motion
 
 Array = np.ndarray
 
-# Fewer samples than this say nothing about a spectrum.
-_FEWEST = 100
+_FEWEST = 100  # samples that a spectrum needs
 
 
 @dataclass(frozen=True)
@@ -71,9 +72,6 @@ def _low_passed(values: Float[Array, "N k"], rate_hz: float, cutoff_hz: float) -
 
 def smoothed(recording: Recording) -> Smooth | None:
     """The smoothed copy, cut off where the motion of most joints ends in noise; None for a very short record."""
-    from identification.data.signals import differentiate
-    from identification.data.spectra import acceleration_edge
-
     t = recording.t
     step = float(np.median(np.diff(t)))
     # A gap of hours must not fill the memory with interpolated samples.

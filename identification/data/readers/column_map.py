@@ -20,8 +20,8 @@ from typing import Any, cast
 
 import msgspec
 
-from identification.data.readers.names import COUNTED, JOINT_QUANTITIES, UNITS, Quantity, column_of
-from identification.data.readers.raw import RawTable
+from identification.data.readers.contract_columns import COUNTED, JOINT_QUANTITIES, UNITS, Quantity, column_of
+from identification.data.recording import RawTable
 from phantom_dyn.errors import LogError, known_names
 from phantom_dyn.model.settings_file import describe, read_settings
 

@@ -14,9 +14,9 @@ from pathlib import Path
 
 import numpy as np
 
-from identification.data.readers.names import column_of
-from identification.data.readers.raw import RawTable, listed
-from phantom_dyn.errors import LogError
+from identification.data.readers.contract_columns import column_of
+from identification.data.recording import RawTable
+from phantom_dyn.errors import LogError, listed
 
 Array = np.ndarray
 

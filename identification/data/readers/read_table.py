@@ -1,45 +1,24 @@
-"""Readers: one format of recordings a file; `read_table` chooses by content."""
+"""A recording from any of the known formats, which its first bytes tell, to a table of the contract's columns."""
 
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING
 
+from identification.data.readers.array_files import read_npz, read_parquet
+from identification.data.readers.column_map import mapped, read_column_map
+from identification.data.readers.contract_columns import contract_table
+from identification.data.readers.delimited import read_delimited
+from identification.data.readers.rosbag import read_ros1_bag, read_ros2_bag
+from identification.data.recording import RawTable, Table
+from identification.files import LOG_FORMATS, require_existing
 from phantom_dyn.errors import LogError, PhantomDynError
-
-if TYPE_CHECKING:
-    from identification.data.readers.raw import RawTable
-    from identification.data.recording import Table
-
-_FORMATS = "CSV, NPZ, Parquet, a ROS 1 or ROS 2 bag (.bag, .db3 or its folder) or MCAP"
-
-
-def require_existing(path: str | Path) -> None:
-    """Refuse a log that does not exist, naming the nearest file of its folder; loads nothing heavy.
-
-    Raises:
-        LogError: If there is no such file or folder.
-    """
-    from phantom_dyn.errors import nearest
-
-    path = Path(path)
-    if path.exists():
-        return
-    folder = path.parent
-    if not folder.is_dir():
-        raise LogError(f"{path} does not exist, nor does its folder: give a log ({_FORMATS}).")
-    files = sorted(entry.name for entry in folder.iterdir())
-    guess = nearest(path.name, files)
-    meant = f"; did you mean {guess}?" if guess else f": give a log ({_FORMATS})."
-    raise LogError(f"{path} does not exist{meant}")
 
 
 def _read(path: Path, topic: str | None) -> RawTable:
     """The reader that fits the content."""
     if path.is_dir():
         if not (path / "metadata.yaml").exists():
-            raise LogError(f"{path} is a folder without metadata.yaml, so no ROS 2 bag: give a file ({_FORMATS}).")
-        from identification.data.readers.rosbag import read_ros2_bag
+            raise LogError(f"{path} is a folder without metadata.yaml, so no ROS 2 bag: give a file ({LOG_FORMATS}).")
 
         return read_ros2_bag(path, topic)
     with path.open("rb") as file:
@@ -47,22 +26,13 @@ def _read(path: Path, topic: str | None) -> RawTable:
     if not start:
         raise LogError(f"{path.name} is empty: a log needs rows of numbers.")
     if start.startswith(b"#ROSBAG V"):
-        from identification.data.readers.rosbag import read_ros1_bag
-
         return read_ros1_bag(path, topic)
     if start.startswith((b"SQLite format 3", b"\x89MCAP")):
-        from identification.data.readers.rosbag import read_ros2_bag
-
         return read_ros2_bag(path, topic)
     if start.startswith(b"PK\x03\x04") or start.startswith(b"PK\x05\x06"):
-        from identification.data.readers.npz import read_npz
-
         return read_npz(path)
     if start.startswith(b"PAR1"):
-        from identification.data.readers.parquet import read_parquet
-
         return read_parquet(path)
-    from identification.data.readers.delimited import read_delimited
 
     return read_delimited(path)
 
@@ -97,7 +67,7 @@ def read_raw(path: str | Path, *, topic: str | None = None) -> RawTable:
 
 def _damaged(path: Path, error: Exception) -> str:
     reason = " ".join(str(error).split()).rstrip(".")[:160] or type(error).__name__
-    return f"{path.name} is cut off or damaged ({reason}): record or copy it again; a log is {_FORMATS}."
+    return f"{path.name} is cut off or damaged ({reason}): record or copy it again; a log is {LOG_FORMATS}."
 
 
 def read_table(path: str | Path, *, columns: str | Path | None = None, topic: str | None = None) -> Table:
@@ -114,11 +84,8 @@ def read_table(path: str | Path, *, columns: str | Path | None = None, topic: st
     Raises:
         LogError: If file or map cannot be used, or one of the contract's columns cannot be right.
     """
-    from identification.data.readers.contract_columns import contract_table
-
     if columns is None:
         return contract_table(read_raw(path, topic=topic))
-    from identification.data.readers.column_map import mapped, read_column_map
 
     column_map = read_column_map(columns)
     return contract_table(mapped(read_raw(path, topic=topic), column_map))

@@ -11,8 +11,8 @@ from typing import Any
 
 import numpy as np
 
-from identification.data.readers.raw import RawTable, listed
-from phantom_dyn.errors import LogError, known_names
+from identification.data.recording import RawTable
+from phantom_dyn.errors import LogError, known_names, listed
 
 Array = np.ndarray
 _JOINT_STATE = "sensor_msgs/msg/JointState"

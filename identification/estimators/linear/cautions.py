@@ -9,7 +9,7 @@ from jaxtyping import Float
 
 from identification.regression.base_parameters import BaseParameters
 from identification.regression.regressor import Regressor, term_columns
-from phantom_dyn.model.robot import Robot
+from phantom_dyn.model.robot import Robot, position_limits
 
 Array = np.ndarray
 
@@ -140,22 +140,6 @@ def _at_stops(regressor: Regressor) -> Iterator[str]:
                     f"{100 * share[j]:.2g} % of the samples, where the stop may carry torque that parameters then "
                     "explain: leave these stretches out (--exclude) or record with less range."
                 )
-
-
-def position_limits(robot: Robot) -> tuple[Float[Array, " nv"], Float[Array, " nv"]]:
-    """Lower and upper position limit of each joint [rad or m], infinite where it has none.
-
-    Args:
-        robot: Gives the joints.
-    """
-    lower, upper = np.full(robot.nv, -np.inf), np.full(robot.nv, np.inf)
-    for j, row in enumerate(robot.tree_rows):
-        joint = robot.model.joints[row + 1]
-        if joint.nq == 1:
-            low, high = robot.model.lowerPositionLimit[joint.idx_q], robot.model.upperPositionLimit[joint.idx_q]
-            if low < high:
-                lower[j], upper[j] = low, high
-    return lower, upper
 
 
 def _at_torque_limits(regressor: Regressor) -> Iterator[str]:

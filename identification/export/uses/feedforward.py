@@ -45,7 +45,7 @@ def feedforward_code(parts: Parts, diagnosis: Diagnosis) -> str:
     Raises:
         ParameterError: If the robot has loops that keep frames together: they need a solver.
     """
-    functions = (files("identification.uses") / "feedforward_functions.txt").read_text(encoding="utf-8")
+    functions = (files(__package__) / "feedforward_functions.txt").read_text(encoding="utf-8")
     imports, _, functions = functions.partition("import math\n")
     constants = "".join(f"{name} = {pformat(value, width=110)}\n" for name, value in _constants(parts).items())
     code = f"{imports}import math\n\n{constants}{functions}"

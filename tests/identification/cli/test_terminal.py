@@ -87,7 +87,7 @@ def test_an_interrupt_at_any_stage_leaves_nothing(pendulum, log, monkeypatch, ca
         if words == stage:
             raise KeyboardInterrupt
 
-    monkeypatch.setattr(Progress, "say", interrupted)
+    monkeypatch.setattr(Progress, "show", interrupted)
     assert main(["diagnose", str(pendulum), str(log), "--out", str(log.parent / "out")]) == 130
     assert capsys.readouterr() == ("", "phantom-dyn: interrupted\n")
     assert [path.name for path in log.parent.iterdir()] == ["log.csv"]

@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 
 from identification.data.readers.column_map import mapped, read_column_map
-from identification.data.readers.raw import RawTable
 from identification.data.readers.read_table import read_table
+from identification.data.recording import RawTable
 from phantom_dyn.errors import LogError
 
 ONE = np.linspace(1.0, 2.0, 60)

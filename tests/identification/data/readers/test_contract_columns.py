@@ -5,9 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from identification.data.readers.contract_columns import contract_table
-from identification.data.readers.names import Column, column_of
-from identification.data.readers.raw import RawTable
+from identification.data.readers.contract_columns import Column, column_of, contract_table
+from identification.data.recording import RawTable
 from phantom_dyn.errors import LogError
 
 

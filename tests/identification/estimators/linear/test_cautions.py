@@ -7,12 +7,12 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from identification.estimators.linear.cautions import position_limits
 from identification.estimators.ols import fit_ols, ols
 from identification.estimators.wls import fit_wls
 from identification.regression.regressor import gap_regressor
 from phantom_dyn.dynamics.dynamics import inverse_dynamics
 from phantom_dyn.effects.catalogue import effect_named
+from phantom_dyn.model.robot import position_limits
 from phantom_dyn.motion import Motion
 
 VISCOUS, COULOMB, OFFSET = (
