@@ -38,9 +38,7 @@ RATE_HZ = 1000.0
 GOAL_SECONDS, GOAL_CORES, GOAL_MEGABYTES = 20.0, 2, 2000.0
 RECORDED, SHORT, WARM_UP = (15.0, 30.0, 60.0), 15.0, 5.0  # seconds
 JOINTS = (2, 3, 6, 7)
-IMPORTS = (
-    "import identification.cli.main, identification.diagnosis.diagnosis, identification.reporting.diagnosis_report"
-)
+IMPORTS = "import identification.cli.main, identification.pipeline, identification.reporting.diagnosis_report"
 PANDA_CONFIG = "lock: [panda_finger_joint1, panda_finger_joint2]\n"
 # Relative to the greatest torque of each joint.
 TORQUE_NOISE = 0.01
@@ -128,7 +126,7 @@ def fresh_process(words: list[str]) -> Cost:
 def stages(robot: Robot, log: Path) -> dict[str, float]:
     """Seconds of each stage of one diagnosis in this process, under the words that the progress line shows."""
     from identification.data.reading import read_recording
-    from identification.diagnosis.diagnosis import diagnose
+    from identification.pipeline import diagnose
 
     marks = [("reading", time.perf_counter())]
     recording = read_recording(log, robot)

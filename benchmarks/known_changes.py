@@ -16,7 +16,7 @@ import numpy as np
 
 from identification.data.changes import Change, KnownPayload, robot_in
 from identification.data.recording import Recording
-from identification.diagnosis.diagnosis import diagnose
+from identification.pipeline import diagnose
 from identification.diagnosis.result import Diagnosis
 from phantom_dyn import load_robot
 from phantom_dyn.effects.catalogue import effect_named

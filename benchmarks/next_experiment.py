@@ -25,7 +25,7 @@ from benchmarks.next_experiment_cases import Case, Place, drawn_case, recorded
 from identification.data.changes import Change, KnownPayload
 from identification.data.recording import Recording
 from identification.data.signals import process_all
-from identification.diagnosis.diagnosis import diagnose
+from identification.pipeline import diagnose
 from identification.diagnosis.result import Diagnosis
 from identification.excitation.criteria import DOptimality
 from identification.excitation.excite import excite

@@ -14,10 +14,11 @@ from benchmarks.diagnosis_cost import drive_torque, sines
 from identification.data.log import Log
 from identification.data.recording import Recording
 from identification.data.signals import process_all
-from identification.diagnosis.diagnosis import diagnose
-from identification.diagnosis.fit.blocks import Block, Weights, assign_folds, build_grams, split_blocks
+from identification.pipeline import diagnose
+from identification.diagnosis.fit.grams import Weights, build_grams
 from identification.diagnosis.fit.fitting import fit
 from identification.diagnosis.fit.problem import set_up
+from identification.diagnosis.model.blocks import Block, assign_folds, split_blocks
 from identification.diagnosis.model.columns import Columns, build_columns
 from identification.diagnosis.noise.noise_floor import estimate_noise, weights_of
 from identification.diagnosis.noise.whitening import whitened

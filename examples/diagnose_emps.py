@@ -9,7 +9,7 @@ from arguments import chosen_folder
 from emps_log import PUBLISHED, write_emps_log
 
 from identification.data.reading import read_recording
-from identification.diagnosis.diagnosis import diagnose
+from identification.pipeline import diagnose
 from identification.reporting.diagnosis_summary import summary
 from phantom_dyn import load_robot
 from phantom_dyn.errors import LogError

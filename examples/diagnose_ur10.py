@@ -7,7 +7,7 @@ from pathlib import Path
 
 from identification.data import datasets
 from identification.data.reading import read_recording
-from identification.diagnosis.diagnosis import diagnose
+from identification.pipeline import diagnose
 from identification.reporting.diagnosis_summary import summary
 from phantom_dyn import load_robot
 from phantom_dyn.errors import PhantomDynError

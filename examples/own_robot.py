@@ -5,7 +5,7 @@ from __future__ import annotations
 import sys
 
 from identification.data.reading import read_recording
-from identification.diagnosis.diagnosis import diagnose
+from identification.pipeline import diagnose
 from identification.reporting.diagnosis_summary import summary
 from phantom_dyn import load_robot
 from phantom_dyn.errors import PhantomDynError

@@ -17,9 +17,9 @@ from pathlib import Path
 
 from identification.data.readers.column_map import read_column_map
 from identification.data.reading import read_recording
-from identification.diagnosis.diagnosis import diagnose
 from identification.diagnosis.model.terms import KnownEffect
 from identification.files import require_existing
+from identification.pipeline import diagnose
 from identification.reporting.diagnosis_files import check_targets, write_outputs
 from identification.reporting.diagnosis_json import Json, to_json
 from identification.words.diagnosis_words import effect_at_finding

@@ -140,7 +140,7 @@ def _diagnosis_of_torque(
 ) -> Diagnosis:
     """Diagnosis of recordings with torque, each read with what ``--recordings`` says of it."""
     from identification.data.changes import Change
-    from identification.diagnosis.diagnosis import diagnose
+    from identification.pipeline import diagnose
     from identification.scenarios.recordings_file import read_changed, read_changes
 
     paths = (*arguments.logs, *arguments.hold_out)
@@ -166,7 +166,7 @@ def _diagnosis_of_motion(
 ) -> Diagnosis:
     """Diagnosis of recordings without torque: with that of the stated controllers, else in positions at standstill."""
     from identification.data.reading import read_recording
-    from identification.diagnosis.diagnosis import diagnose
+    from identification.pipeline import diagnose
     from identification.scenarios.at_rest.diagnose_at_rest import diagnose_at_rest, judged_at_rest
     from identification.scenarios.motion_only import with_commanded_torque
 

@@ -144,6 +144,35 @@ class Evidence:
 
 
 @dataclass(frozen=True)
+class Judgement:
+    """What the fits say of a gap, before anything is simulated or proposed.
+
+    Attributes:
+        verdict: The contract's.
+        joints: Gap of each joint.
+        findings: Named causes, the largest first.
+        adjusted: Moves of the model inside its tolerances.
+        unexplained: What is left.
+        bounds: What would have been seen.
+        not_testable: What this recording cannot show.
+        evidence: Samples behind the figures.
+        warnings: Sentences about the data.
+        notes: Sentences about the findings.
+    """
+
+    verdict: str
+    joints: tuple[JointGap, ...]
+    findings: tuple[Finding, ...]
+    adjusted: tuple[Adjusted, ...]
+    unexplained: Unexplained
+    bounds: tuple[Bound, ...]
+    not_testable: tuple[NotTestable, ...]
+    evidence: Evidence
+    warnings: tuple[str, ...] = ()
+    notes: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True)
 class Diagnosis:
     """What ``diagnosis.json`` holds, the evidence behind the figures, and the motion of the next experiment."""
 

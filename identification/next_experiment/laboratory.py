@@ -10,9 +10,10 @@ from jaxtyping import Float, Int
 from identification.data.log import Band, Log
 from identification.data.signals import low_pass
 from identification.diagnosis.fit.problem import Problem
-from identification.diagnosis.model.columns import Columns, build_columns
-from identification.diagnosis.model.own_effects import Apart
-from identification.diagnosis.model.terms import FoundEffect, KnownEffect
+from identification.diagnosis.model.columns import Columns, columns_like
+from identification.diagnosis.model.own_effects import Differences
+from identification.diagnosis.model.session import Series, session_of_logs
+from identification.diagnosis.model.terms import FoundEffect
 from identification.diagnosis.noise.whitening import filtered, noise_filter
 from phantom_dyn.dynamics.dynamics import inverse_dynamics
 from phantom_dyn.model.robot import Robot
@@ -29,35 +30,35 @@ class Laboratory:
     """How a motion would be recorded and judged: as the recordings at hand.
 
     Attributes:
-        robot: The given model.
         problem: Columns and weights of the fits.
         like: Columns of the recordings, those only that are asked for.
         union: Which of them the products are of.
         band: Filter of a planned motion, with the samples of the recordings' one.
         kernels: Filters that whiten the noise of each row.
-        cutoff_hz: Edge of the judged band.
-        known: Effects that belong to the given model already.
         found: What the diagnosis has found.
     """
 
-    robot: Robot
     problem: Problem
     like: Columns
     union: Int[Array, " u"]
     band: Band
     kernels: tuple[Float[Array, "_"], ...]
-    cutoff_hz: float
-    known: tuple[KnownEffect, ...]
     found: tuple[FoundEffect, ...]
+
+    @property
+    def robot(self) -> Robot:
+        """The given model."""
+        return self.problem.session.robot
 
     def products(self, motion: Motion, robot: Robot) -> Float[Array, "u u"]:
         """Weighted products over a motion at the band's rate, of a robot that may carry a known load."""
         tau = inverse_dynamics(robot, motion)
         log = Log("next", robot.joint_names, motion, tau, self.band, np.ones(len(motion.t), dtype=bool))
-        loaded = Apart((robot,))
-        columns = build_columns(
-            self.robot, (log,), self.cutoff_hz, self.known, self.found, like=self.like, apart=loaded
+        given = self.problem.session
+        session = session_of_logs(
+            given.robot, (log,), given.cutoff_hz, known=given.known, differences=Differences((robot,))
         )
+        columns = columns_like(session, self.like, self.found)
         out = np.zeros((len(self.union), len(self.union)))
         for j, row in enumerate(columns.rows):
             places = {column: k for k, column in enumerate(row)}
@@ -70,34 +71,16 @@ class Laboratory:
         return out
 
 
-def laboratory(
-    robot: Robot,
-    logs: tuple[Log, ...],
-    problem: Problem,
-    noise: tuple[Float[Array, "_ nv"], ...],
-    cutoff_hz: float,
-    union: Int[Array, " u"],
-    known: tuple[KnownEffect, ...],
-    found: tuple[FoundEffect, ...],
-) -> Laboratory:
+def laboratory(problem: Problem, noise: Series, union: Int[Array, " u"], found: tuple[FoundEffect, ...]) -> Laboratory:
     """What it takes to judge motions that were not made yet; the first log is the pattern of the next one."""
     columns = problem.columns
     wanted = set(union.tolist())
     local = tuple(
         block for block in columns.local if wanted.intersection(range(block.first, block.first + block.count))
     )
-    kernels = tuple(noise_filter([part[:, j] for part in noise]) for j in range(robot.nv))
-    return Laboratory(
-        robot,
-        problem,
-        replace(columns, local=local),
-        union,
-        coarser(logs[0].band),
-        kernels,
-        cutoff_hz,
-        known,
-        found,
-    )
+    session = problem.session
+    kernels = tuple(noise_filter([part[:, j] for part in noise]) for j in range(session.robot.nv))
+    return Laboratory(problem, replace(columns, local=local), union, coarser(session.logs[0].band), kernels, found)
 
 
 def coarser(band: Band) -> Band:

@@ -8,7 +8,7 @@ from itertools import combinations
 import numpy as np
 from jaxtyping import Float, Int
 
-from identification.diagnosis.fit.blocks import held_out_share
+from identification.diagnosis.model.blocks import held_out_share
 from identification.diagnosis.result import EffectAt
 from identification.diagnosis.search.search import Search
 from identification.next_experiment.distance import distance, draws_of, power_of, power_of_simpler

@@ -8,12 +8,11 @@ from dataclasses import dataclass, replace
 import numpy as np
 from jaxtyping import Float
 
-from identification.data.log import Log
-from identification.data.recording import Recording
 from identification.diagnosis.fit.fitting import Fitted
 from identification.diagnosis.fit.gap import judged_blocks
 from identification.diagnosis.fit.problem import Problem
-from identification.diagnosis.model.terms import KnownEffect, Term, ordered
+from identification.diagnosis.model.session import Session
+from identification.diagnosis.model.terms import Term, ordered
 from identification.rollout.compare import HORIZONS, Rollout, Settle, Shoot, compared
 from identification.rollout.driven import STEP, given_torque
 from identification.rollout.hidden_states import hides, look_back, tries
@@ -23,7 +22,6 @@ from identification.rollout.simulated_models import LEAD, Model, corrected_model
 from identification.rollout.starts import Window, states_of, windows_in
 from phantom_dyn._kernels.jit import compiles
 from phantom_dyn.errors import ParameterError, PhantomDynError, RobotError
-from phantom_dyn.model.robot import Robot
 
 Array = np.ndarray
 
@@ -40,29 +38,24 @@ class Explained:
     """What a diagnosis has made of recordings, as far as rollouts need it.
 
     Attributes:
-        robot: The given model.
-        known: Effects that belong to it.
-        logs: Recordings, ready for fitting.
-        cutoff_hz: Edge of the judged band.
-        problem: Blocks and folds.
+        problem: The fits, and the session that they are of.
         terms: Effects that were found.
         found: Their fit, with the fits that have not seen each fold.
-        recordings: As they were read.
     """
 
-    robot: Robot
-    known: tuple[KnownEffect, ...]
-    logs: tuple[Log, ...]
-    cutoff_hz: float
     problem: Problem
     terms: frozenset[Term]
     found: Fitted
-    recordings: tuple[Recording, ...] = ()
+
+    @property
+    def session(self) -> Session:
+        """Robot, logs and recordings."""
+        return self.problem.session
 
     @property
     def controlled(self) -> bool:
         """True if the torque is not a recorded one but that of the stated controllers."""
-        return any(recording.controlled for recording in self.recordings)
+        return any(recording.controlled for recording in self.session.recordings)
 
     def theta(self, fold: int) -> Float[Array, " K"]:
         """Coefficients of the fit that has not seen a fold."""
@@ -78,7 +71,7 @@ def rollout_of(explained: Explained) -> Rollout:
     Args:
         explained: A diagnosis as far as it has come.
     """
-    past = recorded_past(explained.robot, explained.logs)
+    past = recorded_past(explained.session.robot, explained.session.logs)
     torque = _torques()
 
     def settle(shot: Shot, model: Model) -> Shot:
@@ -116,7 +109,7 @@ def _controlled_rollout(explained: Explained, settle: Settle) -> Rollout | None:
     problem = explained.problem
     judged = {problem.blocks[k].log for k in judged_blocks(problem)}
     operations = problem.columns.operations
-    if any(explained.logs[k].q_ref is None or not controlled(operations[k].robot) for k in judged):
+    if any(explained.session.logs[k].q_ref is None or not controlled(operations[k].robot) for k in judged):
         return None
     return _tried(explained, under_control, _CONTROLLED, "the stated controllers", settle)
 
@@ -135,7 +128,7 @@ def _said(loop: Rollout) -> tuple[str, ...]:
 
 def _slower(explained: Explained) -> int:
     """How many times as long a step of this robot takes as a compiled one."""
-    chain = explained.robot.chain
+    chain = explained.session.robot.chain
     return 1 if compiles() and not (chain is not None and chain.anchors) else _SLOWER
 
 
@@ -154,7 +147,8 @@ def _tried(explained: Explained, shoot: Shoot, horizons: tuple[float, ...], driv
 
 
 def _rolled(explained: Explained, shoot: Shoot, horizons: tuple[float, ...], drive: str, settle: Settle) -> Rollout:
-    robot, known, terms = explained.robot, explained.known, ordered(explained.terms)
+    session, terms = explained.session, ordered(explained.terms)
+    robot, known = session.robot, session.known
     operations = explained.problem.columns.operations
     whole = corrected_model(robot, known, terms, explained.found.theta, operations[0])
     step = min(STEP, whole.longest_step(operations[0].q[0]))
@@ -180,18 +174,18 @@ def _rolled(explained: Explained, shoot: Shoot, horizons: tuple[float, ...], dri
 
 def _shots(explained: Explained, seconds: float, step: float, tries: int) -> tuple[Shot, ...]:
     """Windows, of which each takes so many short simulations to find its hidden states."""
-    problem, logs = explained.problem, explained.logs
+    problem, logs = explained.problem, explained.session.logs
     slow = _slower(explained)
     # A sample takes a step at least.
     step = min(step, *(1.0 / log.band.rate_hz for log in logs))
     fewest = _FEWEST if slow == 1 else _FEWEST_SLOW
-    count = int(np.clip(_STEPS * step / (seconds * explained.robot.nv * slow), fewest, _MOST))
+    count = int(np.clip(_STEPS * step / (seconds * explained.session.robot.nv * slow), fewest, _MOST))
     count = min(count, max(fewest, _SETTLED // tries)) if tries else count
     lead = look_back(min(log.band.rate_hz for log in logs)) if tries else LEAD
     windows = windows_in(
         logs, problem.blocks, problem.grams.fold, judged_blocks(problem), seconds=seconds, lead=lead, count=count
     )
-    states = {k: states_of(logs[k], explained.cutoff_hz) for k in {window.log for window in windows}}
+    states = {k: states_of(logs[k], explained.session.cutoff_hz) for k in {window.log for window in windows}}
     return tuple(Shot(logs[window.log], states[window.log], window) for window in windows)
 
 

@@ -14,7 +14,7 @@ from jaxtyping import Float, Int
 
 from identification.data.log import Log
 from identification.data.signals import differentiate, low_pass, motion_edge
-from identification.diagnosis.fit.blocks import Block
+from identification.diagnosis.model.blocks import Block
 from identification.rollout.simulated_models import Model
 from phantom_dyn.dynamics.dynamics import link_torque
 from phantom_dyn.effects.support.rows import row_of

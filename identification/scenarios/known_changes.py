@@ -5,9 +5,10 @@ from __future__ import annotations
 import math
 from dataclasses import replace
 
-from identification.diagnosis.model.own_effects import Apart, OwnEffect
+from identification.diagnosis.model.own_effects import OwnEffect
+from identification.diagnosis.model.session import Session
 from identification.diagnosis.model.terms import KnownEffect
-from identification.diagnosis.result import Diagnosis, EffectAt, Finding, Value
+from identification.diagnosis.result import EffectAt, Finding, Judgement, Value
 from identification.diagnosis.result import Rival as RivalSet
 from phantom_dyn.effects.catalogue import effect_named
 from phantom_dyn.effects.support.rows import modelled_friction_of
@@ -31,31 +32,27 @@ _MODELLED = {"viscous_friction": (0, "viscous friction"), "coulomb_friction": (1
 _LEAST_LEVEL = 2.0
 
 
-def told_by_recording(
-    diagnosis: Diagnosis, robot: Robot, apart: Apart, known: tuple[KnownEffect, ...] = ()
-) -> Diagnosis:
-    """The same diagnosis with the catalogue's names for effects of single recordings.
+def named_by_recording(judgement: Judgement, session: Session) -> Judgement:
+    """The same judgement with the catalogue's names for effects of single recordings.
 
     Args:
-        diagnosis: As fits have left it.
-        robot: The given model.
-        apart: How the recordings differ.
-        known: Effects that belong to the given model.
+        judgement: As fits have left it.
+        session: Says how the recordings differ.
     """
-    own = {effect.name: effect for effect in apart.own}
+    own = {effect.name: effect for effect in session.differences.own}
     if not own:
-        return diagnosis
+        return judgement
     return replace(
-        diagnosis,
-        findings=tuple(_told(finding, diagnosis, robot, own, known) for finding in diagnosis.findings),
-        bounds=tuple(bound for bound in diagnosis.bounds if bound.effect not in own),
-        not_testable=tuple(entry for entry in diagnosis.not_testable if entry.effect not in own),
+        judgement,
+        findings=tuple(_told(finding, judgement, session.robot, own, session.known) for finding in judgement.findings),
+        bounds=tuple(bound for bound in judgement.bounds if bound.effect not in own),
+        not_testable=tuple(entry for entry in judgement.not_testable if entry.effect not in own),
     )
 
 
 def _told(
     finding: Finding,
-    diagnosis: Diagnosis,
+    judgement: Judgement,
     robot: Robot,
     own: dict[str, OwnEffect],
     known: tuple[KnownEffect, ...],
@@ -70,7 +67,7 @@ def _told(
     name = effect.inner.name
     if name in _SAME_FRICTION:
         ratio = growth(
-            parameters[next(iter(parameters))], level_elsewhere(name, finding.joint, diagnosis, robot, known)
+            parameters[next(iter(parameters))], level_elsewhere(name, finding.joint, judgement, robot, known)
         )
         parameters |= {} if ratio is None else {"ratio": ratio}
     return replace(finding, effect=name, recording=effect.file, parameters=parameters, rivals=rivals)
@@ -82,12 +79,12 @@ def _named(at: EffectAt, own: dict[str, OwnEffect]) -> EffectAt:
 
 
 def level_elsewhere(
-    name: str, joint: str | None, diagnosis: Diagnosis, robot: Robot, known: tuple[KnownEffect, ...] = ()
+    name: str, joint: str | None, judgement: Judgement, robot: Robot, known: tuple[KnownEffect, ...] = ()
 ) -> Value:
     """Friction of one kind on one joint that all recordings have: modelled, moved within tolerance, known and found."""
     at, words = _MODELLED[name]
     modelled = modelled_friction_of(robot, joint)[at]
-    moved = sum(entry.change for entry in diagnosis.adjusted if entry.quantity == f"{joint} {words}")
+    moved = sum(entry.change for entry in judgement.adjusted if entry.quantity == f"{joint} {words}")
     level, variance = modelled * (1.0 + moved), 0.0
     laws = _SAME_FRICTION[name]
     for effect in known:
@@ -95,7 +92,7 @@ def level_elsewhere(
             names = [parameter.name for parameter in effect_named(effect.effect).parameters(robot, joint)]
             values = dict(zip(names, effect.theta, strict=True))
             level += sum(values[key] for key in laws[effect.effect]) / len(laws[effect.effect])
-    for finding in diagnosis.findings:
+    for finding in judgement.findings:
         if finding.effect in laws and finding.joint == joint and finding.recording is None:
             share = len(laws[finding.effect])
             for value, std in (_single(finding.parameters[key]) for key in laws[finding.effect]):

@@ -7,7 +7,8 @@ from dataclasses import replace
 import numpy as np
 
 from identification.data.recording import Recording
-from identification.diagnosis.result import Adjusted, Diagnosis, Finding, NotTestable
+from identification.diagnosis.result import Adjusted, Finding, Judgement, NotTestable
+from identification.rollout.compare import Rollout
 
 # How well stated gains are trusted, one sigma, relative; twice that is no gap.
 GAIN_TOLERANCE = 0.10
@@ -19,27 +20,28 @@ _TWIN = (
 )
 
 
-def told_by_motion(diagnosis: Diagnosis, recordings: tuple[Recording, ...]) -> Diagnosis:
-    """The diagnosis without claims on torque constants, which a controller's gain would explain as well.
+def limited_to_motion(judgement: Judgement, recordings: tuple[Recording, ...], rollout: Rollout) -> Judgement:
+    """The judgement without claims on torque constants, which a controller's gain would explain as well.
 
     A ratio within two tolerances of the gains is no gap and is listed as adjusted; a larger one stays a finding, of
     the product of both, and a warning says so.
 
     Args:
-        diagnosis: Of the torque that controllers ask for.
-        recordings: Its recordings; where a torque was measured the diagnosis stays as it is.
+        judgement: Of the torque that controllers ask for.
+        recordings: Its recordings; where a torque was measured the judgement stays as it is.
+        rollout: Motion simulated under the controllers.
     """
     if not any(recording.controlled for recording in recordings):
-        return diagnosis
-    constants = [finding for finding in diagnosis.findings if finding.effect == "torque_constant"]
+        return judgement
+    constants = [finding for finding in judgement.findings if finding.effect == "torque_constant"]
     small = [finding for finding in constants if abs(_excess(finding)) <= 2 * GAIN_TOLERANCE]
     large = [finding for finding in constants if finding not in small]
-    findings = tuple(finding for finding in diagnosis.findings if finding not in small)
+    findings = tuple(finding for finding in judgement.findings if finding not in small)
     claimed = {finding.joint for finding in large}
     twins = tuple(
-        NotTestable("torque_constant", gap.joint, _TWIN) for gap in diagnosis.joints if gap.joint not in claimed
+        NotTestable("torque_constant", gap.joint, _TWIN) for gap in judgement.joints if gap.joint not in claimed
     )
-    others = tuple(entry for entry in diagnosis.not_testable if entry.effect != "torque_constant")
+    others = tuple(entry for entry in judgement.not_testable if entry.effect != "torque_constant")
     moved = tuple(
         Adjusted(f"{finding.joint} torque constant times controller gain", _excess(finding), GAIN_TOLERANCE)
         for finding in small
@@ -49,26 +51,26 @@ def told_by_motion(diagnosis: Diagnosis, recordings: tuple[Recording, ...]) -> D
         f"ratio of {1.0 + _excess(finding):.3g} is that of their product."
         for finding in large
     )
-    kept = [finding not in small for finding in diagnosis.findings]
-    without = diagnosis.evidence.tau_without
+    kept = [finding not in small for finding in judgement.findings]
+    without = judgement.evidence.tau_without
     shown = tuple(torque for torque, keep in zip(without, kept, strict=False) if keep)
-    verdict = "no_gap" if not findings and diagnosis.verdict == "explained" else diagnosis.verdict
+    verdict = "no_gap" if not findings and judgement.verdict == "explained" else judgement.verdict
     return replace(
-        diagnosis,
+        judgement,
         findings=findings,
         verdict=verdict,
-        adjusted=(*diagnosis.adjusted, *moved),
-        bounds=tuple(bound for bound in diagnosis.bounds if bound.effect != "torque_constant"),
+        adjusted=(*judgement.adjusted, *moved),
+        bounds=tuple(bound for bound in judgement.bounds if bound.effect != "torque_constant"),
         not_testable=(*others, *twins),
-        data_warnings=(*diagnosis.data_warnings, *warned),
-        evidence=replace(diagnosis.evidence, tau_without=shown),
-        notes=(*diagnosis.notes, *(_strays(diagnosis) if verdict == "no_gap" else ())),
+        warnings=(*judgement.warnings, *warned),
+        evidence=replace(judgement.evidence, tau_without=shown),
+        notes=(*judgement.notes, *(_strays(rollout) if verdict == "no_gap" else ())),
     )
 
 
-def _strays(diagnosis: Diagnosis) -> tuple[str, ...]:
+def _strays(simulated: Rollout) -> tuple[str, ...]:
     """A sentence for each joint whose simulated motion strays although its torque shows no gap."""
-    rollout = diagnosis.rollout or {}
+    rollout = simulated.json or {}
     after, noise = rollout.get("rms_after", {}), rollout.get("reading_noise", {})
     return tuple(
         f"The torque that is asked for shows no gap, yet under its controller {joint} strays by {after[joint]:.3g} "

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from benchmarks.known_changes import gain_case, load_case, told_apart
-from identification.diagnosis.diagnosis import diagnose
+from identification.pipeline import diagnose
 
 
 @pytest.mark.parametrize("make", [gain_case, load_case])

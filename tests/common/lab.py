@@ -9,8 +9,9 @@ import numpy as np
 from identification.data.log import Log
 from identification.data.recording import Recording
 from identification.data.signals import process_all
-from identification.diagnosis.fit.blocks import Block, Weights, assign_folds, build_grams, split_blocks
+from identification.diagnosis.fit.grams import Weights, build_grams
 from identification.diagnosis.fit.problem import Problem, set_up
+from identification.diagnosis.model.blocks import Block, assign_folds, split_blocks
 from identification.diagnosis.model.columns import Columns, build_columns
 from identification.diagnosis.model.terms import FoundEffect, Term
 from identification.diagnosis.noise.noise_floor import estimate_noise, weights_of

@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 
 from identification.data.reading import read_recording
-from identification.diagnosis.diagnosis import diagnose
+from identification.pipeline import diagnose
 from identification.scenarios.at_rest.diagnose_at_rest import diagnose_at_rest, judged_at_rest
 from identification.scenarios.recordings_file import read_changed, read_changes
 from phantom_dyn import load_robot

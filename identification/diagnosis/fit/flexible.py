@@ -11,7 +11,7 @@ import numpy as np
 from jaxtyping import Float, Int
 
 from identification.data.log import Log
-from identification.diagnosis.fit.blocks import Block
+from identification.diagnosis.model.blocks import Block
 from identification.diagnosis.model.columns import Columns
 
 Array = np.ndarray

@@ -7,8 +7,6 @@ from dataclasses import dataclass
 import numpy as np
 from jaxtyping import Float
 
-from identification.data.log import Log
-from identification.data.signals import smoothed
 from identification.diagnosis.fit.fitting import Fitted, predict
 from identification.diagnosis.fit.problem import Problem
 from identification.diagnosis.model.terms import Term, ordered
@@ -67,16 +65,6 @@ def sums(problem: Problem, residual: tuple[Float[Array, "n nv"], ...]) -> Sums:
         squares[i] = (residual[block.log][part] ** 2 * use).sum(axis=0)
         counts[i] = use.sum(axis=0)
     return Sums(squares, counts)
-
-
-def in_judged_band(
-    series: tuple[Float[Array, "n nv"], ...], logs: tuple[Log, ...], cutoff_hz: float
-) -> tuple[Float[Array, "n nv"], ...]:
-    """In-band series of each log without what lies above the judged band, of the same length."""
-    return tuple(
-        part if cutoff_hz >= 0.99 * log.band.cutoff_hz else smoothed(part, log.band.rate_hz / log.band.step, cutoff_hz)
-        for part, log in zip(series, logs, strict=True)
-    )
 
 
 def residual_after(problem: Problem, torque: tuple[Float[Array, "n nv"], ...]) -> tuple[Float[Array, "n nv"], ...]:

@@ -12,7 +12,6 @@ from dataclasses import dataclass
 import numpy as np
 from jaxtyping import Float
 
-from identification.data.log import Log
 from identification.diagnosis.fit.fitting import Fitted
 from identification.diagnosis.fit.other_laws import OtherLaw, other_law
 from identification.diagnosis.fit.problem import Problem
@@ -30,7 +29,6 @@ from identification.diagnosis.model.terms import Term
 from identification.diagnosis.numerics.bounded import bounded_solve, solve
 from phantom_dyn.effects.drive.torque_saturation import TorqueSaturation
 from phantom_dyn.effects.transmission.backlash import Backlash
-from phantom_dyn.model.robot import Robot
 
 Array = np.ndarray
 
@@ -65,20 +63,15 @@ class JointFit:
         return next(place for place in self.places if place.term is term)
 
 
-def joint_fit(
-    robot: Robot, problem: Problem, logs: tuple[Log, ...], cutoff_hz: float, terms: tuple[Term, ...], found: Fitted
-) -> JointFit:
+def joint_fit(problem: Problem, terms: tuple[Term, ...], found: Fitted) -> JointFit:
     """Moves, coefficients and shapes together, from a fit with the shapes held.
 
     Args:
-        robot: The given model.
         problem: Columns and fits in the judged band.
-        logs: Recordings, ready for fitting.
-        cutoff_hz: Edge of the judged band.
         terms: Of the model.
         found: Its fit.
     """
-    setting, x = lay_out(robot, problem, logs, cutoff_hz, terms, found)
+    setting, x = lay_out(problem, terms, found)
     precision, lower, upper = _limits(setting, x)
     moves = slice(0, problem.nuisances)
     start = x[moves]

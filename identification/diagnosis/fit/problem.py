@@ -7,8 +7,10 @@ from dataclasses import dataclass
 import numpy as np
 from jaxtyping import Float
 
-from identification.diagnosis.fit.blocks import Block, Grams, Weights
+from identification.diagnosis.fit.grams import Grams, Weights, build_grams
+from identification.diagnosis.model.blocks import Block
 from identification.diagnosis.model.columns import Columns
+from identification.diagnosis.model.session import Session
 
 Array = np.ndarray
 
@@ -18,9 +20,9 @@ class Problem:
     """Columns, their Gram matrices, and the priors and bounds of all coefficients.
 
     Attributes:
+        session: Robot, logs, band and blocks.
         columns: All columns, as computed.
         white: The same with white noise; what the products are made of.
-        blocks: Stretches of samples.
         weights: Noise of each row of ``white``.
         grams: Products of the columns.
         precision: Prior precision of each coefficient about zero, ``(K,)``.
@@ -30,9 +32,9 @@ class Problem:
         touched: Rows that each column touches.
     """
 
+    session: Session
     columns: Columns
     white: Columns
-    blocks: tuple[Block, ...]
     weights: Weights
     grams: Grams
     precision: Float[Array, " K"]
@@ -43,12 +45,18 @@ class Problem:
     total_b: Float[Array, " K"]
     touched: tuple[frozenset[int], ...]
 
+    @property
+    def blocks(self) -> tuple[Block, ...]:
+        """Stretches of samples that are held out together."""
+        return self.session.blocks
 
-def set_up(columns: Columns, white: Columns, blocks: tuple[Block, ...], weights: Weights, grams: Grams) -> Problem:
+
+def set_up(session: Session, columns: Columns, white: Columns, weights: Weights) -> Problem:
     """Priors: the tolerance for nuisances; for effects so wide that only what the data do not show is held down.
 
     The width is thirty times the size at which a column alone would carry the whole residual.
     """
+    grams = build_grams(white, session.blocks, session.folds, weights)
     count = len(columns.names)
     energy = np.diag(grams.a.sum(axis=0))
     with np.errstate(divide="ignore"):
@@ -66,9 +74,9 @@ def set_up(columns: Columns, white: Columns, blocks: tuple[Block, ...], weights:
     total_a = grams.a.sum(axis=0) - (grams.a[~train].sum(axis=0) if not train.all() else 0.0)
     total_b = grams.b[train].sum(axis=0)
     return Problem(
+        session,
         columns,
         white,
-        blocks,
         weights,
         grams,
         precision,

@@ -12,9 +12,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from jaxtyping import Float
 
-from identification.data.log import Log
 from identification.diagnosis.fit.fitting import Fitted, point_mass_map
-from identification.diagnosis.fit.gap import in_judged_band
 from identification.diagnosis.fit.other_laws import OtherLaw
 from identification.diagnosis.fit.problem import Problem
 from identification.diagnosis.model.operations import moved_operation, moved_robot
@@ -33,7 +31,6 @@ from phantom_dyn.effects.load.payload import Payload
 from phantom_dyn.effects.operation import Operation
 from phantom_dyn.effects.transmission.backlash import Backlash
 from phantom_dyn.effects.transmission.transmission_compliance import TransmissionCompliance
-from phantom_dyn.model.robot import Robot
 
 Array = np.ndarray
 
@@ -58,24 +55,16 @@ class Setting:
     """What a model is made of.
 
     Attributes:
-        robot: The given model, or that with moves within its tolerances made.
         problem: Columns and fits in the judged band.
-        logs: Recordings, ready for fitting.
-        operations: Their motions with the torque of the robot.
-        cutoff_hz: Edge of the judged band.
+        operations: Motions of the logs with the torque of the given model, or of that with moves within its tolerances.
         places: Of all terms.
         size: How many numbers there are; the first are the moves within the tolerances.
-        given: The given model.
     """
 
-    robot: Robot
     problem: Problem
-    logs: tuple[Log, ...]
     operations: tuple[Operation, ...]
-    cutoff_hz: float
     places: tuple[Place, ...]
     size: int
-    given: Robot
 
     @property
     def of_model(self) -> bool:
@@ -84,20 +73,19 @@ class Setting:
 
     def moved(self, moves: Float[Array, " n"]) -> Setting:
         """The same with moves within the tolerances made, in what columns are made of."""
-        robots = {id(self.given): moved_robot(self.given, moves)}
+        given = self.problem.session.robot
+        robots = {id(given): moved_robot(given, moves)}
         operations = []
         for operation in self.problem.columns.operations:
             # A recording with a known load has a model of its own, with the same moves.
             loaded = operation.robot
             if id(loaded) not in robots:
-                robots[id(loaded)] = moved_robot(loaded, moves, self.given)
+                robots[id(loaded)] = moved_robot(loaded, moves, given)
             operations.append(moved_operation(operation, robots[id(loaded)]))
-        return replace(self, robot=robots[id(self.given)], operations=tuple(operations))
+        return replace(self, operations=tuple(operations))
 
 
-def lay_out(
-    robot: Robot, problem: Problem, logs: tuple[Log, ...], cutoff_hz: float, terms: tuple[Term, ...], found: Fitted
-) -> tuple[Setting, Float[Array, " p"]]:
+def lay_out(problem: Problem, terms: tuple[Term, ...], found: Fitted) -> tuple[Setting, Float[Array, " p"]]:
     """Where each number stands, and their values in a fit."""
     values, places = [found.theta[: problem.nuisances]], []
     start = problem.nuisances
@@ -110,7 +98,7 @@ def lay_out(
         places.append(Place(term, slice(start, middle), slice(middle, stop)))
         values += [own, shape]
         start = stop
-    setting = Setting(robot, problem, logs, problem.columns.operations, cutoff_hz, tuple(places), start, robot)
+    setting = Setting(problem, problem.columns.operations, tuple(places), start)
     return setting, np.concatenate(values)
 
 
@@ -149,7 +137,7 @@ class Linearised:
 
 def linearised(setting: Setting, x: Float[Array, " p"]) -> Linearised:
     """The model about a point."""
-    return Linearised(*zip(*(_one_log(setting, x, log) for log in range(len(setting.logs))), strict=True))
+    return Linearised(*zip(*(_one_log(setting, x, log) for log in range(len(setting.operations))), strict=True))
 
 
 def change_by_model(setting: Setting, moved: Setting, x: Float[Array, " p"]) -> tuple[Float[Array, "_ nv"], ...]:
@@ -165,7 +153,9 @@ def change_by_model(setting: Setting, moved: Setting, x: Float[Array, " p"]) -> 
 
 def law_of(setting: Setting, place: Place, x: Float[Array, " p"]) -> tuple[Float[Array, "_ nv"], ...]:
     """Torque of one term, for each log."""
-    return tuple(_law(setting, place, x[place.coefficients], x[place.shape], log) for log in range(len(setting.logs)))
+    return tuple(
+        _law(setting, place, x[place.coefficients], x[place.shape], log) for log in range(len(setting.operations))
+    )
 
 
 def by_other_law(setting: Setting, place: Place, x: Float[Array, " p"], law: OtherLaw) -> tuple[Array, ...]:
@@ -173,7 +163,7 @@ def by_other_law(setting: Setting, place: Place, x: Float[Array, " p"], law: Oth
     own, shape = x[place.coefficients], x[place.shape]
     return tuple(
         in_band(setting, log, law(setting.operations[log], place.term.joint, own, shape))
-        for log in range(len(setting.logs))
+        for log in range(len(setting.operations))
     )
 
 
@@ -268,7 +258,7 @@ def _at_shape(setting: Setting, place: Place, shape: Shape, log: int) -> Float[A
     operation = setting.operations[log]
     signature = term.effect.signature(operation.robot, operation, term.joint, shape)
     narrow = in_band(setting, log, signature.columns)
-    out = np.zeros((len(narrow), setting.robot.nv, narrow.shape[2]))
+    out = np.zeros((len(narrow), setting.problem.session.robot.nv, narrow.shape[2]))
     out[:, list(signature.rows)] = narrow
     return out
 
@@ -279,5 +269,5 @@ def in_band(setting: Setting, log: int, x: Float[Array, "N ..."]) -> Float[Array
     The columns of the problem that are made of accelerations are filtered there twice, which takes from them what the
     torque keeps near the edge of the band: a stiffness that shows there would come out a tenth too low.
     """
-    record = setting.logs[log]
-    return in_judged_band((record.band(x),), (record,), setting.cutoff_hz)[0]
+    session = setting.problem.session
+    return session.log_in_judged_band(session.logs[log].band(x), log)

@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 from jaxtyping import Float
 
-from identification.diagnosis.fit.blocks import held_out_share
 from identification.diagnosis.fit.problem import Problem
 from identification.diagnosis.judge.judged_band import VISIBLE
+from identification.diagnosis.model.blocks import held_out_share
 from identification.diagnosis.model.terms import Term, untestable_places
 from identification.diagnosis.numerics.bounded import solve
 from identification.diagnosis.result import Bound, NotTestable
@@ -23,7 +23,6 @@ from identification.diagnosis.search.search import (
 )
 from phantom_dyn.effects.effect import Effect
 from phantom_dyn.effects.operation import Operation
-from phantom_dyn.model.robot import Robot
 
 Array = np.ndarray
 
@@ -32,7 +31,7 @@ _POWER = 1.645
 
 
 def smallest_seen(
-    robot: Robot, operation: Operation, search: Search, plain: Search, chosen: frozenset[Term]
+    operation: Operation, search: Search, plain: Search, chosen: frozenset[Term]
 ) -> tuple[tuple[Bound, ...], tuple[NotTestable, ...]]:
     """Bounds of every effect and joint that is not a finding, and what cannot be tested at all.
 
@@ -42,13 +41,12 @@ def smallest_seen(
     than the whole measured torque to be seen is not testable.
 
     Args:
-        robot: The given model.
         operation: Of all recordings.
         search: Rivals, with fits to white noise, and what a claim needs.
         plain: The same with plain fits in the judged band.
         chosen: What was found.
     """
-    problem = search.problem
+    problem, robot = search.problem, search.problem.session.robot
     bounds: dict[tuple[str, str | None], Bound] = {}
     hopeless: dict[tuple[str, str | None], NotTestable] = {}
     found = {term.place for term in chosen}

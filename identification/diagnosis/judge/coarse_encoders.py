@@ -7,9 +7,9 @@ from dataclasses import dataclass
 import numpy as np
 from jaxtyping import Float
 
-from identification.data.log import Log
-from identification.diagnosis.fit.gap import Sums, in_judged_band, sums
+from identification.diagnosis.fit.gap import Sums, sums
 from identification.diagnosis.fit.problem import Problem
+from identification.diagnosis.model.session import Series
 from identification.diagnosis.noise.encoder_noise import Coarse
 from identification.diagnosis.result import Finding, Value
 from phantom_dyn.effects.encoder.encoder_quantization import EncoderQuantization
@@ -43,16 +43,14 @@ class Rounded:
 
 def rounded(
     problem: Problem,
-    logs: tuple[Log, ...],
-    cutoff_hz: float,
     coarse: tuple[Coarse, ...],
     floor: Float[Array, " nv"],
-    noise: tuple[Float[Array, "n nv"], ...],
+    noise: Series,
 ) -> Rounded:
     """Coarse joints whose rounding makes a share of the noise on some joint, in the judged band or above it."""
     kept, energy = [], []
     for one in coarse:
-        squares = sums(problem, in_judged_band(one.torque, logs, cutoff_hz)).rms() ** 2
+        squares = sums(problem, problem.session.in_judged_band(one.torque)).rms() ** 2
         # The judged band ends where the reading drowns the motion: what matters may lie above it.
         wide = sums(problem, one.torque).rms() ** 2 > _LEAST * sums(problem, noise).rms() ** 2
         if np.any(squares > _LEAST * floor**2) or np.any(wide):

@@ -2,32 +2,69 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 import numpy as np
 from jaxtyping import Float
 from scipy.stats import chi2
 
-from identification.data.log import Log
+from identification.diagnosis.fit.fitting import Fitted
 from identification.diagnosis.fit.gap import Sums, held_out_torque, residual_after, sums
 from identification.diagnosis.fit.joint_fit import JointFit, joint_fit
-from identification.diagnosis.judge.judged_band import Judge
+from identification.diagnosis.fit.problem import Problem
+from identification.diagnosis.judge.judged_band import Judge, gap_is_there, visible
 from identification.diagnosis.judge.parameters import finding_loadings, finding_parameters
+from identification.diagnosis.model.session import Series
 from identification.diagnosis.model.terms import Term, ordered
 from identification.diagnosis.result import Finding
 from identification.diagnosis.search.rival_sets import block_counts, stand
 from identification.diagnosis.search.search import Search
 from phantom_dyn.effects.drive.input_delay import InputDelay
-from phantom_dyn.model.robot import Robot
 
 Array = np.ndarray
 # With which probability an effect is told from nothing.
 _CERTAIN = 0.95
-# Of each log, ``(n, nv)``.
-Torque = tuple[Float[Array, "n nv"], ...]
 
 
-def distinct(
-    robot: Robot, plain: Search, chosen: frozenset[Term], logs: tuple[Log, ...], cutoff_hz: float
-) -> tuple[frozenset[Term], JointFit]:
+@dataclass(frozen=True)
+class Shown:
+    """Effects that are shown to the user, and their fits in the judged band.
+
+    Attributes:
+        plain: The search with plain fits in the judged band.
+        chosen: The effects, structures without a name among them.
+        joint_fit: Fit of all their numbers at once.
+    """
+
+    plain: Search
+    chosen: frozenset[Term]
+    joint_fit: JointFit
+
+    @property
+    def problem(self) -> Problem:
+        """The plain problem."""
+        return self.plain.problem
+
+    @property
+    def named(self) -> frozenset[Term]:
+        """Effects of the catalogue."""
+        return frozenset(term for term in self.chosen if term.named)
+
+    @property
+    def found(self) -> Fitted:
+        """Held-out fit of the named effects."""
+        return self.plain.evaluate(self.named)
+
+
+def shown_effects(plain: Search, chosen: frozenset[Term], noise: Series) -> Shown:
+    """Chosen effects that are visible in the judged band and differ from zero there; none where there is no gap."""
+    kept = visible(plain, chosen)
+    if not gap_is_there(plain.problem, noise):
+        kept = frozenset()
+    return Shown(plain, *distinct(plain, kept))
+
+
+def distinct(plain: Search, chosen: frozenset[Term]) -> tuple[frozenset[Term], JointFit]:
     """Effects without those whose numbers, fitted with all others, are not told from zero, and that fit.
 
     The search holds all but the coefficients, and weighs noise otherwise: what gains there may be nothing in the fit
@@ -36,7 +73,7 @@ def distinct(
     is told from zero beside the other.
     """
     while True:
-        fitted = joint_fit(robot, plain.problem, logs, cutoff_hz, ordered(chosen), plain.evaluate(chosen))
+        fitted = joint_fit(plain.problem, ordered(chosen), plain.evaluate(chosen))
         certain = {term: certainty(term, fitted) for term in ordered(chosen) if term.named and _is_asked(term)}
         least = min(certain, key=lambda term: certain[term], default=None)
         if least is None or certain[least] >= _CERTAIN:
@@ -57,28 +94,20 @@ def certainty(term: Term, fitted: JointFit) -> float:
 
 
 def findings_without(
-    robot: Robot,
-    search: Search,
-    plain: Search,
-    chosen: frozenset[Term],
-    fitted: JointFit,
-    settled: frozenset[Term],
-    judge: Judge,
-    before: Sums,
-) -> tuple[tuple[Finding, Torque], ...]:
+    search: Search, shown: Shown, settled: frozenset[Term], judge: Judge, before: Sums
+) -> tuple[tuple[Finding, Series], ...]:
     """Each named effect with its gap closed and rivals, and the torque of the other named ones without it.
 
     Args:
-        robot: The given model.
         search: Rivals, with fits to white noise.
-        plain: The same with plain fits in the judged band.
-        chosen: The effects that are told.
-        fitted: Fit of all their numbers.
+        shown: The effects that are shown.
         settled: All that the search has found, those too that nobody would see: a rival must not win by making up for
             one of them.
         judge: Of the gap.
         before: Loss of the given model.
     """
+    plain, chosen, fitted = shown.plain, shown.chosen, shown.joint_fit
+    robot = plain.problem.session.robot
     problem, floor, found = plain.problem, judge.floor, plain.evaluate(chosen)
     after = sums(problem, judge.narrow(residual_after(problem, held_out_torque(problem, chosen, found))))
     counts = block_counts(len(before.counts), np.random.default_rng(20260105))

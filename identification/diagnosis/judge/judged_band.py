@@ -7,17 +7,14 @@ from dataclasses import dataclass, replace
 import numpy as np
 from jaxtyping import Float
 
-from identification.data.log import Log
-from identification.data.signals import smoothed
-from identification.diagnosis.fit.blocks import build_grams
 from identification.diagnosis.fit.gap import (
     held_out_torque,
-    in_judged_band,
     residual_after,
     sums,
 )
 from identification.diagnosis.fit.problem import Problem, set_up
 from identification.diagnosis.model.columns import Columns
+from identification.diagnosis.model.session import Series, Session
 from identification.diagnosis.model.terms import Term, ordered
 from identification.diagnosis.noise.noise_floor import rms, weights_of
 from identification.diagnosis.search.search import Search, set_up_search
@@ -34,26 +31,20 @@ class Judge:
 
     Attributes:
         problem: Columns and fits.
-        logs: Recordings, ready for fitting.
-        cutoff_hz: Edge of the judged band.
         floor: Noise floor of each joint in that band, ``(nv,)``.
     """
 
     problem: Problem
-    logs: tuple[Log, ...]
-    cutoff_hz: float
     floor: Float[Array, " nv"]
 
-    def narrow(self, series: tuple[Float[Array, "n nv"], ...]) -> tuple[Float[Array, "n nv"], ...]:
+    def narrow(self, series: Series) -> Series:
         """Series of each log in the judged band."""
-        return in_judged_band(series, self.logs, self.cutoff_hz)
+        return self.problem.session.in_judged_band(series)
 
 
-def noise_floor(
-    columns: Columns, logs: tuple[Log, ...], cutoff_hz: float, noise: tuple[Float[Array, "n nv"], ...]
-) -> Float[Array, " nv"]:
+def noise_floor(session: Session, columns: Columns, noise: Series) -> Float[Array, " nv"]:
     """Noise floor of each joint in the judged band, above zero even where nothing was measured."""
-    narrow = in_judged_band(noise, logs, cutoff_hz)
+    narrow = session.in_judged_band(noise)
     torque = np.concatenate(columns.model_torque)
     return np.array(
         [
@@ -67,7 +58,7 @@ def noise_floor(
     )
 
 
-def visible(search: Search, chosen: frozenset[Term], logs: tuple[Log, ...], cutoff_hz: float) -> frozenset[Term]:
+def visible(search: Search, chosen: frozenset[Term]) -> frozenset[Term]:
     """Findings without those whose loss nobody would see in the judged band.
 
     Without a finding the squared residual of some joint has to grow by a share of what is left: an effect can be
@@ -77,7 +68,7 @@ def visible(search: Search, chosen: frozenset[Term], logs: tuple[Log, ...], cuto
 
     def squares(kept: frozenset[Term]) -> Float[Array, " nv"]:
         torque = held_out_torque(problem, kept, search.evaluate(kept))
-        return sums(problem, in_judged_band(residual_after(problem, torque), logs, cutoff_hz)).rms() ** 2
+        return sums(problem, problem.session.in_judged_band(residual_after(problem, torque))).rms() ** 2
 
     while chosen:
         base = np.maximum(squares(chosen), 1e-300)
@@ -93,40 +84,32 @@ def visible(search: Search, chosen: frozenset[Term], logs: tuple[Log, ...], cuto
     return chosen
 
 
-def gap_is_there(
-    problem: Problem, logs: tuple[Log, ...], cutoff_hz: float, noise: tuple[Float[Array, "n nv"], ...]
-) -> bool:
+def gap_is_there(problem: Problem, noise: Series) -> bool:
     """False if the given model's residual is noise on every joint: then there is nothing to find a cause for."""
-    floor = noise_floor(problem.columns, logs, cutoff_hz, noise)
-    given = sums(problem, in_judged_band(problem.columns.residual, logs, cutoff_hz)).rms()
+    floor = noise_floor(problem.session, problem.columns, noise)
+    given = sums(problem, problem.session.in_judged_band(problem.columns.residual)).rms()
     return bool(np.any(given**2 > (1.0 + VISIBLE) * floor**2))
 
 
-def narrow_search(
-    search: Search, logs: tuple[Log, ...], cutoff_hz: float, noise: tuple[Float[Array, "n nv"], ...]
-) -> Search:
+def narrow_search(search: Search, noise: Series) -> Search:
     """The same search with fits by plain least squares in the judged band.
 
     Whitened fits tell effects apart best. Once the effects are chosen, the plain fit is the one that closes the gap,
     and its parameters suffer less where a real effect is not quite its law.
     """
-    problem = search.problem
-    columns = problem.columns
-    steps = [log.band.rate_hz / log.band.step for log in logs]
-    wide = cutoff_hz < 0.99 * min(log.band.cutoff_hz for log in logs)
+    session, columns = search.problem.session, search.problem.columns
+    wide = session.cutoff_hz < 0.99 * min(log.band.cutoff_hz for log in session.logs)
     narrow = columns
     if wide:
         values = tuple(
-            tuple(smoothed(row, rate, cutoff_hz) for row in rows)
-            for rows, rate in zip(columns.values, steps, strict=True)
+            tuple(session.log_in_judged_band(row, k) for row in rows) for k, rows in enumerate(columns.values)
         )
         narrow = replace(
             columns,
             values=values,
-            residual=in_judged_band(columns.residual, logs, cutoff_hz),
-            model_torque=in_judged_band(columns.model_torque, logs, cutoff_hz),
+            residual=session.in_judged_band(columns.residual),
+            model_torque=session.in_judged_band(columns.model_torque),
         )
-    weights = weights_of(narrow, in_judged_band(noise, logs, cutoff_hz))
-    grams = build_grams(narrow, problem.blocks, problem.grams.fold, weights)
-    plain = set_up(columns, narrow, problem.blocks, weights, grams)
+    weights = weights_of(narrow, session.in_judged_band(noise))
+    plain = set_up(session, columns, narrow, weights)
     return set_up_search(plain, search.threshold, search.row_thresholds, search.spurious)

@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 from jaxtyping import Bool, Float
 
 from identification.data.log import Log
 from identification.diagnosis.model.standstill import usable_samples
-from identification.diagnosis.result import Diagnosis
+from identification.diagnosis.result import Judgement
 
 Array = np.ndarray
 
@@ -41,25 +41,25 @@ class Push:
     torque: float
 
 
-def with_pushes(diagnosis: Diagnosis, logs: tuple[Log, ...]) -> Diagnosis:
-    """The diagnosis with a warning for every push that nobody measured.
+def push_warnings(judgement: Judgement, logs: tuple[Log, ...]) -> tuple[str, ...]:
+    """A sentence for every push that no sensor measured.
 
     Args:
-        diagnosis: Its evidence holds the samples of all logs, one after the other.
-        logs: As they were diagnosed.
+        judgement: Its evidence holds the samples of all logs, one after the other.
+        logs: As they were judged.
     """
-    evidence = diagnosis.evidence
+    evidence = judgement.evidence
     # What the drive gives less than the model needs is pushed from outside.
     left = evidence.tau_after - evidence.tau_measured
-    floor = np.array([joint.noise_floor for joint in diagnosis.joints])
+    floor = np.array([joint.noise_floor for joint in judgement.joints])
     start, out = 0, []
     for log in logs:
         stop = start + len(log.samples)
         pushes = pushes_in(log.motion.t[log.samples], left[start:stop], usable_samples(log), floor, log.joint_names)
-        units = {joint.joint: joint.unit for joint in diagnosis.joints}
+        units = {joint.joint: joint.unit for joint in judgement.joints}
         out += [_sentence(log.file, push, units[push.joint]) for push in pushes]
         start = stop
-    return replace(diagnosis, data_warnings=(*diagnosis.data_warnings, *out)) if out else diagnosis
+    return tuple(out)
 
 
 def pushes_in(

@@ -5,10 +5,12 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from jaxtyping import Bool, Float
+from jaxtyping import Bool
 
 from identification.data.log import Log
+from identification.diagnosis.fit.problem import Problem
 from identification.diagnosis.model.columns import Columns
+from identification.diagnosis.model.session import Series
 
 Array = np.ndarray
 
@@ -52,24 +54,21 @@ class RegimeSplit:
     best: str
 
 
-def regime_shares(
-    columns: Columns, logs: tuple[Log, ...], residual: tuple[Float[Array, "n nv"], ...], row: int
-) -> tuple[dict[str, float], str]:
+def regime_shares(problem: Problem, residual: Series, row: int) -> tuple[dict[str, float], str]:
     """Shares of one joint's residual energy, and the regime that stands out; see `regime_split`."""
-    split = regime_split(columns, logs, residual, row)
+    split = regime_split(problem, residual, row)
     return split.shares, split.best
 
 
-def regime_split(
-    columns: Columns, logs: tuple[Log, ...], residual: tuple[Float[Array, "n nv"], ...], row: int
-) -> RegimeSplit:
+def regime_split(problem: Problem, residual: Series, row: int) -> RegimeSplit:
     """Share of one joint's residual energy in each regime, and the regime that holds most beyond its share of time.
 
     The direction and the half of the record that hold more are the ones that are counted. A regime is named if it
     holds at least 1.5 times its share of the samples; otherwise the gap is ``everywhere``.
     """
+    columns = problem.columns
     energy, samples, total, count = {}, {}, 0.0, 0
-    for k, log in enumerate(logs):
+    for k, log in enumerate(problem.session.logs):
         use = columns.usable[k][:, row]
         square = residual[k][:, row] ** 2 * use
         total += float(square.sum())

@@ -3,20 +3,19 @@
 from __future__ import annotations
 
 import numpy as np
-from jaxtyping import Float
 
-from identification.data.log import Log
 from identification.diagnosis.fit.fitting import Fitted
 from identification.diagnosis.fit.flexible import held_out_ridge, state_features
-from identification.diagnosis.fit.gap import Sums
+from identification.diagnosis.fit.gap import held_out_torque, residual_after, sums
 from identification.diagnosis.fit.problem import Problem
+from identification.diagnosis.judge.findings import Shown
 from identification.diagnosis.judge.judged_band import Judge
 from identification.diagnosis.judge.regimes import regime_shares
 from identification.diagnosis.model.columns import Columns
-from identification.diagnosis.model.terms import Term, ordered
+from identification.diagnosis.model.session import Series
+from identification.diagnosis.model.terms import ordered
 from identification.diagnosis.noise.noise_floor import rms
 from identification.diagnosis.result import Adjusted, Finding, Unexplained
-from phantom_dyn.model.robot import Robot
 
 Array = np.ndarray
 
@@ -39,19 +38,23 @@ def verdict(findings: tuple[Finding, ...], unexplained: Unexplained, columns: Co
     return "unknown" if unexplained.fraction_of_explainable > 0.5 else "partly_explained"
 
 
-def unexplained(
-    robot: Robot,
-    judge: Judge,
-    predicted: tuple[Float[Array, "n nv"], ...],
-    before: Sums,
-    within: Sums,
-    after: Sums,
-    smooth: Sums,
-    nameless: frozenset[Term],
-) -> Unexplained:
-    """How much of the explainable gap is left, and where it sits if it has structure."""
-    floor = judge.floor
-    once = np.ones((1, len(before.counts)))
+def unexplained(shown: Shown, judge: Judge, rest: Series, whole: Series) -> Unexplained:
+    """How much of the explainable gap is left, and where it sits if it has structure.
+
+    Args:
+        shown: The effects that are shown.
+        judge: Of the gap.
+        rest: What the named effects leave, in the judged band.
+        whole: What all of them leave, structures without a name too.
+    """
+    floor, problem, nameless = judge.floor, shown.problem, shown.chosen - shown.named
+    flexible = tuple(w - p for w, p in zip(whole, flexible_rest(problem, whole), strict=True))
+    predicted = tuple(r - s for r, s in zip(rest, flexible, strict=True))
+    moved = held_out_torque(problem, frozenset(), shown.plain.evaluate(frozenset()))
+    within, after, smooth = (
+        sums(problem, series) for series in (judge.narrow(residual_after(problem, moved)), rest, flexible)
+    )
+    once = np.ones((1, len(after.counts)))
     allowed, left, best = (float(s.loss(floor, once)[0]) for s in (within, after, smooth))
     gains = (after.squares - smooth.squares) / floor**2
     total = gains.sum(axis=1)
@@ -64,21 +67,19 @@ def unexplained(
     joint, regime = None, None
     if structured:
         row = int(np.argmax(gains.sum(axis=0)))
-        joint = robot.joint_names[row]
-        _, regime = regime_shares(judge.problem.columns, judge.logs, predicted, row)
+        joint = judge.problem.session.robot.joint_names[row]
+        _, regime = regime_shares(judge.problem, predicted, row)
         here = [term.effect.regime for term in ordered(nameless) if term.joint == joint]
         regime = here[0] if here else regime
     return Unexplained(fraction, structured, joint, regime)
 
 
-def flexible_rest(
-    problem: Problem, logs: tuple[Log, ...], rest: tuple[Float[Array, "n nv"], ...]
-) -> tuple[Float[Array, "n nv"], ...]:
+def flexible_rest(problem: Problem, rest: Series) -> Series:
     """What a flexible model predicts of the rest on blocks that it has not seen; zero where it does not help."""
     columns = problem.columns
     out = [np.zeros_like(r) for r in rest]
     for j in range(len(columns.rows)):
-        x = [state_features(columns, log, k, j) for k, log in enumerate(logs)]
+        x = [state_features(columns, log, k, j) for k, log in enumerate(problem.session.logs)]
         y, use = [r[:, j] for r in rest], [u[:, j] for u in columns.usable]
         predicted, error = held_out_ridge(x, y, use, problem.blocks, problem.grams.fold)
         if error < rms([v[m] for v, m in zip(y, use, strict=True)]) ** 2:

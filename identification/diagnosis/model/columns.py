@@ -1,28 +1,23 @@
 """Everything that may explain a residual, as columns: what the tolerances allow, and what each effect would add.
 
-Everything that may explain a residual, as columns: what the tolerances allow, and what each effect would add.
-
 The residual of joint ``j`` is measured minus modelled torque, in the analysed band. It is taken to be a sum of columns
 times unknown numbers. Columns of one recording are computed once; every later fit works on their Gram matrices.
-
-What is left of a residual before any effect is fitted: where rhythms are looked for first.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from functools import partial
 
 import numpy as np
 from jaxtyping import Bool, Float
 
 from identification.data.log import Log
-from identification.data.signals import smoothed
 from identification.diagnosis.model.nuisances import Move, Nuisance, move_columns, moves_of
 from identification.diagnosis.model.operations import expecting, operate
-from identification.diagnosis.model.own_effects import ALIKE, Apart
+from identification.diagnosis.model.session import Series, Session
 from identification.diagnosis.model.standstill import reversal_doubt, usable_samples
-from identification.diagnosis.model.terms import SERIES, FoundEffect, KnownEffect, Term, merged, shapes_of
+from identification.diagnosis.model.terms import SERIES, FoundEffect, Term, merged, shapes_of
 from identification.diagnosis.numerics.bounded import solve
 from identification.diagnosis.numerics.two_threads import two_at_a_time
 from phantom_dyn.dynamics.dynamics import rigid_body_regressor
@@ -86,54 +81,113 @@ class Local:
     rows: tuple[int, ...]
 
 
-def build_columns(
-    robot: Robot,
-    logs: tuple[Log, ...],
-    cutoff_hz: float,
-    known: tuple[KnownEffect, ...] = (),
-    found: tuple[FoundEffect, ...] = (),
-    rest: tuple[Float[Array, "n nv"], ...] | None = None,
-    near: tuple[FoundEffect, ...] = (),
-    like: Columns | None = None,
-    before: Columns | None = None,
-    seen: tuple[FoundEffect, ...] = (),
-    apart: Apart = ALIKE,
-) -> Columns:
+@dataclass(frozen=True)
+class FitPoint:
+    """The point about which laws that are not linear are taken.
+
+    Attributes:
+        found: What the last fit has found.
+        runners_up: Rivals that did nearly as well.
+        residual: What the last fit left of each log's torque, in the band; None: a fit of the tolerances alone.
+        resonances: Compliances read off resonances, tried beside the grid of shapes.
+    """
+
+    found: tuple[FoundEffect, ...] = ()
+    runners_up: tuple[FoundEffect, ...] = ()
+    residual: Series | None = None
+    resonances: tuple[FoundEffect, ...] = ()
+
+
+def build_columns(session: Session, about: FitPoint | None = None, before: Columns | None = None) -> Columns:
     """Columns of every nuisance and of every effect at every place.
 
+    Columns made of accelerations end at the edge of the judged band: above, they are encoder noise, the same noise as
+    in the residual, and a fit would take it for inertia that is too large.
+
     Args:
-        robot: The given model.
-        logs: In one common band.
-        cutoff_hz: Edge of the judged band. Columns made of accelerations end there: above, they are encoder noise,
-            the same noise as in the residual, and a fit would take it for inertia that is too large.
-        known: Effects that belong to the given model already.
-        found: What the last fit has found, about which laws that are not linear are taken.
-        rest: What the last fit left of each log's torque, in the band; a fit of the tolerances alone if it is None.
-        near: Runners-up, about which laws are taken too.
-        like: Columns of other logs of the same robot, whose effects and shapes are taken.
-        before: Columns of the same logs before the last fit: what it does not change is taken from there.
-        seen: What an experiment of its own says of a law, tried beside its grid of shapes.
-        apart: What is known to be different between the logs.
+        session: Robot and logs.
+        about: Where laws that are not linear are taken; None: nothing has been fitted yet.
+        before: Columns of the same session before the last fit: those that it does not change are taken from there.
     """
-    moves = moves_of(robot)
-    if before is None:
-        operations = [operate(apart.robot(robot, k), log, known, k) for k, log in enumerate(logs)]
-        plain = [_plain(robot, log, o, moves, cutoff_hz) for log, o in zip(logs, operations, strict=True)]
-        torque = tuple(log.band(o.tau) for log, o in zip(logs, operations, strict=True))
-        residual = tuple(log.band(log.tau) - model for log, model in zip(logs, torque, strict=True))
-        usable = tuple(usable_samples(log) for log in logs)
-        doubt = tuple(log.band(reversal_doubt(o)) for log, o in zip(logs, operations, strict=True))
-    else:
-        operations, plain = list(before.operations), [_plain_before(before, k) for k in range(len(logs))]
-        torque, residual, usable, doubt = before.model_torque, before.residual, before.usable, before.doubt
-    operations = [expecting(o.robot, o, found) for o in operations]
-    if like is None:
-        rest = left_by_moves(robot, moves, plain, residual, usable) if rest is None else rest
-        operations = [with_rest(log, o, part) for log, o, part in zip(logs, operations, rest, strict=True)]
-        names = [move.nuisance.name for move in moves] + list(parameter_names(robot))
-        terms, local = _lay_out(robot, merged(tuple(operations)), len(moves), names, (*found, *near), seen, apart)
-    else:
-        names, terms, local = list(like.names), like.terms, like.local
+    about = FitPoint() if about is None else about
+    robot = session.robot
+    given = _given_part(session) if before is None else _given_part_of(session, before)
+    operations = tuple(expecting(o.robot, o, about.found) for o in given.operations)
+    residual = about.residual
+    if residual is None:
+        residual = left_by_moves(robot, given.moves, given.plain, given.residual, given.usable)
+    operations = tuple(with_rest(log, o, part) for log, o, part in zip(session.logs, operations, residual, strict=True))
+    names = [move.nuisance.name for move in given.moves] + list(parameter_names(robot))
+    found = (*about.found, *about.runners_up)
+    terms, local = _lay_out(session, merged(operations), len(given.moves), names, found, about.resonances)
+    return _assembled(session, replace(given, operations=operations), tuple(names), terms, local, before)
+
+
+def columns_like(session: Session, like: Columns, found: tuple[FoundEffect, ...] = ()) -> Columns:
+    """Columns of other logs of the same robot, with the effects and shapes of ``like``.
+
+    Args:
+        session: The other logs.
+        like: Says which effects, places and shapes.
+        found: What a fit has found, which the torque that is expected of the drives is made of.
+    """
+    given = _given_part(session)
+    operations = tuple(expecting(o.robot, o, found) for o in given.operations)
+    return _assembled(session, replace(given, operations=operations), like.names, like.terms, like.local, None)
+
+
+@dataclass(frozen=True)
+class _GivenPart:
+    """What no fit changes: the given model's torque, the residual, and the columns of moves and rigid bodies."""
+
+    moves: tuple[Move, ...]
+    operations: tuple[Operation, ...]
+    plain: tuple[list[list[Float[Array, " n"]]], ...]
+    model_torque: Series
+    residual: Series
+    usable: tuple[Bool[Array, "n nv"], ...]
+    doubt: Series
+
+
+def _given_part(session: Session) -> _GivenPart:
+    robot, logs, moves = session.robot, session.logs, moves_of(session.robot)
+    robots = [session.differences.robot(robot, k) for k in range(len(logs))]
+    operations = tuple(operate(robots[k], log, session.known, k) for k, log in enumerate(logs))
+    plain = tuple(_plain(session, k, o, moves) for k, o in enumerate(operations))
+    torque = tuple(log.band(o.tau) for log, o in zip(logs, operations, strict=True))
+    return _GivenPart(
+        moves,
+        operations,
+        plain,
+        torque,
+        residual=tuple(log.band(log.tau) - model for log, model in zip(logs, torque, strict=True)),
+        usable=tuple(usable_samples(log) for log in logs),
+        doubt=tuple(log.band(reversal_doubt(o)) for log, o in zip(logs, operations, strict=True)),
+    )
+
+
+def _given_part_of(session: Session, before: Columns) -> _GivenPart:
+    return _GivenPart(
+        moves_of(session.robot),
+        before.operations,
+        tuple(_plain_before(before, k) for k in range(len(before.values))),
+        before.model_torque,
+        before.residual,
+        before.usable,
+        before.doubt,
+    )
+
+
+def _assembled(
+    session: Session,
+    given: _GivenPart,
+    names: tuple[str, ...],
+    terms: tuple[Term, ...],
+    local: tuple[Local, ...],
+    before: Columns | None,
+) -> Columns:
+    """All columns, row by row."""
+    robot, moves = session.robot, given.moves
     first = range(len(moves), len(moves) + len(parameter_names(robot)))
     rows = []
     for j in range(robot.nv):
@@ -144,34 +198,31 @@ def build_columns(
                 mine += range(block.first, block.first + block.count)
         rows.append(tuple(mine))
     values = tuple(
-        _values(o.robot, log, o, _narrow(log, cutoff_hz), own, local, _kept(before, k))
-        for k, (log, o, own) in enumerate(zip(logs, operations, plain, strict=True))
+        _values(session, k, o, own, local, _kept(before, k))
+        for k, (o, own) in enumerate(zip(given.operations, given.plain, strict=True))
     )
-    nuisances = tuple(move.nuisance for move in moves)
     return Columns(
-        tuple(names), nuisances, terms, tuple(rows), values, residual, torque, usable, doubt, tuple(operations), local
+        names,
+        tuple(move.nuisance for move in moves),
+        terms,
+        tuple(rows),
+        values,
+        given.residual,
+        given.model_torque,
+        given.usable,
+        given.doubt,
+        given.operations,
+        local,
     )
 
 
-def _narrow(log: Log, cutoff_hz: float) -> Callable[[Array], Array]:
-    """Filter of columns made of accelerations: they end with the judged band."""
-
-    def narrow(x: Array) -> Array:
-        if cutoff_hz >= 0.99 * log.band.cutoff_hz:
-            return x
-        return smoothed(x, log.band.rate_hz / log.band.step, cutoff_hz)
-
-    return narrow
-
-
-def _plain(
-    robot: Robot, log: Log, operation: Operation, moves: tuple[Move, ...], cutoff_hz: float
-) -> list[list[Float[Array, " n"]]]:
+def _plain(session: Session, log: int, operation: Operation, moves: tuple[Move, ...]) -> list[list[Float[Array, " n"]]]:
     """Columns of the moves and of the rigid-body regressor in the band, row by row."""
+    robot, band = session.robot, session.logs[log].band
     regressor = rigid_body_regressor(robot, operation)
-    narrow = _narrow(log, cutoff_hz)
-    bodies = np.stack([narrow(log.band(regressor[:, j, :])) for j in range(robot.nv)])
-    moved = move_columns(robot, operation, moves, bodies, log.band, narrow)
+    narrow = partial(session.log_in_judged_band, log=log)
+    bodies = np.stack([narrow(band(regressor[:, j, :])) for j in range(robot.nv)])
+    moved = move_columns(robot, operation, moves, bodies, band, narrow)
     return [[*moved[j], *bodies[j].T] for j in range(robot.nv)]
 
 
@@ -202,19 +253,19 @@ def _kept(before: Columns | None, log: int) -> dict[Place, tuple[Float[Array, "n
 
 
 def _lay_out(
-    robot: Robot,
+    session: Session,
     operation: Operation,
     first_body: int,
     names: list[str],
     found: tuple[FoundEffect, ...],
-    seen: tuple[FoundEffect, ...],
-    apart: Apart,
+    resonances: tuple[FoundEffect, ...],
 ) -> tuple[tuple[Term, ...], tuple[Local, ...]]:
     """Rivals and where their columns stand; appends the columns' names."""
+    robot = session.robot
     terms: list[Term] = []
     local: list[Local] = []
     start = _first(operation)
-    for effect, joint, shapes in shapes_of(robot, operation, found, seen, apart.own):
+    for effect, joint, shapes in shapes_of(robot, operation, found, resonances, session.differences.own):
         if isinstance(effect, Payload | InertialParameters):
             columns = tuple(first_body + c for c in effect.columns_of(robot, joint))
             size = 4 if isinstance(effect, Payload) else len(columns)
@@ -243,27 +294,27 @@ def _first(operation: Operation) -> Operation:
 
 
 def _values(
-    robot: Robot,
-    log: Log,
+    session: Session,
+    log: int,
     operation: Operation,
-    narrow: Callable[[Array], Array],
     plain: list[list[Float[Array, " n"]]],
     local: tuple[Local, ...],
     kept: dict[Place, tuple[Float[Array, "n c"], ...]],
 ) -> tuple[Float[Array, "n k"], ...]:
     """In-band columns of one log row by row, those that are kept as they are."""
+    band = session.logs[log].band
 
     def computed(block: Local) -> tuple[Array, ...]:
         known = kept.get((block.effect.name, block.joint, block.shape))
         if known is not None:
             return known
-        signature = block.effect.signature(robot, operation, block.joint, block.shape)
+        signature = block.effect.signature(operation.robot, operation, block.joint, block.shape)
         out = []
         for k in range(len(signature.rows)):
-            column = log.band(signature.columns[:, k, :])
+            column = band(signature.columns[:, k, :])
             if block.effect.uses_acceleration:
-                steps = 0.0 if signature.steps is None else log.band(signature.steps[:, k, :])
-                column = narrow(column - steps) + steps
+                steps = 0.0 if signature.steps is None else band(signature.steps[:, k, :])
+                column = session.log_in_judged_band(column - steps, log) + steps
             out.append(column)
         return tuple(out)
 
@@ -277,7 +328,7 @@ def _values(
 def left_by_moves(
     robot: Robot,
     moves: tuple[Move, ...],
-    columns: list[list[list[Float[Array, " n"]]]],
+    columns: tuple[list[list[Float[Array, " n"]]], ...],
     residual: tuple[Float[Array, "n nv"], ...],
     usable: tuple[Bool[Array, "n nv"], ...],
 ) -> tuple[Float[Array, "n nv"], ...]:

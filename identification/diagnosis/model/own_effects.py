@@ -113,7 +113,7 @@ def only_in(recording: int, operation: Operation, signature: Signature) -> Signa
 
 
 @dataclass(frozen=True)
-class Apart:
+class Differences:
     """How recordings differ.
 
     Attributes:
@@ -129,10 +129,10 @@ class Apart:
         return self.robots[recording] if self.robots else given
 
 
-ALIKE = Apart()
+ALIKE = Differences()
 
 
-def apart_by(changes: tuple[Change, ...], robot: Robot, fitted: int) -> Apart:
+def differences_of(changes: tuple[Change, ...], robot: Robot, fitted: int) -> Differences:
     """What known and unknown changes make of the model.
 
     Of each kind of unknown change, the recordings that do not name it have one amount in common. Where all name it, the
@@ -171,4 +171,4 @@ def apart_by(changes: tuple[Change, ...], robot: Robot, fitted: int) -> Apart:
         stated = [k for k, change in enumerate(changes[:fitted]) if kind in change.unknown]
         for k in stated[1:] if len(stated) == fitted else stated:
             own.update({(name, k): own_effect(name, k, changes[k].file) for name in effects})
-    return Apart(tuple(robot_in(robot, change) for change in changes), tuple(own.values()))
+    return Differences(tuple(robot_in(robot, change) for change in changes), tuple(own.values()))

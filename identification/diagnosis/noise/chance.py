@@ -7,6 +7,7 @@ from jaxtyping import Float
 
 from identification.diagnosis.fit.problem import Problem
 from identification.diagnosis.fit.projection import fold_projection
+from identification.diagnosis.model.session import Series
 from identification.diagnosis.model.terms import Term
 from identification.diagnosis.numerics.bounded import solve
 from identification.diagnosis.search.search import PARAMETER_PRICE, Search, Threshold, joint_of, price
@@ -18,7 +19,7 @@ _LEVEL = 0.99
 _EULER = 0.5772156649
 
 
-def null_threshold(search: Search, noise: tuple[Float[Array, "n nv"], ...], least: float = 0.0) -> Threshold:
+def null_threshold(search: Search, noise: Series, least: float = 0.0) -> Threshold:
     """Held-out gain that no effect of the catalogue reaches by chance in 99 of 100 recordings without a gap.
 
     Recordings without a gap are made from this one: the unpredictable part of its residual with the sign of whole
@@ -54,9 +55,7 @@ def _exceeded(best: Float[Array, " R"], wrong: float) -> float:
     return float(best.mean() - _EULER * spread - spread * np.log(-np.log1p(-wrong)))
 
 
-def _null_products(
-    problem: Problem, noise: tuple[Float[Array, "n nv"], ...], rng: np.random.Generator
-) -> tuple[Array, Array]:
+def _null_products(problem: Problem, noise: Series, rng: np.random.Generator) -> tuple[Array, Array]:
     """Products of all columns with null residuals, ``(B, K, R)``, over whole blocks and over cores."""
     columns, blocks, grams = problem.white, problem.blocks, problem.grams
     count, total = len(blocks), len(columns.names)

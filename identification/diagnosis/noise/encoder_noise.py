@@ -15,13 +15,12 @@ from jaxtyping import Float
 from identification.data.log import Log
 from identification.data.recording import Recording
 from identification.data.signals import differentiate, motion_edge
-from identification.diagnosis.fit.blocks import build_grams
 from identification.diagnosis.fit.fitting import fit
 from identification.diagnosis.fit.problem import set_up
 from identification.diagnosis.fit.projection import beside, gain_of
-from identification.diagnosis.model.columns import Columns, build_columns
-from identification.diagnosis.model.own_effects import Apart
-from identification.diagnosis.model.terms import KnownEffect
+from identification.diagnosis.model.columns import Columns, columns_like
+from identification.diagnosis.model.own_effects import Differences
+from identification.diagnosis.model.session import Series, Session
 from identification.diagnosis.noise.noise_floor import rms
 from identification.diagnosis.noise.whitening import whitened
 from identification.diagnosis.search.search import Search
@@ -94,17 +93,15 @@ def _step(readings: Float[Array, " N"], stated: float | None) -> float | None:
     return max(known, default=None)
 
 
-def coarse_joints(
-    robot: Robot, columns: Columns, logs: tuple[Log, ...], steps: tuple[float | None, ...]
-) -> tuple[Coarse, ...]:
+def coarse_joints(session: Session, columns: Columns, steps: tuple[float | None, ...]) -> tuple[Coarse, ...]:
     """Joints that are read more coarsely than stated, and what that does to the torque."""
-    out = []
+    robot, out = session.robot, []
     for j, step in enumerate(steps):
         stated = stated_step(robot, j)
         if step is None or stated is None or step < _COARSER * stated:
             continue
         torque = []
-        for log, operation in zip(logs, columns.operations, strict=True):
+        for log, operation in zip(session.logs, columns.operations, strict=True):
             alone = tuple(step if k == j else _FINE for k in range(robot.nv))
             rough = read_again(log, operation, alone, np.random.default_rng(20260106)).motion
             error = log.band(inverse_dynamics(operation.robot, rough) - inverse_dynamics(operation.robot, log.motion))
@@ -114,31 +111,21 @@ def coarse_joints(
     return tuple(out)
 
 
-def columns_read_again(
-    robot: Robot,
-    columns: Columns,
-    logs: tuple[Log, ...],
-    cutoff_hz: float,
-    steps: tuple[float | None, ...],
-    known: tuple[KnownEffect, ...],
-) -> Columns:
+def columns_read_again(session: Session, columns: Columns, steps: tuple[float | None, ...]) -> Columns:
     """The same columns of a robot without a gap whose encoders are as noisy as these; its residual is their noise.
 
     Args:
-        robot: The given model.
+        session: The recordings.
         columns: Of the recordings.
-        logs: The recordings.
-        cutoff_hz: Edge of the judged band.
         steps: Of the readings, see `reading_steps`.
-        known: Effects that belong to the model.
     """
     rng = np.random.default_rng(20260107)
-    again = tuple(read_again(log, o, steps, rng) for log, o in zip(logs, columns.operations, strict=True))
-    apart = Apart(tuple(operation.robot for operation in columns.operations))
-    return build_columns(robot, again, cutoff_hz, known, like=columns, apart=apart)
+    again = tuple(read_again(log, o, steps, rng) for log, o in zip(session.logs, columns.operations, strict=True))
+    differences = Differences(tuple(operation.robot for operation in columns.operations))
+    return columns_like(replace(session, logs=again, differences=differences), columns)
 
 
-def at_least_encoder_noise(noise: tuple[Float[Array, "n nv"], ...], again: Columns) -> tuple[Float[Array, "n nv"], ...]:
+def at_least_encoder_noise(noise: Series, again: Columns) -> Series:
     """Noise of each row, that of the encoders where the estimate is below it.
 
     Free fits explain encoder noise by columns that share it, and so take noise for less than it is.
@@ -155,9 +142,7 @@ def at_least_encoder_noise(noise: tuple[Float[Array, "n nv"], ...], again: Colum
     return tuple(out)
 
 
-def spurious_gains(
-    search: Search, again: Columns, noise: tuple[Float[Array, "n nv"], ...]
-) -> dict[tuple[str, str | None], float]:
+def spurious_gains(search: Search, again: Columns, noise: Series) -> dict[tuple[str, str | None], float]:
     """What each effect gains, in sample, from encoder noise alone.
 
     Args:
@@ -167,8 +152,7 @@ def spurious_gains(
     """
     problem = search.problem
     white, _ = whitened(again, noise)
-    grams = build_grams(white, problem.blocks, problem.grams.fold, problem.weights)
-    null = set_up(again, white, problem.blocks, problem.weights, grams)
+    null = set_up(problem.session, again, white, problem.weights)
     besides = beside(null, fit(null, (), held_out=False))
     out: dict[tuple[str, str | None], float] = {}
     for term in search.terms:

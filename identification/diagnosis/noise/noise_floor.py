@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 import numpy as np
-from jaxtyping import Float, Int
+from jaxtyping import Float
 
-from identification.data.log import Log
-from identification.diagnosis.fit.blocks import Block, Weights
 from identification.diagnosis.fit.flexible import held_out_ridge, state_features
 from identification.diagnosis.fit.gap import held_out_torque, residual_after
+from identification.diagnosis.fit.grams import Weights
 from identification.diagnosis.model.columns import Columns
+from identification.diagnosis.model.session import Series, Session
 from identification.diagnosis.model.terms import Term
 from identification.diagnosis.noise.whitening import whitened_noise
 from identification.diagnosis.numerics.two_threads import two_at_a_time
@@ -37,9 +37,7 @@ def autocorrelation_time(e: Float[Array, " n"]) -> float:
     return float(max(1.0, 2 * pairs[:stop].sum() - 1.0))
 
 
-def estimate_noise(
-    columns: Columns, logs: tuple[Log, ...], blocks: tuple[Block, ...], folds: Int[Array, " B"]
-) -> tuple[Float[Array, "n nv"], ...]:
+def estimate_noise(session: Session, columns: Columns) -> Series:
     """What no model here predicts of each row's residual, for each log ``(n, nv)``; zero where it is not usable.
 
     Each row's residual is predicted from all columns at once, and from all columns and the flexible features; the
@@ -52,16 +50,16 @@ def estimate_noise(
         plain = [values[j] for values in columns.values]
         rich = [
             np.column_stack([x, state_features(columns, log, k, j)])
-            for k, (x, log) in enumerate(zip(plain, logs, strict=True))
+            for k, (x, log) in enumerate(zip(plain, session.logs, strict=True))
         ]
-        predicted, _ = held_out_ridge(rich, y, use, blocks, folds, first=(plain[0].shape[1],))
+        predicted, _ = held_out_ridge(rich, y, use, session.blocks, session.folds, first=(plain[0].shape[1],))
         return [np.where(u, given - p, 0.0) for u, given, p in zip(use, y, predicted, strict=True)]
 
     rows = two_at_a_time(unpredicted, range(len(columns.rows)))
     return tuple(np.column_stack(parts) for parts in zip(*rows, strict=True))
 
 
-def weights_of(white: Columns, noise: tuple[Float[Array, "n nv"], ...]) -> Weights:
+def weights_of(white: Columns, noise: Series) -> Weights:
     """Size and remaining colour of the noise of each row after whitening.
 
     A residual of exactly zero (a simulated robot without noise) would make a weight infinite, so a noise is at least a
@@ -83,9 +81,7 @@ def rms(parts: list[Float[Array, " n"]]) -> float:
     return float(np.sqrt(np.mean(joined**2))) if len(joined) else 0.0
 
 
-def smaller_noise(
-    search: Search, chosen: frozenset[Term], noise: tuple[Float[Array, "n nv"], ...]
-) -> tuple[tuple[Float[Array, "n nv"], ...], float]:
+def smaller_noise(search: Search, chosen: frozenset[Term], noise: Series) -> tuple[Series, float]:
     """Noise with the rows replaced on which the chosen effects leave less, on held-out blocks, than the free fits did.
 
     Free fits overfit where recordings are short.
@@ -109,8 +105,8 @@ def smaller_noise(
 
 
 def noise_without(
-    search: Search, tried: frozenset[Term], chosen: frozenset[Term], noise: tuple[Float[Array, "n nv"], ...]
-) -> tuple[tuple[Float[Array, "n nv"], ...], float]:
+    search: Search, tried: frozenset[Term], chosen: frozenset[Term], noise: Series
+) -> tuple[Series, float]:
     """Noise without the trace that what ``tried`` has beyond ``chosen`` has left in it.
 
     Free fits with many columns do not predict an effect in full on blocks that they have not seen; the rest is taken

@@ -13,6 +13,7 @@ import numpy as np
 from jaxtyping import Bool, Float
 
 from identification.diagnosis.model.columns import Columns
+from identification.diagnosis.model.session import Series
 from identification.diagnosis.numerics.two_threads import two_at_a_time
 
 Array = np.ndarray
@@ -42,9 +43,7 @@ def filtered(kernel: Float[Array, " m"], x: Float[Array, "n ..."]) -> Float[Arra
     return out
 
 
-def whitened(
-    columns: Columns, noise: tuple[Float[Array, "n nv"], ...]
-) -> tuple[Columns, tuple[Float[Array, "n nv"], ...]]:
+def whitened(columns: Columns, noise: Series) -> tuple[Columns, Series]:
     """The same columns, residual and modelled torque with the noise of each row white, and that noise.
 
     Samples in doubt count less, as if their noise were larger by that.
@@ -73,9 +72,9 @@ def whitened(
 
 def whitened_noise(
     columns: Columns,
-    noise: tuple[Float[Array, "n nv"], ...],
-    like: tuple[Float[Array, "n nv"], ...] | None = None,
-) -> tuple[Float[Array, "n nv"], ...]:
+    noise: Series,
+    like: Series | None = None,
+) -> Series:
     """The noise of each log as `whitened` makes it, or another series if ``like`` is the noise."""
     whitens = noise if like is None else like
     kernels = _kernels(whitens)
@@ -83,7 +82,7 @@ def whitened_noise(
     return tuple(_white(kernels, part) * counts for part, counts in zip(noise, trust, strict=True))
 
 
-def _kernels(noise: tuple[Float[Array, "n nv"], ...]) -> list[Float[Array, " m"]]:
+def _kernels(noise: Series) -> list[Float[Array, " m"]]:
     return [noise_filter([part[:, j] for part in noise]) for j in range(noise[0].shape[1])]
 
 
@@ -91,9 +90,7 @@ def _white(kernels: list[Float[Array, " m"]], series: Float[Array, "n nv"]) -> F
     return np.column_stack([filtered(kernel, series[:, j]) for j, kernel in enumerate(kernels)])
 
 
-def _trust(
-    columns: Columns, kernels: list[Float[Array, " m"]], noise: tuple[Float[Array, "n nv"], ...]
-) -> list[Float[Array, "n nv"]]:
+def _trust(columns: Columns, kernels: list[Float[Array, " m"]], noise: Series) -> list[Float[Array, "n nv"]]:
     """What each sample counts: its noise over noise and doubt together, of mean square one on each row."""
     white = [_white(kernels, part) ** 2 for part in noise]
     doubt = [_white(kernels, part) ** 2 for part in columns.doubt]

@@ -10,7 +10,7 @@ import pytest
 from identification.cli.main import main
 from identification.data.readers.read_table import read_table
 from identification.data.reading import read_recording
-from identification.diagnosis.diagnosis import diagnose
+from identification.pipeline import diagnose
 from phantom_dyn import load_robot
 from phantom_dyn.dynamics.dynamics import inverse_dynamics
 from phantom_dyn.motion import Motion

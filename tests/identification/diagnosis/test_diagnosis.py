@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from identification.diagnosis.diagnosis import diagnose
+from identification.pipeline import diagnose
 from identification.diagnosis.result import Diagnosis
 from phantom_dyn import load_robot
 from phantom_dyn.errors import LogError

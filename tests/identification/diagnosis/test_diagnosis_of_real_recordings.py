@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from identification.data.recording import Recording
-from identification.diagnosis.diagnosis import diagnose
+from identification.pipeline import diagnose
 from identification.diagnosis.result import Diagnosis
 from phantom_dyn import load_robot
 

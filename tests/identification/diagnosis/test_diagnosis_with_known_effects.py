@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 import yaml
 
-from identification.diagnosis.diagnosis import diagnose
+from identification.pipeline import diagnose
 from identification.diagnosis.model.terms import KnownEffect
 from identification.diagnosis.result import Diagnosis
 from identification.export.corrected.corrected_yaml import known_effects, write_corrected

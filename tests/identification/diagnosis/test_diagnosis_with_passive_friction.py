@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from identification.diagnosis.diagnosis import diagnose
+from identification.pipeline import diagnose
 from identification.diagnosis.result import Diagnosis, EffectAt
 from phantom_dyn import load_robot
 

@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from identification.diagnosis.diagnosis import diagnose
+from identification.pipeline import diagnose
 from identification.diagnosis.model.terms import Term
 from identification.rollout.compare import Errors, horizon_of
 from identification.rollout.driven import given_torque

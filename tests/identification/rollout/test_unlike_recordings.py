@@ -9,7 +9,7 @@ import pytest
 
 from identification.data.changes import Change, KnownPayload, robot_in
 from identification.data.recording import Recording
-from identification.diagnosis.diagnosis import diagnose
+from identification.pipeline import diagnose
 from phantom_dyn.effects.catalogue import effect_named
 from phantom_dyn.model.robot import Controller
 from phantom_dyn.simulation.control import position_control

@@ -8,7 +8,7 @@ import pinocchio as pin
 import pytest
 
 from identification.data.changes import Change, KnownPayload, robot_in
-from identification.diagnosis.model.own_effects import ALIKE, apart_by
+from identification.diagnosis.model.own_effects import ALIKE, differences_of
 from phantom_dyn.dynamics.dynamics import inverse_dynamics
 from phantom_dyn.effects.catalogue import effect_named
 from phantom_dyn.effects.operation import Operation
@@ -57,20 +57,20 @@ def test_nothing_known_is_the_given_robot_itself(pendulum):
 
 
 def test_without_changes_recordings_are_alike(pendulum):
-    assert apart_by((), pendulum, 2) is ALIKE
+    assert differences_of((), pendulum, 2) is ALIKE
 
 
 def test_where_all_recordings_changed_the_first_is_what_the_others_are_compared_with(pendulum):
     changes = tuple(Change(f"{k}.csv", changed=("controller",)) for k in range(3))
-    assert {effect.recording for effect in apart_by(changes, pendulum, 3).own} == {1, 2}
+    assert {effect.recording for effect in differences_of(changes, pendulum, 3).own} == {1, 2}
 
 
 def test_what_changed_in_a_recording_that_is_held_out_is_refused(pendulum):
     changes = (Change("a.csv"), Change("b.csv"), Change("c.csv", changed=("friction",)))
     with pytest.raises(LogError, match=r"c\.csv is held out, so no fit sees what changed in it"):
-        apart_by(changes, pendulum, 2)
+        differences_of(changes, pendulum, 2)
 
 
 def test_a_change_in_the_only_recording_is_refused(pendulum):
     with pytest.raises(LogError, match=r"a\.csv is the only recording that fits see, so friction cannot have changed"):
-        apart_by((Change("a.csv", changed=("friction",)),), pendulum, 1)
+        differences_of((Change("a.csv", changed=("friction",)),), pendulum, 1)

@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 
 from identification.data.changes import Change, KnownPayload, robot_in
-from identification.diagnosis.diagnosis import diagnose
-from identification.diagnosis.model.own_effects import apart_by
+from identification.pipeline import diagnose
+from identification.diagnosis.model.own_effects import differences_of
 from identification.export.corrected.corrected_yaml import write_corrected
 from identification.reporting.diagnosis_json import json_text
 from identification.words.diagnosis_words import finding_words
@@ -73,7 +73,7 @@ def test_friction_that_stayed_is_not_said_to_have_changed(pendulum, swing, recor
 def test_a_payload_without_a_value_is_refused(pendulum):
     changes = (Change("a.csv"), Change("b.csv", changed=("payload",)))
     with pytest.raises(LogError, match=r"b\.csv: the payload that changed has no value: give its mass and center"):
-        apart_by(changes, pendulum, 2)
+        differences_of(changes, pendulum, 2)
 
 
 def test_a_known_mass_alone_is_no_gap(pendulum, swing, recorded):

@@ -9,7 +9,7 @@ import pytest
 
 from identification.data.recording import Recording
 from identification.data.signals import process_all
-from identification.diagnosis.diagnosis import diagnose
+from identification.pipeline import diagnose
 from identification.diagnosis.model.standstill import usable_samples
 from identification.scenarios.motion_limits import told_by_motion
 from identification.scenarios.motion_only import commanded_torque, motion_robot, suggested_gains, with_commanded_torque

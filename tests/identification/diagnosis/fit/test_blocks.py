@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 
 from identification.data.signals import process
-from identification.diagnosis.fit.blocks import FOLDS, Weights, assign_folds, build_grams, row_grams, split_blocks
+from identification.diagnosis.fit.grams import Weights, build_grams, row_grams
+from identification.diagnosis.model.blocks import FOLDS, assign_folds, split_blocks
 
 
 @pytest.fixture(scope="module")

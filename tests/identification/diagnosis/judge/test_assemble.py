@@ -9,7 +9,7 @@ import numpy as np
 import pinocchio as pin
 import pytest
 
-from identification.diagnosis.diagnosis import diagnose
+from identification.pipeline import diagnose
 from identification.diagnosis.result import Diagnosis, Evidence
 from phantom_dyn.motion import Motion
 

@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from identification.diagnosis.diagnosis import diagnose
+from identification.pipeline import diagnose
 from identification.diagnosis.judge.bounds import _lasting, smallest_seen
 from identification.diagnosis.model.terms import merged, untestable_places
 from phantom_dyn.effects.catalogue import EFFECTS

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from scipy.stats import norm
 
-from identification.diagnosis.diagnosis import diagnose
+from identification.pipeline import diagnose
 from identification.diagnosis.fit.joint_fit import JointFit
 from identification.diagnosis.fit.whole_model import Place
 from identification.diagnosis.judge.findings import certainty, distinct

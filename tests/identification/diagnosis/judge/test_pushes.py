@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from identification.data.joint_torque import external_torque
-from identification.diagnosis.diagnosis import diagnose
+from identification.pipeline import diagnose
 from identification.diagnosis.judge.pushes import pushes_in
 
 T = np.arange(0, 30, 0.02)

@@ -10,7 +10,7 @@ import pytest
 
 from identification.data.recording import Recording
 from identification.data.signals import process_all
-from identification.diagnosis.diagnosis import diagnose
+from identification.pipeline import diagnose
 from identification.diagnosis.model.resonances import resonances
 from phantom_dyn import load_robot
 from phantom_dyn.haptics.device.axis import TwoMassAxis

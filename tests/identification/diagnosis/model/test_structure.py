@@ -9,7 +9,7 @@ from functools import cache
 import numpy as np
 import pytest
 
-from identification.diagnosis.diagnosis import diagnose
+from identification.pipeline import diagnose
 from identification.diagnosis.fit.fitting import fit
 from identification.diagnosis.model.structure import STRUCTURES
 from phantom_dyn.dynamics.dynamics import inverse_dynamics

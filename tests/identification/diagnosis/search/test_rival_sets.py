@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from identification.diagnosis.diagnosis import diagnose
+from identification.pipeline import diagnose
 from identification.diagnosis.judge import assemble
 from identification.diagnosis.result import EffectAt, Rival
 from identification.diagnosis.search import rival_sets as rivals

@@ -1,0 +1,116 @@
+"""One diagnosis as data: a robot, its recordings in a common band, and which blocks each fit may see."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from jaxtyping import Float, Int
+
+from identification.data.changes import Change
+from identification.data.log import Log
+from identification.data.recording import Recording
+from identification.data.signals import process_all, smoothed, within_limits
+from identification.diagnosis.model.blocks import Block, assign_folds, split_blocks
+from identification.diagnosis.model.own_effects import ALIKE, Differences, differences_of
+from identification.diagnosis.model.terms import KnownEffect
+from phantom_dyn.errors import LogError
+from phantom_dyn.model.robot import Robot
+
+Array = np.ndarray
+# A series of every log, ``(n, nv)`` each.
+Series = tuple[Float[Array, "n nv"], ...]
+
+# Fewer blocks of at least a second cannot be held out in turn.
+_LEAST_BLOCKS = 4
+
+
+@dataclass(frozen=True)
+class Session:
+    """What every stage of a diagnosis works on; it never changes while the diagnosis runs.
+
+    Attributes:
+        robot: The given model.
+        logs: Recordings ready for fitting, those that no fit may see at the end.
+        cutoff_hz: Edge of the judged band, common to all logs.
+        blocks: Stretches of samples that are held out together.
+        folds: Fold of each block, -1 for blocks that no fit may see, ``(B,)``.
+        known: Effects that belong to the given model already.
+        differences: What is known to be different between the recordings.
+        recordings: As they were read; empty where only logs are at hand.
+    """
+
+    robot: Robot
+    logs: tuple[Log, ...]
+    cutoff_hz: float
+    blocks: tuple[Block, ...]
+    folds: Int[Array, " B"]
+    known: tuple[KnownEffect, ...] = ()
+    differences: Differences = ALIKE
+    recordings: tuple[Recording, ...] = ()
+
+    @property
+    def fitted_logs(self) -> tuple[Log, ...]:
+        """Logs that fits may see."""
+        seen = {block.log for block, fold in zip(self.blocks, self.folds, strict=True) if fold >= 0}
+        return tuple(log for k, log in enumerate(self.logs) if k in seen)
+
+    def in_judged_band(self, series: Series) -> Series:
+        """In-band series of each log without what lies above the judged band, of the same length."""
+        return tuple(self.log_in_judged_band(part, k) for k, part in enumerate(series))
+
+    def log_in_judged_band(self, series: Float[Array, "n ..."], log: int) -> Float[Array, "n ..."]:
+        """The same for a series of one log."""
+        band = self.logs[log].band
+        if self.cutoff_hz >= 0.99 * band.cutoff_hz:
+            return series
+        return smoothed(series, band.rate_hz / band.step, self.cutoff_hz)
+
+
+def session_of_logs(
+    robot: Robot,
+    logs: tuple[Log, ...],
+    cutoff_hz: float,
+    *,
+    held_out: int = 0,
+    known: tuple[KnownEffect, ...] = (),
+    differences: Differences = ALIKE,
+) -> Session:
+    """A session of logs that are ready for fitting; no fit sees the last ``held_out`` of them."""
+    blocks = split_blocks(logs, cutoff_hz)
+    folds = assign_folds(blocks, np.arange(len(logs)) >= len(logs) - held_out)
+    return Session(robot, logs, cutoff_hz, blocks, folds, known, differences)
+
+
+def session_of(
+    robot: Robot,
+    recordings: tuple[Recording, ...],
+    hold_out: tuple[Recording, ...] = (),
+    *,
+    known: tuple[KnownEffect, ...] = (),
+    changes: tuple[Change, ...] = (),
+) -> Session:
+    """A session of recordings: filtered, in a common band, split into blocks and folds.
+
+    Args:
+        robot: The model that is judged.
+        recordings: What fits may see.
+        hold_out: Recordings that no fit sees.
+        known: Effects that belong to the given model already.
+        changes: What is known to be different between the recordings, those held out at the end; empty: nothing.
+
+    Raises:
+        LogError: If a recording cannot be used, or all together are too short to hold data back.
+    """
+    every = (*recordings, *hold_out)
+    differences = differences_of(changes, robot, len(recordings))
+    logs, cutoff_hz = process_all(every, robot)
+    logs = tuple(replace(log, tau=within_limits(log.tau, robot)) for log in logs)
+    session = session_of_logs(robot, logs, cutoff_hz, held_out=len(hold_out), known=known, differences=differences)
+    if np.sum(session.folds >= 0) < _LEAST_BLOCKS:
+        seconds = sum(log.motion.t[-1] - log.motion.t[0] for log in logs)
+        raise LogError(
+            f"{recordings[0].file}: {seconds:.1f} s are too short to hold data back and judge on them: "
+            "record at least ten seconds of motion."
+        )
+    return replace(session, recordings=every)

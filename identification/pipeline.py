@@ -1,0 +1,94 @@
+"""The whole line of a diagnosis, stage by stage: data, explanation, judgement, rollout, next experiment, result."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable
+
+from identification.data.changes import Change
+from identification.data.recording import Recording
+from identification.diagnosis.explanation import explained
+from identification.diagnosis.judge.judgement import judged
+from identification.diagnosis.judge.pushes import push_warnings
+from identification.diagnosis.model.session import Session, session_of
+from identification.diagnosis.model.terms import KnownEffect
+from identification.diagnosis.result import Diagnosis, Judgement
+from identification.next_experiment.advise import Proposal, proposed
+from identification.rollout.compare import Rollout
+from identification.rollout.rollout import Explained, rollout_of
+from identification.scenarios.known_changes import named_by_recording
+from identification.scenarios.motion_limits import limited_to_motion
+from phantom_dyn import __version__
+from phantom_dyn.model.robot import Robot
+
+
+def diagnose(
+    robot: Robot,
+    recordings: tuple[Recording, ...],
+    *,
+    hold_out: tuple[Recording, ...] = (),
+    known: tuple[KnownEffect, ...] = (),
+    changes: tuple[Change, ...] = (),
+    progress: Callable[[str], None] = lambda _: None,
+) -> Diagnosis:
+    """Say where the gap between robot and recordings lies, what causes it, and how far it shrinks.
+
+    Args:
+        robot: The model that is judged.
+        recordings: What fits may see; they are judged on blocks that they have not seen.
+        hold_out: Recordings that no fit sees; if there are any, all figures are those on them.
+        known: Effects that belong to the given model already.
+        changes: What is known to be different between the recordings, those held out at the end; empty: nothing.
+        progress: Told in words what is being done.
+
+    Raises:
+        LogError: If a recording cannot be used.
+    """
+    started = time.perf_counter()
+    progress("filtering")
+    session = session_of(robot, recordings, hold_out, known=known, changes=changes)
+    explanation = explained(session, progress)
+    progress("comparing rivals")
+    judgement, shown = judged(explanation, progress)
+    progress("simulating")
+    rollout = rollout_of(Explained(shown.problem, shown.named, shown.found))
+    judgement = limited_to_motion(judgement, session.recordings, rollout)
+    proposal = Proposal()
+    if session.differences.own:
+        # Rivals between recordings are about what changed, which no further motion of one of them separates.
+        judgement = named_by_recording(judgement, session)
+    else:
+        progress("choosing what to record next")
+        proposal = proposed(explanation, judgement.findings)
+    return _result(session, judgement, rollout, proposal, time.perf_counter() - started)
+
+
+def _result(session: Session, judgement: Judgement, rollout: Rollout, proposal: Proposal, seconds: float) -> Diagnosis:
+    """Everything that the stages have found, in the shape of the contract."""
+    pushes = push_warnings(judgement, session.logs)
+    return Diagnosis(
+        verdict=judgement.verdict,
+        robot=session.robot.name,
+        recordings=tuple(recording.file for recording in session.recordings),
+        joints=judgement.joints,
+        band_hz=(0.0, float(session.cutoff_hz)),
+        findings=judgement.findings,
+        adjusted=judgement.adjusted,
+        unexplained=judgement.unexplained,
+        bounds=judgement.bounds,
+        not_testable=judgement.not_testable,
+        data_warnings=(
+            *session.robot.warnings,
+            *(warning for recording in session.recordings for warning in recording.warnings),
+            *rollout.warnings,
+            *judgement.warnings,
+            *pushes,
+        ),
+        next_experiment=proposal.experiment,
+        rollout=rollout.json,
+        seconds=seconds,
+        version=__version__,
+        evidence=judgement.evidence,
+        notes=(*rollout.notes, *judgement.notes, *proposal.notes),
+        next_motion=proposal.motion,
+    )
