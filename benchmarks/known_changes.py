@@ -16,8 +16,8 @@ import numpy as np
 
 from identification.data.changes import Change, KnownPayload, robot_in
 from identification.data.recording import Recording
-from identification.pipeline import diagnose
 from identification.diagnosis.result import Diagnosis
+from identification.pipeline import diagnose
 from phantom_dyn import load_robot
 from phantom_dyn.effects.catalogue import effect_named
 from phantom_dyn.model.robot import Robot

@@ -17,8 +17,8 @@ from pathlib import Path
 import numpy as np
 
 from identification.data.recording import Recording
-from identification.pipeline import diagnose
 from identification.diagnosis.result import Diagnosis
+from identification.pipeline import diagnose
 from identification.scenarios.motion_only import motion_robot, suggested_gains, with_commanded_torque
 from phantom_dyn import load_robot
 from phantom_dyn.effects.catalogue import effect_named

@@ -25,12 +25,12 @@ from benchmarks.next_experiment_cases import Case, Place, drawn_case, recorded
 from identification.data.changes import Change, KnownPayload
 from identification.data.recording import Recording
 from identification.data.signals import process_all
-from identification.pipeline import diagnose
 from identification.diagnosis.result import Diagnosis
 from identification.excitation.criteria import DOptimality
 from identification.excitation.excite import excite
 from identification.excitation.motion_shapes import FourierSeries
 from identification.next_experiment.candidates import candidates, design_of, safe_limits
+from identification.pipeline import diagnose
 from phantom_dyn.motion import Motion
 
 CHOICES = ("proposed", "random", "D-optimal")

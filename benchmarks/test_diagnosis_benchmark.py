@@ -11,32 +11,27 @@ import numpy as np
 import pytest
 
 from benchmarks.diagnosis_cost import drive_torque, sines
-from identification.data.log import Log
 from identification.data.recording import Recording
 from identification.data.signals import process_all
-from identification.pipeline import diagnose
-from identification.diagnosis.fit.grams import Weights, build_grams
 from identification.diagnosis.fit.fitting import fit
+from identification.diagnosis.fit.grams import Weights, build_grams
 from identification.diagnosis.fit.problem import set_up
-from identification.diagnosis.model.blocks import Block, assign_folds, split_blocks
 from identification.diagnosis.model.columns import Columns, build_columns
+from identification.diagnosis.model.session import Session, session_of_logs
 from identification.diagnosis.noise.noise_floor import estimate_noise, weights_of
 from identification.diagnosis.noise.whitening import whitened
+from identification.pipeline import diagnose
 from phantom_dyn import load_robot
-from phantom_dyn.model.robot import Robot
 
 
 @dataclass(frozen=True)
 class Stages:
     """What each stage hands to the next."""
 
-    robot: Robot
+    session: Session
     recording: Recording
-    logs: tuple[Log, ...]
-    cutoff_hz: float
+
     columns: Columns
-    blocks: tuple[Block, ...]
-    folds: np.ndarray
     white: Columns
     weights: Weights
 
@@ -50,35 +45,33 @@ def stages() -> Stages:
     q = motion.q + 5e-6 * rng.standard_normal(motion.q.shape)
     recording = Recording("made", robot.joint_names, motion.t, q, tau)
     logs, cutoff_hz = process_all((recording,), robot)
-    columns = build_columns(robot, logs, cutoff_hz)
-    blocks = split_blocks(logs, cutoff_hz)
-    folds = assign_folds(blocks, np.array([False]))
-    white, noise = whitened(columns, estimate_noise(columns, logs, blocks, folds))
-    return Stages(robot, recording, logs, cutoff_hz, columns, blocks, folds, white, weights_of(white, noise))
+    session = session_of_logs(robot, logs, cutoff_hz)
+    columns = build_columns(session)
+    white, noise = whitened(columns, estimate_noise(session, columns))
+    return Stages(session, recording, columns, white, weights_of(white, noise))
 
 
 def test_filtering_and_differentiating(benchmark, stages):
-    logs, _ = benchmark(process_all, (stages.recording,), stages.robot)
+    logs, _ = benchmark(process_all, (stages.recording,), stages.session.robot)
     assert logs[0].motion.a.shape == stages.recording.q.shape
 
 
 def test_columns_of_every_effect(benchmark, stages):
-    columns = benchmark(build_columns, stages.robot, stages.logs, stages.cutoff_hz)
+    columns = benchmark(build_columns, stages.session)
     assert columns.names == stages.columns.names
 
 
 def test_gram_matrices(benchmark, stages):
-    grams = benchmark(build_grams, stages.white, stages.blocks, stages.folds, stages.weights)
-    assert grams.a.shape == (len(stages.blocks), *2 * (len(stages.columns.names),))
+    grams = benchmark(build_grams, stages.white, stages.session.blocks, stages.session.folds, stages.weights)
+    assert grams.a.shape == (len(stages.session.blocks), *2 * (len(stages.columns.names),))
 
 
 def test_one_fit_with_held_out_losses(benchmark, stages):
-    grams = build_grams(stages.white, stages.blocks, stages.folds, stages.weights)
-    problem = set_up(stages.columns, stages.white, stages.blocks, stages.weights, grams)
+    problem = set_up(stages.session, stages.columns, stages.white, stages.weights)
     terms = tuple(term for term in stages.columns.terms if term.effect.name == "viscous_friction")
     assert benchmark(fit, problem, terms).total > 0
 
 
 def test_whole_diagnosis(benchmark, stages):
-    diagnosis = benchmark.pedantic(diagnose, (stages.robot, (stages.recording,)), rounds=3)
+    diagnosis = benchmark.pedantic(diagnose, (stages.session.robot, (stages.recording,)), rounds=3)
     assert diagnosis.findings

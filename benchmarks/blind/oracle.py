@@ -15,9 +15,10 @@ from itertools import product
 from pathlib import Path
 
 from identification.data.reading import read_recording
-from identification.diagnosis import diagnosis as pieces
+from identification.diagnosis import explanation as pieces
 from identification.diagnosis.model.terms import Term
 from identification.diagnosis.search.search import Search
+from identification.pipeline import diagnose
 from identification.reporting.diagnosis_files import write_outputs
 from phantom_dyn.model.loading import load_robot
 
@@ -45,7 +46,7 @@ def oracle(robot_file: Path, log_file: Path, truth: frozenset[Place], json_file:
     # The one place where pieces of the diagnosis are exchanged: this process does nothing else.
     pieces.explain = told(truth)
     pieces.settled = lambda _, chosen: chosen
-    diagnosis = pieces.diagnose(robot, (read_recording(log_file, robot),))
+    diagnosis = diagnose(robot, (read_recording(log_file, robot),))
     write_outputs(diagnosis, robot, out=None, json_file=json_file)
 
 

@@ -9,10 +9,11 @@ import numpy as np
 from identification.data.log import Log
 from identification.data.recording import Recording
 from identification.data.signals import process_all
-from identification.diagnosis.fit.grams import Weights, build_grams
+from identification.diagnosis.fit.grams import Weights
 from identification.diagnosis.fit.problem import Problem, set_up
-from identification.diagnosis.model.blocks import Block, assign_folds, split_blocks
-from identification.diagnosis.model.columns import Columns, build_columns
+from identification.diagnosis.model.blocks import Block
+from identification.diagnosis.model.columns import Columns, FitPoint, build_columns
+from identification.diagnosis.model.session import Session, session_of_logs
 from identification.diagnosis.model.terms import FoundEffect, Term
 from identification.diagnosis.noise.noise_floor import estimate_noise, weights_of
 from identification.diagnosis.noise.whitening import whitened
@@ -30,15 +31,24 @@ Array = np.ndarray
 class Prepared:
     """What a diagnosis has made of recordings before it begins to search."""
 
-    logs: tuple[Log, ...]
-    cutoff_hz: float
+    session: Session
     columns: Columns
     white: Columns
     noise: tuple[Array, ...]
-    blocks: tuple[Block, ...]
-    folds: Array
     weights: Weights
     problem: Problem
+
+    @property
+    def logs(self) -> tuple[Log, ...]:
+        return self.session.logs
+
+    @property
+    def blocks(self) -> tuple[Block, ...]:
+        return self.session.blocks
+
+    @property
+    def folds(self) -> Array:
+        return self.session.folds
 
     @property
     def search(self) -> Search:
@@ -103,11 +113,9 @@ class Lab:
         Laws that are not linear are taken about ``found``.
         """
         logs, cutoff_hz = process_all(recordings, robot)
-        columns = build_columns(robot, logs, cutoff_hz, found=found)
-        blocks = split_blocks(logs, cutoff_hz)
-        folds = assign_folds(blocks, np.arange(len(logs)) >= len(logs) - held_out)
-        noise = estimate_noise(columns, logs, blocks, folds)
+        session = session_of_logs(robot, logs, cutoff_hz, held_out=held_out)
+        columns = build_columns(session, FitPoint(found))
+        noise = estimate_noise(session, columns)
         filtered, rest = whitened(columns, noise) if white else (columns, noise)
         weights = weights_of(filtered, rest)
-        problem = set_up(columns, filtered, blocks, weights, build_grams(filtered, blocks, folds, weights))
-        return Prepared(logs, cutoff_hz, columns, filtered, rest, blocks, folds, weights, problem)
+        return Prepared(session, columns, filtered, rest, weights, set_up(session, columns, filtered, weights))

@@ -9,8 +9,8 @@ import numpy as np
 
 from identification.data.reading import read_recording
 from identification.data.signals import process_all
-from identification.diagnosis.fit.gap import in_judged_band
 from identification.diagnosis.model.columns import Columns, build_columns
+from identification.diagnosis.model.session import session_of_logs
 from phantom_dyn.effects.catalogue import EFFECTS
 from phantom_dyn.model.loading import load_robot
 from phantom_dyn.model.robot import Robot
@@ -75,7 +75,8 @@ def prepare(robot_file: Path, log_file: Path) -> Task:
     """Reads a case and computes the columns of the whole catalogue."""
     robot = load_robot(robot_file)
     logs, cutoff_hz = process_all((read_recording(log_file, robot),), robot)
-    columns = build_columns(robot, logs, cutoff_hz)
+    session = session_of_logs(robot, logs, cutoff_hz)
+    columns = build_columns(session)
     known = {effect.name for effect in EFFECTS}
     choices = tuple(
         Choice(*term.place, tuple(term.columns), term.size) for term in columns.terms if term.effect.name in known
@@ -83,7 +84,7 @@ def prepare(robot_file: Path, log_file: Path) -> Task:
     prior = np.zeros(len(columns.names))
     for k, nuisance in enumerate(columns.nuisances):
         prior[k] = 1.0 / nuisance.sigma**2
-    rows = _rows(columns, in_judged_band(columns.residual, logs, cutoff_hz))
+    rows = _rows(columns, session.in_judged_band(columns.residual))
     return Task(robot, rows, choices, len(columns.nuisances), prior)
 
 

@@ -21,8 +21,8 @@ from identification.batch.diagnose_each import (
     logs_in,
 )
 from identification.data.reading import read_recording
-from identification.pipeline import diagnose
 from identification.export.all_files import NAMES as MODELS
+from identification.pipeline import diagnose
 from identification.reporting.diagnosis_files import NAMES
 from identification.reporting.diagnosis_json import to_json
 from phantom_dyn.errors import LogError, ParameterError, UsageError

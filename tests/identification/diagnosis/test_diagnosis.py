@@ -7,8 +7,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from identification.pipeline import diagnose
 from identification.diagnosis.result import Diagnosis
+from identification.pipeline import diagnose
 from phantom_dyn import load_robot
 from phantom_dyn.errors import LogError
 from phantom_dyn.motion import Motion

@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 
 from identification.data.recording import Recording
-from identification.pipeline import diagnose
 from identification.diagnosis.result import Diagnosis
+from identification.pipeline import diagnose
 from phantom_dyn import load_robot
 
 

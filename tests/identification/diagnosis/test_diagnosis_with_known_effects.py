@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 import yaml
 
-from identification.pipeline import diagnose
 from identification.diagnosis.model.terms import KnownEffect
 from identification.diagnosis.result import Diagnosis
 from identification.export.corrected.corrected_yaml import known_effects, write_corrected
+from identification.pipeline import diagnose
 from phantom_dyn.effects.catalogue import effect_named
 from phantom_dyn.errors import ParameterError
 from phantom_dyn.model.robot import Robot

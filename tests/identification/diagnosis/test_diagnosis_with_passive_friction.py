@@ -7,8 +7,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from identification.pipeline import diagnose
 from identification.diagnosis.result import Diagnosis, EffectAt
+from identification.pipeline import diagnose
 from phantom_dyn import load_robot
 
 TORQUE = 3e-3  # N m, a tenth of what gravity and inertia take

@@ -6,9 +6,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from identification.diagnosis.explanation import Explanation
 from identification.diagnosis.noise.noise_floor import estimate_noise
 from identification.diagnosis.result import EffectAt, Finding, Rival
-from identification.next_experiment.advise import with_next_experiment
+from identification.next_experiment.advise import Proposal, proposed
 from identification.next_experiment.hypotheses import hypotheses_of
 from identification.reporting.diagnosis_files import write_outputs
 from identification.words.diagnosis_words import finding_words
@@ -22,17 +23,15 @@ def one_of(effect: str, rival: str, joint: str) -> Finding:
 
 
 @pytest.fixture(scope="module")
-def advised(lab, made_up):
+def advised(lab):
     """What is proposed for a robot on which one effect acts and another one is its rival."""
 
     def advise(robot, motion, effect, joint, theta, rival):
         torque = lab.acting(robot, motion, effect, joint, *theta)
         ready = lab.prepared(robot, (lab.recording(robot, motion, torque),))
-        noise = estimate_noise(ready.columns, ready.logs, ready.blocks, ready.folds)
-        finding = one_of(effect, rival, joint)
-        told = replace(made_up(robot.joint_names, findings=0, samples=400), findings=(finding,), notes=())
+        noise = estimate_noise(ready.session, ready.columns)
         chosen = frozenset([ready.term(effect, joint)])
-        return with_next_experiment(told, robot, ready.logs, ready.search, chosen, noise, ready.cutoff_hz)
+        return proposed(Explanation(ready.search, chosen, noise), (one_of(effect, rival, joint),))
 
     return advise
 
@@ -44,7 +43,7 @@ def friction(lab, pendulum, advised):
 
 
 def test_rivals_that_differ_over_speed_get_a_motion_that_parts_them(friction):
-    experiment = friction.next_experiment
+    experiment = friction.experiment
     assert set(experiment) == {"separates", "reference", "expected_power", "say"}
     assert experiment["separates"] == [["coulomb_friction", "pin"], ["viscous_friction", "pin"]]
     assert experiment["reference"] == "next.csv"
@@ -53,16 +52,16 @@ def test_rivals_that_differ_over_speed_get_a_motion_that_parts_them(friction):
 
 
 def test_the_sentence_says_what_to_do_and_what_it_tells(friction):
-    say = friction.next_experiment["say"]
+    say = friction.experiment["say"]
     assert say.startswith("Record the motion of next.csv")
     assert "Coulomb friction on joint pin from viscous friction on joint pin" in say
-    words = finding_words(friction.findings[0], friction.next_experiment)
+    words = finding_words(one_of("coulomb_friction", "viscous_friction", "pin"), friction.experiment)
     assert words.what_next == say[0].lower() + say[1:]
 
 
 def test_the_motion_is_no_faster_and_asks_for_no_more_torque_than_twice_the_recording(friction, lab, pendulum):
     # Oracle: the recording's own extremes, and inverse dynamics.
-    recorded, motion = lab.motion(1, swing=0.3), friction.next_motion
+    recorded, motion = lab.motion(1, swing=0.3), friction.motion
     assert np.abs(motion.v).max() < 2.05 * np.abs(recorded.v).max()
     assert np.ptp(motion.q) < 2.05 * np.ptp(recorded.q)
     torque = np.abs(inverse_dynamics(pendulum, recorded)).max() + 0.2
@@ -72,23 +71,22 @@ def test_the_motion_is_no_faster_and_asks_for_no_more_torque_than_twice_the_reco
 def test_exact_twins_get_no_motion_but_a_note_that_says_what_would_help(lab, pendulum, advised):
     # On a pendulum a rotor's inertia is one of the link's own parameters.
     out = advised(pendulum, lab.motion(1), "rotor_inertia", "pin", (0.02,), "inertial_parameters")
-    assert out.next_experiment is None
-    assert out.next_motion is None
+    assert out.experiment is None
+    assert out.motion is None
     assert "No safe motion that was tried tells rotor inertia on joint pin from" in out.notes[0]
     assert "data sheet" in out.notes[0]
 
 
-def test_without_rivals_nothing_is_proposed(lab, pendulum, quiet, made_up, planar2):
-    told = made_up(planar2.joint_names, samples=400)
+def test_without_rivals_nothing_is_proposed(quiet):
     chosen = frozenset([quiet.term("coulomb_friction", "shoulder")])
-    out = with_next_experiment(told, planar2, quiet.logs, quiet.search, chosen, quiet.noise, quiet.cutoff_hz)
-    assert out is told
+    finding = replace(one_of("coulomb_friction", "viscous_friction", "shoulder"), rivals=())
+    assert proposed(Explanation(quiet.search, chosen, quiet.noise), (finding,)) == Proposal()
 
 
 def test_a_joint_without_a_drive_is_said_to_stand_against_an_experiment(lab, pendulum, advised):
     idle = replace(pendulum, actuators=(replace(pendulum.actuators[0], actuated=False),))
     out = advised(idle, lab.motion(1), "coulomb_friction", "pin", (0.2,), "viscous_friction")
-    assert out.next_experiment is None
+    assert out.experiment is None
     assert out.notes == (f"No further experiment is proposed: {out.notes[0].partition(': ')[2]}",)
     assert "pin of" in out.notes[0]
 
@@ -97,12 +95,17 @@ def test_a_finding_that_was_not_chosen_has_no_hypotheses(quiet):
     assert hypotheses_of(quiet.search, frozenset(), one_of("coulomb_friction", "viscous_friction", "elbow")) == ()
 
 
-def test_the_motion_is_written_beside_the_diagnosis(friction, pendulum, tmp_path, monkeypatch):
+def test_the_motion_is_written_beside_the_diagnosis(friction, made_up, pendulum, tmp_path, monkeypatch):
     # The report has tests of its own, and takes a second.
     monkeypatch.setattr("identification.reporting.diagnosis_files._report", lambda *_: "page")
-    written = write_outputs(friction, pendulum, out=tmp_path, json_file=None)
+    told = replace(
+        made_up(pendulum.joint_names, findings=0, samples=400),
+        next_experiment=friction.experiment,
+        next_motion=friction.motion,
+    )
+    written = write_outputs(told, pendulum, out=tmp_path, json_file=None)
     assert tmp_path / "next.csv" in written
     with (tmp_path / "next.csv").open() as file:
         rows = list(csv.reader(file))
     assert rows[0] == ["t", "q_ref.pin", "v_ref.pin", "a_ref.pin"]
-    np.testing.assert_array_equal(np.array(rows[1:], dtype=float)[:, 1], friction.next_motion.q[:, 0])
+    np.testing.assert_array_equal(np.array(rows[1:], dtype=float)[:, 1], friction.motion.q[:, 0])

@@ -7,8 +7,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from identification.pipeline import diagnose
 from identification.diagnosis.model.terms import Term
+from identification.pipeline import diagnose
 from identification.rollout.compare import Errors, horizon_of
 from identification.rollout.driven import given_torque
 from identification.rollout.joint_limits import Simulated, limit_warnings, limits_engaged, recorded_past

@@ -2,16 +2,18 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
+from dataclasses import fields, replace
 
 import numpy as np
 import pytest
 
 from identification.data.recording import Recording
 from identification.data.signals import process_all
-from identification.pipeline import diagnose
 from identification.diagnosis.model.standstill import usable_samples
-from identification.scenarios.motion_limits import told_by_motion
+from identification.diagnosis.result import Judgement
+from identification.pipeline import diagnose
+from identification.rollout.compare import Rollout
+from identification.scenarios.motion_limits import limited_to_motion
 from identification.scenarios.motion_only import commanded_torque, motion_robot, suggested_gains, with_commanded_torque
 from phantom_dyn import load_robot
 from phantom_dyn.effects.catalogue import effect_named
@@ -91,9 +93,18 @@ def test_the_torque_constant_is_not_testable_and_the_reason_is_the_gain(rubbing)
     assert not [bound for bound in rubbing.bounds if bound.effect == "torque_constant"]
 
 
+def judgement_of(diagnosis):
+    """The part of a diagnosis that fits alone decide."""
+    shared = {
+        field.name: getattr(diagnosis, field.name) for field in fields(Judgement) if hasattr(diagnosis, field.name)
+    }
+    return Judgement(**shared)
+
+
 def test_where_a_torque_was_measured_nothing_is_taken_back(rubbing, pendulum):
     recording, _ = moved(pendulum)
-    assert told_by_motion(rubbing, (recording,)) is rubbing
+    judgement = judgement_of(rubbing)
+    assert limited_to_motion(judgement, (recording,), Rollout(None, {}, {})) is judgement
 
 
 def test_without_a_gain_the_refusal_says_what_is_needed(pendulum):
@@ -157,12 +168,12 @@ def test_too_few_rows_are_refused(pendulum):
 
 def test_without_a_gap_in_torque_motion_that_strays_is_noted(rubbing, pendulum):
     recording = with_commanded_torque(moved(pendulum)[0], pendulum)
-    rollout = {"rms_before": {"pin": 0.02}, "rms_after": {"pin": 0.01}, "reading_noise": {"pin": 1e-4}}
-    still = replace(rubbing, findings=(), verdict="no_gap", rollout=rollout, notes=())
-    (note,) = told_by_motion(still, (recording,)).notes
+    rollout = Rollout(0.5, {"pin": 0.02}, {"pin": 0.01}, noise={"pin": 1e-4})
+    still = replace(judgement_of(rubbing), findings=(), verdict="no_gap", notes=())
+    (note,) = limited_to_motion(still, (recording,), rollout).notes
     assert "under its controller pin strays by 0.01 from the recorded motion, 100 times what its readings" in note
-    near = replace(still, rollout={**rollout, "rms_after": {"pin": 5e-4}})
-    assert told_by_motion(near, (recording,)).notes == ()
+    near = replace(rollout, rms_after={"pin": 5e-4})
+    assert limited_to_motion(still, (recording,), near).notes == ()
 
 
 def test_what_controllers_ask_for_keeps_its_band(pendulum):

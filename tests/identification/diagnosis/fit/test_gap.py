@@ -1,10 +1,12 @@
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 from identification.diagnosis.fit.fitting import predict
-from identification.diagnosis.fit.gap import Sums, held_out_torque, in_judged_band, judged_blocks, residual_after, sums
+from identification.diagnosis.fit.gap import Sums, held_out_torque, judged_blocks, residual_after, sums
 
 
 def test_a_residual_of_the_size_of_the_noise_has_loss_one():
@@ -74,11 +76,11 @@ def test_the_judged_band_leaves_what_lies_above_out(quiet):
     slow, fast = np.sin(2 * np.pi * 0.3 * t), np.sin(2 * np.pi * 0.8 * log.band.cutoff_hz * t)
     series = np.column_stack([slow, slow + fast])
     inside = slice(len(t) // 5, -len(t) // 5)
-    narrow = in_judged_band((series,), quiet.logs, 0.3 * log.band.cutoff_hz)[0]
+    narrow = replace(quiet.session, cutoff_hz=0.3 * log.band.cutoff_hz).in_judged_band((series,))[0]
     np.testing.assert_allclose(narrow[inside, 1], slow[inside], atol=0.02)
 
 
 def test_a_band_that_is_judged_as_it_stands_is_not_filtered_again(quiet):
     series = (quiet.columns.residual[0],)
-    same = in_judged_band(series, quiet.logs, quiet.logs[0].band.cutoff_hz)
+    same = replace(quiet.session, cutoff_hz=quiet.logs[0].band.cutoff_hz).in_judged_band(series)
     assert same[0] is series[0]

@@ -20,11 +20,11 @@ def judged(lab, robot, motion, torque, near, *, seed=0):
     """A recording as the findings are stated from: in the judged band, with one effect near its shape."""
     found = (FoundEffect(effect_named(near[0]), near[1], near[2], np.array(near[3])),)
     prepared = lab.prepared(robot, (lab.recording(robot, motion, torque, seed=seed),), white=False, found=found)
-    return prepared, narrow_search(prepared.search, prepared.logs, prepared.cutoff_hz, prepared.noise).problem
+    return prepared, narrow_search(prepared.search, prepared.noise).problem
 
 
 def fitted_with(robot, prepared, problem, *terms):
-    return joint_fit(robot, problem, prepared.logs, prepared.cutoff_hz, terms, fit(problem, terms, held_out=False))
+    return joint_fit(problem, terms, fit(problem, terms, held_out=False))
 
 
 @pytest.fixture(scope="module")
@@ -80,7 +80,7 @@ def test_slopes_are_those_of_the_torque(lab, planar2, place, shape, own):
     prepared, problem = judged(lab, planar2, lab.motion(2, 4, seconds=12.0), 0.0, near)
     terms = (middle(prepared, place), prepared.term("viscous_friction", "elbow"))
     start = fit(problem, terms, held_out=False)
-    setting, x = lay_out(planar2, problem, prepared.logs, prepared.cutoff_hz, terms, start)
+    setting, x = lay_out(problem, terms, start)
     x[setting.places[0].coefficients] = own
     slopes = linearised(setting, x).slopes[0]
     for k in range(problem.nuisances, setting.size):

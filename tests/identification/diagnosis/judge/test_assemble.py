@@ -9,8 +9,8 @@ import numpy as np
 import pinocchio as pin
 import pytest
 
-from identification.pipeline import diagnose
 from identification.diagnosis.result import Diagnosis, Evidence
+from identification.pipeline import diagnose
 from phantom_dyn.motion import Motion
 
 ROTOR = 0.05  # kg m^2

@@ -5,15 +5,15 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from identification.pipeline import diagnose
 from identification.diagnosis.judge.bounds import _lasting, smallest_seen
 from identification.diagnosis.model.terms import merged, untestable_places
+from identification.pipeline import diagnose
 from phantom_dyn.effects.catalogue import EFFECTS
 from phantom_dyn.motion import Motion
 
 
 def seen(prepared, robot, chosen=frozenset()):
-    return smallest_seen(robot, merged(prepared.columns.operations), prepared.search, prepared.search, chosen)
+    return smallest_seen(merged(prepared.columns.operations), prepared.search, prepared.search, chosen)
 
 
 def test_every_effect_and_joint_has_a_bound_or_a_reason(quiet, planar2):

@@ -6,11 +6,11 @@ import numpy as np
 import pytest
 from scipy.stats import norm
 
-from identification.pipeline import diagnose
 from identification.diagnosis.fit.joint_fit import JointFit
 from identification.diagnosis.fit.whole_model import Place
 from identification.diagnosis.judge.findings import certainty, distinct
 from identification.diagnosis.judge.judged_band import narrow_search
+from identification.pipeline import diagnose
 
 
 @pytest.fixture
@@ -31,18 +31,18 @@ def test_one_coefficient_is_as_certain_as_the_normal_law_says(quiet, deviations)
 
 def test_what_is_not_told_from_zero_is_no_finding(rubbing, planar2):
     # Known truth: friction on the elbow, and no offset.
-    plain = narrow_search(rubbing.search, rubbing.logs, rubbing.cutoff_hz, rubbing.noise)
+    plain = narrow_search(rubbing.search, rubbing.noise)
     friction, offset = rubbing.term("coulomb_friction", "elbow"), rubbing.term("torque_offset", "elbow")
-    kept, fitted = distinct(planar2, plain, frozenset([friction, offset]), rubbing.logs, rubbing.cutoff_hz)
+    kept, fitted = distinct(plain, frozenset([friction, offset]))
     assert kept == {friction}
     assert [place.term for place in fitted.places] == [friction]
 
 
 def test_what_goes_with_accelerations_stays_though_nothing_tells_it_from_zero(rubbing, planar2):
     # Known truth: the torque constants are right; beside a load, which they trade with, none would ever be certain.
-    plain = narrow_search(rubbing.search, rubbing.logs, rubbing.cutoff_hz, rubbing.noise)
+    plain = narrow_search(rubbing.search, rubbing.noise)
     chosen = frozenset([rubbing.term("coulomb_friction", "elbow"), rubbing.term("torque_constant", "elbow")])
-    assert distinct(planar2, plain, chosen, rubbing.logs, rubbing.cutoff_hz)[0] == chosen
+    assert distinct(plain, chosen)[0] == chosen
 
 
 def test_a_simpler_law_is_named_where_a_richer_one_is_better_by_less_than_the_method_is_accurate_to(lab, pendulum):

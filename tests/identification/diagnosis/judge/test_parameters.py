@@ -19,9 +19,7 @@ def loaded(lab, planar2):
 
 
 def estimates(loaded, planar2, *terms):
-    fitted = joint_fit(
-        planar2, loaded.problem, loaded.logs, loaded.cutoff_hz, terms, fit(loaded.problem, terms, held_out=False)
-    )
+    fitted = joint_fit(loaded.problem, terms, fit(loaded.problem, terms, held_out=False))
     return fitted, [finding_parameters(planar2, term, fitted) for term in terms]
 
 

@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 
 from identification.data.joint_torque import external_torque
-from identification.pipeline import diagnose
 from identification.diagnosis.judge.pushes import pushes_in
+from identification.pipeline import diagnose
 
 T = np.arange(0, 30, 0.02)
 FLOOR = np.array([0.05, 0.05])

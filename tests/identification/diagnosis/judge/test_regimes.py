@@ -9,7 +9,7 @@ from identification.diagnosis.judge.regimes import regime_shares, regimes
 def shares(quiet, residual: np.ndarray) -> tuple[dict[str, float], str]:
     full = np.zeros_like(quiet.columns.residual[0])
     full[:, 1] = residual
-    return regime_shares(quiet.columns, quiet.logs, (full,), 1)
+    return regime_shares(quiet.problem, (full,), 1)
 
 
 def motion_of(quiet) -> tuple[np.ndarray, np.ndarray, np.ndarray]:

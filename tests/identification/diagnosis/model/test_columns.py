@@ -7,7 +7,8 @@ import pytest
 
 from identification.data.log import Log
 from identification.data.signals import process, process_all
-from identification.diagnosis.model.columns import build_columns
+from identification.diagnosis.model.columns import FitPoint, build_columns
+from identification.diagnosis.model.session import session_of_logs
 from identification.diagnosis.model.standstill import standing_still, usable_samples
 from identification.diagnosis.model.terms import FoundEffect, KnownEffect
 from phantom_dyn.dynamics.dynamics import inverse_dynamics
@@ -58,7 +59,7 @@ def test_nuisances_come_first_then_the_ten_parameters_of_each_link(quiet):
 def test_a_nuisance_is_the_change_of_the_modelled_torque(lab, planar2, name, size):
     # Finite difference: the model whose value is a tenth larger, in Pinocchio, against the column.
     log = process(lab.recording(planar2, lab.motion(2)), planar2, cutoff_hz=12.0)
-    columns = build_columns(planar2, (log,), 12.0)
+    columns = build_columns(session_of_logs(planar2, (log,), 12.0))
     changed = moved(planar2, name, size)
     expected = log.band(inverse_dynamics(changed, log.motion) - inverse_dynamics(planar2, log.motion)) / (size - 1)
     k = columns.names.index(name)
@@ -88,13 +89,13 @@ def moved(robot, name, size):
 def test_a_trusted_model_has_no_nuisance_but_timing(lab, planar2, trusted):
     robot = trusted(planar2)
     logs, cutoff = process_all((lab.recording(robot, lab.motion(2)),), robot)
-    assert [n.name for n in build_columns(robot, logs, cutoff).nuisances] == ["timing of the torque"]
+    assert [n.name for n in build_columns(session_of_logs(robot, logs, cutoff)).nuisances] == ["timing of the torque"]
 
 
 def test_a_sensor_cannot_see_a_torque_constant(lab, planar2):
     robot = replace(planar2, torque_source="sensor")
     logs, cutoff = process_all((lab.recording(robot, lab.motion(2)),), robot)
-    names = {term.effect.name for term in build_columns(robot, logs, cutoff).terms}
+    names = {term.effect.name for term in build_columns(session_of_logs(robot, logs, cutoff)).terms}
     assert "torque_constant" not in names
     assert "coulomb_friction" in names
 
@@ -109,14 +110,14 @@ def test_known_effects_belong_to_the_model(lab, planar2):
     viscous = lab.acting(planar2, motion, "viscous_friction", "elbow", 0.6)
     logs, cutoff = process_all((lab.recording(planar2, motion, viscous, noise=0.01),), planar2)
     known = (KnownEffect("viscous_friction", "elbow", (0.6,)),)
-    plain, corrected = build_columns(planar2, logs, cutoff), build_columns(planar2, logs, cutoff, known)
+    plain, corrected = (build_columns(session_of_logs(planar2, logs, cutoff, known=k)) for k in ((), known))
     assert np.std(plain.residual[0][:, 1]) > 0.1
     assert np.std(corrected.residual[0][:, 1]) < 0.01
 
 
 def test_acceleration_columns_end_at_the_judged_band(lab, planar2):
     log = process(lab.recording(planar2, lab.motion(2)), planar2, cutoff_hz=12.0)
-    wide, narrow = (build_columns(planar2, (log,), cutoff) for cutoff in (12.0, 1.0))
+    wide, narrow = (build_columns(session_of_logs(planar2, (log,), cutoff)) for cutoff in (12.0, 1.0))
 
     def column(columns, name):
         term = next(t for t in columns.terms if t.place == (name, "elbow"))
@@ -188,12 +189,13 @@ def test_a_joint_that_is_held_is_left_out(lab, planar2, rng, noise):
 def test_columns_after_a_fit_are_those_made_from_nothing(lab, planar2):
     # Oracle: the same columns, of which nothing is taken from before.
     logs, cutoff = process_all((lab.recording(planar2, lab.motion(2, 3)),), planar2)
-    before = build_columns(planar2, logs, cutoff)
+    session = session_of_logs(planar2, logs, cutoff)
+    before = build_columns(session)
     delay = FoundEffect(effect_named("input_delay"), None, (0.004,), np.array([0.004]))
     friction = FoundEffect(effect_named("stribeck_friction"), "elbow", (0.1,), np.array([0.3, 0.1]))
     rest = tuple(0.5 * residual for residual in before.residual)
-    after = build_columns(planar2, logs, cutoff, (), (delay, friction), rest, before=before)
-    anew = build_columns(planar2, logs, cutoff, (), (delay, friction), rest)
+    about = FitPoint((delay, friction), residual=rest)
+    after, anew = build_columns(session, about, before), build_columns(session, about)
     assert after.names == anew.names
     for mine, theirs in zip(after.values[0], anew.values[0], strict=True):
         np.testing.assert_array_equal(mine, theirs)

@@ -10,8 +10,8 @@ import pytest
 
 from identification.data.recording import Recording
 from identification.data.signals import process_all
-from identification.pipeline import diagnose
 from identification.diagnosis.model.resonances import resonances
+from identification.pipeline import diagnose
 from phantom_dyn import load_robot
 from phantom_dyn.haptics.device.axis import TwoMassAxis
 from phantom_dyn.haptics.device.discretisation import discretise

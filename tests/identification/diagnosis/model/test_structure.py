@@ -9,9 +9,9 @@ from functools import cache
 import numpy as np
 import pytest
 
-from identification.pipeline import diagnose
 from identification.diagnosis.fit.fitting import fit
 from identification.diagnosis.model.structure import STRUCTURES
+from identification.pipeline import diagnose
 from phantom_dyn.dynamics.dynamics import inverse_dynamics
 from phantom_dyn.effects.catalogue import EFFECTS
 from phantom_dyn.effects.operation import Operation

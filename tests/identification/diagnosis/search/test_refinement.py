@@ -8,7 +8,6 @@ import numpy as np
 import pytest
 
 from identification.data.recording import Recording
-from identification.pipeline import diagnose
 from identification.diagnosis.fit.fitting import fit
 from identification.diagnosis.model.terms import FoundEffect
 from identification.diagnosis.search.refinement import (
@@ -18,6 +17,7 @@ from identification.diagnosis.search.refinement import (
     same_effects,
     unchanged,
 )
+from identification.pipeline import diagnose
 from phantom_dyn.effects.catalogue import effect_named
 from phantom_dyn.simulation.control import position_control
 from phantom_dyn.simulation.simulate import Cause, simulate

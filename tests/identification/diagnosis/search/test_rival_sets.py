@@ -5,8 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from identification.pipeline import diagnose
-from identification.diagnosis.judge import assemble
+from identification.diagnosis.judge import findings
 from identification.diagnosis.result import EffectAt, Rival
 from identification.diagnosis.search import rival_sets as rivals
 from identification.diagnosis.search.rival_sets import (
@@ -18,6 +17,7 @@ from identification.diagnosis.search.rival_sets import (
     stand,
 )
 from identification.diagnosis.search.stepwise import explain
+from identification.pipeline import diagnose
 from phantom_dyn import load_robot
 from phantom_dyn.dynamics.dynamics import inverse_dynamics
 
@@ -169,7 +169,7 @@ def test_a_rival_does_not_win_by_making_up_for_an_effect_that_is_not_told(lab, p
     asked = np.column_stack([inverse_dynamics(planar2, m)[:, j] for j, m in enumerate((later, latest))])
     log = replace(lab.recording(planar2, now), tau=asked + 0.02 * np.random.default_rng(0).normal(size=asked.shape))
     monkeypatch.setattr(
-        assemble, "visible", lambda plain, chosen, *_: frozenset(term for term in chosen if term.joint == "elbow")
+        findings, "visible", lambda plain, chosen, *_: frozenset(term for term in chosen if term.joint == "elbow")
     )
     (finding,) = diagnose(planar2, (log,)).findings
     assert (finding.effect, finding.joint) == ("input_delay", "elbow")
