@@ -8,7 +8,7 @@ The report on an identification: one self-contained page.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from importlib.resources import files
+from pathlib import Path
 
 import numpy as np
 from jaxtyping import Float
@@ -149,7 +149,7 @@ class JointView:
 def report_html(found: Identification) -> str:
     """The whole page as text; everything it shows is inside it, and every name is escaped."""
     environment = Environment(autoescape=True, undefined=StrictUndefined, trim_blocks=True, lstrip_blocks=True)
-    source = files(__package__).joinpath("identification_report.html.jinja").read_text(encoding="utf-8")
+    source = Path(__file__).with_name("identification_report.html.jinja").read_text(encoding="utf-8")
     return environment.from_string(source).render(
         found=found,
         headline=words.headline(found),

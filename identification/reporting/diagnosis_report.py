@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from importlib.resources import files
+from pathlib import Path
 
 import numpy as np
 from jinja2 import Environment, StrictUndefined
@@ -100,7 +100,7 @@ def report_html(diagnosis: Diagnosis, robot: Robot | None = None) -> str:
         robot: Drawn in three dimensions if it is given; the page then holds Plotly's library, about 5 MB.
     """
     environment = Environment(autoescape=True, undefined=StrictUndefined, trim_blocks=True, lstrip_blocks=True)
-    source = files(__package__).joinpath("diagnosis_report.html.jinja").read_text(encoding="utf-8")
+    source = Path(__file__).with_name("diagnosis_report.html.jinja").read_text(encoding="utf-8")
     has_samples = len(diagnosis.evidence.t) > 1
     motions = joint_motions(robot, diagnosis) if has_samples else {}
     return environment.from_string(source).render(

@@ -7,7 +7,6 @@ import csv
 import io
 import runpy
 import tempfile
-from importlib.resources import files
 from pathlib import Path
 from pprint import pformat
 from typing import Any
@@ -45,7 +44,7 @@ def feedforward_code(parts: Parts, diagnosis: Diagnosis) -> str:
     Raises:
         ParameterError: If the robot has loops that keep frames together: they need a solver.
     """
-    functions = (files(__package__) / "feedforward_functions.txt").read_text(encoding="utf-8")
+    functions = Path(__file__).with_name("feedforward_functions.txt").read_text(encoding="utf-8")
     imports, _, functions = functions.partition("import math\n")
     constants = "".join(f"{name} = {pformat(value, width=110)}\n" for name, value in _constants(parts).items())
     code = f"{imports}import math\n\n{constants}{functions}"
