@@ -18,8 +18,9 @@ from jaxtyping import Float
 
 from identification.diagnosis.result import Diagnosis
 from identification.export.corrected.parts import Parts
-from identification.export.model_files.tree import bodies, tree_friction
+from identification.export.model_files.tree import bodies
 from phantom_dyn import __version__
+from phantom_dyn.dynamics.tree_motion import tree_friction
 from phantom_dyn.errors import ParameterError
 from phantom_dyn.loops.solver import tree_positions
 from phantom_dyn.model.robot import Robot
