@@ -19,7 +19,7 @@ from jaxtyping import Float
 
 from phantom_dyn.dynamics.dynamics import link_torque, link_torque_of_tree, mass_matrix, mass_matrix_of_tree
 from phantom_dyn.dynamics.tree_motion import passive_friction, tree_motion
-from phantom_dyn.effects.effect import Transmission
+from phantom_dyn.effects.simulated import Transmission
 from phantom_dyn.effects.support.rows import row_of
 from phantom_dyn.errors import ParameterError
 from phantom_dyn.model.robot import Robot

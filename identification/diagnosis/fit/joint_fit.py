@@ -14,7 +14,6 @@ from jaxtyping import Float
 
 from identification.data.log import Log
 from identification.diagnosis.fit.fitting import Fitted
-from identification.diagnosis.fit.other_laws import OtherLaw, other_law
 from identification.diagnosis.fit.problem import Problem
 from identification.diagnosis.fit.whole_model import (
     Linearised,
@@ -28,8 +27,7 @@ from identification.diagnosis.fit.whole_model import (
 )
 from identification.diagnosis.model.terms import Term
 from identification.diagnosis.numerics.bounded import bounded_solve, solve
-from phantom_dyn.effects.drive.torque_saturation import TorqueSaturation
-from phantom_dyn.effects.transmission.backlash import Backlash
+from phantom_dyn.effects.effect import OtherLaw
 from phantom_dyn.model.robot import Robot
 
 Array = np.ndarray
@@ -95,8 +93,7 @@ def joint_fit(
     for place in setting.places:
         shift = _by_share(place, x)
         cov = cov + np.outer(shift, shift)
-        law = other_law(place.term.effect)
-        if law is not None:
+        for law in place.term.effect.other_laws:
             shift = _by_law(setting, model, x, place, law, a.sum(axis=0) + np.diag(precision))
             cov = cov + np.outer(shift, shift)
     return JointFit(setting.places, x, cov)
@@ -108,7 +105,7 @@ def _by_share(place: Place, x: Float[Array, " p"]) -> Float[Array, " p"]:
     A gap or a limit is the whole of its effect. Where only a part of it fits, the shape is not what it seems.
     """
     shift = np.zeros(len(x))
-    if isinstance(place.term.effect, Backlash | TorqueSaturation):
+    if place.term.effect.seen_by != "coefficient":
         shift[place.shape] = (1.0 - x[place.coefficients]) * x[place.shape]
     return shift
 

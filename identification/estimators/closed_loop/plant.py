@@ -12,8 +12,6 @@ from identification.regression.base_parameters import BaseParameters
 from identification.regression.regressor import Regressor, Term, term_columns
 from phantom_dyn._kernels.single_state import BODY, Chain, at_root, chain_of, joint_rows
 from phantom_dyn.dynamics.dynamics import standard_parameters
-from phantom_dyn.effects.load.inertial_parameters import InertialParameters
-from phantom_dyn.effects.load.payload import Payload
 from phantom_dyn.errors import ParameterError
 from phantom_dyn.model.robot import Robot
 
@@ -195,9 +193,8 @@ def _spring(plant: Plant, robot: Robot, term: Term, c: Array) -> None:
 
 
 def _bodies(plant: Plant, robot: Robot, term: Term, c: Array) -> None:
-    if isinstance(term.effect, Payload | InertialParameters):
-        body, parameter = np.divmod(term.effect.columns_of(robot, term.joint), 10)
-        plant.bodies[body, parameter] += c
+    body, parameter = np.divmod(term.effect.regressor_columns(robot, term.joint), 10)
+    plant.bodies[body, parameter] += c
 
 
 _LAWS: dict[str, Callable[[Plant, Robot, Term, Array], None]] = {

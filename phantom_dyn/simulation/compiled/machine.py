@@ -11,7 +11,7 @@ from phantom_dyn._kernels.jit import compiles
 from phantom_dyn._kernels.single_state import Chain, at_root, chain_of, joint_rows
 from phantom_dyn._kernels.tree_arrays import FREE
 from phantom_dyn.dynamics.dynamics import gravity_torque, mass_matrix
-from phantom_dyn.effects.effect import Simulated
+from phantom_dyn.effects.simulated import Simulated
 from phantom_dyn.model.robot import Robot
 from phantom_dyn.simulation.compiled.arm_steps import Arm, run_arm
 from phantom_dyn.simulation.compiled.arrays import AT_SAMPLES, AT_STEPS, GIVEN, Control, Laws, Lines, lines_of, packed
