@@ -22,7 +22,6 @@ install_import_hook(
         "identification.data",
         "identification.degrade",
         "identification.diagnosis.fit.joint_fit",
-        "identification.diagnosis.fit.other_laws",
         "identification.diagnosis.fit.whole_model",
         "identification.diagnosis.model.operations",
         "identification.diagnosis.result",

@@ -8,19 +8,11 @@ from dataclasses import dataclass
 import numpy as np
 
 from phantom_dyn.effects.catalogue import effect_named
-from phantom_dyn.effects.drive.cogging import Cogging
 from phantom_dyn.effects.effect import Effect, Parameter
-from phantom_dyn.effects.encoder.encoder_eccentricity import ORDER, EncoderEccentricity
-from phantom_dyn.effects.friction.joint_coupling import JointCoupling
-from phantom_dyn.effects.friction.presliding_friction import PreslidingFriction, sticking_parameters
-from phantom_dyn.effects.load.inertial_parameters import InertialParameters
 from phantom_dyn.errors import ParameterError
 from phantom_dyn.model.robot import Robot
 
 Values = Mapping[str, tuple[float, ...]]
-
-# Numbers whose zero no device has, though the catalogue's bounds, which serve a search, include it.
-_NEVER_ZERO = frozenset({("encoder_quantization", "step"), ("transmission_compliance", "stiffness")})
 
 
 @dataclass(frozen=True)
@@ -53,16 +45,15 @@ def degradation(robot: Robot, effect: str, joint: str | None, values: Values) ->
     """
     found = effect_named(effect)
     _require_place(robot, found, joint)
-    known, optional = found.parameters(robot, joint), _optional(robot, found, joint)
+    known, optional = found.parameters(robot, joint), found.optional_parameters(robot, joint)
     names = [parameter.name for parameter in (*known, *optional)]
-    defaults = _defaults(found, known)
     for name in values:
         if name not in names:
             raise ParameterError(f"{effect} has no parameter '{name}': {_listed(effect, (*known, *optional))}")
     taken = known if not any(parameter.name in values for parameter in optional) else (*known, *optional)
     theta: list[float] = []
     for parameter in taken:
-        given = values.get(parameter.name, defaults.get(parameter.name))
+        given = values.get(parameter.name, None if parameter.default is None else (parameter.default,))
         if given is None:
             raise ParameterError(f"{effect} lacks its parameter {parameter.name}: {_listed(effect, taken)}")
         _require_bounds(effect, parameter, given)
@@ -73,10 +64,7 @@ def degradation(robot: Robot, effect: str, joint: str | None, values: Values) ->
 
 def _require_place(robot: Robot, effect: Effect, joint: str | None) -> None:
     places = effect.places(robot)
-    apart = [] if joint is None else joint.split("+")
-    if isinstance(effect, JointCoupling) and len(apart) == 2 and set(apart) <= set(robot.joint_names):
-        return
-    if joint in places or (joint is None and isinstance(effect, InertialParameters)):
+    if effect.can_sit(robot, joint):
         return
     if places == (None,):
         raise ParameterError(f"{effect.name} is of the whole robot, not of joint '{joint}': leave the joint out.")
@@ -85,30 +73,19 @@ def _require_place(robot: Robot, effect: Effect, joint: str | None) -> None:
     raise ParameterError(f"{effect.name} needs a place and {where}: give one of {names}.")
 
 
-def _optional(robot: Robot, effect: Effect, joint: str | None) -> tuple[Parameter, ...]:
-    return sticking_parameters(robot, joint) if isinstance(effect, PreslidingFriction) else ()
-
-
-def _defaults(effect: Effect, known: tuple[Parameter, ...]) -> dict[str, tuple[float, ...]]:
-    """What need not be said: inertial parameters that did not move, and one cycle per turn of an eccentric disc."""
-    if isinstance(effect, InertialParameters):
-        return {parameter.name: (0.0,) for parameter in known}
-    return {"order": (ORDER,)} if isinstance(effect, EncoderEccentricity) else {}
-
-
 def _require_bounds(effect: str, parameter: Parameter, given: tuple[float, ...]) -> None:
     for value in given:
         if not (np.isfinite(value) and parameter.lower <= value <= parameter.upper):
             raise ParameterError(
                 f"{parameter.name}={value:g} of {effect} is out of bounds: wanted {_words(parameter)}."
             )
-        if value == 0 and (effect, parameter.name) in _NEVER_ZERO:
+        if value == 0 and parameter.above_zero:
             raise ParameterError(f"{parameter.name}=0 of {effect} is out of bounds: wanted a number above 0.")
 
 
 def _require_counts(effect: Effect, values: Values) -> None:
     counts = {name: len(given) for name, given in values.items()}
-    if isinstance(effect, Cogging):
+    if effect.takes_lists:
         if len(set(counts.values())) > 1:
             said = ", ".join(f"{count} of {name}" for name, count in counts.items())
             raise ParameterError(f"{effect.name} was given {said}: give as many numbers of each, separated by commas.")

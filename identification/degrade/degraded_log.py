@@ -28,13 +28,10 @@ from identification.data.recording import Recording, Table
 from identification.data.signals import motion_edge, process_all, smoothed
 from identification.degrade.degradation import Degradation
 from phantom_dyn.dynamics.dynamics import inverse_dynamics, mass_matrix
-from phantom_dyn.effects.drive.torque_saturation import TorqueSaturation, held_within
-from phantom_dyn.effects.effect import Simulated
 from phantom_dyn.effects.operation import Operation
-from phantom_dyn.effects.support.displaced import behind_encoder, load_and_inertia
+from phantom_dyn.effects.simulated import Simulated
+from phantom_dyn.effects.support.displaced import behind_encoder
 from phantom_dyn.effects.support.rows import hidden_behind_drive, row_of
-from phantom_dyn.effects.transmission.backlash import Backlash, play
-from phantom_dyn.effects.transmission.transmission_compliance import TransmissionCompliance, swing
 from phantom_dyn.errors import LogError, ParameterError
 from phantom_dyn.model.robot import Robot
 from phantom_dyn.motion import Motion
@@ -97,10 +94,10 @@ def degrade(robot: Robot, table: Table, recording: Recording, faults: tuple[Degr
         _require_time(robot, log, fault)
     change, notes = _motion_kept(robot, log, faults, parts)
     limits = np.full(robot.nv, np.inf)
-    for fault in faults:
-        if isinstance(fault.effect, TorqueSaturation):
+    for fault, part in zip(faults, parts, strict=True):
+        if part.limit is not None:
             row = row_of(robot, fault.joint)
-            limits[row] = min(limits[row], fault.theta[0])
+            limits[row] = min(limits[row], part.limit)
     columns, replay_notes = dict(table.columns), ()
     if np.isfinite(limits).any():
         change, replay_notes = _limited(robot, log, change, limits, columns)
@@ -149,27 +146,15 @@ def _motion_kept(
         if part.command is None and part.reading is None:
             now = replace(model, tau=model.tau + tau, expected=model.tau + tau, logged=log.tau + tau)
             tau = tau - fault.effect.torque(robot, now, fault.joint, np.array(fault.theta))
-            x = x + _link_ahead(robot, now, fault)
+            ahead = fault.effect.link_ahead(now, fault.joint, np.array(fault.theta))
+            x = x if ahead is None else x + ahead
     # What the drive has to be asked for: the last of its effects is undone first.
     for fault, part in reversed(pairs):
-        if part.command is not None and not isinstance(fault.effect, TorqueSaturation):
+        if part.command is not None and part.limit is None:
             asked = smoothed(log.tau + tau, log.band.rate_hz, motion_edge(log.band))
             now = replace(model, tau=asked, expected=asked, logged=asked)
             tau = tau - fault.effect.torque(robot, now, fault.joint, np.array(fault.theta))
     return _Change(tau, still, still, x), tuple(notes)
-
-
-def _link_ahead(robot: Robot, operation: Operation, fault: Degradation) -> Array:
-    """How far a link is ahead of its motor [rad or m]."""
-    out = np.zeros_like(operation.q)
-    if isinstance(fault.effect, Backlash | TransmissionCompliance):
-        row = row_of(robot, fault.joint)
-        if isinstance(fault.effect, Backlash):
-            load, inertia = load_and_inertia(operation, row)
-            out[:, row] = -play(operation.t, load / inertia, fault.theta[0]).lead
-        else:
-            out[:, row] = swing(operation, row, fault.theta[0])[0]
-    return out
 
 
 def _limited(
@@ -284,7 +269,7 @@ def replayed(
 
     def controller(t: float, q: Array, v: Array) -> Array:
         wanted, extra, q_ref, v_ref, stiff, damped = at(t, needed, rest, motion.q, motion.v, kp, kd)
-        return held_within(wanted + stiff * (q_ref - q) + damped * (v_ref - v), limits) - extra
+        return np.clip(wanted + stiff * (q_ref - q) + damped * (v_ref - v), -limits, limits) - extra
 
     instant = replace(robot, torque_hold="instant", torque_source="command")
     try:

@@ -24,9 +24,10 @@ from identification.estimators.fit import Fit
 from identification.estimators.wls import wls
 from identification.regression.regressor import EffectOnJoint, Regressor, gap_regressor, torque_regressor
 from phantom_dyn.dynamics.dynamics import standard_parameters
-from phantom_dyn.effects.load.payload import Payload, payload_body
+from phantom_dyn.effects.catalogue import effect_named
 from phantom_dyn.errors import LogError, ParameterError, RobotError
 from phantom_dyn.model.inertia import STANDARD_NAMES, body_name, body_parameters
+from phantom_dyn.model.point_mass import payload_body
 from phantom_dyn.model.robot import Robot
 
 Array = np.ndarray
@@ -99,7 +100,7 @@ def fit_payload(
     """
     carrying = _carrying(robot, frame)
     logs, count = _joined(loaded, unloaded)
-    regressor = gap_regressor(carrying, logs, [(Payload(), None), *effects])
+    regressor = gap_regressor(carrying, logs, [(effect_named("payload"), None), *effects])
     return _payload_fit(_masked(regressor, count), expected)
 
 
@@ -131,7 +132,7 @@ def fit_payload_and_robot(
     logs, count = _joined(loaded, unloaded)
     if count == len(logs):
         raise LogError("No recording without payload was given: give one, or take the robot's parameters as known.")
-    regressor = torque_regressor(carrying, logs, [(Payload(), None), *effects])
+    regressor = torque_regressor(carrying, logs, [(effect_named("payload"), None), *effects])
     return _payload_fit(_masked(regressor, count), expected)
 
 

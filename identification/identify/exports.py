@@ -16,10 +16,11 @@ from identification.export.model_files.reload import (
     urdf_difference,
     versions,
 )
-from identification.export.model_files.tree import tree_friction, with_tree_friction
+from identification.export.model_files.tree import with_tree_friction
 from identification.export.model_files.urdf_file import edited_urdf, new_urdf
 from identification.identify.identification import Export
 from identification.identify.identified_model import FullModel
+from phantom_dyn.dynamics.tree_motion import tree_friction
 from phantom_dyn.errors import EstimationError, PhantomDynError
 from phantom_dyn.model.loading import CONFIG_NAME
 from phantom_dyn.model.robot import Robot

@@ -159,21 +159,14 @@ def full_model(given: Robot, fitted: Robot, fit: Fit) -> FullModel:
             continue
         j = robot.joint_names.index(term.joint)
 
-        def of(name: str, label: str = term.label) -> float:
-            return values.get(f"{label}.{name}", 0.0)
-
-        if term.effect.name == "viscous_friction":
-            viscous[j] += of("coefficient")
-        elif term.effect.name == "coulomb_friction":
-            coulomb[j] += of("torque")
-        elif term.effect.name == "torque_offset":
-            offset[j] += of("torque")
-        elif term.effect.name == "rotor_inertia":
-            armature[robot.tree_rows[j]] += of("inertia")
-        elif term.effect.name == "direction_dependent_friction":
-            viscous[j] += 0.5 * (of("coefficient_positive") + of("coefficient_negative"))
-            coulomb[j] += 0.5 * (of("torque_positive") + of("torque_negative"))
-            offset[j] -= 0.5 * (of("torque_positive") - of("torque_negative"))
+        names = [parameter.name for parameter in term.effect.parameters(robot, term.joint)]
+        theta = np.array([values.get(f"{term.label}.{name}", 0.0) for name in names])
+        numbers = term.effect.model_numbers(robot, term.joint, theta)
+        viscous[j] += numbers.viscous
+        coulomb[j] += numbers.coulomb
+        offset[j] += numbers.offset or 0.0
+        armature[robot.tree_rows[j]] += numbers.rotor_inertia
+        if not numbers.whole:
             asymmetry.append(term.joint)
     model.armature = armature
     robot = replace(robot, model=model, viscous_friction=viscous, coulomb_friction=coulomb)

@@ -18,10 +18,14 @@ from identification.words.diagnosis_words import joined, on_place, percent
 from identification.words.effect_words import effect_words
 from phantom_dyn.motion import Motion
 
-_MASS = ("payload", "inertial_parameters", "torque_constant")
-_READING = ("encoder_offset", "encoder_eccentricity", "backlash", "transmission_compliance")
-_GRAVITY = ("base_tilt", "torque_offset", "parasitic_spring")
-_TIMING = ("input_delay", "actuator_lag")
+# What would tell effects from their twins where no motion does.
+_CHANGES = {
+    "weighing": "a link or load that is weighed, or a torque that is calibrated",
+    "data sheet": "a rotor inertia from the drive's data sheet",
+    "link encoder": "an encoder on the link",
+    "level": "a level on the base, or the robot mounted another way up",
+    "timing": "a measured torque, or another controller gain",
+}
 
 
 def proposal_words(parted: tuple[Pair, ...], trial: Trial, reference: str, power: float) -> str:
@@ -40,17 +44,8 @@ def proposal_words(parted: tuple[Pair, ...], trial: Trial, reference: str, power
 def nothing_parts(pairs: tuple[Pair, ...]) -> str:
     """What no safe motion parts, and which change would."""
     effects = {at.effect for pair in pairs for one in (pair.one, pair.other) for at in one.effects}
-    changes = []
-    if effects & set(_MASS):
-        changes.append("a link or load that is weighed, or a torque that is calibrated")
-    if "rotor_inertia" in effects:
-        changes.append("a rotor inertia from the drive's data sheet")
-    if effects & set(_READING):
-        changes.append("an encoder on the link")
-    if effects & set(_GRAVITY):
-        changes.append("a level on the base, or the robot mounted another way up")
-    if effects & set(_TIMING):
-        changes.append("a measured torque, or another controller gain")
+    by = {effect_words(effect).separated_by for effect in effects}
+    changes = [words for change, words in _CHANGES.items() if change in by]
     advice = (
         f"; what would is {joined(changes, ' or ')}"
         if changes

@@ -24,8 +24,8 @@ from identification.next_experiment.candidates import Candidate, candidates, des
 from identification.next_experiment.laboratory import Laboratory
 from identification.next_experiment.separation import LEAST_POWER, Rivalry, parting
 from phantom_dyn.dynamics.dynamics import inverse_dynamics
-from phantom_dyn.effects.load.payload import payload_body
 from phantom_dyn.errors import ParameterError
+from phantom_dyn.model.point_mass import payload_body
 from phantom_dyn.model.robot import Robot
 from phantom_dyn.motion import Motion
 from phantom_dyn.simulation.control import position_control

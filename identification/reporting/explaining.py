@@ -16,39 +16,14 @@ from jaxtyping import Bool, Float
 from identification.diagnosis.fit.flexible import displacement_since_reversal
 from identification.diagnosis.result import Diagnosis, Evidence, Finding
 from identification.reporting.thinning import bin_numbers, gap_starts
+from identification.words.effect_words import effect_words
 from phantom_dyn.dynamics.tree_motion import tree_motion
+from phantom_dyn.effects.described import ANY_VARIABLE
 from phantom_dyn.model.robot import Robot
 from phantom_dyn.motion import Motion
 
 Array = np.ndarray
 
-# What the law of an effect depends on, the likeliest first; where there are several, the data choose.
-CANDIDATES: dict[str, tuple[str, ...]] = {
-    "viscous_friction": ("velocity",),
-    "coulomb_friction": ("velocity",),
-    "direction_dependent_friction": ("velocity",),
-    "stribeck_friction": ("velocity",),
-    "presliding_friction": ("displacement",),
-    "load_dependent_friction": ("transmitted",),
-    "backlash": ("transmitted",),
-    "transmission_compliance": ("torque_curvature", "torque_rate", "transmitted"),
-    "joint_coupling": ("coupled_velocity",),
-    "cogging": ("phase",),
-    "torque_saturation": ("measured",),
-    "torque_constant": ("modelled",),
-    "torque_offset": ("time",),
-    "input_delay": ("torque_rate",),
-    "actuator_lag": ("torque_rate",),
-    "rotor_inertia": ("acceleration",),
-    "payload": ("position", "modelled", "acceleration"),
-    "inertial_parameters": ("acceleration", "position", "modelled"),
-    "base_tilt": ("position",),
-    "parasitic_spring": ("position",),
-    "encoder_offset": ("position",),
-    "encoder_eccentricity": ("phase",),
-    "encoder_quantization": ("position", "acceleration"),
-}
-ANY = ("velocity", "position", "displacement", "transmitted", "acceleration", "torque_rate", "time")
 _CLEARLY = 0.03  # a later candidate has to explain this much more of the residual's variance
 _PRESLIDING_WIDTHS = 8.0  # of the breakaway displacement are shown to either side
 _MIDDLE = (0.5, 99.5)  # percentiles between which a derivative is drawn
@@ -99,7 +74,7 @@ def explaining_variable(
         finding: What explains the residual.
         residual: Of the joint that shows the finding, shape ``(N,)``.
     """
-    names = CANDIDATES.get(finding.effect, ANY)
+    names = effect_words(finding.effect).shown_over
     forward = motions[diagnosis.joints[joint_of(diagnosis, finding.joint)].joint].v > 0
     return _best([_variable(name, diagnosis, motions, finding) for name in names], residual, forward)
 
@@ -109,7 +84,7 @@ def strongest_variable(
 ) -> Variable:
     """Of everything that may explain a residual of unknown cause, what explains most of it."""
     nameless = Finding("", joint, "everywhere", {}, 0.0, (0.0, 0.0), 0.0, (), "supported")
-    variables = [_variable(name, diagnosis, motions, nameless) for name in ANY]
+    variables = [_variable(name, diagnosis, motions, nameless) for name in ANY_VARIABLE]
     return _best(variables, residual, motions[joint].v > 0)
 
 

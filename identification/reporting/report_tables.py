@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 from identification.diagnosis.result import Bound, Diagnosis, Finding, JointGap, NotTestable
 from identification.words import diagnosis_words as words
-from identification.words.effect_words import EFFECTS, REGIMES, effect_words, regime_words
+from identification.words.effect_words import REGIMES, effect_words, is_between_joints, regime_words, report_order
 from identification.words.numbers import number, percent, with_unit
 from identification.words.size_words import meaning_of, value_cell
 
@@ -85,9 +85,9 @@ def rollout_rows(diagnosis: Diagnosis) -> list[Row]:
 
 
 def seen_from(bounds: tuple[Bound, ...]) -> list[SeenFrom]:
-    """Bounds gathered by effect and parameter, in the order of the catalogue."""
+    """Bounds gathered by effect and parameter, in the order of a report."""
     groups: dict[tuple[str, str], list[Bound]] = {}
-    for bound in sorted(bounds, key=lambda bound: _order(bound.effect)):
+    for bound in sorted(bounds, key=lambda bound: report_order(bound.effect)):
         groups.setdefault((bound.effect, bound.parameter), []).append(bound)
     return [
         SeenFrom(
@@ -103,7 +103,7 @@ def seen_from(bounds: tuple[Bound, ...]) -> list[SeenFrom]:
 def untestable_rows(entries: tuple[NotTestable, ...], joints: tuple[JointGap, ...]) -> list[Row]:
     """Effects, places and reason, one row for each reason that holds at the same places."""
     places: dict[tuple[str, str], list[str | None]] = {}
-    for entry in sorted(entries, key=lambda entry: _order(entry.effect)):
+    for entry in sorted(entries, key=lambda entry: report_order(entry.effect)):
         places.setdefault((entry.effect, entry.why), []).append(entry.joint)
     effects: dict[tuple[str, Row], list[str]] = {}
     for (effect, why), at in places.items():
@@ -127,17 +127,13 @@ def _range(bounds: list[Bound]) -> str:
     size = with_unit(low if low == high else f"{low} to {high}", bounds[0].unit)
     if len(bounds) == 1:
         return f"{size} ({words.place(bounds[0].effect, bounds[0].joint)})"
-    kind = "pairs of joints" if bounds[0].effect == "joint_coupling" else "joints"
+    kind = "pairs of joints" if is_between_joints(bounds[0].effect) else "joints"
     return f"{size} ({len(bounds)} {kind})"
 
 
 def _bare(effect: str, joint: str | None) -> str:
     """A place for a list: the names of joints without the word."""
     return words.place(effect, joint).removeprefix("joints ").removeprefix("joint ")
-
-
-def _order(effect: str) -> int:
-    return list(EFFECTS).index(effect) if effect in EFFECTS else len(EFFECTS)
 
 
 def _number(value: object) -> str:

@@ -14,10 +14,9 @@ from identification.diagnosis.model.own_effects import OwnEffect
 from identification.diagnosis.model.terms import KnownEffect, Term
 from phantom_dyn.dynamics.dynamics import standard_parameters
 from phantom_dyn.effects.catalogue import effect_named
-from phantom_dyn.effects.effect import Effect, Simulated, Transmission
-from phantom_dyn.effects.encoder.encoder_quantization import EncoderQuantization
-from phantom_dyn.effects.load.payload import Payload
+from phantom_dyn.effects.effect import Effect
 from phantom_dyn.effects.operation import Operation
+from phantom_dyn.effects.simulated import Simulated, Transmission
 from phantom_dyn.effects.support.changed_robot import with_parameters
 from phantom_dyn.errors import ParameterError
 from phantom_dyn.model.robot import Robot
@@ -89,7 +88,7 @@ class Model:
 
 
 def model_of(robot: Robot, causes: tuple[Cause, ...], *, late: float = 0.0) -> Model:
-    """The model with effects in it; a rounded reading is left out, as it moves nothing.
+    """The model with effects in it, without those that leave noise alone: a rounded reading moves nothing.
 
     Args:
         robot: Without them.
@@ -101,7 +100,7 @@ def model_of(robot: Robot, causes: tuple[Cause, ...], *, late: float = 0.0) -> M
     """
     moved, commands, others = robot, [], []
     for cause in causes:
-        if isinstance(cause.effect, EncoderQuantization):
+        if cause.effect.only_noise:
             continue
         part = cause.effect.simulated(robot, cause.joint, cause.theta)
         if part.command is not None:
@@ -134,7 +133,7 @@ def found_causes(robot: Robot, terms: tuple[Term, ...], theta: Float[Array, " K"
     for term in terms:
         effect = term.effect
         elsewhere = isinstance(effect, OwnEffect) and effect.recording != recording
-        if not isinstance(effect, Effect) or isinstance(effect, Payload) or elsewhere:
+        if not isinstance(effect, Effect) or effect.inertial == "point mass" or elsewhere:
             continue
         values = np.array(effect.from_coefficients(robot, term.joint, theta[list(term.columns)], term.shape))
         if not np.abs(values).max() < _LARGEST:
@@ -153,9 +152,9 @@ def loaded(robot: Robot, terms: tuple[Term, ...], theta: Float[Array, " K"]) -> 
         RobotError: If a link would weigh nothing or less.
     """
     for term in terms:
-        if isinstance(term.effect, Payload):
+        if term.effect.inertial == "point mass":
             added = np.zeros_like(standard_parameters(robot))
-            added[list(term.effect.columns_of(robot, term.joint))] = theta[list(term.columns)]
+            added[list(term.effect.regressor_columns(robot, term.joint))] = theta[list(term.columns)]
             robot = with_parameters(robot, added)
     return robot
 

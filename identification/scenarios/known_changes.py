@@ -5,28 +5,18 @@ from __future__ import annotations
 import math
 from dataclasses import replace
 
+import numpy as np
+
 from identification.diagnosis.model.own_effects import OwnEffect
 from identification.diagnosis.model.session import Session
 from identification.diagnosis.model.terms import KnownEffect
 from identification.diagnosis.result import EffectAt, Finding, Judgement, Value
 from identification.diagnosis.result import Rival as RivalSet
-from phantom_dyn.effects.catalogue import effect_named
+from phantom_dyn.effects.catalogue import EFFECTS
 from phantom_dyn.effects.support.rows import modelled_friction_of
 from phantom_dyn.model.robot import Robot
 
-# The parameters of each friction law that are the same friction as that of another law; of several their mean counts.
-_SAME_FRICTION: dict[str, dict[str, tuple[str, ...]]] = {
-    "coulomb_friction": {
-        "coulomb_friction": ("torque",),
-        "stribeck_friction": ("coulomb_torque",),
-        "presliding_friction": ("torque",),
-        "direction_dependent_friction": ("torque_positive", "torque_negative"),
-    },
-    "viscous_friction": {
-        "viscous_friction": ("coefficient",),
-        "direction_dependent_friction": ("coefficient_positive", "coefficient_negative"),
-    },
-}
+# Where the model has what an effect is more of: place among the joint's friction, and name among what was adjusted.
 _MODELLED = {"viscous_friction": (0, "viscous friction"), "coulomb_friction": (1, "Coulomb friction")}
 # A level below so many of its deviations is nothing to compare with.
 _LEAST_LEVEL = 2.0
@@ -65,7 +55,7 @@ def _told(
         return replace(finding, rivals=rivals)
     parameters = dict(finding.parameters)
     name = effect.inner.name
-    if name in _SAME_FRICTION:
+    if name in _MODELLED:
         ratio = growth(
             parameters[next(iter(parameters))], level_elsewhere(name, finding.joint, judgement, robot, known)
         )
@@ -86,18 +76,25 @@ def level_elsewhere(
     modelled = modelled_friction_of(robot, joint)[at]
     moved = sum(entry.change for entry in judgement.adjusted if entry.quantity == f"{joint} {words}")
     level, variance = modelled * (1.0 + moved), 0.0
-    laws = _SAME_FRICTION[name]
     for effect in known:
-        if effect.effect in laws and effect.joint == joint:
-            names = [parameter.name for parameter in effect_named(effect.effect).parameters(robot, joint)]
-            values = dict(zip(names, effect.theta, strict=True))
-            level += sum(values[key] for key in laws[effect.effect]) / len(laws[effect.effect])
+        if effect.joint == joint:
+            shares = _shares(robot, effect.effect, joint, at)
+            level += sum(share * effect.theta[k] for k, share in enumerate(shares.values()) if share)
     for finding in judgement.findings:
-        if finding.effect in laws and finding.joint == joint and finding.recording is None:
-            share = len(laws[finding.effect])
-            for value, std in (_single(finding.parameters[key]) for key in laws[finding.effect]):
-                level, variance = level + value / share, variance + (std / share) ** 2
+        if finding.joint == joint and finding.recording is None:
+            for parameter, share in _shares(robot, finding.effect, joint, at).items():
+                if share:
+                    value, std = _single(finding.parameters[parameter])
+                    level, variance = level + share * value, variance + (share * std) ** 2
     return Value(level, math.sqrt(variance), "")
+
+
+def _shares(robot: Robot, effect: str, joint: str | None, at: int) -> dict[str, float]:
+    """How much each parameter of an effect of the catalogue counts as viscous (0) or Coulomb (1) friction."""
+    law = next((law for law in EFFECTS if law.name == effect), None)
+    names = [] if law is None else [parameter.name for parameter in law.parameters(robot, joint)]
+    numbers = [law.model_numbers(robot, joint, unit) for unit in np.eye(len(names))] if law is not None else []
+    return {name: (one.viscous, one.coulomb)[at] for name, one in zip(names, numbers, strict=True)}
 
 
 def growth(difference: Value, level: Value) -> Value | None:

@@ -12,7 +12,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from identification.diagnosis.result import Diagnosis, EffectAt, Finding, Rival, Unexplained
-from identification.words.effect_words import effect_words, regime_words
+from identification.words.effect_words import effect_words, is_between_joints, regime_words
 from identification.words.numbers import NO_BREAK, percent, value_words
 from identification.words.size_words import shortfall_words, size_words
 
@@ -24,9 +24,9 @@ def in_recording(recording: str | None) -> str:
 
 def growth_words(finding: Finding) -> str:
     """``, where it is 2.1 times what it is in the other recordings``; nothing where that is not known."""
-    ratio = (
-        None if finding.effect in ("torque_constant", "load_dependent_friction") else finding.parameters.get("ratio")
-    )
+    # Where the ratio is a parameter of the effect itself, it compares no recordings.
+    own = "ratio" in effect_words(finding.effect).parameters
+    ratio = None if own else finding.parameters.get("ratio")
     if finding.recording is None or ratio is None:
         return ""
     return f", where it is {value_words(ratio)} times what it is in the other recordings"
@@ -112,7 +112,7 @@ def place(effect: str, joint: str | None) -> str:
     if joint is None:
         return "the whole robot"
     first, plus, second = joint.partition("+")
-    if effect == "joint_coupling" and plus:
+    if plus and is_between_joints(effect):
         return f"joints {first} and {second}"
     return f"joint {joint}"
 

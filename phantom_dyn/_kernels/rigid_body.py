@@ -151,6 +151,14 @@ def frame_pose(model: pin.Model, arrays: TreeArrays | None, q: Array, frame: int
     return _frame(model, arrays, q, frame, body=False, jacobian=False)[:2]
 
 
+def frame(model: pin.Model, arrays: TreeArrays | None, q: Array, index: int) -> tuple[Array, Array, Array]:
+    """Orientation, position [m] and Jacobian in the axes of the root, see `frame_pose` and `frame_jacobian`."""
+    _require_motion(model, q)
+    if arrays is None or not jit.compiles():
+        return *plain.frame_pose(model, q, index), plain.frame_jacobian(model, q, index, False)
+    return _frame(model, arrays, q, index, body=False, jacobian=True)
+
+
 def frame_jacobian(model: pin.Model, arrays: TreeArrays | None, q: Array, frame: int, *, body: bool) -> Array:
     """Jacobian of a frame in its own axes (``body``) or in those of the root, rows v, then w, ``(N, 6, nt)``."""
     _require_motion(model, q)

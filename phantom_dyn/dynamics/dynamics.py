@@ -98,7 +98,11 @@ def link_torque(robot: Robot, motion: Motion) -> Float[Array, "N nv"]:
         ChainError: If a loop of a closed chain cannot be closed or is singular at a sample.
     """
     _require_finite(motion)
-    tree = tree_motion(robot, motion)
+    return link_torque_of_tree(robot, tree_motion(robot, motion))
+
+
+def link_torque_of_tree(robot: Robot, tree: TreeMotion) -> Float[Array, "N nv"]:
+    """As `link_torque`, for a motion of the tree that is known already."""
     return _active(robot, tree, _rigid_body_torque(robot, tree) - robot.model.armature * tree.a)
 
 
@@ -210,10 +214,11 @@ def mass_matrix(robot: Robot, q: Float[Array, "N nv"]) -> Float[Array, "N nv nv"
         ChainError: If a loop of a closed chain cannot be closed or is singular at a sample.
     """
     rest = np.zeros_like(q)
-    return _mass_matrix(robot, tree_motion(robot, Motion(np.arange(float(len(q))), q, rest, rest)))
+    return mass_matrix_of_tree(robot, tree_motion(robot, Motion(np.arange(float(len(q))), q, rest, rest)))
 
 
-def _mass_matrix(robot: Robot, tree: TreeMotion) -> Float[Array, "N nv nv"]:
+def mass_matrix_of_tree(robot: Robot, tree: TreeMotion) -> Float[Array, "N nv nv"]:
+    """As `mass_matrix`, for positions of the tree that are known already."""
     out = rigid_body.mass(robot.model, robot.arrays, tree.configuration)
     return out if robot.chain is None else project(tree.G, out) @ tree.G
 
@@ -237,4 +242,4 @@ def forward_dynamics(
     """
     coasting = Motion(np.arange(float(len(q))), q, v, np.zeros_like(v))
     bias = inverse_dynamics(robot, coasting)
-    return np.linalg.solve(_mass_matrix(robot, tree_motion(robot, coasting)), (tau - bias)[..., None])[..., 0]
+    return np.linalg.solve(mass_matrix_of_tree(robot, tree_motion(robot, coasting)), (tau - bias)[..., None])[..., 0]

@@ -13,7 +13,7 @@ import numpy as np
 from jaxtyping import Float
 
 from phantom_dyn.errors import RobotError, known_names
-from phantom_dyn.loops.solver import drift, solved
+from phantom_dyn.loops.solver import drift, solve
 from phantom_dyn.model.robot import Robot
 from phantom_dyn.motion import Motion, configurations
 
@@ -40,12 +40,14 @@ class TreeMotion:
     G: Float[Array, "N nt nv"]
 
 
-def tree_motion(robot: Robot, motion: Motion) -> TreeMotion:
+def tree_motion(robot: Robot, motion: Motion, *, near: Float[Array, " nt"] | None = None) -> TreeMotion:
     """Motion of the whole tree while the active joints move as given.
 
     Args:
         robot: A closed chain or a plain robot.
         motion: N samples of the active joints.
+        near: Positions of the tree that close its loops, from which the search for the first sample begins, as in a
+            simulation that asks state by state; by default where the chain starts.
 
     Raises:
         ChainError: If a loop cannot be closed or is singular at a sample.
@@ -53,7 +55,10 @@ def tree_motion(robot: Robot, motion: Motion) -> TreeMotion:
     if robot.chain is None:
         G = np.broadcast_to(np.eye(robot.nv), (len(motion.q), robot.nv, robot.nv))
         return TreeMotion(robot.configuration(motion.q), motion.q, motion.v, motion.a, G)
-    found = solved(robot.model, robot.chain, motion.q, arrays=robot.arrays)
+    if near is None:
+        found = robot.solutions.at(motion.q)
+    else:
+        found = solve(robot.model, robot.chain, motion.q, near, arrays=robot.arrays)
     v = apply(found.G, motion.v)
     a = apply(found.G, motion.a) + drift(robot.model, robot.chain, found, v, arrays=robot.arrays)
     return TreeMotion(configurations(robot.model, found.x), found.x, v, a, found.G)
@@ -110,3 +115,13 @@ def passive_friction(robot: Robot, tree: TreeMotion) -> Float[Array, "N nv"]:
     rows = list(chain.passive)
     v = tree.v[:, rows]
     return project(tree.G[:, rows, :], chain.viscous_friction * v + chain.coulomb_friction * np.sign(v))
+
+
+def tree_friction(robot: Robot) -> tuple[Float[Array, " nt"], Float[Array, " nt"]]:
+    """Viscous coefficients and Coulomb torques of all joints of the tree, passive ones included."""
+    viscous, coulomb = np.zeros(robot.model.nv), np.zeros(robot.model.nv)
+    viscous[list(robot.tree_rows)], coulomb[list(robot.tree_rows)] = robot.viscous_friction, robot.coulomb_friction
+    if robot.chain is not None:
+        passive = list(robot.chain.passive)
+        viscous[passive], coulomb[passive] = robot.chain.viscous_friction, robot.chain.coulomb_friction
+    return viscous, coulomb

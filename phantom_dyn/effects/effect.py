@@ -1,31 +1,57 @@
-"""What every effect of the catalogue provides."""
+"""What an effect of the catalogue provides.
+
+An author gives a name, a regime, words, `Effect.parameters`, the law `Effect.torque`, its columns `Effect.signature`
+and how it enters a simulation `Effect.simulated`. All the rest has a default that is right for a torque on one joint
+that is linear in its parameters; what differs from that is said by an attribute or a small method here, so that
+nobody has to know effects by name.
+"""
 
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from collections.abc import Callable
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
 from jaxtyping import Float
 
+from phantom_dyn.effects.described import EffectWords, ModelNumbers
 from phantom_dyn.effects.operation import Operation
+from phantom_dyn.effects.simulated import Simulated
 from phantom_dyn.model.robot import Robot
 
 Array = np.ndarray
 # What the torque is not linear in (a Stribeck velocity, the orders of a cogging torque); () if there is nothing.
 Shape = tuple[float, ...]
+# Drive torque more, ``(N, nv)``, from operation, joint, coefficients and shape.
+OtherLaw = Callable[[Operation, str | None, Array, Array], Array]
 
 
 @dataclass(frozen=True)
 class Parameter:
-    """Name, unit and bounds of one parameter of an effect."""
+    """Name, unit and range of one parameter of an effect.
+
+    Attributes:
+        name: The contract's.
+        unit: SI; ``1`` if it has none.
+        lower: Least value of which the law makes sense; zero is none at all.
+        upper: Largest one.
+        default: Value of a device for which none is given; None if it has to be.
+        above_zero: True if no device has zero, though a search may come to it.
+        plausible: Smallest and largest value that a sound device may have; outside it a size asks for a second look.
+            None if nothing can be said.
+        plausible_because: Where that range is from.
+    """
 
     name: str
     unit: str
     lower: float = -np.inf
     upper: float = np.inf
+    default: float | None = None
+    above_zero: bool = False
+    plausible: tuple[float, float] | None = None
+    plausible_because: str = ""
 
 
 @dataclass(frozen=True)
@@ -47,79 +73,6 @@ class Signature:
     steps: Float[Array, "N m k"] | None = None
 
 
-@dataclass(frozen=True)
-class Moment:
-    """One instant of a simulation, as a torque law sees it; arrays have one entry per joint.
-
-    Attributes:
-        t: Time [s].
-        q: True joint positions [rad or m].
-        v: True joint velocities.
-        transmitted: Torque that the transmissions pass to the links.
-    """
-
-    t: float
-    q: Float[Array, " nv"]
-    v: Float[Array, " nv"]
-    transmitted: Float[Array, " nv"]
-
-
-@dataclass(frozen=True)
-class Transmission:
-    """A joint whose motor and link may move apart: a spring behind a play of full width ``gap``."""
-
-    joint: str
-    stiffness: float
-    damping: float
-    gap: float
-
-
-@dataclass(frozen=True)
-class Law:
-    """A channel of `Simulated` on one joint, for compiled steps: a function that `simulation_laws` lists.
-
-    Attributes:
-        function: Compiled law on scalars, in the effect's own file.
-        row: The joint.
-        numbers: Its parameters, at most four.
-        start: Its state at the start, at most three numbers.
-        other: A joint whose speed counts too, ``share`` times, and that takes ``share`` of the torque.
-        share: See ``other``.
-    """
-
-    function: Callable
-    row: int
-    numbers: tuple[float, ...] = ()
-    start: tuple[float, ...] = ()
-    other: int = 0
-    share: float = 0.0
-
-
-@dataclass(frozen=True)
-class Simulated:
-    """How one effect enters a simulation: the channels that it changes, and its state; None leaves a channel alone.
-
-    Attributes:
-        start: State at the start.
-        robot: Rigid-body model that moves instead of the given one.
-        command: ``(state, dt, tau) -> (state, tau)``: what the drive gives when ``tau`` is asked for.
-        torque: ``(state, dt, moment) -> (state, torque)``: torque that it adds on the joints.
-        reading: Position readings ``(nv,)`` from true positions at the encoders.
-        transmission: A motor that is not rigidly tied to its link.
-        inertia: What it adds to the joints' mass matrix, shape ``(nv, nv)``.
-        laws: The same command, torque or reading once more, compiled; empty if there is only the Python above.
-    """
-
-    start: Float[Array, " s"] = field(default_factory=lambda: np.zeros(0))
-    robot: Callable[[Robot], Robot] | None = None
-    command: Callable[[Array, float, Array], tuple[Array, Array]] | None = None
-    torque: Callable[[Array, float, Moment], tuple[Array, Array]] | None = None
-    reading: Callable[[Array], Array] | None = None
-    transmission: Transmission | None = None
-    inertia: Float[Array, "nv nv"] | None = None
-    laws: tuple[Law, ...] = ()
-
-
 class Rival(ABC):
     """A cause that leaves columns in inverse dynamics; ``joint`` is None where it is one of the whole robot.
 
@@ -130,27 +83,54 @@ class Rival(ABC):
 
     Attributes:
         name: The contract's, or one of its own for a cause that the catalogue has no name for.
-        scope: Whether it sits on a joint (a name, or two joined by ``+``), on the whole robot, or on either.
+        scope: Whether it sits on a joint, between a pair of joints (two names joined by ``+``), on the whole robot, or
+            on a joint or the whole robot.
         regime: Where the effect shows most.
         contains: Names of the effects that are special cases of it.
+        same_as_sum: Names of effects that together are this one exactly, for some of its parameters.
         uses_acceleration: True if its columns carry the noise of a twice differentiated position.
+        follows_model: True if its columns are made of the model's torque or its derivatives (those of a rigid body,
+            which are linear in the model, are not), so that they move as the model does within its tolerances.
+        follows_torque: True if its columns are made of the torque with all other findings in it.
+        scales_joint: True if its coefficient scales all torque of its joint, what is found beside it included.
+        inertial: Where its columns are those of the rigid-body regressor, see `regressor_columns`: a point mass (mass
+            and first moments are free, the inertia follows), or free parameters, of which a finding lists only those
+            of a set that any motion tells apart, the others being zero.
         shape_is_estimate: True if the shape is the last estimate of a coefficient, and no parameter of its own.
-        follows_torque: True if its columns are made of the modelled torque, other findings included.
-        stays: True if its columns of one shape stay the same whatever a fit has found: they are not made of the
-            ``expected`` torque or of what a fit leaves.
+        shape_held: True if a fit of everything holds the shape.
+        first_order: True if its columns are the law to first order only, so that a fit of everything takes the law.
+        seen_by: What makes it large: its coefficients, its shape (coefficient one is the whole effect), or neither,
+            where coefficient one is the whole too and no size is too small to be seen.
+        told_from_zero: True if an effect whose coefficients are not told from zero is dropped although its columns have
+            a shape or carry the noise of accelerations.
+        other_laws: Other laws of the same parameters that the contract's words fit as well: nothing in a recording
+            tells which it is, so that a parameter is known no better than all of them agree on it.
     """
 
     name: str
-    scope: Literal["joint", "robot", "either"] = "joint"
+    scope: Literal["joint", "pair", "robot", "either"] = "joint"
     regime: str
     contains: tuple[str, ...] = ()
+    same_as_sum: tuple[str, ...] = ()
     uses_acceleration: bool = False
-    shape_is_estimate: bool = False
+    follows_model: bool = False
     follows_torque: bool = False
-    stays: bool = False
+    scales_joint: bool = False
+    inertial: Literal["point mass", "free"] | None = None
+    shape_is_estimate: bool = False
+    shape_held: bool = False
+    first_order: bool = False
+    seen_by: Literal["coefficient", "shape", "neither"] = "coefficient"
+    told_from_zero: bool = False
+    other_laws: tuple[OtherLaw, ...] = ()
+
+    @property
+    def stays(self) -> bool:
+        """True if its columns of one shape stay the same whatever a fit has found and left."""
+        return False
 
     def places(self, robot: Robot) -> tuple[str | None, ...]:
-        """Where it may sit: every joint, the whole robot (None), or both."""
+        """Where a search looks for it: every joint, the whole robot (None), or both."""
         if self.scope == "robot":
             return (None,)
         return (None, *robot.joint_names) if self.scope == "either" else robot.joint_names
@@ -167,6 +147,10 @@ class Rival(ABC):
         """The shape at which a law that takes its own parameter as shape agrees with its coefficients."""
         near = self.refined(coefficients, shape)
         return near[len(near) // 2]
+
+    def regressor_columns(self, robot: Robot, joint: str | None) -> tuple[int, ...]:
+        """Which columns of the rigid-body regressor an ``inertial`` effect sets free."""
+        return ()
 
     @abstractmethod
     def signature(self, robot: Robot, operation: Operation, joint: str | None, shape: Shape) -> Signature:
@@ -187,16 +171,37 @@ class Effect(Rival):
     The parameters are the contract's; where they are what the torque is linear in, they are the coefficients.
 
     Attributes:
-        seen_by: What makes it large: its coefficients, its shape (coefficient one is the whole effect), or neither,
-            where no size is too small to be seen.
+        words: What reports say of it.
+        takes_lists: True if each parameter is a list, all of one length (the orders of a cogging torque); ``theta``
+            holds one list after the other.
+        either_sign: True if a size that nobody has seen may be there with either sign.
+        changes_with: What has to change between two recordings for it to be another one: the friction (and with it the
+            temperature, which changes more besides) or the controller; None if it stays.
+        only_noise: True if it leaves noise alone: its signature has no column, and what moves is simulated without it.
     """
 
-    stays: bool = True
-    seen_by: Literal["coefficient", "shape", "neither"] = "coefficient"
+    words: EffectWords
+    takes_lists: bool = False
+    either_sign: bool = False
+    changes_with: Literal["friction", "temperature", "controller"] | None = None
+    only_noise: bool = False
+
+    @property
+    def stays(self) -> bool:
+        """True if its columns of one shape stay the same whatever a fit has found and left."""
+        return not self.follows_torque
 
     @abstractmethod
     def parameters(self, robot: Robot, joint: str | None) -> tuple[Parameter, ...]:
         """The contract's parameters with units and bounds."""
+
+    def optional_parameters(self, robot: Robot, joint: str | None) -> tuple[Parameter, ...]:
+        """Parameters that a device may have besides, all of them or none; no fit looks for them."""
+        return ()
+
+    def can_sit(self, robot: Robot, joint: str | None) -> bool:
+        """True if a device may have it there; a search looks at `places` only."""
+        return joint in self.places(robot)
 
     def from_coefficients(
         self, robot: Robot, joint: str | None, coefficients: Float[Array, " k"], shape: Shape
@@ -204,13 +209,31 @@ class Effect(Rival):
         """The contract's parameters, in the order of `parameters`, from linear coefficients."""
         return coefficients
 
-    @abstractmethod
     def probe(self, robot: Robot, operation: Operation, joint: str | None) -> tuple[str, Float[Array, " k"]]:
-        """The parameter that says how large the effect is, and the coefficients of one unit of it."""
+        """The parameter that says how large the effect is, and the coefficients of one unit of it.
+
+        By default the first parameter, which is the only coefficient.
+        """
+        return self.parameters(robot, joint)[0].name, np.array([1.0])
 
     def probe_unit(self, robot: Robot, joint: str | None, name: str) -> str:
         """Unit of what `probe` names."""
         return next(parameter.unit for parameter in self.parameters(robot, joint) if parameter.name == name)
+
+    def sized(
+        self, robot: Robot, joint: str | None, name: str, size: float, posture: Float[Array, " nv"]
+    ) -> tuple[float, ...] | None:
+        """The contract's parameters of an effect that is so large; None if its size alone does not make one.
+
+        Args:
+            robot: The given model.
+            joint: Where it sits.
+            name: What `probe` names.
+            size: Of that.
+            posture: Mean positions, about which the others are as in `probe`.
+        """
+        known = self.parameters(robot, joint)
+        return (size,) if [parameter.name for parameter in known] == [name] else None
 
     @abstractmethod
     def torque(
@@ -222,6 +245,18 @@ class Effect(Rival):
         that the recording shows because of it.
         """
 
+    def link_ahead(
+        self, operation: Operation, joint: str | None, theta: Float[Array, " p"]
+    ) -> Float[Array, "N nv"] | None:
+        """How far links are ahead of their motors [rad or m]; None where they are rigidly tied."""
+        return None
+
     @abstractmethod
     def simulated(self, robot: Robot, joint: str | None, theta: Float[Array, " p"]) -> Simulated:
         """How it enters a simulation, with the contract's parameters."""
+
+    def model_numbers(self, robot: Robot, joint: str | None, theta: Float[Array, " p"]) -> ModelNumbers:
+        """What model files and control laws can hold of it: all of what is other links or another gravity."""
+        part = self.simulated(robot, joint, theta)
+        others = (part.command, part.torque, part.reading, part.transmission, part.inertia)
+        return ModelNumbers(whole=True, robot=part.robot) if others == (None,) * 5 else ModelNumbers()

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
-from typing import Any, Literal
+from dataclasses import dataclass
+from typing import Literal
 
 import numpy as np
 from jaxtyping import Float
@@ -47,7 +47,6 @@ class ClosedChain:
         start: Tree positions [rad or m] at which every anchor holds, in the way of assembly that is meant.
         viscous_friction: Modelled viscous coefficients of the passive joints.
         coulomb_friction: Modelled Coulomb torques of the passive joints.
-        recent: What was solved last, see `phantom_dyn.loops.solver`: (model, positions, solution).
     """
 
     active: tuple[int, ...]
@@ -60,7 +59,6 @@ class ClosedChain:
     start: Float[Array, " nt"]
     viscous_friction: Float[Array, " np"]
     coulomb_friction: Float[Array, " np"]
-    recent: list[tuple[Any, Any, Any]] = field(default_factory=list, init=False, repr=False, compare=False)
 
     def __post_init__(self):
         for name in ("linear_map", "offset", "start", "viscous_friction", "coulomb_friction"):
@@ -70,7 +68,3 @@ class ClosedChain:
     def nv(self) -> int:
         """Number of active joints."""
         return len(self.active)
-
-    def __getstate__(self) -> dict[str, Any]:
-        """What a copy for another process needs: all but the solutions."""
-        return self.__dict__ | {"recent": []}

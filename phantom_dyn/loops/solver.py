@@ -1,17 +1,15 @@
 # pyright: reportAttributeAccessIssue=false
 """Positions of the tree of a closed chain along a trajectory of the active joints, by Newton's method.
 
-Positions of the tree along a trajectory of the active joints, with their slope ``G`` and their drift.
-
-Anchors are closed by Newton's method, each sample from the one before: the way of assembly in which the chain starts
-is kept, because no step is taken that the slope does not foresee.
-
-Solutions of a closed chain that are asked for again: many questions are about the same positions.
+Each sample starts from the one before, so that the way of assembly in which the chain starts is kept: no step is taken
+that the slope does not predict. `close_loops` of `phantom_dyn._kernels.loop_closing` is the same search, compiled; the
+one in Python here serves without numba, and says which loop fails and why where the compiled one stops.
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 import pinocchio as pin
@@ -35,12 +33,15 @@ Newton's steps then end in rounding."""
 _STEP = 1e-11
 """Newton's last step [rad or m]; it is quadratic, so that what is left is rounding."""
 _ITERATIONS = 12
+"""Of Newton's method at most: from one step of `REACH` away it takes four or five."""
 REACH = 0.3
 """Longest step of a joint between two solutions [rad or m]."""
 _FORESEEN = 0.5
 """Largest correction of a step, relative to the step: beyond it, the way of assembly may have changed."""
 _SHORTEST = 1e-7
 """Smallest part of the way to a sample that is tried: what fails there, fails."""
+_REMEMBERED = 4
+"""Trajectories whose solution is kept: a motion, its two neighbours in a central difference, and one to spare."""
 _LIMITS = (CLOSED, SINGULAR, _STEP, REACH, _FORESEEN, _SHORTEST, float(_ITERATIONS))
 
 
@@ -138,6 +139,37 @@ def _followed(
             z[k], slopes[k], inverses[k] = found.z, found.slope, found.inverse
             k += 1
     return z[:-1], slopes[:-1], inverses[:-1]
+
+
+class RecentSolutions:
+    """Solutions of one chain at the positions that were asked for last.
+
+    Torque, friction, regressor and mass matrix are asked for on the same trajectory. A solution depends on the
+    positions alone, so that what is kept changes how long an answer takes and never the answer.
+    """
+
+    def __init__(self, model: pin.Model, chain: ClosedChain, arrays: TreeArrays | None):
+        self._model, self._chain, self._arrays = model, chain, arrays
+        self._kept: tuple[tuple[Array, Solution], ...] = ()
+
+    def at(self, q: Float[Array, "N nv"]) -> Solution:
+        """As `solve` from where the chain starts.
+
+        Raises:
+            ChainError: If a loop cannot be closed or is singular at a sample.
+        """
+        for positions, solution in self._kept:
+            if np.array_equal(positions, q):
+                return solution
+        found = solve(self._model, self._chain, q, arrays=self._arrays)
+        if self._chain.anchors:
+            # One assignment: threads that share a robot never see half of it.
+            self._kept = (*self._kept[1 - _REMEMBERED :], (np.array(q), found))
+        return found
+
+    def __getstate__(self) -> dict[str, Any]:
+        """What a copy for another process needs: all but the solutions."""
+        return self.__dict__ | {"_kept": ()}
 
 
 def tree_positions(
@@ -238,44 +270,3 @@ def _why(chain: ClosedChain, at: Constraints, q: Float[Array, " nv"], z: Float[A
         f"{np.linalg.svd(slope, compute_uv=False)[-1]:.2g}): there the passive joints do not follow from the active "
         "ones; keep the motion away from it."
     )
-
-
-_REMEMBERED = 4
-"""Trajectories whose solution is kept: a motion, its two neighbours in a central difference, and one to spare."""
-
-
-def solved(
-    model: pin.Model, chain: ClosedChain, q: Float[Array, "N nv"], *, arrays: TreeArrays | None = None
-) -> Solution:
-    """As `phantom_dyn.loops.solver.solve`, from memory where the same chain was solved at the same positions lately.
-
-    Nothing can go out of date, as chains and solutions do not change. A single sample begins at the nearest solution
-    that is kept, because a simulation asks sample by sample; whole trajectories always begin where the chain starts,
-    so that they do not depend on what was asked before.
-
-    Args:
-        model: The tree.
-        chain: Its loops.
-        q: Positions of the active joints [rad or m].
-        arrays: The tree as compiled loops take it; None for steps in Python.
-
-    Raises:
-        ChainError: If a loop cannot be closed or is singular at a sample.
-    """
-    if not chain.anchors:
-        return solve(model, chain, q)
-    kept = [entry for entry in chain.recent if entry[0] is model]
-    for _, positions, solution in kept:
-        if positions is q or np.array_equal(positions, q):
-            return solution
-    near = _nearest(chain, [solution for _, _, solution in kept], q) if len(q) == 1 else None
-    found = solve(model, chain, q, near, arrays=arrays)
-    chain.recent[:] = [*kept[1 - _REMEMBERED :], (model, np.array(q), found)]
-    return found
-
-
-def _nearest(chain: ClosedChain, kept: list[Solution], q: Float[Array, "1 nv"]) -> Float[Array, " nt"] | None:
-    """Positions of the tree among those last solved that one step of the solver takes to ``q``."""
-    ends = [solution.x[-1] for solution in kept if len(solution.x)]
-    apart = [float(np.abs(x[list(chain.active)] - q[0]).max()) for x in ends]
-    return ends[int(np.argmin(apart))] if apart and min(apart) <= REACH else None

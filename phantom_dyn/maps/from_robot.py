@@ -1,9 +1,8 @@
 # pyright: reportAttributeAccessIssue=false
-"""From a `Robot` to what a map needs of it; what maps of the built-in devices know beyond their robot file.
+"""From a `Robot` to what a map needs to know of it: tip, limits, stiffness, posture and the branches of its inverse.
 
-What maps of the built-in devices know beyond their robot file: inverse kinematics, stiffness, a usual posture.
-
-From a `Robot` to what a map needs of it.
+Of the built-in devices more is known than their robot files say: inverse kinematics in closed form, published stiffness
+and the usual posture.
 """
 
 from __future__ import annotations
@@ -12,17 +11,12 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
-import pinocchio as pin
 from jaxtyping import Float
 
 from phantom_dyn.devices import cea, phantom
-from phantom_dyn.dynamics.tree_motion import tree_motion
-from phantom_dyn.errors import ChainError, ParameterError, RobotError, known_names
-from phantom_dyn.maps import from_robot as built_in
+from phantom_dyn.errors import ParameterError, RobotError, known_names
 from phantom_dyn.maps.map_model import MapModel
-from phantom_dyn.maps.tree import Tree
 from phantom_dyn.model.robot import Robot
-from phantom_dyn.motion import Motion
 
 Array = np.ndarray
 
@@ -80,7 +74,7 @@ DEVICES = {
 }
 
 
-def device(source: str, frame: str) -> Device | None:
+def device_of(source: str, frame: str) -> Device | None:
     """Device of a built-in name with its own tip, or None."""
     return DEVICES.get(source) if frame == "tip" else None
 
@@ -113,24 +107,16 @@ def map_model(
     if joint == 0:
         raise RobotError(f"The frame {model.frames[chosen].name!r} of {robot.name} does not move: name a moving one.")
     name = model.frames[chosen].name
-    device = built_in.device(robot.source, name)
+    device = device_of(robot.source, name)
     lower, upper = _limits(robot)
     stiff, note = _stiffness(robot, device, stiffness)
     active = list(robot.tree_rows)
     return MapModel(
-        name=robot.name,
+        robot=robot,
         frame=name,
-        joint_names=robot.joint_names,
-        active=robot.tree_rows,
-        tree=tree_of(model, chosen),
-        linear_map=np.eye(robot.nv) if robot.chain is None else robot.chain.linear_map[:, : robot.nv],
-        offset=np.zeros(robot.nv) if robot.chain is None else robot.chain.offset,
-        solve=None if robot.chain is None or not robot.chain.anchors else NumericChain(robot),
+        tip=chosen,
         lower=lower,
         upper=upper,
-        prismatic=robot.prismatic,
-        viscous=_on_tree(robot, "viscous_friction"),
-        coulomb=_on_tree(robot, "coulomb_friction"),
         stiffness=stiff,
         stiffness_note=note,
         posture=_posture(robot, device, posture, lower[active], upper[active]),
@@ -147,32 +133,6 @@ def _frame(robot: Robot, frame: str | None) -> int:
     return robot.model.getFrameId(frame)
 
 
-def tree_of(model: pin.Model, frame: int) -> Tree:
-    """Arrays of a Pinocchio model whose joints have one velocity each, with ``frame`` (its index) as the tip."""
-    data = model.createData()
-    axes = []
-    for k in range(model.nv):
-        pin.forwardKinematics(model, data, pin.neutral(model), np.eye(model.nv)[k])
-        axes.append(data.v[k + 1].vector.copy())
-    twists = np.array(axes)
-    placements, inertias = list(model.jointPlacements)[1:], list(model.inertias)[1:]
-    tip = model.frames[frame]
-    return Tree(
-        parents=tuple(int(parent) - 1 for parent in list(model.parents)[1:]),
-        rotations=np.array([placement.rotation for placement in placements]),
-        translations=np.array([placement.translation for placement in placements]),
-        linear=twists[:, :3],
-        angular=twists[:, 3:],
-        masses=np.array([inertia.mass for inertia in inertias]),
-        centers=np.array([inertia.lever for inertia in inertias]),
-        inertias=np.array([inertia.inertia for inertia in inertias]),
-        armature=np.array(model.armature),
-        gravity=np.array(model.gravity.linear),
-        tip_joint=int(tip.parentJoint) - 1,
-        tip_offset=np.array(tip.placement.translation),
-    )
-
-
 def _limits(robot: Robot) -> tuple[Array, Array]:
     """Range of each tree joint, infinite where the file states none."""
     model = robot.model
@@ -184,16 +144,7 @@ def _limits(robot: Robot) -> tuple[Array, Array]:
     return lower, upper
 
 
-def _on_tree(robot: Robot, name: str) -> Array:
-    """Friction of every joint of the tree."""
-    out = np.zeros(robot.model.nv)
-    out[list(robot.tree_rows)] = getattr(robot, name)
-    if robot.chain is not None:
-        out[list(robot.chain.passive)] = getattr(robot.chain, name)
-    return out
-
-
-def _stiffness(robot: Robot, device: built_in.Device | None, given: Array | None) -> tuple[Array | None, str]:
+def _stiffness(robot: Robot, device: Device | None, given: Array | None) -> tuple[Array | None, str]:
     if given is not None:
         if given.shape != (robot.nv,) or not (np.isfinite(given).all() and (given > 0).all()):
             raise ParameterError(
@@ -213,7 +164,7 @@ def _numbers(values: Array) -> str:
     return ", ".join(f"{value:g}" for value in values)
 
 
-def _posture(robot: Robot, device: built_in.Device | None, given: Array | None, lower: Array, upper: Array) -> Array:
+def _posture(robot: Robot, device: Device | None, given: Array | None, lower: Array, upper: Array) -> Array:
     if given is not None:
         if given.shape != (robot.nv,) or not np.isfinite(given).all():
             raise ParameterError(
@@ -229,28 +180,3 @@ def _posture(robot: Robot, device: built_in.Device | None, given: Array | None, 
     middle = (np.where(bounded, lower, 0.0) + np.where(bounded, upper, 0.0)) / 2
     nearest_to_zero = np.where(bounded, middle, np.clip(0.0, lower, upper))
     return np.where((lower <= 0) & (upper >= 0), 0.0, nearest_to_zero)
-
-
-@dataclass(frozen=True)
-class NumericChain:
-    """Closes a chain numerically, each sample from the one before, in halves where some cannot be closed.
-
-    Attributes:
-        robot: With a chain that has unknowns.
-    """
-
-    robot: Robot
-
-    def __call__(self, q: Array) -> tuple[Array, Array]:
-        """Positions ``(N, nt)`` and slopes ``(N, nt, nv)`` at ``(N, nv)``; NaN where the chain cannot be closed."""
-        rest = np.zeros_like(q)
-        try:
-            tree = tree_motion(self.robot, Motion(np.arange(float(len(q))), q, rest, rest))
-        except ChainError:
-            if len(q) > 1:
-                half = len(q) // 2
-                parts = [self(q[:half]), self(q[half:])]
-                return np.concatenate([p for p, _ in parts]), np.concatenate([s for _, s in parts])
-            nt = self.robot.model.nv
-            return np.full((1, nt), np.nan), np.full((1, nt, self.robot.nv), np.nan)
-        return tree.q, tree.G

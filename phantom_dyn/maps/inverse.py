@@ -9,6 +9,7 @@ from jaxtyping import Float
 
 from phantom_dyn.dynamics.kinematics import frame_index
 from phantom_dyn.errors import ParameterError
+from phantom_dyn.maps.from_robot import map_model
 from phantom_dyn.maps.map_model import MapModel, tip_of, within_limits
 from phantom_dyn.model.robot import Robot
 
@@ -54,14 +55,14 @@ def cloud_of(model: MapModel) -> Cloud | None:
     """Starts for points without a closed form; None where there is one."""
     if model.branches is not None:
         return None
-    active = list(model.active)
+    active = list(model.robot.tree_rows)
     low, high = model.lower[active], model.upper[active]
     # A turn holds every pose of a rotation, and a metre is far for the rare linear joint without a range.
-    span = np.where(model.prismatic, 1.0, np.pi)
-    narrow = np.isfinite(high - low) & (model.prismatic | (high - low < 2 * np.pi))
+    span = np.where(model.robot.prismatic, 1.0, np.pi)
+    narrow = np.isfinite(high - low) & (model.robot.prismatic | (high - low < 2 * np.pi))
     low, high = np.where(narrow, low, model.posture - span), np.where(narrow, high, model.posture + span)
     # The same cloud in every process and run.
-    samples = _SAMPLES if model.solve is None else _NUMERIC_SAMPLES
+    samples = _NUMERIC_SAMPLES if model.closed_numerically else _SAMPLES
     q = np.random.default_rng(0).uniform(low, high, (samples, model.nv))
     q = q[within_limits(model, q)]
     return Cloud(q, tip_of(model, q)[0])
@@ -99,8 +100,8 @@ def nearest_branch(model: MapModel, points: Array, cloud: Cloud | None) -> Array
 
 def _near_posture(model: MapModel, q: Array) -> Array:
     """Angles turned by whole turns: within half a turn of the posture, or beyond it where the limits want that."""
-    active = list(model.active)
-    turns = np.where(model.prismatic, 0.0, 2 * np.pi)
+    active = list(model.robot.tree_rows)
+    turns = np.where(model.robot.prismatic, 0.0, 2 * np.pi)
     q = q - turns * np.round((q - model.posture) / (2 * np.pi))
     q = q + turns * (q < model.lower[active] - 1e-9)
     return q - turns * (q > model.upper[active] + 1e-9)
@@ -122,7 +123,7 @@ def _distinct(model: MapModel, near: Array) -> list[Array]:
     rows = np.arange(len(near))
     away = np.linalg.norm(near - model.posture, axis=2)
     starts = []
-    for _ in range(_STARTS if model.solve is None else _NUMERIC_STARTS):
+    for _ in range(_NUMERIC_STARTS if model.closed_numerically else _STARTS):
         pick = np.argmin(away, axis=1)
         start = np.where(np.isfinite(away[rows, pick])[:, None], near[rows, pick], np.nan)
         starts.append(start)
@@ -167,8 +168,6 @@ def inverse_kinematics(
         RobotError: If the robot has no such frame, or it does not move.
         ParameterError: If the robot has another number of active joints.
     """
-    from phantom_dyn.maps.from_robot import map_model
-
     frame_index(robot, frame)
     model = replace(map_model(robot, frame=frame, posture=near), branches=None)
     require_three_joints(model)

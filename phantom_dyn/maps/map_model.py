@@ -1,4 +1,4 @@
-"""What a map needs to know of a robot: its tree, how active joints drive it, friction and stiffness."""
+"""A robot as a map sees it: its tip, limits, stiffness and posture, and its dynamics for a block of samples."""
 
 from __future__ import annotations
 
@@ -6,117 +6,144 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
+from jaxtyping import Float
 
-from phantom_dyn.maps.tree import Tree, mass_and_weight, poses, tip_jacobian, tip_position
+from phantom_dyn._kernels import rigid_body
+from phantom_dyn.dynamics.tree_motion import TreeMotion, project, tree_friction, tree_motion
+from phantom_dyn.errors import ChainError
+from phantom_dyn.loops.solver import REACH
+from phantom_dyn.model.robot import Robot
+from phantom_dyn.motion import Motion
 
 Array = np.ndarray
+
+_SLACK = 1e-9
+"""How far beyond a joint limit [rad or m] a position still counts as within: rounding of the inverse kinematics."""
+_ENDS = 4
+"""Solutions that the search for a single sample of a closed chain may begin at."""
 
 
 @dataclass(frozen=True)
 class MapModel:
-    """A robot reduced to arrays, which a process that computes blocks receives.
+    """A robot with what a map needs to know besides; a process that computes blocks receives it.
 
     ``nt`` joints of the tree, ``nv`` active ones.
 
     Attributes:
-        name: Of the robot.
-        frame: Of the tip.
-        joint_names: Active joints.
-        active: Their places in the tree.
-        tree: Kinematics and inertias.
-        linear_map: Tree positions are ``linear_map q + offset``, shape ``(nt, nv)``; used where ``solve`` is None.
-        offset: [rad or m], shape ``(nt,)``.
-        solve: Of a chain that is closed numerically: positions ``(N, nt)`` and slopes ``(N, nt, nv)`` of ``(N, nv)``
-            active positions, rows of NaN where it cannot be closed.
-        lower: Lowest position of each tree joint, ``-inf`` where nothing binds, shape ``(nt,)``.
+        robot: A plain robot or a closed chain.
+        frame: Name of the tip.
+        tip: Index of that frame in the model.
+        lower: Lowest position of each tree joint [rad or m], ``-inf`` where nothing binds, shape ``(nt,)``.
         upper: Highest one.
-        prismatic: True for a linear active joint, shape ``(nv,)``.
-        viscous: Coefficients of the tree's joints [N m s/rad], shape ``(nt,)``.
-        coulomb: Torques of the tree's joints [N m], shape ``(nt,)``.
         stiffness: Of the active joints [N m/rad], shape ``(nv,)``, or None.
         stiffness_note: Where the stiffness comes from, for captions.
         posture: Configuration that a branch is chosen by and that stands in for joints without a grid, ``(nv,)``.
         branches: Closed-form inverse kinematics: candidates ``(B, N, nv)`` of tip positions ``(N, 3)``, or None.
     """
 
-    name: str
+    robot: Robot
     frame: str
-    joint_names: tuple[str, ...]
-    active: tuple[int, ...]
-    tree: Tree
-    linear_map: Array
-    offset: Array
-    solve: Callable[[Array], tuple[Array, Array]] | None
-    lower: Array
-    upper: Array
-    prismatic: Array
-    viscous: Array
-    coulomb: Array
-    stiffness: Array | None
+    tip: int
+    lower: Float[Array, " nt"]
+    upper: Float[Array, " nt"]
+    stiffness: Float[Array, " nv"] | None
     stiffness_note: str
-    posture: Array
+    posture: Float[Array, " nv"]
     branches: Callable[[Array], Array] | None
+
+    @property
+    def name(self) -> str:
+        """Name of the robot."""
+        return self.robot.name
+
+    @property
+    def joint_names(self) -> tuple[str, ...]:
+        """Active joints."""
+        return self.robot.joint_names
 
     @property
     def nv(self) -> int:
         """Number of active joints."""
-        return len(self.joint_names)
+        return self.robot.nv
+
+    @property
+    def closed_numerically(self) -> bool:
+        """True for a chain whose passive joints have to be searched for, which takes a millisecond a sample."""
+        return self.robot.chain is not None and bool(self.robot.chain.anchors)
 
 
-@dataclass(frozen=True)
-class Slope:
-    """``G``, the slope of the tree's positions in the active ones: one matrix, or one per sample.
+def tree_at(model: MapModel, q: Float[Array, "N nv"]) -> TreeMotion:
+    """The tree at rest at active positions [rad or m]; rows of NaN where a chain cannot be closed."""
+    return _resting(model.robot, q, []) if model.closed_numerically else _at_rest(model.robot, q, None)
 
-    Attributes:
-        values: Shape ``(nt, nv)`` or ``(N, nt, nv)``.
+
+def _resting(robot: Robot, q: Float[Array, "N nv"], ends: list[Float[Array, " nt"]]) -> TreeMotion:
+    """The tree of a chain, each sample reached from the one before, in halves where some cannot be closed.
+
+    Args:
+        robot: A chain that is closed numerically.
+        q: Active positions.
+        ends: Last tree positions of what was closed before; a single sample begins at the nearest one. Grows.
     """
-
-    values: Array
-
-    def columns(self, rows: Array) -> Array:
-        """``rows @ G`` for rows ``(k, nt, N)`` with components first, as ``(N, k, nv)``."""
-        if self.values.ndim == 2:
-            return np.ascontiguousarray(np.tensordot(rows, self.values, axes=(1, 0)).swapaxes(0, 1))
-        return np.moveaxis(rows, -1, 0) @ self.values
-
-    def torque(self, tree_torque: Array) -> Array:
-        """``G^T`` times torques ``(nt, N)`` of the tree, as ``(N, nv)``."""
-        if self.values.ndim == 2:
-            return tree_torque.T @ self.values
-        return np.einsum("nti,tn->ni", self.values, tree_torque)
-
-    def each(self, samples: int) -> Array:
-        """Shape ``(N, nt, nv)`` in any case."""
-        return np.broadcast_to(self.values, (samples, *self.values.shape[-2:]))
-
-
-def tree_positions(model: MapModel, q: Array) -> tuple[Array, Slope]:
-    """Positions of the tree's joints, shape ``(nt, N)``, and their slope, at active positions ``(N, nv)``."""
-    if model.solve is None:
-        return model.linear_map @ q.T + model.offset[:, None], Slope(model.linear_map)
-    positions, slopes = model.solve(q)
-    return positions.T, Slope(slopes)
+    try:
+        tree = _at_rest(robot, q, _nearest(robot, q, ends))
+    except ChainError:
+        if len(q) > 1:
+            half = len(q) // 2
+            first, second = _resting(robot, q[:half], ends), _resting(robot, q[half:], ends)
+            names = ("configuration", "q", "v", "a", "G")
+            return TreeMotion(*(np.concatenate([getattr(first, n), getattr(second, n)]) for n in names))
+        nt = robot.model.nv
+        none = np.full((1, nt), np.nan)
+        return TreeMotion(
+            np.full((1, robot.nq), np.nan),
+            none,
+            np.zeros((1, nt)),
+            np.zeros((1, nt)),
+            np.full((1, nt, robot.nv), np.nan),
+        )
+    ends += list(tree.q[-1:])
+    return tree
 
 
-def within_limits(model: MapModel, q: Array) -> Array:
+def _nearest(robot: Robot, q: Float[Array, "N nv"], ends: list[Float[Array, " nt"]]) -> Float[Array, " nt"] | None:
+    """Where the search for a single sample begins: the last solution that one step of the solver takes to it."""
+    near = ends[-_ENDS:]
+    apart = [float(np.abs(x[list(robot.tree_rows)] - q[0]).max()) for x in near] if len(q) == 1 else []
+    return near[int(np.argmin(apart))] if apart and min(apart) <= REACH else None
+
+
+def _at_rest(robot: Robot, q: Float[Array, "N nv"], near: Float[Array, " nt"] | None) -> TreeMotion:
+    rest = np.zeros_like(q)
+    return tree_motion(robot, Motion(np.arange(float(len(q))), q, rest, rest), near=near)
+
+
+def within_limits(model: MapModel, q: Float[Array, "N nv"]) -> np.ndarray:
     """True where no joint of the tree is beyond its range, and the chain can be closed, shape ``(N,)``."""
-    positions, _ = tree_positions(model, q)
-    slack = 1e-9
+    robot = model.robot
     inside = np.ones(len(q), dtype=bool)
-    for joint, values in enumerate(positions):
-        low, high = model.lower[joint] - slack, model.upper[joint] + slack
-        if joint not in model.active and model.tree.angular[joint].any() and np.isfinite(low):
+    for joint, values in enumerate(tree_at(model, q).q.T):
+        low, high = model.lower[joint] - _SLACK, model.upper[joint] + _SLACK
+        turns = not robot.model.joints[1 + joint].shortname().startswith("JointModelP")
+        if joint not in robot.tree_rows and turns and np.isfinite(low):
             # A passive angle that followed its expression round the circle is the same angle a turn away.
             values = low + np.mod(values - low, 2 * np.pi)
         inside &= (values >= low) & (values <= high)  # NaN is neither
     return inside
 
 
-def tip_of(model: MapModel, q: Array) -> tuple[Array, Array]:
-    """Tip ``(N, 3)`` [m] in the root frame and its translational Jacobian ``(N, 3, nv)`` at ``(N, nv)``."""
-    positions, slope = tree_positions(model, q)
-    at = poses(model.tree, positions, model.tree.tip_path)
-    return tip_position(model.tree, at).T, slope.columns(tip_jacobian(model.tree, at))
+def tip_of(model: MapModel, q: Float[Array, "N nv"]) -> tuple[Float[Array, "N 3"], Float[Array, "N 3 nv"]]:
+    """Tip [m] in the root frame and its translational Jacobian at active positions."""
+    tree = tree_at(model, q)
+    tip, J = _tip(model, tree)
+    return tip, J @ tree.G
+
+
+def _tip(model: MapModel, tree: TreeMotion) -> tuple[Float[Array, "N 3"], Float[Array, "N 3 nt"]]:
+    """Tip [m] and its translational Jacobian in the velocities of the tree, in the axes of the root."""
+    robot = model.robot
+    _, tip, J = rigid_body.frame(robot.model, robot.arrays, tree.configuration, model.tip)
+    return tip, J[:, :3]
 
 
 @dataclass(frozen=True)
@@ -127,41 +154,36 @@ class JointSpace:
         J: Translational Jacobian of the tip in the root frame, shape ``(N, 3, nv)``.
         M: Mass matrix with rotors, shape ``(N, nv, nv)``; None if not asked for.
         weight: Torque that holds the robot against gravity, shape ``(N, nv)``; None if not asked for.
-        slope: Of the tree in the active joints.
+        G: Slope of the tree's positions in the active ones, shape ``(N, nt, nv)``.
     """
 
-    J: Array
-    M: Array | None
-    weight: Array | None
-    slope: Slope
+    J: Float[Array, "N 3 nv"]
+    M: Float[Array, "N nv nv"] | None
+    weight: Float[Array, "N nv"] | None
+    G: Float[Array, "N nt nv"]
 
 
-def joint_space(model: MapModel, q: Array, *, inertia: bool) -> JointSpace:
-    """Jacobian, and mass matrix and weight if ``inertia``, at active positions ``(N, nv)``."""
-    positions, slope = tree_positions(model, q)
-    at = poses(model.tree, positions, None if inertia else model.tree.tip_path)
-    J = slope.columns(tip_jacobian(model.tree, at))
+def joint_space(model: MapModel, q: Float[Array, "N nv"], *, inertia: bool) -> JointSpace:
+    """Jacobian, and mass matrix and weight if ``inertia``, at active positions [rad or m]."""
+    robot, tree = model.robot, tree_at(model, q)
+    J = _tip(model, tree)[1] @ tree.G
     if not inertia:
-        return JointSpace(J, None, None, slope)
-    tree_mass, tree_weight = mass_and_weight(model.tree, at)
-    index = np.arange(len(model.tree.parents))
-    tree_mass[index, index] += model.tree.armature[:, None]
-    G = slope.values
-    if G.ndim == 2:
-        M = np.tensordot(np.tensordot(G, tree_mass, axes=(0, 0)), G, axes=(1, 0)).swapaxes(0, 1)
-    else:
-        M = np.swapaxes(G, 1, 2) @ np.moveaxis(tree_mass, -1, 0) @ G
-    return JointSpace(J, np.ascontiguousarray(M), slope.torque(tree_weight), slope)
+        return JointSpace(J, None, None, tree.G)
+    mass = rigid_body.mass(robot.model, robot.arrays, tree.configuration)
+    weight = rigid_body.weight(robot.model, robot.arrays, tree.configuration)
+    return JointSpace(J, project(tree.G, mass) @ tree.G, project(tree.G, weight), tree.G)
 
 
-def projected_friction(model: MapModel, slope: Slope, samples: int) -> tuple[Array, Array]:
-    """Viscous matrix ``(N, nv, nv)`` and Coulomb torques ``(N, nv)`` on the active joints.
+def projected_friction(
+    robot: Robot, G: Float[Array, "N nt nv"]
+) -> tuple[Float[Array, "N nv nv"], Float[Array, "N nv"]]:
+    """Viscous matrix and Coulomb torques on the active joints.
 
     The Coulomb torque of a passive joint counts with the sign that is worst for each active joint.
     """
-    G = slope.each(samples)
-    if slope.values.ndim == 2:
-        viscous = np.broadcast_to(slope.values.T @ (model.viscous[:, None] * slope.values), (samples, *G.shape[2:] * 2))
-        coulomb = np.broadcast_to(np.abs(slope.values).T @ model.coulomb, (samples, G.shape[2]))
-        return viscous, coulomb
-    return np.swapaxes(G, 1, 2) @ (model.viscous[:, None] * G), np.einsum("nti,t->ni", np.abs(G), model.coulomb)
+    viscous, coulomb = tree_friction(robot)
+    torque = np.broadcast_to(coulomb, G.shape[:2])
+    if G.strides[0] == 0:
+        matrix = G[0].T @ (viscous[:, None] * G[0])
+        return np.broadcast_to(matrix, (len(G), *matrix.shape)), torque @ np.abs(G[0])
+    return project(G, viscous[:, None] * G), project(np.abs(G), torque)

@@ -7,9 +7,8 @@ Maps: quantities at every point of a grid, block by block, in one or several pro
 
 from __future__ import annotations
 
-import copy
 from collections.abc import Callable, Iterable, Iterator
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -42,7 +41,7 @@ def components(name: str) -> tuple[str, ...]:
 
 def axis_unit(axis: str, grid: Grid, model: MapModel) -> str:
     """Unit of a coordinate."""
-    if grid.cartesian or model.prismatic[model.joint_names.index(axis.removeprefix("q."))]:
+    if grid.cartesian or model.robot.prismatic[model.joint_names.index(axis.removeprefix("q."))]:
         return "m"
     return "rad"
 
@@ -179,9 +178,10 @@ def operational_map(
 def _blocks(job: _Job, jobs: int | None) -> Iterator[_Block]:
     """Blocks as they are finished; in this process alone where there are few, as others need a second to start."""
     size = job.grid.size
-    block = BLOCK if job.cloud is None and job.model.solve is None else min(BLOCK, SLOW_BLOCK)
+    slow = job.cloud is not None or job.model.closed_numerically
+    block = min(BLOCK, SLOW_BLOCK) if slow else BLOCK
     spans = [(start, min(start + block, size)) for start in range(0, size, block)]
-    if jobs is None and len(spans) < 8 and job.cloud is None and job.model.solve is None and starts_processes():
+    if jobs is None and len(spans) < 8 and not slow and starts_processes():
         jobs = 1
     workers = worker_count(jobs)
     # A worker that is done early finds another chunk, and no chunk's result is large.
@@ -196,10 +196,6 @@ def _chunk(job: _Job, spans: list[tuple[int, int]]) -> list[_Block]:
 
 
 def _block(job: _Job, start: int, stop: int) -> _Block:
-    if job.model.solve is not None:
-        # A closed chain remembers what it solved last. Without that a block's numbers do not depend on the blocks
-        # before it, and threads share nothing.
-        job = replace(job, model=replace(job.model, solve=copy.deepcopy(job.model.solve)))
     model = job.model
     q = _joint_positions(job, start, stop)
     rows = np.flatnonzero(np.isfinite(q).all(axis=1))

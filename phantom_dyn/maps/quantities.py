@@ -141,7 +141,7 @@ def _felt(model: MapModel, space: JointSpace, rows: Array, names: list[str]) -> 
     assert space.weight is not None
     J, M = space.J[rows], space.M[rows]
     A = _cheapest_inverse(J, M)
-    viscous, coulomb = projected_friction(model, space.slope, len(space.J))
+    viscous, coulomb = projected_friction(model.robot, space.G)
     out: dict[str, Array] = {}
     if {"apparent_mass", "apparent_mass_matrix"} & set(names):
         mass = _symmetric(_times_transposed(A, M) @ A)

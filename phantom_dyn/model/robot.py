@@ -12,8 +12,9 @@ import pinocchio as pin
 from jaxtyping import Float
 
 from phantom_dyn._kernels.tree_arrays import TreeArrays, tree_arrays
+from phantom_dyn.errors import ChainError
 from phantom_dyn.loops.chain import ClosedChain
-from phantom_dyn.loops.solver import tree_positions
+from phantom_dyn.loops.solver import RecentSolutions
 from phantom_dyn.motion import configurations, read_only
 
 Array = np.ndarray
@@ -103,10 +104,23 @@ class Robot:
             object.__setattr__(self, name, read_only(getattr(self, name)))
         object.__setattr__(self, "prismatic", read_only(self.prismatic, bool))
 
+    # Cached: a function of the model alone, which never changes.
     @cached_property
     def arrays(self) -> TreeArrays | None:
         """The model as compiled loops take it, made at the first use; None for joints that they do not know."""
         return tree_arrays(self.model)
+
+    # Cached: it keeps solutions that depend on the positions alone, see there, so that no answer depends on it.
+    @cached_property
+    def solutions(self) -> RecentSolutions:
+        """Solver of the loops of a closed chain, with what it solved last.
+
+        Raises:
+            ChainError: If the robot is no closed chain.
+        """
+        if self.chain is None:
+            raise ChainError(f"{self.name} has no loops to close.")
+        return RecentSolutions(self.model, self.chain, self.arrays)
 
     @property
     def nv(self) -> int:
@@ -150,7 +164,7 @@ class Robot:
             ChainError: If the loops of a closed chain cannot be closed there.
         """
         if self.chain is not None:
-            q = tree_positions(self.model, self.chain, q, arrays=self.arrays)
+            q = self.solutions.at(q).x
         return configurations(self.model, q)
 
 

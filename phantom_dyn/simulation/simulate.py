@@ -4,7 +4,7 @@ The effects' channels in a simulation that Python steps: commands, torques and r
 
 A robot that differs from its model, moved by its drives: what a recording of it would hold.
 
-Effects enter through their `phantom_dyn.effects.effect.Simulated` channels, in the order in which they are given:
+Effects enter through their `phantom_dyn.effects.simulated.Simulated` channels, in the order in which they are given:
 command -> drive -> transmission -> links -> reading. Friction, rotor and the effects' torques act on the motor's side
 of a transmission that is not rigid.
 
@@ -20,7 +20,8 @@ from dataclasses import dataclass, field
 import numpy as np
 from jaxtyping import Float
 
-from phantom_dyn.effects.effect import Effect, Moment, Simulated
+from phantom_dyn.effects.effect import Effect
+from phantom_dyn.effects.simulated import Moment, Simulated
 from phantom_dyn.errors import ParameterError
 from phantom_dyn.model.robot import Robot
 from phantom_dyn.motion import Motion, read_only

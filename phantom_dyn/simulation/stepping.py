@@ -10,15 +10,16 @@ friction as an impulse, so that a joint at rest stays at rest). It is of second 
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 
 import numpy as np
 import pinocchio as pin
 from jaxtyping import Float
 
-from phantom_dyn.dynamics.dynamics import link_torque, mass_matrix, modelled_friction
-from phantom_dyn.effects.effect import Transmission
+from phantom_dyn.dynamics.dynamics import link_torque, link_torque_of_tree, mass_matrix, mass_matrix_of_tree
+from phantom_dyn.dynamics.tree_motion import passive_friction, tree_motion
+from phantom_dyn.effects.simulated import Transmission
 from phantom_dyn.effects.support.rows import row_of
 from phantom_dyn.errors import ParameterError
 from phantom_dyn.model.robot import Robot
@@ -26,12 +27,13 @@ from phantom_dyn.motion import Motion
 
 Array = np.ndarray
 
-# Drive torque and the effects' torques, shape (nv,) each, from time, positions and velocities, transmitted torque.
 Torques = Callable[[float, Array, Array, Array], tuple[Array, Array]]
-# Steps per radian of the fastest transmission; at 0.15 the midpoint rule has its frequency right to 0.1 %.
+"""Drive torque and the effects' torques, shape (nv,) each, from time, positions and velocities, transmitted torque."""
 _PHASE_PER_STEP = 0.15
-# Sweeps of the friction solver; it stops when no impulse moves by more than 1e-10 of its limit.
+"""Phase of the fastest transmission in one step [rad]: the midpoint rule then has its frequency right to 0.1 %."""
 _SWEEPS = 200
+"""Sweeps of the friction solver at most; it stops when no impulse moves by more than `_STILL` of its limit."""
+_STILL = 1e-10
 
 
 @dataclass(frozen=True)
@@ -43,6 +45,7 @@ class Machine:
         loose: Rows of the joints whose motor and link may move apart.
         stiffness, damping, gap: Of their transmissions, shape ``(m,)``.
         coupled: Inertia on the motors' side besides the rotors, shape ``(nv, nv)``.
+        workspace: Pinocchio's working memory, written at every step: one simulation at a time.
     """
 
     robot: Robot
@@ -51,7 +54,9 @@ class Machine:
     damping: Float[Array, " m"]
     gap: Float[Array, " m"]
     coupled: Float[Array, "nv nv"]
+    workspace: pin.Data = field(repr=False, compare=False)
 
+    # Cached below: functions of the fields alone, asked for at every step.
     @cached_property
     def nv(self) -> int:
         """Number of joints."""
@@ -61,11 +66,6 @@ class Machine:
     def rotor(self) -> Float[Array, " nv"]:
         """Rotor inertia of each joint."""
         return self.robot.rotor_inertia
-
-    @cached_property
-    def data(self) -> pin.Data:
-        """Pinocchio's workspace."""
-        return self.robot.model.createData()
 
     @cached_property
     def drives(self) -> tuple[int, ...]:
@@ -89,12 +89,15 @@ class State:
         v: Velocities.
         a: Mean acceleration of the last step.
         transmitted: Torque that the transmissions pass to the links, shape ``(nv,)``.
+        tree: Positions of the tree of a closed chain in the last step, from which the search for the next ones begins;
+            None before the first step and for a plain robot.
     """
 
     x: Float[Array, " n"]
     v: Float[Array, " n"]
     a: Float[Array, " n"]
     transmitted: Float[Array, " nv"]
+    tree: Float[Array, " nt"] | None = None
 
 
 def machine_of(
@@ -123,6 +126,7 @@ def machine_of(
         np.array([part.damping for part in softest]),
         np.array([sum(one.gap for one in part) for part in parts]),
         sum(inertias, np.zeros((robot.nv, robot.nv))),
+        robot.model.createData(),
     )
 
 
@@ -159,7 +163,7 @@ def stepped(machine: Machine, state: State, t: float, h: float, torques: Torques
     """The state after one step of ``h`` seconds from time ``t``."""
     robot, nv, drives = machine.robot, machine.nv, list(machine.drives)
     x, v = state.x + 0.5 * h * state.v, state.v + 0.5 * h * state.a
-    inertia, bias = _links(machine, x[:nv], v[:nv])
+    inertia, bias, tree = _links(machine, x[:nv], v[:nv], state.tree)
     spring = _spring_torque(machine, x, v)
     given, added = torques(t + 0.5 * h, x, v, state.transmitted)
 
@@ -177,24 +181,25 @@ def stepped(machine: Machine, state: State, t: float, h: float, torques: Torques
     a = (speed - state.v) / h
     transmitted = given - machine.rotor * a[:nv]
     transmitted[list(machine.loose)] = spring
-    return State(x + 0.5 * h * speed, speed, a, transmitted)
+    return State(x + 0.5 * h * speed, speed, a, transmitted, tree)
 
 
 def _links(
-    machine: Machine, q: Float[Array, " nv"], v: Float[Array, " nv"]
-) -> tuple[Float[Array, "n n"], Float[Array, " nv"]]:
-    """Mass matrix of joints and motors, and the torque that the links need to go on at their speed."""
+    machine: Machine, q: Float[Array, " nv"], v: Float[Array, " nv"], near: Float[Array, " nt"] | None
+) -> tuple[Float[Array, "n n"], Float[Array, " nv"], Float[Array, " nt"] | None]:
+    """Mass matrix of joints and motors, the torque that the links need to go on at their speed, and ``State.tree``."""
     robot, nv, rows = machine.robot, machine.nv, list(machine.loose)
     if robot.chain is None:
         # Pinocchio itself, as a simulation asks for one state at a time.
         configuration = q if robot.model.nq == nv else robot.configuration(q[None])[0]
-        upper = pin.crba(robot.model, machine.data, configuration)
+        upper = pin.crba(robot.model, machine.workspace, configuration)
         mass = np.where(np.tri(nv, dtype=bool).T, upper, upper.T)
-        bias = pin.nonLinearEffects(robot.model, machine.data, configuration, v)
+        bias = pin.nonLinearEffects(robot.model, machine.workspace, configuration, v)
+        at = None
     else:
-        links = Motion(np.zeros(1), q[None], v[None], np.zeros((1, nv)))
-        mass = mass_matrix(robot, q[None])[0]
-        bias = link_torque(robot, links)[0] - _passive_friction(robot, links)
+        tree = tree_motion(robot, Motion(np.zeros(1), q[None], v[None], np.zeros((1, nv))), near=near)
+        mass, at = mass_matrix_of_tree(robot, tree)[0], tree.q[0]
+        bias = link_torque_of_tree(robot, tree)[0] + passive_friction(robot, tree)[0]
     out = np.zeros((nv + len(rows), nv + len(rows)))
     out[:nv, :nv] = mass
     rotor = machine.rotor[rows]
@@ -203,7 +208,7 @@ def _links(
     motors = np.arange(nv, len(out))
     out[motors, motors] = rotor
     out[np.ix_(machine.drives, machine.drives)] += machine.coupled
-    return out, bias
+    return out, bias, at
 
 
 def _spring_torque(machine: Machine, x: Float[Array, " n"], v: Float[Array, " n"]) -> Float[Array, " m"]:
@@ -214,14 +219,6 @@ def _spring_torque(machine: Machine, x: Float[Array, " n"], v: Float[Array, " n"
     pressed = np.abs(apart) - 0.5 * machine.gap
     torque = machine.stiffness * pressed * side + machine.damping * rate
     return np.where(machine.gap > 0, np.where(pressed > 0, side * np.maximum(side * torque, 0.0), 0.0), torque)
-
-
-def _passive_friction(robot: Robot, links: Motion) -> Float[Array, " nv"]:
-    """Friction of the passive joints of a closed chain, as a torque on the active ones."""
-    if robot.chain is None:
-        return np.zeros(robot.nv)
-    own = links.v * robot.viscous_friction + np.sign(links.v) * robot.coulomb_friction
-    return (own - modelled_friction(robot, links))[0]
 
 
 def _with_friction(
@@ -240,7 +237,7 @@ def _with_friction(
                 speed += mobility[:, at] * change
                 impulse[j] = wanted
                 largest = max(largest, abs(change) / most)
-        if largest <= 1e-10:
+        if largest <= _STILL:
             break
     speed[[at for j, at, most, _ in dry if abs(impulse[j]) < most]] = 0.0
     return speed

@@ -19,8 +19,6 @@ from identification.diagnosis.fit.problem import Problem
 from identification.diagnosis.fit.products import Products, Scaling, products_of
 from identification.diagnosis.model.terms import Term
 from identification.diagnosis.numerics.bounded import bounded_solve, bounded_solve_without, solve
-from phantom_dyn.effects.drive.torque_constant import TorqueConstant
-from phantom_dyn.effects.load.payload import Payload
 
 Array = np.ndarray
 
@@ -83,7 +81,7 @@ class Near:
         theta, payload = np.full(len(found.theta), np.nan), self.payload
         theta[found.active] = found.theta[found.active]
         for term in terms:
-            if isinstance(term.effect, Payload):
+            if term.effect.inertial == "point mass":
                 payload = found.theta[list(term.columns[:4])]
         return Near(theta, payload)
 
@@ -104,7 +102,7 @@ def fit(problem: Problem, terms: tuple[Term, ...], *, held_out: bool = True, nea
         near: A similar fit, to start from.
     """
     near = Near.nothing(problem) if near is None else near
-    scaled = [term for term in terms if isinstance(term.effect, TorqueConstant)]
+    scaled = [term for term in terms if term.effect.scales_joint]
     if not scaled:
         return _fit_at_point(problem, terms, (), held_out, near)
     # A torque constant multiplies everything else on its row: refit about the last gain.
@@ -135,7 +133,7 @@ def predict(
 ) -> Float[Array, "n nv"]:
     """Torque of the given model with nuisances and terms, in the band, on a part of one log, ``(n, nv)``."""
     columns = problem.columns
-    own = [term.columns[0] for term in terms if isinstance(term.effect, TorqueConstant)]
+    own = [term.columns[0] for term in terms if term.effect.scales_joint]
     rest = theta.copy()
     rest[own] = 0.0
     model = columns.model_torque[log][part]
@@ -158,7 +156,7 @@ def _fit_at_point(
     near: Near,
 ) -> Fitted:
     """Fit with the torque constants linear; a payload is linearised about its own last estimate."""
-    payload = next((term for term in terms if isinstance(term.effect, Payload)), None)
+    payload = next((term for term in terms if term.effect.inertial == "point mass"), None)
     active = active_columns(problem, terms)
     products = products_of(problem, active, scalings, held_out)
     if payload is None:

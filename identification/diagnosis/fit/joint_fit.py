@@ -13,7 +13,6 @@ import numpy as np
 from jaxtyping import Float
 
 from identification.diagnosis.fit.fitting import Fitted
-from identification.diagnosis.fit.other_laws import OtherLaw, other_law
 from identification.diagnosis.fit.problem import Problem
 from identification.diagnosis.fit.whole_model import (
     Linearised,
@@ -27,8 +26,7 @@ from identification.diagnosis.fit.whole_model import (
 )
 from identification.diagnosis.model.terms import Term
 from identification.diagnosis.numerics.bounded import bounded_solve, solve
-from phantom_dyn.effects.drive.torque_saturation import TorqueSaturation
-from phantom_dyn.effects.transmission.backlash import Backlash
+from phantom_dyn.effects.effect import OtherLaw
 
 Array = np.ndarray
 
@@ -88,8 +86,7 @@ def joint_fit(problem: Problem, terms: tuple[Term, ...], found: Fitted) -> Joint
     for place in setting.places:
         shift = _by_share(place, x)
         cov = cov + np.outer(shift, shift)
-        law = other_law(place.term.effect)
-        if law is not None:
+        for law in place.term.effect.other_laws:
             shift = _by_law(setting, model, x, place, law, a.sum(axis=0) + np.diag(precision))
             cov = cov + np.outer(shift, shift)
     return JointFit(setting.places, x, cov)
@@ -101,7 +98,7 @@ def _by_share(place: Place, x: Float[Array, " p"]) -> Float[Array, " p"]:
     A gap or a limit is the whole of its effect. Where only a part of it fits, the shape is not what it seems.
     """
     shift = np.zeros(len(x))
-    if isinstance(place.term.effect, Backlash | TorqueSaturation):
+    if place.term.effect.seen_by != "coefficient":
         shift[place.shape] = (1.0 - x[place.coefficients]) * x[place.shape]
     return shift
 

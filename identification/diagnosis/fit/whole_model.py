@@ -13,24 +13,11 @@ import numpy as np
 from jaxtyping import Float
 
 from identification.diagnosis.fit.fitting import Fitted, point_mass_map
-from identification.diagnosis.fit.other_laws import OtherLaw
 from identification.diagnosis.fit.problem import Problem
 from identification.diagnosis.model.operations import moved_operation, moved_robot
-from identification.diagnosis.model.own_effects import OwnEffect
 from identification.diagnosis.model.terms import Term
-from phantom_dyn.effects.drive.actuator_lag import ActuatorLag
-from phantom_dyn.effects.drive.cogging import Cogging
-from phantom_dyn.effects.drive.input_delay import InputDelay
-from phantom_dyn.effects.drive.torque_constant import TorqueConstant
-from phantom_dyn.effects.effect import Shape
-from phantom_dyn.effects.encoder.encoder_eccentricity import EncoderEccentricity
-from phantom_dyn.effects.encoder.encoder_offset import EncoderOffset
-from phantom_dyn.effects.friction.load_dependent_friction import LoadDependentFriction
-from phantom_dyn.effects.load.base_tilt import BaseTilt
-from phantom_dyn.effects.load.payload import Payload
+from phantom_dyn.effects.effect import Effect, OtherLaw, Shape
 from phantom_dyn.effects.operation import Operation
-from phantom_dyn.effects.transmission.backlash import Backlash
-from phantom_dyn.effects.transmission.transmission_compliance import TransmissionCompliance
 
 Array = np.ndarray
 
@@ -69,7 +56,7 @@ class Setting:
     @property
     def of_model(self) -> bool:
         """True if some column is made of the model's torque."""
-        return any(of_model(place.term) for place in self.places)
+        return any(place.term.effect.follows_model for place in self.places)
 
     def moved(self, moves: Float[Array, " n"]) -> Setting:
         """The same with moves within the tolerances made, in what columns are made of."""
@@ -91,8 +78,8 @@ def lay_out(problem: Problem, terms: tuple[Term, ...], found: Fitted) -> tuple[S
     start = problem.nuisances
     for term in terms:
         own = found.theta[list(term.columns)]
-        own = own[:4] if isinstance(term.effect, Payload) else own
-        held = term.effect.shape_is_estimate or isinstance(term.effect, Cogging)
+        own = own[:4] if term.effect.inertial == "point mass" else own
+        held = term.effect.shape_is_estimate or term.effect.shape_held
         shape = np.array(() if held else term.shape, dtype=float)
         middle, stop = start + len(own), start + len(own) + len(shape)
         places.append(Place(term, slice(start, middle), slice(middle, stop)))
@@ -100,22 +87,6 @@ def lay_out(problem: Problem, terms: tuple[Term, ...], found: Fitted) -> tuple[S
         start = stop
     setting = Setting(problem, problem.columns.operations, tuple(places), start)
     return setting, np.concatenate(values)
-
-
-def of_model(term: Term) -> bool:
-    """True if the columns of an effect are made of the model's torque; the regressor's own are linear in the model."""
-    effect = term.effect.inner if isinstance(term.effect, OwnEffect) else term.effect
-    return isinstance(
-        effect,
-        ActuatorLag
-        | Backlash
-        | BaseTilt
-        | EncoderEccentricity
-        | EncoderOffset
-        | InputDelay
-        | LoadDependentFriction
-        | TransmissionCompliance,
-    )
 
 
 # Step of a difference in a shape, in shares of it: what is made of samples (a bristle, a play) changes in jumps.
@@ -145,7 +116,7 @@ def change_by_model(setting: Setting, moved: Setting, x: Float[Array, " p"]) -> 
     out = [np.zeros_like(residual) for residual in setting.problem.white.residual]
     for log, change in enumerate(out):
         for place in setting.places:
-            if of_model(place.term):
+            if place.term.effect.follows_model:
                 own, shape = x[place.coefficients], x[place.shape]
                 change += _law(moved, place, own, shape, log) - _law(setting, place, own, shape, log)
     return tuple(out)
@@ -174,7 +145,7 @@ def _one_log(setting: Setting, x: Float[Array, " p"], log: int) -> tuple[Float[A
     slopes = np.zeros((n, nv, setting.size))
     slopes[:, :, moves] = _columns(problem, tuple(moves.tolist()), log)
     torque = slopes[:, :, moves] @ x[moves]
-    gains = [place for place in setting.places if isinstance(place.term.effect, TorqueConstant)]
+    gains = [place for place in setting.places if place.term.effect.scales_joint]
     for place in setting.places:
         if place not in gains:
             at = [
@@ -199,7 +170,7 @@ def _with_slopes(
 ) -> tuple[Float[Array, "_ nv"], Float[Array, "n nv p"]]:
     """Torque of one term, and its slopes to the coefficients and the shape."""
     effect = place.term.effect
-    if isinstance(effect, Payload):
+    if effect.inertial == "point mass":
         columns = _columns(setting.problem, place.term.columns, log)
         jacobian, offset = point_mass_map(own)
         return columns @ (jacobian @ own + offset), columns @ jacobian
@@ -214,7 +185,7 @@ def _with_slopes(
         )
         return (above - below) / (2.0 * step[k])
 
-    if effect.shape_is_estimate or isinstance(effect, EncoderEccentricity):
+    if effect.shape_is_estimate or effect.first_order:
         return _law(setting, place, own, shape, log), np.stack([slope(k) for k in range(len(own))], axis=-1)
     columns = _at_shape(setting, place, tuple(shape.tolist()) or place.term.shape, log)
     more = [slope(len(own) + k)[:, :, None] for k in range(len(shape))]
@@ -226,8 +197,8 @@ def _law(
 ) -> Float[Array, "n nv"]:
     """Torque of one term, in the judged band."""
     term = place.term
-    if isinstance(term.effect, EncoderEccentricity):
-        # The columns are to first order in the amplitude, the law is not.
+    if isinstance(term.effect, Effect) and term.effect.first_order:
+        # The columns are to first order in the coefficients, the law is not.
         theta = term.effect.from_coefficients(setting.operations[log].robot, term.joint, own, ())
         torque = -term.effect.torque(setting.operations[log].robot, setting.operations[log], term.joint, theta)
         return in_band(setting, log, torque)
@@ -253,7 +224,7 @@ def _columns(problem: Problem, wanted: tuple[int, ...], log: int) -> Float[Array
 def _at_shape(setting: Setting, place: Place, shape: Shape, log: int) -> Float[Array, "n nv k"]:
     """Columns of an effect at a shape, in the judged band."""
     term = place.term
-    if shape == term.shape and not (term.effect.uses_acceleration or of_model(term)):
+    if shape == term.shape and not (term.effect.uses_acceleration or term.effect.follows_model):
         return _columns(setting.problem, term.columns, log)
     operation = setting.operations[log]
     signature = term.effect.signature(operation.robot, operation, term.joint, shape)

@@ -12,7 +12,7 @@ from identification.diagnosis.fit.problem import Problem
 from identification.diagnosis.model.session import Series
 from identification.diagnosis.noise.encoder_noise import Coarse
 from identification.diagnosis.result import Finding, Value
-from phantom_dyn.effects.encoder.encoder_quantization import EncoderQuantization
+from phantom_dyn.effects.catalogue import effect_named
 from phantom_dyn.model.robot import Robot
 
 Array = np.ndarray
@@ -66,7 +66,7 @@ def floor_without(rounding: Rounded, floor: Float[Array, " nv"]) -> Float[Array,
 
 def findings_of(robot: Robot, rounding: Rounded, before: Sums, floor: Float[Array, " nv"]) -> tuple[Finding, ...]:
     """One finding for each coarse joint."""
-    effect = EncoderQuantization()
+    effect = effect_named("encoder_quantization")
     gap = max(float(np.mean(before.rms() ** 2 / floor**2)) - 1.0, 1e-9)
     out = []
     for one, energy in zip(rounding.coarse, rounding.energy, strict=True):

@@ -19,7 +19,6 @@ from identification.diagnosis.model.terms import Term, ordered
 from identification.diagnosis.result import Finding
 from identification.diagnosis.search.rival_sets import block_counts, stand
 from identification.diagnosis.search.search import Search
-from phantom_dyn.effects.drive.input_delay import InputDelay
 
 Array = np.ndarray
 # With which probability an effect is told from nothing.
@@ -82,8 +81,7 @@ def distinct(plain: Search, chosen: frozenset[Term]) -> tuple[frozenset[Term], J
 
 
 def _is_asked(term: Term) -> bool:
-    # The shape of a delay is its coefficient.
-    return isinstance(term.effect, InputDelay) or not (term.shape or term.effect.uses_acceleration)
+    return term.effect.told_from_zero or not (term.shape or term.effect.uses_acceleration)
 
 
 def certainty(term: Term, fitted: JointFit) -> float:

@@ -11,7 +11,6 @@ from identification.diagnosis.result import Value
 from identification.regression.base_parameters import base_parameters_of_matrix
 from phantom_dyn.dynamics.dynamics import rigid_body_regressor
 from phantom_dyn.effects.effect import Effect, Parameter
-from phantom_dyn.effects.load.inertial_parameters import InertialParameters
 from phantom_dyn.model.robot import Robot
 from phantom_dyn.motion import Motion
 
@@ -32,7 +31,7 @@ def finding_parameters(robot: Robot, term: Term, fitted: JointFit) -> dict[str, 
     effect, at = term.effect, _numbers(term, fitted)
     assert isinstance(effect, Effect)
     x, cov = fitted.x[at], fitted.cov[np.ix_(at, at)]
-    if isinstance(effect, InertialParameters):
+    if effect.inertial == "free":
         return _inertial(robot, term, x, cov)
     values, slope = _law(robot, term, fitted)
     std = np.sqrt(np.maximum(np.diag(slope @ cov @ slope.T), 0.0))
@@ -52,7 +51,7 @@ def finding_loadings(robot: Robot, term: Term, fitted: JointFit) -> tuple[tuple[
     """
     squares, axes = np.linalg.eigh(0.5 * (fitted.cov + fitted.cov.T))
     shared = (axes * np.sqrt(np.maximum(squares, 0.0)))[_numbers(term, fitted)]
-    slope = _base(robot, term)[1] if isinstance(term.effect, InertialParameters) else _law(robot, term, fitted)[1]
+    slope = _base(robot, term)[1] if term.effect.inertial == "free" else _law(robot, term, fitted)[1]
     return tuple(tuple(row) for row in (slope @ shared).tolist())
 
 
@@ -98,7 +97,7 @@ def _inertial(robot: Robot, term: Term, coefficients: Float[Array, " k"], cov: F
     """Base parameters among the free ones."""
     independent, mix = _base(robot, term)
     effect = term.effect
-    assert isinstance(effect, InertialParameters)
+    assert isinstance(effect, Effect)
     parameters = effect.parameters(robot, term.joint)
     values = mix @ coefficients
     std = np.sqrt(np.maximum(np.diag(mix @ cov @ mix.T), 0.0))
@@ -113,9 +112,9 @@ def _base(robot: Robot, term: Term) -> tuple[tuple[int, ...], Float[Array, "r k"
     rng = np.random.default_rng(20260104)
     motion = Motion(np.arange(200.0), *(rng.uniform(-3, 3, (200, robot.nv)) for _ in range(3)))
     effect = term.effect
-    assert isinstance(effect, InertialParameters)
+    assert isinstance(effect, Effect)
     parameters = effect.parameters(robot, term.joint)
-    columns = list(effect.columns_of(robot, term.joint))
+    columns = list(effect.regressor_columns(robot, term.joint))
     w = rigid_body_regressor(robot, motion)[:, :, columns].reshape(-1, len(columns))
     base = base_parameters_of_matrix(w, [p.name for p in parameters], [p.unit for p in parameters])
     mix = np.zeros((base.rank, len(columns)))

@@ -22,8 +22,6 @@ from identification.diagnosis.numerics.bounded import solve
 from identification.diagnosis.numerics.two_threads import two_at_a_time
 from phantom_dyn.dynamics.dynamics import rigid_body_regressor
 from phantom_dyn.effects.effect import Rival, Shape
-from phantom_dyn.effects.load.inertial_parameters import InertialParameters
-from phantom_dyn.effects.load.payload import Payload
 from phantom_dyn.effects.operation import Operation
 from phantom_dyn.model.inertia import parameter_names
 from phantom_dyn.model.robot import Robot
@@ -266,9 +264,9 @@ def _lay_out(
     local: list[Local] = []
     start = _first(operation)
     for effect, joint, shapes in shapes_of(robot, operation, found, resonances, session.differences.own):
-        if isinstance(effect, Payload | InertialParameters):
-            columns = tuple(first_body + c for c in effect.columns_of(robot, joint))
-            size = 4 if isinstance(effect, Payload) else len(columns)
+        if effect.inertial is not None:
+            columns = tuple(first_body + c for c in effect.regressor_columns(robot, joint))
+            size = 4 if effect.inertial == "point mass" else len(columns)
             free = (np.inf,) * len(columns)
             terms.append(Term(effect, joint, (), columns, size, tuple(-x for x in free), free))
             continue

@@ -9,10 +9,8 @@ import numpy as np
 from jaxtyping import Float
 
 from identification.data.log import Band
-from phantom_dyn.effects.drive.rotor_inertia import RotorInertia
+from phantom_dyn.effects.catalogue import effect_named
 from phantom_dyn.effects.effect import Effect
-from phantom_dyn.effects.friction.coulomb_friction import CoulombFriction
-from phantom_dyn.effects.friction.viscous_friction import ViscousFriction
 from phantom_dyn.effects.operation import Operation
 from phantom_dyn.effects.support.rows import modelled_friction_of
 from phantom_dyn.model.inertia import tolerance_directions
@@ -128,6 +126,7 @@ def move_columns(
 def _modelled(robot: Robot, kind: str, joint: str) -> tuple[float, Effect]:
     """What the model gives a joint of one kind, and the effect that is more of it."""
     if kind == "rotor":
-        return float(robot.rotor_inertia[robot.joint_names.index(joint)]), RotorInertia()
+        return float(robot.rotor_inertia[robot.joint_names.index(joint)]), effect_named("rotor_inertia")
     viscous, coulomb = modelled_friction_of(robot, joint)
-    return (viscous, ViscousFriction()) if kind == "viscous" else (coulomb, CoulombFriction())
+    value = viscous if kind == "viscous" else coulomb
+    return value, effect_named(f"{kind}_friction")

@@ -48,7 +48,7 @@ def expecting(robot: Robot, operation: Operation, found: tuple[FoundEffect, ...]
     plain = operation.again(operation.tau)
     expected = operation.tau
     for point in found:
-        if not point.effect.follows_torque and point.effect.name != "torque_constant":
+        if not (point.effect.follows_torque or point.effect.scales_joint):
             signature = point.effect.signature(robot, plain, point.joint, point.shape)
             expected = expected.copy()
             expected[:, list(signature.rows)] += signature.columns @ point.coefficients

@@ -13,20 +13,25 @@ import numpy as np
 from jaxtyping import Float
 
 from identification.data.changes import Change, Kind, robot_in
-from phantom_dyn.effects.catalogue import effect_named
-from phantom_dyn.effects.effect import Effect, Parameter, Shape, Signature, Simulated
+from phantom_dyn.effects.catalogue import EFFECTS, effect_named
+from phantom_dyn.effects.effect import Effect, Parameter, Shape, Signature
 from phantom_dyn.effects.operation import Operation
+from phantom_dyn.effects.simulated import Simulated
 from phantom_dyn.errors import LogError
 from phantom_dyn.model.robot import Robot
 
 Array = np.ndarray
 
+
+def _changing_with(kind: Kind) -> tuple[str, ...]:
+    return tuple(effect.name for effect in EFFECTS if effect.changes_with == kind)
+
+
 # What each kind of change may change; a payload has to be known.
-_FRICTION = ("viscous_friction", "coulomb_friction", "load_dependent_friction")
 EFFECTS_OF: dict[Kind, tuple[str, ...]] = {
-    "friction": _FRICTION,
-    "temperature": (*_FRICTION, "torque_constant"),
-    "controller": ("input_delay", "actuator_lag"),
+    "friction": _changing_with("friction"),
+    "temperature": (*_changing_with("friction"), *_changing_with("temperature")),
+    "controller": _changing_with("controller"),
 }
 
 
@@ -44,8 +49,9 @@ class OwnEffect(Effect):
         self.name = own_name(inner.name, recording)
         self.contains = tuple(own_name(name, recording) for name in inner.contains)
         self.scope, self.regime, self.uses_acceleration = inner.scope, inner.regime, inner.uses_acceleration
-        self.shape_is_estimate, self.follows_torque = inner.shape_is_estimate, inner.follows_torque
-        self.stays, self.seen_by = inner.stays, inner.seen_by
+        self.shape_is_estimate, self.seen_by = inner.shape_is_estimate, inner.seen_by
+        self.follows_model, self.follows_torque = inner.follows_model, inner.follows_torque
+        self.words = inner.words
 
     def places(self, robot: Robot) -> tuple[str | None, ...]:
         """Those of the effect."""

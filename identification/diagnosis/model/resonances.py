@@ -1,6 +1,6 @@
 """Stiff transmissions seen directly: resonances of joints whose recording reaches them, as compliances to try.
 
-The grid of `TransmissionCompliance` is coarse. A torque rich enough to show a resonance tells the stiffness to a few
+The grid of transmission compliance is coarse. A torque rich enough to show a resonance tells the stiffness to a few
 per cent, whatever the model of the links says; the diagnosis tries that one too, and judges it as it does all others.
 """
 
@@ -11,8 +11,8 @@ import numpy as np
 from identification.data.log import Log
 from identification.diagnosis.model.terms import FoundEffect
 from identification.experiments.transmission import joint_response
+from phantom_dyn.effects.catalogue import effect_named
 from phantom_dyn.effects.support.displaced import behind_encoder
-from phantom_dyn.effects.transmission.transmission_compliance import TransmissionCompliance
 from phantom_dyn.errors import EstimationError, LogError, ParameterError
 from phantom_dyn.haptics.experiments.frequency_identification import fit_two_mass_of_instants
 from phantom_dyn.model.robot import Robot
@@ -29,7 +29,7 @@ def resonances(robot: Robot, logs: tuple[Log, ...]) -> tuple[FoundEffect, ...]:
         robot: Says where the encoders sit.
         logs: Ready for fitting.
     """
-    effect = TransmissionCompliance()
+    effect = effect_named("transmission_compliance")
     out = []
     for log in logs:
         for row, joint in enumerate(robot.joint_names):

@@ -8,6 +8,8 @@ one of these is not blamed, and one that is in the catalogue is not lost to them
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 import numpy as np
 from jaxtyping import Float
 from scipy.signal import lfilter
@@ -36,20 +38,15 @@ class Drift(Rival):
 
     regime = "time_drift"
 
-    def __init__(self, name: str, steady: str):
-        self.name, self.contains = name, (steady,)
-        self.uses_acceleration = steady == "torque_constant"
+    def __init__(
+        self, name: str, steady: str, whole: Callable[[Operation, int], Array], *, uses_acceleration: bool = False
+    ):
+        self.name, self.contains, self._whole = name, (steady,), whole
+        self.uses_acceleration = uses_acceleration
 
     def signature(self, robot: Robot, operation: Operation, joint: str | None, shape: Shape) -> Signature:
         """What changes, as it is and times slow cosines of time."""
-        j = row_of(robot, joint)
-        v = operation.v[:, j]
-        whole = {
-            "torque_offset": np.ones(len(v)),
-            "coulomb_friction": np.sign(v),
-            "viscous_friction": _scaled(v),
-            "torque_constant": _scaled(operation.tau[:, j]),
-        }[self.contains[0]]
+        whole = self._whole(operation, row_of(robot, joint))
         phase = np.pi * (operation.t - operation.t[0]) / max(operation.t[-1] - operation.t[0], 1e-9)
         return _on_row(robot, joint, [whole * np.cos(k * phase) for k in range(_SLOW + 1)])
 
@@ -166,10 +163,12 @@ def _followed(x: Float[Array, " N"], dt: float, seconds: float) -> Float[Array, 
 
 
 STRUCTURES: tuple[Rival, ...] = (
-    Drift("drifting_offset", "torque_offset"),
-    Drift("drifting_friction", "coulomb_friction"),
-    Drift("drifting_damping", "viscous_friction"),
-    Drift("drifting_gain", "torque_constant"),
+    Drift("drifting_offset", "torque_offset", lambda operation, j: np.ones(len(operation.t))),
+    Drift("drifting_friction", "coulomb_friction", lambda operation, j: np.sign(operation.v[:, j])),
+    Drift("drifting_damping", "viscous_friction", lambda operation, j: _scaled(operation.v[:, j])),
+    Drift(
+        "drifting_gain", "torque_constant", lambda operation, j: _scaled(operation.tau[:, j]), uses_acceleration=True
+    ),
     Rhythm(),
     Field(),
     Contact(),

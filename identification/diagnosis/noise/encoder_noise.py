@@ -25,8 +25,8 @@ from identification.diagnosis.noise.noise_floor import rms
 from identification.diagnosis.noise.whitening import whitened
 from identification.diagnosis.search.search import Search
 from phantom_dyn.dynamics.dynamics import inverse_dynamics
-from phantom_dyn.effects.encoder.encoder_quantization import coarse_step, stated_step, step_of
 from phantom_dyn.effects.operation import Operation
+from phantom_dyn.effects.support.encoder_lattice import coarse_step, stated_step, step_of
 from phantom_dyn.model.robot import Robot
 from phantom_dyn.motion import Motion
 

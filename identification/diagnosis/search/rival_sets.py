@@ -192,15 +192,10 @@ def _hopeless(search: Search, chosen: frozenset[Term], swapped: frozenset[Term])
 
 
 def _twins(search: Search, chosen: frozenset[Term], term: Term) -> list[tuple[frozenset[Term], frozenset[Term]]]:
-    """Direction-dependent friction without a viscous difference is Coulomb friction plus an offset, exactly."""
-    pair = {"coulomb_friction", "torque_offset"}
-    here = {other.effect.name: other for other in chosen if other.joint == term.joint}
-    if term.effect.name not in pair or not pair <= set(here):
-        return []
-    rich = next(
-        (t for t in search.terms if t.joint == term.joint and pair <= set(t.effect.contains)),
-        None,
-    )
-    if rich is None:
-        return []
-    return [(frozenset([rich]), replaced(chosen, term, frozenset([rich])))]
+    """An effect that is the sum of some that are here, exactly, in the place of all of them."""
+    here = {other.effect.name for other in chosen if other.joint == term.joint}
+    for rich in search.terms:
+        parts = set(rich.effect.same_as_sum)
+        if rich.joint == term.joint and term.effect.name in parts and parts <= here:
+            return [(frozenset([rich]), replaced(chosen, term, frozenset([rich])))]
+    return []

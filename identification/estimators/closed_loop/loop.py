@@ -9,7 +9,7 @@ from jaxtyping import Float
 
 from identification.data.log import Log
 from identification.data.signals import align_held_torque
-from identification.estimators.closed_loop.closed_loop_steps import run
+from identification.estimators.closed_loop.closed_loop_steps import Controllers, Moved, run
 from identification.estimators.closed_loop.plant import Plant
 from phantom_dyn.errors import EstimationError, LogError, ParameterError
 from phantom_dyn.model.robot import Robot
@@ -162,45 +162,26 @@ def simulated(
         raise LogError(f"{log.file} has no references.")
     at = slice(start, stop)
     wanted = np.ascontiguousarray(log.q_ref[at])
-    q, v, a, tau = (np.zeros(wanted.shape) for _ in range(4))
+    controllers = Controllers(
+        q_ref=wanted,
+        gains=np.array([feedback.kp, feedback.kd, feedback.limit], dtype=float),
+        window=feedback.window,
+        delay=float(feedback.delay),
+        held=feedback.held,
+        dt=loop.dt,
+        steps=loop.steps,
+    )
     first = log.motion.q[start] if q0 is None else q0
     speed = log.motion.v[start] if v0 is None else v0
-    bad = run(
-        plant.parents,
-        plant.rotations,
-        plant.translations,
-        plant.angular,
-        plant.linear,
-        plant.gravity,
-        plant.G,
-        plant.offset,
-        plant.pi,
-        plant.rotor,
-        plant.E,
-        plant.dry,
-        plant.push,
-        plant.spring,
-        wanted,
-        np.array([feedback.kp, feedback.kd, feedback.limit], dtype=float),
-        feedback.window,
-        feedback.delay,
-        feedback.held,
-        loop.dt,
-        loop.steps,
-        np.array(first, dtype=float),
-        np.array(speed, dtype=float),
-        q,
-        v,
-        a,
-        tau,
-    )
+    out = Moved(*(np.zeros(wanted.shape) for _ in range(4)))
+    bad = run(plant, controllers, np.array(first, dtype=float), np.array(speed, dtype=float), out)
     if bad >= 0:
         raise EstimationError(
             f"{log.file}: with the parameters of this step the robot does not move as a robot does after "
             f"{(start + bad) * loop.dt:.4g} s (an inertia that is not positive, or a loop that is not stable): check "
             "the controllers, or use an estimator without simulation, such as wls."
         )
-    return Motion(log.motion.t[at], q, v, a), align_held_torque(tau) if loop.align else tau
+    return Motion(log.motion.t[at], out.q, out.v, out.a), align_held_torque(out.tau) if loop.align else out.tau
 
 
 def simulated_log(loop: Loop, plant: Plant) -> Log:

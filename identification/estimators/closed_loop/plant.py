@@ -3,53 +3,52 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
-from jaxtyping import Float, Int
+from jaxtyping import Float
 
 from identification.regression.base_parameters import BaseParameters
 from identification.regression.regressor import Regressor, Term, term_columns
+from phantom_dyn._kernels.single_state import BODY, Chain, at_root, chain_of, joint_rows
 from phantom_dyn.dynamics.dynamics import standard_parameters
-from phantom_dyn.effects.load.inertial_parameters import InertialParameters
-from phantom_dyn.effects.load.payload import Payload
 from phantom_dyn.errors import ParameterError
-from phantom_dyn.maps.from_robot import tree_of
 from phantom_dyn.model.robot import Robot
 
 Array = np.ndarray
 
 
-@dataclass(frozen=True)
-class Plant:
-    """What moves in a closed loop; see `identification.estimators.closed_loop.closed_loop_steps.run` for the arrays.
+class Plant(NamedTuple):
+    """What moves in a closed loop, as compiled steps take it; ``nt`` joints of the tree, ``nv`` active ones.
 
     Attributes:
-        parents, rotations, translations, angular, linear, gravity: The tree.
-        G: Slope of the tree's positions in the active ones, ``(nt, nv)``.
-        offset: Positions of the tree where the active joints are at zero, ``(nt,)``.
-        pi: Parameters of the bodies, ``(nt, 10)``.
+        numbers: The joints of the tree, root first, as `phantom_dyn._kernels.single_state.joint_rows` gives them.
+        places: The same.
+        root: As `phantom_dyn._kernels.single_state.at_root` gives it; copied before it is used.
+        chain: How the tree follows the active joints; friction of the passive ones is in ``dry`` instead.
         rotor: What rotors add to the mass matrix, ``(nv, nv)``.
-        E: Speed of each rubbing joint per velocity of the active ones, ``(ne, nv)``.
-        dry: Friction of each rubbing joint, ``(ne, 5)``.
-        push: Constant torques, ``(nv,)``.
-        spring: Stiffness of springs, ``(nv,)``.
+        E: Speed of each rubbing joint per velocity of the active ones, ``(ne, nv)``; the first ``nv`` rows are the
+            active joints themselves.
+        dry: Friction of each rubbing joint: level at speed, what it is higher by at rest, velocity over which that
+            fades, viscous coefficient forward, backward, ``(ne, 5)``.
+        push: Constant torques on the joints, ``(nv,)``.
+        spring: Stiffness of springs at the joints, at rest at zero, ``(nv,)``.
     """
 
-    parents: Int[Array, " nt"]
-    rotations: Float[Array, "nt 3 3"]
-    translations: Float[Array, "nt 3"]
-    angular: Float[Array, "nt 3"]
-    linear: Float[Array, "nt 3"]
-    gravity: Float[Array, " 3"]
-    G: Float[Array, "nt nv"]
-    offset: Float[Array, " nt"]
-    pi: Float[Array, "nt 10"]
-    rotor: Float[Array, "nv nv"]
-    E: Float[Array, "ne nv"]
-    dry: Float[Array, "ne 5"]
-    push: Float[Array, " nv"]
-    spring: Float[Array, " nv"]
+    numbers: Array
+    places: Array
+    root: Array
+    chain: Chain
+    rotor: Array
+    E: Array
+    dry: Array
+    push: Array
+    spring: Array
+
+    @property
+    def bodies(self) -> Float[Array, "nt 10"]:
+        """Ten parameters of each body, a view into ``numbers``."""
+        return self.numbers[1:, BODY:]
 
 
 def plant_of(regressor: Regressor, base: BaseParameters, theta: Float[Array, " r"]) -> Plant:
@@ -66,7 +65,7 @@ def plant_of(regressor: Regressor, base: BaseParameters, theta: Float[Array, " r
     full = all_parameters(regressor, base, theta)
     plant = _given(regressor.robot)
     if regressor.rigid_body:
-        plant.pi[:] = full[: regressor.first_effect].reshape(-1, 10)
+        plant.bodies[:] = full[: regressor.first_effect].reshape(-1, 10)
     for term, columns in zip(regressor.terms, term_columns(regressor), strict=True):
         _laws(term)(plant, regressor.robot, term, full[list(columns)])
     return plant
@@ -125,13 +124,14 @@ def _laws(term: Term) -> Callable[[Plant, Robot, Term, Array], None]:
 
 def _given(robot: Robot) -> Plant:
     """The model as it is; its arrays may be written to."""
-    tree = tree_of(robot.model, len(robot.model.frames) - 1)
+    arrays = robot.arrays
+    if arrays is None:
+        raise ParameterError(f"{robot.name} has a joint that no compiled simulation knows: use wls.")
     chain = robot.chain
     nt, nv = robot.model.nv, robot.nv
-    G = np.eye(nv) if chain is None else np.array(chain.linear_map[:, :nv])
+    slope = np.eye(nv) if chain is None else np.array(chain.linear_map[:, :nv])
     offset = np.zeros(nv) if chain is None else np.array(chain.offset)
     passive = [] if chain is None else list(chain.passive)
-    rows = [*robot.tree_rows, *passive]
     dry = np.zeros((nt, 5))
     dry[:, 2] = 1.0
     dry[:nv, 0] = robot.coulomb_friction
@@ -139,21 +139,17 @@ def _given(robot: Robot) -> Plant:
     if chain is not None:
         dry[nv:, 0] = chain.coulomb_friction
         dry[nv:, 3] = dry[nv:, 4] = chain.viscous_friction
+    numbers, places = joint_rows(arrays)
     return Plant(
-        np.array(tree.parents, dtype=np.int64),
-        np.ascontiguousarray(tree.rotations),
-        np.ascontiguousarray(tree.translations),
-        np.ascontiguousarray(tree.angular),
-        np.ascontiguousarray(tree.linear),
-        np.array(tree.gravity, dtype=float),
-        np.ascontiguousarray(G),
-        offset,
-        standard_parameters(robot).reshape(-1, 10).copy(),
-        G.T @ (np.asarray(tree.armature)[:, None] * G),
-        np.ascontiguousarray(G[rows]),
-        dry,
-        np.zeros(nv),
-        np.zeros(nv),
+        numbers=numbers,
+        places=places,
+        root=at_root(len(places), robot.model.gravity.linear),
+        chain=chain_of(slope, offset, np.zeros(nt), np.zeros(nt)),
+        rotor=slope.T @ (robot.model.armature[:, None] * slope),
+        E=np.ascontiguousarray(slope[[*robot.tree_rows, *passive]]),
+        dry=dry,
+        push=np.zeros(nv),
+        spring=np.zeros(nv),
     )
 
 
@@ -197,8 +193,8 @@ def _spring(plant: Plant, robot: Robot, term: Term, c: Array) -> None:
 
 
 def _bodies(plant: Plant, robot: Robot, term: Term, c: Array) -> None:
-    if isinstance(term.effect, Payload | InertialParameters):
-        plant.pi.reshape(-1)[list(term.effect.columns_of(robot, term.joint))] += c
+    body, parameter = np.divmod(term.effect.regressor_columns(robot, term.joint), 10)
+    plant.bodies[body, parameter] += c
 
 
 _LAWS: dict[str, Callable[[Plant, Robot, Term, Array], None]] = {

@@ -15,8 +15,8 @@ from identification.export.corrected.parts import Parts
 from identification.export.model_files.mjcf_file import mjcf_text
 from identification.export.model_files.urdf_file import words
 from phantom_dyn.dynamics.dynamics import mass_matrix
+from phantom_dyn.effects.simulated import SPRING_DAMPING
 from phantom_dyn.effects.support.rows import row_of
-from phantom_dyn.effects.transmission.transmission_compliance import _DAMPING as SPRING_DAMPING
 from phantom_dyn.model.robot_xml import Element
 
 PLAY, SPRING, COGGING, COUPLING = "{}_play", "{}_spring", "{}_cogging_{}", "{}_{}_coupling"

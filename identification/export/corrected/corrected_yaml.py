@@ -17,7 +17,6 @@ from identification.data.strict_yaml import list_at, mapping_at, number_at, text
 from identification.diagnosis.model.terms import KnownEffect
 from identification.diagnosis.result import Adjusted, Diagnosis, Value
 from phantom_dyn.effects.catalogue import effect_named
-from phantom_dyn.effects.load.inertial_parameters import InertialParameters
 from phantom_dyn.errors import ParameterError, PhantomDynError, RobotError
 from phantom_dyn.model.robot import Robot
 from phantom_dyn.model.settings_file import describe, load_mapping, settings_text
@@ -185,7 +184,7 @@ def known_effects(files: tuple[Path, ...], robot: Robot) -> tuple[KnownEffect, .
             except PhantomDynError as error:
                 raise ParameterError(f"{file}: {error}") from error
             places = effect.places(robot)
-            if entry.joint is None and None not in places and not isinstance(effect, InertialParameters):
+            if entry.joint is None and not effect.can_sit(robot, None):
                 raise ParameterError(
                     f"{file}: effect {entry.effect} has no joint, wanted one of {', '.join(robot.joint_names)}."
                 )
@@ -199,7 +198,7 @@ def known_effects(files: tuple[Path, ...], robot: Robot) -> tuple[KnownEffect, .
             names = [parameter.name for parameter in effect.parameters(robot, entry.joint)]
             unknown = sorted(set(entry.parameters) - set(names))
             # Inertial parameters that are not named did not move.
-            missing = [] if isinstance(effect, InertialParameters) else sorted(set(names) - set(entry.parameters))
+            missing = [] if effect.inertial == "free" else sorted(set(names) - set(entry.parameters))
             if unknown or missing:
                 raise ParameterError(
                     f"{file}: effect {entry.effect} has parameters {', '.join(entry.parameters)}, wanted "

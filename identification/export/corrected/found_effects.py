@@ -23,7 +23,6 @@ from identification.estimators.consistent.consistent_cone import solve_program
 from identification.estimators.consistent.consistent_program import Program
 from phantom_dyn.dynamics.dynamics import rigid_body_regressor, standard_parameters
 from phantom_dyn.effects.catalogue import effect_named
-from phantom_dyn.effects.load.inertial_parameters import InertialParameters
 from phantom_dyn.effects.support.changed_robot import with_parameters
 from phantom_dyn.model.robot import Robot
 from phantom_dyn.motion import Motion
@@ -68,7 +67,7 @@ def loadings_of(robot: Robot, finding: Finding) -> Float[Array, "p k"]:
 def _names(robot: Robot, finding: Finding) -> list[str]:
     effect = effect_named(finding.effect)
     known = [parameter.name for parameter in effect.parameters(robot, finding.joint)]
-    if isinstance(effect, InertialParameters):
+    if effect.inertial == "free":
         return known
     return [name for name in known if name in finding.parameters] + [n for n in finding.parameters if n not in known]
 

@@ -8,19 +8,10 @@ import numpy as np
 
 from identification.export.corrected.corrected_mjcf import SHORTEST_STEP, said_compliances, said_zeros
 from identification.export.corrected.parts import Parts
+from phantom_dyn.effects.catalogue import EFFECTS, effect_named
 from phantom_dyn.model.loading import CONFIG_NAME
 
 _GRAVITY = (0.0, 0.0, -9.81)
-_IN_PART = {
-    "direction_dependent_friction": "of friction that depends on direction, the mean of both",
-    "stribeck_friction": "of Stribeck friction, the level at high speed",
-    "presliding_friction": "of presliding friction, the torque behind the bristle",
-}
-_NOT = {
-    "load_dependent_friction": "friction that grows with load (ratio)",
-    "encoder_eccentricity": "eccentric encoders (amplitude)",
-    "encoder_quantization": "coarse encoders (step)",
-}
 
 
 def urdf_left_out(parts: Parts, file: Path) -> tuple[str, ...]:
@@ -95,13 +86,18 @@ def _rotor(parts: Parts, joint: str) -> float:
 
 
 def _in_part(parts: Parts) -> list[str]:
-    return [f"It has, {_IN_PART[e.effect]}: {e.joint}." for e in parts.others if e.effect in _IN_PART]
+    words = [(effect_named(effect.effect).words, effect.joint) for effect in parts.others]
+    return [f"It has, {said.kept}: {joint}." for said, joint in words if said.kept]
 
 
 def _nowhere(parts: Parts) -> list[str]:
     out = []
-    for name, what in _NOT.items():
-        out += _missing(what, {str(e.joint): e.theta[0] for e in parts.others if e.effect == name})
+    for effect in EFFECTS:
+        lost = [other for other in parts.others if other.effect == effect.name and not effect.words.kept]
+        if lost:
+            size = effect.parameters(parts.given, lost[0].joint)[0].name.replace("_", " ")
+            what = f"{effect.words.lost or effect.words.name} ({size})"
+            out += _missing(what, {str(other.joint): other.theta[0] for other in lost})
     if not said_zeros(parts):
         out += _missing("the zeros of encoders in a closed chain [rad or m]", parts.zeros)
     return out

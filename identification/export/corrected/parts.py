@@ -11,27 +11,13 @@ from jaxtyping import Float
 
 from identification.diagnosis.model.terms import KnownEffect
 from phantom_dyn.effects.catalogue import effect_named
-from phantom_dyn.effects.support.changed_robot import with_friction
+from phantom_dyn.effects.described import Coupling, ModelNumbers
+from phantom_dyn.effects.support.changed_robot import with_friction, with_rotor_inertia
 from phantom_dyn.effects.support.rows import driven_rows
 from phantom_dyn.errors import ParameterError
 from phantom_dyn.model.robot import Robot
 
 Array = np.ndarray
-
-_OF_THE_ROBOT = ("viscous_friction", "coulomb_friction", "rotor_inertia", "payload", "inertial_parameters", "base_tilt")
-"""Effects whose simulation is another robot and nothing else."""
-
-
-@dataclass(frozen=True)
-class Coupling:
-    """Something that turns with ``v_first + ratio v_second``, see `phantom_dyn.effects.friction.joint_coupling`."""
-
-    first: str
-    second: str
-    ratio: float
-    coulomb_torque: float
-    coefficient: float
-    inertia: float
 
 
 @dataclass(frozen=True)
@@ -101,54 +87,55 @@ def parts_of(robot: Robot, effects: tuple[KnownEffect, ...]) -> Parts:
 
 
 def _with(parts: Parts, effect: KnownEffect) -> Parts:
-    name, joint = effect.effect, effect.joint
-    theta = _checked(parts.given, effect)
-    robot = parts.robot
-    if name in _OF_THE_ROBOT:
-        change = effect_named(name).simulated(parts.given, joint, theta).robot
-        turned = _turn(*theta) @ parts.turned if name == "base_tilt" else parts.turned
-        return replace(parts, robot=robot if change is None else change(robot), turned=turned)
-    if name == "joint_coupling":
-        first, _, second = (joint or "").partition("+")
-        return replace(parts, couplings=(*parts.couplings, Coupling(first, second, *theta.tolist())))
-    if name in ("input_delay", "actuator_lag"):
-        times = dict(parts.delays if name == "input_delay" else parts.lags)
-        for row in driven_rows(robot, joint):
-            times[robot.joint_names[row]] = times.get(robot.joint_names[row], 0.0) + float(theta[0])
-        return replace(parts, delays=times) if name == "input_delay" else replace(parts, lags=times)
-    at = str(joint)
-    value = float(theta[0])
-    if name == "parasitic_spring":
-        return replace(parts, springs={**parts.springs, at: _springs(parts.springs.get(at), value, float(theta[1]))})
-    if name == "torque_offset":
-        return replace(parts, offsets={**parts.offsets, at: parts.offsets.get(at, 0.0) + value})
-    if name == "torque_constant":
-        return replace(parts, gains={**parts.gains, at: parts.gains.get(at, 1.0) * value})
-    if name == "torque_saturation":
-        return replace(parts, limits={**parts.limits, at: min(parts.limits.get(at, np.inf), value)})
-    if name == "encoder_offset":
-        return replace(parts, zeros={**parts.zeros, at: parts.zeros.get(at, 0.0) + value})
-    if name == "backlash":
-        return replace(parts, plays={**parts.plays, at: parts.plays.get(at, 0.0) + value})
-    if name == "transmission_compliance":
-        softer = 1.0 / (1.0 / value + 1.0 / parts.compliances.get(at, np.inf))
-        return replace(parts, compliances={**parts.compliances, at: softer})
-    if name == "cogging":
-        waves = tuple((float(n), float(a), float(p)) for n, a, p in np.reshape(theta, (3, -1)).T)
-        return replace(parts, cogging={**parts.cogging, at: (*parts.cogging.get(at, ()), *waves)})
-    return _simplified(parts, effect, theta)
+    joint = effect.joint
+    numbers = effect_named(effect.effect).model_numbers(parts.given, joint, _checked(parts.given, effect))
+    parts = replace(parts, robot=_changed_robot(parts.robot, joint, numbers))
+    if numbers.turned is not None:
+        parts = replace(parts, turned=numbers.turned @ parts.turned)
+    if numbers.coupling is not None:
+        parts = replace(parts, couplings=(*parts.couplings, numbers.coupling))
+    if numbers.delay is not None:
+        parts = replace(parts, delays=_later(parts, parts.delays, joint, numbers.delay))
+    if numbers.lag is not None:
+        parts = replace(parts, lags=_later(parts, parts.lags, joint, numbers.lag))
+    parts = _at_joint(parts, str(joint), numbers)
+    return parts if numbers.whole else replace(parts, others=(*parts.others, effect))
 
 
-def _simplified(parts: Parts, effect: KnownEffect, theta: Float[Array, " p"]) -> Parts:
-    """Laws that are friction of another kind, with what of them is Coulomb friction, viscous friction and offset."""
-    robot, joint = parts.robot, effect.joint
-    offsets = dict(parts.offsets)
-    if effect.effect == "direction_dependent_friction":
-        robot = with_friction(robot, joint, coulomb=0.5 * (theta[0] + theta[1]), viscous=0.5 * (theta[2] + theta[3]))
-        offsets[str(joint)] = offsets.get(str(joint), 0.0) - 0.5 * float(theta[0] - theta[1])
-    elif effect.effect in ("stribeck_friction", "presliding_friction"):
-        robot = with_friction(robot, joint, coulomb=float(theta[0]))
-    return replace(parts, robot=robot, offsets=offsets, others=(*parts.others, effect))
+def _changed_robot(robot: Robot, joint: str | None, numbers: ModelNumbers) -> Robot:
+    """Other links, gravity, friction and rotors."""
+    robot = robot if numbers.robot is None else numbers.robot(robot)
+    if numbers.viscous or numbers.coulomb:
+        robot = with_friction(robot, joint, viscous=numbers.viscous, coulomb=numbers.coulomb)
+    return with_rotor_inertia(robot, joint, numbers.rotor_inertia) if numbers.rotor_inertia else robot
+
+
+def _later(parts: Parts, times: dict[str, float], joint: str | None, more: float) -> dict[str, float]:
+    """Times of drives with one added on a joint, or on all."""
+    late = [parts.robot.joint_names[row] for row in driven_rows(parts.robot, joint)]
+    return times | {name: times.get(name, 0.0) + more for name in late}
+
+
+def _at_joint(parts: Parts, at: str, numbers: ModelNumbers) -> Parts:
+    """What sits on one joint."""
+    if numbers.spring is not None:
+        parts = replace(parts, springs={**parts.springs, at: _springs(parts.springs.get(at), *numbers.spring)})
+    if numbers.offset is not None:
+        parts = replace(parts, offsets={**parts.offsets, at: parts.offsets.get(at, 0.0) + numbers.offset})
+    if numbers.gain is not None:
+        parts = replace(parts, gains={**parts.gains, at: parts.gains.get(at, 1.0) * numbers.gain})
+    if numbers.limit is not None:
+        parts = replace(parts, limits={**parts.limits, at: min(parts.limits.get(at, np.inf), numbers.limit)})
+    if numbers.zero is not None:
+        parts = replace(parts, zeros={**parts.zeros, at: parts.zeros.get(at, 0.0) + numbers.zero})
+    if numbers.gap is not None:
+        parts = replace(parts, plays={**parts.plays, at: parts.plays.get(at, 0.0) + numbers.gap})
+    if numbers.stiffness is not None:
+        softer = 1.0 / (1.0 / numbers.stiffness + 1.0 / parts.compliances.get(at, np.inf))
+        parts = replace(parts, compliances={**parts.compliances, at: softer})
+    if numbers.waves:
+        parts = replace(parts, cogging={**parts.cogging, at: (*parts.cogging.get(at, ()), *numbers.waves)})
+    return parts
 
 
 def _springs(one: tuple[float, float] | None, stiffness: float, rest: float) -> tuple[float, float]:
@@ -164,19 +151,14 @@ def _checked(robot: Robot, effect: KnownEffect) -> Float[Array, " p"]:
     theta = np.asarray(effect.theta, dtype=float)
     wanted = len(law.parameters(robot, effect.joint))
     count = len(theta)
-    fits = count == wanted or (effect.effect == "cogging" and count > 0 and count % 3 == 0)
-    if not (fits or (effect.effect == "presliding_friction" and count == 4)):
+    lists = law.takes_lists and count > 0 and count % wanted == 0
+    if not (lists or count in (wanted, wanted + len(law.optional_parameters(robot, effect.joint)))):
         raise ParameterError(
             f"{effect.effect} was given {count} parameters, wanted {wanted}: give the contract's, in order."
         )
     if not np.isfinite(theta).all():
         raise ParameterError(f"{effect.effect} has a parameter that is not finite: give finite numbers.")
     return theta
-
-
-def _turn(roll: float, pitch: float) -> Float[Array, "3 3"]:
-    """``R_x(roll) R_y(pitch)``."""
-    return pin.utils.rotate("x", float(roll)) @ pin.utils.rotate("y", float(pitch))
 
 
 def with_zeros_moved(robot: Robot, zeros: dict[str, float]) -> Robot:

@@ -14,7 +14,6 @@ from identification.export.corrected.parts import Parts, with_zeros_moved
 from identification.export.model_files.reload import load_mujoco, mujoco_joints, mujoco_torque, relative_difference
 from identification.export.model_files.tree import tree_torque
 from phantom_dyn.dynamics.tree_motion import TreeMotion, tree_motion
-from phantom_dyn.effects.drive.cogging import cogging_torque
 from phantom_dyn.effects.support.changed_robot import with_rotor_inertia
 from phantom_dyn.errors import RobotError
 from phantom_dyn.model.robot import Robot
@@ -46,7 +45,7 @@ def needed_torque(parts: Parts, motion: Motion) -> Float[Array, "N nt"]:
         out[:, at[joint]] -= offset
     for joint, waves in parts.cogging.items():
         orders, amplitudes, phases = np.array(waves).T
-        out[:, at[joint]] -= cogging_torque(tree.q[:, at[joint], None], orders, amplitudes, phases)
+        out[:, at[joint]] -= np.sin(tree.q[:, at[joint], None] * orders + phases) @ amplitudes
     for c in parts.couplings:
         first, second = at[c.first], at[c.second]
         w, gain = (x[:, first] + c.ratio * x[:, second] for x in (tree.v, tree.a))

@@ -15,7 +15,7 @@ import pinocchio as pin
 from jaxtyping import Float
 
 from identification.export.model_files.rigid_links import LinkInertia
-from phantom_dyn.dynamics.tree_motion import TreeMotion
+from phantom_dyn.dynamics.tree_motion import TreeMotion, tree_friction
 from phantom_dyn.errors import ParameterError
 from phantom_dyn.model.inertia import body_name, central_parameters, impossible_because
 from phantom_dyn.model.robot import Robot
@@ -119,16 +119,6 @@ def frames(robot: Robot) -> tuple[TreeFrame, ...]:
             rotation, position = np.array(placement.rotation), np.array(placement.translation)
             out.append(TreeFrame(frame.name, frame.parentJoint - 1, rotation, position))
     return tuple(out)
-
-
-def tree_friction(robot: Robot) -> tuple[Float[Array, " nt"], Float[Array, " nt"]]:
-    """Viscous coefficients and Coulomb torques of all joints of the tree, passive ones included."""
-    viscous, coulomb = np.zeros(robot.model.nv), np.zeros(robot.model.nv)
-    viscous[list(robot.tree_rows)], coulomb[list(robot.tree_rows)] = robot.viscous_friction, robot.coulomb_friction
-    if robot.chain is not None:
-        passive = list(robot.chain.passive)
-        viscous[passive], coulomb[passive] = robot.chain.viscous_friction, robot.chain.coulomb_friction
-    return viscous, coulomb
 
 
 def tree_torque(robot: Robot, tree: TreeMotion) -> Float[Array, "N nt"]:

@@ -23,7 +23,8 @@ from identification.export.model_files.rigid_links import (
     links_held,
     own_inertia,
 )
-from identification.export.model_files.tree import bodies, frames, tree_friction
+from identification.export.model_files.tree import bodies, frames
+from phantom_dyn.dynamics.tree_motion import tree_friction
 from phantom_dyn.errors import RobotError
 from phantom_dyn.model.robot import Robot
 from phantom_dyn.model.robot_xml import Element

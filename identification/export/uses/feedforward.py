@@ -17,8 +17,10 @@ from jaxtyping import Float
 
 from identification.diagnosis.result import Diagnosis
 from identification.export.corrected.parts import Parts
-from identification.export.model_files.tree import bodies, tree_friction
+from identification.export.model_files.tree import bodies
 from phantom_dyn import __version__
+from phantom_dyn.dynamics.tree_motion import tree_friction
+from phantom_dyn.effects.catalogue import effect_named
 from phantom_dyn.errors import ParameterError
 from phantom_dyn.loops.solver import tree_positions
 from phantom_dyn.model.robot import Robot
@@ -27,10 +29,8 @@ Array = np.ndarray
 
 _POSITIONS, _SPEEDS, _SAMPLES = 91, 20, 400
 """Rows of the table over the position of a joint and over each direction of its speed; samples that are judged."""
-_NOT_SAID = {
-    "encoder_quantization": "coarse encoders",
-    "presliding_friction": "the way of presliding friction up to its torque",
-}
+# Effects that take a law of their own in the file, beside what `Parts` holds of them.
+_OWN_LAWS = ("direction_dependent_friction", "stribeck_friction", "load_dependent_friction", "encoder_eccentricity")
 COLUMNS = ("over", "joint", "q", "v", "gravity", "friction", "cogging", "command", "headroom")
 
 
@@ -99,6 +99,7 @@ def _constants(parts: Parts) -> dict[str, object]:
     laws: dict[str, list[tuple]] = {}
     for effect in parts.others:
         laws.setdefault(effect.effect, []).append((row[str(effect.joint)], *effect.theta))
+    two_way, stribeck, by_load, eccentric = (laws.get(name, []) for name in _OWN_LAWS)
     late = [parts.delays.get(joint, 0.0) + parts.lags.get(joint, 0.0) for joint in robot.joint_names]
     return {
         "JOINTS": robot.joint_names,
@@ -112,9 +113,9 @@ def _constants(parts: Parts) -> dict[str, object]:
         "ROTORS": _plain(robot.model.armature),
         "VISCOUS": _plain(viscous),
         "COULOMB": _plain(coulomb),
-        "TWO_WAY": {law[0]: 0.5 * (law[3] - law[4]) for law in laws.get("direction_dependent_friction", [])},
-        "STRIBECK": tuple((law[0], law[2] - law[1], law[3]) for law in laws.get("stribeck_friction", [])),
-        "LOADED": tuple((law[0], law[1]) for law in laws.get("load_dependent_friction", [])),
+        "TWO_WAY": {law[0]: 0.5 * (law[3] - law[4]) for law in two_way},
+        "STRIBECK": tuple((law[0], law[2] - law[1], law[3]) for law in stribeck),
+        "LOADED": tuple((law[0], law[1]) for law in by_load),
         "COUPLINGS": tuple(
             (row[c.first], row[c.second], c.ratio, c.coulomb_torque, c.coefficient, c.inertia) for c in parts.couplings
         ),
@@ -122,7 +123,7 @@ def _constants(parts: Parts) -> dict[str, object]:
         "OFFSETS": {row[joint]: value for joint, value in parts.offsets.items()},
         "SPRINGS": {row[joint]: value for joint, value in parts.springs.items()},
         "ZEROS": {row[joint]: value for joint, value in parts.zeros.items()},
-        "ECCENTRIC": {law[0]: law[1:] for law in laws.get("encoder_eccentricity", [])},
+        "ECCENTRIC": {law[0]: law[1:] for law in eccentric},
     }
 
 
@@ -185,7 +186,8 @@ def _said(parts: Parts, diagnosis: Diagnosis, law: dict[str, Any]) -> str:
 
 
 def _missing(parts: Parts) -> list[str]:
-    out = [f"{_NOT_SAID[e.effect]} ({e.joint})" for e in parts.others if e.effect in _NOT_SAID]
+    words = ((effect_named(e.effect).words, e.joint) for e in parts.others if e.effect not in _OWN_LAWS)
+    out = [f"{said.lost or said.name} ({joint})" for said, joint in words]
     out += [f"play ({joint})" for joint in parts.plays]
     return out + [f"springs of transmissions ({joint})" for joint in parts.compliances]
 

@@ -16,8 +16,6 @@ from identification.diagnosis.model.terms import KnownEffect
 from identification.diagnosis.result import Bound, Diagnosis, Finding
 from identification.export.corrected.found_effects import effect_of, lasting_findings, loadings_of
 from phantom_dyn.effects.catalogue import effect_named
-from phantom_dyn.effects.load.payload import payload_body
-from phantom_dyn.effects.support.rows import row_of
 from phantom_dyn.errors import ParameterError
 from phantom_dyn.model.robot import Robot
 
@@ -25,9 +23,6 @@ Array = np.ndarray
 
 SIGMAS = 2.0
 """Half width of a range in deviations."""
-
-# Effects that may be there with either sign.
-_SIGNED = ("torque_offset", "encoder_offset", "base_tilt", "torque_constant")
 
 
 @dataclass(frozen=True)
@@ -122,22 +117,15 @@ def draws(
 
 def unseen_effect(randomisation: Randomisation, bound: Bound, share: float) -> KnownEffect | None:
     """An effect of a share of the size that would have been seen; None where the size alone does not make one."""
-    robot = randomisation.robot
-    effect, size = effect_named(bound.effect), share * bound.below
-    names = [parameter.name for parameter in effect.parameters(robot, bound.joint)]
-    if bound.effect == "transmission_compliance":
-        return KnownEffect(bound.effect, bound.joint, (1.0 / size,)) if size > 0 else None
-    if bound.effect == "torque_constant":
-        return KnownEffect(bound.effect, bound.joint, (1.0 / (1.0 + size),)) if size > -1 else None
-    values = {**_beside(randomisation, bound), bound.parameter: size}
-    if bound.parameter not in names or set(names) - set(values):
-        return None
-    return KnownEffect(bound.effect, bound.joint, tuple(values[name] for name in names))
+    robot, posture = randomisation.robot, randomisation.posture
+    posture = np.zeros(robot.nv) if posture is None else posture
+    theta = effect_named(bound.effect).sized(robot, bound.joint, bound.parameter, share * bound.below, posture)
+    return None if theta is None else KnownEffect(bound.effect, bound.joint, theta)
 
 
 def unseen_range(bound: Bound) -> tuple[float, float]:
     """Sizes that would not have been seen."""
-    return (-bound.below if bound.effect in _SIGNED else 0.0, bound.below)
+    return (-bound.below if effect_named(bound.effect).either_sign else 0.0, bound.below)
 
 
 def found_range(randomisation: Randomisation, place: int) -> tuple[float, float]:
@@ -146,18 +134,6 @@ def found_range(randomisation: Randomisation, place: int) -> tuple[float, float]
     value, half = randomisation.values[place], SIGMAS * randomisation.std[place]
     # What was found outside the bounds (less friction than modelled) stays what it is.
     return float(max(value - half, min(low[place], value))), float(min(value + half, max(high[place], value)))
-
-
-def _beside(randomisation: Randomisation, bound: Bound) -> dict[str, float]:
-    """What else a law needs beside the size that a bound is on: there the bound was asked for, see `Effect.probe`."""
-    robot = randomisation.robot
-    if bound.effect == "payload":
-        center = robot.model.inertias[payload_body(robot)].lever
-        return {f"center_{axis}": float(x) for axis, x in zip("xyz", center, strict=True)}
-    if bound.effect == "parasitic_spring":
-        posture = np.zeros(robot.nv) if randomisation.posture is None else randomisation.posture
-        return {"rest_position": float(posture[row_of(robot, bound.joint)])}
-    return {"roll": 0.0, "pitch": 0.0} if bound.effect == "base_tilt" else {}
 
 
 def _apart(parts: list[Array]) -> Array:

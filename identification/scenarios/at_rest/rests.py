@@ -11,7 +11,7 @@ from jaxtyping import Bool, Float, Int
 from identification.data.joint_torque import external_torque
 from identification.data.recording import Recording
 from phantom_dyn.dynamics.dynamics import gravity_torque
-from phantom_dyn.effects.encoder.encoder_quantization import stated_step, step_of
+from phantom_dyn.effects.support.encoder_lattice import stated_step, step_of
 from phantom_dyn.errors import LogError
 from phantom_dyn.model.robot import Robot
 

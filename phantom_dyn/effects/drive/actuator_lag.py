@@ -11,8 +11,10 @@ import numpy as np
 from jaxtyping import Float
 
 from phantom_dyn._kernels.jit import jit
-from phantom_dyn.effects.effect import Effect, Law, Parameter, Shape, Signature, Simulated
+from phantom_dyn.effects.described import EffectWords, ModelNumbers
+from phantom_dyn.effects.effect import Effect, Parameter, Shape, Signature
 from phantom_dyn.effects.operation import Operation
+from phantom_dyn.effects.simulated import Law, Simulated
 from phantom_dyn.effects.support.rows import drive_places, driven_rows, hidden_behind_drive, torque_on_rows
 from phantom_dyn.model.robot import Robot
 
@@ -27,7 +29,17 @@ class ActuatorLag(Effect):
     regime = "high_acceleration"
     uses_acceleration = True
     follows_torque = True
-    stays = False
+    follows_model = True
+    changes_with = "controller"
+    words = EffectWords(
+        name="actuator lag",
+        meaning="the torque follows its command like a first-order low pass",
+        next_step="Check the bandwidth of the current loop, and put the lag into the simulation.",
+        size="with a time constant of {time_constant}",
+        parameters={"time_constant": "time after which a step of torque has come to 63 %"},
+        shown_over=("torque_rate",),
+        separated_by="timing",
+    )
 
     def places(self, robot: Robot) -> tuple[str | None, ...]:
         """All joints alike, or one."""
@@ -45,10 +57,6 @@ class ActuatorLag(Effect):
     def coefficient_bounds(self, robot: Robot, joint: str | None, shape: Shape) -> tuple[tuple[float, float], ...]:
         """No drive is early."""
         return ((0.0, np.inf),)
-
-    def probe(self, robot: Robot, operation: Operation, joint: str | None) -> tuple[str, Array]:
-        """The parameter itself."""
-        return "time_constant", np.array([1.0])
 
     def untestable(self, robot: Robot, operation: Operation, joint: str | None) -> str | None:
         """A torque sensor sits behind the drive."""
@@ -75,13 +83,35 @@ class ActuatorLag(Effect):
             out[rows] = asked - (now - asked) * np.expm1(-steps) / steps
             return asked + (now - asked) * np.exp(-steps), out
 
+        def series(t: Array, tau: Array) -> Array:
+            out, dt = tau.copy(), (t[-1] - t[0]) / (len(t) - 1)
+            for row in rows:
+                out[:, row] = _lagged(tau[:, row], dt, time_constant)
+            return out
+
         laws = tuple(Law(lag_law, row, (time_constant,), (np.nan,)) for row in rows)
-        return Simulated(start=np.full(len(rows), np.nan), command=command, laws=laws)
+        return Simulated(start=np.full(len(rows), np.nan), command=command, series=series, laws=laws)
+
+    def model_numbers(self, robot: Robot, joint: str | None, theta: Array) -> ModelNumbers:
+        """All of it."""
+        return ModelNumbers(whole=True, lag=float(theta[0]))
 
 
 def _slope(operation: Operation, rows: tuple[int, ...]) -> Float[Array, "N m"]:
     asked = operation.expected[:, list(rows)]
     return np.gradient(asked, operation.t, axis=0) if len(asked) > 1 else np.zeros_like(asked)
+
+
+def _lagged(tau: Float[Array, " N"], dt: float, time_constant: float) -> Float[Array, " N"]:
+    """First-order low pass, exact for a torque that is linear between samples."""
+    from scipy.signal import lfilter
+
+    if time_constant <= 0:
+        return tau
+    steps = dt / time_constant
+    keep = np.exp(-steps)
+    old, new = (1.0 - keep) / steps - keep, 1.0 - (1.0 - keep) / steps
+    return np.asarray(lfilter([new, old], [1.0, -keep], tau, zi=[tau[0] * (1.0 - new)])[0])
 
 
 @jit

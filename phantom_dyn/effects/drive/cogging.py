@@ -13,8 +13,10 @@ import numpy as np
 from jaxtyping import Float
 
 from phantom_dyn._kernels.jit import jit
-from phantom_dyn.effects.effect import Effect, Law, Moment, Parameter, Shape, Signature, Simulated
+from phantom_dyn.effects.described import EffectWords, ModelNumbers
+from phantom_dyn.effects.effect import Effect, Parameter, Shape, Signature
 from phantom_dyn.effects.operation import Operation
+from phantom_dyn.effects.simulated import Law, Moment, Simulated
 from phantom_dyn.effects.support.cogging_orders import order_range, orders_in
 from phantom_dyn.effects.support.rows import row_of, torque_on_joint, torque_unit
 from phantom_dyn.model.robot import Robot
@@ -27,6 +29,21 @@ class Cogging(Effect):
 
     name = "cogging"
     regime = "periodic_in_angle"
+    shape_held = True
+    takes_lists = True
+    words = EffectWords(
+        name="cogging",
+        meaning="torque that repeats with the joint angle, the same at every speed",
+        next_step="Record at several slow speeds over at least one period, then compensate it with a table over the "
+        "angle.",
+        size="of {amplitude}, {order} times a turn",
+        parameters={
+            "order": "periods in one turn of the joint",
+            "amplitude": "largest torque of each order",
+            "phase": "phase of each order at joint angle zero",
+        },
+        shown_over=("phase",),
+    )
 
     def parameters(self, robot: Robot, joint: str | None) -> tuple[Parameter, ...]:
         """Lists of equal length; ``theta`` is all orders, then all amplitudes, then all phases."""
@@ -78,6 +95,11 @@ class Cogging(Effect):
 
         waves = np.reshape(np.asarray(theta, dtype=float), (3, -1)).T
         return Simulated(torque=torque, laws=tuple(Law(wave_law, row, tuple(map(float, wave))) for wave in waves))
+
+    def model_numbers(self, robot: Robot, joint: str | None, theta: Array) -> ModelNumbers:
+        """All waves."""
+        waves = tuple((float(n), float(a), float(p)) for n, a, p in np.reshape(theta, (3, -1)).T)
+        return ModelNumbers(whole=True, waves=waves)
 
 
 def _law(q: Float[Array, " N"], theta: Float[Array, " p"]) -> Float[Array, " N"]:

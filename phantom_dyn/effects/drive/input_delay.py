@@ -13,8 +13,10 @@ from jaxtyping import Float
 from scipy.interpolate import CubicHermiteSpline
 
 from phantom_dyn._kernels.jit import jit
-from phantom_dyn.effects.effect import Effect, Law, Parameter, Shape, Signature, Simulated
+from phantom_dyn.effects.described import EffectWords, ModelNumbers
+from phantom_dyn.effects.effect import Effect, Parameter, Shape, Signature
 from phantom_dyn.effects.operation import Operation
+from phantom_dyn.effects.simulated import Law, Simulated
 from phantom_dyn.effects.support.rows import drive_places, driven_rows, hidden_behind_drive, secant, torque_on_rows
 from phantom_dyn.model.robot import Robot
 
@@ -34,7 +36,21 @@ class InputDelay(Effect):
     uses_acceleration = True
     shape_is_estimate = True
     follows_torque = True
-    stays = False
+    follows_model = True
+    told_from_zero = True
+    changes_with = "controller"
+    words = EffectWords(
+        name="an input delay",
+        meaning="the torque acts later than it is recorded",
+        next_step=(
+            "Check time stamps and bus cycles, and put the delay into the simulation; record with two controller "
+            "gains to part it from friction."
+        ),
+        size="of {delay}",
+        parameters={"delay": "time from the recorded to the acting torque"},
+        shown_over=("torque_rate",),
+        separated_by="timing",
+    )
 
     def places(self, robot: Robot) -> tuple[str | None, ...]:
         """All joints alike, or one."""
@@ -63,10 +79,6 @@ class InputDelay(Effect):
         """No drive is early."""
         return ((0.0, np.inf),)
 
-    def probe(self, robot: Robot, operation: Operation, joint: str | None) -> tuple[str, Array]:
-        """The parameter itself."""
-        return "delay", np.array([1.0])
-
     def untestable(self, robot: Robot, operation: Operation, joint: str | None) -> str | None:
         """A torque sensor sits behind the drive."""
         return hidden_behind_drive(robot, "the delay of the drive")
@@ -94,7 +106,18 @@ class InputDelay(Effect):
             # The next mean begins a delay ago: what ended by then is not needed any more.
             return history[ends > -delay].ravel(), out
 
-        return Simulated(command=command, laws=tuple(Law(delay_law, row, (delay,)) for row in rows))
+        def series(t: Array, tau: Array) -> Array:
+            out = tau.copy()
+            for row in rows:
+                out[:, row] = np.interp(t - delay, t, tau[:, row])
+            return out
+
+        laws = tuple(Law(delay_law, row, (delay,)) for row in rows)
+        return Simulated(command=command, series=series, laws=laws)
+
+    def model_numbers(self, robot: Robot, joint: str | None, theta: Array) -> ModelNumbers:
+        """All of it."""
+        return ModelNumbers(whole=True, delay=float(theta[0]))
 
 
 def _ahead(operation: Operation, rows: tuple[int, ...], delay: float) -> Float[Array, "N m"]:

@@ -9,8 +9,10 @@ from __future__ import annotations
 
 import numpy as np
 
-from phantom_dyn.effects.effect import Effect, Parameter, Shape, Signature, Simulated
+from phantom_dyn.effects.described import EffectWords, ModelNumbers
+from phantom_dyn.effects.effect import Effect, Parameter, Shape, Signature
 from phantom_dyn.effects.operation import Operation
+from phantom_dyn.effects.simulated import Simulated
 from phantom_dyn.effects.support.changed_robot import with_rotor_inertia
 from phantom_dyn.effects.support.rows import on_one_joint, row_of, torque_on_joint
 from phantom_dyn.model.robot import Robot
@@ -24,6 +26,19 @@ class RotorInertia(Effect):
     name = "rotor_inertia"
     regime = "high_acceleration"
     uses_acceleration = True
+    words = EffectWords(
+        name="rotor inertia",
+        meaning="inertia of motor and gear that acts on this joint alone",
+        next_step=(
+            "Add it to the joint's rotor inertia (armature), and compare with the data sheet: rotor inertia times gear "
+            "ratio squared."
+        ),
+        less="less rotor inertia than modelled",
+        size="of {inertia}",
+        parameters={"inertia": "inertia of motor and gear on the joint side"},
+        shown_over=("acceleration",),
+        separated_by="data sheet",
+    )
 
     def parameters(self, robot: Robot, joint: str | None) -> tuple[Parameter, ...]:
         """``inertia`` I."""
@@ -37,10 +52,6 @@ class RotorInertia(Effect):
         """Together with the modelled rotor it is not negative."""
         return ((-float(robot.rotor_inertia[row_of(robot, joint)]), np.inf),)
 
-    def probe(self, robot: Robot, operation: Operation, joint: str | None) -> tuple[str, Array]:
-        """The parameter itself."""
-        return "inertia", np.array([1.0])
-
     def torque(self, robot: Robot, operation: Operation, joint: str | None, theta: Array) -> Array:
         """``-I a`` on the joint."""
         return torque_on_joint(robot, joint, -theta[0] * operation.a[:, row_of(robot, joint)])
@@ -48,6 +59,10 @@ class RotorInertia(Effect):
     def simulated(self, robot: Robot, joint: str | None, theta: Array) -> Simulated:
         """A heavier rotor."""
         return Simulated(robot=lambda moved: with_rotor_inertia(moved, joint, theta[0]))
+
+    def model_numbers(self, robot: Robot, joint: str | None, theta: Array) -> ModelNumbers:
+        """All of it."""
+        return ModelNumbers(whole=True, rotor_inertia=float(theta[0]))
 
 
 def _unit(robot: Robot, joint: str | None) -> str:

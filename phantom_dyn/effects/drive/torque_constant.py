@@ -12,8 +12,10 @@ from dataclasses import replace
 import numpy as np
 
 from phantom_dyn._kernels.jit import jit
-from phantom_dyn.effects.effect import Effect, Law, Parameter, Shape, Signature, Simulated
+from phantom_dyn.effects.described import EffectWords, ModelNumbers
+from phantom_dyn.effects.effect import Effect, Parameter, Shape, Signature
 from phantom_dyn.effects.operation import Operation
+from phantom_dyn.effects.simulated import Law, Simulated
 from phantom_dyn.effects.support.rows import on_one_joint, row_of, torque_on_joint
 from phantom_dyn.model.robot import Robot
 
@@ -26,6 +28,18 @@ class TorqueConstant(Effect):
     name = "torque_constant"
     regime = "high_load"
     uses_acceleration = True
+    scales_joint = True
+    either_sign = True
+    changes_with = "temperature"
+    words = EffectWords(
+        name="a wrong torque constant",
+        meaning="the true torque is a fixed multiple of the one that is recorded",
+        next_step="Multiply the torque constant by the ratio; a known weight at a known distance checks it.",
+        size=": the true torque is {ratio} times the recorded one",
+        parameters={"ratio": "true torque over recorded torque"},
+        shown_over=("modelled",),
+        separated_by="weighing",
+    )
 
     def untestable(self, robot: Robot, operation: Operation, joint: str | None) -> str | None:
         """A torque sensor sits behind the drive."""
@@ -53,6 +67,12 @@ class TorqueConstant(Effect):
         """A ratio that is off by one, to first order."""
         return "ratio", np.array([-1.0])
 
+    def sized(
+        self, robot: Robot, joint: str | None, name: str, size: float, posture: Array
+    ) -> tuple[float, ...] | None:
+        """The ratio of an excess."""
+        return (1.0 / (1.0 + size),) if size > -1 else None
+
     def torque(self, robot: Robot, operation: Operation, joint: str | None, theta: Array) -> Array:
         """What the drive gives beyond the logged torque when the logged torque is what the true motion needs."""
         needed = operation.tau[:, row_of(robot, joint)]
@@ -63,7 +83,13 @@ class TorqueConstant(Effect):
         scale, row = np.ones(robot.nv), row_of(robot, joint)
         scale[row] = theta[0]
         law = Law(scaled_law, row, (float(theta[0]),))
-        return Simulated(command=lambda state, dt, tau: (state, scale * tau), laws=(law,))
+        return Simulated(
+            command=lambda state, dt, tau: (state, scale * tau), series=lambda t, tau: scale * tau, laws=(law,)
+        )
+
+    def model_numbers(self, robot: Robot, joint: str | None, theta: Array) -> ModelNumbers:
+        """All of it."""
+        return ModelNumbers(whole=True, gain=float(theta[0]))
 
 
 @jit

@@ -10,8 +10,10 @@ from __future__ import annotations
 import numpy as np
 
 from phantom_dyn._kernels.jit import jit
-from phantom_dyn.effects.effect import Effect, Law, Parameter, Shape, Signature, Simulated
+from phantom_dyn.effects.described import EffectWords, ModelNumbers
+from phantom_dyn.effects.effect import Effect, Parameter, Shape, Signature
 from phantom_dyn.effects.operation import Operation
+from phantom_dyn.effects.simulated import Law, Simulated
 from phantom_dyn.effects.support.rows import on_one_joint, row_of, torque_on_joint, torque_unit
 from phantom_dyn.model.robot import Robot
 
@@ -23,6 +25,16 @@ class TorqueOffset(Effect):
 
     name = "torque_offset"
     regime = "everywhere"
+    either_sign = True
+    words = EffectWords(
+        name="a torque offset",
+        meaning="a constant torque that is there in every posture and at every speed",
+        next_step="Check the zero of the torque sensor or amplifier, and the balance of the joint.",
+        size="of {torque}",
+        parameters={"torque": "constant torque along the joint's positive direction"},
+        shown_over=("time",),
+        separated_by="level",
+    )
 
     def parameters(self, robot: Robot, joint: str | None) -> tuple[Parameter, ...]:
         """``torque``, either sign."""
@@ -31,10 +43,6 @@ class TorqueOffset(Effect):
     def signature(self, robot: Robot, operation: Operation, joint: str | None, shape: Shape) -> Signature:
         """Minus one: the drive cancels the offset."""
         return on_one_joint(robot, joint, torque=(-np.ones(len(operation.t)), torque_unit(robot, joint)))
-
-    def probe(self, robot: Robot, operation: Operation, joint: str | None) -> tuple[str, Array]:
-        """The torque itself."""
-        return "torque", np.array([1.0])
 
     def torque(self, robot: Robot, operation: Operation, joint: str | None, theta: Array) -> Array:
         """The constant on the joint."""
@@ -45,6 +53,10 @@ class TorqueOffset(Effect):
         constant = torque_on_joint(robot, joint, np.array([theta[0]]))[0]
         law = Law(constant_law, row_of(robot, joint), (float(theta[0]),))
         return Simulated(torque=lambda state, dt, moment: (state, constant), laws=(law,))
+
+    def model_numbers(self, robot: Robot, joint: str | None, theta: Array) -> ModelNumbers:
+        """All of it."""
+        return ModelNumbers(whole=True, offset=float(theta[0]))
 
 
 @jit

@@ -11,8 +11,10 @@ from __future__ import annotations
 import numpy as np
 
 from phantom_dyn._kernels.jit import jit
-from phantom_dyn.effects.effect import Effect, Law, Parameter, Shape, Signature, Simulated
+from phantom_dyn.effects.described import EffectWords, ModelNumbers
+from phantom_dyn.effects.effect import Effect, Parameter, Shape, Signature
 from phantom_dyn.effects.operation import Operation
+from phantom_dyn.effects.simulated import Law, Simulated
 from phantom_dyn.effects.support.rows import (
     hidden_behind_drive,
     moving_average,
@@ -42,10 +44,17 @@ class TorqueSaturation(Effect):
 
     name = "torque_saturation"
     regime = "saturated"
-    stays = False
     seen_by = "neither"
     # What the motion needs is without what a drive at its limit lacks.
     follows_torque = True
+    words = EffectWords(
+        name="torque saturation",
+        meaning="the drive gives less than what is commanded beyond a limit",
+        next_step="Put the limit into the robot's configuration, and repeat the recording below it.",
+        size="at {limit}",
+        parameters={"limit": "torque beyond which the drive gives no more"},
+        shown_over=("measured",),
+    )
 
     def parameters(self, robot: Robot, joint: str | None) -> tuple[Parameter, ...]:
         """``limit`` of the true torque."""
@@ -82,10 +91,6 @@ class TorqueSaturation(Effect):
         """The limit is the shape."""
         return np.array([shape[0]])
 
-    def probe(self, robot: Robot, operation: Operation, joint: str | None) -> tuple[str, Array]:
-        """All that is beyond the limit."""
-        return "limit", np.array([1.0])
-
     def untestable(self, robot: Robot, operation: Operation, joint: str | None) -> str | None:
         """A torque sensor sits behind the drive."""
         return hidden_behind_drive(robot, "the limit of the drive")
@@ -99,7 +104,16 @@ class TorqueSaturation(Effect):
         limit, row = np.full(robot.nv, np.inf), row_of(robot, joint)
         limit[row] = theta[0]
         law = Law(clipped_law, row, (float(theta[0]),))
-        return Simulated(command=lambda state, dt, tau: (state, held_within(tau, limit)), laws=(law,))
+        return Simulated(
+            command=lambda state, dt, tau: (state, held_within(tau, limit)),
+            series=lambda t, tau: held_within(tau, limit),
+            limit=float(theta[0]),
+            laws=(law,),
+        )
+
+    def model_numbers(self, robot: Robot, joint: str | None, theta: Array) -> ModelNumbers:
+        """All of it."""
+        return ModelNumbers(whole=True, limit=float(theta[0]))
 
 
 def _command(operation: Operation, row: int) -> Array:

@@ -12,8 +12,10 @@ from __future__ import annotations
 import numpy as np
 
 from phantom_dyn._kernels.jit import jit
-from phantom_dyn.effects.effect import Effect, Law, Parameter, Shape, Signature, Simulated
+from phantom_dyn.effects.described import EffectWords
+from phantom_dyn.effects.effect import Effect, Parameter, Shape, Signature
 from phantom_dyn.effects.operation import Operation
+from phantom_dyn.effects.simulated import Law, Simulated
 from phantom_dyn.effects.support.displaced import change_by_reading, exact_change_by_reading
 from phantom_dyn.effects.support.rows import row_of
 from phantom_dyn.model.robot import Robot
@@ -33,6 +35,22 @@ class EncoderEccentricity(Effect):
     name = "encoder_eccentricity"
     regime = "periodic_in_angle"
     uses_acceleration = True
+    follows_model = True
+    first_order = True
+    words = EffectWords(
+        name="encoder eccentricity",
+        meaning="the position is read with an error that repeats with each turn",
+        next_step="Check how the encoder disc is centred, or correct the reading with a table over the angle.",
+        size="of {amplitude}",
+        parameters={
+            "amplitude": "largest error of the reading",
+            "phase": "phase of the error at position zero",
+            "order": "periods of the error in one turn",
+        },
+        shown_over=("phase",),
+        separated_by="link encoder",
+        lost="eccentric encoders",
+    )
 
     def places(self, robot: Robot) -> tuple[str | None, ...]:
         """Joints that turn."""
@@ -41,7 +59,11 @@ class EncoderEccentricity(Effect):
     def parameters(self, robot: Robot, joint: str | None) -> tuple[Parameter, ...]:
         """``amplitude`` A, ``phase`` p and ``order`` n."""
         unit = robot.position_units[row_of(robot, joint)]
-        return (Parameter("amplitude", unit, 0.0), Parameter("phase", "rad"), Parameter("order", "1", 0.0))
+        return (
+            Parameter("amplitude", unit, 0.0),
+            Parameter("phase", "rad"),
+            Parameter("order", "1", 0.0, default=ORDER),
+        )
 
     def signature(self, robot: Robot, operation: Operation, joint: str | None, shape: Shape) -> Signature:
         """Drive torque more per unit of a sine and of a cosine of the angle that is read."""

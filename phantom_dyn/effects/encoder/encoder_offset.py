@@ -12,8 +12,10 @@ from __future__ import annotations
 import numpy as np
 
 from phantom_dyn._kernels.jit import jit
-from phantom_dyn.effects.effect import Effect, Law, Parameter, Shape, Signature, Simulated
+from phantom_dyn.effects.described import EffectWords, ModelNumbers
+from phantom_dyn.effects.effect import Effect, Parameter, Shape, Signature
 from phantom_dyn.effects.operation import Operation
+from phantom_dyn.effects.simulated import Law, Simulated
 from phantom_dyn.effects.support.displaced import change_by_reading, exact_change_by_reading
 from phantom_dyn.effects.support.rows import row_of, secant
 from phantom_dyn.model.robot import Robot
@@ -33,6 +35,17 @@ class EncoderOffset(Effect):
     regime = "posture"
     uses_acceleration = True
     shape_is_estimate = True
+    follows_model = True
+    either_sign = True
+    words = EffectWords(
+        name="an encoder offset",
+        meaning="the position is read with a constant error",
+        next_step="Calibrate the joint's zero again, and correct the offset.",
+        size="of {offset}",
+        parameters={"offset": "reading less true position"},
+        shown_over=("position",),
+        separated_by="link encoder",
+    )
 
     def parameters(self, robot: Robot, joint: str | None) -> tuple[Parameter, ...]:
         """``offset``."""
@@ -60,10 +73,6 @@ class EncoderOffset(Effect):
         """A hinge comes round after half a turn."""
         return () if robot.prismatic[row_of(robot, joint)] else ((-np.pi, np.pi),)
 
-    def probe(self, robot: Robot, operation: Operation, joint: str | None) -> tuple[str, Array]:
-        """The parameter itself."""
-        return "offset", np.array([1.0])
-
     def untestable(self, robot: Robot, operation: Operation, joint: str | None) -> str | None:
         """Where no torque depends on the position."""
         column = operation.partials[0][:, :, row_of(robot, joint)]
@@ -82,6 +91,10 @@ class EncoderOffset(Effect):
         return Simulated(
             reading=lambda q: q + offset * (np.arange(robot.nv) == row), laws=(Law(shifted_law, row, (offset,)),)
         )
+
+    def model_numbers(self, robot: Robot, joint: str | None, theta: Array) -> ModelNumbers:
+        """All of it."""
+        return ModelNumbers(whole=True, zero=float(theta[0]))
 
 
 @jit

@@ -8,8 +8,10 @@ from __future__ import annotations
 
 import numpy as np
 
-from phantom_dyn.effects.effect import Effect, Parameter, Shape, Signature, Simulated
+from phantom_dyn.effects.described import EffectWords, ModelNumbers
+from phantom_dyn.effects.effect import Effect, Parameter, Shape, Signature
 from phantom_dyn.effects.operation import Operation
+from phantom_dyn.effects.simulated import Simulated
 from phantom_dyn.effects.support.changed_robot import with_friction
 from phantom_dyn.effects.support.rows import (
     modelled_friction_of,
@@ -28,6 +30,16 @@ class CoulombFriction(Effect):
 
     name = "coulomb_friction"
     regime = "velocity_reversal"
+    changes_with = "friction"
+    words = EffectWords(
+        name="Coulomb friction",
+        meaning="friction torque of constant size that opposes the motion",
+        next_step="Add the torque to the joint's friction in the model; slow reversals in several postures confirm it.",
+        less="less Coulomb friction than modelled",
+        size="of {torque}",
+        parameters={"torque": "friction torque at any speed"},
+        shown_over=("velocity",),
+    )
 
     def places(self, robot: Robot) -> tuple[str | None, ...]:
         """Every joint, the passive ones of a closed chain too."""
@@ -46,10 +58,6 @@ class CoulombFriction(Effect):
         """Together with the modelled torque it is not negative."""
         return ((-modelled_friction_of(robot, joint)[1], np.inf),)
 
-    def probe(self, robot: Robot, operation: Operation, joint: str | None) -> tuple[str, Array]:
-        """The parameter itself."""
-        return "torque", np.array([1.0])
-
     def torque(self, robot: Robot, operation: Operation, joint: str | None, theta: Array) -> Array:
         """``-T sign(v)`` on the joint."""
         return torque_on_any_joint(robot, operation, joint, -theta[0] * np.sign(speed_of(robot, operation, joint)))
@@ -57,3 +65,7 @@ class CoulombFriction(Effect):
     def simulated(self, robot: Robot, joint: str | None, theta: Array) -> Simulated:
         """More modelled friction, which sticks at rest."""
         return Simulated(robot=lambda moved: with_friction(moved, joint, coulomb=theta[0]))
+
+    def model_numbers(self, robot: Robot, joint: str | None, theta: Array) -> ModelNumbers:
+        """All of it."""
+        return ModelNumbers(whole=True, coulomb=float(theta[0]))

@@ -11,8 +11,10 @@ from __future__ import annotations
 import numpy as np
 
 from phantom_dyn._kernels.jit import jit
-from phantom_dyn.effects.effect import Effect, Law, Moment, Parameter, Shape, Signature, Simulated
+from phantom_dyn.effects.described import EffectWords, ModelNumbers
+from phantom_dyn.effects.effect import Effect, Parameter, Shape, Signature
 from phantom_dyn.effects.operation import Operation
+from phantom_dyn.effects.simulated import Law, Moment, Simulated
 from phantom_dyn.effects.support.changed_robot import with_friction
 from phantom_dyn.effects.support.rows import damping_unit, on_one_joint, row_of, torque_on_joint, torque_unit
 from phantom_dyn.model.robot import Robot
@@ -26,6 +28,25 @@ class DirectionDependentFriction(Effect):
     name = "direction_dependent_friction"
     regime = "one_direction"
     contains = ("coulomb_friction", "viscous_friction", "torque_offset")
+    same_as_sum = ("coulomb_friction", "torque_offset")
+    words = EffectWords(
+        name="direction-dependent friction",
+        meaning="friction that is larger in one direction than in the other",
+        next_step=(
+            "Put both directions into the model, and look at the drive for a cause that prefers one direction "
+            "(cable, seal, amplifier offset)."
+        ),
+        less="less friction than modelled, by direction",
+        size="of {torque_positive} forward and {torque_negative} backward",
+        parameters={
+            "torque_positive": "constant friction torque in the positive direction",
+            "torque_negative": "constant friction torque in the negative direction",
+            "coefficient_positive": "friction torque per unit of speed in the positive direction",
+            "coefficient_negative": "friction torque per unit of speed in the negative direction",
+        },
+        shown_over=("velocity",),
+        kept="of friction that depends on direction, the mean of both",
+    )
 
     def parameters(self, robot: Robot, joint: str | None) -> tuple[Parameter, ...]:
         """Torque and viscous coefficient of each direction."""
@@ -74,6 +95,14 @@ class DirectionDependentFriction(Effect):
         level, half = 0.5 * (theta[0] + theta[1]), 0.5 * (theta[0] - theta[1])
         law = Law(two_way_law, row, (float(half), float(theta[2]), float(theta[3])))
         return Simulated(robot=lambda moved: with_friction(moved, joint, coulomb=level), torque=torque, laws=(law,))
+
+    def model_numbers(self, robot: Robot, joint: str | None, theta: Array) -> ModelNumbers:
+        """The mean of both directions, and half the difference of the torques."""
+        return ModelNumbers(
+            viscous=float(0.5 * (theta[2] + theta[3])),
+            coulomb=float(0.5 * (theta[0] + theta[1])),
+            offset=-0.5 * float(theta[0] - theta[1]),
+        )
 
 
 @jit

@@ -15,8 +15,10 @@ import numpy as np
 from jaxtyping import Float
 
 from phantom_dyn._kernels.jit import jit
-from phantom_dyn.effects.effect import Effect, Law, Moment, Parameter, Shape, Signature, Simulated
+from phantom_dyn.effects.described import Coupling, EffectWords, ModelNumbers
+from phantom_dyn.effects.effect import Effect, Parameter, Shape, Signature
 from phantom_dyn.effects.operation import Operation
+from phantom_dyn.effects.simulated import Law, Moment, Simulated
 from phantom_dyn.effects.support.rows import damping_unit, row_of, torque_on_rows, torque_unit
 from phantom_dyn.model.robot import Robot
 
@@ -32,14 +34,33 @@ class JointCoupling(Effect):
     """See the module."""
 
     name = "joint_coupling"
+    scope = "pair"
     regime = "velocity_reversal"
     uses_acceleration = True
+    words = EffectWords(
+        name="joint coupling",
+        meaning="friction or inertia that acts when both joints move, as in a coupled transmission",
+        next_step="Record the two joints moving in phase, then out of phase, and model the coupled transmission.",
+        size="through the first joint's velocity plus {ratio} times the second's",
+        parameters={
+            "ratio": "how much the second joint's speed counts against the first's",
+            "coulomb_torque": "constant friction torque of the coupled motion",
+            "coefficient": "friction torque per unit of coupled speed",
+            "inertia": "inertia that moves with the coupled speed",
+        },
+        shown_over=("coupled_velocity",),
+    )
 
     def places(self, robot: Robot) -> tuple[str | None, ...]:
         """Pairs in the robot's order: all of them on a short arm, else neighbours and next neighbours."""
         names = robot.joint_names
         reach = len(names) if len(names) <= _ALL_PAIRS else 2
         return tuple(f"{names[i]}+{names[j]}" for i, j in combinations(range(len(names)), 2) if j - i <= reach)
+
+    def can_sit(self, robot: Robot, joint: str | None) -> bool:
+        """Any two joints may be coupled, neighbours or not."""
+        pair = (joint or "").split("+")
+        return len(pair) == 2 and set(pair) <= set(robot.joint_names)
 
     def parameters(self, robot: Robot, joint: str | None) -> tuple[Parameter, ...]:
         """``ratio`` of the second joint, then friction and inertia as felt on the first."""
@@ -113,6 +134,11 @@ class JointCoupling(Effect):
 
         law = Law(shared_law, rows[0], (float(coulomb), float(viscous)), other=rows[1], share=float(ratio))
         return Simulated(torque=torque, inertia=inertia * np.outer(share, share), laws=(law,))
+
+    def model_numbers(self, robot: Robot, joint: str | None, theta: Array) -> ModelNumbers:
+        """All of it."""
+        first, _, second = (joint or "").partition("+")
+        return ModelNumbers(whole=True, coupling=Coupling(first, second, *(float(x) for x in theta)))
 
 
 def _pair(robot: Robot, joint: str | None) -> tuple[int, int]:

@@ -10,8 +10,10 @@ from __future__ import annotations
 import numpy as np
 
 from phantom_dyn._kernels.jit import jit
-from phantom_dyn.effects.effect import Effect, Law, Moment, Parameter, Shape, Signature, Simulated
+from phantom_dyn.effects.described import EffectWords
+from phantom_dyn.effects.effect import Effect, Parameter, Shape, Signature
 from phantom_dyn.effects.operation import Operation
+from phantom_dyn.effects.simulated import Law, Moment, Simulated
 from phantom_dyn.effects.support.rows import never_reverses, on_one_joint, row_of, torque_on_joint
 from phantom_dyn.model.robot import Robot
 
@@ -24,6 +26,19 @@ class LoadDependentFriction(Effect):
     name = "load_dependent_friction"
     regime = "high_load"
     uses_acceleration = True
+    follows_model = True
+    changes_with = "friction"
+    words = EffectWords(
+        name="load-dependent friction",
+        meaning="friction that grows with the torque that the transmission passes on",
+        next_step="Record the same motion with two payloads, then scale the joint's friction with the load in "
+        "the model.",
+        less="less load-dependent friction than modelled",
+        size="of {ratio} times the load",
+        parameters={"ratio": "friction torque per torque that the transmission passes on"},
+        shown_over=("transmitted",),
+        lost="friction that grows with load",
+    )
 
     def parameters(self, robot: Robot, joint: str | None) -> tuple[Parameter, ...]:
         """``ratio`` of friction to load."""
@@ -38,10 +53,6 @@ class LoadDependentFriction(Effect):
     def coefficient_bounds(self, robot: Robot, joint: str | None, shape: Shape) -> tuple[tuple[float, float], ...]:
         """Friction holds back."""
         return ((0.0, np.inf),)
-
-    def probe(self, robot: Robot, operation: Operation, joint: str | None) -> tuple[str, Array]:
-        """The parameter itself."""
-        return "ratio", np.array([1.0])
 
     def untestable(self, robot: Robot, operation: Operation, joint: str | None) -> str | None:
         """In one direction it is a torque constant or an offset."""

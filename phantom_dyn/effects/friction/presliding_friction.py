@@ -17,8 +17,10 @@ import numpy as np
 from jaxtyping import Float
 
 from phantom_dyn._kernels.jit import jit
-from phantom_dyn.effects.effect import Effect, Law, Moment, Parameter, Shape, Signature, Simulated
+from phantom_dyn.effects.described import EffectWords, ModelNumbers
+from phantom_dyn.effects.effect import Effect, Parameter, Shape, Signature
 from phantom_dyn.effects.operation import Operation
+from phantom_dyn.effects.simulated import Law, Moment, Simulated
 from phantom_dyn.effects.support.rows import (
     never_reverses,
     on_one_joint,
@@ -36,17 +38,66 @@ Array = np.ndarray
 _LEAST_DISPLACEMENT = 1e-12
 
 
+def dahl(q: Float[Array, " N"], displacement: float) -> Float[Array, " N"]:
+    r"""Share of its largest torque that a bristle gives which yields more and more (Dahl, 1968), 0 at the first sample.
+
+    :math:`dz/dq = (1 - z\,\mathrm{sign}\,dq) / d`, solved exactly from sample to sample. Each step is ``z -> r z + c``;
+    two of them one after the other are again one, so that all are put together in ``log2(N)`` passes.
+
+    Args:
+        q: Positions [rad or m].
+        displacement: d, over which it builds up from rest.
+    """
+    moved = np.diff(q, prepend=q[:1])
+    ratio = np.exp(-np.abs(moved) / displacement)
+    constant = np.sign(moved) * (1.0 - ratio)
+    reach = 1
+    while reach < len(q):
+        constant = np.concatenate([constant[:reach], ratio[reach:] * constant[:-reach] + constant[reach:]])
+        ratio = np.concatenate([ratio[:reach], ratio[reach:] * ratio[:-reach]])
+        reach *= 2
+    return constant
+
+
+def yielding(operation: Operation, joint: str | None, own: Array, shape: Array) -> Float[Array, "N nv"]:
+    """A bristle that gives way more and more, where that of the module slips at once: the words fit both."""
+    out = np.zeros_like(operation.tau)
+    row = row_of(operation.robot, joint)
+    out[:, row] = own[0] * dahl(operation.q[:, row], float(shape[0]))
+    return out
+
+
 class PreslidingFriction(Effect):
     """See the module."""
 
     name = "presliding_friction"
     regime = "velocity_reversal"
     contains = ("coulomb_friction",)
+    other_laws = (yielding,)
+    words = EffectWords(
+        name="presliding friction",
+        meaning="friction that builds up over a small displacement after each reversal, like a spring that lets go",
+        next_step="Record reversals at three or more accelerations, then use a bristle model in the simulation.",
+        size="of {torque}, built up over {displacement}",
+        parameters={
+            "torque": "friction torque once the joint slides",
+            "displacement": "way after a reversal over which friction builds up",
+            "static_ratio": "friction torque at rest over that while sliding",
+            "stick_velocity": "speed below which the joint sticks",
+        },
+        shown_over=("displacement",),
+        kept="of presliding friction, the torque behind the bristle",
+        lost="the way of presliding friction up to its torque",
+    )
 
     def parameters(self, robot: Robot, joint: str | None) -> tuple[Parameter, ...]:
         """Torque in full slip, and the displacement at which the bristle slips."""
         displacement = robot.position_units[row_of(robot, joint)]
         return (Parameter("torque", torque_unit(robot, joint), 0.0), Parameter("displacement", displacement, 0.0))
+
+    def optional_parameters(self, robot: Robot, joint: str | None) -> tuple[Parameter, ...]:
+        """The two numbers more that make it stick, see the module."""
+        return (Parameter("static_ratio", "1", 1.0), Parameter("stick_velocity", velocity_unit(robot, joint), 0.0))
 
     def shapes(self, robot: Robot, operation: Operation, joint: str | None) -> tuple[Shape, ...]:
         """Displacements from 0.4 % to 40 % of the way between reversals: shorter is Coulomb, longer is a spring."""
@@ -69,10 +120,6 @@ class PreslidingFriction(Effect):
     def from_coefficients(self, robot: Robot, joint: str | None, coefficients: Array, shape: Shape) -> Array:
         """The slip torque at the displacement of the shape."""
         return np.array([coefficients[0], shape[0]])
-
-    def probe(self, robot: Robot, operation: Operation, joint: str | None) -> tuple[str, Array]:
-        """The slip torque."""
-        return "torque", np.array([1.0])
 
     def untestable(self, robot: Robot, operation: Operation, joint: str | None) -> str | None:
         """Without a reversal the bristle stays deflected."""
@@ -103,10 +150,9 @@ class PreslidingFriction(Effect):
         law = Law(function, row, tuple(map(float, theta)), tuple(map(float, _NEW)))
         return Simulated(start=_NEW, torque=torque, laws=(law,))
 
-
-def sticking_parameters(robot: Robot, joint: str | None) -> tuple[Parameter, ...]:
-    """The two numbers more that make it stick, see the module."""
-    return (Parameter("static_ratio", "1", 1.0), Parameter("stick_velocity", velocity_unit(robot, joint), 0.0))
+    def model_numbers(self, robot: Robot, joint: str | None, theta: Array) -> ModelNumbers:
+        """The torque behind the bristle."""
+        return ModelNumbers(coulomb=float(theta[0]))
 
 
 # No position yet; no deflection (or: not stuck, no anchor).

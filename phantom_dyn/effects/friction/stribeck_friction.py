@@ -10,8 +10,10 @@ from __future__ import annotations
 import numpy as np
 
 from phantom_dyn._kernels.jit import jit
-from phantom_dyn.effects.effect import Effect, Law, Moment, Parameter, Shape, Signature, Simulated
+from phantom_dyn.effects.described import EffectWords, ModelNumbers
+from phantom_dyn.effects.effect import Effect, Parameter, Shape, Signature
 from phantom_dyn.effects.operation import Operation
+from phantom_dyn.effects.simulated import Law, Moment, Simulated
 from phantom_dyn.effects.support.changed_robot import with_friction
 from phantom_dyn.effects.support.rows import on_one_joint, row_of, torque_on_joint, torque_unit, velocity_unit
 from phantom_dyn.model.robot import Robot
@@ -25,6 +27,20 @@ class StribeckFriction(Effect):
     name = "stribeck_friction"
     regime = "low_speed"
     contains = ("coulomb_friction",)
+    words = EffectWords(
+        name="Stribeck friction",
+        meaning="friction that falls as the joint starts to move and then levels off",
+        next_step="Record at least five slow constant speeds in both directions to fix the curve, then put it into "
+        "the model.",
+        size="that falls from {static_torque} to {coulomb_torque}",
+        parameters={
+            "coulomb_torque": "friction torque at speed",
+            "static_torque": "friction torque as the motion begins",
+            "stribeck_velocity": "speed at which about a third of the difference is left",
+        },
+        shown_over=("velocity",),
+        kept="of Stribeck friction, the level at high speed",
+    )
 
     def parameters(self, robot: Robot, joint: str | None) -> tuple[Parameter, ...]:
         """Level at speed, level at rest and the velocity at which the difference has fallen to 1/e."""
@@ -80,6 +96,10 @@ class StribeckFriction(Effect):
 
         law = Law(falling_law, row, (float(theta[1] - theta[0]), float(theta[2])))
         return Simulated(robot=lambda moved: with_friction(moved, joint, coulomb=theta[1]), torque=torque, laws=(law,))
+
+    def model_numbers(self, robot: Robot, joint: str | None, theta: Array) -> ModelNumbers:
+        """The level at high speed."""
+        return ModelNumbers(coulomb=float(theta[0]))
 
 
 @jit

@@ -9,8 +9,10 @@ from __future__ import annotations
 
 import numpy as np
 
-from phantom_dyn.effects.effect import Effect, Parameter, Shape, Signature, Simulated
+from phantom_dyn.effects.described import EffectWords, ModelNumbers
+from phantom_dyn.effects.effect import Effect, Parameter, Shape, Signature
 from phantom_dyn.effects.operation import Operation
+from phantom_dyn.effects.simulated import Simulated
 from phantom_dyn.effects.support.changed_robot import with_friction
 from phantom_dyn.effects.support.rows import (
     damping_unit,
@@ -29,6 +31,19 @@ class ViscousFriction(Effect):
 
     name = "viscous_friction"
     regime = "high_speed"
+    changes_with = "friction"
+    words = EffectWords(
+        name="viscous friction",
+        meaning="friction torque that grows in proportion to speed",
+        next_step=(
+            "Add the coefficient to the joint's damping in the model, and record once cold and once warm: "
+            "it changes with the lubricant's temperature."
+        ),
+        less="less viscous friction than modelled",
+        size="of {coefficient}",
+        parameters={"coefficient": "friction torque per unit of speed"},
+        shown_over=("velocity",),
+    )
 
     def places(self, robot: Robot) -> tuple[str | None, ...]:
         """Every joint, the passive ones of a closed chain too."""
@@ -47,10 +62,6 @@ class ViscousFriction(Effect):
         """Together with the modelled coefficient it is not negative."""
         return ((-modelled_friction_of(robot, joint)[0], np.inf),)
 
-    def probe(self, robot: Robot, operation: Operation, joint: str | None) -> tuple[str, Array]:
-        """The parameter itself."""
-        return "coefficient", np.array([1.0])
-
     def torque(self, robot: Robot, operation: Operation, joint: str | None, theta: Array) -> Array:
         """``-c v`` on the joint."""
         return torque_on_any_joint(robot, operation, joint, -theta[0] * speed_of(robot, operation, joint))
@@ -58,3 +69,7 @@ class ViscousFriction(Effect):
     def simulated(self, robot: Robot, joint: str | None, theta: Array) -> Simulated:
         """More modelled friction."""
         return Simulated(robot=lambda moved: with_friction(moved, joint, viscous=theta[0]))
+
+    def model_numbers(self, robot: Robot, joint: str | None, theta: Array) -> ModelNumbers:
+        """All of it."""
+        return ModelNumbers(whole=True, viscous=float(theta[0]))

@@ -8,11 +8,17 @@ URDF: a level link under the root; MJCF: ``option gravity``.
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
+import pinocchio as pin
+from jaxtyping import Float
 
 from phantom_dyn.dynamics.dynamics import gravity_torque
-from phantom_dyn.effects.effect import Effect, Parameter, Shape, Signature, Simulated
+from phantom_dyn.effects.described import EffectWords, ModelNumbers
+from phantom_dyn.effects.effect import Effect, Parameter, Shape, Signature
 from phantom_dyn.effects.operation import Operation
+from phantom_dyn.effects.simulated import Simulated
 from phantom_dyn.effects.support.changed_robot import with_gravity
 from phantom_dyn.model.robot import Robot
 
@@ -36,6 +42,20 @@ class BaseTilt(Effect):
     scope = "robot"
     regime = "posture"
     shape_is_estimate = True
+    follows_model = True
+    either_sign = True
+    words = EffectWords(
+        name="a tilted base",
+        meaning="gravity has another direction than in the model",
+        next_step="Put a level on the base, correct the mounting or the model's gravity.",
+        size="of {roll} about x and {pitch} about y",
+        parameters={
+            "roll": "turn of gravity about x of the base",
+            "pitch": "turn of gravity about y of the base",
+        },
+        shown_over=("position",),
+        separated_by="level",
+    )
 
     def parameters(self, robot: Robot, joint: str | None) -> tuple[Parameter, ...]:
         """``roll`` about the base's x axis, ``pitch`` about its y axis."""
@@ -94,12 +114,27 @@ class BaseTilt(Effect):
         """Another gravity."""
         return Simulated(robot=lambda moved: with_gravity(moved, _turned(moved.model.gravity.linear, *theta)))
 
+    def model_numbers(self, robot: Robot, joint: str | None, theta: Array) -> ModelNumbers:
+        """All of it."""
+        return replace(super().model_numbers(robot, joint, theta), turned=_turn(*theta))
+
+    def sized(
+        self, robot: Robot, joint: str | None, name: str, size: float, posture: Array
+    ) -> tuple[float, ...] | None:
+        """About one axis."""
+        return tuple(size if angle == name else 0.0 for angle in ("roll", "pitch"))
+
 
 def _turned(gravity: Array, roll: float, pitch: float) -> Array:
     """``R_x(roll) R_y(pitch) gravity``."""
     x, y, z = gravity
     x, z = np.cos(pitch) * x + np.sin(pitch) * z, np.cos(pitch) * z - np.sin(pitch) * x
     return np.array([x, np.cos(roll) * y - np.sin(roll) * z, np.sin(roll) * y + np.cos(roll) * z])
+
+
+def _turn(roll: float, pitch: float) -> Float[Array, "3 3"]:
+    """``R_x(roll) R_y(pitch)``."""
+    return pin.utils.rotate("x", float(roll)) @ pin.utils.rotate("y", float(pitch))
 
 
 def _slope(robot: Robot, q: Array, gravity: Array, axes: Array, angle: float) -> Array:

@@ -10,12 +10,14 @@ from __future__ import annotations
 import numpy as np
 
 from phantom_dyn.dynamics.dynamics import rigid_body_regressor
-from phantom_dyn.effects.effect import Effect, Parameter, Shape, Signature, Simulated
-from phantom_dyn.effects.load.payload import point_mass_parameters
+from phantom_dyn.effects.described import EffectWords
+from phantom_dyn.effects.effect import Effect, Parameter, Shape, Signature
 from phantom_dyn.effects.operation import Operation
+from phantom_dyn.effects.simulated import Simulated
 from phantom_dyn.effects.support.changed_robot import with_parameters
 from phantom_dyn.effects.support.rows import row_of
 from phantom_dyn.model.inertia import STANDARD_NAMES, STANDARD_UNITS
+from phantom_dyn.model.point_mass import point_mass_parameters
 from phantom_dyn.model.robot import Robot
 
 Array = np.ndarray
@@ -36,11 +38,19 @@ class InertialParameters(Effect):
     regime = "posture"
     contains = ("payload",)
     uses_acceleration = True
+    inertial = "free"
+    words = EffectWords(
+        name="wrong inertial parameters",
+        meaning="masses, centres of mass or inertias of the links beyond what the model's tolerance allows",
+        next_step="Identify the inertias with an exciting motion, and replace those of the model.",
+        shown_over=("acceleration", "position", "modelled"),
+        separated_by="weighing",
+    )
 
     def parameters(self, robot: Robot, joint: str | None) -> tuple[Parameter, ...]:
         """Changes of the ten standard parameters of each free body, about its joint origin."""
         return tuple(
-            Parameter(f"{robot.model.names[body]}.{name}", unit)
+            Parameter(f"{robot.model.names[body]}.{name}", unit, default=0.0)
             for body in bodies_of(robot, joint)
             for name, unit in zip(STANDARD_NAMES, STANDARD_UNITS, strict=True)
         )
@@ -49,8 +59,12 @@ class InertialParameters(Effect):
         """One link, or all of them together."""
         return (*robot.joint_names, None) if robot.nv > 1 else robot.joint_names
 
-    def columns_of(self, robot: Robot, joint: str | None) -> tuple[int, ...]:
-        """Which columns of the rigid-body regressor are free."""
+    def can_sit(self, robot: Robot, joint: str | None) -> bool:
+        """On one link, or on all of them, which may be one."""
+        return joint is None or joint in self.places(robot)
+
+    def regressor_columns(self, robot: Robot, joint: str | None) -> tuple[int, ...]:
+        """All of the free bodies."""
         return tuple(10 * (body - 1) + k for body in bodies_of(robot, joint) for k in range(10))
 
     def signature(self, robot: Robot, operation: Operation, joint: str | None, shape: Shape) -> Signature:
@@ -58,7 +72,7 @@ class InertialParameters(Effect):
         parameters = self.parameters(robot, joint)
         return Signature(
             tuple(range(robot.nv)),
-            rigid_body_regressor(robot, operation)[:, :, list(self.columns_of(robot, joint))],
+            rigid_body_regressor(robot, operation)[:, :, list(self.regressor_columns(robot, joint))],
             tuple(p.name for p in parameters),
             tuple(p.unit for p in parameters),
         )
@@ -77,5 +91,5 @@ class InertialParameters(Effect):
     def simulated(self, robot: Robot, joint: str | None, theta: Array) -> Simulated:
         """Other links."""
         change = np.zeros(10 * (robot.model.njoints - 1))
-        change[list(self.columns_of(robot, joint))] = theta
+        change[list(self.regressor_columns(robot, joint))] = theta
         return Simulated(robot=lambda moved: with_parameters(moved, change))

@@ -17,8 +17,10 @@ import numpy as np
 from jaxtyping import Float
 
 from phantom_dyn._kernels.jit import jit
-from phantom_dyn.effects.effect import Effect, Parameter, Shape, Signature, Simulated, Transmission
+from phantom_dyn.effects.described import EffectWords, ModelNumbers
+from phantom_dyn.effects.effect import Effect, Parameter, Shape, Signature
 from phantom_dyn.effects.operation import Operation
+from phantom_dyn.effects.simulated import Simulated, Transmission
 from phantom_dyn.effects.support.displaced import behind_encoder, change_by_link, link_load, load_and_inertia
 from phantom_dyn.effects.support.rows import row_of
 from phantom_dyn.effects.transmission.transmission_compliance import followed_load, moving_mass
@@ -34,12 +36,29 @@ _EDGES = (15.0, 60.0, 60.0)
 _CONTACT, _CONTACT_DAMPING = 120.0, 0.7
 
 
+def under_all_load(operation: Operation, joint: str | None, own: Array, shape: Array) -> Float[Array, "N nv"]:
+    """Play under the load as computed, the noise of the encoder with it: it is known up to some frequency only."""
+    row = row_of(operation.robot, joint)
+    return own[0] * _change_under(operation, row, float(shape[0]), *load_and_inertia(operation, row))
+
+
 class Backlash(Effect):
     """See the module. The shape is the gap, the coefficient should be one."""
 
     name = "backlash"
     regime = "velocity_reversal"
     seen_by = "shape"
+    follows_model = True
+    other_laws = (under_all_load,)
+    words = EffectWords(
+        name="backlash",
+        meaning="play in the transmission: the link is loose over a small angle",
+        next_step="Check the play by hand with the motor held, tighten or preload the transmission, or model the play.",
+        size="of {gap}",
+        parameters={"gap": "full width of the play, on the joint side"},
+        shown_over=("transmitted",),
+        separated_by="link encoder",
+    )
 
     def parameters(self, robot: Robot, joint: str | None) -> tuple[Parameter, ...]:
         """``gap``."""
@@ -73,10 +92,6 @@ class Backlash(Effect):
         """The gap is the shape."""
         return np.array([shape[0]])
 
-    def probe(self, robot: Robot, operation: Operation, joint: str | None) -> tuple[str, Array]:
-        """The whole of it."""
-        return "gap", np.array([1.0])
-
     def untestable(self, robot: Robot, operation: Operation, joint: str | None) -> str | None:
         """Where the link never comes loose, or the encoder sits on it."""
         row = row_of(robot, joint)
@@ -90,12 +105,24 @@ class Backlash(Effect):
         """Minus the column at that gap."""
         return -_change(operation, row_of(robot, joint), float(theta[0]))
 
+    def link_ahead(self, operation: Operation, joint: str | None, theta: Array) -> Array:
+        """How far the link is through its play."""
+        out = np.zeros_like(operation.q)
+        row = row_of(operation.robot, joint)
+        load, inertia = load_and_inertia(operation, row)
+        out[:, row] = -play(operation.t, load / inertia, float(theta[0])).lead
+        return out
+
     def simulated(self, robot: Robot, joint: str | None, theta: Array) -> Simulated:
         """A play with stiff ends."""
         row = row_of(robot, joint)
         mass, omega = moving_mass(robot, row), 2.0 * np.pi * _CONTACT
         damping = 2.0 * _CONTACT_DAMPING * mass * omega
         return Simulated(transmission=Transmission(robot.joint_names[row], mass * omega**2, damping, float(theta[0])))
+
+    def model_numbers(self, robot: Robot, joint: str | None, theta: Array) -> ModelNumbers:
+        """All of it."""
+        return ModelNumbers(whole=True, gap=float(theta[0]))
 
 
 @dataclass(frozen=True)
@@ -165,7 +192,10 @@ def _fly(
 
 def _change(operation: Operation, row: int, gap: float) -> Float[Array, "N nv"]:
     """Torque of the links more than if they were tied to their motors."""
-    load, inertia = followed_load(operation, row, _EDGES)
+    return _change_under(operation, row, gap, *followed_load(operation, row, _EDGES))
+
+
+def _change_under(operation: Operation, row: int, gap: float, load: Array, inertia: Array) -> Float[Array, "N nv"]:
     moved = play(operation.t, load / inertia, gap)
     gained = moved.impact - load / inertia * moved.loose
     change = change_by_link(operation, row, -moved.lead, -moved.rate, gained)

@@ -10,8 +10,10 @@ from __future__ import annotations
 import numpy as np
 
 from phantom_dyn._kernels.jit import jit
-from phantom_dyn.effects.effect import Effect, Law, Moment, Parameter, Shape, Signature, Simulated
+from phantom_dyn.effects.described import EffectWords, ModelNumbers
+from phantom_dyn.effects.effect import Effect, Parameter, Shape, Signature
 from phantom_dyn.effects.operation import Operation
+from phantom_dyn.effects.simulated import Law, Moment, Simulated
 from phantom_dyn.effects.support.rows import on_one_joint, row_of, torque_on_joint, torque_unit
 from phantom_dyn.model.robot import Robot
 
@@ -23,6 +25,18 @@ class ParasiticSpring(Effect):
 
     name = "parasitic_spring"
     regime = "posture"
+    words = EffectWords(
+        name="a parasitic spring",
+        meaning="a torque that pulls the joint towards one position, as a cable or hose does",
+        next_step="Look for cables and hoses at this joint; reroute them or model the spring.",
+        size="of {stiffness}, at rest at {rest_position}",
+        parameters={
+            "stiffness": "torque per displacement",
+            "rest_position": "position at which it pulls to neither side",
+        },
+        shown_over=("position",),
+        separated_by="level",
+    )
 
     def parameters(self, robot: Robot, joint: str | None) -> tuple[Parameter, ...]:
         """``stiffness`` k and ``rest_position`` q0."""
@@ -52,6 +66,12 @@ class ParasiticSpring(Effect):
         """Stiffness about the mean position."""
         return "stiffness", np.array([1.0, -float(np.mean(operation.q[:, row_of(robot, joint)]))])
 
+    def sized(
+        self, robot: Robot, joint: str | None, name: str, size: float, posture: Array
+    ) -> tuple[float, ...] | None:
+        """About the posture."""
+        return (size, float(posture[row_of(robot, joint)]))
+
     def torque(self, robot: Robot, operation: Operation, joint: str | None, theta: Array) -> Array:
         """``-k (q - q0)`` on the joint."""
         return torque_on_joint(robot, joint, -theta[0] * (operation.q[:, row_of(robot, joint)] - theta[1]))
@@ -66,6 +86,10 @@ class ParasiticSpring(Effect):
             return state, out
 
         return Simulated(torque=torque, laws=(Law(spring_law, row, (float(theta[0]), float(theta[1]))),))
+
+    def model_numbers(self, robot: Robot, joint: str | None, theta: Array) -> ModelNumbers:
+        """All of it."""
+        return ModelNumbers(whole=True, spring=(float(theta[0]), float(theta[1])))
 
 
 def _stiffness_unit(robot: Robot, joint: str | None) -> str:

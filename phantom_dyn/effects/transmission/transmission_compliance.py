@@ -15,10 +15,12 @@ import numpy as np
 
 from phantom_dyn._kernels.jit import jit
 from phantom_dyn.dynamics.dynamics import mass_matrix
-from phantom_dyn.effects.effect import Effect, Parameter, Shape, Signature, Simulated, Transmission
-from phantom_dyn.effects.encoder.encoder_quantization import stated_step
+from phantom_dyn.effects.described import EffectWords, ModelNumbers
+from phantom_dyn.effects.effect import Effect, Parameter, Shape, Signature
 from phantom_dyn.effects.operation import Operation
+from phantom_dyn.effects.simulated import SPRING_DAMPING, Simulated, Transmission
 from phantom_dyn.effects.support.displaced import behind_encoder, change_by_link, exact_change_by_link, load_and_inertia
+from phantom_dyn.effects.support.encoder_lattice import stated_step
 from phantom_dyn.effects.support.rows import row_of
 from phantom_dyn.model.robot import Robot
 
@@ -31,10 +33,8 @@ _SWINGS = np.array([70.0, 35.0, 22.0, 14.0, 9.0])
 _SPREAD = 2.5
 # Compliances that are tried about one that was found, as shares of it.
 _NEARBY = (0.75, 0.9, 1.0, 1.11, 1.33)
-# Damping ratio of link and motor on the spring in a simulation; gears and belts have 0.02 to 0.1.
-_DAMPING = 0.05
-# And of the swing that is computed: at its own frequency the motor of a true spring nearly stands still, so much of
-# what is read there is noise, which less damping would amplify more.
+# Damping ratio of the swing that is computed: at its own frequency the motor of a true spring nearly stands still, so
+# much of what is read there is noise, which less damping would amplify more.
 _SMOOTHING = 0.1
 # The load is followed up to an edge [Hz]: where the noise of the stated encoder has half its amplitude, within the
 # first and third number; the second where no step is stated.
@@ -51,10 +51,21 @@ class TransmissionCompliance(Effect):
     regime = "high_acceleration"
     uses_acceleration = True
     shape_is_estimate = True
+    follows_model = True
+    words = EffectWords(
+        name="transmission compliance",
+        meaning="the transmission gives like a spring between motor and link",
+        next_step="Compare the stiffness with the data sheet of gear, belt or cable, and model the joint as elastic.",
+        size="with a stiffness of {stiffness}",
+        parameters={"stiffness": "torque per deflection between motor and link"},
+        shown_over=("torque_curvature", "torque_rate", "transmitted"),
+        separated_by="link encoder",
+    )
 
     def parameters(self, robot: Robot, joint: str | None) -> tuple[Parameter, ...]:
         """``stiffness`` k."""
-        return (Parameter("stiffness", "N/m" if robot.prismatic[row_of(robot, joint)] else "N m/rad", 0.0),)
+        unit = "N/m" if robot.prismatic[row_of(robot, joint)] else "N m/rad"
+        return (Parameter("stiffness", unit, 0.0, above_zero=True),)
 
     def shapes(self, robot: Robot, operation: Operation, joint: str | None) -> tuple[Shape, ...]:
         """Compliances at which the link swings at some frequencies, from stiff to soft."""
@@ -93,6 +104,12 @@ class TransmissionCompliance(Effect):
         numerator, _, denominator = self.parameters(robot, joint)[0].unit.partition("/")
         return f"{denominator}/({numerator})"
 
+    def sized(
+        self, robot: Robot, joint: str | None, name: str, size: float, posture: Array
+    ) -> tuple[float, ...] | None:
+        """The stiffness of a compliance."""
+        return (1.0 / size,) if size > 0 else None
+
     def untestable(self, robot: Robot, operation: Operation, joint: str | None) -> str | None:
         """Where the encoder sits on the link's side."""
         return behind_encoder(robot, row_of(robot, joint))
@@ -102,11 +119,22 @@ class TransmissionCompliance(Effect):
         row = row_of(robot, joint)
         return -exact_change_by_link(robot, operation, row, *swing(operation, row, float(theta[0])))
 
+    def link_ahead(self, operation: Operation, joint: str | None, theta: Array) -> Array:
+        """How far the link swings ahead."""
+        out = np.zeros_like(operation.q)
+        row = row_of(operation.robot, joint)
+        out[:, row] = swing(operation, row, float(theta[0]))[0]
+        return out
+
     def simulated(self, robot: Robot, joint: str | None, theta: Array) -> Simulated:
         """A spring without play, and a little damping."""
         row = row_of(robot, joint)
-        damping = 2.0 * _DAMPING * np.sqrt(theta[0] * moving_mass(robot, row))
+        damping = 2.0 * SPRING_DAMPING * np.sqrt(theta[0] * moving_mass(robot, row))
         return Simulated(transmission=Transmission(robot.joint_names[row], float(theta[0]), float(damping), 0.0))
+
+    def model_numbers(self, robot: Robot, joint: str | None, theta: Array) -> ModelNumbers:
+        """All of it."""
+        return ModelNumbers(whole=True, stiffness=float(theta[0]))
 
 
 def moving_mass(robot: Robot, row: int) -> float:

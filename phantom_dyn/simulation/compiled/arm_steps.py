@@ -12,22 +12,26 @@ from typing import NamedTuple
 import numpy as np
 
 from phantom_dyn._kernels.jit import jit
+from phantom_dyn._kernels.single_state import Chain, chained_mass_and_bias, invert, mass_and_bias
 from phantom_dyn.effects.drive.input_delay import delay_law
 from phantom_dyn.simulation.compiled.arrays import AT_STEPS, GIVEN, Control, Laws, Lines, Moving, Rows
 from phantom_dyn.simulation.compiled.axis_steps import spring_torque
 from phantom_dyn.simulation.compiled.laws import DELAY, command_of, place_in, read, torque_of, tracking
-from phantom_dyn.simulation.compiled.links import Chain, chained_links, invert, links, rub
 
 Array = np.ndarray
+
+_SWEEPS = 200
+"""Sweeps of the friction solver at most; it stops when no impulse moves by more than `_STILL` of its limit."""
+_STILL = 1e-10
 
 
 class Arm(NamedTuple):
     """A machine of ``nv`` joints and ``m`` loose motors behind them, ``n`` together.
 
     Attributes:
-        numbers: As `simulation_links.joint_rows` gives them.
+        numbers: As `joint_rows` gives them.
         places: The same.
-        root: As `simulation_links.at_root` gives it; copied before it is used.
+        root: As `at_root` gives it; copied before it is used.
         added: Inertia besides that of the links (rotors, couplings), ``(n, n)``.
         rotor: Inertias of the rotors, ``(nv,)``.
         viscous: Viscous coefficients, ``(nv,)``.
@@ -90,9 +94,7 @@ def run_arm(
     n, nv, m = len(x), len(drives), len(loose)
     mobility, y, w, push, speed = np.zeros((n, n)), np.zeros(n), np.zeros(n), np.zeros(n), np.zeros(n)
     reading, bias = np.zeros(nv), np.zeros(nv)
-    slope, offset, passive_viscous, passive_coulomb, tree_x, tree_v, tree_mass, tree_bias = arm.chain
-    closed = len(slope) > 0
-    tree_x, tree_v, tree_mass, tree_bias = tree_x.copy(), tree_v.copy(), tree_mass.copy(), tree_bias.copy()
+    closed = len(arm.chain.slope) > 0
     for k in range(len(t)):
         if mode != GIVEN:
             ask(control, readings, seen, x, v, t[k], reading, asked)
@@ -114,12 +116,9 @@ def run_arm(
                 for j in range(n):
                     mobility[i, j] = 0.0
             if closed:
-                chained_links(
-                    numbers, places, row, slope, offset, passive_viscous, passive_coulomb, tree_x, tree_v, tree_mass,
-                    tree_bias, y, w, mobility, bias,
-                )  # fmt: skip
+                chained_mass_and_bias(numbers, places, row, arm.chain, y, w, mobility, bias)
             else:
-                links(numbers, places, row, y, w, mobility, bias)
+                mass_and_bias(numbers, places, row, y, w, mobility, bias)
             for i in range(n):
                 push[i] = 0.0
                 for j in range(n):
@@ -175,3 +174,40 @@ def run_arm(
                 for i in range(n):
                     rows.after[k, i] = a[i]
     return -1
+
+
+@jit
+def rub(mobility: Array, speed: Array, drives: Array, friction: Array, most: Array, h: float) -> None:
+    """Coulomb friction of at most ``most`` on each drive: it stops its motor if it can, else opposes it.
+
+    Args:
+        mobility: Speed per impulse, ``(n, n)``.
+        speed: Without friction, ``(n,)``; with it afterwards.
+        drives: Place of each joint's motor, ``(nv,)``.
+        friction: Torque that it had in the step before, where the search begins; that of this one afterwards.
+        most: Limits of the torque, ``(nv,)``; none where it is zero.
+        h: Length of the step [s].
+    """
+    n = len(speed)
+    for j in range(len(drives)):
+        if most[j] > 0.0:
+            impulse = h * friction[j]
+            for i in range(n):
+                speed[i] += mobility[i, drives[j]] * impulse
+    for _ in range(_SWEEPS):
+        largest = 0.0
+        for j in range(len(drives)):
+            if most[j] > 0.0:
+                at = drives[j]
+                wanted = min(max(friction[j] - speed[at] / (mobility[at, at] * h), -most[j]), most[j])
+                change = wanted - friction[j]
+                if change != 0.0:
+                    for i in range(n):
+                        speed[i] += mobility[i, at] * (change * h)
+                    friction[j] = wanted
+                    largest = max(largest, abs(change) / most[j])
+        if largest <= _STILL:
+            break
+    for j in range(len(drives)):
+        if abs(friction[j]) < most[j]:
+            speed[drives[j]] = 0.0

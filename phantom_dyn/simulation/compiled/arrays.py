@@ -7,7 +7,7 @@ from typing import NamedTuple
 import numpy as np
 
 from phantom_dyn.effects.drive.input_delay import delay_law
-from phantom_dyn.effects.effect import Law
+from phantom_dyn.effects.simulated import Law
 
 Array = np.ndarray
 

@@ -7,7 +7,6 @@ import pytest
 
 from identification.diagnosis.result import Diagnosis, Finding, Value
 from identification.reporting.explaining import (
-    CANDIDATES,
     Variable,
     displacement_by_recording,
     explained_share,
@@ -16,7 +15,7 @@ from identification.reporting.explaining import (
     joint_of,
     strongest_variable,
 )
-from identification.words.effect_words import EFFECTS
+from phantom_dyn.effects.catalogue import EFFECTS
 
 
 def variable_of(diagnosis: Diagnosis, effect: str, joint: str | None = "j1", **parameters: Value) -> Variable:
@@ -32,10 +31,10 @@ def shown(made_up) -> Diagnosis:
 
 
 def test_every_effect_has_variables():
-    assert list(CANDIDATES) == list(EFFECTS)
+    assert all(effect.words.shown_over for effect in EFFECTS)
 
 
-@pytest.mark.parametrize("effect", EFFECTS)
+@pytest.mark.parametrize("effect", [effect.name for effect in EFFECTS])
 def test_every_effect_has_a_variable_of_as_many_samples_as_there_are(shown, effect):
     assert variable_of(shown, effect).x.shape == (4000,)
 

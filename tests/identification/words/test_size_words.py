@@ -6,13 +6,13 @@ import string
 import pytest
 
 from identification.diagnosis.result import Value
-from identification.words.effect_words import EFFECTS as WORDS
-from identification.words.size_words import PARAMETERS, SIZES, meaning_of, size_words, value_cell
+from identification.words.size_words import meaning_of, size_words, value_cell
 from phantom_dyn.effects.catalogue import EFFECTS
 
 
 def test_every_effect_has_a_phrase_for_its_size():
-    assert set(SIZES) == set(WORDS)
+    # Of inertial parameters there are as many as move.
+    assert {effect.name for effect in EFFECTS if not effect.words.size} == {"inertial_parameters"}
 
 
 @pytest.mark.parametrize("effect", EFFECTS, ids=lambda effect: effect.name)
@@ -21,10 +21,10 @@ def test_every_parameter_of_the_catalogue_has_a_meaning(effect, planar2):
     assert all(meaning_of(effect.name, name) for name in names)
 
 
-@pytest.mark.parametrize("effect", SIZES)
+@pytest.mark.parametrize("effect", EFFECTS, ids=lambda effect: effect.name)
 def test_the_phrase_of_a_size_uses_parameters_of_its_effect(effect):
-    fields = {name for _, name, _, _ in string.Formatter().parse(SIZES[effect]) if name}
-    assert fields <= set(PARAMETERS.get(effect, {}))
+    fields = {name for _, name, _, _ in string.Formatter().parse(effect.words.size) if name}
+    assert fields <= set(effect.words.parameters)
 
 
 def test_a_size_has_three_digits_and_its_unit(made_up):

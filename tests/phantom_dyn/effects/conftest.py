@@ -7,8 +7,8 @@ from collections.abc import Callable
 import numpy as np
 import pytest
 
-from phantom_dyn.effects.effect import Moment, Simulated
 from phantom_dyn.effects.operation import Operation
+from phantom_dyn.effects.simulated import Moment, Simulated
 from phantom_dyn.model.robot import Robot
 from phantom_dyn.motion import Motion
 

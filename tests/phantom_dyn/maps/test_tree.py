@@ -1,4 +1,4 @@
-"""Blocks in NumPy alone. Oracle: Pinocchio, through dynamics and kinematics."""
+"""Joint-space quantities of blocks of samples. Oracle: Pinocchio, through dynamics and kinematics."""
 
 from __future__ import annotations
 

@@ -5,7 +5,6 @@ import pytest
 
 from identification.diagnosis.fit.fitting import fit
 from identification.diagnosis.fit.joint_fit import joint_fit
-from identification.diagnosis.fit.other_laws import dahl
 from identification.diagnosis.fit.whole_model import lay_out, linearised
 from identification.diagnosis.judge.judged_band import narrow_search
 from identification.diagnosis.judge.parameters import finding_parameters
@@ -14,6 +13,7 @@ from identification.diagnosis.model.operations import moved_robot
 from identification.diagnosis.model.terms import FoundEffect
 from phantom_dyn.dynamics.dynamics import inverse_dynamics
 from phantom_dyn.effects.catalogue import effect_named
+from phantom_dyn.effects.friction.presliding_friction import dahl
 
 
 def judged(lab, robot, motion, torque, near, *, seed=0):

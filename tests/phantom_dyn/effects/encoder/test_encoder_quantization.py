@@ -5,7 +5,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from phantom_dyn.effects.encoder.encoder_quantization import EncoderQuantization, stated_step, step_of
+from phantom_dyn.effects.encoder.encoder_quantization import EncoderQuantization
+from phantom_dyn.effects.support.encoder_lattice import stated_step, step_of
 
 EFFECT = EncoderQuantization()
 

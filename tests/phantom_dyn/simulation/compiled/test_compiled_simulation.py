@@ -11,8 +11,8 @@ import pytest
 from phantom_dyn import load_robot
 from phantom_dyn.dynamics.dynamics import forward_dynamics, inverse_dynamics
 from phantom_dyn.effects.catalogue import EFFECTS, effect_named
-from phantom_dyn.effects.effect import Simulated
 from phantom_dyn.effects.operation import Operation
+from phantom_dyn.effects.simulated import Simulated
 from phantom_dyn.errors import ParameterError
 from phantom_dyn.simulation import simulate as simulation
 from phantom_dyn.simulation.compiled import machine as simulation_machine

@@ -5,8 +5,9 @@ import numpy as np
 import pinocchio as pin
 import pytest
 
+from phantom_dyn._kernels.single_state import at_root, invert, joint_rows, mass_and_bias
 from phantom_dyn._kernels.tree_arrays import tree_arrays
-from phantom_dyn.simulation.compiled.links import at_root, invert, joint_rows, links, rub
+from phantom_dyn.simulation.compiled.arm_steps import rub
 
 AXIS = np.array([0.48, -0.6, 0.64])
 JOINTS = (
@@ -42,7 +43,7 @@ def test_mass_matrix_and_coasting_torque_of_a_branched_tree_are_pinocchios(joint
     rng = np.random.default_rng(seed)
     q, v = rng.uniform(-2.0, 2.0, (2, model.nv))
     mass, bias = np.zeros((model.nv, model.nv)), np.zeros(model.nv)
-    links(*joint_rows(arrays), at_root(model.njoints, model.gravity.linear), q, v, mass, bias)
+    mass_and_bias(*joint_rows(arrays), at_root(model.njoints, model.gravity.linear), q, v, mass, bias)
 
     configuration, data = np.empty(model.nq), model.createData()
     for joint in list(model.joints)[1:]:
@@ -60,8 +61,13 @@ def test_the_inverse_is_numpys(n, rng):
     half = rng.normal(size=(n, n))
     matrix = half @ half.T + np.eye(n)
     inverse = matrix.copy()
-    invert(inverse)
+    assert invert(inverse)
     np.testing.assert_allclose(inverse, np.linalg.inv(matrix), atol=1e-12)
+
+
+def test_a_matrix_that_is_not_positive_definite_is_not_inverted():
+    # Known truth: eigenvalues 3 and -1.
+    assert not invert(np.array([[1.0, 2.0], [2.0, 1.0]]))
 
 
 def test_friction_stops_what_it_can_and_slips_with_its_limit_where_it_cannot(rng):

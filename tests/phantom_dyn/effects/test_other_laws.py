@@ -2,7 +2,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from identification.diagnosis.fit.other_laws import dahl
+from phantom_dyn.effects.friction.presliding_friction import dahl
 
 
 def test_a_bristle_of_dahl_yields_as_an_exponential_after_a_reversal():

@@ -1,0 +1,121 @@
+"""An effect in words and in the numbers of a model: what reports say of it, and what model files can hold of it."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+from typing import Literal
+
+import numpy as np
+from jaxtyping import Float
+
+from phantom_dyn.model.robot import Robot
+
+# What a residual may be drawn over.
+Variable = Literal[
+    "velocity",
+    "position",
+    "displacement",
+    "transmitted",
+    "acceleration",
+    "torque_rate",
+    "torque_curvature",
+    "time",
+    "phase",
+    "coupled_velocity",
+    "measured",
+    "modelled",
+]
+ANY_VARIABLE: tuple[Variable, ...] = (
+    "velocity",
+    "position",
+    "displacement",
+    "transmitted",
+    "acceleration",
+    "torque_rate",
+    "time",
+)
+
+
+@dataclass(frozen=True)
+class EffectWords:
+    """An effect in words, for a reader who knows the robot but not statistics.
+
+    Attributes:
+        name: As in "... on joint j2".
+        meaning: What it is, a phrase.
+        next_step: What to do about it, a sentence.
+        less: Name when the first parameter is negative, where that has a meaning of its own.
+        size: What follows the name to say how large it is, as in ``of {torque}``; a field is a parameter.
+        parameters: What each parameter means, where its name does not say it already.
+        shown_over: What its law depends on, the likeliest first; where there are several, the data choose.
+        separated_by: What would tell it from its twins where no motion does.
+        kept: As in "It has, ...": what a model file has of it, where that is a part.
+        lost: What a model file has no place for; the name if empty.
+    """
+
+    name: str
+    meaning: str
+    next_step: str
+    less: str = ""
+    size: str = ""
+    parameters: Mapping[str, str] = field(default_factory=dict)
+    shown_over: tuple[Variable, ...] = ANY_VARIABLE
+    separated_by: Literal["weighing", "data sheet", "link encoder", "level", "timing"] | None = None
+    kept: str = ""
+    lost: str = ""
+
+
+@dataclass(frozen=True)
+class Coupling:
+    """Something that turns with ``v_first + ratio v_second``, see `phantom_dyn.effects.friction.joint_coupling`."""
+
+    first: str
+    second: str
+    ratio: float
+    coulomb_torque: float
+    coefficient: float
+    inertia: float
+
+
+@dataclass(frozen=True)
+class ModelNumbers:
+    """What model files and control laws have places for, of one effect in one place; SI units on the joint side.
+
+    Attributes:
+        whole: True if this is all of the effect.
+        viscous: Viscous coefficient more than modelled.
+        coulomb: Coulomb torque more than modelled.
+        rotor_inertia: Rotor inertia more than modelled.
+        robot: A change of links or gravity.
+        turned: Rotation of gravity in the base frame, ``(3, 3)``.
+        offset: Constant torque, positive along the joint.
+        spring: Stiffness and rest position.
+        gain: True torque over logged torque.
+        limit: Torque beyond which the drive gives no more.
+        delay: Time [s] by which the drive is late.
+        lag: Time constant [s] of the drive.
+        gap: Full width of a play.
+        stiffness: Of the transmission.
+        waves: Order, amplitude and phase of each wave of a torque over position.
+        coupling: Between two joints.
+        zero: How much the encoder reads too much.
+    """
+
+    whole: bool = False
+    viscous: float = 0.0
+    coulomb: float = 0.0
+    rotor_inertia: float = 0.0
+    robot: Callable[[Robot], Robot] | None = None
+    turned: Float[np.ndarray, "3 3"] | None = None
+    offset: float | None = None
+    spring: tuple[float, float] | None = None
+    gain: float | None = None
+    limit: float | None = None
+    delay: float | None = None
+    lag: float | None = None
+    gap: float | None = None
+    stiffness: float | None = None
+    waves: tuple[tuple[float, float, float], ...] = ()
+    coupling: Coupling | None = None
+    zero: float | None = None

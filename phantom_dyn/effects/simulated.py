@@ -1,0 +1,105 @@
+"""How an effect enters a simulation: the channels that it changes, as Python functions and, once more, compiled."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, field
+
+import numpy as np
+from jaxtyping import Float
+
+from phantom_dyn.model.robot import Robot
+
+Array = np.ndarray
+
+# Damping ratio of link and motor on a spring between them; gears and belts have 0.02 to 0.1.
+SPRING_DAMPING = 0.05
+
+
+@dataclass(frozen=True)
+class Moment:
+    """One instant of a simulation, as a torque law sees it; arrays have one entry per joint.
+
+    Attributes:
+        t: Time [s].
+        q: True joint positions [rad or m].
+        v: True joint velocities.
+        transmitted: Torque that the transmissions pass to the links.
+    """
+
+    t: float
+    q: Float[Array, " nv"]
+    v: Float[Array, " nv"]
+    transmitted: Float[Array, " nv"]
+
+
+@dataclass(frozen=True)
+class Transmission:
+    """A joint whose motor and link may move apart: a spring behind a play of full width ``gap``."""
+
+    joint: str
+    stiffness: float
+    damping: float
+    gap: float
+
+
+@dataclass(frozen=True)
+class Law:
+    """A channel of `Simulated` on one joint, for compiled steps: a function that `compiled_laws` lists.
+
+    Attributes:
+        function: Compiled law on scalars, in the effect's own file.
+        row: The joint.
+        numbers: Its parameters, at most four.
+        start: Its state at the start, at most three numbers.
+        other: A joint whose speed counts too, ``share`` times, and that takes ``share`` of the torque.
+        share: See ``other``.
+    """
+
+    function: Callable
+    row: int
+    numbers: tuple[float, ...] = ()
+    start: tuple[float, ...] = ()
+    other: int = 0
+    share: float = 0.0
+
+
+@dataclass(frozen=True)
+class Simulated:
+    """How one effect enters a simulation: the channels that it changes, and its state; None leaves a channel alone.
+
+    Attributes:
+        start: State at the start.
+        robot: Rigid-body model that moves instead of the given one.
+        command: ``(state, dt, tau) -> (state, tau)``: what the drive gives when ``tau`` is asked for.
+        series: ``(t, tau) -> tau``: the same for a torque ``(N, nv)`` that is asked for at uniform times, the drive in
+            balance at the first; None where ``command`` has to be stepped through.
+        limit: Torque beyond which ``command`` gives no more, where that is all it does.
+        torque: ``(state, dt, moment) -> (state, torque)``: torque that it adds on the joints.
+        reading: Position readings ``(nv,)`` from true positions at the encoders.
+        transmission: A motor that is not rigidly tied to its link.
+        inertia: What it adds to the joints' mass matrix, shape ``(nv, nv)``.
+        laws: The same command, torque or reading once more, compiled; empty if there is only the Python above.
+    """
+
+    start: Float[Array, " s"] = field(default_factory=lambda: np.zeros(0))
+    robot: Callable[[Robot], Robot] | None = None
+    command: Callable[[Array, float, Array], tuple[Array, Array]] | None = None
+    series: Callable[[Array, Array], Array] | None = None
+    limit: float | None = None
+    torque: Callable[[Array, float, Moment], tuple[Array, Array]] | None = None
+    reading: Callable[[Array], Array] | None = None
+    transmission: Transmission | None = None
+    inertia: Float[Array, "nv nv"] | None = None
+    laws: tuple[Law, ...] = ()
+
+    def given(self, t: Float[Array, " N"], tau: Float[Array, "N nv"]) -> Float[Array, "N nv"]:
+        """Torque that the drive gives at uniform times when ``tau`` is asked for; it starts in balance."""
+        if self.command is None:
+            return tau
+        if self.series is not None:
+            return self.series(t, tau)
+        state, out = self.start, np.empty_like(tau)
+        for k, step in enumerate(np.diff(t, append=2.0 * t[-1] - t[-2])):
+            state, out[k] = self.command(state, float(step), tau[k])
+        return out
