@@ -11,7 +11,7 @@ from identification.diagnosis.model.own_effects import Apart, OwnEffect
 from identification.diagnosis.model.terms import KnownEffect
 from identification.diagnosis.result import Diagnosis, EffectAt, Finding, Value
 from identification.diagnosis.result import Rival as RivalSet
-from phantom_dyn.effects.catalogue import EFFECTS
+from phantom_dyn.effects.catalogue import known_effect
 from phantom_dyn.effects.support.rows import modelled_friction_of
 from phantom_dyn.model.robot import Robot
 
@@ -94,9 +94,11 @@ def level_elsewhere(
 
 def _shares(robot: Robot, effect: str, joint: str | None, at: int) -> dict[str, float]:
     """How much each parameter of an effect of the catalogue counts as viscous (0) or Coulomb (1) friction."""
-    law = next((law for law in EFFECTS if law.name == effect), None)
-    names = [] if law is None else [parameter.name for parameter in law.parameters(robot, joint)]
-    numbers = [law.model_numbers(robot, joint, unit) for unit in np.eye(len(names))] if law is not None else []
+    law = known_effect(effect)
+    if law is None:
+        return {}
+    names = [parameter.name for parameter in law.parameters(robot, joint)]
+    numbers = [law.model_numbers(robot, joint, unit) for unit in np.eye(len(names))]
     return {name: (one.viscous, one.coulomb)[at] for name, one in zip(names, numbers, strict=True)}
 
 
