@@ -13,10 +13,10 @@ from pathlib import Path
 
 from jaxtyping import install_import_hook
 
-# Shape annotations of these packages are checked at every call. Others are left out or named module by module: numba
-# cannot call a checked function from what it compiles, and checks cost ten times a step of phantom_dyn.simulation and
-# a solve of the diagnosis' search. Not with pytest's flag --jaxtyping-packages, which cannot pass an option to the
-# checker: an int is a fine float (PEP 484).
+# Shape annotations of these packages are checked at every call, save those of compiled functions. Where checks would
+# cost many times what they check (a step of phantom_dyn.simulation, a fit of the diagnosis), modules are named one by
+# one. Not with pytest's flag --jaxtyping-packages, which cannot pass an option to the checker: an int is a fine float
+# (PEP 484).
 install_import_hook(
     [
         "identification.data",
@@ -41,21 +41,7 @@ install_import_hook(
         "phantom_dyn.devices",
         "phantom_dyn.dynamics",
         "phantom_dyn.effects",
-        "phantom_dyn.haptics.arguments",
-        "phantom_dyn.haptics.cheap.cheap_axis",
-        "phantom_dyn.haptics.cheap.cheap_hardware",
-        "phantom_dyn.haptics.device.axis",
-        "phantom_dyn.haptics.device.discretisation",
-        "phantom_dyn.haptics.device.drives",
-        "phantom_dyn.haptics.device.published",
-        "phantom_dyn.haptics.device.transfer_function",
-        "phantom_dyn.haptics.experiments",
-        "phantom_dyn.haptics.figures",
-        "phantom_dyn.haptics.sensing.encoder",
-        "phantom_dyn.haptics.sensing.loop_simulation",
-        "phantom_dyn.haptics.sensing.velocity_comparison",
-        "phantom_dyn.haptics.sensing.velocity_estimators",
-        "phantom_dyn.haptics.stability",
+        "phantom_dyn.haptics",
         "phantom_dyn.loops",
         "phantom_dyn.maps",
         "phantom_dyn.model.inertia",

@@ -12,7 +12,7 @@ from identification.diagnosis.model.session import Session
 from identification.diagnosis.model.terms import KnownEffect
 from identification.diagnosis.result import EffectAt, Finding, Judgement, Value
 from identification.diagnosis.result import Rival as RivalSet
-from phantom_dyn.effects.catalogue import EFFECTS
+from phantom_dyn.effects.catalogue import known_effect
 from phantom_dyn.effects.support.rows import modelled_friction_of
 from phantom_dyn.model.robot import Robot
 
@@ -91,9 +91,11 @@ def level_elsewhere(
 
 def _shares(robot: Robot, effect: str, joint: str | None, at: int) -> dict[str, float]:
     """How much each parameter of an effect of the catalogue counts as viscous (0) or Coulomb (1) friction."""
-    law = next((law for law in EFFECTS if law.name == effect), None)
-    names = [] if law is None else [parameter.name for parameter in law.parameters(robot, joint)]
-    numbers = [law.model_numbers(robot, joint, unit) for unit in np.eye(len(names))] if law is not None else []
+    law = known_effect(effect)
+    if law is None:
+        return {}
+    names = [parameter.name for parameter in law.parameters(robot, joint)]
+    numbers = [law.model_numbers(robot, joint, unit) for unit in np.eye(len(names))]
     return {name: (one.viscous, one.coulomb)[at] for name, one in zip(names, numbers, strict=True)}
 
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from phantom_dyn.effects.catalogue import EFFECTS
+from phantom_dyn.effects.catalogue import known_effect
 from phantom_dyn.effects.described import EffectWords
 
 # Reports list these first, in the contract's order (friction, transmission, drive, load, encoder); others follow.
@@ -49,9 +49,11 @@ REGIMES: dict[str, str] = {
 
 def effect_words(effect: str) -> EffectWords:
     """Words for an effect of the catalogue; a name from elsewhere is shown as it is."""
+    known = known_effect(effect)
+    if known is not None:
+        return known.words
     plain = effect.replace("_", " ")
-    known = (law.words for law in EFFECTS if law.name == effect)
-    return next(known, EffectWords(plain, plain, "See what this effect means in its documentation."))
+    return EffectWords(plain, plain, "See what this effect means in its documentation.")
 
 
 def report_order(effect: str) -> int:
@@ -61,7 +63,8 @@ def report_order(effect: str) -> int:
 
 def is_between_joints(effect: str) -> bool:
     """True if an effect of the catalogue sits between two joints."""
-    return any(law.name == effect and law.scope == "pair" for law in EFFECTS)
+    known = known_effect(effect)
+    return known is not None and known.scope == "pair"
 
 
 def regime_words(regime: str | None) -> str:

@@ -55,14 +55,19 @@ EFFECTS: tuple[Effect, ...] = (
 )
 
 
+def known_effect(name: str) -> Effect | None:
+    """The effect of that name; None if the catalogue has none."""
+    return next((effect for effect in EFFECTS if effect.name == name), None)
+
+
 def effect_named(name: str) -> Effect:
     """The effect of that name.
 
     Raises:
         ParameterError: If there is none; the text lists the known names.
     """
-    for effect in EFFECTS:
-        if effect.name == name:
-            return effect
+    effect = known_effect(name)
+    if effect is not None:
+        return effect
     known = ", ".join(effect.name for effect in EFFECTS)
     raise ParameterError(f"Unknown effect '{name}': known effects are {known}.")

@@ -10,7 +10,7 @@ import numpy as np
 from jaxtyping import Float
 
 from identification.diagnosis.model.structure import STRUCTURES
-from phantom_dyn.effects.catalogue import EFFECTS
+from phantom_dyn.effects import catalogue
 from phantom_dyn.effects.effect import Effect, Rival, Shape
 from phantom_dyn.effects.operation import Operation
 from phantom_dyn.model.robot import Robot
@@ -106,7 +106,7 @@ def shapes_of(
     """
     near = {(point.effect.name, point.joint): point for point in found}
     out = []
-    for effect in (*EFFECTS, *own, *STRUCTURES):
+    for effect in (*catalogue.EFFECTS, *own, *STRUCTURES):
         for joint in effect.places(robot):
             if effect.untestable(robot, operation, joint) is not None:
                 continue
@@ -123,7 +123,7 @@ def shapes_of(
 def untestable_places(robot: Robot, operation: Operation) -> tuple[tuple[str, str | None, str], ...]:
     """Effects and places that a recording like this cannot show, and why, in words."""
     out = []
-    for effect in EFFECTS:
+    for effect in catalogue.EFFECTS:
         for joint in effect.places(robot):
             why = effect.untestable(robot, operation, joint)
             if why is not None:

@@ -8,7 +8,8 @@ import numpy as np
 
 from identification.export.corrected.corrected_mjcf import SHORTEST_STEP, said_compliances, said_zeros
 from identification.export.corrected.parts import Parts
-from phantom_dyn.effects.catalogue import EFFECTS, effect_named
+from phantom_dyn.effects import catalogue
+from phantom_dyn.effects.catalogue import effect_named
 from phantom_dyn.model.loading import CONFIG_NAME
 
 _GRAVITY = (0.0, 0.0, -9.81)
@@ -92,7 +93,7 @@ def _in_part(parts: Parts) -> list[str]:
 
 def _nowhere(parts: Parts) -> list[str]:
     out = []
-    for effect in EFFECTS:
+    for effect in catalogue.EFFECTS:
         lost = [other for other in parts.others if other.effect == effect.name and not effect.words.kept]
         if lost:
             size = effect.parameters(parts.given, lost[0].joint)[0].name.replace("_", " ")

@@ -22,7 +22,7 @@ from identification.diagnosis.result import (
 from identification.scenarios.at_rest.giving_way import GivingWay, Way, giving_way, testable
 from identification.scenarios.at_rest.rests import LOADED, Stills, stills_under_load
 from phantom_dyn import __version__
-from phantom_dyn.effects.catalogue import EFFECTS
+from phantom_dyn.effects import catalogue
 from phantom_dyn.model.robot import Robot
 from phantom_dyn.motion import read_only
 
@@ -106,7 +106,7 @@ def _why_not(robot: Robot, stills: Stills, row: int) -> str | None:
 
 def _untestable(robot: Robot, why: list[str | None]) -> tuple[NotTestable, ...]:
     out = []
-    for effect in EFFECTS:
+    for effect in catalogue.EFFECTS:
         for joint in effect.places(robot):
             reason = why[robot.joint_names.index(joint)] if effect.name in _GIVES and joint is not None else _AT_REST
             out += [NotTestable(effect.name, joint, reason)] if reason is not None else []

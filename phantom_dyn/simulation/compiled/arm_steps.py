@@ -13,10 +13,10 @@ import numpy as np
 
 from phantom_dyn._kernels.jit import jit
 from phantom_dyn._kernels.single_state import Chain, chained_mass_and_bias, invert, mass_and_bias
-from phantom_dyn.effects.drive.input_delay import delay_law
+from phantom_dyn.effects.compiled_laws import DELAY, command_of, delay_law, torque_of
 from phantom_dyn.simulation.compiled.arrays import AT_STEPS, GIVEN, Control, Laws, Lines, Moving, Rows
 from phantom_dyn.simulation.compiled.axis_steps import spring_torque
-from phantom_dyn.simulation.compiled.laws import DELAY, command_of, place_in, read, torque_of, tracking
+from phantom_dyn.simulation.compiled.channels import place_in, read, tracking
 
 Array = np.ndarray
 

@@ -6,7 +6,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from phantom_dyn.effects.drive.input_delay import delay_law
+from phantom_dyn.effects.compiled_laws import delay_law
 from phantom_dyn.effects.simulated import Law
 
 Array = np.ndarray

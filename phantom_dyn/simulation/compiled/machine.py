@@ -11,12 +11,12 @@ from phantom_dyn._kernels.jit import compiles
 from phantom_dyn._kernels.single_state import Chain, at_root, chain_of, joint_rows
 from phantom_dyn._kernels.tree_arrays import FREE
 from phantom_dyn.dynamics.dynamics import gravity_torque, mass_matrix
+from phantom_dyn.effects.compiled_laws import COMMANDS, READINGS, TORQUES
 from phantom_dyn.effects.simulated import Simulated
 from phantom_dyn.model.robot import Robot
 from phantom_dyn.simulation.compiled.arm_steps import Arm, run_arm
 from phantom_dyn.simulation.compiled.arrays import AT_SAMPLES, AT_STEPS, GIVEN, Control, Laws, Lines, lines_of, packed
 from phantom_dyn.simulation.compiled.axis_steps import Axis, run_axis
-from phantom_dyn.simulation.compiled.laws import COMMANDS, READINGS, TORQUES
 from phantom_dyn.simulation.control import Tracking
 from phantom_dyn.simulation.stepping import Machine
 

@@ -15,10 +15,11 @@ from identification.data.signals import (
     process_all,
     smoothed,
     uniform,
+    within_limits,
 )
 from phantom_dyn import load_robot
 from phantom_dyn.errors import LogError
-from phantom_dyn.model.robot import Robot
+from phantom_dyn.model.robot import Actuator, Robot
 
 RATE = 200.0
 T = np.arange(2000) / RATE
@@ -184,6 +185,25 @@ def test_smoothing_leaves_what_is_below_and_takes_what_is_above():
 
 def test_smoothing_leaves_a_constant_up_to_its_ends():
     np.testing.assert_allclose(smoothed(np.full(300, 2.5), RATE, 10.0), 2.5, rtol=1e-12)
+
+
+ASKED = np.array([[-9.0, -9.0, -9.0], [-4.0, -4.0, -4.0], [0.0, 0.0, 0.0], [4.0, 4.0, 4.0], [9.0, 9.0, 9.0]])
+
+
+@pytest.fixture
+def limited(arm) -> Robot:
+    """Drives that give 5 and 3 N m at most, and one without a stated limit."""
+    return replace(arm, actuators=tuple(Actuator(torque_limit=limit) for limit in (5.0, 3.0, None)))
+
+
+def test_a_drive_gives_no_more_of_a_commanded_torque_than_its_limit_in_both_directions(limited):
+    # Closed form: the sign of what is asked for, times the smaller of its size and the limit.
+    given = within_limits(ASKED, replace(limited, torque_source="command"))
+    np.testing.assert_array_equal(given, np.sign(ASKED) * np.minimum(np.abs(ASKED), [5.0, 3.0, np.inf]))
+
+
+def test_a_measured_torque_stays_as_it_is_above_the_limits(limited):
+    np.testing.assert_array_equal(within_limits(ASKED, replace(limited, torque_source="sensor")), ASKED)
 
 
 def test_the_band_of_emps_lies_where_the_published_friction_comes_back(slide, data_folder: Path):

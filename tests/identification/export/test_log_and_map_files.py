@@ -6,11 +6,12 @@ import numpy as np
 import pytest
 
 from identification.data.readers.read_table import read_table
-from identification.export.log_and_map_files import ENDINGS, write_log
+from identification.export.log_and_map_files import write_log
+from identification.files import LOG_ENDINGS
 from phantom_dyn.errors import UsageError
 
 
-@pytest.mark.parametrize("ending", ENDINGS)
+@pytest.mark.parametrize("ending", LOG_ENDINGS)
 def test_a_log_comes_back_as_it_was_written(tmp_path, rng, ending):
     columns = {"t": np.arange(60) / 10.0, "q.a": rng.standard_normal(60), "tau.a": rng.standard_normal(60)}
     write_log(tmp_path / f"log{ending}", columns)

@@ -36,6 +36,8 @@ def test_base_parameters_of_the_links_come_back(found, arm, truth, recorded):
     base = base_parameters(torque_regressor(fitted, log, effects_of(arm, DEFAULT_TERMS)))
     everything = np.concatenate([standard_parameters(truth), np.zeros(len(base.names) - 30)])
     wanted = dict(zip(base.base_names, base.values(everything), strict=True))
+    assert {parameter.name for parameter in found.base} <= set(wanted)
+    assert len(found.base) > 10
     for parameter in found.base:
         size = 4 * parameter.std + 2e-3 * abs(wanted[parameter.name])
         assert parameter.value == pytest.approx(wanted[parameter.name], abs=size), parameter.name
@@ -48,7 +50,8 @@ def test_offsets_that_are_not_there_are_not_told_from_zero(found):
     assert all("not told from zero: its size is below" in p.why for p in offsets if not p.identified)
 
 
-def test_the_fit_predicts_held_out_torques_much_better_than_the_given_model(found):
+def test_the_fit_predicts_held_out_torques_much_better_than_the_given_model(found, arm):
+    assert tuple(joint.joint for joint in found.joints) == arm.joint_names
     for joint in found.joints:
         assert joint.relative < 0.02
         assert joint.relative < 0.2 * joint.given

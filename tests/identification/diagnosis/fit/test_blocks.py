@@ -31,6 +31,7 @@ def test_a_core_shares_no_sample_with_the_kernels_of_the_block_before(two):
     # Full-rate samples that the filter of the first core sample touches, against those of the last block.
     for k, log in enumerate(two.logs):
         mine = [block for block in two.blocks if block.log == k]
+        assert len(mine) > 1
         for before, block in itertools.pairwise(mine):
             assert block.start < block.core < block.stop
             assert log.samples[block.core] - log.band.half >= log.samples[before.stop - 1]
@@ -42,6 +43,7 @@ def test_the_first_block_of_a_log_is_all_core(two):
 
 
 def test_blocks_last_a_second_at_least(two):
+    assert two.blocks
     for block in two.blocks:
         band = two.logs[block.log].band
         assert (block.stop - block.start) * band.step / band.rate_hz > 0.9

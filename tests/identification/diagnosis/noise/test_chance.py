@@ -4,8 +4,10 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from scipy.stats import gumbel_r
 
 from identification.diagnosis.fit.fitting import fit
+from identification.diagnosis.noise import chance
 from identification.diagnosis.noise.chance import null_threshold
 from identification.diagnosis.search.search import PARAMETER_PRICE, Threshold, price
 
@@ -41,6 +43,24 @@ def test_an_effect_gains_more_than_the_threshold(lab, planar2):
     assert gains(prepared).max() > 3 * null_threshold(prepared.search, prepared.noise).overall
 
 
+def test_a_threshold_is_exceeded_by_chance_in_one_of_a_hundred_recordings(quiet, monkeypatch, rng):
+    # Oracle: SciPy's Gumbel law with the mean and deviation of the largest gains; five thousand recordings, so that the
+    # law itself exceeds it in 0.8 to 1.2 %. Each of two joints is to be wrong half as often.
+    terms = tuple(quiet.term("coulomb_friction", joint) for joint in ("shoulder", "elbow"))
+    drawn = rng.gumbel(10.0, 3.0, (2, 5000))
+    monkeypatch.setattr(chance, "_gains", lambda *_: drawn)
+    threshold = null_threshold(replace(quiet.search, terms=terms), quiet.noise)
+
+    def quantile(best: np.ndarray, level: float) -> float:
+        scale = best.std() * np.sqrt(6) / np.pi
+        return float(gumbel_r.ppf(level, best.mean() - np.euler_gamma * scale, scale))
+
+    assert threshold.overall == pytest.approx(quantile(drawn.max(axis=0), 0.99))
+    assert np.mean(drawn.max(axis=0) > threshold.overall) == pytest.approx(0.01, abs=0.003)
+    wanted = {joint: quantile(own, 0.995) for joint, own in zip(("shoulder", "elbow"), drawn, strict=True)}
+    assert threshold.joints == pytest.approx(wanted)
+
+
 def test_twice_the_noise_of_a_trusted_model_gains_four_times_as_much_by_chance(lab, planar2, trusted):
     # Gains are quadratic in the noise where nothing else is drawn; prices are not, so the rivals are those of one
     # parameter. The timing of the torque has a prior of its own: rivals that look like it are left out.
@@ -58,15 +78,18 @@ def test_more_rivals_gain_more_by_chance(quiet):
     assert null_threshold(few, quiet.noise).overall < null_threshold(quiet.search, quiet.noise).overall
 
 
-def test_noise_that_nothing_explains_on_one_joint_leaves_the_thresholds_of_others(lab, planar2, rng):
-    # Known truth: bursts on the shoulder that no effect makes; on the elbow nothing but white noise.
+def test_noise_that_nothing_explains_on_one_joint_leaves_the_thresholds_of_others(lab, planar2):
+    # Known truth: bursts on the shoulder that no effect makes; on the elbow nothing but white noise, as without them.
     motion = lab.motion(2, 4)
-    bursts = rng.standard_normal(len(motion.t)) * (np.sin(2 * np.pi * 0.31 * motion.t) > 0.9)
-    prepared = lab.prepared(planar2, (lab.recording(planar2, motion, bursts[:, None] * [8.0, 0.0]),))
+    bursts = np.random.default_rng(0).standard_normal(len(motion.t)) * (np.sin(2 * np.pi * 0.31 * motion.t) > 0.9)
+    prepared = lab.prepared(planar2, (lab.recording(planar2, motion, bursts[:, None] * [30.0, 0.0]),))
+    plain = lab.prepared(planar2, (lab.recording(planar2, motion),))
     threshold = null_threshold(prepared.search, prepared.noise)
+    without = null_threshold(plain.search, plain.noise)
     elbow = prepared.term("coulomb_friction", "elbow")
     shoulder = prepared.term("coulomb_friction", "shoulder")
-    assert threshold.of(elbow) < 0.7 * threshold.overall
+    assert threshold.joints["elbow"] < 1.1 * without.joints["elbow"]
+    assert threshold.of(elbow) < 0.5 * threshold.of(shoulder)
     assert threshold.of(shoulder, elbow) == threshold.of(shoulder)
 
 

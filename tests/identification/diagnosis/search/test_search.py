@@ -161,6 +161,20 @@ def test_a_gain_of_few_blocks_is_claimed_if_it_is_enough_without_the_best_two_or
     assert claimed(search, frozenset([quiet.term("viscous_friction", "elbow")]), frozenset()) is claims
 
 
+@pytest.mark.parametrize(
+    ("held_out", "in_sample", "claims"),
+    [(11.0, 11.0, True), (11.0, 9.0, False), (9.0, 11.0, False), (11.0, -50.0, False), (300.0, 9.0, False)],
+)
+def test_a_gain_is_claimed_only_if_it_is_above_the_threshold_on_held_out_data_and_in_sample(
+    quiet, held_out, in_sample, claims
+):
+    # Closed form: a threshold of ten, and a gain that is the same in every block.
+    plain = quiet.search.evaluate(frozenset())
+    rich = replace(plain, loss=plain.loss - held_out / len(plain.loss), objective=plain.objective - in_sample)
+    search = replace(quiet.search, evaluate=lambda chosen: rich if chosen else plain)
+    assert claimed(search, frozenset([quiet.term("viscous_friction", "elbow")]), frozenset()) is claims
+
+
 def test_nothing_is_claimed_without_a_gap(quiet):
     assert explain(quiet.search, silent) == frozenset()
 

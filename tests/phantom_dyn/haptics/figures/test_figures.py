@@ -71,7 +71,8 @@ def test_crossings_are_marked_where_the_phase_is_half_a_turn():
     bode = loop_bode(LHIFAM_NEW_CABLE, period=T, delay=4 * T)
     figure = figures.loop_bode_figure(bode, name="LHIfAM", stiffness=400.0)
     marks = [one.get_xydata()[0] for one in figure.axes[1].lines if one.get_gid() == "crossing"]
-    for (frequency, turn), crossing in zip(marks[:-1], bode.margin.crossings, strict=False):
+    assert marks
+    for (frequency, turn), crossing in zip(marks, bode.margin.crossings, strict=True):
         at = np.interp(frequency, bode.frequency, np.degrees(bode.phase))
         assert frequency == crossing.frequency
         assert turn == pytest.approx(at, abs=2.0)

@@ -1,17 +1,14 @@
-"""The compiled laws of all effects, and the channels of a machine that call them.
+"""The compiled laws of the catalogue: one list a channel, and the functions that call a law by its place in the list.
 
-The compiled laws of all effects, one list a channel in the order of the catalogue; a law's code is its place there.
+An effect whose laws are not listed here is stepped in Python, and every effect beside it: a law is worth a line here
+where simulations with it have to be fast. Scalars in and out: a law that took an array would cost more than its
+numbers, for counting who holds the array.
 
-Scalars in and out: a law that took an array would cost more than its numbers, for counting who holds the array.
 Numba does not see that a function which calls these must be compiled anew after a change of an effect's law: delete
-the ``__pycache__`` of this folder then.
-
-Channels of a machine at one instant, inside compiled steps: what its encoders read and what is asked of a drive.
+the ``__pycache__`` of this folder and of `phantom_dyn.simulation.compiled` then.
 """
 
 from __future__ import annotations
-
-import numpy as np
 
 from phantom_dyn._kernels.jit import jit
 from phantom_dyn.effects.drive.actuator_lag import lag_law
@@ -101,38 +98,3 @@ def reading_of(code: int, p0: float, p1: float, p2: float, q: float) -> float:
     if code == 1:
         return eccentric_law(q, p0, p1, p2)
     return rounded_law(q, p0)
-
-
-Array = np.ndarray
-
-
-@jit
-def read(codes: Array, rows: Array, numbers: Array, j: int, q: float) -> float:
-    """Reading of encoder ``j`` at position ``q``."""
-    for k in range(len(codes)):
-        if rows[k] == j:
-            q = reading_of(codes[k], numbers[k, 0], numbers[k, 1], numbers[k, 2], q)
-    return q
-
-
-@jit
-def place_in(times: Array, cursor: Array, t: float) -> float:
-    """Share of the way from the table's row ``cursor[0]`` to the next at time ``t``; the ends hold beyond it."""
-    k = cursor[0]
-    while k + 2 < len(times) and t >= times[k + 1]:
-        k += 1
-    while k > 0 and t < times[k]:
-        k -= 1
-    cursor[0] = k
-    return min(max(float((t - times[k]) / (times[k + 1] - times[k])), 0.0), 1.0)
-
-
-@jit
-def tracking(tables: Array, limit: float, k: int, share: float, j: int, q: float, v: float) -> float:
-    """Torque that a tracking law asks of drive ``j``, see `phantom_dyn.simulation.control`."""
-    a, b = tables[k, j], tables[k + 1, j]
-    rest = 1.0 - share
-    forward, wanted, speed = rest * a[0] + share * b[0], rest * a[1] + share * b[1], rest * a[2] + share * b[2]
-    kp, kd, added = rest * a[3] + share * b[3], rest * a[4] + share * b[4], rest * a[5] + share * b[5]
-    asked = forward + kp * (wanted - q) + kd * (speed - v)
-    return min(max(asked, -limit), limit) + added

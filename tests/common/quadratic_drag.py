@@ -1,0 +1,54 @@
+"""A made-up effect, as its author would write it: drag that grows with the square of speed, ``torque = -c v |v|``."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from phantom_dyn.effects.described import EffectWords
+from phantom_dyn.effects.effect import Effect, Parameter, Shape, Signature
+from phantom_dyn.effects.operation import Operation
+from phantom_dyn.effects.simulated import Moment, Simulated
+from phantom_dyn.effects.support.rows import on_one_joint, row_of, torque_on_joint
+from phantom_dyn.model.robot import Robot
+
+Array = np.ndarray
+UNIT = "N m s^2/rad^2"
+
+
+class QuadraticDrag(Effect):
+    """See the module."""
+
+    name = "quadratic_drag"
+    regime = "high_speed"
+    words = EffectWords(
+        name="quadratic drag",
+        meaning="drag that grows with the square of speed, as of a paddle in water",
+        next_step="Look for what the joint moves through.",
+        size="of {coefficient}",
+        parameters={"coefficient": "torque per squared speed"},
+        shown_over=("velocity",),
+    )
+
+    def parameters(self, robot: Robot, joint: str | None) -> tuple[Parameter, ...]:
+        """``coefficient`` c."""
+        return (Parameter("coefficient", UNIT, 0.0),)
+
+    def signature(self, robot: Robot, operation: Operation, joint: str | None, shape: Shape) -> Signature:
+        """Squared speed in the direction of motion."""
+        v = operation.v[:, row_of(robot, joint)]
+        return on_one_joint(robot, joint, coefficient=(v * np.abs(v), UNIT))
+
+    def torque(self, robot: Robot, operation: Operation, joint: str | None, theta: Array) -> Array:
+        """The law on the joint."""
+        v = operation.v[:, row_of(robot, joint)]
+        return torque_on_joint(robot, joint, -theta[0] * v * np.abs(v))
+
+    def simulated(self, robot: Robot, joint: str | None, theta: Array) -> Simulated:
+        """The law at the speed of the moment."""
+        row = row_of(robot, joint)
+
+        def torque(state: Array, dt: float, moment: Moment) -> tuple[Array, Array]:
+            v = moment.v[row : row + 1]
+            return state, torque_on_joint(robot, joint, -theta[0] * v * np.abs(v))[0]
+
+        return Simulated(torque=torque)

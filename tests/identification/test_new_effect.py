@@ -1,0 +1,84 @@
+"""A new effect is one file and one line of the catalogue: `quadratic_drag` goes from its law to a finding in words."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from identification.data.recording import Recording
+from identification.diagnosis.diagnosis import diagnose
+from identification.diagnosis.model.terms import KnownEffect
+from identification.export.corrected.left_out import urdf_left_out
+from identification.export.corrected.parts import parts_of
+from identification.reporting.diagnosis_report import report_html
+from phantom_dyn.dynamics.dynamics import inverse_dynamics, mass_matrix
+from phantom_dyn.effects import catalogue
+from phantom_dyn.effects.support.changed_robot import with_gravity
+from phantom_dyn.simulation.control import Tracking
+from phantom_dyn.simulation.simulate import Cause, simulate
+from quadratic_drag import QuadraticDrag
+
+TRUTH = 0.4
+
+
+@pytest.fixture(scope="module", autouse=True)
+def listed():
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(catalogue, "EFFECTS", (*catalogue.EFFECTS, QuadraticDrag()))
+        yield
+
+
+@pytest.fixture(scope="module")
+def recording(lab, planar2, listed):
+    """The planar arm led along a motion by a controller, with drag on its elbow."""
+    motion = lab.motion(2, 3, seconds=12.0, swing=1.5)
+    kp, kd, none = (np.tile(x, (len(motion.t), 1)) for x in ([60.0, 15.0], [8.0, 1.0], [0.0, 0.0]))
+    law = Tracking(
+        motion.t, inverse_dynamics(planar2, motion), motion.q, motion.v, kp, kd, none, np.array([np.inf, np.inf])
+    )
+    cause = Cause(catalogue.effect_named("quadratic_drag"), "elbow", np.array([TRUTH]))
+    moved = simulate(planar2, (cause,), law, motion.t, motion.q[0], motion.v[0], max_step=2.5e-3)
+    rng = np.random.default_rng(5)
+    noise = rng.standard_normal((2, *moved.q.shape))
+    names = planar2.joint_names
+    return Recording("sim.csv", names, moved.t, moved.q + 1e-5 * noise[0], moved.tau + 0.05 * noise[1])
+
+
+@pytest.fixture(scope="module")
+def diagnosis(planar2, recording):
+    return diagnose(planar2, (recording,))
+
+
+def test_a_free_joint_slows_down_by_the_law(pendulum):
+    # Closed form of I dv/dt = -c v |v|: v = v0 / (1 + c v0 t / I).
+    rubbed = with_gravity(pendulum, np.zeros(3))
+    free = replace(rubbed, viscous_friction=np.zeros(1), coulomb_friction=np.zeros(1))
+    inertia, t = mass_matrix(free, np.zeros((1, 1)))[0, 0, 0], np.linspace(0.0, 2.0, 201)
+    drag = Cause(catalogue.effect_named("quadratic_drag"), free.joint_names[0], np.array([TRUTH]))
+    moved = simulate(free, (drag,), lambda t, q, v: np.zeros(1), t, np.zeros(1), np.full(1, 3.0))
+    np.testing.assert_allclose(moved.links.v[:, 0], 3.0 / (1.0 + TRUTH * 3.0 * t / inertia), rtol=1e-5)
+
+
+def test_it_is_named_where_it_is_and_nothing_else_is(diagnosis):
+    assert [(finding.effect, finding.joint) for finding in diagnosis.findings] == [("quadratic_drag", "elbow")]
+    assert diagnosis.verdict == "explained"
+
+
+def test_its_parameter_is_within_its_interval(diagnosis):
+    found = diagnosis.findings[0].parameters["coefficient"]
+    assert abs(found.value - TRUTH) < 2.0 * found.std < 0.1 * TRUTH
+
+
+def test_the_report_says_it_in_its_words(diagnosis):
+    page = report_html(diagnosis)
+    assert "Quadratic drag of 0.4" in page
+    assert "as of a paddle in water" in page
+    assert "look for what the joint moves through" in page
+
+
+def test_a_model_file_that_cannot_hold_it_says_so(planar2, tmp_path):
+    parts = parts_of(planar2, (KnownEffect("quadratic_drag", "elbow", (TRUTH,)),))
+    left_out = urdf_left_out(parts, tmp_path / "robot.urdf")
+    assert "It has no place for quadratic drag (coefficient): elbow 0.4." in left_out
