@@ -47,13 +47,38 @@ class Comparison:
     sizes: Mapping[str, float]
 
 
-def judged(recording: Recording, tree: Path, cache: Path) -> dict:
+@dataclass(frozen=True)
+class Judge:
+    """The code that judges: a checkout, and decision rules that are given another value.
+
+    Attributes:
+        tree: The checkout.
+        rules: Such as ``LISTED=0.1``, see ``identification/diagnosis/decision_rules.py``.
+    """
+
+    tree: Path
+    rules: tuple[str, ...] = ()
+
+    @property
+    def command(self) -> list[str]:
+        """The words that start the command line."""
+        if not self.rules:
+            return [sys.executable, "-m", "identification.cli"]
+        lines = ["import sys", "from identification.diagnosis import decision_rules as rules"]
+        for rule in self.rules:
+            name, value = rule.split("=")
+            lines.append(f"rules.{name} = type(rules.{name})({float(value)!r})")
+        lines += ["from identification.cli.main import main", "sys.exit(main())"]
+        return [sys.executable, "-c", "\n".join(lines)]
+
+
+def judged(recording: Recording, judge: Judge, cache: Path) -> dict:
     """What the code of a tree says of one recording, in a process of its own; or why it refused."""
     folder = prepared(recording, cache)
     with tempfile.TemporaryDirectory() as place:
         file = Path(place) / "diagnosis.json"
-        command = [sys.executable, "-m", "identification.cli", "diagnose", *recording.words, "--json", str(file)]
-        environment = {**os.environ, **LIMITS, "PYTHONPATH": str(tree)}
+        command = [*judge.command, "diagnose", *recording.words, "--json", str(file)]
+        environment = {**os.environ, **LIMITS, "PYTHONPATH": str(judge.tree)}
         done = subprocess.run(
             command, cwd=folder, env=environment, capture_output=True, text=True, timeout=TIMEOUT, check=False
         )
@@ -64,13 +89,13 @@ def judged(recording: Recording, tree: Path, cache: Path) -> dict:
     return {"inputs": fingerprint(recording, folder), **said}
 
 
-def record(chosen: Sequence[Recording], tree: Path, cache: Path, out: Path, jobs: int) -> None:
+def record(chosen: Sequence[Recording], judge: Judge, cache: Path, out: Path, jobs: int) -> None:
     """Writes the answers of a tree; after each recording the file holds all that is known so far."""
     answers: dict[str, dict] = {}
 
     def timed(recording: Recording) -> tuple[dict, float]:
         start = time.perf_counter()
-        return judged(recording, tree, cache), time.perf_counter() - start
+        return judged(recording, judge, cache), time.perf_counter() - start
 
     with ThreadPoolExecutor(jobs) as pool:
         running = {pool.submit(timed, recording): recording.name for recording in chosen}
@@ -187,6 +212,9 @@ def parser() -> argparse.ArgumentParser:
     first = commands.add_parser("record", help="write what a checkout says")
     first.add_argument("--out", type=Path, required=True, metavar="FILE")
     first.add_argument("--tree", type=Path, default=CHECKOUT, metavar="DIR", help="checkout that judges; default: this")
+    first.add_argument(
+        "--rule", action="append", default=[], metavar="NAME=VALUE", help="another value of a decision rule"
+    )
     first.add_argument("--jobs", type=int, default=1, metavar="N", help="recordings at once; default: 1")
     first.add_argument("--cache", type=Path, default=CACHE, metavar="DIR", help=f"of the cases; default: {CACHE}")
     second = commands.add_parser("compare", help="compare two such files")
@@ -204,7 +232,7 @@ def main(words: Sequence[str] | None = None) -> int:
         tree = given.tree.resolve()
         if not any(tree.glob("identification/cli*")):  # the installed packages would judge instead
             raise SystemExit(f"{tree} is no checkout: it has no identification/cli")
-        record(chosen(given.only), tree, given.cache.resolve(), given.out, given.jobs)
+        record(chosen(given.only), Judge(tree, tuple(given.rule)), given.cache.resolve(), given.out, given.jobs)
         return 0
     before, after = (json.loads(file.read_text()) for file in given.files)
     if given.only:

@@ -7,6 +7,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from identification.diagnosis import decision_rules as rules
 from identification.diagnosis.fit.gap import held_out_torque, residual_after, row_counts, row_losses
 from identification.diagnosis.fit.problem import set_up
 from identification.diagnosis.model.columns import Columns, FitPoint, build_columns
@@ -32,21 +33,13 @@ from identification.diagnosis.search.refinement import (
     unchanged,
 )
 from identification.diagnosis.search.rival_sets import settled
-from identification.diagnosis.search.search import ACCURACY, Search, Threshold, claimed, set_up_search
+from identification.diagnosis.search.search import Search, Threshold, claimed, set_up_search
 from identification.diagnosis.search.stepwise import best_short, explain
 
-# Noise floors are refined if the explanation leaves less than this share of one.
-_LOWER = 0.9
 # Passes that take laws again about what the last one found.
 _REFINEMENTS = 3
 # Effects that are tried although they fall short of what chance seems to give.
 _PROBATIONS = 3
-# Noise is taken anew without the trace of an effect that is tried if the trace gains so much.
-_LEAST_TRACE = 10.0
-# A claim closes at least this share of the gap: less is what a law of the right kind leaves that is off by a tenth.
-_LEAST_SHARE = 0.01
-# A claim gains at least this on held-out data, whatever chance gives.
-_LEAST_GAIN = 20.0
 
 
 @dataclass(frozen=True)
@@ -98,7 +91,7 @@ def explained(session: Session, progress: Callable[[str], None] = lambda _: None
         near = runners_up(last.search, last.chosen)
         points = (*found, *near)
         same = unchanged(found, before) and tried.issuperset(point.place for point in near)
-        if ratio >= _LOWER and (same or not needs_refinement(points)):
+        if ratio >= rules.LOWER_NOISE and (same or not needs_refinement(points)):
             break
         before = found
         tried.update(point.place for point in near)
@@ -130,11 +123,11 @@ def _with_thresholds(
     """The same rivals with what chance, encoder noise and the accuracy of the method give."""
     progress("measuring what chance gives")
     problem = search.problem
-    threshold = null_threshold(search, whitened_noise(problem.columns, noise), _LEAST_GAIN)
+    threshold = null_threshold(search, whitened_noise(problem.columns, noise), rules.LEAST_GAIN)
     given, gap = (
         np.maximum(loss - row_counts(problem), 0.0) for loss in row_losses(problem, search.evaluate(frozenset()))
     )
-    return set_up_search(problem, threshold, _LEAST_SHARE * gap + ACCURACY * given, spurious)
+    return set_up_search(problem, threshold, rules.LEAST_SHARE_OF_GAP * gap + rules.ACCURACY * given, spurious)
 
 
 def _searched(
@@ -157,13 +150,13 @@ def _searched(
             break
         quiet, ratio = smaller_noise(search, tried, left)
         if ratio < 1.0:
-            least = null_threshold(search, whitened_noise(search.problem.columns, quiet, like=left), _LEAST_GAIN)
+            least = null_threshold(search, whitened_noise(search.problem.columns, quiet, like=left), rules.LEAST_GAIN)
             lower = replace(search, threshold=search.threshold.lowered(least))
             if claimed(lower, tried, chosen):
                 search, chosen, left = lower, explain(lower, progress, tried), quiet
                 continue
         quiet, gain = noise_without(search, tried, chosen, left)
-        if gain < _LEAST_TRACE:
+        if gain < rules.LEAST_TRACE:
             break
         anew = _set_up(search.problem.session, search.problem.columns, quiet)
         anew = _with_thresholds(anew, quiet, search.spurious, progress)

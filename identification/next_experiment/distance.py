@@ -6,16 +6,11 @@ import numpy as np
 from jaxtyping import Float
 from scipy.special import gammainc, ndtr, ndtri
 
+from identification.diagnosis import decision_rules as rules
 from identification.diagnosis.numerics.bounded import bounded_solve
 from identification.next_experiment.hypotheses import Model
 
 Array = np.ndarray
-
-# Share of the torque that was found which a direction that the recordings do not show is expected to carry, as the
-# comparison of rivals has it.
-_EXPECTED = 0.5
-# A rival that wins fewer bootstrap replicates than this is no longer listed.
-_LISTED = 0.05
 
 
 def draws_of(model: Model, products: Float[Array, "u u"], normals: Float[Array, "d n"]) -> Float[Array, "e u"]:
@@ -73,7 +68,7 @@ def power_of(gain: Float[Array, " d"], head_start: float, before: Float[Array, "
     """
     spread = 2.0 * np.sqrt(np.maximum(gain, 1e-12))
     replicates = 2.0 * np.sqrt(np.maximum(gain + before, 1e-12))
-    return ndtr((gain + head_start + ndtri(_LISTED) * replicates) / spread)
+    return ndtr((gain + head_start + ndtri(rules.LISTED) * replicates) / spread)
 
 
 def power_of_simpler(simple: Model, rich: Model, products: Float[Array, "u u"], recorded: Float[Array, "u u"]) -> float:
@@ -98,9 +93,9 @@ def power_of_simpler(simple: Model, rich: Model, products: Float[Array, "u u"], 
     inner = _solvable(simple.basis.T @ products @ simple.basis + np.diag(simple.prior))
     made = simple.basis.T @ products[:, more]
     shown = products[np.ix_(more, more)] - made.T @ np.linalg.solve(inner, made)
-    size = _EXPECTED * np.sqrt(energy / own)
+    size = rules.EXPECTED_SHARE * np.sqrt(energy / own)
     values = np.maximum(np.linalg.eigvalsh(shown * np.outer(size, size)), 0.0)
-    room = np.log1p(values).sum() + 2.0 * np.log(_LISTED / (1.0 - _LISTED))
+    room = np.log1p(values).sum() + 2.0 * np.log(rules.LISTED / (1.0 - rules.LISTED))
     return float(gammainc(len(more) / 2.0, max(room, 0.0) / 2.0))
 
 
@@ -111,7 +106,7 @@ def _per_size(model: Model, products: Float[Array, "u u"]) -> Float[Array, " n"]
     # No less than what a single standard deviation carries.
     energy = max(float(theta @ products[np.ix_(columns, columns)] @ theta), 1.0)
     own = np.einsum("un,uv,vn->n", model.basis, products, model.basis)
-    return own / (_EXPECTED**2 * energy)
+    return own / (rules.EXPECTED_SHARE**2 * energy)
 
 
 def _solvable(a: Float[Array, "n n"]) -> Float[Array, "n n"]:

@@ -5,17 +5,13 @@ from __future__ import annotations
 import numpy as np
 from jaxtyping import Float
 
+from identification.diagnosis import decision_rules as rules
 from identification.diagnosis.fit.problem import Problem
-from identification.diagnosis.judge.judged_band import VISIBLE
 from identification.diagnosis.model.blocks import held_out_share
 from identification.diagnosis.model.terms import Term, untestable_places
 from identification.diagnosis.numerics.bounded import solve
 from identification.diagnosis.result import Bound, NotTestable
 from identification.diagnosis.search.search import (
-    BEST_BLOCKS,
-    LARGE,
-    PARAMETER_PRICE,
-    SIGNIFICANT,
     Search,
     contains,
     least_gain,
@@ -102,7 +98,7 @@ def smallest_seen(
 
 def _claimable(search: Search, term: Term, by_block: Float[Array, " B"]) -> float:
     """How many standard deviations of its own size an effect has to have to be claimed with 95 % power."""
-    needed = least_gain(search, frozenset([term])) + max(price(search.sizes[term]) - PARAMETER_PRICE, 0.0)
+    needed = least_gain(search, frozenset([term])) + max(price(search.sizes[term]) - rules.PARAMETER_PRICE, 0.0)
     return float(np.sqrt(max(needed + 2.0, _lasting(by_block, needed)))) + _POWER
 
 
@@ -117,11 +113,11 @@ def _lasting(by_block: Float[Array, " B"], needed: float) -> float:
     if whole <= 0:
         return needed
     # The variance of a gain ``u`` over blocks is ``4 u`` by noise, and grows with its square by how it is spread.
-    room = 1.0 - SIGNIFICANT**2 * len(by_block) * float(by_block.var()) / whole**2
-    from_block_to_block = 4.0 * SIGNIFICANT**2 / room if room > 0 else np.inf
-    rest = float(np.sort(by_block)[:-BEST_BLOCKS].sum()) / whole
+    room = 1.0 - rules.SIGNIFICANT_ERRORS**2 * len(by_block) * float(by_block.var()) / whole**2
+    from_block_to_block = 4.0 * rules.SIGNIFICANT_ERRORS**2 / room if room > 0 else np.inf
+    rest = float(np.sort(by_block)[: -rules.BEST_BLOCKS].sum()) / whole
     without_the_best = needed / rest if rest > 0 else np.inf
-    return min(from_block_to_block, without_the_best, LARGE * needed)
+    return min(from_block_to_block, without_the_best, rules.LARGE_GAIN * needed)
 
 
 def _seen(plain: Search, term: Term, direction: Float[Array, " k"]) -> float:
@@ -134,7 +130,7 @@ def _seen(plain: Search, term: Term, direction: Float[Array, " k"]) -> float:
         energy.append(float(part @ row.a[:, at][:, :, at].sum(axis=0) @ part))
         samples.append(float(row.count.sum()))
     count = float(np.dot(energy, samples)) / max(sum(energy), 1e-300)
-    return float(np.sqrt(VISIBLE * count)) + _POWER
+    return float(np.sqrt(rules.VISIBLE_GROWTH * count)) + _POWER
 
 
 def _inverse(problem: Problem, base: Array) -> Float[Array, "n n"]:

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from jaxtyping import Float
 
+from identification.diagnosis import decision_rules as rules
 from identification.diagnosis.fit.gap import Sums, sums
 from identification.diagnosis.fit.problem import Problem
 from identification.diagnosis.model.session import Series
@@ -16,11 +17,6 @@ from phantom_dyn.effects.catalogue import effect_named
 from phantom_dyn.model.robot import Robot
 
 Array = np.ndarray
-
-# A coarse reading counts if it makes at least this share of some joint's squared noise.
-_LEAST = 0.05
-# The noise that is left when what the reading makes is taken out is not known better than to this share.
-_CERTAIN = 0.3
 
 
 @dataclass(frozen=True)
@@ -52,8 +48,8 @@ def rounded(
     for one in coarse:
         squares = sums(problem, problem.session.in_judged_band(one.torque)).rms() ** 2
         # The judged band ends where the reading drowns the motion: what matters may lie above it.
-        wide = sums(problem, one.torque).rms() ** 2 > _LEAST * sums(problem, noise).rms() ** 2
-        if np.any(squares > _LEAST * floor**2) or np.any(wide):
+        wide = sums(problem, one.torque).rms() ** 2 > rules.COARSE_SHARE * sums(problem, noise).rms() ** 2
+        if np.any(squares > rules.COARSE_SHARE * floor**2) or np.any(wide):
             kept.append(one)
             energy.append(squares)
     return Rounded(tuple(kept), np.array(energy).reshape(len(kept), len(floor)))
@@ -61,7 +57,11 @@ def rounded(
 
 def floor_without(rounding: Rounded, floor: Float[Array, " nv"]) -> Float[Array, " nv"]:
     """Noise floor of encoders as fine as stated."""
-    return np.sqrt(np.maximum(floor**2 - rounding.total, (_CERTAIN * floor) ** 2)) if rounding.coarse else floor
+    return (
+        np.sqrt(np.maximum(floor**2 - rounding.total, (rules.COARSE_REMAINDER * floor) ** 2))
+        if rounding.coarse
+        else floor
+    )
 
 
 def findings_of(robot: Robot, rounding: Rounded, before: Sums, floor: Float[Array, " nv"]) -> tuple[Finding, ...]:

@@ -8,6 +8,7 @@ import numpy as np
 from jaxtyping import Float
 from scipy.stats import chi2
 
+from identification.diagnosis import decision_rules as rules
 from identification.diagnosis.fit.fitting import Fitted
 from identification.diagnosis.fit.gap import Sums, held_out_torque, residual_after, sums
 from identification.diagnosis.fit.joint_fit import JointFit, joint_fit
@@ -21,8 +22,6 @@ from identification.diagnosis.search.rival_sets import block_counts, stand
 from identification.diagnosis.search.search import Search
 
 Array = np.ndarray
-# With which probability an effect is told from nothing.
-_CERTAIN = 0.95
 
 
 @dataclass(frozen=True)
@@ -75,7 +74,7 @@ def distinct(plain: Search, chosen: frozenset[Term]) -> tuple[frozenset[Term], J
         fitted = joint_fit(plain.problem, ordered(chosen), plain.evaluate(chosen))
         certain = {term: certainty(term, fitted) for term in ordered(chosen) if term.named and _is_asked(term)}
         least = min(certain, key=lambda term: certain[term], default=None)
-        if least is None or certain[least] >= _CERTAIN:
+        if least is None or certain[least] >= rules.DIFFERS_FROM_ZERO:
             return chosen, fitted
         chosen = chosen - {least}
 

@@ -7,6 +7,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from jaxtyping import Float
 
+from identification.diagnosis import decision_rules as rules
 from identification.diagnosis.fit.gap import (
     held_out_torque,
     residual_after,
@@ -20,9 +21,6 @@ from identification.diagnosis.noise.noise_floor import rms, weights_of
 from identification.diagnosis.search.search import Search, set_up_search
 
 Array = np.ndarray
-
-# Without a finding, the squared residual of a joint in the judged band grows by at least this share.
-VISIBLE = 0.03
 
 
 @dataclass(frozen=True)
@@ -78,7 +76,7 @@ def visible(search: Search, chosen: frozenset[Term]) -> frozenset[Term]:
             # It has to help the worst joint, and not cost the others more than it helps.
             growth[term] = float(np.max(ratio)) - 1.0 if np.mean(ratio) > 1.0 else -1.0
         least = min(growth, key=lambda term: growth[term])
-        if growth[least] >= VISIBLE:
+        if growth[least] >= rules.VISIBLE_GROWTH:
             return chosen
         chosen = chosen - {least}
     return chosen
@@ -88,7 +86,7 @@ def gap_is_there(problem: Problem, noise: Series) -> bool:
     """False if the given model's residual is noise on every joint: then there is nothing to find a cause for."""
     floor = noise_floor(problem.session, problem.columns, noise)
     given = sums(problem, problem.session.in_judged_band(problem.columns.residual)).rms()
-    return bool(np.any(given**2 > (1.0 + VISIBLE) * floor**2))
+    return bool(np.any(given**2 > (1.0 + rules.VISIBLE_GROWTH) * floor**2))
 
 
 def narrow_search(search: Search, noise: Series) -> Search:

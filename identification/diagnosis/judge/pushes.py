@@ -8,17 +8,12 @@ import numpy as np
 from jaxtyping import Bool, Float
 
 from identification.data.log import Log
+from identification.diagnosis import decision_rules as rules
 from identification.diagnosis.model.standstill import usable_samples
 from identification.diagnosis.result import Judgement
 
 Array = np.ndarray
 
-# Torque is judged over so long a time [s].
-_WINDOW = 0.1
-# A push is this many times what a joint usually has left, and has at least this share of all that it has left.
-_LOUD, _SHARE = 5.0, 0.5
-# What comes back more often, or lasts longer (share of the recording), has another cause.
-_MOST, _LONGEST = 3, 0.15
 # Two of them that are as close [s] are one.
 _CLOSE = 0.4
 # Left out before and behind a push [s], so that no filter carries it over.
@@ -97,10 +92,10 @@ def _loud(t: Array, rest: Array, usable: Array, floor: float) -> list[tuple[int,
     if np.count_nonzero(usable) < 50:
         return []
     step = float(np.median(np.diff(t)))
-    width = max(round(_WINDOW / step), 1)
+    width = max(round(rules.PUSH_WINDOW / step), 1)
     level = np.sqrt(np.convolve(rest**2, np.ones(width) / width, mode="same"))
     usual = max(float(np.median(level[usable])), floor, 1e-12)
-    at = np.flatnonzero(level > _LOUD * usual)
+    at = np.flatnonzero(level > rules.PUSH_TIMES * usual)
     if len(at) == 0:
         return []
     breaks = np.flatnonzero(np.diff(t[at]) > _CLOSE)
@@ -109,8 +104,10 @@ def _loud(t: Array, rest: Array, usable: Array, floor: float) -> list[tuple[int,
     for first, last in runs:
         inside[first : last + 1] = True
     share = float((rest[inside] ** 2).sum() / max((rest**2).sum(), 1e-300))
-    long = float(inside.mean()) > _LONGEST
-    return [] if len(runs) > _MOST or long or share < _SHARE else [(int(a), int(b)) for a, b in runs]
+    long = float(inside.mean()) > rules.LONGEST_PUSH
+    return (
+        [] if len(runs) > rules.MOST_PUSHES or long or share < rules.PUSH_SHARE else [(int(a), int(b)) for a, b in runs]
+    )
 
 
 def _sentence(file: str, push: Push, unit: str) -> str:

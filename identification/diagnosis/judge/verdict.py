@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from identification.diagnosis import decision_rules as rules
 from identification.diagnosis.fit.fitting import Fitted
 from identification.diagnosis.fit.flexible import held_out_ridge, state_features
 from identification.diagnosis.fit.gap import held_out_torque, residual_after, sums
@@ -18,12 +19,6 @@ from identification.diagnosis.noise.noise_floor import rms
 from identification.diagnosis.result import Adjusted, Finding, Unexplained
 
 Array = np.ndarray
-
-# A rest is structured if a flexible model takes at least this share off its loss, three standard errors over blocks.
-_STRUCTURE = 0.08
-_STRUCTURE_ERRORS = 3.0
-# Or this share on blocks that it has not seen, in however few of them.
-_PLAIN_STRUCTURE = 0.5
 
 
 def verdict(findings: tuple[Finding, ...], unexplained: Unexplained, columns: Columns) -> str:
@@ -59,8 +54,8 @@ def unexplained(shown: Shown, judge: Judge, rest: Series, whole: Series) -> Unex
     gains = (after.squares - smooth.squares) / floor**2
     total = gains.sum(axis=1)
     error = float(np.sqrt(len(total)) * total.std()) + 1e-12
-    lasting = left - best > _STRUCTURE * left and total.sum() > _STRUCTURE_ERRORS * error
-    structured = bool(nameless) or bool(lasting or left - best > _PLAIN_STRUCTURE * left)
+    lasting = left - best > rules.STRUCTURE_SHARE * left and total.sum() > rules.STRUCTURE_ERRORS * error
+    structured = bool(nameless) or bool(lasting or left - best > rules.PLAIN_STRUCTURE * left)
     # What moves within the tolerances explain is no gap.
     explainable = allowed - min(best, left)
     fraction = float(np.clip((left - best) / explainable, 0.0, 1.0)) if explainable > 0 else 0.0

@@ -9,6 +9,7 @@ from __future__ import annotations
 import numpy as np
 
 from identification.data.log import Log
+from identification.diagnosis import decision_rules as rules
 from identification.diagnosis.model.terms import FoundEffect
 from identification.experiments.transmission import joint_response
 from phantom_dyn.effects.catalogue import effect_named
@@ -16,10 +17,6 @@ from phantom_dyn.effects.support.displaced import behind_encoder
 from phantom_dyn.errors import EstimationError, LogError, ParameterError
 from phantom_dyn.haptics.experiments.frequency_identification import fit_two_mass_of_instants
 from phantom_dyn.model.robot import Robot
-
-# A recording has the bandwidth if its torque explains the motion (coherence) at this share of all frequencies: motions
-# along a smooth reference move a joint at a few frequencies only.
-_COHERENT, _SHARE = 0.7, 0.2
 
 
 def resonances(robot: Robot, logs: tuple[Log, ...]) -> tuple[FoundEffect, ...]:
@@ -44,7 +41,7 @@ def _stiffness(log: Log, joint: str) -> float | None:
     """Stiffness of one transmission, None where the recording does not show it."""
     try:
         response = joint_response(log, joint)
-        if np.mean(response.coherence >= _COHERENT) < _SHARE:
+        if np.mean(response.coherence >= rules.COHERENT) < rules.EXCITED_SHARE:
             return None
         # On its way a fit of what is no two-mass system may overflow; what it comes to is judged by its misfit.
         with np.errstate(all="ignore"):

@@ -11,6 +11,7 @@ from identification.data.changes import Change
 from identification.data.log import Log
 from identification.data.recording import Recording
 from identification.data.signals import process_all, smoothed, within_limits
+from identification.diagnosis import decision_rules as rules
 from identification.diagnosis.model.blocks import Block, assign_folds, split_blocks
 from identification.diagnosis.model.own_effects import ALIKE, Differences, differences_of
 from identification.diagnosis.model.terms import KnownEffect
@@ -20,9 +21,6 @@ from phantom_dyn.model.robot import Robot
 Array = np.ndarray
 # A series of every log, ``(n, nv)`` each.
 Series = tuple[Float[Array, "n nv"], ...]
-
-# Fewer blocks of at least a second cannot be held out in turn.
-_LEAST_BLOCKS = 4
 
 
 @dataclass(frozen=True)
@@ -107,7 +105,7 @@ def session_of(
     logs, cutoff_hz = process_all(every, robot)
     logs = tuple(replace(log, tau=within_limits(log.tau, robot)) for log in logs)
     session = session_of_logs(robot, logs, cutoff_hz, held_out=len(hold_out), known=known, differences=differences)
-    if np.sum(session.folds >= 0) < _LEAST_BLOCKS:
+    if np.sum(session.folds >= 0) < rules.LEAST_BLOCKS:
         seconds = sum(log.motion.t[-1] - log.motion.t[0] for log in logs)
         raise LogError(
             f"{recordings[0].file}: {seconds:.1f} s are too short to hold data back and judge on them: "

@@ -17,13 +17,11 @@ import numpy as np
 from jaxtyping import Bool, Float
 
 from identification.data.log import Log
+from identification.diagnosis import decision_rules as rules
 from phantom_dyn.dynamics.dynamics import modelled_friction
 from phantom_dyn.effects.operation import Operation
 
 Array = np.ndarray
-
-# A joint travels, and is not only shaken, if it goes this many times as far as the deviation of what shakes it.
-_FAR = 20.0
 
 
 def moving_joints(log: Log) -> Bool[Array, " nv"]:
@@ -71,7 +69,7 @@ def _travels(q: Float[Array, " N"], kernel: Float[Array, " w"]) -> bool:
         return False
     smooth = np.convolve(q, kernel, mode="valid")
     rough = q[len(kernel) // 2 :][: len(smooth)] - smooth
-    return bool(np.ptp(smooth) > _FAR * rough.std())
+    return bool(np.ptp(smooth) > rules.TRAVELS * rough.std())
 
 
 def usable_samples(log: Log) -> Bool[Array, "n nv"]:
@@ -83,10 +81,6 @@ def usable_samples(log: Log) -> Bool[Array, "n nv"]:
     return (share < 0.25) & log.valid_in_band[:, None]
 
 
-# Standard deviation of the time at which friction changes sign [s].
-_WHEN = 0.005
-
-
 def reversal_doubt(operation: Operation) -> Float[Array, "N nv"]:
     """By how much the torque of a model may be off, one standard deviation: the rate of its Coulomb friction in time.
 
@@ -95,4 +89,4 @@ def reversal_doubt(operation: Operation) -> Float[Array, "N nv"]:
     friction = operation.own_friction
     # Viscous friction doubles with the velocity, Coulomb friction does not.
     coulomb = 2.0 * friction - modelled_friction(operation.robot, replace(operation, v=2.0 * operation.v))
-    return _WHEN * np.gradient(coulomb, operation.dt, axis=0)
+    return rules.REVERSAL_TIME * np.gradient(coulomb, operation.dt, axis=0)

@@ -5,17 +5,17 @@ from __future__ import annotations
 import numpy as np
 from jaxtyping import Float
 
+from identification.diagnosis import decision_rules as rules
 from identification.diagnosis.fit.problem import Problem
 from identification.diagnosis.fit.projection import fold_projection
 from identification.diagnosis.model.session import Series
 from identification.diagnosis.model.terms import Term
 from identification.diagnosis.numerics.bounded import solve
-from identification.diagnosis.search.search import PARAMETER_PRICE, Search, Threshold, joint_of, price
+from identification.diagnosis.search.search import Search, Threshold, joint_of, price
 
 Array = np.ndarray
 
 _REPLICATES = 80
-_LEVEL = 0.99
 _EULER = 0.5772156649
 
 
@@ -38,13 +38,13 @@ def null_threshold(search: Search, noise: Series, least: float = 0.0) -> Thresho
         return Threshold(least, {})
     rng = np.random.default_rng(20260102)
     b, core_b = _null_products(problem, noise, rng)
-    extra = np.array([max(price(search.sizes[term]) - PARAMETER_PRICE, 0.0) for term in search.terms])
+    extra = np.array([max(price(search.sizes[term]) - rules.PARAMETER_PRICE, 0.0) for term in search.terms])
     gains = _gains(problem, search.terms, b, core_b) - extra[:, None]
     joints = list(dict.fromkeys(joint_of(term) for term in search.terms))
     alike = {joint: [k for k, term in enumerate(search.terms) if joint_of(term) == joint] for joint in joints}
-    wrong = (1.0 - _LEVEL) / len(joints)
+    wrong = (1.0 - rules.CLAIM_LEVEL) / len(joints)
     return Threshold(
-        max(_exceeded(gains.max(axis=0), 1.0 - _LEVEL), least),
+        max(_exceeded(gains.max(axis=0), 1.0 - rules.CLAIM_LEVEL), least),
         {joint: max(_exceeded(gains[own].max(axis=0), wrong), least) for joint, own in alike.items()},
     )
 

@@ -15,6 +15,7 @@ from jaxtyping import Float
 from identification.data.log import Log
 from identification.data.recording import Recording
 from identification.data.signals import differentiate, motion_edge
+from identification.diagnosis import decision_rules as rules
 from identification.diagnosis.fit.fitting import fit
 from identification.diagnosis.fit.problem import set_up
 from identification.diagnosis.fit.projection import beside, gain_of
@@ -32,8 +33,6 @@ from phantom_dyn.motion import Motion
 
 Array = np.ndarray
 
-# A step that is this many times the stated one is coarser than stated.
-_COARSER = 1.5
 # Step of an encoder without noise.
 _FINE = 1e-12
 
@@ -98,7 +97,7 @@ def coarse_joints(session: Session, columns: Columns, steps: tuple[float | None,
     robot, out = session.robot, []
     for j, step in enumerate(steps):
         stated = stated_step(robot, j)
-        if step is None or stated is None or step < _COARSER * stated:
+        if step is None or stated is None or step < rules.COARSE_STEP * stated:
             continue
         torque = []
         for log, operation in zip(session.logs, columns.operations, strict=True):

@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
+from identification.diagnosis import decision_rules as rules
 from identification.diagnosis.fit.fitting import Fitted
 from identification.diagnosis.model.terms import FoundEffect, Term, ordered
 from identification.diagnosis.search.search import Search, possible, with_term
 
-# A rival is a runner-up with this share of the gain of the finding in whose place it stands, or of the threshold.
-_CLOSE = 0.8
 # How many of them are taken in the place of one finding.
 _MOST_CLOSE = 3
 # Shapes that differ by less are the same point to take a law about.
@@ -35,7 +34,10 @@ def runners_up(search: Search, chosen: frozenset[Term]) -> tuple[FoundEffect, ..
         gains = search.gains(rest, rivals)
         best: dict[tuple[str, str | None], Term] = {}
         for term in sorted(rivals, key=lambda term: -gains[term]):
-            if gains[term] >= _CLOSE * (search.threshold.of(term) if won is None else won) and len(best) < _MOST_CLOSE:
+            if (
+                gains[term] >= rules.RUNNER_UP * (search.threshold.of(term) if won is None else won)
+                and len(best) < _MOST_CLOSE
+            ):
                 best.setdefault(term.place, term)
         for place, term in best.items():
             out.setdefault(place, _point(search.evaluate(with_term(rest, term)), term))

@@ -7,26 +7,18 @@ from dataclasses import dataclass
 import numpy as np
 from jaxtyping import Float
 
+from identification.diagnosis import decision_rules as rules
 from identification.diagnosis.fit.projection import taken_out
 from identification.diagnosis.model.terms import Term, ordered
 from identification.diagnosis.result import EffectAt, Rival
-from identification.diagnosis.search.search import ACCURACY, Search, contains
+from identification.diagnosis.search.search import Search, contains
 from identification.diagnosis.search.swaps import explained, relevant, replaced
 
 Array = np.ndarray
 
 REPLICATES = 1000
-_LISTED = 0.05
-# A rival that wins this many times as often as the finding takes its place.
-_OUTDONE = 1.5
 # Looks at all findings in turn.
 _LOOKS = 3
-# A rival that is this much worse in sample (ten standard deviations of one parameter) wins no replicate.
-_FAR = 100.0
-# Share of the torque that was found which a further parameter of a richer law is expected to carry.
-_EXPECTED = 0.5
-# Held-out losses that differ by less (in units of one squared standard deviation) are the same predictions.
-_SAME = 0.05
 
 
 @dataclass(frozen=True)
@@ -58,11 +50,11 @@ def stand(search: Search, chosen: frozenset[Term], term: Term) -> Standing:
     share their wins. It needs no more than that: what chance gives over the whole catalogue is no measure of laws
     of one kind on one joint.
     """
-    base, accuracy = search.evaluate(chosen), ACCURACY * explained(search, chosen, term)
+    base, accuracy = search.evaluate(chosen), rules.ACCURACY * explained(search, chosen, term)
     options: dict[frozenset[Term], Array] = {chosen: base.loss}
     names: dict[frozenset[Term], frozenset[Term]] = {}
     richer_laws: list[tuple[frozenset[Term], frozenset[Term]]] = []
-    for others in relevant(search, chosen, term, _FAR):
+    for others in relevant(search, chosen, term, rules.HOPELESS_LOSS):
         if not all(other.named for other in others):
             continue
         swapped = replaced(chosen, term, others)
@@ -94,9 +86,9 @@ def stand(search: Search, chosen: frozenset[Term], term: Term) -> Standing:
         odds = min(odds_of_richer(search, chosen, swapped), 1.0)
         shares[place] = max(shares.get(place, 0.0), odds * shares[()])
     own = shares[()]
-    kept = {effects: share for effects, share in shares.items() if share >= _LISTED and effects}
+    kept = {effects: share for effects, share in shares.items() if share >= rules.LISTED and effects}
     # Odds of richer laws come on top of the shares, so that all may be more than one.
-    while kept and min(kept.values()) < _LISTED * (own + sum(kept.values())):
+    while kept and min(kept.values()) < rules.LISTED * (own + sum(kept.values())):
         del kept[min(kept, key=lambda effects: kept[effects])]
     total = own + sum(kept.values())
     rivals = tuple(
@@ -120,7 +112,7 @@ def settled(search: Search, chosen: frozenset[Term]) -> frozenset[Term]:
             if not term.named or term not in chosen:
                 continue
             standing = stand(search, chosen, term)
-            if standing.instead is not None and standing.rivals[0].probability > _OUTDONE * standing.probability:
+            if standing.instead is not None and standing.rivals[0].probability > rules.OUTDONE * standing.probability:
                 chosen = standing.instead
         if chosen == before:
             break
@@ -141,7 +133,7 @@ def _costs(search: Search, sets: list[frozenset[Term]]) -> tuple[Float[Array, " 
 
 def _wins(scores: Float[Array, "R m"]) -> Float[Array, " m"]:
     """How often each set has the lowest score of a replicate; equal ones share it."""
-    tied = scores <= scores.min(axis=1, keepdims=True) + _SAME
+    tied = scores <= scores.min(axis=1, keepdims=True) + rules.SAME_PREDICTIONS
     return (tied / tied.sum(axis=1, keepdims=True)).mean(axis=0)
 
 
@@ -161,7 +153,7 @@ def odds_of_richer(search: Search, chosen: frozenset[Term], rich: frozenset[Term
         return 0.0
     cross, made, gradient = taken_out(problem, found)
     left = a[np.ix_(more, more)] - cross[:, more].T @ made[:, more]
-    size = _EXPECTED * np.sqrt(energy / own)
+    size = rules.EXPECTED_SHARE * np.sqrt(energy / own)
     shown = np.eye(len(more)) + left * np.outer(size, size)
     pull = gradient[more] * size
     log_odds = 0.5 * float(pull @ np.linalg.solve(shown, pull)) - 0.5 * float(np.linalg.slogdet(shown)[1])
@@ -183,7 +175,7 @@ def _by_place(
 
 def _hopeless(search: Search, chosen: frozenset[Term], swapped: frozenset[Term]) -> bool:
     """True if the swap loses by so much, block by block, that it would win no bootstrap replicate."""
-    if search.quick(swapped) > search.quick(chosen) + _FAR:
+    if search.quick(swapped) > search.quick(chosen) + rules.HOPELESS_LOSS:
         return True
     found, base = search.evaluate(swapped), search.evaluate(chosen)
     worse = found.loss - base.loss

@@ -15,6 +15,7 @@ from functools import cache
 import numpy as np
 from jaxtyping import Float
 
+from identification.diagnosis import decision_rules as rules
 from identification.diagnosis.fit.fitting import Fitted, Near, fit
 from identification.diagnosis.fit.problem import Problem
 from identification.diagnosis.fit.projection import Beside, beside, gain_of
@@ -54,20 +55,6 @@ def joint_of(term: Term) -> str | None:
 
 Array = np.ndarray
 
-# What a parameter has to earn on held-out data, beyond what it costs there, to be preferred to doing without it:
-# about the logarithm of the effective number of samples, as in the Bayesian information criterion.
-PARAMETER_PRICE = 5.0
-# Standard errors over blocks by which a gain has to be positive, unless it is very large.
-SIGNIFICANT = 2.0
-# Or without its best blocks, so many, still as large as it has to be; a structure without a name may act more rarely,
-# as a contact does, since to say that something is unknown is not to blame anything.
-BEST_BLOCKS, _BEST_BLOCKS_NAMELESS = 2, 1
-# Or so many times as large as it has to be.
-LARGE = 10.0
-# A gain has to be this many times what encoder noise alone gives, beyond what chance gives.
-_SPURIOUS = 2.0
-# Alignment, derivatives and the tolerance taken as linear are trusted to 2.6 % of the torque they explain; its square.
-ACCURACY = 0.0007
 # Rivals that are fitted to know their gains in sample: the best ranked, with at least this share of the best gain.
 _MOST_FITTED = 30
 _WORTH_FITTING = 0.2
@@ -138,7 +125,7 @@ class Search:
 
 def price(size: int) -> float:
     """What an effect with ``size`` parameters has to earn; beyond four, each costs what chance gives it."""
-    return PARAMETER_PRICE * min(size, 4) + max(size - 4, 0)
+    return rules.PARAMETER_PRICE * min(size, 4) + max(size - 4, 0)
 
 
 def rank_of(problem: Problem, term: Term) -> int:
@@ -247,7 +234,7 @@ def least_gain(search: Search, terms: frozenset[Term]) -> float:
     """Held-out gain that a claim of these effects needs: more than chance, and a fair part of the gap it touches."""
     rows = sorted(set().union(*(rows_of(search.problem, term) for term in terms)))
     noise = sum(search.spurious.get(term.place, 0.0) for term in terms)
-    return max(search.threshold.of(*terms), float(search.row_thresholds[rows].sum())) + _SPURIOUS * noise
+    return max(search.threshold.of(*terms), float(search.row_thresholds[rows].sum())) + rules.SPURIOUS_FACTOR * noise
 
 
 def claimed(search: Search, chosen: frozenset[Term], without: frozenset[Term]) -> bool:
@@ -263,11 +250,11 @@ def claimed(search: Search, chosen: frozenset[Term], without: frozenset[Term]) -
     gain = min(held_out, plain.objective - rich.objective)
     gains = plain.loss - rich.loss
     extra = search.price_of(chosen) - search.price_of(without)
-    needed = least_gain(search, chosen - without) + max(extra - PARAMETER_PRICE, 0.0)
+    needed = least_gain(search, chosen - without) + max(extra - rules.PARAMETER_PRICE, 0.0)
     error = float(np.sqrt(len(gains)) * gains.std()) + 1e-12
-    few = BEST_BLOCKS if any(term.named for term in chosen - without) else _BEST_BLOCKS_NAMELESS
-    lasting = held_out > SIGNIFICANT * error or held_out - float(np.sort(gains)[-few:].sum()) > needed
-    return gain > needed and (lasting or gain > LARGE * needed)
+    few = rules.BEST_BLOCKS if any(term.named for term in chosen - without) else rules.BEST_BLOCKS_NAMELESS
+    lasting = held_out > rules.SIGNIFICANT_ERRORS * error or held_out - float(np.sort(gains)[-few:].sum()) > needed
+    return gain > needed and (lasting or gain > rules.LARGE_GAIN * needed)
 
 
 def dropped(search: Search, chosen: frozenset[Term]) -> frozenset[Term]:

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 
+from identification.diagnosis import decision_rules as rules
 from identification.diagnosis.model.terms import Term, ordered
 from identification.diagnosis.search.search import Search, claimed, dropped, possible, with_term
 from identification.diagnosis.search.swaps import simplified, swapped
@@ -79,12 +80,6 @@ def _forward(search: Search, chosen: frozenset[Term], progress: Callable[[str], 
     return chosen
 
 
-# By how many thresholds a structure has to be better than the named effects whose place it takes, by their number:
-# several effects together that do no better than one structure are the less likely cause.
-_MARGIN = (1.0, 1.0, 0.0, -0.5)
-# And, of a single named effect, by this share of what it explains: so much is lost by what the fits take as linear, and
-# a structure, with many shapes to choose from, makes good for some of it.
-_ACCURACY = 0.015
 # Structures without a name that are taken in, and how many of them are judged on held-out data in one step.
 _MOST_NAMELESS = 4
 _MOST_JUDGED_nameless = 8
@@ -97,7 +92,7 @@ def with_nameless(search: Search, chosen: frozenset[Term], progress: Callable[[s
     is then dropped. One that stands for several effects at a lower price takes their place.
     """
     progress("looking for what has no name")
-    accuracy = _ACCURACY * max(search.score(frozenset()) - search.score(chosen), 0.0)
+    accuracy = rules.NAMELESS_ACCURACY * max(search.score(frozenset()) - search.score(chosen), 0.0)
     nameless = tuple(term for term in search.terms if not term.named)
     for _ in range(_MOST_NAMELESS):
         best, lowest = None, search.score(chosen)
@@ -108,7 +103,9 @@ def with_nameless(search: Search, chosen: frozenset[Term], progress: Callable[[s
                     continue
                 tried = _only_needed(search, with_term(base, term), chosen)
                 gone = len(chosen - tried)
-                limit = lowest - _MARGIN[min(gone, len(_MARGIN) - 1)] * search.threshold.overall
+                limit = (
+                    lowest - rules.NAMELESS_MARGIN[min(gone, len(rules.NAMELESS_MARGIN) - 1)] * search.threshold.overall
+                )
                 limit -= accuracy if gone == 1 else 0.0
                 if search.score(tried) < limit and claimed(search, tried, tried - {term}):
                     best, lowest = tried, search.score(tried)

@@ -6,10 +6,9 @@ from itertools import combinations
 
 import numpy as np
 
+from identification.diagnosis import decision_rules as rules
 from identification.diagnosis.model.terms import Term, ordered
 from identification.diagnosis.search.search import (
-    ACCURACY,
-    PARAMETER_PRICE,
     Search,
     claimed,
     contains,
@@ -31,13 +30,13 @@ def swapped(search: Search, chosen: frozenset[Term]) -> frozenset[Term]:
         tried = {
             replaced(chosen, term, others)
             for term in ordered(chosen)
-            for others in relevant(search, chosen, term, 2 * PARAMETER_PRICE)
+            for others in relevant(search, chosen, term, 2 * rules.PARAMETER_PRICE)
         }
         ranked = sorted(tried - {chosen}, key=lambda other: (search.quick(other) + search.price_of(other), _key(other)))
         better = [
             other
             for other in ranked[:_WORTH_TRYING]
-            if search.quick(other) + search.price_of(other) < quick + PARAMETER_PRICE
+            if search.quick(other) + search.price_of(other) < quick + rules.PARAMETER_PRICE
             and search.score(other) < base - 1e-6
             # A richer set has to earn its place as any new claim has, or dropping it would undo the swap.
             and (search.price_of(other) <= search.price_of(chosen) or claimed(search, other, chosen))
@@ -55,7 +54,7 @@ def simplified(search: Search, chosen: frozenset[Term]) -> frozenset[Term]:
     tolerance, taken as linear, and filters leave.
     """
     for term in ordered(chosen):
-        allowed = search.score(chosen) + ACCURACY * explained(search, chosen, term)
+        allowed = search.score(chosen) + rules.ACCURACY * explained(search, chosen, term)
         simpler = [
             replaced(chosen, term, others)
             for others in alternatives(search, term)

@@ -7,6 +7,7 @@ import time
 import numpy as np
 
 from identification.data.recording import Recording
+from identification.diagnosis import decision_rules as rules
 from identification.diagnosis.result import (
     Bound,
     Diagnosis,
@@ -29,8 +30,6 @@ from phantom_dyn.motion import read_only
 Array = np.ndarray
 
 _GIVES = ("backlash", "transmission_compliance")
-_LISTED = 0.05  # rivals with at least this probability are listed
-_STRUCTURED = 0.1  # of the explainable gap: more is a rest with a cause of its own
 _ON_MOTOR = (
     "the encoder sits before the transmission, whose give it does not see: state encoder_side: link if it does not"
 )
@@ -121,7 +120,7 @@ def _findings(robot: Robot, row: int, stills: Stills, found: GivingWay) -> list[
     rivals = tuple(
         Rival(tuple(EffectAt(effect, joint) for effect in way.effects), probability)
         for way, probability in zip(found.ways[1:], found.probabilities[1:], strict=True)
-        if probability >= _LISTED
+        if probability >= rules.REST_LISTED
     )
     # What is not listed is shared among those that are.
     listed = found.probabilities[0] + sum(rival.probability for rival in rivals)
@@ -190,7 +189,7 @@ def _unexplained(robot: Robot, every: list[Stills], ways: dict[int, GivingWay]) 
     share = {row: left[row] / gap[row] for row in found}
     worst = max(share, key=lambda row: share[row])
     mean = float(np.mean(list(share.values())))
-    structured = mean > _STRUCTURED
+    structured = mean > rules.REST_STRUCTURE
     return Unexplained(mean, structured, robot.joint_names[worst] if structured else None, None)
 
 

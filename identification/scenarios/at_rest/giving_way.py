@@ -13,14 +13,13 @@ import numpy as np
 from jaxtyping import Float
 from scipy.stats import t as student
 
+from identification.diagnosis import decision_rules as rules
 from identification.scenarios.at_rest.rests import Stills
 
 Array = np.ndarray
 
 # Rests under either sign of load that a judgement needs: less do not show how well they repeat.
 LEAST_RESTS = 3
-# Probability that chance makes rests give way as much.
-_CHANCE = 1e-3
 # Sizes of load that differ by less than this part nothing: the model and the forces are not better known.
 _ALIKE = 0.2
 _REPLICATES = 2000
@@ -86,7 +85,7 @@ def giving_way(stills: Stills) -> GivingWay:
     before = _fit(error, ()).left
     shift = _fit(error, (("backlash", -0.5 * side),))
     width, deviation = float(shift.values[0]), max(float(shift.std[0]), stills.quantum / np.sqrt(12.0 * len(error)))
-    needed = float(student.isf(_CHANCE, len(error) - 2)) * deviation
+    needed = float(student.isf(rules.REST_CHANCE, len(error) - 2)) * deviation
     seen_from = needed + 1.645 * deviation
     if width <= needed:
         return GivingWay(before, (), (), np.zeros(0), width, deviation, seen_from)

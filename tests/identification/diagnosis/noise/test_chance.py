@@ -6,10 +6,11 @@ import numpy as np
 import pytest
 from scipy.stats import gumbel_r
 
+from identification.diagnosis import decision_rules as rules
 from identification.diagnosis.fit.fitting import fit
 from identification.diagnosis.noise import chance
 from identification.diagnosis.noise.chance import null_threshold
-from identification.diagnosis.search.search import PARAMETER_PRICE, Threshold, price
+from identification.diagnosis.search.search import Threshold, price
 
 FRICTION = ("viscous_friction", "coulomb_friction", "torque_offset")
 
@@ -20,7 +21,7 @@ def gains(prepared) -> np.ndarray:
     base = fit(prepared.problem, ()).total
     return np.array(
         [
-            base - fit(prepared.problem, (term,)).total - max(price(search.sizes[term]) - PARAMETER_PRICE, 0.0)
+            base - fit(prepared.problem, (term,)).total - max(price(search.sizes[term]) - rules.PARAMETER_PRICE, 0.0)
             for term in search.terms
         ]
     )

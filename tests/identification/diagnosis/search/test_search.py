@@ -5,10 +5,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from identification.diagnosis import decision_rules as rules
 from identification.diagnosis.model.terms import ordered
 from identification.diagnosis.search import stepwise
 from identification.diagnosis.search.search import (
-    PARAMETER_PRICE,
     claimed,
     contains,
     possible,
@@ -33,7 +33,7 @@ def silent(_: str) -> None:
 @pytest.mark.parametrize(("size", "cost"), [(0, 0.0), (1, 5.0), (4, 20.0), (10, 26.0)])
 def test_four_parameters_pay_in_full_and_each_more_what_chance_gives(size, cost):
     assert price(size) == cost
-    assert price(1) == PARAMETER_PRICE
+    assert price(1) == rules.PARAMETER_PRICE
 
 
 @pytest.mark.parametrize(

@@ -1,0 +1,149 @@
+"""Every threshold that decides a claim: value, unit, reason, and the command whose output it was set by.
+
+``python benchmarks/same_answers.py record --rule NAME=VALUE`` judges forty recordings with another value of one of them,
+and its ``compare`` prints which answers change.
+"""
+
+from __future__ import annotations
+
+# What a claim has to gain on held-out data. Gains are in squared standard deviations of the noise (twice a
+# log-likelihood ratio). `benchmarks/blind/run.py` prints false claims and misses under them,
+# `benchmarks/blind/power.py` the sizes that are seen.
+
+# probability: of a recording without a gap that no effect of the catalogue reaches the threshold by chance.
+CLAIM_LEVEL = 0.99
+
+# gain: that a claim needs on held-out data, whatever chance gives.
+LEAST_GAIN = 20.0
+
+# share: less is left by a law of the right kind whose parameter is off by a tenth.
+LEAST_SHARE_OF_GAP = 0.01
+
+# share of the squared torque: alignment, derivatives and the linearised tolerance are right to 2.6 % of a torque; its
+# square.
+ACCURACY = 0.0007
+
+# times: what encoder noise alone gains, which a claim needs beyond what chance gives.
+SPURIOUS_FACTOR = 2.0
+
+# gain: of one parameter, about the logarithm of the effective number of samples (BIC).
+PARAMETER_PRICE = 5.0
+
+# standard errors over blocks: by which a gain has to be positive.
+SIGNIFICANT_ERRORS = 2.0
+
+# blocks: without which a gain still has to hold, if it is not significant from block to block.
+BEST_BLOCKS = 2
+
+# blocks: the same of a structure without a name, which may act more rarely, as a contact does.
+BEST_BLOCKS_NAMELESS = 1
+
+# thresholds: from which on a gain may sit in few blocks.
+LARGE_GAIN = 10.0
+
+# gain: of the trace of an effect in the noise, from which on the noise is estimated again without it.
+LEAST_TRACE = 10.0
+
+# ratio: of noise floors, below which an explanation has shown the noise to be smaller than estimated.
+LOWER_NOISE = 0.9
+
+# What is shown of a claim, in the judged band: extra findings and lost second effects in `benchmarks/blind/run.py`.
+
+# share: by which the squared residual of some joint grows without the finding.
+VISIBLE_GROWTH = 0.03
+
+# probability: (Wald's test) that a linear law has a size in the fit that states it.
+DIFFERS_FROM_ZERO = 0.95
+
+# times the stated step: from which on an encoder is coarser than stated.
+COARSE_STEP = 1.5
+
+# share: of some joint's squared noise that coarse readings make, from which on they matter.
+COARSE_SHARE = 0.05
+
+# share: of the floor below which it is not known once the rounding is taken out.
+COARSE_REMAINDER = 0.3
+
+# Rivals and their probabilities. Shown by `benchmarks/blind/run.py` (truth in the set, size of the set, reliability).
+
+# probability: from which on a rival is listed (contract).
+LISTED = 0.05
+
+# times: as many wins as the finding, from which on a rival takes its place.
+OUTDONE = 1.5
+
+# gain: by which a rival is worse in sample, ten deviations of one parameter: it wins no replicate.
+HOPELESS_LOSS = 100.0
+
+# share: of the torque that was found which a further parameter of a richer law is expected to carry.
+EXPECTED_SHARE = 0.5
+
+# gain: below which two held-out losses are the same predictions.
+SAME_PREDICTIONS = 0.05
+
+# share: of the gain of a finding (or of the threshold) from which on a rival's law is taken again about its fit.
+RUNNER_UP = 0.8
+
+# Structures without a name, and what is left. Shown by `benchmarks/blind/run.py` (`unknown` inside and outside).
+
+# thresholds: by which a structure is better than 0, 1, 2, 3 named effects whose place it takes: several effects
+# together that do no better than one structure are the less likely cause.
+NAMELESS_MARGIN = (1.0, 1.0, 0.0, -0.5)
+
+# share: of what a single named effect explains, which a structure with many shapes makes good for.
+NAMELESS_ACCURACY = 0.015
+
+# share: of the loss that a flexible model takes off a residual that has structure.
+STRUCTURE_SHARE = 0.08
+
+# standard errors over blocks: of the same.
+STRUCTURE_ERRORS = 3.0
+
+# share: from which on it has structure in however few blocks.
+PLAIN_STRUCTURE = 0.5
+
+# Pushes that no sensor measured.
+
+# s: over which a residual is judged.
+PUSH_WINDOW = 0.1
+
+# times: what a joint usually has left.
+PUSH_TIMES = 5.0
+
+# share: of all squared residual of the joint.
+PUSH_SHARE = 0.5
+
+# pushes: in a recording: what comes back more often has another cause.
+MOST_PUSHES = 3
+
+# share of the recording: that pushes may last.
+LONGEST_PUSH = 0.15
+
+# Samples that say little.
+
+# s: standard deviation of the time at which modelled friction changes sign: real joints stick or bend for
+# milliseconds.
+REVERSAL_TIME = 0.005
+
+# times: as far as the deviation of what shakes it: a joint that travels, and is not only shaken.
+TRAVELS = 20.0
+
+# coherence: of torque and motion, at which a frequency counts as excited.
+COHERENT = 0.7
+
+# share: of all frequencies that are excited, from which on a resonance is looked for.
+EXCITED_SHARE = 0.2
+
+# blocks: of at least a second that can be held out in turn.
+LEAST_BLOCKS = 4
+
+# Judged at rest.
+
+# probability: that chance makes rests give way as much.
+REST_CHANCE = 1e-3
+
+# probability: from which on a rival is listed (contract).
+REST_LISTED = 0.05
+
+# share: of the explainable gap, from which on what is left has a cause of its own.
+REST_STRUCTURE = 0.1
