@@ -8,10 +8,10 @@ import numpy as np
 import pytest
 
 from identification.data.recording import Recording
-from identification.diagnosis.diagnosis import diagnose
 from identification.diagnosis.model.terms import KnownEffect
 from identification.export.corrected.left_out import urdf_left_out
 from identification.export.corrected.parts import parts_of
+from identification.pipeline import diagnose
 from identification.reporting.diagnosis_report import report_html
 from phantom_dyn.dynamics.dynamics import inverse_dynamics, mass_matrix
 from phantom_dyn.effects import catalogue
