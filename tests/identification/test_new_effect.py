@@ -6,7 +6,6 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from identification.diagnosis.diagnosis import diagnose
 
 from identification.data.recording import Recording
 from identification.diagnosis.model.terms import KnownEffect

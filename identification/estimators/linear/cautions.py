@@ -1,4 +1,4 @@
-"""Warnings about an estimate: parameters that are not separable, ill-conditioned or at a bound, a robot at its limits."""
+"""Warnings about an estimate: parameters not separable, ill-conditioned or at a bound; a robot at its limits."""
 
 from __future__ import annotations
 
