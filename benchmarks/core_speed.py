@@ -18,7 +18,7 @@ if __package__ in (None, ""):  # called by its path: the checkout is not on the 
 
 from benchmarks.comparison import Row, missed, more_than, own, several_sines, table
 from phantom_dyn import load_robot
-from phantom_dyn._kernels import plain
+from phantom_dyn._kernels import pinocchio_loops
 from phantom_dyn.dynamics.dynamics import rigid_body_regressor
 
 ROBOT, SAMPLES = "example:ur10", 15_000
@@ -54,7 +54,7 @@ def regressor_rows(repeats: int = 20) -> list[Row]:
     ours, loop, writing = least(
         (
             lambda: rigid_body_regressor(robot, motion),
-            lambda: plain.regressor(robot.model, motion.q, motion.v, motion.a),
+            lambda: pinocchio_loops.regressor(robot.model, motion.q, motion.v, motion.a),
             _written,
         ),
         repeats,

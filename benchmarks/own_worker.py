@@ -19,8 +19,8 @@ import numpy as np
 from identification.data.log import Band, Log
 from identification.data.reading import read_recording
 from identification.data.signals import process
-from identification.estimators.ols import fit_ols, ols
 from identification.estimators.reduced_fit import refit
+from identification.estimators.weighted_least_squares import fit_ols, ols
 from identification.regression.reduction import combined
 from identification.regression.regressor import EffectOnJoint, gap_regressor, torque_regressor
 from phantom_dyn import load_robot

@@ -7,8 +7,7 @@ import pytest
 
 from identification.data.log import Log
 from identification.data.signals import low_pass
-from identification.estimators.ols import ols
-from identification.estimators.wls import wls
+from identification.estimators.weighted_least_squares import ols, wls
 from identification.regression.base_parameters import base_parameters
 from identification.regression.regressor import Regressor, torque_regressor
 from phantom_dyn import load_robot

@@ -14,7 +14,7 @@ import pinocchio as pin
 import pytest
 
 from phantom_dyn import load_robot
-from phantom_dyn._kernels import plain, rigid_body
+from phantom_dyn._kernels import pinocchio_loops, rigid_body
 from phantom_dyn.dynamics.dynamics import inverse_dynamics, mass_matrix, rigid_body_regressor
 from phantom_dyn.dynamics.kinematics import frame_jacobian
 from phantom_dyn.loops.solver import solve
@@ -67,7 +67,7 @@ def test_a_third_of_the_columns_of_the_regressor(benchmark, ur10, motion):
 
 @pytest.mark.benchmark(group="regressor")
 def test_regressor_of_bare_pinocchio(benchmark, ur10, motion):
-    found = benchmark.pedantic(plain.regressor, (ur10.model, motion.q, motion.v, motion.a), rounds=3)
+    found = benchmark.pedantic(pinocchio_loops.regressor, (ur10.model, motion.q, motion.v, motion.a), rounds=3)
     assert found.shape == (SAMPLES, 6, 60)
 
 
@@ -83,7 +83,7 @@ def test_inverse_dynamics(benchmark, ur10, motion):
 
 @pytest.mark.benchmark(group="inverse dynamics")
 def test_inverse_dynamics_of_bare_pinocchio(benchmark, ur10, motion):
-    found = benchmark.pedantic(plain.torque, (ur10.model, motion.q, motion.v, motion.a), rounds=3)
+    found = benchmark.pedantic(pinocchio_loops.torque, (ur10.model, motion.q, motion.v, motion.a), rounds=3)
     assert found.shape == (SAMPLES, 6)
 
 
@@ -101,7 +101,7 @@ def test_mass_matrix(benchmark, ur10, motion):
 
 @pytest.mark.benchmark(group="mass matrix")
 def test_mass_matrix_of_bare_pinocchio(benchmark, ur10, motion):
-    assert benchmark.pedantic(plain.mass, (ur10.model, motion.q), rounds=3).shape == (SAMPLES, 6, 6)
+    assert benchmark.pedantic(pinocchio_loops.mass, (ur10.model, motion.q), rounds=3).shape == (SAMPLES, 6, 6)
 
 
 @pytest.mark.benchmark(group="mass matrix")
@@ -117,7 +117,7 @@ def test_jacobian(benchmark, ur10, motion):
 @pytest.mark.benchmark(group="Jacobian")
 def test_jacobian_of_bare_pinocchio(benchmark, ur10, motion):
     frame = ur10.model.getFrameId("tool0")
-    found = benchmark.pedantic(plain.frame_jacobian, (ur10.model, motion.q, frame, False), rounds=3)
+    found = benchmark.pedantic(pinocchio_loops.frame_jacobian, (ur10.model, motion.q, frame, False), rounds=3)
     assert found.shape == (SAMPLES, 6, 6)
 
 

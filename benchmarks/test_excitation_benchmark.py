@@ -18,8 +18,7 @@ from identification.excitation.excite import condition_of, excite
 from identification.excitation.excited_base import base_of
 from identification.excitation.limits import Limits, limits_of
 from identification.excitation.motion_shapes import BSplines, FourierSeries, TrianglesAndSines
-from identification.excitation.postures import feasible_postures
-from identification.excitation.starts import random_motion
+from identification.excitation.starts import feasible_postures, random_motion
 from phantom_dyn import load_robot
 from phantom_dyn.model.robot import Robot
 

@@ -11,7 +11,7 @@ from emps_log import write_emps_log
 from identification.data.reading import read_recording
 from identification.data.signals import process
 from identification.estimators.cross_validation import cross_validate
-from identification.estimators.ols import fit_ols
+from identification.estimators.weighted_least_squares import fit_ols
 from phantom_dyn import load_robot
 from phantom_dyn.effects.catalogue import effect_named
 from phantom_dyn.errors import LogError

@@ -1,14 +1,14 @@
-"""The exceptions of both packages, and half sentences that help a user who wrote a name that does not exist.
-
-The exceptions of both packages.
-
-Half sentences that help a user who wrote a name that does not exist.
-"""
+"""The exceptions of both packages, and the end of a sentence that helps who wrote a name that does not exist."""
 
 from __future__ import annotations
 
 from collections.abc import Iterable
 from difflib import get_close_matches
+
+_LISTED = 100
+"""Names listed in full; a longer list hides the one that is wanted."""
+_ALIKE = 0.5
+"""Likeness of two names (`difflib`) from which on one is suggested for the other."""
 
 
 class PhantomDynError(Exception):
@@ -43,17 +43,6 @@ class EstimationError(PhantomDynError):
     """A solver failed."""
 
 
-_LISTED = 100
-"""Names listed in full; a longer list hides the one that is wanted."""
-
-
-def nearest(name: str, known: Iterable[str]) -> str | None:
-    """The known name that looks most like ``name``, or None when none is close; case does not count."""
-    folded = {other.casefold(): other for other in known}
-    close = get_close_matches(name.casefold(), folded, n=1, cutoff=0.5)
-    return folded[close[0]] if close else None
-
-
 def known_names(name: str, known: Iterable[str], what: str) -> str:
     """Say which names exist and which one was probably meant.
 
@@ -71,6 +60,13 @@ def known_names(name: str, known: Iterable[str], what: str) -> str:
     more = f" and {len(names) - _LISTED} more" if len(names) > _LISTED else ""
     guess = nearest(name, names)
     return f"the {what} are {', '.join(names[:_LISTED])}{more}" + (f"; did you mean {guess}?" if guess else ".")
+
+
+def nearest(name: str, known: Iterable[str]) -> str | None:
+    """The known name that looks most like ``name``, or None when none is close; case does not count."""
+    folded = {other.casefold(): other for other in known}
+    close = get_close_matches(name.casefold(), folded, n=1, cutoff=_ALIKE)
+    return folded[close[0]] if close else None
 
 
 def listed(names: Iterable[object], limit: int = 12) -> str:

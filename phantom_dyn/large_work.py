@@ -6,7 +6,7 @@
         operational_map(model, grid, names)         # the same call, on the cluster
 
 Every piece runs with one thread of linear algebra, wherever it runs: matrices are small here, and the same sums in the
-same order are the same numbers.
+same order are the same numbers. joblib is imported where it is used: it takes longer to import than most commands run.
 """
 
 from __future__ import annotations
@@ -22,8 +22,8 @@ R = TypeVar("R")
 
 _ATTEMPTS = 3
 """Pools of processes before a piece counts as one that ends its process; Dask's scheduler forgives as often."""
-# By name: joblib keeps its own among its externals, and Dask may not be installed.
 _LOST = ("TerminatedWorkerError", "BrokenProcessPool", "KilledWorker")
+"""Errors of a lost worker, by name: joblib keeps its own among its externals, and Dask may not be installed."""
 
 
 class WorkerLostError(PhantomDynError):

@@ -1,10 +1,5 @@
 # pyright: reportAttributeAccessIssue=false
-"""Motion of the joints of a robot, and joint positions as Pinocchio's configuration vectors.
-
-Motion: what effects and dynamics work on.
-
-Joint positions, one number per joint, as Pinocchio's configuration vectors.
-"""
+"""Motion of the joints of a robot, and its positions as Pinocchio's configuration vectors."""
 
 from __future__ import annotations
 
@@ -15,13 +10,6 @@ import pinocchio as pin
 from jaxtyping import Float
 
 Array = np.ndarray
-
-
-def read_only(array: Array, dtype: type = float) -> Array:
-    """Contiguous private copy of ``array`` that cannot be written to."""
-    copy = np.array(array, dtype=dtype, order="C")
-    copy.flags.writeable = False
-    return copy
 
 
 @dataclass(frozen=True)
@@ -57,3 +45,10 @@ def configurations(model: pin.Model, positions: Float[Array, "N nt"]) -> Float[A
         else:
             out[:, joint.idx_q] = column
     return out
+
+
+def read_only(array: Array, dtype: type = float) -> Array:
+    """Contiguous private copy of ``array`` that cannot be written to."""
+    copy = np.array(array, dtype=dtype, order="C")
+    copy.flags.writeable = False
+    return copy

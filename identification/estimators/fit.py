@@ -11,6 +11,7 @@ from jaxtyping import Float
 from identification.data.log import Band, Log
 from identification.estimators.linear.cautions import cautions, condition_of, unexplained
 from identification.estimators.linear.least_squares import Solution
+from identification.estimators.linear.rows import covariances, residual_noise
 from identification.estimators.linear.scatter import (
     autocorrelation,
     coloured_scatter,
@@ -51,7 +52,7 @@ class Fit:
     """Estimated base parameters.
 
     Attributes:
-        estimator: Its name in `identification.estimators.ladder.ESTIMATORS`.
+        estimator: Its name in `identification.estimators.estimator_list.ESTIMATORS`.
         theta: Base parameters, shape ``(r,)``.
         cov: Covariance with the memory of the residual, see `coloured_scatter`.
         cov_white: Covariance if every sample's noise were independent.
@@ -146,59 +147,114 @@ class Fit:
         return "\n".join([head + f"condition {self.cond:.3g}", *rows, *self.base.regroupings(), *tail])
 
 
-def fit_from(
-    estimator: str,
-    regressor: Regressor,
-    base: BaseParameters,
-    solution: Solution,
-    *,
-    sigma: Float[Array, " nv"],
-    information: Float[Array, " nv"],
-    scatter: Float[Array, " nv"],
-    score: Float[Array, "N nv"],
-    status: Status = Status.SOLVED,
-) -> Fit:
-    """The `Fit` of a solution.
+@dataclass(frozen=True)
+class Values:
+    """Values of base parameters with their covariance and the residual that it comes from.
+
+    Attributes:
+        theta: Base parameters, shape ``(r,)``.
+        cov: Covariance with the memory of the residual.
+        cov_white: Covariance if every sample's noise were independent.
+        sigma: Noise of each joint's torque, shape ``(nv,)``.
+        correlation: Samples per independent sample of each joint's residual, shape ``(nv,)``.
+        residual: Torque that the values leave, shape ``(N, nv)``.
+        factor: Triangular factor of the weighted equations that determined the values, shape ``(r, r)``.
+    """
+
+    theta: Float[Array, " r"]
+    cov: Float[Array, "r r"]
+    cov_white: Float[Array, "r r"]
+    sigma: Float[Array, " nv"]
+    correlation: Float[Array, " nv"]
+    residual: Float[Array, "N nv"]
+    factor: Float[Array, "r r"]
+
+    @property
+    def std(self) -> Float[Array, " r"]:
+        """Standard deviations; zero where they are not known."""
+        return np.sqrt(np.nan_to_num(np.diag(self.cov)))
+
+
+@dataclass(frozen=True)
+class InfluencedValues(Values):
+    """Values of estimators that are linear in the noise.
+
+    Attributes:
+        influence: Change of each estimate per noise of each joint at each sample, shape ``(N, nv, r)``.
+    """
+
+    influence: Float[Array, "N nv r"]
+
+
+@dataclass(frozen=True)
+class JointNoise:
+    """What an estimator takes the noise of each joint to be, and how much its score scatters.
+
+    Attributes:
+        sigma: Noise of each joint's torque, shape ``(nv,)``.
+        information: Weight (squared) of each joint's rows, see `sandwich`, shape ``(nv,)``.
+        scatter: Variance of each joint's score, see `sandwich`, shape ``(nv,)``.
+        score: What enters the normal equations: the residual, or its robust image, shape ``(N, nv)``.
+    """
+
+    sigma: Float[Array, " nv"]
+    information: Float[Array, " nv"]
+    scatter: Float[Array, " nv"]
+    score: Float[Array, "N nv"]
+
+
+def values_of_solution(regressor: Regressor, base: BaseParameters, solution: Solution, noise: JointNoise) -> Values:
+    """Values and sandwich covariance of a weighted least-squares solution.
 
     Args:
-        estimator: Its name.
         regressor: The equations.
         base: The unknowns.
         solution: Values and residuals.
-        sigma: Noise of each joint.
-        information: Weight of each joint's rows, see `sandwich`.
-        scatter: Scatter of each joint's score, see `sandwich`.
-        score: What enters the normal equations: the residual, or its robust image.
-        status: How the estimation ended.
+        noise: Of each joint.
     """
-    rho = [autocorrelation(column, regressor.starts) for column in score.T]
-    return fit_of(
-        estimator,
-        regressor,
-        base,
-        solution.theta,
-        cov=sandwich(solution, information, coloured_scatter(regressor, base, solution, scatter, rho)),
-        cov_white=sandwich(solution, information, white_scatter(solution, scatter)),
-        sigma=sigma,
+    rho = [autocorrelation(column, regressor.starts) for column in noise.score.T]
+    coloured = coloured_scatter(regressor, base, solution, noise.scatter, rho)
+    return Values(
+        theta=solution.theta,
+        cov=sandwich(solution, noise.information, coloured),
+        cov_white=sandwich(solution, noise.information, white_scatter(solution, noise.scatter)),
+        sigma=noise.sigma,
         correlation=np.array([correlation_factor(lags) for lags in rho]),
         residual=solution.residual,
         factor=solution.factor,
-        status=status,
     )
+
+
+def values_of_influence(
+    theta: Float[Array, " r"],
+    rows: Float[Array, "N nv r"],
+    target: Float[Array, "N nv"],
+    influence: Float[Array, "N nv r"],
+    factor: Float[Array, "r r"],
+    starts: tuple[int, ...],
+) -> InfluencedValues:
+    """Values with the covariance that the noise in their residual gives them.
+
+    Args:
+        theta: The values.
+        rows: Of the unknowns.
+        target: Right-hand side of the equations.
+        influence: Change of each value per noise of each joint at each sample.
+        factor: Triangular factor of the weighted equations.
+        starts: First sample of each recording, and N.
+    """
+    residual = target - rows @ theta
+    sigma = residual_noise(rows, influence, residual)
+    cov, white, correlation = covariances(influence, residual, sigma, starts)
+    return InfluencedValues(theta, cov, white, sigma, correlation, residual, factor, influence)
 
 
 def fit_of(
     estimator: str,
     regressor: Regressor,
     base: BaseParameters,
-    theta: Float[Array, " r"],
+    values: Values,
     *,
-    cov: Float[Array, "r r"],
-    cov_white: Float[Array, "r r"],
-    sigma: Float[Array, " nv"],
-    correlation: Float[Array, " nv"],
-    residual: Float[Array, "N nv"],
-    factor: Float[Array, "r r"],
     status: Status = Status.SOLVED,
     others: tuple[Estimate, ...] = (),
     warnings: tuple[str, ...] = (),
@@ -209,39 +265,33 @@ def fit_of(
         estimator: Its name.
         regressor: The equations.
         base: The unknowns.
-        theta: Their values.
-        cov: Their covariance.
-        cov_white: The same if every sample's noise were independent.
-        sigma: Noise of each joint.
-        correlation: Samples per independent sample of each joint's residual.
-        residual: Torque that is left.
-        factor: Triangular factor of the equations that determined the values.
+        values: Their values.
         status: How the estimation ended.
         others: What was estimated beside the base parameters.
         warnings: What the estimator itself has to say, before the sentences that hold for all.
     """
     measured = np.sqrt(np.mean(regressor.measured**2, axis=0))
-    left = np.sqrt(np.mean(residual**2, axis=0))
+    left = np.sqrt(np.mean(values.residual**2, axis=0))
     # A joint that is not driven has no torque to compare with.
     error = np.full(len(left), np.nan)
     np.divide(100 * left, measured, out=error, where=measured > 0)
-    said = cautions(regressor, base, theta, np.sqrt(np.diag(cov)), factor)
+    general = cautions(regressor, base, values.theta, np.sqrt(np.diag(values.cov)), values.factor)
     return Fit(
-        estimator,
-        theta,
-        cov,
-        cov_white,
-        base.base_names,
-        base.base_units,
-        sigma,
-        correlation,
-        error,
-        condition_of(factor),
-        base,
-        regressor.terms,
-        regressor.first_effect,
-        regressor.count,
-        status,
-        (*warnings, *unexplained(regressor.robot, error), *said),
-        others,
+        estimator=estimator,
+        theta=values.theta,
+        cov=values.cov,
+        cov_white=values.cov_white,
+        names=base.base_names,
+        units=base.base_units,
+        sigma=values.sigma,
+        correlation=values.correlation,
+        relative_error=error,
+        cond=condition_of(values.factor),
+        base=base,
+        effects=regressor.terms,
+        first_effect=regressor.first_effect,
+        samples=regressor.count,
+        status=status,
+        warnings=(*warnings, *unexplained(regressor.robot, error), *general),
+        others=others,
     )

@@ -1,8 +1,9 @@
-r"""Instrumental variables (IDIM-IV): least squares that noise in the motion does not bias.
+r"""Instrumental variables (IDIM-IV): least squares that noise in the motion does not bias, and the test for a bias.
 
 Noise of the positions enters torque and regressor alike as soon as a controller closes the loop, and least squares
 takes it for a property of the robot. Instruments :math:`Z`, the regressor of a simulated closed loop, have no noise:
-:math:`Z^T S^{-1} (y - W \theta) = 0`.
+:math:`Z^T S^{-1} (y - W \theta) = 0`. The Durbin-Wu-Hausman test compares the two estimates: do errors of the recorded
+motion (noise, filters, derivatives) bias weighted least squares?
 
 References:
     A. Janot, P.-O. Vandanjon, M. Gautier, A generic instrumental variable approach for industrial robot
@@ -12,18 +13,19 @@ References:
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
 from jaxtyping import Float
+from scipy.stats import chi2
 
 from identification.data.log import Log
 from identification.estimators.closed_loop.loop import Feedback
 from identification.estimators.closed_loop.simulated_start import resimulated, start_of
-from identification.estimators.fit import Fit, Status
-from identification.estimators.judged_values import Judged, judged
-from identification.estimators.linear.rows import base_rows, factor_of, influence_of
-from identification.estimators.wls import floored
+from identification.estimators.fit import Fit, InfluencedValues, Status, fit_of, values_of_influence
+from identification.estimators.linear.rows import base_rows, covariances, factor_of, influence_of
+from identification.estimators.weighted_least_squares import floored
 from identification.regression.base_parameters import BaseParameters
 from identification.regression.regressor import EffectOnJoint, Regressor, torque_regressor
 from phantom_dyn.errors import EstimationError, IdentifiabilityError
@@ -33,6 +35,11 @@ Array = np.ndarray
 
 _SETTLED = 0.05  # standard deviations: where no estimate moves by more, another simulation changes nothing
 _TIED = 1e-9  # instruments that follow the regressor by less than this share are none
+
+# Share of the variance of least squares up to which the two estimates agree by construction in a direction: a constant
+# is its own instrument.
+_SAME = 1e-8
+_MATTERS = 0.5  # standard deviations of least squares below which a bias is lost in its interval
 
 
 def fit_iv(
@@ -95,15 +102,15 @@ def iv(
         # Where there is no noise, what rounding leaves of the torque settles it.
         still = np.abs(found.theta - before.theta) <= _SETTLED * found.std + 1e-9 * np.abs(found.theta)
         if still.all():
-            return found.fit("iv", regressor, base, Status.SOLVED)
+            return fit_of("iv", regressor, base, found, status=Status.SOLVED)
     if on_failure == "raise":
         raise EstimationError(f"{Status.NOT_SETTLED.value} ({iterations} simulations)")
-    return found.fit("iv", regressor, base, Status.NOT_SETTLED)
+    return fit_of("iv", regressor, base, found, status=Status.NOT_SETTLED)
 
 
 def with_instruments(
     regressor: Regressor, base: BaseParameters, instruments: Float[Array, "N nv r"], weights: Float[Array, " nv"]
-) -> Judged:
+) -> InfluencedValues:
     """Solution of the equations of a regressor with given instruments.
 
     Args:
@@ -127,4 +134,99 @@ def with_instruments(
         )
     influence = influence @ np.linalg.inv(link).T
     theta = np.einsum("njk,nj->k", influence, regressor.y, optimize=True)
-    return judged(theta, rows, regressor.y, influence, factor, regressor.starts)
+    return values_of_influence(theta, rows, regressor.y, influence, factor, regressor.starts)
+
+
+@dataclass(frozen=True)
+class Endogeneity:
+    """Outcome of the test.
+
+    Attributes:
+        statistic: Chi-squared under the hypothesis that least squares is not biased.
+        freedom: Its degrees of freedom.
+        probability: Of a statistic at least as large without bias.
+        difference: Estimates of least squares minus those of instrumental variables, shape ``(r,)``.
+        std: Standard deviations of the differences without bias, shape ``(r,)``.
+        scatter: Standard deviations of least squares, shape ``(r,)``.
+        names: Of the base parameters.
+    """
+
+    statistic: float
+    freedom: int
+    probability: float
+    difference: Float[Array, " r"]
+    std: Float[Array, " r"]
+    scatter: Float[Array, " r"]
+    names: tuple[str, ...]
+
+    def biased(self, level: float = 0.05) -> bool:
+        """True if the bias is beyond chance.
+
+        Args:
+            level: Share of sound recordings for which it is true all the same.
+        """
+        return self.probability < level
+
+    def sentence(self, level: float = 0.05) -> str:
+        """What the test says, in words.
+
+        Args:
+            level: See `biased`.
+        """
+        p = f"Durbin-Wu-Hausman test, p = {self.probability:.2g}"
+        if not self.biased(level):
+            return f"Errors of the recorded motion do not bias least squares beyond chance ({p})."
+        far = np.abs(self.difference) / self.scatter
+        worst = int(np.argmax(far))
+        name, size = self.names[worst], f"{far[worst]:.2g} of its standard deviations"
+        biased = f"Errors of the recorded motion bias least squares ({p})"
+        if far[worst] < _MATTERS:
+            return f"{biased}, but by no more than {size} ({name}): it may stay."
+        return f"{biased}, {name} by {size}: use instrumental variables (iv), or record with a finer encoder."
+
+
+def hausman_test(regressor: Regressor, *, feedback: Feedback | None = None) -> Endogeneity:
+    """Test of weighted least squares against instrumental variables, robust against coloured noise.
+
+    Args:
+        regressor: The equations.
+        feedback: The controllers, where the robot does not state them.
+
+    Raises:
+        LogError: If a log has no references.
+        ParameterError: If a controller is not stated, or robot or effects cannot be simulated.
+        IdentifiabilityError: If the recording excites no parameter.
+        EstimationError: If the simulated robot cannot move.
+    """
+    start = start_of(regressor, feedback)
+    found = with_instruments(regressor, start.base, start.simulation.rows(start.base), start.weights)
+    rows = base_rows(regressor, start.base)
+    influence = influence_of(rows, factor_of(rows, start.weights), start.weights)
+    return compared(influence, found, regressor, start.base.base_names)
+
+
+def compared(
+    influence: Float[Array, "N nv r"], found: InfluencedValues, regressor: Regressor, names: tuple[str, ...]
+) -> Endogeneity:
+    """The test from both estimates of the same parameters.
+
+    Args:
+        influence: Change of each estimate of least squares per noise of each joint at each sample.
+        found: Estimates with instruments.
+        regressor: The equations.
+        names: Of the parameters.
+    """
+    difference = np.einsum("njk,nj->k", influence, regressor.y, optimize=True) - found.theta
+    least_squares_cov, _, _ = covariances(influence, found.residual, found.sigma, regressor.starts)
+    difference_cov, _, _ = covariances(influence - found.influence, found.residual, found.sigma, regressor.starts)
+    # In units in which the estimates of least squares scatter by one, independently.
+    scale = np.linalg.cholesky(least_squares_cov)
+    whitened = np.linalg.solve(scale, np.linalg.solve(scale, difference_cov).T)
+    size, axes = np.linalg.eigh(0.5 * (whitened + whitened.T))
+    parts = axes.T @ np.linalg.solve(scale, difference)
+    kept = size > _SAME
+    statistic = float(np.sum(parts[kept] ** 2 / size[kept]))
+    freedom = int(kept.sum())
+    probability = float(chi2.sf(statistic, freedom)) if freedom else 1.0
+    std, scatter = (np.sqrt(np.clip(np.diag(cov), 0.0, None)) for cov in (difference_cov, least_squares_cov))
+    return Endogeneity(statistic, freedom, probability, difference, std, scatter, names)

@@ -17,11 +17,15 @@ from identification.estimators.consistent.consistent_bodies import (
     reference_body,
     standard_of,
 )
-from identification.estimators.consistent.consistent_cone import solve_program
-from identification.estimators.consistent.consistent_program import Program, is_possible, nearest_unconstrained
+from identification.estimators.consistent.consistent_program import (
+    Program,
+    is_possible,
+    nearest_unconstrained,
+    solve_program,
+)
 from identification.estimators.consistent.full_parameters import coefficient_bounds, covariance_root, selection
 from identification.estimators.fit import Fit
-from identification.estimators.wls import wls
+from identification.estimators.weighted_least_squares import wls
 from identification.regression.regressor import EffectOnJoint, Regressor, gap_regressor, torque_regressor
 from phantom_dyn.dynamics.dynamics import standard_parameters
 from phantom_dyn.effects.catalogue import effect_named
@@ -32,9 +36,8 @@ from phantom_dyn.model.robot import Robot
 
 Array = np.ndarray
 
-_RADIUS = 0.05  # radius of gyration [m] of the payload that is assumed where a recording says nothing
-
-_SLIGHT = 1e-3  # mass [kg] below which nothing is told of where a payload is
+_RADIUS = 0.05  # radius of gyration [m] that is assumed of a payload where a recording does not show it
+_SLIGHT = 1e-3  # mass [kg] below which a recording does not show where a payload is
 
 
 @dataclass(frozen=True)

@@ -27,8 +27,8 @@ class ReducedFit:
 
     Attributes:
         theta: Base parameters, shape ``(r,)``.
-        cov: Covariance if every sample's noise were independent, ``(r, r)``: what a reduction cannot tell is the
-            memory of the noise, which makes the true one larger (see `identification.estimators.ols`).
+        cov: Covariance if every sample's noise were independent, ``(r, r)``: a reduction does not hold the
+            memory of the noise, which makes the true one larger (see `coloured_scatter`).
         sigma: Noise of each joint's torque, times its weight if there is one, shape ``(nv,)``; nan where no equation
             is left over.
         base: The unknowns, and how all parameters regroup.

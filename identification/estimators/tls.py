@@ -23,7 +23,7 @@ import numpy as np
 from jaxtyping import Float
 
 from identification.data.log import Log
-from identification.estimators.fit import Estimate, Fit, fit_of
+from identification.estimators.fit import Estimate, Fit, Values, fit_of
 from identification.estimators.linear.least_squares import base_of
 from identification.estimators.linear.rows import base_rows, covariances, factor_of, influence_of
 from identification.estimators.linear.scatter import joint_noise
@@ -40,7 +40,7 @@ _PASSES = 2  # weights need the gains, and gains hardly need the weights: a thir
 
 
 @dataclass(frozen=True)
-class KnownPayload:
+class WeighedPayload:
     """A payload on the link of ``payload_frame`` (else of frame ``tip``, else on the last).
 
     Attributes:
@@ -64,19 +64,19 @@ def fit_tls(
     logs: Sequence[Log],
     effects: Sequence[EffectOnJoint] = (),
     *,
-    payloads: Sequence[KnownPayload | None] = (),
+    payloads: Sequence[WeighedPayload | None] = (),
 ) -> Fit:
     """Base parameters of the rigid body and the effects, and the gain of every drive.
 
     Args:
         robot: Gives the rigid body.
-        logs: At least one recording with a known payload; one without parts the payload from the last link.
+        logs: At least one recording with a known payload; one without separates the payload from the last link.
         effects: What acts on the joints beside the rigid body.
         payloads: What each recording carries, None for nothing.
 
     Returns:
-        The fit; ``others`` holds ``<joint>.drive_gain`` (true torque over recorded torque), and what was not known of
-        the payload.
+        The fit; ``others`` holds ``<joint>.drive_gain`` (true torque over recorded torque), and the unknown parameters
+        of the payload.
 
     Raises:
         ParameterError: If there is no payload, or not one entry for each recording, or a joint is not driven.
@@ -85,7 +85,7 @@ def fit_tls(
     return tls(torque_regressor(robot, logs, effects), payloads)
 
 
-def tls(regressor: Regressor, payloads: Sequence[KnownPayload | None]) -> Fit:
+def tls(regressor: Regressor, payloads: Sequence[WeighedPayload | None]) -> Fit:
     """`fit_tls` on equations that are made already, the rigid body among the unknowns.
 
     Args:
@@ -100,7 +100,7 @@ def tls(regressor: Regressor, payloads: Sequence[KnownPayload | None]) -> Fit:
     base = base_of(regressor)
     rows, nv = base_rows(regressor, base), regressor.robot.nv
     known, unknown, names, units = _payload_columns(regressor, payloads)
-    extra = _beyond(rows, unknown, names, units)
+    extra = _independent_unknowns(rows, unknown)
     X = np.concatenate([rows, unknown[:, :, list(extra)]], axis=2)
     V = regressor.measured[:, :, None] * np.eye(nv)
     # What rotors and modelled friction take is known as the payload is: it does not scale with a gain.
@@ -125,19 +125,16 @@ def tls(regressor: Regressor, payloads: Sequence[KnownPayload | None]) -> Fit:
               for joint, g, s in zip(joints, gains, std[-nv:], strict=True)]  # fmt: skip
     others += [Estimate(f"payload.{names[k]}", float(parameters[r + i]), float(std[r + i]), units[k])
                for i, k in enumerate(extra)]  # fmt: skip
-    return fit_of(
-        "tls",
-        regressor,
-        base,
-        parameters[:r],
+    values = Values(
+        theta=parameters[:r],
         cov=cov[:r, :r],
         cov_white=white[:r, :r],
         sigma=sigma,
         correlation=correlation,
         residual=left,
         factor=_of_parameters(factor, r),
-        others=tuple(others),
     )
+    return fit_of("tls", regressor, base, values, others=tuple(others))
 
 
 def _of_parameters(factor: Float[Array, "q q"], r: int) -> Float[Array, "r r"]:
@@ -146,7 +143,7 @@ def _of_parameters(factor: Float[Array, "q q"], r: int) -> Float[Array, "r r"]:
     return np.asarray(np.linalg.qr(turned, mode="r"))[-r:, -r:]
 
 
-def _check(regressor: Regressor, payloads: Sequence[KnownPayload | None]) -> None:
+def _check(regressor: Regressor, payloads: Sequence[WeighedPayload | None]) -> None:
     if len(payloads) != len(regressor.logs):
         raise ParameterError(
             f"{len(payloads)} payloads were given for {len(regressor.logs)} recordings: give one for each, None for "
@@ -166,9 +163,9 @@ def _check(regressor: Regressor, payloads: Sequence[KnownPayload | None]) -> Non
 
 
 def _payload_columns(
-    regressor: Regressor, payloads: Sequence[KnownPayload | None]
+    regressor: Regressor, payloads: Sequence[WeighedPayload | None]
 ) -> tuple[Float[Array, "N nv"], Float[Array, "N nv k"], tuple[str, ...], tuple[str, ...]]:
-    """Torque that what is known of the payload needs, and columns of what is not, with names and units."""
+    """Torque of the payload's known parameters, and columns of the unknown ones, with names and units."""
     first = 10 * (payload_body(regressor.robot) - 1)
     body = np.concatenate([block[:, :, first : first + 10] for block in regressor.blocks()])
     known, unknown = np.zeros(regressor.y.shape), np.zeros((*regressor.y.shape, 9))
@@ -182,9 +179,7 @@ def _payload_columns(
     return known, unknown, STANDARD_NAMES[1:], STANDARD_UNITS[1:]
 
 
-def _beyond(
-    rows: Float[Array, "N nv r"], unknown: Float[Array, "N nv k"], names: tuple[str, ...], units: tuple[str, ...]
-) -> tuple[int, ...]:
+def _independent_unknowns(rows: Float[Array, "N nv r"], unknown: Float[Array, "N nv k"]) -> tuple[int, ...]:
     """Which unknowns of the payload add to the base parameters of the robot."""
     r, kept = rows.shape[2], np.flatnonzero(unknown.any(axis=(0, 1)))
     stacked = np.concatenate([rows, unknown[:, :, kept]], axis=2).reshape(-1, r + len(kept))
@@ -206,10 +201,10 @@ def _null_vector(
     R = np.asarray(np.linalg.qr(flat / norms, mode="r"))
     if np.abs(np.diag(R)[:exact]).min() < 1e-9:
         raise IdentifiabilityError(
-            "The recordings do not part the known payload from the robot: add one without it, or of more motion."
+            "The recordings do not separate the known payload from the robot: add one without it, or of more motion."
         )
     gains = np.linalg.svd(R[exact:, exact:])[2][-1]
-    rest = np.linalg.solve(R[:exact, :exact], -R[:exact, exact:] @ gains) / norms[:exact]
-    if np.abs(rest[-1]) < 1e-12 * np.abs(gains).max():
+    exact_part = np.linalg.solve(R[:exact, :exact], -R[:exact, exact:] @ gains) / norms[:exact]
+    if np.abs(exact_part[-1]) < 1e-12 * np.abs(gains).max():
         raise IdentifiabilityError("The torque does not show the known payload: record a heavier one or more motion.")
-    return rest[:-1] / rest[-1], gains / rest[-1]
+    return exact_part[:-1] / exact_part[-1], gains / exact_part[-1]

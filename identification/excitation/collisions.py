@@ -155,7 +155,7 @@ def _with_pairs(robot: Robot, shapes: pin.GeometryModel) -> pin.GeometryModel:
 
 
 def _ranges(robot: Robot) -> tuple[Float[Array, " nv"], Float[Array, " nv"]]:
-    from identification.excitation.stated_limits import stated_limits
+    from identification.excitation.limits import stated_limits
 
     stated, rows = stated_limits(robot), list(robot.tree_rows)
     return stated.lower[rows], stated.upper[rows]

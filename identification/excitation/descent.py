@@ -10,9 +10,8 @@ from jaxtyping import Float
 from scipy.optimize import minimize
 
 from identification.excitation.criteria import Criterion
-from identification.excitation.design_problem import Grid, Problem
+from identification.excitation.design_problem import Grid, Problem, joint_sizes
 from identification.excitation.limited_quantities import Bounds
-from identification.excitation.starts import joint_sizes
 
 Array = np.ndarray
 

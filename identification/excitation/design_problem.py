@@ -11,14 +11,15 @@ from jaxtyping import Float
 
 from identification.excitation.criteria import Criterion
 from identification.excitation.excited_base import Base
-from identification.excitation.frame_places import places
-from identification.excitation.limited_quantities import Bounds, bounds_of
+from identification.excitation.limited_quantities import Bounds, bounds_of, places
 from identification.excitation.limits import Limits
 from identification.excitation.motion_shapes import Shapes
 from identification.excitation.regressor_slope import regressor_slope
 from phantom_dyn.dynamics.dynamics import rigid_body_regressor, standard_parameters
 from phantom_dyn.model.robot import Robot
 from phantom_dyn.motion import Motion
+
+_REACH = (np.pi, 0.5)
 
 Array = np.ndarray
 
@@ -153,3 +154,25 @@ class Problem:
         )
         gradient = sum(part.T @ pulled for part, pulled in zip(grid.values, active, strict=True))
         return value + paid, np.asarray(gradient)
+
+
+@dataclass(frozen=True)
+class JointSizes:
+    """Middle and half range of each active joint's position [rad or m], and its largest speed."""
+
+    middle: Float[Array, " nv"]
+    half: Float[Array, " nv"]
+    speed: Float[Array, " nv"]
+
+
+def joint_sizes(problem: Problem) -> JointSizes:
+    """Sizes from the limits; a joint that may go further than half a turn either way stays within one turn."""
+    rows, limits = list(problem.robot.tree_rows), problem.limits
+    reach = np.where(problem.robot.prismatic, _REACH[1], _REACH[0])
+    lower, upper = limits.lower[rows], limits.upper[rows]
+    middle = np.clip(
+        0.0, lower + np.minimum(reach, (upper - lower) / 2), upper - np.minimum(reach, (upper - lower) / 2)
+    )
+    half = np.minimum(np.minimum(upper - middle, middle - lower), reach)
+    speed = np.minimum(limits.velocity[rows], np.where(problem.robot.prismatic, 10.0, 100.0))
+    return JointSizes(middle, half, speed)

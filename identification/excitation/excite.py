@@ -14,8 +14,15 @@ from identification.excitation.design_problem import Grid, Problem
 from identification.excitation.excited_base import base_of
 from identification.excitation.limits import Limits, limits_of
 from identification.excitation.motion_shapes import Shapes
-from identification.excitation.postures import feasible_postures
-from identification.excitation.starts import SHARES, at_rest, largest, random_motion, undirected, worst_excess
+from identification.excitation.starts import (
+    SHARES,
+    at_rest,
+    feasible_postures,
+    largest,
+    random_motion,
+    undirected,
+    worst_excess,
+)
 from phantom_dyn.errors import ParameterError
 from phantom_dyn.model.robot import Robot
 from phantom_dyn.motion import Motion, read_only

@@ -7,38 +7,20 @@ from dataclasses import dataclass
 import numpy as np
 from jaxtyping import Float
 
-from identification.excitation.design_problem import Grid, Problem
+from identification.excitation.descent import MARGIN, descend
+from identification.excitation.design_problem import Grid, Problem, joint_sizes
+from phantom_dyn.errors import ParameterError
 from phantom_dyn.motion import Motion
 
 Array = np.ndarray
 
 POSTURES = 300
-_REACH = (np.pi, 0.5)
 """Half of the range [rad; m for linear joints] in which a joint without position limits is placed."""
 SHARES = tuple(np.geomspace(1.0, 1e-3, 41).tolist())
 """Sizes of a motion about its posture that are tried, the largest first, 16 per cent apart."""
 
-
-@dataclass(frozen=True)
-class JointSizes:
-    """Middle and half range of each active joint's position [rad or m], and its largest speed."""
-
-    middle: Float[Array, " nv"]
-    half: Float[Array, " nv"]
-    speed: Float[Array, " nv"]
-
-
-def joint_sizes(problem: Problem) -> JointSizes:
-    """Sizes from the limits; a joint that may go further than half a turn either way stays within one turn."""
-    rows, limits = list(problem.robot.tree_rows), problem.limits
-    reach = np.where(problem.robot.prismatic, _REACH[1], _REACH[0])
-    lower, upper = limits.lower[rows], limits.upper[rows]
-    middle = np.clip(
-        0.0, lower + np.minimum(reach, (upper - lower) / 2), upper - np.minimum(reach, (upper - lower) / 2)
-    )
-    half = np.minimum(np.minimum(upper - middle, middle - lower), reach)
-    speed = np.minimum(limits.velocity[rows], np.where(problem.robot.prismatic, 10.0, 100.0))
-    return JointSizes(middle, half, speed)
+_TRIED = 6  # postures that are led towards the limits where none keeps them
+_STILL = Grid(np.array([0.0, 1.0]), np.stack([np.ones((2, 1)), np.zeros((2, 1)), np.zeros((2, 1))]))
 
 
 def rest(q: Float[Array, "N nv"]) -> Motion:
@@ -111,3 +93,39 @@ def largest(
         if worst_excess(problem, grid.motion(smaller)).max() <= 0:
             return smaller
     return still
+
+
+@dataclass(frozen=True)
+class AnyMotion:
+    """A criterion that every motion meets alike: what is left is to keep the limits."""
+
+    def cost(self, G: Float[Array, "r r"]) -> tuple[float, Float[Array, "r r"]]:
+        """Zero, and no slope."""
+        return 0.0, np.zeros_like(G)
+
+
+def feasible_postures(problem: Problem, rng: np.random.Generator) -> Float[Array, "n nv"]:
+    """Postures in which the robot can rest, at least one, with a margin to every limit.
+
+    Raises:
+        ParameterError: If none is found: the sentence says which limit is broken most, and by how much at the least.
+    """
+    tried = random_postures(problem, rng)
+    excess = worst_excess(problem, rest(tried), MARGIN)
+    if (excess <= 0).any():
+        return tried[excess <= 0]
+    led = [
+        descend(problem, _STILL, posture[None], rounds=4, iterations=40, criterion=AnyMotion())
+        for posture in tried[np.argsort(excess)[:_TRIED]]
+    ]
+    found = np.concatenate(led)
+    # A descent ends at the edge of the margin, from outside.
+    excess = worst_excess(problem, rest(found), 0.5 * MARGIN)
+    if (excess <= 0).any():
+        return found[excess <= 0]
+    best = rest(found[[int(np.argmin(excess))]])
+    values = problem.limited(best, problem.regressor(best))
+    raise ParameterError(
+        f"{problem.robot.name} can rest in no posture that was found: in the best one {problem.bounds.worst(values)}; "
+        "widen that limit, or another that stands against it."
+    )

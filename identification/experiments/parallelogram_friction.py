@@ -21,7 +21,7 @@ from dataclasses import dataclass
 import numpy as np
 from jaxtyping import Float
 
-from identification.excitation.waves import Triangle
+from identification.excitation.motion_shapes import Triangle
 from identification.experiments.linear_fit import LinearFit, fit_linear, without_nuisance
 from phantom_dyn.errors import LogError, ParameterError
 from phantom_dyn.motion import Motion

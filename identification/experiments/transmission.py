@@ -26,7 +26,7 @@ from jaxtyping import Float
 
 from identification.data.log import Log
 from identification.data.signals import differentiate
-from identification.excitation.waves import Triangle
+from identification.excitation.motion_shapes import Triangle
 from identification.experiments.linear_fit import LinearFit, fit_linear
 from phantom_dyn.errors import LogError, ParameterError, RobotError
 from phantom_dyn.haptics.experiments.frequency_identification import TwoMassFit, fit_two_mass_of_instants

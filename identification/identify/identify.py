@@ -11,9 +11,9 @@ from jaxtyping import Float
 
 from identification.data.log import Log
 from identification.data.recording import Recording
-from identification.estimators.endogeneity import hausman_test
+from identification.estimators.estimator_list import Estimator, estimator_named
 from identification.estimators.fit import Fit
-from identification.estimators.ladder import Estimator, estimator_named
+from identification.estimators.iv import hausman_test
 from identification.identify.exports import exports
 from identification.identify.hold_out import caution, require_enough, split_logs
 from identification.identify.identifiability import body_table, excited_base, not_excited, unidentified
@@ -56,7 +56,7 @@ def identify(
         robot: Its inertias are the reference of what the data do not determine.
         recordings: For the fit; the end of a single one, or the last of several, is held out.
         hold_out: Recordings to judge on; then all of ``recordings`` are for the fit.
-        estimator: A name of `identification.estimators.ladder`.
+        estimator: A name of `identification.estimators.estimator_list`.
         friction: Terms of `identification.identify.identified_model`.
         rotors: True if the rotor inertias are unknowns too.
         folder: Where the model files will lie, for the places of meshes; the working folder by default.

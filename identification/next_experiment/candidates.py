@@ -16,14 +16,11 @@ from jaxtyping import Float
 
 from identification.data.log import Log
 from identification.excitation.criteria import ConditionNumber
-from identification.excitation.design_problem import Grid, Problem
+from identification.excitation.design_problem import Grid, Problem, joint_sizes
 from identification.excitation.excited_base import base_of
-from identification.excitation.limits import Limits
-from identification.excitation.motion_shapes import FourierSeries, Shapes, TrianglesAndSines
-from identification.excitation.postures import feasible_postures
-from identification.excitation.starts import joint_sizes, largest, undirected
-from identification.excitation.stated_limits import require_excitable, stated_limits
-from identification.excitation.waves import Triangle
+from identification.excitation.limits import Limits, require_excitable, stated_limits
+from identification.excitation.motion_shapes import FourierSeries, Shapes, Triangle, TrianglesAndSines
+from identification.excitation.starts import feasible_postures, largest, undirected
 from phantom_dyn.errors import ParameterError
 from phantom_dyn.model.robot import Robot
 from phantom_dyn.motion import Motion

@@ -15,8 +15,8 @@ from phantom_dyn.motion import Motion
 
 Array = np.ndarray
 
-BandedEffect = tuple[list[int], Float[Array, "n m k"]]
-"""Rows that an effect acts on, and its columns in the band of the log."""
+BandedEffect = tuple[list[int], Float[Array, "n _ _"]]
+"""Joints that an effect acts on, ``m`` of them, and its ``k`` columns in the band of the log, shape ``(n, m, k)``."""
 
 
 def touched_columns(

@@ -21,8 +21,8 @@ from identification.reporting.gap_figures import short_name
 from identification.words.diagnosis_words import finding_name
 from identification.words.numbers import percent
 from phantom_dyn.model.robot import Robot
+from phantom_dyn.shapes.meshes import Mesh, capsule, joined, moved
 from phantom_dyn.shapes.robot_shapes import joint_axis, joint_solid, robot_shapes
-from phantom_dyn.shapes.solids import Mesh, capsule, joined, moved
 
 Array = np.ndarray
 

@@ -1,148 +1,135 @@
-"""Compiled loops that close the loops of a chain along a trajectory, and find what they do to accelerations."""
+# pyright: reportAttributeAccessIssue=false
+"""Compiled loops that close the loops of a chain along a trajectory, and find what they do to accelerations.
+
+Newton's method on the distance between the two frames of each anchor, as in `phantom_dyn.loops.solver`, which says why
+where a loop here stops.
+"""
 
 from __future__ import annotations
 
-import numpy as np
+from collections.abc import Sequence
+from typing import NamedTuple, Protocol
 
-from phantom_dyn._kernels.anchors import Tree, anchor_acceleration, anchor_error
-from phantom_dyn._kernels.jit import fused
+import numpy as np
+import pinocchio as pin
+
+from phantom_dyn._kernels.jit import compiles, fused, inlined
+from phantom_dyn._kernels.poses import cross, move, place, turned, turned_back
+from phantom_dyn._kernels.tree_arrays import CONTINUOUS, Kinematics, TreeArrays
 
 Array = np.ndarray
 
-Limits = tuple[float, float, float, float, float, float, float]
 _SWEEPS = 40
+"""Sweeps of the Jacobi rotations at most; a handful is usual."""
 _TURNED = 1e-15
+"""Scalar product of two columns over their lengths below which they count as orthogonal: rounding."""
+_TINY = 1e-9
+"""Sine of an angle below which the rotation vector is its axis times the sine."""
 
 
-@fused
-def pseudo_inverse(slope: Array, singular: float, inverse: Array) -> bool:
-    """Write the pseudo-inverse of a matrix with no more columns than rows, by one-sided Jacobi rotations.
+class AnchoredTree(NamedTuple):
+    """A tree and the pairs of frames that its loops keep together; ``k`` anchors.
 
-    Args:
-        slope: The matrix, ``(m, n)``.
-        singular: Smallest over largest singular value below which there is none.
-        inverse: Receives it, ``(n, m)``.
-
-    Returns:
-        False if there is none.
+    Attributes:
+        kinematics: The joints.
+        joints: Joints that carry the two frames, and whether their axes stay together too, ``(k, 3)``.
+        frames: The frames in these joints, rows of the rotation and then the origin [m], ``(k, 2, 4, 3)``.
     """
-    m, n = slope.shape
-    if m < n:
-        return False
-    U, V, squares = slope.copy(), np.eye(n), np.empty(n)
-    for _ in range(_SWEEPS):
-        turned = False
-        for i in range(n):
-            for j in range(i + 1, n):
-                a = b = both = 0.0
-                for r in range(m):
-                    a, b, both = a + U[r, i] * U[r, i], b + U[r, j] * U[r, j], both + U[r, i] * U[r, j]
-                if not abs(both) > _TURNED * np.sqrt(a * b):
-                    continue
-                turned, zeta = True, (b - a) / (2 * both)
-                t = (1.0 if zeta >= 0 else -1.0) / (abs(zeta) + np.sqrt(1 + zeta * zeta))
-                c = 1 / np.sqrt(1 + t * t)
-                s = c * t
-                for r in range(m):
-                    U[r, i], U[r, j] = c * U[r, i] - s * U[r, j], s * U[r, i] + c * U[r, j]
-                for r in range(n):
-                    V[r, i], V[r, j] = c * V[r, i] - s * V[r, j], s * V[r, i] + c * V[r, j]
-        if not turned:
-            break
-    for i in range(n):
-        squares[i] = 0.0
-        for r in range(m):
-            squares[i] += U[r, i] * U[r, i]
-    # Not a number is singular too.
-    if not np.sqrt(squares.min()) > singular * np.sqrt(squares.max()):
-        return False
-    for i in range(n):
-        for r in range(m):
-            inverse[i, r] = 0.0
-            for k in range(n):
-                inverse[i, r] += V[i, k] * U[r, k] / squares[k]
-    return True
+
+    kinematics: Kinematics
+    joints: Array
+    frames: Array
 
 
-@fused
-def newton(
-    tree: Tree, S: Array, offset: Array, q: Array, z: Array, limits: Limits, slope: Array, inverse: Array
-) -> bool:
-    """The unknowns next to ``z`` that close the loops at active positions ``q``.
+class Limits(NamedTuple):
+    """When Newton's method and the way from sample to sample stop.
 
-    Args:
-        tree: Kinematics and anchors.
-        S: ``S`` of `ClosedChain`, ``(nt, nv + nz)``.
-        offset: Its ``o``, ``(nt,)``.
-        q: Active positions, ``(nv,)``.
-        z: Where to begin, ``(nz,)``; receives the solution.
-        limits: As of `close_loops`.
-        slope: Receives the slope of the unknowns in the active positions, ``(nz, nv)``.
-        inverse: Receives the inverse of the constraint's slope in the unknowns, ``(nz, m)``.
-
-    Returns:
-        False where there is none or it is singular.
+    Attributes:
+        closed: Largest distance [m, rad] at which frames count as together.
+        singular: Smallest over largest singular value below which the unknowns are not determined.
+        last_step: Length of Newton's last step [rad or m].
+        reach: Longest step of a joint between two solutions [rad or m].
+        correction: Largest correction of a step over its length.
+        shortest: Smallest part of the way to a sample that is tried.
+        iterations: Of Newton's method at most.
     """
-    closed, singular, last, _, _, _, iterations = limits
-    nt, nv, nz, m = len(offset), len(q), len(z), inverse.shape[1]
-    x, error, on_tree, both = np.empty(nt), np.empty(m), np.empty((m, nt)), np.empty((m, nv + nz))
-    for _ in range(int(iterations)):
-        for i in range(nt):
-            x[i] = offset[i]
-            for j in range(nv):
-                x[i] += S[i, j] * q[j]
-            for j in range(nz):
-                x[i] += S[i, nv + j] * z[j]
-        anchor_error(tree, x, error, on_tree)
-        for r in range(m):
-            for j in range(nv + nz):
-                both[r, j] = 0.0
-                for i in range(nt):
-                    both[r, j] += on_tree[r, i] * S[i, j]
-        if not pseudo_inverse(both[:, nv:], singular, inverse):
-            return False
-        still, together = True, True
-        for j in range(nz):
-            step = 0.0
-            for r in range(m):
-                step -= inverse[j, r] * error[r]
-                together = together and abs(error[r]) <= closed
-            z[j] += step
-            still = still and abs(step) <= last
-        if still:
-            for i in range(nz):
-                for j in range(nv):
-                    slope[i, j] = 0.0
-                    for r in range(m):
-                        slope[i, j] -= inverse[i, r] * both[r, j]
-            return together
-    return False
+
+    closed: float
+    singular: float
+    last_step: float
+    reach: float
+    correction: float
+    shortest: float
+    iterations: int
+
+
+class Closed(NamedTuple):
+    """Solutions of N samples, and one row more.
+
+    Attributes:
+        z: The unknowns, ``(N + 1, nz)``.
+        slopes: Their slopes in the active positions, ``(N + 1, nz, nv)``.
+        inverses: Inverses of the constraint's slope in the unknowns, ``(N + 1, nz, m)``.
+    """
+
+    z: Array
+    slopes: Array
+    inverses: Array
+
+
+class Anchored(Protocol):
+    """Two frames that stay together, see `phantom_dyn.loops.chain.Anchor`."""
+
+    @property
+    def kind(self) -> str:
+        """``frame`` where axes stay together too."""
+        ...
+
+    @property
+    def frame_a(self) -> int:
+        """Index of the first frame."""
+        ...
+
+    @property
+    def frame_b(self) -> int:
+        """Index of the second frame."""
+        ...
+
+
+def anchored_tree(model: pin.Model, anchors: Sequence[Anchored], arrays: TreeArrays | None) -> AnchoredTree | None:
+    """What compiled loops take of a tree and its anchors; None where steps in Python have to do."""
+    if arrays is None or not compiles():
+        return None
+    joints, frames = np.zeros((len(anchors), 3), np.int64), np.zeros((len(anchors), 2, 4, 3))
+    for k, anchor in enumerate(anchors):
+        joints[k, 2] = anchor.kind == "frame"
+        for side, index in enumerate((anchor.frame_a, anchor.frame_b)):
+            frame = model.frames[index]
+            joints[k, side] = frame.parentJoint
+            frames[k, side, :3], frames[k, side, 3] = frame.placement.rotation, frame.placement.translation
+    return AnchoredTree(arrays.kinematics, joints, frames)
 
 
 @fused
 def close_loops(
-    tree: Tree, S: Array, offset: Array, limits: Limits, q: Array, begin: Array, z: Array, slopes: Array,
-    inverses: Array, first: int,
-) -> int:  # fmt: skip
-    """Unknowns of samples ``first`` to N, each reached along the straight line from the one before.
+    tree: AnchoredTree, S: Array, offset: Array, limits: Limits, q: Array, begin: Array, closed: Closed, first: int
+) -> int:
+    """Write the unknowns of samples ``first`` to N, each reached along the straight line from the one before.
 
     Args:
-        tree: Kinematics and anchors.
+        tree: Joints and anchors.
         S: ``S`` of `ClosedChain`, ``(nt, nv + nz)``.
         offset: Its ``o``, ``(nt,)``.
-        limits: Largest distance that counts as closed, smallest share of singular values, Newton's last step, longest
-            step of a joint, largest correction of a step over its length, smallest part of the way, iterations.
+        limits: When to stop.
         q: Active positions, ``(N, nv)``.
-        begin: Active positions of the solution in the last rows of the next three, ``(nv,)``.
-        z: Receives the unknowns, ``(N + 1, nz)``; row ``first - 1`` holds where to begin (the last one for 0).
-        slopes: Receives their slopes in the active positions, the same, ``(N + 1, nz, nv)``.
-        inverses: Receives the inverses of the constraint's slope, ``(N + 1, nz, m)``.
+        begin: Active positions of the solution to begin at, ``(nv,)``.
+        closed: Receives the solutions; its row ``first - 1`` holds where to begin (the last row for 0).
         first: Where to begin.
 
     Returns:
         The first sample at which the loops were not closed, N if there is none.
     """
-    _, _, last, reach, foreseen, shortest, _ = limits
+    z, slopes, inverses = closed
     N, nv, nz = len(q), q.shape[1], z.shape[1]
     at, way, target, unknown, trial = begin.copy(), np.empty(nv), np.empty(nv), z[first - 1].copy(), np.empty(nz)
     slope, inverse = slopes[first - 1].copy(), inverses[first - 1].copy()
@@ -163,17 +150,17 @@ def close_loops(
                     trial[i] += slope[i, j] * (part * way[j])
                 longest = max(longest, abs(trial[i] - unknown[i]))
             found = False
-            if longest <= reach:
+            if longest <= limits.reach:
                 ahead = trial.copy()
                 found = newton(tree, S, offset, target, trial, limits, next_slope, next_inverse)
                 for i in range(nz):
-                    found = found and abs(trial[i] - ahead[i]) <= foreseen * longest + last
+                    found = found and abs(trial[i] - ahead[i]) <= limits.correction * longest + limits.last_step
             if found:
                 unknown[:], slope[:], inverse[:] = trial, next_slope, next_inverse
                 done, part = done + part, 2 * part
                 continue
             part /= 2
-            if part < shortest and not longest >= reach:
+            if part < limits.shortest and not longest >= limits.reach:
                 return k
         at[:] = q[k]
         z[k], slopes[k], inverses[k] = unknown, slope, inverse
@@ -181,11 +168,11 @@ def close_loops(
 
 
 @fused
-def drift_loop(tree: Tree, S: Array, x: Array, v: Array, inverses: Array, out: Array) -> None:
-    """Accelerations of the tree while no active joint accelerates.
+def drift_loop(tree: AnchoredTree, S: Array, x: Array, v: Array, inverses: Array, out: Array) -> None:
+    """Write the accelerations of the tree while no active joint accelerates.
 
     Args:
-        tree: Kinematics and anchors.
+        tree: Joints and anchors.
         S: Columns of ``S`` of `ClosedChain` for the unknowns, ``(nt, nz)``.
         x: Positions of the tree, ``(N, nt)``.
         v: Its velocities, ``(N, nt)``.
@@ -204,3 +191,234 @@ def drift_loop(tree: Tree, S: Array, x: Array, v: Array, inverses: Array, out: A
                 pulled -= inverses[k, j, r] * apart[r]
             for i in range(len(S)):
                 out[k, i] += S[i, j] * pulled
+
+
+@fused
+def newton(
+    tree: AnchoredTree, S: Array, offset: Array, q: Array, z: Array, limits: Limits, slope: Array, inverse: Array
+) -> bool:
+    """Find the unknowns next to ``z`` that close the loops at active positions ``q``, by Newton's method.
+
+    Args:
+        tree: Joints and anchors.
+        S: ``S`` of `ClosedChain`, ``(nt, nv + nz)``.
+        offset: Its ``o``, ``(nt,)``.
+        q: Active positions, ``(nv,)``.
+        z: Where to begin, ``(nz,)``; receives the solution.
+        limits: When to stop.
+        slope: Receives the slope of the unknowns in the active positions, ``(nz, nv)``.
+        inverse: Receives the inverse of the constraint's slope in the unknowns, ``(nz, m)``.
+
+    Returns:
+        False where there is none or it is singular.
+    """
+    nt, nv, nz, m = len(offset), len(q), len(z), inverse.shape[1]
+    x, error, on_tree, both = np.empty(nt), np.empty(m), np.empty((m, nt)), np.empty((m, nv + nz))
+    for _ in range(limits.iterations):
+        for i in range(nt):
+            x[i] = offset[i]
+            for j in range(nv):
+                x[i] += S[i, j] * q[j]
+            for j in range(nz):
+                x[i] += S[i, nv + j] * z[j]
+        anchor_error(tree, x, error, on_tree)
+        for r in range(m):
+            for j in range(nv + nz):
+                both[r, j] = 0.0
+                for i in range(nt):
+                    both[r, j] += on_tree[r, i] * S[i, j]
+        if not pseudo_inverse(both[:, nv:], limits.singular, inverse):
+            return False
+        still, together = True, True
+        for j in range(nz):
+            step = 0.0
+            for r in range(m):
+                step -= inverse[j, r] * error[r]
+                together = together and abs(error[r]) <= limits.closed
+            z[j] += step
+            still = still and abs(step) <= limits.last_step
+        if still:
+            for i in range(nz):
+                for j in range(nv):
+                    slope[i, j] = 0.0
+                    for r in range(m):
+                        slope[i, j] -= inverse[i, r] * both[r, j]
+            return together
+    return False
+
+
+@fused
+def pseudo_inverse(slope: Array, singular: float, inverse: Array) -> bool:
+    """Write the pseudo-inverse of a matrix with no more columns than rows, by one-sided Jacobi rotations.
+
+    Args:
+        slope: The matrix, ``(m, n)``.
+        singular: Smallest over largest singular value below which there is none.
+        inverse: Receives it, ``(n, m)``.
+
+    Returns:
+        False if there is none.
+    """
+    m, n = slope.shape
+    if m < n:
+        return False
+    U, V, squares = slope.copy(), np.eye(n), np.zeros(n)
+    for _ in range(_SWEEPS):
+        turned_any = False
+        for i in range(n):
+            for j in range(i + 1, n):
+                if made_orthogonal(U, V, i, j):
+                    turned_any = True
+        if not turned_any:
+            break
+    for i in range(n):
+        for r in range(m):
+            squares[i] += U[r, i] * U[r, i]
+    # Not a number is singular too.
+    if not np.sqrt(squares.min()) > singular * np.sqrt(squares.max()):
+        return False
+    for i in range(n):
+        for r in range(m):
+            inverse[i, r] = 0.0
+            for k in range(n):
+                inverse[i, r] += V[i, k] * U[r, k] / squares[k]
+    return True
+
+
+@inlined
+def made_orthogonal(U: Array, V: Array, i: int, j: int) -> bool:
+    """Turn columns ``i`` and ``j`` of ``U``, and those of ``V`` alike, until orthogonal; False if they are."""
+    a = b = both = 0.0
+    for r in range(len(U)):
+        a, b, both = a + U[r, i] * U[r, i], b + U[r, j] * U[r, j], both + U[r, i] * U[r, j]
+    if not abs(both) > _TURNED * np.sqrt(a * b):
+        return False
+    zeta = (b - a) / (2 * both)
+    t = (1.0 if zeta >= 0 else -1.0) / (abs(zeta) + np.sqrt(1 + zeta * zeta))
+    c = 1 / np.sqrt(1 + t * t)
+    s = c * t
+    for r in range(len(U)):
+        U[r, i], U[r, j] = c * U[r, i] - s * U[r, j], s * U[r, i] + c * U[r, j]
+    for r in range(len(V)):
+        V[r, i], V[r, j] = c * V[r, i] - s * V[r, j], s * V[r, i] + c * V[r, j]
+    return True
+
+
+@fused
+def anchor_error(tree: AnchoredTree, x: Array, error: Array, slope: Array) -> None:
+    """Write the distance between the frames of each anchor, in the axes of its first frame, and its slope.
+
+    Args:
+        tree: Joints and anchors.
+        x: Positions of the tree, ``(nt,)``.
+        error: Receives it [m, and then rad where axes stay together], ``(m,)``.
+        slope: Receives its slope, exact where axes are together, ``(m, nt)``.
+    """
+    parents, kinds, first_q, first_v, rotations, translations, axes = tree.kinematics
+    joints, frames, n, nt = tree.joints, tree.frames, len(parents), len(x)
+    R, o, lin, ang = np.zeros((n, 3, 3)), np.zeros((n, 3)), np.empty((nt, 3)), np.empty((nt, 3))
+    q, E, p = np.empty((1, first_q[n - 1] + 2)), np.empty((2, 3, 3)), np.empty((2, 3))
+    for axis in range(3):
+        R[0, axis, axis] = 1.0
+    configure(kinds, first_q, first_v, x, q)
+    place(parents, kinds, first_q, first_v, rotations, translations, axes, q, 0, R, o, lin, ang)
+    slope[:] = 0.0
+    r = 0
+    for k in range(len(joints)):
+        both_frames(joints, frames, k, R, o, E, p)
+        error[r], error[r + 1], error[r + 2] = turned_back(
+            E, 0, p[1, 0] - p[0, 0], p[1, 1] - p[0, 1], p[1, 2] - p[0, 2]
+        )
+        if joints[k, 2]:
+            error[r + 3], error[r + 4], error[r + 5] = rotation_between(E)
+        for side in range(2):
+            sign, j = 2.0 * side - 1.0, int(joints[k, side])
+            while j > 0:
+                d = int(first_v[j])
+                ax, ay, az = ang[d, 0], ang[d, 1], ang[d, 2]
+                # Of the second origin for both: the axes turn with the first frame.
+                lx, ly, lz = cross(ax, ay, az, p[1, 0] - o[j, 0], p[1, 1] - o[j, 1], p[1, 2] - o[j, 2])
+                lx, ly, lz = turned_back(E, 0, lx + lin[d, 0], ly + lin[d, 1], lz + lin[d, 2])
+                slope[r, d] += sign * lx
+                slope[r + 1, d] += sign * ly
+                slope[r + 2, d] += sign * lz
+                if joints[k, 2]:
+                    ax, ay, az = turned_back(E, 0, ax, ay, az)
+                    slope[r + 3, d] += sign * ax
+                    slope[r + 4, d] += sign * ay
+                    slope[r + 5, d] += sign * az
+                j = parents[j]
+        r += 6 if joints[k, 2] else 3
+
+
+@fused
+def anchor_acceleration(tree: AnchoredTree, x: Array, v: Array, still: Array, out: Array) -> None:
+    """Write the acceleration of each second frame against the first where no joint accelerates, anchors closed.
+
+    Args:
+        tree: Joints and anchors.
+        x: Positions of the tree, ``(nt,)``.
+        v: Its velocities, ``(1, nt)``.
+        still: Zeros, ``(1, nt)``.
+        out: Receives it, rows as of `anchor_error`, ``(m,)``.
+    """
+    parents, kinds, first_q, first_v, rotations, translations, axes = tree.kinematics
+    joints, frames, n, nt = tree.joints, tree.frames, len(parents), len(x)
+    R, o, lin, ang = np.zeros((n, 3, 3)), np.zeros((n, 3)), np.empty((nt, 3)), np.empty((nt, 3))
+    w, dw, acc, f = np.zeros((n, 3)), np.zeros((n, 3)), np.zeros((n, 3)), np.empty((2, 3))
+    q, E, p = np.empty((1, first_q[n - 1] + 2)), np.empty((2, 3, 3)), np.empty((2, 3))
+    for axis in range(3):
+        R[0, axis, axis] = 1.0
+    configure(kinds, first_q, first_v, x, q)
+    place(parents, kinds, first_q, first_v, rotations, translations, axes, q, 0, R, o, lin, ang)
+    move(parents, first_v, o, lin, ang, v, still, 0, w, dw, acc)
+    r = 0
+    for k in range(len(joints)):
+        both_frames(joints, frames, k, R, o, E, p)
+        for side in range(2):
+            j = joints[k, side]
+            rx, ry, rz = p[side, 0] - o[j, 0], p[side, 1] - o[j, 1], p[side, 2] - o[j, 2]
+            x1, y1, z1 = cross(dw[j, 0], dw[j, 1], dw[j, 2], rx, ry, rz)
+            x2, y2, z2 = cross(w[j, 0], w[j, 1], w[j, 2], rx, ry, rz)
+            x2, y2, z2 = cross(w[j, 0], w[j, 1], w[j, 2], x2, y2, z2)
+            f[side, 0], f[side, 1], f[side, 2] = acc[j, 0] + x1 + x2, acc[j, 1] + y1 + y2, acc[j, 2] + z1 + z2
+        out[r], out[r + 1], out[r + 2] = turned_back(E, 0, f[1, 0] - f[0, 0], f[1, 1] - f[0, 1], f[1, 2] - f[0, 2])
+        if joints[k, 2]:
+            a, b = joints[k, 0], joints[k, 1]
+            x1, y1, z1 = dw[b, 0] - dw[a, 0], dw[b, 1] - dw[a, 1], dw[b, 2] - dw[a, 2]
+            out[r + 3], out[r + 4], out[r + 5] = turned_back(E, 0, x1, y1, z1)
+        r += 6 if joints[k, 2] else 3
+
+
+@inlined
+def configure(kinds: Array, first_q: Array, first_v: Array, x: Array, q: Array) -> None:
+    """Write Pinocchio's configuration ``q``, ``(1, nq)``, of a tree at the positions ``x`` of its joints."""
+    for j in range(1, len(kinds)):
+        k, angle = first_q[j], x[first_v[j]]
+        if kinds[j] == CONTINUOUS:
+            q[0, k], q[0, k + 1] = np.cos(angle), np.sin(angle)
+        else:
+            q[0, k] = angle
+
+
+@inlined
+def both_frames(joints: Array, frames: Array, k: int, R: Array, o: Array, E: Array, p: Array) -> None:
+    """Write rotations ``(2, 3, 3)`` and origins ``(2, 3)`` [m] of the two frames of anchor ``k``."""
+    for side in range(2):
+        j, f = joints[k, side], frames[k, side]
+        for c in range(3):
+            E[side, 0, c], E[side, 1, c], E[side, 2, c] = turned(R, j, f[0, c], f[1, c], f[2, c])
+        x, y, z = turned(R, j, f[3, 0], f[3, 1], f[3, 2])
+        p[side, 0], p[side, 1], p[side, 2] = o[j, 0] + x, o[j, 1] + y, o[j, 2] + z
+
+
+@inlined
+def rotation_between(E: Array) -> tuple[float, float, float]:
+    """Rotation vector [rad] of the second frame in the axes of the first."""
+    xx, yx, zx = turned_back(E, 0, E[1, 0, 0], E[1, 1, 0], E[1, 2, 0])
+    xy, yy, zy = turned_back(E, 0, E[1, 0, 1], E[1, 1, 1], E[1, 2, 1])
+    xz, yz, zz = turned_back(E, 0, E[1, 0, 2], E[1, 1, 2], E[1, 2, 2])
+    x, y, z = 0.5 * (zy - yz), 0.5 * (xz - zx), 0.5 * (yx - xy)
+    sine = np.sqrt(x * x + y * y + z * z)
+    longer = np.arctan2(sine, 0.5 * (xx + yy + zz - 1)) / sine if sine > _TINY else 1.0
+    return longer * x, longer * y, longer * z

@@ -1,7 +1,9 @@
 """Where the joints of a tree are and how they move at one sample, in the axes of the root, inside compiled loops.
 
-Numba does not see that a function which calls these must be compiled anew after a change here: delete the
-``__pycache__`` of this folder then.
+Vectors of three travel as scalars and arrays one by one, and every function here disappears into its caller: a tuple of
+arrays that is unpacked inside a loop counts who holds each of them, and takes half as long again. Numba does not see
+that a function which calls these must be compiled anew after a change here: delete the ``__pycache__`` of this folder
+then.
 """
 
 from __future__ import annotations
@@ -9,20 +11,9 @@ from __future__ import annotations
 import numpy as np
 
 from phantom_dyn._kernels.jit import inlined
-from phantom_dyn._kernels.vectors import cross, turned
 
 Array = np.ndarray
-
-
-@inlined
-def turn_by_quaternion(R: Array, j: int, q: Array, i: int, k: int) -> None:
-    """Multiply ``R[j]`` from the right by the rotation of the quaternion ``q[i, k:k + 4]`` (x, y, z, w)."""
-    x, y, z, w = q[i, k], q[i, k + 1], q[i, k + 2], q[i, k + 3]
-    for r in range(3):
-        a, b, c = R[j, r, 0], R[j, r, 1], R[j, r, 2]
-        R[j, r, 0] = a * (1 - 2 * (y * y + z * z)) + b * 2 * (x * y + w * z) + c * 2 * (x * z - w * y)
-        R[j, r, 1] = a * 2 * (x * y - w * z) + b * (1 - 2 * (x * x + z * z)) + c * 2 * (y * z + w * x)
-        R[j, r, 2] = a * 2 * (x * z + w * y) + b * 2 * (y * z - w * x) + c * (1 - 2 * (x * x + y * y))
+Vector = tuple[float, float, float]
 
 
 @inlined
@@ -41,11 +32,11 @@ def place(
     lin: Array,
     ang: Array,
 ) -> None:
-    """Poses of all joints at one configuration.
+    """Write the poses of all joints at one configuration.
 
     Args:
-        parents: These seven are `TreeArrays.kinematics`.
-        kinds: See there, as the next five.
+        parents: This and the next six as of `Kinematics`.
+        kinds: .
         first_q: .
         first_v: .
         rotations: .
@@ -108,11 +99,11 @@ def move(
     dw: Array,
     acc: Array,
 ) -> None:
-    """Motion of all joint frames at one sample.
+    """Write the motion of all joint frames at one sample.
 
     Args:
-        parents: As in `TreeArrays`.
-        first_v: As in `TreeArrays`.
+        parents: This and the next as of `Kinematics`.
+        first_v: .
         o: This and the next two as `place` writes them.
         lin: .
         ang: .
@@ -145,3 +136,46 @@ def move(
         gx, gy, gz = cross(px, py, pz, wx, wy, wz)
         dw[j, 0], dw[j, 1], dw[j, 2] = dw[p, 0] + bx + gx, dw[p, 1] + by + gy, dw[p, 2] + bz + gz
         w[j, 0], w[j, 1], w[j, 2] = px + wx, py + wy, pz + wz
+
+
+@inlined
+def turn_by_quaternion(R: Array, j: int, q: Array, i: int, k: int) -> None:
+    """Multiply ``R[j]`` from the right by the rotation of the quaternion ``q[i, k:k + 4]`` (x, y, z, w)."""
+    x, y, z, w = q[i, k], q[i, k + 1], q[i, k + 2], q[i, k + 3]
+    for r in range(3):
+        a, b, c = R[j, r, 0], R[j, r, 1], R[j, r, 2]
+        R[j, r, 0] = a * (1 - 2 * (y * y + z * z)) + b * 2 * (x * y + w * z) + c * 2 * (x * z - w * y)
+        R[j, r, 1] = a * 2 * (x * y - w * z) + b * (1 - 2 * (x * x + z * z)) + c * 2 * (y * z + w * x)
+        R[j, r, 2] = a * 2 * (x * z + w * y) + b * 2 * (y * z - w * x) + c * (1 - 2 * (x * x + y * y))
+
+
+@inlined
+def cross(ax: float, ay: float, az: float, bx: float, by: float, bz: float) -> Vector:
+    """Cross product of a and b."""
+    return ay * bz - az * by, az * bx - ax * bz, ax * by - ay * bx
+
+
+@inlined
+def dot(ax: float, ay: float, az: float, bx: float, by: float, bz: float) -> float:
+    """Scalar product of a and b."""
+    return ax * bx + ay * by + az * bz
+
+
+@inlined
+def turned(R: Array, i: int, x: float, y: float, z: float) -> Vector:
+    """``R[i]`` times a vector."""
+    return (
+        R[i, 0, 0] * x + R[i, 0, 1] * y + R[i, 0, 2] * z,
+        R[i, 1, 0] * x + R[i, 1, 1] * y + R[i, 1, 2] * z,
+        R[i, 2, 0] * x + R[i, 2, 1] * y + R[i, 2, 2] * z,
+    )
+
+
+@inlined
+def turned_back(R: Array, i: int, x: float, y: float, z: float) -> Vector:
+    """``R[i]`` transposed times a vector."""
+    return (
+        R[i, 0, 0] * x + R[i, 1, 0] * y + R[i, 2, 0] * z,
+        R[i, 0, 1] * x + R[i, 1, 1] * y + R[i, 2, 1] * z,
+        R[i, 0, 2] * x + R[i, 1, 2] * y + R[i, 2, 2] * z,
+    )

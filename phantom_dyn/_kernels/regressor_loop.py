@@ -1,127 +1,32 @@
-"""Compiled loop that writes the rigid-body torque regressor, sample by sample, only where it is not always zero."""
+"""Compiled loop that writes the rigid-body torque regressor, sample by sample, only where it is not always zero.
+
+The force on a body is m d + dw x h + w x (w x h), the moment about its origin h x d + I dw + w x I w, with d the
+acceleration of the origin and h the first moment. Virtual work on a motion that moves its frame gives its ten entries
+of a row.
+"""
 
 from __future__ import annotations
 
 import numpy as np
 
 from phantom_dyn._kernels.jit import fused, inlined
-from phantom_dyn._kernels.poses import move, place
-from phantom_dyn._kernels.vectors import cross, dot, turned_back
+from phantom_dyn._kernels.poses import cross, dot, move, place, turned_back
+from phantom_dyn._kernels.tree_arrays import Kinematics
 
 Array = np.ndarray
 
-
-@inlined
-def first_columns(places: Array) -> Array:
-    """Where the ten columns of each joint begin: -1 if they do not stand side by side, -2 if there are none."""
-    first = np.full(len(places) + 1, -2)
-    for i in range(len(places)):
-        wanted = 0
-        for c in range(10):
-            wanted += places[i, c] >= 0
-        if wanted > 0:
-            first[i + 1] = places[i, 0] if wanted == 10 and places[i, 9] == places[i, 0] + 9 else -1
-    return first
-
-
-@inlined
-def body_terms(R: Array, i: int, acc: Array, w: Array, dw: Array, b: Array) -> None:
-    """What all rows of a body share at one sample, see `write_row`.
-
-    Args:
-        R: Rotations of all joints, with the next four as `place` and `move` write them.
-        i: Which body.
-        acc: .
-        w: .
-        dw: .
-        b: Receives the terms, ``(30,)``: acceleration of the origin in the axes of the root and in those of the body,
-            torque of the first moment per velocity of the origin, and of the inertia per angular velocity.
-    """
-    b[0], b[1], b[2] = acc[i, 0], acc[i, 1], acc[i, 2]
-    b[3], b[4], b[5] = turned_back(R, i, acc[i, 0], acc[i, 1], acc[i, 2])
-    x, y, z = turned_back(R, i, w[i, 0], w[i, 1], w[i, 2])
-    ax, ay, az = turned_back(R, i, dw[i, 0], dw[i, 1], dw[i, 2])
-    xx, yy, zz, xy, xz, yz = x * x, y * y, z * z, x * y, x * z, y * z
-    for c in range(3):
-        rx, ry, rz = R[i, c, 0], R[i, c, 1], R[i, c, 2]
-        b[6 + c] = (xy + az) * ry + (xz - ay) * rz - (yy + zz) * rx
-        b[9 + c] = (xy - az) * rx + (yz + ax) * rz - (xx + zz) * ry
-        b[12 + c] = (xz + ay) * rx + (yz - ax) * ry - (xx + yy) * rz
-    b[15], b[16], b[17], b[18], b[19], b[20] = ax, ay, az, xy, xz, yz
-    b[21], b[22], b[23] = ay - xz, ax + yz, xx - yy
-    b[24], b[25], b[26] = az + xy, zz - xx, ax - yz
-    b[27], b[28], b[29] = yy - zz, az - xy, ay + xz
-
-
-@inlined
-def write_row(
-    lx: float, ly: float, lz: float, sx: float, sy: float, sz: float, b: Array, out: Array, k: int, r: int, c: int
-) -> None:
-    """Torque per parameter of one body on a motion that moves its frame.
-
-    Force m d + dw x h + w x (w x h), moment h x d + I dw + w x I w; virtual work gives the row.
-
-    Args:
-        lx: Velocity of the body's origin in the axes of the root, with the next two.
-        ly: .
-        lz: .
-        sx: Angular velocity in the axes of the body, with the next two.
-        sy: .
-        sz: .
-        b: As `body_terms` writes it.
-        out: Receives it for each of the ten parameters.
-        k: Sample, with row and first column.
-        r: .
-        c: .
-    """
-    kx, ky, kz = cross(b[3], b[4], b[5], sx, sy, sz)
-    out[k, r, c + 0] = dot(lx, ly, lz, b[0], b[1], b[2])
-    out[k, r, c + 1] = kx + dot(lx, ly, lz, b[6], b[7], b[8])
-    out[k, r, c + 2] = ky + dot(lx, ly, lz, b[9], b[10], b[11])
-    out[k, r, c + 3] = kz + dot(lx, ly, lz, b[12], b[13], b[14])
-    out[k, r, c + 4] = sx * b[15] + sy * b[19] - sz * b[18]
-    out[k, r, c + 5] = dot(sx, sy, sz, b[21], b[22], b[23])
-    out[k, r, c + 6] = sy * b[16] + sz * b[18] - sx * b[20]
-    out[k, r, c + 7] = dot(sx, sy, sz, b[24], b[25], b[26])
-    out[k, r, c + 8] = dot(sx, sy, sz, b[27], b[28], b[29])
-    out[k, r, c + 9] = sz * b[17] + sx * b[20] - sy * b[19]
-
-
-@inlined
-def copy_row(ten: Array, places: Array, i: int, out: Array, k: int, r: int) -> None:
-    """Copy the ten numbers of a row to the columns that ``places[i]`` names."""
-    for c in range(10):
-        if places[i, c] >= 0:
-            out[k, r, places[i, c]] = ten[0, 0, c]
+_SCATTERED, _NONE = -1, -2
+"""Instead of the first column of a joint: its ten columns do not stand side by side, or none of them is wanted."""
 
 
 @fused
 def regressor_loop(
-    parents: Array,
-    kinds: Array,
-    first_q: Array,
-    first_v: Array,
-    rotations: Array,
-    translations: Array,
-    axes: Array,
-    gravity: Array,
-    q: Array,
-    v: Array,
-    a: Array,
-    slope: Array,
-    places: Array,
-    out: Array,
+    tree: Kinematics, gravity: Array, q: Array, v: Array, a: Array, slope: Array, places: Array, out: Array
 ) -> None:
-    """Regressor of N samples.
+    """Write the regressor of N samples.
 
     Args:
-        parents: These seven are `TreeArrays.kinematics`.
-        kinds: See there, as the next five.
-        first_q: .
-        first_v: .
-        rotations: .
-        translations: .
-        axes: .
+        tree: The joints.
         gravity: In the root frame [m/s2], ``(3,)``.
         q: Pinocchio's configurations, ``(N, nq)``.
         v: Velocities of the tree, ``(N, nt)``.
@@ -130,6 +35,7 @@ def regressor_loop(
         places: Column of each parameter of each joint, -1 for none, strictly ascending where not, ``(n - 1, 10)``.
         out: Receives the regressor, ``(N, nv, c)``; where it is zero for every motion nothing is written.
     """
+    parents, kinds, first_q, first_v, rotations, translations, axes = tree
     n, nt = len(parents), first_v[len(parents)]
     R, o, w, dw, acc = np.zeros((n, 3, 3)), np.zeros((n, 3)), np.zeros((n, 3)), np.zeros((n, 3)), np.zeros((n, 3))
     lin, ang, J, b, ten = np.empty((nt, 3)), np.empty((nt, 3)), np.empty((nt, 6)), np.empty(30), np.empty((1, 1, 10))
@@ -141,7 +47,7 @@ def regressor_loop(
         move(parents, first_v, o, lin, ang, v, a, k, w, dw, acc)
         for i in range(1, n):
             start = first[i]
-            if start == -2:
+            if start == _NONE:
                 continue
             body_terms(R, i, acc, w, dw, b)
             if len(slope):
@@ -177,3 +83,85 @@ def regressor_loop(
                     else:
                         write_row(lx, ly, lz, sx, sy, sz, b, ten, 0, 0, 0)
                         copy_row(ten, places, i - 1, out, k, r)
+
+
+@inlined
+def first_columns(places: Array) -> Array:
+    """Where the ten columns of each joint begin, root first; `_SCATTERED` or `_NONE` where there is no such place."""
+    first = np.full(len(places) + 1, _NONE)
+    for i in range(len(places)):
+        wanted = 0
+        for c in range(10):
+            wanted += places[i, c] >= 0
+        if wanted > 0:
+            first[i + 1] = places[i, 0] if wanted == 10 and places[i, 9] == places[i, 0] + 9 else _SCATTERED
+    return first
+
+
+@inlined
+def body_terms(R: Array, i: int, acc: Array, w: Array, dw: Array, b: Array) -> None:
+    """Write what all rows of a body share at one sample, see `write_row`.
+
+    Args:
+        R: Rotations of all joints, with the next four as `place` and `move` write them.
+        i: Which body.
+        acc: .
+        w: .
+        dw: .
+        b: Receives the terms, ``(30,)``: acceleration of the origin in the axes of the root and in those of the body,
+            torque of the first moment per velocity of the origin, and of the inertia per angular velocity.
+    """
+    b[0], b[1], b[2] = acc[i, 0], acc[i, 1], acc[i, 2]
+    b[3], b[4], b[5] = turned_back(R, i, acc[i, 0], acc[i, 1], acc[i, 2])
+    x, y, z = turned_back(R, i, w[i, 0], w[i, 1], w[i, 2])
+    ax, ay, az = turned_back(R, i, dw[i, 0], dw[i, 1], dw[i, 2])
+    xx, yy, zz, xy, xz, yz = x * x, y * y, z * z, x * y, x * z, y * z
+    for c in range(3):
+        rx, ry, rz = R[i, c, 0], R[i, c, 1], R[i, c, 2]
+        b[6 + c] = (xy + az) * ry + (xz - ay) * rz - (yy + zz) * rx
+        b[9 + c] = (xy - az) * rx + (yz + ax) * rz - (xx + zz) * ry
+        b[12 + c] = (xz + ay) * rx + (yz - ax) * ry - (xx + yy) * rz
+    b[15], b[16], b[17], b[18], b[19], b[20] = ax, ay, az, xy, xz, yz
+    b[21], b[22], b[23] = ay - xz, ax + yz, xx - yy
+    b[24], b[25], b[26] = az + xy, zz - xx, ax - yz
+    b[27], b[28], b[29] = yy - zz, az - xy, ay + xz
+
+
+@inlined
+def write_row(
+    lx: float, ly: float, lz: float, sx: float, sy: float, sz: float, b: Array, out: Array, k: int, r: int, c: int
+) -> None:
+    """Write the torque per parameter of one body on a motion that moves its frame.
+
+    Args:
+        lx: Velocity of the body's origin in the axes of the root, with the next two.
+        ly: .
+        lz: .
+        sx: Angular velocity in the axes of the body, with the next two.
+        sy: .
+        sz: .
+        b: As `body_terms` writes it.
+        out: Receives it for each of the ten parameters.
+        k: Sample, with row and first column.
+        r: .
+        c: .
+    """
+    kx, ky, kz = cross(b[3], b[4], b[5], sx, sy, sz)
+    out[k, r, c + 0] = dot(lx, ly, lz, b[0], b[1], b[2])
+    out[k, r, c + 1] = kx + dot(lx, ly, lz, b[6], b[7], b[8])
+    out[k, r, c + 2] = ky + dot(lx, ly, lz, b[9], b[10], b[11])
+    out[k, r, c + 3] = kz + dot(lx, ly, lz, b[12], b[13], b[14])
+    out[k, r, c + 4] = sx * b[15] + sy * b[19] - sz * b[18]
+    out[k, r, c + 5] = dot(sx, sy, sz, b[21], b[22], b[23])
+    out[k, r, c + 6] = sy * b[16] + sz * b[18] - sx * b[20]
+    out[k, r, c + 7] = dot(sx, sy, sz, b[24], b[25], b[26])
+    out[k, r, c + 8] = dot(sx, sy, sz, b[27], b[28], b[29])
+    out[k, r, c + 9] = sz * b[17] + sx * b[20] - sy * b[19]
+
+
+@inlined
+def copy_row(ten: Array, places: Array, i: int, out: Array, k: int, r: int) -> None:
+    """Copy the ten numbers of a row to the columns that ``places[i]`` names."""
+    for c in range(10):
+        if places[i, c] >= 0:
+            out[k, r, places[i, c]] = ten[0, 0, c]

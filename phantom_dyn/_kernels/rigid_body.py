@@ -1,9 +1,9 @@
 # pyright: reportAttributeAccessIssue=false
-"""Rigid-body quantities of a Pinocchio model for N samples: compiled loops where there are such, else plain ones.
+"""Rigid-body quantities of a Pinocchio model for N samples, by compiled loops or else by loops over Pinocchio.
 
-``arrays`` are `tree_arrays` of the model, or None for a model that has joints the compiled loops do not know. Gravity
-and armature are read from the model at every call. ``q`` are Pinocchio's configurations, ``(N, nq)``; ``v`` and ``a``
-have shape ``(N, nt)``.
+Compiled loops need numba and ``arrays``, which are `tree_arrays` of the model: None for a model with joints that they
+do not know. Gravity and armature are read from the model at every call. ``q`` are Pinocchio's configurations,
+``(N, nq)``; ``v`` and ``a`` have shape ``(N, nt)``.
 """
 
 from __future__ import annotations
@@ -15,9 +15,9 @@ from typing import Any
 import numpy as np
 import pinocchio as pin
 
-from phantom_dyn._kernels import jit, plain
+from phantom_dyn._kernels import jit, pinocchio_loops
 from phantom_dyn._kernels.regressor_loop import regressor_loop
-from phantom_dyn._kernels.rigid_body_loops import frame_loop, mass_loop, torque_loop
+from phantom_dyn._kernels.rigid_body_loops import Frame, FramePoses, frame_loop, mass_loop, torque_loop
 from phantom_dyn._kernels.tree_arrays import TreeArrays
 from phantom_dyn.errors import LogError, ParameterError
 
@@ -71,7 +71,7 @@ def regressor(
     else:
         _require_room(out, (len(q), rows, len(chosen)))
     if arrays is None or not jit.compiles():
-        tree = plain.regressor(model, q, v, a)[:, :, chosen]
+        tree = pinocchio_loops.regressor(model, q, v, a)[:, :, chosen]
         out[:, :, : len(chosen)] = tree if slope is None else np.swapaxes(slope, 1, 2) @ tree
         return out
     places = np.full(p, -1)
@@ -80,7 +80,7 @@ def regressor(
     G = G[:1] if len(G) and G.strides[0] == 0 else G
     samples = ready(q), ready(v), ready(a), ready(G)
     announce(regressor_loop)
-    regressor_loop(*arrays.kinematics, _gravity(model), *samples, ready(places.reshape(-1, 10), np.int64), out)
+    regressor_loop(arrays.kinematics, _gravity(model), *samples, ready(places.reshape(-1, 10), np.int64), out)
     return out
 
 
@@ -107,7 +107,7 @@ def torque(model: pin.Model, arrays: TreeArrays | None, q: Array, v: Array, a: A
     """Torque with armature, as `pin.rnea`, shape ``(N, nt)`` [N m or N]."""
     _require_motion(model, q, v, a)
     if arrays is None or not jit.compiles():
-        return plain.torque(model, q, v, a)
+        return pinocchio_loops.torque(model, q, v, a)
     return _torque(arrays, _gravity(model), q, v, a) + model.armature * a
 
 
@@ -118,7 +118,7 @@ def weight(model: pin.Model, arrays: TreeArrays | None, q: Array, gravity: Array
     if pull.shape != (3,):
         raise ParameterError(f"gravity has shape {pull.shape}: give three components [m/s^2].")
     if arrays is None or not jit.compiles():
-        return plain.weight(model, q, pull)
+        return pinocchio_loops.weight(model, q, pull)
     rest = np.zeros((len(q), model.nv))
     return _torque(arrays, ready(pull), q, rest, rest)
 
@@ -126,7 +126,7 @@ def weight(model: pin.Model, arrays: TreeArrays | None, q: Array, gravity: Array
 def _torque(arrays: TreeArrays, gravity: Array, q: Array, v: Array, a: Array) -> Array:
     out = np.empty(v.shape)
     announce(torque_loop)
-    torque_loop(*arrays.kinematics, arrays.inertias, gravity, ready(q), ready(v), ready(a), out)
+    torque_loop(arrays.kinematics, arrays.inertias, gravity, ready(q), ready(v), ready(a), out)
     return out
 
 
@@ -134,10 +134,10 @@ def mass(model: pin.Model, arrays: TreeArrays | None, q: Array) -> Array:
     """Mass matrix with armature, as `pin.crba` with both triangles, shape ``(N, nt, nt)``."""
     _require_motion(model, q)
     if arrays is None or not jit.compiles():
-        return plain.mass(model, q)
+        return pinocchio_loops.mass(model, q)
     out = np.zeros((len(q), model.nv, model.nv))
     announce(mass_loop)
-    mass_loop(*arrays.kinematics, arrays.inertias, ready(q), out)
+    mass_loop(arrays.kinematics, arrays.inertias, ready(q), out)
     diagonal = np.arange(model.nv)
     out[:, diagonal, diagonal] += model.armature
     return out
@@ -147,7 +147,7 @@ def frame_pose(model: pin.Model, arrays: TreeArrays | None, q: Array, frame: int
     """Orientation ``(N, 3, 3)`` and position ``(N, 3)`` [m] of a frame, by its index, in the root frame."""
     _require_motion(model, q)
     if arrays is None or not jit.compiles():
-        return plain.frame_pose(model, q, frame)
+        return pinocchio_loops.frame_pose(model, q, frame)
     return _frame(model, arrays, q, frame, body=False, jacobian=False)[:2]
 
 
@@ -155,7 +155,7 @@ def frame(model: pin.Model, arrays: TreeArrays | None, q: Array, index: int) -> 
     """Orientation, position [m] and Jacobian in the axes of the root, see `frame_pose` and `frame_jacobian`."""
     _require_motion(model, q)
     if arrays is None or not jit.compiles():
-        return *plain.frame_pose(model, q, index), plain.frame_jacobian(model, q, index, False)
+        return *pinocchio_loops.frame_pose(model, q, index), pinocchio_loops.frame_jacobian(model, q, index, False)
     return _frame(model, arrays, q, index, body=False, jacobian=True)
 
 
@@ -163,19 +163,18 @@ def frame_jacobian(model: pin.Model, arrays: TreeArrays | None, q: Array, frame:
     """Jacobian of a frame in its own axes (``body``) or in those of the root, rows v, then w, ``(N, 6, nt)``."""
     _require_motion(model, q)
     if arrays is None or not jit.compiles():
-        return plain.frame_jacobian(model, q, frame, body)
+        return pinocchio_loops.frame_jacobian(model, q, frame, body)
     return _frame(model, arrays, q, frame, body=body, jacobian=True)[2]
 
 
-def _frame(
-    model: pin.Model, arrays: TreeArrays, q: Array, frame: int, *, body: bool, jacobian: bool
-) -> tuple[Array, Array, Array]:
+def _frame(model: pin.Model, arrays: TreeArrays, q: Array, frame: int, *, body: bool, jacobian: bool) -> FramePoses:
     placed = model.frames[frame].placement
-    joint = model.frames[frame].parentJoint
-    out = np.empty((len(q), 3, 3)), np.empty((len(q), 3)), np.zeros((len(q) if jacobian else 0, 6, model.nv))
-    at = ready(placed.rotation), ready(placed.translation)
+    given = Frame(model.frames[frame].parentJoint, ready(placed.rotation), ready(placed.translation))
+    out = FramePoses(
+        np.empty((len(q), 3, 3)), np.empty((len(q), 3)), np.zeros((len(q) if jacobian else 0, 6, model.nv))
+    )
     announce(frame_loop)
-    frame_loop(*arrays.kinematics, ready(q), joint, *at, body, *out)
+    frame_loop(arrays.kinematics, ready(q), given, body, out)
     return out
 
 

@@ -2,48 +2,59 @@
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 import numpy as np
 
 from phantom_dyn._kernels.jit import fused, inlined
-from phantom_dyn._kernels.poses import move, place
-from phantom_dyn._kernels.vectors import cross, dot, turned, turned_back
+from phantom_dyn._kernels.poses import cross, dot, move, place, turned, turned_back
+from phantom_dyn._kernels.tree_arrays import Kinematics
 
 Array = np.ndarray
 
 
+class Frame(NamedTuple):
+    """A frame of a tree.
+
+    Attributes:
+        joint: That carries it.
+        turn: Its rotation in that joint, ``(3, 3)``.
+        offset: Its origin there [m], ``(3,)``.
+    """
+
+    joint: int
+    turn: Array
+    offset: Array
+
+
+class FramePoses(NamedTuple):
+    """What `frame_loop` writes of N samples.
+
+    Attributes:
+        rotation: Of the frame, ``(N, 3, 3)``.
+        position: Of its origin [m], ``(N, 3)``.
+        jacobian: Rows v, then w, ``(N, 6, nv)``, zero before; of length 0 if not wanted.
+    """
+
+    rotation: Array
+    position: Array
+    jacobian: Array
+
+
 @fused
-def torque_loop(
-    parents: Array,
-    kinds: Array,
-    first_q: Array,
-    first_v: Array,
-    rotations: Array,
-    translations: Array,
-    axes: Array,
-    inertias: Array,
-    gravity: Array,
-    q: Array,
-    v: Array,
-    a: Array,
-    out: Array,
-) -> None:
-    """Torque that the links need, without armature.
+def torque_loop(tree: Kinematics, inertias: Array, gravity: Array, q: Array, v: Array, a: Array, out: Array) -> None:
+    """Torque that the links need, without armature: recursive Newton-Euler in the axes of the root.
 
     Args:
-        parents: These seven are `TreeArrays.kinematics`.
-        kinds: See there, as the next five.
-        first_q: .
-        first_v: .
-        rotations: .
-        translations: .
-        axes: .
-        inertias: See there.
+        tree: The joints.
+        inertias: As of `TreeArrays`.
         gravity: In the root frame [m/s2], ``(3,)``.
         q: Pinocchio's configurations, ``(N, nq)``.
         v: Velocities, ``(N, nv)``.
         a: Accelerations, ``(N, nv)``.
         out: Receives the torque [N m or N], ``(N, nv)``.
     """
+    parents, kinds, first_q, first_v, rotations, translations, axes = tree
     n, nt = len(parents), first_v[len(parents)]
     R, o, w, dw, acc = np.zeros((n, 3, 3)), np.zeros((n, 3)), np.zeros((n, 3)), np.zeros((n, 3)), np.zeros((n, 3))
     lin, ang, f, m = np.empty((nt, 3)), np.empty((nt, 3)), np.empty((n, 3)), np.empty((n, 3))
@@ -82,34 +93,16 @@ def torque_loop(
                 f[p, 0], f[p, 1], f[p, 2] = f[p, 0] + f[i, 0], f[p, 1] + f[i, 1], f[p, 2] + f[i, 2]
 
 
-@inlined
-def times_inertia(inertias: Array, i: int, x: float, y: float, z: float) -> tuple[float, float, float]:
-    """Inertia about the joint's origin times a vector, both in the axes of body ``i``."""
-    xx, xy, yy = inertias[i, 4], inertias[i, 5], inertias[i, 6]
-    xz, yz, zz = inertias[i, 7], inertias[i, 8], inertias[i, 9]
-    return xx * x + xy * y + xz * z, xy * x + yy * y + yz * z, xz * x + yz * y + zz * z
-
-
 @fused
-def mass_loop(
-    parents: Array,
-    kinds: Array,
-    first_q: Array,
-    first_v: Array,
-    rotations: Array,
-    translations: Array,
-    axes: Array,
-    inertias: Array,
-    q: Array,
-    out: Array,
-) -> None:
-    """Mass matrices without armature; arguments as of `torque_loop`, ``out`` of shape ``(N, nv, nv)`` and zero."""
+def mass_loop(tree: Kinematics, inertias: Array, q: Array, out: Array) -> None:
+    """Mass matrices without armature by composite bodies; as of `torque_loop`, ``out`` is ``(N, nv, nv)`` and zero."""
+    parents, kinds, first_q, first_v, rotations, translations, axes = tree
     n, nt = len(parents), first_v[len(parents)]
     R, o, lin, ang = np.zeros((n, 3, 3)), np.zeros((n, 3)), np.empty((nt, 3)), np.empty((nt, 3))
-    # Mass, first moment and inertia xx, xy, yy, xz, yz, zz of all that a joint carries, about its origin.
-    whole = np.empty((n, 10))
     for axis in range(3):
         R[0, axis, axis] = 1.0
+    # Mass, first moment and inertia xx, xy, yy, xz, yz, zz of all that a joint carries, about its origin.
+    whole = np.empty((n, 10))
     for k in range(len(q)):
         place(parents, kinds, first_q, first_v, rotations, translations, axes, q, k, R, o, lin, ang)
         for i in range(1, n):
@@ -137,6 +130,49 @@ def mass_loop(
             p = parents[i]
             if p > 0:
                 hand_over(whole, i, p, o[i, 0] - o[p, 0], o[i, 1] - o[p, 1], o[i, 2] - o[p, 2])
+
+
+@fused
+def frame_loop(tree: Kinematics, q: Array, frame: Frame, body: bool, out: FramePoses) -> None:
+    """Pose and Jacobian of a frame at Pinocchio's configurations ``q``, ``(N, nq)``.
+
+    The Jacobian is in the frame's own axes with ``body``, else in those of the root.
+    """
+    joint, turn, offset = frame
+    rotation, position, jacobian = out
+    parents, kinds, first_q, first_v, rotations, translations, axes = tree
+    n, nt = len(parents), first_v[len(parents)]
+    R, o, lin, ang = np.zeros((n, 3, 3)), np.zeros((n, 3)), np.empty((nt, 3)), np.empty((nt, 3))
+    for axis in range(3):
+        R[0, axis, axis] = 1.0
+    for k in range(len(q)):
+        place(parents, kinds, first_q, first_v, rotations, translations, axes, q, k, R, o, lin, ang)
+        x, y, z = turned(R, joint, offset[0], offset[1], offset[2])
+        px, py, pz = x + o[joint, 0], y + o[joint, 1], z + o[joint, 2]
+        position[k, 0], position[k, 1], position[k, 2] = px, py, pz
+        for c in range(3):
+            x, y, z = turned(R, joint, turn[0, c], turn[1, c], turn[2, c])
+            rotation[k, 0, c], rotation[k, 1, c], rotation[k, 2, c] = x, y, z
+        j = joint if len(jacobian) else 0
+        while j > 0:
+            for d in range(first_v[j], first_v[j + 1]):
+                sx, sy, sz = ang[d, 0], ang[d, 1], ang[d, 2]
+                x, y, z = cross(sx, sy, sz, px - o[j, 0], py - o[j, 1], pz - o[j, 2])
+                lx, ly, lz = x + lin[d, 0], y + lin[d, 1], z + lin[d, 2]
+                if body:
+                    lx, ly, lz = turned_back(rotation, k, lx, ly, lz)
+                    sx, sy, sz = turned_back(rotation, k, sx, sy, sz)
+                jacobian[k, 0, d], jacobian[k, 1, d], jacobian[k, 2, d] = lx, ly, lz
+                jacobian[k, 3, d], jacobian[k, 4, d], jacobian[k, 5, d] = sx, sy, sz
+            j = parents[j]
+
+
+@inlined
+def times_inertia(inertias: Array, i: int, x: float, y: float, z: float) -> tuple[float, float, float]:
+    """Inertia about the joint's origin times a vector, both in the axes of body ``i``."""
+    xx, xy, yy = inertias[i, 4], inertias[i, 5], inertias[i, 6]
+    xz, yz, zz = inertias[i, 7], inertias[i, 8], inertias[i, 9]
+    return xx * x + xy * y + xz * z, xy * x + yy * y + yz * z, xz * x + yz * y + zz * z
 
 
 @inlined
@@ -167,66 +203,3 @@ def hand_over(whole: Array, i: int, p: int, x: float, y: float, z: float) -> Non
     whole[p, 7] += whole[i, 7] - (x * hz + z * hx) - m * x * z
     whole[p, 8] += whole[i, 8] - (y * hz + z * hy) - m * y * z
     whole[p, 9] += whole[i, 9] + 2 * (x * hx + y * hy) + m * (x * x + y * y)
-
-
-@fused
-def frame_loop(
-    parents: Array,
-    kinds: Array,
-    first_q: Array,
-    first_v: Array,
-    rotations: Array,
-    translations: Array,
-    axes: Array,
-    q: Array,
-    joint: int,
-    turn: Array,
-    offset: Array,
-    body: bool,
-    rotation: Array,
-    position: Array,
-    jacobian: Array,
-) -> None:
-    """Pose and Jacobian of a frame.
-
-    Args:
-        parents: These eight as of `torque_loop`.
-        kinds: .
-        first_q: .
-        first_v: .
-        rotations: .
-        translations: .
-        axes: .
-        q: .
-        joint: That carries the frame.
-        turn: Rotation of the frame in that joint, ``(3, 3)``.
-        offset: Its origin there [m], ``(3,)``.
-        body: True for a Jacobian in the frame's own axes, else in those of the root.
-        rotation: Receives the rotations, ``(N, 3, 3)``.
-        position: Receives the positions [m], ``(N, 3)``.
-        jacobian: Receives the Jacobians, rows v, then w, ``(N, 6, nv)`` and zero; of length 0 if not wanted.
-    """
-    n, nt = len(parents), first_v[len(parents)]
-    R, o, lin, ang = np.zeros((n, 3, 3)), np.zeros((n, 3)), np.empty((nt, 3)), np.empty((nt, 3))
-    for axis in range(3):
-        R[0, axis, axis] = 1.0
-    for k in range(len(q)):
-        place(parents, kinds, first_q, first_v, rotations, translations, axes, q, k, R, o, lin, ang)
-        x, y, z = turned(R, joint, offset[0], offset[1], offset[2])
-        px, py, pz = x + o[joint, 0], y + o[joint, 1], z + o[joint, 2]
-        position[k, 0], position[k, 1], position[k, 2] = px, py, pz
-        for c in range(3):
-            x, y, z = turned(R, joint, turn[0, c], turn[1, c], turn[2, c])
-            rotation[k, 0, c], rotation[k, 1, c], rotation[k, 2, c] = x, y, z
-        j = joint if len(jacobian) else 0
-        while j > 0:
-            for d in range(first_v[j], first_v[j + 1]):
-                sx, sy, sz = ang[d, 0], ang[d, 1], ang[d, 2]
-                x, y, z = cross(sx, sy, sz, px - o[j, 0], py - o[j, 1], pz - o[j, 2])
-                lx, ly, lz = x + lin[d, 0], y + lin[d, 1], z + lin[d, 2]
-                if body:
-                    lx, ly, lz = turned_back(rotation, k, lx, ly, lz)
-                    sx, sy, sz = turned_back(rotation, k, sx, sy, sz)
-                jacobian[k, 0, d], jacobian[k, 1, d], jacobian[k, 2, d] = lx, ly, lz
-                jacobian[k, 3, d], jacobian[k, 4, d], jacobian[k, 5, d] = sx, sy, sz
-            j = parents[j]

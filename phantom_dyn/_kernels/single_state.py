@@ -13,8 +13,8 @@ from typing import NamedTuple
 import numpy as np
 
 from phantom_dyn._kernels.jit import jit
+from phantom_dyn._kernels.poses import cross, dot
 from phantom_dyn._kernels.tree_arrays import PRISMATIC, TreeArrays
-from phantom_dyn._kernels.vectors import cross, dot
 
 Array = np.ndarray
 

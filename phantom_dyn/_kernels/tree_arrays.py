@@ -1,9 +1,10 @@
 # pyright: reportAttributeAccessIssue=false
-"""What compiled loops need of a Pinocchio model, as arrays; None for a model with joints that they do not know."""
+"""A Pinocchio model as arrays, as compiled loops take it: joints, placements, axes and bodies of its tree."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass, fields
+from typing import NamedTuple
 
 import numpy as np
 import pinocchio as pin
@@ -13,7 +14,7 @@ from phantom_dyn.motion import read_only
 Array = np.ndarray
 
 REVOLUTE, CONTINUOUS, PRISMATIC, FREE = 1, 2, 3, 4
-
+"""Kinds of joints: the configuration of a continuous one is cos, sin, that of a free one position and quaternion."""
 _KINDS = {
     "JointModelRX": REVOLUTE,
     "JointModelRY": REVOLUTE,
@@ -29,6 +30,18 @@ _KINDS = {
     "JointModelPrismaticUnaligned": PRISMATIC,
     "JointModelFreeFlyer": FREE,
 }
+
+
+class Kinematics(NamedTuple):
+    """What compiled loops take of a tree to place its joints; see `TreeArrays`, rotations as ``(3 n, 3, 3)``."""
+
+    parents: Array
+    kinds: Array
+    first_q: Array
+    first_v: Array
+    rotations: Array
+    translations: Array
+    axes: Array
 
 
 @dataclass(frozen=True)
@@ -64,9 +77,9 @@ class TreeArrays:
             object.__setattr__(self, field.name, read_only(array, array.dtype.type))
 
     @property
-    def kinematics(self) -> tuple[Array, Array, Array, Array, Array, Array, Array]:
-        """All but the inertias, in the order in which compiled loops take them; rotations as ``(3 n, 3, 3)``."""
-        return (
+    def kinematics(self) -> Kinematics:
+        """All but the inertias."""
+        return Kinematics(
             self.parents,
             self.kinds,
             self.first_q,

@@ -11,8 +11,14 @@ import pinocchio as pin
 from jaxtyping import Float
 
 from phantom_dyn.errors import RobotError
-from phantom_dyn.loops.chain import ClosedChain
-from phantom_dyn.loops.constraints import Constraints, constraints_of, error_and_slope, nearest, sentence_of_worst
+from phantom_dyn.loops.chain import (
+    ClosedChain,
+    Constraints,
+    constraints_of,
+    error_and_slope,
+    nearest,
+    sentence_of_worst,
+)
 from phantom_dyn.loops.solver import CLOSED, SINGULAR
 
 Array = np.ndarray

@@ -1,16 +1,30 @@
-"""A closed chain as data: a tree, the joints that drive it, and what the others follow."""
+# pyright: reportAttributeAccessIssue=false
+"""A closed chain as data: a tree, the joints that drive it, the passive ones, and what its anchors demand.
+
+What keeps two frames together is evaluated with Pinocchio: distance, its slope and its acceleration, and the unknowns
+at which the frames come nearest to each other, whether or not they meet.
+"""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Literal
+from typing import Any, Literal
 
 import numpy as np
+import pinocchio as pin
 from jaxtyping import Float
 
-from phantom_dyn.motion import read_only
+from phantom_dyn.motion import configurations, read_only
 
 Array = np.ndarray
+
+_MODELS = {"point": pin.PointAnchorConstraintModel, "frame": pin.FrameAnchorConstraintModel}
+_LAST_STEP = 1e-11
+"""Step [rad or m] at which the search for the nearest frames ends: rounding."""
+_SEARCHES = 100
+"""Steps of that search at most; from a start near the solution it takes about ten."""
+_DAMPING, _LEAST_DAMPING = 1e-3, 1e-12
+"""Levenberg's damping at the start, relative to the trace of the normal matrix, and the least that it falls to."""
 
 
 @dataclass(frozen=True)
@@ -68,3 +82,100 @@ class ClosedChain:
     def nv(self) -> int:
         """Number of active joints."""
         return len(self.active)
+
+
+@dataclass(frozen=True)
+class Constraints:
+    """Pinocchio's constraint models of the anchors, made anew for each trajectory, as they hold working memory."""
+
+    model: pin.Model
+    anchors: tuple[Anchor, ...]
+    data: pin.Data
+    pairs: tuple[tuple[Any, Any], ...]
+
+    @property
+    def slices(self) -> tuple[slice, ...]:
+        """Rows of each anchor."""
+        ends = np.cumsum([6 if anchor.kind == "frame" else 3 for anchor in self.anchors])
+        return tuple(slice(int(a), int(b)) for a, b in zip([0, *ends[:-1]], ends, strict=True))
+
+
+def constraints_of(model: pin.Model, anchors: tuple[Anchor, ...]) -> Constraints:
+    """Working memory for the anchors of a model."""
+    made = []
+    for anchor in anchors:
+        a, b = model.frames[anchor.frame_a], model.frames[anchor.frame_b]
+        made.append(_MODELS[anchor.kind](model, a.parentJoint, a.placement, b.parentJoint, b.placement))
+    return Constraints(model, anchors, model.createData(), tuple((one, one.createData()) for one in made))
+
+
+def error_and_slope(at: Constraints, x: Float[Array, " nt"]) -> tuple[Float[Array, " m"], Float[Array, "m nt"]]:
+    """Distance between the frames of each anchor [m, then rad], in the axes of its first frame, and its Jacobian."""
+    pin.computeJointJacobians(at.model, at.data, configurations(at.model, x[None])[0])
+    errors, slopes = [], []
+    for constraint, data in at.pairs:
+        constraint.calc(at.model, at.data, data)
+        errors.append(data.constraint_position_error)
+        slopes.append(constraint.jacobian(at.model, at.data, data))
+    return np.concatenate(errors), np.concatenate(slopes)
+
+
+def bias(at: Constraints, x: Float[Array, " nt"], v: Float[Array, " nt"]) -> Float[Array, " m"]:
+    """Acceleration of the second frame against the first where no joint accelerates, anchors closed; rows as above.
+
+    Pinocchio 4.1 leaves its own bias term at zero, so it comes from the accelerations of the frames.
+    """
+    pin.forwardKinematics(at.model, at.data, configurations(at.model, x[None])[0], v, np.zeros_like(v))
+    out = []
+    for anchor in at.anchors:
+        turn = _rotation(at, anchor.frame_a).T
+        a, b = (
+            pin.getFrameClassicalAcceleration(at.model, at.data, frame, pin.LOCAL_WORLD_ALIGNED)
+            for frame in (anchor.frame_a, anchor.frame_b)
+        )
+        out.append(turn @ (b.linear - a.linear))
+        if anchor.kind == "frame":
+            out.append(turn @ (b.angular - a.angular))
+    return np.concatenate(out)
+
+
+def nearest(
+    chain: ClosedChain, at: Constraints, q: Float[Array, " nv"], z: Float[Array, " nz"]
+) -> tuple[Float[Array, " nz"], Float[Array, " m"], Float[Array, "m nz"]]:
+    """Unknowns at which the frames come nearest to each other (Levenberg-Marquardt), error and slope there."""
+    S, nv = chain.linear_map, chain.nv
+    fixed, damping = S[:, :nv] @ q + chain.offset, _DAMPING
+
+    def evaluate(unknowns: Array) -> tuple[Array, Array]:
+        found, slope = error_and_slope(at, fixed + S[:, nv:] @ unknowns)
+        return found, slope @ S[:, nv:]
+
+    error, slope = evaluate(z)
+    for _ in range(_SEARCHES):
+        normal = slope.T @ slope
+        # Without a slope there would be nothing to scale the damping by.
+        size = max(np.trace(normal), 1e-12)
+        step = np.linalg.solve(normal + damping * size * np.eye(len(z)), -slope.T @ error)
+        tried, tried_slope = evaluate(z + step)
+        if tried @ tried < error @ error:
+            z, error, slope, damping = z + step, tried, tried_slope, max(damping / 10, _LEAST_DAMPING)
+        else:
+            damping *= 10
+        if np.abs(step).max() <= _LAST_STEP:
+            break
+    return z, error, slope
+
+
+def sentence_of_worst(chain: ClosedChain, at: Constraints, error: Float[Array, " m"]) -> tuple[str, str]:
+    """Label of the anchor that is farthest from closed, and its distance in words."""
+    worst = max(range(len(chain.anchors)), key=lambda k: float(np.linalg.norm(error[at.slices[k]])))
+    rows = error[at.slices[worst]]
+    apart = f"{np.linalg.norm(rows[:3]):.3g} m"
+    if len(rows) == 6:
+        apart += f" and {np.linalg.norm(rows[3:]):.3g} rad"
+    return chain.anchors[worst].label, apart
+
+
+def _rotation(at: Constraints, frame: int) -> Array:
+    fixed = at.model.frames[frame]
+    return at.data.oMi[fixed.parentJoint].rotation @ fixed.placement.rotation

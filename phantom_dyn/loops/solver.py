@@ -15,13 +15,19 @@ import numpy as np
 import pinocchio as pin
 from jaxtyping import Float
 
-from phantom_dyn._kernels.anchors import compiled_tree
-from phantom_dyn._kernels.loop_closing import close_loops, drift_loop
+from phantom_dyn._kernels.loop_closing import Closed, Limits, anchored_tree, close_loops, drift_loop
 from phantom_dyn._kernels.rigid_body import announce, ready
 from phantom_dyn._kernels.tree_arrays import TreeArrays
 from phantom_dyn.errors import ChainError
-from phantom_dyn.loops.chain import ClosedChain
-from phantom_dyn.loops.constraints import Constraints, bias, constraints_of, error_and_slope, nearest, sentence_of_worst
+from phantom_dyn.loops.chain import (
+    ClosedChain,
+    Constraints,
+    bias,
+    constraints_of,
+    error_and_slope,
+    nearest,
+    sentence_of_worst,
+)
 
 Array = np.ndarray
 
@@ -42,7 +48,15 @@ _SHORTEST = 1e-7
 """Smallest part of the way to a sample that is tried: what fails there, fails."""
 _REMEMBERED = 4
 """Trajectories whose solution is kept: a motion, its two neighbours in a central difference, and one to spare."""
-_LIMITS = (CLOSED, SINGULAR, _STEP, REACH, _FORESEEN, _SHORTEST, float(_ITERATIONS))
+_LIMITS = Limits(
+    closed=CLOSED,
+    singular=SINGULAR,
+    last_step=_STEP,
+    reach=REACH,
+    correction=_FORESEEN,
+    shortest=_SHORTEST,
+    iterations=_ITERATIONS,
+)
 
 
 @dataclass(frozen=True)
@@ -126,12 +140,12 @@ def _followed(
     inverses = np.empty((rows, *state.inverse.shape))
     # The last row is the one before the first.
     z[-1], slopes[-1], inverses[-1] = state.z, state.slope, state.inverse
-    tree, S = compiled_tree(at.model, chain.anchors, arrays), chain.linear_map
+    tree, S = anchored_tree(at.model, chain.anchors, arrays), chain.linear_map
     while k < len(q):
         if tree is not None:
             announce(close_loops)
             before = ready(q[k - 1] if k else start)
-            k = close_loops(tree, S, chain.offset, _LIMITS, ready(q), before, z, slopes, inverses, k)
+            k = close_loops(tree, S, chain.offset, _LIMITS, ready(q), before, Closed(z, slopes, inverses), k)
         if k < len(q):
             # Without compiled loops; and where those end, this says why.
             before = _State(q[k - 1] if k else start, z[k - 1], slopes[k - 1], inverses[k - 1])
@@ -199,7 +213,7 @@ def drift(
     out = np.zeros_like(v)
     if not (chain.anchors and v.any()):
         return out
-    to_tree, tree = chain.linear_map[:, chain.nv :], compiled_tree(model, chain.anchors, arrays)
+    to_tree, tree = chain.linear_map[:, chain.nv :], anchored_tree(model, chain.anchors, arrays)
     if tree is not None:
         drift_loop(tree, ready(to_tree), ready(solution.x), ready(v), ready(solution.inverse), out)
         return out

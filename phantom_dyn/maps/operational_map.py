@@ -1,9 +1,4 @@
-"""Maps: quantities at every point of a grid, block by block, in one or several processes, as an xarray dataset.
-
-A map as an xarray dataset: coordinates, units and what the values are of.
-
-Maps: quantities at every point of a grid, block by block, in one or several processes.
-"""
+"""Quantities at every point of a grid, block by block, in one or several processes; the map as an xarray dataset."""
 
 from __future__ import annotations
 
@@ -22,72 +17,7 @@ from phantom_dyn.maps.quantities import QUANTITIES, felt_at, require_quantities,
 if TYPE_CHECKING:
     import xarray
 
-
 Array = np.ndarray
-
-
-def arrays(result: OperationalMap) -> dict[str, Array]:
-    """Coordinates and quantities by name, as ``map.npz`` holds them."""
-    return dict(zip(result.grid.names, result.grid.values, strict=True)) | result.values
-
-
-def components(name: str) -> tuple[str, ...]:
-    """Names of the dimensions of one value of a quantity."""
-    kind = QUANTITIES[name].kind
-    if kind == "matrix":
-        return ("row", "joint") if name == "coulomb_friction" else ("row", "column")
-    return ("row",) if kind == "vector" else ()
-
-
-def axis_unit(axis: str, grid: Grid, model: MapModel) -> str:
-    """Unit of a coordinate."""
-    if grid.cartesian or model.robot.prismatic[model.joint_names.index(axis.removeprefix("q."))]:
-        return "m"
-    return "rad"
-
-
-def dataset(result: OperationalMap) -> xarray.Dataset:
-    """The map with its coordinates, units and origin.
-
-    Args:
-        result: From `phantom_dyn.maps.operational_map.operational_map`.
-
-    Returns:
-        One variable per quantity over the grid's axes, then ``row`` and ``column`` (x, y, z in the root frame) or
-        ``joint``.
-    """
-    import xarray
-
-    model, grid = result.model, result.grid
-    coordinates = {
-        name: (name, values, {"units": axis_unit(name, grid, model)})
-        for name, values in zip(grid.names, grid.values, strict=True)
-    }
-    used = {part for name in result.values for part in components(name)}
-    labels = {"row": list(TIP_AXES), "column": list(TIP_AXES), "joint": list(model.joint_names)}
-    coordinates |= {part: (part, labels[part], {}) for part in labels if part in used}
-    variables = {
-        name: (
-            (*grid.names, *components(name)),
-            values,
-            {"units": QUANTITIES[name].unit or "1", "long_name": QUANTITIES[name].title},
-        )
-        for name, values in result.values.items()
-    }
-    if "stiffness" in variables:
-        variables["stiffness"][2]["comment"] = model.stiffness_note
-    about = {
-        "title": f"Operational maps of {model.name}",
-        "robot": model.name,
-        "frame": model.frame,
-        "joints": ", ".join(model.joint_names),
-        "configuration": model.posture,
-        "points": grid.size,
-        "unreachable_points": result.unreachable,
-        "singular_points": result.singular,
-    }
-    return xarray.Dataset(variables, coordinates, about)
-
 
 BLOCK = 8192
 """Points computed at once: their arrays stay within the caches, and within some tens of megabytes."""
@@ -95,6 +25,8 @@ SLOW_BLOCK = 1024
 """The same where a point is searched for or a chain closed numerically, which takes far longer."""
 LARGEST_CHUNK = 16
 """Blocks at most that one call of a worker computes: their result stays within some tens of megabytes."""
+FEW_BLOCKS = 8
+"""Blocks below which this process computes alone: others need a second to start."""
 
 
 @dataclass(frozen=True)
@@ -114,23 +46,6 @@ class OperationalMap:
     values: dict[str, Array]
     unreachable: int
     singular: int
-
-
-@dataclass(frozen=True)
-class _Job:
-    model: MapModel
-    grid: Grid
-    names: tuple[str, ...]
-    cloud: Cloud | None
-
-
-@dataclass(frozen=True)
-class _Block:
-    start: int
-    stop: int
-    values: dict[str, Array] = field(repr=False)
-    unreachable: int = 0
-    singular: int = 0
 
 
 def operational_map(
@@ -175,13 +90,94 @@ def operational_map(
     return OperationalMap(model, grid, shaped, unreachable, singular)
 
 
+def arrays(result: OperationalMap) -> dict[str, Array]:
+    """Coordinates and quantities by name, as ``map.npz`` holds them."""
+    return dict(zip(result.grid.names, result.grid.values, strict=True)) | result.values
+
+
+def components(name: str) -> tuple[str, ...]:
+    """Names of the dimensions of one value of a quantity."""
+    kind = QUANTITIES[name].kind
+    if kind == "matrix":
+        return ("row", "joint") if name == "coulomb_friction" else ("row", "column")
+    return ("row",) if kind == "vector" else ()
+
+
+def axis_unit(axis: str, grid: Grid, model: MapModel) -> str:
+    """Unit of a coordinate."""
+    if grid.cartesian or model.robot.prismatic[model.joint_names.index(axis.removeprefix("q."))]:
+        return "m"
+    return "rad"
+
+
+def dataset(result: OperationalMap) -> xarray.Dataset:
+    """The map with its coordinates, units and origin.
+
+    Args:
+        result: From `phantom_dyn.maps.operational_map.operational_map`.
+
+    Returns:
+        One variable per quantity over the grid's axes, then ``row`` and ``column`` (x, y, z in the root frame) or
+        ``joint``.
+    """
+    # Imported here, as it takes longer than a small map.
+    import xarray
+
+    model, grid = result.model, result.grid
+    coordinates = {
+        name: (name, values, {"units": axis_unit(name, grid, model)})
+        for name, values in zip(grid.names, grid.values, strict=True)
+    }
+    used = {part for name in result.values for part in components(name)}
+    labels = {"row": list(TIP_AXES), "column": list(TIP_AXES), "joint": list(model.joint_names)}
+    coordinates |= {part: (part, labels[part], {}) for part in labels if part in used}
+    variables = {
+        name: (
+            (*grid.names, *components(name)),
+            values,
+            {"units": QUANTITIES[name].unit or "1", "long_name": QUANTITIES[name].title},
+        )
+        for name, values in result.values.items()
+    }
+    if "stiffness" in variables:
+        variables["stiffness"][2]["comment"] = model.stiffness_note
+    about = {
+        "title": f"Operational maps of {model.name}",
+        "robot": model.name,
+        "frame": model.frame,
+        "joints": ", ".join(model.joint_names),
+        "configuration": model.posture,
+        "points": grid.size,
+        "unreachable_points": result.unreachable,
+        "singular_points": result.singular,
+    }
+    return xarray.Dataset(variables, coordinates, about)
+
+
+@dataclass(frozen=True)
+class _Job:
+    model: MapModel
+    grid: Grid
+    names: tuple[str, ...]
+    cloud: Cloud | None
+
+
+@dataclass(frozen=True)
+class _Block:
+    start: int
+    stop: int
+    values: dict[str, Array] = field(repr=False)
+    unreachable: int = 0
+    singular: int = 0
+
+
 def _blocks(job: _Job, jobs: int | None) -> Iterator[_Block]:
     """Blocks as they are finished; in this process alone where there are few, as others need a second to start."""
     size = job.grid.size
     slow = job.cloud is not None or job.model.closed_numerically
     block = min(BLOCK, SLOW_BLOCK) if slow else BLOCK
     spans = [(start, min(start + block, size)) for start in range(0, size, block)]
-    if jobs is None and len(spans) < 8 and not slow and starts_processes():
+    if jobs is None and len(spans) < FEW_BLOCKS and not slow and starts_processes():
         jobs = 1
     workers = worker_count(jobs)
     # A worker that is done early finds another chunk, and no chunk's result is large.

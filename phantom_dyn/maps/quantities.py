@@ -1,6 +1,4 @@
-r"""What is felt at the tip: mass, friction, stiffness, weight, and the force that this linear picture leaves out.
-
-What is felt at the tip, for a block of samples.
+r"""Quantities that a hand feels at the tip: mass, friction, stiffness, weight, and the force that these leave out.
 
 With the translational Jacobian J of the tip and ``A = J^+``, a velocity of the tip becomes joint velocities:
 :math:`M_{op} = A^T M A`, :math:`B_{op} = A^T F_v A`, :math:`K_{op} = A^T K A`, :math:`F_{cop} = A^T F_c`, weight
@@ -13,8 +11,6 @@ References:
     A. Janot et al., *Modeling and Identification of a 3 DOF Haptic Interface*, ICRA 2007, section VII: (18), (19).
     O. Khatib, *A unified approach for motion and force control of robot manipulators*, IEEE J. Robotics and
     Automation 3(1), 1987, for more joints than directions.
-
-The force at the tip that the linear picture of mass, friction and stiffness leaves out.
 """
 
 from __future__ import annotations
@@ -32,6 +28,7 @@ from phantom_dyn.model.robot import Robot
 from phantom_dyn.motion import Motion
 
 Array = np.ndarray
+
 
 SINGULAR = 1e-6
 """Ratio of the smallest to the largest singular value of J below which a point counts as singular: there the smallest
@@ -69,7 +66,7 @@ _WITHOUT_INERTIA = {"manipulability"}
 
 
 def require_quantities(names: tuple[str, ...], model: MapModel) -> None:
-    """Refuse what is no quantity, or cannot be told of this robot.
+    """Refuse what is no quantity, or what nothing states of this robot.
 
     Raises:
         ParameterError: In a sentence.
@@ -92,22 +89,6 @@ def shape_of(name: str, nv: int) -> tuple[int, ...]:
     if kind == "matrix":
         return (3, nv) if name == "coulomb_friction" else (3, 3)
     return (3,) if kind == "vector" else ()
-
-
-def _times_transposed(A: Array, B: Array) -> Array:
-    """``A^T B`` for each sample."""
-    return np.swapaxes(A, 1, 2) @ B
-
-
-def _cheapest_inverse(J: Array, W: Array) -> Array:
-    """Inverse of J with the least ``v^T W v``; the inverse itself for three joints."""
-    nv = J.shape[2]
-    if nv == 3:
-        return np.linalg.inv(J)
-    if nv < 3:
-        return np.linalg.pinv(J)
-    back = np.linalg.solve(W, np.swapaxes(J, 1, 2))
-    return back @ np.linalg.inv(J @ back)
 
 
 def felt_at(model: MapModel, q: Array, names: tuple[str, ...]) -> tuple[dict[str, Array], Array]:
@@ -136,35 +117,6 @@ def felt_at(model: MapModel, q: Array, names: tuple[str, ...]) -> tuple[dict[str
     return out, singular
 
 
-def _felt(model: MapModel, space: JointSpace, rows: Array, names: list[str]) -> dict[str, Array]:
-    assert space.M is not None
-    assert space.weight is not None
-    J, M = space.J[rows], space.M[rows]
-    A = _cheapest_inverse(J, M)
-    viscous, coulomb = projected_friction(model.robot, space.G)
-    out: dict[str, Array] = {}
-    if {"apparent_mass", "apparent_mass_matrix"} & set(names):
-        mass = _symmetric(_times_transposed(A, M) @ A)
-        out["apparent_mass_matrix"] = mass
-        if "apparent_mass" in names:  # symmetric and not negative: its largest eigenvalue
-            out["apparent_mass"] = np.linalg.eigvalsh(mass)[:, -1]
-    if "viscous_friction" in names:
-        out["viscous_friction"] = _symmetric(_times_transposed(A, viscous[rows]) @ A)
-    if "coulomb_friction" in names:
-        out["coulomb_friction"] = np.swapaxes(A, 1, 2) * coulomb[rows, None, :]
-    if "gravity_force" in names:
-        out["gravity_force"] = np.einsum("nji,nj->ni", A, space.weight[rows])
-    if "stiffness" in names and model.stiffness is not None:
-        A = A if model.nv <= 3 else _cheapest_inverse(J, np.diag(model.stiffness))
-        out["stiffness"] = _symmetric(np.swapaxes(A, 1, 2) @ (model.stiffness[:, None] * A))
-    return out
-
-
-def _symmetric(matrices: Array) -> Array:
-    """Both halves alike to the last bit, which rounding leaves unequal."""
-    return (matrices + np.swapaxes(matrices, 1, 2)) / 2
-
-
 def disturbance_force(robot: Robot, motion: Motion, frame: str) -> Float[Array, "N 3"]:
     r"""Force at the tip beyond :math:`M_{op}\ddot X` that moves the links: weight and what speed adds.
 
@@ -191,3 +143,48 @@ def disturbance_force(robot: Robot, motion: Motion, frame: str) -> Float[Array, 
     moved = Motion(motion.t, motion.q, motion.v, a)
     torque = inverse_dynamics(robot, moved) - modelled_friction(robot, moved)
     return np.linalg.solve(np.swapaxes(J, 1, 2), torque[..., None])[..., 0]
+
+
+def _felt(model: MapModel, space: JointSpace, rows: Array, names: list[str]) -> dict[str, Array]:
+    assert space.M is not None
+    assert space.weight is not None
+    J, M = space.J[rows], space.M[rows]
+    A = _cheapest_inverse(J, M)
+    viscous, coulomb = projected_friction(model.robot, space.G)
+    out: dict[str, Array] = {}
+    if {"apparent_mass", "apparent_mass_matrix"} & set(names):
+        mass = _symmetric(_times_transposed(A, M) @ A)
+        out["apparent_mass_matrix"] = mass
+        if "apparent_mass" in names:  # symmetric and not negative: its largest eigenvalue
+            out["apparent_mass"] = np.linalg.eigvalsh(mass)[:, -1]
+    if "viscous_friction" in names:
+        out["viscous_friction"] = _symmetric(_times_transposed(A, viscous[rows]) @ A)
+    if "coulomb_friction" in names:
+        out["coulomb_friction"] = np.swapaxes(A, 1, 2) * coulomb[rows, None, :]
+    if "gravity_force" in names:
+        out["gravity_force"] = np.einsum("nji,nj->ni", A, space.weight[rows])
+    if "stiffness" in names and model.stiffness is not None:
+        A = A if model.nv <= 3 else _cheapest_inverse(J, np.diag(model.stiffness))
+        out["stiffness"] = _symmetric(np.swapaxes(A, 1, 2) @ (model.stiffness[:, None] * A))
+    return out
+
+
+def _cheapest_inverse(J: Array, W: Array) -> Array:
+    """Inverse of J with the least ``v^T W v``; the inverse itself for three joints."""
+    nv = J.shape[2]
+    if nv == 3:
+        return np.linalg.inv(J)
+    if nv < 3:
+        return np.linalg.pinv(J)
+    back = np.linalg.solve(W, np.swapaxes(J, 1, 2))
+    return back @ np.linalg.inv(J @ back)
+
+
+def _times_transposed(A: Array, B: Array) -> Array:
+    """``A^T B`` for each sample."""
+    return np.swapaxes(A, 1, 2) @ B
+
+
+def _symmetric(matrices: Array) -> Array:
+    """Both halves alike to the last bit, which rounding leaves unequal."""
+    return (matrices + np.swapaxes(matrices, 1, 2)) / 2

@@ -1,9 +1,7 @@
 # pyright: reportAttributeAccessIssue=false
 """From a robot file and its robot.yaml to a `Robot`.
 
-Pinocchio's parsers, made to say what they say to the terminal.
-
-From a robot file and its robot.yaml to a `Robot`.
+Pinocchio's parsers print what they refuse, and pass over some of what they do not read: both are turned into sentences.
 """
 
 from __future__ import annotations
@@ -31,28 +29,60 @@ from phantom_dyn.model.robot_files import find_robot
 from phantom_dyn.model.robot_xml import RobotXml, read_root, urdf_facts
 from phantom_dyn.model.stated_loops import closed_chain
 
+CONFIG_NAME = "robot.yaml"
 _AT_REST = "world_at_rest"
+"""Name of the body that is added so that every body of an MJCF world hangs on one."""
 _POSE = ("pos", "quat", "axisangle", "xyaxes", "zaxis", "euler")
+"""Attributes that place a body of MJCF."""
+_KINDS = {
+    "JointModelFreeFlyer": "a floating base",
+    "JointModelPlanar": "a planar joint",
+    "JointModelSpherical": "a ball joint",
+    "JointModelSphericalZYX": "a ball joint",
+    "JointModelComposite": "several joints on one body",
+}
+"""What Pinocchio's joints of more than one velocity are called in a message."""
+_DRIVE = (
+    "gear_ratio",
+    "torque_constant",
+    "torque_limit",
+    "encoder_counts",
+    "resistance",
+    "voltage_limit",
+    "controller",
+)
+"""Keys of a joint in robot.yaml that only a driven joint has a use for."""
 
 
-@contextmanager
-def _captured_output() -> Iterator[list[str]]:
-    """Collect what C++ code prints: its streams know nothing of `sys.stderr`, so the descriptors are swapped."""
-    lines: list[str] = []
-    sys.stdout.flush()
-    sys.stderr.flush()
-    saved = [os.dup(1), os.dup(2)]
-    with tempfile.TemporaryFile() as sink:
-        try:
-            os.dup2(sink.fileno(), 1)
-            os.dup2(sink.fileno(), 2)
-            yield lines
-        finally:
-            for descriptor, original in zip((1, 2), saved, strict=True):
-                os.dup2(original, descriptor)
-                os.close(original)
-            sink.seek(0)
-            lines.extend(sink.read().decode(errors="replace").splitlines())
+def load_robot(source: str | Path, *, config: Path | None = None) -> Robot:
+    """Robot from a URDF or MJCF file, ``example:NAME``, or a built-in name.
+
+    Args:
+        source: File or name.
+        config: Its ``robot.yaml``; by default the one in the folder of the robot file, if there is one.
+
+    Returns:
+        Robot with one velocity per joint. Joints under ``lock`` and joints that mimic another are held fixed;
+        joints that close a loop are passive, see `phantom_dyn.model.stated_loops`.
+
+    Raises:
+        RobotError: If file, name or configuration cannot be used; one sentence says why and what to do.
+    """
+    path = find_robot(source)
+    facts = _facts(path)
+    config_path = path.with_name(CONFIG_NAME) if config is None else Path(config)
+    stated = read_robot_config(config_path) if config is not None or config_path.is_file() else RobotConfig()
+    full = parse_model(path, facts.kind)
+    if facts.gravity is not None:
+        full.gravity = pin.Motion(np.array(facts.gravity), np.zeros(3))
+    _check_names(full, stated, config_path)
+    carried = add_loop_frames(full, facts.loops, path)
+    model, locked = _hold(full, stated, facts)
+    _require_simple_joints(model, path)
+    _check_payload_frame(model, stated, config_path)
+    idle = frozenset(model.names) - facts.driven if facts.driven and facts.loops else frozenset()
+    chain = closed_chain(model, stated, config_path if stated.loops else path, carried=carried, without_drive=idle)
+    return _robot(model, str(source), path, facts, stated, locked, chain)
 
 
 def parse_model(path: Path, kind: Literal["urdf", "mjcf"]) -> pin.Model:
@@ -105,54 +135,24 @@ def _fixed_elsewhere(body: ElementTree.Element) -> bool:
     return not moves and any(body.get(key) is not None for key in _POSE)
 
 
-CONFIG_NAME = "robot.yaml"
-_KINDS = {
-    "JointModelFreeFlyer": "a floating base",
-    "JointModelPlanar": "a planar joint",
-    "JointModelSpherical": "a ball joint",
-    "JointModelSphericalZYX": "a ball joint",
-    "JointModelComposite": "several joints on one body",
-}
-_DRIVE = (
-    "gear_ratio",
-    "torque_constant",
-    "torque_limit",
-    "encoder_counts",
-    "resistance",
-    "voltage_limit",
-    "controller",
-)
-
-
-def load_robot(source: str | Path, *, config: Path | None = None) -> Robot:
-    """Robot from a URDF or MJCF file, ``example:NAME``, or a built-in name.
-
-    Args:
-        source: File or name.
-        config: Its ``robot.yaml``; by default the one in the folder of the robot file, if there is one.
-
-    Returns:
-        Robot with one velocity per joint. Joints under ``lock`` and joints that mimic another are held fixed;
-        joints that close a loop are passive, see `phantom_dyn.model.stated_loops`.
-
-    Raises:
-        RobotError: If file, name or configuration cannot be used; one sentence says why and what to do.
-    """
-    path = find_robot(source)
-    facts = _facts(path)
-    config_path = path.with_name(CONFIG_NAME) if config is None else Path(config)
-    stated = read_robot_config(config_path) if config is not None or config_path.is_file() else RobotConfig()
-    full = parse_model(path, facts.kind)
-    if facts.gravity is not None:
-        full.gravity = pin.Motion(np.array(facts.gravity), np.zeros(3))
-    _check_names(full, stated, config_path)
-    carried = add_loop_frames(full, facts.loops, path)
-    model, locked = _hold(full, stated, facts)
-    _require_simple_joints(model, path)
-    _check_payload_frame(model, stated, config_path)
-    idle = frozenset(model.names) - facts.driven if facts.driven and facts.loops else frozenset()
-    chain = closed_chain(model, stated, config_path if stated.loops else path, carried=carried, without_drive=idle)
-    return _robot(model, str(source), path, facts, stated, locked, chain)
+@contextmanager
+def _captured_output() -> Iterator[list[str]]:
+    """Collect what C++ code prints: its streams know nothing of `sys.stderr`, so the descriptors are swapped."""
+    lines: list[str] = []
+    sys.stdout.flush()
+    sys.stderr.flush()
+    saved = [os.dup(1), os.dup(2)]
+    with tempfile.TemporaryFile() as sink:
+        try:
+            os.dup2(sink.fileno(), 1)
+            os.dup2(sink.fileno(), 2)
+            yield lines
+        finally:
+            for descriptor, original in zip((1, 2), saved, strict=True):
+                os.dup2(original, descriptor)
+                os.close(original)
+            sink.seek(0)
+            lines.extend(sink.read().decode(errors="replace").splitlines())
 
 
 def _facts(path: Path) -> RobotXml:

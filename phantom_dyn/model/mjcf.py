@@ -1,12 +1,9 @@
 # pyright: reportAttributeAccessIssue=false
 """Facts of a MJCF file that Pinocchio drops: gravity, equalities, loops, and features that would make the model wrong.
 
-Facts of a MJCF file that Pinocchio drops: gravity, equalities, and features that would make the model wrong.
-
-Loops that a MJCF file closes with ``<connect>`` and ``<weld>``, set up in Pinocchio's model.
-
-They are read from the file and placed on the frames of the bodies, because `buildModelAndConstraintsFromMJCF` of
-Pinocchio 4.1 misplaces an anchor on a body whose joint has a ``pos``, and closes loops that ``active="false"`` opens.
+Loops that the file closes with ``<connect>`` and ``<weld>`` are placed on the frames of the bodies here, because
+`buildModelAndConstraintsFromMJCF` of Pinocchio 4.1 misplaces an anchor on a body whose joint has a ``pos``, and closes
+loops that ``active="false"`` opens.
 """
 
 from __future__ import annotations
@@ -21,6 +18,9 @@ from phantom_dyn.errors import RobotError, known_names
 from phantom_dyn.model.robot_config import FrameLoop, PointLoop
 from phantom_dyn.model.robot_xml import Body, Element, MjcfLoop, RobotXml, numbers, require_not_negative, symmetric
 from phantom_dyn.model.stated_loops import frame_index
+
+Array = np.ndarray
+
 
 _STRUCTURE = ("include", "frame", "replicate", "attach", "composite", "flexcomp")
 """Elements that change the tree of bodies when MuJoCo compiles the file; Pinocchio does not compile it."""
@@ -77,6 +77,44 @@ def mjcf_facts(root: Element, sha256: str, path: Path) -> RobotXml:
         _loops(root, path),
         _driven(root),
     )
+
+
+def add_loop_frames(model: pin.Model, loops: tuple[MjcfLoop, ...], path: Path) -> dict[str, PointLoop | FrameLoop]:
+    """The loops as robot.yaml would state them, by label; their frames are added to the model.
+
+    Args:
+        model: The whole model of the file; changed.
+        loops: What `mjcf_facts` found.
+        path: The file, for messages.
+
+    Raises:
+        RobotError: If a body or site of a loop is not in the model.
+    """
+    names = dict.fromkeys(frame.name for frame in model.frames)
+    home = _home(model)
+    data = model.createData()
+    pin.framesForwardKinematics(model, data, home)
+    start = {
+        model.names[j]: float(home[joint.idx_q])
+        for j, joint in enumerate(model.joints)
+        if j and joint.nq == 1 and home[joint.idx_q] != 0
+    }
+    out: dict[str, PointLoop | FrameLoop] = {}
+    for index, loop in enumerate(loops):
+        for name in (loop.frame_a, loop.frame_b):
+            if name not in names:
+                known = known_names(name, names, "bodies and sites")
+                raise RobotError(f"{path}: {loop.label} names {name!r}, which the model does not have, {known}")
+        a, b = frame_index(model, loop.frame_a), frame_index(model, loop.frame_b)
+        ends = [f"{loop.label} {index}{side}" for side in "ab"]
+        for name, frame, placement in zip(ends, (a, b), _placements(data, loop, a, b), strict=True):
+            parent = model.frames[frame]
+            full = parent.placement * placement
+            model.addFrame(pin.Frame(name, parent.parentJoint, frame, full, pin.FrameType.OP_FRAME), False)
+        stated = FrameLoop if loop.kind == "frame" else PointLoop
+        label = loop.label if loop.label not in out else f"{loop.label} ({index})"
+        out[label] = stated(frame_a=ends[0], frame_b=ends[1], start=start)
+    return out
 
 
 def _body(element: Element, root: Element, path: Path) -> Body | None:
@@ -163,47 +201,6 @@ def _warnings(root: Element, path: Path) -> tuple[str, ...]:
     if not found:
         return ()
     return (f"{path} states {', '.join(found)}, which the model leaves out: a gap may come from it.",)
-
-
-Array = np.ndarray
-
-
-def add_loop_frames(model: pin.Model, loops: tuple[MjcfLoop, ...], path: Path) -> dict[str, PointLoop | FrameLoop]:
-    """The loops as robot.yaml would state them, by label; their frames are added to the model.
-
-    Args:
-        model: The whole model of the file; changed.
-        loops: What `mjcf_loops` found.
-        path: The file, for messages.
-
-    Raises:
-        RobotError: If a body or site of a loop is not in the model.
-    """
-    names = dict.fromkeys(frame.name for frame in model.frames)
-    home = _home(model)
-    data = model.createData()
-    pin.framesForwardKinematics(model, data, home)
-    start = {
-        model.names[j]: float(home[joint.idx_q])
-        for j, joint in enumerate(model.joints)
-        if j and joint.nq == 1 and home[joint.idx_q] != 0
-    }
-    out: dict[str, PointLoop | FrameLoop] = {}
-    for index, loop in enumerate(loops):
-        for name in (loop.frame_a, loop.frame_b):
-            if name not in names:
-                known = known_names(name, names, "bodies and sites")
-                raise RobotError(f"{path}: {loop.label} names {name!r}, which the model does not have, {known}")
-        a, b = frame_index(model, loop.frame_a), frame_index(model, loop.frame_b)
-        ends = [f"{loop.label} {index}{side}" for side in "ab"]
-        for name, frame, placement in zip(ends, (a, b), _placements(data, loop, a, b), strict=True):
-            parent = model.frames[frame]
-            full = parent.placement * placement
-            model.addFrame(pin.Frame(name, parent.parentJoint, frame, full, pin.FrameType.OP_FRAME), False)
-        stated = FrameLoop if loop.kind == "frame" else PointLoop
-        label = loop.label if loop.label not in out else f"{loop.label} ({index})"
-        out[label] = stated(frame_a=ends[0], frame_b=ends[1], start=start)
-    return out
 
 
 def _home(model: pin.Model) -> Array:

@@ -1,4 +1,4 @@
-"""What is read from a robot file itself, because Pinocchio drops it or passes over it in silence."""
+"""Facts that are read from a robot file itself, because Pinocchio drops them or passes over them in silence."""
 
 from __future__ import annotations
 

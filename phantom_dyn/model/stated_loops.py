@@ -1,10 +1,6 @@
 # pyright: reportAttributeAccessIssue=false
 """From the loops that robot.yaml or the robot file state to a `ClosedChain`.
 
-Linear loops of robot.yaml: each passive joint as numbers times joints that are not.
-
-From the loops that robot.yaml or the robot file state to a `ClosedChain`.
-
 Which joints are passive: those with an expression in a linear loop; and of the joints between the two frames of a
 point or frame loop those that its list ``active`` leaves out, or, without that list, those that have no drive
 (``actuated: false``; in MJCF also those without an actuator). Every other joint is active, with a drive or without.
@@ -12,7 +8,6 @@ point or frame loop those that its list ``active`` leaves out, or, without that 
 
 from __future__ import annotations
 
-from collections.abc import Iterable
 from pathlib import Path
 
 import numpy as np
@@ -21,54 +16,8 @@ import pinocchio as pin
 from phantom_dyn.errors import RobotError
 from phantom_dyn.loops.assembly import assembled, require_determined
 from phantom_dyn.loops.chain import Anchor, ClosedChain
-from phantom_dyn.loops.expression import LinearExpression, linear_expression
+from phantom_dyn.model.linear_loops import LinearExpression, followed_joints
 from phantom_dyn.model.robot_config import FrameLoop, LinearLoop, PointLoop, RobotConfig
-
-
-def followed_joints(loops: Iterable[tuple[int, LinearLoop]], config: Path) -> dict[str, LinearExpression]:
-    """Expression of each joint that follows others, in joints that follow none.
-
-    Args:
-        loops: Linear loops with their places in the list ``loops``.
-        config: The file, for messages.
-
-    Raises:
-        RobotError: If an expression is not linear, or a joint follows twice or itself.
-    """
-    stated: dict[str, LinearExpression] = {}
-    for index, loop in loops:
-        if not loop.passive:
-            raise RobotError(f"{config}: loops[{index}].passive is empty: give each passive joint its expression.")
-        for name, text in loop.passive.items():
-            place = f"{config}: loops[{index}].passive.{name}"
-            if name in stated or name in loop.active:
-                other = "in another loop already" if name in stated else "active in the same loop"
-                raise RobotError(f"{place} is {other}: a passive joint stands in one loop, and only as passive.")
-            stated[name] = _read(text, loop.active, place)
-    return {name: _resolved(name, stated, (), config) for name in stated}
-
-
-def _read(text: str, active: list[str], place: str) -> LinearExpression:
-    try:
-        return linear_expression(text, active)
-    except ValueError as problem:
-        raise RobotError(
-            f"{place} is {text!r}, and {problem}: wanted a sum of numbers, pi and multiples of the loop's active "
-            "joints, such as 'pi/2 - 2*j5'."
-        ) from None
-
-
-def _resolved(name: str, stated: dict[str, LinearExpression], asked: tuple[str, ...], config: Path) -> LinearExpression:
-    """Expression of a joint with every follower in it replaced by what that one follows."""
-    if name in asked:
-        circle = " follows ".join([*asked[asked.index(name) :], name])
-        raise RobotError(f"{config}: the loops lead in a circle ({circle}): give one of these joints as active.")
-    out = LinearExpression(stated[name].constant)
-    for joint, factor in stated[name].factors.items():
-        one = LinearExpression(0.0, {joint: 1.0})
-        out = out.plus((_resolved(joint, stated, (*asked, name), config) if joint in stated else one).scaled(factor))
-    return out
-
 
 Array = np.ndarray
 
@@ -136,33 +85,11 @@ def closed_chain(
     return chain
 
 
-def _linear_map(names: list[str], followed: dict[str, LinearExpression], free: list[str]) -> tuple[Array, Array]:
-    """``S`` and ``o`` of `ClosedChain`, with the columns ``free``."""
-    linear_map, offset = np.zeros((len(names), len(free))), np.zeros(len(names))
-    for row, name in enumerate(names):
-        expression = followed.get(name, LinearExpression(0.0, {name: 1.0}))
-        offset[row] = expression.constant
-        for joint, factor in expression.factors.items():
-            linear_map[row, free.index(joint)] = factor
-    return linear_map, offset
-
-
-def _anchor(model: pin.Model, label: str, loop: PointLoop | FrameLoop) -> Anchor:
-    return Anchor(label, loop.kind, frame_index(model, loop.frame_a), frame_index(model, loop.frame_b))
-
-
 def frame_index(model: pin.Model, name: str) -> int:
     """Index of a frame; of a link and a joint of the same name the link."""
     found = [k for k, frame in enumerate(model.frames) if frame.name == name]
     links = [k for k in found if model.frames[k].type == pin.FrameType.BODY]
     return (links or found)[0]
-
-
-def _around(model: pin.Model, loop: PointLoop | FrameLoop) -> tuple[str, ...]:
-    """Joints of a loop: those that move one of its frames and not the other."""
-    frames = (frame_index(model, name) for name in (loop.frame_a, loop.frame_b))
-    a, b = (set(model.supports[model.frames[frame].parentJoint]) for frame in frames)
-    return tuple(model.names[joint] for joint in sorted(a ^ b))
 
 
 def _unknown_joints(
@@ -197,3 +124,25 @@ def _unknown_joints(
             )
         unknown |= set(mine) - driven
     return tuple(name for name in list(model.names)[1:] if name in unknown)
+
+
+def _around(model: pin.Model, loop: PointLoop | FrameLoop) -> tuple[str, ...]:
+    """Joints of a loop: those that move one of its frames and not the other."""
+    frames = (frame_index(model, name) for name in (loop.frame_a, loop.frame_b))
+    a, b = (set(model.supports[model.frames[frame].parentJoint]) for frame in frames)
+    return tuple(model.names[joint] for joint in sorted(a ^ b))
+
+
+def _linear_map(names: list[str], followed: dict[str, LinearExpression], free: list[str]) -> tuple[Array, Array]:
+    """``S`` and ``o`` of `ClosedChain`, with the columns ``free``."""
+    linear_map, offset = np.zeros((len(names), len(free))), np.zeros(len(names))
+    for row, name in enumerate(names):
+        expression = followed.get(name, LinearExpression(0.0, {name: 1.0}))
+        offset[row] = expression.constant
+        for joint, factor in expression.factors.items():
+            linear_map[row, free.index(joint)] = factor
+    return linear_map, offset
+
+
+def _anchor(model: pin.Model, label: str, loop: PointLoop | FrameLoop) -> Anchor:
+    return Anchor(label, loop.kind, frame_index(model, loop.frame_a), frame_index(model, loop.frame_b))

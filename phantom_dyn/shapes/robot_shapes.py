@@ -14,15 +14,18 @@ from jaxtyping import Float, Int
 from phantom_dyn.errors import RobotError
 from phantom_dyn.model.robot import Robot
 from phantom_dyn.model.robot_files import find_robot
-from phantom_dyn.shapes.mesh_reduction import face_budgets, reduced, surface
-from phantom_dyn.shapes.solids import Mesh, ball, box, capsule, cylinder, joined, moved
+from phantom_dyn.shapes.meshes import Mesh, ball, box, capsule, cylinder, face_budgets, joined, moved, reduced, surface
 
 Array = np.ndarray
 
 FACES = 2000
-_WIDTH = 0.018  # radius of a capsule, relative to the reach of the robot
-_SHORT = 1e-3  # links below this length [m] have no direction to draw a capsule along
-_POINT = 0.05  # radius [m] of a robot that has no length at all
+"""Triangles of a whole robot by default: a drawing in a report stays small."""
+_WIDTH = 0.018
+"""Radius of a capsule, relative to the reach of the robot."""
+_SHORT = 1e-3
+"""Length [m] below which a link has no direction to draw a capsule along."""
+_POINT = 0.05
+"""Radius [m] of a robot that has no length at all."""
 
 
 @dataclass(frozen=True)

@@ -1,8 +1,6 @@
-"""Control laws: gravity compensation, computed torque, and a controller that follows tables.
+"""Control laws: gravity compensation, computed torque, and a controller that interpolates tables.
 
-Torques of model-based control: gravity compensation and computed torque.
-
-A controller that follows tables: the one kind of controller that compiled simulations call without Python.
+A controller of tables, `Tracking`, is the one kind of controller that compiled simulations evaluate without Python.
 """
 
 from __future__ import annotations

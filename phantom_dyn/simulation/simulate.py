@@ -1,8 +1,4 @@
-"""A robot that differs from its model, moved by its drives: what a recording of it would hold.
-
-The effects' channels in a simulation that Python steps: commands, torques and readings with their states.
-
-A robot that differs from its model, moved by its drives: what a recording of it would hold.
+"""Simulation of a robot that differs from its model, moved by its drives: what a recording of it would hold.
 
 Effects enter through their `phantom_dyn.effects.simulated.Simulated` channels, in the order in which they are given:
 command -> drive -> transmission -> links -> reading. Friction, rotor and the effects' torques act on the motor's side
@@ -10,6 +6,7 @@ of a transmission that is not rigid.
 
 Steps are compiled and free of the GIL where machine and effects are such as `phantom_dyn.simulation.compiled.machine`
 knows; with a `phantom_dyn.simulation.control.Tracking` as controller there is no Python between first and last sample.
+Otherwise Python steps the machine, and `Channels` evaluates the effects' laws with their states.
 """
 
 from __future__ import annotations
@@ -32,69 +29,12 @@ from phantom_dyn.simulation.stepping import Machine, State, in_balance, longest_
 
 Array = np.ndarray
 
-# What a drive is asked for [N m or N], shape (nv,), from time, position readings and velocities at the encoders.
 Controller = Callable[[float, Array, Array], Array]
-
-
-class Channels:
-    """The effects' channels with their states, which move on with every step."""
-
-    def __init__(self, machine: Machine, parts: tuple[Simulated, ...], controller: Controller, *, held: bool):
-        self._controller, self._held = controller, held
-        self._seen, self._drives = list(machine.encoders), list(machine.drives)
-        self._readings = [part.reading for part in parts if part.reading is not None]
-        self._commands = [part.command for part in parts if part.command is not None]
-        self._laws = [part.torque for part in parts if part.torque is not None]
-        self._command_states = [part.start for part in parts if part.command is not None]
-        self._law_states = [part.start for part in parts if part.torque is not None]
-        self._asked = np.zeros(machine.robot.nv)
-        self._given: Array | None = None
-
-    def reading(self, state: State) -> Array:
-        """Position readings of a state."""
-        return self._read(state.x[self._seen])
-
-    def _read(self, q: Array) -> Array:
-        for reading in self._readings:
-            q = reading(q)
-        return q
-
-    def sample(self, t: float, state: State) -> tuple[Array, Array]:
-        """What the drives are asked for at a sample, and what they gave in the step before it."""
-        self._asked = self.ask(t, state.x, state.v)
-        return self._asked, self._asked if self._given is None else self._given
-
-    def ask(self, t: float, x: Array, v: Array) -> Array:
-        """What the controller asks of the drives in a state."""
-        tau = np.asarray(self._controller(t, self._read(x[self._seen]), v[self._seen]), dtype=float)
-        if tau.shape != (len(self._drives),):
-            wanted = f"wanted {len(self._drives)} numbers, one a joint"
-            raise ParameterError(f"The controller gave a torque of shape {tau.shape}, {wanted}.")
-        return tau
-
-    def torques(self, h: float) -> Callable[[float, Array, Array, Array], tuple[Array, Array]]:
-        """Drive torque and the effects' torques for one step of ``h`` seconds."""
-
-        def at(t: float, x: Array, v: Array, transmitted: Array) -> tuple[Array, Array]:
-            tau = self._asked if self._held else self.ask(t, x, v)
-            for i, command in enumerate(self._commands):
-                self._command_states[i], tau = command(self._command_states[i], h, tau)
-            self._given = tau
-            added = np.zeros(len(tau))
-            if not self._laws:
-                return tau, added
-            moment = Moment(t, x[self._drives], v[self._drives], transmitted)
-            for i, law in enumerate(self._laws):
-                self._law_states[i], torque = law(self._law_states[i], h, moment)
-                added = added + torque
-            return tau, added
-
-        return at
-
-
-# No robot moves at this speed [rad/s or m/s]: the integration has blown up, or the drives push without end.
+"""What a drive is asked for [N m or N], shape (nv,), from time, position readings and velocities at the encoders."""
 _TOO_FAST = 1e6
+"""Speed [rad/s or m/s] that no robot reaches: the integration has blown up, or the drives push without end."""
 _MOTORS = ("motors[0]", "motors[1]")
+"""What the start of the motors is called in a message."""
 
 
 @dataclass(frozen=True)
@@ -189,6 +129,22 @@ def simulate(
     return _recorded(machine, t, rows, sensed=robot.torque_source == "sensor")
 
 
+def _check(robot: Robot, controller: Controller, t: Array, starts: dict[str, Array], max_step: float) -> None:
+    if np.ndim(t) != 1 or len(t) < 2 or not np.isfinite(t).all() or not (np.diff(t) > 0).all():
+        raise ParameterError("The times of a simulation do not increase: give at least two, each later than the last.")
+    for name, values in starts.items():
+        if np.shape(values) != (robot.nv,):
+            raise ParameterError(f"{name} has shape {np.shape(values)}, wanted {robot.nv} numbers, one a joint.")
+        if not np.isfinite(values).all():
+            raise ParameterError(f"{name} is {values}: give finite numbers.")
+    if not max_step > 0:
+        raise ParameterError(f"max_step is {max_step} s: give a length above zero.")
+    if isinstance(controller, Tracking) and len(controller.limits) != robot.nv:
+        raise ParameterError(
+            f"The tracking law is one of {len(controller.limits)} joints and the robot has {robot.nv}: give as many."
+        )
+
+
 @dataclass(frozen=True)
 class _Plan:
     """Sample times [s], length and number of the steps behind each, and whether torque is held between samples."""
@@ -197,22 +153,6 @@ class _Plan:
     steps: Float[Array, " N"]
     counts: np.ndarray
     held: bool
-
-
-def _in_python(machine: Machine, state: State, channels: Channels, plan: _Plan) -> Rows:
-    """Any machine with any effects."""
-    rows = rows_for(len(plan.t), machine.nv, len(state.x))
-    for k, (t, h, count) in enumerate(zip(plan.t.tolist(), plan.steps.tolist(), plan.counts.tolist(), strict=True)):
-        rows.asked[k], rows.given[k] = channels.sample(t, state)
-        rows.q[k], rows.x[k], rows.v[k] = channels.reading(state), state.x, state.v
-        rows.before[k] = rows.after[k] = state.a
-        for i in range(count):
-            state = stepped(machine, state, t + i * h, h, channels.torques(h))
-            if not np.abs(state.v).max() < _TOO_FAST:
-                raise _unbounded(t)
-            if i == 0:
-                rows.after[k] = state.a
-    return rows
 
 
 def _compiled(
@@ -248,26 +188,76 @@ def _compiled(
     return rows
 
 
-def _check(robot: Robot, controller: Controller, t: Array, starts: dict[str, Array], max_step: float) -> None:
-    if np.ndim(t) != 1 or len(t) < 2 or not np.isfinite(t).all() or not (np.diff(t) > 0).all():
-        raise ParameterError("The times of a simulation do not increase: give at least two, each later than the last.")
-    for name, values in starts.items():
-        if np.shape(values) != (robot.nv,):
-            raise ParameterError(f"{name} has shape {np.shape(values)}, wanted {robot.nv} numbers, one a joint.")
-        if not np.isfinite(values).all():
-            raise ParameterError(f"{name} is {values}: give finite numbers.")
-    if not max_step > 0:
-        raise ParameterError(f"max_step is {max_step} s: give a length above zero.")
-    if isinstance(controller, Tracking) and len(controller.limits) != robot.nv:
-        raise ParameterError(
-            f"The tracking law is one of {len(controller.limits)} joints and the robot has {robot.nv}: give as many."
-        )
+def _in_python(machine: Machine, state: State, channels: Channels, plan: _Plan) -> Rows:
+    """Any machine with any effects."""
+    rows = rows_for(len(plan.t), machine.nv, len(state.x))
+    for k, (t, h, count) in enumerate(zip(plan.t.tolist(), plan.steps.tolist(), plan.counts.tolist(), strict=True)):
+        rows.asked[k], rows.given[k] = channels.sample(t, state)
+        rows.q[k], rows.x[k], rows.v[k] = channels.reading(state), state.x, state.v
+        rows.before[k] = rows.after[k] = state.a
+        for i in range(count):
+            state = stepped(machine, state, t + i * h, h, channels.torques(h))
+            if not np.abs(state.v).max() < _TOO_FAST:
+                raise _unbounded(t)
+            if i == 0:
+                rows.after[k] = state.a
+    return rows
 
 
-def _unbounded(t: float) -> ParameterError:
-    return ParameterError(
-        f"The motion leaves all bounds after {t:.4g} s: check controller and parameters, or shorten max_step."
-    )
+class Channels:
+    """The effects' channels with their states, which move on with every step."""
+
+    def __init__(self, machine: Machine, parts: tuple[Simulated, ...], controller: Controller, *, held: bool):
+        self._controller, self._held = controller, held
+        self._seen, self._drives = list(machine.encoders), list(machine.drives)
+        self._readings = [part.reading for part in parts if part.reading is not None]
+        self._commands = [part.command for part in parts if part.command is not None]
+        self._laws = [part.torque for part in parts if part.torque is not None]
+        self._command_states = [part.start for part in parts if part.command is not None]
+        self._law_states = [part.start for part in parts if part.torque is not None]
+        self._asked = np.zeros(machine.robot.nv)
+        self._given: Array | None = None
+
+    def reading(self, state: State) -> Array:
+        """Position readings of a state."""
+        return self._read(state.x[self._seen])
+
+    def _read(self, q: Array) -> Array:
+        for reading in self._readings:
+            q = reading(q)
+        return q
+
+    def sample(self, t: float, state: State) -> tuple[Array, Array]:
+        """What the drives are asked for at a sample, and what they gave in the step before it."""
+        self._asked = self.ask(t, state.x, state.v)
+        return self._asked, self._asked if self._given is None else self._given
+
+    def ask(self, t: float, x: Array, v: Array) -> Array:
+        """What the controller asks of the drives in a state."""
+        tau = np.asarray(self._controller(t, self._read(x[self._seen]), v[self._seen]), dtype=float)
+        if tau.shape != (len(self._drives),):
+            wanted = f"wanted {len(self._drives)} numbers, one a joint"
+            raise ParameterError(f"The controller gave a torque of shape {tau.shape}, {wanted}.")
+        return tau
+
+    def torques(self, h: float) -> Callable[[float, Array, Array, Array], tuple[Array, Array]]:
+        """Drive torque and the effects' torques for one step of ``h`` seconds."""
+
+        def at(t: float, x: Array, v: Array, transmitted: Array) -> tuple[Array, Array]:
+            tau = self._asked if self._held else self.ask(t, x, v)
+            for i, command in enumerate(self._commands):
+                self._command_states[i], tau = command(self._command_states[i], h, tau)
+            self._given = tau
+            added = np.zeros(len(tau))
+            if not self._laws:
+                return tau, added
+            moment = Moment(t, x[self._drives], v[self._drives], transmitted)
+            for i, law in enumerate(self._laws):
+                self._law_states[i], torque = law(self._law_states[i], h, moment)
+                added = added + torque
+            return tau, added
+
+        return at
 
 
 def _recorded(machine: Machine, t: Array, rows: Rows, *, sensed: bool) -> Simulation:
@@ -279,3 +269,9 @@ def _recorded(machine: Machine, t: Array, rows: Rows, *, sensed: bool) -> Simula
     links = Motion(t, x[:, :nv], v[:, :nv], a[:, :nv])
     encoders = Motion(t, x[:, seen], v[:, seen], a[:, seen])
     return Simulation(t, rows.q, rows.given if sensed else rows.asked, encoders, links)
+
+
+def _unbounded(t: float) -> ParameterError:
+    return ParameterError(
+        f"The motion leaves all bounds after {t:.4g} s: check controller and parameters, or shorten max_step."
+    )

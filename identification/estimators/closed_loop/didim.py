@@ -20,10 +20,9 @@ from jaxtyping import Float
 from identification.data.log import Log
 from identification.estimators.closed_loop.loop import Feedback, Loop
 from identification.estimators.closed_loop.simulated_start import Resimulation, resimulated, start_of
-from identification.estimators.fit import Fit, Status
-from identification.estimators.judged_values import judged
-from identification.estimators.linear.rows import factor_of, influence_of, least_squares, noise_left
-from identification.estimators.wls import floored
+from identification.estimators.fit import Fit, Status, fit_of, values_of_influence
+from identification.estimators.linear.rows import factor_of, influence_of, least_squares, residual_noise
+from identification.estimators.weighted_least_squares import floored
 from identification.regression.base_parameters import BaseParameters
 from identification.regression.regressor import EffectOnJoint, Regressor, torque_regressor
 from phantom_dyn.errors import EstimationError
@@ -93,7 +92,7 @@ def didim(
         rows, target = simulation.rows(base), _target(regressor, simulation)
         found, factor = least_squares(rows, target, weights)
         influence = influence_of(rows, factor, weights)
-        weights = 1.0 / floored(noise_left(rows, influence, target - rows @ found), regressor)
+        weights = 1.0 / floored(residual_noise(rows, influence, target - rows @ found), regressor)
         std = np.sqrt(np.einsum("njk,j->k", influence**2, weights**-2))
         step = found - theta
         theta, simulation = _taken(regressor, start.loops, base, theta, step)
@@ -105,7 +104,7 @@ def didim(
 
 
 def _target(regressor: Regressor, simulation: Resimulation) -> Float[Array, "N nv"]:
-    """Measured torque less what the simulated motion takes whatever the unknowns are."""
+    """Measured torque minus the torque of the simulated motion that does not depend on the unknowns."""
     return regressor.measured - (simulation.regressor.measured - simulation.regressor.y)
 
 
@@ -136,4 +135,5 @@ def _fit(
     rows = simulation.rows(base)
     factor = factor_of(rows, weights)
     target, influence = _target(regressor, simulation), influence_of(rows, factor, weights)
-    return judged(theta, rows, target, influence, factor, regressor.starts).fit("didim", regressor, base, status)
+    values = values_of_influence(theta, rows, target, influence, factor, regressor.starts)
+    return fit_of("didim", regressor, base, values, status=status)

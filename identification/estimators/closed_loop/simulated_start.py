@@ -17,7 +17,7 @@ from identification.estimators.closed_loop.plant import all_parameters, model_pa
 from identification.estimators.fit import Fit
 from identification.estimators.linear.least_squares import base_of
 from identification.estimators.linear.rows import base_rows
-from identification.estimators.wls import floored, wls
+from identification.estimators.weighted_least_squares import floored, wls
 from identification.regression.base_parameters import BaseParameters
 from identification.regression.regressor import Regressor
 from phantom_dyn.errors import EstimationError

@@ -11,14 +11,14 @@ from scipy.linalg import block_diag
 
 from identification.data.log import Log
 from identification.estimators.consistent.consistent_bodies import Region, reference_bodies
-from identification.estimators.consistent.consistent_cone import solve_program
 from identification.estimators.consistent.consistent_program import (
     FREE,
-    Point,
     Prior,
     Program,
+    ProgramSolution,
     is_possible,
     nearest_unconstrained,
+    solve_program,
 )
 from identification.estimators.consistent.full_parameters import (
     coefficient_bounds,
@@ -27,7 +27,7 @@ from identification.estimators.consistent.full_parameters import (
 )
 from identification.estimators.fit import Fit
 from identification.estimators.linear.least_squares import base_blocks
-from identification.estimators.wls import floored, wls
+from identification.estimators.weighted_least_squares import floored, wls
 from identification.regression.base_parameters import base_parameters_of_matrix, r_factor
 from identification.regression.regressor import EffectOnJoint, Regressor, torque_regressor
 from identification.regression.triangular import triangular
@@ -99,8 +99,8 @@ def consistent(
     weighted = regressor.reduction.weighted(1 / floored(free.sigma, regressor))
     factor = triangular(np.concatenate(weighted.rows(kept)))[: len(kept), : len(kept)]
     program = _program(regressor, factor @ selection(free.base), factor @ free.theta, prior, regions)
-    point = consistent_parameters(program, chosen_only=prior is None)
-    return _moved(free, regressor, program, point, prior)
+    solution = consistent_parameters(program, chosen_only=prior is None)
+    return _moved(free, regressor, program, solution, prior)
 
 
 def program_of_factor(
@@ -136,7 +136,7 @@ def program_of_factor(
     return _program(regressor, small[:, : base.rank] @ selection(base), small[:, base.rank], prior, regions)
 
 
-def consistent_parameters(program: Program, *, chosen_only: bool = False) -> Point:
+def consistent_parameters(program: Program, *, chosen_only: bool = False) -> ProgramSolution:
     """Solution of a program; where its equations have a possible one, that in closed form.
 
     Args:
@@ -149,7 +149,7 @@ def consistent_parameters(program: Program, *, chosen_only: bool = False) -> Poi
     if chosen_only:
         nearest = nearest_unconstrained(program)
         if is_possible(program, nearest):
-            return Point(nearest)
+            return ProgramSolution(nearest)
     return solve_program(program)
 
 
@@ -162,31 +162,37 @@ def _program(
     return Program(factor, target, bodies, regions_for(robot, regions), lower, upper, prior or Prior())
 
 
-def _moved(free: Fit, regressor: Regressor, program: Program, point: Point, prior: Prior | None) -> ConsistentFit:
-    """The unconstrained fit, moved to the possible point."""
-    held = _sentences(regressor, program, point)
-    theta = free.base.values(point.pi)
-    given = {field.name: getattr(free, field.name) for field in fields(Fit)}
+def _moved(
+    free: Fit, regressor: Regressor, program: Program, solution: ProgramSolution, prior: Prior | None
+) -> ConsistentFit:
+    """The unconstrained fit, moved to the solution of the program."""
+    held = _held_sentences(regressor, solution)
+    fit = replace(free, theta=free.base.values(solution.pi))
     if held or prior is not None:
-        residual = np.empty_like(regressor.y)
-        for at, block in base_blocks(regressor, free.base):
-            residual[at] = regressor.y[at] - block @ theta
-        sizes = np.linalg.norm(regressor.measured, axis=0)
-        error = np.full(len(sizes), np.nan)
-        np.divide(100 * np.linalg.norm(residual, axis=0), sizes, out=error, where=sizes > 0)
-        given["relative_error"] = error
+        fit = replace(fit, relative_error=_relative_error(regressor, fit))
     if prior is not None:
-        for name in ("cov", "cov_white"):
-            given[name] = _shrunk(free, program, given[name])
+        fit = replace(fit, cov=_shrunk(free, program, free.cov), cov_white=_shrunk(free, program, free.cov_white))
     if held:
-        moved = [f"{regressor.names[regressor.first_effect + at]} is " for at in point.held_bounds]
-        given["warnings"] = (
-            # What the free value means at its bound is said by what holds it there.
-            *(said for said in free.warnings if not any(said.startswith(name) for name in moved)),
+        moved = tuple(f"{regressor.names[regressor.first_effect + at]} is " for at in solution.held_bounds)
+        warnings = (
+            # A warning that the free value is at its bound says the same as the sentence on the constraint.
+            *(warning for warning in free.warnings if not warning.startswith(moved)),
             *held,
             "The deviations are those without these constraints: the true ones are smaller, and not symmetric.",
         )
-    return ConsistentFit(**{**given, "theta": theta}, pi=point.pi, held=held)
+        fit = replace(fit, warnings=warnings)
+    shared = {field.name: getattr(fit, field.name) for field in fields(Fit)}
+    return ConsistentFit(**shared, pi=solution.pi, held=held)
+
+
+def _relative_error(regressor: Regressor, fit: Fit) -> Float[Array, " nv"]:
+    """Root mean square of a fit's residual over that of the measured torque [%]; nan for a joint without torque."""
+    residual = np.empty_like(regressor.y)
+    for at, block in base_blocks(regressor, fit.base):
+        residual[at] = regressor.y[at] - block @ fit.theta
+    sizes = np.linalg.norm(regressor.measured, axis=0)
+    error = np.full(len(sizes), np.nan)
+    return np.divide(100 * np.linalg.norm(residual, axis=0), sizes, out=error, where=sizes > 0)
 
 
 def _shrunk(free: Fit, program: Program, covariance: Array) -> Array:
@@ -213,22 +219,22 @@ def _shrunk(free: Fit, program: Program, covariance: Array) -> Array:
     return 0.5 * (total + total.T)
 
 
-def _sentences(regressor: Regressor, program: Program, point: Point) -> tuple[str, ...]:
+def _held_sentences(regressor: Regressor, solution: ProgramSolution) -> tuple[str, ...]:
     robot, names = regressor.robot, regressor.names[regressor.first_effect :]
-    coefficients = point.pi[regressor.first_effect :]
+    coefficients = solution.pi[regressor.first_effect :]
     out = [
         f"{body_name(robot, at + 1)}: the recording alone asks for a body that cannot exist; its mass distribution is "
         "held at the edge of the possible."
-        for at in point.held_bodies
+        for at in solution.held_bodies
     ]
     out += [
         f"{body_name(robot, at + 1)}: the recording alone asks for mass outside the given region; it is held at its "
         "edge."
-        for at in point.held_regions
+        for at in solution.held_regions
     ]
     out += [
         f"{names[at]} is held at its bound of {coefficients[at] if abs(coefficients[at]) > 1e-9 else 0:g}: the "
         "recording alone asks for a value beyond it."
-        for at in point.held_bounds
+        for at in solution.held_bounds
     ]
     return tuple(out)

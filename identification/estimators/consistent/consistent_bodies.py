@@ -1,17 +1,13 @@
 r"""Which inertial parameters a body can have, as matrices that are linear in them, and where its mass can be.
 
-Which inertial parameters a body can have, as matrices that are linear in them.
-
 A body exists exactly if its pseudo-inertia :math:`P = \int [x; 1][x; 1]^T dm` (4 x 4, [Wensing]_) is not negative; its
 mass lies in an ellipsoid exactly if besides :math:`\mathrm{tr}(P Q) \ge 0`, and its centre of mass lies in a convex
-hull if it is on the inner side of every face.
+hull if it is on the inner side of every face. Ellipsoid and hull come from the points of the body's shape.
 
 References:
     .. [Wensing] P. M. Wensing, S. Kim, J.-J. E. Slotine, Linear matrix inequalities for physically consistent inertial
        parameter identification, IEEE Robotics and Automation Letters 3(1), 2018. The eigenvalues are checked against
-       central inertias in tests/identification/estimators/test_consistent_bodies.py.
-
-Where the mass of a body can be, from the points of its shape: an ellipsoid about all, and their convex hull.
+       central inertias in tests/identification/estimators/consistent/test_consistent_bodies.py.
 """
 
 from __future__ import annotations
@@ -30,6 +26,15 @@ Array = np.ndarray
 
 _ENTRIES = ((0, 0), (0, 1), (1, 1), (0, 2), (1, 2), (2, 2))  # order of the six inertia entries
 
+_FLOOR = 1e-4
+"""A reference body counts as at least 1 % as thick as its radius of gyration: files state rods and points, to which no
+distance is finite, and vendors' inertias that break the triangle inequality."""
+
+_ALL = 10**9  # faces of a mesh that is not reduced: a reduced one is smaller than the body
+_FACES = 200  # more halfspaces than this are replaced by as many that touch the hull from outside
+_TOUCHING = 1e-2  # of the squared distance: the ellipsoid is less than 1 % wider than the smallest one
+_ITERATIONS = 1000  # most steps towards the smallest ellipsoid
+
 
 def _pseudo_basis() -> Array:
     basis = np.zeros((10, 4, 4))
@@ -46,10 +51,6 @@ def _pseudo_basis() -> Array:
 
 PSEUDO = _pseudo_basis()
 """Pseudo-inertia per unit of each of the ten parameters, ``(10, 4, 4)``."""
-
-_FLOOR = 1e-4
-"""A reference body counts as at least 1 % as thick as its radius of gyration: files state rods and points, to which no
-distance is finite, and vendors' inertias that break the triangle inequality."""
 
 
 def pseudo_inertia(standard: Float[Array, "*b 10"]) -> Float[Array, "*b 4 4"]:
@@ -94,7 +95,7 @@ class Region:
             raise ParameterError("The ellipsoid of a region has an axis of no length: give one with a volume.")
 
     def rows(self) -> Float[Array, "F 10"]:
-        """What must not be negative, per unit of each of the ten parameters: ellipsoid [kg], then faces [kg m]."""
+        """Left sides of ``rows @ standard >= 0``: of the ellipsoid [kg], then of the faces [kg m]."""
         out = [np.zeros((0, 10))]
         if self.center is not None and self.shape is not None:
             inverse = np.linalg.inv(self.shape)
@@ -161,12 +162,6 @@ def reference_bodies(standard: Float[Array, " p"]) -> tuple[Reference, ...]:
     masses = bodies[bodies[:, 0] > 0, 0]
     usual = float(masses.mean()) if len(masses) else 1.0
     return tuple(reference_body(body, mass=float(body[0]) if body[0] > 0 else usual) for body in bodies)
-
-
-_ALL = 10**9  # faces: a reduced mesh is smaller than the body
-_FACES = 200  # more halfspaces than this are replaced by as many that touch the hull from outside
-_TOUCHING = 1e-2  # of the squared distance: the ellipsoid is less than 1 % wider than the smallest one
-_ITERATIONS = 1000
 
 
 def body_regions(robot: Robot) -> tuple[Region | None, ...]:

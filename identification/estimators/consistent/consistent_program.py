@@ -1,21 +1,38 @@
-"""What the estimator of physically consistent parameters is asked for, and its closed form where no edge acts."""
+# pyright: reportAttributeAccessIssue=false
+"""The convex program of physically consistent parameters: what is minimised, and its solution.
+
+Where no constraint is active the solution is a closed form; else Clarabel solves the program, which is built directly,
+as building it through a modelling language would cost more than solving it. The program sees the recording through a
+triangular factor alone, so that its size does not depend on the number of samples.
+"""
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
 
+import clarabel
 import numpy as np
 from jaxtyping import Float
-from scipy.linalg import block_diag, solve_triangular
+from scipy import sparse
+from scipy.linalg import block_diag, null_space, solve_triangular
 
-from identification.estimators.consistent.consistent_bodies import Reference, Region, pseudo_inertia
-from phantom_dyn.errors import ParameterError
+from identification.estimators.consistent.consistent_bodies import PSEUDO, Reference, Region, pseudo_inertia
+from phantom_dyn.errors import EstimationError, ParameterError
 
 Array = np.ndarray
 
 FREE = 1e-3
-"""Distance that a coefficient counts which explains as much as all bodies together; a body as far from its reference as
-that itself counts 1. Where a recording cannot tell them apart, the coefficient gives way."""
+"""Prior distance of a coefficient whose torque is as large as that of all bodies together; that of a body as far from
+its reference as the reference is large is 1. Where a recording cannot separate the two, the coefficient gives way."""
+
+_ATTEMPTS = ((1e7, 1e-9), (1e7, 1e-7), (1e5, 1e-7), (1e4, 1e-6), (1e3, 1e-6))
+"""Attempts in turn: the largest root of the information that a recording is taken to have, and Clarabel's tolerance in
+units of the log-likelihood. Without noise the information is 1e9 and more, beside which a solver in double precision
+does not see a prior."""
+
+_AT_EDGE = 1e-5  # slack of an inequality, in units of its row, up to which it is active
+_PUSHED = 1e-3  # multiplier (gain of the log-likelihood per unit of slack) from which an active inequality matters
 
 
 @dataclass(frozen=True)
@@ -32,7 +49,7 @@ class Prior:
     References:
         .. [Lee] T. Lee, P. M. Wensing, F. C. Park, Geometric robot dynamic identification: a convex programming
            approach, IEEE Transactions on Robotics 36(2), 2020. Checked against cvxpy in
-           tests/identification/estimators/test_consistent_cone.py.
+           tests/identification/estimators/consistent/test_consistent_cone.py.
     """
 
     weight: float = 1e-6
@@ -84,7 +101,7 @@ class Program:
 
 
 @dataclass(frozen=True)
-class Point:
+class ProgramSolution:
     """Solution of a `Program`.
 
     Attributes:
@@ -130,3 +147,194 @@ def nearest_unconstrained(program: Program) -> Float[Array, " p"]:
 def _root(body: Reference) -> Array:
     """``U`` with ``|U^-1 d|`` the distance of a change ``d`` in units of the reference's scale."""
     return np.asarray(solve_triangular(np.linalg.qr(body.metric, mode="r"), np.eye(10)))
+
+
+def solve_program(program: Program) -> ProgramSolution:
+    """The parameters that a program asks for.
+
+    Raises:
+        EstimationError: If there are none, or the solver does not get to them.
+    """
+    # In units of the prior where that is strong: a solver wants an objective of order one.
+    strength = max(1.0, program.prior.weight)
+    root = np.sqrt(strength)
+    prior = replace(program.prior, weight=program.prior.weight / strength)
+    scaled = program if program.exact else replace(
+        program, factor=program.factor / root, target=program.target / root, prior=prior
+    )  # fmt: skip
+    status = ""
+    for largest, tolerance in _ATTEMPTS:
+        solution, status = _attempt(scaled, largest, tolerance)
+        if solution is not None:
+            return solution
+    if "PrimalInfeasible" in status:
+        raise EstimationError(
+            "No physically possible bodies satisfy these equations within their regions and bounds: widen the regions, "
+            "or fit with a covariance instead of exactly."
+        )
+    raise EstimationError(f"The solver of consistent parameters ended with {status}: give a stronger prior.")
+
+
+def _attempt(program: Program, largest: float, tolerance: float) -> tuple[ProgramSolution | None, str]:
+    p = program.factor.shape[1]
+    n = len(program.bodies)
+    scale = program.scale
+    entropic = program.prior.kind == "entropic"
+    start, back, equations, left = _coordinates(program, largest)
+    if not entropic and is_possible(program, start * scale):
+        return ProgramSolution(start * scale), ""
+    d = back.shape[1]
+    width = d + 14 * n * entropic
+    own, rows, least = _inequalities(program, scale)
+    cones = [_positive(rows @ back, least - rows @ start, width)]
+    quadratic, linear = np.zeros((width, width)), np.zeros(width)
+    quadratic[:d, :d] = equations.T @ equations if entropic else np.eye(d)
+    linear[:d] = equations.T @ left if entropic else 0.0
+    for body, reference in enumerate(program.bodies):
+        at = slice(10 * body, 10 * body + 10)
+        matrices = np.einsum("kd,kij->dij", back[at], PSEUDO)
+        begun = pseudo_inertia(start[at])
+        cones.append(_semidefinite(np.arange(d), matrices, begun - program.margin * np.eye(4), width))
+        if entropic:
+            weight = 1.0 if program.exact else program.prior.weight
+            first, whitening = d + 14 * body, reference.whitening
+            whitened = whitening @ matrices @ whitening.T
+            cones += _log_determinant(whitened, whitening @ begun @ whitening.T, first, width)
+            linear[:d] += weight * np.einsum("dii->d", whitened)
+            linear[first + 10 : first + 14] = -weight
+    # Cones of bodies come second and, with an entropic prior, every sixth from there.
+    bodies = [1 + (6 if entropic else 1) * at for at in range(n)]
+    change, forces, status = _minimised(quadratic, linear, cones, tolerance)
+    if status not in ("Solved", "AlmostSolved"):
+        return None, status
+    x = start + back @ change[:d]
+    pushed = set(own[(rows @ x - least <= _AT_EDGE) & (forces[0] > _PUSHED)].tolist())
+    eigenvalues = np.linalg.eigvalsh(pseudo_inertia(x[: 10 * n].reshape(n, 10)))[:, 0]
+    if n and eigenvalues.min() < 0.5 * program.margin:
+        return None, "a body that cannot exist"
+    near = eigenvalues <= 10 * program.margin
+    held = [at for at in range(n) if near[at] and np.abs(forces[bodies[at]]).max() > _PUSHED]
+    regions = tuple(at for at in range(n) if at in pushed)
+    bounds = tuple(at for at in range(p - 10 * n) if n + at in pushed)
+    return ProgramSolution(x * scale, tuple(held), regions, bounds), status
+
+
+@dataclass(frozen=True)
+class _Cone:
+    """``offset - rows x`` is in a cone of Clarabel's."""
+
+    rows: sparse.csc_matrix
+    offset: Array
+    kind: object
+
+
+def _coordinates(program: Program, largest: float) -> tuple[Array, Array, Array, Array]:
+    """Scaled parameters as ``start + back @ u``, where equations and prior together are ``|u|^2 / 2`` and a constant.
+
+    In these coordinates parameters that are known to 1e-8 and others that are not known at all are alike to a solver.
+    An entropic prior counts with its second order.
+
+    Returns:
+        ``start``, ``back``, and the equations' own part: its rows per ``u``, and what they leave at ``start``.
+    """
+    n, p = len(program.bodies), len(program.scale)
+    columns = program.factor * program.scale
+    known = np.concatenate([*(body.standard for body in program.bodies), np.zeros(p - 10 * n)]) / program.scale
+    drawn = np.asarray(block_diag(*(body.metric for body in program.bodies), FREE * np.eye(p - 10 * n)))
+    if program.exact:
+        start = nearest_unconstrained(program) / program.scale
+        free = np.asarray(null_space(columns))
+        # Orthonormal in the metric of the prior.
+        triangle = np.linalg.qr(drawn @ free, mode="r")
+        back = np.linalg.solve(triangle.T, free.T).T
+        return (
+            start + back @ (drawn @ back).T @ (drawn @ (known - start)),
+            back,
+            np.zeros((0, back.shape[1])),
+            np.zeros(0),
+        )
+    shrunk = min(1.0, largest / max(float(np.linalg.norm(columns)), 1.0))
+    drawn *= np.sqrt(program.prior.weight)
+    q, triangle = np.linalg.qr(np.vstack([shrunk * columns, drawn]))
+    left = np.concatenate([shrunk * (program.target - columns @ known), np.zeros(len(drawn))])
+    start = known + np.linalg.solve(triangle, q.T @ left)
+    # The prior's part in between is replaced by the log-determinant where there is one.
+    own = np.r_[: len(columns), len(columns) + 16 * n : len(q)]
+    left = np.concatenate([shrunk * (columns @ start - program.target), drawn[16 * n :] @ start])
+    return start, np.linalg.inv(triangle), q[own], left
+
+
+def _inequalities(program: Program, scale: Array) -> tuple[Array, Array, Array]:
+    """Whose each inequality is (body, or number of bodies + coefficient), its row of norm one, and its least value."""
+    n, p = len(program.bodies), len(scale)
+    own, rows, least = [np.zeros(0, dtype=int)], [np.zeros((0, p))], [np.zeros(0)]
+    for body, region in enumerate(program.regions):
+        if region is not None:
+            given = region.rows() * program.bodies[body].scale
+            wide = np.zeros((len(given), p))
+            wide[:, 10 * body : 10 * body + 10] = given / np.linalg.norm(given, axis=1, keepdims=True)
+            own, rows, least = [*own, np.full(len(given), body)], [*rows, wide], [*least, np.zeros(len(given))]
+    for sign, bounds in ((1.0, program.lower), (-1.0, program.upper)):
+        at = np.flatnonzero(np.isfinite(bounds))
+        own, rows = [*own, n + at], [*rows, sign * np.eye(p)[10 * n + at]]
+        least = [*least, sign * bounds[at] / scale[10 * n + at]]
+    return np.concatenate(own), np.concatenate(rows), np.concatenate(least)
+
+
+def _positive(rows: Array, least: Array, width: int) -> _Cone:
+    padded = np.pad(rows, ((0, 0), (0, width - rows.shape[1])))
+    return _Cone(sparse.csc_matrix(-padded), -least, clarabel.NonnegativeConeT(len(least)))
+
+
+def _semidefinite(at: Array, matrices: Array, constant: Array, width: int) -> _Cone:
+    """``sum x[at] matrices + constant`` is positive semidefinite."""
+    size = len(constant)
+    column, row = np.tril_indices(size)  # Clarabel wants the upper triangle column by column
+    weight = np.where(row == column, 1.0, np.sqrt(2.0))
+    entries = matrices[:, row, column] * weight
+    wide = sparse.csc_matrix((-entries.T.ravel(), (np.repeat(np.arange(len(row)), len(at)), np.tile(at, len(row)))),
+                             shape=(len(row), width))  # fmt: skip
+    wide.eliminate_zeros()
+    return _Cone(wide, constant[row, column] * weight, clarabel.PSDTriangleConeT(size))
+
+
+def _log_determinant(matrices: Array, constant: Array, first: int, width: int) -> list[_Cone]:
+    r"""Fourteen more variables from ``first``, the last four of which sum up to at most :math:`\log\det M(x)`.
+
+    With ``Z`` lower triangular: ``[[M, Z], [Z^T, diag Z]]`` is positive and each of the four at most ``log Z_ii``.
+    """
+    i, j = np.tril_indices(4)
+    d = len(matrices)
+    joined, begun = np.zeros((d + 10, 8, 8)), np.zeros((8, 8))
+    begun[:4, :4] = constant
+    joined[:d, :4, :4] = matrices
+    for k, (row, column) in enumerate(zip(i, j, strict=True)):
+        joined[d + k, row, 4 + column] = joined[d + k, 4 + column, row] = 1.0
+        if row == column:
+            joined[d + k, 4 + column, 4 + column] = 1.0
+    cones = [_semidefinite(np.concatenate([np.arange(d), np.arange(first, first + 10)]), joined, begun, width)]
+    for k, entry in enumerate(np.flatnonzero(i == j)):
+        rows = sparse.csc_matrix(([-1.0, -1.0], ([0, 2], [first + 10 + k, first + entry])), shape=(3, width))
+        cones.append(_Cone(rows, np.array([0.0, 1.0, 0.0]), clarabel.ExponentialConeT()))
+    return cones
+
+
+def _minimised(
+    quadratic: Array, linear: Array, cones: Sequence[_Cone], tolerance: float
+) -> tuple[Array, list[Array], str]:
+    """Minimum of ``x^T Q x / 2 + c^T x``, what each cone pushes with, and the solver's status."""
+    used = [cone for cone in cones if len(cone.offset)]
+    settings = clarabel.DefaultSettings()
+    settings.verbose = False
+    settings.tol_gap_abs = settings.tol_gap_rel = settings.tol_feas = tolerance
+    solution = clarabel.DefaultSolver(
+        sparse.csc_matrix(np.triu(quadratic)),
+        linear,
+        sparse.vstack([cone.rows for cone in used], format="csc"),
+        np.concatenate([cone.offset for cone in used]),
+        [cone.kind for cone in used],
+        settings,
+    ).solve()
+    status = str(solution.status)
+    ends = np.cumsum([len(cone.offset) for cone in cones])
+    return np.array(solution.x), np.split(np.array(solution.z), ends[:-1]), status

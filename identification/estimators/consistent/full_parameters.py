@@ -9,8 +9,13 @@ import numpy as np
 from jaxtyping import Float
 
 from identification.estimators.consistent.consistent_bodies import Region, reference_bodies
-from identification.estimators.consistent.consistent_cone import solve_program
-from identification.estimators.consistent.consistent_program import Prior, Program, is_possible, nearest_unconstrained
+from identification.estimators.consistent.consistent_program import (
+    Prior,
+    Program,
+    is_possible,
+    nearest_unconstrained,
+    solve_program,
+)
 from identification.estimators.fit import Fit
 from identification.regression.base_parameters import BaseParameters
 from identification.regression.regressor import Term

@@ -1,4 +1,4 @@
-"""Sentences on what a reader of an estimate has to be careful with."""
+"""Warnings about an estimate: parameters not separable, ill-conditioned or at a bound; a robot at its limits."""
 
 from __future__ import annotations
 
@@ -16,8 +16,9 @@ Array = np.ndarray
 _POOR_CONDITION = 1000.0  # above it, an error of one per mil in a column may become one of 100 % in a parameter
 _AT_BOUND = 2.0  # standard deviations from a bound within which a value may as well lie on it
 _NAMED = 0.3  # share of the weakest combination from which a parameter is named as part of it
-# A joint leans on its stop if it rests within this share of its range from it, for this share of the samples.
-_NEAR, _RESTS, _OFTEN = 1e-3, 1e-2, 5e-3
+# A joint leans on its stop where it stands still (below this share of its largest speed) within this share of its range
+# from the stop; a sentence is due from this share of the samples on.
+_STANDSTILL, _NEAR, _OFTEN = 1e-2, 1e-3, 5e-3
 _NOTHING = 100.0  # [%] of the torque, the error of a model that predicts none
 _CLIPPED = 0.999  # share of a torque limit from which a drive gives all it has
 
@@ -35,7 +36,7 @@ def cautions(
     std: Float[Array, " r"],
     factor: Float[Array, "r r"],
 ) -> tuple[str, ...]:
-    """What does not part, is ill-conditioned, lies at a bound, or was recorded at the limits of the robot.
+    """Sentences on parameters that are not separable, ill-conditioned or at a bound, and on recordings at limits.
 
     Args:
         regressor: The equations.
@@ -68,7 +69,7 @@ def _lost(regressor: Regressor, base: BaseParameters) -> Iterator[str]:
     if lost:
         yield (
             f"Not separable from other parameters in this recording: {', '.join(lost)}; see the regroupings, or record "
-            "a motion that parts them."
+            "a motion that separates them."
         )
 
 
@@ -131,9 +132,9 @@ def _at_stops(regressor: Regressor) -> Iterator[str]:
         q, v = log.motion.q[log.valid], log.motion.v[log.valid]
         if not len(q):
             continue
-        rests = np.abs(v) < _RESTS * np.abs(v).max(axis=0)
+        standstill = np.abs(v) < _STANDSTILL * np.abs(v).max(axis=0)
         for side, bound, gap in (("lower", limits[0], q - limits[0]), ("upper", limits[1], limits[1] - q)):
-            share = np.mean(rests & (gap <= _NEAR * (limits[1] - limits[0])), axis=0)
+            share = np.mean(standstill & (gap <= _NEAR * (limits[1] - limits[0])), axis=0)
             for j in np.flatnonzero(share > _OFTEN):
                 yield (
                     f"{log.file}: {log.joint_names[j]} rests at its {side} limit of {bound[j]:.4g} {units[j]} in "

@@ -1,4 +1,4 @@
-"""Weighted linear least squares on streamed equations, shared by the estimators."""
+"""Weighted linear least squares on equations that come in blocks, which the estimators share."""
 
 from __future__ import annotations
 

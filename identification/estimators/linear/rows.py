@@ -1,4 +1,4 @@
-"""Base equations as whole arrays, for estimators that look at them from several sides at once."""
+"""Weighted least squares on whole arrays of base equations, for estimators that go over the equations several times."""
 
 from __future__ import annotations
 
@@ -77,9 +77,9 @@ def covariances(
     """Covariance with the memory of the noise, without it, and samples per independent sample of each joint.
 
     Args:
-        influence: By how much the noise of each joint at each sample moves each estimate.
-        residual: Noise as the estimate sees it.
-        sigma: Its standard deviations.
+        influence: Change of each estimate per noise of each joint at each sample, shape ``(N, nv, r)``.
+        residual: Noise of each joint at each sample, as the estimate leaves it.
+        sigma: Standard deviation of each joint's noise.
         starts: First sample of each recording, and N.
     """
     rho = [autocorrelation(column, starts) for column in residual.T]
@@ -96,7 +96,7 @@ def covariances(
 def influence_of(
     rows: Float[Array, "N nv r"], factor: Float[Array, "r r"], weights: Float[Array, " nv"]
 ) -> Float[Array, "N nv r"]:
-    """By how much the noise of each joint at each sample moves a least-squares estimate.
+    """Change of each least-squares estimate per noise of each joint at each sample, shape ``(N, nv, r)``.
 
     Args:
         rows: Of the unknowns.
@@ -107,14 +107,14 @@ def influence_of(
     return solve_triangular(factor, solve_triangular(factor, flat, trans=1)).T.reshape(rows.shape)
 
 
-def noise_left(
+def residual_noise(
     rows: Float[Array, "N nv r"], influence: Float[Array, "N nv r"], residual: Float[Array, "N nv"]
 ) -> Float[Array, " nv"]:
     """Standard deviation of each joint's noise, see `joint_noise`.
 
     Args:
         rows: Of the unknowns.
-        influence: By how much the noise of each joint at each sample moves each estimate.
-        residual: What the estimates leave.
+        influence: Change of each estimate per noise of each joint at each sample, shape ``(N, nv, r)``.
+        residual: Torque that the estimates leave.
     """
     return joint_noise(residual, np.einsum("njk,njk->j", influence, rows, optimize=True))

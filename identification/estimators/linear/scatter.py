@@ -1,4 +1,4 @@
-"""How much an estimate scatters: noise of each joint, its memory, and the covariance that follows."""
+"""Covariance of an estimate: noise of each joint, its autocorrelation, and the sandwich covariance that follows."""
 
 from __future__ import annotations
 

@@ -19,8 +19,7 @@ from identification.diagnosis.model.operations import moved_robot
 from identification.diagnosis.model.terms import KnownEffect
 from identification.diagnosis.result import Diagnosis, Finding
 from identification.estimators.consistent.consistent_bodies import reference_bodies
-from identification.estimators.consistent.consistent_cone import solve_program
-from identification.estimators.consistent.consistent_program import Program
+from identification.estimators.consistent.consistent_program import Program, solve_program
 from phantom_dyn.dynamics.dynamics import rigid_body_regressor, standard_parameters
 from phantom_dyn.effects.catalogue import effect_named
 from phantom_dyn.effects.support.changed_robot import with_parameters

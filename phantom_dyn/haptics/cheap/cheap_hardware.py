@@ -32,9 +32,9 @@ from phantom_dyn.effects.drive.cogging import cogging_torque
 from phantom_dyn.effects.drive.torque_saturation import held_within
 from phantom_dyn.effects.friction.presliding_friction import stick_law
 from phantom_dyn.errors import ParameterError
-from phantom_dyn.haptics.arguments import require_columns, require_not_negative, require_numbers
 from phantom_dyn.haptics.cheap.cheap_axis import CheapAxis
 from phantom_dyn.haptics.cheap.virtual_mass import GAP_DAMPING, WINDOW, coupling_force, low_passed, mass_step, side_of
+from phantom_dyn.haptics.number_checks import require_columns, require_not_negative, require_numbers
 
 Array = np.ndarray
 

@@ -26,8 +26,8 @@ import numpy as np
 from jaxtyping import Complex, Float
 
 from phantom_dyn.errors import ParameterError
-from phantom_dyn.haptics.arguments import require_positive
 from phantom_dyn.haptics.device.transfer_function import StateSpace, TransferFunction
+from phantom_dyn.haptics.number_checks import require_positive
 
 
 def _check(axis: object, positive: tuple[str, ...], others: tuple[str, ...]) -> None:

@@ -16,7 +16,7 @@ import numpy as np
 from jaxtyping import Float
 
 from phantom_dyn.errors import ParameterError
-from phantom_dyn.haptics.arguments import require_not_negative, require_positive
+from phantom_dyn.haptics.number_checks import require_not_negative, require_positive
 
 Array = np.ndarray
 

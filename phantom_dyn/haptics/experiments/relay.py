@@ -23,9 +23,9 @@ from jaxtyping import Float
 
 from phantom_dyn._kernels.jit import jit
 from phantom_dyn.errors import ParameterError
-from phantom_dyn.haptics.arguments import require_columns, require_numbers, require_positive, sample_count
 from phantom_dyn.haptics.device.axis import RigidAxis, TwoMassAxis
 from phantom_dyn.haptics.device.discretisation import discretise
+from phantom_dyn.haptics.number_checks import require_columns, require_numbers, require_positive, sample_count
 from phantom_dyn.motion import read_only
 
 

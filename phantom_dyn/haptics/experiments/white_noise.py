@@ -18,10 +18,10 @@ import numpy as np
 from jaxtyping import Complex, Float
 
 from phantom_dyn.errors import ParameterError
-from phantom_dyn.haptics.arguments import require_columns, require_not_negative, require_positive, sample_count
 from phantom_dyn.haptics.device.axis import RigidAxis, TwoMassAxis
 from phantom_dyn.haptics.device.discretisation import discretise
 from phantom_dyn.haptics.experiments.relay import held_forces
+from phantom_dyn.haptics.number_checks import require_columns, require_not_negative, require_positive, sample_count
 from phantom_dyn.motion import read_only
 
 Array = np.ndarray

@@ -1,13 +1,26 @@
 """Figures of haptics: each function takes results and returns a matplotlib figure; nothing is shown or written."""
 
-from phantom_dyn.haptics.figures.bode import loop_bode_figure, phase_margins
-from phantom_dyn.haptics.figures.cheap_hardware_figures import backlash_figure, cheap_axis_figure, sticking_figure
 from phantom_dyn.haptics.figures.experiment_figures import limit_cycles_figure, two_mass_fit_figure
-from phantom_dyn.haptics.figures.improvement_figures import improvements_figure, loop_traces_figure
-from phantom_dyn.haptics.figures.sensing_figures import drive_heat_figure, velocity_estimators_figure
-from phantom_dyn.haptics.figures.stability_figures import critical_stiffness_figure, linear_condition_figure
-from phantom_dyn.haptics.figures.transparency_figures import transparency_figure, worst_delay_figure
-from phantom_dyn.haptics.figures.walking_figures import walk_figure
+from phantom_dyn.haptics.figures.improvement_figures import (
+    drive_heat_figure,
+    improvements_figure,
+    loop_traces_figure,
+    velocity_estimators_figure,
+)
+from phantom_dyn.haptics.figures.rendering_figures import (
+    backlash_figure,
+    cheap_axis_figure,
+    sticking_figure,
+    walk_figure,
+)
+from phantom_dyn.haptics.figures.stability_figures import (
+    critical_stiffness_figure,
+    linear_condition_figure,
+    loop_bode_figure,
+    phase_margins,
+    transparency_figure,
+    worst_delay_figure,
+)
 
 __all__ = (
     "backlash_figure",

@@ -2,15 +2,32 @@
 
 from __future__ import annotations
 
+import math
+from collections.abc import Mapping, Sequence
+
 import numpy as np
+from jaxtyping import Float
 from matplotlib.axes import Axes
 from matplotlib.colors import LogNorm
 from matplotlib.figure import Figure
 from matplotlib.ticker import LogLocator
 
 from phantom_dyn.errors import ParameterError
-from phantom_dyn.haptics.figures.canvas import COLORS, DASHES, damping_unit, key, panels, stiffness_unit
-from phantom_dyn.haptics.stability.critical_stiffness import StabilityMap
+from phantom_dyn.haptics.figures.canvas import (
+    COLORS,
+    DASHES,
+    GREY,
+    MARKERS,
+    damping_unit,
+    frequency_axis,
+    hertz,
+    key,
+    panels,
+    stiffness_unit,
+)
+from phantom_dyn.haptics.stability.critical_stiffness import CriticalStiffness, LoopBode, StabilityMap
+from phantom_dyn.haptics.stability.force_feedforward import Transparency
+from phantom_dyn.haptics.stability.sampled_loop import CriticalGain
 
 Array = np.ndarray
 _AXES = ("damping", "virtual_damping", "delay", "period")
@@ -133,3 +150,148 @@ def _coloured(
     if lines and len(levels):
         drawn = ax.contour(*place, stable, levels, colors="white", linewidths=0.8)
         ax.clabel(drawn, fmt=lambda value: f"{value:g}", fontsize=8)
+
+
+def phase_margins(bode: LoopBode, stiffness: float) -> Float[Array, "c 2"]:
+    """Where the loop of a wall has gain one: frequencies [rad/s] and phase margins [rad], in (-pi, pi].
+
+    Between two frequencies of the diagram both run straight over the logarithm of the frequency.
+
+    Args:
+        bode: The loop of the device.
+        stiffness: Of the wall [N/m or N m/rad].
+
+    Raises:
+        ParameterError: If the stiffness is not above 0.
+    """
+    if not stiffness > 0:
+        raise ParameterError(f"A wall of {stiffness:g} has no phase margin: give a stiffness above 0.")
+    level = bode.decibels + 20 * math.log10(stiffness)
+    at = np.flatnonzero(np.diff(np.signbit(level)))
+    share = level[at] / (level[at] - level[at + 1])
+    place = np.log(bode.frequency)
+    frequency = np.exp(place[at] + share * (place[at + 1] - place[at]))
+    phase = np.interp(np.log(frequency), place, bode.phase)
+    return np.column_stack([frequency, np.pi - np.mod(-phase, 2 * np.pi)])
+
+
+def loop_bode_figure(bode: LoopBode, *, name: str, stiffness: float = 1.0, rotary: bool = False) -> Figure:
+    """Bode diagram of the sampled loop of a device and a virtual wall, with its margins.
+
+    Args:
+        bode: From `loop_bode`.
+        name: Of the device, for the title.
+        stiffness: Of the wall [N/m or N m/rad]; at 1 the gain margin in decibels is the critical stiffness.
+        rotary: Whether the axis turns, for the units.
+    """
+    unit = stiffness_unit(rotary)
+    title = f"{name}, with a virtual wall of {stiffness:g} {unit}\n{_verdict(bode.margin, unit)}"
+    out, ((gain,), (phase,)) = panels(2, title=title, together=True, height=3.0)
+    raised = 20 * math.log10(stiffness)
+    gain.plot(bode.frequency, bode.decibels + raised, color=COLORS[0], gid="gain")
+    phase.plot(bode.frequency, np.degrees(bode.phase), color=COLORS[0], gid="phase")
+    gain.axhline(0, color="black", lw=0.8)
+    if math.isfinite(bode.linear):
+        level = 20 * math.log10(bode.linear / stiffness)
+        gain.axhline(-level, color=GREY, ls=":", lw=1.2, label=f"linear condition: {level:.2f} dB")
+    lowest = min((crossing.gain for crossing in bode.margin.crossings), default=math.nan)
+    for k, crossing in enumerate(bode.margin.crossings):
+        decides = crossing.gain == lowest
+        color, margin = COLORS[1] if decides else GREY, crossing.decibels - raised
+        at = [crossing.frequency, crossing.frequency]
+        words = f"{margin:.2f} dB at {crossing.frequency:.4g} rad/s"
+        gain.plot(at, [-margin, 0], color=color, lw=1.6 if decides else 0.9, gid="gain margin")
+        marker = MARKERS[k % len(MARKERS)]
+        label = f"gain margin {words}" if decides else f"crossing: {words}"
+        gain.plot(at[:1], [-margin], color=color, marker=marker, ls="", label=label)
+        turn = 180 - 360 * round((180 - np.degrees(_at(bode, crossing.frequency))) / 360)
+        phase.plot(at[:1], [turn], color=color, marker=marker, ls="", gid="crossing")
+    for k, (frequency, margin) in enumerate(phase_margins(bode, stiffness)):
+        end = np.degrees(_at(bode, frequency))
+        label = f"phase margin {np.degrees(margin):.1f}° at {frequency:.4g} rad/s"
+        phase.plot([frequency] * 2, [end, end - np.degrees(margin)], color=COLORS[2], lw=1.6, label=label)
+        gain.plot([frequency], [0], color=COLORS[2], marker="|", ms=12, ls="", gid=f"gain crossover {k}")
+    lines = np.arange(-180.0, np.degrees(bode.phase.min()) - 180.0, -360.0)
+    for line in lines if len(lines) else (-180.0,):
+        phase.axhline(line, color="black", lw=0.8)
+    gain.set_ylabel("position over force times wall [dB]")
+    phase.set_ylabel("phase [°]")
+    frequency_axis(gain, phase)
+    key(gain, "lower left")
+    if phase.get_legend_handles_labels()[0]:
+        key(phase, "lower left")
+    return out
+
+
+def _at(bode: LoopBode, frequency: float) -> float:
+    return float(np.interp(math.log(frequency), np.log(bode.frequency), bode.phase))
+
+
+def _verdict(margin: CriticalStiffness, unit: str) -> str:
+    if margin.stiffness == 0:
+        return "no virtual wall is stable"
+    if math.isinf(margin.stiffness):
+        return "every virtual wall is stable"
+    swings = f"{margin.frequency:.4g} rad/s ({hertz(margin.frequency):.3g} Hz)"
+    return f"stable up to {margin.stiffness:.5g} {unit} ({margin.decibels:.2f} dB), then it swings at {swings}"
+
+
+def transparency_figure(results: Mapping[float, Transparency], *, name: str, filtered: str) -> Figure:
+    """Bode diagram of a device in a hand with force feedforward, and the inertia that the hand feels.
+
+    Args:
+        results: Of `transparency`, by their force gain.
+        name: Of the device, for the title.
+        filtered: What is in the loop, for the title.
+    """
+    title = f"{name} with force feedforward: lighter at low frequency, as heavy as ever beyond the filter\n{filtered}"
+    out, ((gain,), (phase,), (inertia,)) = panels(3, title=title, together=True, height=2.5)
+    for k, (force_gain, result) in enumerate(results.items()):
+        w, color, label = result.frequency, COLORS[k % len(COLORS)], f"force gain {force_gain:g}"
+        for response, dash, words in ((result.response, "-", label), (result.ideal, ":", f"{label}, ideal")):
+            gain.plot(w, 20 * np.log10(np.abs(response)), color=color, ls=dash, label=words, gid=words)
+            phase.plot(w, np.degrees(np.unwrap(np.angle(response))), color=color, ls=dash)
+        inertia.plot(w, result.apparent_inertia, color=color, label=label, gid=f"{label}, inertia")
+    inertia.axhline(0, color="black", lw=0.8)
+    gain.set_ylabel("position over the\nhand's force [dB]")
+    phase.set_ylabel("phase [°]")
+    inertia.set_ylabel("apparent inertia\nof the device [kg]")
+    frequency_axis(gain, inertia)
+    key(gain, "lower left")
+    key(inertia)
+    return out
+
+
+def worst_delay_figure(
+    delay: Float[Array, " k"],
+    limits: Mapping[str, Sequence[CriticalGain]],
+    worst: Mapping[str, float],
+    *,
+    name: str,
+) -> Figure:
+    """Largest stable force gain over the delay, and the value that it tends to.
+
+    Args:
+        delay: Of the loop beside the hold [s], shape ``(k,)``.
+        limits: Of `critical_feedforward`, as many as there are delays, by what they hold for.
+        worst: Of `worst_critical_feedforward`, by the same words.
+        name: Of the device, for the title.
+    """
+    title = f"{name}: a short delay raises the stable force gain, longer ones lower it towards 1 + m/m_h"
+    out, ((gain,), (frequency,)) = panels(2, title=title, together=True, ratios=(3, 2))
+    for k, (label, found) in enumerate(limits.items()):
+        # The frequencies of several hands may lie on each other: later marks are larger and hollow.
+        look = {"color": COLORS[k % len(COLORS)], "marker": MARKERS[k % len(MARKERS)], "ms": 3 + 3 * k, "mfc": "none"}
+        gain.semilogy(1e3 * delay, [one.gain for one in found], **look, label=label, gid=label)
+        words = f"{label}, worst case {worst[label]:.2f}"
+        gain.axhline(worst[label], color=look["color"], ls="--", lw=1, label=words)
+        frequency.semilogy(1e3 * delay, [one.frequency / (2 * np.pi) for one in found], **look)
+    for ax in (gain, frequency):
+        ax.yaxis.set_major_formatter("{x:g}")
+        ax.yaxis.set_minor_formatter("{x:g}")
+        ax.tick_params(axis="y", which="both", labelsize=8)
+    gain.set_ylabel("largest stable force gain")
+    frequency.set_ylabel("it then swings at [Hz]")
+    frequency.set_xlabel("delay beside the hold [ms]")
+    key(gain, "upper right")
+    return out

@@ -18,7 +18,7 @@ from jaxtyping import Float, Int
 
 from phantom_dyn._kernels.jit import jit
 from phantom_dyn.errors import ParameterError
-from phantom_dyn.haptics.arguments import require_positive, require_whole
+from phantom_dyn.haptics.number_checks import require_positive, require_whole
 
 
 @jit

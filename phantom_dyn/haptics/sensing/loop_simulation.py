@@ -16,12 +16,18 @@ from jaxtyping import Float
 
 from phantom_dyn._kernels.jit import jit
 from phantom_dyn.errors import ParameterError
-from phantom_dyn.haptics.arguments import require_columns, require_numbers
 from phantom_dyn.haptics.device.frequency_kernels import held_input
 from phantom_dyn.haptics.device.transfer_function import Axis, StateSpace
+from phantom_dyn.haptics.number_checks import require_columns, require_numbers
 from phantom_dyn.haptics.sensing.encoder import Encoder, count_through
-from phantom_dyn.haptics.sensing.velocity_estimators import AveragedDifference, Estimator, kernel_form
-from phantom_dyn.haptics.sensing.velocity_kernel import EDGES_KEPT, READINGS_KEPT, next_velocity
+from phantom_dyn.haptics.sensing.velocity_estimators import (
+    EDGES_KEPT,
+    READINGS_KEPT,
+    AveragedDifference,
+    Estimator,
+    kernel_form,
+    next_velocity,
+)
 
 _FORCES_KEPT = 4096
 

@@ -9,7 +9,7 @@ import numpy as np
 from jaxtyping import Complex, Float
 
 from phantom_dyn.errors import ParameterError
-from phantom_dyn.haptics.arguments import require_positive, require_whole, sample_count
+from phantom_dyn.haptics.number_checks import require_positive, require_whole, sample_count
 from phantom_dyn.haptics.sensing.encoder import Encoder, record_motion
 from phantom_dyn.haptics.sensing.velocity_estimators import Estimator, estimate_velocity
 

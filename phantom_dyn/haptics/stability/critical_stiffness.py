@@ -27,11 +27,11 @@ import numpy as np
 from jaxtyping import Complex, Float
 
 from phantom_dyn.errors import ParameterError
-from phantom_dyn.haptics.arguments import require_numbers
 from phantom_dyn.haptics.device.axis import RigidAxis, TwoMassAxis
 from phantom_dyn.haptics.device.discretisation import SampledAxis, discretise, split_delay
 from phantom_dyn.haptics.device.frequency_kernels import crossings, frequency_grid, map_lowest_gain
 from phantom_dyn.haptics.device.transfer_function import Axis
+from phantom_dyn.haptics.number_checks import require_numbers
 from phantom_dyn.motion import read_only
 
 Array = np.ndarray

@@ -31,10 +31,10 @@ from jaxtyping import Complex, Float
 from scipy.signal import butter
 
 from phantom_dyn.errors import ParameterError
-from phantom_dyn.haptics.arguments import require_positive, require_whole
 from phantom_dyn.haptics.device.axis import Operator, RigidAxis
 from phantom_dyn.haptics.device.discretisation import SampledAxis, discretise
 from phantom_dyn.haptics.device.transfer_function import TransferFunction
+from phantom_dyn.haptics.number_checks import require_positive, require_whole
 from phantom_dyn.haptics.stability.sampled_loop import (
     UNFILTERED,
     CriticalGain,

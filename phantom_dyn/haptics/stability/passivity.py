@@ -26,9 +26,9 @@ from functools import partial
 
 import numpy as np
 
-from phantom_dyn.haptics.arguments import require_not_negative, require_numbers, sample_count
 from phantom_dyn.haptics.device.discretisation import SampledAxis, discretise, split_delay
 from phantom_dyn.haptics.device.transfer_function import Axis
+from phantom_dyn.haptics.number_checks import require_not_negative, require_numbers, sample_count
 from phantom_dyn.haptics.sensing.loop_simulation import LoopSettings, LoopTrace, gain_until_swinging, simulate_loop
 from phantom_dyn.haptics.stability.sampled_loop import (
     NOTHING,

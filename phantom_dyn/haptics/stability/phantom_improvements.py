@@ -17,8 +17,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from phantom_dyn.devices.phantom import PHANTOM_1_5
-from phantom_dyn.devices.phantom_dynamics import mass_matrix
+from phantom_dyn.devices.phantom import PHANTOM_1_5, mass_matrix
 from phantom_dyn.haptics.device.axis import RigidAxis
 from phantom_dyn.haptics.device.published import PHANTOM_1_5_X, PHANTOM_1_5_Y, PHANTOM_1_5_Z
 from phantom_dyn.haptics.device.transfer_function import Axis

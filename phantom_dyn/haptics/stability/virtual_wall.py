@@ -14,9 +14,9 @@ import numpy as np
 from jaxtyping import Float
 
 from phantom_dyn.errors import ParameterError
-from phantom_dyn.haptics.arguments import sample_count
 from phantom_dyn.haptics.device.discretisation import discretise
 from phantom_dyn.haptics.device.transfer_function import Axis
+from phantom_dyn.haptics.number_checks import sample_count
 from phantom_dyn.haptics.sensing.loop_simulation import LoopSettings, LoopTrace, gain_until_swinging, simulate_loop
 from phantom_dyn.haptics.sensing.velocity_estimators import (
     AdaptiveWindow,

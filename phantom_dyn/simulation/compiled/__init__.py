@@ -1,1 +1,1 @@
-"""The steps of a simulation, compiled."""
+"""Compiled steps of a simulation."""

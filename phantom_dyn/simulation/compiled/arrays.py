@@ -11,8 +11,8 @@ from phantom_dyn.effects.simulated import Law
 
 Array = np.ndarray
 
-# Who is asked for the torque: nobody, as it is given; the tracking law at samples; the same at every step.
 GIVEN, AT_SAMPLES, AT_STEPS = 0, 1, 2
+"""Who says what the drives are asked for: the caller; the tracking law at samples; the same law at every step."""
 
 
 class Laws(NamedTuple):
@@ -22,7 +22,7 @@ class Laws(NamedTuple):
         codes: Places in the list of the channel, ``(k,)``.
         rows: Joints, ``(k,)``.
         others: Joints whose speed counts too, ``(k,)``.
-        shares: By how much, ``(k,)``.
+        shares: Weight of that speed, ``(k,)``.
         numbers: Parameters, ``(k, 4)``.
         state: ``(k, 3)``; moves on with every step.
     """

@@ -9,7 +9,7 @@ import identification.regression.regressor
 from identification.data.log import Log
 from identification.data.signals import low_pass
 from identification.estimators.cross_validation import cross_validate, cross_validation_error
-from identification.estimators.ols import fit_ols
+from identification.estimators.weighted_least_squares import fit_ols
 from identification.regression.regressor import torque_regressor
 from phantom_dyn.errors import ParameterError
 

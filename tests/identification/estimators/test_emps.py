@@ -11,8 +11,7 @@ from identification.data.log import Log
 from identification.data.recording import Recording
 from identification.data.signals import process
 from identification.estimators.cross_validation import cross_validate
-from identification.estimators.ols import fit_ols
-from identification.estimators.wls import fit_wls
+from identification.estimators.weighted_least_squares import fit_ols, fit_wls
 from phantom_dyn import load_robot
 from phantom_dyn.effects.catalogue import effect_named
 from phantom_dyn.model.robot import Robot

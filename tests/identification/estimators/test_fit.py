@@ -3,7 +3,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from identification.estimators.ols import fit_ols, ols
+from identification.estimators.weighted_least_squares import fit_ols, ols
 from identification.regression.regressor import gap_regressor
 from phantom_dyn.errors import LogError
 

@@ -4,8 +4,7 @@ import numpy as np
 import pytest
 
 from identification.estimators.fit import Status
-from identification.estimators.irls import BISQUARE, HUBER, fit_irls
-from identification.estimators.ols import fit_ols
+from identification.estimators.weighted_least_squares import BISQUARE, HUBER, fit_irls, fit_ols
 from phantom_dyn.errors import EstimationError
 
 LOSSES = pytest.mark.parametrize("loss", [HUBER, BISQUARE], ids=["huber", "bisquare"])

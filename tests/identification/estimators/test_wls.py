@@ -3,8 +3,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from identification.estimators.ols import fit_ols
-from identification.estimators.wls import fit_wls
+from identification.estimators.weighted_least_squares import fit_ols, fit_wls
 from phantom_dyn.dynamics.dynamics import standard_parameters
 from phantom_dyn.errors import IdentifiabilityError
 

@@ -3,7 +3,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from identification.excitation.waves import Sine, Triangle, wave_motion
+from identification.excitation.motion_shapes import Sine, Triangle, wave_motion
 from phantom_dyn.errors import ParameterError
 
 WAVES = [Sine(0.4, 0.7, 0.2), Triangle(0.4, 0.7, 0.2), Triangle(0.4, 0.7, turn=0.5)]

@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from identification.estimators.ols import fit_ols
+from identification.estimators.weighted_least_squares import fit_ols
 from identification.experiments.cea_identification import (
     Conditions,
     equations,

@@ -11,7 +11,7 @@ import pytest
 
 from identification.reporting.robot_scene import extent, posture, robot_scene, shaded, share_colour
 from phantom_dyn.model.loading import load_robot
-from phantom_dyn.shapes.solids import Mesh
+from phantom_dyn.shapes.meshes import Mesh
 
 
 def uneven(diagnosis, *ratios):

@@ -11,7 +11,7 @@ import pinocchio as pin
 import pytest
 
 from phantom_dyn import load_robot
-from phantom_dyn._kernels import jit, plain, rigid_body
+from phantom_dyn._kernels import jit, pinocchio_loops, rigid_body
 from phantom_dyn._kernels.tree_arrays import tree_arrays
 from phantom_dyn.dynamics.dynamics import inverse_dynamics
 from phantom_dyn.errors import LogError, ParameterError
@@ -98,25 +98,27 @@ def test_the_loops_know_the_joints(model):
 
 
 def test_the_regressor_is_that_of_pinocchio(model, samples):
-    assert_agrees(rigid_body.regressor(model, tree_arrays(model), *samples), plain.regressor(model, *samples))
+    assert_agrees(rigid_body.regressor(model, tree_arrays(model), *samples), pinocchio_loops.regressor(model, *samples))
 
 
 def test_the_torque_is_that_of_pinocchio(model, samples):
-    assert_agrees(rigid_body.torque(model, tree_arrays(model), *samples), plain.torque(model, *samples))
+    assert_agrees(rigid_body.torque(model, tree_arrays(model), *samples), pinocchio_loops.torque(model, *samples))
 
 
 def test_the_weight_under_any_gravity_is_that_of_pinocchio(model, samples, rng):
     pull = rng.normal(size=3)
-    assert_agrees(rigid_body.weight(model, tree_arrays(model), samples[0], pull), plain.weight(model, samples[0], pull))
+    assert_agrees(
+        rigid_body.weight(model, tree_arrays(model), samples[0], pull), pinocchio_loops.weight(model, samples[0], pull)
+    )
 
 
 def test_the_mass_matrix_is_the_slope_of_pinocchios_torque(model, samples):
     # Not against `pin.crba`, which wants the joints of a branch one after the other.
-    q, weight = samples[0], plain.torque(model, samples[0], *np.zeros((2, SAMPLES, model.nv)))
+    q, weight = samples[0], pinocchio_loops.torque(model, samples[0], *np.zeros((2, SAMPLES, model.nv)))
     expected = np.empty((SAMPLES, model.nv, model.nv))
     for column, unit in enumerate(np.eye(model.nv)):
         one = np.broadcast_to(unit, (SAMPLES, model.nv))
-        expected[:, :, column] = plain.torque(model, q, np.zeros((SAMPLES, model.nv)), one) - weight
+        expected[:, :, column] = pinocchio_loops.torque(model, q, np.zeros((SAMPLES, model.nv)), one) - weight
     assert_agrees(rigid_body.mass(model, tree_arrays(model), q), expected)
 
 
@@ -124,20 +126,20 @@ def test_the_mass_matrix_is_the_slope_of_pinocchios_torque(model, samples):
 def test_the_mass_matrix_is_that_of_pinocchio(name, rng):
     model = MODELS[name]()
     q = np.array([pin.integrate(model, pin.neutral(model), x) for x in rng.normal(size=(3, model.nv))])
-    assert_agrees(rigid_body.mass(model, tree_arrays(model), q), plain.mass(model, q))
+    assert_agrees(rigid_body.mass(model, tree_arrays(model), q), pinocchio_loops.mass(model, q))
 
 
 @pytest.mark.parametrize("body", [True, False], ids=["body", "hybrid"])
 def test_the_jacobian_of_each_frame_is_that_of_pinocchio(model, samples, body):
     for frame in range(0, model.nframes, 3):
         found = rigid_body.frame_jacobian(model, tree_arrays(model), samples[0], frame, body=body)
-        assert_agrees(found, plain.frame_jacobian(model, samples[0], frame, body))
+        assert_agrees(found, pinocchio_loops.frame_jacobian(model, samples[0], frame, body))
 
 
 def test_the_pose_of_each_frame_is_that_of_pinocchio(model, samples):
     for frame in range(0, model.nframes, 3):
         found = rigid_body.frame_pose(model, tree_arrays(model), samples[0], frame)
-        for part, expected in zip(found, plain.frame_pose(model, samples[0], frame), strict=True):
+        for part, expected in zip(found, pinocchio_loops.frame_pose(model, samples[0], frame), strict=True):
             assert_agrees(part, expected)
 
 
@@ -145,7 +147,7 @@ def test_chosen_columns_are_those_of_all(model, samples, rng):
     p = 10 * (model.njoints - 1)
     columns = tuple(np.flatnonzero(rng.random(p) < 0.6).tolist())
     some = rigid_body.regressor(model, tree_arrays(model), *samples, columns=columns)
-    assert_agrees(some, plain.regressor(model, *samples)[:, :, list(columns)])
+    assert_agrees(some, pinocchio_loops.regressor(model, *samples)[:, :, list(columns)])
 
 
 @pytest.mark.parametrize("varies", [True, False], ids=["varying", "constant"])
@@ -153,7 +155,7 @@ def test_the_rows_of_a_closed_chain_are_those_of_the_tree_projected(model, sampl
     G = rng.normal(size=(SAMPLES if varies else 1, model.nv, 2))
     slope = np.broadcast_to(G, (SAMPLES, model.nv, 2))
     found = rigid_body.regressor(model, tree_arrays(model), *samples, slope=slope)
-    assert_agrees(found, np.swapaxes(slope, 1, 2) @ plain.regressor(model, *samples))
+    assert_agrees(found, np.swapaxes(slope, 1, 2) @ pinocchio_loops.regressor(model, *samples))
 
 
 def test_a_block_that_is_used_again_holds_the_new_samples_beside_what_is_not_its_own(rng):
@@ -164,7 +166,7 @@ def test_a_block_that_is_used_again_holds_the_new_samples_beside_what_is_not_its
     out[:, :, 90] = 5.0
     for k, block in enumerate((first, second)):
         rigid_body.regressor(model, tree_arrays(model), q[k], *block[1:], out=out)
-    assert_agrees(out[:, :, :90], plain.regressor(model, q[1], *second[1:]))
+    assert_agrees(out[:, :, :90], pinocchio_loops.regressor(model, q[1], *second[1:]))
     np.testing.assert_array_equal(out[:, :, 90], 5.0)
 
 
@@ -212,7 +214,7 @@ def test_a_changed_gravity_of_a_model_counts_at_once(rng):
     arrays, v = tree_arrays(model), rng.normal(size=(1, model.nv))
     q = pin.neutral(model)[None]
     model.gravity = pin.Motion(np.array([1.0, 2.0, 3.0]), np.zeros(3))
-    assert_agrees(rigid_body.torque(model, arrays, q, v, v), plain.torque(model, q, v, v))
+    assert_agrees(rigid_body.torque(model, arrays, q, v, v), pinocchio_loops.torque(model, q, v, v))
 
 
 def test_no_samples_give_no_rows():

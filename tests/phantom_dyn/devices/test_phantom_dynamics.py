@@ -10,7 +10,7 @@ import pinocchio as pin
 import pytest
 
 from phantom_dyn import load_robot
-from phantom_dyn.devices import phantom_dynamics as closed
+from phantom_dyn.devices import phantom as closed
 from phantom_dyn.devices.phantom import JOINTS, PHANTOM_1_5
 from phantom_dyn.devices.phantom_urdf import phantom_urdf, phantom_yaml
 from phantom_dyn.dynamics.dynamics import inverse_dynamics, mass_matrix

@@ -9,7 +9,6 @@ import numpy as np
 import pytest
 
 from phantom_dyn.errors import ParameterError
-from phantom_dyn.haptics.arguments import require_columns, require_whole, sample_count
 from phantom_dyn.haptics.cheap.cheap_axis import CheapAxis, CoggingTorque, StickingFriction
 from phantom_dyn.haptics.cheap.cheap_hardware import at_rest, felt, phantom_tip_force, rendered, rendered_axes
 from phantom_dyn.haptics.device.axis import YOKOKOHJI_YOSHIKAWA, RigidAxis, masses_from_resonance
@@ -17,6 +16,7 @@ from phantom_dyn.haptics.device.drives import warming
 from phantom_dyn.haptics.device.transfer_function import TransferFunction
 from phantom_dyn.haptics.experiments.relay import RelayExperiment, limit_cycle, simulate_relay
 from phantom_dyn.haptics.experiments.white_noise import estimate_frequency_response, simulate_white_noise
+from phantom_dyn.haptics.number_checks import require_columns, require_whole, sample_count
 from phantom_dyn.haptics.sensing.encoder import Encoder, record_motion
 from phantom_dyn.haptics.sensing.loop_simulation import LoopSettings, simulate_loop
 from phantom_dyn.haptics.sensing.velocity_comparison import estimator_figures, estimator_response

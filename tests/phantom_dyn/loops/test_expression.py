@@ -4,7 +4,7 @@ import math
 
 import pytest
 
-from phantom_dyn.loops.expression import LinearExpression, linear_expression
+from phantom_dyn.model.linear_loops import LinearExpression, linear_expression
 
 JOINTS = ("q2", "q5", "arm-1", "arm")
 

@@ -9,7 +9,6 @@ import pytest
 
 from phantom_dyn import load_robot
 from phantom_dyn.devices import phantom as closed
-from phantom_dyn.devices import phantom_dynamics
 from phantom_dyn.dynamics.dynamics import gravity_torque, mass_matrix
 from phantom_dyn.dynamics.kinematics import frame_jacobian
 from phantom_dyn.errors import ParameterError, RobotError
@@ -46,7 +45,7 @@ def test_the_manipulability_of_the_phantom_is_that_of_its_closed_form(phantom, c
 def test_the_force_that_holds_the_weight_is_that_of_the_closed_form(phantom, configurations):
     q = configurations(phantom)
     J = closed.hybrid_jacobian(q)[:, :3]
-    expected = np.linalg.solve(np.swapaxes(J, 1, 2), phantom_dynamics.gravity_torque(q)[..., None])[..., 0]
+    expected = np.linalg.solve(np.swapaxes(J, 1, 2), closed.gravity_torque(q)[..., None])[..., 0]
     np.testing.assert_allclose(felt(map_model(phantom), q, "gravity_force"), expected, rtol=0, atol=1e-12)
 
 

@@ -5,8 +5,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from phantom_dyn.shapes.mesh_reduction import face_budgets, reduced, surface
-from phantom_dyn.shapes.solids import Mesh, box
+from phantom_dyn.shapes.meshes import Mesh, box, face_budgets, reduced, surface
 
 
 def grid_sphere(n: int = 60) -> Mesh:

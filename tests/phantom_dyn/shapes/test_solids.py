@@ -5,7 +5,7 @@ from collections import Counter
 import numpy as np
 import pytest
 
-from phantom_dyn.shapes.solids import Mesh, ball, box, capsule, cylinder, joined, moved
+from phantom_dyn.shapes.meshes import Mesh, ball, box, capsule, cylinder, joined, moved
 
 Z = np.array([0.0, 0.0, 1.0])
 SOLIDS = {

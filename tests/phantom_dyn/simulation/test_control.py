@@ -7,7 +7,7 @@ import pytest
 from scipy.integrate import solve_ivp
 
 from phantom_dyn import load_robot
-from phantom_dyn.devices import phantom_dynamics as closed
+from phantom_dyn.devices import phantom as closed
 from phantom_dyn.errors import ParameterError
 from phantom_dyn.motion import Motion
 from phantom_dyn.simulation.control import computed_torque, gravity_compensation

@@ -17,9 +17,8 @@ from identification.data.signals import process
 from identification.estimators.closed_loop.didim import didim
 from identification.estimators.closed_loop.loop import Feedback, loop_of, simulated
 from identification.estimators.closed_loop.plant import plant_of
-from identification.estimators.endogeneity import hausman_test
 from identification.estimators.fit import Fit
-from identification.estimators.iv import iv
+from identification.estimators.iv import hausman_test, iv
 from identification.regression.regressor import Regressor, torque_regressor
 from phantom_dyn import load_robot
 from phantom_dyn.effects.catalogue import effect_named

@@ -14,7 +14,7 @@ from identification.estimators.consistent.consistent import (
 )
 from identification.estimators.consistent.consistent_bodies import Region, pseudo_inertia
 from identification.estimators.consistent.consistent_program import Prior
-from identification.estimators.wls import fit_wls
+from identification.estimators.weighted_least_squares import fit_wls
 from identification.regression.base_parameters import r_factor
 from identification.regression.regressor import gap_regressor, torque_regressor
 from phantom_dyn import load_robot

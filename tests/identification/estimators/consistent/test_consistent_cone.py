@@ -7,8 +7,13 @@ import numpy as np
 import pytest
 
 from identification.estimators.consistent.consistent_bodies import PSEUDO, Region, pseudo_inertia, reference_body
-from identification.estimators.consistent.consistent_cone import solve_program
-from identification.estimators.consistent.consistent_program import Prior, Program, is_possible, nearest_unconstrained
+from identification.estimators.consistent.consistent_program import (
+    Prior,
+    Program,
+    is_possible,
+    nearest_unconstrained,
+    solve_program,
+)
 from phantom_dyn.errors import EstimationError, ParameterError
 from phantom_dyn.model.inertia import body_parameters
 

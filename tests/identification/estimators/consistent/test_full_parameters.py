@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from identification.estimators.consistent.full_parameters import full_parameters, nearest_full_parameters, selection
-from identification.estimators.ols import fit_ols, ols
+from identification.estimators.weighted_least_squares import fit_ols, ols
 from identification.regression.regressor import gap_regressor
 from phantom_dyn import load_robot
 from phantom_dyn.dynamics.dynamics import inverse_dynamics, standard_parameters

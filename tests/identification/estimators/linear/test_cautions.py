@@ -7,8 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from identification.estimators.ols import fit_ols, ols
-from identification.estimators.wls import fit_wls
+from identification.estimators.weighted_least_squares import fit_ols, fit_wls, ols
 from identification.regression.regressor import gap_regressor
 from phantom_dyn.dynamics.dynamics import inverse_dynamics
 from phantom_dyn.effects.catalogue import effect_named

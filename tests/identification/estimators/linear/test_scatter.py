@@ -13,7 +13,7 @@ from identification.estimators.linear.scatter import (
     scatter_of_rows,
     white_scatter,
 )
-from identification.estimators.ols import ols
+from identification.estimators.weighted_least_squares import ols
 from identification.regression.regressor import gap_regressor
 from phantom_dyn.dynamics.dynamics import inverse_dynamics
 from phantom_dyn.effects.catalogue import effect_named

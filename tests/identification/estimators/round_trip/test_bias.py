@@ -8,9 +8,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from identification.estimators.endogeneity import hausman_test
-from identification.estimators.iv import iv
-from identification.estimators.wls import wls
+from identification.estimators.iv import hausman_test, iv
+from identification.estimators.weighted_least_squares import wls
 from identification.identify.identification_files import to_json
 from identification.identify.identification_report import report_html
 from identification.identify.identification_words import summary

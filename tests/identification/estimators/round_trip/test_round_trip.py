@@ -13,9 +13,9 @@ import pytest
 
 from identification.data.log import Log
 from identification.estimators.closed_loop.cloe import cloe
+from identification.estimators.estimator_list import ESTIMATORS, estimator_named
 from identification.estimators.fit import Fit
-from identification.estimators.ladder import ESTIMATORS, estimator_named
-from identification.estimators.tls import KnownPayload
+from identification.estimators.tls import WeighedPayload
 from identification.regression.regressor import gap_regressor, torque_regressor
 from phantom_dyn.dynamics.dynamics import inverse_dynamics
 from phantom_dyn.effects.support.changed_robot import with_parameters
@@ -83,7 +83,7 @@ def test_total_least_squares_finds_the_gains_of_the_drives_and_the_robot(place, 
     # The torque columns are too small by a factor; half of the last link's mass at a known place fixes it.
     case, rng = case_of(place), np.random.default_rng(1)
     log, body = case.log, payload_body(case.robot)
-    payload = KnownPayload(0.5 * float(case.robot.model.inertias[body].mass), (0.05, 0.02, -0.1))
+    payload = WeighedPayload(0.5 * float(case.robot.model.inertias[body].mass), (0.05, 0.02, -0.1))
     pi = np.zeros(10 * (case.robot.model.njoints - 1))
     pi[10 * (body - 1) : 10 * body] = point_mass_parameters(payload.mass, np.array(payload.center))
     friction = torque_regressor(case.robot, replace(log, band=everything(log)), case.effects)

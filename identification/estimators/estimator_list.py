@@ -1,4 +1,4 @@
-"""The one list of estimators, from the simplest on; adding one touches its own file and this list."""
+"""The list of estimators, from the simplest on: adding one touches its own file and this list."""
 
 from __future__ import annotations
 
@@ -10,11 +10,9 @@ from identification.estimators.closed_loop.cloe import fit_cloe
 from identification.estimators.closed_loop.didim import fit_didim
 from identification.estimators.consistent.consistent import fit_consistent
 from identification.estimators.fit import Fit
-from identification.estimators.irls import fit_irls
 from identification.estimators.iv import fit_iv
-from identification.estimators.ols import fit_ols
 from identification.estimators.tls import fit_tls
-from identification.estimators.wls import fit_wls
+from identification.estimators.weighted_least_squares import fit_irls, fit_ols, fit_wls
 from phantom_dyn.errors import ParameterError
 
 # References q_ref.<joint> in every log, a controller of every driven joint in robot.yaml (or ``feedback=``), a payload

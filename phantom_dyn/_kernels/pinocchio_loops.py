@@ -1,7 +1,7 @@
 # pyright: reportAttributeAccessIssue=false
-"""What `phantom_dyn._kernels.rigid_body` gives, by Pinocchio: without numba, or for joints of other kinds.
+"""Rigid-body quantities of N samples by loops over Pinocchio: without numba, or for joints of other kinds.
 
-Arguments and results are the same, so that one can stand for the other.
+They stand in for the compiled loops of `phantom_dyn._kernels.rigid_body` and are the oracle of their tests.
 """
 
 from __future__ import annotations

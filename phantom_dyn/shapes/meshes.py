@@ -1,0 +1,197 @@
+"""Triangle meshes for drawing: simple solids, and meshes of robots reduced to a budget of faces."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from jaxtyping import Float, Int
+
+Array = np.ndarray
+
+SIDES = 14
+"""Corners of a drawn circle."""
+_LEAST_FACES = 24
+"""Faces that a small part keeps, so that it still has a shape."""
+_FINEST = 300.0
+"""Cells along the longest side of a mesh at most."""
+_HALVINGS = 12
+"""Of the range of cell sizes: enough for one per cent of the faces."""
+_FLAT = 1e-3
+"""Share of the largest singular value below which a direction says nothing about where a corner lies."""
+
+
+@dataclass(frozen=True)
+class Mesh:
+    """Triangles.
+
+    Attributes:
+        points: Corners [m], ``(P, 3)``.
+        faces: Indices of three corners each, ``(F, 3)``.
+    """
+
+    points: Float[Array, "P 3"]
+    faces: Int[Array, "F 3"]
+
+
+def joined(meshes: Sequence[Mesh]) -> Mesh:
+    """All the triangles in one mesh."""
+    if not meshes:
+        return Mesh(np.zeros((0, 3)), np.zeros((0, 3), dtype=int))
+    starts = np.cumsum([0, *(len(mesh.points) for mesh in meshes)])
+    faces = [mesh.faces + start for mesh, start in zip(meshes, starts, strict=False)]
+    return Mesh(np.concatenate([mesh.points for mesh in meshes]), np.concatenate(faces))
+
+
+def moved(mesh: Mesh, rotation: Float[Array, "3 3"], translation: Float[Array, "3"]) -> Mesh:
+    """The mesh turned, then shifted."""
+    return Mesh(mesh.points @ np.asarray(rotation).T + np.asarray(translation), mesh.faces)
+
+
+def capsule(start: Float[Array, "3"], end: Float[Array, "3"], radius: float) -> Mesh:
+    """A cylinder with round ends from one point to another, hollow nowhere."""
+    axis = end - start
+    length = float(np.linalg.norm(axis))
+    round_ = np.array([0.0, 0.5, 0.87])  # sine of 0, 30 and 60 degrees
+    heights = np.concatenate([-round_[::-1] * radius, length + round_ * radius])
+    radii = np.sqrt(1 - np.concatenate([round_[::-1], round_]) ** 2) * radius
+    mesh = _turned(heights, radii, -radius, length + radius)
+    return moved(mesh, _frame(axis), start)
+
+
+def ball(centre: Float[Array, "3"], radius: float) -> Mesh:
+    """A sphere."""
+    return capsule(centre, centre + 1e-9, radius)
+
+
+def cylinder(axis: Float[Array, "3"], length: float, radius: float) -> Mesh:
+    """A cylinder along an axis, its middle in the origin."""
+    mesh = _turned(np.array([-length / 2, length / 2]), np.full(2, radius), -length / 2, length / 2)
+    return moved(mesh, _frame(axis), np.zeros(3))
+
+
+def box(axis: Float[Array, "3"], length: float, width: float, depth: float | None = None) -> Mesh:
+    """A box along an axis, its middle in the origin; as deep as wide unless said otherwise."""
+    z, x, y = length, width, width if depth is None else depth
+    signs = np.array([[i, j, k] for i in (-1, 1) for j in (-1, 1) for k in (-1, 1)])
+    sides = [(0, 1, 3, 2), (4, 6, 7, 5), (0, 4, 5, 1), (2, 3, 7, 6), (0, 2, 6, 4), (1, 5, 7, 3)]
+    faces = np.array([triangle for a, b, c, d in sides for triangle in ((a, b, c), (a, c, d))])
+    return moved(Mesh(signs * np.array([x, y, z]) / 2, faces), _frame(axis), np.zeros(3))
+
+
+def reduced(mesh: Mesh, faces: int) -> Mesh:
+    """The mesh with at most ``faces`` triangles, its corners where they keep planes and edges best.
+
+    Corners in one cell of a grid become the point nearest to the planes of their faces; the size of the cells follows
+    from the number of faces. Unlike collapsing edges this takes any set of triangles: visual meshes are often neither
+    closed nor connected, and collapsing them stops early.
+
+    References:
+        P. Lindstrom, Out-of-core simplification of large polygonal models, SIGGRAPH 2000: cells with quadrics.
+    """
+    side = float(np.ptp(mesh.points, axis=0).max()) if len(mesh.points) else 0.0
+    if len(mesh.faces) <= faces or side == 0.0:
+        return mesh
+    fine, coarse = side / _FINEST, 1.01 * side
+    best = Mesh(np.zeros((0, 3)), np.zeros((0, 3), dtype=int))
+    for _ in range(_HALVINGS):
+        cell = float(np.sqrt(fine * coarse))
+        cells, triangles = _clustered(mesh, cell)
+        if len(triangles) > faces:
+            fine = cell
+        else:
+            coarse, best = cell, Mesh(_corners(mesh, cells, cell), triangles)
+    used, faces_of_used = np.unique(best.faces, return_inverse=True)
+    return Mesh(best.points[used], faces_of_used.reshape(-1, 3))
+
+
+def face_budgets(areas: list[float], counts: list[int], faces: int) -> list[int]:
+    """How many faces each part may have: by the root of its surface, never more than it has, ``faces`` in all."""
+    own, weight = np.array(counts, dtype=int), np.sqrt(np.array(areas, dtype=float)) + 1e-12
+    given = np.minimum(own, min(_LEAST_FACES, faces // max(len(own), 1)))
+    for _ in own:
+        # What a small part does not need goes to the others.
+        open_ = given < own
+        left = faces - int(given.sum())
+        if left <= 0 or not open_.any():
+            break
+        share = np.where(open_, weight, 0.0)
+        given = np.minimum(own, given + np.floor(left * share / share.sum()).astype(int))
+    return given.tolist()
+
+
+def surface(mesh: Mesh) -> float:
+    """Area of all faces [m^2]."""
+    return float(0.5 * np.linalg.norm(_normals(mesh), axis=1).sum())
+
+
+def _turned(heights: Float[Array, " R"], radii: Float[Array, " R"], bottom: float, top: float) -> Mesh:
+    """A solid of revolution about z: rings of corners, closed by a point at either end."""
+    angle = np.arange(SIDES) * 2 * np.pi / SIDES
+    circle = np.column_stack([np.cos(angle), np.sin(angle), np.zeros(SIDES)])
+    rings = [circle * radius + [0, 0, height] for height, radius in zip(heights, radii, strict=True)]
+    points = np.concatenate([*rings, [[0, 0, bottom], [0, 0, top]]])
+    k, after = np.arange(SIDES), (np.arange(SIDES) + 1) % SIDES
+    faces = []
+    for ring in range(len(heights) - 1):
+        low, high = ring * SIDES, (ring + 1) * SIDES
+        faces += [np.column_stack([low + k, low + after, high + k])]
+        faces += [np.column_stack([low + after, high + after, high + k])]
+    last = (len(heights) - 1) * SIDES
+    south, north = np.full(SIDES, len(points) - 2), np.full(SIDES, len(points) - 1)
+    faces += [np.column_stack([south, after, k]), np.column_stack([last + k, last + after, north])]
+    return Mesh(points, np.concatenate(faces))
+
+
+def _frame(axis: Float[Array, "3"]) -> Float[Array, "3 3"]:
+    """A rotation whose z is the axis; for the z axis itself, the identity."""
+    length = np.linalg.norm(axis)
+    z = axis / length if length > 1e-8 else np.array([0, 0, 1.0])
+    helper = np.array([1.0, 0, 0]) if abs(z[0]) < 0.9 else np.array([0, 1.0, 0])
+    x = helper - z * (helper @ z)
+    x = x / np.linalg.norm(x)
+    return np.column_stack([x, np.cross(z, x), z])
+
+
+def _clustered(mesh: Mesh, cell: float) -> tuple[Int[Array, " P"], Int[Array, "F 3"]]:
+    """Cell of each corner, and the triangles between three different cells, each once."""
+    grid = np.floor((mesh.points - mesh.points.min(axis=0)) / cell).astype(np.int64)
+    wide = int(grid.max()) + 1
+    cells = np.unique(_numbered(grid, wide), return_inverse=True)[1].reshape(-1)
+    triangles = cells[mesh.faces]
+    a, b, c = triangles.T
+    triangles = triangles[(a != b) & (b != c) & (c != a)]
+    _, first = np.unique(_numbered(np.sort(triangles, axis=1), int(cells.max()) + 1), return_index=True)
+    return cells, triangles[np.sort(first)]
+
+
+def _numbered(triples: Int[Array, "N 3"], base: int) -> Int[Array, " N"]:
+    """One number for three: sorting rows as such takes many times as long."""
+    return (triples[:, 0] * base + triples[:, 1]) * base + triples[:, 2]
+
+
+def _corners(mesh: Mesh, cells: Int[Array, " P"], cell: float) -> Float[Array, "C 3"]:
+    """For each cell the point with the least squared distance to the planes of its faces, weighted by their areas."""
+    count = int(cells.max()) + 1
+    inside = np.bincount(cells, minlength=count)
+    mean = np.column_stack([np.bincount(cells, mesh.points[:, k], count) / inside for k in range(3)])
+    normals = _normals(mesh)
+    squares = normals[:, :, None] * normals[:, None, :]
+    left, right = np.zeros((count, 3, 3)), np.zeros((count, 3))
+    for corner in range(3):
+        at = cells[mesh.faces[:, corner]]
+        distance = np.einsum("ij,ij->i", normals, mesh.points[mesh.faces[:, corner]] - mean[at])
+        np.add.at(left, at, squares)
+        np.add.at(right, at, normals * distance[:, None])
+    u, s, vt = np.linalg.svd(left)
+    inverse = np.where(s > _FLAT * s[:, :1], 1 / np.maximum(s, 1e-300), 0.0)
+    shift = np.einsum("nji,nj,nkj,nk->ni", vt, inverse, u, right)
+    # Planes that are nearly parallel meet far away: a corner stays near its cell.
+    length = np.linalg.norm(shift, axis=1, keepdims=True)
+    return mean + shift * np.minimum(1.0, cell / np.maximum(length, 1e-300))
+
+
+def _normals(mesh: Mesh) -> Float[Array, "F 3"]:
+    a, b, c = (mesh.points[mesh.faces[:, k]] for k in range(3))
+    return np.cross(b - a, c - a)
