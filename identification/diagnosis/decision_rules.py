@@ -1,7 +1,7 @@
 """Every threshold that decides a claim: value, unit, reason, and the command whose output it was set by.
 
-``python benchmarks/same_answers.py record --rule NAME=VALUE`` judges forty recordings with another value of one of them,
-and its ``compare`` prints which answers change.
+``python benchmarks/same_answers.py record --rule NAME=VALUE`` judges forty recordings with another value of one of
+them, and its ``compare`` prints which answers change.
 """
 
 from __future__ import annotations

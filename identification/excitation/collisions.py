@@ -14,6 +14,7 @@ from jaxtyping import Float
 from phantom_dyn.errors import ParameterError
 from phantom_dyn.model.robot import Robot
 from phantom_dyn.model.robot_files import find_robot
+from phantom_dyn.random_streams import random_stream
 
 Array = np.ndarray
 
@@ -142,7 +143,7 @@ def _with_pairs(robot: Robot, shapes: pin.GeometryModel) -> pin.GeometryModel:
             a, b = joints[i], joints[j]
             if a != b and model.parents[a] != b and model.parents[b] != a:
                 shapes.addCollisionPair(pin.CollisionPair(i, j))
-    q = np.random.default_rng(0).uniform(-np.pi, np.pi, (_POSTURES, robot.nv))
+    q = random_stream("postures that may collide").uniform(-np.pi, np.pi, (_POSTURES, robot.nv))
     linear = np.asarray(robot.prismatic)
     q[:, linear] *= 0.1
     lower, upper = _ranges(robot)

@@ -26,6 +26,7 @@ from identification.excitation.starts import (
 from phantom_dyn.errors import ParameterError
 from phantom_dyn.model.robot import Robot
 from phantom_dyn.motion import Motion, read_only
+from phantom_dyn.random_streams import random_stream
 
 Array = np.ndarray
 
@@ -174,7 +175,7 @@ def _require_motion(problem: Problem, dense: Grid, weights: Float[Array, "K nv"]
     """Refuse a start that does not move, as the smallest motion about its posture breaks a limit: say which one."""
     if np.abs(dense.motion(weights).v).max() > 0:
         return
-    rng = np.random.default_rng(0)
+    rng = random_stream("sizes of a design")
     motion = dense.motion(at_rest(posture, len(weights)) + SHARES[-1] * undirected(problem, dense, rng))
     values = problem.limited(motion, problem.regressor(motion))
     raise ParameterError(

@@ -15,6 +15,7 @@ from phantom_dyn.errors import ParameterError
 from phantom_dyn.model.inertia import parameter_names, parameter_units
 from phantom_dyn.model.robot import Robot
 from phantom_dyn.motion import Motion, read_only
+from phantom_dyn.random_streams import random_stream
 
 Array = np.ndarray
 
@@ -114,7 +115,7 @@ def _noise(robot: Robot, noise: float | Sequence[float] | None) -> Float[Array, 
 
 def _ordinary_motion(robot: Robot) -> Motion:
     """Independent samples that excite everything a motion can: any posture, about 1 rad/s and 1 rad/s^2."""
-    rng = np.random.default_rng(0)
+    rng = random_stream("ordinary motion")
     q = rng.uniform(-np.pi, np.pi, (_ORDINARY, robot.nv)) * np.where(robot.prismatic, 0.1, 1.0)
     v, a = rng.normal(size=(2, _ORDINARY, robot.nv)) * np.where(robot.prismatic, 0.3, 1.0)
     return Motion(np.arange(float(_ORDINARY)), q, v, a)

@@ -13,6 +13,7 @@ from identification.regression.regressor import EffectOnJoint, torque_regressor
 from phantom_dyn.model.inertia import STANDARD_NAMES, body_name
 from phantom_dyn.model.robot import Robot
 from phantom_dyn.motion import Motion
+from phantom_dyn.random_streams import random_stream
 
 Array = np.ndarray
 
@@ -30,7 +31,7 @@ def excited_base(robot: Robot, log: Log, effects: Sequence[EffectOnJoint]) -> Ba
         log: A recording of it.
         effects: What acts on the joints beside the rigid body.
     """
-    rng = np.random.default_rng(0)
+    rng = random_stream("excited base parameters")
     if robot.chain is None:
         q = np.where(robot.prismatic, 1.0, np.pi) * rng.uniform(-1, 1, (_SAMPLES, robot.nv))
     else:

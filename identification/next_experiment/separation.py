@@ -13,12 +13,12 @@ from identification.diagnosis.result import EffectAt
 from identification.diagnosis.search.search import Search
 from identification.next_experiment.distance import distance, draws_of, power_of, power_of_simpler
 from identification.next_experiment.hypotheses import Hypothesis, Model, model_of, union_of
+from phantom_dyn.random_streams import random_stream
 
 Array = np.ndarray
 
 # Draws of what the recordings leave possible, the fit itself beside them.
 _DRAWS = 7
-_SEED = 20260108
 # By so much, in squared standard deviations, a rival may be ahead that held-out data have left on the list: what it is
 # ahead in sample beyond that is what its shapes have fitted of the noise. What it is behind has not struck it off.
 _AHEAD = 8.0
@@ -82,7 +82,7 @@ def parting(rivalry: Rivalry, planned: Float[Array, "u u"]) -> Parting:
         planned: Products over the recording.
     """
     # The same draws for every motion, so that motions are compared and not draws.
-    rng = np.random.default_rng(_SEED)
+    rng = random_stream("models that recordings leave possible")
     together = rivalry.recorded + planned
     chance, apart = [], []
     hardest: dict[tuple[EffectAt, ...], float] = {}

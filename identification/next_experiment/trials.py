@@ -28,6 +28,7 @@ from phantom_dyn.errors import ParameterError
 from phantom_dyn.model.point_mass import payload_body
 from phantom_dyn.model.robot import Robot
 from phantom_dyn.motion import Motion
+from phantom_dyn.random_streams import random_stream
 from phantom_dyn.simulation.control import position_control
 from phantom_dyn.simulation.simulate import simulate
 
@@ -99,7 +100,6 @@ Array = np.ndarray
 _WORK, _FEWEST, _MOST = 120, 12, 40
 # So many of the best ones are tried with a known mass and with softer gains too, if they can be made so.
 _CHANGED = 3
-_SEED = 20260109
 # Probability above which a further difference counts by its size.
 _SURE = 0.995
 # By so much a mass or other gains have to raise the probability that no rival is left.
@@ -151,7 +151,7 @@ def tried(
     Raises:
         ParameterError: If no motion keeps the limits.
     """
-    rng = np.random.default_rng(_SEED)
+    rng = random_stream("motions of a next experiment")
     count = int(np.clip(_WORK // robot.nv**2, _FEWEST, _MOST))
     problem = design_of(robot, limits)
     drawn = candidates(problem, duration=duration, count=count, rng=rng)

@@ -25,6 +25,7 @@ from jaxtyping import Float
 
 from identification.regression.triangular import ROWS, absorb, dependent_columns, one_blas_thread, triangular
 from phantom_dyn.errors import ParameterError
+from phantom_dyn.random_streams import random_stream
 
 Array = np.ndarray
 
@@ -217,7 +218,7 @@ def _leaner(factors: Sequence[Array], own: Sequence[Array], names: Sequence[str]
     relation = np.zeros((p, p))
     relation[kept, kept] = 1.0
     relation[np.ix_(kept, dependent)] = grouping
-    rng = np.random.default_rng(0)
+    rng = random_stream("probe of a reduction")
     zero = np.zeros((p, _PROBES))
     draws = rng.standard_normal((len(dependent), _PROBES)) / scale[dependent, None]
     zero[dependent] = draws

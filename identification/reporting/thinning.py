@@ -7,6 +7,8 @@ from itertools import pairwise
 import numpy as np
 from jaxtyping import Bool, Float, Int
 
+from phantom_dyn.random_streams import random_stream
+
 Array = np.ndarray
 
 CURVE_POINTS = 1000
@@ -82,7 +84,7 @@ def scatter_choice(finite: Bool[Array, " N"], most: int = CLOUD_POINTS) -> Int[A
     usable = np.flatnonzero(finite)
     if len(usable) <= most:
         return usable
-    return np.sort(np.random.default_rng(0).choice(usable, most, replace=False))
+    return np.sort(random_stream("thinning of a scatter").choice(usable, most, replace=False))
 
 
 def binned_median(

@@ -18,6 +18,7 @@ from identification.rollout.shots import Shot
 from identification.rollout.simulated_models import Model
 from identification.rollout.starts import Window
 from phantom_dyn.model.robot import Robot
+from phantom_dyn.random_streams import random_stream
 
 Array = np.ndarray
 
@@ -156,7 +157,7 @@ def compared(
     Raises:
         ParameterError: If a motion leaves all bounds.
     """
-    rng = np.random.default_rng(20260107)
+    rng = random_stream("noise of rollout starts")
     before, after, noise = [], [], []
     for plain in shots:
         given, model = models(plain.window)

@@ -13,6 +13,7 @@ from jaxtyping import Float, Int
 from identification.data.log import Log
 from identification.diagnosis.model.blocks import Block
 from identification.diagnosis.model.columns import Columns
+from phantom_dyn.random_streams import random_stream
 
 Array = np.ndarray
 
@@ -46,7 +47,7 @@ def state_features(columns: Columns, log: Log, index: int, row: int) -> Float[Ar
     )
     inputs = (inputs - inputs.mean(axis=0)) / (inputs.std(axis=0) + 1e-12)
     # The same features on every call: a fixed seed makes a diagnosis repeatable.
-    rng = np.random.default_rng(20260101)
+    rng = random_stream("random features")
     widths = np.where(np.arange(_FEATURES) % 2 == 0, 0.4, 1.2)
     # Each feature looks at two or three inputs, which is what friction, springs and load effects depend on.
     direction = rng.normal(size=(inputs.shape[1], _FEATURES)) * widths

@@ -27,6 +27,7 @@ from identification.diagnosis.fit.whole_model import (
 from identification.diagnosis.model.terms import Term
 from identification.diagnosis.numerics.bounded import bounded_solve, solve
 from phantom_dyn.effects.effect import OtherLaw
+from phantom_dyn.random_streams import random_stream
 
 Array = np.ndarray
 
@@ -162,7 +163,7 @@ def _by_model(
     The model is drawn some times from what the data leave of its tolerances, and the columns are made of it.
     """
     count = setting.problem.nuisances
-    rng = np.random.default_rng(20260106)
+    rng = random_stream("models within the tolerances")
     shifts = []
     for draw in rng.multivariate_normal(np.zeros(count), cov[:count, :count], _DRAWS, method="eigh"):
         moved = setting.moved(x[:count] + draw)

@@ -20,6 +20,7 @@ from identification.diagnosis.model.terms import Term, ordered
 from identification.diagnosis.result import Finding
 from identification.diagnosis.search.rival_sets import block_counts, stand
 from identification.diagnosis.search.search import Search
+from phantom_dyn.random_streams import random_stream
 
 Array = np.ndarray
 
@@ -107,7 +108,7 @@ def findings_without(
     robot = plain.problem.session.robot
     problem, floor, found = plain.problem, judge.floor, plain.evaluate(chosen)
     after = sums(problem, judge.narrow(residual_after(problem, held_out_torque(problem, chosen, found))))
-    counts = block_counts(len(before.counts), np.random.default_rng(20260105))
+    counts = block_counts(len(before.counts), random_stream("bootstrap of the gap closed"))
     once = np.ones((1, len(before.counts)))
     out = []
     for term in ordered(chosen):

@@ -13,6 +13,7 @@ from phantom_dyn.dynamics.dynamics import rigid_body_regressor
 from phantom_dyn.effects.effect import Effect, Parameter
 from phantom_dyn.model.robot import Robot
 from phantom_dyn.motion import Motion
+from phantom_dyn.random_streams import random_stream
 
 Array = np.ndarray
 
@@ -109,7 +110,7 @@ def _inertial(robot: Robot, term: Term, coefficients: Float[Array, " k"], cov: F
 
 def _base(robot: Robot, term: Term) -> tuple[tuple[int, ...], Float[Array, "r k"]]:
     """Which of the free parameters are told apart, as columns of the regressor over random motions; their sums."""
-    rng = np.random.default_rng(20260104)
+    rng = random_stream("draws of parameters")
     motion = Motion(np.arange(200.0), *(rng.uniform(-3, 3, (200, robot.nv)) for _ in range(3)))
     effect = term.effect
     assert isinstance(effect, Effect)

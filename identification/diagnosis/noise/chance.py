@@ -12,6 +12,7 @@ from identification.diagnosis.model.session import Series
 from identification.diagnosis.model.terms import Term
 from identification.diagnosis.numerics.bounded import solve
 from identification.diagnosis.search.search import Search, Threshold, joint_of, price
+from phantom_dyn.random_streams import random_stream
 
 Array = np.ndarray
 
@@ -36,7 +37,7 @@ def null_threshold(search: Search, noise: Series, least: float = 0.0) -> Thresho
     problem = search.problem
     if not search.terms:
         return Threshold(least, {})
-    rng = np.random.default_rng(20260102)
+    rng = random_stream("recordings without a gap")
     b, core_b = _null_products(problem, noise, rng)
     extra = np.array([max(price(search.sizes[term]) - rules.PARAMETER_PRICE, 0.0) for term in search.terms])
     gains = _gains(problem, search.terms, b, core_b) - extra[:, None]

@@ -30,6 +30,7 @@ from phantom_dyn.effects.operation import Operation
 from phantom_dyn.effects.support.encoder_lattice import coarse_step, stated_step, step_of
 from phantom_dyn.model.robot import Robot
 from phantom_dyn.motion import Motion
+from phantom_dyn.random_streams import random_stream
 
 Array = np.ndarray
 
@@ -102,7 +103,7 @@ def coarse_joints(session: Session, columns: Columns, steps: tuple[float | None,
         torque = []
         for log, operation in zip(session.logs, columns.operations, strict=True):
             alone = tuple(step if k == j else _FINE for k in range(robot.nv))
-            rough = read_again(log, operation, alone, np.random.default_rng(20260106)).motion
+            rough = read_again(log, operation, alone, random_stream("coarse readings")).motion
             error = log.band(inverse_dynamics(operation.robot, rough) - inverse_dynamics(operation.robot, log.motion))
             # Noise that the stated step would have made is no gap.
             torque.append(error * np.sqrt(1.0 - min((stated / step) ** 2, 1.0)))
@@ -118,7 +119,7 @@ def columns_read_again(session: Session, columns: Columns, steps: tuple[float | 
         columns: Of the recordings.
         steps: Of the readings, see `reading_steps`.
     """
-    rng = np.random.default_rng(20260107)
+    rng = random_stream("readings with fresh noise")
     again = tuple(read_again(log, o, steps, rng) for log, o in zip(session.logs, columns.operations, strict=True))
     differences = Differences(tuple(operation.robot for operation in columns.operations))
     return columns_like(replace(session, logs=again, differences=differences), columns)

@@ -13,6 +13,7 @@ from identification.diagnosis.model.terms import Term, ordered
 from identification.diagnosis.result import EffectAt, Rival
 from identification.diagnosis.search.search import Search, contains
 from identification.diagnosis.search.swaps import explained, relevant, replaced
+from phantom_dyn.random_streams import random_stream
 
 Array = np.ndarray
 
@@ -77,7 +78,7 @@ def stand(search: Search, chosen: frozenset[Term], term: Term) -> Standing:
     if len(options) == 1 and not richer_laws:
         return Standing(1.0, ())
     keys = list(options)
-    counts = block_counts(len(base.loss), np.random.default_rng(20260103))
+    counts = block_counts(len(base.loss), random_stream("bootstrap of rivals"))
     losses = counts @ np.array([options[key] for key in keys]).T
     costs = _costs(search, [same.get(key, key) for key in keys])
     shares = _by_place(term, keys, names, np.mean([_wins(losses + cost) for cost in costs], axis=0))

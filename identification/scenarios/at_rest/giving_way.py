@@ -15,6 +15,7 @@ from scipy.stats import t as student
 
 from identification.diagnosis import decision_rules as rules
 from identification.scenarios.at_rest.rests import Stills
+from phantom_dyn.random_streams import random_stream
 
 Array = np.ndarray
 
@@ -96,7 +97,7 @@ def giving_way(stills: Stills) -> GivingWay:
     # Both together are a rival only if each is sure beside the other.
     sure = ways[2].values > float(student.isf(0.01, max(len(error) - 3, 1))) * ways[2].std
     ways = ways if len(error) > 6 and not alike and sure.all() else ways[:2]
-    rng = np.random.default_rng(20261121)
+    rng = random_stream("bootstrap of rests")
     drawn = rng.integers(len(error), size=(_REPLICATES, len(error)))
     losses = np.array([(way.left[drawn] ** 2).sum(axis=1) for way in ways])
     least = losses.argmin(axis=0)

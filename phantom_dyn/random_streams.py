@@ -1,0 +1,18 @@
+"""Random numbers by use: every draw of the project has a stream of its own, the same in every run."""
+
+from __future__ import annotations
+
+import zlib
+
+import numpy as np
+
+_PROJECT = 20260101
+
+
+def random_stream(use: str) -> np.random.Generator:
+    """Random numbers for one use, independent of those of every other use.
+
+    Args:
+        use: Its name, such as ``"bootstrap of rivals"``.
+    """
+    return np.random.default_rng(np.random.SeedSequence(_PROJECT, spawn_key=(zlib.crc32(use.encode()),)))
