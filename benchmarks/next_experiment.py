@@ -27,7 +27,7 @@ from identification.data.recording import Recording
 from identification.data.signals import process_all
 from identification.diagnosis.result import Diagnosis
 from identification.excitation.criteria import DOptimality
-from identification.excitation.excite import excite
+from identification.excitation.excite import PlannedRecording, excite
 from identification.excitation.motion_shapes import FourierSeries
 from identification.next_experiment.candidates import candidates, design_of, safe_limits
 from identification.pipeline import diagnose
@@ -95,7 +95,9 @@ def motions(case: Case, first: Recording, diagnosis: Diagnosis, seed: int) -> di
     drawn = candidates(design_of(case.robot, limits), duration=duration, count=4, rng=rng)
     one = drawn[int(rng.integers(len(drawn)))]
     series, criterion = FourierSeries(duration, 5), DOptimality()
-    optimal = excite(case.robot, series, limits=limits, criterion=criterion, rate_hz=rate, starts=4, seed=seed)
+    optimal = excite(
+        case.robot, series, limits=limits, criterion=criterion, planned=PlannedRecording(rate), starts=4, seed=seed
+    )
     return {"proposed": diagnosis.next_motion, "random": one.motion(rate), "D-optimal": optimal.motion(rate)}
 
 

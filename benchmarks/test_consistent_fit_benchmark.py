@@ -8,8 +8,8 @@ import pytest
 from identification.data.log import Band, Log
 from identification.estimators.consistent.consistent import consistent_parameters, program_of_factor
 from identification.estimators.consistent.consistent_program import Prior
-from identification.regression.base_parameters import r_factor
 from identification.regression.regressor import Regressor, torque_regressor
+from identification.regression.triangular import r_factor
 from phantom_dyn import load_robot
 from phantom_dyn.dynamics.dynamics import inverse_dynamics
 from phantom_dyn.effects.catalogue import effect_named

@@ -13,7 +13,7 @@ import pytest
 
 from identification.excitation.collisions import collisions_of
 from identification.excitation.criteria import ConditionNumber
-from identification.excitation.design_problem import Grid, Problem
+from identification.excitation.design_problem import DesignProblem, Grid
 from identification.excitation.excite import condition_of, excite
 from identification.excitation.excited_base import base_of
 from identification.excitation.limits import Limits, limits_of
@@ -46,7 +46,7 @@ def arm() -> Arm:
 
 def best_random(arm: Arm, shapes: FourierSeries, seed: int, count: int) -> float:
     """Condition number of the best of many random motions, each as large as the limits let it be."""
-    problem = Problem(arm.robot, base_of(arm.robot, planned=1001.0), ConditionNumber(), arm.limits)
+    problem = DesignProblem(arm.robot, base_of(arm.robot, planned=1001.0), ConditionNumber(), arm.limits)
     grid, rng = Grid.of(shapes, shapes.samples), np.random.default_rng(seed)
     postures = feasible_postures(problem, rng)
     drawn = (random_motion(problem, grid, postures[rng.integers(len(postures))], rng) for _ in range(count))

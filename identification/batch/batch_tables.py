@@ -30,15 +30,17 @@ def table(result: DiagnosedRecordings) -> str:
     lines = [f"{'recording':<{width}}  {'verdict':<{verdict_width}}  cause"]
     for name, row in zip(names, result.rows, strict=True):
         head = f"{name:<{width}}  {row.verdict:<{verdict_width}}  "
-        lines.append(textwrap.fill(head + _printable(_said(row)), WIDTH, subsequent_indent=" " * len(head)).rstrip())
+        lines.append(
+            textwrap.fill(head + _printable(_cause_words(row)), WIDTH, subsequent_indent=" " * len(head)).rstrip()
+        )
     return "\n".join([*lines, "", counts(result)]).replace(NO_BREAK, " ")
 
 
 def counts(result: DiagnosedRecordings) -> str:
     """How many recordings have each verdict, in a line."""
     number = Counter(row.verdict for row in result.rows)
-    said = ", ".join(f"{count} {verdict}" for verdict, count in number.most_common())
-    return f"{len(result.rows)} {'recording' if len(result.rows) == 1 else 'recordings'}: {said}"
+    counted = ", ".join(f"{count} {verdict}" for verdict, count in number.most_common())
+    return f"{len(result.rows)} {'recording' if len(result.rows) == 1 else 'recordings'}: {counted}"
 
 
 def csv_text(result: DiagnosedRecordings) -> str:
@@ -105,7 +107,7 @@ def _csv_row(row: DiagnosedRecording) -> dict[str, Any]:
     return out | {"seconds": document["seconds"]}
 
 
-def _said(row: DiagnosedRecording) -> str:
+def _cause_words(row: DiagnosedRecording) -> str:
     if row.verdict == REFUSED:
         return row.refusal or ""
     causes = list(row.causes)

@@ -1,8 +1,6 @@
-"""Many recordings, each diagnosed by itself: one verdict a recording, in several processes or on a cluster.
+"""Many recordings, each diagnosed by itself: one verdict per recording, in several processes or on a cluster.
 
-Which recordings are meant, and which folder each gets for its files.
-
-Many recordings, each diagnosed by itself: one verdict a recording, in several processes or on a cluster.
+`logs_in` finds the recordings of a folder, `folder_names` names the folder that each gets for its files.
 """
 
 from __future__ import annotations
@@ -16,7 +14,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 from identification.data.readers.column_map import read_column_map
-from identification.data.reading import read_recording
+from identification.data.reading import ReadOptions, read_recording
 from identification.diagnosis.model.terms import KnownEffect
 from identification.files import require_existing
 from identification.pipeline import diagnose
@@ -29,10 +27,22 @@ from phantom_dyn.model.robot import Robot
 from phantom_dyn.model.robot_files import find_robot
 
 TABLES = ("diagnoses.json", "diagnoses.csv")
-"""Files beside the folders: one row a recording."""
+"""Files beside the folders, one row per recording."""
 ENDINGS = (".csv", ".npz", ".parquet", ".bag", ".db3", ".mcap")
-"""What a recording in a folder ends in; a file that is named may end in anything."""
-_BAG = "metadata.yaml"
+"""Endings of the files in a folder that are taken for recordings; a file that is named may end in anything."""
+REFUSED = "refused"
+"""Verdict of a recording that could not be diagnosed."""
+
+_BAG = "metadata.yaml"  # file in the folder of a ROS 2 bag
+
+# The style of matplotlib's figures is that of the whole process: threads write their reports in turn.
+_WRITING = threading.Lock()
+# Sentences on a recording whose process died, and on one whose diagnosis raised an error of ours.
+_LOST = (
+    "{}: the process that diagnosed it ended again and again, perhaps because memory ran out: diagnose it alone, or "
+    "with fewer --jobs."
+)
+_FAULT = "{}: the diagnosis itself failed ({}: {}): please report this with the recording."
 
 
 def logs_in(path: str) -> list[str]:
@@ -122,14 +132,9 @@ def check_folders(out: Path, names: Sequence[str]) -> None:
             raise UsageError(f"--out: {out / table} is a folder, wanted a file; remove it or name another place")
 
 
-REFUSED = "refused"
-# The style of matplotlib's figures is that of the whole process: threads write their reports in turn.
-_WRITING = threading.Lock()
-
-
 @dataclass(frozen=True)
 class DiagnosedRecording:
-    """What became of one recording.
+    """Outcome of one recording: its diagnosis, or why it was refused.
 
     Attributes:
         log: The file as it was given.
@@ -168,21 +173,12 @@ class DiagnosedRecordings:
         return tuple(row for row in self.rows if row.verdict == REFUSED)
 
 
-@dataclass(frozen=True)
-class _Reading:
-    columns: Path | None
-    topic: str | None
-    excluded: tuple[tuple[float, float], ...]
-
-
 def diagnose_each(
     robot: Robot,
     logs: Sequence[str | Path],
     *,
     known: tuple[KnownEffect, ...] = (),
-    columns: str | Path | None = None,
-    topic: str | None = None,
-    excluded: Sequence[tuple[float, float]] = (),
+    reading: ReadOptions | None = None,
     out: str | Path | None = None,
     jobs: int | None = None,
     progress: Callable[[str], None] = lambda _: None,
@@ -197,9 +193,7 @@ def diagnose_each(
         robot: The model that is judged.
         logs: Files, each a recording of that robot.
         known: Effects that belong to the given model already.
-        columns: Column map (YAML) of all of them, see `identification.data.reading.read_recording`.
-        topic: Topic of sensor_msgs/JointState in bags that have several.
-        excluded: Stretches of time [s] to leave out of every recording.
+        reading: How all of them are read; by default all of their time, without a column map.
         out: Folder that gets a folder with the files of a diagnosis for each recording, named after its log. None:
             nothing is written.
         jobs: Recordings at once, see `phantom_dyn.large_work.worker_count`.
@@ -219,9 +213,10 @@ def diagnose_each(
     if out is not None:
         folders = [Path(out).absolute() / name for name in names]
         check_folders(Path(out), names)
-    if columns is not None:
-        read_column_map(columns)
-    reading = _Reading(None if columns is None else Path(columns).absolute(), topic, tuple(excluded))
+    reading = ReadOptions() if reading is None else reading
+    if reading.columns is not None:
+        read_column_map(reading.columns)
+        reading = replace(reading, columns=Path(reading.columns).absolute())
     given = _at_home(robot)
     rows = [
         DiagnosedRecording(str(log), name, REFUSED, refusal=_LOST.format(Path(log).name))
@@ -241,13 +236,6 @@ def diagnose_each(
     return DiagnosedRecordings(robot.name, robot.joint_names, tuple(rows))
 
 
-_LOST = (
-    "{}: the process that diagnosed it ended again and again, perhaps because memory ran out: diagnose it alone, or "
-    "with fewer --jobs."
-)
-_FAULT = "{}: the diagnosis itself failed ({}: {}): please report this with the recording."
-
-
 def _at_home(robot: Robot) -> Robot:
     """The robot with its file named in full: a worker may have another working folder, and draws its shape."""
     file = Path(robot.source)
@@ -257,7 +245,7 @@ def _at_home(robot: Robot) -> Robot:
 def _diagnosed(
     robot: Robot,
     known: tuple[KnownEffect, ...],
-    reading: _Reading,
+    reading: ReadOptions,
     log: Path,
     folder: Path | None,
     row: DiagnosedRecording,

@@ -215,6 +215,7 @@ def _diagnose_each(arguments: argparse.Namespace, excluded: tuple[tuple[float, f
     """
     from identification.batch.batch_tables import table, write_tables
     from identification.batch.diagnose_each import diagnose_each
+    from identification.data.reading import ReadOptions
     from identification.export.corrected.corrected_yaml import known_effects
     from identification.reporting.diagnosis_files import check_targets
     from phantom_dyn.model.loading import load_robot
@@ -226,9 +227,7 @@ def _diagnose_each(arguments: argparse.Namespace, excluded: tuple[tuple[float, f
             robot,
             arguments.logs,
             known=known_effects(tuple(Path(path) for path in arguments.known), robot),
-            columns=arguments.columns,
-            topic=arguments.topic,
-            excluded=excluded,
+            reading=ReadOptions(arguments.columns, arguments.topic, excluded),
             out=arguments.out,
             jobs=arguments.jobs,
             progress=progress.show,

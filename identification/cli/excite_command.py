@@ -90,7 +90,7 @@ def run(arguments: argparse.Namespace) -> int:
 
 
 def _excite(arguments: argparse.Namespace) -> int:
-    from identification.excitation.excite import excite
+    from identification.excitation.excite import PlannedRecording, excite
     from identification.excitation.limits import limits_of
     from identification.export.log_and_map_files import write_log
     from phantom_dyn.model.loading import load_robot
@@ -112,8 +112,7 @@ def _excite(arguments: argparse.Namespace) -> int:
             shapes,
             limits=limits,
             criterion=criterion,
-            earlier=_earlier(arguments, robot),
-            rate_hz=arguments.rate,
+            planned=PlannedRecording(arguments.rate, earlier=_earlier(arguments, robot)),
             seed=arguments.seed,
             progress=progress.show,
         )

@@ -69,13 +69,14 @@ def _identify(arguments: argparse.Namespace, excluded: tuple[tuple[float, float]
     from identification.data.reading import read_recording
     from identification.identify.identification_files import check_folder, write_outputs
     from identification.identify.identification_words import summary
-    from identification.identify.identified_model import friction_terms
+    from identification.identify.identified_model import JointTerms, friction_terms
     from identification.identify.identify import identify, usable_estimator
     from phantom_dyn.model.loading import load_robot
 
     with Progress("reading", sys.stderr) as progress:
         usable_estimator(arguments.estimator)
-        terms = friction_terms([word.strip() for word in arguments.friction.split(",")])
+        friction = friction_terms([word.strip() for word in arguments.friction.split(",")])
+        terms = JointTerms(friction, arguments.rotors)
         check_folder(arguments.out)
         robot = load_robot(arguments.robot, config=arguments.robot_config)
 
@@ -90,8 +91,7 @@ def _identify(arguments: argparse.Namespace, excluded: tuple[tuple[float, float]
             tuple(read(path) for path in arguments.logs),
             hold_out=tuple(read(path) for path in arguments.hold_out),
             estimator=arguments.estimator,
-            friction=terms,
-            rotors=arguments.rotors,
+            terms=terms,
             folder=arguments.out,
             config=arguments.robot_config,
             progress=progress.show,

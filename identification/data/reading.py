@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -19,6 +19,21 @@ from phantom_dyn.model.robot import Robot
 from phantom_dyn.motion import read_only
 
 Array = np.ndarray
+
+
+@dataclass(frozen=True)
+class ReadOptions:
+    """How the files of recordings are read, see `read_recording`.
+
+    Attributes:
+        columns: Column map (YAML), if the columns have other names or units.
+        topic: Topic of sensor_msgs/JointState in a bag that has several.
+        excluded: Stretches of time [s] to leave out of every fit.
+    """
+
+    columns: str | Path | None = None
+    topic: str | None = None
+    excluded: tuple[tuple[float, float], ...] = ()
 
 
 def _joints_of(table: Table, quantity: str) -> list[str]:

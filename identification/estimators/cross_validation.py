@@ -10,8 +10,9 @@ from jaxtyping import Float
 from scipy.linalg import solve_triangular
 
 from identification.data.log import Log
-from identification.regression.base_parameters import base_parameters_of_matrix, r_factor
+from identification.regression.base_parameters import base_parameters_of_matrix
 from identification.regression.regressor import EffectOnJoint, Regressor, torque_regressor
+from identification.regression.triangular import r_factor
 from phantom_dyn.errors import ParameterError
 from phantom_dyn.model.robot import Robot
 

@@ -12,7 +12,7 @@ import pinocchio as pin
 from jaxtyping import Float
 
 from phantom_dyn.errors import ParameterError
-from phantom_dyn.model.robot import Robot
+from phantom_dyn.model.robot import Robot, position_limits
 from phantom_dyn.model.robot_files import find_robot
 from phantom_dyn.random_streams import random_stream
 
@@ -146,17 +146,9 @@ def _with_pairs(robot: Robot, shapes: pin.GeometryModel) -> pin.GeometryModel:
     q = random_stream("postures that may collide").uniform(-np.pi, np.pi, (_POSTURES, robot.nv))
     linear = np.asarray(robot.prismatic)
     q[:, linear] *= 0.1
-    lower, upper = _ranges(robot)
-    q = np.clip(q, lower, upper)
+    q = np.clip(q, *position_limits(robot))
     touching = distances(model, Collisions(shapes), robot.configuration(q), slopes=False)[0] < 0
     for pair, often in zip(list(shapes.collisionPairs), touching.mean(axis=0) > _TOUCHING, strict=True):
         if often:
             shapes.removeCollisionPair(pin.CollisionPair(pair.first, pair.second))
     return shapes
-
-
-def _ranges(robot: Robot) -> tuple[Float[Array, " nv"], Float[Array, " nv"]]:
-    from identification.excitation.limits import stated_limits
-
-    stated, rows = stated_limits(robot), list(robot.tree_rows)
-    return stated.lower[rows], stated.upper[rows]

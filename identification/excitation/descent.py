@@ -10,7 +10,7 @@ from jaxtyping import Float
 from scipy.optimize import minimize
 
 from identification.excitation.criteria import Criterion
-from identification.excitation.design_problem import Grid, Problem, joint_sizes
+from identification.excitation.design_problem import DesignProblem, Grid, joint_sizes
 from identification.excitation.limited_quantities import Bounds
 
 Array = np.ndarray
@@ -41,7 +41,7 @@ class Penalty:
 
 
 def descend(
-    problem: Problem,
+    problem: DesignProblem,
     grid: Grid,
     weights: Float[Array, "K nv"],
     *,

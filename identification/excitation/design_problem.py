@@ -19,9 +19,10 @@ from phantom_dyn.dynamics.dynamics import rigid_body_regressor, standard_paramet
 from phantom_dyn.model.robot import Robot
 from phantom_dyn.motion import Motion
 
-_REACH = (np.pi, 0.5)
-
 Array = np.ndarray
+
+_REACH = (np.pi, 0.5)
+"""Half of the range [rad; m for linear joints] in which a joint without position limits is placed."""
 
 
 @dataclass(frozen=True)
@@ -43,7 +44,7 @@ class Grid:
 
 
 @dataclass(frozen=True)
-class Problem:
+class DesignProblem:
     """What is to be designed.
 
     Attributes:
@@ -165,7 +166,7 @@ class JointSizes:
     speed: Float[Array, " nv"]
 
 
-def joint_sizes(problem: Problem) -> JointSizes:
+def joint_sizes(problem: DesignProblem) -> JointSizes:
     """Sizes from the limits; a joint that may go further than half a turn either way stays within one turn."""
     rows, limits = list(problem.robot.tree_rows), problem.limits
     reach = np.where(problem.robot.prismatic, _REACH[1], _REACH[0])

@@ -1,4 +1,8 @@
-"""A motion that makes a robot's inertial parameters visible, within its limits."""
+"""Design of a motion that makes a robot's inertial parameters visible, within its limits (optimal excitation).
+
+Random motions about postures within the limits are tried, the best one is improved by a descent, and the result is
+checked at ten times the samples of the descent.
+"""
 
 from __future__ import annotations
 
@@ -10,17 +14,17 @@ from jaxtyping import Float
 
 from identification.excitation.criteria import ConditionNumber, Criterion, condition_number
 from identification.excitation.descent import MARGIN, descend
-from identification.excitation.design_problem import Grid, Problem
+from identification.excitation.design_problem import DesignProblem, Grid
 from identification.excitation.excited_base import base_of
 from identification.excitation.limits import Limits, limits_of
 from identification.excitation.motion_shapes import Shapes
 from identification.excitation.starts import (
     SHARES,
-    at_rest,
+    constant_weights,
     feasible_postures,
-    largest,
+    largest_within_limits,
     random_motion,
-    undirected,
+    random_weights,
     worst_excess,
 )
 from phantom_dyn.errors import ParameterError
@@ -34,7 +38,24 @@ _DENSE = 10
 """Samples of the last check per sample of the design."""
 _ROWS = 5_000_000
 """Most rows of a reference: more are a slip of the rate or the duration."""
+# Sizes of a motion about its posture that are tried after a descent, the largest first.
 _REPAIRS = (1.0, 0.998, 0.995, 0.99, 0.98, 0.96, 0.93, 0.89, 0.84, 0.78, 0.7, 0.6, 0.5, 0.4, 0.3, 0.2, 0.1, 0.05, 0.02)
+
+
+@dataclass(frozen=True)
+class PlannedRecording:
+    """The recording that a motion is designed for.
+
+    Attributes:
+        rate_hz: Its rate; its samples weigh against those of earlier recordings.
+        noise: Torque noise [N m or N] of each joint, or one number, to weigh joints by; None: all alike.
+        earlier: Triangular factor of recordings made before, see `earlier_factor`: the motion adds what they do not
+            show.
+    """
+
+    rate_hz: float = 100.0
+    noise: float | Sequence[float] | None = None
+    earlier: Float[Array, "k p"] | None = None
 
 
 @dataclass(frozen=True)
@@ -73,7 +94,7 @@ class Excitation:
         return Grid.of(self.shapes, _count(self.shapes, rate_hz)).motion(self.weights)
 
     def summary(self) -> str:
-        """Two sentences: what is reached, and which limits stand against more."""
+        """Two sentences: the condition number that is reached, and the limits that prevent a lower one."""
         limits = ", ".join(self.reached) if self.reached else "none"
         return (
             f"{self.robot.name}: condition number {self.condition:.3g} of {self.rank} base parameters over "
@@ -89,9 +110,7 @@ def excite(
     *,
     limits: Limits | None = None,
     criterion: Criterion | None = None,
-    earlier: Float[Array, "k p"] | None = None,
-    noise: float | Sequence[float] | None = None,
-    rate_hz: float = 100.0,
+    planned: PlannedRecording | None = None,
     starts: int = 24,
     seed: int = 0,
     progress: Callable[[str], None] = lambda _: None,
@@ -103,24 +122,23 @@ def excite(
         shapes: Family of the motion, see `identification.excitation.motion_shapes`.
         limits: By default those that the robot states, see `limits_of`.
         criterion: By default the condition number.
-        earlier: Recordings made before, see `earlier_factor`: the motion adds what they do not show.
-        noise: Torque noise [N m or N] of each joint, or one number, to weigh joints by; by default all alike.
-        rate_hz: Rate of the recording that is planned; it weighs against the earlier ones.
+        planned: The recording that is to be made: its rate and noise, and what was recorded before; by default 100 Hz.
         starts: Random motions; the best one is improved.
         seed: Of the random motions.
         progress: Told in words what is being done.
 
     Raises:
-        ParameterError: If no motion keeps the limits (the sentence says which one is broken, and by how much), or a
-            value cannot be.
+        ParameterError: If no motion keeps the limits (the sentence names the one that is broken most, and the excess),
+            or a value cannot be.
         RobotError: If the robot has a joint that no reference can drive.
     """
     if starts < 1:
         raise ParameterError(f"{starts} starts were asked for: give at least one.")
     kept = limits_of(robot) if limits is None else limits
-    planned = float(_count(shapes, rate_hz))
-    base = base_of(robot, planned=planned, noise=noise, earlier=earlier)
-    problem = Problem(robot, base, ConditionNumber() if criterion is None else criterion, kept)
+    planned = PlannedRecording() if planned is None else planned
+    samples = float(_count(shapes, planned.rate_hz))
+    base = base_of(robot, planned=samples, noise=planned.noise, earlier=planned.earlier)
+    problem = DesignProblem(robot, base, ConditionNumber() if criterion is None else criterion, kept)
     grid, dense = Grid.of(shapes, shapes.samples), Grid.of(shapes, _DENSE * shapes.samples)
     rng = np.random.default_rng(seed)
     progress("looking for postures within the limits")
@@ -132,7 +150,7 @@ def excite(
         weights = random_motion(problem, grid, posture, rng)
         tried.append((criterion_of(problem, grid, weights), weights, posture))
     _, start, posture = min(tried, key=lambda one: one[0])
-    start = largest(problem, dense, start, posture)
+    start = largest_within_limits(problem, dense, start, posture)
     _require_motion(problem, dense, start, posture)
     designed = _within(problem, shapes, dense, descend(problem, grid, start, progress=progress), posture)
     better = criterion_of(problem, grid, designed) <= criterion_of(problem, grid, start)
@@ -151,32 +169,34 @@ def excite(
     )
 
 
-def criterion_of(problem: Problem, grid: Grid, weights: Float[Array, "K nv"]) -> float:
+def criterion_of(problem: DesignProblem, grid: Grid, weights: Float[Array, "K nv"]) -> float:
     """The criterion of a motion."""
     return problem.criterion.cost(problem.information(problem.regressor(grid.motion(weights))))[0]
 
 
-def condition_of(problem: Problem, grid: Grid, weights: Float[Array, "K nv"]) -> float:
+def condition_of(problem: DesignProblem, grid: Grid, weights: Float[Array, "K nv"]) -> float:
     """Condition number of the regressor of a motion and of earlier recordings, columns of one norm."""
     return condition_number(problem.information(problem.regressor(grid.motion(weights))))
 
 
 def _within(
-    problem: Problem, shapes: Shapes, dense: Grid, weights: Float[Array, "K nv"], posture: Float[Array, " nv"]
+    problem: DesignProblem, shapes: Shapes, dense: Grid, weights: Float[Array, "K nv"], posture: Float[Array, " nv"]
 ) -> Float[Array, "K nv"]:
     """A motion close to the given one that keeps every limit also between the samples that it was made from."""
     if worst_excess(problem, dense.motion(weights)).max() > 2 * MARGIN:
         finer = Grid.of(shapes, 2 * shapes.samples)
         weights = descend(problem, finer, weights, rounds=3, iterations=25)
-    return largest(problem, dense, weights, posture, _REPAIRS)
+    return largest_within_limits(problem, dense, weights, posture, _REPAIRS)
 
 
-def _require_motion(problem: Problem, dense: Grid, weights: Float[Array, "K nv"], posture: Float[Array, " nv"]) -> None:
+def _require_motion(
+    problem: DesignProblem, dense: Grid, weights: Float[Array, "K nv"], posture: Float[Array, " nv"]
+) -> None:
     """Refuse a start that does not move, as the smallest motion about its posture breaks a limit: say which one."""
     if np.abs(dense.motion(weights).v).max() > 0:
         return
     rng = random_stream("sizes of a design")
-    motion = dense.motion(at_rest(posture, len(weights)) + SHARES[-1] * undirected(problem, dense, rng))
+    motion = dense.motion(constant_weights(posture, len(weights)) + SHARES[-1] * random_weights(problem, dense, rng))
     values = problem.limited(motion, problem.regressor(motion))
     raise ParameterError(
         f"{problem.robot.name} can rest within its limits, but no motion about that posture keeps them: in a small one "

@@ -1,4 +1,4 @@
-"""Base parameters that any motion of a robot can tell apart, their sizes, and what earlier recordings say of them."""
+"""Base parameters that the motions of a robot can determine, their sizes, and the information of earlier recordings."""
 
 from __future__ import annotations
 

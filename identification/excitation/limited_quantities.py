@@ -1,5 +1,5 @@
 # pyright: reportAttributeAccessIssue=false
-"""The limits of a design as one row of bounded quantities, and how far a motion is from them."""
+"""Everything that a design limits as one row of quantities: their bounds, and how far a motion exceeds them."""
 
 from __future__ import annotations
 

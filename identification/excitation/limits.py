@@ -1,5 +1,9 @@
 # pyright: reportAttributeAccessIssue=false
-"""Limits that an exciting motion keeps: of joints, of a frame's place, of distances between bodies."""
+"""Limits that an exciting motion keeps: of joints, of a frame's place, of distances between bodies.
+
+A robot's file and configuration state limits; the user may add lower ones. A robot that no motion can be designed for
+(a joint without drive, a loop that is not linear) is refused.
+"""
 
 from __future__ import annotations
 
@@ -186,8 +190,6 @@ def limits_of(
     """
     if not 0 < share <= 1:
         raise ParameterError(f"A share of {share:g} of the limits was given: give more than 0 and at most 1.")
-    from identification.excitation.limits import require_excitable, stated_limits
-
     require_excitable(robot, [box.frame for box in boxes])
     stated = stated_limits(robot)
     active = list(robot.tree_rows)

@@ -1,7 +1,9 @@
 """Families of motions from rest to rest: shape functions whose sums, with any weights, begin and end at rest.
 
 A joint's motion is a sum of a family's shapes; the first is the constant one, its posture. Weights are what excitation
-designs, and the motion is linear in them, so that slopes pass through as matrix products.
+designs, and the motion is linear in them, so that slopes pass through as matrix products. Waves in closed form, which
+need not begin at rest, serve as references of other experiments: triangles move at constant speeds, which excites
+friction and gravity; sines accelerate, which excites inertia.
 """
 
 from __future__ import annotations

@@ -1,12 +1,5 @@
 # pyright: reportAttributeAccessIssue=false
-r"""Exact gradient of a scalar made of the rigid-body regressor.
-
-Spatial vectors of many samples at once: linear part first, about the origin of a body frame, components first.
-
-A vector is an array ``(3, ..., N)`` and a spatial vector ``(6, ..., N)``: components first keeps each of them in one
-stretch of memory, which NumPy goes through faster than through ``(N, ..., 3)``.
-
-Exact gradient of a scalar made of the rigid-body regressor, :math:`\sum_k \mathrm{tr}(S_k^T Y(q_k, v_k, a_k))`.
+r"""Exact gradient of a scalar made of the rigid-body regressor, :math:`\sum_k \mathrm{tr}(S_k^T Y(q_k, v_k, a_k))`.
 
 Every criterion of excitation, and every torque, is such a scalar to first order. One pass over the bodies gives its
 slope in all positions, velocities and accelerations, at the cost of about two regressors and with no difference taken.
@@ -19,6 +12,9 @@ In the frame of body b, let :math:`J_i` be the axes of the joints that carry it,
 Moving joint j moves, as seen from body b, only what lies before j: with l the parent of j and
 :math:`D_j = V_l \times J_j`, it is :math:`\delta J_i = J_i \times J_j` for i before j, :math:`\delta V = D_j`, and
 :math:`\delta A = A_l \times J_j + D_j \times (V - V_l)`.
+
+A vector of N samples is an array ``(3, ..., N)`` and a spatial vector ``(6, ..., N)``, linear part first: components
+first keeps each of them in one stretch of memory, which NumPy goes through faster than through ``(N, ..., 3)``.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""Where the design of an excitation begins: postures that keep all limits at rest, and motions about them that do."""
+"""Where the design of an excitation begins: postures in which all limits are kept, and random motions about them."""
 
 from __future__ import annotations
 
@@ -8,40 +8,41 @@ import numpy as np
 from jaxtyping import Float
 
 from identification.excitation.descent import MARGIN, descend
-from identification.excitation.design_problem import Grid, Problem, joint_sizes
+from identification.excitation.design_problem import DesignProblem, Grid, joint_sizes
 from phantom_dyn.errors import ParameterError
 from phantom_dyn.motion import Motion
 
 Array = np.ndarray
 
 POSTURES = 300
-"""Half of the range [rad; m for linear joints] in which a joint without position limits is placed."""
+"""Random postures that are tried."""
 SHARES = tuple(np.geomspace(1.0, 1e-3, 41).tolist())
 """Sizes of a motion about its posture that are tried, the largest first, 16 per cent apart."""
 
-_TRIED = 6  # postures that are led towards the limits where none keeps them
+_TRIED = 6  # postures from which a descent starts where none keeps the limits
+# Two samples of a motion that is one posture: its only shape is the constant one.
 _STILL = Grid(np.array([0.0, 1.0]), np.stack([np.ones((2, 1)), np.zeros((2, 1)), np.zeros((2, 1))]))
 
 
-def rest(q: Float[Array, "N nv"]) -> Motion:
-    """Postures, as samples of a motion that does not move."""
+def standstill(q: Float[Array, "N nv"]) -> Motion:
+    """Postures as samples of a motion at standstill."""
     return Motion(np.arange(float(len(q))), q, np.zeros_like(q), np.zeros_like(q))
 
 
-def worst_excess(problem: Problem, motion: Motion, margin: float = 0.0) -> Float[Array, " N"]:
+def worst_excess(problem: DesignProblem, motion: Motion, margin: float = 0.0) -> Float[Array, " N"]:
     """How far each sample lies outside the bounds, narrowed by a margin, in units of their sizes; 0 or less: inside."""
     values = problem.limited(motion, problem.regressor(motion))
     return problem.bounds.inside(margin).excess(values).max(axis=(0, 2))
 
 
-def random_postures(problem: Problem, rng: np.random.Generator) -> Float[Array, "n nv"]:
+def random_postures(problem: DesignProblem, rng: np.random.Generator) -> Float[Array, "n nv"]:
     """The middle of the joints' ranges, then random postures."""
     sizes = joint_sizes(problem)
     spread = rng.uniform(-1.0, 1.0, (POSTURES, problem.robot.nv))
     return sizes.middle + np.concatenate([np.zeros((1, problem.robot.nv)), spread]) * sizes.half
 
 
-def at_rest(posture: Float[Array, " nv"], shapes: int) -> Float[Array, "K nv"]:
+def constant_weights(posture: Float[Array, " nv"], shapes: int) -> Float[Array, "K nv"]:
     """Weights of a motion that stays in a posture."""
     weights = np.zeros((shapes, len(posture)))
     weights[0] = posture
@@ -49,7 +50,7 @@ def at_rest(posture: Float[Array, " nv"], shapes: int) -> Float[Array, "K nv"]:
 
 
 def random_motion(
-    problem: Problem, grid: Grid, posture: Float[Array, " nv"], rng: np.random.Generator
+    problem: DesignProblem, grid: Grid, posture: Float[Array, " nv"], rng: np.random.Generator
 ) -> Float[Array, "K nv"]:
     """Weights of a motion about a posture, random and as large as the limits let it be.
 
@@ -59,11 +60,11 @@ def random_motion(
         posture: One that keeps them at rest.
         rng: Draws normal weights of the shapes, and how fast each joint is to the others.
     """
-    moving = undirected(problem, grid, rng)
-    return largest(problem, grid, at_rest(posture, len(moving)) + moving, posture)
+    moving = random_weights(problem, grid, rng)
+    return largest_within_limits(problem, grid, constant_weights(posture, len(moving)) + moving, posture)
 
 
-def undirected(problem: Problem, grid: Grid, rng: np.random.Generator) -> Float[Array, "K nv"]:
+def random_weights(problem: DesignProblem, grid: Grid, rng: np.random.Generator) -> Float[Array, "K nv"]:
     """Random weights about zero whose joints reach a random part of their largest speed, or of their acceleration.
 
     Args:
@@ -79,15 +80,15 @@ def undirected(problem: Problem, grid: Grid, rng: np.random.Generator) -> Float[
     return moving * most * rng.uniform(0.3, 1.0, problem.robot.nv)
 
 
-def largest(
-    problem: Problem,
+def largest_within_limits(
+    problem: DesignProblem,
     grid: Grid,
     weights: Float[Array, "K nv"],
     posture: Float[Array, " nv"],
     shares: tuple[float, ...] = SHARES,
 ) -> Float[Array, "K nv"]:
     """The largest motion between a posture and the given one that keeps all limits; the posture if none does."""
-    still = at_rest(posture, len(weights))
+    still = constant_weights(posture, len(weights))
     for share in shares:
         smaller = still + share * (weights - still)
         if worst_excess(problem, grid.motion(smaller)).max() <= 0:
@@ -97,21 +98,21 @@ def largest(
 
 @dataclass(frozen=True)
 class AnyMotion:
-    """A criterion that every motion meets alike: what is left is to keep the limits."""
+    """A criterion that is the same for every motion: a descent then only looks for the limits."""
 
     def cost(self, G: Float[Array, "r r"]) -> tuple[float, Float[Array, "r r"]]:
         """Zero, and no slope."""
         return 0.0, np.zeros_like(G)
 
 
-def feasible_postures(problem: Problem, rng: np.random.Generator) -> Float[Array, "n nv"]:
-    """Postures in which the robot can rest, at least one, with a margin to every limit.
+def feasible_postures(problem: DesignProblem, rng: np.random.Generator) -> Float[Array, "n nv"]:
+    """Postures in which the robot can stand still, at least one, with a margin to every limit.
 
     Raises:
-        ParameterError: If none is found: the sentence says which limit is broken most, and by how much at the least.
+        ParameterError: If none is found: the sentence names the limit that is broken most, and the excess over it.
     """
     tried = random_postures(problem, rng)
-    excess = worst_excess(problem, rest(tried), MARGIN)
+    excess = worst_excess(problem, standstill(tried), MARGIN)
     if (excess <= 0).any():
         return tried[excess <= 0]
     led = [
@@ -120,10 +121,10 @@ def feasible_postures(problem: Problem, rng: np.random.Generator) -> Float[Array
     ]
     found = np.concatenate(led)
     # A descent ends at the edge of the margin, from outside.
-    excess = worst_excess(problem, rest(found), 0.5 * MARGIN)
+    excess = worst_excess(problem, standstill(found), 0.5 * MARGIN)
     if (excess <= 0).any():
         return found[excess <= 0]
-    best = rest(found[[int(np.argmin(excess))]])
+    best = standstill(found[[int(np.argmin(excess))]])
     values = problem.limited(best, problem.regressor(best))
     raise ParameterError(
         f"{problem.robot.name} can rest in no posture that was found: in the best one {problem.bounds.worst(values)}; "

@@ -1,4 +1,4 @@
-"""The identified model as files, each loaded again and compared before anybody gets it."""
+"""The identified model as URDF and MJCF, each loaded again and compared before it is written."""
 
 from __future__ import annotations
 
@@ -47,16 +47,16 @@ def exports(full: FullModel, given: Robot, motion: Motion, *, folder: Path, conf
     beside = file.with_name(CONFIG_NAME)
     stated = config if config is not None else beside if beside.is_file() else None
     few = some_motion(motion)
-    told, cut = _sayable(full.robot)
-    as_urdf = _with_armature(told, given)
+    writable, cut = _without_negative_friction(full.robot)
+    as_urdf = _with_armature(writable, given)
 
     def urdf() -> tuple[str, float]:
         text = edited_urdf(as_urdf, given, file, folder) if file.suffix == ".urdf" else new_urdf(as_urdf)
         return text, urdf_difference(text, as_urdf, few, stated)
 
     def mjcf() -> tuple[str, float]:
-        text = mjcf_text(told)
-        return text, mujoco_difference(text, told, few)
+        text = mjcf_text(writable)
+        return text, mujoco_difference(text, writable, few)
 
     return (
         _made(URDF, urdf, versions().get("urdf", ""), (*cut, *_urdf_left_out(full, given, file))),
@@ -80,7 +80,7 @@ def _made(name: str, make: Callable[[], tuple[str, float]], loaded_with: str, le
     return Export(name, text, loaded_with, difference, TOLERANCE, left_out)
 
 
-def _sayable(robot: Robot) -> tuple[Robot, tuple[str, ...]]:
+def _without_negative_friction(robot: Robot) -> tuple[Robot, tuple[str, ...]]:
     """The robot without negative friction and rotors, which no format takes, and sentences on what was cut."""
     viscous, coulomb = tree_friction(robot)
     names = list(robot.model.names)[1:]
@@ -136,7 +136,7 @@ def _mjcf_left_out(full: FullModel) -> tuple[str, ...]:
 
 
 def _left_out(full: FullModel, constant: str) -> list[str]:
-    """What neither format says; ``constant`` starts the sentence on constant torques."""
+    """Sentences on what both formats lack; ``constant`` starts the one on constant torques."""
     names = full.robot.joint_names
     offsets = [f"{name} {value:.4g}" for name, value in zip(names, full.offset, strict=True) if value]
     out = []

@@ -1,8 +1,9 @@
-"""Logs ready for a fit, and those that it may not see."""
+"""Held-out data of an identification: which samples no fit may see, and how well the fit predicts them."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
@@ -12,6 +13,11 @@ from identification.data.checks.positions import still_joints
 from identification.data.log import Log
 from identification.data.recording import Recording
 from identification.data.signals import choose_cutoff, process, uniform, within_limits
+from identification.estimators.fit import Fit
+from identification.identify.identification import Evidence, JointError
+from identification.regression.regressor import Regressor
+from identification.reporting.thinning import gap_starts
+from phantom_dyn.dynamics.dynamics import inverse_dynamics
 from phantom_dyn.errors import IdentifiabilityError, LogError
 from phantom_dyn.model.robot import Robot
 from phantom_dyn.motion import Motion
@@ -21,8 +27,11 @@ Array = np.ndarray
 SHARE = 0.2
 """Of a single recording its last fifth is held out."""
 
-_EQUATIONS = 2.0  # per unknown that a fit needs at least: with fewer its deviations are guesses
-_ROUGH = 0.25  # relative deviation of an error on held-out data from which it is said aloud
+_EQUATIONS = 2.0  # equations per unknown that a fit needs at least: with fewer its deviations are guesses
+_ROUGH = 0.25  # relative standard deviation of an error on held-out data from which a warning says it
+
+_BETWEEN = 20  # steps between two recordings on the axis of time, so that a figure shows a gap
+_LONGEST, _SHORTEST = 1024, 64  # samples of a segment of the spectra
 
 
 @dataclass(frozen=True)
@@ -66,7 +75,7 @@ def split_logs(robot: Robot, recordings: tuple[Recording, ...], hold_out: tuple[
         )
     logs = tuple(process(recording, robot, cutoff_hz=cutoff) for recording in every)
     logs = tuple(
-        replace(log, tau=_felt(log, robot), motion=_held(log.motion, joints))
+        replace(log, tau=_joint_torque(log, robot), motion=_held(log.motion, joints))
         for log, joints in zip(logs, still, strict=True)
     )
     if hold_out:
@@ -79,7 +88,7 @@ def split_logs(robot: Robot, recordings: tuple[Recording, ...], hold_out: tuple[
     return split
 
 
-def _felt(log: Log, robot: Robot) -> Float[Array, "N nv"]:
+def _joint_torque(log: Log, robot: Robot) -> Float[Array, "N nv"]:
     """All torque that the joints feel: that of their drives and that of measured forces."""
     tau = within_limits(log.tau, robot)
     return tau if log.external is None else tau + log.external
@@ -91,7 +100,7 @@ def require_enough(robot: Robot, split: Split, unknowns: int) -> None:
     Args:
         robot: Gives the joints: each sample is one equation for each of them.
         split: What is fitted and judged on.
-        unknowns: Number of parameters that the motion of the robot can part.
+        unknowns: Number of parameters that a motion of the robot can separate.
 
     Raises:
         LogError: Saying what the band is, what it leaves, and how much longer to record.
@@ -140,7 +149,7 @@ def _joints(robot: Robot) -> str:
 
 
 def _held(motion: Motion, still: Bool[Array, " nv"]) -> Motion:
-    """The motion with joints that never move at rest: the sign of a noise that is taken for a speed is no friction."""
+    """The motion with joints that never move held at standstill: the sign of their noise is not that of a friction."""
     q = np.where(still, np.median(motion.q, axis=0), motion.q)
     return Motion(motion.t, q, np.where(still, 0.0, motion.v), np.where(still, 0.0, motion.a))
 
@@ -162,3 +171,98 @@ def _common_cutoff(recordings: tuple[Recording, ...]) -> float:
         t, q, tau, _ = uniform(recording)
         signals.append((q, tau, (len(t) - 1) / (t[-1] - t[0])))
     return choose_cutoff(signals)
+
+
+"""So many standard deviations from zero a value is called identified: about 95 % of values that are zero are not."""
+
+
+def joint_errors(
+    robot: Robot,
+    measured: Float[Array, "N nv"],
+    predicted: Float[Array, "N nv"],
+    given: Float[Array, "N nv"],
+    fitted: Float[Array, " nv"],
+) -> tuple[JointError, ...]:
+    """Errors of every joint on held-out samples.
+
+    Args:
+        robot: Gives names and units.
+        measured: Torque in the band.
+        predicted: By the fit.
+        given: By the given model.
+        fitted: Relative error [%] on the samples of the fit.
+    """
+    size = np.sqrt(np.mean(measured**2, axis=0))
+    rms, before = (np.sqrt(np.mean((measured - model) ** 2, axis=0)) for model in (predicted, given))
+    relative, relative_given = (_over(values, size) for values in (rms, before))
+    return tuple(
+        JointError(
+            joint,
+            unit,
+            float(rms[j]),
+            float(relative[j]),
+            float(relative_given[j]),
+            float(fitted[j]) / 100,
+            len(measured),
+        )
+        for j, (joint, unit) in enumerate(zip(robot.joint_names, robot.torque_units, strict=True))
+    )
+
+
+def _over(values: Array, size: Array) -> Array:
+    out = np.full(len(values), np.nan)
+    return np.divide(values, size, out=out, where=size > 0)
+
+
+def held_out_evidence(given: Robot, fitted: Robot, fit: Fit, logs: tuple[Log, ...]) -> Evidence:
+    """Torques and spectra on logs that the fit has not seen.
+
+    Args:
+        given: The robot as its file states it.
+        fitted: The robot that was fitted, without what was an unknown.
+        fit: Of it.
+        logs: With at least one valid sample in the band.
+    """
+    times, torques, pieces = [], [], []
+    start = 0.0
+    for log in logs:
+        whole = [log.tau, fit.predict(fitted, log.motion), inverse_dynamics(given, log.motion)]
+        torques.append([Regressor.in_band(log, values) for values in whole])
+        t = log.motion.t[log.samples][log.valid_in_band]
+        # One recording keeps its own time; others follow behind a gap.
+        shift = start - t[0] if times and len(t) else 0.0
+        times.append(t + shift)
+        if len(t):
+            start = float(t[-1] + shift) + _BETWEEN * log.band.step / log.band.rate_hz
+        pieces += _stretches(log, whole[0], whole[0] - whole[1])
+    measured, predicted, model = (np.concatenate([torque[k] for torque in torques]) for k in range(3))
+    return Evidence(np.concatenate(times), measured, predicted, model, *_densities(pieces))
+
+
+def _stretches(log: Log, measured: Array, residual: Array) -> list[tuple[float, Array]]:
+    """Rate and both signals side by side, shape ``(n, 2 nv)``, of every stretch of valid samples."""
+    t = log.motion.t[log.valid]
+    both = np.hstack([measured, residual])[log.valid]
+    return [(log.band.rate_hz, both[a:b]) for a, b in pairwise([0, *gap_starts(t).tolist(), len(t)])]
+
+
+def _densities(
+    pieces: list[tuple[float, Array]],
+) -> tuple[Float[Array, " F"], Float[Array, "F nv"], Float[Array, "F nv"]]:
+    """Amplitude densities of all stretches that are as long as the longest allows, weighted by their length."""
+    from scipy.signal import welch
+
+    nv = pieces[0][1].shape[1] // 2
+    longest = max(len(piece) for _, piece in pieces)
+    length = min(_LONGEST, longest // 2 if longest >= 2 * _SHORTEST else longest)
+    if length < _SHORTEST:
+        return np.zeros(0), np.zeros((0, nv)), np.zeros((0, nv))
+    rate = pieces[int(np.argmax([len(piece) for _, piece in pieces]))][0]
+    power, weight, f = 0.0, 0, np.zeros(0)
+    for its_rate, piece in pieces:
+        # Recordings of another rate have other frequencies.
+        if len(piece) >= length and abs(its_rate - rate) < 1e-3 * rate:
+            f, density = welch(piece, rate, nperseg=length, axis=0, detrend="constant")
+            power, weight = power + len(piece) * density, weight + len(piece)
+    amplitude = np.sqrt(power / weight)[1:]  # without the mean
+    return f[1:], amplitude[:, :nv], amplitude[:, nv:]

@@ -1,4 +1,4 @@
-"""Which parameters a recording determines alone, in combination with others, or not at all, and why."""
+"""What a recording determines of each parameter: alone, in combination with others, or not at all, and why."""
 
 from __future__ import annotations
 
@@ -7,15 +7,20 @@ from collections.abc import Sequence
 import numpy as np
 
 from identification.data.log import Band, Log
-from identification.identify.identification import BodyParameters, Share, Unidentified
+from identification.estimators.fit import Fit
+from identification.identify.identification import BodyParameters, Parameter, Share, Unidentified
 from identification.regression.base_parameters import BaseParameters, base_parameters
 from identification.regression.regressor import EffectOnJoint, torque_regressor
+from identification.words.numbers import number
 from phantom_dyn.model.inertia import STANDARD_NAMES, body_name
 from phantom_dyn.model.robot import Robot
 from phantom_dyn.motion import Motion
 from phantom_dyn.random_streams import random_stream
 
 Array = np.ndarray
+
+SURE = 2.0
+"""A value this many standard deviations from zero counts as identified: about 95 % of values that are zero do not."""
 
 _SAMPLES = 200  # many more rows than any robot has base parameters per joint
 _SHOWN = 4  # names in a sentence
@@ -43,7 +48,7 @@ def excited_base(robot: Robot, log: Log, effects: Sequence[EffectOnJoint]) -> Ba
     return base_parameters(torque_regressor(robot, at_random, effects))
 
 
-def shares(base: BaseParameters) -> tuple[Share, ...]:
+def identified_shares(base: BaseParameters) -> tuple[Share, ...]:
     """For every column whether it is identified alone, in a combination, or not at all.
 
     A column is identified alone if no null vector of the regressor touches it: an independent one that nothing
@@ -65,14 +70,14 @@ def members(base: BaseParameters) -> dict[int, tuple[str, ...]]:
 
 
 def body_table(robot: Robot, base: BaseParameters, excited: BaseParameters) -> tuple[BodyParameters, ...]:
-    """Per body what can be identified of its ten parameters.
+    """For each body, which of its ten parameters can be identified.
 
     Args:
         robot: Gives the bodies, whose parameters are the first columns.
         base: Of the recording.
         excited: Of motion that excites everything.
     """
-    now, ever = shares(base), shares(excited)
+    now, ever = identified_shares(base), identified_shares(excited)
     return tuple(
         BodyParameters(
             body_name(robot, j),
@@ -102,11 +107,55 @@ def unidentified(base: BaseParameters, excited: BaseParameters) -> tuple[Unident
         elif k in always:
             why = f"in every motion of this robot it is only seen within {whole}"
         else:
-            why = f"in this recording it is only seen within {whole}; another motion can part them"
+            why = f"in this recording it is only seen within {whole}; another motion can separate them"
         out.append(Unidentified(base.names[k], base.units[k], why))
     return tuple(out)
 
 
 def not_excited(base: BaseParameters, excited: BaseParameters) -> tuple[str, ...]:
-    """Columns that other motion could tell apart from those before them, and this recording cannot."""
+    """Columns that are independent of those before them in other motion, and not in this recording."""
     return tuple(base.names[k] for k in base.dependent if k in set(excited.independent))
+
+
+def parameters(fit: Fit) -> tuple[tuple[Parameter, ...], tuple[Parameter, ...]]:
+    """Base parameters of the links, and those of friction and drives.
+
+    Args:
+        fit: The fit.
+    """
+    sums = dict(equation.split(" = ", 1) for equation in fit.base.regroupings())
+    owners = _owners(fit)
+    links: list[Parameter] = []
+    others: list[Parameter] = []
+    for row, k in enumerate(fit.base.independent):
+        value, std, unit = float(fit.theta[row]), float(fit.std()[row]), fit.units[row]
+        sure = bool(abs(value) > SURE * std)
+        joint, effect = owners.get(fit.base.names[k], (None, None))
+        parameter = Parameter(
+            name=fit.names[row],
+            value=value,
+            std=std,
+            unit=unit,
+            regroups=sums.get(fit.names[row], ""),
+            identified=sure,
+            why="" if sure else _why(value, std, unit),
+            joint=joint,
+            effect=effect,
+        )
+        (links if k < fit.first_effect else others).append(parameter)
+    return tuple(links), tuple(others)
+
+
+def _owners(fit: Fit) -> dict[str, tuple[str | None, str]]:
+    """Joint and effect of each effect's column."""
+    out: dict[str, tuple[str | None, str]] = {}
+    for name in fit.base.names[fit.first_effect :]:
+        term = next(term for term in fit.effects if name.startswith(f"{term.label}."))
+        out[name] = (term.joint, term.effect.name)
+    return out
+
+
+def _why(value: float, std: float, unit: str) -> str:
+    if not np.isfinite(std):
+        return "no more equations than unknowns, so its deviation is not known"
+    return f"not distinguished from zero: its size is below {number(abs(value) + SURE * std)} {unit} (95 %)"

@@ -1,8 +1,6 @@
-"""Writing the files of an identification: ``identification.json``, models and report, all of them or none.
+"""The files of an identification: ``identification.json`` (schema ``identification/1``), models and report.
 
-The identification as ``identification.json`` (schema ``identification/1``).
-
-Writing the files of an identification: all of them, or none where one of them could not be written.
+All of them are written, or none where one of them could not be written.
 """
 
 from __future__ import annotations
@@ -21,6 +19,8 @@ from phantom_dyn.errors import UsageError
 SCHEMA = "identification/1"
 
 Json = dict[str, "Json"] | list["Json"] | str | float | int | bool | None
+
+NAMES = ("identification.json", "report.html", URDF, MJCF)
 
 
 def to_json(found: Identification) -> dict[str, Json]:
@@ -101,9 +101,6 @@ def _export(export: Export) -> dict[str, Json]:
 def _number(value: float) -> float | None:
     """JSON has no word for a number that is not finite."""
     return float(value) if math.isfinite(value) else None
-
-
-NAMES = ("identification.json", "report.html", URDF, MJCF)
 
 
 def check_folder(out: Path) -> None:

@@ -1,9 +1,4 @@
-"""The report on an identification: one self-contained page.
-
-Figures of the report on an identification, as inline SVG in the colours of the page.
-
-The report on an identification: one self-contained page.
-"""
+"""The report on an identification: one self-contained page with its figures as inline SVG."""
 
 from __future__ import annotations
 
@@ -29,6 +24,9 @@ from phantom_dyn.model.inertia import STANDARD_NAMES
 Array = np.ndarray
 
 _DECADES = 5  # of a spectrum
+
+_FIGURES = 12  # joints whose torques are drawn, those with the largest error first
+_OPEN = 2  # so many of them are unfolded
 
 
 def error_bars(joints: tuple[JointError, ...]) -> str:
@@ -129,10 +127,6 @@ def _curve(axes: Axes, t: Array, y: Array, colour: str, label: str, width: float
 
 def _legend(figure: Figure, axes: Axes) -> None:
     figure.legend(*axes.get_legend_handles_labels(), loc="outside upper left", ncols=3, borderaxespad=0.1)
-
-
-_FIGURES = 12  # joints whose torques are drawn, those with the largest error first
-_OPEN = 2  # so many of them are unfolded
 
 
 @dataclass(frozen=True)

@@ -1,9 +1,4 @@
-"""Sentences and cells of the report on an identification, and its summary for the terminal.
-
-Sentences and cells of the report and the summary.
-
-The identification in a few lines for the terminal.
-"""
+"""An identification in words: sentences and table cells of the report, and the summary on the terminal."""
 
 from __future__ import annotations
 
@@ -102,7 +97,7 @@ def summary(found: Identification) -> str:
     if found.others:
         lines.append("friction and drives:")
     for parameter in found.others:
-        doubt = "" if parameter.identified else " (not told from zero)"
+        doubt = "" if parameter.identified else " (not distinguished from zero)"
         lines.append(f"  {parameter.name}: {value_cell(parameter)}, {relative_cell(parameter)}{doubt}")
     lines.append(
         f"links: {len(found.base)} base parameters, {sum(p.identified for p in found.base)} of them not zero; "

@@ -1,10 +1,5 @@
 # pyright: reportAttributeAccessIssue=false
-"""Which friction terms are unknowns, and the given robot with what was identified.
-
-Which friction terms are unknowns, and the robot without those that its file states already.
-
-The given robot with what was identified: possible inertias nearest to the given ones, friction, rotors.
-"""
+"""Which friction terms are unknowns, and the given robot with the identified inertias, friction and rotors."""
 
 from __future__ import annotations
 
@@ -24,6 +19,8 @@ from phantom_dyn.errors import EstimationError, ParameterError, UsageError, know
 from phantom_dyn.model.robot import Robot
 from phantom_dyn.motion import Motion
 
+Array = np.ndarray
+
 TERMS = {
     "viscous": "viscous_friction",
     "coulomb": "coulomb_friction",
@@ -33,6 +30,23 @@ TERMS = {
 """Short name of a term and the effect that it is."""
 
 DEFAULT_TERMS = ("viscous", "coulomb", "offset")
+"""Friction terms that are unknowns by default."""
+
+# A body has changed if its parameters differ by more than this share of the largest of their kind: less is rounding.
+_SAME = 1e-12
+
+
+@dataclass(frozen=True)
+class JointTerms:
+    """What is unknown of every joint beside the rigid body.
+
+    Attributes:
+        friction: Keys of `TERMS`.
+        rotors: True if the rotor inertias are unknowns too.
+    """
+
+    friction: tuple[str, ...] = DEFAULT_TERMS
+    rotors: bool = False
 
 
 def friction_terms(words: Sequence[str]) -> tuple[str, ...]:
@@ -63,29 +77,29 @@ def friction_terms(words: Sequence[str]) -> tuple[str, ...]:
     return found
 
 
-def effects_of(robot: Robot, terms: Sequence[str], *, rotors: bool = False) -> tuple[EffectOnJoint, ...]:
+def effects_of(robot: Robot, terms: JointTerms) -> tuple[EffectOnJoint, ...]:
     """The terms on every joint of a robot, joint by joint.
 
     Args:
         robot: Gives the joints.
-        terms: Keys of `TERMS`.
-        rotors: True if the rotor inertias are unknowns too.
+        terms: What is unknown of each.
     """
-    effects = [effect_named(TERMS[term]) for term in terms] + ([effect_named("rotor_inertia")] if rotors else [])
+    effects = [effect_named(TERMS[term]) for term in terms.friction]
+    if terms.rotors:
+        effects.append(effect_named("rotor_inertia"))
     return tuple((effect, joint) for joint in robot.joint_names for effect in effects)
 
 
-def without_estimated(robot: Robot, terms: Sequence[str], *, rotors: bool = False) -> Robot:
+def without_estimated(robot: Robot, terms: JointTerms) -> Robot:
     """The robot without the friction and rotors that are unknowns, so that their estimates are whole values.
 
     Args:
         robot: As its file states it.
-        terms: Keys of `TERMS`.
-        rotors: True if the rotor inertias are unknowns too.
+        terms: What is unknown of each joint.
     """
     zero = np.zeros(robot.nv)
-    both = "direction_dependent" in terms
-    if rotors:
+    both = "direction_dependent" in terms.friction
+    if terms.rotors:
         model = robot.model.copy()
         armature = np.array(model.armature)
         armature[list(robot.tree_rows)] = 0.0
@@ -93,15 +107,9 @@ def without_estimated(robot: Robot, terms: Sequence[str], *, rotors: bool = Fals
         robot = replace(robot, model=model)
     return replace(
         robot,
-        viscous_friction=zero if both or "viscous" in terms else robot.viscous_friction,
-        coulomb_friction=zero if both or "coulomb" in terms else robot.coulomb_friction,
+        viscous_friction=zero if both or "viscous" in terms.friction else robot.viscous_friction,
+        coulomb_friction=zero if both or "coulomb" in terms.friction else robot.coulomb_friction,
     )
-
-
-Array = np.ndarray
-
-# A body moves if its parameters differ by more than this share of the largest of their kind: less is rounding.
-_SAME = 1e-12
 
 
 @dataclass(frozen=True)
@@ -158,7 +166,6 @@ def full_model(given: Robot, fitted: Robot, fit: Fit) -> FullModel:
         if term.joint not in robot.joint_names:
             continue
         j = robot.joint_names.index(term.joint)
-
         names = [parameter.name for parameter in term.effect.parameters(robot, term.joint)]
         theta = np.array([values.get(f"{term.label}.{name}", 0.0) for name in names])
         numbers = term.effect.model_numbers(robot, term.joint, theta)

@@ -15,18 +15,17 @@ from identification.estimators.estimator_list import Estimator, estimator_named
 from identification.estimators.fit import Fit
 from identification.estimators.iv import hausman_test
 from identification.identify.exports import exports
-from identification.identify.hold_out import caution, require_enough, split_logs
-from identification.identify.identifiability import body_table, excited_base, not_excited, unidentified
+from identification.identify.hold_out import caution, held_out_evidence, joint_errors, require_enough, split_logs
+from identification.identify.identifiability import body_table, excited_base, not_excited, parameters, unidentified
 from identification.identify.identification import Identification
 from identification.identify.identified_model import (
-    DEFAULT_TERMS,
     FullModel,
+    JointTerms,
     effects_of,
     full_model,
     model_torque,
     without_estimated,
 )
-from identification.identify.parameter_tables import held_out_evidence, joint_errors, parameters
 from identification.regression.regressor import Regressor, torque_regressor
 from phantom_dyn import __version__
 from phantom_dyn.errors import ParameterError
@@ -35,7 +34,7 @@ from phantom_dyn.model.robot import Robot
 Array = np.ndarray
 
 _SHOWN = 6  # names in a warning
-_FAR = 2.0  # standard deviations: a larger move of a base parameter is said aloud
+_FAR = 2.0  # standard deviations: a warning says if a base parameter was moved further to make bodies possible
 
 
 def identify(
@@ -44,8 +43,7 @@ def identify(
     *,
     hold_out: tuple[Recording, ...] = (),
     estimator: str = "wls",
-    friction: Sequence[str] = DEFAULT_TERMS,
-    rotors: bool = False,
+    terms: JointTerms | None = None,
     folder: Path | None = None,
     config: Path | None = None,
     progress: Callable[[str], None] = lambda _: None,
@@ -57,8 +55,7 @@ def identify(
         recordings: For the fit; the end of a single one, or the last of several, is held out.
         hold_out: Recordings to judge on; then all of ``recordings`` are for the fit.
         estimator: A name of `identification.estimators.estimator_list`.
-        friction: Terms of `identification.identify.identified_model`.
-        rotors: True if the rotor inertias are unknowns too.
+        terms: What is unknown of every joint beside the rigid body; by default viscous and Coulomb friction and offset.
         folder: Where the model files will lie, for the places of meshes; the working folder by default.
         config: The robot's ``robot.yaml``, None for the one beside its file.
         progress: Told in words what is being done.
@@ -74,8 +71,9 @@ def identify(
     progress("filtering")
     _require_no_forces(entry, (*recordings, *hold_out))
     split = split_logs(robot, recordings, hold_out)
-    effects = effects_of(robot, friction, rotors=rotors)
-    fitted = without_estimated(robot, friction, rotors=rotors)
+    terms = JointTerms() if terms is None else terms
+    effects = effects_of(robot, terms)
+    fitted = without_estimated(robot, terms)
     progress("looking for what cannot be identified")
     excited = excited_base(fitted, split.train[0], effects)
     require_enough(robot, split, excited.rank)
@@ -96,7 +94,7 @@ def identify(
         robot=robot.name if robot.source == "" else Path(robot.source).name,
         recordings=tuple(Path(recording.file).name for recording in every),
         estimator=estimator,
-        terms=tuple(friction),
+        terms=terms.friction,
         band_hz=(0.0, split.cutoff_hz),
         samples=fit.samples,
         rank=fit.rank,
@@ -117,7 +115,7 @@ def identify(
                 (
                     *robot.warnings,
                     *(warning for recording in every for warning in recording.warnings),
-                    *_excitation(fit, excited.rank, lacking),
+                    *_lacking_excitation(fit, excited.rank, lacking),
                     *caution(split),
                     *(warning for warning in fit.warnings if not warning.startswith("Not separable")),
                     *([full.words] if not full.possible or full.moved > _FAR else []),
@@ -155,7 +153,7 @@ def _require_no_forces(entry: Estimator, recordings: Sequence[Recording]) -> Non
         )
 
 
-def _excitation(fit: Fit, excitable: int, lacking: tuple[str, ...]) -> tuple[str, ...]:
+def _lacking_excitation(fit: Fit, excitable: int, lacking: tuple[str, ...]) -> tuple[str, ...]:
     if not lacking:
         return ()
     some = ", ".join(lacking[:_SHOWN]) + (", ..." if len(lacking) > _SHOWN else "")

@@ -16,11 +16,11 @@ from jaxtyping import Float
 
 from identification.data.log import Log
 from identification.excitation.criteria import ConditionNumber
-from identification.excitation.design_problem import Grid, Problem, joint_sizes
+from identification.excitation.design_problem import DesignProblem, Grid, joint_sizes
 from identification.excitation.excited_base import base_of
 from identification.excitation.limits import Limits, require_excitable, stated_limits
 from identification.excitation.motion_shapes import FourierSeries, Shapes, Triangle, TrianglesAndSines
-from identification.excitation.starts import feasible_postures, largest, undirected
+from identification.excitation.starts import feasible_postures, largest_within_limits, random_weights
 from phantom_dyn.errors import ParameterError
 from phantom_dyn.model.robot import Robot
 from phantom_dyn.motion import Motion
@@ -206,7 +206,9 @@ class Candidate:
         return Grid.of(self.shapes, round(self.shapes.duration * rate_hz) + 1).motion(self.weights)
 
 
-def candidates(problem: Problem, *, duration: float, count: int, rng: np.random.Generator) -> tuple[Candidate, ...]:
+def candidates(
+    problem: DesignProblem, *, duration: float, count: int, rng: np.random.Generator
+) -> tuple[Candidate, ...]:
     """Random motions: Fourier series, fast and slow triangles, holds with small reversals, in turn.
 
     Args:
@@ -230,12 +232,12 @@ def candidates(problem: Problem, *, duration: float, count: int, rng: np.random.
     return tuple(out)
 
 
-def design_of(robot: Robot, limits: Limits) -> Problem:
+def design_of(robot: Robot, limits: Limits) -> DesignProblem:
     """What motions are designed for; the base parameters of a large robot take a while, so make it once."""
-    return Problem(robot, base_of(robot), ConditionNumber(), limits)
+    return DesignProblem(robot, base_of(robot), ConditionNumber(), limits)
 
 
-def varied(one: Candidate, problem: Problem, rng: np.random.Generator) -> Candidate:
+def varied(one: Candidate, problem: DesignProblem, rng: np.random.Generator) -> Candidate:
     """A motion with other sizes of each joint and slightly other shapes, as large as the limits let it be."""
     nv = problem.robot.nv
     grid = Grid.of(one.shapes, one.shapes.samples)
@@ -246,32 +248,32 @@ def varied(one: Candidate, problem: Problem, rng: np.random.Generator) -> Candid
     moving = moving * np.exp(_VARIED * rng.normal(size=nv)) + _VARIED * size * rng.normal(size=moving.shape) / 3.0
     weights = moving.copy()
     weights[0] += posture
-    return Candidate(one.kind, one.shapes, largest(problem, grid, weights, posture, _SHARES))
+    return Candidate(one.kind, one.shapes, largest_within_limits(problem, grid, weights, posture, _SHARES))
 
 
-def lively(one: Candidate, problem: Problem) -> bool:
+def lively(one: Candidate, problem: DesignProblem) -> bool:
     """True if the joints move fast enough for laws of friction to hold, on average."""
     v = Grid.of(one.shapes, one.shapes.samples).motion(one.weights).v
     wanted = _LIVELY * problem.limits.velocity[list(problem.robot.tree_rows)]
     return float(np.minimum(np.sqrt(np.mean(v**2, axis=0)) / wanted, 1.0).mean()) >= _JOINTS
 
 
-def _fourier(problem: Problem, postures: Array, duration: float, rng: np.random.Generator) -> Candidate:
+def _fourier(problem: DesignProblem, postures: Array, duration: float, rng: np.random.Generator) -> Candidate:
     shapes = FourierSeries(duration, int(rng.integers(4, 11)))
     return Candidate("Fourier series", shapes, _random(problem, shapes, postures, rng))
 
 
-def _triangles(problem: Problem, postures: Array, duration: float, rng: np.random.Generator) -> Candidate:
+def _triangles(problem: DesignProblem, postures: Array, duration: float, rng: np.random.Generator) -> Candidate:
     shapes = TrianglesAndSines(duration, triangles=int(rng.integers(3, 9)), harmonics=3)
     return Candidate("triangles and sines", shapes, _random(problem, shapes, postures, rng))
 
 
-def _slow_triangles(problem: Problem, postures: Array, duration: float, rng: np.random.Generator) -> Candidate:
+def _slow_triangles(problem: DesignProblem, postures: Array, duration: float, rng: np.random.Generator) -> Candidate:
     shapes = TrianglesAndSines(duration, triangles=int(rng.integers(*_SLOW)), harmonics=1)
     return Candidate("slow triangles", shapes, _random(problem, shapes, postures, rng))
 
 
-def _random(problem: Problem, shapes: Shapes, postures: Array, rng: np.random.Generator) -> Float[Array, "K nv"]:
+def _random(problem: DesignProblem, shapes: Shapes, postures: Array, rng: np.random.Generator) -> Float[Array, "K nv"]:
     """Random weights about the middle or about a random posture, each joint as large as its own limits let it be."""
     grid, sizes = Grid.of(shapes, shapes.samples), joint_sizes(problem)
     if rng.random() < 0.5:
@@ -280,14 +282,16 @@ def _random(problem: Problem, shapes: Shapes, postures: Array, rng: np.random.Ge
         posture = postures[np.argmin(np.abs((postures - sizes.middle) / sizes.half).max(axis=1))]
     still = np.zeros((grid.values.shape[2], problem.robot.nv))
     still[0] = posture
-    moving = undirected(problem, grid, rng)
+    moving = random_weights(problem, grid, rng)
     moved, rows = grid.values[0] @ moving, list(problem.robot.tree_rows)
     up = (problem.limits.upper[rows] - posture) / np.maximum(moved.max(axis=0), 1e-12)
     down = (posture - problem.limits.lower[rows]) / np.maximum(-moved.min(axis=0), 1e-12)
-    return largest(problem, grid, still + moving * np.clip(0.97 * np.minimum(up, down), 0.0, 1.0), posture, _SHARES)
+    return largest_within_limits(
+        problem, grid, still + moving * np.clip(0.97 * np.minimum(up, down), 0.0, 1.0), posture, _SHARES
+    )
 
 
-def _reversals(problem: Problem, postures: Array, duration: float, rng: np.random.Generator) -> Candidate:
+def _reversals(problem: DesignProblem, postures: Array, duration: float, rng: np.random.Generator) -> Candidate:
     shapes = SmallReversals(duration, stops=int(rng.integers(3, 6)), reversals=int(rng.integers(3, 7)))
     sizes = joint_sizes(problem)
     nv = problem.robot.nv
@@ -302,4 +306,6 @@ def _reversals(problem: Problem, postures: Array, duration: float, rng: np.rando
     small = np.exp(rng.uniform(*np.log(_SMALL), size=(shapes.stops, nv))) * sizes.half
     small = np.minimum(small, 0.5 * np.minimum(sizes.speed / fastest, problem.limits.acceleration / sharpest))
     weights = shapes.weights(places, small, rng.random(nv) < 0.5)
-    return Candidate("holds with small reversals", shapes, largest(problem, grid, weights, places[0], _SHARES))
+    return Candidate(
+        "holds with small reversals", shapes, largest_within_limits(problem, grid, weights, places[0], _SHARES)
+    )

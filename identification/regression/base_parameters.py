@@ -1,4 +1,4 @@
-"""Regressor -> base parameters: which columns a recording can tell apart, and what the others regroup into.
+"""Base parameters: the independent columns of a regressor, and how the others regroup into them.
 
 The choice of columns is deterministic: they are taken in the order of their names, and one is kept if it is not a
 combination of those kept before it. It rests on the triangular factor of the regressor, which the order of the rows
@@ -9,18 +9,13 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 import numpy as np
 from jaxtyping import Bool, Float
 
+from identification.regression.regressor import Regressor
 from identification.regression.triangular import dependent_columns, r_factor
 from phantom_dyn.errors import ParameterError
-
-if TYPE_CHECKING:
-    from identification.regression.regressor import Regressor
-
-__all__ = ["RANK_TOLERANCE", "BaseParameters", "base_parameters", "base_parameters_of_matrix", "r_factor"]
 
 Array = np.ndarray
 

@@ -1,4 +1,4 @@
-"""The numbers of a `Regressor`: its blocks, and which of its entries can be other than zero."""
+"""Blocks of the equations of a log: which columns each joint's torque can depend on, and their values in the band."""
 
 from __future__ import annotations
 
@@ -60,7 +60,7 @@ def banded(log: Log, signatures: Iterable[Signature]) -> tuple[BandedEffect, ...
     return tuple((list(signature.rows), log.band(signature.columns)) for signature in signatures)
 
 
-def part(motion: Motion, start: int, stop: int) -> Motion:
+def motion_slice(motion: Motion, start: int, stop: int) -> Motion:
     """Samples ``start`` to ``stop`` of a motion."""
     return Motion(motion.t[start:stop], motion.q[start:stop], motion.v[start:stop], motion.a[start:stop])
 
@@ -104,7 +104,7 @@ def blocks_of(
         if rigid and band.half == 0:
             rigid_body_regressor(robot, _every(log.motion, band.step, first, last), columns=rigid, out=block)
         elif rigid:
-            reach = part(log.motion, first * band.step, (last - 1) * band.step + 2 * band.half + 1)
+            reach = motion_slice(log.motion, first * band.step, (last - 1) * band.step + 2 * band.half + 1)
             block[:, :, : len(rigid)] = band(rigid_body_regressor(robot, reach, columns=rigid))
         column = len(rigid)
         for rows, values in chosen:

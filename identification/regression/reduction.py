@@ -1,18 +1,14 @@
 """A recording reduced to one small triangular factor per joint: all that a least-squares fit needs of it.
 
-A recording reduced to one small triangular factor per joint: all that a least-squares fit needs of it.
-
 The factor of ``[W y]`` of each joint is kept apart, on the columns that its torque can depend on: then joints can be
-weighted after the fact, and the standard deviations know which joint tells what. Reductions of several recordings are
-stacked (`combined`): one is added or removed, or given another weight, without going back to the recordings.
+weighted after the fact, and the standard deviations know what each joint contributes. Reductions of several recordings
+are stacked (`combined`): one is added or removed, or given another weight, without going back to the recordings.
 
-Blocks of equations -> `Reduction`, with as few columns as the data allow.
-
-The rows of a joint of a serial chain touch the bodies beyond it only, so each joint has its own factor on its own
-columns. Of these, many are combinations of others whatever the motion. The first rows tell which; from then on only
-the others are taken in, and random combinations of the columns left out watch, in every row, that they stay what the
-first rows said. Where they do not, nothing is lost: the factor is widened by the relation that held so far, and the
-rows that broke it are taken in with all columns.
+Blocks of equations are taken in with as few columns as the data allow (`reduce_blocks`). The rows of a joint of a
+serial chain touch the bodies beyond it only, and many of their columns are combinations of others whatever the motion.
+The first rows show which; from then on only the others are taken in, and random combinations of the columns left out
+check, in every row, that the relation holds. Where it does not, nothing is lost: the factor is widened by the relation
+that held so far, and the rows that broke it are taken in with all columns.
 """
 
 from __future__ import annotations
@@ -28,6 +24,16 @@ from phantom_dyn.errors import ParameterError
 from phantom_dyn.random_streams import random_stream
 
 Array = np.ndarray
+
+_EXACT = 1e-10
+"""A column is left out if the others make it up to this share of the largest column of its unit: ten thousand times
+below what counts as a parameter of its own, ten thousand times above rounding."""
+
+_HOLDS = 1e-9
+"""The relation is broken if a random combination that should be zero is above this share of one that should not."""
+
+_PROBES = 4  # a relation that breaks by 1e-6 escapes all of four with a probability of 1e-12
+_ATTEMPTS = 4  # relations that broke so often are not looked for any more
 
 
 @dataclass(frozen=True)
@@ -139,25 +145,22 @@ def _joint_rows(reduction: Reduction, joint: int, columns: Sequence[int]) -> Arr
     return rows
 
 
-_EXACT = 1e-10
-"""A column is left out if the others make it up to this share of the largest column of its unit: ten thousand times
-below what counts as a parameter of its own, ten thousand times above rounding."""
-
-_HOLDS = 1e-9
-"""The relation is broken if a random combination that should be zero is above this share of one that should not."""
-
-_PROBES = 4  # a relation that breaks by 1e-6 escapes all of four with a probability of 1e-12
-_ATTEMPTS = 4  # relations that broke so often are not looked for any more
-
-
 @dataclass(frozen=True)
 class _Lean:
-    """Columns that are taken in, and how the others follow."""
+    """Independent columns, which are taken in, and the relation by which the others follow from them.
 
-    places: tuple[Array, ...]  # by joint: which of its columns are taken in
-    widen: tuple[Array, ...]  # by joint: from the columns taken in and the torque to all and the torque
-    probes: Array  # combinations of all columns, all but the last of which are zero, ``(p, 5)``
-    samples: int  # that it rests on
+    Attributes:
+        places: By joint, which of its columns are taken in.
+        widen: By joint, the matrix from the columns taken in and the torque to all columns and the torque.
+        probes: Random combinations of all columns, shape ``(p, 5)``; while the relation holds, the regressor times all
+            but the last of them is zero.
+        samples: On which the relation rests.
+    """
+
+    places: tuple[Array, ...]
+    widen: tuple[Array, ...]
+    probes: Array
+    samples: int
 
 
 def reduce_blocks(
@@ -184,7 +187,7 @@ def reduce_blocks(
         for block, y in blocks:
             for start in range(0, len(block), ROWS):
                 part, torque = block[start : start + ROWS], y[start : start + ROWS]
-                if lean is None and 0 < samples and attempts < _ATTEMPTS:
+                if lean is None and samples > 0 and attempts < _ATTEMPTS:
                     lean, attempts = _leaner(factors, own, names, units, samples), attempts + 1
                     factors = _narrow(factors, lean)
                 if lean is not None and not _holds(lean, part):
@@ -205,8 +208,10 @@ def _rows(block: Array, torque: Array, joint: int, columns: Array) -> Array:
     return rows
 
 
-def _leaner(factors: Sequence[Array], own: Sequence[Array], names: Sequence[str], units: Sequence[str], samples: int):
-    """Columns to go on with, from what has been taken in with all of them."""
+def _leaner(
+    factors: Sequence[Array], own: Sequence[Array], names: Sequence[str], units: Sequence[str], samples: int
+) -> _Lean:
+    """Columns to go on with, from the rows that were taken in with all columns."""
     p = len(names)
     stacked = np.zeros((sum(len(factor) for factor in factors), p))
     row = 0

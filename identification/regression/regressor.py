@@ -1,14 +1,9 @@
-"""Robot, logs and effects to the linear equations that an estimator solves, streamed block by block.
+"""Robot, logs and effects as the linear equations that an estimator solves, made block by block.
 
-Effects that act on the joints, with their shapes held, so that the torque is linear in what is left.
-
-Robot, logs and effects -> the linear equations that an estimator solves, streamed block by block.
-
-Columns are the rigid body's standard parameters (absolute values) and the coefficients of each effect; rows are the
-torques of every joint at every valid sample, in the band of the log. Columns go through the same filter as the
-torque: filtering the torque alone moves friction by one per cent and more.
-
-Which columns of the equations belong to which effect.
+Columns are the rigid body's standard parameters (absolute values) and the coefficients of each effect, whose shapes are
+held so that the torque is linear in what is left. Rows are the torques of every joint at every valid sample, in the
+band of the log. Columns go through the same filter as the torque: filtering the torque alone moves friction by one per
+cent and more.
 """
 
 from __future__ import annotations
@@ -22,7 +17,7 @@ import numpy as np
 from jaxtyping import Float
 
 from identification.data.log import Log
-from identification.regression.equation_blocks import BandedEffect, banded, blocks_of, part, touched_columns
+from identification.regression.equation_blocks import BandedEffect, banded, blocks_of, motion_slice, touched_columns
 from identification.regression.reduction import Reduction, reduce_blocks
 from phantom_dyn.dynamics.dynamics import inverse_dynamics, modelled_friction, rotor_torque
 from phantom_dyn.effects.effect import Effect, Shape
@@ -32,11 +27,22 @@ from phantom_dyn.model.inertia import parameter_names, parameter_units
 from phantom_dyn.model.robot import Robot
 from phantom_dyn.motion import Motion
 
+Array = np.ndarray
+
 EffectOnJoint = tuple[Effect, str | None] | tuple[Effect, str | None, Shape | float]
 """An effect, its joint (None for the whole robot) and, where the torque is not linear in it, the shape to hold.
 
 A shape of one number may be given as that number.
 """
+
+WHOLE_LIMIT = 20_000_000
+"""Entries of the largest ``W`` that is kept whole (160 MB); beyond it, equations are made again for each pass."""
+
+_EFFECTS_LIMIT = 2_000_000  # entries of the columns of effects that are kept (16 MB) for the next pass
+
+_FEW = 8  # samples that are enough to count the columns of an effect
+
+_BLOCK = 1024  # full-rate samples per block: 1024 x 6 joints x 80 columns are 4 MB
 
 
 @dataclass(frozen=True)
@@ -76,21 +82,6 @@ def term_of(robot: Robot, operation: Operation, given: EffectOnJoint) -> Term:
             f"(effect, joint, shape){like}."
         )
     return Term(effect, joint, shapes[0])
-
-
-__all__ = ["EffectOnJoint", "Regressor", "Term", "gap_regressor", "known_torque", "part", "torque_regressor"]
-
-Array = np.ndarray
-
-WHOLE_LIMIT = 20_000_000
-"""Entries of the largest ``W`` that is kept whole (160 MB); beyond it, equations are made again for each pass."""
-
-_EFFECTS_LIMIT = 2_000_000  # entries of the columns of effects that are kept (16 MB) for the next pass
-
-# Samples from which a signature tells how many columns it has.
-_FEW = 8
-
-_BLOCK = 1024  # full-rate samples per block: 1024 x 6 joints x 80 columns are 4 MB
 
 
 @dataclass(frozen=True)
@@ -249,7 +240,7 @@ def gap_regressor(robot: Robot, logs: Log | Sequence[Log], effects: Sequence[Eff
 
 
 def known_torque(robot: Robot, motion: Motion, *, rigid_body: bool) -> Float[Array, "N nv"]:
-    """The part of the drive torque that needs no estimate [N m or N], shape ``(N, nv)``.
+    """Drive torque that does not depend on the unknowns [N m or N], shape ``(N, nv)``.
 
     Args:
         robot: The model.
@@ -275,7 +266,7 @@ def _regressor(robot: Robot, logs: Log | Sequence[Log], effects: Sequence[Effect
     signatures = []
     if effects:
         operation = Operation.of(robot, log.motion, log.tau)
-        start = Operation.of(robot, part(log.motion, 0, _FEW), log.tau[:_FEW])
+        start = Operation.of(robot, motion_slice(log.motion, 0, _FEW), log.tau[:_FEW])
         terms = (term_of(robot, operation, given) for given in effects)
         signatures = [(term, term.effect.signature(robot, start, term.joint, term.shape)) for term in terms]
     effect_names = tuple(f"{term.label}.{name}" for term, signature in signatures for name in signature.names)

@@ -1,9 +1,4 @@
-"""Triangular (QR) factors that take rows in as they come, and which of their columns depend on the others.
-
-Triangular factors that take rows in as they come: the rows are not kept.
-
-Which columns of a triangular factor the others make up.
-"""
+"""Triangular (QR) factors that take rows in as they come, and the columns of a factor that depend on the others."""
 
 from __future__ import annotations
 

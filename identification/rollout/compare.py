@@ -87,7 +87,7 @@ Shoot = Callable[[Shot, Model, Float[Array, "2 nv"] | None], Float[Array, "n nv"
 Settle = Callable[[Shot, Model], Shot]
 
 
-def unsettled(shot: Shot, model: Model) -> Shot:
+def unsettled(shot: Shot, _model: Model) -> Shot:
     """The window as it is."""
     return shot
 

@@ -17,6 +17,7 @@ import numpy as np
 import pinocchio as pin
 from jaxtyping import Float
 
+from phantom_dyn._kernels.dry_friction import Rubbing, rub, rubbing_motors
 from phantom_dyn.dynamics.dynamics import link_torque, link_torque_of_tree, mass_matrix, mass_matrix_of_tree
 from phantom_dyn.dynamics.tree_motion import passive_friction, tree_motion
 from phantom_dyn.effects.simulated import Transmission
@@ -24,6 +25,7 @@ from phantom_dyn.effects.support.rows import row_of
 from phantom_dyn.errors import ParameterError
 from phantom_dyn.model.robot import Robot
 from phantom_dyn.motion import Motion
+from phantom_dyn.simulation.compiled.axis_steps import spring_torque
 
 Array = np.ndarray
 
@@ -31,9 +33,6 @@ Torques = Callable[[float, Array, Array, Array], tuple[Array, Array]]
 """Drive torque and the effects' torques, shape (nv,) each, from time, positions and velocities, transmitted torque."""
 _PHASE_PER_STEP = 0.15
 """Phase of the fastest transmission in one step [rad]: the midpoint rule then has its frequency right to 0.1 %."""
-_SWEEPS = 200
-"""Sweeps of the friction solver at most; it stops when no impulse moves by more than `_STILL` of its limit."""
-_STILL = 1e-10
 
 
 @dataclass(frozen=True)
@@ -72,6 +71,11 @@ class Machine:
         """Place of each joint's motor in ``x``: the joint's own, or one behind the joints."""
         nv = self.robot.nv
         return tuple(nv + self.loose.index(j) if j in self.loose else j for j in range(nv))
+
+    @cached_property
+    def rubbing(self) -> Rubbing:
+        """The motors, where dry friction acts."""
+        return rubbing_motors(np.array(self.drives), self.nv + len(self.loose))
 
     @cached_property
     def encoders(self) -> tuple[int, ...]:
@@ -176,8 +180,8 @@ def stepped(machine: Machine, state: State, t: float, h: float, torques: Torques
     viscous[drives] = robot.viscous_friction
 
     mobility = np.linalg.inv(inertia + np.diag(0.5 * h * viscous))
-    free = state.v + mobility @ (h * (force - viscous * state.v))
-    speed = _with_friction(mobility, free, drives, h * robot.coulomb_friction)
+    speed = state.v + mobility @ (h * (force - viscous * state.v))
+    rub(mobility, speed, machine.rubbing, np.zeros(nv), robot.coulomb_friction, h)
     a = (speed - state.v) / h
     transmitted = given - machine.rotor * a[:nv]
     transmitted[list(machine.loose)] = spring
@@ -214,30 +218,6 @@ def _links(
 def _spring_torque(machine: Machine, x: Float[Array, " n"], v: Float[Array, " n"]) -> Float[Array, " m"]:
     """Torque on the links behind their transmissions: none inside the play, and contact never pulls."""
     nv, rows = machine.nv, list(machine.loose)
-    apart, rate = x[nv:] - x[rows], v[nv:] - v[rows]
-    side = np.sign(apart)
-    pressed = np.abs(apart) - 0.5 * machine.gap
-    torque = machine.stiffness * pressed * side + machine.damping * rate
-    return np.where(machine.gap > 0, np.where(pressed > 0, side * np.maximum(side * torque, 0.0), 0.0), torque)
-
-
-def _with_friction(
-    mobility: Float[Array, "n n"], free: Float[Array, " n"], drives: list[int], limit: Float[Array, " nv"]
-) -> Float[Array, " n"]:
-    """Velocities after Coulomb impulses of at most ``limit``: each stops its motor if it can, else opposes it."""
-    impulse = [0.0] * len(drives)
-    speed = free.copy()
-    dry = [(j, at, float(limit[j]), float(mobility[at, at])) for j, at in enumerate(drives) if limit[j] > 0]
-    for _ in range(_SWEEPS):
-        largest = 0.0
-        for j, at, most, own in dry:
-            wanted = min(max(impulse[j] - float(speed[at]) / own, -most), most)
-            change = wanted - impulse[j]
-            if change != 0.0:
-                speed += mobility[:, at] * change
-                impulse[j] = wanted
-                largest = max(largest, abs(change) / most)
-        if largest <= _STILL:
-            break
-    speed[[at for j, at, most, _ in dry if abs(impulse[j]) < most]] = 0.0
-    return speed
+    numbers = machine.stiffness, machine.damping, machine.gap
+    each = zip(x[nv:] - x[rows], v[nv:] - v[rows], *numbers, strict=True)
+    return np.array([spring_torque(*one) for one in each], dtype=float)

@@ -88,7 +88,7 @@ def _solve_each(a: Float[Array, "T k k"], b: Float[Array, "T k"]) -> Float[Array
     return np.linalg.solve(scaled, (b * scale)[:, :, None])[:, :, 0] * scale
 
 
-def gain_of(problem: Problem, besides: Beside, term: Term) -> float:
+def gain_of(besides: Beside, term: Term) -> float:
     """How much a term lowers the loss in sample, to second order; its bounds are kept."""
     return besides.gains[term.columns]
 

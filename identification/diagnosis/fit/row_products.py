@@ -67,7 +67,7 @@ class RowProducts:
             _square(out, values, here[into], np.ascontiguousarray(x[:, into]), int(np.count_nonzero(into < known)))
         return out
 
-    def sum(self, axis: int = 0) -> Float[Array, "K K"]:
+    def sum(self, axis: int = 0) -> Float[Array, "K K"]:  # noqa: ARG002 - asked as an array of all products is
         """Over all blocks, written out; ``axis`` is zero, as of an array."""
         return self.over(np.arange(self.shape[0]))
 

@@ -156,5 +156,5 @@ def spurious_gains(search: Search, again: Columns, noise: Series) -> dict[tuple[
     besides = beside(null, fit(null, (), held_out=False))
     out: dict[tuple[str, str | None], float] = {}
     for term in search.terms:
-        out[term.place] = max(gain_of(null, besides, term), out.get(term.place, 0.0))
+        out[term.place] = max(gain_of(besides, term), out.get(term.place, 0.0))
     return out

@@ -106,7 +106,7 @@ class Search:
         besides = self.besides(chosen)
         gone = {term: (chosen & self.displaced(term)) - {term} for term in terms}
         costs = {term: price(self.sizes[term]) - self.price_of(gone[term]) for term in terms}
-        out = {term: gain_of(self.problem, besides, term) - costs[term] for term in terms}
+        out = {term: gain_of(besides, term) - costs[term] for term in terms}
         ranked = sorted(terms, key=lambda term: -out[term])
         least = _WORTH_FITTING * max(out[ranked[0]], 0.0) if ranked else 0.0
         for k, term in enumerate(ranked):

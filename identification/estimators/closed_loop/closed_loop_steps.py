@@ -11,14 +11,12 @@ from typing import NamedTuple
 import numpy as np
 
 from identification.estimators.closed_loop.plant import Plant
+from phantom_dyn._kernels.dry_friction import Rubbing, rub
 from phantom_dyn._kernels.jit import jit
 from phantom_dyn._kernels.single_state import chained_mass_and_bias, invert
 
 Array = np.ndarray
 
-_SWEEPS = 100
-"""Sweeps of the friction solver at most; it stops when no impulse moves by more than `_STILL` of its limit."""
-_STILL = 1e-10
 _TOO_FAST = 1e6
 """Speed [rad/s or m/s] at which the integration has blown up."""
 
@@ -72,6 +70,7 @@ def run(plant: Plant, controllers: Controllers, q0: Array, v0: Array, out: Moved
     room, mass, weight = plant.root.copy(), np.empty((nv, nv)), np.empty(nv)
     qm, vm, applied, force, speed = np.empty(nv), np.empty(nv), np.zeros(nv), np.empty(nv), np.empty(nv)
     viscous, level, impulse = np.empty(len(plant.E)), np.empty(len(plant.E)), np.empty(len(plant.E))
+    who = Rubbing(np.arange(nv), plant.E[nv:], np.empty((len(plant.E) - nv, nv + 1)))
     q, v, a = q0.copy(), v0.copy(), np.zeros(nv)
     for k in range(N):
         for i in range(nv):
@@ -101,7 +100,9 @@ def run(plant: Plant, controllers: Controllers, q0: Array, v0: Array, out: Moved
                 speed[i] = v[i]
                 for c in range(nv):
                     speed[i] += h * mass[i, c] * force[c]
-            rub(mass, plant.E, level, impulse, speed)
+            for e in range(len(impulse)):
+                impulse[e] = 0.0
+            rub(mass, speed, who, impulse, level, 1.0)
             for i in range(nv):
                 if not abs(speed[i]) < _TOO_FAST:
                     return k
@@ -200,50 +201,3 @@ def add_viscous(E: Array, viscous: Array, v: Array, h: float, force: Array, mass
                 force[i] -= viscous[e] * rate * E[e, i]
                 for c in range(nv):
                     mass[i, c] += 0.5 * h * viscous[e] * E[e, i] * E[e, c]
-
-
-@jit
-def rub(mobility: Array, E: Array, limit: Array, impulse: Array, speed: Array) -> None:
-    """Apply impulses of dry friction to ``speed``: each stops its joint if it can, else opposes it.
-
-    Passive joints of a chain rub too and may be estimated, so that here friction acts through ``E``; the simulation of
-    a given robot has it at its motors alone and begins with the impulses of the step before
-    (`phantom_dyn.simulation.compiled.arm_steps`).
-
-    Args:
-        mobility: Inverse of the mass matrix, ``(nv, nv)``.
-        E: How fast each rubbing joint turns per velocity of the active ones, ``(ne, nv)``.
-        limit: Largest impulses, ``(ne,)``.
-        impulse: Receives the impulses, ``(ne,)``.
-        speed: Velocities, changed in place, ``(nv,)``.
-    """
-    ne, nv = E.shape
-    reply, own = np.empty((ne, nv)), np.empty(ne)
-    for e in range(ne):
-        own[e] = impulse[e] = 0.0
-        for i in range(nv):
-            reply[e, i] = 0.0
-            for k in range(nv):
-                reply[e, i] += mobility[i, k] * E[e, k]
-        for i in range(nv):
-            own[e] += E[e, i] * reply[e, i]
-    for _ in range(_SWEEPS):
-        largest = 0.0
-        for e in range(ne):
-            if limit[e] > 0.0:
-                rate = 0.0
-                for i in range(nv):
-                    rate += E[e, i] * speed[i]
-                wanted = min(max(impulse[e] - rate / own[e], -limit[e]), limit[e])
-                change = wanted - impulse[e]
-                if change != 0.0:
-                    impulse[e] = wanted
-                    largest = max(largest, abs(change) / limit[e])
-                    for i in range(nv):
-                        speed[i] += reply[e, i] * change
-        if largest <= _STILL:
-            break
-    # A joint that friction holds is at rest, not almost.
-    for e in range(min(ne, nv)):
-        if limit[e] > 0.0 and abs(impulse[e]) < limit[e]:
-            speed[e] = 0.0

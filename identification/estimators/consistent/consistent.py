@@ -28,9 +28,9 @@ from identification.estimators.consistent.full_parameters import (
 from identification.estimators.fit import Fit
 from identification.estimators.linear.least_squares import base_blocks
 from identification.estimators.weighted_least_squares import floored, wls
-from identification.regression.base_parameters import base_parameters_of_matrix, r_factor
+from identification.regression.base_parameters import base_parameters_of_matrix
 from identification.regression.regressor import EffectOnJoint, Regressor, torque_regressor
-from identification.regression.triangular import triangular
+from identification.regression.triangular import r_factor, triangular
 from phantom_dyn.dynamics.dynamics import standard_parameters
 from phantom_dyn.errors import ParameterError
 from phantom_dyn.model.inertia import body_name
@@ -114,7 +114,7 @@ def program_of_factor(
 
     Args:
         regressor: Says what the columns are.
-        factor: Of the rows in units of their noise (`identification.regression.base_parameters.r_factor`), ``p + 1``
+        factor: Of the rows in units of their noise (`identification.regression.triangular.r_factor`), ``p + 1``
         columns, the
             last one that of the torque.
         prior: See `fit_consistent`.

@@ -85,15 +85,14 @@ class DirectionDependentFriction(Effect):
     def simulated(self, robot: Robot, joint: str | None, theta: Array) -> Simulated:
         """The mean of both levels as Coulomb friction, which sticks at rest; half their difference as an offset."""
         row = row_of(robot, joint)
-
-        def torque(state: Array, dt: float, moment: Moment) -> tuple[Array, Array]:
-            v = moment.v[row]
-            out = np.zeros(robot.nv)
-            out[row] = -0.5 * (theta[0] - theta[1]) - (theta[2] if v > 0 else theta[3]) * v
-            return state, out
-
         level, half = 0.5 * (theta[0] + theta[1]), 0.5 * (theta[0] - theta[1])
         law = Law(two_way_law, row, (float(half), float(theta[2]), float(theta[3])))
+
+        def torque(state: Array, dt: float, moment: Moment) -> tuple[Array, Array]:
+            out = np.zeros(robot.nv)
+            out[row] = two_way_law(moment.v[row], *law.numbers)
+            return state, out
+
         return Simulated(robot=lambda moved: with_friction(moved, joint, coulomb=level), torque=torque, laws=(law,))
 
     def model_numbers(self, robot: Robot, joint: str | None, theta: Array) -> ModelNumbers:

@@ -129,8 +129,7 @@ class JointCoupling(Effect):
         share[rows] = 1.0, ratio
 
         def torque(state: Array, dt: float, moment: Moment) -> tuple[Array, Array]:
-            w = float(share @ moment.v)
-            return state, -(coulomb * np.sign(w) + viscous * w) * share
+            return state, shared_law(float(share @ moment.v), float(coulomb), float(viscous)) * share
 
         law = Law(shared_law, rows[0], (float(coulomb), float(viscous)), other=rows[1], share=float(ratio))
         return Simulated(torque=torque, inertia=inertia * np.outer(share, share), laws=(law,))

@@ -70,7 +70,7 @@ class LoadDependentFriction(Effect):
 
         def torque(state: Array, dt: float, moment: Moment) -> tuple[Array, Array]:
             out = np.zeros(robot.nv)
-            out[row] = -theta[0] * abs(moment.transmitted[row]) * np.sign(moment.v[row])
+            out[row] = loaded_law(moment.v[row], moment.transmitted[row], float(theta[0]))
             return state, out
 
         return Simulated(torque=torque, laws=(Law(loaded_law, row, (float(theta[0]),)),))

@@ -187,10 +187,8 @@ def bristle(q: Float[Array, " N"], displacement: float) -> Float[Array, " N"]:
 
 def bristle_step(state: Float[Array, " 3"], q: float, v: float, theta: Array) -> tuple[Array, float]:
     """The next state and the torque of the bristle at position ``q``; ``theta`` is torque and displacement."""
-    last, z, _ = state
-    d = max(theta[1], _LEAST_DISPLACEMENT)
-    z = 0.0 if np.isnan(last) else min(max(z + q - last, -d), d)
-    return np.array([q, z, 0.0]), -theta[0] * z / d
+    z, torque = bristle_law(state[0], state[1], q, theta[0], theta[1])
+    return np.array([q, z, 0.0]), torque
 
 
 def stick_step(state: Float[Array, " 3"], q: float, v: float, theta: Array) -> tuple[Array, float]:

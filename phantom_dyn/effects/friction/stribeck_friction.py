@@ -87,14 +87,13 @@ class StribeckFriction(Effect):
     def simulated(self, robot: Robot, joint: str | None, theta: Array) -> Simulated:
         """The level at rest as Coulomb friction, which sticks; what it falls by with speed as a torque."""
         row = row_of(robot, joint)
+        law = Law(falling_law, row, (float(theta[1] - theta[0]), float(theta[2])))
 
         def torque(state: Array, dt: float, moment: Moment) -> tuple[Array, Array]:
-            v = moment.v[row]
             out = np.zeros(robot.nv)
-            out[row] = (theta[1] - theta[0]) * (1.0 - np.exp(-((v / theta[2]) ** 2))) * np.sign(v)
+            out[row] = falling_law(moment.v[row], *law.numbers)
             return state, out
 
-        law = Law(falling_law, row, (float(theta[1] - theta[0]), float(theta[2])))
         return Simulated(robot=lambda moved: with_friction(moved, joint, coulomb=theta[1]), torque=torque, laws=(law,))
 
     def model_numbers(self, robot: Robot, joint: str | None, theta: Array) -> ModelNumbers:

@@ -82,7 +82,7 @@ class ParasiticSpring(Effect):
 
         def torque(state: Array, dt: float, moment: Moment) -> tuple[Array, Array]:
             out = np.zeros(robot.nv)
-            out[row] = -theta[0] * (moment.q[row] - theta[1])
+            out[row] = spring_law(moment.q[row], float(theta[0]), float(theta[1]))
             return state, out
 
         return Simulated(torque=torque, laws=(Law(spring_law, row, (float(theta[0]), float(theta[1]))),))

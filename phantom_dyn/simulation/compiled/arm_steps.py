@@ -11,6 +11,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from phantom_dyn._kernels.dry_friction import Rubbing, rub
 from phantom_dyn._kernels.jit import jit
 from phantom_dyn._kernels.single_state import Chain, chained_mass_and_bias, invert, mass_and_bias
 from phantom_dyn.effects.compiled_laws import DELAY, command_of, delay_law, torque_of
@@ -19,10 +20,6 @@ from phantom_dyn.simulation.compiled.axis_steps import spring_torque
 from phantom_dyn.simulation.compiled.channels import place_in, read, tracking
 
 Array = np.ndarray
-
-_SWEEPS = 200
-"""Sweeps of the friction solver at most; it stops when no impulse moves by more than `_STILL` of its limit."""
-_STILL = 1e-10
 
 
 class Arm(NamedTuple):
@@ -94,7 +91,7 @@ def run_arm(
     n, nv, m = len(x), len(drives), len(loose)
     mobility, y, w, push, speed = np.zeros((n, n)), np.zeros(n), np.zeros(n), np.zeros(n), np.zeros(n)
     reading, bias = np.zeros(nv), np.zeros(nv)
-    closed = len(arm.chain.slope) > 0
+    closed, who = len(arm.chain.slope) > 0, Rubbing(drives, np.zeros((0, n)), np.zeros((0, n + 1)))
     for k in range(len(t)):
         if mode != GIVEN:
             ask(control, readings, seen, x, v, t[k], reading, asked)
@@ -157,7 +154,7 @@ def run_arm(
                 speed[i] = v[i]
                 for j in range(n):
                     speed[i] += mobility[i, j] * h * push[j]
-            rub(mobility, speed, drives, friction, coulomb, h)
+            rub(mobility, speed, who, friction, coulomb, h)
             fast = False
             for i in range(n):
                 a[i] = (speed[i] - v[i]) / h
@@ -174,40 +171,3 @@ def run_arm(
                 for i in range(n):
                     rows.after[k, i] = a[i]
     return -1
-
-
-@jit
-def rub(mobility: Array, speed: Array, drives: Array, friction: Array, most: Array, h: float) -> None:
-    """Coulomb friction of at most ``most`` on each drive: it stops its motor if it can, else opposes it.
-
-    Args:
-        mobility: Speed per impulse, ``(n, n)``.
-        speed: Without friction, ``(n,)``; with it afterwards.
-        drives: Place of each joint's motor, ``(nv,)``.
-        friction: Torque that it had in the step before, where the search begins; that of this one afterwards.
-        most: Limits of the torque, ``(nv,)``; none where it is zero.
-        h: Length of the step [s].
-    """
-    n = len(speed)
-    for j in range(len(drives)):
-        if most[j] > 0.0:
-            impulse = h * friction[j]
-            for i in range(n):
-                speed[i] += mobility[i, drives[j]] * impulse
-    for _ in range(_SWEEPS):
-        largest = 0.0
-        for j in range(len(drives)):
-            if most[j] > 0.0:
-                at = drives[j]
-                wanted = min(max(friction[j] - speed[at] / (mobility[at, at] * h), -most[j]), most[j])
-                change = wanted - friction[j]
-                if change != 0.0:
-                    for i in range(n):
-                        speed[i] += mobility[i, at] * (change * h)
-                    friction[j] = wanted
-                    largest = max(largest, abs(change) / most[j])
-        if largest <= _STILL:
-            break
-    for j in range(len(drives)):
-        if abs(friction[j]) < most[j]:
-            speed[drives[j]] = 0.0

@@ -20,7 +20,7 @@ from identification.batch.diagnose_each import (
     folder_names,
     logs_in,
 )
-from identification.data.reading import read_recording
+from identification.data.reading import ReadOptions, read_recording
 from identification.export.all_files import NAMES as MODELS
 from identification.pipeline import diagnose
 from identification.reporting.diagnosis_files import NAMES
@@ -152,7 +152,7 @@ def test_recordings_that_cannot_be_meant(pendulum, folder, monkeypatch, given, m
 def test_a_column_map_that_cannot_be_used_is_refused_before_the_work(pendulum, logs, tmp_path):
     (tmp_path / "map.yaml").write_text("torque: tau.pin")
     with pytest.raises(LogError, match=r"map\.yaml: torque is no column of a log"):
-        diagnose_each(pendulum, logs, columns=tmp_path / "map.yaml")
+        diagnose_each(pendulum, logs, reading=ReadOptions(tmp_path / "map.yaml"))
 
 
 def test_a_folder_that_cannot_be_written_is_refused_before_the_work(pendulum, logs, tmp_path):

@@ -6,7 +6,7 @@ import pytest
 from identification.excitation.collisions import collisions_of
 from identification.excitation.criteria import ConditionNumber, DOptimality
 from identification.excitation.descent import Penalty
-from identification.excitation.design_problem import Grid, Problem
+from identification.excitation.design_problem import DesignProblem, Grid
 from identification.excitation.excited_base import base_of, earlier_factor
 from identification.excitation.limits import FrameBox, limits_of
 from identification.excitation.motion_shapes import BSplines, FourierSeries, TrianglesAndSines
@@ -18,7 +18,7 @@ from phantom_dyn.motion import Motion
 FAMILIES = [FourierSeries(3.0, 3), BSplines(3.0, 4), TrianglesAndSines(3.0, 2, 2)]
 
 
-def slope_and_difference(problem: Problem, shapes, rng: np.random.Generator) -> tuple[float, float]:
+def slope_and_difference(problem: DesignProblem, shapes, rng: np.random.Generator) -> tuple[float, float]:
     """Slope of cost and penalty along a random way, and the central difference; every limit is exceeded somewhere."""
     grid = Grid.of(shapes, 40)
     weights = rng.normal(size=(grid.values.shape[2], problem.robot.nv))
@@ -37,7 +37,7 @@ def slope_and_difference(problem: Problem, shapes, rng: np.random.Generator) -> 
 def test_the_slope_of_cost_and_limits_is_that_of_differences(spatial, shapes, criterion, rng):
     # Oracle: central differences; a linear joint, a skew axis, limits of acceleration and of the tip's place.
     box = FrameBox(spatial.model.frames[-1].name, np.full(3, -0.1), np.array([0.1, np.inf, 0.2]))
-    problem = Problem(spatial, base_of(spatial), criterion, limits_of(spatial, acceleration=1.0, boxes=[box]))
+    problem = DesignProblem(spatial, base_of(spatial), criterion, limits_of(spatial, acceleration=1.0, boxes=[box]))
     slope, difference = slope_and_difference(problem, shapes, rng)
     assert slope == pytest.approx(difference, rel=1e-6)
 
@@ -46,7 +46,7 @@ def test_the_slope_holds_in_a_chain_with_friction_and_earlier_recordings(rng):
     robot = load_robot("phantom_1_5")
     earlier = earlier_factor(robot, [Motion(np.arange(4.0), *rng.normal(size=(3, 4, 3)))])
     base = base_of(robot, planned=10.0, noise=[1.0, 2.0, 0.5], earlier=earlier)
-    problem = Problem(robot, base, ConditionNumber(), limits_of(robot, velocity=1.0))
+    problem = DesignProblem(robot, base, ConditionNumber(), limits_of(robot, velocity=1.0))
     slope, difference = slope_and_difference(problem, FourierSeries(3.0, 3), rng)
     # The regressor of a closed chain is good to about 1e-9, which a difference of 1e-6 magnifies.
     assert slope == pytest.approx(difference, rel=1e-5)
@@ -54,7 +54,7 @@ def test_the_slope_holds_in_a_chain_with_friction_and_earlier_recordings(rng):
 
 def test_the_slope_holds_where_bodies_come_close(chain_of_balls, rng):
     collisions = collisions_of(chain_of_balls, clearance=1.5)
-    problem = Problem(
+    problem = DesignProblem(
         chain_of_balls, base_of(chain_of_balls), DOptimality(), limits_of(chain_of_balls, collisions=collisions)
     )
     slope, difference = slope_and_difference(problem, FourierSeries(3.0, 3), rng)
@@ -63,7 +63,7 @@ def test_the_slope_holds_where_bodies_come_close(chain_of_balls, rng):
 
 def test_the_limited_torque_is_that_of_inverse_dynamics_without_coulomb_friction(planar, rng):
     # Oracle: phantom_dyn.dynamics.dynamics.
-    problem = Problem(planar, base_of(planar), ConditionNumber(), limits_of(planar))
+    problem = DesignProblem(planar, base_of(planar), ConditionNumber(), limits_of(planar))
     motion = Motion(np.arange(6.0), *rng.normal(size=(3, 6, 2)))
     values = problem.limited(motion, problem.regressor(motion))
     coulomb = np.sign(motion.v) * planar.coulomb_friction
@@ -73,7 +73,7 @@ def test_the_limited_torque_is_that_of_inverse_dynamics_without_coulomb_friction
 def test_the_limited_torque_of_a_chain_holds_that_of_its_passive_joints(rng):
     # Oracle: phantom_dyn.dynamics.dynamics.
     robot = load_robot("phantom_1_5")
-    problem = Problem(robot, base_of(robot), ConditionNumber(), limits_of(robot))
+    problem = DesignProblem(robot, base_of(robot), ConditionNumber(), limits_of(robot))
     motion = Motion(np.arange(6.0), *rng.uniform(-0.5, 0.5, (3, 6, 3)))
     values = problem.limited(motion, problem.regressor(motion))
     difference = inverse_dynamics(robot, motion) - values[:, 5 + 5 + 3 :]
@@ -95,9 +95,9 @@ def test_base_columns_give_the_torque_of_all(planar, rng):
 def test_information_adds_up_over_recordings(planar, rng):
     first, second = (Motion(np.arange(20.0), *rng.normal(size=(3, 20, 2))) for _ in range(2))
     base = base_of(planar, planned=20.0, earlier=earlier_factor(planar, [first]))
-    problem = Problem(planar, base, ConditionNumber(), limits_of(planar))
+    problem = DesignProblem(planar, base, ConditionNumber(), limits_of(planar))
     both = Motion(np.arange(40.0), *(np.concatenate([getattr(first, x), getattr(second, x)]) for x in "qva"))
-    alone = Problem(planar, base_of(planar), ConditionNumber(), limits_of(planar))
+    alone = DesignProblem(planar, base_of(planar), ConditionNumber(), limits_of(planar))
     added = problem.information(problem.regressor(second))
     np.testing.assert_allclose(added, 2 * alone.information(alone.regressor(both)), rtol=1e-9, atol=1e-12)
 

@@ -7,7 +7,7 @@ import pytest
 
 from identification.excitation.collisions import collisions_of, distances
 from identification.excitation.criteria import DOptimality
-from identification.excitation.excite import Excitation, excite
+from identification.excitation.excite import Excitation, PlannedRecording, excite
 from identification.excitation.excited_base import earlier_factor
 from identification.excitation.limits import FrameBox, limits_of
 from identification.excitation.motion_shapes import BSplines, FourierSeries, TrianglesAndSines
@@ -138,7 +138,7 @@ def test_earlier_recordings_are_complemented(planar, designed):
     alone = replace(still, q=still.q * [1, 0], v=still.v * [1, 0], a=still.a * [1, 0])
     factor = 10 * earlier_factor(planar, [alone])
     limits = limits_of(planar, velocity=3.0, acceleration=20.0)
-    knowing = excite(planar, SHAPES, limits=limits, earlier=factor, **FAST)
+    knowing = excite(planar, SHAPES, limits=limits, planned=PlannedRecording(earlier=factor), **FAST)
 
     def condition(design: Excitation) -> float:
         both = np.vstack([factor, earlier_factor(planar, [design.motion(100.0)])])
@@ -167,7 +167,7 @@ def test_a_box_out_of_reach_is_refused_with_the_distance(planar):
 @pytest.mark.parametrize("rate", [0.0, np.nan, -5.0])
 def test_a_rate_that_is_none_is_refused(planar, rate):
     with pytest.raises(ParameterError, match=r"A rate of \S+ Hz was given: give more than 0"):
-        excite(planar, SHAPES, rate_hz=rate)
+        excite(planar, SHAPES, planned=PlannedRecording(rate))
 
 
 def test_a_rate_that_cannot_show_the_motion_is_refused(designed):
@@ -177,7 +177,7 @@ def test_a_rate_that_cannot_show_the_motion_is_refused(designed):
 
 def test_more_rows_than_anyone_can_want_are_refused(planar):
     with pytest.raises(ParameterError, match=r"4 s at 1e\+09 Hz are more than 5000000 rows: give a lower rate"):
-        excite(planar, SHAPES, rate_hz=1e9)
+        excite(planar, SHAPES, planned=PlannedRecording(1e9))
 
 
 def test_a_tiny_limit_of_acceleration_is_kept(planar):

@@ -15,12 +15,12 @@ from identification.identify.hold_out import split_logs
 from identification.identify.identifiability import (
     body_table,
     excited_base,
+    identified_shares,
     members,
     not_excited,
-    shares,
     unidentified,
 )
-from identification.identify.identified_model import DEFAULT_TERMS, effects_of, without_estimated
+from identification.identify.identified_model import JointTerms, effects_of, without_estimated
 from identification.regression.base_parameters import base_parameters, base_parameters_of_matrix
 from identification.regression.regressor import torque_regressor
 from phantom_dyn.model.loading import load_robot
@@ -43,7 +43,7 @@ def test_shares_are_those_of_the_null_space(name, robots, recorded):
     regressor = torque_regressor(robot, logs, ())
     base = base_parameters(regressor)
     stacked = np.concatenate([block.reshape(-1, block.shape[2]) for block in regressor.blocks()])
-    assert shares(base) == shares_by_null_space(stacked)
+    assert identified_shares(base) == shares_by_null_space(stacked)
 
 
 def test_of_a_pendulum_two_first_moments_and_one_inertia_are_seen(robots, recorded):
@@ -61,14 +61,14 @@ def test_a_dependent_parameter_is_part_of_those_it_regroups_into():
     W = np.random.default_rng(0).standard_normal((9, 2))
     base = base_parameters_of_matrix(np.column_stack([W, W @ [2.0, 1.0], np.zeros(9)]), "abcd")
     assert members(base) == {2: ("aR", "bR"), 3: ()}
-    assert shares(base) == ("combination", "combination", "combination", "none")
+    assert identified_shares(base) == ("combination", "combination", "combination", "none")
 
 
 @pytest.fixture(scope="module")
 def bases(arm, recorded):
     """Base parameters of a recording in which tilt does not move, and of exciting motion."""
-    robot = without_estimated(arm, DEFAULT_TERMS)
-    effects = effects_of(arm, DEFAULT_TERMS)
+    robot = without_estimated(arm, JointTerms())
+    effects = effects_of(arm, JointTerms())
     log = split_logs(arm, (recorded(arm, still=("tilt",)),)).train[0]
     return base_parameters(torque_regressor(robot, log, effects)), excited_base(robot, log, effects)
 
@@ -84,7 +84,7 @@ def test_what_a_recording_lacks_is_what_other_motion_could_part(bases):
     [
         ("column.m", "no motion of this robot makes it produce torque"),
         ("tilt.viscous_friction.coefficient", "it produces no torque in this recording"),
-        ("beam.Ixz", "in this recording it is only seen within .*; another motion can part them"),
+        ("beam.Ixz", "in this recording it is only seen within .*; another motion can separate them"),
         ("beam.Izz", "in every motion of this robot it is only seen within"),
     ],
 )
@@ -94,7 +94,7 @@ def test_the_reason_is_the_robot_or_the_recording(bases, name, why):
 
 
 def test_random_motion_excites_all_that_a_rich_recording_does(arm, recorded):
-    effects = effects_of(arm, DEFAULT_TERMS)
-    robot = without_estimated(arm, DEFAULT_TERMS)
+    effects = effects_of(arm, JointTerms())
+    robot = without_estimated(arm, JointTerms())
     log = split_logs(arm, (recorded(arm),)).train[0]
     assert base_parameters(torque_regressor(robot, log, effects)).rank == excited_base(robot, log, effects).rank

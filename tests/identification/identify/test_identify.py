@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 
 from identification.identify.hold_out import split_logs
-from identification.identify.identified_model import DEFAULT_TERMS, effects_of, without_estimated
+from identification.identify.identified_model import JointTerms, effects_of, without_estimated
 from identification.identify.identify import identify
 from identification.regression.base_parameters import base_parameters
 from identification.regression.regressor import torque_regressor
@@ -31,9 +31,9 @@ def test_friction_of_every_joint_comes_back(found, truth):
 
 
 def test_base_parameters_of_the_links_come_back(found, arm, truth, recorded):
-    fitted = without_estimated(arm, DEFAULT_TERMS)
+    fitted = without_estimated(arm, JointTerms())
     log = split_logs(arm, (recorded(truth),)).train[0]
-    base = base_parameters(torque_regressor(fitted, log, effects_of(arm, DEFAULT_TERMS)))
+    base = base_parameters(torque_regressor(fitted, log, effects_of(arm, JointTerms())))
     everything = np.concatenate([standard_parameters(truth), np.zeros(len(base.names) - 30)])
     wanted = dict(zip(base.base_names, base.values(everything), strict=True))
     assert {parameter.name for parameter in found.base} <= set(wanted)
@@ -47,7 +47,7 @@ def test_offsets_that_are_not_there_are_not_told_from_zero(found):
     offsets = [p for p in found.others if p.effect == "torque_offset"]
     assert len(offsets) == 3
     assert sum(not p.identified for p in offsets) >= 2  # one in twenty is, by chance
-    assert all("not told from zero: its size is below" in p.why for p in offsets if not p.identified)
+    assert all("not distinguished from zero: its size is below" in p.why for p in offsets if not p.identified)
 
 
 def test_the_fit_predicts_held_out_torques_much_better_than_the_given_model(found, arm):
@@ -96,21 +96,21 @@ def test_a_joint_at_rest_is_named_as_what_the_recording_lacks(arm, truth, record
 
 
 def test_rotor_inertias_are_said_where_they_are_unknowns(arm, truth, recorded):
-    found = identify(arm, (recorded(truth),), rotors=True)
+    found = identify(arm, (recorded(truth),), terms=JointTerms(rotors=True))
     names = {p.name for p in found.others} | {entry.name for entry in found.unidentified}
     assert {f"{joint}.rotor_inertia.inertia" for joint in arm.joint_names} <= names
     assert any("URDF has no place for rotor inertias: put them into robot.yaml" in s for s in found.exports[0].left_out)
 
 
 def test_friction_by_direction_is_a_mean_in_the_files(arm, truth, recorded):
-    found = identify(arm, (recorded(truth),), friction=("direction_dependent",))
+    found = identify(arm, (recorded(truth),), terms=JointTerms(("direction_dependent",)))
     assert len(found.others) == 12
     assert any("Friction that depends on direction is the mean of both" in s for s in found.exports[1].left_out)
     assert max(found.departure) < 0.05
 
 
 def test_friction_of_the_file_stays_where_none_is_an_unknown(arm, recorded):
-    found = identify(arm, (recorded(arm),), friction=())
+    found = identify(arm, (recorded(arm),), terms=JointTerms(()))
     assert not found.others
     assert max(joint.relative for joint in found.joints) < 0.02
 

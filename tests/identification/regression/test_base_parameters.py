@@ -8,8 +8,9 @@ from hypothesis import strategies as st
 
 import identification.regression.regressor
 from identification.data.log import Band, Log
-from identification.regression.base_parameters import base_parameters, base_parameters_of_matrix, r_factor
+from identification.regression.base_parameters import base_parameters, base_parameters_of_matrix
 from identification.regression.regressor import torque_regressor
+from identification.regression.triangular import r_factor
 from phantom_dyn import load_robot
 from phantom_dyn.dynamics.dynamics import rigid_body_regressor, standard_parameters
 from phantom_dyn.effects.catalogue import effect_named

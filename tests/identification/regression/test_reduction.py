@@ -182,7 +182,7 @@ def test_weight_zero_takes_a_recording_out(rng):
     assert_same_products(without.factor(), stacked(W, y))
 
 
-@pytest.mark.parametrize("weights", [-1.0, np.nan, np.inf, [1.0, -2.0]])
+@pytest.mark.parametrize("weights", [-1.0, np.nan, np.inf, np.array([1.0, -2.0])])
 def test_a_weight_that_is_negative_or_not_finite_is_refused(rng, weights):
     with pytest.raises(ParameterError, match="give finite ones that are not negative"):
         reduced(rng.normal(size=(5, 2, 2)), np.zeros((5, 2))).weighted(weights)

@@ -31,7 +31,7 @@ def test_a_gain_is_the_difference_of_two_fits_where_no_bound_binds(rough, rival)
     chosen, term = (rough.term("coulomb_friction", "elbow"),), rough.term(*rival)
     without, with_it = (fit(rough.problem, terms, held_out=False) for terms in (chosen, (*chosen, term)))
     expected = without.objective - with_it.objective
-    assert gain_of(rough.problem, beside(rough.problem, without), term) == pytest.approx(expected, rel=1e-6, abs=1e-9)
+    assert gain_of(beside(rough.problem, without), term) == pytest.approx(expected, rel=1e-6, abs=1e-9)
 
 
 def test_a_gain_stops_at_the_bound_of_the_coefficient(lab, planar2, trusted):
@@ -44,13 +44,13 @@ def test_a_gain_stops_at_the_bound_of_the_coefficient(lab, planar2, trusted):
     term = prepared.term("input_delay", None)
     (k,) = term.columns
     assert besides.b[k] < 0
-    assert gain_of(prepared.problem, besides, term) == pytest.approx(0.0, abs=1e-12)
+    assert gain_of(besides, term) == pytest.approx(0.0, abs=1e-12)
 
 
 def test_a_rival_whose_columns_are_all_in_the_fit_gains_nothing(rough):
     term = rough.term("coulomb_friction", "elbow")
     besides = beside(rough.problem, fit(rough.problem, (term,), held_out=False))
-    assert gain_of(rough.problem, besides, term) == 0.0
+    assert gain_of(besides, term) == 0.0
 
 
 def test_what_a_fit_has_used_is_taken_out_of_all_columns(rough):
@@ -77,7 +77,7 @@ def test_gains_of_all_rivals_are_those_of_each_alone(rough):
         if len(own) == 2:
             a, b = left[np.ix_(own, own)], besides.b[own]
             x = bounded_solve(a, b, problem.lower[own], problem.upper[own])
-            assert gain_of(problem, besides, rival) == pytest.approx(2 * b @ x - x @ a @ x, rel=1e-6, abs=1e-9)
+            assert gain_of(besides, rival) == pytest.approx(2 * b @ x - x @ a @ x, rel=1e-6, abs=1e-9)
             seen += 1
     assert seen > 5
 

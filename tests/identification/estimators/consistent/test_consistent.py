@@ -15,8 +15,8 @@ from identification.estimators.consistent.consistent import (
 from identification.estimators.consistent.consistent_bodies import Region, pseudo_inertia
 from identification.estimators.consistent.consistent_program import Prior
 from identification.estimators.weighted_least_squares import fit_wls
-from identification.regression.base_parameters import r_factor
 from identification.regression.regressor import gap_regressor, torque_regressor
+from identification.regression.triangular import r_factor
 from phantom_dyn import load_robot
 from phantom_dyn.dynamics.dynamics import inverse_dynamics, standard_parameters
 from phantom_dyn.effects.catalogue import effect_named

@@ -13,6 +13,7 @@ from identification.estimators.weighted_least_squares import wls
 from identification.identify.identification_files import to_json
 from identification.identify.identification_report import report_html
 from identification.identify.identification_words import summary
+from identification.identify.identified_model import JointTerms
 from identification.identify.identify import identify
 from identification.regression.regressor import torque_regressor
 
@@ -48,7 +49,7 @@ def test_the_parameter_that_it_names_is_the_one_that_least_squares_misses_and_in
 
 def test_identification_by_instruments_says_what_the_test_says(noisy):
     robot = replace(noisy.robot, viscous_friction=np.zeros(2), coulomb_friction=np.zeros(2))
-    found = identify(robot, (noisy.recording,), estimator="iv", friction=("viscous", "coulomb"))
+    found = identify(robot, (noisy.recording,), estimator="iv", terms=JointTerms(("viscous", "coulomb")))
     assert found.bias.startswith("Errors of the recorded motion bias least squares (Durbin-Wu-Hausman test, p = ")
     assert found.bias in summary(found)
     assert found.bias in report_html(found)

@@ -7,7 +7,6 @@ import pytest
 
 from phantom_dyn._kernels.single_state import at_root, invert, joint_rows, mass_and_bias
 from phantom_dyn._kernels.tree_arrays import tree_arrays
-from phantom_dyn.simulation.compiled.arm_steps import rub
 
 AXIS = np.array([0.48, -0.6, 0.64])
 JOINTS = (
@@ -68,23 +67,3 @@ def test_the_inverse_is_numpys(n, rng):
 def test_a_matrix_that_is_not_positive_definite_is_not_inverted():
     # Known truth: eigenvalues 3 and -1.
     assert not invert(np.array([[1.0, 2.0], [2.0, 1.0]]))
-
-
-def test_friction_stops_what_it_can_and_slips_with_its_limit_where_it_cannot(rng):
-    # The conditions of Coulomb friction: |friction| <= limit; at rest below it; against the motion at it.
-    for _ in range(20):
-        half = rng.normal(size=(4, 4))
-        mobility, free, most, h = half @ half.T + 0.5 * np.eye(4), rng.normal(size=4), rng.uniform(0.0, 80.0, 4), 1e-2
-        speed, friction = free.copy(), rng.uniform(-1.0, 1.0, 4) * most
-        rub(mobility, speed, np.arange(4), friction, most, h)
-        np.testing.assert_allclose(speed, free + mobility @ friction * h, atol=1e-7)
-        sticks = np.abs(friction) < most
-        assert np.all(speed[sticks] == 0.0)
-        np.testing.assert_allclose(friction[~sticks], -np.sign(speed[~sticks]) * most[~sticks])
-
-
-def test_without_friction_no_speed_changes(rng):
-    speed = rng.normal(size=3)
-    same = speed.copy()
-    rub(np.eye(3), speed, np.arange(3), np.zeros(3), np.zeros(3), 1e-3)
-    np.testing.assert_array_equal(speed, same)

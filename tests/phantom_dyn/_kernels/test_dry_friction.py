@@ -1,0 +1,40 @@
+from __future__ import annotations
+
+import numpy as np
+
+from phantom_dyn._kernels.dry_friction import Rubbing, rub, rubbing_motors
+
+
+def test_friction_stops_what_it_can_and_slips_with_its_limit_where_it_cannot(rng):
+    # The conditions of Coulomb friction: |friction| <= limit; at rest below it; against the motion at it.
+    for _ in range(20):
+        half = rng.normal(size=(4, 4))
+        mobility, free, most, h = half @ half.T + 0.5 * np.eye(4), rng.normal(size=4), rng.uniform(0.0, 80.0, 4), 1e-2
+        speed, friction = free.copy(), rng.uniform(-1.0, 1.0, 4) * most
+        rub(mobility, speed, rubbing_motors(np.arange(4), 4), friction, most, h)
+        np.testing.assert_allclose(speed, free + mobility @ friction * h, atol=1e-7)
+        sticks = np.abs(friction) < most
+        assert np.all(speed[sticks] == 0.0)
+        np.testing.assert_allclose(friction[~sticks], -np.sign(speed[~sticks]) * most[~sticks])
+
+
+def test_without_friction_no_speed_changes(rng):
+    speed = rng.normal(size=3)
+    same = speed.copy()
+    rub(np.eye(3), speed, rubbing_motors(np.arange(3), 3), np.zeros(3), np.zeros(3), 1e-3)
+    np.testing.assert_array_equal(speed, same)
+
+
+def test_a_passive_joint_rubs_as_a_motor_with_its_own_velocity_would(rng):
+    # The same conditions in the velocities of all that rubs: two motors, and a joint that turns with both.
+    turns = np.array([[1.0, 0.0], [0.0, 1.0], [0.7, -1.2]])
+    for _ in range(20):
+        half = rng.normal(size=(2, 2))
+        mobility, free, most, h = half @ half.T + 0.5 * np.eye(2), rng.normal(size=2), rng.uniform(0.0, 60.0, 3), 1e-2
+        speed, friction = free.copy(), np.zeros(3)
+        rub(mobility, speed, Rubbing(np.arange(2), turns[2:], np.zeros((1, 3))), friction, most, h)
+        np.testing.assert_allclose(speed, free + mobility @ turns.T @ friction * h, atol=1e-7)
+        rates = turns @ speed
+        moves = np.abs(rates) > 1e-6
+        assert np.all(np.abs(friction) <= most)
+        np.testing.assert_allclose(friction[moves], -np.sign(rates[moves]) * most[moves])
