@@ -1,6 +1,6 @@
 # phantom-dyn: every target sets up what it needs; the second call starts at once.
 #   make demo   the main job, end to end          make test   the whole test suite
-#   make lint   ruff and pyright                  make bench  benchmarks with timing
+#   make lint   ruff, pyright, import layers      make bench  benchmarks with timing
 #   make blind  sealed cases, into the README     make speed  speed beside other tools, into the README
 #   make lock   renew requirements.txt            make clean  removes the environment and what was built
 
@@ -30,6 +30,7 @@ lint: setup
 	@$(BIN)/ruff check .
 	@$(BIN)/ruff format --check .
 	@$(BIN)/pyright
+	@$(BIN)/lint-imports --no-cache
 
 bench: setup
 	@$(BIN)/python -m pytest benchmarks --benchmark-enable -n 0

@@ -4,7 +4,7 @@ Effects enter through their `phantom_dyn.effects.simulated.Simulated` channels, 
 command -> drive -> transmission -> links -> reading. Friction, rotor and the effects' torques act on the motor's side
 of a transmission that is not rigid.
 
-Steps are compiled and free of the GIL where machine and effects are such as `phantom_dyn.simulation.compiled.machine`
+Steps are compiled and free of the GIL where machine and effects are such as `phantom_dyn.simulation.compiled_machine`
 knows; with a `phantom_dyn.simulation.control.Tracking` as controller there is no Python between first and last sample.
 Otherwise Python steps the machine, and `Channels` evaluates the effects' laws with their states.
 """
@@ -23,7 +23,7 @@ from phantom_dyn.errors import ParameterError
 from phantom_dyn.model.robot import Robot
 from phantom_dyn.motion import Motion, read_only
 from phantom_dyn.simulation.compiled.arrays import Moving, Rows, moving_from, rows_for
-from phantom_dyn.simulation.compiled.machine import Compiled, compiled, control_of
+from phantom_dyn.simulation.compiled_machine import Compiled, compiled, control_of
 from phantom_dyn.simulation.control import Tracking
 from phantom_dyn.simulation.stepping import Machine, State, in_balance, longest_step, machine_of, stepped, with_motors
 

@@ -12,7 +12,7 @@ from phantom_dyn import load_robot
 from phantom_dyn.effects.catalogue import effect_named
 from phantom_dyn.model.robot import Robot
 from phantom_dyn.simulation import simulate as simulation
-from phantom_dyn.simulation.compiled.machine import compiled
+from phantom_dyn.simulation.compiled_machine import compiled
 from phantom_dyn.simulation.control import position_control
 from phantom_dyn.simulation.simulate import Cause, Simulation, simulate
 from phantom_dyn.simulation.stepping import machine_of
