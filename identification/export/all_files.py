@@ -3,19 +3,19 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 from identification.diagnosis.model.terms import KnownEffect
 from identification.diagnosis.result import Diagnosis
 from identification.export.corrected.corrected_files import MJCF, URDF, ModelFile, model_files, rollout_note
+from identification.export.corrected.corrected_model import CorrectedModel, corrected_model
 from identification.export.corrected.found_effects import (
     effect_of,
     lasting_findings,
     possible_within_tolerance,
     within_tolerance,
 )
-from identification.export.corrected.parts import Parts, parts_of
 from identification.export.uses.feedforward import feedforward_code, feedforward_table
 from identification.export.uses.randomisation import randomisation_of
 from identification.export.uses.randomisation_file import randomisation_text
@@ -25,7 +25,9 @@ from phantom_dyn.motion import Motion
 
 RANDOMISATION, FEEDFORWARD, TABLE = "randomisation.yaml", "feedforward.py", "feedforward.csv"
 NAMES = (URDF, MJCF, RANDOMISATION, FEEDFORWARD, TABLE)
-_ARE = ("is", "are")
+"""Files beside ``corrected.yaml``."""
+
+_COMPLETE = 2  # model files: URDF and MJCF
 
 
 def not_written(out: Path, paths: Iterable[Path]) -> tuple[str, ...]:
@@ -39,7 +41,7 @@ def not_written(out: Path, paths: Iterable[Path]) -> tuple[str, ...]:
     return tuple(name for name in NAMES if out / name not in there)
 
 
-def written(
+def export_texts(
     diagnosis: Diagnosis,
     robot: Robot,
     *,
@@ -56,24 +58,24 @@ def written(
         known: Effects that belong to the given model already.
         config: The ``robot.yaml`` that was given, None for the one beside the robot's file.
     """
-    evidence, notes = diagnosis.evidence, list(diagnosis.notes)
+    notes = list(diagnosis.notes)
     effects = (*known, *(effect_of(robot, finding) for finding in lasting_findings(diagnosis)))
-    motion = Motion(evidence.t, evidence.q, evidence.v, evidence.a)
     try:
-        parts, files, said = _models(diagnosis, robot, effects, motion, folder, config)
+        models, within_notes = _models(diagnosis, robot, effects, folder, config)
     except PhantomDynError as error:
         notes.append(f"{', '.join(NAMES)} were not written: {error}")
         return {}, replace(diagnosis, notes=tuple(notes))
-    texts: dict[str, str] = {}
     own = [finding.effect for finding in diagnosis.findings if finding.recording is not None]
     if own:
         notes.append(f"The corrected model lacks what acts in one recording only: {', '.join(own)}.")
-    notes += said
-    for file in files:
+    notes += (*models.notes, *within_notes)
+    texts: dict[str, str] = {}
+    for file in models.files:
         texts |= {file.name: file.text} if file.text else {}
         notes += file.notes
-    notes += rollout_note(parts, texts.get(MJCF, ""), motion, evidence.tau_measured)
-    for name, make in _others(diagnosis, parts, known).items():
+    corrected, evidence = models.corrected, diagnosis.evidence
+    notes += rollout_note(corrected, texts.get(MJCF, ""), _recorded_motion(diagnosis), evidence.tau_measured)
+    for name, make in _others(diagnosis, corrected, known).items():
         try:
             texts[name] = make()
         except PhantomDynError as error:
@@ -81,62 +83,78 @@ def written(
     return texts, replace(diagnosis, notes=tuple(notes))
 
 
+@dataclass(frozen=True)
+class _Models:
+    """A corrected model with its files, and a note where there are none."""
+
+    corrected: CorrectedModel
+    files: tuple[ModelFile, ...]
+    notes: tuple[str, ...] = ()
+
+    @property
+    def count(self) -> int:
+        """Number of files that could be written."""
+        return sum(bool(file.text) for file in self.files)
+
+
 def _models(
-    diagnosis: Diagnosis,
-    robot: Robot,
-    effects: tuple[KnownEffect, ...],
-    motion: Motion,
-    folder: Path,
-    config: Path | None,
-) -> tuple[Parts, tuple[ModelFile, ...], tuple[str, ...]]:
-    """The corrected model and its files, with the moves within tolerance as far as bodies can make them.
+    diagnosis: Diagnosis, robot: Robot, effects: tuple[KnownEffect, ...], folder: Path, config: Path | None
+) -> tuple[_Models, tuple[str, ...]]:
+    """The corrected model and its files, and a sentence on the moves within tolerance.
+
+    The findings are added to the given model with these moves; where no body can be so, to possible bodies of the same
+    torque; where that gives fewer files, to the given model without moves.
 
     Raises:
         PhantomDynError: If there is no corrected model at all.
     """
-    count = len(diagnosis.adjusted)
-    quantities = f"The {count} quantities" if count > 1 else "The quantity"
-    best: tuple[Parts, tuple[ModelFile, ...], tuple[str, ...]] | None = None
+    motion = _recorded_motion(diagnosis)
+
+    def models_on(base: Robot) -> _Models:
+        corrected = replace(corrected_model(base, effects), given=robot, base=base)
+        try:
+            return _Models(corrected, model_files(corrected, motion, folder=folder, config=config))
+        except PhantomDynError as error:
+            return _Models(corrected, (), (f"{URDF} and {MJCF} were not written: {error}",))
+
+    best: _Models | None = None
     for base_of in (within_tolerance, possible_within_tolerance):
         try:
             base = base_of(robot, diagnosis)
-            found = _made(robot, base, effects, motion, folder, config)
+            found = models_on(base)
         except PhantomDynError:
             continue
         if base is robot:
-            return found
-        if _complete(found) > (0 if best is None else _complete(best)):
-            said = f"{quantities} that moved within tolerance {_ARE[count > 1]} in the corrected files."
-            best = found[0], found[1], (*found[2], said)
-        if _complete(found) == 2:
+            return found, ()
+        if found.count > (0 if best is None else best.count):
+            best = found
+        if found.count == _COMPLETE:
             break
-    if best is not None and _complete(best) == 2:
-        return best
-    plain = _made(robot, robot, effects, motion, folder, config)
-    if best is not None and _complete(best) >= _complete(plain):
-        return best
-    why = f"{quantities} that moved within tolerance {_ARE[count > 1]} not in the corrected files: no body can be so."
-    return plain[0], plain[1], (*plain[2], why)
+    count = len(diagnosis.adjusted)
+    moved = (
+        f"The {count} quantities that moved within tolerance are"
+        if count > 1
+        else ("The quantity that moved within tolerance is")
+    )
+    if best is not None and best.count == _COMPLETE:
+        return best, (f"{moved} in the corrected files.",)
+    plain = models_on(robot)
+    if best is not None and best.count >= plain.count:
+        return best, (f"{moved} in the corrected files.",)
+    return plain, (f"{moved} not in the corrected files: no body can be so.",)
 
 
-def _made(
-    robot: Robot, base: Robot, effects: tuple[KnownEffect, ...], motion: Motion, folder: Path, config: Path | None
-) -> tuple[Parts, tuple[ModelFile, ...], tuple[str, ...]]:
-    """The findings on a given model or a moved one, its files, and why there are none."""
-    parts = replace(parts_of(base, effects), given=robot, base=base)
-    try:
-        return parts, model_files(parts, motion, folder=folder, config=config), ()
-    except PhantomDynError as error:
-        return parts, (), (f"{URDF} and {MJCF} were not written: {error}",)
+def _recorded_motion(diagnosis: Diagnosis) -> Motion:
+    """Motion at the samples of the diagnosis."""
+    evidence = diagnosis.evidence
+    return Motion(evidence.t, evidence.q, evidence.v, evidence.a)
 
 
-def _complete(made: tuple[Parts, tuple[ModelFile, ...], tuple[str, ...]]) -> int:
-    return sum(bool(file.text) for file in made[1])
-
-
-def _others(diagnosis: Diagnosis, parts: Parts, known: tuple[KnownEffect, ...]) -> dict[str, Callable[[], str]]:
+def _others(
+    diagnosis: Diagnosis, corrected: CorrectedModel, known: tuple[KnownEffect, ...]
+) -> dict[str, Callable[[], str]]:
     return {
-        RANDOMISATION: lambda: randomisation_text(randomisation_of(diagnosis, parts.base), known),
-        FEEDFORWARD: lambda: feedforward_code(parts, diagnosis),
-        TABLE: lambda: feedforward_table(parts, diagnosis),
+        RANDOMISATION: lambda: randomisation_text(randomisation_of(diagnosis, corrected.base), known),
+        FEEDFORWARD: lambda: feedforward_code(corrected, diagnosis),
+        TABLE: lambda: feedforward_table(corrected, diagnosis),
     }

@@ -9,7 +9,7 @@ from pathlib import Path
 from identification.diagnosis.model.terms import KnownEffect
 from identification.diagnosis.result import Diagnosis
 from identification.export.all_files import NAMES as MODELS
-from identification.export.all_files import written
+from identification.export.all_files import export_texts
 from identification.export.corrected.corrected_yaml import write_corrected
 from identification.files import temporary_beside
 from identification.next_experiment.proposal_words import reference_text
@@ -70,7 +70,7 @@ def write_outputs(
     contents: dict[Path, str] = {}
     if out is not None:
         corrected = write_corrected(diagnosis, robot.source, robot.sha256)
-        models, diagnosis = written(diagnosis, robot, folder=out, known=known, config=config)
+        models, diagnosis = export_texts(diagnosis, robot, folder=out, known=known, config=config)
         texts = (json_text(diagnosis), _report(diagnosis, robot), corrected)
         contents = {out / name: text for name, text in zip(NAMES, texts, strict=True)}
         contents |= {out / name: text for name, text in models.items()}

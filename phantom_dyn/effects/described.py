@@ -1,4 +1,4 @@
-"""An effect in words and in the numbers of a model: what reports say of it, and what model files can hold of it."""
+"""How an effect is described: in words for reports, and in numbers for model files and control laws."""
 
 from __future__ import annotations
 
@@ -39,19 +39,19 @@ ANY_VARIABLE: tuple[Variable, ...] = (
 
 @dataclass(frozen=True)
 class EffectWords:
-    """An effect in words, for a reader who knows the robot but not statistics.
+    """Words for an effect, for a reader who knows the robot but not statistics.
 
     Attributes:
         name: As in "... on joint j2".
         meaning: What it is, a phrase.
         next_step: What to do about it, a sentence.
         less: Name when the first parameter is negative, where that has a meaning of its own.
-        size: What follows the name to say how large it is, as in ``of {torque}``; a field is a parameter.
-        parameters: What each parameter means, where its name does not say it already.
-        shown_over: What its law depends on, the likeliest first; where there are several, the data choose.
-        separated_by: What would tell it from its twins where no motion does.
-        kept: As in "It has, ...": what a model file has of it, where that is a part.
-        lost: What a model file has no place for; the name if empty.
+        size: Phrase behind the name that gives its size, as in ``of {torque}``; a field is a parameter.
+        parameters: Meaning of each parameter, where its name does not give it already.
+        shown_over: Variables that its law depends on, the likeliest first; of several the data choose.
+        separated_by: What distinguishes it from effects that leave the same torque in every motion.
+        kept: Part of it that a model file can express, behind "It has, "; empty if it is all or nothing.
+        lost: What a model file cannot express; the name if empty.
     """
 
     name: str
@@ -80,10 +80,10 @@ class Coupling:
 
 @dataclass(frozen=True)
 class ModelNumbers:
-    """What model files and control laws have places for, of one effect in one place; SI units on the joint side.
+    """One effect in the numbers that model files and control laws can express; SI units on the joint side.
 
     Attributes:
-        whole: True if this is all of the effect.
+        whole: True if they express all of the effect.
         viscous: Viscous coefficient more than modelled.
         coulomb: Coulomb torque more than modelled.
         rotor_inertia: Rotor inertia more than modelled.

@@ -37,7 +37,7 @@ class Parameter:
         unit: SI; ``1`` if it has none.
         lower: Least value of which the law makes sense; zero is none at all.
         upper: Largest one.
-        default: Value of a device for which none is given; None if it has to be.
+        default: Value of a device for which none is given; None if one has to be given.
         above_zero: True if no device has zero, though a search may come to it.
         plausible: Smallest and largest value that a sound device may have; outside it a size asks for a second look.
             None if nothing can be said.
@@ -83,28 +83,29 @@ class Rival(ABC):
 
     Attributes:
         name: The contract's, or one of its own for a cause that the catalogue has no name for.
-        scope: Whether it sits on a joint, between a pair of joints (two names joined by ``+``), on the whole robot, or
-            on a joint or the whole robot.
+        scope: Where it sits: on a joint, between a pair of joints (two names joined by ``+``), on the whole robot, or
+            either on a joint or on the whole robot.
         regime: Where the effect shows most.
         contains: Names of the effects that are special cases of it.
-        same_as_sum: Names of effects that together are this one exactly, for some of its parameters.
+        same_as_sum: Names of effects whose sum is a special case of it, so that no data distinguish the two.
         uses_acceleration: True if its columns carry the noise of a twice differentiated position.
-        follows_model: True if its columns are made of the model's torque or its derivatives (those of a rigid body,
-            which are linear in the model, are not), so that they move as the model does within its tolerances.
-        follows_torque: True if its columns are made of the torque with all other findings in it.
-        scales_joint: True if its coefficient scales all torque of its joint, what is found beside it included.
-        inertial: Where its columns are those of the rigid-body regressor, see `regressor_columns`: a point mass (mass
-            and first moments are free, the inertia follows), or free parameters, of which a finding lists only those
-            of a set that any motion tells apart, the others being zero.
+        follows_model: True if its columns are computed from the model's torque or its derivatives, so that they change
+            with the model's parameters. Columns of the rigid-body regressor do not: torque is linear in those.
+        follows_torque: True if its columns are computed from the torque with all other findings in it.
+        scales_joint: True if its coefficient scales the whole torque of its joint, other findings included.
+        inertial: How it sets columns of the rigid-body regressor free, see `regressor_columns`: as a point mass (mass
+            and first moments are free, the inertia follows from them), or each by itself, where only base parameters
+            can be identified and a finding lists no others. None for an effect with columns of its own.
         shape_is_estimate: True if the shape is the last estimate of a coefficient, and no parameter of its own.
-        shape_held: True if a fit of everything holds the shape.
-        first_order: True if its columns are the law to first order only, so that a fit of everything takes the law.
-        seen_by: What makes it large: its coefficients, its shape (coefficient one is the whole effect), or neither,
-            where coefficient one is the whole too and no size is too small to be seen.
-        told_from_zero: True if an effect whose coefficients are not told from zero is dropped although its columns have
-            a shape or carry the noise of accelerations.
-        other_laws: Other laws of the same parameters that the contract's words fit as well: nothing in a recording
-            tells which it is, so that a parameter is known no better than all of them agree on it.
+        shape_held: True if the joint fit of all parameters keeps the shape that the search has found.
+        first_order: True if its columns are a first-order expansion of the law, so that the joint fit evaluates the law
+            itself.
+        seen_by: What says how large it is: its coefficients; its shape, where the coefficient is the share of the
+            effect that is there and should be one; or neither, where it is that share and any size can be seen.
+        tested_against_zero: True if a Wald test against zero decides whether it is kept although its columns have a
+            shape or use accelerations; without either it always does.
+        other_laws: Other laws of the same parameters that the contract's definition fits as well. No recording
+            distinguishes them, so the spread between the laws counts as uncertainty of the parameters.
     """
 
     name: str
@@ -121,16 +122,16 @@ class Rival(ABC):
     shape_held: bool = False
     first_order: bool = False
     seen_by: Literal["coefficient", "shape", "neither"] = "coefficient"
-    told_from_zero: bool = False
+    tested_against_zero: bool = False
     other_laws: tuple[OtherLaw, ...] = ()
 
     @property
     def stays(self) -> bool:
-        """True if its columns of one shape stay the same whatever a fit has found and left."""
+        """True if its columns of one shape do not change with the result of a fit."""
         return False
 
     def places(self, robot: Robot) -> tuple[str | None, ...]:
-        """Where a search looks for it: every joint, the whole robot (None), or both."""
+        """Joints where a search tries it; None is the whole robot."""
         if self.scope == "robot":
             return (None,)
         return (None, *robot.joint_names) if self.scope == "either" else robot.joint_names
@@ -171,13 +172,14 @@ class Effect(Rival):
     The parameters are the contract's; where they are what the torque is linear in, they are the coefficients.
 
     Attributes:
-        words: What reports say of it.
-        takes_lists: True if each parameter is a list, all of one length (the orders of a cogging torque); ``theta``
-            holds one list after the other.
-        either_sign: True if a size that nobody has seen may be there with either sign.
-        changes_with: What has to change between two recordings for it to be another one: the friction (and with it the
-            temperature, which changes more besides) or the controller; None if it stays.
-        only_noise: True if it leaves noise alone: its signature has no column, and what moves is simulated without it.
+        words: How reports describe it.
+        takes_lists: True if each parameter is a list, all of the same length (the orders of a cogging torque);
+            ``theta`` is one list after the other.
+        either_sign: True if its size can be negative, so that an undetected one is drawn with either sign.
+        changes_with: Kind of change between two recordings that may change it: of friction, of temperature (which
+            changes friction too), or of the controller; None if no known change does.
+        only_noise: True if it adds noise to the readings and nothing else: its signature has no columns, and simulated
+            motion does not include it.
     """
 
     words: EffectWords
@@ -188,7 +190,7 @@ class Effect(Rival):
 
     @property
     def stays(self) -> bool:
-        """True if its columns of one shape stay the same whatever a fit has found and left."""
+        """True if its columns of one shape do not change with the result of a fit."""
         return not self.follows_torque
 
     @abstractmethod
@@ -196,11 +198,11 @@ class Effect(Rival):
         """The contract's parameters with units and bounds."""
 
     def optional_parameters(self, robot: Robot, joint: str | None) -> tuple[Parameter, ...]:
-        """Parameters that a device may have besides, all of them or none; no fit looks for them."""
+        """Further parameters of the law that a device may have, all or none; no fit estimates them."""
         return ()
 
     def can_sit(self, robot: Robot, joint: str | None) -> bool:
-        """True if a device may have it there; a search looks at `places` only."""
+        """True if a device can have it there, also where no search tries it."""
         return joint in self.places(robot)
 
     def from_coefficients(
@@ -223,14 +225,14 @@ class Effect(Rival):
     def sized(
         self, robot: Robot, joint: str | None, name: str, size: float, posture: Float[Array, " nv"]
     ) -> tuple[float, ...] | None:
-        """The contract's parameters of an effect that is so large; None if its size alone does not make one.
+        """The contract's parameters of an effect of a given size; None if the size alone does not determine them.
 
         Args:
             robot: The given model.
             joint: Where it sits.
-            name: What `probe` names.
-            size: Of that.
-            posture: Mean positions, about which the others are as in `probe`.
+            name: Parameter that `probe` names.
+            size: Its value.
+            posture: Mean positions [rad or m], about which the other parameters are those of `probe`.
         """
         known = self.parameters(robot, joint)
         return (size,) if [parameter.name for parameter in known] == [name] else None
@@ -256,7 +258,7 @@ class Effect(Rival):
         """How it enters a simulation, with the contract's parameters."""
 
     def model_numbers(self, robot: Robot, joint: str | None, theta: Float[Array, " p"]) -> ModelNumbers:
-        """What model files and control laws can hold of it: all of what is other links or another gravity."""
+        """Its numbers in model files and control laws; by default the changed links or gravity, if that is all."""
         part = self.simulated(robot, joint, theta)
         others = (part.command, part.torque, part.reading, part.transmission, part.inertia)
         return ModelNumbers(whole=True, robot=part.robot) if others == (None,) * 5 else ModelNumbers()

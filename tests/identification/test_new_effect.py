@@ -9,8 +9,8 @@ import pytest
 
 from identification.data.recording import Recording
 from identification.diagnosis.model.terms import KnownEffect
-from identification.export.corrected.left_out import urdf_left_out
-from identification.export.corrected.parts import parts_of
+from identification.export.corrected.corrected_files import urdf_left_out
+from identification.export.corrected.corrected_model import corrected_model
 from identification.pipeline import diagnose
 from identification.reporting.diagnosis_report import report_html
 from phantom_dyn.dynamics.dynamics import inverse_dynamics, mass_matrix
@@ -79,6 +79,6 @@ def test_the_report_says_it_in_its_words(diagnosis):
 
 
 def test_a_model_file_that_cannot_hold_it_says_so(planar2, tmp_path):
-    parts = parts_of(planar2, (KnownEffect("quadratic_drag", "elbow", (TRUTH,)),))
-    left_out = urdf_left_out(parts, tmp_path / "robot.urdf")
+    corrected = corrected_model(planar2, (KnownEffect("quadratic_drag", "elbow", (TRUTH,)),))
+    left_out = urdf_left_out(corrected, tmp_path / "robot.urdf")
     assert "It has no place for quadratic drag (coefficient): elbow 0.4." in left_out

@@ -81,7 +81,7 @@ def distinct(plain: Search, chosen: frozenset[Term]) -> tuple[frozenset[Term], J
 
 
 def _is_asked(term: Term) -> bool:
-    return term.effect.told_from_zero or not (term.shape or term.effect.uses_acceleration)
+    return term.effect.tested_against_zero or not (term.shape or term.effect.uses_acceleration)
 
 
 def certainty(term: Term, fitted: JointFit) -> float:

@@ -1,4 +1,4 @@
-"""``corrected.urdf`` and ``corrected.xml``, each loaded again and compared before anybody gets it."""
+"""``corrected.urdf`` and ``corrected.xml``, each loaded again and compared, with notes on what the format lacks."""
 
 from __future__ import annotations
 
@@ -10,13 +10,19 @@ from pathlib import Path
 import numpy as np
 from jaxtyping import Float
 
-from identification.export.corrected.corrected_mjcf import corrected_mjcf
-from identification.export.corrected.corrected_urdf import corrected_urdf, said_by_urdf
-from identification.export.corrected.left_out import mjcf_left_out, urdf_left_out
-from identification.export.corrected.parts import Parts
+from identification.export.corrected.corrected_mjcf import (
+    SHORTEST_STEP,
+    compliances_in_mjcf,
+    corrected_mjcf,
+    zeros_in_file,
+)
+from identification.export.corrected.corrected_model import CorrectedModel
+from identification.export.corrected.corrected_urdf import corrected_urdf, robot_of_urdf
 from identification.export.corrected.reload_in_mujoco import rollout_errors, torque_difference
 from identification.export.model_files.mjcf_file import mjcf_text
 from identification.export.model_files.reload import TOLERANCE, some_motion, urdf_difference, versions
+from phantom_dyn.effects import catalogue
+from phantom_dyn.effects.catalogue import effect_named
 from phantom_dyn.errors import EstimationError, PhantomDynError
 from phantom_dyn.model.loading import CONFIG_NAME
 from phantom_dyn.model.robot_files import find_robot
@@ -25,8 +31,9 @@ from phantom_dyn.motion import Motion
 Array = np.ndarray
 
 URDF, MJCF = "corrected.urdf", "corrected.xml"
-_HORIZON = 0.2
-"""Length of a rollout [s]."""
+_HORIZON = 0.2  # length of a rollout [s]
+
+_GRAVITY = (0.0, 0.0, -9.81)
 
 
 @dataclass(frozen=True)
@@ -36,7 +43,7 @@ class ModelFile:
     Attributes:
         name: Of the file.
         text: Its content, empty if it cannot be written.
-        notes: What it cannot say, how it was checked, or why it was not written.
+        notes: What it leaves out, how it was checked, or why it was not written.
     """
 
     name: str
@@ -44,11 +51,13 @@ class ModelFile:
     notes: tuple[str, ...]
 
 
-def model_files(parts: Parts, motion: Motion, *, folder: Path, config: Path | None = None) -> tuple[ModelFile, ...]:
+def model_files(
+    corrected: CorrectedModel, motion: Motion, *, folder: Path, config: Path | None = None
+) -> tuple[ModelFile, ...]:
     """URDF and MJCF of a corrected model.
 
     Args:
-        parts: The model.
+        corrected: The model.
         motion: On which torques are compared.
         folder: Where the files will lie.
         config: The ``robot.yaml`` that was given, None for the one beside the robot's file.
@@ -56,30 +65,30 @@ def model_files(parts: Parts, motion: Motion, *, folder: Path, config: Path | No
     Raises:
         EstimationError: If a file that was written says something else than the model.
     """
-    file = find_robot(parts.given.source)
+    file = find_robot(corrected.given.source)
     beside = file.with_name(CONFIG_NAME)
     stated = config if config is not None else beside if beside.is_file() else None
     few = some_motion(motion)
 
     def urdf() -> tuple[str, float]:
-        text = corrected_urdf(parts, file, folder)
-        return text, urdf_difference(text, said_by_urdf(parts), few, stated)
+        text = corrected_urdf(corrected, file, folder)
+        return text, urdf_difference(text, robot_of_urdf(corrected), few, stated)
 
     def mjcf() -> tuple[str, float]:
-        text = corrected_mjcf(parts)
-        return text, torque_difference(text, parts, few)
+        text = corrected_mjcf(corrected)
+        return text, torque_difference(text, corrected, few)
 
     return (
-        _made(URDF, urdf, versions().get("urdf", ""), urdf_left_out(parts, file)),
-        _made(MJCF, mjcf, versions().get("mjcf", ""), mjcf_left_out(parts, file)),
+        _checked_file(URDF, urdf, versions().get("urdf", ""), urdf_left_out(corrected, file)),
+        _checked_file(MJCF, mjcf, versions().get("mjcf", ""), mjcf_left_out(corrected, file)),
     )
 
 
-def rollout_note(parts: Parts, text: str, motion: Motion, tau: Float[Array, "N nv"]) -> tuple[str, ...]:
+def rollout_note(corrected: CorrectedModel, text: str, motion: Motion, tau: Float[Array, "N nv"]) -> tuple[str, ...]:
     """A sentence on how far MuJoCo leaves the recorded motion with the given and with the corrected model.
 
     Args:
-        parts: The model.
+        corrected: The model.
         text: Its MJCF.
         motion: Of the recordings.
         tau: Logged torque at the same times.
@@ -87,15 +96,15 @@ def rollout_note(parts: Parts, text: str, motion: Motion, tau: Float[Array, "N n
     Returns:
         The sentence; nothing without MuJoCo, or where the motion is too short or the loops are not in the file.
     """
-    chain = parts.robot.chain
+    chain = corrected.robot.chain
     if find_spec("mujoco") is None or not text or (chain is not None and set(chain.passive) - set(chain.unknowns)):
         return ()
     try:
-        before = rollout_errors(mjcf_text(parts.given), parts.given, motion, tau, horizon=_HORIZON)
-        after = rollout_errors(text, parts.given, motion, tau, horizon=_HORIZON)
+        before = rollout_errors(mjcf_text(corrected.given), corrected.given, motion, tau, horizon=_HORIZON)
+        after = rollout_errors(text, corrected.given, motion, tau, horizon=_HORIZON)
     except PhantomDynError:
         return ()
-    places = zip(parts.given.joint_names, before, after, parts.given.position_units, strict=True)
+    places = zip(corrected.given.joint_names, before, after, corrected.given.position_units, strict=True)
     changes = ", ".join(f"{joint} {one:.3g} {unit} before and {two:.3g} after" for joint, one, two, unit in places)
     return (
         f"{MJCF}: rolled out in MuJoCo for {_HORIZON:g} s under the logged torque, it is this far from the recorded "
@@ -103,7 +112,9 @@ def rollout_note(parts: Parts, text: str, motion: Motion, tau: Float[Array, "N n
     )
 
 
-def _made(name: str, make: Callable[[], tuple[str, float]], loaded_with: str, left_out: tuple[str, ...]) -> ModelFile:
+def _checked_file(
+    name: str, make: Callable[[], tuple[str, float]], loaded_with: str, left_out: tuple[str, ...]
+) -> ModelFile:
     try:
         text, difference = make()
     except PhantomDynError as error:
@@ -131,3 +142,102 @@ def _with_comment(text: str, sentences: tuple[str, ...]) -> str:
     comment = "\n    ".join(line.replace("--", "- -") for line in lines)
     start = text.index(">", text.index("<mujoco" if "<mujoco" in text else "<robot")) + 1
     return f"{text[:start]}\n  <!-- {comment}\n  -->{text[start:]}"
+
+
+def urdf_left_out(corrected: CorrectedModel, file: Path) -> tuple[str, ...]:
+    """Sentences on what a URDF lacks.
+
+    Args:
+        corrected: The corrected model.
+        file: The robot's file.
+    """
+    robot, given = corrected.robot, corrected.given
+    places = zip(robot.joint_names, robot.rotor_inertia, given.rotor_inertia, strict=True)
+    # A URDF that is made of another file has no rotors at all.
+    other = file.suffix != ".urdf"
+    moved = {name: float(new) for name, new, old in places if new != old or (other and new > 0)}
+    out = [*_reduced_laws(corrected), *_lost_effects(corrected)]
+    out += _missing("rotor inertias: put them into " + CONFIG_NAME + " (rotor_inertia [kg m^2 or kg])", moved)
+    out += _missing("springs (stiffness)", {name: k for name, (k, _) in corrected.springs.items()})
+    out += _missing("constant torques [N m or N]", corrected.offsets)
+    out += _missing("torque constants (true over logged torque)", corrected.gains)
+    out += _missing("delays [s]", corrected.delays)
+    out += _missing("lags [s]", corrected.lags)
+    out += _missing("play (gap [rad or m])", corrected.plays)
+    out += _missing("springs of transmissions (stiffness)", corrected.compliances)
+    out += _missing("cogging (largest amplitude)", _largest(corrected))
+    out += _missing("couplings (ratio)", {f"{c.first}+{c.second}": c.ratio for c in corrected.couplings})
+    if given.chain is not None:
+        what = f"state them under loops in a {CONFIG_NAME}" if other else f"keep {CONFIG_NAME} beside it"
+        out.append(f"It has no place for closed loops: {what}.")
+    if given.locked and not other:
+        out.append(
+            f"{', '.join(given.locked)} can move in it: hold them fixed under lock in a {CONFIG_NAME} beside it."
+        )
+    gravity = given.model.gravity.linear
+    if not np.allclose(gravity, _GRAVITY):
+        numbers = ", ".join(f"{x:g}" for x in gravity)
+        out.append(f"It has no place for gravity: state gravity: [{numbers}] in a {CONFIG_NAME} beside it.")
+    if other:
+        out.append("The given file is no URDF, so this one has bodies, joints and frames, and no shapes.")
+    return tuple(out)
+
+
+def mjcf_left_out(corrected: CorrectedModel, file: Path) -> tuple[str, ...]:
+    """Sentences on what the MJCF file lacks.
+
+    Args:
+        corrected: The corrected model.
+        file: The robot's file.
+    """
+    out = [*_reduced_laws(corrected), *_lost_effects(corrected)]
+    behind = {name: k for name, k in corrected.compliances.items() if name not in compliances_in_mjcf(corrected)}
+    out += _missing("a spring behind a play (stiffness)", behind)
+    loose = [name for name in (*corrected.plays, *compliances_in_mjcf(corrected)) if not _rotor(corrected, name)]
+    if loose:
+        out.append(
+            f"The rotor inertia of {', '.join(loose)} is not known, so it is a hundredth of what the joint moves: "
+            f"state rotor_inertia in {CONFIG_NAME}."
+        )
+    late = [delay for delay in corrected.delays.values() if delay > 0]
+    if corrected.cogging or late:
+        out.append("Delays and cogging (dcmotor) need MuJoCo 4.0 or newer; cogging takes no command: leave ctrl at 0.")
+    if late:
+        out.append(f"Its delays are cut short where the timestep is below {SHORTEST_STEP:g} s: raise nsample there.")
+    chain = corrected.robot.chain
+    if chain is not None and set(chain.passive) - set(chain.unknowns):
+        out.append("Joints that follow others by a formula move freely in it.")
+    drives = f"limits of torque and speed that {CONFIG_NAME} does not state" if file.suffix == ".urdf" else "actuators"
+    return (*out, f"Shapes, sensors and {drives} of the given file are not in it: a motor drives each joint.")
+
+
+def _rotor(corrected: CorrectedModel, joint: str) -> float:
+    return float(corrected.robot.rotor_inertia[corrected.robot.joint_names.index(joint)])
+
+
+def _reduced_laws(corrected: CorrectedModel) -> list[str]:
+    words = [(effect_named(effect.effect).words, effect.joint) for effect in corrected.others]
+    return [f"It has, {effect_words.kept}: {joint}." for effect_words, joint in words if effect_words.kept]
+
+
+def _lost_effects(corrected: CorrectedModel) -> list[str]:
+    out = []
+    for effect in catalogue.EFFECTS:
+        lost = [other for other in corrected.others if other.effect == effect.name and not effect.words.kept]
+        if lost:
+            size = effect.parameters(corrected.given, lost[0].joint)[0].name.replace("_", " ")
+            what = f"{effect.words.lost or effect.words.name} ({size})"
+            out += _missing(what, {str(other.joint): other.theta[0] for other in lost})
+    if not zeros_in_file(corrected):
+        out += _missing("the zeros of encoders in a closed chain [rad or m]", corrected.zeros)
+    return out
+
+
+def _largest(corrected: CorrectedModel) -> dict[str, float]:
+    return {name: max((wave[1] for wave in waves), default=0.0) for name, waves in corrected.cogging.items()}
+
+
+def _missing(what: str, values: dict[str, float]) -> list[str]:
+    if not values:
+        return []
+    return [f"It has no place for {what}: {', '.join(f'{name} {value:.4g}' for name, value in values.items())}."]

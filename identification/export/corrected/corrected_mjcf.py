@@ -11,7 +11,7 @@ from xml.etree import ElementTree
 
 import numpy as np
 
-from identification.export.corrected.parts import Parts
+from identification.export.corrected.corrected_model import CorrectedModel
 from identification.export.model_files.mjcf_file import mjcf_text
 from identification.export.model_files.urdf_file import words
 from phantom_dyn.dynamics.dynamics import mass_matrix
@@ -20,7 +20,7 @@ from phantom_dyn.effects.support.rows import row_of
 from phantom_dyn.model.robot_xml import Element
 
 PLAY, SPRING, COGGING, COUPLING = "{}_play", "{}_spring", "{}_cogging_{}", "{}_{}_coupling"
-"""Names of what is added for a joint, or for two."""
+"""Names of the elements that are added for a joint, or for two."""
 
 SHORTEST_STEP = 1e-4
 """Steps of a simulation [s] from which on delays are whole: MuJoCo keeps a number of commands, not a time."""
@@ -32,51 +32,51 @@ _LEAST_ROTOR = 0.01
 _STOP = 0.004
 
 
-def corrected_mjcf(parts: Parts) -> str:
+def corrected_mjcf(corrected: CorrectedModel) -> str:
     """The text of a MJCF file with one actuator per active joint, named as it is, and cogging actuators after them.
 
     Raises:
         ParameterError: If a body cannot exist, or not in MuJoCo.
     """
-    root = ElementTree.fromstring(mjcf_text(parts.robot))
+    root = ElementTree.fromstring(mjcf_text(corrected.robot))
     joints = {str(joint.get("name")): joint for joint in root.iter("joint")}
     bodies = {str(joint.get("name")): body for body in root.iter("body") for joint in body.findall("joint")}
-    for name, (stiffness, rest) in parts.springs.items():
+    for name, (stiffness, rest) in corrected.springs.items():
         joints[name].set("stiffness", repr(stiffness))
         joints[name].set("springref", repr(rest))
-    for name, zero in said_zeros(parts).items():
+    for name, zero in zeros_in_file(corrected).items():
         _move_zero(joints[name], zero)
-    for name in (*parts.plays, *said_compliances(parts)):
-        _second_joint(bodies[name], joints[name], parts, name)
+    for name in (*corrected.plays, *compliances_in_mjcf(corrected)):
+        _second_joint(bodies[name], joints[name], corrected, name)
     for motor in root.findall("actuator/motor"):
-        _drive(motor, parts, str(motor.get("joint")))
-    _cogging(root, parts)
-    _couplings(root, parts)
+        _drive(motor, corrected, str(motor.get("joint")))
+    _cogging(root, corrected)
+    _couplings(root, corrected)
     ElementTree.indent(root)
     return ElementTree.tostring(root, encoding="unicode") + "\n"
 
 
-def said_zeros(parts: Parts) -> dict[str, float]:
-    """Encoder zeros that a file says: those of a closed chain are part of what closes it."""
-    return parts.zeros if parts.robot.chain is None else {}
+def zeros_in_file(corrected: CorrectedModel) -> dict[str, float]:
+    """Encoder zeros that a URDF or MJCF holds: those of a closed chain are part of what closes it."""
+    return corrected.zeros if corrected.robot.chain is None else {}
 
 
-def said_compliances(parts: Parts) -> dict[str, float]:
-    """Springs of transmissions that MJCF says: one behind a play would need a body without inertia between."""
-    return {name: stiffness for name, stiffness in parts.compliances.items() if name not in parts.plays}
+def compliances_in_mjcf(corrected: CorrectedModel) -> dict[str, float]:
+    """Springs of transmissions that the MJCF holds: one behind a play would need a body without inertia between."""
+    return {name: stiffness for name, stiffness in corrected.compliances.items() if name not in corrected.plays}
 
 
-def rotor_of(parts: Parts, joint: str) -> float:
+def rotor_of(corrected: CorrectedModel, joint: str) -> float:
     """Rotor inertia behind a play or a spring [kg m^2 or kg], assumed where none is known."""
-    row = row_of(parts.robot, joint)
-    known = float(parts.robot.rotor_inertia[row])
-    return known if known > 0 else _LEAST_ROTOR * _moved(parts, row)
+    row = row_of(corrected.robot, joint)
+    known = float(corrected.robot.rotor_inertia[row])
+    return known if known > 0 else _LEAST_ROTOR * _moved_inertia(corrected, row)
 
 
-def _moved(parts: Parts, row: int) -> float:
+def _moved_inertia(corrected: CorrectedModel, row: int) -> float:
     """Inertia that a joint moves in the zero posture, the rotor's apart."""
-    mass = mass_matrix(parts.robot, np.zeros((1, parts.robot.nv)))
-    return float(mass[0, row, row] - parts.robot.rotor_inertia[row])
+    mass = mass_matrix(corrected.robot, np.zeros((1, corrected.robot.nv)))
+    return float(mass[0, row, row] - corrected.robot.rotor_inertia[row])
 
 
 def _move_zero(joint: Element, zero: float) -> None:
@@ -86,63 +86,63 @@ def _move_zero(joint: Element, zero: float) -> None:
         joint.set("range", words([float(limit) + zero for limit in limits.split()]))
 
 
-def _second_joint(body: Element, joint: Element, parts: Parts, name: str) -> None:
+def _second_joint(body: Element, joint: Element, corrected: CorrectedModel, name: str) -> None:
     """A joint on the same axis, between motor and link: with ends if there is play, with a spring if it gives way."""
-    rotor = rotor_of(parts, name)
+    rotor = rotor_of(corrected, name)
     joint.set("armature", repr(rotor))
     kind, axis = str(joint.get("type")), str(joint.get("axis"))
-    if name in parts.plays:
-        half = 0.5 * parts.plays[name]
+    if name in corrected.plays:
+        half = 0.5 * corrected.plays[name]
         own = {"name": PLAY.format(name), "range": words([-half, half]), "solreflimit": f"{_STOP} 1"}
     else:
-        stiffness = parts.compliances[name]
-        link = _moved(parts, row_of(parts.robot, name))
+        stiffness = corrected.compliances[name]
+        link = _moved_inertia(corrected, row_of(corrected.robot, name))
         damping = 2.0 * SPRING_DAMPING * np.sqrt(stiffness * rotor * link / (rotor + link))
         own = {"name": SPRING.format(name), "stiffness": repr(stiffness), "damping": repr(float(damping))}
     element = ElementTree.Element("joint", {**own, "type": kind, "axis": axis})
     body.insert(list(body).index(joint) + 1, element)
 
 
-def _drive(motor: Element, parts: Parts, name: str) -> None:
-    gain = parts.gains.get(name, 1.0)
-    bias = parts.offsets.get(name, 0.0) / gain if gain else 0.0
+def _drive(motor: Element, corrected: CorrectedModel, name: str) -> None:
+    gain = corrected.gains.get(name, 1.0)
+    bias = corrected.offsets.get(name, 0.0) / gain if gain else 0.0
     if gain != 1.0:
         motor.set("gear", repr(gain))
-    if name in parts.limits:
-        motor.set("forcerange", words([bias - parts.limits[name], bias + parts.limits[name]]))
+    if name in corrected.limits:
+        motor.set("forcerange", words([bias - corrected.limits[name], bias + corrected.limits[name]]))
     if bias:
         motor.tag = "general"
         motor.set("biastype", "affine")
         motor.set("biasprm", repr(bias))
-    if parts.lags.get(name, 0.0) > 0:
+    if corrected.lags.get(name, 0.0) > 0:
         motor.tag = "general"
         motor.set("dyntype", "filterexact")
-        motor.set("dynprm", repr(parts.lags[name]))
-    delay = parts.delays.get(name, 0.0)
+        motor.set("dynprm", repr(corrected.lags[name]))
+    delay = corrected.delays.get(name, 0.0)
     if delay > 0:
         motor.set("delay", repr(delay))
         motor.set("nsample", str(int(np.ceil(delay / SHORTEST_STEP)) + 2))
         motor.set("interp", "linear")
 
 
-def _cogging(root: Element, parts: Parts) -> None:
+def _cogging(root: Element, corrected: CorrectedModel) -> None:
     actuators = root.find("actuator")
     assert actuators is not None
-    for name, waves in parts.cogging.items():
+    for name, waves in corrected.cogging.items():
         for k, wave in enumerate(waves):
             own = {"name": COGGING.format(name, k + 1), "joint": name, "cogging": words([wave[1], wave[0], wave[2]])}
             no_command = {"motorconst": f"{_NO_MOTOR} 0", "resistance": "1", "ctrlrange": "0 0"}
             ElementTree.SubElement(actuators, "dcmotor", own | no_command)
 
 
-def _couplings(root: Element, parts: Parts) -> None:
-    if not parts.couplings:
+def _couplings(root: Element, corrected: CorrectedModel) -> None:
+    if not corrected.couplings:
         return
     tendons = ElementTree.SubElement(root, "tendon")
-    for coupling in parts.couplings:
+    for coupling in corrected.couplings:
         sizes = {"frictionloss": coupling.coulomb_torque, "damping": coupling.coefficient, "armature": coupling.inertia}
-        said = {key: repr(max(value, 0.0)) for key, value in sizes.items()}
+        texts = {key: repr(max(value, 0.0)) for key, value in sizes.items()}
         name = COUPLING.format(coupling.first, coupling.second)
-        tendon = ElementTree.SubElement(tendons, "fixed", {"name": name, **said})
+        tendon = ElementTree.SubElement(tendons, "fixed", {"name": name, **texts})
         for joint, share in ((coupling.first, 1.0), (coupling.second, coupling.ratio)):
             ElementTree.SubElement(tendon, "joint", joint=joint, coef=repr(share))

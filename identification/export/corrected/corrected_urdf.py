@@ -11,8 +11,8 @@ import numpy as np
 import pinocchio as pin
 from jaxtyping import Float
 
-from identification.export.corrected.corrected_mjcf import said_zeros
-from identification.export.corrected.parts import Parts, with_base_turned, with_zeros_moved
+from identification.export.corrected.corrected_mjcf import zeros_in_file
+from identification.export.corrected.corrected_model import CorrectedModel, with_base_turned, with_zeros_moved
 from identification.export.model_files.urdf_file import edited_urdf, new_urdf, words
 from phantom_dyn.effects.support.changed_robot import with_gravity
 from phantom_dyn.model.robot import Robot
@@ -24,11 +24,11 @@ LEVEL = "level"
 """Link on which a tilted robot stands."""
 
 
-def corrected_urdf(parts: Parts, file: Path, folder: Path) -> str:
+def corrected_urdf(corrected: CorrectedModel, file: Path, folder: Path) -> str:
     """The text of a URDF; all that the findings do not touch stays as it is in the given file, if that is a URDF.
 
     Args:
-        parts: The corrected model.
+        corrected: The corrected model.
         file: The robot's file.
         folder: Where the text will lie: file names of meshes are made relative to it.
 
@@ -36,34 +36,34 @@ def corrected_urdf(parts: Parts, file: Path, folder: Path) -> str:
         RobotError: If the file has no link on a joint of the robot.
         ParameterError: If no body can have the inertia that is left for a link.
     """
-    robot = _without_rotors(parts)
-    text = edited_urdf(robot, parts.given, file, folder) if file.suffix == ".urdf" else new_urdf(robot)
+    robot = _without_rotors(corrected)
+    text = edited_urdf(robot, corrected.given, file, folder) if file.suffix == ".urdf" else new_urdf(robot)
     parser = ElementTree.XMLParser(target=ElementTree.TreeBuilder(insert_comments=True))
     head, start, _ = text.partition("<robot")
     root = ElementTree.fromstring(start + text[len(head) + len(start) :], parser)
     joints = {str(joint.get("name")): joint for joint in root.findall("joint")}
-    for name, limit in parts.limits.items():
-        if limit != parts.given.actuators[parts.given.joint_names.index(name)].torque_limit:
+    for name, limit in corrected.limits.items():
+        if limit != corrected.given.actuators[corrected.given.joint_names.index(name)].torque_limit:
             _set_effort(joints[name], limit)
-    for name, zero in said_zeros(parts).items():
+    for name, zero in zeros_in_file(corrected).items():
         _move_zero(joints[name], zero)
-    if not np.array_equal(parts.turned, np.eye(3)):
-        _tilt(root, parts.turned.T)
+    if not np.array_equal(corrected.turned, np.eye(3)):
+        _tilt(root, corrected.turned.T)
     ElementTree.indent(root)
     return f"{head}{ElementTree.tostring(root, encoding='unicode')}\n"
 
 
-def said_by_urdf(parts: Parts) -> Robot:
-    """What the URDF says as a robot: the given gravity, rotors as given, zeros and base moved."""
-    robot = with_gravity(_without_rotors(parts), parts.given.model.gravity.linear)
-    return with_base_turned(with_zeros_moved(robot, said_zeros(parts)), parts.turned.T)
+def robot_of_urdf(corrected: CorrectedModel) -> Robot:
+    """The robot that the URDF describes: gravity and rotors as given, zeros and base moved."""
+    robot = with_gravity(_without_rotors(corrected), corrected.given.model.gravity.linear)
+    return with_base_turned(with_zeros_moved(robot, zeros_in_file(corrected)), corrected.turned.T)
 
 
-def _without_rotors(parts: Parts) -> Robot:
-    """The robot with the given rotors, as a URDF says none."""
-    model = parts.robot.model.copy()
-    model.armature = parts.given.model.armature
-    return replace(parts.robot, model=model)
+def _without_rotors(corrected: CorrectedModel) -> Robot:
+    """The robot with the given rotors, as a URDF holds none."""
+    model = corrected.robot.model.copy()
+    model.armature = corrected.given.model.armature
+    return replace(corrected.robot, model=model)
 
 
 def _set_effort(joint: Element, limit: float) -> None:

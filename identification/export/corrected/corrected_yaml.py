@@ -1,9 +1,4 @@
-"""``corrected.yaml`` (schema ``phantom-dyn-model/1``): what a diagnosis found, written, and read back as known effects.
-
-``corrected.yaml`` (schema ``phantom-dyn-model/1``): what a diagnosis found, to be added to the model again.
-
-Findings of earlier diagnoses, as part of the given model.
-"""
+"""``corrected.yaml`` (schema ``phantom-dyn-model/1``): findings and moves, written, and read back as known effects."""
 
 from __future__ import annotations
 

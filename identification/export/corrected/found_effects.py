@@ -1,12 +1,8 @@
 """The findings of a diagnosis as effects, and the given model with the moves within its tolerances.
 
-The findings of a diagnosis as effects with the contract's parameters in order.
-
-The given model with the moves within its tolerances that a diagnosis made: what it was judged with.
-
-Moves are fitted one by one, and only their sum along the recorded motion is seen. Together they may make a body that
-cannot be, as the axial moment of a thin link leaves its two others no room to differ: then possible bodies take its
-place that need the same torques there.
+Moves within tolerance are fitted one by one, and only their sum along the recorded motion is seen. Together they may
+make a body that cannot be, as the axial moment of a thin link leaves its two others no room to differ: then possible
+bodies take its place that need the same torques there.
 """
 
 from __future__ import annotations
@@ -27,6 +23,11 @@ from phantom_dyn.model.robot import Robot
 from phantom_dyn.motion import Motion
 
 Array = np.ndarray
+
+_SAMPLES = 300
+"""Samples of the recorded motion on which possible bodies need the same torques."""
+_SEEN = 1e-4
+"""Combinations of parameters whose torque is a smaller share of the largest one's are free."""
 
 
 def lasting_findings(diagnosis: Diagnosis) -> tuple[Finding, ...]:
@@ -82,12 +83,6 @@ def _rows(finding: Finding, name: str) -> list[list[float]]:
     values = std if isinstance(std, list) else [std]
     finite = [float(s) if np.isfinite(s) else 0.0 for s in values]
     return [[s if start + k == j else 0.0 for j in range(total)] for k, s in enumerate(finite)]
-
-
-_SAMPLES = 300
-"""Samples of the recorded motion on which possible bodies need the same torques."""
-_SEEN = 1e-4
-"""Combinations of parameters whose torque is a smaller share of the largest one's are free."""
 
 
 def within_tolerance(robot: Robot, diagnosis: Diagnosis) -> Robot:

@@ -9,8 +9,8 @@ from typing import Any
 import numpy as np
 from jaxtyping import Float, Int
 
-from identification.export.corrected.corrected_mjcf import rotor_of, said_compliances, said_zeros
-from identification.export.corrected.parts import Parts, with_zeros_moved
+from identification.export.corrected.corrected_mjcf import compliances_in_mjcf, rotor_of, zeros_in_file
+from identification.export.corrected.corrected_model import CorrectedModel, with_zeros_moved
 from identification.export.model_files.reload import load_mujoco, mujoco_joints, mujoco_torque, relative_difference
 from identification.export.model_files.tree import tree_torque
 from phantom_dyn.dynamics.tree_motion import TreeMotion, tree_motion
@@ -21,32 +21,29 @@ from phantom_dyn.motion import Motion
 
 Array = np.ndarray
 
-_STEP = 1e-3
-"""Step of a rollout [s]."""
-
-_LEAD = 300
-"""Steps in which the encoders' joints are led along the recorded motion."""
+_STEP = 1e-3  # of a rollout [s]
+_LEAD = 300  # steps before a rollout in which the encoders' joints are led along the recorded motion
 
 
-def needed_torque(parts: Parts, motion: Motion) -> Float[Array, "N nt"]:
-    """True torque on every joint of the tree that the corrected model needs, of what MJCF says, [N m or N].
+def needed_torque(corrected: CorrectedModel, motion: Motion) -> Float[Array, "N nt"]:
+    """True torque on every joint of the tree that the corrected model needs, as far as MJCF holds it [N m or N].
 
     Args:
-        parts: The corrected model.
+        corrected: The corrected model.
         motion: N samples of the active joints, positions as encoders read them.
     """
-    robot = _with_rotors(parts)
+    robot = _with_rotors(corrected)
     tree = tree_motion(robot, motion)
-    out = tree_torque(with_zeros_moved(robot, said_zeros(parts)) if said_zeros(parts) else robot, tree)
+    out = tree_torque(with_zeros_moved(robot, zeros_in_file(corrected)) if zeros_in_file(corrected) else robot, tree)
     at = dict(zip(robot.joint_names, robot.tree_rows, strict=True))
-    for joint, (stiffness, rest) in parts.springs.items():
-        out[:, at[joint]] += stiffness * (tree.q[:, at[joint]] - rest)
-    for joint, offset in parts.offsets.items():
+    for joint, (stiffness, relaxed) in corrected.springs.items():
+        out[:, at[joint]] += stiffness * (tree.q[:, at[joint]] - relaxed)
+    for joint, offset in corrected.offsets.items():
         out[:, at[joint]] -= offset
-    for joint, waves in parts.cogging.items():
+    for joint, waves in corrected.cogging.items():
         orders, amplitudes, phases = np.array(waves).T
         out[:, at[joint]] -= np.sin(tree.q[:, at[joint], None] * orders + phases) @ amplitudes
-    for c in parts.couplings:
+    for c in corrected.couplings:
         first, second = at[c.first], at[c.second]
         w, gain = (x[:, first] + c.ratio * x[:, second] for x in (tree.v, tree.a))
         shared = c.coulomb_torque * np.sign(w) + c.coefficient * w + c.inertia * gain
@@ -55,12 +52,12 @@ def needed_torque(parts: Parts, motion: Motion) -> Float[Array, "N nt"]:
     return out
 
 
-def torque_difference(text: str, parts: Parts, motion: Motion) -> float:
+def torque_difference(text: str, corrected: CorrectedModel, motion: Motion) -> float:
     """Largest difference of torques, over the largest, of a MJCF that MuJoCo has loaded again; NaN without MuJoCo.
 
     Args:
         text: Of the MJCF.
-        parts: What the file is to say.
+        corrected: The model that the file holds.
         motion: N samples of the active joints.
 
     Raises:
@@ -68,9 +65,9 @@ def torque_difference(text: str, parts: Parts, motion: Motion) -> float:
     """
     if find_spec("mujoco") is None:
         return float("nan")
-    tree = tree_motion(parts.robot, motion)
-    found = mujoco_torque(text, parts.robot, tree) + _tendon_friction(parts, tree)
-    return relative_difference(found, needed_torque(parts, motion))
+    tree = tree_motion(corrected.robot, motion)
+    found = mujoco_torque(text, corrected.robot, tree) + _tendon_friction(corrected, tree)
+    return relative_difference(found, needed_torque(corrected, motion))
 
 
 def rollout_errors(
@@ -149,19 +146,19 @@ def _set_drives(model: Any, data: Any, start: float, asked: Float[Array, " nv"])
             mujoco.mj_initCtrlHistory(model, data, j, times, np.full((count, 1), torque))
 
 
-def _with_rotors(parts: Parts) -> Robot:
+def _with_rotors(corrected: CorrectedModel) -> Robot:
     """The robot with the rotors that a play or a spring needs."""
-    robot = parts.robot
-    for joint in (*parts.plays, *said_compliances(parts)):
-        known = float(parts.robot.rotor_inertia[robot.joint_names.index(joint)])
-        robot = with_rotor_inertia(robot, joint, rotor_of(parts, joint) - known)
+    robot = corrected.robot
+    for joint in (*corrected.plays, *compliances_in_mjcf(corrected)):
+        known = float(corrected.robot.rotor_inertia[robot.joint_names.index(joint)])
+        robot = with_rotor_inertia(robot, joint, rotor_of(corrected, joint) - known)
     return robot
 
 
-def _tendon_friction(parts: Parts, tree: TreeMotion) -> Float[Array, "N nt"]:
+def _tendon_friction(corrected: CorrectedModel, tree: TreeMotion) -> Float[Array, "N nt"]:
     out = np.zeros_like(tree.v)
-    at = dict(zip(parts.robot.joint_names, parts.robot.tree_rows, strict=True))
-    for c in parts.couplings:
+    at = dict(zip(corrected.robot.joint_names, corrected.robot.tree_rows, strict=True))
+    for c in corrected.couplings:
         sign = np.sign(tree.v[:, at[c.first]] + c.ratio * tree.v[:, at[c.second]])
         out[:, at[c.first]] += c.coulomb_torque * sign
         out[:, at[c.second]] += c.ratio * c.coulomb_torque * sign

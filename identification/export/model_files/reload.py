@@ -33,7 +33,7 @@ def urdf_difference(text: str, robot: Robot, motion: Motion, config: Path | None
 
     Args:
         text: Of the URDF.
-        robot: What the file is to say; rotor inertias are taken from it, as the file has none.
+        robot: The model that the file holds; rotor inertias are taken from it, as the file has none.
         motion: N samples of the active joints.
         config: The robot's ``robot.yaml``, for the joints that are held fixed and for gravity.
 
@@ -64,7 +64,7 @@ def mujoco_difference(text: str, robot: Robot, motion: Motion) -> float:
 
     Args:
         text: Of the MJCF.
-        robot: What the file is to say.
+        robot: The model that the file holds.
         motion: N samples of the active joints.
 
     Raises:

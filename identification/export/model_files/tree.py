@@ -1,10 +1,5 @@
 # pyright: reportAttributeAccessIssue=false
-"""The tree of a robot as plain data for files that are written from nothing: bodies, joints, frames, friction.
-
-The tree of a robot as plain data for files that are written from nothing: bodies, joints, frames.
-
-Modelled friction of every joint of a robot's tree, and the torque that the whole tree needs.
-"""
+"""The tree of a robot as plain data for files that are written from nothing: bodies, joints, frames and friction."""
 
 from __future__ import annotations
 
@@ -14,7 +9,6 @@ import numpy as np
 import pinocchio as pin
 from jaxtyping import Float
 
-from identification.export.model_files.rigid_links import LinkInertia
 from phantom_dyn.dynamics.tree_motion import TreeMotion, tree_friction
 from phantom_dyn.errors import ParameterError
 from phantom_dyn.model.inertia import body_name, central_parameters, impossible_because
@@ -145,3 +139,18 @@ def with_tree_friction(robot: Robot, viscous: Float[Array, " nt"], coulomb: Floa
         passive = list(chain.passive)
         chain = replace(chain, viscous_friction=viscous[passive], coulomb_friction=coulomb[passive])
     return replace(robot, viscous_friction=viscous[active], coulomb_friction=coulomb[active], chain=chain)
+
+
+@dataclass(frozen=True)
+class LinkInertia:
+    """Inertia of one link in the axes of its own frame.
+
+    Attributes:
+        mass: In kg.
+        center: Centre of mass [m].
+        inertia: About the centre of mass [kg m^2].
+    """
+
+    mass: float
+    center: Float[Array, " 3"]
+    inertia: Float[Array, "3 3"]

@@ -16,7 +16,7 @@ import pinocchio as pin
 from jaxtyping import Float
 
 from identification.diagnosis.result import Diagnosis
-from identification.export.corrected.parts import Parts
+from identification.export.corrected.corrected_model import CorrectedModel
 from identification.export.model_files.tree import bodies
 from phantom_dyn import __version__
 from phantom_dyn.dynamics.tree_motion import tree_friction
@@ -27,18 +27,18 @@ from phantom_dyn.model.robot import Robot
 
 Array = np.ndarray
 
-_POSITIONS, _SPEEDS, _SAMPLES = 91, 20, 400
-"""Rows of the table over the position of a joint and over each direction of its speed; samples that are judged."""
-# Effects that take a law of their own in the file, beside what `Parts` holds of them.
+_POSITIONS, _SPEEDS = 91, 20  # rows of the table over the position of a joint, and over each direction of its speed
+_SAMPLES = 400  # of the recordings, on which the feedforward is compared with no feedforward
+# Effects that take a law of their own in the file, beside what `CorrectedModel` holds of them.
 _OWN_LAWS = ("direction_dependent_friction", "stribeck_friction", "load_dependent_friction", "encoder_eccentricity")
 COLUMNS = ("over", "joint", "q", "v", "gravity", "friction", "cogging", "command", "headroom")
 
 
-def feedforward_code(parts: Parts, diagnosis: Diagnosis) -> str:
+def feedforward_code(corrected: CorrectedModel, diagnosis: Diagnosis) -> str:
     """The text of ``feedforward.py``.
 
     Args:
-        parts: The corrected model.
+        corrected: The corrected model.
         diagnosis: Gives the torque reduction to expect.
 
     Raises:
@@ -46,9 +46,9 @@ def feedforward_code(parts: Parts, diagnosis: Diagnosis) -> str:
     """
     functions = Path(__file__).with_name("feedforward_functions.txt").read_text(encoding="utf-8")
     imports, _, functions = functions.partition("import math\n")
-    constants = "".join(f"{name} = {pformat(value, width=110)}\n" for name, value in _constants(parts).items())
+    constants = "".join(f"{name} = {pformat(value, width=110)}\n" for name, value in _constants(corrected).items())
     code = f"{imports}import math\n\n{constants}{functions}"
-    return f'"""{_said(parts, diagnosis, loaded(code))}\n"""\n\n{code}'
+    return f'"""{_docstring(corrected, diagnosis, loaded(code))}\n"""\n\n{code}'
 
 
 def loaded(code: str) -> dict[str, Any]:
@@ -59,21 +59,23 @@ def loaded(code: str) -> dict[str, Any]:
         return runpy.run_path(str(path))
 
 
-def feedforward_table(parts: Parts, diagnosis: Diagnosis) -> str:
+def feedforward_table(corrected: CorrectedModel, diagnosis: Diagnosis) -> str:
     """The text of ``feedforward.csv``: each joint over its recorded positions and speeds, the others in mid range.
 
     Raises:
         ParameterError: If the robot has loops that keep frames together.
     """
-    law = loaded(feedforward_code(parts, diagnosis))
+    law = loaded(feedforward_code(corrected, diagnosis))
     q, v = diagnosis.evidence.q, diagnosis.evidence.v
-    low, high = (q.min(axis=0), q.max(axis=0)) if len(q) else (np.zeros(parts.robot.nv), np.zeros(parts.robot.nv))
-    fastest = np.abs(v).max(axis=0) if len(v) else np.zeros(parts.robot.nv)
+    low, high = (
+        (q.min(axis=0), q.max(axis=0)) if len(q) else (np.zeros(corrected.robot.nv), np.zeros(corrected.robot.nv))
+    )
+    fastest = np.abs(v).max(axis=0) if len(v) else np.zeros(corrected.robot.nv)
     middle = 0.5 * (low + high)
     text = io.StringIO()
     table = csv.writer(text, lineterminator="\n")
     table.writerow(COLUMNS)
-    for j, joint in enumerate(parts.robot.joint_names):
+    for j, joint in enumerate(corrected.robot.joint_names):
         for place in np.linspace(low[j], high[j], _POSITIONS):
             at = np.where(np.arange(len(middle)) == j, place, middle)
             table.writerow(["position", joint, *_row(law, j, at, np.zeros(len(at)))])
@@ -85,27 +87,27 @@ def feedforward_table(parts: Parts, diagnosis: Diagnosis) -> str:
 
 
 def _row(law: dict[str, Any], j: int, q: Float[Array, " nv"], v: Float[Array, " nv"]) -> list[float]:
-    at, moving, rest = q.tolist(), v.tolist(), [0.0] * len(q)
-    parts = law["gravity"](at), law["friction"](at, moving), law["cogging"](at)
-    asked = law["torque"](at, moving, rest), law["headroom"](at, moving, rest)
-    return [at[j], moving[j], *(float(values[j]) for values in (*parts, *asked))]
+    at, moving, unaccelerated = q.tolist(), v.tolist(), [0.0] * len(q)
+    terms = law["gravity"](at), law["friction"](at, moving), law["cogging"](at)
+    asked = law["torque"](at, moving, unaccelerated), law["headroom"](at, moving, unaccelerated)
+    return [at[j], moving[j], *(float(values[j]) for values in (*terms, *asked))]
 
 
-def _constants(parts: Parts) -> dict[str, object]:
-    robot = parts.robot
+def _constants(corrected: CorrectedModel) -> dict[str, object]:
+    robot = corrected.robot
     slope, start = _linear_loops(robot)
     row = {joint: k for k, joint in enumerate(robot.joint_names)}
     viscous, coulomb = tree_friction(robot)
     laws: dict[str, list[tuple]] = {}
-    for effect in parts.others:
+    for effect in corrected.others:
         laws.setdefault(effect.effect, []).append((row[str(effect.joint)], *effect.theta))
     two_way, stribeck, by_load, eccentric = (laws.get(name, []) for name in _OWN_LAWS)
-    late = [parts.delays.get(joint, 0.0) + parts.lags.get(joint, 0.0) for joint in robot.joint_names]
+    late = [corrected.delays.get(joint, 0.0) + corrected.lags.get(joint, 0.0) for joint in robot.joint_names]
     return {
         "JOINTS": robot.joint_names,
         "LEAD": tuple(late),
-        "GAINS": tuple(parts.gains.get(joint, 1.0) for joint in robot.joint_names),
-        "LIMITS": _Limits(parts.limits.get(joint, np.inf) for joint in robot.joint_names),
+        "GAINS": tuple(corrected.gains.get(joint, 1.0) for joint in robot.joint_names),
+        "LIMITS": _Limits(corrected.limits.get(joint, np.inf) for joint in robot.joint_names),
         "GRAVITY": _plain(robot.model.gravity.linear),
         "BODIES": _bodies(robot),
         "SLOPE": _plain(slope),
@@ -117,12 +119,13 @@ def _constants(parts: Parts) -> dict[str, object]:
         "STRIBECK": tuple((law[0], law[2] - law[1], law[3]) for law in stribeck),
         "LOADED": tuple((law[0], law[1]) for law in by_load),
         "COUPLINGS": tuple(
-            (row[c.first], row[c.second], c.ratio, c.coulomb_torque, c.coefficient, c.inertia) for c in parts.couplings
+            (row[c.first], row[c.second], c.ratio, c.coulomb_torque, c.coefficient, c.inertia)
+            for c in corrected.couplings
         ),
-        "COGGING": tuple((row[joint], *wave) for joint, waves in parts.cogging.items() for wave in waves),
-        "OFFSETS": {row[joint]: value for joint, value in parts.offsets.items()},
-        "SPRINGS": {row[joint]: value for joint, value in parts.springs.items()},
-        "ZEROS": {row[joint]: value for joint, value in parts.zeros.items()},
+        "COGGING": tuple((row[joint], *wave) for joint, waves in corrected.cogging.items() for wave in waves),
+        "OFFSETS": {row[joint]: value for joint, value in corrected.offsets.items()},
+        "SPRINGS": {row[joint]: value for joint, value in corrected.springs.items()},
+        "ZEROS": {row[joint]: value for joint, value in corrected.zeros.items()},
         "ECCENTRIC": {law[0]: law[1:] for law in eccentric},
     }
 
@@ -164,11 +167,12 @@ def _linear_loops(robot: Robot) -> tuple[Float[Array, "nt nv"], Float[Array, " n
     return (tree[1:] - tree[0]).T, tree[0]
 
 
-def _said(parts: Parts, diagnosis: Diagnosis, law: dict[str, Any]) -> str:
-    """The text in front of the file: how it is used, what it gains, what it cannot say."""
-    names = parts.robot.joint_names
+def _docstring(corrected: CorrectedModel, diagnosis: Diagnosis, law: dict[str, Any]) -> str:
+    """The docstring of the file: how it is used, what it gains, what is not in it."""
+    robot = corrected.robot
+    names = robot.joint_names
     lines = [
-        f"Feedforward torque of {parts.robot.name}, made by phantom-dyn {__version__} from a diagnosis. Python alone.",
+        f"Feedforward torque of {robot.name}, made by phantom-dyn {__version__} from a diagnosis. Python alone.",
         "",
         f"torque(q, v, a) takes the wanted motion, one number a joint ({', '.join(names)}), and gives what to ask of",
         "the drives [N m or N]; gravity, friction, cogging (with constant torques and springs) and headroom give parts",
@@ -177,32 +181,34 @@ def _said(parts: Parts, diagnosis: Diagnosis, law: dict[str, Any]) -> str:
         "Torque that the feedback has to give, root mean square on data that no fit has seen:",
         f"{'joint':20s} {'no feedforward':>15s} {'given model':>15s} {'this file':>15s}",
     ]
-    for row in _gains(parts, diagnosis, law):
+    for row in _gains(corrected, diagnosis, law):
         lines.append(f"{row[0]:20s} {row[1]:15.4g} {row[2]:15.4g} {row[3]:15.4g} {row[4]}")
-    missing = _missing(parts)
+    missing = _missing(corrected)
     if missing:
         lines += ["", f"Not in it: {'; '.join(missing)}."]
     return "\n".join(lines).replace("\\", "/").replace('"""', "'''")
 
 
-def _missing(parts: Parts) -> list[str]:
-    words = ((effect_named(e.effect).words, e.joint) for e in parts.others if e.effect not in _OWN_LAWS)
-    out = [f"{said.lost or said.name} ({joint})" for said, joint in words]
-    out += [f"play ({joint})" for joint in parts.plays]
-    return out + [f"springs of transmissions ({joint})" for joint in parts.compliances]
+def _missing(corrected: CorrectedModel) -> list[str]:
+    words = ((effect_named(e.effect).words, e.joint) for e in corrected.others if e.effect not in _OWN_LAWS)
+    out = [f"{effect_words.lost or effect_words.name} ({joint})" for effect_words, joint in words]
+    out += [f"play ({joint})" for joint in corrected.plays]
+    return out + [f"springs of transmissions ({joint})" for joint in corrected.compliances]
 
 
-def _gains(parts: Parts, diagnosis: Diagnosis, law: dict[str, Any]) -> list[tuple[str, float, float, float, str]]:
+def _gains(
+    corrected: CorrectedModel, diagnosis: Diagnosis, law: dict[str, Any]
+) -> list[tuple[str, float, float, float, str]]:
     """For each joint what feedback has to give without feedforward, with the given model, and with the law."""
     evidence = diagnosis.evidence
     at = np.unique(np.linspace(0, len(evidence.t) - 1, _SAMPLES).astype(int)) if len(evidence.t) else np.zeros(0, int)
-    own = np.zeros((len(at), parts.robot.nv))
+    own = np.zeros((len(at), corrected.robot.nv))
     for k, n in enumerate(at):
         own[k] = law["torque"](evidence.q[n].tolist(), evidence.v[n].tolist(), evidence.a[n].tolist())
-    left = np.sqrt(np.mean((evidence.tau_measured[at] - own) ** 2, axis=0)) if len(at) else np.zeros(parts.robot.nv)
-    none = np.sqrt(np.mean(evidence.tau_measured**2, axis=0)) if len(at) else np.zeros(parts.robot.nv)
-    lacks = bool(_missing(parts)) or any(finding.recording is not None for finding in diagnosis.findings)
-    lacks = lacks or (bool(diagnosis.adjusted) and parts.base is parts.given)
+    left = np.sqrt(np.mean((evidence.tau_measured[at] - own) ** 2, axis=0)) if len(at) else np.zeros(corrected.robot.nv)
+    none = np.sqrt(np.mean(evidence.tau_measured**2, axis=0)) if len(at) else np.zeros(corrected.robot.nv)
+    lacks = bool(_missing(corrected)) or any(finding.recording is not None for finding in diagnosis.findings)
+    lacks = lacks or (bool(diagnosis.adjusted) and corrected.base is corrected.given)
     out = []
     for j, gap in enumerate(diagnosis.joints):
         # Where the file lacks something of the model that was judged, what it leaves itself counts.

@@ -1,4 +1,4 @@
-"""Ranges for training in simulation: draws of what was found, and of what may be there without having been seen.
+"""Draws of robots for training in simulation: from what a diagnosis found, and from what may be there unseen.
 
 What was found is drawn from its joint normal distribution, correlations included where the diagnosis knows them. What
 was not seen is drawn evenly between nothing and the smallest size that the recordings would have shown; few at a time,
@@ -27,14 +27,14 @@ SIGMAS = 2.0
 
 @dataclass(frozen=True)
 class Randomisation:
-    """What a robot may be, as far as a diagnosis knows.
+    """Distribution of a robot after a diagnosis: what was found, and what may be there unseen.
 
     Attributes:
         robot: The given model.
-        findings: What was found.
-        found: The same with its parameters in order.
-        loadings: Of all their numbers, one row each, ``(p, k)``.
-        unseen: What was not seen, with the size that would have been.
+        findings: Of the diagnosis.
+        found: The same as effects with their parameters in order.
+        loadings: Deviations of all their numbers as sums of ``k`` independent standard numbers, ``(p, k)``.
+        unseen: Effects that were not seen, with the size from which they would have been.
         control_step: Time from one command to the next [s], or None.
         posture: Mean recorded positions [rad or m]; the zero posture by default.
     """
@@ -68,7 +68,7 @@ class Randomisation:
 
 
 def randomisation_of(diagnosis: Diagnosis, robot: Robot, *, control_step: float | None = None) -> Randomisation:
-    """What a robot may be after a diagnosis.
+    """Distribution of a robot after a diagnosis.
 
     Args:
         diagnosis: What was found, and what was not seen.
@@ -86,7 +86,7 @@ def randomisation_of(diagnosis: Diagnosis, robot: Robot, *, control_step: float 
     parts = [loadings_of(robot, finding) for finding in findings]
     shared = bool(parts) and all(f.loadings for f in findings) and len({p.shape[1] for p in parts}) == 1
     unseen = tuple(bound for bound in diagnosis.bounds if np.isfinite(bound.below) and bound.below > 0)
-    loadings = np.vstack(parts) if shared else _apart(parts)
+    loadings = np.vstack(parts) if shared else _block_diagonal(parts)
     posture = diagnosis.evidence.q.mean(axis=0) if len(diagnosis.evidence.q) else None
     return Randomisation(robot, findings, found, loadings, unseen, step, posture)
 
@@ -94,10 +94,10 @@ def randomisation_of(diagnosis: Diagnosis, robot: Robot, *, control_step: float 
 def draws(
     randomisation: Randomisation, count: int, rng: np.random.Generator, *, unseen: int = 1
 ) -> tuple[tuple[KnownEffect, ...], ...]:
-    """Robots as they may be: the effects of each, for `identification.export.corrected.parts.parts_of` or a simulation.
+    """Robots drawn at random: the effects of each, for `corrected_model` or a simulation.
 
     Args:
-        randomisation: What the robot may be.
+        randomisation: Distribution of the robot.
         count: How many robots.
         rng: Random numbers.
         unseen: How many of the effects that were not seen each robot has besides.
@@ -136,7 +136,7 @@ def found_range(randomisation: Randomisation, place: int) -> tuple[float, float]
     return float(max(value - half, min(low[place], value))), float(min(value + half, max(high[place], value)))
 
 
-def _apart(parts: list[Array]) -> Array:
+def _block_diagonal(parts: list[Array]) -> Array:
     """Loadings of findings that share nothing."""
     out = np.zeros((sum(len(p) for p in parts), sum(p.shape[1] for p in parts)))
     row = column = 0

@@ -1,26 +1,209 @@
-"""``randomisation.yaml`` (schema ``phantom-dyn-randomisation/1``): ranges for training in simulation."""
+"""``randomisation.yaml`` (schema ``phantom-dyn-randomisation/1``): ranges for training in simulation.
+
+Ranges are stated of the parameters of effects, and of the fields of the corrected MJCF (body mass, damping,
+frictionloss, armature, gear and so on) that these parameters move.
+"""
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from xml.etree import ElementTree
+
 import numpy as np
+from jaxtyping import Float
 
 from identification.diagnosis.model.terms import KnownEffect
 from identification.diagnosis.result import Bound, Finding
-from identification.export.uses.mjcf_ranges import FieldRange, mjcf_ranges, without_fields
-from identification.export.uses.randomisation import Randomisation, found_range, unseen_range
+from identification.export.corrected.corrected_mjcf import corrected_mjcf
+from identification.export.corrected.corrected_model import corrected_model
+from identification.export.uses.randomisation import SIGMAS, Randomisation, found_range, unseen_effect, unseen_range
 from phantom_dyn.effects.catalogue import effect_named
 from phantom_dyn.errors import PhantomDynError
 from phantom_dyn.model.settings_file import settings_text
 
+Array = np.ndarray
+
+# Fields of MJCF are element, name, attribute and place among its numbers.
+Field = tuple[str, str, str, int]
+_DEFAULT = {("motor", "gear"): 1.0}
+"""What a field is where it is not written; else zero."""
+_OF_DRIVES = "motor", "general"
+"""Elements that are the same drive: which of them depends on what the drive has."""
+
 SCHEMA = "phantom-dyn-randomisation/1"
 _TIMES = ("delay", "time_constant")
+
+
+@dataclass(frozen=True)
+class FieldRange:
+    """Where one number of a MJCF file may lie.
+
+    Attributes:
+        element, name, attribute, index: The number.
+        value: What the corrected model says.
+        found: Range that what was found leaves.
+        unseen: Range that what was not seen leaves, one such effect at a time.
+        needs: Other attributes without which MuJoCo ignores a number that is not zero, and ``element`` where it has to
+            be another one than in the file.
+    """
+
+    element: str
+    name: str
+    attribute: str
+    index: int
+    value: float
+    found: tuple[float, float]
+    unseen: tuple[float, float]
+    needs: Mapping[str, str] = field(default_factory=dict)
+
+
+def mjcf_ranges(randomisation: Randomisation, known: tuple[KnownEffect, ...] = ()) -> tuple[FieldRange, ...]:
+    """Ranges of all numbers of the corrected MJCF that what is known of the robot leaves open.
+
+    Deviations are carried through to first order, correlations included.
+
+    Args:
+        randomisation: Distribution of the robot.
+        known: Effects that belong to the given model already.
+
+    Raises:
+        PhantomDynError: If the robot has no MJCF.
+    """
+    mean = randomisation.values
+    root = _mjcf(randomisation, known, mean)
+    base = _numbers(root, "")
+    std = randomisation.std
+    slopes: dict[Field, Array] = {}
+    for place in np.flatnonzero(std > 0):
+        moved = mean.copy()
+        moved[place] += std[place]
+        for at, change in _changes(_written(randomisation, known, moved), root).items():
+            slopes.setdefault(at, np.zeros(len(mean)))[place] = change / std[place]
+    half = {at: SIGMAS * float(np.linalg.norm(s @ randomisation.loadings)) for at, s in slopes.items()}
+    low: dict[Field, float] = {}
+    high: dict[Field, float] = {}
+    needs: dict[Field, dict[str, str]] = {}
+    for bound in randomisation.unseen:
+        for size in unseen_range(bound):
+            effect = unseen_effect(randomisation, bound, size / bound.below) if size else None
+            there = None if effect is None else _written(randomisation, known, mean, (effect,))
+            for at, change in _changes(there, root).items():
+                low[at] = min(low.get(at, 0.0), change)
+                high[at] = max(high.get(at, 0.0), change)
+                if there is not None:
+                    needs.setdefault(at, {}).update(_needs(at, there, root))
+    out = []
+    for at in dict.fromkeys((*half, *low)):
+        value = base.get(at, _DEFAULT.get((at[0], at[2]), 0.0))
+        found = (value - half.get(at, 0.0), value + half.get(at, 0.0))
+        unseen = (value + low.get(at, 0.0), value + high.get(at, 0.0))
+        if at[2] in ("damping", "frictionloss", "armature", "stiffness", "mass", "delay"):
+            found, unseen = (max(found[0], 0.0), found[1]), (max(unseen[0], 0.0), unseen[1])
+        out.append(FieldRange(*at, value, found, unseen, needs.get(at, {})))
+    return tuple(out)
+
+
+def without_fields(randomisation: Randomisation, known: tuple[KnownEffect, ...] = ()) -> tuple[Bound, ...]:
+    """What was not seen and is no number of the corrected MJCF, such as a play: it takes an element of its own.
+
+    Args:
+        randomisation: Distribution of the robot.
+        known: Effects that belong to the given model already.
+
+    Raises:
+        PhantomDynError: If the robot has no MJCF.
+    """
+    root = _mjcf(randomisation, known, randomisation.values)
+    effects = [(bound, unseen_effect(randomisation, bound, 1.0)) for bound in randomisation.unseen]
+    return tuple(
+        bound
+        for bound, effect in effects
+        if effect is None or not _changes(_written(randomisation, known, randomisation.values, (effect,)), root)
+    )
+
+
+def _changes(there: ElementTree.Element | None, root: ElementTree.Element) -> dict[Field, float]:
+    """How far numbers of elements that are in the file move; of a robot that cannot be written none does.
+
+    A joint for a play or a spring that is not in the file has no range there: nothing is one end of it, and stiff is
+    the other.
+    """
+    if there is None or len(list(there.iter())) != len(list(root.iter())):
+        return {}
+    base, fields, out = _numbers(root, ""), _numbers(there, ""), {}
+    for at in dict.fromkeys((*base, *fields)):
+        usual = _DEFAULT.get((at[0], at[2]), 0.0)
+        change = fields.get(at, usual) - base.get(at, usual)
+        if change:
+            out[at] = change
+    return out
+
+
+def _needs(at: Field, there: ElementTree.Element, root: ElementTree.Element) -> dict[str, str]:
+    """Words that come with a number, ``biastype`` with ``biasprm``, and ``nsample`` with a delay."""
+    one, other = (_element(tree, at) for tree in (there, root))
+    if one is None or other is None or at[2] in other.attrib:
+        return {}
+    words = {key: text for key, text in one.attrib.items() if other.get(key) != text and key != at[2]}
+    return words | ({"element": one.tag} if one.tag != other.tag else {})
+
+
+def _element(root: ElementTree.Element, at: Field) -> ElementTree.Element | None:
+    tags = _OF_DRIVES if at[0] in _OF_DRIVES else (at[0],)
+    return next((e for tag in tags for e in root.iter(tag) if e.get("name") == at[1]), None)
+
+
+def _written(
+    randomisation: Randomisation,
+    known: tuple[KnownEffect, ...],
+    values: Float[Array, " p"],
+    more: tuple[KnownEffect, ...] = (),
+) -> ElementTree.Element | None:
+    """The MJCF of a robot with some effects; None of one that cannot be."""
+    try:
+        return _mjcf(randomisation, known, values, more)
+    except PhantomDynError:
+        return None
+
+
+def _mjcf(
+    randomisation: Randomisation,
+    known: tuple[KnownEffect, ...],
+    values: Float[Array, " p"],
+    more: tuple[KnownEffect, ...] = (),
+) -> ElementTree.Element:
+    effects, start = [], 0
+    for effect in randomisation.found:
+        stop = start + len(effect.theta)
+        effects.append(KnownEffect(effect.effect, effect.joint, tuple(values[start:stop].tolist())))
+        start = stop
+    return ElementTree.fromstring(corrected_mjcf(corrected_model(randomisation.robot, (*known, *effects, *more))))
+
+
+def _numbers(element: ElementTree.Element, owner: str) -> dict[Field, float]:
+    """Numbers of an element and all below it; what has no name has its owner's."""
+    name = element.get("name", owner)
+    out: dict[Field, float] = {}
+    tag = "motor" if element.tag in _OF_DRIVES else element.tag
+    for attribute, text in element.attrib.items():
+        for index, word in enumerate(text.split()):
+            try:
+                out[tag, name, attribute, index] = float(word)
+            except ValueError:
+                break
+    # How many steps a delay is kept for is no property of the robot.
+    out.pop((tag, name, "nsample", 0), None)
+    for child in element:
+        out |= _numbers(child, name)
+    return out
 
 
 def randomisation_text(randomisation: Randomisation, known: tuple[KnownEffect, ...] = ()) -> str:
     """The text of ``randomisation.yaml``; nothing is rounded.
 
     Args:
-        randomisation: What the robot may be.
+        randomisation: Distribution of the robot.
         known: Effects that belong to the given model already.
     """
     try:

@@ -37,7 +37,7 @@ class InputDelay(Effect):
     shape_is_estimate = True
     follows_torque = True
     follows_model = True
-    told_from_zero = True
+    tested_against_zero = True
     changes_with = "controller"
     words = EffectWords(
         name="an input delay",

@@ -14,7 +14,7 @@ from phantom_dyn.effects.effect import Effect, Parameter, Shape, Signature
 from phantom_dyn.effects.operation import Operation
 from phantom_dyn.effects.simulated import Simulated
 from phantom_dyn.effects.support.changed_robot import with_rotor_inertia
-from phantom_dyn.effects.support.rows import on_one_joint, row_of, torque_on_joint
+from phantom_dyn.effects.support.rows import inertia_unit, on_one_joint, row_of, torque_on_joint
 from phantom_dyn.model.robot import Robot
 
 Array = np.ndarray
@@ -42,11 +42,11 @@ class RotorInertia(Effect):
 
     def parameters(self, robot: Robot, joint: str | None) -> tuple[Parameter, ...]:
         """``inertia`` I."""
-        return (Parameter("inertia", _unit(robot, joint), 0.0),)
+        return (Parameter("inertia", inertia_unit(robot, joint), 0.0),)
 
     def signature(self, robot: Robot, operation: Operation, joint: str | None, shape: Shape) -> Signature:
         """Acceleration of the joint."""
-        return on_one_joint(robot, joint, inertia=(operation.a[:, row_of(robot, joint)], _unit(robot, joint)))
+        return on_one_joint(robot, joint, inertia=(operation.a[:, row_of(robot, joint)], inertia_unit(robot, joint)))
 
     def coefficient_bounds(self, robot: Robot, joint: str | None, shape: Shape) -> tuple[tuple[float, float], ...]:
         """Together with the modelled rotor it is not negative."""
@@ -63,7 +63,3 @@ class RotorInertia(Effect):
     def model_numbers(self, robot: Robot, joint: str | None, theta: Array) -> ModelNumbers:
         """All of it."""
         return ModelNumbers(whole=True, rotor_inertia=float(theta[0]))
-
-
-def _unit(robot: Robot, joint: str | None) -> str:
-    return "kg" if robot.prismatic[row_of(robot, joint)] else "kg m^2"

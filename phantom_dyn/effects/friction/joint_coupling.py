@@ -19,7 +19,7 @@ from phantom_dyn.effects.described import Coupling, EffectWords, ModelNumbers
 from phantom_dyn.effects.effect import Effect, Parameter, Shape, Signature
 from phantom_dyn.effects.operation import Operation
 from phantom_dyn.effects.simulated import Law, Moment, Simulated
-from phantom_dyn.effects.support.rows import damping_unit, row_of, torque_on_rows, torque_unit
+from phantom_dyn.effects.support.rows import damping_unit, inertia_unit, row_of, torque_on_rows, torque_unit
 from phantom_dyn.model.robot import Robot
 
 Array = np.ndarray
@@ -69,7 +69,7 @@ class JointCoupling(Effect):
             Parameter("ratio", "1"),
             Parameter("coulomb_torque", torque_unit(robot, first), 0.0),
             Parameter("coefficient", damping_unit(robot, first), 0.0),
-            Parameter("inertia", _inertia_unit(robot, first), 0.0),
+            Parameter("inertia", inertia_unit(robot, first), 0.0),
         )
 
     def shapes(self, robot: Robot, operation: Operation, joint: str | None) -> tuple[Shape, ...]:
@@ -147,10 +147,6 @@ def _pair(robot: Robot, joint: str | None) -> tuple[int, int]:
 
 def _combined(x: Float[Array, "N nv"], rows: tuple[int, int], ratio: float) -> Float[Array, " N"]:
     return x[:, rows[0]] + ratio * x[:, rows[1]]
-
-
-def _inertia_unit(robot: Robot, joint: str) -> str:
-    return "kg" if robot.prismatic[row_of(robot, joint)] else "kg m^2"
 
 
 @jit

@@ -112,6 +112,16 @@ def velocity_unit(robot: Robot, joint: str | None) -> str:
     return "m/s" if _prismatic(robot, joint) else "rad/s"
 
 
+def stiffness_unit(robot: Robot, joint: str | None) -> str:
+    """``N m/rad`` or ``N/m``."""
+    return "N/m" if _prismatic(robot, joint) else "N m/rad"
+
+
+def inertia_unit(robot: Robot, joint: str | None) -> str:
+    """``kg m^2`` or ``kg``."""
+    return "kg" if _prismatic(robot, joint) else "kg m^2"
+
+
 def drive_places(robot: Robot) -> tuple[str | None, ...]:
     """Where a drive may be late: on all joints alike or on one, which is the same thing on a robot with one joint."""
     return (None, *robot.joint_names) if robot.nv > 1 else robot.joint_names

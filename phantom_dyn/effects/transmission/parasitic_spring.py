@@ -14,7 +14,7 @@ from phantom_dyn.effects.described import EffectWords, ModelNumbers
 from phantom_dyn.effects.effect import Effect, Parameter, Shape, Signature
 from phantom_dyn.effects.operation import Operation
 from phantom_dyn.effects.simulated import Law, Moment, Simulated
-from phantom_dyn.effects.support.rows import on_one_joint, row_of, torque_on_joint, torque_unit
+from phantom_dyn.effects.support.rows import on_one_joint, row_of, stiffness_unit, torque_on_joint, torque_unit
 from phantom_dyn.model.robot import Robot
 
 Array = np.ndarray
@@ -41,7 +41,7 @@ class ParasiticSpring(Effect):
     def parameters(self, robot: Robot, joint: str | None) -> tuple[Parameter, ...]:
         """``stiffness`` k and ``rest_position`` q0."""
         rest = robot.position_units[row_of(robot, joint)]
-        return (Parameter("stiffness", _stiffness_unit(robot, joint), 0.0), Parameter("rest_position", rest))
+        return (Parameter("stiffness", stiffness_unit(robot, joint), 0.0), Parameter("rest_position", rest))
 
     def signature(self, robot: Robot, operation: Operation, joint: str | None, shape: Shape) -> Signature:
         """Position, and the constant ``-k q0``."""
@@ -49,7 +49,7 @@ class ParasiticSpring(Effect):
         return on_one_joint(
             robot,
             joint,
-            stiffness=(q, _stiffness_unit(robot, joint)),
+            stiffness=(q, stiffness_unit(robot, joint)),
             preload=(np.ones(len(q)), torque_unit(robot, joint)),
         )
 
@@ -90,10 +90,6 @@ class ParasiticSpring(Effect):
     def model_numbers(self, robot: Robot, joint: str | None, theta: Array) -> ModelNumbers:
         """All of it."""
         return ModelNumbers(whole=True, spring=(float(theta[0]), float(theta[1])))
-
-
-def _stiffness_unit(robot: Robot, joint: str | None) -> str:
-    return "N/m" if robot.prismatic[row_of(robot, joint)] else "N m/rad"
 
 
 @jit

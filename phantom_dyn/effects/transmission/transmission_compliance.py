@@ -21,7 +21,7 @@ from phantom_dyn.effects.operation import Operation
 from phantom_dyn.effects.simulated import SPRING_DAMPING, Simulated, Transmission
 from phantom_dyn.effects.support.displaced import behind_encoder, change_by_link, exact_change_by_link, load_and_inertia
 from phantom_dyn.effects.support.encoder_lattice import stated_step
-from phantom_dyn.effects.support.rows import row_of
+from phantom_dyn.effects.support.rows import row_of, stiffness_unit
 from phantom_dyn.model.robot import Robot
 
 Array = np.ndarray
@@ -64,8 +64,7 @@ class TransmissionCompliance(Effect):
 
     def parameters(self, robot: Robot, joint: str | None) -> tuple[Parameter, ...]:
         """``stiffness`` k."""
-        unit = "N/m" if robot.prismatic[row_of(robot, joint)] else "N m/rad"
-        return (Parameter("stiffness", unit, 0.0, above_zero=True),)
+        return (Parameter("stiffness", stiffness_unit(robot, joint), 0.0, above_zero=True),)
 
     def shapes(self, robot: Robot, operation: Operation, joint: str | None) -> tuple[Shape, ...]:
         """Compliances at which the link swings at some frequencies, from stiff to soft."""

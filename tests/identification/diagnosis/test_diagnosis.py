@@ -31,28 +31,16 @@ INJECTED = [
     ("parasitic_spring", "shoulder", {"stiffness": 6.0, "rest_position": 0.2}),
 ]
 
+RUBBING = ("coulomb_friction", "elbow", (0.3,))
+
 
 def places(diagnosis: Diagnosis) -> list[tuple[str, str | None]]:
     return [(finding.effect, finding.joint) for finding in diagnosis.findings]
 
 
-@pytest.fixture(scope="module")
-def diagnosed(lab, planar2):
-    """Diagnosis of the planar arm with one effect."""
-
-    def run(effect: str | None, joint: str | None, theta: dict[str, float], seed: int = 3, **more) -> Diagnosis:
-        motion = lab.motion(2, seed, seconds=20.0, swing=1.5)
-        torque = 0.0
-        if effect is not None:
-            torque = lab.acting(planar2, motion, effect, joint, *theta.values())
-        return diagnose(planar2, (lab.recording(planar2, motion, torque, seed=seed),), **more)
-
-    return run
-
-
 @pytest.mark.parametrize(("effect", "joint", "theta"), INJECTED)
 def test_an_effect_is_named_on_its_joint_and_nothing_else_is(diagnosed, effect, joint, theta):
-    found = diagnosed(effect, joint, theta)
+    found = diagnosed((effect, joint, tuple(theta.values())))
     assert places(found) == [(effect, joint)]
     assert found.verdict == "explained"
 
@@ -60,7 +48,7 @@ def test_an_effect_is_named_on_its_joint_and_nothing_else_is(diagnosed, effect, 
 @pytest.mark.parametrize(("effect", "joint", "theta"), [case for case in INJECTED if case[0] != "stribeck_friction"])
 def test_the_parameters_of_an_effect_come_back(diagnosed, effect, joint, theta):
     # Known truth; the places of a payload across the plane leave no trace.
-    parameters = diagnosed(effect, joint, theta).findings[0].parameters
+    parameters = diagnosed((effect, joint, tuple(theta.values()))).findings[0].parameters
     for name, truth in theta.items():
         if name == "center_y":
             continue
@@ -69,7 +57,7 @@ def test_the_parameters_of_an_effect_come_back(diagnosed, effect, joint, theta):
 
 @pytest.mark.parametrize("seed", range(6))
 def test_nothing_is_found_where_nothing_is_wrong(diagnosed, seed):
-    found = diagnosed(None, None, {}, seed)
+    found = diagnosed(seed=seed)
     assert found.findings == ()
     assert found.verdict == "no_gap"
 
@@ -108,8 +96,8 @@ def test_friction_within_its_tolerance_is_adjusted_and_no_finding(lab, planar2):
     assert {a.quantity: a.change for a in found.adjusted}["elbow Coulomb friction"] == pytest.approx(0.08, abs=0.02)
 
 
-def test_two_diagnoses_of_one_recording_are_equal(diagnosed):
-    first, second = (diagnosed("coulomb_friction", "elbow", {"torque": 0.3}) for _ in range(2))
+def test_two_diagnoses_of_one_recording_are_equal(diagnosed, lacking, planar2):
+    first, second = diagnosed(RUBBING), diagnose(planar2, (lacking(RUBBING),))
     assert first.findings == second.findings
     assert first.bounds == second.bounds
     assert first.joints == second.joints
@@ -129,7 +117,7 @@ def test_the_gap_that_an_effect_closes_is_nearly_all_where_the_model_is_trusted(
 
 
 def test_the_gap_of_each_joint_falls_to_its_noise(diagnosed):
-    shoulder, elbow = diagnosed("coulomb_friction", "elbow", {"torque": 0.3}).joints
+    shoulder, elbow = diagnosed(RUBBING).joints
     assert elbow.rms_before > 3 * elbow.noise_floor
     assert elbow.rms_after == pytest.approx(elbow.noise_floor, rel=0.15)
     assert shoulder.rms_before == pytest.approx(shoulder.noise_floor, rel=0.15)
@@ -137,7 +125,7 @@ def test_the_gap_of_each_joint_falls_to_its_noise(diagnosed):
 
 def test_probabilities_of_a_finding_and_its_rivals_sum_to_one(diagnosed):
     for effect, joint, theta in (INJECTED[3], INJECTED[8]):
-        findings = diagnosed(effect, joint, theta).findings
+        findings = diagnosed((effect, joint, tuple(theta.values()))).findings
         assert findings
         for finding in findings:
             total = finding.probability + sum(rival.probability for rival in finding.rivals)
@@ -200,9 +188,9 @@ def test_a_recording_that_is_too_short_to_hold_data_back_is_refused(lab, planar2
         diagnose(planar2, (lab.recording(planar2, motion),))
 
 
-def test_progress_is_told_in_words(diagnosed):
+def test_progress_is_told_in_words(lab, planar2):
     said: list[str] = []
-    diagnosed(None, None, {}, progress=said.append)
+    diagnose(planar2, (lab.recording(planar2, lab.motion(2)),), progress=said.append)
     assert said[0] == "filtering"
     assert "estimating the noise" in said
 
@@ -214,7 +202,7 @@ def test_warnings_of_robot_and_recording_are_passed_on(lab, planar2):
 
 
 def test_evidence_holds_the_samples_in_the_band(diagnosed):
-    found = diagnosed("coulomb_friction", "elbow", {"torque": 0.3})
+    found = diagnosed(RUBBING)
     evidence = found.evidence
     assert evidence.tau_measured.shape == evidence.tau_after.shape == (len(evidence.t), 2)
     rest = (evidence.tau_measured - evidence.tau_after)[:, 1]

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from identification.diagnosis.model.terms import KnownEffect
-from identification.export.corrected.parts import Parts, parts_of
+from identification.export.corrected.corrected_model import CorrectedModel, corrected_model
 from phantom_dyn.effects.catalogue import effect_named
 from phantom_dyn.motion import Motion
 from phantom_dyn.simulation.control import Tracking, position_control
@@ -50,9 +50,9 @@ def case() -> Callable[[str], KnownEffect]:
 
 
 @pytest.fixture(scope="session")
-def corrected(planar, case) -> Callable[..., Parts]:
+def corrected(planar, case) -> Callable[..., CorrectedModel]:
     """The arm with some effects by name."""
-    return lambda *names: parts_of(planar, tuple(case(name) for name in names))
+    return lambda *names: corrected_model(planar, tuple(case(name) for name in names))
 
 
 @pytest.fixture(scope="session")

@@ -13,8 +13,8 @@ import pytest
 from identification.diagnosis.model.terms import KnownEffect
 from identification.export.corrected.corrected_files import model_files, rollout_note
 from identification.export.corrected.corrected_mjcf import corrected_mjcf
-from identification.export.corrected.corrected_urdf import corrected_urdf, said_by_urdf
-from identification.export.corrected.parts import parts_of
+from identification.export.corrected.corrected_model import corrected_model
+from identification.export.corrected.corrected_urdf import corrected_urdf, robot_of_urdf
 from identification.export.corrected.reload_in_mujoco import rollout_errors, torque_difference
 from identification.export.model_files.mjcf_file import mjcf_text
 from identification.export.model_files.reload import urdf_difference
@@ -57,34 +57,36 @@ def driven(text: str, planar, swing) -> np.ndarray:
 
 @pytest.mark.parametrize("name", EVERYTHING)
 def test_mujoco_needs_the_torques_of_the_corrected_model(name, corrected, some_motion):
-    parts = corrected(name)
-    assert torque_difference(corrected_mjcf(parts), parts, some_motion) < 1e-12
+    corrected = corrected(name)
+    assert torque_difference(corrected_mjcf(corrected), corrected, some_motion) < 1e-12
 
 
 @pytest.mark.parametrize("name", EVERYTHING)
 def test_pinocchio_needs_the_torques_of_what_the_urdf_says(name, corrected, some_motion, tmp_path):
-    parts = corrected(name)
-    assert urdf_difference(corrected_urdf(parts, FILE, tmp_path), said_by_urdf(parts), some_motion, None) < 1e-12
+    corrected = corrected(name)
+    assert (
+        urdf_difference(corrected_urdf(corrected, FILE, tmp_path), robot_of_urdf(corrected), some_motion, None) < 1e-12
+    )
 
 
 def test_a_turned_base_is_the_same_as_turned_gravity(corrected, some_motion):
-    parts = corrected("base_tilt")
-    found, wanted = (inverse_dynamics(robot, some_motion) for robot in (said_by_urdf(parts), parts.robot))
+    corrected = corrected("base_tilt")
+    found, wanted = (inverse_dynamics(robot, some_motion) for robot in (robot_of_urdf(corrected), corrected.robot))
     np.testing.assert_allclose(found, wanted, atol=1e-12)
 
 
 def test_a_zero_that_is_moved_back_makes_readings_true(corrected, some_motion, planar):
     shifted = Motion(some_motion.t, some_motion.q - [0.0, 0.1], some_motion.v, some_motion.a)
-    found = inverse_dynamics(said_by_urdf(corrected("encoder_offset")), some_motion)
+    found = inverse_dynamics(robot_of_urdf(corrected("encoder_offset")), some_motion)
     np.testing.assert_allclose(found, inverse_dynamics(planar, shifted), atol=1e-12)
 
 
 @pytest.mark.parametrize("name", SAID)
 def test_the_gap_shrinks_in_mujoco(name, corrected, recorded, planar):
-    parts, seen = corrected(name), recorded(name)
+    corrected, seen = corrected(name), recorded(name)
     motion = Motion(seen.t, seen.q, seen.encoders.v, seen.encoders.a)
     before = rollout_errors(mjcf_text(planar), planar, motion, seen.tau, starts=12)
-    after = rollout_errors(corrected_mjcf(parts), planar, motion, seen.tau, starts=12)
+    after = rollout_errors(corrected_mjcf(corrected), planar, motion, seen.tau, starts=12)
     assert np.hypot(*after) < 0.5 * np.hypot(*before)
 
 
@@ -117,8 +119,8 @@ def test_the_limit_of_a_drive_does_not_move_with_a_constant_torque(corrected):
     model = mujoco.MjModel.from_xml_string(text)
     np.testing.assert_allclose(model.actuator_forcerange[0], [-9.0, 9.0])
     offset = KnownEffect("torque_offset", "shoulder", (1.0,))
-    parts = parts_of(corrected().given, (offset, KnownEffect("torque_saturation", "shoulder", (9.0,))))
-    model = mujoco.MjModel.from_xml_string(corrected_mjcf(parts))
+    corrected = corrected_model(corrected().given, (offset, KnownEffect("torque_saturation", "shoulder", (9.0,))))
+    model = mujoco.MjModel.from_xml_string(corrected_mjcf(corrected))
     data = mujoco.MjData(model)
     data.ctrl[0] = 100.0
     mujoco.mj_forward(model, data)
@@ -149,16 +151,16 @@ def test_what_a_file_cannot_say_is_a_comment_in_it(index, corrected, some_motion
 
 
 def test_the_rollout_is_told_in_a_sentence(corrected, recorded):
-    parts, seen = corrected("rotor_inertia"), recorded("rotor_inertia")
+    corrected, seen = corrected("rotor_inertia"), recorded("rotor_inertia")
     motion = Motion(seen.t, seen.q, seen.encoders.v, seen.encoders.a)
-    (note,) = rollout_note(parts, corrected_mjcf(parts), motion, seen.tau)
+    (note,) = rollout_note(corrected, corrected_mjcf(corrected), motion, seen.tau)
     assert re.search(r"rolled out in MuJoCo for 0\.2 s .*elbow 0\.\d+ rad before and 0\.00\d+ after", note)
 
 
 def test_a_rotor_that_nobody_knows_is_told(some_motion, tmp_path):
     robot = load_robot(FILE)
-    parts = parts_of(robot, (KnownEffect("backlash", "elbow", (0.02,)),))
-    notes = model_files(parts, some_motion, folder=tmp_path)[1].notes
+    corrected = corrected_model(robot, (KnownEffect("backlash", "elbow", (0.02,)),))
+    notes = model_files(corrected, some_motion, folder=tmp_path)[1].notes
     assert any("the rotor inertia of elbow is not known" in note for note in notes)
 
 
@@ -171,24 +173,24 @@ def test_robots_of_all_kinds_get_both_files(name, tmp_path):
         for effect, theta in (("coulomb_friction", (0.3,)), ("torque_offset", (0.2,)), ("encoder_offset", (0.05,)))
     )
     q, v, a = np.random.default_rng(1).standard_normal((3, 30, robot.nv))
-    parts = parts_of(robot, found)
-    for file in model_files(parts, Motion(np.arange(30.0), 0.1 * q, v, a), folder=tmp_path):
+    corrected = corrected_model(robot, found)
+    for file in model_files(corrected, Motion(np.arange(30.0), 0.1 * q, v, a), folder=tmp_path):
         assert file.text, file.notes
 
 
 def test_a_finding_with_too_few_parameters_is_refused(planar):
     with pytest.raises(ParameterError, match="parasitic_spring was given 1 parameters, wanted 2: give the contract's"):
-        parts_of(planar, (KnownEffect("parasitic_spring", "elbow", (1.0,)),))
+        corrected_model(planar, (KnownEffect("parasitic_spring", "elbow", (1.0,)),))
 
 
 def test_a_finding_that_is_not_a_number_is_refused(planar):
     with pytest.raises(ParameterError, match="torque_offset has a parameter that is not finite"):
-        parts_of(planar, (KnownEffect("torque_offset", "elbow", (float("nan"),)),))
+        corrected_model(planar, (KnownEffect("torque_offset", "elbow", (float("nan"),)),))
 
 
 def test_a_finding_on_an_unknown_joint_is_refused(planar):
     with pytest.raises(RobotError, match="No joint 'wrist' in this robot"):
-        parts_of(planar, (KnownEffect("torque_offset", "wrist", (1.0,)),))
+        corrected_model(planar, (KnownEffect("torque_offset", "wrist", (1.0,)),))
 
 
 def test_a_motion_shorter_than_the_rollout_is_refused(planar, some_motion):
@@ -199,9 +201,11 @@ def test_a_motion_shorter_than_the_rollout_is_refused(planar, some_motion):
 
 def test_gravity_of_the_given_file_is_kept(planar, some_motion, tmp_path):
     moon = with_gravity(planar, np.array([0.0, 0.0, -1.62]))
-    parts = parts_of(moon, (KnownEffect("base_tilt", None, (0.2, -0.1)),))
-    text = corrected_urdf(parts, FILE, tmp_path)
-    assert urdf_difference(text, said_by_urdf(parts), some_motion, None) < 1e-12
+    corrected = corrected_model(moon, (KnownEffect("base_tilt", None, (0.2, -0.1)),))
+    text = corrected_urdf(corrected, FILE, tmp_path)
+    assert urdf_difference(text, robot_of_urdf(corrected), some_motion, None) < 1e-12
     np.testing.assert_allclose(
-        inverse_dynamics(said_by_urdf(parts), some_motion), inverse_dynamics(parts.robot, some_motion), atol=1e-12
+        inverse_dynamics(robot_of_urdf(corrected), some_motion),
+        inverse_dynamics(corrected.robot, some_motion),
+        atol=1e-12,
     )

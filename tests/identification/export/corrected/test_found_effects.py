@@ -13,10 +13,10 @@ import pytest
 
 from identification.diagnosis.model.terms import KnownEffect
 from identification.diagnosis.result import Adjusted, Diagnosis
-from identification.export.all_files import written
+from identification.export.all_files import export_texts
 from identification.export.corrected.corrected_mjcf import corrected_mjcf
+from identification.export.corrected.corrected_model import corrected_model
 from identification.export.corrected.found_effects import within_tolerance
-from identification.export.corrected.parts import parts_of
 from identification.export.uses.feedforward import loaded
 from phantom_dyn.dynamics.dynamics import gravity_torque, inverse_dynamics
 from phantom_dyn.motion import Motion
@@ -38,7 +38,7 @@ def test_without_moves_it_is_the_given_robot_itself(planar, adjusted):
 
 
 def test_masses_that_moved_within_tolerance_are_in_all_corrected_files(planar, adjusted, tmp_path):
-    texts, noted = written(adjusted(lower_mass=0.1), planar, folder=tmp_path)
+    texts, noted = export_texts(adjusted(lower_mass=0.1), planar, folder=tmp_path)
     heavier = 1.1 * planar.model.inertias[2].mass
     assert mujoco.MjModel.from_xml_string(texts["corrected.xml"]).body("lower").mass[0] == pytest.approx(heavier)
     assert pin.buildModelFromXML(texts["corrected.urdf"]).inertias[2].mass == pytest.approx(heavier)
@@ -55,7 +55,7 @@ def test_a_body_that_cannot_be_becomes_one_with_the_same_torques(planar, adjuste
     # A moment about one axis above the sum of the others cannot be; planar motion sees this one alone.
     diagnosis = adjusted(lower_Iyy=3.0, lower_mass=0.1)
     wanted = within_tolerance(planar, diagnosis)
-    texts, noted = written(diagnosis, planar, folder=tmp_path)
+    texts, noted = export_texts(diagnosis, planar, folder=tmp_path)
     found = replace(planar, model=pin.buildModelFromXML(texts["corrected.urdf"]))
     e = diagnosis.evidence
     plain = replace(wanted, model=wanted.model.copy())
@@ -69,7 +69,7 @@ def test_a_body_that_cannot_be_becomes_one_with_the_same_torques(planar, adjuste
 
 def test_moves_that_no_body_can_make_are_left_out_and_told(planar, adjusted, tmp_path):
     # A first moment that would take more moment about the joint than there is; planar motion sees both.
-    texts, noted = written(adjusted(lower_center_x=5.0, lower_mass=0.1), planar, folder=tmp_path)
+    texts, noted = export_texts(adjusted(lower_center_x=5.0, lower_mass=0.1), planar, folder=tmp_path)
     loaded_mass = mujoco.MjModel.from_xml_string(texts["corrected.xml"]).body("lower").mass[0]
     assert loaded_mass == pytest.approx(planar.model.inertias[2].mass)
     assert any("2 quantities that moved within tolerance are not in the corrected files" in n for n in noted.notes)
@@ -77,7 +77,7 @@ def test_moves_that_no_body_can_make_are_left_out_and_told(planar, adjusted, tmp
 
 def test_a_delay_is_whole_in_mujoco_at_short_steps(planar):
     model = mujoco.MjModel.from_xml_string(
-        corrected_mjcf(parts_of(planar, (KnownEffect("input_delay", None, (0.02,)),)))
+        corrected_mjcf(corrected_model(planar, (KnownEffect("input_delay", None, (0.02,)),)))
     )
     model.opt.timestep = 2e-4
     data = mujoco.MjData(model)

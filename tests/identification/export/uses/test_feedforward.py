@@ -14,7 +14,7 @@ import pytest
 
 from identification.diagnosis.model.terms import KnownEffect
 from identification.diagnosis.result import Adjusted, Diagnosis
-from identification.export.corrected.parts import parts_of
+from identification.export.corrected.corrected_model import corrected_model
 from identification.export.uses.feedforward import COLUMNS, feedforward_code, feedforward_table, loaded
 from phantom_dyn import load_robot
 from phantom_dyn.dynamics.dynamics import gravity_torque, inverse_dynamics
@@ -66,45 +66,45 @@ def test_the_law_is_the_corrected_models_torque(name, planar, none):
     joint, theta = EXACT[name]
     operation = Operation.of(planar, some(planar))
     wanted = operation.tau - effect_named(name).torque(planar, operation, joint, np.array(theta))
-    found = torques(feedforward_code(parts_of(planar, (KnownEffect(name, joint, theta),)), none), operation)
+    found = torques(feedforward_code(corrected_model(planar, (KnownEffect(name, joint, theta),)), none), operation)
     np.testing.assert_allclose(found, wanted, atol=1e-9)
 
 
 @pytest.mark.parametrize("name", ["arm3.urdf", "arm3.xml", "parallelogram.urdf", "pendulum.urdf"])
 def test_robots_of_all_kinds_need_pinocchios_torques(name, robots, made_up):
     robot = load_robot(robots / name)
-    code = feedforward_code(parts_of(robot, ()), made_up(robot.joint_names, findings=0, samples=40))
+    code = feedforward_code(corrected_model(robot, ()), made_up(robot.joint_names, findings=0, samples=40))
     np.testing.assert_allclose(torques(code, some(robot)), inverse_dynamics(robot, some(robot)), atol=1e-9)
 
 
 def test_the_file_runs_without_anything_but_python(planar, none, tmp_path):
-    parts = parts_of(planar, (KnownEffect("coulomb_friction", "elbow", (0.5,)),))
-    (tmp_path / "feedforward.py").write_text(feedforward_code(parts, none))
+    corrected = corrected_model(planar, (KnownEffect("coulomb_friction", "elbow", (0.5,)),))
+    (tmp_path / "feedforward.py").write_text(feedforward_code(corrected, none))
     motion = some(planar)
     ask = "import sys, json; sys.path.insert(0, '.'); import feedforward as f; " + (
         f"print(json.dumps(f.torque({motion.q[0].tolist()}, {motion.v[0].tolist()}, {motion.a[0].tolist()})))"
     )
     done = subprocess.run([sys.executable, "-I", "-S", "-c", ask], cwd=tmp_path, capture_output=True, text=True)
     assert done.stderr == ""
-    np.testing.assert_allclose(json.loads(done.stdout), inverse_dynamics(parts.robot, motion)[0], atol=1e-9)
+    np.testing.assert_allclose(json.loads(done.stdout), inverse_dynamics(corrected.robot, motion)[0], atol=1e-9)
 
 
 def test_gravity_is_pinocchios(planar, none):
-    law = loaded(feedforward_code(parts_of(planar, ()), none))
+    law = loaded(feedforward_code(corrected_model(planar, ()), none))
     q = some(planar).q
     found = [law["gravity"](row) for row in q.tolist()]
     np.testing.assert_allclose(found, gravity_torque(planar, q), atol=1e-9)
 
 
 def test_headroom_is_the_limit_less_the_torque(planar, none):
-    law = loaded(feedforward_code(parts_of(planar, (KnownEffect("torque_saturation", "elbow", (2.0,)),)), none))
+    law = loaded(feedforward_code(corrected_model(planar, (KnownEffect("torque_saturation", "elbow", (2.0,)),)), none))
     asked = law["torque"]([0.3, 0.2], [0.0, 0.0], [0.0, 0.0])
     assert law["headroom"]([0.3, 0.2], [0.0, 0.0], [0.0, 0.0])[1] == pytest.approx(2.0 - abs(asked[1]))
 
 
 def test_a_drive_that_is_late_has_a_lead(planar, none):
     effects = (KnownEffect("input_delay", None, (0.01,)), KnownEffect("actuator_lag", "elbow", (0.02,)))
-    assert loaded(feedforward_code(parts_of(planar, effects), none))["LEAD"] == (0.01, 0.03)
+    assert loaded(feedforward_code(corrected_model(planar, effects), none))["LEAD"] == (0.01, 0.03)
 
 
 def test_eccentric_encoders_are_seen_through(planar, none):
@@ -116,13 +116,13 @@ def test_eccentric_encoders_are_seen_through(planar, none):
     read[:, 0] += size * np.sin(q[:, 0] + phase)
     read_v, read_a = v * np.column_stack([slope, 1 + 0 * t]), a * np.column_stack([slope, 1 + 0 * t])
     read_a[:, 0] -= size * np.sin(q[:, 0] + phase) * v[:, 0] ** 2
-    parts = parts_of(planar, (KnownEffect("encoder_eccentricity", "shoulder", (size, phase, 1.0)),))
-    found = torques(feedforward_code(parts, none), Motion(t, read, read_v, read_a))
+    corrected = corrected_model(planar, (KnownEffect("encoder_eccentricity", "shoulder", (size, phase, 1.0)),))
+    found = torques(feedforward_code(corrected, none), Motion(t, read, read_v, read_a))
     np.testing.assert_allclose(found, inverse_dynamics(planar, Motion(t, q, v, a)), atol=1e-9)
 
 
 def test_the_docstring_says_what_it_gains_and_lacks(planar, none):
-    text = feedforward_code(parts_of(planar, (KnownEffect("backlash", "elbow", (0.02,)),)), none).split('"""')[1]
+    text = feedforward_code(corrected_model(planar, (KnownEffect("backlash", "elbow", (0.02,)),)), none).split('"""')[1]
     assert "no feedforward     given model       this file" in text
     assert "shoulder" in text
     assert "0.25" in text
@@ -130,8 +130,8 @@ def test_the_docstring_says_what_it_gains_and_lacks(planar, none):
 
 
 def test_the_table_has_the_torque_of_the_law(planar, none):
-    parts = parts_of(planar, (KnownEffect("coulomb_friction", "elbow", (0.5,)),))
-    rows = list(csv.DictReader(io.StringIO(feedforward_table(parts, none))))
+    corrected = corrected_model(planar, (KnownEffect("coulomb_friction", "elbow", (0.5,)),))
+    rows = list(csv.DictReader(io.StringIO(feedforward_table(corrected, none))))
     assert tuple(rows[0]) == COLUMNS
     forward = [r for r in rows if r["over"] == "velocity" and r["joint"] == "elbow" and float(r["v"]) > 0]
     assert float(forward[0]["friction"]) == pytest.approx(0.7 + 0.1 * float(forward[0]["v"]))
@@ -139,7 +139,7 @@ def test_the_table_has_the_torque_of_the_law(planar, none):
 
 
 def test_a_wrong_number_of_joints_is_refused(planar, none):
-    law = loaded(feedforward_code(parts_of(planar, ()), none))
+    law = loaded(feedforward_code(corrected_model(planar, ()), none))
     with pytest.raises(ValueError, match="give 2 finite numbers, one a joint: shoulder, elbow"):
         law["torque"]([0.0], [0.0, 0.0], [0.0, 0.0])
 
@@ -147,22 +147,22 @@ def test_a_wrong_number_of_joints_is_refused(planar, none):
 def test_loops_that_need_a_solver_are_refused(robots, made_up):
     robot = load_robot(robots / "fourbar.xml")
     with pytest.raises(ParameterError, match="has loops that keep two frames together, which need a solver"):
-        feedforward_code(parts_of(robot, ()), made_up(robot.joint_names, findings=0, samples=40))
+        feedforward_code(corrected_model(robot, ()), made_up(robot.joint_names, findings=0, samples=40))
 
 
 def test_the_promise_is_no_better_than_what_the_file_leaves(planar, none):
     # The diagnosis says 0.031 for a model that moved within tolerance, which the file does not have.
     none = replace(none, adjusted=(Adjusted("lower mass", 0.1, 0.05),))
     evidence = replace(none.evidence, tau_measured=none.evidence.tau_measured + 5.0)
-    parts = parts_of(planar, ())
-    own = torques(feedforward_code(parts, none), Motion(evidence.t, evidence.q, evidence.v, evidence.a))
+    corrected = corrected_model(planar, ())
+    own = torques(feedforward_code(corrected, none), Motion(evidence.t, evidence.q, evidence.v, evidence.a))
     left = np.sqrt(np.mean((evidence.tau_measured - own) ** 2, axis=0))
-    text = feedforward_code(parts, replace(none, evidence=evidence)).split('"""')[1]
+    text = feedforward_code(corrected, replace(none, evidence=evidence)).split('"""')[1]
     promised = [float(line.split()[3]) for line in text.splitlines() if line.startswith(("shoulder", "elbow"))]
     np.testing.assert_allclose(promised, left, rtol=1e-3)
 
 
 def test_arrays_give_the_same_numbers_as_lists(planar, none):
-    law = loaded(feedforward_code(parts_of(planar, (KnownEffect("coulomb_friction", "elbow", (0.5,)),)), none))
+    law = loaded(feedforward_code(corrected_model(planar, (KnownEffect("coulomb_friction", "elbow", (0.5,)),)), none))
     rows = [row[3] for row in (some(planar).q, some(planar).v, some(planar).a)]
     np.testing.assert_allclose(law["torque"](*rows), law["torque"](*(row.tolist() for row in rows)))

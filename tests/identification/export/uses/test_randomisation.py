@@ -13,10 +13,9 @@ import yaml
 
 from identification.diagnosis.result import Bound, Value
 from identification.export.corrected.corrected_mjcf import corrected_mjcf
-from identification.export.corrected.parts import parts_of
-from identification.export.uses.mjcf_ranges import mjcf_ranges
+from identification.export.corrected.corrected_model import corrected_model
 from identification.export.uses.randomisation import draws, randomisation_of, unseen_effect
-from identification.export.uses.randomisation_file import randomisation_text
+from identification.export.uses.randomisation_file import mjcf_ranges, randomisation_text
 from phantom_dyn.errors import ParameterError
 
 UNSEEN = (
@@ -79,7 +78,7 @@ def test_fields_have_the_ranges_of_drawn_robots(planar, diagnosed, made, frictio
     )  # fmt: skip
     found = randomisation_of(diagnosed(*friction, payload), planar)
     models = [
-        mujoco.MjModel.from_xml_string(corrected_mjcf(parts_of(planar, robot)))
+        mujoco.MjModel.from_xml_string(corrected_mjcf(corrected_model(planar, robot)))
         for robot in draws(found, 300, rng, unseen=0)
     ]
     ranges = {(f.name, f.attribute): f for f in mjcf_ranges(found)}
@@ -150,7 +149,7 @@ def test_an_unseen_spring_rests_at_the_mean_recorded_position(planar, diagnosed)
 
 def test_every_field_is_a_number_of_an_element_of_the_corrected_file(planar, diagnosed, friction):
     found = randomisation_of(diagnosed(*friction, bounds=UNSEEN), planar)
-    root = ElementTree.fromstring(corrected_mjcf(parts_of(planar, found.found)))
+    root = ElementTree.fromstring(corrected_mjcf(corrected_model(planar, found.found)))
     names = {e.get("name") for e in root.iter()}
     assert {f.name for f in mjcf_ranges(found)} <= names
 
@@ -162,7 +161,7 @@ def test_a_spring_without_an_element_is_told_instead_of_a_range_that_ends_at_no_
 
 def test_a_field_says_what_mujoco_needs_beside_it(planar, diagnosed):
     found = randomisation_of(diagnosed(bounds=UNSEEN), planar)
-    root = ElementTree.fromstring(corrected_mjcf(parts_of(planar, ())))
+    root = ElementTree.fromstring(corrected_mjcf(corrected_model(planar, ())))
     motor = next(e for e in root.iter("motor") if e.get("name") == "elbow_motor")
     bias = next(f for f in mjcf_ranges(found) if f.attribute == "biasprm")
     motor.tag = bias.needs["element"]

@@ -1,5 +1,5 @@
 # pyright: reportAttributeAccessIssue=false
-"""A robot with findings, sorted by the places that files and control laws have for them."""
+"""The corrected model: a robot with the effects that a diagnosis found, sorted by the places they have in files."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ Array = np.ndarray
 
 
 @dataclass(frozen=True)
-class Parts:
+class CorrectedModel:
     """A robot and what was found of it; mappings are from joint to value, SI units on the joint side.
 
     Attributes:
@@ -29,7 +29,7 @@ class Parts:
         base: The same, or with the moves within its tolerances: what the findings were added to.
         robot: With other links, rotors, modelled friction and gravity.
         turned: Rotation that takes the given gravity, in the base frame, to the robot's.
-        springs: Stiffness and rest position.
+        springs: Stiffness and the position where the spring is relaxed.
         offsets: Constant torques.
         gains: True torque over logged torque.
         limits: Torque beyond which a drive gives no more.
@@ -39,7 +39,7 @@ class Parts:
         cogging: Order, amplitude and phase of each wave.
         couplings: Between two joints.
         zeros: How much encoders read too much.
-        others: Effects that are in none of these, or only in part: direction dependence, the fall of a Stribeck law.
+        others: Effects without a place among these, or with one for a part only, as a Stribeck law's level at speed.
     """
 
     given: Robot
@@ -60,7 +60,7 @@ class Parts:
     others: tuple[KnownEffect, ...] = ()
 
 
-def parts_of(robot: Robot, effects: tuple[KnownEffect, ...]) -> Parts:
+def corrected_model(robot: Robot, effects: tuple[KnownEffect, ...]) -> CorrectedModel:
     """A robot and its findings, sorted.
 
     Of friction laws that are more than Coulomb and viscous friction, the robot gets the mean of both directions, the
@@ -80,26 +80,28 @@ def parts_of(robot: Robot, effects: tuple[KnownEffect, ...]) -> Parts:
         for joint, actuator in zip(robot.joint_names, robot.actuators, strict=True)
         if actuator.torque_limit is not None and robot.torque_source == "command"
     }
-    out = Parts(robot, robot, robot, np.eye(3), limits=stated)
+    out = CorrectedModel(robot, robot, robot, np.eye(3), limits=stated)
     for effect in effects:
-        out = _with(out, effect)
+        out = _with_effect(out, effect)
     return out
 
 
-def _with(parts: Parts, effect: KnownEffect) -> Parts:
+def _with_effect(corrected: CorrectedModel, effect: KnownEffect) -> CorrectedModel:
     joint = effect.joint
-    numbers = effect_named(effect.effect).model_numbers(parts.given, joint, _checked(parts.given, effect))
-    parts = replace(parts, robot=_changed_robot(parts.robot, joint, numbers))
+    numbers = effect_named(effect.effect).model_numbers(
+        corrected.given, joint, _checked_parameters(corrected.given, effect)
+    )
+    corrected = replace(corrected, robot=_changed_robot(corrected.robot, joint, numbers))
     if numbers.turned is not None:
-        parts = replace(parts, turned=numbers.turned @ parts.turned)
+        corrected = replace(corrected, turned=numbers.turned @ corrected.turned)
     if numbers.coupling is not None:
-        parts = replace(parts, couplings=(*parts.couplings, numbers.coupling))
+        corrected = replace(corrected, couplings=(*corrected.couplings, numbers.coupling))
     if numbers.delay is not None:
-        parts = replace(parts, delays=_later(parts, parts.delays, joint, numbers.delay))
+        corrected = replace(corrected, delays=_with_delay(corrected, corrected.delays, joint, numbers.delay))
     if numbers.lag is not None:
-        parts = replace(parts, lags=_later(parts, parts.lags, joint, numbers.lag))
-    parts = _at_joint(parts, str(joint), numbers)
-    return parts if numbers.whole else replace(parts, others=(*parts.others, effect))
+        corrected = replace(corrected, lags=_with_delay(corrected, corrected.lags, joint, numbers.lag))
+    corrected = _at_joint(corrected, str(joint), numbers)
+    return corrected if numbers.whole else replace(corrected, others=(*corrected.others, effect))
 
 
 def _changed_robot(robot: Robot, joint: str | None, numbers: ModelNumbers) -> Robot:
@@ -110,43 +112,51 @@ def _changed_robot(robot: Robot, joint: str | None, numbers: ModelNumbers) -> Ro
     return with_rotor_inertia(robot, joint, numbers.rotor_inertia) if numbers.rotor_inertia else robot
 
 
-def _later(parts: Parts, times: dict[str, float], joint: str | None, more: float) -> dict[str, float]:
+def _with_delay(corrected: CorrectedModel, times: dict[str, float], joint: str | None, more: float) -> dict[str, float]:
     """Times of drives with one added on a joint, or on all."""
-    late = [parts.robot.joint_names[row] for row in driven_rows(parts.robot, joint)]
+    late = [corrected.robot.joint_names[row] for row in driven_rows(corrected.robot, joint)]
     return times | {name: times.get(name, 0.0) + more for name in late}
 
 
-def _at_joint(parts: Parts, at: str, numbers: ModelNumbers) -> Parts:
-    """What sits on one joint."""
+def _at_joint(corrected: CorrectedModel, at: str, numbers: ModelNumbers) -> CorrectedModel:
+    """Springs, offsets, gains, limits, zeros, plays, compliances and cogging of one joint."""
     if numbers.spring is not None:
-        parts = replace(parts, springs={**parts.springs, at: _springs(parts.springs.get(at), *numbers.spring)})
+        corrected = replace(
+            corrected, springs={**corrected.springs, at: _parallel_springs(corrected.springs.get(at), *numbers.spring)}
+        )
     if numbers.offset is not None:
-        parts = replace(parts, offsets={**parts.offsets, at: parts.offsets.get(at, 0.0) + numbers.offset})
+        corrected = replace(
+            corrected, offsets={**corrected.offsets, at: corrected.offsets.get(at, 0.0) + numbers.offset}
+        )
     if numbers.gain is not None:
-        parts = replace(parts, gains={**parts.gains, at: parts.gains.get(at, 1.0) * numbers.gain})
+        corrected = replace(corrected, gains={**corrected.gains, at: corrected.gains.get(at, 1.0) * numbers.gain})
     if numbers.limit is not None:
-        parts = replace(parts, limits={**parts.limits, at: min(parts.limits.get(at, np.inf), numbers.limit)})
+        corrected = replace(
+            corrected, limits={**corrected.limits, at: min(corrected.limits.get(at, np.inf), numbers.limit)}
+        )
     if numbers.zero is not None:
-        parts = replace(parts, zeros={**parts.zeros, at: parts.zeros.get(at, 0.0) + numbers.zero})
+        corrected = replace(corrected, zeros={**corrected.zeros, at: corrected.zeros.get(at, 0.0) + numbers.zero})
     if numbers.gap is not None:
-        parts = replace(parts, plays={**parts.plays, at: parts.plays.get(at, 0.0) + numbers.gap})
+        corrected = replace(corrected, plays={**corrected.plays, at: corrected.plays.get(at, 0.0) + numbers.gap})
     if numbers.stiffness is not None:
-        softer = 1.0 / (1.0 / numbers.stiffness + 1.0 / parts.compliances.get(at, np.inf))
-        parts = replace(parts, compliances={**parts.compliances, at: softer})
+        softer = 1.0 / (1.0 / numbers.stiffness + 1.0 / corrected.compliances.get(at, np.inf))
+        corrected = replace(corrected, compliances={**corrected.compliances, at: softer})
     if numbers.waves:
-        parts = replace(parts, cogging={**parts.cogging, at: (*parts.cogging.get(at, ()), *numbers.waves)})
-    return parts
+        corrected = replace(
+            corrected, cogging={**corrected.cogging, at: (*corrected.cogging.get(at, ()), *numbers.waves)}
+        )
+    return corrected
 
 
-def _springs(one: tuple[float, float] | None, stiffness: float, rest: float) -> tuple[float, float]:
-    """Two springs side by side as one."""
+def _parallel_springs(one: tuple[float, float] | None, stiffness: float, relaxed: float) -> tuple[float, float]:
+    """Stiffness and relaxed position of two springs in parallel."""
     if one is None or one[0] + stiffness == 0:
-        return stiffness, rest
+        return stiffness, relaxed
     whole = one[0] + stiffness
-    return whole, (one[0] * one[1] + stiffness * rest) / whole
+    return whole, (one[0] * one[1] + stiffness * relaxed) / whole
 
 
-def _checked(robot: Robot, effect: KnownEffect) -> Float[Array, " p"]:
+def _checked_parameters(robot: Robot, effect: KnownEffect) -> Float[Array, " p"]:
     law = effect_named(effect.effect)
     theta = np.asarray(effect.theta, dtype=float)
     wanted = len(law.parameters(robot, effect.joint))
