@@ -14,8 +14,8 @@ from phantom_dyn.effects.catalogue import EFFECTS, effect_named
 from phantom_dyn.effects.operation import Operation
 from phantom_dyn.effects.simulated import Simulated
 from phantom_dyn.errors import ParameterError
-from phantom_dyn.simulation import simulate as simulation
 from phantom_dyn.simulation import compiled_machine as simulation_machine
+from phantom_dyn.simulation import simulate as simulation
 from phantom_dyn.simulation.control import position_control, torque_over_time
 from phantom_dyn.simulation.simulate import Cause, Simulation, simulate
 from places import ROBOTS
