@@ -3,11 +3,16 @@
 #   make lint   ruff, pyright, import layers      make bench  benchmarks with timing
 #   make blind  sealed cases, into the README     make speed  speed beside other tools, into the README
 #   make lock   renew requirements.txt            make clean  removes the environment and what was built
+#   make mutants [SAMPLE=150] [SEED=1] [ONLY=]    how many deliberate mistakes in the code the tests notice; SAMPLE=0: all
 
 PYTHON ?= python3
 VENV := .venv
 BIN := $(VENV)/bin
 STAMP := $(VENV)/.installed
+MUTANTS := .venv-mutants
+SAMPLE ?= 150
+SEED ?= 1
+ONLY ?=
 
 export OMP_NUM_THREADS := 1
 export OPENBLAS_NUM_THREADS := 1
@@ -17,7 +22,7 @@ export PIP_DISABLE_PIP_VERSION_CHECK := 1
 export PYRIGHT_PYTHON_IGNORE_WARNINGS := 1
 
 .DEFAULT_GOAL := test
-.PHONY: demo test lint bench blind speed lock clean setup tools
+.PHONY: demo test lint bench blind speed mutants lock clean setup tools
 .DELETE_ON_ERROR:
 
 demo: setup
@@ -40,6 +45,11 @@ blind: setup
 
 speed: setup
 	@$(BIN)/python benchmarks/speed_table.py
+
+# The tool has a folder of its own, as it is no part of the lock; the libraries under test are those of .venv.
+mutants: setup
+	@test -d $(MUTANTS) || $(BIN)/python -m pip install -qq --target $(MUTANTS) "cosmic-ray>=8.4,<9"
+	@PYTHONPATH=$(MUTANTS) $(BIN)/python benchmarks/mutants.py --sample $(SAMPLE) --seed $(SEED) --only "$(ONLY)"
 
 setup: $(STAMP)
 
@@ -70,5 +80,5 @@ lock: tools
 	  --no-header --no-annotate --upgrade --quiet --output-file requirements.txt
 
 clean:
-	rm -rf $(VENV) build dist demo .pytest_cache .ruff_cache .hypothesis .benchmarks
+	rm -rf $(VENV) $(MUTANTS) build dist demo .pytest_cache .ruff_cache .hypothesis .benchmarks
 	find . -name __pycache__ -type d -prune -exec rm -rf {} +
