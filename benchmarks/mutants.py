@@ -40,6 +40,7 @@ LIBRARIES = (
 ).split()
 # Processor time that a mutant gets: this many times what the tests need without one, and some seconds.
 PATIENCE, GRACE = 4.0, 10.0
+OUTPUT = "output.txt"  # of the last tests, in the copy
 SHIFTS = ("RShift", "LShift", "BitXor")
 
 
@@ -193,10 +194,10 @@ def tested(area: Area, path: str, tree: Path, seconds: float, mutated: bool) -> 
         code = 70
         try:
             resource.setrlimit(resource.RLIMIT_CPU, (int(seconds), int(seconds) + 5))
-            with Path(os.devnull).open("w") as nothing:
-                os.dup2(nothing.fileno(), 1)
-                os.dup2(nothing.fileno(), 2)
             os.chdir(tree)
+            with Path(OUTPUT).open("w") as file:
+                os.dup2(file.fileno(), 1)
+                os.dup2(file.fileno(), 2)
             sys.path[:0] = [str(tree)]
             sys.dont_write_bytecode = mutated
             importlib.import_module("numba").config.DISABLE_JIT = int(not area.compiled)
@@ -254,7 +255,8 @@ def run(sample: int, seed: int, only: str) -> list[tuple[Mutant, str]]:
         for area in {mutant.place.area for mutant in chosen}:
             outcome, seconds = tested(area, area.code, tree, 3600.0, mutated=False)
             if outcome != "passed":
-                raise SystemExit(f"The tests of {area.code} fail without any mutant: mend them first.")
+                said = (tree / OUTPUT).read_text()[-2000:]
+                raise SystemExit(f"{said}\nThe tests of {area.code} fail without any mutant: mend them first.")
             limits[area] = PATIENCE * seconds + GRACE
             print(f"{area.code}: the tests take {seconds:.0f} s of processor time", flush=True)
         for number, mutant in enumerate(chosen, start=1):
