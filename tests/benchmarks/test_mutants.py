@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from benchmarks.mutants import AREAS, CHECKOUT, left_out, covering, wilson, worth_trying
+from benchmarks.mutants import AREAS, CHECKOUT, covering, left_out, wilson, worth_trying
 
 SOURCE = """\
 from x import property
