@@ -1,9 +1,4 @@
-"""Rivals, how sets of them are judged, and what a claim needs: more than chance gives.
-
-What a claim has to gain on held-out data: more than chance gives, over the whole catalogue or on one joint.
-
-Rivals, how sets of them are judged, and what a claim needs.
-"""
+"""Candidate effects of one problem, how sets of them are judged on held-out data, and what a claim needs."""
 
 from __future__ import annotations
 
@@ -16,10 +11,11 @@ import numpy as np
 from jaxtyping import Float
 
 from identification.diagnosis import decision_rules as rules
-from identification.diagnosis.fit.fitting import Fitted, Near, fit
+from identification.diagnosis.fit.fitting import Fitted
 from identification.diagnosis.fit.problem import Problem
-from identification.diagnosis.fit.projection import Beside, beside, gain_of
+from identification.diagnosis.fit.projection import gain_of
 from identification.diagnosis.model.terms import Term, ordered
+from identification.diagnosis.search.fits import Fits
 
 
 @dataclass(frozen=True)
@@ -68,9 +64,7 @@ class Search:
         problem: What is fitted.
         terms: All rivals.
         sizes: Number of parameters that each rival really adds (its rank), by rival.
-        evaluate: Fit with held-out losses of a set of rivals, remembered.
-        quick: Loss in sample of a set of rivals, a tenth of the work; it ranks what is worth evaluating.
-        besides: All columns with what a set can make of them taken out, remembered.
+        fits: Fits of sets of rivals, each made once.
         displaced: Rivals that give way to one that is added, itself among them, remembered.
         covering: Rivals that one is a special case of, remembered.
         threshold: What chance gives.
@@ -82,14 +76,20 @@ class Search:
     problem: Problem
     terms: tuple[Term, ...]
     sizes: dict[Term, int]
-    evaluate: Callable[[frozenset[Term]], Fitted]
-    quick: Callable[[frozenset[Term]], float]
-    besides: Callable[[frozenset[Term]], Beside]
+    fits: Fits
     displaced: Callable[[Term], frozenset[Term]]
     covering: Callable[[Term], frozenset[Term]]
     threshold: Threshold
     row_thresholds: Float[Array, " nv"]
     spurious: dict[tuple[str, str | None], float]
+
+    def evaluate(self, chosen: frozenset[Term]) -> Fitted:
+        """Fit of a set with its held-out losses."""
+        return self.fits.held_out(chosen)
+
+    def quick(self, chosen: frozenset[Term]) -> float:
+        """Loss of a set in sample."""
+        return self.fits.in_sample(chosen)
 
     def score(self, chosen: frozenset[Term]) -> float:
         """Held-out loss plus the price of the parameters; lower is better.
@@ -103,7 +103,7 @@ class Search:
 
         All are ranked with the bounds that bind the set held; the best of them are then fitted.
         """
-        besides = self.besides(chosen)
+        besides = self.fits.beside(chosen)
         gone = {term: (chosen & self.displaced(term)) - {term} for term in terms}
         costs = {term: price(self.sizes[term]) - self.price_of(gone[term]) for term in terms}
         out = {term: gain_of(besides, term) - costs[term] for term in terms}
@@ -151,32 +151,8 @@ def set_up_search(
     """A search over all terms that leave any trace in the recordings."""
     sizes = {term: rank_of(problem, term) for term in problem.columns.terms}
     terms = tuple(term for term in problem.columns.terms if sizes[term] > 0)
-
-    # Most bounds that bind in one fit bind in the next, and the payload of the last fit is a good start for it.
-    nearby = [Near.nothing(problem)]
-
-    def fitted(chosen: frozenset[Term], held_out: bool) -> Fitted:
-        terms = ordered(chosen)
-        found = fit(problem, terms, held_out=held_out, near=nearby[0])
-        nearby[0] = nearby[0].after(found, terms)
-        return found
-
-    @cache
-    def evaluate(chosen: frozenset[Term]) -> Fitted:
-        return fitted(chosen, True)
-
-    @cache
-    def quick(chosen: frozenset[Term]) -> float:
-        return fitted(chosen, False).objective
-
-    @cache
-    def besides(chosen: frozenset[Term]) -> Beside:
-        return beside(problem, fitted(chosen, False))
-
     displaced, covering = relations(problem.columns.terms)
-    return Search(
-        problem, terms, sizes, evaluate, quick, besides, displaced, covering, threshold, row_thresholds, spurious
-    )
+    return Search(problem, terms, sizes, Fits(problem), displaced, covering, threshold, row_thresholds, spurious)
 
 
 def contains(rich: Term, simple: Term) -> bool:
