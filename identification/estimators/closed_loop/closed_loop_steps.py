@@ -100,8 +100,7 @@ def run(plant: Plant, controllers: Controllers, q0: Array, v0: Array, out: Moved
                 speed[i] = v[i]
                 for c in range(nv):
                     speed[i] += h * mass[i, c] * force[c]
-            for e in range(len(impulse)):
-                impulse[e] = 0.0
+            impulse[:] = 0.0
             rub(mass, speed, who, impulse, level, 1.0)
             for i in range(nv):
                 if not abs(speed[i]) < _TOO_FAST:
