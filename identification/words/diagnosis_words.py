@@ -159,7 +159,7 @@ def verdict_sentence(diagnosis: Diagnosis) -> str:
         return f"Part of the gap between robot and model is explained by {named}; {left}."
     if diagnosis.verdict == "unknown":
         found = f" ({named} found, but not enough)" if names else ""
-        return f"There is a gap between robot and model that the catalogue does not explain{found}: {unexplained_phrase(diagnosis.unexplained)}."
+        return f"There is a gap between robot and model that the catalogue does not explain{found}: {left}."
     if diagnosis.verdict == "no_gap":
         return "The model fits the robot: nothing was found beyond noise and the tolerances that the model states."
     if diagnosis.verdict == "not_testable":
