@@ -9,7 +9,8 @@ import numpy as np
 import pytest
 
 from phantom_dyn.haptics.cheap.cheap_axis import CheapAxis, cheap_translation
-from phantom_dyn.haptics.cheap.cheap_hardware import at_rest, felt, rendered, rendered_axes
+from phantom_dyn.haptics.cheap.cheap_cycle import at_rest
+from phantom_dyn.haptics.cheap.cheap_hardware import felt, rendered, rendered_axes
 
 CYCLES, MOTORS = 10_000, 6
 ALL = cheap_translation(slip=1.0, order=600.0, limit=2.0)

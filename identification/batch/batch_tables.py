@@ -14,7 +14,7 @@ from typing import Any
 from identification.batch.diagnose_each import REFUSED, TABLES, DiagnosedRecording, DiagnosedRecordings
 from identification.files import temporary_beside
 from identification.words.diagnosis_words import joined
-from identification.words.numbers import NO_BREAK
+from identification.words.numbers_and_names import NO_BREAK, cut_name, printable
 from phantom_dyn import __version__
 
 SCHEMA = "gap-diagnoses/1"
@@ -24,14 +24,14 @@ _NAME_WIDTH, _SHOWN = 32, 3
 
 def table(result: DiagnosedRecordings) -> str:
     """One line a recording: log, verdict, causes or why it was refused; then how many there are of each verdict."""
-    names = [_cut(Path(row.log).name) for row in result.rows]
+    names = [cut_name(Path(row.log).name, _NAME_WIDTH) for row in result.rows]
     width = max(len("recording"), *map(len, names))
     verdict_width = max(len("verdict"), *(len(row.verdict) for row in result.rows))
     lines = [f"{'recording':<{width}}  {'verdict':<{verdict_width}}  cause"]
     for name, row in zip(names, result.rows, strict=True):
         head = f"{name:<{width}}  {row.verdict:<{verdict_width}}  "
         lines.append(
-            textwrap.fill(head + _printable(_cause_words(row)), WIDTH, subsequent_indent=" " * len(head)).rstrip()
+            textwrap.fill(head + printable(_cause_words(row)), WIDTH, subsequent_indent=" " * len(head)).rstrip()
         )
     return "\n".join([*lines, "", counts(result)]).replace(NO_BREAK, " ")
 
@@ -114,13 +114,3 @@ def _cause_words(row: DiagnosedRecording) -> str:
     if len(causes) > _SHOWN:
         return f"{joined(causes[:_SHOWN], last=', ')} and {len(causes) - _SHOWN} more"
     return joined(causes)
-
-
-def _cut(name: str) -> str:
-    name = _printable(name)
-    return name if len(name) <= _NAME_WIDTH else f"{name[: _NAME_WIDTH - 1]}…"
-
-
-def _printable(text: str) -> str:
-    # A control character in the name of a file or joint must not reach the terminal.
-    return "".join(c if c.isprintable() or c == NO_BREAK else " " for c in text)

@@ -18,8 +18,7 @@ from identification.data.reading import ReadOptions, read_recording
 from identification.diagnosis.model.terms import KnownEffect
 from identification.files import require_existing
 from identification.pipeline import diagnose
-from identification.reporting.diagnosis_files import check_targets, write_outputs
-from identification.reporting.diagnosis_json import Json, to_json
+from identification.reporting.diagnosis_files import Json, check_targets, to_json, write_outputs
 from identification.words.diagnosis_words import effect_at_finding
 from phantom_dyn.errors import LogError, PhantomDynError, UsageError
 from phantom_dyn.large_work import WorkerLostError, spread

@@ -1,4 +1,4 @@
-"""What makes a device cheaper: an effect of the catalogue in its place, with numbers that were checked."""
+"""One effect that makes a device cheaper: checked for its place and the bounds of its parameters."""
 
 from __future__ import annotations
 

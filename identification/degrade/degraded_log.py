@@ -1,18 +1,14 @@
 """The log that a cheaper device would have given.
 
-The log that a cheaper device would have given.
-
 The hand, or the controller, moves the cheaper device as it moved the recorded one, so that positions stay and the drive
 gives what this motion then needs: the recorded torque and what each effect takes more along the recorded motion
 (hidden states of bristles, plays and elastic transmissions included). What the recording holds beyond the model, noise
 included, stays. An effect of the drive (torque constant, delay, lag) changes what has to be asked for, one of the
-encoder what is read. Only a drive at its limit cannot give the same motion: the recording is played again by
-`identification.degrade.degraded_log`, with the drive clipped.
+encoder what is read. Only a drive at its limit cannot give the same motion: then the recording is played again with
+clipped drives (`replayed`).
 
 Laws that need the torque on the links take the model's. Friction follows the sign of the recorded velocity, so on a
 joint that is held its torque has the sign of noise.
-
-A recording played again by drives that clip: the only fault under which the motion cannot be the recorded one.
 """
 
 from __future__ import annotations
@@ -41,6 +37,11 @@ Array = np.ndarray
 
 # Torques and positions beyond it are no device's, and overflow when squared.
 _MOST = 1e100
+
+# How fast a position controller takes out an error, where robot.yaml states none [rad/s]; critically damped.
+_BANDWIDTH = 2.0 * np.pi * 4.0
+# Steps [s] of the midpoint rule: at 10 Hz it has the phase right to 0.2 %.
+_LONGEST_STEP = 2e-3
 
 
 @dataclass(frozen=True)
@@ -86,34 +87,34 @@ def degrade(robot: Robot, table: Table, recording: Recording, faults: tuple[Degr
         ParameterError: If an effect would leave no trace in any such log, or its numbers give no finite torque.
         LogError: If the recording is too short, or has no torque of a joint that needs another one.
     """
-    parts = tuple(fault.effect.simulated(robot, fault.joint, np.array(fault.theta)) for fault in faults)
-    for fault, part in zip(faults, parts, strict=True):
-        _require_trace(robot, fault, part)
+    laws = tuple(fault.effect.simulated(robot, fault.joint, np.array(fault.theta)) for fault in faults)
+    for fault, law in zip(faults, laws, strict=True):
+        _require_trace(robot, fault, law)
     (log,), _ = process_all((recording,), robot)
     for fault in faults:
         _require_time(robot, log, fault)
-    change, notes = _motion_kept(robot, log, faults, parts)
+    change, notes = _motion_kept(robot, log, faults, laws)
     limits = np.full(robot.nv, np.inf)
-    for fault, part in zip(faults, parts, strict=True):
-        if part.limit is not None:
+    for fault, law in zip(faults, laws, strict=True):
+        if law.limit is not None:
             row = row_of(robot, fault.joint)
-            limits[row] = min(limits[row], part.limit)
+            limits[row] = min(limits[row], law.limit)
     columns, replay_notes = dict(table.columns), ()
     if np.isfinite(limits).any():
         change, replay_notes = _limited(robot, log, change, limits, columns)
     if not all((np.abs(values) < _MOST).all() for values in (change.tau, change.q)):
         raise ParameterError("With these numbers the torque is not finite: give some that a device can have.")
     notes += replay_notes + _write_torque(robot, table, columns, _at_rows(robot, log, table, change.tau, held=True))
-    _write_motion(robot, log, table, columns, change, [part for part in parts if part.reading is not None])
+    _write_motion(robot, log, table, columns, change, [law for law in laws if law.reading is not None])
     return Degraded(columns, notes)
 
 
-def _require_trace(robot: Robot, fault: Degradation, part: Simulated) -> None:
+def _require_trace(robot: Robot, fault: Degradation, law: Simulated) -> None:
     """Refuse what no log of this robot can show."""
     why = None
-    if part.command is not None:
+    if law.command is not None:
         why = hidden_behind_drive(robot, "what the drive makes of its command")
-    if part.transmission is not None:
+    if law.transmission is not None:
         why = behind_encoder(robot, row_of(robot, fault.joint))
     if why is not None:
         where = "" if fault.joint is None else f" on {fault.joint}"
@@ -132,25 +133,25 @@ def _require_time(robot: Robot, log: Log, fault: Degradation) -> None:
 
 
 def _motion_kept(
-    robot: Robot, log: Log, faults: tuple[Degradation, ...], parts: tuple[Simulated, ...]
+    robot: Robot, log: Log, faults: tuple[Degradation, ...], laws: tuple[Simulated, ...]
 ) -> tuple[_Change, tuple[str, ...]]:
     """Torque that the recorded motion takes more."""
     still = np.zeros_like(log.tau)
     model, tau, x = Operation.of(robot, log.motion, log.tau), still.copy(), still.copy()
     notes = []
-    pairs = list(zip(faults, parts, strict=True))
-    for fault, part in pairs:
+    pairs = list(zip(faults, laws, strict=True))
+    for fault, law in pairs:
         why = fault.effect.untestable(robot, model, fault.joint)
         if why is not None:
             notes.append(f"a diagnosis will not see {fault.effect.name} in this log: {why}")
-        if part.command is None and part.reading is None:
+        if law.command is None and law.reading is None:
             now = replace(model, tau=model.tau + tau, expected=model.tau + tau, logged=log.tau + tau)
             tau = tau - fault.effect.torque(robot, now, fault.joint, np.array(fault.theta))
             ahead = fault.effect.link_ahead(now, fault.joint, np.array(fault.theta))
             x = x if ahead is None else x + ahead
     # What the drive has to be asked for: the last of its effects is undone first.
-    for fault, part in reversed(pairs):
-        if part.command is not None and part.limit is None:
+    for fault, law in reversed(pairs):
+        if law.command is not None and law.limit is None:
             asked = smoothed(log.tau + tau, log.band.rate_hz, motion_edge(log.band))
             now = replace(model, tau=asked, expected=asked, logged=asked)
             tau = tau - fault.effect.torque(robot, now, fault.joint, np.array(fault.theta))
@@ -214,15 +215,15 @@ def _write_torque(robot: Robot, table: Table, columns: dict[str, Array], change:
 
 
 def _write_motion(
-    robot: Robot, log: Log, table: Table, columns: dict[str, Array], change: _Change, parts: list[Simulated]
+    robot: Robot, log: Log, table: Table, columns: dict[str, Array], change: _Change, laws: list[Simulated]
 ) -> None:
     """Positions as they would be read, and the velocities and link positions that go with them."""
     true = np.column_stack([table.columns[f"q.{joint}"] for joint in robot.joint_names])
     true = true + _at_rows(robot, log, table, change.q)
     read = true
-    for part in parts:
-        if part.reading is not None:
-            read = part.reading(read)
+    for law in laws:
+        if law.reading is not None:
+            read = law.reading(read)
     faster = _at_rows(robot, log, table, change.v) + np.gradient(read - true, table.columns["t"], axis=0)
     farther = _at_rows(robot, log, table, change.x)
     for k, joint in enumerate(robot.joint_names):
@@ -231,12 +232,6 @@ def _write_motion(
             name = f"{quantity}.{joint}"
             if name in columns:
                 columns[name] = columns[name] + more[:, k]
-
-
-# How fast a position controller takes out an error, where robot.yaml states none [rad/s]; critically damped.
-_BANDWIDTH = 2.0 * np.pi * 4.0
-# Steps [s] of the midpoint rule: at 10 Hz it has the phase right to 0.2 %.
-_LONGEST_STEP = 2e-3
 
 
 def replayed(
@@ -257,7 +252,7 @@ def replayed(
     Raises:
         ParameterError: If the robot falls out of the motion altogether.
     """
-    rest = needed - inverse_dynamics(robot, motion)
+    unmodelled = needed - inverse_dynamics(robot, motion)
     kp, kd = _gains(robot, motion)
     start, step, last = float(motion.t[0]), float(np.mean(np.diff(motion.t))), len(motion.t) - 2
 
@@ -268,7 +263,7 @@ def replayed(
         return [(1.0 - share) * table[k] + share * table[k + 1] for table in tables]
 
     def controller(t: float, q: Array, v: Array) -> Array:
-        wanted, extra, q_ref, v_ref, stiff, damped = at(t, needed, rest, motion.q, motion.v, kp, kd)
+        wanted, extra, q_ref, v_ref, stiff, damped = at(t, needed, unmodelled, motion.q, motion.v, kp, kd)
         return np.clip(wanted + stiff * (q_ref - q) + damped * (v_ref - v), -limits, limits) - extra
 
     instant = replace(robot, torque_hold="instant", torque_source="command")

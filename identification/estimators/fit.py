@@ -11,11 +11,12 @@ from jaxtyping import Float
 from identification.data.log import Band, Log
 from identification.estimators.linear.cautions import cautions, condition_of, unexplained
 from identification.estimators.linear.least_squares import Solution
-from identification.estimators.linear.rows import covariances, residual_noise
 from identification.estimators.linear.scatter import (
     autocorrelation,
     coloured_scatter,
     correlation_factor,
+    covariances,
+    residual_noise,
     sandwich,
     white_scatter,
 )

@@ -21,10 +21,10 @@ from jaxtyping import Float
 from scipy.stats import chi2
 
 from identification.data.log import Log
-from identification.estimators.closed_loop.loop import Feedback
-from identification.estimators.closed_loop.simulated_start import resimulated, start_of
+from identification.estimators.closed_loop.loop import Feedback, resimulated, start_of
 from identification.estimators.fit import Fit, InfluencedValues, Status, fit_of, values_of_influence
-from identification.estimators.linear.rows import base_rows, covariances, factor_of, influence_of
+from identification.estimators.linear.least_squares import base_rows, factor_of, influence_of
+from identification.estimators.linear.scatter import covariances
 from identification.estimators.weighted_least_squares import floored
 from identification.regression.base_parameters import BaseParameters
 from identification.regression.regressor import EffectOnJoint, Regressor, torque_regressor

@@ -24,9 +24,8 @@ from jaxtyping import Float
 
 from identification.data.log import Log
 from identification.estimators.fit import Estimate, Fit, Values, fit_of
-from identification.estimators.linear.least_squares import base_of
-from identification.estimators.linear.rows import base_rows, covariances, factor_of, influence_of
-from identification.estimators.linear.scatter import joint_noise
+from identification.estimators.linear.least_squares import base_of, base_rows, factor_of, influence_of
+from identification.estimators.linear.scatter import covariances, joint_noise
 from identification.regression.base_parameters import BaseParameters, base_parameters_of_matrix
 from identification.regression.regressor import EffectOnJoint, Regressor, torque_regressor
 from phantom_dyn.errors import IdentifiabilityError, ParameterError

@@ -21,7 +21,6 @@ from phantom_dyn.motion import read_only
 
 Array = np.ndarray
 
-
 SPEED = {False: 1.0, True: 0.25}
 """Speed [rad/s, or m/s where True: linear] that a joint keeps whose robot file states none."""
 

@@ -1,4 +1,4 @@
-r"""Friction of a parallelogram's active and passive joints, parted by three tests at constant speeds.
+r"""Friction of a parallelogram's active and passive joints, separated by three tests at constant speeds.
 
 The motors of joints 2 and 5 feel the passive joints through the loop, equations (16) and (17) of the CEA paper:
 

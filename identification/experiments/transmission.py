@@ -1,19 +1,16 @@
 r"""Stiffness of a transmission: from the hysteresis loops of a blocked arm, and from a resonance in a recording.
 
-Stiffness of a transmission from the hysteresis loops of a blocked arm.
+Blocked arm: arm and forearm are held rigidly, the motor torque goes up and down in triangles, and the motor's position
+is measured: :math:`\Gamma = K\,dq + B\,d\dot q + \mathrm{offset}`, equations (13) and (14) of the CEA paper. Dry
+friction on the motor's side opens the loop by twice its torque; the paper has no term for it, and here it is an unknown
+of its own. Loops of one rate cannot separate it from damping: record several.
 
-Arm and forearm are held rigidly, the motor torque goes up and down in triangles, and the motor's position is measured:
-:math:`\Gamma = K\,dq + B\,d\dot q + \mathrm{offset}`, equations (13) and (14) of the CEA paper. Dry friction on the
-motor's side opens the loop by twice its torque; the paper has no term for it, and here it is an unknown of its own.
-Loops of one rate cannot tell it from damping: record several.
-
-Two-mass model of a joint from a recording that reaches the vibration of its transmission.
-
-Drive torque and motor position of one joint give an empirical transfer function; motor and link inertia, transmission
-stiffness and damping are fitted to it. Its stiffness is that of the effect ``transmission_compliance``, seen directly
-instead of through the model of the links. Wanted: a rich torque (noise, a chirp) up to well above the resonance while
-the other joints hold still, and an encoder on the motor. Dry friction and cogging lower the coherence; a joint that
-moves far changes its inertia with its posture, which a linear model cannot follow.
+Resonance: drive torque and motor position of one joint give an empirical transfer function, to which motor and link
+inertia, transmission stiffness and damping of a two-mass model are fitted. Its stiffness is that of the effect
+``transmission_compliance``, seen directly instead of through the model of the links. Wanted: a rich torque (noise, a
+chirp) up to well above the resonance while the other joints hold still, and an encoder on the motor. Dry friction and
+cogging lower the coherence; a joint that moves far changes its inertia with its posture, which a linear model cannot
+follow.
 """
 
 from __future__ import annotations
@@ -36,6 +33,12 @@ from phantom_dyn.motion import read_only
 Array = np.ndarray
 
 _STUCK = 0.5  # of the loop's median speed: below it the motor is stuck or about to be, and friction takes any value
+
+# A torque "at an instant" is known to a per cent up to this share of the rate.
+_HIGHEST = 0.2
+# Segments of a recording: as many as this at least, each this long at most [s].
+_SEGMENTS = 12
+_LONGEST = 8.0
 
 
 @dataclass(frozen=True)
@@ -132,13 +135,6 @@ def _equations(loop: Loop, cutoff_hz: float) -> tuple[Array, Array]:
     reach = int(np.ceil(0.25 * rate / cutoff_hz))
     stuck = np.convolve(~moving, np.ones(2 * reach + 1), mode="same") > 0.5
     return np.stack([q, v, np.sign(v), np.ones_like(q)], axis=1)[~stuck], loop.torque[~stuck]
-
-
-# A torque "at an instant" is known to a per cent up to this share of the rate.
-_HIGHEST = 0.2
-# Segments of a recording: as many as this at least, each this long at most [s].
-_SEGMENTS = 12
-_LONGEST = 8.0
 
 
 def joint_response(log: Log, joint: str, *, segment: float | None = None) -> FrequencyResponse:

@@ -11,7 +11,7 @@ from identification.estimators.fit import Fit
 from identification.identify.identification import BodyParameters, Parameter, Share, Unidentified
 from identification.regression.base_parameters import BaseParameters, base_parameters
 from identification.regression.regressor import EffectOnJoint, torque_regressor
-from identification.words.numbers import number
+from identification.words.numbers_and_names import number
 from phantom_dyn.model.inertia import STANDARD_NAMES, body_name
 from phantom_dyn.model.robot import Robot
 from phantom_dyn.motion import Motion

@@ -9,16 +9,14 @@ import numpy as np
 from jaxtyping import Float
 from jinja2 import Environment, StrictUndefined
 from markupsafe import Markup
-from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.ticker import FuncFormatter, NullFormatter
 
 from identification.identify import identification_words as words
 from identification.identify.identification import Identification, JointError, Parameter
 from identification.identify.identification_words import error_percent
-from identification.reporting.gap_figures import AFTER, BEFORE, STRETCH_S, short_name
-from identification.reporting.svg import INK, drawn_svg
-from identification.reporting.thinning import eventful_stretch, gap_starts, thinned
+from identification.reporting.svg import AFTER, BEFORE, INK, STRETCH_S, draw_curve, draw_legend, drawn_svg, short_name
+from identification.reporting.thinning import eventful_stretch
 from phantom_dyn.model.inertia import STANDARD_NAMES
 
 Array = np.ndarray
@@ -47,7 +45,7 @@ def error_bars(joints: tuple[JointError, ...]) -> str:
         axes.margins(x=0.14)
         axes.set_xlim(left=0.0)
         axes.set_xlabel("torque error on held-out data [% of the measured torque, RMS]")
-        _legend(figure, axes)
+        draw_legend(figure, axes)
 
     size = (6.4, 1.0 + 0.5 * len(joints))
     return drawn_svg(draw, "errors", size, "Relative torque error of each joint on held-out data")
@@ -62,15 +60,15 @@ def torque_figure(found: Identification, joint: int) -> str:
 
     def draw(figure: Figure) -> None:
         top, bottom = figure.subplots(2, 1, sharex=True, height_ratios=(3, 2))
-        _curve(top, t, measured[rows], INK, "measured", 1.8, 0.55)
-        _curve(top, t, evidence.given[rows, joint], BEFORE, "given model", 0.9, 0.7)
-        _curve(top, t, predicted[rows], AFTER, "identified model", 1.2)
-        _curve(bottom, t, (measured - predicted)[rows], AFTER, "", 0.9)
+        draw_curve(top, t, measured[rows], INK, "measured", 1.8, 0.55)
+        draw_curve(top, t, evidence.given[rows, joint], BEFORE, "given model", 0.9, 0.7)
+        draw_curve(top, t, predicted[rows], AFTER, "identified model", 1.2)
+        draw_curve(bottom, t, (measured - predicted)[rows], AFTER, "", 0.9)
         bottom.axhline(0.0, color=INK, linewidth=0.5, alpha=0.6)
         top.set_ylabel(f"torque [{error.unit}]" if error.unit != "N" else "force [N]")
         bottom.set_ylabel(f"residual [{error.unit}]")
         bottom.set_xlabel("time [s]")
-        _legend(figure, top)
+        draw_legend(figure, top)
         figure.align_ylabels()
 
     title = f"Measured and predicted torque of joint {error.joint} on held-out data"
@@ -101,7 +99,7 @@ def spectrum_figure(found: Identification, joint: int) -> str:
             axis.set_minor_formatter(NullFormatter())
         axes.set_xlabel("frequency [Hz]")
         axes.set_ylabel(f"amplitude density [{error.unit}/√Hz]")
-        _legend(figure, axes)
+        draw_legend(figure, axes)
 
     return drawn_svg(draw, f"spectrum{joint}", (4.8, 3.9), f"Spectra of joint {error.joint}: torque and residual")
 
@@ -114,19 +112,6 @@ def _octave_bins(f: Float[Array, " F"], density: Float[Array, " F"], per_octave:
     bins = np.unique(which)
     power = [np.sqrt(np.mean(density[which == k] ** 2)) for k in bins]
     return np.array([f[which == k].mean() for k in bins]), np.array(power)
-
-
-def _curve(axes: Axes, t: Array, y: Array, colour: str, label: str, width: float, alpha: float = 1.0) -> None:
-    chosen = thinned(y)
-    x, values = t[chosen], np.array(y[chosen], dtype=float)
-    # Between recordings the line is lifted.
-    starts = gap_starts(t[chosen])
-    x, values = np.insert(x, starts, np.nan), np.insert(values, starts, np.nan)
-    axes.plot(x, values, color=colour, linewidth=width, label=label, alpha=alpha)
-
-
-def _legend(figure: Figure, axes: Axes) -> None:
-    figure.legend(*axes.get_legend_handles_labels(), loc="outside upper left", ncols=3, borderaxespad=0.1)
 
 
 @dataclass(frozen=True)

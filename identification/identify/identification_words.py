@@ -7,7 +7,7 @@ import numpy as np
 from identification.identify.identification import Identification, Parameter
 from identification.words.diagnosis_words import capital, parameter_name
 from identification.words.effect_words import effect_words
-from identification.words.numbers import NO_BREAK, number, with_std, with_unit
+from identification.words.numbers_and_names import NO_BREAK, number, with_std, with_unit
 
 SHARES = {"alone": "alone", "combination": "in combination", "none": "not at all"}
 

@@ -16,8 +16,8 @@ from identification.reporting.gap_figures import (
     gap_bars,
     residual_over_position,
     residual_over_velocity,
-    rest_figure,
     torque_figure,
+    unexplained_figure,
 )
 from identification.reporting.report_tables import (
     RegimeShare,
@@ -32,7 +32,7 @@ from identification.reporting.report_tables import (
 from identification.reporting.robot_scene import gap_shares, joint_colours
 from identification.words import diagnosis_words as words
 from identification.words.diagnosis_words import FindingWords
-from identification.words.numbers import percent
+from identification.words.numbers_and_names import percent
 from phantom_dyn.model.robot import Robot
 
 VERDICTS = {
@@ -110,7 +110,7 @@ def report_html(diagnosis: Diagnosis, robot: Robot | None = None) -> str:
         cards=[_card(diagnosis, motions, index) for index in range(len(diagnosis.findings))],
         notes=[note for note in diagnosis.notes if not note.startswith("corrected.")],
         file_notes=[note for note in diagnosis.notes if note.startswith("corrected.")],
-        say=(diagnosis.next_experiment or {}).get("say"),
+        proposal=(diagnosis.next_experiment or {}).get("say"),
         scene=None if robot is None else _scene(robot, diagnosis),
         gaps=[gap_row(joint) for joint in diagnosis.joints],
         gap_figure=Markup(gap_bars(diagnosis.joints)),
@@ -118,8 +118,8 @@ def report_html(diagnosis: Diagnosis, robot: Robot | None = None) -> str:
         has_times=bool(diagnosis.evidence.regime_times),
         rollout=rollout_rows(diagnosis),
         adjusted=[(a.quantity, f"{100 * a.change:+.2g} %", f"±{100 * a.tolerance:.2g} %") for a in diagnosis.adjusted],
-        rest=words.capital(words.rest_phrase(diagnosis.unexplained)),
-        rest_figure=_rest(diagnosis, motions),
+        unexplained=words.capital(words.unexplained_phrase(diagnosis.unexplained)),
+        unexplained_figure=_unexplained_figure(diagnosis, motions),
         bounds=seen_from(diagnosis.bounds),
         not_testable=untestable_rows(diagnosis.not_testable, diagnosis.joints),
         band="at rest" if diagnosis.at_rest else f"{diagnosis.band_hz[0]:g} to {diagnosis.band_hz[1]:.3g} Hz",
@@ -161,11 +161,11 @@ def _joint_views(diagnosis: Diagnosis) -> list[JointView]:
     ]
 
 
-def _rest(diagnosis: Diagnosis, motions: dict[str, JointMotion]) -> Markup:
-    rest = diagnosis.unexplained
-    if not motions or not rest.structured or rest.joint is None:
+def _unexplained_figure(diagnosis: Diagnosis, motions: dict[str, JointMotion]) -> Markup:
+    unexplained = diagnosis.unexplained
+    if not motions or not unexplained.structured or unexplained.joint is None:
         return Markup("")
-    return Markup(rest_figure(diagnosis, motions, rest.joint))
+    return Markup(unexplained_figure(diagnosis, motions, unexplained.joint))
 
 
 def _scene(robot: Robot, diagnosis: Diagnosis) -> SceneView:

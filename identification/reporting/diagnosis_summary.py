@@ -7,7 +7,7 @@ import textwrap
 from identification.diagnosis.result import Diagnosis, Finding, JointGap
 from identification.words import diagnosis_words as words
 from identification.words.diagnosis_words import growth_words
-from identification.words.numbers import NO_BREAK, number, value_words
+from identification.words.numbers_and_names import NO_BREAK, cut_name, number, printable, value_words
 
 WIDTH = 100
 NAME_WIDTH = 36
@@ -28,9 +28,9 @@ def summary(diagnosis: Diagnosis) -> str:
             "",
             _wrapped(f"{count} modelled {'quantity' if count == 1 else 'quantities'} moved within tolerance."),
         ]
-    say = (diagnosis.next_experiment or {}).get("say")
-    if say:
-        blocks += ["", _wrapped(f"Next experiment: {say}")]
+    proposal = (diagnosis.next_experiment or {}).get("say")
+    if proposal:
+        blocks += ["", _wrapped(f"Next experiment: {proposal}")]
     if diagnosis.notes:
         blocks += ["", *(_wrapped(f"Note: {note}", "  ") for note in diagnosis.notes)]
     if diagnosis.data_warnings:
@@ -53,7 +53,7 @@ def _finding_line(finding: Finding) -> str:
 
 
 def _gap_table(joints: tuple[JointGap, ...]) -> list[str]:
-    names = [_cut(joint.joint) for joint in joints]
+    names = [cut_name(joint.joint, NAME_WIDTH) for joint in joints]
     width = max([len("joint"), *map(len, names)])
     head = f"{'joint':<{width}}  {'before':>10}  {'after':>10}  {'noise floor':>11}"
     rows = [
@@ -63,18 +63,8 @@ def _gap_table(joints: tuple[JointGap, ...]) -> list[str]:
     return [head, *rows]
 
 
-def _cut(name: str) -> str:
-    name = _printable(name)
-    return name if len(name) <= NAME_WIDTH else f"{name[: NAME_WIDTH - 1]}…"
-
-
 def _wrapped(text: str, indent: str = "") -> str:
     hanging = indent + "   " if indent else ""
     return textwrap.fill(
-        _printable(text), WIDTH, initial_indent=indent, subsequent_indent=hanging, break_on_hyphens=False
+        printable(text), WIDTH, initial_indent=indent, subsequent_indent=hanging, break_on_hyphens=False
     )
-
-
-def _printable(text: str) -> str:
-    # A control character in the name of a file or joint must not reach the terminal.
-    return "".join(c if c.isprintable() or c == NO_BREAK else " " for c in text)

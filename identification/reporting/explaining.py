@@ -1,8 +1,6 @@
-"""The variable that explains a residual: which one shows a finding best, and its samples.
+"""The variable that a residual is drawn over: the one that explains most of it, and its samples.
 
-The variable that explains a residual: which one shows a finding best, and its samples.
-
-Motion of every joint of a robot at the samples of a diagnosis: of those in the log, and of passive ones.
+Motion of the joints comes from the diagnosis; that of passive joints of a closed chain from the robot.
 """
 
 from __future__ import annotations

@@ -9,17 +9,15 @@ from matplotlib.figure import Figure
 
 from identification.diagnosis.result import Diagnosis, Evidence, JointGap
 from identification.reporting.explaining import JointMotion, Variable, explaining_variable, joint_of, strongest_variable
-from identification.reporting.svg import INK, drawn_svg
-from identification.reporting.thinning import binned_median, eventful_stretch, gap_starts, scatter_choice, thinned
+from identification.reporting.svg import AFTER, BEFORE, INK, STRETCH_S, draw_curve, draw_legend, drawn_svg, short_name
+from identification.reporting.thinning import binned_median, eventful_stretch, scatter_choice
 
 Array = np.ndarray
 
-BEFORE, AFTER = "#d55e00", "#0072b2"  # orange and blue of Okabe and Ito: apart for every kind of colour vision
 BEFORE_POINTS, AFTER_POINTS = "#eba36f", "#6fb1d8"
 # Samples of which a median is drawn, each with the dashes of its line.
 Groups = tuple[tuple[Bool[Array, " N"], str | tuple[int, tuple[float, ...]]], ...]
 
-STRETCH_S = 10.0
 FEW_POINTS = 600  # fewer are drawn larger
 FINER_FROM = 3.0  # ratio of residuals from which the corrected model's panel has a scale of its own
 
@@ -43,7 +41,7 @@ def gap_bars(joints: tuple[JointGap, ...]) -> str:
         axes.margins(x=0.12)
         axes.set_xlim(left=0.0)
         axes.set_xlabel("RMS residual [noise floors]")
-        _legend(figure, axes)
+        draw_legend(figure, axes)
 
     return drawn_svg(draw, "gap", (5.7, 1.0 + 0.5 * len(joints)), "Gap of each joint before and after, in noise floors")
 
@@ -56,17 +54,17 @@ def torque_figure(diagnosis: Diagnosis, joint: int) -> str:
 
     def draw(figure: Figure) -> None:
         top, bottom = figure.subplots(2, 1, sharex=True, height_ratios=(3, 2))
-        _curve(top, t, evidence.tau_measured[rows, joint], INK, "measured", 1.8, 0.55)
-        _curve(top, t, evidence.tau_before[rows, joint], BEFORE, "given model", 1.1)
-        _curve(top, t, evidence.tau_after[rows, joint], AFTER, "corrected model", 1.1)
-        _curve(bottom, t, residual(evidence.tau_before, evidence, joint)[rows], BEFORE, "", 0.9)
-        _curve(bottom, t, residual(evidence.tau_after, evidence, joint)[rows], AFTER, "", 0.9)
+        draw_curve(top, t, evidence.tau_measured[rows, joint], INK, "measured", 1.8, 0.55)
+        draw_curve(top, t, evidence.tau_before[rows, joint], BEFORE, "given model", 1.1)
+        draw_curve(top, t, evidence.tau_after[rows, joint], AFTER, "corrected model", 1.1)
+        draw_curve(bottom, t, residual(evidence.tau_before, evidence, joint)[rows], BEFORE, "", 0.9)
+        draw_curve(bottom, t, residual(evidence.tau_after, evidence, joint)[rows], AFTER, "", 0.9)
         _noise_band(bottom, gap.noise_floor)
         what = "error" if diagnosis.at_rest else "force" if gap.unit == "N" else "torque"
         top.set_ylabel(f"{what} [{gap.unit}]")
         bottom.set_ylabel(f"residual [{gap.unit}]")
         bottom.set_xlabel("time [s]")
-        _legend(figure, top)
+        draw_legend(figure, top)
         figure.align_ylabels()
 
     return drawn_svg(
@@ -102,8 +100,8 @@ def finding_figure(diagnosis: Diagnosis, motions: dict[str, JointMotion], index:
     return _residual_figure(diagnosis, row, variable, (before, after), titles, f"finding{index}")
 
 
-def rest_figure(diagnosis: Diagnosis, motions: dict[str, JointMotion], joint: str) -> str:
-    """Residual of a joint over what explains most of its rest, which no effect of the catalogue explains."""
+def unexplained_figure(diagnosis: Diagnosis, motions: dict[str, JointMotion], joint: str) -> str:
+    """Residual that no effect of the catalogue explains, over the variable that explains most of it."""
     evidence, row = diagnosis.evidence, joint_of(diagnosis, joint)
     after = residual(evidence.tau_after, evidence, row)
     variable = strongest_variable(diagnosis, motions, diagnosis.joints[row].joint, after)
@@ -165,15 +163,6 @@ def _cloud(axes: Axes, x: Array, y: Array, groups: Groups, points: str, line: st
         axes.plot(*binned_median(x[inside], y[inside]), color=line, linewidth=1.8, linestyle=dashes)
 
 
-def _curve(axes: Axes, t: Array, y: Array, colour: str, label: str, width: float, alpha: float = 1.0) -> None:
-    chosen = thinned(y)
-    # Between recordings the line is lifted.
-    x, y = t[chosen], np.array(y[chosen], dtype=float)
-    starts = gap_starts(x)
-    axes.plot(np.insert(x, starts, np.nan), np.insert(y, starts, np.nan), color=colour, linewidth=width, label=label,
-              alpha=alpha)  # fmt: skip
-
-
 def _noise_band(axes: Axes, noise_floor: float) -> None:
     if np.isfinite(noise_floor):
         axes.axhspan(-2 * noise_floor, 2 * noise_floor, color="#808080", alpha=0.22, linewidth=0, zorder=0)
@@ -187,15 +176,3 @@ def _reach(residual: Float[Array, " N"]) -> float:
 
 def _ratio(value: float, noise_floor: float) -> float:
     return value / noise_floor if noise_floor > 0 and np.isfinite(value) else float("nan")
-
-
-def _legend(figure: Figure, axes: Axes) -> None:
-    figure.legend(*axes.get_legend_handles_labels(), loc="outside upper left", ncols=3, borderaxespad=0.1)
-
-
-def short_name(name: str, length: int = 18) -> str:
-    """A name for an axis: long ones lose their middle."""
-    if len(name) <= length:
-        return name
-    kept = length - 1
-    return f"{name[: kept - kept // 2]}…{name[-(kept // 2) :]}"

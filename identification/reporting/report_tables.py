@@ -6,9 +6,16 @@ from dataclasses import dataclass
 
 from identification.diagnosis.result import Bound, Diagnosis, Finding, JointGap, NotTestable
 from identification.words import diagnosis_words as words
-from identification.words.effect_words import REGIMES, effect_words, is_between_joints, regime_words, report_order
-from identification.words.numbers import number, percent, with_unit
-from identification.words.size_words import meaning_of, value_cell
+from identification.words.effect_words import (
+    REGIMES,
+    effect_words,
+    is_between_joints,
+    meaning_of,
+    regime_words,
+    report_order,
+    value_cell,
+)
+from identification.words.numbers_and_names import number, percent, with_unit
 
 Row = tuple[str, ...]
 

@@ -1,10 +1,5 @@
 # pyright: reportAttributeAccessIssue=false
-"""The robot in three dimensions, each joint coloured by its share of the gap.
-
-The robot in three dimensions, each joint coloured by its share of the gap.
-
-How the gap is shared among the joints, and the colours that show it.
-"""
+"""The robot in three dimensions, each joint coloured by its share of the gap."""
 
 from __future__ import annotations
 
@@ -17,9 +12,9 @@ import plotly.graph_objects as go
 from jaxtyping import Float
 
 from identification.diagnosis.result import Diagnosis, JointGap
-from identification.reporting.gap_figures import short_name
+from identification.reporting.svg import short_name
 from identification.words.diagnosis_words import finding_name
-from identification.words.numbers import percent
+from identification.words.numbers_and_names import percent
 from phantom_dyn.model.robot import Robot
 from phantom_dyn.shapes.meshes import Mesh, capsule, joined, moved
 from phantom_dyn.shapes.robot_shapes import joint_axis, joint_solid, robot_shapes
@@ -29,6 +24,11 @@ Array = np.ndarray
 LIGHT = np.array([0.53, -0.8, 0.27])  # from beside the camera
 _LINK_TINT = 0.4  # a link is paler than its joint
 _LABELLED = 0.05  # joints with a smaller share of the gap have no label
+
+Colour = Float[Array, "3"]
+
+NONE, ALL = np.array([0xD3, 0xDA, 0xE3], dtype=float), np.array([0xE8, 0x66, 0x00], dtype=float)
+_GAMMA = 0.7  # a tenth of the largest share is still to be seen
 
 
 @dataclass(frozen=True)
@@ -165,12 +165,6 @@ def _layout(points: Float[Array, "P 3"], labels: list[dict]) -> go.Layout:
         paper_bgcolor="rgba(0,0,0,0)", hoverlabel={"align": "left"},
         modebar={"bgcolor": "rgba(0,0,0,0)", "color": "#808a98"},
     )  # fmt: skip
-
-
-Colour = Float[Array, "3"]
-
-NONE, ALL = np.array([0xD3, 0xDA, 0xE3], dtype=float), np.array([0xE8, 0x66, 0x00], dtype=float)
-_GAMMA = 0.7  # a tenth of the largest share is still to be seen
 
 
 def gap_shares(joints: tuple[JointGap, ...]) -> Float[Array, " nv"]:

@@ -1,4 +1,4 @@
-"""Figures of matplotlib as SVG elements of a page, their text and axes in the page's own colour."""
+"""Figures of matplotlib as SVG elements of a page, text and axes in its colour; curves and legends that they share."""
 
 from __future__ import annotations
 
@@ -8,9 +8,17 @@ from collections.abc import Callable
 from typing import Any
 
 import matplotlib
+import numpy as np
+from matplotlib.axes import Axes
 from matplotlib.backends.backend_svg import FigureCanvasSVG
 from matplotlib.figure import Figure
 
+from identification.reporting.thinning import gap_starts, thinned
+
+Array = np.ndarray
+
+BEFORE, AFTER = "#d55e00", "#0072b2"  # orange and blue of Okabe and Ito: apart for every kind of colour vision
+STRETCH_S = 10.0  # length of the stretch of a recording that is drawn over time [s]
 INK = "#010203"  # stands for the colour of the page's text until the SVG is written
 _DPI = 90  # of clouds of samples, which are pictures
 STYLE = {
@@ -90,3 +98,25 @@ def _tenth(number: re.Match[str]) -> str:
 
 def _attribute(text: str) -> str:
     return text.replace("&", "&amp;").replace("<", "&lt;").replace(">", "&gt;").replace('"', "&quot;")
+
+
+def draw_curve(axes: Axes, t: Array, y: Array, colour: str, label: str, width: float, alpha: float = 1.0) -> None:
+    """Draw a thinned curve over time; between recordings the line is interrupted."""
+    chosen = thinned(y)
+    x, y = t[chosen], np.array(y[chosen], dtype=float)
+    starts = gap_starts(x)
+    axes.plot(np.insert(x, starts, np.nan), np.insert(y, starts, np.nan), color=colour, linewidth=width, label=label,
+              alpha=alpha)  # fmt: skip
+
+
+def draw_legend(figure: Figure, axes: Axes) -> None:
+    """Draw the legend of some axes above the figure."""
+    figure.legend(*axes.get_legend_handles_labels(), loc="outside upper left", ncols=3, borderaxespad=0.1)
+
+
+def short_name(name: str, length: int = 18) -> str:
+    """A name for an axis: long ones lose their middle."""
+    if len(name) <= length:
+        return name
+    kept = length - 1
+    return f"{name[: kept - kept // 2]}…{name[-(kept // 2) :]}"

@@ -1,4 +1,4 @@
-"""Which of many samples a figure shows."""
+"""Fewer samples for figures: thinned curves and clouds, eventful stretches, medians in bins."""
 
 from __future__ import annotations
 

@@ -1,9 +1,4 @@
-"""A diagnosis in plain words: the verdict, and for each finding what, where, how sure, what else, what next.
-
-Changes between recordings in words.
-
-A diagnosis in plain words: the verdict, and for each finding what, where, how sure, what else, what next.
-"""
+"""A diagnosis in plain words: the verdict, and for each finding its effect, place, certainty, rivals and next step."""
 
 from __future__ import annotations
 
@@ -12,9 +7,11 @@ from dataclasses import dataclass
 from typing import Any
 
 from identification.diagnosis.result import Diagnosis, EffectAt, Finding, Rival, Unexplained
-from identification.words.effect_words import effect_words, is_between_joints, regime_words
-from identification.words.numbers import NO_BREAK, percent, value_words
-from identification.words.size_words import shortfall_words, size_words
+from identification.words.effect_words import effect_words, is_between_joints, regime_words, shortfall_words, size_words
+from identification.words.numbers_and_names import NO_BREAK, percent, value_words
+
+SURENESS = ((0.99, "practically certain"), (0.9, "very likely"), (0.7, "likely"), (0.5, "more likely than not"))
+NO_RIVAL = "nothing else in the catalogue explains the data as well"
 
 
 def in_recording(recording: str | None) -> str:
@@ -30,10 +27,6 @@ def growth_words(finding: Finding) -> str:
     if finding.recording is None or ratio is None:
         return ""
     return f", where it is {value_words(ratio)} times what it is in the other recordings"
-
-
-SURENESS = ((0.99, "practically certain"), (0.9, "very likely"), (0.7, "likely"), (0.5, "more likely than not"))
-NO_RIVAL = "nothing else in the catalogue explains the data as well"
 
 
 @dataclass(frozen=True)
@@ -159,16 +152,14 @@ def verdict_sentence(diagnosis: Diagnosis) -> str:
     """The verdict in one sentence."""
     names = [effect_at_finding(finding) for finding in diagnosis.findings]
     named = joined(names) if len(names) <= 4 else f"{joined(names[:3], last=', ')} and {len(names) - 3} more"
-    rest = diagnosis.unexplained
+    left = unexplained_phrase(diagnosis.unexplained)
     if diagnosis.verdict == "explained":
         return f"The gap between robot and model is explained by {named or 'what was adjusted'}."
     if diagnosis.verdict == "partly_explained":
-        return f"Part of the gap between robot and model is explained by {named}; {rest_phrase(rest)}."
+        return f"Part of the gap between robot and model is explained by {named}; {left}."
     if diagnosis.verdict == "unknown":
         found = f" ({named} found, but not enough)" if names else ""
-        return (
-            f"There is a gap between robot and model that the catalogue does not explain{found}: {rest_phrase(rest)}."
-        )
+        return f"There is a gap between robot and model that the catalogue does not explain{found}: {left}."
     if diagnosis.verdict == "no_gap":
         return "The model fits the robot: nothing was found beyond noise and the tolerances that the model states."
     if diagnosis.verdict == "not_testable":
@@ -176,14 +167,16 @@ def verdict_sentence(diagnosis: Diagnosis) -> str:
     return f"The verdict is {diagnosis.verdict.replace('_', ' ')}."
 
 
-def rest_phrase(rest: Unexplained) -> str:
+def unexplained_phrase(unexplained: Unexplained) -> str:
     """What is left unexplained: how much, whether it has structure, and where."""
-    where = [place("", rest.joint) if rest.joint else "", regime_words(rest.regime)]
+    where = [place("", unexplained.joint) if unexplained.joint else "", regime_words(unexplained.regime)]
     at = ", ".join(part for part in where if part)
-    share = percent(rest.fraction_of_explainable)
-    if not rest.structured:
+    share = percent(unexplained.fraction_of_explainable)
+    if not unexplained.structured:
         return f"{share} of what could be explained is left, without structure that another effect could explain"
-    return f"{share} of what could be explained is left" + (f", mostly at {at}" if rest.joint else f", {at}" * bool(at))
+    return f"{share} of what could be explained is left" + (
+        f", mostly at {at}" if unexplained.joint else f", {at}" * bool(at)
+    )
 
 
 def parameter_name(name: str) -> str:

@@ -10,12 +10,12 @@ from typing import NamedTuple
 
 import numpy as np
 
-from phantom_dyn._kernels.jit import jit
+from phantom_dyn._kernels.jit import jit, within
 
 Array = np.ndarray
 
-# Sweeps at most; they stop when no torque moves by more than this share of its limit.
 _SWEEPS = 200
+"""Sweeps at most; they stop when no torque moves by more than `_STILL` of its limit."""
 _STILL = 1e-10
 
 
@@ -51,14 +51,29 @@ def rub(mobility: Array, speed: Array, who: Rubbing, friction: Array, most: Arra
         most: Limits of the torque, ``(m + p,)``; none where it is zero.
         h: Length of the step [s].
     """
-    n, m, p = len(speed), len(who.motors), len(who.passive)
+    begin(mobility, speed, who, friction, most, h)
+    for _ in range(_SWEEPS):
+        largest = motors_moved(mobility, speed, who, friction, most, h)
+        largest = max(largest, passive_moved(speed, who, friction, most, h))
+        if largest <= _STILL:
+            break
+    # A motor that friction holds is at rest, not almost.
+    for j in range(len(who.motors)):
+        if abs(friction[j]) < most[j]:
+            speed[who.motors[j]] = 0.0
+
+
+@within
+def begin(mobility: Array, speed: Array, who: Rubbing, friction: Array, most: Array, h: float) -> None:
+    """Write what impulses on passive joints do, and add the impulses with which the search begins."""
+    n, m = len(speed), len(who.motors)
     motors, passive, reply = who.motors, who.passive, who.reply
     for j in range(m):
         if most[j] > 0.0:
             impulse = h * friction[j]
             for i in range(n):
                 speed[i] += mobility[i, motors[j]] * impulse
-    for e in range(p):
+    for e in range(len(passive)):
         if most[m + e] > 0.0:
             reply[e, n] = 0.0
             for i in range(n):
@@ -68,33 +83,39 @@ def rub(mobility: Array, speed: Array, who: Rubbing, friction: Array, most: Arra
             for i in range(n):
                 reply[e, n] += passive[e, i] * reply[e, i]
                 speed[i] += reply[e, i] * (h * friction[m + e])
-    for _ in range(_SWEEPS):
-        largest = 0.0
-        for j in range(m):
-            if most[j] > 0.0:
-                at = motors[j]
-                wanted = min(max(friction[j] - speed[at] / (mobility[at, at] * h), -most[j]), most[j])
-                change = wanted - friction[j]
-                if change != 0.0:
-                    for i in range(n):
-                        speed[i] += mobility[i, at] * (change * h)
-                    friction[j] = wanted
-                    largest = max(largest, abs(change) / most[j])
-        for e in range(p):
-            limit, rate = most[m + e], 0.0
-            if limit > 0.0:
+
+
+@within
+def motors_moved(mobility: Array, speed: Array, who: Rubbing, friction: Array, most: Array, h: float) -> float:
+    """Sweep over the motors; the largest change of a torque over its limit."""
+    largest = 0.0
+    for j in range(len(who.motors)):
+        if most[j] > 0.0:
+            at = who.motors[j]
+            wanted = min(max(friction[j] - speed[at] / (mobility[at, at] * h), -most[j]), most[j])
+            change = wanted - friction[j]
+            if change != 0.0:
+                for i in range(len(speed)):
+                    speed[i] += mobility[i, at] * (change * h)
+                friction[j] = wanted
+                largest = max(largest, abs(change) / most[j])
+    return largest
+
+
+@within
+def passive_moved(speed: Array, who: Rubbing, friction: Array, most: Array, h: float) -> float:
+    """Sweep over the passive joints; the largest change of a torque over its limit."""
+    n, m, largest = len(speed), len(who.motors), 0.0
+    for e in range(len(who.passive)):
+        limit, rate = most[m + e], 0.0
+        if limit > 0.0:
+            for i in range(n):
+                rate += who.passive[e, i] * speed[i]
+            wanted = min(max(friction[m + e] - rate / (who.reply[e, n] * h), -limit), limit)
+            change = wanted - friction[m + e]
+            if change != 0.0:
                 for i in range(n):
-                    rate += passive[e, i] * speed[i]
-                wanted = min(max(friction[m + e] - rate / (reply[e, n] * h), -limit), limit)
-                change = wanted - friction[m + e]
-                if change != 0.0:
-                    for i in range(n):
-                        speed[i] += reply[e, i] * (change * h)
-                    friction[m + e] = wanted
-                    largest = max(largest, abs(change) / limit)
-        if largest <= _STILL:
-            break
-    # A motor that friction holds is at rest, not almost.
-    for j in range(m):
-        if abs(friction[j]) < most[j]:
-            speed[motors[j]] = 0.0
+                    speed[i] += who.reply[e, i] * (change * h)
+                friction[m + e] = wanted
+                largest = max(largest, abs(change) / limit)
+    return largest

@@ -64,6 +64,11 @@ def inlined(function: F) -> F:
     return _compiled(function, fastmath={"contract"}, forceinline=True)
 
 
+def within(function: F) -> F:
+    """As `jit`, for a part of a larger function that disappears into it: as fast as if it were written there."""
+    return _compiled(function, forceinline=True)
+
+
 def compiles() -> bool:
     """False where numba is absent or off: then a loop over Pinocchio is faster than a compiled loop's own Python."""
     return njit is not None

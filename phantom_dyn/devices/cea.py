@@ -1,10 +1,10 @@
-r"""Upper branch of the CEA LIST haptic interface: published numbers, geometry, loop, and dynamics in closed form.
-
-Upper branch of the CEA LIST haptic interface: published numbers, geometry, and dynamics in closed form.
+r"""Upper branch of the CEA LIST haptic interface: published numbers, frames, kinematics and loop in closed form.
 
 A shoulder (q1), an arm (q2) and a forearm that a parallelogram drives (q5); a second parallelogram keeps the support of
 the handle parallel to the shoulder. Angles: frames of the modified Denavit-Hartenberg table (Khalil), frame 0 at the
-crossing of the axes of q1 and q2, z0 along the axis of q1. Tip: origin of frame 4.
+crossing of the axes of q1 and q2, z0 along the axis of q1; from frame a(j) to frame j
+:math:`T_j = Rot_x(\alpha_j)\,Trans_x(d_j)\,Rot_z(\theta_j)`, all r, gamma and b being zero. Tip: origin of frame 4. The
+loop is cut at joint 7: its frame on link 6, and frame 8 on link 3 (no joint), have to coincide.
 
 Where the source is wrong or silent (each is held by a test):
 
@@ -18,11 +18,6 @@ Where the source is wrong or silent (each is held by a test):
 References:
     .. [CEA] A. Janot, C. Bidard, F. Gosselin, M. Gautier et al., Modeling and Identification of a 3 DOF Haptic
        Interface, IEEE International Conference on Robotics and Automation, 2007. Equation and table numbers are its.
-
-The frames of the CEA branch by its modified Denavit-Hartenberg table, and how well its loop closes.
-
-:math:`T_j = Rot_x(\alpha_j)\,Trans_x(d_j)\,Rot_z(\theta_j)` from frame a(j) to frame j; all r, gamma and b are zero.
-The loop is cut at joint 7: its frame on link 6, and frame 8 on link 3 (no joint), have to coincide.
 """
 
 from __future__ import annotations
@@ -37,6 +32,7 @@ from jaxtyping import Float
 from phantom_dyn.errors import ParameterError
 
 Array = np.ndarray
+
 
 JOINTS = ("q1", "q2", "q5")
 """Active joints; q3, q4, q6 follow them, and q7 is the joint at which the loop is cut."""

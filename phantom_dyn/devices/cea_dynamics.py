@@ -1,6 +1,4 @@
-r"""Inverse dynamics of the CEA branch in closed form (Table 4), and what a hand feels at its tip.
-
-Inverse dynamics of the CEA branch in closed form, with the 16 parameters of Table 4.
+r"""Inverse dynamics of the CEA branch in closed form (Table 4), and what a hand feels at its tip for any link lengths.
 
 :math:`\Gamma = A(q)\,a + H(q, v) + F_v v + F_c\,\mathrm{sign}\,v + \mathrm{offset} = D(q, v, a)\,x_b`, equations
 (1) and (2), from kinetic energy :math:`\frac12 v^T A v` and potential energy :math:`-g \cdot R_1 s` with
@@ -13,11 +11,10 @@ Inverse dynamics of the CEA branch in closed form, with the 16 parameters of Tab
 The parameters that Table 4 leaves out (small, says the source) are zero here. Two things in the equations of the source
 are misprints: the noise is :math:`E(\rho \rho^T) = \sigma^2 I` in (4), and (5) lacks the square of the norm.
 
-What a hand at the tip of the CEA branch feels, for any link lengths: (18) of the source at chosen postures.
-
-:math:`M_{op} = J^{-T} A J^{-1}`, :math:`K_{op} = J^{-T} K_{tot} J^{-1}`, :math:`F_{cop} = J^{-T} F_c`. Maps of the
-robot file are in `phantom_dyn.maps`; here the lengths are free, as the source gives neither them nor its posture. So
-the published ranges can be matched in size but its Figures 8 and 9 cannot be redrawn.
+At the tip, (18): :math:`M_{op} = J^{-T} A J^{-1}`, :math:`K_{op} = J^{-T} K_{tot} J^{-1}`,
+:math:`F_{cop} = J^{-T} F_c` at chosen postures. Maps of the robot file are in `phantom_dyn.maps`; here the lengths are
+free, as the source gives neither them nor its posture. So the published ranges can be matched in size but its Figures 8
+and 9 cannot be redrawn.
 """
 
 from __future__ import annotations
@@ -44,9 +41,16 @@ from phantom_dyn.motion import Motion
 Array = np.ndarray
 
 NAMES = tuple(INERTIAL)
+"""Parameters of Table 4."""
 UNITS = tuple(parameter.unit for parameter in INERTIAL.values())
 VALUES = np.array([parameter.value for parameter in INERTIAL.values()])
 VALUES.flags.writeable = False
+STIFFNESS_OF_RANGES = 450.0
+"""Joint stiffness [N m/rad] with which the published ranges of mass, Coulomb force and stiffness hold together.
+
+The only possible reading of the printed unit gives 1000, see `phantom_dyn.devices.cea.STIFFNESS_UNITS`."""
+_SINGULAR = 1e-6
+"""Smallest over largest singular value of J below which the tip cannot move in some direction."""
 
 
 def regressor(
@@ -128,14 +132,6 @@ def longest_arm(parameters: Float[Array, " 16"] = VALUES) -> float:
     return float(np.sqrt(p["ZZ2R"] * p["ZZ3R"]) / abs(p["MX3R"]))
 
 
-STIFFNESS_OF_RANGES = 450.0
-"""Joint stiffness [N m/rad] with which the published ranges of mass, Coulomb force and stiffness hold together.
-
-The only possible reading of the printed unit gives 1000, see `phantom_dyn.devices.cea.STIFFNESS_UNITS`."""
-
-_SINGULAR = 1e-6  # of the largest singular value of J
-
-
 @dataclass(frozen=True)
 class Felt:
     """Felt at the tip at N postures; nan where the tip cannot move in some direction.
@@ -194,7 +190,7 @@ def nearest_posture(
     found = felt(q, lengths=lengths, stiffness=stiffness)
     off = _outside(found.coulomb, *COULOMB_RANGE_N) + _outside(found.stiffness, *STIFFNESS_RANGE).sum(axis=1)
     off += _outside(found.mass, 0.0, MASS_RANGE_KG[1])
-    # Far below any distance that matters: only parts postures that are all within the ranges.
+    # Far below any distance that matters: it decides only among postures that are all within the ranges.
     k = int(np.nanargmin(off - 1e-6 * np.log(found.mass)))
     return q[k], Felt(found.mass[k : k + 1], found.coulomb[k : k + 1], found.stiffness[k : k + 1])
 

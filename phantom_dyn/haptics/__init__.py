@@ -1,15 +1,9 @@
-"""Haptic devices: stability, identification, transparency, sensing and drives.
+"""Haptic devices: one axis and its drive, stability, identification, transparency, sensing and cheaper hardware.
 
-- `axis`, `transfer_function`: one axis of a device, rigid or of two masses; `operator`: the hand that holds it.
-- `published`: the devices of the sources, LHIfAM, PHANToM 1.0 and PHANToM 1.5.
-- `discretisation`: zero-order hold and any delay, exactly; `compiled`, `held_steps`: the loops behind it.
-- `stability`, `stability_map`, `passivity`: how stiff a virtual wall may be.
-- `white_noise`, `frequency_response`, `frequency_identification`: from an experiment to the two-mass model.
-- `relay`: how stiff a virtual wall may be, measured by a relay.
-- `feedforward`: how much lighter force feedforward makes a device.
-- `encoder`, `velocity_estimators`, `velocity_comparison`, `drives`: what sensing and drives do.
-- `sampled_loop`, `loop_simulation`, `virtual_wall`, `teleoperation`: loops with these estimators, linear and in time.
-- `phantom_improvements`: the improvements published for the PHANToM 1.5 beside what models give.
-- `cheap_axis`, `cheap_hardware`, `cheap_kernel`, `virtual_mass`, `gap_switch`: a good device made to feel cheap.
-- `arguments`: numbers that are refused.
+- `device`: one axis, rigid or of two masses, the hand that holds it, its sampled form, its drive; published devices.
+- `stability`: how stiff a virtual wall and how large a gain a sampled device bears; force feedback and teleoperation.
+- `sensing`: encoders, velocity estimators, and sampled loops in time.
+- `experiments`: relay and white noise, and the two-mass model that fits a response.
+- `cheap`: a good device made to feel like a cheaper one.
+- `figures`: drawings of all of these.
 """

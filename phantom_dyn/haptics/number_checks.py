@@ -1,4 +1,4 @@
-"""Numbers that a caller gave, refused in a sentence where nothing can be computed from them."""
+"""Checks of the numbers that a caller gives: refused in a sentence where nothing can be computed from them."""
 
 from __future__ import annotations
 
@@ -10,8 +10,8 @@ from phantom_dyn.errors import ParameterError
 
 Array = np.ndarray
 
-# Samples of one experiment: a hundred million fill a gigabyte for each column.
 _MOST_SAMPLES = 10**8
+"""Samples of one experiment at most: they fill a gigabyte for each column."""
 
 
 def require_numbers(**values: float) -> None:

@@ -1,1 +1,1 @@
-"""What a hand at the tip feels of a robot, over its workspace: mass, friction, stiffness, weight."""
+"""Maps of what a hand feels at the tip over the workspace of a robot: mass, friction, stiffness, weight."""

@@ -17,11 +17,16 @@ Array = np.ndarray
 
 CLOSE = 1e-9
 """Distance [m] between the tip and the point at which it has arrived: far above rounding, far below any tip."""
-_SAMPLES, _NEAR, _STARTS, _STEPS = 20000, 48, 8, 25
-_SAME_BRANCH = 0.5
-"""Starts closer than this in every joint [rad or m] lead to the same branch."""
+_SAMPLES, _STARTS = 20000, 8
+"""Random configurations of the cloud, and starts of Newton's method for each point."""
 _NUMERIC_SAMPLES, _NUMERIC_STARTS = 4000, 6
-"""Of a chain that is closed numerically, where each sample costs about a millisecond."""
+"""The same of a chain that is closed numerically, where each sample costs about a millisecond."""
+_NEAR = 48
+"""Configurations of the cloud with tips close to a point, among which starts are chosen."""
+_STEPS = 25
+"""Steps of Newton's method at most."""
+_SAME_BRANCH = 0.5
+"""Distance in every joint [rad or m] below which two starts lead to the same branch."""
 
 
 @dataclass(frozen=True)
@@ -109,6 +114,7 @@ def _near_posture(model: MapModel, q: Array) -> Array:
 
 def _searched(model: MapModel, points: Array, cloud: Cloud) -> Array:
     """Candidates ``(starts, N, nv)`` by Newton from configurations whose tips are close, from every branch."""
+    # Imported here: only points without a closed form need it, and it takes longer to import than many maps.
     from scipy.spatial import KDTree
 
     if not len(cloud.q):

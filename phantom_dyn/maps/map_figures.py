@@ -18,6 +18,7 @@ from phantom_dyn.maps.quantities import QUANTITIES
 
 Array = np.ndarray
 _LEVELS = 12
+"""Lines of equal value at most."""
 _COLORS = "viridis"
 
 

@@ -156,9 +156,9 @@ def urdf_facts(root: Element, sha256: str, path: Path) -> RobotXml:
         for element in joint.findall("dynamics"):
             require_not_negative(element, ("damping", "friction"), owner, path)
         axis = joint.find("axis")
-        if axis is not None and joint.get("type") not in ("fixed", "floating"):
-            if not any(numbers(axis, "xyz", owner, path) or [1.0]):
-                raise RobotError(f"{path}: the axis of {owner} is zero: give its direction.")
+        fixed = axis is None or joint.get("type") in ("fixed", "floating")
+        if axis is not None and not fixed and not any(numbers(axis, "xyz", owner, path) or [1.0]):
+            raise RobotError(f"{path}: the axis of {owner} is zero: give its direction.")
         mimic = joint.find("mimic")
         if mimic is not None:
             offset = numbers(mimic, "offset", owner, path) or [0.0]

@@ -1,1 +1,1 @@
-"""The shape of a robot as triangles, for drawings and for where its mass can be."""
+"""Shape of a robot as triangles, for drawings and for where its mass can be."""

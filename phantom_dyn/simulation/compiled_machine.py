@@ -15,7 +15,7 @@ from phantom_dyn.effects.compiled_laws import COMMANDS, READINGS, TORQUES
 from phantom_dyn.effects.simulated import Simulated
 from phantom_dyn.model.robot import Robot
 from phantom_dyn.simulation.compiled.arm_steps import Arm, run_arm
-from phantom_dyn.simulation.compiled.arrays import AT_SAMPLES, AT_STEPS, GIVEN, Control, Laws, Lines, lines_of, packed
+from phantom_dyn.simulation.compiled.arrays import AT_SAMPLES, AT_STEPS, GIVEN, Control, EffectLaws, lines_of, packed
 from phantom_dyn.simulation.compiled.axis_steps import Axis, run_axis
 from phantom_dyn.simulation.control import Tracking
 from phantom_dyn.simulation.stepping import Machine
@@ -29,18 +29,12 @@ class Compiled(NamedTuple):
     Attributes:
         run: The compiled loop.
         machine: Its machine.
-        torques: Laws of the torque channel.
-        commands: Laws of the drives.
-        readings: Laws of the encoders.
-        lines: Delay lines of the drives.
+        laws: Laws of all effects.
     """
 
     run: Callable[..., int]
     machine: Axis | Arm
-    torques: Laws
-    commands: Laws
-    readings: Laws
-    lines: Lines
+    laws: EffectLaws
 
 
 def compiled(machine: Machine, parts: tuple[Simulated, ...], t: Array, counts: Array) -> Compiled | None:
@@ -63,7 +57,8 @@ def compiled(machine: Machine, parts: tuple[Simulated, ...], t: Array, counts: A
     torques, commands, readings = (
         packed(channel, known) for channel, known in zip(channels, (TORQUES, COMMANDS, READINGS), strict=True)
     )
-    return Compiled(found[1], found[0], torques, commands, readings, lines_of(channels[1], t, counts))
+    laws_of_all = EffectLaws(torques, commands, readings, lines_of(channels[1], t, counts))
+    return Compiled(found[1], found[0], laws_of_all)
 
 
 def control_of(controller: Callable, robot: Robot) -> Control:

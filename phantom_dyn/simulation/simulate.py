@@ -22,7 +22,7 @@ from phantom_dyn.effects.simulated import Moment, Simulated
 from phantom_dyn.errors import ParameterError
 from phantom_dyn.model.robot import Robot
 from phantom_dyn.motion import Motion, read_only
-from phantom_dyn.simulation.compiled.arrays import Moving, Rows, moving_from, rows_for
+from phantom_dyn.simulation.compiled.arrays import Moving, Plan, Rows, moving_from, rows_for
 from phantom_dyn.simulation.compiled_machine import Compiled, compiled, control_of
 from phantom_dyn.simulation.control import Tracking
 from phantom_dyn.simulation.stepping import Machine, State, in_balance, longest_step, machine_of, stepped, with_motors
@@ -118,9 +118,9 @@ def simulate(
     spans = np.append(np.diff(t), 0.0)
     counts = np.ceil(spans / min(max_step, longest_step(machine, start.x[: robot.nv])) - 1e-9).astype(np.int64)
     counts[:-1] = np.maximum(counts[:-1], 1)
-    plan = _Plan(t, spans / np.maximum(counts, 1), counts, held=robot.torque_hold == "zoh")
+    plan = Plan(t, spans / np.maximum(counts, 1), counts, _TOO_FAST)
     steps = compiled(machine, parts, t, counts)
-    channels = Channels(machine, parts, controller, held=plan.held)
+    channels = Channels(machine, parts, controller, held=_is_held(robot))
     if steps is None:
         rows = _in_python(machine, start, channels, plan)
     else:
@@ -145,50 +145,40 @@ def _check(robot: Robot, controller: Controller, t: Array, starts: dict[str, Arr
         )
 
 
-@dataclass(frozen=True)
-class _Plan:
-    """Sample times [s], length and number of the steps behind each, and whether torque is held between samples."""
-
-    t: Float[Array, " N"]
-    steps: Float[Array, " N"]
-    counts: np.ndarray
-    held: bool
-
-
 def _compiled(
-    steps: Compiled, moving: Moving, channels: Channels, plan: _Plan, controller: Controller, robot: Robot
+    steps: Compiled, moving: Moving, channels: Channels, plan: Plan, controller: Controller, robot: Robot
 ) -> Rows:
     """Machines and effects that are compiled: all at once under a tracking law, else from one call to the next."""
     rows = rows_for(len(plan.t), robot.nv, len(moving.x))
     control = control_of(controller, robot)
 
-    def run(t: Array, h: Array, counts: Array, out: Rows) -> None:
-        broke = steps.run(*steps[1:], control, moving, t, h, counts, _TOO_FAST, out)
+    def run(now: Plan, out: Rows) -> None:
+        broke = steps.run(steps.machine, steps.laws, control, moving, now, out)
         if broke >= 0:
-            raise _unbounded(float(t[broke]))
+            raise _unbounded(float(now.t[broke]))
 
     if isinstance(controller, Tracking):
-        run(plan.t, plan.steps, plan.counts, rows)
+        run(plan, rows)
         return rows
     none, one, scratch = np.zeros(1, np.int64), np.ones(1, np.int64), rows_for(1, robot.nv, len(moving.x))
     for k in range(len(plan.t)):
         here = slice(k, k + 1)
         t, h, out = plan.t[here], plan.steps[here], Rows(*(part[here] for part in rows))
         moving.asked[:] = channels.ask(float(t[0]), moving.x, moving.v)
-        if plan.held:
-            run(t, h, plan.counts[here], out)
+        if _is_held(robot):
+            run(Plan(t, h, plan.counts[here], plan.far), out)
             continue
-        run(t, h, none, out)
+        run(Plan(t, h, none, plan.far), out)
         for i in range(plan.counts[k]):
             x, v = moving.x + 0.5 * h * moving.v, moving.v + 0.5 * h * moving.a
             moving.asked[:] = channels.ask(float(t[0] + (i + 0.5) * h[0]), x, v)
-            run(t, h, one, scratch)
+            run(Plan(t, h, one, plan.far), scratch)
             if i == 0:
                 rows.after[k] = moving.a
     return rows
 
 
-def _in_python(machine: Machine, state: State, channels: Channels, plan: _Plan) -> Rows:
+def _in_python(machine: Machine, state: State, channels: Channels, plan: Plan) -> Rows:
     """Any machine with any effects."""
     rows = rows_for(len(plan.t), machine.nv, len(state.x))
     for k, (t, h, count) in enumerate(zip(plan.t.tolist(), plan.steps.tolist(), plan.counts.tolist(), strict=True)):
@@ -197,7 +187,7 @@ def _in_python(machine: Machine, state: State, channels: Channels, plan: _Plan) 
         rows.before[k] = rows.after[k] = state.a
         for i in range(count):
             state = stepped(machine, state, t + i * h, h, channels.torques(h))
-            if not np.abs(state.v).max() < _TOO_FAST:
+            if not np.abs(state.v).max() < plan.far:
                 raise _unbounded(t)
             if i == 0:
                 rows.after[k] = state.a
@@ -269,6 +259,11 @@ def _recorded(machine: Machine, t: Array, rows: Rows, *, sensed: bool) -> Simula
     links = Motion(t, x[:, :nv], v[:, :nv], a[:, :nv])
     encoders = Motion(t, x[:, seen], v[:, seen], a[:, seen])
     return Simulation(t, rows.q, rows.given if sensed else rows.asked, encoders, links)
+
+
+def _is_held(robot: Robot) -> bool:
+    """True if a torque is held from one sample to the next."""
+    return robot.torque_hold == "zoh"
 
 
 def _unbounded(t: float) -> ParameterError:

@@ -1,9 +1,4 @@
-"""Where the feet go: from what the joystick says at a landing to the next footstep.
-
-What the user does with the controller: speed, direction, start and stop over time.
-
-Where the feet go: from what the joystick says at a landing to the next footstep.
-"""
+"""Joystick and footsteps: what the user does with the controller over time, and the step that follows at a landing."""
 
 from __future__ import annotations
 
@@ -17,6 +12,8 @@ from phantom_dyn.errors import ParameterError
 from phantom_dyn.motion import read_only
 
 Array = np.ndarray
+
+Side = Literal["left", "right"]
 
 
 @dataclass(frozen=True)
@@ -67,9 +64,6 @@ class Joystick:
             return time
         later = self.t[(self.t > time) & self.walking]
         return float(later[0]) if later.size else None
-
-
-Side = Literal["left", "right"]
 
 
 @dataclass(frozen=True)

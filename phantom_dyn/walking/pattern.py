@@ -1,12 +1,8 @@
-"""The plan of a walk, phase by phase, and its samples: the pendulum and both feet.
-
-The plan of a walk: phases in time, each with its feet and its zero moment point.
+"""The plan of a walk, phase by phase, and its samples: the pendulum and both feet with their derivatives.
 
 The plan is causal: each step is decided at the landing before it, from what the joystick says then. What comes later is
 assumed to go on as it is; where it does not, the zero moment point leaves the middle of the sole for one step, by two
 centimetres when the stick is thrown from full forward to full backward.
-
-From phases to samples: the pendulum and both feet, with velocities and accelerations.
 """
 
 from __future__ import annotations
@@ -32,6 +28,7 @@ from phantom_dyn.walking.footsteps import (
 )
 
 Array = np.ndarray
+
 
 PREVIEW = 6
 """Steps assumed to follow. What lies behind them counts by exp(-omega T PREVIEW), under 1e-5 at usual gaits."""
@@ -67,6 +64,20 @@ class Phase:
         return self.start + self.profile.duration
 
 
+@dataclass(frozen=True)
+class FootMotion:
+    """A sole over time: x, y, z of its middle [m] and heading [rad]; shapes ``(N, 4)``, contact ``(N,)``."""
+
+    position: Float[Array, "N 4"]
+    velocity: Float[Array, "N 4"]
+    acceleration: Float[Array, "N 4"]
+    contact: Bool[Array, " N"]
+
+    def __post_init__(self):
+        for name in ("position", "velocity", "acceleration"):
+            object.__setattr__(self, name, read_only(getattr(self, name)))
+
+
 def plan_walk(joystick: Joystick, gait: Gait, duration: float, omega: float) -> tuple[Phase, ...]:
     """Phases that cover ``duration`` [s] from standing at the origin.
 
@@ -94,6 +105,34 @@ def plan_walk(joystick: Joystick, gait: Gait, duration: float, omega: float) -> 
         time, stance, com = phases[-1].end, phases[-1].landing, _end(phases[-1], omega)[1]
         swing = "right"
     return tuple(phases)
+
+
+def pendulum_motion(phases: tuple[Phase, ...], t: Float[Array, " N"], omega: float) -> PendulumState:
+    """Samples of the pendulum at times ``t`` [s] that the phases cover."""
+    parts = []
+    for phase, own in _by_phase(phases, t):
+        parts.append(pendulum(own, phase.profile, phase.points, phase.dcm, phase.com, omega))
+    return PendulumState(*(np.concatenate([getattr(part, f.name) for part in parts]) for f in fields(PendulumState)))
+
+
+def foot_motion(phases: tuple[Phase, ...], t: Float[Array, " N"], side: Side, step_height: float) -> FootMotion:
+    """Samples of one sole at times ``t`` [s] that the phases cover.
+
+    It swings by a polynomial of fifth order along the ground and one of sixth order in height, so that velocity and
+    acceleration are zero at lift-off and landing.
+    """
+    parts = []
+    for phase, own in _by_phase(phases, t):
+        before, after = _pose(phase.stance.foot(side)), _pose(phase.landing.foot(side))
+        air = phase.profile.duration - phase.profile.ramp
+        moving = phase.swing == side
+        s = np.clip((own - phase.profile.ramp) / air, 0.0, 1.0)[:, None] if moving else np.zeros((len(own), 1))
+        air = air if moving else 1.0
+        lift = np.array([0.0, 0.0, step_height, 0.0])
+        along, up = _minimum_jerk(s), _bump(s)
+        order = [(after - before) * along[k] / air**k + lift * up[k] / air**k for k in range(3)]
+        parts.append((before + order[0], order[1], order[2], (s[:, 0] == 0.0) | (s[:, 0] == 1.0)))
+    return FootMotion(*(np.concatenate([part[k] for part in parts]) for k in range(4)))
 
 
 def _walk_until_stop(
@@ -146,48 +185,6 @@ def _end(phase: Phase, omega: float) -> tuple[Array, Array]:
     """Divergent component and centre of mass at the end of a phase."""
     last = pendulum(np.array([phase.profile.duration]), phase.profile, phase.points, phase.dcm, phase.com, omega)
     return last.dcm[0], last.com[0]
-
-
-@dataclass(frozen=True)
-class FootMotion:
-    """A sole over time: x, y, z of its middle [m] and heading [rad]; shapes ``(N, 4)``, contact ``(N,)``."""
-
-    position: Float[Array, "N 4"]
-    velocity: Float[Array, "N 4"]
-    acceleration: Float[Array, "N 4"]
-    contact: Bool[Array, " N"]
-
-    def __post_init__(self):
-        for name in ("position", "velocity", "acceleration"):
-            object.__setattr__(self, name, read_only(getattr(self, name)))
-
-
-def pendulum_motion(phases: tuple[Phase, ...], t: Float[Array, " N"], omega: float) -> PendulumState:
-    """Samples of the pendulum at times ``t`` [s] that the phases cover."""
-    parts = []
-    for phase, own in _by_phase(phases, t):
-        parts.append(pendulum(own, phase.profile, phase.points, phase.dcm, phase.com, omega))
-    return PendulumState(*(np.concatenate([getattr(part, f.name) for part in parts]) for f in fields(PendulumState)))
-
-
-def foot_motion(phases: tuple[Phase, ...], t: Float[Array, " N"], side: Side, step_height: float) -> FootMotion:
-    """Samples of one sole at times ``t`` [s] that the phases cover.
-
-    It swings by a polynomial of fifth order along the ground and one of sixth order in height, so that velocity and
-    acceleration are zero at lift-off and landing.
-    """
-    parts = []
-    for phase, own in _by_phase(phases, t):
-        before, after = _pose(phase.stance.foot(side)), _pose(phase.landing.foot(side))
-        air = phase.profile.duration - phase.profile.ramp
-        moving = phase.swing == side
-        s = np.clip((own - phase.profile.ramp) / air, 0.0, 1.0)[:, None] if moving else np.zeros((len(own), 1))
-        air = air if moving else 1.0
-        lift = np.array([0.0, 0.0, step_height, 0.0])
-        along, up = _minimum_jerk(s), _bump(s)
-        order = [(after - before) * along[k] / air**k + lift * up[k] / air**k for k in range(3)]
-        parts.append((before + order[0], order[1], order[2], (s[:, 0] == 0.0) | (s[:, 0] == 1.0)))
-    return FootMotion(*(np.concatenate([part[k] for part in parts]) for k in range(4)))
 
 
 def _by_phase(phases: tuple[Phase, ...], t: Array) -> list[tuple[Phase, Array]]:

@@ -1,4 +1,4 @@
-"""A joystick in, a walk and what the hand should feel of it out."""
+"""Walking reference from a joystick: the whole walk, the margin of its zero moment point, and the haptic signal."""
 
 from __future__ import annotations
 
@@ -92,7 +92,7 @@ def walk(
     Footsteps follow the stick at each landing, so that a stop ends within two steps: the one under way, and one that
     closes the feet. The centre of mass is a linear inverted pendulum whose divergent component is planned in closed
     form; joints follow by inverse kinematics; the zero moment point is that of all bodies. The walk is a reference:
-    where its margin is negative, the robot would tip, and nothing is done about it but to tell the hand.
+    where its margin is negative, the robot would tip, and all that is done about it is to let the hand feel it.
 
     Args:
         walker: Biped.

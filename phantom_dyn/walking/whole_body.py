@@ -1,5 +1,5 @@
 # pyright: reportAttributeAccessIssue=false
-"""Joint motion of a biped that puts centre of mass, base and both soles where they are wanted.
+"""Inverse kinematics of a biped: joint motion that puts centre of mass, base and both soles where they are wanted.
 
 Eighteen coordinates (the base and two legs of six joints) meet eighteen wishes: the centre of mass, an upright base
 with a heading, and two sole poses. Velocities and accelerations follow exactly; nothing is differentiated numerically.
@@ -23,6 +23,7 @@ Array = np.ndarray
 TOLERANCE = 1e-10
 """Residual in m and rad at which Newton's method stops: rounding, far below what shows in a zero moment point."""
 MAX_STEPS = 30
+"""Steps of Newton's method at most; from the sample before it takes three or four."""
 _WORLD = pin.ReferenceFrame.LOCAL_WORLD_ALIGNED
 
 

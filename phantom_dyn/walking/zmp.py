@@ -1,12 +1,8 @@
 # pyright: reportAttributeAccessIssue=false
 r"""Zero moment point of a whole robot and of the inverted pendulum, and the support polygon that it has to stay in.
 
-The convex hull of what touches the ground, and how far inside it a point lies.
-
-Zero moment point of a whole robot on level ground, three ways, and of the linear inverted pendulum.
-
-Seed equations of this section are lost; it cites [Huang]_. With :math:`L` the angular momentum of a body about its own
-centre of mass, right-handed, :math:`z` up and counted from the ground:
+The equations of this section of the source are lost; it cites [Huang]_. With :math:`L` the angular momentum of a body
+about its own centre of mass, right-handed, :math:`z` up and counted from the ground:
 
 .. math::
     x_{zmp} = \frac{\sum m (\ddot z + g) x - \sum m \ddot x z - \sum \dot L_y}{\sum m (\ddot z + g)}, \qquad

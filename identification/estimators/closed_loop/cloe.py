@@ -18,9 +18,8 @@ from jaxtyping import Float
 from scipy.linalg import solve_triangular
 
 from identification.data.log import Log
-from identification.estimators.closed_loop.loop import Feedback, Loop, simulated
+from identification.estimators.closed_loop.loop import Feedback, Loop, simulated, start_of
 from identification.estimators.closed_loop.plant import plant_of
-from identification.estimators.closed_loop.simulated_start import start_of
 from identification.estimators.fit import Estimate, Fit, Status, Values, fit_of
 from identification.estimators.linear.scatter import autocorrelation, correlation_factor
 from identification.regression.base_parameters import BaseParameters

@@ -1,7 +1,7 @@
 """Compiled simulation of a robot under position controllers, the robot given by parameters that are being estimated.
 
 The step is the one of `phantom_dyn.simulation.stepping`: the midpoint rule on velocity level with dry friction as an
-impulse, so that a joint at rest stays at rest.
+impulse, so that a joint at standstill stays there.
 """
 
 from __future__ import annotations
@@ -96,12 +96,8 @@ def run(plant: Plant, controllers: Controllers, q0: Array, v0: Array, out: Moved
             add_viscous(plant.E, viscous, v, h, force, mass)
             if not invert(mass):
                 return k
-            for i in range(nv):
-                speed[i] = v[i]
-                for c in range(nv):
-                    speed[i] += h * mass[i, c] * force[c]
-            for e in range(len(impulse)):
-                impulse[e] = 0.0
+            accelerate(mass, force, h, v, speed)
+            impulse[:] = 0.0
             rub(mass, speed, who, impulse, level, 1.0)
             for i in range(nv):
                 if not abs(speed[i]) < _TOO_FAST:
@@ -112,6 +108,15 @@ def run(plant: Plant, controllers: Controllers, q0: Array, v0: Array, out: Moved
                 q[i] = qm[i] + 0.5 * h * speed[i]
                 v[i] = speed[i]
     return -1
+
+
+@jit
+def accelerate(mobility: Array, force: Array, h: float, v: Array, speed: Array) -> None:
+    """Write the velocities that ``h`` seconds of force without dry friction leave behind velocities ``v``."""
+    for i in range(len(v)):
+        speed[i] = v[i]
+        for c in range(len(v)):
+            speed[i] += h * mobility[i, c] * force[c]
 
 
 @jit

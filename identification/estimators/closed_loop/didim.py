@@ -18,10 +18,10 @@ import numpy as np
 from jaxtyping import Float
 
 from identification.data.log import Log
-from identification.estimators.closed_loop.loop import Feedback, Loop
-from identification.estimators.closed_loop.simulated_start import Resimulation, resimulated, start_of
+from identification.estimators.closed_loop.loop import Feedback, Loop, Resimulation, resimulated, start_of
 from identification.estimators.fit import Fit, Status, fit_of, values_of_influence
-from identification.estimators.linear.rows import factor_of, influence_of, least_squares, residual_noise
+from identification.estimators.linear.least_squares import factor_of, influence_of, least_squares
+from identification.estimators.linear.scatter import residual_noise
 from identification.estimators.weighted_least_squares import floored
 from identification.regression.base_parameters import BaseParameters
 from identification.regression.regressor import EffectOnJoint, Regressor, torque_regressor

@@ -1,4 +1,4 @@
-"""Weighted linear least squares on equations that come in blocks, which the estimators share."""
+"""Weighted linear least squares on base equations: block by block, or on whole arrays for several passes."""
 
 from __future__ import annotations
 
@@ -18,6 +18,8 @@ Array = np.ndarray
 
 _KEPT = 5_000_000
 """Entries of the base equations that are kept from one pass to the next (40 MB); of more, they are made again."""
+
+_LEAST = 1e-11  # a column that adds less than this share of its norm to those before it is lost in rounding
 
 
 @dataclass(frozen=True)
@@ -108,16 +110,6 @@ def joint_grams(rows: Sequence[Float[Array, "_ q"]], factor: Float[Array, "r r"]
     return np.array([w @ w.T for w in white])
 
 
-def whitened(factor: Float[Array, "r r"], block: Float[Array, "n nv r"]) -> Float[Array, "n nv r"]:
-    """``X R^-1``: rows of the base regressor in coordinates in which its information is the identity.
-
-    Args:
-        factor: Triangular factor ``R``.
-        block: Rows of the base regressor.
-    """
-    return solve_triangular(factor, block.reshape(-1, block.shape[2]).T, trans=1).T.reshape(block.shape)
-
-
 def base_blocks(regressor: Regressor, base: BaseParameters) -> Iterator[tuple[slice, Array]]:
     """Blocks of the base regressor with the samples they hold.
 
@@ -183,3 +175,67 @@ def _weighted_factor(regressor: Regressor, base: BaseParameters, weights: Array)
     for rows, place, factor in zip(wide, own, factors, strict=True):
         rows[:, [*place, r]] = factor
     return triangular(np.concatenate(wide))
+
+
+def base_rows(regressor: Regressor, base: BaseParameters) -> Float[Array, "N nv r"]:
+    """Rows of the base parameters.
+
+    Args:
+        regressor: The equations.
+        base: Which columns are the unknowns.
+    """
+    kept = list(base.independent)
+    empty = np.zeros((0, regressor.robot.nv, len(kept)))
+    return np.concatenate([empty, *(block[:, :, kept] for block in regressor.blocks())])
+
+
+def factor_of(rows: Float[Array, "N nv r"], weights: Float[Array, " nv"]) -> Float[Array, "r r"]:
+    """Triangular factor of rows that count by the weights of their joints.
+
+    Args:
+        rows: Of the unknowns.
+        weights: One over the noise of each joint.
+
+    Raises:
+        IdentifiabilityError: If the rows do not determine the unknowns.
+    """
+    r = rows.shape[2]
+    factor = np.asarray(np.linalg.qr((rows * weights[:, None]).reshape(-1, r), mode="r"))
+    norms = np.linalg.norm(factor, axis=0)
+    if len(factor) < r or not norms.all() or (np.abs(np.diag(factor)) < _LEAST * norms).any():
+        raise IdentifiabilityError(
+            f"The simulated motion does not determine the {r} base parameters: record more motion or leave effects out."
+        )
+    return factor
+
+
+def least_squares(
+    rows: Float[Array, "N nv r"], target: Float[Array, "N nv"], weights: Float[Array, " nv"]
+) -> tuple[Float[Array, " r"], Float[Array, "r r"]]:
+    """Solution of weighted equations and their triangular factor.
+
+    Args:
+        rows: Of the unknowns.
+        target: Right-hand side.
+        weights: One over the noise of each joint.
+
+    Raises:
+        IdentifiabilityError: If the rows do not determine the unknowns.
+    """
+    factor = factor_of(rows, weights)
+    right = np.einsum("njr,nj->r", rows, target * weights**2, optimize=True)
+    return solve_triangular(factor, solve_triangular(factor, right, trans=1)), factor
+
+
+def influence_of(
+    rows: Float[Array, "N nv r"], factor: Float[Array, "r r"], weights: Float[Array, " nv"]
+) -> Float[Array, "N nv r"]:
+    """Change of each least-squares estimate per noise of each joint at each sample, shape ``(N, nv, r)``.
+
+    Args:
+        rows: Of the unknowns.
+        factor: Their triangular factor.
+        weights: One over the noise of each joint.
+    """
+    flat = (rows * weights[:, None] ** 2).reshape(-1, rows.shape[2]).T
+    return solve_triangular(factor, solve_triangular(factor, flat, trans=1)).T.reshape(rows.shape)

@@ -201,3 +201,41 @@ def sandwich(solution: Solution, information: Float[Array, " nv"], scatter: Floa
     left = solve_triangular(solution.factor, middle, check_finite=False)
     covariance = solve_triangular(solution.factor, left.T, check_finite=False)
     return 0.5 * (covariance + covariance.T)
+
+
+def covariances(
+    influence: Float[Array, "N nv r"],
+    residual: Float[Array, "N nv"],
+    sigma: Float[Array, " nv"],
+    starts: tuple[int, ...],
+) -> tuple[Float[Array, "r r"], Float[Array, "r r"], Float[Array, " nv"]]:
+    """Covariance with the memory of the noise, without it, and samples per independent sample of each joint.
+
+    Args:
+        influence: Change of each estimate per noise of each joint at each sample, shape ``(N, nv, r)``.
+        residual: Noise of each joint at each sample, as the estimate leaves it.
+        sigma: Standard deviation of each joint's noise.
+        starts: First sample of each recording, and N.
+    """
+    rho = [autocorrelation(column, starts) for column in residual.T]
+    r = influence.shape[2]
+    cov, white = np.zeros((r, r)), np.zeros((r, r))
+    for start, stop in pairwise(starts):
+        rows = influence[start:stop]
+        if len(rows):
+            cov += scatter_of_rows(rows, sigma**2, rho)
+            white += np.einsum("j,njk,njl->kl", sigma**2, rows, rows, optimize=True)
+    return 0.5 * (cov + cov.T), white, np.array([correlation_factor(lags) for lags in rho])
+
+
+def residual_noise(
+    rows: Float[Array, "N nv r"], influence: Float[Array, "N nv r"], residual: Float[Array, "N nv"]
+) -> Float[Array, " nv"]:
+    """Standard deviation of each joint's noise, see `joint_noise`.
+
+    Args:
+        rows: Of the unknowns.
+        influence: Change of each estimate per noise of each joint at each sample, shape ``(N, nv, r)``.
+        residual: Torque that the estimates leave.
+    """
+    return joint_noise(residual, np.einsum("njk,njk->j", influence, rows, optimize=True))

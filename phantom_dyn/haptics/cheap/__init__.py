@@ -1,1 +1,1 @@
-"""What a hand feels of a cheaper device."""
+"""A good haptic device made to feel like a cheaper one: inertia, play, friction, cogging and a weaker motor."""

@@ -1,4 +1,4 @@
-"""What makes one axis of a haptic device cheap, in the catalogue's parameters; by default nothing does.
+"""Parameters of a cheap axis of a haptic device: virtual mass, play, friction, cogging, limit; by default none.
 
 The figures are those of Brouwer and MacLean, Simulating Cheap Hardware, Table 2, the values that ran stably together.
 Its columns for friction are swapped as printed (millirad for a translation, micrometres for a rotation): here they
@@ -15,7 +15,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from phantom_dyn.errors import ParameterError
-from phantom_dyn.haptics.cheap.virtual_mass import CUTOFF_HZ
+
+CUTOFF_HZ = 70.0
 
 
 @dataclass(frozen=True)

@@ -1,18 +1,12 @@
 """The force that a hand feels on a cheaper device, from what it does with a good one and what is rendered to it.
 
-One cycle a sample of a cheap axis, compiled; `phantom_dyn.haptics.cheap.cheap_hardware` says what it computes.
-
-The force that a hand feels on a cheaper device, from what it does with a good one and what is rendered to it.
-
 One model of one degree of freedom per motor, composed as in Figure 7 of Brouwer and MacLean, Simulating Cheap Hardware:
 
 - what the virtual environment asks for is clipped at the motor's limit (`phantom_dyn.effects.drive.torque_saturation`);
 - cogging at the probe's position (`phantom_dyn.effects.drive.cogging`) and friction that sticks, of the probe's
-  position and
-  velocity (`phantom_dyn.effects.friction.presliding_friction`), are added without the coupling in between;
-- the gap's switch lets all of this through while the probe presses a wall, and blocks it in between
-  (`phantom_dyn.haptics.cheap.virtual_mass`);
-- the force of the virtual mass, averaged, is added in the end (`phantom_dyn.haptics.cheap.virtual_mass`).
+  position and velocity (`phantom_dyn.effects.friction.presliding_friction`), are added without the coupling in between;
+- the gap's switch lets all of this through while the probe presses a wall, and blocks it in between;
+- the force of the virtual mass, averaged, is added in the end (`phantom_dyn.haptics.cheap.cheap_cycle`).
 
 The sampling rate may change from sample to sample: the published one went from 500 to 2000 Hz. An average over 25
 samples delays the inertia by 24, 12 or 6 ms at 500, 1000 or 2000 Hz. An encoder of 8 um gives speeds in steps of 4, 8
@@ -26,106 +20,28 @@ from dataclasses import dataclass
 import numpy as np
 from jaxtyping import Bool, Float
 
-from phantom_dyn._kernels.jit import jit
 from phantom_dyn.devices.phantom import PHANTOM_1_5, PhantomParameters, hybrid_jacobian
-from phantom_dyn.effects.drive.cogging import cogging_torque
-from phantom_dyn.effects.drive.torque_saturation import held_within
-from phantom_dyn.effects.friction.presliding_friction import stick_law
 from phantom_dyn.errors import ParameterError
 from phantom_dyn.haptics.cheap.cheap_axis import CheapAxis
-from phantom_dyn.haptics.cheap.virtual_mass import GAP_DAMPING, WINDOW, coupling_force, low_passed, mass_step, side_of
+from phantom_dyn.haptics.cheap.cheap_cycle import (
+    COLUMNS,
+    COUPLING,
+    FORCE,
+    PROBE_SPEED,
+    SIDE,
+    STICKS,
+    V,
+    X,
+    along,
+    at_rest,
+    axis_numbers,
+)
 from phantom_dyn.haptics.number_checks import require_columns, require_not_negative, require_numbers
 
 Array = np.ndarray
 
-_clipped, _cogging = jit(held_within), jit(cogging_torque)
-# Places in the state of an axis; the last forces of the coupling are behind them.
-LAST, RAW, SPEED, MASS_X, MASS_V, STUCK, ANCHOR, COUNT = range(8)
-FORCES = 8
-# Columns of what is rendered.
-FORCE, COUPLING, SIDE, X, V, PROBE_SPEED, STICKS = range(7)
-COLUMNS = 7
-
-
-def axis_numbers(axis: CheapAxis) -> tuple[Array, Array, Array, Array]:
-    """An axis as arrays for the compiled loop: ten numbers, and the waves of its cogging."""
-    mass, friction, waves = axis.mass, axis.friction, axis.cogging
-    numbers = [0.0] * 3 if mass is None else [mass.inertia, mass.stiffness, mass.damping]
-    numbers += [axis.gap, axis.limit]
-    if friction is None:
-        numbers += [0.0] * 4
-    else:
-        numbers += [friction.torque, friction.displacement, friction.static_ratio, friction.stick_velocity]
-    numbers.append(axis.cutoff_hz)
-    table = ((), (), ()) if waves is None else (waves.order, waves.amplitude, waves.phase)
-    orders, amplitudes, phases = (np.array(values, dtype=float) for values in table)
-    return np.array(numbers, dtype=float), orders, amplitudes, phases
-
-
-@jit
-def along(
-    numbers: Array,
-    orders: Array,
-    amplitudes: Array,
-    phases: Array,
-    state: Array,
-    steps: Array,
-    positions: Array,
-    asked: Array,
-    out: Array,
-) -> None:
-    """One cycle a sample; ``state`` moves on, ``out`` is filled."""
-    mass, stiffness, damping, gap, limit = numbers[0], numbers[1], numbers[2], numbers[3], numbers[4]
-    cutoff = numbers[9]
-    slip, displacement, ratio, stick_velocity = numbers[5], numbers[6], numbers[7], numbers[8]
-    for k in range(len(steps)):
-        x, dt, last = positions[k], steps[k], state[LAST]
-        if np.isnan(last):
-            state[MASS_X] = x
-        elif dt > 0.0:
-            raw = (x - last) / dt
-            state[SPEED] = raw if cutoff == np.inf else low_passed(state[SPEED], state[RAW], raw, dt, cutoff)
-            state[RAW] = raw
-        speed = state[SPEED]
-
-        side, coupling = 1.0, 0.0
-        if mass > 0.0:
-            x_mass, v_mass = state[MASS_X], state[MASS_V]
-            if not np.isnan(last):
-                side = side_of(last - x_mass, gap)
-                held, drag = (stiffness, damping) if side != 0.0 else (0.0, GAP_DAMPING * damping)
-                middle = 0.5 * (last + x) - 0.5 * side * gap
-                state[MASS_X], state[MASS_V] = mass_step(x_mass, v_mass, dt, mass, middle, held, drag, speed)
-            apart = x - state[MASS_X]
-            side = side_of(apart, gap)
-            # A difference of positions is the velocity half a step ago, so the mass's is taken there too.
-            rate = speed - 0.5 * (v_mass + state[MASS_V])
-            coupling = coupling_force(apart, rate, side, gap, stiffness, damping)
-        else:
-            state[MASS_X], state[MASS_V] = x, speed
-        state[FORCES + int(state[COUNT]) % WINDOW] = coupling
-        state[COUNT] += 1.0
-
-        friction = 0.0
-        if slip > 0.0:
-            state[STUCK], state[ANCHOR], friction = stick_law(
-                last, state[STUCK], state[ANCHOR], x, speed, slip, displacement, ratio, stick_velocity
-            )
-        direct = _clipped(asked[k], limit) + friction
-        if len(orders) > 0:
-            direct += _cogging(x, orders, amplitudes, phases)
-        if side == 0.0:
-            direct = 0.0
-        if mass > 0.0:
-            direct += np.sum(state[FORCES:]) / WINDOW
-        out[k, FORCE], out[k, COUPLING], out[k, SIDE] = direct, coupling, side
-        out[k, X], out[k, V], out[k, PROBE_SPEED] = state[MASS_X], state[MASS_V], speed
-        out[k, STICKS] = state[STUCK]
-        state[LAST] = x
-
-
-# Condition number of a Jacobian, of metres by radians, beyond which a force is rounding.
 _SINGULAR = 1e8
+"""Condition number of a Jacobian, of metres by radians, beyond which a force is rounding."""
 
 
 @dataclass(frozen=True)
@@ -151,13 +67,6 @@ class Rendered:
     stuck: Bool[Array, " N"]
 
 
-def at_rest() -> Float[Array, " s"]:
-    """State of an axis before its first sample, which it takes to be at rest there."""
-    state = np.zeros(FORCES + WINDOW)
-    state[LAST] = np.nan
-    return state
-
-
 def felt(
     axis: CheapAxis, state: Float[Array, " s"], dt: float, x: float, force: float
 ) -> tuple[Float[Array, " s"], float]:
@@ -177,7 +86,7 @@ def felt(
     require_numbers(position_of_the_probe=x, force=force)
     _require_rate(axis, dt)
     state, out = state.copy(), np.zeros((1, COLUMNS))
-    along(*axis_numbers(axis), state, np.array([dt]), np.array([x]), np.array([force]), out)
+    along(axis_numbers(axis), state, np.array([dt]), np.array([x]), np.array([force]), out)
     return state, float(out[0, FORCE])
 
 
@@ -205,7 +114,7 @@ def rendered(axis: CheapAxis, t: Float[Array, " N"], x: Float[Array, " N"], forc
     _require_rate(axis, float(steps.max()))
     out = np.zeros((len(t), COLUMNS))
     x, force = (np.ascontiguousarray(values, dtype=float) for values in (x, force))
-    along(*axis_numbers(axis), at_rest(), steps, x, force, out)
+    along(axis_numbers(axis), at_rest(), steps, x, force, out)
     return Rendered(
         force=out[:, FORCE],
         coupling=out[:, COUPLING],
@@ -263,8 +172,8 @@ def phantom_tip_force(
     singular = np.flatnonzero(np.linalg.cond(J) > _SINGULAR)
     if len(singular):
         raise ParameterError(
-            f"The PHANToM is singular at sample {singular[0]}, where a force at its tip does not tell those of its "
-            "motors: give a motion that keeps away from there."
+            f"The PHANToM is singular at sample {singular[0]}, where a force at its tip does not determine those of "
+            "its motors: give a motion that keeps away from there."
         )
     tau = np.einsum("nij,ni->nj", J, tip_force)
     given = rendered_axes(axes, t, q, tau)

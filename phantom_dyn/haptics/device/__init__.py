@@ -1,1 +1,1 @@
-"""One axis of a haptic device, its drive, and what a sampling computer sees of it."""
+"""One axis of a haptic device, its drive, its sampled form, and the devices of the sources."""

@@ -1,20 +1,17 @@
 r"""One axis of a haptic device, a rigid mass or motor and body tied by a cable, and the hand that holds it.
 
-One axis of a haptic device: a rigid mass, or motor and body tied by a cable.
-
 The two-mass model is that of the chapter, (18): motor :math:`m_r` and body :math:`m_d` with dampers to ground, tied by
 spring :math:`k_c` and damper :math:`b_c`. The encoder sits on the motor, so what counts for stability is
 
 .. math:: G_r = p_d / p, \quad p = p_r p_d - (k_c + b_c s)^2, \quad
    p_r = m_r s^2 + (b_r + b_c) s + k_c, \quad p_d = m_d s^2 + (b_d + b_c) s + k_c + (b_g s + k_g).
 
-All equations hold for a rotating axis with inertias, N m s/rad and N m/rad.
+All equations hold for a rotating axis with inertias, N m s/rad and N m/rad. The hand is a mass on a spring and a
+damper.
 
 References:
     .. [Gil] J. J. Gil et al., chapter on stability and transparency in "Advances in Haptics", 2010, equations (18) to
        (24); those that the copy at hand lost, (19), (23) and (24), are derived, and held by tests.
-
-The hand that holds a haptic device: a mass on a spring and a damper.
 """
 
 from __future__ import annotations
@@ -29,13 +26,7 @@ from phantom_dyn.errors import ParameterError
 from phantom_dyn.haptics.device.transfer_function import StateSpace, TransferFunction
 from phantom_dyn.haptics.number_checks import require_positive
 
-
-def _check(axis: object, positive: tuple[str, ...], others: tuple[str, ...]) -> None:
-    for name in positive + others:
-        value = getattr(axis, name)
-        if not (math.isfinite(value) and (value > 0 if name in positive else value >= 0)):
-            wanted = "a positive number" if name in positive else "a number of 0 or more"
-            raise ParameterError(f"The {name} of the axis is {value:g}: give {wanted}.")
+Array = np.ndarray
 
 
 @dataclass(frozen=True)
@@ -193,32 +184,6 @@ class TwoMassAxis:
         return 20.0 * math.log10(self.free_frequency * damping)
 
 
-def masses_from_resonance(total: float, stiffness: float, resonance: float) -> tuple[float, float]:
-    """The lighter and the heavier of two masses with this sum that swing on this spring at this frequency, (22).
-
-    Args:
-        total: Sum of both [kg or kg m2].
-        stiffness: Of the spring [N/m or N m/rad].
-        resonance: [rad/s].
-
-    Raises:
-        ParameterError: If a value is not above 0, or two masses on that spring cannot swing so slowly.
-    """
-    require_positive(total_of_both_masses=total, stiffness=stiffness, resonance=resonance)
-    reduced = stiffness / resonance**2
-    if not 0 < 4 * reduced <= total:
-        raise ParameterError(
-            f"No two masses of {total:g} together swing on a spring of {stiffness:g} at {resonance:g} rad/s: "
-            f"give a resonance of {2 * math.sqrt(stiffness / total):g} rad/s or more."
-        )
-    half = 0.5 * total
-    apart = math.sqrt(half**2 - reduced * total)
-    return reduced * total / (half + apart), half + apart
-
-
-Array = np.ndarray
-
-
 @dataclass(frozen=True)
 class Operator:
     r"""Impedance of a human operator, force over position: :math:`Z_h(s) = m_h s^2 + b_h s + k_h`.
@@ -250,6 +215,37 @@ class Operator:
     def impedance(self, frequency: Float[Array, " n"]) -> Complex[Array, " n"]:
         """Force over position [N/m] at the frequencies [rad/s], shape ``(n,)``."""
         return np.polyval(self.polynomial(), 1j * frequency)
+
+
+def masses_from_resonance(total: float, stiffness: float, resonance: float) -> tuple[float, float]:
+    """The lighter and the heavier of two masses with this sum that swing on this spring at this frequency, (22).
+
+    Args:
+        total: Sum of both [kg or kg m2].
+        stiffness: Of the spring [N/m or N m/rad].
+        resonance: [rad/s].
+
+    Raises:
+        ParameterError: If a value is not above 0, or two masses on that spring cannot swing so slowly.
+    """
+    require_positive(total_of_both_masses=total, stiffness=stiffness, resonance=resonance)
+    reduced = stiffness / resonance**2
+    if not 0 < 4 * reduced <= total:
+        raise ParameterError(
+            f"No two masses of {total:g} together swing on a spring of {stiffness:g} at {resonance:g} rad/s: "
+            f"give a resonance of {2 * math.sqrt(stiffness / total):g} rad/s or more."
+        )
+    half = 0.5 * total
+    apart = math.sqrt(half**2 - reduced * total)
+    return reduced * total / (half + apart), half + apart
+
+
+def _check(axis: object, positive: tuple[str, ...], others: tuple[str, ...]) -> None:
+    for name in positive + others:
+        value = getattr(axis, name)
+        if not (math.isfinite(value) and (value > 0 if name in positive else value >= 0)):
+            wanted = "a positive number" if name in positive else "a number of 0 or more"
+            raise ParameterError(f"The {name} of the axis is {value:g}: give {wanted}.")
 
 
 FREE_HAND = Operator(0.0, 0.0, 0.0)

@@ -1,4 +1,4 @@
-r"""What a sampling computer sees of a device: zero-order hold and delay, exactly.
+r"""Exact sampled form of a device behind a zero-order hold and any delay.
 
 The force that the computer gives at :math:`kT` acts from :math:`kT + t_d` to :math:`(k + 1)T + t_d`, and with
 :math:`t_d = dT + \tau`, :math:`0 \le \tau < T` the state at the samples follows
@@ -7,6 +7,10 @@ The force that the computer gives at :math:`kT` acts from :math:`kT + t_d` to :m
 
 without approximation; :math:`\Phi(h) = e^{A h}` and :math:`\Gamma(h) = \int_0^h e^{A s} B\, ds` come out of one
 exponential of the matrix :math:`[A, B; 0, 0]`. The delay need not be a multiple of the period.
+
+Simulations of robots have delays of their own: there the torque is not held over a whole period and the dynamics are
+not linear, so that a line of past commands takes the place of these matrices
+(`phantom_dyn.effects.drive.input_delay`).
 """
 
 from __future__ import annotations
@@ -25,9 +29,10 @@ from phantom_dyn.motion import read_only
 
 Array = np.ndarray
 Controller = tuple[Array, Array, Array, float]
+"""State space ``A``, ``B``, ``C``, ``D`` of a digital controller of one input and one output."""
 
-# A delay that is this close to a multiple of the period, relative to the period, is one.
 _SAME = 1e-9
+"""Distance of a delay from a multiple of the period, relative to the period, below which it is that multiple."""
 
 
 @dataclass(frozen=True)
@@ -63,6 +68,7 @@ class SampledAxis:
         for name in ("transition", "newer", "older", "output"):
             object.__setattr__(self, name, read_only(getattr(self, name)))
 
+    # Cached: a function of the fields alone, asked for at every frequency.
     @cached_property
     def loop(self) -> tuple[int, float, float, Array, Array, Array]:
         """Steps, feed-through, and the polynomials of `loop_polynomials`."""

@@ -1,21 +1,25 @@
-"""Loops that are compiled: held input, loop polynomials, frequency grid, crossings of the real axis.
+"""Compiled loops over frequencies: held input, loop polynomials, frequency grid, crossings of the real axis.
 
 Unannotated on purpose: numba compiles for whatever arrives. See `phantom_dyn.haptics.device.discretisation` for what
 they compute; a system here is ``A (n, n)``, ``B (n,)``, ``C (n,)``, a loop the tuple that `loop_polynomials` returns.
 """
 
+from typing import NamedTuple
+
 import numpy as np
 
 from phantom_dyn._kernels.jit import jit
 
-# Terms of the Taylor series at norm 0.5: the first one left out is under 1e-17.
 _TERMS = 14
-# Points of the frequency grid a decade, and around each lightly damped mode, in units of its half width.
+"""Terms of the Taylor series at norm 0.5: the first one left out is under 1e-17."""
 _A_DECADE = 150
+"""Points of the frequency grid a decade."""
 _AROUND = np.tan(np.linspace(-1.5, 1.5, 25))
-# Phase [rad] that delay and hold may turn between two points.
+"""Points of the grid around each lightly damped mode, in units of its half width."""
 _TURN = 0.2
+"""Phase [rad] that delay and hold may turn between two points."""
 _HALVINGS = 60
+"""Of the interval that holds a crossing: to the last bits of its frequency."""
 
 
 @jit
@@ -201,7 +205,7 @@ def crossings(grid, period, loop, scaled, fixed):
 def lowest_gain(low, modes, period, delay, loop, virtual_damping):
     """Critical stiffness and its frequency, as of `phantom_dyn.haptics.stability.critical_stiffness`.
 
-    Whether soft walls are stable is told without eigenvalues: the damping at the lowest frequency must be positive,
+    Whether soft walls are stable is decided without eigenvalues: the damping at the lowest frequency must be positive,
     and the virtual damping between the two edges nearest to none. Holds for a device that is stable by itself.
     """
     grid = frequency_grid(low, period, delay, modes)
@@ -221,13 +225,45 @@ def lowest_gain(low, modes, period, delay, loop, virtual_damping):
     return best, at
 
 
-@jit
-def map_lowest_gain(A, B, C, low, modes, period, virtual_damping, steps, rest, stiffness, frequency):
-    """Fill the two maps, ``(damping, virtual damping, delay, period)``.
+class MapDevices(NamedTuple):
+    """Systems of a map with their modes, one for each damping of the device.
 
-    ``A`` and ``modes`` have one matrix for each damping; ``low`` is a frequency for each damping, virtual damping,
-    delay and period; ``steps`` and ``rest`` one for each delay and period.
+    Attributes:
+        A: Shape ``(i, n, n)``.
+        B: Shape ``(n,)``.
+        C: Shape ``(n,)``.
+        modes: Frequency and half width, ``(i, m, 2)``.
     """
+
+    A: np.ndarray
+    B: np.ndarray
+    C: np.ndarray
+    modes: np.ndarray
+
+
+class MapSettings(NamedTuple):
+    """Loops of a map.
+
+    Attributes:
+        period: Shape ``(m,)``.
+        virtual_damping: Shape ``(j,)``.
+        steps: Whole periods in the delay, for each delay and period, ``(k, m)``.
+        rest: Rest of the delay, ``(k, m)``.
+        low: Lowest frequency, for each damping, virtual damping, delay and period, ``(i, j, k, m)``.
+    """
+
+    period: np.ndarray
+    virtual_damping: np.ndarray
+    steps: np.ndarray
+    rest: np.ndarray
+    low: np.ndarray
+
+
+@jit
+def map_lowest_gain(devices, settings, stiffness, frequency):
+    """Fill the two maps, ``(damping, virtual damping, delay, period)``, see `lowest_gain`."""
+    A, B, C, modes = devices
+    period, virtual_damping, steps, rest, low = settings
     for i in range(A.shape[0]):
         for k in range(steps.shape[0]):
             for m in range(len(period)):

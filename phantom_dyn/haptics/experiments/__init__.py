@@ -1,1 +1,1 @@
-"""Experiments that identify a device: relay and white noise."""
+"""Experiments that identify a device: relay, white noise, and the two-mass model that fits a response."""

@@ -28,21 +28,22 @@ Array = np.ndarray
 NAMES = ("motor_mass", "body_mass", "motor_damping", "body_damping", "cable_stiffness", "cable_damping")
 """The six parameters, in the order of the arrays, named as the fields of `TwoMassAxis`."""
 
-# Masses and stiffness are fitted in logarithm, dampings as they are: one of them may well be zero.
 _IN_LOG = np.array([True, True, False, False, True, False])
-# Neighbouring frequencies share data through the Hann window (correlation 2/3 and 1/6, squared in a cross spectrum).
+"""Masses and stiffness are fitted in logarithm, dampings as they are: one of them may well be zero."""
 _SHARED = 1.0 + 2.0 * ((2.0 / 3.0) ** 2 + (1.0 / 6.0) ** 2)
-# Frequencies whose force explains less than this of the motion are left out until the fit is near.
+"""Data that neighbouring frequencies share through the Hann window: correlation 2/3 and 1/6, squared."""
 _LEAST_COHERENCE = 0.3
-# Frequencies on either side over which the deviations are averaged.
+"""Share of the motion that the force must explain at a frequency to count until the fit is near."""
 _NEIGHBOURS = 7
-# Damping ratios of the cable that the search starts from.
+"""Frequencies on either side over which the deviations are averaged."""
 _STARTS = (0.01, 0.05, 0.2)
+"""Damping ratios of the cable that the search starts from."""
 _QUANTILE_95 = 1.959963984540054
-# Mean square of the residuals, in deviations, above which the model is not that of the data.
+"""Standard normal quantile of a two-sided interval of 95 %."""
 _MISFIT = 4.0
-# Deviations by which both masses and the stiffness must differ from zero: else there is no second mass.
+"""Mean square of the residuals, in deviations, above which the model is not that of the data."""
 _SURE = 3.0
+"""Deviations by which both masses and the stiffness must differ from zero: else there is no second mass."""
 
 
 @dataclass(frozen=True)
@@ -126,6 +127,7 @@ def fit_two_mass_of_instants(response: FrequencyResponse) -> TwoMassFit:
 
 
 def _fit(response: FrequencyResponse, model: Callable[[TwoMassAxis, Array], Array]) -> TwoMassFit:
+    # Imported here: scipy.optimize takes longer to import than the rest of haptics.
     from scipy.optimize import least_squares
 
     good = response.coherence >= _LEAST_COHERENCE
@@ -179,8 +181,9 @@ def _fit(response: FrequencyResponse, model: Callable[[TwoMassAxis, Array], Arra
     unsure = np.sqrt(np.diag(covariance)[_IN_LOG]) > values[_IN_LOG] / _SURE
     if np.any(unsure) or best.axis.free_frequency > w[-1]:
         raise EstimationError(
-            f"The response tells no vibration from none: the best resonance is {best.axis.free_frequency:.3g} rad/s, "
-            f"the band ends at {w[-1]:.3g} rad/s. A rigid device, or a band that leaves its vibration out."
+            "The response cannot distinguish a vibration from none: the best resonance is "
+            f"{best.axis.free_frequency:.3g} rad/s, the band ends at {w[-1]:.3g} rad/s. A rigid "
+            "device, or a band that leaves its vibration out."
         )
     zero = tuple(NAMES[k] for k in np.flatnonzero(~_IN_LOG & (best.x < 1e-6)))
     return TwoMassFit(values, covariance, response, model(best.axis, w), misfit, zero)

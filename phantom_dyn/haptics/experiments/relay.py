@@ -1,8 +1,4 @@
-r"""Relay experiment on a device: limit cycles that give mass and damping; the held-force steps behind it, compiled.
-
-Loops over the samples of a device behind hold and delay, compiled; unannotated, as numba takes what arrives.
-
-Relay experiment: critical stiffness from the oscillation of a device under an on-off force.
+r"""Relay experiment: critical stiffness from the oscillation of a device under an on-off force.
 
 A relay :math:`u = -F\,\mathrm{sign}(x)` makes the device swing about zero at a frequency where the loop's phase is
 -180 degrees; the quotient of the first harmonics of force and position is the critical stiffness there (Astrom and
@@ -10,7 +6,8 @@ Hagglund, 1995). A device with a vibration has several such frequencies, and **t
 ends in the vibration's, a large one in that of the rigid device. Which one an experiment shows depends on its start.
 
 The relay is sampled: it sees a zero crossing up to one period late, which counts as half a period of delay on average;
-at the vibration's frequency and little delay that is visible, at a few hertz it is not.
+at the vibration's frequency and little delay that is visible, at a few hertz it is not. The steps of a device behind
+hold and delay are compiled, and unannotated, as numba takes what arrives.
 """
 
 from __future__ import annotations
@@ -28,62 +25,16 @@ from phantom_dyn.haptics.device.discretisation import discretise
 from phantom_dyn.haptics.number_checks import require_columns, require_numbers, require_positive, sample_count
 from phantom_dyn.motion import read_only
 
-
-@jit
-def _read(C, x):
-    """Position in a state."""
-    y = 0.0
-    for i in range(len(x)):
-        y += C[i] * x[i]
-    return y
-
-
-@jit
-def _advance(transition, newer, older, steps, given, k, x, following):
-    """Write the state after sample ``k`` into ``following``; before the first sample no force was given."""
-    new = given[k - steps] if k >= steps else 0.0
-    old = given[k - steps - 1] if k > steps else 0.0
-    for i in range(len(x)):
-        following[i] = newer[i] * new + older[i] * old
-        for j in range(len(x)):
-            following[i] += transition[i, j] * x[j]
-
-
-@jit
-def relay_loop(transition, newer, older, C, steps, state, force, count):
-    """Forces of a relay that are given, and positions that are read, from a state at rest."""
-    given = np.zeros(count)
-    position = np.zeros(count)
-    x = state.copy()
-    following = np.zeros(len(state))
-    for k in range(count):
-        position[k] = _read(C, x)
-        given[k] = force if position[k] < 0.0 else -force
-        _advance(transition, newer, older, steps, given, k, x, following)
-        x, following = following, x
-    return given, position
-
-
-@jit
-def held_forces(transition, newer, older, C, steps, state, forces):
-    """Positions that are read while the forces are given one after the other, held and delayed."""
-    position = np.zeros(len(forces))
-    x = state.copy()
-    following = np.zeros(len(state))
-    for k in range(len(forces)):
-        position[k] = _read(C, x)
-        _advance(transition, newer, older, steps, forces, k, x, following)
-        x, following = following, x
-    return position
-
-
 Array = np.ndarray
 
-# Share of the recording that is left out while the oscillation settles, and longest segment of a spectrum.
 _SETTLING = 0.4
+"""Share of the recording that is left out while the oscillation settles."""
 _SEGMENT = 8192
-# Bins on either side of a peak of the Hann window that belong to it.
+"""Samples of the longest segment of a spectrum."""
 _REACH = 2
+"""Bins on either side of a peak of the Hann window that belong to it."""
+_LEAST_SAMPLES, _LEAST_LEFT = 100, 64
+"""Samples of an experiment, and of what is left of it after settling: fewer hold no spectrum."""
 
 
 @dataclass(frozen=True)
@@ -159,7 +110,7 @@ def simulate_relay(
     require_positive(force_of_the_relay=force)
     require_numbers(start=start)
     count = sample_count(duration, period)
-    if count < 100:
+    if count < _LEAST_SAMPLES:
         raise ParameterError(f"A relay experiment of {count} samples was asked for: give a duration of 100 or more.")
     sampled = discretise(axis, period=period, delay=delay)
     given, position = relay_loop(
@@ -178,13 +129,14 @@ def limit_cycle(experiment: RelayExperiment) -> LimitCycle:
         ParameterError: If fewer than 64 samples are left after the device has settled, the relay does not switch any
             more, or force or position are not finite.
     """
+    # Imported here: scipy.signal takes longer to import than the rest of haptics.
     from scipy.signal import csd, welch
 
     require_columns(len(experiment.t), force=experiment.force, position=experiment.position)
     first = int(_SETTLING * len(experiment.t))
     force, position = experiment.force[first:], experiment.position[first:]
     length = min(_SEGMENT, len(force))
-    if length < 64:
+    if length < _LEAST_LEFT:
         raise ParameterError(f"{length} samples are left of the relay experiment after settling: record 64 or more.")
     if np.ptp(force) == 0 or np.ptp(position) == 0:
         raise ParameterError(
@@ -202,3 +154,51 @@ def limit_cycle(experiment: RelayExperiment) -> LimitCycle:
     stiffness = float(np.sum(force_density[peak]) / np.abs(np.sum(cross[peak])))
     amplitude = float(np.sqrt(2.0 * np.sum(density[peak]) * (f[1] - f[0])))
     return LimitCycle(2 * np.pi * frequency, stiffness, amplitude, 2 * np.pi * f, force_density, density)
+
+
+@jit
+def relay_loop(transition, newer, older, C, steps, state, force, count):
+    """Forces of a relay that are given, and positions that are read, from a state at rest."""
+    given = np.zeros(count)
+    position = np.zeros(count)
+    x = state.copy()
+    following = np.zeros(len(state))
+    for k in range(count):
+        position[k] = _read(C, x)
+        given[k] = force if position[k] < 0.0 else -force
+        _advance(transition, newer, older, steps, given, k, x, following)
+        x, following = following, x
+    return given, position
+
+
+@jit
+def held_forces(transition, newer, older, C, steps, state, forces):
+    """Positions that are read while the forces are given one after the other, held and delayed."""
+    position = np.zeros(len(forces))
+    x = state.copy()
+    following = np.zeros(len(state))
+    for k in range(len(forces)):
+        position[k] = _read(C, x)
+        _advance(transition, newer, older, steps, forces, k, x, following)
+        x, following = following, x
+    return position
+
+
+@jit
+def _advance(transition, newer, older, steps, given, k, x, following):
+    """Write the state after sample ``k`` into ``following``; before the first sample no force was given."""
+    new = given[k - steps] if k >= steps else 0.0
+    old = given[k - steps - 1] if k > steps else 0.0
+    for i in range(len(x)):
+        following[i] = newer[i] * new + older[i] * old
+        for j in range(len(x)):
+            following[i] += transition[i, j] * x[j]
+
+
+@jit
+def _read(C, x):
+    """Position in a state."""
+    y = 0.0
+    for i in range(len(x)):
+        y += C[i] * x[i]
+    return y

@@ -1,9 +1,5 @@
 r"""White-noise experiment on a device, and its empirical transfer function with coherence and confidence.
 
-White-noise experiment on a device: force in, position out.
-
-Empirical transfer function of a device from recorded force and position, with coherence and confidence.
-
 The position of a device that floats freely wanders, and a spectrum of what wanders is a spectrum of its ends. So
 spectra are those of the second difference :math:`y_{k+1} - 2 y_k + y_{k-1}`, which does not; it is
 :math:`-4 \sin^2(\omega T/2)` times the position at every frequency, without lag, and that is divided out.
@@ -25,6 +21,13 @@ from phantom_dyn.haptics.number_checks import require_columns, require_not_negat
 from phantom_dyn.motion import read_only
 
 Array = np.ndarray
+
+_OVERLAP = 1.0 + 2.0 / 36.0
+"""Loss of independence of Hann windows at half overlap: correlation of neighbouring segments, 1/6, enters squared."""
+_MOST_COHERENT = 1.0 - 1e-9
+"""Coherence is kept off one, where the deviations would vanish."""
+_QUANTILE_95 = 1.959963984540054
+"""Standard normal quantile of a two-sided interval of 95 %."""
 
 
 @dataclass(frozen=True)
@@ -48,44 +51,6 @@ class WhiteNoiseExperiment:
     def frequency_response(self, *, segment: float) -> FrequencyResponse:
         """Empirical transfer function from segments of this length [s]."""
         return estimate_frequency_response(self.force, self.position, period=self.period, segment=segment)
-
-
-def simulate_white_noise(
-    axis: RigidAxis | TwoMassAxis,
-    *,
-    period: float,
-    delay: float = 0.0,
-    force: float,
-    position_noise: float,
-    duration: float,
-    rng: np.random.Generator,
-) -> WhiteNoiseExperiment:
-    """Device driven by white noise behind hold and delay, from rest, its position read with white noise.
-
-    Args:
-        axis: Model of the device.
-        period: Sampling period [s].
-        delay: Of the loop beside the hold [s].
-        force: Standard deviation of the force [N or N m].
-        position_noise: Standard deviation of the reading [m or rad].
-        duration: [s].
-        rng: Draws force and noise.
-
-    Raises:
-        ParameterError: If a deviation is negative, or period or duration are not positive.
-    """
-    require_not_negative(force=force, position_noise=position_noise)
-    given = force * rng.standard_normal(sample_count(duration, period))
-    s = discretise(axis, period=period, delay=delay)
-    position = held_forces(s.transition, s.newer, s.older, s.output, s.steps, axis.rest(0.0), given)
-    return WhiteNoiseExperiment(period, given, position + position_noise * rng.standard_normal(len(given)))
-
-
-# Of the Hann window at half overlap: correlation of neighbouring segments, 1/6, enters twice in square.
-_OVERLAP = 1.0 + 2.0 / 36.0
-# Coherence is kept off one, where the deviations would vanish.
-_MOST_COHERENT = 1.0 - 1e-9
-_QUANTILE_95 = 1.959963984540054
 
 
 @dataclass(frozen=True)
@@ -136,6 +101,37 @@ class FrequencyResponse:
         return FrequencyResponse(self.period, w, response, coherence, deviation, self.averages)
 
 
+def simulate_white_noise(
+    axis: RigidAxis | TwoMassAxis,
+    *,
+    period: float,
+    delay: float = 0.0,
+    force: float,
+    position_noise: float,
+    duration: float,
+    rng: np.random.Generator,
+) -> WhiteNoiseExperiment:
+    """Device driven by white noise behind hold and delay, from rest, its position read with white noise.
+
+    Args:
+        axis: Model of the device.
+        period: Sampling period [s].
+        delay: Of the loop beside the hold [s].
+        force: Standard deviation of the force [N or N m].
+        position_noise: Standard deviation of the reading [m or rad].
+        duration: [s].
+        rng: Draws force and noise.
+
+    Raises:
+        ParameterError: If a deviation is negative, or period or duration are not positive.
+    """
+    require_not_negative(force=force, position_noise=position_noise)
+    given = force * rng.standard_normal(sample_count(duration, period))
+    s = discretise(axis, period=period, delay=delay)
+    position = held_forces(s.transition, s.newer, s.older, s.output, s.steps, axis.rest(0.0), given)
+    return WhiteNoiseExperiment(period, given, position + position_noise * rng.standard_normal(len(given)))
+
+
 def estimate_frequency_response(
     force: Float[Array, " N"], position: Float[Array, " N"], *, period: float, segment: float
 ) -> FrequencyResponse:
@@ -155,6 +151,7 @@ def estimate_frequency_response(
         ParameterError: If the recording is shorter than two segments, a segment is under 16 samples, force or position
             are constant, or hold what is no number.
     """
+    # Imported here: scipy.signal takes longer to import than the rest of haptics.
     from scipy.signal import csd, welch
 
     require_positive(period=period, segment=segment)

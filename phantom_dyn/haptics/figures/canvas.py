@@ -1,4 +1,4 @@
-"""What all figures of haptics share: colours that colour-blind readers tell apart, panels, axes of frequency."""
+"""What all figures of haptics share: colours for colour-blind readers, panels, axes of frequency, legends, units."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from matplotlib.figure import Figure
 Array = np.ndarray
 Place = Literal["best", "upper left", "upper right", "lower left", "lower right", "center left"]
 
-# Of Okabe and Ito; the markers and dashes that go with them tell them apart without any colour.
+# Colours of Okabe and Ito; markers and dashes distinguish the same curves without any colour.
 COLORS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9")
 MARKERS = ("o", "s", "^", "D", "v", "P")
 DASHES = ("-", "--", "-.", ":", (0, (5, 1, 1, 1, 1, 1)), (0, (1, 1)))

@@ -13,8 +13,8 @@ from phantom_dyn.haptics.figures.canvas import COLORS, GREY, PALE, frequency_axi
 
 Array = np.ndarray
 
-# Cycles of the oscillation that a time trace and a phase plane show.
 _CYCLES = 5
+"""Cycles of the oscillation that a time trace and a phase plane show."""
 
 
 def limit_cycles_figure(runs: Mapping[str, tuple[RelayExperiment, LimitCycle]], *, name: str) -> Figure:

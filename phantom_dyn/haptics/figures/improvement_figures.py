@@ -1,4 +1,4 @@
-"""Gains of virtual walls, dampers and teleoperation, with the published ratios beside; loops in time."""
+"""The improved electronics of the PHANToM: velocity estimators, heat of drives, gains beside the published ratios."""
 
 from __future__ import annotations
 
@@ -14,12 +14,12 @@ from phantom_dyn.haptics.sensing.loop_simulation import LoopTrace
 from phantom_dyn.haptics.sensing.velocity_comparison import EstimatorFigures
 from phantom_dyn.haptics.stability.phantom_improvements import Improvement
 
-# Of the accelerated and of the steady motion the traces show their ends [s].
-_SHOWN, _SHOWN_STEADY = 0.3, 0.06
-# Published rises of the casing are those after this time [s].
-_PUBLISHED_AFTER = 600.0
-
 Array = np.ndarray
+
+_SHOWN, _SHOWN_STEADY = 0.3, 0.06
+"""Ends of the accelerated and of the steady motion that the traces show [s]."""
+_PUBLISHED_AFTER = 600.0
+"""Time after which the published rises of the casing were measured [s]."""
 
 
 def improvements_figure(improvements: Sequence[Improvement]) -> Figure:
@@ -82,12 +82,6 @@ def loop_traces_figure(traces: Mapping[str, LoopTrace], *, title: str) -> Figure
         for ax in (position, force):
             ax.set_xlabel("time [s]")
     return out
-
-
-def _no_answer(pair: tuple[float, float] | None) -> str:
-    if pair is not None and pair[0] == 0:
-        return "no answer: unstable for every gain"
-    return "no answer: stable for every gain" if pair is not None and math.isinf(pair[0]) else "no answer"
 
 
 def velocity_estimators_figure(estimators: Mapping[str, EstimatorFigures]) -> Figure:
@@ -174,3 +168,9 @@ def drive_heat_figure(switched: Mapping[str, SwitchedCurrent], warm: Warming) ->
     rise.set_ylabel("rise of the casing [K]")
     key(rise, "lower right")
     return out
+
+
+def _no_answer(pair: tuple[float, float] | None) -> str:
+    if pair is not None and pair[0] == 0:
+        return "no answer: unstable for every gain"
+    return "no answer: stable for every gain" if pair is not None and math.isinf(pair[0]) else "no answer"

@@ -1,4 +1,4 @@
-"""Simulated cheap hardware: friction that sticks, play, and everything on one axis."""
+"""Signals that a hand feels over time: friction that sticks, play, a cheap axis, and the margin of a walking biped."""
 
 from __future__ import annotations
 

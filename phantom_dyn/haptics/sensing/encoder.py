@@ -1,9 +1,5 @@
 """An incremental encoder read by a sampled controller: counts, and the instants of its edges.
 
-Counting the edges of an encoder along a straight motion, compiled; see `phantom_dyn.haptics.sensing.encoder`.
-
-An incremental encoder read by a sampled controller: counts, and the instants of its edges.
-
 The continuous motion is given as a polyline finer than the sampling period. Edges lie half-way between two counts;
 `spacing` moves them, with the period of four edges that the quadrature of two tracks has.
 """
@@ -20,55 +16,12 @@ from phantom_dyn._kernels.jit import jit
 from phantom_dyn.errors import ParameterError
 from phantom_dyn.haptics.number_checks import require_positive, require_whole
 
-
-@jit
-def edge_position(count, step, spacing):
-    """Position of the edge below a count: between it and the count before."""
-    return (count - 0.5 + spacing[count % 4]) * step
-
-
-@jit
-def count_through(count, t0, x0, t1, x1, step, spacing, times, directions, used):
-    """Follow the straight motion from (t0, x0) to (t1, x1); write edges from index `used` on; new count and index.
-
-    Edges that no longer fit into `times` overwrite the last ones modulo its length, so it can be a ring.
-    """
-    while x1 >= edge_position(count + 1, step, spacing):
-        level = edge_position(count + 1, step, spacing)
-        times[used % times.size] = t0 + (t1 - t0) * min(max((level - x0) / (x1 - x0), 0.0), 1.0) if x1 > x0 else t0
-        directions[used % times.size] = 1.0
-        used += 1
-        count += 1
-    while x1 < edge_position(count, step, spacing):
-        level = edge_position(count, step, spacing)
-        times[used % times.size] = t0 + (t1 - t0) * min(max((level - x0) / (x1 - x0), 0.0), 1.0) if x1 < x0 else t0
-        directions[used % times.size] = -1.0
-        used += 1
-        count -= 1
-    return count, used
-
-
-@jit
-def follow_motion(x, dt, per_sample, step, spacing, counts, times, directions):
-    """Counts at every `per_sample`-th point of a polyline and its edges; returns the number of edges."""
-    count = int(np.floor(x[0] / step + 0.5))
-    count, _ = count_through(count, 0.0, x[0], 0.0, x[0], step, spacing, times, directions, 0)
-    counts[0] = count
-    used = 0
-    for i in range(1, x.size):
-        count, used = count_through(count, (i - 1) * dt, x[i - 1], i * dt, x[i], step, spacing, times, directions, used)
-        if i % per_sample == 0:
-            counts[i // per_sample] = count
-    return used
-
-
 Array = np.ndarray
-
-# Edges of one recording; each takes 32 bytes while it is made.
-_MOST_EDGES = 2e7
 
 PHANTOM_STEP = 0.03e-3
 """Position precision of the PHANToM 1.5 at the centre of the workspace [m] (seed of 2002, section 4.1.2)."""
+_MOST_EDGES = 2e7
+"""Edges of one recording at most; each takes 32 bytes while it is made."""
 
 
 @dataclass(frozen=True)
@@ -77,8 +30,7 @@ class Encoder:
 
     Attributes:
         step: Motion per count [m or rad].
-        spacing: By how much of a step each of the four edges of a quadrature period is misplaced, each in
-            (-0.25, 0.25).
+        spacing: Misplacement of each of the four edges of a quadrature period, in steps, each in (-0.25, 0.25).
 
     Raises:
         ParameterError: If the step is not positive, or a misplacement is too large for edges to keep their order.
@@ -156,3 +108,44 @@ def record_motion(
     times, directions = np.zeros(room), np.zeros(room)
     used = follow_motion(x, interval, samples_apart, encoder.step, spacing, counts, times, directions)
     return EncoderRecord(interval * samples_apart, encoder.step, counts, times[:used], directions[:used])
+
+
+@jit
+def follow_motion(x, dt, per_sample, step, spacing, counts, times, directions):
+    """Counts at every `per_sample`-th point of a polyline and its edges; returns the number of edges."""
+    count = int(np.floor(x[0] / step + 0.5))
+    count, _ = count_through(count, 0.0, x[0], 0.0, x[0], step, spacing, times, directions, 0)
+    counts[0] = count
+    used = 0
+    for i in range(1, x.size):
+        count, used = count_through(count, (i - 1) * dt, x[i - 1], i * dt, x[i], step, spacing, times, directions, used)
+        if i % per_sample == 0:
+            counts[i // per_sample] = count
+    return used
+
+
+@jit
+def count_through(count, t0, x0, t1, x1, step, spacing, times, directions, used):
+    """Follow the straight motion from (t0, x0) to (t1, x1); write edges from index `used` on; new count and index.
+
+    Edges that no longer fit into `times` overwrite the last ones modulo its length, so it can be a ring.
+    """
+    while x1 >= edge_position(count + 1, step, spacing):
+        level = edge_position(count + 1, step, spacing)
+        times[used % times.size] = t0 + (t1 - t0) * min(max((level - x0) / (x1 - x0), 0.0), 1.0) if x1 > x0 else t0
+        directions[used % times.size] = 1.0
+        used += 1
+        count += 1
+    while x1 < edge_position(count, step, spacing):
+        level = edge_position(count, step, spacing)
+        times[used % times.size] = t0 + (t1 - t0) * min(max((level - x0) / (x1 - x0), 0.0), 1.0) if x1 < x0 else t0
+        directions[used % times.size] = -1.0
+        used += 1
+        count -= 1
+    return count, used
+
+
+@jit
+def edge_position(count, step, spacing):
+    """Position of the edge below a count: between it and the count before."""
+    return (count - 0.5 + spacing[count % 4]) * step

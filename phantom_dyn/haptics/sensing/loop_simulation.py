@@ -1,8 +1,7 @@
 """Sampled loops of one or two devices in time: quantised positions, any velocity estimator, held and late forces.
 
-One or two devices in a sampled loop, compiled: encoder edges between samples, velocity estimate, held forces.
-
-Sampled loops of one or two devices in time: quantised positions, any velocity estimator, held and late forces.
+The linear loop of a sampled device has a closed form (`phantom_dyn.haptics.device.discretisation`); here rounding and
+the edges between samples take part, so that device and force are stepped, the device exactly.
 """
 
 from __future__ import annotations
@@ -10,6 +9,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from dataclasses import dataclass, field
+from typing import NamedTuple
 
 import numpy as np
 from jaxtyping import Float
@@ -25,84 +25,21 @@ from phantom_dyn.haptics.sensing.velocity_estimators import (
     READINGS_KEPT,
     AveragedDifference,
     Estimator,
+    KernelForm,
     kernel_form,
     next_velocity,
 )
 
-_FORCES_KEPT = 4096
-
-
-@jit
-def run_loop(
-    transition, push, output, direct, x, hand, substeps, late, period, step, spacing, kind, parameters,
-    gain, damping, one_sided, far, positions, readings, velocities, forces,
-):  # fmt: skip
-    """Fill the four traces, shape ``(N, d)``, of d devices; returns the samples done before one is beyond `far`.
-
-    One device: ``u = -(gain x + damping v)``, if `one_sided` only where x > 0. Two: the same of the difference between
-    a device and the other. `transition`, `push`: exact over a substep, shapes ``(d, n, n)`` and ``(d, n)``; `late`:
-    substeps between a sample and its force; `hand`: force of the hand at each sample, shape ``(N, d)``; `x`: states,
-    shape ``(d, n)``, overwritten.
-    """
-    samples, devices = positions.shape
-    order = x.shape[1]
-    dt = period / substeps
-    rings = np.zeros((devices, READINGS_KEPT))
-    memories = np.zeros((devices, READINGS_KEPT + 2))
-    times, directions = np.full((devices, EDGES_KEPT), -1.0), np.zeros((devices, EDGES_KEPT))
-    edges, counts = np.zeros(devices, np.int64), np.zeros(devices, np.int64)
-    place, speed, following = np.zeros(devices), np.zeros(devices), np.zeros(order)
-    commands = np.zeros((devices, _FORCES_KEPT))
-    for i in range(devices):
-        for j in range(order):
-            place[i] += output[i, j] * x[i, j]
-        counts[i] = int(np.floor(place[i] / step + 0.5))
-    for k in range(samples):
-        for i in range(devices):
-            rings[i, k % READINGS_KEPT] = counts[i] * step
-            speed[i] = next_velocity(
-                kind, parameters, k, period, rings[i], memories[i], times[i], directions[i], edges[i]
-            )
-        for i in range(devices):
-            error, rate = counts[i] * step, speed[i]
-            if devices == 2:
-                error, rate = error - counts[1 - i] * step, rate - speed[1 - i]
-            u = -(gain * error + damping * rate)
-            if one_sided and error <= 0.0:
-                u = 0.0
-            commands[i, k % _FORCES_KEPT] = u
-            positions[k, i], readings[k, i] = place[i], counts[i] * step
-            velocities[k, i], forces[k, i] = speed[i], u
-            if abs(place[i]) > far:
-                return k
-        for s in range(substeps):
-            at = (k * substeps + s - late) // substeps
-            for i in range(devices):
-                u = hand[k, i] + (commands[i, at % _FORCES_KEPT] if at >= 0 else 0.0)
-                for row in range(order):
-                    following[row] = push[i, row] * u
-                    for j in range(order):
-                        following[row] += transition[i, row, j] * x[i, j]
-                new = direct[i] * u
-                for j in range(order):
-                    x[i, j] = following[j]
-                    new += output[i, j] * following[j]
-                if not abs(new) <= far:
-                    # Far within a sample: counting the edges on the way there would take for ever.
-                    return k + 1
-                start = k * period + s * dt
-                counts[i], edges[i] = count_through(
-                    counts[i], start, place[i], start + dt, new, step, spacing, times[i], directions[i], edges[i]
-                )
-                place[i] = new
-    return samples
-
-
 Array = np.ndarray
 
-_SUBSTEPS = 20  # of a sample: the motion between two is straight, so an edge is placed to some tens of nanoseconds
-_LATEST = 4000  # samples of delay that the store of forces holds
-_FAR = 10.0  # m or rad; what has gone so far has no way back
+_SUBSTEPS = 20
+"""Steps of a sample: the motion between two is straight, so that an edge is placed to some tens of nanoseconds."""
+_LATEST = 4000
+"""Samples of delay that the store of forces holds."""
+_FORCES_KEPT = 4096
+"""Forces on their way to the device: a power of two beyond `_LATEST`."""
+_FAR = 10.0
+"""Position [m or rad] from which there is no way back."""
 
 
 @dataclass(frozen=True)
@@ -162,13 +99,15 @@ class LoopTrace:
         nowhere and back is none.
 
         Raises:
-            ParameterError: If there are fewer than nine samples, which tell nothing.
+            ParameterError: If there are fewer than nine samples, too few to see an oscillation in.
         """
         if self.ran_away:
             return True
         third = len(self.t) // 3
         if third < 3:
-            raise ParameterError(f"{len(self.t)} samples tell no swing from none: simulate for nine periods or more.")
+            raise ParameterError(
+                f"{len(self.t)} samples are too few to see an oscillation: simulate for nine periods or more."
+            )
         difference = self.position[:, 0] if self.position.shape[1] == 1 else self.position[:, 0] - self.position[:, 1]
         last = difference[-third:]
         turns = np.count_nonzero(np.diff(np.sign(np.diff(last))))
@@ -221,13 +160,18 @@ def simulate_loop(
         transition[i, :n, :n], push[i, :n] = held_input(system.A, system.B, settings.period / _SUBSTEPS)
         output[i, :n] = system.C
         x[i, :n] = _state(system, start[i], speed[i])
-    traces = [np.zeros(hand.shape) for _ in range(4)]
-    kind, parameters = kernel_form(settings.estimator, step=settings.encoder.step, period=settings.period)
-    done = run_loop(
-        transition, push, output, np.array([system.D for system in systems]), x, np.ascontiguousarray(hand, float),
-        _SUBSTEPS, round(settings.delay / settings.period * _SUBSTEPS), settings.period, settings.encoder.step,
-        np.array(settings.encoder.spacing), kind, parameters, float(gain), float(damping), one_sided, _FAR, *traces,
-    )  # fmt: skip
+    held = HeldDevices(transition, push, output, np.array([system.D for system in systems]))
+    law = LoopLaw(
+        form=kernel_form(settings.estimator, step=settings.encoder.step, period=settings.period),
+        step=settings.encoder.step,
+        spacing=np.array(settings.encoder.spacing),
+        late=round(settings.delay / settings.period * _SUBSTEPS),
+        gain=float(gain),
+        damping=float(damping),
+        one_sided=one_sided,
+    )
+    traces = Traces(*(np.zeros(hand.shape) for _ in range(4)))
+    done = run_loop(held, law, x, np.ascontiguousarray(hand, float), traces)
     position, reading, velocity, force = (trace[:done] for trace in traces)
     return LoopTrace(np.arange(done) * settings.period, position, reading, velocity, force, done < len(hand))
 
@@ -276,3 +220,116 @@ def _state(system: StateSpace, position: float, speed: float) -> Float[Array, " 
     if len(rows) > 1:
         wanted[1] = speed
     return np.linalg.lstsq(np.array(rows) / scale[:, None], wanted / scale, rcond=None)[0]
+
+
+class HeldDevices(NamedTuple):
+    """Exact motion of ``d`` devices over a substep under a force that is held.
+
+    Attributes:
+        transition: Of the states, ``(d, n, n)``.
+        push: What a unit of force adds, ``(d, n)``.
+        output: From state to position, ``(d, n)``.
+        direct: Position per force at once, ``(d,)``.
+    """
+
+    transition: Array
+    push: Array
+    output: Array
+    direct: Array
+
+
+class LoopLaw(NamedTuple):
+    """What the computer does with the readings of a device, or with the difference of two.
+
+    Attributes:
+        form: Velocity estimator.
+        step: Of the encoder.
+        spacing: Of its edges, ``(4,)``.
+        late: Substeps between a sample and its force.
+        gain: On the position.
+        damping: On the estimated velocity.
+        one_sided: True if the force acts on positions above zero only.
+    """
+
+    form: KernelForm
+    step: float
+    spacing: Array
+    late: int
+    gain: float
+    damping: float
+    one_sided: bool
+
+
+class Traces(NamedTuple):
+    """What a loop records, each of shape ``(N, d)``, see `LoopTrace`."""
+
+    positions: Array
+    readings: Array
+    velocities: Array
+    forces: Array
+
+
+@jit
+def run_loop(held: HeldDevices, law: LoopLaw, x: Array, hand: Array, traces: Traces) -> int:
+    """Fill the traces of ``d`` devices; returns the samples done before one is beyond `_FAR`.
+
+    Args:
+        held: The devices.
+        law: Force from readings, late.
+        x: States at the start, ``(d, n)``; overwritten.
+        hand: Force of the hand at each sample, ``(N, d)``.
+        traces: Receive what happens.
+    """
+    transition, push, output, direct = held
+    form, step, spacing, late, gain, damping, one_sided = law
+    positions, readings, velocities, forces = traces
+    samples, devices = positions.shape
+    order, period = x.shape[1], form.period
+    dt = period / _SUBSTEPS
+    rings = np.zeros((devices, READINGS_KEPT))
+    memories = np.zeros((devices, READINGS_KEPT + 2))
+    times, directions = np.full((devices, EDGES_KEPT), -1.0), np.zeros((devices, EDGES_KEPT))
+    edges, counts = np.zeros(devices, np.int64), np.zeros(devices, np.int64)
+    place, speed, following = np.zeros(devices), np.zeros(devices), np.zeros(order)
+    commands = np.zeros((devices, _FORCES_KEPT))
+    for i in range(devices):
+        for j in range(order):
+            place[i] += output[i, j] * x[i, j]
+        counts[i] = int(np.floor(place[i] / step + 0.5))
+    for k in range(samples):
+        for i in range(devices):
+            rings[i, k % READINGS_KEPT] = counts[i] * step
+            speed[i] = next_velocity(form, k, rings[i], memories[i], times[i], directions[i], edges[i])
+        for i in range(devices):
+            error, rate = counts[i] * step, speed[i]
+            if devices == 2:
+                error, rate = error - counts[1 - i] * step, rate - speed[1 - i]
+            u = -(gain * error + damping * rate)
+            if one_sided and error <= 0.0:
+                u = 0.0
+            commands[i, k % _FORCES_KEPT] = u
+            positions[k, i], readings[k, i] = place[i], counts[i] * step
+            velocities[k, i], forces[k, i] = speed[i], u
+            if abs(place[i]) > _FAR:
+                return k
+        for s in range(_SUBSTEPS):
+            at = (k * _SUBSTEPS + s - late) // _SUBSTEPS
+            for i in range(devices):
+                u = hand[k, i] + (commands[i, at % _FORCES_KEPT] if at >= 0 else 0.0)
+                for row in range(order):
+                    following[row] = push[i, row] * u
+                    for j in range(order):
+                        following[row] += transition[i, row, j] * x[i, j]
+                new = direct[i] * u
+                for j in range(order):
+                    x[i, j] = following[j]
+                    new += output[i, j] * following[j]
+                if not abs(new) <= _FAR:
+                    # Far within a sample: counting the edges on the way there would take for ever.
+                    return k + 1
+                start = k * period + s * dt
+                counts[i], edges[i] = count_through(
+                    counts[i], start, place[i], start + dt, new, step, spacing, times[i], directions[i], edges[i]
+                )
+                place[i] = new
+    return samples

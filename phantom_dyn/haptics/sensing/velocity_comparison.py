@@ -15,8 +15,10 @@ from phantom_dyn.haptics.sensing.velocity_estimators import Estimator, estimate_
 
 Array = np.ndarray
 
-_POINTS = 20  # of the true motion in one sampling period: an edge is then placed to some nanoseconds
-_SETTLING = 0.6  # s, longer than any window, so that only steady values are measured
+_POINTS = 20
+"""Points of the true motion in one sampling period: an edge is then placed to some nanoseconds."""
+_SETTLING = 0.6
+"""Time [s] before anything is measured: longer than any window, so that only steady values are."""
 
 
 @dataclass(frozen=True)

@@ -1,13 +1,15 @@
 """Velocity from an incremental encoder: five estimators, on recordings and inside loops alike.
 
 The stock PHANToM averages 100 differences; the improved one of Cavusoglu, Feygin and Tendick (2002, section 4.2.2)
-measures the period between edges with a 10 MHz clock and a 16-bit counter, and averages 16 samples.
+measures the period between edges with a 10 MHz clock and a 16-bit counter, and averages 16 samples. One sample of each
+estimator is compiled, so that the same steps serve recordings and closed loops.
 """
 
 from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 from jaxtyping import Float
@@ -18,11 +20,14 @@ from phantom_dyn.errors import ParameterError
 from phantom_dyn.haptics.number_checks import require_positive
 from phantom_dyn.haptics.sensing.encoder import EncoderRecord
 
-AVERAGED_DIFFERENCE, ADAPTIVE_WINDOW, KALMAN, PERIOD_MEASUREMENT = 0, 1, 2, 3
-READINGS_KEPT = 512
-EDGES_KEPT = 1024
-
 Array = np.ndarray
+
+AVERAGED_DIFFERENCE, ADAPTIVE_WINDOW, KALMAN, PERIOD_MEASUREMENT = 0, 1, 2, 3
+"""Kinds of estimators, by which compiled steps choose."""
+READINGS_KEPT = 512
+"""Readings that compiled steps keep, a little more than the longest window."""
+EDGES_KEPT = 1024
+"""Edges that compiled steps keep: several for each of the samples of a window."""
 
 
 def _check_window(name: str, value: int) -> None:
@@ -146,8 +151,27 @@ def kalman_gains(estimator: KalmanVelocity, *, step: float, period: float) -> tu
     return float(gain[0, 0]), float(gain[1, 0])
 
 
-def kernel_form(estimator: Estimator, *, step: float, period: float) -> tuple[int, Float[Array, "6"]]:
-    """Kind and parameters with which `velocity_kernel.next_velocity` runs an estimator."""
+class KernelForm(NamedTuple):
+    """An estimator as compiled steps take it.
+
+    Attributes:
+        kind: Which of the four.
+        parameters: Its own, ``(6,)``.
+        period: Of sampling [s].
+    """
+
+    kind: int
+    parameters: Array
+    period: float
+
+
+def kernel_form(estimator: Estimator, *, step: float, period: float) -> KernelForm:
+    """An estimator for an encoder of this step [m or rad] that is read with this period [s]."""
+    kind, parameters = _kind_and_parameters(estimator, step, period)
+    return KernelForm(kind, parameters, float(period))
+
+
+def _kind_and_parameters(estimator: Estimator, step: float, period: float) -> tuple[int, Float[Array, "6"]]:
     p = np.zeros(6)
     match estimator:
         case AveragedDifference(samples):
@@ -167,24 +191,36 @@ def kernel_form(estimator: Estimator, *, step: float, period: float) -> tuple[in
 
 def estimate_velocity(estimator: Estimator, record: EncoderRecord) -> Float[Array, " N"]:
     """Velocity [m/s or rad/s] at each sample, from what was known then, shape ``(N,)``."""
-    kind, parameters = kernel_form(estimator, step=record.step, period=record.period)
+    form = kernel_form(estimator, step=record.step, period=record.period)
     velocities = np.zeros(record.reading.size)
     ring, memory = np.zeros(READINGS_KEPT), np.zeros(READINGS_KEPT + 2)
     # An index modulo the size needs one edge even where there is none.
     times = np.append(record.edge_time, np.inf)
     directions = np.append(record.edge_direction, 0.0)
-    velocities_of_record(kind, parameters, record.period, record.reading, times, directions, ring, memory, velocities)
+    velocities_of_record(form, record.reading, times, directions, ring, memory, velocities)
     return velocities
 
 
 @jit
-def next_velocity(kind, parameters, k, period, readings, memory, edge_time, edge_direction, edges):
-    """Velocity estimate at sample k.
+def velocities_of_record(form, readings, edge_time, edge_direction, ring, memory, velocities):
+    """Fill `velocities` from readings and edges in time; `ring` and `memory` as in `next_velocity`, zero at first."""
+    edges = 0
+    for k in range(readings.size):
+        while edges < edge_time.size and edge_time[edges] <= k * form.period:
+            edges += 1
+        ring[k % ring.size] = readings[k]
+        velocities[k] = next_velocity(form, k, ring, memory, edge_time, edge_direction, edges)
+
+
+@jit
+def next_velocity(form, k, readings, memory, edge_time, edge_direction, edges):
+    """Velocity estimate at sample k of a `KernelForm`.
 
     `readings` is a ring of `READINGS_KEPT` positions with that of sample k written at k modulo its length; `memory` is
     the estimator's own, of the same length plus two, zero at the start and written here; the edge rings hold the
     `edges` edges counted so far.
     """
+    kind, parameters, period = form
     if kind == 0:
         return averaged_difference(int(parameters[0]), k, period, readings)
     if kind == 1:
@@ -282,14 +318,3 @@ def moving_average(value, samples, k, memory):
     for i in range(n):
         total += memory[(k - i) % size]
     return total / n
-
-
-@jit
-def velocities_of_record(kind, parameters, period, readings, edge_time, edge_direction, ring, memory, velocities):
-    """Fill `velocities` from readings and edges in time; `ring` and `memory` as in `next_velocity`, zero at first."""
-    edges = 0
-    for k in range(readings.size):
-        while edges < edge_time.size and edge_time[edges] <= k * period:
-            edges += 1
-        ring[k % ring.size] = readings[k]
-        velocities[k] = next_velocity(kind, parameters, k, period, ring, memory, edge_time, edge_direction, edges)

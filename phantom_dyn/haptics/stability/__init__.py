@@ -1,1 +1,1 @@
-"""What a sampled device can render before it becomes unstable."""
+"""Stability limits of a sampled device: virtual walls, dampers, force feedback and teleoperation."""

@@ -1,6 +1,4 @@
-r"""How stiff a virtual wall may be before a sampled device becomes unstable, at one setting and as a map.
-
-How stiff a virtual wall may be: gain margins of a sampled loop, exact, linear and passive.
+r"""How stiff a virtual wall may be: gain margins of a sampled loop, exact and linear, at one setting and as a map.
 
 Device G behind a hold H, a delay :math:`t_d` and a virtual wall :math:`C(z) = K + B (z - 1)/(T z)`:
 
@@ -13,8 +11,6 @@ the one closed by B already.
 References:
     Equation numbers are those of the chapter, [Gil]_ in `phantom_dyn.haptics.device.axis`. (10) is lost in the copy
     at hand: it is derived, :math:`K < (b + B)/(T/2 + t_d)`, and held by a test against the exact boundary.
-
-Critical stiffness over damping of the device, virtual damping, delay and period.
 """
 
 from __future__ import annotations
@@ -29,19 +25,26 @@ from jaxtyping import Complex, Float
 from phantom_dyn.errors import ParameterError
 from phantom_dyn.haptics.device.axis import RigidAxis, TwoMassAxis
 from phantom_dyn.haptics.device.discretisation import SampledAxis, discretise, split_delay
-from phantom_dyn.haptics.device.frequency_kernels import crossings, frequency_grid, map_lowest_gain
+from phantom_dyn.haptics.device.frequency_kernels import (
+    MapDevices,
+    MapSettings,
+    crossings,
+    frequency_grid,
+    map_lowest_gain,
+)
 from phantom_dyn.haptics.device.transfer_function import Axis
 from phantom_dyn.haptics.number_checks import require_numbers
 from phantom_dyn.motion import read_only
 
 Array = np.ndarray
 
-# The lowest frequency that is searched, relative to the slowest thing in the loop.
+Values = Sequence[float] | Float[Array, " _"]
 _BELOW = 0.03
-# Gains this far from a crossing, relative to it, are tried for stability.
+"""Lowest frequency that is searched, relative to the slowest thing in the loop."""
 _ASIDE = 1e-3
-# A real part of a pole is a zero if it is less than this, relative to the largest root.
+"""Distance from a crossing, relative to its gain, at which stability is tried."""
 _ZERO = 1e-9
+"""Real part of a pole that counts as zero, relative to the largest root."""
 
 
 @dataclass(frozen=True)
@@ -93,6 +96,71 @@ class CriticalStiffness:
         if self.stiffness == 0:
             return self.radius_below > 1
         return self.radius_below < 1 and (math.isinf(self.stiffness) or self.radius_above > 1)
+
+
+@dataclass(frozen=True)
+class LoopBode:
+    """Sampled open loop for a Bode diagram, with its margins.
+
+    Attributes:
+        frequency: [rad/s], shape ``(k,)``, up to the Nyquist frequency.
+        response: Position over force, ``Z[H G e^{-td s}]``, shape ``(k,)``.
+        margin: Critical stiffness and all crossings.
+        linear: Critical stiffness by the linear condition; NaN where the axis is no mass and damper.
+    """
+
+    frequency: Float[Array, " k"]
+    response: Complex[Array, " k"]
+    margin: CriticalStiffness
+    linear: float
+
+    def __post_init__(self):
+        object.__setattr__(self, "frequency", read_only(self.frequency))
+        object.__setattr__(self, "response", read_only(self.response, complex))
+
+    @property
+    def decibels(self) -> Float[Array, " k"]:
+        """Magnitude [dB]."""
+        return 20.0 * np.log10(np.abs(self.response))
+
+    @property
+    def phase(self) -> Float[Array, " k"]:
+        """Unwrapped phase [rad], from -pi or -pi/2 at low frequency downwards."""
+        phase = np.unwrap(np.angle(self.response))
+        return phase - 2 * np.pi * np.round((phase[0] + 0.75 * np.pi) / (2 * np.pi))
+
+
+@dataclass(frozen=True)
+class StabilityMap:
+    """Critical stiffness on a grid; the axes of each array are those of the first four fields.
+
+    Attributes:
+        damping: Added to the motor's own [N s/m or N m s/rad], shape ``(i,)``.
+        virtual_damping: Of the wall, shape ``(j,)``.
+        delay: Beside the hold [s], shape ``(k,)``.
+        period: Of sampling [s], shape ``(m,)``.
+        stiffness: Critical stiffness [N/m or N m/rad]; 0 where no wall is stable.
+        frequency: Of the oscillation at the edge [rad/s]; NaN where no wall is stable.
+        linear: Critical stiffness by the linear condition (10).
+    """
+
+    damping: Float[Array, " i"]
+    virtual_damping: Float[Array, " j"]
+    delay: Float[Array, " k"]
+    period: Float[Array, " m"]
+    stiffness: Float[Array, "i j k m"]
+    frequency: Float[Array, "i j k m"]
+    linear: Float[Array, "i j k m"]
+
+    def __post_init__(self):
+        for name in ("damping", "virtual_damping", "delay", "period", "stiffness", "frequency", "linear"):
+            object.__setattr__(self, name, read_only(getattr(self, name)))
+
+    @property
+    def ratio(self) -> Float[Array, "i j k m"]:
+        """Exact critical stiffness over that of the linear condition; NaN where that leaves no wall."""
+        out = np.full(self.stiffness.shape, np.nan)
+        return np.divide(self.stiffness, self.linear, out=out, where=self.linear > 0)
 
 
 def critical_stiffness(
@@ -177,67 +245,6 @@ def linear_ratio(
     return exact / linear if linear > 0 else math.nan
 
 
-def roots_of_modes(axis: Axis) -> tuple[Float[Array, "m 2"], float]:
-    """Frequency and half width of each resonance and anti-resonance, and the lowest of all corner frequencies."""
-    function = axis.transfer_function
-    roots = np.concatenate([function.poles, function.zeros])
-    size = np.abs(roots)
-    largest = float(size.max()) if len(size) else 0.0
-    corners = size[size > _ZERO * largest]
-    bent = roots[np.imag(roots) > _ZERO * largest]
-    modes = np.column_stack([np.imag(bent), np.maximum(np.abs(np.real(bent)), _ZERO * largest)])
-    return modes, float(corners.min()) if len(corners) else math.inf
-
-
-def lowest_frequency(axis: Axis, corner: float, period: float, delay: float, virtual_damping: float) -> float:
-    """Frequency [rad/s] well under every crossing: ``corner`` is the lowest corner of the axis."""
-    require_numbers(virtual_damping=virtual_damping)
-    function = axis.transfer_function
-    damper = abs(virtual_damping) * abs(function.numerator[-1])
-    inertia = np.abs(function.denominator[:-2]).max() if len(function.denominator) > 2 else 0.0
-    # A virtual damper adds a corner at B over the mass, and lowest among them is that of the greatest mass.
-    virtual = damper / inertia if damper > 0 and inertia > 0 else math.inf
-    return _BELOW * min(corner, virtual, 1.0 / (0.5 * period + delay))
-
-
-def search_grid(axis: Axis, period: float, delay: float, virtual_damping: float) -> Float[Array, " k"]:
-    """Frequencies [rad/s] so close that no crossing hides between two."""
-    modes, corner = roots_of_modes(axis)
-    return frequency_grid(lowest_frequency(axis, corner, period, delay, virtual_damping), period, delay, modes)
-
-
-@dataclass(frozen=True)
-class LoopBode:
-    """Sampled open loop for a Bode diagram, with its margins.
-
-    Attributes:
-        frequency: [rad/s], shape ``(k,)``, up to the Nyquist frequency.
-        response: Position over force, ``Z[H G e^{-td s}]``, shape ``(k,)``.
-        margin: Critical stiffness and all crossings.
-        linear: Critical stiffness by the linear condition; NaN where the axis is no mass and damper.
-    """
-
-    frequency: Float[Array, " k"]
-    response: Complex[Array, " k"]
-    margin: CriticalStiffness
-    linear: float
-
-    def __post_init__(self):
-        object.__setattr__(self, "frequency", read_only(self.frequency))
-        object.__setattr__(self, "response", read_only(self.response, complex))
-
-    @property
-    def decibels(self) -> Float[Array, " k"]:
-        """Magnitude [dB]."""
-        return 20.0 * np.log10(np.abs(self.response))
-
-    @property
-    def phase(self) -> Float[Array, " k"]:
-        """Unwrapped phase [rad], from -pi or -pi/2 at low frequency downwards."""
-        phase = np.unwrap(np.angle(self.response))
-        return phase - 2 * np.pi * np.round((phase[0] + 0.75 * np.pi) / (2 * np.pi))
-
-
 def loop_bode(axis: Axis, *, period: float, delay: float = 0.0) -> LoopBode:
     """Sampled open loop of an axis from well under its crossings to the Nyquist frequency, with its margins."""
     sampled: SampledAxis = discretise(axis, period=period, delay=delay)
@@ -248,42 +255,6 @@ def loop_bode(axis: Axis, *, period: float, delay: float = 0.0) -> LoopBode:
         rigid = axis.rigid if isinstance(axis, TwoMassAxis) else axis
         linear = linear_stiffness(rigid.damping, period=period, delay=delay)
     return LoopBode(frequency, response, critical_stiffness(axis, period=period, delay=delay), linear)
-
-
-Values = Sequence[float] | Float[Array, " _"]
-
-
-@dataclass(frozen=True)
-class StabilityMap:
-    """Critical stiffness on a grid; the axes of each array are those of the first four fields.
-
-    Attributes:
-        damping: Added to the motor's own [N s/m or N m s/rad], shape ``(i,)``.
-        virtual_damping: Of the wall, shape ``(j,)``.
-        delay: Beside the hold [s], shape ``(k,)``.
-        period: Of sampling [s], shape ``(m,)``.
-        stiffness: Critical stiffness [N/m or N m/rad]; 0 where no wall is stable.
-        frequency: Of the oscillation at the edge [rad/s]; NaN where no wall is stable.
-        linear: Critical stiffness by the linear condition (10).
-    """
-
-    damping: Float[Array, " i"]
-    virtual_damping: Float[Array, " j"]
-    delay: Float[Array, " k"]
-    period: Float[Array, " m"]
-    stiffness: Float[Array, "i j k m"]
-    frequency: Float[Array, "i j k m"]
-    linear: Float[Array, "i j k m"]
-
-    def __post_init__(self):
-        for name in ("damping", "virtual_damping", "delay", "period", "stiffness", "frequency", "linear"):
-            object.__setattr__(self, name, read_only(getattr(self, name)))
-
-    @property
-    def ratio(self) -> Float[Array, "i j k m"]:
-        """Exact critical stiffness over that of the linear condition; NaN where that leaves no wall."""
-        out = np.full(self.stiffness.shape, np.nan)
-        return np.divide(self.stiffness, self.linear, out=out, where=self.linear > 0)
 
 
 def stability_map(
@@ -329,8 +300,38 @@ def stability_map(
     systems = [device.state_space for device in devices]
     A = np.stack([system.A for system in systems])
     modes = _same_length([modes for modes, _ in found])
-    map_lowest_gain(A, systems[0].B, systems[0].C, low, modes, periods, virtual, steps, rest, stiffness, frequency)
+    settings = MapSettings(periods, virtual, steps, rest, low)
+    map_lowest_gain(MapDevices(A, systems[0].B, systems[0].C, modes), settings, stiffness, frequency)
     return StabilityMap(added, virtual, delays, periods, stiffness, frequency, linear)
+
+
+def search_grid(axis: Axis, period: float, delay: float, virtual_damping: float) -> Float[Array, " k"]:
+    """Frequencies [rad/s] so close that no crossing hides between two."""
+    modes, corner = roots_of_modes(axis)
+    return frequency_grid(lowest_frequency(axis, corner, period, delay, virtual_damping), period, delay, modes)
+
+
+def lowest_frequency(axis: Axis, corner: float, period: float, delay: float, virtual_damping: float) -> float:
+    """Frequency [rad/s] well under every crossing: ``corner`` is the lowest corner of the axis."""
+    require_numbers(virtual_damping=virtual_damping)
+    function = axis.transfer_function
+    damper = abs(virtual_damping) * abs(function.numerator[-1])
+    inertia = np.abs(function.denominator[:-2]).max() if len(function.denominator) > 2 else 0.0
+    # A virtual damper adds a corner at B over the mass, and lowest among them is that of the greatest mass.
+    virtual = damper / inertia if damper > 0 and inertia > 0 else math.inf
+    return _BELOW * min(corner, virtual, 1.0 / (0.5 * period + delay))
+
+
+def roots_of_modes(axis: Axis) -> tuple[Float[Array, "m 2"], float]:
+    """Frequency and half width of each resonance and anti-resonance, and the lowest of all corner frequencies."""
+    function = axis.transfer_function
+    roots = np.concatenate([function.poles, function.zeros])
+    size = np.abs(roots)
+    largest = float(size.max()) if len(size) else 0.0
+    corners = size[size > _ZERO * largest]
+    bent = roots[np.imag(roots) > _ZERO * largest]
+    modes = np.column_stack([np.imag(bent), np.maximum(np.abs(np.real(bent)), _ZERO * largest)])
+    return modes, float(corners.min()) if len(corners) else math.inf
 
 
 def _same_length(modes: list[Float[Array, "_ 2"]]) -> Float[Array, "i most 2"]:

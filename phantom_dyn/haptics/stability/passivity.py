@@ -1,8 +1,7 @@
-r"""Passivity of a virtual wall, and the gains of teleoperation.
+r"""Passivity of a virtual wall, and the loop gains of two devices that are tied by force feedback.
 
-How stiff a virtual wall may be so that device and wall are passive, whoever holds the device.
-
-Colgate and Schenkel (1997): a device with damping b in front of a sampled wall C(z) is passive exactly if
+**A wall** is passive whoever holds the device (Colgate and Schenkel, 1997) if a device with damping b in front of a
+sampled wall C(z) has
 
 .. math:: b > \frac{T}{2} \frac{1}{1 - \cos\omega T}\, \mathrm{Re}\{(1 - e^{-j\omega T})\, C(e^{j\omega T})\}
    \quad\text{for all } 0 \le \omega \le \pi/T,
@@ -13,10 +12,9 @@ the aliases :math:`\omega_n` of a frequency is a Hermitian form of rank two,
 /(j\omega_n)`; its largest eigenvalue takes the place of the right-hand side, and is that where :math:`\tau = 0`.
 Sufficient for stability with any passive operator, and far more than a free device needs if B is large.
 
-Two devices tied by force feedback of their position error, as in section 5 of Cavusoglu, Feygin and Tendick (2002).
-
-Master and slave are pushed by :math:`\mp (G + B\,\hat v)` of the difference of their positions. Only the difference is
-fed back, and it answers a force as both devices in parallel do: equal devices bear half the gain of one on a wall.
+**Teleoperation** (Cavusoglu, Feygin and Tendick, 2002, section 5): master and slave are pushed by
+:math:`\mp (G + B\,\hat v)` of the difference of their positions. Only the difference is fed back, and it answers a
+force as both devices in parallel do: equal devices bear half the gain of one on a wall.
 """
 
 from __future__ import annotations
@@ -40,9 +38,10 @@ from phantom_dyn.haptics.stability.sampled_loop import (
 )
 from phantom_dyn.haptics.stability.virtual_wall import velocity_filter
 
-# Points between 0 and the Nyquist frequency; the greatest value is smooth there, most often at an end.
 _POINTS = 2000
+"""Points between 0 and the Nyquist frequency; the greatest value is smooth there, most often at an end."""
 _HALVINGS = 60
+"""Of the interval that holds the greatest stiffness: to its last bits."""
 
 
 def passive_damping(stiffness: float, *, period: float, delay: float = 0.0, virtual_damping: float = 0.0) -> float:

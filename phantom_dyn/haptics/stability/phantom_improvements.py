@@ -6,8 +6,8 @@ values). Between the two set-ups the amplifiers changed, and for the damping the
 **What cannot be had.** The published transfer functions are unstable behind a virtual wall of any stiffness in x and y
 (they turn the phase forward too little for the hold, and have no damper to ground) and stable for every one in z (its
 position answers force at once). So they give neither the walls nor the loop gain; nor does the dynamic model, whose
-axes have no damping. Nothing is fitted here: where a model has no answer its figure is 0 or infinite, and `says` tells
-why. What a damper or a delay would have to be for the published figures is in `needs`.
+axes have no damping. Nothing is fitted here: where a model has no answer its figure is 0 or infinite, and `says` gives
+the reason. What a damper or a delay would have to be for the published figures is in `needs`.
 """
 
 from __future__ import annotations

@@ -23,10 +23,10 @@ from phantom_dyn.motion import read_only
 
 Array = np.ndarray
 
-# A free device keeps an eigenvalue of one, which a hundred stored samples blur by some 1e-9.
 _MARGINAL = 1e-7
-# Halvings of a step of the grid, which is under a tenth of its frequency: to the last bits of it.
+"""A free device keeps an eigenvalue of one, which a hundred stored samples blur by some 1e-9."""
 _HALVINGS = 50
+"""Of a step of the grid, which is under a tenth of its frequency: to the last bits of it."""
 
 
 @dataclass(frozen=True)
@@ -67,7 +67,9 @@ class DigitalFilter:
 
 
 UNFILTERED = DigitalFilter(np.ones(1), np.ones(1))
+"""Passes its input on."""
 NOTHING = DigitalFilter(np.zeros(1), np.ones(1))
+"""Gives zero."""
 
 
 @dataclass(frozen=True)
@@ -113,6 +115,7 @@ class SampledLoop:
         with np.errstate(divide="ignore", invalid="ignore"):
             return -held / self.scaled.response(frequency, self.period)
 
+    # Cached: functions of the fields alone, asked for at every gain.
     @cached_property
     def plant(self) -> SampledAxis:
         """All devices as one."""

@@ -1,4 +1,4 @@
-r"""How stiff a virtual wall and how strong a virtual damper a sampled device bears with each velocity estimator.
+r"""Stiffest virtual wall and strongest virtual damper that a sampled device bears with each velocity estimator.
 
 Linear: the loop of device, hold, delay and estimator as a filter; the estimators that are no filter, period measurement
 and adaptive windowing, are put in as what they tend to for a fine encoder. Simulated: the loop in time with its

@@ -1,8 +1,7 @@
 """Compiled steps of a tree of one-degree joints, some with motors that may move apart from their links.
 
-Passive joints of a closed chain follow the active ones linearly, and ``nv`` counts the active ones.
-
-The same rule as `phantom_dyn.simulation.stepping`.
+The same midpoint rule as `phantom_dyn.simulation.stepping`. Passive joints of a closed chain follow the active ones
+linearly, and ``nv`` counts the active ones.
 """
 
 from __future__ import annotations
@@ -12,12 +11,11 @@ from typing import NamedTuple
 import numpy as np
 
 from phantom_dyn._kernels.dry_friction import Rubbing, rub
-from phantom_dyn._kernels.jit import jit
+from phantom_dyn._kernels.jit import jit, within
 from phantom_dyn._kernels.single_state import Chain, chained_mass_and_bias, invert, mass_and_bias
-from phantom_dyn.effects.compiled_laws import DELAY, command_of, delay_law, torque_of
-from phantom_dyn.simulation.compiled.arrays import AT_STEPS, GIVEN, Control, Laws, Lines, Moving, Rows
+from phantom_dyn.simulation.compiled.arrays import AT_STEPS, GIVEN, Control, EffectLaws, Laws, Moving, Plan, Rows
 from phantom_dyn.simulation.compiled.axis_steps import spring_torque
-from phantom_dyn.simulation.compiled.channels import place_in, read, tracking
+from phantom_dyn.simulation.compiled.channels import effect_torque, given_by_drive, place_in, read, tracking
 
 Array = np.ndarray
 
@@ -59,10 +57,73 @@ class Arm(NamedTuple):
 
 
 @jit
+def run_arm(arm: Arm, laws: EffectLaws, control: Control, moving: Moving, plan: Plan, rows: Rows) -> int:
+    """Record N samples and make the planned steps behind each.
+
+    Returns:
+        The sample behind which a speed was beyond ``plan.far``, -1 if none ever was.
+    """
+    row = arm.root.copy()
+    drives, seen, mode = arm.drives, arm.seen, control.mode
+    x, v, a, transmitted, friction = moving.x, moving.v, moving.a, moving.transmitted, moving.friction
+    asked, given = moving.asked, moving.given
+    torques, commands, readings, lines = laws
+    t_codes, t_rows, t_others, t_shares = torques.codes, torques.rows, torques.others, torques.shares
+    t_numbers, t_state = torques.numbers, torques.state
+    c_codes, c_rows, c_numbers, c_state = commands.codes, commands.rows, commands.numbers, commands.state
+    rings, ends = lines.rings, lines.ends
+    n, nv = len(x), len(drives)
+    mobility, y, w, push, speed = np.zeros((n, n)), np.zeros(n), np.zeros(n), np.zeros(n), np.zeros(n)
+    reading, bias = np.zeros(nv), np.zeros(nv)
+    who = Rubbing(drives, np.zeros((0, n)), np.zeros((0, n + 1)))
+    for k in range(len(plan.t)):
+        h = plan.steps[k]
+        if mode != GIVEN:
+            ask(control, readings, seen, x, v, plan.t[k], reading, asked)
+        else:
+            read_all(readings, seen, x, reading)
+        record(rows, k, reading, asked, given, x, v, a)
+        for step in range(plan.counts[k]):
+            for i in range(n):
+                y[i], w[i] = x[i] + 0.5 * h * v[i], v[i] + 0.5 * h * a[i]
+                push[i] = 0.0
+            if mode == AT_STEPS:
+                ask(control, readings, seen, y, w, plan.t[k] + (step + 0.5) * h, reading, asked)
+            inertia(arm, row, y, w, h, mobility, bias)
+            for j in range(nv):
+                given[j] = asked[j]
+            for i in range(len(c_codes)):
+                j = int(c_rows[i])
+                given[j] = given_by_drive(c_codes, c_numbers, c_state, rings, ends, i, h, given[j])
+            for i in range(len(t_codes)):
+                j, at, other, share = int(t_rows[i]), int(drives[t_rows[i]]), int(drives[t_others[i]]), t_shares[i]
+                rate = w[at] + share * w[other]
+                torque = effect_torque(t_codes, t_numbers, t_state, i, y[at], rate, transmitted[j])
+                push[at] += torque
+                push[other] += share * torque
+            for j in range(nv):
+                push[j] -= bias[j]
+                push[drives[j]] += given[j] - arm.viscous[j] * v[drives[j]]
+            transmit(arm, y, w, push, transmitted)
+            invert(mobility)
+            accelerate(mobility, push, v, h, speed)
+            rub(mobility, speed, who, friction, arm.coulomb, h)
+            slow = advance(x, v, a, y, speed, h, plan.far)
+            for j in range(nv):
+                if drives[j] == j:
+                    transmitted[j] = given[j] - arm.rotor[j] * a[j]
+            if not slow:
+                return k
+            if step == 0:
+                rows.after[k] = a
+    return -1
+
+
+@jit
 def ask(
     control: Control, readings: Laws, seen: Array, x: Array, v: Array, t: float, reading: Array, out: Array
 ) -> None:
-    """Torque that the tracking law asks for at a state; ``reading`` receives the readings."""
+    """Write the torque that the tracking law asks for at a state; ``reading`` receives the readings."""
     share = place_in(control.t, control.cursor, t)
     for j in range(len(seen)):
         at = int(seen[j])
@@ -70,104 +131,79 @@ def ask(
         out[j] = tracking(control.tables, control.limits[j], control.cursor[0], share, j, reading[j], v[at])
 
 
-@jit
-def run_arm(
-    arm: Arm, torques: Laws, commands: Laws, readings: Laws, lines: Lines, control: Control, moving: Moving,
-    t: Array, steps: Array, counts: Array, far: float, rows: Rows,
-) -> int:  # fmt: skip
-    """Record N samples and make ``counts[k]`` steps of ``steps[k]`` seconds behind sample ``k``.
+@within
+def read_all(readings: Laws, seen: Array, x: Array, reading: Array) -> None:
+    """Write what the encoders read at positions ``x``."""
+    for j in range(len(seen)):
+        reading[j] = read(readings.codes, readings.rows, readings.numbers, j, x[int(seen[j])])
 
-    Returns:
-        The sample behind which a speed was beyond ``far``, -1 if none ever was.
+
+@within
+def record(rows: Rows, k: int, reading: Array, asked: Array, given: Array, x: Array, v: Array, a: Array) -> None:
+    """Write sample ``k``; what the drives gave before it is what they are asked for where there was no step yet."""
+    for j in range(len(reading)):
+        rows.q[k, j], rows.asked[k, j] = reading[j], asked[j]
+        rows.given[k, j] = asked[j] if np.isnan(given[j]) else given[j]
+    for i in range(len(x)):
+        rows.x[k, i], rows.v[k, i], rows.before[k, i], rows.after[k, i] = x[i], v[i], a[i], a[i]
+
+
+@within
+def inertia(arm: Arm, row: Array, y: Array, w: Array, h: float, mass: Array, bias: Array) -> None:
+    """Write mass matrix, half a step of viscous friction in it, and the torque of the coasting links.
+
+    Args:
+        arm: The machine.
+        row: A copy of its ``root``, to be written to.
+        y: Positions, ``(n,)``.
+        w: Velocities, ``(n,)``.
+        h: Length of the step [s].
+        mass: Receives the matrix, ``(n, n)``.
+        bias: Receives the torque, ``(nv,)``.
     """
-    numbers, places, row = arm.numbers, arm.places, arm.root.copy()
-    added, rotor, viscous, coulomb = arm.added, arm.rotor, arm.viscous, arm.coulomb
-    drives, seen, loose = arm.drives, arm.seen, arm.loose
-    x, v, a, transmitted, friction = moving.x, moving.v, moving.a, moving.transmitted, moving.friction
-    asked, given, mode = moving.asked, moving.given, control.mode
-    t_codes, t_rows, t_others, t_shares = torques.codes, torques.rows, torques.others, torques.shares
-    t_numbers, t_state = torques.numbers, torques.state
-    c_codes, c_rows, c_numbers, c_state = commands.codes, commands.rows, commands.numbers, commands.state
-    n, nv, m = len(x), len(drives), len(loose)
-    mobility, y, w, push, speed = np.zeros((n, n)), np.zeros(n), np.zeros(n), np.zeros(n), np.zeros(n)
-    reading, bias = np.zeros(nv), np.zeros(nv)
-    closed, who = len(arm.chain.slope) > 0, Rubbing(drives, np.zeros((0, n)), np.zeros((0, n + 1)))
-    for k in range(len(t)):
-        if mode != GIVEN:
-            ask(control, readings, seen, x, v, t[k], reading, asked)
-        else:
-            for j in range(nv):
-                reading[j] = read(readings.codes, readings.rows, readings.numbers, j, x[int(seen[j])])
-        for j in range(nv):
-            rows.q[k, j], rows.asked[k, j] = reading[j], asked[j]
-            rows.given[k, j] = asked[j] if np.isnan(given[j]) else given[j]
-        for i in range(n):
-            rows.x[k, i], rows.v[k, i], rows.before[k, i], rows.after[k, i] = x[i], v[i], a[i], a[i]
-        h = steps[k]
-        for step in range(counts[k]):
-            for i in range(n):
-                y[i], w[i] = x[i] + 0.5 * h * v[i], v[i] + 0.5 * h * a[i]
-            if mode == AT_STEPS:
-                ask(control, readings, seen, y, w, t[k] + (step + 0.5) * h, reading, asked)
-            for i in range(n):
-                for j in range(n):
-                    mobility[i, j] = 0.0
-            if closed:
-                chained_mass_and_bias(numbers, places, row, arm.chain, y, w, mobility, bias)
-            else:
-                mass_and_bias(numbers, places, row, y, w, mobility, bias)
-            for i in range(n):
-                push[i] = 0.0
-                for j in range(n):
-                    mobility[i, j] += added[i, j]
-            for j in range(nv):
-                given[j] = asked[j]
-                mobility[drives[j], drives[j]] += 0.5 * h * viscous[j]
-            for i in range(len(c_codes)):
-                j = int(c_rows[i])
-                if c_codes[i] == DELAY:
-                    lines.ends[i, 0], lines.ends[i, 1], given[j] = delay_law(
-                        lines.rings[i], lines.ends[i, 0], lines.ends[i, 1], c_numbers[i, 0], h, given[j]
-                    )
-                else:
-                    c_state[i, 0], given[j] = command_of(c_codes[i], c_numbers[i, 0], c_state[i, 0], h, given[j])
-            for i in range(len(t_codes)):
-                j, at, other, share = int(t_rows[i]), int(drives[t_rows[i]]), int(drives[t_others[i]]), t_shares[i]
-                t_state[i, 0], t_state[i, 1], t_state[i, 2], torque = torque_of(
-                    t_codes[i], t_numbers[i, 0], t_numbers[i, 1], t_numbers[i, 2], t_numbers[i, 3],
-                    t_state[i, 0], t_state[i, 1], t_state[i, 2],
-                    y[at], w[at] + share * w[other], transmitted[j],
-                )  # fmt: skip
-                push[at] += torque
-                push[other] += share * torque
-            for j in range(nv):
-                push[j] -= bias[j]
-                push[drives[j]] += given[j] - viscous[j] * v[drives[j]]
-            for i in range(m):
-                j, at = loose[i], nv + i
-                torque = spring_torque(y[at] - y[j], w[at] - w[j], arm.stiffness[i], arm.damping[i], arm.gap[i])
-                push[j] += torque
-                push[at] -= torque
-                transmitted[j] = torque
-            invert(mobility)
-            for i in range(n):
-                speed[i] = v[i]
-                for j in range(n):
-                    speed[i] += mobility[i, j] * h * push[j]
-            rub(mobility, speed, who, friction, coulomb, h)
-            fast = False
-            for i in range(n):
-                a[i] = (speed[i] - v[i]) / h
-                v[i] = speed[i]
-                x[i] = y[i] + 0.5 * h * v[i]
-                # Not a number is fast too.
-                fast = fast or not abs(v[i]) < far
-            for j in range(nv):
-                if drives[j] == j:
-                    transmitted[j] = given[j] - rotor[j] * a[j]
-            if fast:
-                return k
-            if step == 0:
-                for i in range(n):
-                    rows.after[k, i] = a[i]
-    return -1
+    n = len(y)
+    for i in range(n):
+        for j in range(n):
+            mass[i, j] = 0.0
+    if len(arm.chain.slope) > 0:
+        chained_mass_and_bias(arm.numbers, arm.places, row, arm.chain, y, w, mass, bias)
+    else:
+        mass_and_bias(arm.numbers, arm.places, row, y, w, mass, bias)
+    for i in range(n):
+        for j in range(n):
+            mass[i, j] += arm.added[i, j]
+    for j in range(len(arm.drives)):
+        mass[arm.drives[j], arm.drives[j]] += 0.5 * h * arm.viscous[j]
+
+
+@within
+def transmit(arm: Arm, y: Array, w: Array, push: Array, transmitted: Array) -> None:
+    """Add the torques of the transmissions between loose motors and their links, and write them."""
+    for i in range(len(arm.loose)):
+        j, at = arm.loose[i], len(arm.drives) + i
+        torque = spring_torque(y[at] - y[j], w[at] - w[j], arm.stiffness[i], arm.damping[i], arm.gap[i])
+        push[j] += torque
+        push[at] -= torque
+        transmitted[j] = torque
+
+
+@within
+def accelerate(mobility: Array, push: Array, v: Array, h: float, speed: Array) -> None:
+    """Write the speeds behind ``h`` seconds of a push, without dry friction."""
+    for i in range(len(v)):
+        speed[i] = v[i]
+        for j in range(len(v)):
+            speed[i] += mobility[i, j] * h * push[j]
+
+
+@within
+def advance(x: Array, v: Array, a: Array, y: Array, speed: Array, h: float, far: float) -> bool:
+    """Write the state behind a step from the positions half-way and the new speeds; False if one is beyond ``far``."""
+    slow = True
+    for i in range(len(x)):
+        a[i] = (speed[i] - v[i]) / h
+        v[i] = speed[i]
+        x[i] = y[i] + 0.5 * h * v[i]
+        # Not a number is fast too.
+        slow = slow and abs(v[i]) < far
+    return slow

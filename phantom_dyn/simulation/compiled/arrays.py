@@ -47,6 +47,31 @@ class Lines(NamedTuple):
     ends: Array
 
 
+class EffectLaws(NamedTuple):
+    """Laws of all effects by channel, and the delay lines of the drives."""
+
+    torques: Laws
+    commands: Laws
+    readings: Laws
+    lines: Lines
+
+
+class Plan(NamedTuple):
+    """When to record and to step.
+
+    Attributes:
+        t: Times of the samples [s], ``(N,)``.
+        steps: Length of the steps behind each sample [s], ``(N,)``.
+        counts: How many there are, ``(N,)``.
+        far: Speed beyond which the integration has blown up.
+    """
+
+    t: Array
+    steps: Array
+    counts: Array
+    far: float
+
+
 class Control(NamedTuple):
     """The tracking law of `phantom_dyn.simulation.control` as arrays.
 

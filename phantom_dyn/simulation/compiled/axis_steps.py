@@ -9,10 +9,9 @@ from typing import NamedTuple
 
 import numpy as np
 
-from phantom_dyn._kernels.jit import jit
-from phantom_dyn.effects.compiled_laws import DELAY, command_of, delay_law, torque_of
-from phantom_dyn.simulation.compiled.arrays import AT_STEPS, GIVEN, Control, Laws, Lines, Moving, Rows
-from phantom_dyn.simulation.compiled.channels import place_in, read, tracking
+from phantom_dyn._kernels.jit import jit, within
+from phantom_dyn.simulation.compiled.arrays import AT_STEPS, GIVEN, Control, EffectLaws, Moving, Plan, Rows
+from phantom_dyn.simulation.compiled.channels import effect_torque, given_by_drive, place_in, read, tracking
 
 Array = np.ndarray
 
@@ -50,31 +49,18 @@ class Axis(NamedTuple):
 
 
 @jit
-def spring_torque(apart: float, rate: float, stiffness: float, damping: float, gap: float) -> float:
-    """Torque on a link behind its transmission: none inside the play, and contact never pulls."""
-    if gap <= 0.0:
-        return stiffness * apart + damping * rate
-    if apart > 0.5 * gap:
-        return max(stiffness * (apart - 0.5 * gap) + damping * rate, 0.0)
-    if apart < -0.5 * gap:
-        return min(stiffness * (apart + 0.5 * gap) + damping * rate, 0.0)
-    return 0.0
-
-
-@jit
-def run_axis(
-    axis: Axis, torques: Laws, commands: Laws, readings: Laws, lines: Lines, control: Control, moving: Moving,
-    t: Array, steps: Array, counts: Array, far: float, rows: Rows,
-) -> int:  # fmt: skip
-    """Record N samples and make ``counts[k]`` steps of ``steps[k]`` seconds behind sample ``k``.
+def run_axis(axis: Axis, laws: EffectLaws, control: Control, moving: Moving, plan: Plan, rows: Rows) -> int:
+    """Record N samples and make the planned steps behind each.
 
     Returns:
-        The sample behind which the speed was beyond ``far``, -1 if it never was.
+        The sample behind which the speed was beyond ``plan.far``, -1 if it never was.
     """
     link, rotor, loose, viscous, coulomb = axis.link, axis.rotor, axis.loose, axis.viscous, axis.coulomb
     stiffness, damping, gap = axis.stiffness, axis.damping, axis.gap
-    at_zero, at_quarter, turns, motor_read = axis.at_zero, axis.at_quarter, axis.turns, axis.motor_read
-    mode = control.mode
+    motor_read = axis.motor_read
+    mode, t, steps, counts, far = control.mode, plan.t, plan.steps, plan.counts, plan.far
+    torques, commands, readings, lines = laws
+    rings, ends = lines.rings, lines.ends
     t_codes, t_numbers, t_state = torques.codes, torques.numbers, torques.state
     c_codes, c_numbers, c_state = commands.codes, commands.numbers, commands.state
     xl, vl, al = moving.x[0], moving.v[0], moving.a[0]
@@ -84,13 +70,11 @@ def run_axis(
     for k in range(len(t)):
         reading = read(readings.codes, readings.rows, readings.numbers, 0, xm if motor_read else xl)
         if mode != GIVEN:
-            share = place_in(control.t, control.cursor, t[k])
-            speed = vm if motor_read else vl
-            asked = tracking(control.tables, control.limits[0], control.cursor[0], share, 0, reading, speed)
+            asked = tracked(control, t[k], reading, vm if motor_read else vl)
         rows.q[k, 0], rows.asked[k, 0], rows.given[k, 0] = reading, asked, (asked if np.isnan(given) else given)
-        rows.x[k, 0], rows.v[k, 0], rows.before[k, 0], rows.after[k, 0] = xl, vl, al, al
+        record_body(rows, k, 0, xl, vl, al)
         if loose:
-            rows.x[k, 1], rows.v[k, 1], rows.before[k, 1], rows.after[k, 1] = xm, vm, am, am
+            record_body(rows, k, 1, xm, vm, am)
         if counts[k] == 0:
             continue
         h = steps[k]
@@ -101,27 +85,15 @@ def run_axis(
             x, v = xl + half * vl, vl + half * al
             y, w = (xm + half * vm, vm + half * am) if loose else (x, v)
             if mode == AT_STEPS:
-                now = t[k] + (i + 0.5) * h
-                share = place_in(control.t, control.cursor, now)
                 reading = read(readings.codes, readings.rows, readings.numbers, 0, y if motor_read else x)
-                speed = w if motor_read else v
-                asked = tracking(control.tables, control.limits[0], control.cursor[0], share, 0, reading, speed)
+                asked = tracked(control, t[k] + (i + 0.5) * h, reading, w if motor_read else v)
             given = asked
             for n in range(len(c_codes)):
-                if c_codes[n] == DELAY:
-                    lines.ends[n, 0], lines.ends[n, 1], given = delay_law(
-                        lines.rings[n], lines.ends[n, 0], lines.ends[n, 1], c_numbers[n, 0], h, given
-                    )
-                else:
-                    c_state[n, 0], given = command_of(c_codes[n], c_numbers[n, 0], c_state[n, 0], h, given)
+                given = given_by_drive(c_codes, c_numbers, c_state, rings, ends, n, h, given)
             drive = given
             for n in range(len(t_codes)):
-                t_state[n, 0], t_state[n, 1], t_state[n, 2], added = torque_of(
-                    t_codes[n], t_numbers[n, 0], t_numbers[n, 1], t_numbers[n, 2], t_numbers[n, 3],
-                    t_state[n, 0], t_state[n, 1], t_state[n, 2], y, w, transmitted,
-                )  # fmt: skip
-                drive += added
-            weight = at_zero * np.cos(x) + at_quarter * np.sin(x) if turns else at_zero
+                drive += effect_torque(t_codes, t_numbers, t_state, n, y, w, transmitted)
+            weight = weight_at(axis, x)
             if loose:
                 spring = spring_torque(y - x, w - v, stiffness, damping, gap)
                 new = vl + ease_link * h * (spring - weight)
@@ -145,8 +117,7 @@ def run_axis(
                 rows.after[k, 0] = al
                 if loose:
                     rows.after[k, 1] = am
-        if not loose:
-            xm, vm, am = xl, vl, al
+        xm, vm, am = (xm, vm, am) if loose else (xl, vl, al)
         if broke >= 0:
             break
     moving.x[0], moving.v[0], moving.a[0] = xl, vl, al
@@ -154,3 +125,34 @@ def run_axis(
         moving.x[1], moving.v[1], moving.a[1] = xm, vm, am
     moving.transmitted[0], moving.asked[0], moving.given[0] = transmitted, asked, given
     return broke
+
+
+@within
+def record_body(rows: Rows, k: int, i: int, x: float, v: float, a: float) -> None:
+    """Write the motion of the link (0) or of a loose motor (1) at sample ``k``."""
+    rows.x[k, i], rows.v[k, i], rows.before[k, i], rows.after[k, i] = x, v, a, a
+
+
+@within
+def weight_at(axis: Axis, x: float) -> float:
+    """Torque of gravity on the drive at a position of the link."""
+    return axis.at_zero * np.cos(x) + axis.at_quarter * np.sin(x) if axis.turns else axis.at_zero
+
+
+@within
+def tracked(control: Control, t: float, q: float, v: float) -> float:
+    """Torque that the tracking law asks for at time ``t`` with a reading and a velocity."""
+    share = place_in(control.t, control.cursor, t)
+    return tracking(control.tables, control.limits[0], control.cursor[0], share, 0, q, v)
+
+
+@jit
+def spring_torque(apart: float, rate: float, stiffness: float, damping: float, gap: float) -> float:
+    """Torque on a link behind its transmission: none inside the play, and contact never pulls."""
+    if gap <= 0.0:
+        return stiffness * apart + damping * rate
+    if apart > 0.5 * gap:
+        return max(stiffness * (apart - 0.5 * gap) + damping * rate, 0.0)
+    if apart < -0.5 * gap:
+        return min(stiffness * (apart + 0.5 * gap) + damping * rate, 0.0)
+    return 0.0

@@ -1,11 +1,11 @@
-"""Channels of a machine at one instant, inside compiled steps: what its encoders read and what is asked of a drive."""
+"""Channels of a machine at one instant, inside compiled steps: readings, commands to the drives, and what they give."""
 
 from __future__ import annotations
 
 import numpy as np
 
-from phantom_dyn._kernels.jit import jit
-from phantom_dyn.effects.compiled_laws import reading_of
+from phantom_dyn._kernels.jit import jit, within
+from phantom_dyn.effects.compiled_laws import DELAY, command_of, delay_law, reading_of, torque_of
 
 Array = np.ndarray
 
@@ -40,3 +40,36 @@ def tracking(tables: Array, limit: float, k: int, share: float, j: int, q: float
     kp, kd, added = rest * a[3] + share * b[3], rest * a[4] + share * b[4], rest * a[5] + share * b[5]
     asked = forward + kp * (wanted - q) + kd * (speed - v)
     return min(max(asked, -limit), limit) + added
+
+
+@within
+def given_by_drive(
+    codes: Array, numbers: Array, state: Array, rings: Array, ends: Array, i: int, h: float, asked: float
+) -> float:
+    """Torque behind command law ``i`` when ``asked`` comes to it for ``h`` seconds; its state moves on.
+
+    Args:
+        codes: This and the next two as of `Laws`.
+        numbers: .
+        state: .
+        rings: This and the next as of `Lines`.
+        ends: .
+        i: Which law.
+        h: Length of the step [s].
+        asked: Torque before the law.
+    """
+    if codes[i] == DELAY:
+        ends[i, 0], ends[i, 1], given = delay_law(rings[i], ends[i, 0], ends[i, 1], numbers[i, 0], h, asked)
+        return given
+    state[i, 0], given = command_of(codes[i], numbers[i, 0], state[i, 0], h, asked)
+    return given
+
+
+@within
+def effect_torque(codes: Array, numbers: Array, state: Array, i: int, q: float, v: float, load: float) -> float:
+    """Torque of law ``i`` of the torque channel at a position, velocity and transmitted load; its state moves on."""
+    state[i, 0], state[i, 1], state[i, 2], torque = torque_of(
+        codes[i], numbers[i, 0], numbers[i, 1], numbers[i, 2], numbers[i, 3],
+        state[i, 0], state[i, 1], state[i, 2], q, v, load,
+    )  # fmt: skip
+    return torque

@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 
 from identification.diagnosis.result import Unexplained, Value
-from identification.reporting.diagnosis_json import json_text, to_json
+from identification.reporting.diagnosis_files import json_text, to_json
 
 
 class Strict(msgspec.Struct, forbid_unknown_fields=True):

@@ -14,9 +14,9 @@ from identification.reporting.gap_figures import (
     gap_bars,
     residual_over_position,
     residual_over_velocity,
-    rest_figure,
     short_name,
     torque_figure,
+    unexplained_figure,
 )
 
 SVG = "{http://www.w3.org/2000/svg}"
@@ -133,4 +133,4 @@ def test_a_rest_that_grows_with_time_is_drawn_over_time(made_up):
     evidence = diagnosis.evidence
     drift = dataclasses.replace(evidence, tau_after=evidence.tau_measured - 0.1 * evidence.t[:, None])
     diagnosis = dataclasses.replace(diagnosis, evidence=drift)
-    assert "time [s]" in texts(rest_figure(diagnosis, joint_motions(None, diagnosis), "j2"))
+    assert "time [s]" in texts(unexplained_figure(diagnosis, joint_motions(None, diagnosis), "j2"))

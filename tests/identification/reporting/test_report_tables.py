@@ -6,7 +6,7 @@ import pytest
 
 from identification.diagnosis.result import Bound, JointGap, NotTestable
 from identification.reporting.report_tables import regime_table, seen_from, untestable_rows
-from identification.words.numbers import NO_BREAK
+from identification.words.numbers_and_names import NO_BREAK
 
 JOINTS = tuple(JointGap(name, "N m", 1.0, 0.1, 0.1, 10) for name in ("a", "b", "c"))
 

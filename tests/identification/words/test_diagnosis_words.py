@@ -7,7 +7,7 @@ import pytest
 from identification.diagnosis.result import EffectAt, Rival, Unexplained, Value
 from identification.words import diagnosis_words as words
 from identification.words.effect_words import REGIMES, effect_words, regime_words, report_order
-from identification.words.numbers import NO_BREAK
+from identification.words.numbers_and_names import NO_BREAK
 from phantom_dyn.effects.catalogue import EFFECTS
 
 CONTRACT_EFFECTS = """viscous_friction coulomb_friction direction_dependent_friction stribeck_friction

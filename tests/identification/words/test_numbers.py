@@ -5,7 +5,7 @@ import math
 import pytest
 
 from identification.diagnosis.result import Value
-from identification.words.numbers import NO_BREAK, percent, value_words
+from identification.words.numbers_and_names import NO_BREAK, percent, value_words
 
 
 @pytest.mark.parametrize(

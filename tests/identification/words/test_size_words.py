@@ -6,7 +6,7 @@ import string
 import pytest
 
 from identification.diagnosis.result import Value
-from identification.words.size_words import meaning_of, size_words, value_cell
+from identification.words.effect_words import meaning_of, size_words, value_cell
 from phantom_dyn.effects.catalogue import EFFECTS
 
 

@@ -14,11 +14,10 @@ from scipy.signal import lfilter
 
 from identification.data.signals import process
 from identification.estimators.closed_loop.didim import didim
-from identification.estimators.closed_loop.simulated_start import Resimulation, loops_of, resimulated
+from identification.estimators.closed_loop.loop import Resimulation, loops_of, resimulated
 from identification.estimators.fit import Fit
 from identification.estimators.iv import hausman_test, iv
-from identification.estimators.linear.least_squares import base_of
-from identification.estimators.linear.rows import base_rows
+from identification.estimators.linear.least_squares import base_of, base_rows
 from identification.estimators.weighted_least_squares import ols, wls
 from identification.regression.base_parameters import BaseParameters
 from identification.regression.regressor import Regressor, torque_regressor

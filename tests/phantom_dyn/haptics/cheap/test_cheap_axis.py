@@ -43,7 +43,7 @@ def test_damping_is_critical_unless_it_is_given():
     # Closed form: 2 sqrt(M K); the printed 0.05 would be 0.0065 of it in N s/m.
     assert VirtualMass(0.1, 150.0).damping == pytest.approx(7.746, abs=1e-3)
     assert VirtualMass(0.1, 150.0, 0.05).damping == 0.05
-    assert 0.05 / 7.746 == pytest.approx(0.0065, abs=1e-4)
+    assert pytest.approx(0.0065, abs=1e-4) == 0.05 / 7.746
 
 
 def test_a_gap_without_a_mass_is_refused():

@@ -16,7 +16,8 @@ from phantom_dyn.haptics.cheap.cheap_axis import (
     cheap_rotation,
     cheap_translation,
 )
-from phantom_dyn.haptics.cheap.cheap_hardware import at_rest, felt, phantom_tip_force, rendered, rendered_axes
+from phantom_dyn.haptics.cheap.cheap_cycle import at_rest
+from phantom_dyn.haptics.cheap.cheap_hardware import felt, phantom_tip_force, rendered, rendered_axes
 
 RATES = [500, 1000, 2000]
 FRICTION = StickingFriction(torque=2.0, displacement=100e-6, stick_velocity=5e-3)

@@ -2,7 +2,7 @@ from __future__ import annotations
 
 import pytest
 
-from phantom_dyn.haptics.cheap.virtual_mass import coupling_force, side_of
+from phantom_dyn.haptics.cheap.cheap_cycle import coupling_force, side_of
 
 
 @pytest.mark.parametrize(("apart", "side"), [(0.6e-3, 1.0), (0.4e-3, 0.0), (-0.4e-3, 0.0), (-0.6e-3, -1.0)])

@@ -5,7 +5,7 @@ import pytest
 from scipy.integrate import solve_ivp
 from scipy.signal import butter
 
-from phantom_dyn.haptics.cheap.virtual_mass import butterworth_weights, low_passed, mass_step
+from phantom_dyn.haptics.cheap.cheap_cycle import butterworth_weights, low_passed, mass_step
 
 
 @pytest.mark.parametrize(

@@ -1,4 +1,4 @@
-"""Numbers as text: values with their deviation and unit, shares as percentages."""
+"""Numbers and names as text: values with their deviation and unit, percentages, names that fit a terminal."""
 
 from __future__ import annotations
 
@@ -50,3 +50,14 @@ def percent(share: float) -> str:
     if 0.995 <= share < 1:
         return f"over 99{NO_BREAK}%"
     return f"{100 * share:.0f}{NO_BREAK}%"
+
+
+def printable(text: str) -> str:
+    """Text without control characters, as the name of a file or joint may hold some that must not reach a terminal."""
+    return "".join(c if c.isprintable() or c == NO_BREAK else " " for c in text)
+
+
+def cut_name(name: str, width: int) -> str:
+    """A name for a column of a terminal: printable, and cut where it is longer than ``width``."""
+    name = printable(name)
+    return name if len(name) <= width else f"{name[: width - 1]}…"
