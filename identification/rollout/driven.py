@@ -10,8 +10,8 @@ from __future__ import annotations
 import numpy as np
 from jaxtyping import Float
 
+from identification.rollout.rollout_starts import Start
 from identification.rollout.simulated_models import Model
-from identification.rollout.starts import Start
 from phantom_dyn.dynamics.dynamics import mass_matrix
 from phantom_dyn.effects.support.rows import row_of
 from phantom_dyn.model.robot import Robot

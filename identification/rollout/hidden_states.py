@@ -17,8 +17,8 @@ from scipy.optimize import least_squares
 
 from identification.data.log import Log
 from identification.rollout.driven import moved, pull, pulling
+from identification.rollout.rollout_starts import Start, States, Window, true_state
 from identification.rollout.simulated_models import LEAD, Model
-from identification.rollout.starts import Start, States, Window, true_state
 from phantom_dyn.effects.support.rows import row_of
 from phantom_dyn.simulation.control import torque_over_time
 from phantom_dyn.simulation.simulate import Simulation

@@ -17,9 +17,9 @@ from identification.rollout.compare import HORIZONS, Rollout, Settle, Shoot, com
 from identification.rollout.driven import STEP, given_torque
 from identification.rollout.hidden_states import hides, look_back, tries
 from identification.rollout.joint_limits import recorded_past
+from identification.rollout.rollout_starts import Window, states_of, windows_in
 from identification.rollout.shots import Shot, controlled, under_control, under_torque
 from identification.rollout.simulated_models import LEAD, Model, corrected_model, known_causes, model_of
-from identification.rollout.starts import Window, states_of, windows_in
 from phantom_dyn._kernels.jit import compiles
 from phantom_dyn.errors import ParameterError, PhantomDynError, RobotError
 

@@ -10,8 +10,8 @@ from jaxtyping import Float
 from identification.data.log import Log
 from identification.rollout.driven import moved, pull, pulling, simulated
 from identification.rollout.hidden_states import Settled, hides, pulled_to, settled
+from identification.rollout.rollout_starts import Start, States, Window, true_state
 from identification.rollout.simulated_models import Model
-from identification.rollout.starts import Start, States, Window, true_state
 from phantom_dyn.effects.catalogue import effect_named
 from phantom_dyn.errors import LogError
 from phantom_dyn.model.robot import Robot

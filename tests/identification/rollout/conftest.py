@@ -15,9 +15,9 @@ from identification.diagnosis.model.blocks import split_blocks
 from identification.rollout.compare import HORIZONS, Rollout, compared
 from identification.rollout.driven import given_torque
 from identification.rollout.hidden_states import hides
+from identification.rollout.rollout_starts import states_of, windows_in
 from identification.rollout.shots import Shot, under_control, under_torque
 from identification.rollout.simulated_models import model_of
-from identification.rollout.starts import states_of, windows_in
 from phantom_dyn.model.robot import Robot
 from phantom_dyn.simulation.control import position_control
 from phantom_dyn.simulation.simulate import Cause, Simulation, simulate

@@ -9,9 +9,9 @@ import pytest
 
 from identification.rollout.driven import given_torque
 from identification.rollout.hidden_states import hides
+from identification.rollout.rollout_starts import true_state
 from identification.rollout.shots import under_torque
 from identification.rollout.simulated_models import model_of
-from identification.rollout.starts import true_state
 from phantom_dyn.effects.catalogue import effect_named
 from phantom_dyn.model.robot import Actuator, Controller, Robot
 from phantom_dyn.simulation.control import torque_over_time

@@ -12,9 +12,9 @@ from identification.pipeline import diagnose
 from identification.rollout.compare import Errors, horizon_of
 from identification.rollout.driven import given_torque
 from identification.rollout.joint_limits import Simulated, limit_warnings, limits_engaged, recorded_past
+from identification.rollout.rollout_starts import States, states_of, true_state
 from identification.rollout.shots import under_torque
 from identification.rollout.simulated_models import loaded, model_of
-from identification.rollout.starts import States, states_of, true_state
 from phantom_dyn.dynamics.dynamics import inverse_dynamics, rigid_body_regressor
 from phantom_dyn.effects.catalogue import effect_named
 from phantom_dyn.errors import ParameterError
