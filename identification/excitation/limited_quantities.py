@@ -52,7 +52,7 @@ class Bounds:
         return tuple(label for label, share in zip(self.labels, worst, strict=True) if share > -NEAR)
 
     def worst(self, values: Float[Array, "N m"]) -> str:
-        """The bound that is broken most, by how much, as half a sentence."""
+        """The bound that is broken most and the excess over it, as half a sentence."""
         excess = self.excess(values).max(axis=1)
         side, m = np.unravel_index(int(np.argmax(excess)), excess.shape)
         column = values[:, m]

@@ -108,7 +108,7 @@ _BURDEN = 0.1
 
 @dataclass(frozen=True)
 class Trial:
-    """One motion, and how well it would part the rivals.
+    """One motion, and how well it would separate the rivals.
 
     Attributes:
         candidate: The motion.
