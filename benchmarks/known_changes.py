@@ -154,7 +154,7 @@ def both(case: Case) -> tuple[bool, bool]:
 
 def main() -> None:
     """Print how often causes are told apart."""
-    parser = argparse.ArgumentParser(description="How often a known change parts causes.")
+    parser = argparse.ArgumentParser(description="How often a known change separates causes.")
     parser.add_argument("--cases", type=int, default=20)
     parser.add_argument("--seed", type=int, default=0)
     arguments = parser.parse_args()

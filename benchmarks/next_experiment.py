@@ -1,4 +1,4 @@
-"""Does the proposed experiment part the rivals more often than a random safe motion, and than a D-optimal one?
+"""Does the proposed experiment separate the rivals more often than a random safe motion, and than a D-optimal one?
 
     python -m benchmarks.next_experiment                  # seeds 0 to 23: ten seconds for each one with rivals
     python -m benchmarks.next_experiment --seeds 0:6 --out table.json

@@ -60,7 +60,8 @@ def show_friction(rng: np.random.Generator) -> None:
     condition = tests["t1"][1].condition
     print(f"  condition number {condition:.1f}, published about 6; friction of the passive joints:")
     for name, (value, std) in passive_friction(tests).items():
-        print(f"  {name:<6} {value:8.4f} +- {std:.4f}: {'not told from zero' if abs(value) < 2 * std else 'there'}")
+        verdict = "not distinguished from zero" if abs(value) < 2 * std else "there"
+        print(f"  {name:<6} {value:8.4f} +- {std:.4f}: {verdict}")
 
 
 def show_stiffness(rng: np.random.Generator) -> None:

@@ -1,5 +1,5 @@
 # pyright: reportAttributeAccessIssue=false
-"""Motion of the joints of a robot, and its positions as Pinocchio's configuration vectors."""
+"""Motion of the joints of a robot, which of them slide, and their positions as Pinocchio's configurations."""
 
 from __future__ import annotations
 
@@ -45,6 +45,11 @@ def configurations(model: pin.Model, positions: Float[Array, "N nt"]) -> Float[A
         else:
             out[:, joint.idx_q] = column
     return out
+
+
+def linear_joints(model: pin.Model) -> np.ndarray:
+    """True where a joint slides, False where it turns; joints of one velocity each, shape ``(nt,)``."""
+    return np.array([joint.shortname().startswith("JointModelP") for joint in list(model.joints)[1:]], dtype=bool)
 
 
 def read_only(array: Array, dtype: type = float) -> Array:

@@ -63,9 +63,11 @@ FIGURES = (
     _at_most("extra finding that is not there", 0.05, lambda c: proportion(x.extra for x in _inside(c))),
     _at_most("`unknown` inside the catalogue", 0.05, lambda c: proportion(x.verdict == "unknown" for x in _inside(c))),
     _at_least("joint named right", 0.98, lambda c: proportion(x.joint for x in _inside(c))),
-    _at_least("top-1 effect, twins as one", 0.90, lambda c: proportion(x.top1 for x in _singles(c))),
+    _at_least(
+        "top-1 effect, indistinguishable effects as one", 0.90, lambda c: proportion(x.top1 for x in _singles(c))
+    ),
     Figure("top-1 effect, strict", 0.0, 1.0, "", lambda c: proportion(x.top1_strict for x in _singles(c))),
-    _at_least("truth in returned set", 0.97, lambda c: proportion(x.in_set for x in _inside(c))),
+    _at_least("returned set holds the truth", 0.97, lambda c: proportion(x.in_set for x in _inside(c))),
     Figure(
         "mean set size, singles",
         0.0,

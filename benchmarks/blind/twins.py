@@ -1,4 +1,4 @@
-"""Which answers say the same as the truth, because no data of that robot can part them."""
+"""Answers that count as the truth, because no data of that robot can distinguish them from it."""
 
 from __future__ import annotations
 

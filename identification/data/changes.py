@@ -12,7 +12,7 @@ from jaxtyping import Float
 
 from phantom_dyn.dynamics.dynamics import standard_parameters
 from phantom_dyn.effects.support.changed_robot import with_parameters
-from phantom_dyn.model.point_mass import payload_body, point_mass_parameters
+from phantom_dyn.model.inertia import payload_body, point_mass_parameters
 from phantom_dyn.model.robot import Controller, Robot
 
 Array = np.ndarray

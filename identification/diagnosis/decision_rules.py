@@ -64,7 +64,7 @@ COARSE_SHARE = 0.05
 # share: of the floor below which it is not known once the rounding is taken out.
 COARSE_REMAINDER = 0.3
 
-# Rivals and their probabilities. Shown by `benchmarks/blind/run.py` (truth in the set, size of the set, reliability).
+# Rivals and their probabilities. Shown by `benchmarks/blind/run.py` (sets with the truth, their size, reliability).
 
 # probability: from which on a rival is listed (contract).
 LISTED = 0.05

@@ -30,8 +30,7 @@ from identification.regression.regressor import EffectOnJoint, Regressor, gap_re
 from phantom_dyn.dynamics.dynamics import standard_parameters
 from phantom_dyn.effects.catalogue import effect_named
 from phantom_dyn.errors import LogError, ParameterError, RobotError
-from phantom_dyn.model.inertia import STANDARD_NAMES, body_name, body_parameters
-from phantom_dyn.model.point_mass import payload_body
+from phantom_dyn.model.inertia import STANDARD_NAMES, body_name, body_parameters, payload_body
 from phantom_dyn.model.robot import Robot
 
 Array = np.ndarray

@@ -29,8 +29,7 @@ from identification.estimators.linear.scatter import covariances, joint_noise
 from identification.regression.base_parameters import BaseParameters, base_parameters_of_matrix
 from identification.regression.regressor import EffectOnJoint, Regressor, torque_regressor
 from phantom_dyn.errors import IdentifiabilityError, ParameterError
-from phantom_dyn.model.inertia import STANDARD_NAMES, STANDARD_UNITS
-from phantom_dyn.model.point_mass import payload_body, point_mass_parameters
+from phantom_dyn.model.inertia import STANDARD_NAMES, STANDARD_UNITS, payload_body, point_mass_parameters
 from phantom_dyn.model.robot import Robot
 
 Array = np.ndarray

@@ -13,7 +13,7 @@ from identification.excitation.collisions import CLEARANCE, distances
 from identification.excitation.limits import Limits
 from phantom_dyn.errors import ParameterError
 from phantom_dyn.model.robot import Robot
-from phantom_dyn.motion import read_only
+from phantom_dyn.motion import linear_joints, read_only
 
 Array = np.ndarray
 
@@ -52,7 +52,7 @@ class Bounds:
         return tuple(label for label, share in zip(self.labels, worst, strict=True) if share > -NEAR)
 
     def worst(self, values: Float[Array, "N m"]) -> str:
-        """The bound that is broken most, by how much, as half a sentence."""
+        """The bound that is broken most and the excess over it, as half a sentence."""
         excess = self.excess(values).max(axis=1)
         side, m = np.unravel_index(int(np.argmax(excess)), excess.shape)
         column = values[:, m]
@@ -75,7 +75,7 @@ def bounds_of(robot: Robot, limits: Limits) -> Bounds:
         ParameterError: If the limits are of another robot, or friction alone takes the torque.
     """
     tree = tuple(robot.model.names)[1:]
-    units = ["m" if joint.shortname().startswith("JointModelP") else "rad" for joint in list(robot.model.joints)[1:]]
+    units = ["m" if linear else "rad" for linear in linear_joints(robot.model)]
     active = [units[row] for row in robot.tree_rows]
     shapes = (len(limits.lower), len(limits.velocity), len(limits.acceleration), len(limits.torque))
     if shapes != (len(tree), len(tree), robot.nv, robot.nv):

@@ -11,6 +11,7 @@ from jaxtyping import Bool, Float
 
 from phantom_dyn.errors import RobotError, known_names
 from phantom_dyn.model.robot import Robot
+from phantom_dyn.motion import linear_joints
 
 _HUGE = 1e6  # files write numbers of this size, up to the largest of all, for "none"
 
@@ -67,7 +68,7 @@ def stated_limits(robot: Robot) -> StatedLimits:
     if not np.isfinite(torque).all():
         unlimited = [name for name, limit in zip(robot.joint_names, torque, strict=True) if not np.isfinite(limit)]
         notes.append(f"The robot states no torque limit of {', '.join(unlimited)}: none is kept there.")
-    linear = np.array([joint.shortname().startswith("JointModelP") for joint in joints])
+    linear = linear_joints(model)
     return StatedLimits(names, linear, lower, upper, _or_none(np.array(model.velocityLimit)), torque, tuple(notes))
 
 

@@ -1,4 +1,4 @@
-"""From a diagnosis with rivals to the recording that parts them."""
+"""From a diagnosis with rivals to the recording that separates them."""
 
 from __future__ import annotations
 

@@ -18,7 +18,7 @@ from identification.words.diagnosis_words import joined, on_place, percent
 from identification.words.effect_words import effect_words
 from phantom_dyn.motion import Motion
 
-# What would tell effects from their twins where no motion does.
+# What would distinguish effects that no motion separates.
 _CHANGES = {
     "weighing": "a link or load that is weighed, or a torque that is calibrated",
     "data sheet": "a rotor inertia from the drive's data sheet",
@@ -37,7 +37,7 @@ def proposal_words(parted: tuple[Pair, ...], trial: Trial, reference: str, power
     safe = "at most half of the recorded range beyond its ends, and twice the recorded speeds and torques"
     return (
         f"Record the motion of {reference}{load} ({motion}, {safe}; obstacles are not looked at) and diagnose it "
-        f"together with this recording: with a probability of {percent(power)} it tells {_pairs_words(parted)}."
+        f"together with this recording: with a probability of {percent(power)} it separates {_pairs_words(parted)}."
     )
 
 
@@ -51,7 +51,7 @@ def nothing_parts(pairs: tuple[Pair, ...]) -> str:
         if changes
         else "; take either of them, as both predict the same there, or record faster motions, if they are safe"
     )
-    return f"No safe motion that was tried tells {_pairs_words(pairs)}{advice}."
+    return f"No safe motion that was tried separates {_pairs_words(pairs)}{advice}."
 
 
 def _pairs_words(pairs: tuple[Pair, ...]) -> str:

@@ -1,4 +1,4 @@
-"""How well a planned recording parts the rivals of findings: the chance of it, and by how much they differ."""
+"""How well a planned recording separates the rivals of findings: the chance of it, and how far they differ."""
 
 from __future__ import annotations
 
@@ -75,7 +75,7 @@ class Parting:
 
 
 def parting(rivalry: Rivalry, planned: Float[Array, "u u"]) -> Parting:
-    """How well a recording parts the rivals of one finding.
+    """How well a recording separates the rivals of one finding.
 
     Args:
         rivalry: What is to be parted.

@@ -25,7 +25,7 @@ from identification.next_experiment.laboratory import Laboratory
 from identification.next_experiment.separation import LEAST_POWER, Rivalry, parting
 from phantom_dyn.dynamics.dynamics import inverse_dynamics
 from phantom_dyn.errors import ParameterError
-from phantom_dyn.model.point_mass import payload_body
+from phantom_dyn.model.inertia import payload_body
 from phantom_dyn.model.robot import Robot
 from phantom_dyn.motion import Motion
 from phantom_dyn.random_streams import random_stream
@@ -108,7 +108,7 @@ _BURDEN = 0.1
 
 @dataclass(frozen=True)
 class Trial:
-    """One motion, and how well it would part the rivals.
+    """One motion, and how well it would separate the rivals.
 
     Attributes:
         candidate: The motion.

@@ -8,6 +8,7 @@ from pathlib import Path
 import numpy as np
 from jinja2 import Environment, StrictUndefined
 from markupsafe import Markup
+from plotly.offline import get_plotlyjs
 
 from identification.diagnosis.result import Diagnosis, Finding
 from identification.reporting.explaining import JointMotion, joint_motions, joint_of
@@ -29,7 +30,7 @@ from identification.reporting.report_tables import (
     seen_from,
     untestable_rows,
 )
-from identification.reporting.robot_scene import gap_shares, joint_colours
+from identification.reporting.robot_scene import gap_shares, joint_colours, robot_scene
 from identification.words import diagnosis_words as words
 from identification.words.diagnosis_words import FindingWords
 from identification.words.numbers_and_names import percent
@@ -169,11 +170,6 @@ def _unexplained_figure(diagnosis: Diagnosis, motions: dict[str, JointMotion]) -
 
 
 def _scene(robot: Robot, diagnosis: Diagnosis) -> SceneView:
-    # Plotly takes its time to load, and whoever wants no picture of the robot need not wait for it.
-    from plotly.offline import get_plotlyjs
-
-    from identification.reporting.robot_scene import robot_scene
-
     scene = robot_scene(robot, diagnosis)
     shares = gap_shares(diagnosis.joints)
     legend = [

@@ -82,6 +82,6 @@ def _strays(simulated: Rollout) -> tuple[str, ...]:
 
 
 def _excess(finding: Finding) -> float:
-    """By how much the torque per command is larger than modelled, relative."""
+    """Excess of the torque per command over the modelled one, relative."""
     value = finding.parameters["ratio"].value
     return float(value[0] if isinstance(value, list) else value) - 1.0

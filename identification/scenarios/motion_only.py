@@ -154,7 +154,7 @@ def with_commanded_torque(recording: Recording, robot: Robot) -> Recording:
         )
     raise LogError(
         f"{recording.file}: robot.yaml states no controller with a gain kp of {', '.join(lacking)}: --motion-only "
-        "needs it to know the torque, as positions alone do not tell a gain from the inertia that it moves. Add "
+        "needs it to know the torque, as positions alone do not separate a gain from the inertia that it moves. Add "
         "controller: {kind: pd, kp: ..., kd: ..., delay: ...} under joints, in N m/rad and N m s/rad at the "
         f"joint.{_guess(recording, robot, lacking)} "
         "Without a gain, only joints that rest under loads of either sign (weight or f. columns), with encoder_side: "

@@ -1,4 +1,4 @@
-"""Dry friction as impulses: each stops its joint if it can, else opposes it. All simulations of friction solve it here.
+"""Dry friction as impulses, each of which stops its joint if it can and else opposes it, for all simulations.
 
 Projected Gauss-Seidel sweeps over the torques within their limits, on velocity level, so that a joint at rest stays at
 rest.
@@ -20,7 +20,7 @@ _STILL = 1e-10
 
 
 class Rubbing(NamedTuple):
-    """Who rubs: motors, and passive joints that turn with them; ``n`` is the number of velocities.
+    """Where dry friction acts: motors, and passive joints that turn with them; ``n`` is the number of velocities.
 
     Attributes:
         motors: Place of each motor among the velocities, ``(m,)``.
@@ -45,7 +45,7 @@ def rub(mobility: Array, speed: Array, who: Rubbing, friction: Array, most: Arra
     Args:
         mobility: Velocity per impulse, symmetric, ``(n, n)``.
         speed: Velocities without friction, ``(n,)``; with it afterwards.
-        who: Who rubs; its room is overwritten.
+        who: Where friction acts; its room is overwritten.
         friction: Torque with which the search begins, of motors, then of passive joints, ``(m + p,)``; that of this
             step afterwards.
         most: Limits of the torque, ``(m + p,)``; none where it is zero.

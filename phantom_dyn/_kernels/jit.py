@@ -1,4 +1,4 @@
-"""``jit``: compiles a function at its first call and keeps the machine code on disk; the identity without numba.
+"""Compilation of functions at their first call, with machine code kept on disk; the identity without numba.
 
 `NUMBA_DISABLE_JIT=1` counts as no numba.
 """
@@ -18,9 +18,8 @@ try:
 except ImportError:  # numba has no build for this Python: the same functions, uncompiled
     njit = None
 else:
-    if getattr(
-        config, "DISABLE_JIT", 0
-    ):  # NUMBA_DISABLE_JIT=1: as without numba, so that loops over samples are Pinocchio's
+    # NUMBA_DISABLE_JIT=1: as without numba, so that loops over samples are Pinocchio's.
+    if getattr(config, "DISABLE_JIT", 0):
         njit = None
 
 
@@ -37,7 +36,7 @@ def _compiled(function: F, **options: Any) -> F:
 
 @cache
 def _say_that_nothing_is_kept() -> None:
-    """Say it once a process: every compiled function has the same reason."""
+    """Warn once a process that compiled functions cannot be kept: all of them have the same reason."""
     logging.getLogger("phantom_dyn").warning(
         "No folder for compiled loops can be written to, so every process compiles them anew (some seconds): set the "
         "environment variable NUMBA_CACHE_DIR to a folder that can."
@@ -45,7 +44,7 @@ def _say_that_nothing_is_kept() -> None:
 
 
 def jit(function: F) -> F:
-    """The compiled function: free of the GIL, division as in NumPy, machine code kept on disk.
+    """A function compiled at its first call: free of the GIL, division as in NumPy, machine code kept on disk.
 
     Arguments are scalars, arrays and other compiled functions; a first call takes a second or so, later processes load
     what the first one wrote, where it could be written. Without numba the function itself: slower, with the same

@@ -85,7 +85,7 @@ def regressor(
 
 
 def _require_motion(model: pin.Model, q: Array, *rates: Array) -> None:
-    """A compiled loop would read beyond the end of what is too short."""
+    """Refuse samples of another shape: a compiled loop would read beyond their end."""
     if q.ndim != 2 or q.shape[1] != model.nq or any(rate.shape != (len(q), model.nv) for rate in rates):
         given = ", ".join(str(x.shape) for x in (q, *rates))
         raise LogError(
@@ -192,7 +192,7 @@ def ready(array: Array, kind: type = np.float64) -> Array:
 
 
 def announce(loop: Callable[..., Any]) -> None:
-    """Say what the first use in a process waits for."""
+    """Log that the first use in a process waits for compilation."""
     if not getattr(loop, "signatures", True):
         logging.getLogger("phantom_dyn").info(
             "Preparing compiled loops over samples: some seconds at the first use, read from disk later."

@@ -1,5 +1,5 @@
 # pyright: reportAttributeAccessIssue=false
-r"""Rigid-body dynamics of whole trajectories, of a Pinocchio model.
+r"""Rigid-body dynamics of a robot over whole trajectories: torques, mass matrix, regressor and their slopes.
 
 Of a closed chain, motion and torque are those of its active joints: `phantom_dyn._kernels.rigid_body` works on the
 tree, and `phantom_dyn.dynamics.tree_motion` projects.
@@ -27,7 +27,7 @@ _DIFFERENCE = 1e-5
 
 
 def _require_finite(motion: Motion) -> None:
-    """Pinocchio passes NaN through silently, so it is stopped here."""
+    """Refuse motion that is not finite, which Pinocchio passes through silently."""
     for name in ("q", "v", "a"):
         finite = np.isfinite(getattr(motion, name))
         if not finite.all():

@@ -1,5 +1,5 @@
 # pyright: reportAttributeAccessIssue=false
-r"""Motion of the tree of a closed chain from that of its active joints, and its torques as theirs.
+r"""Motion of the tree of a closed chain from that of its active joints, and projection of its torques on them.
 
 With :math:`v_t = G(q)\,v` and :math:`a_t = G\,a + d(q, v)`, virtual work gives :math:`\tau = G^T \tau_t` for every
 torque on the tree, so also :math:`W = G^T W_t` for a regressor and :math:`M = G^T M_t G`.
@@ -82,7 +82,7 @@ def _varies(G: Array) -> bool:
 
 
 def joint_velocity(robot: Robot, motion: Motion, joint: str) -> tuple[Float[Array, " N"], Float[Array, "N nv"]]:
-    """Velocity of an active or passive joint, and how a torque on it shows on the active ones.
+    """Velocity of an active or passive joint, and the torque on the active ones per unit of torque on it.
 
     Args:
         robot: Gives the joints.

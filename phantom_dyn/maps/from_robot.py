@@ -1,5 +1,5 @@
 # pyright: reportAttributeAccessIssue=false
-"""From a `Robot` to what a map needs to know of it: tip, limits, stiffness, posture and the branches of its inverse.
+"""From a `Robot` to a `MapModel`: tip, limits, stiffness, posture and the branches of its inverse kinematics.
 
 Of the built-in devices more is known than their robot files say: inverse kinematics in closed form, published stiffness
 and the usual posture.
@@ -16,7 +16,7 @@ from jaxtyping import Float
 from phantom_dyn.devices import cea, phantom
 from phantom_dyn.errors import ParameterError, RobotError, known_names
 from phantom_dyn.maps.map_model import MapModel
-from phantom_dyn.model.robot import Robot
+from phantom_dyn.model.robot import Robot, tree_position_limits
 
 Array = np.ndarray
 
@@ -86,7 +86,7 @@ def map_model(
     stiffness: Float[Array, " nv"] | None = None,
     posture: Float[Array, " nv"] | None = None,
 ) -> MapModel:
-    """What a map needs to know of a robot.
+    """A robot with the tip, limits, stiffness and posture of a map.
 
     Args:
         robot: A plain robot or a closed chain.
@@ -108,7 +108,7 @@ def map_model(
         raise RobotError(f"The frame {model.frames[chosen].name!r} of {robot.name} does not move: name a moving one.")
     name = model.frames[chosen].name
     device = device_of(robot.source, name)
-    lower, upper = _limits(robot)
+    lower, upper = tree_position_limits(robot.model)
     stiff, note = _stiffness(robot, device, stiffness)
     active = list(robot.tree_rows)
     return MapModel(
@@ -131,17 +131,6 @@ def _frame(robot: Robot, frame: str | None) -> int:
     if frame not in names:
         raise RobotError(f"{robot.name} has no frame {frame!r}: {known_names(frame, dict.fromkeys(names), 'frames')}")
     return robot.model.getFrameId(frame)
-
-
-def _limits(robot: Robot) -> tuple[Array, Array]:
-    """Range of each tree joint, infinite where the file states none."""
-    model = robot.model
-    lower, upper = np.full(model.nv, -np.inf), np.full(model.nv, np.inf)
-    for joint in list(model.joints)[1:]:
-        low, high = float(model.lowerPositionLimit[joint.idx_q]), float(model.upperPositionLimit[joint.idx_q])
-        if joint.nq == 1 and low < high:
-            lower[joint.idx_v], upper[joint.idx_v] = low, high
-    return lower, upper
 
 
 def _stiffness(robot: Robot, device: Device | None, given: Array | None) -> tuple[Array | None, str]:

@@ -1,4 +1,4 @@
-"""Grids over the position of the tip or over joints, as ``x=START:STOP:COUNT,y=...`` says."""
+"""Grids over the position of the tip or over joints, read from a text such as ``x=START:STOP:COUNT,y=...``."""
 
 from __future__ import annotations
 
@@ -49,7 +49,7 @@ class Grid:
 
 
 def read_grid(text: str, joint_names: tuple[str, ...]) -> Grid:
-    """Grid of its text.
+    """Grid from its text.
 
     Args:
         text: For example ``x=-0.1:0.1:41,y=0:0:1`` or ``q.theta1=-1:1:21``.

@@ -13,7 +13,7 @@ from phantom_dyn.dynamics.tree_motion import TreeMotion, project, tree_friction,
 from phantom_dyn.errors import ChainError
 from phantom_dyn.loops.solver import REACH
 from phantom_dyn.model.robot import Robot
-from phantom_dyn.motion import Motion
+from phantom_dyn.motion import Motion, linear_joints
 
 Array = np.ndarray
 
@@ -25,7 +25,7 @@ _ENDS = 4
 
 @dataclass(frozen=True)
 class MapModel:
-    """A robot with what a map needs to know besides; a process that computes blocks receives it.
+    """A robot with tip, limits, stiffness and posture; a process that computes blocks receives it.
 
     ``nt`` joints of the tree, ``nv`` active ones.
 
@@ -121,11 +121,10 @@ def _at_rest(robot: Robot, q: Float[Array, "N nv"], near: Float[Array, " nt"] | 
 def within_limits(model: MapModel, q: Float[Array, "N nv"]) -> np.ndarray:
     """True where no joint of the tree is beyond its range, and the chain can be closed, shape ``(N,)``."""
     robot = model.robot
-    inside = np.ones(len(q), dtype=bool)
+    inside, linear = np.ones(len(q), dtype=bool), linear_joints(robot.model)
     for joint, values in enumerate(tree_at(model, q).q.T):
         low, high = model.lower[joint] - _SLACK, model.upper[joint] + _SLACK
-        turns = not robot.model.joints[1 + joint].shortname().startswith("JointModelP")
-        if joint not in robot.tree_rows and turns and np.isfinite(low):
+        if joint not in robot.tree_rows and not linear[joint] and np.isfinite(low):
             # A passive angle that followed its expression round the circle is the same angle a turn away.
             values = low + np.mod(values - low, 2 * np.pi)
         inside &= (values >= low) & (values <= high)  # NaN is neither

@@ -1,5 +1,5 @@
 # pyright: reportAttributeAccessIssue=false
-"""Inertial parameters of bodies: their names, what is physically possible, and what a tolerance on them means."""
+"""Inertial parameters of bodies: names, physical consistency, payloads, and the prior that a tolerance stands for."""
 
 from __future__ import annotations
 
@@ -16,6 +16,12 @@ STANDARD_NAMES = ("m", "mx", "my", "mz", "Ixx", "Ixy", "Iyy", "Ixz", "Iyz", "Izz
 STANDARD_UNITS = ("kg", "kg m", "kg m", "kg m", *["kg m^2"] * 6)
 _ENTRIES = ((0, 0), (0, 1), (1, 1), (0, 2), (1, 2), (2, 2))
 """Row and column of the six inertia entries in that order."""
+_NEGATIVE, _NEGATIVE_GYRATION = 1e-9, 1e-14
+"""Share of the largest principal inertia, and of the mass [m^2], below zero that still counts as rounding of a file."""
+_TRIANGLE = 1e-6
+"""Share by which rounding of a file may break the triangle inequality."""
+_TIP = "tip"
+"""Frame that carries the payload where robot.yaml names none."""
 
 
 def body_name(robot: Robot, joint_index: int) -> str:
@@ -60,7 +66,7 @@ def impossible_because(mass: float, central_inertia: Float[Array, "3 3"]) -> str
     if mass < 0:
         return f"its mass is {mass:g} kg, below zero"
     principal = np.linalg.eigvalsh(central_inertia)
-    if principal[0] < -max(1e-9 * np.abs(principal).max(), 1e-14 * mass):
+    if principal[0] < -max(_NEGATIVE * np.abs(principal).max(), _NEGATIVE_GYRATION * mass):
         return f"its smallest principal inertia is {principal[0]:g} kg m^2, below zero"
     return None
 
@@ -68,7 +74,7 @@ def impossible_because(mass: float, central_inertia: Float[Array, "3 3"]) -> str
 def breaks_triangle(central_inertia: Float[Array, "3 3"]) -> bool:
     """True if one principal inertia exceeds the sum of the others by more than 1e-6 (the rounding of files)."""
     principal = np.linalg.eigvalsh(central_inertia)
-    return bool(principal[2] > (principal[0] + principal[1]) * (1 + 1e-6))
+    return bool(principal[2] > (principal[0] + principal[1]) * (1 + _TRIANGLE))
 
 
 def central_parameters(
@@ -104,7 +110,7 @@ def body_parameters(
 
 
 def tolerance_directions(robot: Robot, joint_index: int) -> tuple[Float[Array, "10 10"], tuple[str, ...]]:
-    r"""Change of the ten standard parameters of a body per unit relative change of what a tolerance speaks of.
+    r"""Change of the ten standard parameters of a body per unit relative change of mass, centre and inertia.
 
     Columns: mass (relative to itself; centre and central inertia fixed), three components of the centre of mass
     (relative to its distance from the joint origin), six entries of the central inertia (``Iij`` relative to
@@ -133,3 +139,20 @@ def tolerance_directions(robot: Robot, joint_index: int) -> tuple[Float[Array, "
     body = body_name(robot, joint_index)
     quantities = ("mass", "center x", "center y", "center z", *STANDARD_NAMES[4:])
     return directions, tuple(f"{body} {quantity}" for quantity in quantities)
+
+
+def payload_body(robot: Robot) -> int:
+    """Pinocchio index of the joint whose link carries the payload.
+
+    The last link of a tree with several ends is that of the end that the file happens to state last, so a frame that is
+    called ``tip``, as in the built-in robots, says it better.
+    """
+    frame = robot.payload_frame or _TIP
+    if robot.model.existFrame(frame) and robot.model.frames[robot.model.getFrameId(frame)].parentJoint > 0:
+        return robot.model.frames[robot.model.getFrameId(frame)].parentJoint
+    return robot.model.njoints - 1
+
+
+def point_mass_parameters(mass: float, center: Array) -> Array:
+    """The ten standard inertial parameters of a point mass at ``center`` [m], about the joint origin."""
+    return body_parameters(mass, np.asarray(center), np.zeros((3, 3)))

@@ -58,7 +58,7 @@ def followed_joints(loops: Iterable[tuple[int, LinearLoop]], config: Path) -> di
 
 
 def linear_expression(text: str, joints: Sequence[str]) -> LinearExpression:
-    """What an expression says.
+    """An expression, read from its text.
 
     Args:
         text: Sums and differences of numbers, ``pi``, and joints, with numbers as factors.

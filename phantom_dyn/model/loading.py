@@ -28,6 +28,7 @@ from phantom_dyn.model.robot_config import JointConfig, LinearLoop, RobotConfig,
 from phantom_dyn.model.robot_files import find_robot
 from phantom_dyn.model.robot_xml import RobotXml, read_root, urdf_facts
 from phantom_dyn.model.stated_loops import closed_chain
+from phantom_dyn.motion import linear_joints
 
 CONFIG_NAME = "robot.yaml"
 _AT_REST = "world_at_rest"
@@ -305,7 +306,7 @@ def _robot(
         actuators=tuple(actuators[k] for k in rows),
         viscous_friction=model.damping[rows],
         coulomb_friction=model.upperDryFrictionLimit[rows],
-        prismatic=np.array([list(model.joints)[1 + k].shortname().startswith("JointModelP") for k in rows]),
+        prismatic=linear_joints(model)[rows],
         torque_hold=stated.torque_hold,
         torque_source=stated.torque_source,
         tolerance=Tolerance(trust.inertia, trust.friction, trust.rotor_inertia),

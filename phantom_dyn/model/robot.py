@@ -1,5 +1,5 @@
 # pyright: reportAttributeAccessIssue=false
-"""The robot as the diagnosis sees it: a private Pinocchio model, its actuators and what is trusted of them."""
+"""The robot as data: a private Pinocchio model, its actuators, its loops, and how far the model is trusted."""
 
 from __future__ import annotations
 
@@ -174,11 +174,15 @@ def position_limits(robot: Robot) -> tuple[Float[Array, " nv"], Float[Array, " n
     Args:
         robot: Gives the joints.
     """
-    lower, upper = np.full(robot.nv, -np.inf), np.full(robot.nv, np.inf)
-    for j, row in enumerate(robot.tree_rows):
-        joint = robot.model.joints[row + 1]
-        if joint.nq == 1:
-            low, high = robot.model.lowerPositionLimit[joint.idx_q], robot.model.upperPositionLimit[joint.idx_q]
-            if low < high:
-                lower[j], upper[j] = low, high
+    lower, upper = tree_position_limits(robot.model)
+    return lower[list(robot.tree_rows)], upper[list(robot.tree_rows)]
+
+
+def tree_position_limits(model: pin.Model) -> tuple[Float[Array, " nt"], Float[Array, " nt"]]:
+    """As `position_limits`, of every joint of the tree."""
+    lower, upper = np.full(model.nv, -np.inf), np.full(model.nv, np.inf)
+    for joint in list(model.joints)[1:]:
+        low, high = float(model.lowerPositionLimit[joint.idx_q]), float(model.upperPositionLimit[joint.idx_q])
+        if joint.nq == 1 and low < high:
+            lower[joint.idx_v], upper[joint.idx_v] = low, high
     return lower, upper

@@ -1,4 +1,4 @@
-"""The file ``robot.yaml``: what a URDF cannot say of drives, gravity and trust. Nothing here needs Pinocchio."""
+"""Content of ``robot.yaml``: drives, gravity, loops and trust, which a URDF cannot state. Nothing needs Pinocchio."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Finding the file of a robot: a path, a built-in name, or ``example:NAME``; nothing is parsed here."""
+"""Finding the file of a robot by path, built-in name or ``example:NAME``; nothing is parsed here."""
 
 from __future__ import annotations
 

@@ -48,7 +48,7 @@ class Cause:
 
 @dataclass(frozen=True)
 class Simulation:
-    """What a recording of the robot holds, and what it does not.
+    """What a recording of the robot holds, and the true motion behind it.
 
     Attributes:
         t: Time [s], shape ``(N,)``.
@@ -148,7 +148,7 @@ def _check(robot: Robot, controller: Controller, t: Array, starts: dict[str, Arr
 def _compiled(
     steps: Compiled, moving: Moving, channels: Channels, plan: Plan, controller: Controller, robot: Robot
 ) -> Rows:
-    """Machines and effects that are compiled: all at once under a tracking law, else from one call to the next."""
+    """Compiled steps: all at once under a tracking law, else from one call of the controller to the next."""
     rows = rows_for(len(plan.t), robot.nv, len(moving.x))
     control = control_of(controller, robot)
 
@@ -179,7 +179,7 @@ def _compiled(
 
 
 def _in_python(machine: Machine, state: State, channels: Channels, plan: Plan) -> Rows:
-    """Any machine with any effects."""
+    """Steps in Python, for any machine with any effects."""
     rows = rows_for(len(plan.t), machine.nv, len(state.x))
     for k, (t, h, count) in enumerate(zip(plan.t.tolist(), plan.steps.tolist(), plan.counts.tolist(), strict=True)):
         rows.asked[k], rows.given[k] = channels.sample(t, state)

@@ -1,5 +1,5 @@
 # pyright: reportAttributeAccessIssue=false
-"""A robot on two legs: a floating-base model, its soles and the posture of what does not walk."""
+"""A robot on two legs: a floating-base model, its soles, and the posture of the joints that do not walk."""
 
 from __future__ import annotations
 

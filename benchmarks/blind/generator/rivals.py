@@ -183,8 +183,8 @@ def alike(effect: Effect, change: np.ndarray, measure: Ruler) -> list[dict]:
     """Answers with no more parameters than the truth that leave less than `ALIKE`: effect, joint, what they leave.
 
     What the truth's own first order leaves, where it has one, is taken off: both lack the same. An answer with more
-    parameters that holds the truth as a special case is not among them: the data part them as far as the simpler one
-    is enough.
+    parameters that holds the truth as a special case is not among them: the data separate them as far as the simpler
+    one is enough.
 
     Args:
         effect: The truth.

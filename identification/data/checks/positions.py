@@ -8,8 +8,8 @@ from jaxtyping import Bool, Float
 from identification.data.checks.smoothed_copy import Smooth, included
 from identification.data.recording import Recording
 from phantom_dyn.errors import ChainError, LogError
-from phantom_dyn.loops.solver import tree_positions
 from phantom_dyn.model.robot import Robot
+from phantom_dyn.motion import linear_joints
 
 Array = np.ndarray
 
@@ -212,16 +212,16 @@ def check_passive(recording: Recording, robot: Robot) -> tuple[str, ...]:
     if robot.chain is None or not (robot.chain.anchors or recording.passive_q):
         return ()
     try:
-        tree = tree_positions(robot.model, robot.chain, recording.q)
+        tree = robot.solutions.at(recording.q).x
     except ChainError as problem:
         raise LogError(f"{recording.file}: {problem}") from problem
-    joints = list(robot.model.joints)[1:]
+    slides = linear_joints(robot.model)
     out = []
     for joint, place in zip(robot.passive_names, robot.chain.passive, strict=True):
         if joint not in recording.passive_q:
             continue
         distance = recording.passive_q[joint] - tree[:, place]
-        linear = joints[place].shortname().startswith("JointModelP")
+        linear = bool(slides[place])
         if not linear:
             distance = np.mod(distance + np.pi, 2 * np.pi) - np.pi
         rms = float(np.sqrt(np.mean(distance**2)))

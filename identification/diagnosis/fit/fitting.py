@@ -1,6 +1,6 @@
 """Fits on Gram matrices: bounded, with priors, and judged on blocks that they have not seen.
 
-What a fit gives, and what of it the next one may start from.
+The result of a fit, and the start that the next one may take from it.
 
 Fits on Gram matrices: bounded, with priors, and judged on blocks that they have not seen.
 

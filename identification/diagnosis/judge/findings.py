@@ -64,12 +64,12 @@ def shown_effects(plain: Search, chosen: frozenset[Term], noise: Series) -> Show
 
 
 def distinct(plain: Search, chosen: frozenset[Term]) -> tuple[frozenset[Term], JointFit]:
-    """Effects without those whose numbers, fitted with all others, are not told from zero, and that fit.
+    """Effects without those whose numbers, fitted with all others, are not distinguished from zero, and that fit.
 
     The search holds all but the coefficients, and weighs noise otherwise: what gains there may be nothing in the fit
     that states its size. Only laws that are linear are asked: of others the shape says how large they are. Nor is what
     goes with accelerations: a torque constant and a load trade with each other and with the tolerances, so that neither
-    is told from zero beside the other.
+    is distinguished from zero beside the other.
     """
     while True:
         fitted = joint_fit(plain.problem, ordered(chosen), plain.evaluate(chosen))

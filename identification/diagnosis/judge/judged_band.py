@@ -1,4 +1,4 @@
-"""The judged band: plain fits of the effects that were chosen, and what of them is seen there."""
+"""The judged band: plain fits of the effects that were chosen, and which of them are seen there."""
 
 from __future__ import annotations
 

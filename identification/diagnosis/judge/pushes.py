@@ -113,7 +113,7 @@ def _loud(t: Array, rest: Array, usable: Array, floor: float) -> list[tuple[int,
 def _sentence(file: str, push: Push, unit: str) -> str:
     out = f"{push.start - _MARGIN:.2f}:{push.stop + _MARGIN:.2f}"
     return (
-        f"{file}: from {push.start:.2f} to {push.stop:.2f} s something that nobody measured pushed joint {push.joint} "
+        f"{file}: from {push.start:.2f} to {push.stop:.2f} s an unmeasured force pushed joint {push.joint} "
         f"with up to {push.torque:.3g} {unit}: if it was a contact, leave it out with --exclude {out}, or record its "
         "force in columns f.<frame>.x, .y and .z."
     )

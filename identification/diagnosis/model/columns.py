@@ -42,7 +42,7 @@ class Columns:
         residual: For each log, measured minus modelled torque in the band, ``(n, nv)``.
         model_torque: For each log, modelled torque in the band, ``(n, nv)``.
         usable: For each log, samples that may be used on each row, ``(n, nv)``.
-        doubt: For each log, by how much modelled torque may be off where friction changes sign, ``(n, nv)``.
+        doubt: For each log, standard deviation of the modelled torque where friction changes sign, ``(n, nv)``.
         operations: For each log, motion and torque at the full rate.
         local: Where the columns of each effect stand.
     """

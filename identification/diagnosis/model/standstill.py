@@ -82,7 +82,7 @@ def usable_samples(log: Log) -> Bool[Array, "n nv"]:
 
 
 def reversal_doubt(operation: Operation) -> Float[Array, "N nv"]:
-    """By how much the torque of a model may be off, one standard deviation: the rate of its Coulomb friction in time.
+    """Standard deviation of a model's torque where friction changes sign: the rate of its Coulomb friction in time.
 
     It has the sign of the change, so that filters make of it what they make of the torque.
     """

@@ -114,7 +114,7 @@ def noise_without(
     that of least squares once the noise is white.
 
     Returns:
-        The noise, and by how much its whitened, weighed square shrinks.
+        The noise, and the decrease of its whitened, weighted square.
     """
     problem = search.problem
     with_it, without = (held_out_torque(problem, terms, search.evaluate(terms)) for terms in (tried, chosen))

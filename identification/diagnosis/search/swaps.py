@@ -88,7 +88,7 @@ def relevant(search: Search, chosen: frozenset[Term], term: Term, slack: float) 
         search: Rivals.
         chosen: A set with ``term`` in it.
         term: What is to be replaced.
-        slack: By how much less an alternative may gain, prices counted.
+        slack: Gain that an alternative may lack, penalties included.
     """
     rest = chosen - {term}
     rows = rows_of(search.problem, term)

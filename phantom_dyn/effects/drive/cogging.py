@@ -1,7 +1,7 @@
 """Torque that is periodic in the joint's position: ``sum of A sin(n q + p)``, in cycles ``n`` per joint revolution.
 
 It leaves the same torque at the same place in both directions and at any speed. Friction ripple flips with the
-direction, an eccentric encoder leaves torque that grows with the square of speed: several speeds part them, over at
+direction, an eccentric encoder leaves torque that grows with the square of speed: several speeds separate them, over at
 least one period. On a linear joint ``n`` is in radians per metre. What it is confused with below one period over the
 travelled range is gravity or a spring, so it is not looked for there.
 MJCF: a ``dcmotor`` with ``cogging`` for each wave, from MuJoCo 4.0; URDF has no place for it.

@@ -2,7 +2,7 @@
 
 The law is not linear in ``d``: the column is the change of torque per second of delay between zero and the shape, the
 last estimate of ``d``. It is equal to a first-order lag of the same time to first order, and looks like viscous
-friction of about ``kp d`` in a position loop: two controller gains or steps part them. A delay common to all joints
+friction of about ``kp d`` in a position loop: two controller gains or steps separate them. A delay common to all joints
 has no joint. MJCF: actuator ``delay`` with ``nsample``; URDF has no place for it.
 """
 

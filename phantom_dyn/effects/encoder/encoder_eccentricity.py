@@ -85,7 +85,7 @@ class EncoderEccentricity(Effect):
         """Over a small arc."""
         arc = float(np.ptp(operation.q[:, row_of(robot, joint)]))
         if arc * ORDER < _LEAST_ARC:
-            return f"the joint turns by {arc:.2f} rad only: over so small an arc a sine cannot be told from a line"
+            return f"the joint turns by {arc:.2f} rad only: over so small an arc a sine looks like a line"
         return None
 
     def torque(self, robot: Robot, operation: Operation, joint: str | None, theta: Array) -> Array:

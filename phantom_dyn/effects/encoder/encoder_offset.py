@@ -2,8 +2,8 @@
 
 It leaves the change of gravity (and of the inertias) with that joint's position, on every joint that feels it, and
 nothing at all where no torque depends on that position, as on a vertical first joint. On a joint with a horizontal
-axis a base tilt about that axis is the same thing; over a small range so is a spring. Wide postures part them. Which
-side the encoder sits on makes no difference: motor and link turn together.
+axis a base tilt about that axis is the same thing; over a small range so is a spring. Wide postures separate them.
+Which side the encoder sits on makes no difference: motor and link turn together.
 URDF: joint ``origin``; MJCF: joint ``ref``.
 """
 

@@ -1,8 +1,8 @@
 """Friction that grows with the load: ``torque = -ratio |tl| sign(v)``, ``tl`` the torque that the transmission passes.
 
 It leaves a step at every reversal that is as high as the load there. With a load that hardly changes it looks like
-Coulomb friction: wide postures or two payloads part them. The load is that of the model, not the measured one, whose
-noise would bias the fit. MJCF and URDF have no place for it.
+Coulomb friction: wide postures or two payloads separate them. The load is that of the model, not the measured one,
+whose noise would bias the fit. MJCF and URDF have no place for it.
 """
 
 from __future__ import annotations

@@ -3,7 +3,7 @@
 With ``z`` the bristle's deflection, ``z += dq`` held within ``+-displacement``, the torque is ``-T z/displacement``.
 It leaves a torque that grows with the way since the last reversal, whatever the speed, up to Coulomb friction, which
 it contains (no displacement). It is confused with Coulomb friction and a late drive, and with backlash: reversals at
-several accelerations part them, as the curves overlay over displacement here and over time for a late drive.
+several accelerations separate them, as the curves overlay over displacement here and over time for a late drive.
 
 With two more numbers, ``static_ratio`` and ``stick_velocity``, it is the modified Karnopp friction of simulated haptic
 hardware: it slips with ``T``, sticks below the stick velocity to where it was the sample before, by a spring of

@@ -103,5 +103,5 @@ class StribeckFriction(Effect):
 
 @jit
 def falling_law(v: float, fall: float, velocity: float) -> float:
-    """By how much the friction is lower than at rest, as a torque."""
+    """Friction torque at standstill less that at velocity ``v``."""
     return fall * (1.0 - np.exp(-((v / velocity) ** 2))) * np.sign(v)

@@ -2,7 +2,7 @@
 
 It leaves a change of gravity torque on all joints, two numbers for the whole robot, and nothing that moves with speed
 or acceleration. Gravity turned about the axis of a planar arm is an offset of its first encoder; gravity turned out of
-its plane leaves nothing. A payload at one posture looks alike. Wide postures part them.
+its plane leaves nothing. A payload at one posture looks alike. Wide postures separate them.
 URDF: a level link under the root; MJCF: ``option gravity``.
 """
 

@@ -16,8 +16,7 @@ from phantom_dyn.effects.effect import Effect, Parameter, Shape, Signature
 from phantom_dyn.effects.operation import Operation
 from phantom_dyn.effects.simulated import Simulated
 from phantom_dyn.effects.support.changed_robot import with_parameters
-from phantom_dyn.model.inertia import STANDARD_NAMES, STANDARD_UNITS
-from phantom_dyn.model.point_mass import payload_body, point_mass_parameters
+from phantom_dyn.model.inertia import STANDARD_NAMES, STANDARD_UNITS, payload_body, point_mass_parameters
 from phantom_dyn.model.robot import Robot
 
 Array = np.ndarray

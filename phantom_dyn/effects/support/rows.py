@@ -11,6 +11,7 @@ from phantom_dyn.effects.effect import Shape, Signature
 from phantom_dyn.effects.operation import Operation
 from phantom_dyn.errors import RobotError
 from phantom_dyn.model.robot import Robot
+from phantom_dyn.motion import linear_joints
 
 Array = np.ndarray
 
@@ -88,7 +89,7 @@ def _movers(robot: Robot, operation: Operation, joint: str) -> tuple[tuple[int, 
 def _prismatic(robot: Robot, joint: str | None) -> bool:
     """True if an active or passive joint is linear."""
     if joint in robot.passive_names:
-        return robot.model.joints[robot.model.getJointId(joint)].shortname().startswith("JointModelP")
+        return bool(linear_joints(robot.model)[robot.model.getJointId(joint) - 1])
     return bool(robot.prismatic[row_of(robot, joint)])
 
 

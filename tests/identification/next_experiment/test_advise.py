@@ -73,7 +73,7 @@ def test_exact_twins_get_no_motion_but_a_note_that_says_what_would_help(lab, pen
     out = advised(pendulum, lab.motion(1), "rotor_inertia", "pin", (0.02,), "inertial_parameters")
     assert out.experiment is None
     assert out.motion is None
-    assert "No safe motion that was tried tells rotor inertia on joint pin from" in out.notes[0]
+    assert "No safe motion that was tried separates rotor inertia on joint pin from" in out.notes[0]
     assert "data sheet" in out.notes[0]
 
 

@@ -22,5 +22,5 @@ def test_softer_gains_are_asked_for_in_the_sentence():
         " (10 s, Fourier series"
     )
     assert said.endswith(
-        "with a probability of 90 % it tells viscous friction on joint pin from an input delay on joint pin."
+        "with a probability of 90 % it separates viscous friction on joint pin from an input delay on joint pin."
     )

@@ -14,7 +14,7 @@ from phantom_dyn.devices import phantom as closed
 from phantom_dyn.devices.phantom import JOINTS, PHANTOM_1_5
 from phantom_dyn.devices.phantom_urdf import phantom_urdf, phantom_yaml
 from phantom_dyn.dynamics.dynamics import inverse_dynamics, mass_matrix
-from phantom_dyn.model.point_mass import payload_body
+from phantom_dyn.model.inertia import payload_body
 from phantom_dyn.model.robot_files import find_robot
 from phantom_dyn.motion import Motion
 

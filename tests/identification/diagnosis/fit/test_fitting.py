@@ -11,7 +11,7 @@ from scipy.optimize import lsq_linear
 from identification.diagnosis.fit.fitting import active_columns, fit, point_mass_map, predict
 from identification.diagnosis.numerics.bounded import bounded_solve
 from phantom_dyn.dynamics.dynamics import inverse_dynamics
-from phantom_dyn.model.point_mass import point_mass_parameters
+from phantom_dyn.model.inertia import point_mass_parameters
 from phantom_dyn.model.robot import Tolerance
 
 

@@ -84,7 +84,7 @@ def test_a_value_that_is_held_is_not_called_impossible_too(pendulum, driven_on):
 
 
 def test_the_full_parameters_of_a_ur10_come_back(ur10, make_log, rng):
-    # Known truth: what no recording tells apart is taken from the given bodies, which are the true ones here.
+    # Known truth: what no recording separates is taken from the given bodies, which are the true ones here.
     motion = Motion(np.arange(200) * 0.01, *rng.normal(size=(3, 200, 6)))
     log = make_log(ur10, motion, inverse_dynamics(ur10, motion) + 0.5 * motion.a)
     effects = [(effect_named("rotor_inertia"), joint) for joint in ur10.joint_names[1:]]

@@ -19,7 +19,7 @@ from identification.estimators.tls import WeighedPayload
 from identification.regression.regressor import gap_regressor, torque_regressor
 from phantom_dyn.dynamics.dynamics import inverse_dynamics
 from phantom_dyn.effects.support.changed_robot import with_parameters
-from phantom_dyn.model.point_mass import payload_body, point_mass_parameters
+from phantom_dyn.model.inertia import payload_body, point_mass_parameters
 
 PLACES = ("two_joints", "ur10", "phantom", "cea")
 PLAIN = [estimator.name for estimator in ESTIMATORS if estimator.plain and estimator.name != "cloe"]

@@ -7,7 +7,7 @@ import pinocchio as pin
 
 from phantom_dyn.effects.load.payload import Payload
 from phantom_dyn.effects.operation import Operation
-from phantom_dyn.model.point_mass import payload_body, point_mass_parameters
+from phantom_dyn.model.inertia import payload_body, point_mass_parameters
 from phantom_dyn.model.robot import Robot
 
 THETA = np.array([0.8, 0.1, -0.05, 0.2])  # kg, m

@@ -39,7 +39,7 @@ def recorded(robot, effect, theta, swinging):
 
 
 def agreement(predicted: np.ndarray, seen: np.ndarray) -> tuple[float, float]:
-    """Correlation, and by how much the prediction has to be scaled."""
+    """Correlation, and the factor that the prediction has to be scaled by."""
     inner = float(np.sum(predicted * seen))
     return inner / float(np.linalg.norm(predicted) * np.linalg.norm(seen)), inner / float(np.sum(predicted**2))
 
