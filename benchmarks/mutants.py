@@ -24,7 +24,7 @@ import shutil
 import signal
 import sys
 import tempfile
-from collections import defaultdict
+from collections import Counter, defaultdict
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from itertools import islice
@@ -71,13 +71,23 @@ AREAS = (
 
 @dataclass(frozen=True)
 class Place:
-    """Where an operator may change a file: its name and its how manieth place there, see cosmic-ray."""
+    """A change that an operator may make.
+
+    Attributes:
+        area: Where the file belongs.
+        path: The file, from the checkout.
+        line: Number of the line, from 1.
+        operator: Name that cosmic-ray gives it.
+        occurrence: Number of the change among all that the operator may make in the file, from 0.
+        key: File, line as written, operator and its number in such lines: the same after a change elsewhere.
+    """
 
     area: Area
     path: str
     line: int
     operator: str
     occurrence: int
+    key: str
 
 
 @dataclass(frozen=True)
@@ -132,7 +142,8 @@ def places_in(area: Area, path: Path) -> Iterator[Place]:
     trees = importlib.import_module("cosmic_ray.ast")
     known: Any = importlib.import_module("cosmic_ray.operators.provider").OperatorProvider()
     source = path.read_text()
-    skipped, nodes = left_out(source), list(trees.ast_nodes(trees.get_ast(source)))
+    lines, skipped, nodes = source.splitlines(), left_out(source), list(trees.ast_nodes(trees.get_ast(source)))
+    met: Counter[str] = Counter()
     for name in sorted(known):
         if known[name].arguments() or not worth_trying(name):
             continue
@@ -141,7 +152,9 @@ def places_in(area: Area, path: Path) -> Iterator[Place]:
         for occurrence, (node, (line, column)) in enumerate(found):
             no_operator = "Binary" in name and node.parent.type in ("parameters", "subscript", "dictorsetmaker")
             if not (no_operator or skipped(line, column)):
-                yield Place(area, str(path.relative_to(CHECKOUT)), line, name, occurrence)
+                key = f"{path.name} {name} {lines[line - 1].strip()}"
+                met[key] += 1
+                yield Place(area, str(path.relative_to(CHECKOUT)), line, name, occurrence, f"{key} {met[key]}")
 
 
 def mutant_at(place: Place) -> Mutant | None:
@@ -159,10 +172,13 @@ def mutant_at(place: Place) -> Mutant | None:
 
 
 def drawn(sample: int, seed: int, only: str) -> list[Mutant]:
-    """So many mutants at random, all if ``sample`` is zero, by file and line."""
+    """So many mutants at random, all if ``sample`` is zero, by file and line.
+
+    Each place draws its own number, so that a line that is changed elsewhere leaves the sample as it was.
+    """
     places = [place for area in AREAS for file in files(area) if only in str(file) for place in places_in(area, file)]
     print(f"{len(places)} places, of which {sample or 'all'} are tried, seed {seed}", flush=True)
-    random.Random(seed).shuffle(places)
+    places.sort(key=lambda place: random.Random(f"{seed} {place.key}").random())
     found = (mutant for mutant in map(mutant_at, places) if mutant is not None)
     return sorted(islice(found, sample or None), key=lambda mutant: (mutant.place.path, mutant.place.line))
 
@@ -173,16 +189,16 @@ def files(area: Area) -> list[Path]:
     return sorted(place.rglob("*.py")) if place.is_dir() else [place]
 
 
-def covering(area: Area, path: str) -> list[str]:
-    """Test files of an area, those that share most of their name with the changed file first."""
-    found = [file for place in area.tests for file in sorted((CHECKOUT / place).rglob("test_*.py"))]
-    found += [CHECKOUT / place for place in area.tests if place.endswith(".py")]
+def covering(area: Area, path: str, tree: Path) -> list[str]:
+    """Test files of an area in a checkout, those that share most of their name with the changed file first."""
+    found = [file for place in area.tests for file in sorted((tree / place).rglob("test_*.py"))]
+    found += [tree / place for place in area.tests if place.endswith(".py")]
     words = Path(path).stem.split("_")
 
     def strangeness(file: Path) -> int:
         return -sum(len(word) for word in words if word in file.stem)
 
-    return [str(file.relative_to(CHECKOUT)) for file in sorted(found, key=strangeness)]
+    return [str(file.relative_to(tree)) for file in sorted(found, key=strangeness)]
 
 
 def tested(area: Area, path: str, tree: Path, seconds: float, mutated: bool) -> tuple[str, float]:
@@ -201,7 +217,7 @@ def tested(area: Area, path: str, tree: Path, seconds: float, mutated: bool) -> 
             sys.path[:0] = [str(tree)]
             sys.dont_write_bytecode = mutated
             importlib.import_module("numba").config.DISABLE_JIT = int(not area.compiled)
-            code = int(importlib.import_module("pytest").main([*command, *covering(area, path)]))
+            code = int(importlib.import_module("pytest").main([*command, *covering(area, path, tree)]))
         finally:
             os._exit(code)
     _, status, usage = os.wait4(child, 0)
@@ -210,6 +226,16 @@ def tested(area: Area, path: str, tree: Path, seconds: float, mutated: bool) -> 
         late = os.WTERMSIG(status) in (signal.SIGXCPU, signal.SIGKILL)
         return ("timed out" if late else "failed"), took
     return ("passed" if os.WEXITSTATUS(status) == 0 else "failed"), took
+
+
+def needed(area: Area, tree: Path) -> float:
+    """Processor time [s] of an area's tests without a mutant; they have to pass."""
+    outcome, seconds = tested(area, area.code, tree, 3600.0, mutated=False)
+    if outcome != "passed":
+        said = (tree / OUTPUT).read_text()[-2000:]
+        raise SystemExit(f"{said}\nThe tests of {area.code} fail without any mutant: mend them first.")
+    print(f"{area.code}: the tests take {seconds:.0f} s of processor time", flush=True)
+    return seconds
 
 
 def tried(mutant: Mutant, tree: Path, seconds: float) -> str:
@@ -251,20 +277,16 @@ def run(sample: int, seed: int, only: str) -> list[tuple[Mutant, str]]:
         shutil.copy(CHECKOUT / "pyproject.toml", tree)
         for name in COPIED:
             shutil.copytree(CHECKOUT / name, tree / name, ignore=shutil.ignore_patterns("__pycache__"))
-        limits = {}
-        for area in {mutant.place.area for mutant in chosen}:
-            outcome, seconds = tested(area, area.code, tree, 3600.0, mutated=False)
-            if outcome != "passed":
-                said = (tree / OUTPUT).read_text()[-2000:]
-                raise SystemExit(f"{said}\nThe tests of {area.code} fail without any mutant: mend them first.")
-            limits[area] = PATIENCE * seconds + GRACE
-            print(f"{area.code}: the tests take {seconds:.0f} s of processor time", flush=True)
+        areas = sorted({mutant.place.area for mutant in chosen}, key=lambda area: area.code)
+        limits = {area: PATIENCE * needed(area, tree) + GRACE for area in areas}
         for number, mutant in enumerate(chosen, start=1):
             outcome = tried(mutant, tree, limits[mutant.place.area])
             out.append((mutant, outcome))
             if outcome != "killed":
                 print(f"[{number}] {outcome}: {mutant.place.path}:{mutant.place.line}")
                 print(f"    - {mutant.before}\n    + {mutant.after}", flush=True)
+        for area in areas:  # what has spoilt the copy meanwhile would count as killed
+            needed(area, tree)
     return out
 
 

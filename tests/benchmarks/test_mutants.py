@@ -66,10 +66,10 @@ def test_a_change_that_fails_by_its_type_alone_is_no_mutant(operator, tried):
 @pytest.mark.parametrize("area", AREAS, ids=lambda area: area.code)
 def test_every_area_is_there_and_has_tests(area):
     assert (CHECKOUT / area.code).exists()
-    assert covering(area, area.code)
+    assert covering(area, area.code, CHECKOUT)
 
 
 def test_tests_named_after_the_changed_file_are_run_first():
     effects = AREAS[0]
-    first = covering(effects, "phantom_dyn/effects/friction/joint_coupling.py")[0]
+    first = covering(effects, "phantom_dyn/effects/friction/joint_coupling.py", CHECKOUT)[0]
     assert first == "tests/phantom_dyn/effects/friction/test_joint_coupling.py"

@@ -206,3 +206,35 @@ def test_columns_move_with_the_findings_where_the_effect_says_so(arm, smooth, ef
     found = smooth.again(1.4 * smooth.expected)
     one, two = (effect.signature(arm, o, joint, shape).columns for o in (smooth, found))
     assert bool(np.any(np.abs(one - two) > 1e-9)) <= effect.follows_torque
+
+
+@pytest.mark.parametrize("effect", EFFECTS, ids=name_of)
+def test_every_parameter_has_a_range(arm, effect):
+    place = effect.places(arm)[-1]
+    for parameter in (*effect.parameters(arm, place), *effect.optional_parameters(arm, place)):
+        assert parameter.lower < parameter.upper
+
+
+def test_what_pulls_either_way_may_be_there_unseen_with_either_sign():
+    # By their laws: a constant torque, a ratio about one, gravity's direction and a zero have no sign of their own.
+    either = {effect.name for effect in EFFECTS if effect.either_sign}
+    assert either == {"torque_offset", "torque_constant", "base_tilt", "encoder_offset"}
+
+
+def test_only_rounding_leaves_nothing_but_noise():
+    assert [effect.name for effect in EFFECTS if effect.only_noise] == ["encoder_quantization"]
+
+
+# Effects that are tried again about a fit, rather than at the estimate of a secant.
+ABOUT = [e for e in EFFECTS if not e.shape_is_estimate and e.name not in {"transmission_compliance"}]
+
+
+@pytest.mark.parametrize("effect", ABOUT, ids=name_of)
+def test_the_next_shapes_lie_about_the_last_by_less_than_a_half(arm, smooth, effect):
+    place = effect.places(arm)[-1]
+    shape = effect.shapes(arm, smooth, place)[0]
+    coefficients = np.full(len(effect.signature(arm, smooth, place, shape).names), 0.1)
+    factors = np.array([np.divide(found, shape) for found in effect.refined(coefficients, shape)])
+    assert (factors == 1.0).all(axis=1).any()
+    assert np.abs(factors - 1.0).max(initial=0.0) < 0.5
+    assert len(set(map(tuple, factors))) == len(factors)

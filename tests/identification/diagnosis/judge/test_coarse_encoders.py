@@ -1,0 +1,76 @@
+"""Findings of coarse readings. Oracle: closed forms on squares written out by hand."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from identification.diagnosis.fit.gap import Sums
+from identification.diagnosis.judge.coarse_encoders import Rounded, findings_of, floor_without, rounded
+from identification.diagnosis.noise.encoder_noise import Coarse
+
+FLOOR = np.array([0.1, 0.2])
+
+
+def coarse_elbow(*torque: np.ndarray) -> Coarse:
+    return Coarse(1, 2e-3, torque)
+
+
+def found(energy: list[float], gap: float, samples: float = 400.0):
+    """The finding of a coarse elbow whose rounding has this mean square, where the given model has so much of noise."""
+    before = Sums(np.outer([samples], gap * FLOOR**2), np.full((1, 2), samples))
+    return before, Rounded((coarse_elbow(),), np.array([energy]))
+
+
+def test_the_floor_of_a_fine_encoder_is_that_of_what_rounding_leaves():
+    # Closed form: squares of independent noises add.
+    floor = floor_without(Rounded((coarse_elbow(),), np.array([[0.0, 0.03]])), FLOOR)
+    np.testing.assert_allclose(floor, [0.1, 0.1])
+
+
+def test_the_floor_of_a_fine_encoder_is_three_tenths_of_the_noise_at_least():
+    floor = floor_without(Rounded((coarse_elbow(),), np.array([[0.0099, 5.0]])), FLOOR)
+    np.testing.assert_allclose(floor, [0.03, 0.06])
+
+
+def test_without_a_coarse_reading_the_floor_stays():
+    assert floor_without(Rounded((), np.zeros((0, 2))), FLOOR) is FLOOR
+
+
+def test_the_energies_of_several_coarse_joints_add():
+    both = Rounded((coarse_elbow(), coarse_elbow()), np.array([[0.1, 0.2], [0.3, 0.4]]))
+    np.testing.assert_allclose(both.total, [0.4, 0.6])
+
+
+def test_what_rounding_closes_is_its_share_of_the_gap(planar2):
+    # By hand: (0.005 / 0.01 + 0.02 / 0.04) / 2 = 0.5 of a gap of 5 - 1 = 4.
+    before, rounding = found([0.005, 0.02], 5.0)
+    (finding,) = findings_of(planar2, rounding, before, FLOOR)
+    assert (finding.effect, finding.joint) == ("encoder_quantization", "elbow")
+    assert finding.gap_closed == pytest.approx(0.125)
+    # Known to twice the root of one over the 400 samples of a joint.
+    assert finding.gap_closed_interval == pytest.approx((0.125 * 0.9, 0.125 * 1.1))
+
+
+def test_rounding_closes_no_more_than_the_whole_gap(planar2):
+    before, rounding = found([0.02, 0.08], 1.5)
+    (finding,) = findings_of(planar2, rounding, before, FLOOR)
+    assert finding.gap_closed == 1.0
+    assert finding.gap_closed_interval == pytest.approx((0.9, 1.0))
+
+
+def test_the_step_is_known_to_a_hundredth_of_itself(planar2):
+    before, rounding = found([0.005, 0.02], 5.0)
+    step = findings_of(planar2, rounding, before, FLOOR)[0].parameters["step"]
+    assert (step.value, step.unit) == (2e-3, "rad")
+    assert step.std == pytest.approx(2e-5)
+
+
+@pytest.mark.parametrize(("share", "kept"), [(0.02, 0), (0.2, 1)])
+def test_a_coarse_reading_counts_where_it_makes_a_twentieth_of_the_noise(quiet, share, kept):
+    # Known truth: of the noise that the recording has, a share of its square on the elbow and nothing on the shoulder.
+    torque = tuple(np.sqrt(share) * part * [0.0, 1.0] for part in quiet.noise)
+    floor = np.array([1e6, 1e6])
+    rounding = rounded(quiet.problem, (coarse_elbow(*torque),), floor, quiet.noise)
+    assert len(rounding.coarse) == kept
+    assert rounding.energy.shape == (kept, 2)
