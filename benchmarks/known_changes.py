@@ -1,4 +1,4 @@
-"""How often two recordings with a known change part what one recording cannot: ``python -m benchmarks.known_changes``.
+"""How often two recordings with a known change separate what one cannot: ``python -m benchmarks.known_changes``.
 
 Cases are simulated on a hanging rod. A load or a torque constant, parted by a known mass; a late drive or viscous
 friction, parted by two controller gains; friction that grew between two recordings, named with its ratio if the second

@@ -1,4 +1,4 @@
-"""How often positions and references alone tell what a servo lacks: ``python -m benchmarks.motion_only``.
+"""How often positions and references alone show what a servo lacks: ``python -m benchmarks.motion_only``.
 
 Cases are simulated on a hanging rod that a servo of position with proportional gain moves, as hobby servos are; only
 its readings and references are recorded. What its model lacks is drawn: a late drive, Coulomb friction that makes it

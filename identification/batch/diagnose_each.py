@@ -216,7 +216,7 @@ def diagnose_each(
     if reading.columns is not None:
         read_column_map(reading.columns)
         reading = replace(reading, columns=Path(reading.columns).absolute())
-    given = _at_home(robot)
+    given = _with_absolute_source(robot)
     rows = [
         DiagnosedRecording(str(log), name, REFUSED, refusal=_LOST.format(Path(log).name))
         for log, name in zip(logs, names, strict=True)
@@ -235,7 +235,7 @@ def diagnose_each(
     return DiagnosedRecordings(robot.name, robot.joint_names, tuple(rows))
 
 
-def _at_home(robot: Robot) -> Robot:
+def _with_absolute_source(robot: Robot) -> Robot:
     """The robot with its file named in full: a worker may have another working folder, and draws its shape."""
     file = Path(robot.source)
     return replace(robot, source=str(file.absolute())) if file.is_file() and find_robot(robot.source) == file else robot

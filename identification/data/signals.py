@@ -81,7 +81,7 @@ def align_held_torque(tau: Float[Array, "N nv"]) -> Float[Array, "N nv"]:
 
 
 def within_limits(tau: Float[Array, "N nv"], robot: Robot) -> Float[Array, "N nv"]:
-    """What drives with stated limits give when ``tau`` is asked for; a measured torque is what it is."""
+    """Torque that drives with stated limits give when ``tau`` is commanded; a measured torque stays as it is."""
     if robot.torque_source != "command":
         return tau
     limits = np.array([np.inf if a.torque_limit is None else a.torque_limit for a in robot.actuators])

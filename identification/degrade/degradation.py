@@ -87,8 +87,8 @@ def _require_counts(effect: Effect, values: Values) -> None:
     counts = {name: len(given) for name, given in values.items()}
     if effect.takes_lists:
         if len(set(counts.values())) > 1:
-            said = ", ".join(f"{count} of {name}" for name, count in counts.items())
-            raise ParameterError(f"{effect.name} was given {said}: give as many numbers of each, separated by commas.")
+            given = ", ".join(f"{count} of {name}" for name, count in counts.items())
+            raise ParameterError(f"{effect.name} was given {given}: give as many numbers of each, separated by commas.")
         return
     for name, count in counts.items():
         if count != 1:
@@ -100,7 +100,7 @@ def _listed(effect: str, parameters: tuple[Parameter, ...]) -> str:
 
 
 def _words(parameter: Parameter) -> str:
-    """``torque [N m] of 0 or more``."""
+    """A parameter with its bounds, as in ``torque [N m] of 0 or more``."""
     low, high = parameter.lower, parameter.upper
     unit = "" if parameter.unit == "1" else f" [{parameter.unit}]"
     if np.isfinite(low) and np.isfinite(high):

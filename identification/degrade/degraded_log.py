@@ -135,7 +135,7 @@ def _require_time(robot: Robot, log: Log, fault: Degradation) -> None:
 def _motion_kept(
     robot: Robot, log: Log, faults: tuple[Degradation, ...], laws: tuple[Simulated, ...]
 ) -> tuple[_Change, tuple[str, ...]]:
-    """Torque that the recorded motion takes more."""
+    """Additional torque that the recorded motion takes with the faults, and link positions ahead of the motors."""
     still = np.zeros_like(log.tau)
     model, tau, x = Operation.of(robot, log.motion, log.tau), still.copy(), still.copy()
     notes = []
@@ -270,9 +270,9 @@ def replayed(
     try:
         moved = simulate(instant, (), controller, motion.t, motion.q[0], motion.v[0], max_step=_LONGEST_STEP).encoders
     except ParameterError as error:
-        said = ", ".join(f"{limit:g}" for limit in limits)
+        sizes = ", ".join(f"{limit:g}" for limit in limits)
         raise ParameterError(
-            f"With torque limits of {said} the robot does not follow the recorded motion at all: give higher ones."
+            f"With torque limits of {sizes} the robot does not follow the recorded motion at all: give higher ones."
         ) from error
     asked = needed + kp * (motion.q - moved.q) + kd * (motion.v - moved.v)
     return moved.q, moved.v, asked

@@ -230,13 +230,13 @@ def _possible(regressor: Regressor, fit: Fit, expected: Array | None) -> Array:
 
 def _expected(fit: Fit, first: int) -> Array:
     """A ball of the mass and centre that the fit tells, 1 kg in the origin where it tells none."""
-    told = {k: row for row, (k, name) in enumerate(zip(fit.base.independent, fit.names, strict=True))
+    row_of = {k: row for row, (k, name) in enumerate(zip(fit.base.independent, fit.names, strict=True))
             if not name.endswith("R")}  # fmt: skip
-    row = told.get(first)
+    row = row_of.get(first)
     if row is None or not fit.theta[row] > max(_SLIGHT, 2 * fit.std()[row]):
         return body_parameters(1.0, np.zeros(3), _RADIUS**2 * np.eye(3))
     mass = float(fit.theta[row])
-    moments = [fit.theta[told[first + axis]] if first + axis in told else 0.0 for axis in (1, 2, 3)]
+    moments = [fit.theta[row_of[first + axis]] if first + axis in row_of else 0.0 for axis in (1, 2, 3)]
     return body_parameters(mass, np.array(moments) / mass, mass * _RADIUS**2 * np.eye(3))
 
 

@@ -19,7 +19,7 @@ Array = np.ndarray
 
 _NOTHING = 1e-200  # square of the norm of a column of a motion that does not move: its inverse is no overflow
 _ZERO = 1e-15
-"""Eigenvalues of a correlation matrix below this are rounding: a condition number above 3e7 is not told apart."""
+"""Eigenvalues of a correlation matrix below this are rounding: condition numbers above 3e7 are not distinguished."""
 
 
 @runtime_checkable

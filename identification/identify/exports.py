@@ -59,12 +59,14 @@ def exports(full: FullModel, given: Robot, motion: Motion, *, folder: Path, conf
         return text, mujoco_difference(text, writable, few)
 
     return (
-        _made(URDF, urdf, versions().get("urdf", ""), (*cut, *_urdf_left_out(full, given, file))),
-        _made(MJCF, mjcf, versions().get("mjcf", ""), (*cut, *_mjcf_left_out(full))),
+        _checked_export(URDF, urdf, versions().get("urdf", ""), (*cut, *_urdf_left_out(full, given, file))),
+        _checked_export(MJCF, mjcf, versions().get("mjcf", ""), (*cut, *_mjcf_left_out(full))),
     )
 
 
-def _made(name: str, make: Callable[[], tuple[str, float]], loaded_with: str, left_out: tuple[str, ...]) -> Export:
+def _checked_export(
+    name: str, make: Callable[[], tuple[str, float]], loaded_with: str, left_out: tuple[str, ...]
+) -> Export:
     try:
         text, difference = make()
     except PhantomDynError as error:

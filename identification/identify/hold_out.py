@@ -75,7 +75,7 @@ def split_logs(robot: Robot, recordings: tuple[Recording, ...], hold_out: tuple[
         )
     logs = tuple(process(recording, robot, cutoff_hz=cutoff) for recording in every)
     logs = tuple(
-        replace(log, tau=_joint_torque(log, robot), motion=_held(log.motion, joints))
+        replace(log, tau=_joint_torque(log, robot), motion=_held_at_standstill(log.motion, joints))
         for log, joints in zip(logs, still, strict=True)
     )
     if hold_out:
@@ -120,7 +120,7 @@ def require_enough(robot: Robot, split: Split, unknowns: int) -> None:
 
 
 def caution(split: Split) -> tuple[str, ...]:
-    """A sentence where errors on held-out data are told by few samples; none where they are many.
+    """A sentence where errors on held-out data rest on few samples; none where there are many.
 
     Args:
         split: What is judged on.
@@ -148,7 +148,7 @@ def _joints(robot: Robot) -> str:
     return "one joint" if robot.nv == 1 else f"{robot.nv} joints"
 
 
-def _held(motion: Motion, still: Bool[Array, " nv"]) -> Motion:
+def _held_at_standstill(motion: Motion, still: Bool[Array, " nv"]) -> Motion:
     """The motion with joints that never move held at standstill: the sign of their noise is not that of a friction."""
     q = np.where(still, np.median(motion.q, axis=0), motion.q)
     return Motion(motion.t, q, np.where(still, 0.0, motion.v), np.where(still, 0.0, motion.a))
@@ -194,7 +194,7 @@ def joint_errors(
     """
     size = np.sqrt(np.mean(measured**2, axis=0))
     rms, before = (np.sqrt(np.mean((measured - model) ** 2, axis=0)) for model in (predicted, given))
-    relative, relative_given = (_over(values, size) for values in (rms, before))
+    relative, relative_given = (_ratio(values, size) for values in (rms, before))
     return tuple(
         JointError(
             joint,
@@ -209,7 +209,7 @@ def joint_errors(
     )
 
 
-def _over(values: Array, size: Array) -> Array:
+def _ratio(values: Array, size: Array) -> Array:
     out = np.full(len(values), np.nan)
     return np.divide(values, size, out=out, where=size > 0)
 

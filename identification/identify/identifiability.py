@@ -63,7 +63,7 @@ def identified_shares(base: BaseParameters) -> tuple[Share, ...]:
     return tuple(out)
 
 
-def members(base: BaseParameters) -> dict[int, tuple[str, ...]]:
+def regrouped_into(base: BaseParameters) -> dict[int, tuple[str, ...]]:
     """For each dependent column the base parameters that it is part of."""
     names = base.base_names
     return {k: tuple(names[row] for row in np.flatnonzero(base.regrouped[:, d])) for d, k in enumerate(base.dependent)}
@@ -95,7 +95,7 @@ def unidentified(base: BaseParameters, excited: BaseParameters) -> tuple[Unident
         base: Of the recording.
         excited: Of motion that excites everything, of the same columns.
     """
-    part_of = members(base)
+    part_of = regrouped_into(base)
     never, always = set(excited.zero), set(excited.dependent)
     out = []
     for k in base.dependent:

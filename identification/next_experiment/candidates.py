@@ -18,10 +18,9 @@ from identification.data.log import Log
 from identification.excitation.criteria import ConditionNumber
 from identification.excitation.design_problem import DesignProblem, Grid, joint_sizes
 from identification.excitation.excited_base import base_of
-from identification.excitation.limits import Limits
+from identification.excitation.limits import Limits, require_excitable, stated_limits
 from identification.excitation.motion_shapes import FourierSeries, Shapes, Triangle, TrianglesAndSines
 from identification.excitation.starts import feasible_postures, largest_within_limits, random_weights
-from identification.excitation.stated_limits import require_excitable, stated_limits
 from phantom_dyn.errors import ParameterError
 from phantom_dyn.model.robot import Robot
 from phantom_dyn.motion import Motion

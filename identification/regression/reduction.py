@@ -146,7 +146,7 @@ def _joint_rows(reduction: Reduction, joint: int, columns: Sequence[int]) -> Arr
 
 
 @dataclass(frozen=True)
-class _Lean:
+class _Relation:
     """Independent columns, which are taken in, and the relation by which the others follow from them.
 
     Attributes:
@@ -181,23 +181,23 @@ def reduce_blocks(
     """
     own = tuple(np.array(c, dtype=int) for c in columns)
     factors = [np.zeros((len(c) + 1, len(c) + 1), order="F") for c in own]
-    lean: _Lean | None = None
+    relation: _Relation | None = None
     samples = attempts = 0
     with one_blas_thread():
         for block, y in blocks:
             for start in range(0, len(block), ROWS):
                 part, torque = block[start : start + ROWS], y[start : start + ROWS]
-                if lean is None and samples > 0 and attempts < _ATTEMPTS:
-                    lean, attempts = _leaner(factors, own, names, units, samples), attempts + 1
-                    factors = _narrow(factors, lean)
-                if lean is not None and not _holds(lean, part):
-                    factors, lean = _wide(factors, lean), None
+                if relation is None and samples > 0 and attempts < _ATTEMPTS:
+                    relation, attempts = _relation_of(factors, own, names, units, samples), attempts + 1
+                    factors = _narrow(factors, relation)
+                if relation is not None and not _holds(relation, part):
+                    factors, relation = _wide(factors, relation), None
                 for joint, factor in enumerate(factors):
-                    place = slice(None) if lean is None else lean.places[joint]
+                    place = slice(None) if relation is None else relation.places[joint]
                     absorb(factor, _rows(part, torque, joint, own[joint][place]))
                 samples += len(part)
-        if lean is not None:
-            factors = _wide(factors, lean)
+        if relation is not None:
+            factors = _wide(factors, relation)
     return Reduction(names, units, joint_names, columns, tuple(factors), samples)
 
 
@@ -208,9 +208,9 @@ def _rows(block: Array, torque: Array, joint: int, columns: Array) -> Array:
     return rows
 
 
-def _leaner(
+def _relation_of(
     factors: Sequence[Array], own: Sequence[Array], names: Sequence[str], units: Sequence[str], samples: int
-) -> _Lean:
+) -> _Relation:
     """Columns to go on with, from the rows that were taken in with all columns."""
     p = len(names)
     stacked = np.zeros((sum(len(factor) for factor in factors), p))
@@ -220,9 +220,9 @@ def _leaner(
         row += len(factor)
     kept, dependent, grouping, scale = dependent_columns(triangular(stacked), units, _EXACT)
     # Everything in terms of all p columns: widening, and what is zero because of it.
-    relation = np.zeros((p, p))
-    relation[kept, kept] = 1.0
-    relation[np.ix_(kept, dependent)] = grouping
+    matrix = np.zeros((p, p))
+    matrix[kept, kept] = 1.0
+    matrix[np.ix_(kept, dependent)] = grouping
     rng = random_stream("probe of a reduction")
     zero = np.zeros((p, _PROBES))
     draws = rng.standard_normal((len(dependent), _PROBES)) / scale[dependent, None]
@@ -234,22 +234,22 @@ def _leaner(
         place = np.flatnonzero(np.isin(columns, kept))
         places.append(place)
         wide = np.zeros((len(place) + 1, len(columns) + 1))
-        wide[:-1, :-1] = relation[np.ix_(columns[place], columns)]
+        wide[:-1, :-1] = matrix[np.ix_(columns[place], columns)]
         wide[-1, -1] = 1.0
         widen.append(wide)
-    return _Lean(tuple(places), tuple(widen), probes, samples)
+    return _Relation(tuple(places), tuple(widen), probes, samples)
 
 
-def _narrow(factors: Sequence[Array], lean: _Lean) -> list[Array]:
-    return [triangular(factor[:, [*place, -1]]) for factor, place in zip(factors, lean.places, strict=True)]
+def _narrow(factors: Sequence[Array], relation: _Relation) -> list[Array]:
+    return [triangular(factor[:, [*place, -1]]) for factor, place in zip(factors, relation.places, strict=True)]
 
 
-def _wide(factors: Sequence[Array], lean: _Lean) -> list[Array]:
-    return [triangular(factor @ wide) for factor, wide in zip(factors, lean.widen, strict=True)]
+def _wide(factors: Sequence[Array], relation: _Relation) -> list[Array]:
+    return [triangular(factor @ wide) for factor, wide in zip(factors, relation.widen, strict=True)]
 
 
-def _holds(lean: _Lean, block: Array) -> bool:
+def _holds(relation: _Relation, block: Array) -> bool:
     """False where a column left out is not, in some row, what the columns taken in say."""
-    seen = block.reshape(-1, block.shape[2]) @ lean.probes
+    seen = block.reshape(-1, block.shape[2]) @ relation.probes
     *zero, size = np.einsum("nk,nk->k", seen, seen)
-    return bool(max(zero) <= _HOLDS**2 * (size + len(block) / lean.samples))
+    return bool(max(zero) <= _HOLDS**2 * (size + len(block) / relation.samples))

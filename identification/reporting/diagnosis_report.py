@@ -23,11 +23,11 @@ from identification.reporting.gap_figures import (
 from identification.reporting.report_tables import (
     RegimeShare,
     Row,
+    detectable_sizes,
     gap_row,
     parameter_rows,
     regime_table,
     rollout_rows,
-    seen_from,
     untestable_rows,
 )
 from identification.reporting.robot_scene import gap_shares, joint_colours, robot_scene
@@ -121,7 +121,7 @@ def report_html(diagnosis: Diagnosis, robot: Robot | None = None) -> str:
         adjusted=[(a.quantity, f"{100 * a.change:+.2g} %", f"±{100 * a.tolerance:.2g} %") for a in diagnosis.adjusted],
         unexplained=words.capital(words.unexplained_phrase(diagnosis.unexplained)),
         unexplained_figure=_unexplained_figure(diagnosis, motions),
-        bounds=seen_from(diagnosis.bounds),
+        bounds=detectable_sizes(diagnosis.bounds),
         not_testable=untestable_rows(diagnosis.not_testable, diagnosis.joints),
         band="at rest" if diagnosis.at_rest else f"{diagnosis.band_hz[0]:g} to {diagnosis.band_hz[1]:.3g} Hz",
         residual="position less reference" if diagnosis.at_rest else "measured less modelled torque",

@@ -37,8 +37,8 @@ class RegimeShare:
 
 
 @dataclass(frozen=True)
-class SeenFrom:
-    """From which size one parameter of an effect would have been seen: in short, and place by place."""
+class DetectableSize:
+    """Size from which one parameter of an effect would have been seen: in short, and place by place."""
 
     effect: str
     parameter: str
@@ -91,13 +91,13 @@ def rollout_rows(diagnosis: Diagnosis) -> list[Row]:
     return rows
 
 
-def seen_from(bounds: tuple[Bound, ...]) -> list[SeenFrom]:
+def detectable_sizes(bounds: tuple[Bound, ...]) -> list[DetectableSize]:
     """Bounds gathered by effect and parameter, in the order of a report."""
     groups: dict[tuple[str, str], list[Bound]] = {}
     for bound in sorted(bounds, key=lambda bound: report_order(bound.effect)):
         groups.setdefault((bound.effect, bound.parameter), []).append(bound)
     return [
-        SeenFrom(
+        DetectableSize(
             words.capital(effect_words(effect).name),
             words.parameter_name(parameter),
             "; ".join(_range([b for b in group if b.unit == unit]) for unit in dict.fromkeys(b.unit for b in group)),

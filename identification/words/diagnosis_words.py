@@ -63,7 +63,7 @@ def finding_words(finding: Finding, next_experiment: Mapping[str, Any] | None = 
         where=", ".join(filter(None, (where, regime_words(finding.regime)))),
         how_sure=f"{sureness(finding.probability)}; it accounts for {gap_closed(finding)} of the gap",
         what_else=rivals_words(finding.rivals),
-        what_next=small(_next_step(finding, next_experiment or {})),
+        what_next=lower_first(_next_step(finding, next_experiment or {})),
     )
 
 
@@ -194,6 +194,6 @@ def capital(text: str) -> str:
     return text[:1].upper() + text[1:]
 
 
-def small(text: str) -> str:
+def lower_first(text: str) -> str:
     """The text with a small first letter; a name such as J2 stays as it is."""
     return text[:1].lower() + text[1:] if text[1:2].islower() else text

@@ -10,7 +10,7 @@ NO_BREAK = "\N{NO-BREAK SPACE}"  # a number never parts from its unit at the end
 
 
 def value_words(value: Value) -> str:
-    """An estimate as ``0.0510 ± 0.0006 N m``; entries of a list are parted by commas."""
+    """An estimate as ``0.0510 ± 0.0006 N m``; entries of a list are separated by commas."""
     values = value.value if isinstance(value.value, list) else [value.value]
     stds = value.std if isinstance(value.std, list) else [value.std] * len(values)
     numbers = ", ".join(with_std(v, s) for v, s in zip(values, stds, strict=True))

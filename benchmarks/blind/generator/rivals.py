@@ -1,4 +1,4 @@
-"""Which simpler answers a recording cannot part from the truth, with the model free within its tolerance."""
+"""Simpler answers that a recording cannot distinguish from the truth, with the model free within its tolerance."""
 
 from __future__ import annotations
 

@@ -82,7 +82,7 @@ def column_of(name: str) -> Column | None:
     return None
 
 
-def shape_problem(name: str) -> str | None:
+def name_problem(name: str) -> str | None:
     """What is wrong with a name that starts as the contract's do but is none of them; None for any other name."""
     prefix, dot, _ = name.partition(".")
     folded = prefix.lower()
@@ -101,7 +101,7 @@ def _contract_names(raw: RawTable) -> tuple[dict[str, Column], tuple[str, ...]]:
     """The contract's columns in the file and the names of the others."""
     wanted = {name: column for name in raw.names if (column := column_of(name)) is not None}
     for name in raw.names:
-        sentence = None if name in wanted else shape_problem(name)
+        sentence = None if name in wanted else name_problem(name)
         if sentence is not None and name in raw.problems:
             raise LogError(raw.problems[name])
         if sentence is not None:

@@ -162,7 +162,7 @@ def _column_or_problem(file: str, name: str, cells: list[str], lines: list[int])
     return values
 
 
-def _slowly(
+def _line_by_line(
     file: str, data: bytes, names: list[str], separator: str, own_line: bool
 ) -> tuple[dict[str, Array], dict[str, str]]:
     """Columns that hold numbers, and a sentence for each that does not."""
@@ -209,7 +209,7 @@ def read_delimited(path: Path) -> RawTable:
         body = re.sub(rb"[ \t]+", b" ", re.sub(rb"(?m)^[ \t]+|[ \t\r]+$", b"", body))
     arrays = _as_numbers(body, names, separator)
     if arrays is None:
-        columns, problems = _slowly(path.name, data, names, separator, own_line)
+        columns, problems = _line_by_line(path.name, data, names, separator, own_line)
     else:
         columns, problems = dict(zip(names, arrays, strict=True)), {}
     return RawTable(path.name, columns, problems, lambda row: _line_of(data, own_line, row))

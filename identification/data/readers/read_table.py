@@ -41,7 +41,7 @@ def read_raw(path: str | Path, *, topic: str | None = None) -> RawTable:
     """Columns of a file under the file's own names.
 
     Args:
-        path: CSV, NPZ, Parquet, ROS 1 or ROS 2 bag, or MCAP; told by content, not by ending.
+        path: CSV, NPZ, Parquet, ROS 1 or ROS 2 bag, or MCAP; recognised by its content, not by its ending.
         topic: Topic of sensor_msgs/JointState in a bag that has several.
 
     Returns:

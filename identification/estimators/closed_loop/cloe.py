@@ -29,8 +29,9 @@ from phantom_dyn.model.robot import Robot
 
 Array = np.ndarray
 
-# Share of a signal by which a parameter or a state is moved for a slope: dry friction makes slopes of less rough.
-_NUDGE = 1e-4
+# Share of a signal by which a parameter or a state is moved for a finite difference: dry friction makes those of less
+# rough.
+_INCREMENT = 1e-4
 _TRUST = 1e-2  # share of a signal by which a recorded state may be off: many times the noise of any encoder
 
 _SETTLED = 0.05  # standard deviations, see `identification.estimators.iv`
@@ -134,20 +135,20 @@ class Shooting:
         """
         columns = []
         for which in np.ndindex(2, self.regressor.robot.nv):
-            nudge = self._state_nudge(which)
+            increment = self._state_increment(which)
             moved = states.copy()
-            moved[(slice(None), *which)] += nudge
-            changes = [(a - b) / nudge for a, b in zip(self.outputs(theta, moved), outputs, strict=True)]
+            moved[(slice(None), *which)] += increment
+            changes = [(a - b) / increment for a, b in zip(self.outputs(theta, moved), outputs, strict=True)]
             # A start moves its own stretch and nothing else.
             for s in self.stretches:
                 alone = [np.zeros_like(change) for change in changes]
                 alone[s.log][s.start : s.stop] = changes[s.log][s.start : s.stop]
                 columns.append(self._banded(alone))
-        for k, nudge in enumerate(self._parameter_nudges()):
+        for k, increment in enumerate(self._parameter_increments()):
             moved = theta.copy()
-            moved[k] += nudge
+            moved[k] += increment
             columns.append(
-                self._banded([(a - b) / nudge for a, b in zip(self.outputs(moved, states), outputs, strict=True)])
+                self._banded([(a - b) / increment for a, b in zip(self.outputs(moved, states), outputs, strict=True)])
             )
         return np.stack(columns, axis=2)
 
@@ -156,18 +157,18 @@ class Shooting:
         sizes = [[self._state_size((i, j)) for j in range(self.regressor.robot.nv)] for i in range(2)]
         return _TRUST * np.repeat(np.array(sizes)[:, :, None], len(self.stretches), axis=2)
 
-    def _state_nudge(self, which: tuple[int, ...]) -> float:
-        return _NUDGE * self._state_size(which)
+    def _state_increment(self, which: tuple[int, ...]) -> float:
+        return _INCREMENT * self._state_size(which)
 
     def _state_size(self, which: tuple[int, ...]) -> float:
         name, joint = "qv"[which[0]], which[1]
         size = max(float(np.ptp(getattr(loop.log.motion, name)[:, joint])) for loop in self.loops)
         return size if size > 0 else 1.0
 
-    def _parameter_nudges(self) -> Float[Array, " r"]:
-        """What changes the torque by a ten-thousandth."""
+    def _parameter_increments(self) -> Float[Array, " r"]:
+        """Change of each parameter that changes the torque by a ten-thousandth."""
         torque = np.linalg.norm(self.regressor.measured)
-        return _NUDGE * torque / self.base.norms[list(self.base.independent)]
+        return _INCREMENT * torque / self.base.norms[list(self.base.independent)]
 
 
 def fit_cloe(
@@ -242,7 +243,7 @@ def cloe(
         inverse = solve_triangular(factor, np.eye(len(factor)))
         std = np.linalg.norm(inverse, axis=1)[-base.rank :]
         error = iterate.error(weights)
-        iterate = _taken(shooting, measured, iterate, step, weights)
+        iterate = _damped_step(shooting, measured, iterate, step, weights)
         small = np.abs(step[-base.rank :]) <= _SETTLED * std + 1e-6 * np.abs(iterate.theta)
         flat = iterate.error(weights) >= (1.0 - _FLAT) * error
         if small.all() or (flat and left >= (1.0 - _PROMISED) * error):
@@ -308,7 +309,7 @@ def _step(slopes: Float[Array, "N c p"], iterate: _Iterate, weights: Float[Array
     return solve_triangular(factor, R[:p, p]), factor, float(np.sum(R[p:, p] ** 2))
 
 
-def _taken(
+def _damped_step(
     shooting: Shooting, measured: Array, iterate: _Iterate, step: Float[Array, " p"], weights: Float[Array, " c"]
 ) -> _Iterate:
     """The iterate after as much of a step as lowers the error, or the same iterate."""
@@ -341,7 +342,7 @@ def _fit(shooting: Shooting, measured: Array, iterate: _Iterate, status: Status)
     # A term more for every parameter that the noise was judged without.
     spare = N * slopes.shape[1] / max(N * slopes.shape[1] - p, 1)
     recorded = inverse[: len(iterate.state_std)] / iterate.state_std[:, None]
-    scatter = _remembered(scores, int(np.ceil(4 * memory.max()))) + recorded.T @ recorded
+    scatter = _newey_west(scores, int(np.ceil(4 * memory.max()))) + recorded.T @ recorded
     cov = spare * inverse @ scatter @ inverse.T
     nv = regressor.robot.nv
     std = np.sqrt(np.diag(cov))
@@ -357,8 +358,8 @@ def _fit(shooting: Shooting, measured: Array, iterate: _Iterate, status: Status)
     return fit_of("cloe", regressor, base, values, status=status, others=_starts(shooting, iterate, std[:-r]))
 
 
-def _remembered(scores: Float[Array, "N p"], longest: int) -> Float[Array, "p p"]:
-    """Covariance of a sum of scores that depend on each other over time (Newey and West); at least that without."""
+def _newey_west(scores: Float[Array, "N p"], longest: int) -> Float[Array, "p p"]:
+    """Covariance of a sum of scores that are correlated over time, up to lag ``longest`` (Newey and West)."""
     longest = min(longest, len(scores) // 4)
     out = scores.T @ scores
     for lag in range(1, longest + 1):

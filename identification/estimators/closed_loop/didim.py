@@ -95,7 +95,7 @@ def didim(
         weights = 1.0 / floored(residual_noise(rows, influence, target - rows @ found), regressor)
         std = np.sqrt(np.einsum("njk,j->k", influence**2, weights**-2))
         step = found - theta
-        theta, simulation = _taken(regressor, start.loops, base, theta, step)
+        theta, simulation = _damped_step(regressor, start.loops, base, theta, step)
         if (np.abs(step) <= _SETTLED * std + 1e-9 * np.abs(theta)).all():
             return _fit(regressor, base, theta, simulation, weights, Status.SOLVED)
     if on_failure == "raise":
@@ -108,7 +108,7 @@ def _target(regressor: Regressor, simulation: Resimulation) -> Float[Array, "N n
     return regressor.measured - (simulation.regressor.measured - simulation.regressor.y)
 
 
-def _taken(
+def _damped_step(
     regressor: Regressor,
     loops: tuple[Loop, ...],
     base: BaseParameters,

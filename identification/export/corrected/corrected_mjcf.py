@@ -13,7 +13,7 @@ import numpy as np
 
 from identification.export.corrected.corrected_model import CorrectedModel
 from identification.export.model_files.mjcf_file import mjcf_text
-from identification.export.model_files.urdf_file import words
+from identification.export.model_files.urdf_file import attribute_text
 from phantom_dyn.dynamics.dynamics import mass_matrix
 from phantom_dyn.effects.simulated import SPRING_DAMPING
 from phantom_dyn.effects.support.rows import row_of
@@ -83,7 +83,7 @@ def _move_zero(joint: Element, zero: float) -> None:
     joint.set("ref", repr(zero))
     limits = joint.get("range")
     if limits is not None:
-        joint.set("range", words([float(limit) + zero for limit in limits.split()]))
+        joint.set("range", attribute_text([float(limit) + zero for limit in limits.split()]))
 
 
 def _second_joint(body: Element, joint: Element, corrected: CorrectedModel, name: str) -> None:
@@ -93,7 +93,7 @@ def _second_joint(body: Element, joint: Element, corrected: CorrectedModel, name
     kind, axis = str(joint.get("type")), str(joint.get("axis"))
     if name in corrected.plays:
         half = 0.5 * corrected.plays[name]
-        own = {"name": PLAY.format(name), "range": words([-half, half]), "solreflimit": f"{_STOP} 1"}
+        own = {"name": PLAY.format(name), "range": attribute_text([-half, half]), "solreflimit": f"{_STOP} 1"}
     else:
         stiffness = corrected.compliances[name]
         link = _moved_inertia(corrected, row_of(corrected.robot, name))
@@ -109,7 +109,7 @@ def _drive(motor: Element, corrected: CorrectedModel, name: str) -> None:
     if gain != 1.0:
         motor.set("gear", repr(gain))
     if name in corrected.limits:
-        motor.set("forcerange", words([bias - corrected.limits[name], bias + corrected.limits[name]]))
+        motor.set("forcerange", attribute_text([bias - corrected.limits[name], bias + corrected.limits[name]]))
     if bias:
         motor.tag = "general"
         motor.set("biastype", "affine")
@@ -130,7 +130,11 @@ def _cogging(root: Element, corrected: CorrectedModel) -> None:
     assert actuators is not None
     for name, waves in corrected.cogging.items():
         for k, wave in enumerate(waves):
-            own = {"name": COGGING.format(name, k + 1), "joint": name, "cogging": words([wave[1], wave[0], wave[2]])}
+            own = {
+                "name": COGGING.format(name, k + 1),
+                "joint": name,
+                "cogging": attribute_text([wave[1], wave[0], wave[2]]),
+            }
             no_command = {"motorconst": f"{_NO_MOTOR} 0", "resistance": "1", "ctrlrange": "0 0"}
             ElementTree.SubElement(actuators, "dcmotor", own | no_command)
 

@@ -13,7 +13,7 @@ from jaxtyping import Float
 
 from identification.export.corrected.corrected_mjcf import zeros_in_file
 from identification.export.corrected.corrected_model import CorrectedModel, with_base_turned, with_zeros_moved
-from identification.export.model_files.urdf_file import edited_urdf, new_urdf, words
+from identification.export.model_files.urdf_file import attribute_text, edited_urdf, new_urdf
 from phantom_dyn.effects.support.changed_robot import with_gravity
 from phantom_dyn.model.robot import Robot
 from phantom_dyn.model.robot_xml import Element
@@ -83,10 +83,10 @@ def _move_zero(joint: Element, zero: float) -> None:
     axis = axis / np.linalg.norm(axis)
     turn = pin.rpy.rpyToMatrix(_numbers(origin.get("rpy"), "0 0 0"))
     if joint.get("type") == "prismatic":
-        origin.set("xyz", words(_numbers(origin.get("xyz"), "0 0 0") - turn @ axis * zero))
+        origin.set("xyz", attribute_text(_numbers(origin.get("xyz"), "0 0 0") - turn @ axis * zero))
     else:
         turn = turn @ pin.AngleAxis(-zero, axis).matrix()
-        origin.set("rpy", words(pin.rpy.matrixToRpy(turn)))
+        origin.set("rpy", attribute_text(pin.rpy.matrixToRpy(turn)))
     limit = joint.find("limit")
     if limit is not None and joint.get("type") != "continuous":
         for key in ("lower", "upper"):
@@ -102,7 +102,7 @@ def _tilt(root: Element, rotation: Float[Array, "3 3"]) -> None:
     joint = ElementTree.Element("joint", name=f"{level}_base", type="fixed")
     ElementTree.SubElement(joint, "parent", link=level)
     ElementTree.SubElement(joint, "child", link=base)
-    ElementTree.SubElement(joint, "origin", xyz="0 0 0", rpy=words(pin.rpy.matrixToRpy(np.array(rotation))))
+    ElementTree.SubElement(joint, "origin", xyz="0 0 0", rpy=attribute_text(pin.rpy.matrixToRpy(np.array(rotation))))
     root.insert(0, ElementTree.Element("link", name=level))
     root.insert(1, joint)
 

@@ -10,7 +10,7 @@ import pinocchio as pin
 from jaxtyping import Float
 
 from identification.export.model_files.tree import TreeBody, TreeFrame, bodies, frames
-from identification.export.model_files.urdf_file import words
+from identification.export.model_files.urdf_file import attribute_text
 from phantom_dyn.errors import ParameterError
 from phantom_dyn.model.inertia import breaks_triangle
 from phantom_dyn.model.robot import Robot
@@ -33,7 +33,7 @@ def mjcf_text(robot: Robot) -> str:
     """
     root = ElementTree.Element("mujoco", model=robot.name)
     ElementTree.SubElement(root, "compiler", angle="radian", autolimits="true")
-    ElementTree.SubElement(root, "option", gravity=words(robot.model.gravity.linear))
+    ElementTree.SubElement(root, "option", gravity=attribute_text(robot.model.gravity.linear))
     world = ElementTree.SubElement(root, "worldbody")
     tree = bodies(robot)
     elements: list[Element] = []
@@ -63,16 +63,20 @@ def _body(parent: Element, body: TreeBody) -> Element:
             "correct it in the robot's file."
         )
     element = ElementTree.SubElement(parent, "body", {"name": body.name, **_place(body.position, body.rotation)})
-    joint = {"name": body.joint, "type": "slide" if body.prismatic else "hinge", "axis": words(body.axis)}
+    joint = {"name": body.joint, "type": "slide" if body.prismatic else "hinge", "axis": attribute_text(body.axis)}
     for name, value in (("damping", body.damping), ("frictionloss", body.friction), ("armature", body.armature)):
         if value:
             joint[name] = repr(value)
     if body.limits is not None:
-        joint["range"] = words(body.limits)
+        joint["range"] = attribute_text(body.limits)
     ElementTree.SubElement(element, "joint", joint)
     entries = [inertia.inertia[i, j] for i, j in ((0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2))]
     ElementTree.SubElement(
-        element, "inertial", pos=words(inertia.center), mass=repr(inertia.mass), fullinertia=words(entries)
+        element,
+        "inertial",
+        pos=attribute_text(inertia.center),
+        mass=repr(inertia.mass),
+        fullinertia=attribute_text(entries),
     )
     return element
 
@@ -99,4 +103,4 @@ def _loops(root: Element, robot: Robot, owners: list[Element]) -> None:
 
 def _place(position: Float[Array, " 3"], rotation: Float[Array, "3 3"]) -> dict[str, str]:
     turn = pin.Quaternion(np.array(rotation)).normalized()
-    return {"pos": words(position), "quat": words([turn.w, turn.x, turn.y, turn.z])}
+    return {"pos": attribute_text(position), "quat": attribute_text([turn.w, turn.x, turn.y, turn.z])}

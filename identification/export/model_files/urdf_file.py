@@ -172,7 +172,7 @@ def _comments_before(file: Path) -> list[str]:
 def inertial_element(inertia: LinkInertia) -> Element:
     """The ``<inertial>`` of a link; nothing is rounded."""
     element = ElementTree.Element("inertial")
-    ElementTree.SubElement(element, "origin", xyz=words(inertia.center), rpy="0 0 0")
+    ElementTree.SubElement(element, "origin", xyz=attribute_text(inertia.center), rpy="0 0 0")
     ElementTree.SubElement(element, "mass", value=repr(float(inertia.mass)))
     names = (("ixx", 0, 0), ("ixy", 0, 1), ("ixz", 0, 2), ("iyy", 1, 1), ("iyz", 1, 2), ("izz", 2, 2))
     entries = {name: repr(float(inertia.inertia[i, j])) for name, i, j in names}
@@ -180,7 +180,7 @@ def inertial_element(inertia: LinkInertia) -> Element:
     return element
 
 
-def words(numbers) -> str:
+def attribute_text(numbers) -> str:
     """Numbers of an attribute; nothing is rounded."""
     return " ".join(repr(float(x)) for x in np.ravel(numbers))
 
@@ -230,7 +230,7 @@ def new_urdf(robot: Robot) -> str:
         link.append(inertial_element(body.inertia))
         kind = "prismatic" if body.prismatic else "revolute" if body.limits else "continuous"
         joint = _joint(root, body.joint, kind, names[body.parent], body.name, body.rotation, body.position)
-        ElementTree.SubElement(joint, "axis", xyz=words(body.axis))
+        ElementTree.SubElement(joint, "axis", xyz=attribute_text(body.axis))
         # URDF wants effort and speed with the limits, and a linear joint never goes without.
         low, high = body.limits or ((-1e3, 1e3) if body.prismatic else (0.0, 0.0))
         limit = {"lower": repr(low), "upper": repr(high)} if kind != "continuous" else {}
@@ -253,7 +253,9 @@ def _joint(
     position: Float[Array, " 3"],
 ) -> Element:
     joint = ElementTree.SubElement(root, "joint", name=name, type=kind)
-    ElementTree.SubElement(joint, "origin", xyz=words(position), rpy=words(pin.rpy.matrixToRpy(np.array(rotation))))
+    ElementTree.SubElement(
+        joint, "origin", xyz=attribute_text(position), rpy=attribute_text(pin.rpy.matrixToRpy(np.array(rotation)))
+    )
     ElementTree.SubElement(joint, "parent", link=parent)
     ElementTree.SubElement(joint, "child", link=child)
     return joint

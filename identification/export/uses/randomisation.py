@@ -124,7 +124,7 @@ def unseen_effect(randomisation: Randomisation, bound: Bound, share: float) -> K
 
 
 def unseen_range(bound: Bound) -> tuple[float, float]:
-    """Sizes that would not have been seen."""
+    """Range of sizes that would not have been seen."""
     return (-bound.below if effect_named(bound.effect).either_sign else 0.0, bound.below)
 
 

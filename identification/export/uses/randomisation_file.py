@@ -42,8 +42,8 @@ class FieldRange:
     Attributes:
         element, name, attribute, index: The number.
         value: What the corrected model says.
-        found: Range that what was found leaves.
-        unseen: Range that what was not seen leaves, one such effect at a time.
+        found: Range within the deviations of the findings.
+        unseen: Range within what would not have been seen, one such effect at a time.
         needs: Other attributes without which MuJoCo ignores a number that is not zero, and ``element`` where it has to
             be another one than in the file.
     """
@@ -59,7 +59,7 @@ class FieldRange:
 
 
 def mjcf_ranges(randomisation: Randomisation, known: tuple[KnownEffect, ...] = ()) -> tuple[FieldRange, ...]:
-    """Ranges of all numbers of the corrected MJCF that what is known of the robot leaves open.
+    """Ranges of all numbers of the corrected MJCF that the distribution of the robot leaves open.
 
     Deviations are carried through to first order, correlations included.
 
@@ -104,8 +104,8 @@ def mjcf_ranges(randomisation: Randomisation, known: tuple[KnownEffect, ...] = (
     return tuple(out)
 
 
-def without_fields(randomisation: Randomisation, known: tuple[KnownEffect, ...] = ()) -> tuple[Bound, ...]:
-    """What was not seen and is no number of the corrected MJCF, such as a play: it takes an element of its own.
+def bounds_without_field(randomisation: Randomisation, known: tuple[KnownEffect, ...] = ()) -> tuple[Bound, ...]:
+    """Unseen effects without a number in the corrected MJCF, such as a play, which takes an element of its own.
 
     Args:
         randomisation: Distribution of the robot.
@@ -208,7 +208,7 @@ def randomisation_text(randomisation: Randomisation, known: tuple[KnownEffect, .
     """
     try:
         fields = [_field_entry(field) for field in mjcf_ranges(randomisation, known)]
-        note = _note(without_fields(randomisation, known))
+        note = _note(bounds_without_field(randomisation, known))
     except PhantomDynError as error:
         fields, note = [], {"mjcf_note": str(error)}
     content = {

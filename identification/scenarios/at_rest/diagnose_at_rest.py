@@ -167,7 +167,7 @@ def _told(robot: Robot, row: int, stills: Stills, found: GivingWay) -> list[str]
 
 
 def _bound(robot: Robot, row: int, found: GivingWay) -> Bound:
-    return Bound("backlash", robot.joint_names[row], "gap", found.seen_from, robot.position_units[row])
+    return Bound("backlash", robot.joint_names[row], "gap", found.detectable_sizes, robot.position_units[row])
 
 
 def _gap(robot: Robot, row: int, stills: Stills, found: GivingWay | None) -> JointGap:

@@ -57,7 +57,7 @@ class GivingWay:
         replicates: Shares of the gap that the first way closes, in each of them.
         shift: Distance of the rests under loads of opposite sign [rad or m].
         shift_std: Its deviation.
-        seen_from: The smallest shift that would be claimed in 95 of 100 such recordings.
+        detectable_sizes: The smallest shift that would be claimed in 95 of 100 such recordings.
     """
 
     before: Float[Array, " R"]
@@ -66,7 +66,7 @@ class GivingWay:
     replicates: Float[Array, " B"]
     shift: float
     shift_std: float
-    seen_from: float
+    detectable_sizes: float
 
 
 def testable(stills: Stills) -> bool:
@@ -87,9 +87,9 @@ def giving_way(stills: Stills) -> GivingWay:
     shift = _fit(error, (("backlash", -0.5 * side),))
     width, deviation = float(shift.values[0]), max(float(shift.std[0]), stills.quantum / np.sqrt(12.0 * len(error)))
     needed = float(student.isf(rules.REST_CHANCE, len(error) - 2)) * deviation
-    seen_from = needed + 1.645 * deviation
+    detectable_sizes = needed + 1.645 * deviation
     if width <= needed:
-        return GivingWay(before, (), (), np.zeros(0), width, deviation, seen_from)
+        return GivingWay(before, (), (), np.zeros(0), width, deviation, detectable_sizes)
     columns = {"backlash": -0.5 * side, "transmission_compliance": -load}
     sizes = np.abs(load)
     alike = sizes.max() - sizes.min() < _ALIKE * sizes.mean()
@@ -113,7 +113,7 @@ def giving_way(stills: Stills) -> GivingWay:
         closed,
         width,
         deviation,
-        seen_from,
+        detectable_sizes,
     )
 
 

@@ -6,8 +6,7 @@ import numpy as np
 import pytest
 
 from identification.excitation.limited_quantities import bounds_of
-from identification.excitation.limits import FrameBox, Limits, limits_of
-from identification.excitation.stated_limits import stated_limits
+from identification.excitation.limits import FrameBox, Limits, limits_of, stated_limits
 from phantom_dyn import load_robot
 from phantom_dyn.errors import ParameterError, RobotError
 from phantom_dyn.model.robot import Actuator

@@ -16,8 +16,8 @@ from identification.identify.identifiability import (
     body_table,
     excited_base,
     identified_shares,
-    members,
     not_excited,
+    regrouped_into,
     unidentified,
 )
 from identification.identify.identified_model import JointTerms, effects_of, without_estimated
@@ -60,7 +60,7 @@ def test_a_dependent_parameter_is_part_of_those_it_regroups_into():
     # c = 2 a + b, and d is zero.
     W = np.random.default_rng(0).standard_normal((9, 2))
     base = base_parameters_of_matrix(np.column_stack([W, W @ [2.0, 1.0], np.zeros(9)]), "abcd")
-    assert members(base) == {2: ("aR", "bR"), 3: ()}
+    assert regrouped_into(base) == {2: ("aR", "bR"), 3: ()}
     assert identified_shares(base) == ("combination", "combination", "combination", "none")
 
 

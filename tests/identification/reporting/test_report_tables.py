@@ -5,7 +5,7 @@ import dataclasses
 import pytest
 
 from identification.diagnosis.result import Bound, JointGap, NotTestable
-from identification.reporting.report_tables import regime_table, seen_from, untestable_rows
+from identification.reporting.report_tables import detectable_sizes, regime_table, untestable_rows
 from identification.words.numbers_and_names import NO_BREAK
 
 JOINTS = tuple(JointGap(name, "N m", 1.0, 0.1, 0.1, 10) for name in ("a", "b", "c"))
@@ -42,24 +42,24 @@ def test_a_joint_without_regimes_has_an_empty_table(made_up):
 
 def test_bounds_of_one_parameter_are_gathered_over_the_joints():
     bounds = tuple(Bound("backlash", name, "gap", size, "rad") for name, size in (("a", 0.002), ("b", 0.01)))
-    (row,) = seen_from(bounds)
+    (row,) = detectable_sizes(bounds)
     assert (row.effect, row.parameter, row.short) == ("Backlash", "gap", "0.002 to 0.01 rad (2 joints)")
     assert row.places == (("a", "0.002 rad"), ("b", "0.01 rad"))
 
 
 def test_bounds_stand_in_the_order_of_the_catalogue():
     bounds = (Bound("payload", None, "mass", 0.1, "kg"), Bound("coulomb_friction", "a", "torque", 0.1, "N m"))
-    assert [row.effect for row in seen_from(bounds)] == ["Coulomb friction", "A payload"]
+    assert [row.effect for row in detectable_sizes(bounds)] == ["Coulomb friction", "A payload"]
 
 
 def test_bounds_in_different_units_are_kept_apart():
     bounds = (Bound("backlash", "a", "gap", 0.002, "rad"), Bound("backlash", "slide", "gap", 1e-4, "m"))
-    assert seen_from(bounds)[0].short == "0.002 rad (joint a); 0.0001 m (joint slide)"
+    assert detectable_sizes(bounds)[0].short == "0.002 rad (joint a); 0.0001 m (joint slide)"
 
 
 def test_a_bound_of_pairs_names_both_joints():
     bounds = tuple(Bound("joint_coupling", pair, "coulomb_torque", 0.1, "N m") for pair in ("a+b", "b+c"))
-    (row,) = seen_from(bounds)
+    (row,) = detectable_sizes(bounds)
     assert row.short == "0.1 N m (2 pairs of joints)"
     assert row.places[0] == ("a and b", "0.1 N m")
 

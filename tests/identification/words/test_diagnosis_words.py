@@ -72,7 +72,7 @@ def test_a_place_follows_the_name_of_an_effect(effect, joint, text):
 
 
 def test_a_name_keeps_its_capital_at_the_start_of_a_next_step():
-    assert (words.small("J2 first"), words.small("Move")) == ("J2 first", "move")
+    assert (words.lower_first("J2 first"), words.lower_first("Move")) == ("J2 first", "move")
 
 
 def test_without_rivals_nothing_else_explains_the_data():
