@@ -16,6 +16,7 @@ from benchmarks.blind.generator.effects import SINGLE_EFFECTS
 from benchmarks.blind.run import default_command, diagnose_all
 from benchmarks.blind.score import load_pairs
 from benchmarks.blind.seal import NAME, decrypted, encrypted, sealed
+from places import CHECKOUT
 
 SEED = 12  # a pendulum: the quickest to move
 # Pendulum, planar arm, three-joint arm and PHANToM, an offset, and each other kind.
@@ -135,7 +136,6 @@ def test_answers_are_opened_again_when_a_diagnosis_breaks(tmp_path):
 # its environment, its open files, and what the system tells of its parent. Root is stopped by nothing but the seal.
 SPY = """
 import json, os, pathlib, sys
-from places import CHECKOUT
 found, word = [], sys.argv[2].encode()
 places = [p for p in pathlib.Path(sys.argv[1]).rglob("*") if p.is_file()]
 places += [pathlib.Path(f"/proc/{pid}/{name}") for pid in (os.getpid(), os.getppid()) for name in ("environ",)]
