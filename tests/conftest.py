@@ -53,10 +53,16 @@ install_import_hook(
     "beartype.beartype(conf=beartype.BeartypeConf(is_pep484_tower=True))",
 )
 
+import jaxtyping
 import numpy as np
 import pytest
 
 CHECKOUT = Path(__file__).resolve().parents[1]
+
+
+def pytest_runtest_setup(item: pytest.Item) -> None:
+    """Checks annotations, save in tests marked ``whole``: whole runs of what others check double their time by it."""
+    jaxtyping.config.update("jaxtyping_disable", item.get_closest_marker("whole") is not None)
 
 
 @pytest.fixture(scope="session")

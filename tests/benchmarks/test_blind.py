@@ -1,4 +1,4 @@
-"""Sealed cases: reproducible, without a hint, unreadable answers, and a dozen through the command line."""
+"""Sealed cases: reproducible, without a hint, unreadable answers, and some through the command line."""
 
 from __future__ import annotations
 
@@ -20,14 +20,14 @@ from places import CHECKOUT
 
 SEED = 12  # a pendulum: the quickest to move
 # Pendulum, planar arm, three-joint arm and PHANToM, an offset, and each other kind.
-DOZEN = (
+SOME = (
     ("single", range(4)),
     ("single", range(12, 13)),
-    ("null", range(4)),
+    ("null", range(2)),
     ("pair", range(1, 2)),
-    ("outside", range(0, 2)),
+    ("outside", range(1)),
 )
-TOP1_OF_LARGE_SINGLES = 3  # at least so many of the dozen's single effects of four noise floors or more
+TOP1_OF_LARGE_SINGLES = 3  # at least so many of these single effects of four noise floors or more
 LARGE = 4.0
 
 
@@ -185,13 +185,13 @@ def test_a_case_with_a_result_is_not_diagnosed_again(tmp_path):
     assert (results / "c1.json").read_text() == "kept"
 
 
-def test_a_dozen_sealed_cases_through_the_command_line(tmp_path):
-    """Known truth: at most one false claim, no crash, and most of the large single effects named."""
+def test_some_sealed_cases_through_the_command_line(tmp_path):
+    """Known truth: no false claim, no crash, and most of the large single effects named."""
     cases, answers, results = (tmp_path / name for name in ("cases", "answers", "results"))
-    names = [name for kind, seeds in DOZEN for name in draw_many(seeds, kind, cases, answers, 1)]
+    names = [name for kind, seeds in SOME for name in draw_many(seeds, kind, cases, answers, 1)]
     diagnose_all(names, cases, answers, results, command=default_command(), jobs=2)
     scored = load_pairs(answers, results, names)
     assert not [x.id for x in scored if x.verdict == "failed"]
-    assert sum(x.false_claim for x in scored if x.kind == "null") <= 1
+    assert sum(x.false_claim for x in scored if x.kind == "null") == 0
     large = [x for x in scored if x.kind == "single" and x.gap >= LARGE]
     assert sum(x.top1 for x in large) >= TOP1_OF_LARGE_SINGLES, [(x.effect, x.claims) for x in large if not x.top1]

@@ -16,6 +16,8 @@ from phantom_dyn.dynamics.dynamics import inverse_dynamics
 from phantom_dyn.motion import Motion
 from places import ROBOTS
 
+pytestmark = pytest.mark.whole
+
 ARM = ROBOTS / "planar2.urdf"
 
 

@@ -19,6 +19,8 @@ from identification.cli.main import main
 from identification.export.all_files import NAMES as MODELS
 from identification.reporting.diagnosis_files import NAMES
 
+pytestmark = pytest.mark.whole
+
 OURS = sorted([*NAMES, *MODELS])
 
 

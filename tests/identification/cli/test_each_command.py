@@ -13,6 +13,8 @@ from identification.cli.main import main
 from identification.export.all_files import NAMES as MODELS
 from identification.reporting.diagnosis_files import NAMES
 
+pytestmark = pytest.mark.whole
+
 
 @pytest.fixture(scope="module")
 def logs(tmp_path_factory, pendulum, made_columns, written) -> Path:

@@ -16,6 +16,8 @@ from phantom_dyn.dynamics.dynamics import inverse_dynamics
 from phantom_dyn.model.loading import load_robot
 from phantom_dyn.motion import Motion
 
+pytestmark = pytest.mark.whole
+
 COULOMB = [("coulomb_friction", "pin")]
 TWO_LINKS = """<robot name="two"><link name="l0"/>{links}
 <joint name="a" type="{kinds[0]}"><parent link="l0"/><child link="l1"/><axis xyz="0 1 0"/>

@@ -14,6 +14,8 @@ from identification.cli.main import main
 from identification.cli.progress import Progress
 from identification.reporting import diagnosis_files as outputs
 
+pytestmark = pytest.mark.whole
+
 
 def watched(words: list[str], interrupt_at: bytes | None = None) -> tuple[int, bytes, bytes]:
     """Exit code, standard output (a pipe) and standard error (a terminal) of the command.
@@ -52,14 +54,20 @@ def watched(words: list[str], interrupt_at: bytes | None = None) -> tuple[int, b
     return child.wait(), printed, shown
 
 
-def test_progress_is_shown_on_a_terminal(pendulum, log):
-    code, printed, shown = watched(["diagnose", str(pendulum), str(log)])
+@pytest.fixture(scope="module")
+def finished(tmp_path_factory, pendulum, swing, written) -> tuple[int, bytes, bytes]:
+    """A run to its end."""
+    return watched(["diagnose", str(pendulum), str(written(tmp_path_factory.mktemp("run") / "log.csv", swing))])
+
+
+def test_progress_is_shown_on_a_terminal(finished):
+    code, printed, shown = finished
     assert (code, b"reading" in shown) == (0, True)
     assert b"\x1b" not in printed
 
 
-def test_progress_leaves_the_terminal_clean(pendulum, log):
-    shown = watched(["diagnose", str(pendulum), str(log)])[2]
+def test_progress_leaves_the_terminal_clean(finished):
+    shown = finished[2]
     # The cursor is shown again and the line erased at the end.
     assert shown.rstrip().endswith((b"\x1b[?25h", b"\x1b[2K"))
 

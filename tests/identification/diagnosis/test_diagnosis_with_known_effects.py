@@ -13,6 +13,8 @@ from phantom_dyn.effects.catalogue import effect_named
 from phantom_dyn.errors import ParameterError
 from phantom_dyn.model.robot import Robot
 
+pytestmark = pytest.mark.whole
+
 
 def saved(diagnosis: Diagnosis, robot: Robot, folder: Path) -> Path:
     file = folder / "corrected.yaml"

@@ -122,12 +122,14 @@ def hits(lab, pendulum):
     return count
 
 
+@pytest.mark.whole
 @pytest.mark.parametrize("name", ["coulomb_friction", "viscous_friction"])
 def test_an_effect_of_the_stated_size_is_found(hits, name):
     # Known truth: bounds are stated with 95 % power; of ten draws eight at least have to show it (less, 1 in 90).
     assert hits(name, 1.0, 10) >= 8
 
 
+@pytest.mark.whole
 def test_an_effect_of_a_third_of_the_stated_size_is_seldom_found(hits):
     # What is stated is not far more than what is needed.
     assert hits("viscous_friction", 1 / 3, 8) <= 4

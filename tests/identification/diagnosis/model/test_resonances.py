@@ -63,6 +63,7 @@ def test_an_encoder_behind_the_spring_is_not_asked(turntable):
     assert resonances(behind, process_all((driven(0.5),), behind)[0]) == ()
 
 
+@pytest.mark.whole
 def test_the_diagnosis_names_the_spring_with_its_stiffness(turntable):
     # Known truth, within three standard deviations.
     (finding,) = diagnose(turntable, (driven(0.5),)).findings

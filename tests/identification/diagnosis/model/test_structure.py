@@ -66,6 +66,7 @@ def test_a_structure_explains_the_cause_that_it_stands_for(lab, planar2, recorde
     assert explained(lab.prepared(planar2, (recorded(cause),)), cause) > 0.85
 
 
+@pytest.mark.whole
 @pytest.mark.parametrize("cause", CAUSES)
 def test_a_cause_without_a_name_is_not_explained_by_one_of_the_catalogue(diagnosed, cause):
     # Known truth: the elbow has a gap, and nothing in the catalogue is its cause.
