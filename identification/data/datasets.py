@@ -2,6 +2,7 @@
 
 A recording is taken from the folder that the environment variable ``PHANTOM_DYN_DATA`` names (one folder per
 recording), else from the cache, else downloaded from its public address; every file is checked against its SHA-256.
+What downloads (pooch, requests, rich) is loaded where it is called: lists and refusals come at once without it.
 """
 
 from __future__ import annotations
@@ -254,7 +255,7 @@ def download(address: str, path: Path, sha256: str) -> None:
         OSError: If the address does not answer, or the file cannot be written; the text is a few words.
         ValueError: If the file has another hash.
     """
-    import pooch  # takes a third of a second to load, which listing and refusals need not wait for
+    import pooch
 
     pooch.get_logger().setLevel("WARNING")  # it announces every download
     try:

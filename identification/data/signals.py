@@ -3,18 +3,22 @@
 The chain: resample to a uniform rate if the recording is not; take the known half sample of a held torque out; low-pass
 the positions far above the band (so that the filter leaves no trace inside it) and differentiate; filter torque and
 regressor columns with one linear-phase kernel at the edge of the band and decimate. Filtering only the torque, or
-filtering accelerations twice, biases friction by one to several per cent.
+filtering accelerations twice, biases friction by one to several per cent. The edge of the band is where power spectra
+of motion and torque end in noise.
 """
 
 from __future__ import annotations
 
+import itertools
+
 import numpy as np
 from jaxtyping import Float
+from scipy.interpolate import CubicSpline, make_interp_spline
+from scipy.signal import butter, firwin, sosfiltfilt, welch
 
 from identification.data.joint_torque import external_torque
 from identification.data.log import Band, Log
 from identification.data.recording import Recording
-from identification.data.spectra import acceleration_edge, driven_edge, torque_edge
 from phantom_dyn._kernels.fir import filtered
 from phantom_dyn.dynamics.dynamics import inverse_dynamics
 from phantom_dyn.errors import LogError
@@ -22,6 +26,13 @@ from phantom_dyn.model.robot import Robot
 from phantom_dyn.motion import Motion
 
 Array = np.ndarray
+
+_BINS_PER_OCTAVE = 6
+# White noise of a position rises with the fourth power of frequency in the acceleration's spectrum; motion does not.
+_RISE = 2.5
+# Below this share of the modelled torque's power, what moves a joint is not its drive.
+_DRIVEN = 0.5
+
 # Positions, torques and rate of one recording.
 Signals = tuple[Float[Array, "_ nv"], Float[Array, "_ nv"], float]
 
@@ -33,6 +44,96 @@ _HIGHEST = 0.06
 _WIDEST_HZ = 50.0
 # Samples in the band per period of its edge: the least that loses nothing to aliasing.
 _SAMPLES_PER_PERIOD = 2.5
+
+
+def _welch(x: Float[Array, " N"], rate_hz: float) -> tuple[Array, Array, int]:
+
+    length = min(len(x), max(256, min(int(4 * rate_hz), len(x) // 5)))
+    f, power = welch(x, rate_hz, window="blackman", nperseg=length, detrend="constant")
+    return f, power, length
+
+
+def acceleration_edge(q: Float[Array, " N"], rate_hz: float) -> float | None:
+    """Frequency [Hz] up to which the acceleration of ``q`` stands 10 dB above its noise floor; None if it never does.
+
+    The spectrum of the second difference, in sixth-octave bins under an envelope of a third of an octave, is followed
+    upwards from the peak of the velocity's; the floor is its minimum before it rises by 13 dB for good, as the noise
+    of a differentiated encoder does. A joint whose acceleration peak is not five times its floor is at rest.
+    """
+    acceleration = np.diff(q, 2) * rate_hz**2
+    f, power, length = _welch(acceleration, rate_hz)
+    w = np.pi * f / rate_hz
+    power = power * np.where(f > 0, (w / np.maximum(np.sin(w), 1e-12)) ** 4, 1.0)
+    low, high = 3 * rate_hz / length, 0.4 * rate_hz
+    if not np.any(power > 0) or low >= high:
+        return None
+    edges = low * 2.0 ** (np.arange(int(np.log2(high / low) * _BINS_PER_OCTAVE) + 1) / _BINS_PER_OCTAVE)
+    inside = [(f >= a) & (f < b) for a, b in itertools.pairwise(edges)]
+    kept = [k for k, m in enumerate(inside) if m.any()]
+    centre = np.array([np.sqrt(edges[k] * edges[k + 1]) for k in kept])
+    level = np.array([power[inside[k]].mean() for k in kept])
+    reach = 2.0 ** (1 / 3)
+    envelope = np.array([level[(centre >= c / reach) & (centre <= c * reach)].max() for c in centre])
+    start = int(np.argmax(level / centre**2))
+    lowest = start
+    for k in range(start, len(centre)):
+        if envelope[k] < envelope[lowest]:
+            lowest = k
+        elif envelope[k] > 20 * envelope[lowest]:
+            break
+    if np.sqrt(level[start : lowest + 1].max() / envelope[lowest]) < 5 * np.sqrt(10):
+        return _edge_above_encoder_noise(centre, level, rate_hz)
+    edge = next(k for k in range(start, lowest + 1) if envelope[k] <= 10 * envelope[lowest])
+    return float(centre[edge])
+
+
+def _edge_above_encoder_noise(centre: Float[Array, " b"], level: Float[Array, " b"], rate_hz: float) -> float | None:
+    """Frequency up to which an acceleration spectrum stands 10 dB above white noise of the position; None if nowhere.
+
+    Ramps leave steps of velocity, whose acceleration is too flat to show a peak and a floor. The noise of the encoder
+    is then read where nothing else can be, above a tenth of the rate.
+    """
+    high = centre > 0.1 * rate_hz
+    if not high.any():
+        return None
+    rise = np.polyfit(np.log(centre[high]), np.log(np.maximum(level[high], 1e-300)), 1)[0] if high.sum() > 2 else 0.0
+    if rise < _RISE:
+        return None
+    noise = float(np.median(level[high] / centre[high] ** 4)) * centre**4
+    above = np.flatnonzero(level < 10 * noise)
+    last = int(above[0]) if len(above) else len(centre)
+    # Three bins are half an octave: less is a line or a chance peak, not motion.
+    return float(centre[last - 1]) if last >= 3 else None
+
+
+def torque_edge(tau: Float[Array, " N"], rate_hz: float) -> float:
+    """Frequency [Hz] above which ``tau`` carries less than 1 % of its amplitude; half the rate if it always does."""
+    f, power, _ = _welch(tau, rate_hz)
+    total = power.sum()
+    if total == 0:
+        return 0.0
+    above = np.cumsum(power[::-1])[::-1] / total
+    below = np.flatnonzero(above < 1e-4)
+    return float(f[below[0]]) if len(below) else 0.5 * rate_hz
+
+
+def driven_edge(tau: Float[Array, " N"], model: Float[Array, " N"], rate_hz: float, highest_hz: float) -> float:
+    """Frequency [Hz] above which the modelled torque of a motion is more than twice as strong as the measured one.
+
+    Followed downwards from ``highest_hz`` in third-octave bins, at least 2 Hz; infinite if it never is at the top.
+    """
+    f, drive, _ = _welch(tau, rate_hz)
+    _, needed, _ = _welch(model, rate_hz)
+    edge = np.inf
+    top = highest_hz
+    while top > 2.0:
+        inside = (f > top / 2 ** (1 / 3)) & (f <= top)
+        if inside.any() and drive[inside].sum() > _DRIVEN * needed[inside].sum():
+            break
+        if inside.any():
+            edge = top / 2 ** (1 / 3)
+        top /= 2 ** (1 / 3)
+    return float(edge)
 
 
 def uniform(recording: Recording) -> tuple[Float[Array, " N"], Float[Array, "N nv"], Float[Array, "N nv"], Array]:
@@ -56,8 +157,6 @@ def uniform(recording: Recording) -> tuple[Float[Array, " N"], Float[Array, "N n
             "give each part in a file of its own."
         )
     if np.max(np.abs(steps - step)) > 1e-3 * step:
-        from scipy.interpolate import CubicSpline
-
         grid = np.arange(t[0], t[-1] + 1e-9 * step, step)
         q = CubicSpline(t, q)(grid)
         tau = np.column_stack([np.interp(grid, t, column) for column in tau.T])
@@ -90,8 +189,6 @@ def within_limits(tau: Float[Array, "N nv"], robot: Robot) -> Float[Array, "N nv
 
 def low_pass(cutoff_hz: float, rate_hz: float) -> Band:
     """Hamming-windowed band of half length two periods of its edge, decimated to 2.5 samples per period."""
-    from scipy.signal import firwin
-
     if cutoff_hz >= 0.4 * rate_hz:
         return Band(rate_hz, 0.5 * rate_hz, np.ones(1), 1)
     half = int(np.ceil(2 * rate_hz / cutoff_hz))
@@ -117,9 +214,6 @@ def differentiate(q: Float[Array, "N nv"], rate_hz: float, cutoff_hz: float) -> 
     Derivatives are those of a quintic spline through the filtered samples, exact to 0.5 % up to a sixth of the rate
     (central differences lose 17 % there).
     """
-    from scipy.interpolate import make_interp_spline
-    from scipy.signal import butter, sosfiltfilt
-
     if cutoff_hz < 0.4 * rate_hz:
         sos = butter(4, cutoff_hz, fs=rate_hz, output="sos")
         q = sosfiltfilt(sos, q, axis=0, padlen=min(len(q) - 1, int(3 * rate_hz / cutoff_hz)))

@@ -27,7 +27,7 @@ def write_log(path: Path, columns: Mapping[str, Float[Array, " N"]]) -> None:
             with temporary.open("wb") as file:
                 np.savez(file, allow_pickle=False, **columns)
         elif path.suffix.lower() == ".parquet":
-            import pyarrow as pa
+            import pyarrow as pa  # only a log that is written as Parquet needs it
             import pyarrow.parquet as pq
 
             pq.write_table(pa.table(dict(columns)), temporary)

@@ -8,6 +8,7 @@ from pathlib import Path
 
 import numpy as np
 from jaxtyping import Bool, Float
+from scipy.signal import welch
 
 from identification.data.checks.positions import still_joints
 from identification.data.log import Log
@@ -250,8 +251,6 @@ def _densities(
     pieces: list[tuple[float, Array]],
 ) -> tuple[Float[Array, " F"], Float[Array, "F nv"], Float[Array, "F nv"]]:
     """Amplitude densities of all stretches that are as long as the longest allows, weighted by their length."""
-    from scipy.signal import welch
-
     nv = pieces[0][1].shape[1] // 2
     longest = max(len(piece) for _, piece in pieces)
     length = min(_LONGEST, longest // 2 if longest >= 2 * _SHORTEST else longest)

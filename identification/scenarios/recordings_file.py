@@ -16,11 +16,10 @@ from typing import Any
 from identification.data.changes import KINDS, Change, Kind, KnownPayload, robot_in
 from identification.data.reading import read_recording
 from identification.data.recording import Recording
-from identification.data.strict_yaml import list_at, number_at, text_at
 from identification.scenarios.motion_only import states_controllers, with_asked_torque
 from phantom_dyn.errors import ParameterError, known_names
 from phantom_dyn.model.robot import Controller, Robot
-from phantom_dyn.model.settings_file import describe, load_mapping
+from phantom_dyn.model.settings_file import describe, list_at, load_mapping, number_at, text_at
 
 _KEYS = ("file", "payload", "controller", "changed", "exclude")
 _PAYLOAD_KEYS = ("mass", "center")

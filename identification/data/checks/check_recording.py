@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 from identification.data.checks.against_model import (
     check_degrees,
     check_flipped,
@@ -47,8 +49,6 @@ def check_recording(recording: Recording, robot: Robot | None) -> tuple[str, ...
 
 def _with_external_torque(recording: Recording, robot: Robot) -> Recording:
     """The recording with all torque that the joints feel: that of their drives and that of measured forces."""
-    from dataclasses import replace
-
     if recording.tau is None or not recording.forces:
         return recording
     return replace(recording, tau=recording.tau + external_torque(robot, recording.q, recording.forces))

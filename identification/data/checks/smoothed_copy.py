@@ -6,10 +6,10 @@ from dataclasses import dataclass
 
 import numpy as np
 from jaxtyping import Float
+from scipy.signal import butter, sosfiltfilt
 
 from identification.data.recording import Recording
-from identification.data.signals import differentiate
-from identification.data.spectra import acceleration_edge
+from identification.data.signals import acceleration_edge, differentiate
 from phantom_dyn.motion import Motion
 
 Array = np.ndarray
@@ -62,7 +62,6 @@ def included(recording: Recording) -> Array:
 
 
 def _low_passed(values: Float[Array, "N k"], rate_hz: float, cutoff_hz: float) -> Float[Array, "N k"]:
-    from scipy.signal import butter, sosfiltfilt
 
     if cutoff_hz >= 0.4 * rate_hz:
         return values

@@ -10,6 +10,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from jaxtyping import Float
+from scipy.interpolate import CubicSpline
 
 from identification.data.checks.smoothed_copy import Smooth, included
 from identification.data.recording import Recording
@@ -164,8 +165,6 @@ def _one_lag(
     columns: Float[Array, "N k"], smooth: Smooth, rows: Array, j: int, lags: Float[Array, " m"]
 ) -> tuple[float, float, float] | None:
     """Lag, its standard error and the share of squares that it removes; None where no lag fits clearly best."""
-    from scipy.interpolate import CubicSpline
-
     assert smooth.tau is not None
     if np.ptp(smooth.tau[:, j]) == 0:
         return None

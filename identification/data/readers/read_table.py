@@ -1,4 +1,8 @@
-"""A recording from any of the known formats, which its first bytes tell, to a table of the contract's columns."""
+"""A recording from any of the known formats, recognised by its first bytes, to a table of the contract's columns.
+
+The libraries behind the formats (pyarrow, rosbags) are imported in the functions that need them: a recording waits for
+those of its own format alone.
+"""
 
 from __future__ import annotations
 

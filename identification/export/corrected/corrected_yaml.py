@@ -8,13 +8,20 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from identification.data.strict_yaml import list_at, mapping_at, number_at, text_at
 from identification.diagnosis.model.terms import KnownEffect
 from identification.diagnosis.result import Adjusted, Diagnosis, Value
 from phantom_dyn.effects.catalogue import effect_named
 from phantom_dyn.errors import ParameterError, PhantomDynError, RobotError
 from phantom_dyn.model.robot import Robot
-from phantom_dyn.model.settings_file import describe, load_mapping, settings_text
+from phantom_dyn.model.settings_file import (
+    describe,
+    list_at,
+    load_mapping,
+    mapping_at,
+    number_at,
+    settings_text,
+    text_at,
+)
 
 SCHEMA = "phantom-dyn-model/1"
 ROBOT_KEYS = ("source", "sha256")

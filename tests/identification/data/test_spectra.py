@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy.signal import butter, sosfiltfilt
 
-from identification.data.spectra import acceleration_edge, torque_edge
+from identification.data.signals import acceleration_edge, torque_edge
 
 RATE = 500.0
 T = np.arange(round(20 * RATE)) / RATE
