@@ -135,7 +135,7 @@ def tip_of(model: MapModel, q: Float[Array, "N nv"]) -> tuple[Float[Array, "N 3"
     """Tip [m] in the root frame and its translational Jacobian at active positions."""
     tree = tree_at(model, q)
     tip, J = _tip(model, tree)
-    return tip, J @ tree.G
+    return tip, J if model.robot.chain is None else J @ tree.G
 
 
 def _tip(model: MapModel, tree: TreeMotion) -> tuple[Float[Array, "N 3"], Float[Array, "N 3 nt"]]:
@@ -165,11 +165,14 @@ class JointSpace:
 def joint_space(model: MapModel, q: Float[Array, "N nv"], *, inertia: bool) -> JointSpace:
     """Jacobian, and mass matrix and weight if ``inertia``, at active positions [rad or m]."""
     robot, tree = model.robot, tree_at(model, q)
-    J = _tip(model, tree)[1] @ tree.G
+    plain, J = robot.chain is None, _tip(model, tree)[1]
+    J = J if plain else J @ tree.G
     if not inertia:
         return JointSpace(J, None, None, tree.G)
     mass = rigid_body.mass(robot.model, robot.arrays, tree.configuration)
     weight = rigid_body.weight(robot.model, robot.arrays, tree.configuration)
+    if plain:
+        return JointSpace(J, mass, weight, tree.G)
     return JointSpace(J, project(tree.G, mass) @ tree.G, project(tree.G, weight), tree.G)
 
 
