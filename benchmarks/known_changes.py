@@ -1,8 +1,9 @@
 """How often two recordings with a known change separate what one cannot: ``python -m benchmarks.known_changes``.
 
-Cases are simulated on a hanging rod. A load or a torque constant, parted by a known mass; a late drive or viscous
-friction, parted by two controller gains; friction that grew between two recordings, named with its ratio if the second
-is said to have changed friction. The truth of every case is drawn, noise too. ``--cases`` of each kind, ``--seed``.
+Cases are simulated on a hanging rod. A load or a torque constant, separated by a known mass; a late drive or viscous
+friction, separated by two controller gains; friction that grew between two recordings, named with its ratio if the
+second is said to have changed friction. The truth of every case is drawn, noise too. ``--cases`` of each kind,
+``--seed``.
 """
 
 from __future__ import annotations

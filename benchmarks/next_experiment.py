@@ -8,8 +8,9 @@ is the engine: MuJoCo moves the true robot in closed loop. The first recording i
 an ordinary motion that leaves rivals. Where its diagnosis is a set that holds the truth, three second recordings of one
 length are made within the same limits, with the same effect in the robot: the proposed one, with the known mass that it
 may ask for; a random one of the kinds that the proposal chooses from; and the motion with the smallest volume of the
-uncertainty of the inertial parameters (D-optimal). Each is diagnosed together with the first one. The rivals are parted
-if the truth is named and no rival is left beside it; the share of the rivals that are struck off counts them singly.
+uncertainty of the inertial parameters (D-optimal). Each is diagnosed together with the first one. The rivals are
+separated if the truth is named and no rival is left beside it; the share of the rivals that are struck off counts them
+singly.
 """
 
 from __future__ import annotations
@@ -46,7 +47,7 @@ def asked_mass(say: str) -> KnownPayload | None:
     return KnownPayload(mass, (center[0], center[1], center[2]))
 
 
-def parted(diagnosis: Diagnosis, truth: Place) -> bool:
+def separated(diagnosis: Diagnosis, truth: Place) -> bool:
     """True if the truth is named, and nothing else may be in its place."""
     return any((f.effect, f.joint) == truth and not f.rivals for f in diagnosis.findings)
 
@@ -129,7 +130,7 @@ def measured(seed: int) -> dict | None:
         second = recorded(case, np.array(motion.q), later=len(motion.t) // 2, payload=mass)
         changes = (Change("log.csv"), Change("next.csv", mass))
         both = None if second is None else diagnose(case.robot, (first, second), changes=changes)
-        out[name] = both is not None and parted(both, case.truth)
+        out[name] = both is not None and separated(both, case.truth)
         out["sure"][name] = 0.0 if both is None else sure(both, case.truth)
         out["struck"][name] = 0.0 if both is None else struck(diagnosis, both, case.truth)
         out["told"][name] = said(both)
@@ -166,7 +167,7 @@ def main() -> None:
     loaded = sum(asked_mass(row["say"]) is not None for row in asked)
     print(
         f"{len(rows)} cases of {end - start} leave a set that holds the truth; a motion is proposed for {len(asked)}, "
-        f"with a known mass for {loaded}; the parting was expected of {sum(row['expected'] for row in asked):.1f}."
+        f"with a known mass for {loaded}; separation was expected of {sum(row['expected'] for row in asked):.1f}."
     )
     for name in CHOICES if asked else ():
         count = sum(row[name] for row in asked)

@@ -64,10 +64,12 @@ FIGURES = (
     _at_most("`unknown` inside the catalogue", 0.05, lambda c: proportion(x.verdict == "unknown" for x in _inside(c))),
     _at_least("joint named right", 0.98, lambda c: proportion(x.joint for x in _inside(c))),
     _at_least(
-        "top-1 effect, indistinguishable effects as one", 0.90, lambda c: proportion(x.top1 for x in _singles(c))
+        "leading effect right, exact twins counted as one class",
+        0.90,
+        lambda c: proportion(x.top1 for x in _singles(c)),
     ),
-    Figure("top-1 effect, strict", 0.0, 1.0, "", lambda c: proportion(x.top1_strict for x in _singles(c))),
-    _at_least("returned set holds the truth", 0.97, lambda c: proportion(x.in_set for x in _inside(c))),
+    Figure("leading effect right, strict", 0.0, 1.0, "", lambda c: proportion(x.top1_strict for x in _singles(c))),
+    _at_least("true effect among the listed ones", 0.97, lambda c: proportion(x.in_set for x in _inside(c))),
     Figure(
         "mean set size, singles",
         0.0,

@@ -1,4 +1,4 @@
-"""From a session to an explanation: which effects explain the recordings, and against which noise."""
+"""Alternates the search for effects and the estimate of noise until both agree: session in, explanation out."""
 
 from __future__ import annotations
 
@@ -38,13 +38,13 @@ from identification.diagnosis.search.stepwise import best_short, explain
 
 # Passes that take laws again about what the last one found.
 _REFINEMENTS = 3
-# Effects that are tried although they fall short of what chance seems to give.
+# Effects tested although they gain less than the threshold of chance.
 _PROBATIONS = 3
 
 
 @dataclass(frozen=True)
 class Explanation:
-    """What a search has found.
+    """Result of the search: the chosen effects and the noise that they were scored against.
 
     Attributes:
         search: All candidate effects of the session, and how sets of them are judged.

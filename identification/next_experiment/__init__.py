@@ -1,1 +1,1 @@
-"""Which recording to make next, so that causes that one recording cannot part are parted by two."""
+"""T-optimal design of the next recording, so that it separates effects that one recording cannot."""

@@ -1,4 +1,4 @@
-"""From a diagnosis with rivals to the recording that separates them."""
+"""Proposes the recording that separates the rivals of a diagnosis."""
 
 from __future__ import annotations
 
@@ -14,16 +14,16 @@ from identification.diagnosis.search.refinement import found_effects
 from identification.next_experiment.candidates import safe_limits
 from identification.next_experiment.hypotheses import Hypothesis, hypotheses_of, union_of
 from identification.next_experiment.laboratory import laboratory
-from identification.next_experiment.proposal_words import nothing_parts, proposal_words
+from identification.next_experiment.proposal_words import nothing_separates, proposal_words
 from identification.next_experiment.separation import LEAST_POWER, Pair, rivalry_of
-from identification.next_experiment.trials import Trial, tried
+from identification.next_experiment.trials import Trial, ranked_trials
 from phantom_dyn.errors import ParameterError, RobotError
 from phantom_dyn.motion import Motion
 
 Array = np.ndarray
 
 REFERENCE = "next.csv"
-# Findings whose rivals are to be parted, the largest first.
+# Findings whose rivals are to be separated, the largest first.
 _FINDINGS = 3
 # Length of a proposed recording [s]: that of those at hand, within these.
 _SHORTEST, _LONGEST = 8.0, 20.0
@@ -64,7 +64,7 @@ def proposed(explanation: Explanation, findings: tuple[Finding, ...]) -> Proposa
     lab = laboratory(search.problem, explanation.noise, union, found)
     try:
         limits = safe_limits(session.robot, session.logs)
-        trials = tried(session.robot, limits, lab, rivalry_of(search, groups), _duration(session.logs))
+        trials = ranked_trials(session.robot, limits, lab, rivalry_of(search, groups), _duration(session.logs))
     except (RobotError, ParameterError) as problem:
         return Proposal(notes=(f"No further experiment is proposed: {problem}",))
     except np.linalg.LinAlgError:
@@ -81,21 +81,21 @@ def _duration(logs: tuple[Log, ...]) -> float:
 def _proposal(rate_hz: float, groups: tuple[tuple[Hypothesis, ...], ...], trials: tuple[Trial, ...]) -> Proposal:
     pairs = tuple(pair for group in groups for pair in _pairs(group))
     best = trials[0] if trials else None
-    if best is None or not best.parts:
-        return Proposal(notes=(nothing_parts(pairs),))
-    parted = tuple(pair for pair, power in zip(pairs, best.power, strict=True) if power >= LEAST_POWER)
-    rest = tuple(pair for pair in pairs if pair not in parted)
+    if best is None or not best.separates:
+        return Proposal(notes=(nothing_separates(pairs),))
+    separated = tuple(pair for pair, power in zip(pairs, best.power, strict=True) if power >= LEAST_POWER)
+    left = tuple(pair for pair in pairs if pair not in separated)
     effects = dict.fromkeys(
-        (at.effect, at.joint) for pair in parted for one in (pair.one, pair.other) for at in one.effects
+        (at.effect, at.joint) for pair in separated for one in (pair.one, pair.other) for at in one.effects
     )
     power = float(best.power[best.power >= LEAST_POWER].min())
     experiment = {
         "separates": [list(effect) for effect in effects],
         "reference": REFERENCE,
         "expected_power": power,
-        "say": proposal_words(parted, best, REFERENCE, power),
+        "say": proposal_words(separated, best, REFERENCE, power),
     }
-    return Proposal(experiment, best.candidate.motion(rate_hz), (nothing_parts(rest),) if rest else ())
+    return Proposal(experiment, best.candidate.motion(rate_hz), (nothing_separates(left),) if left else ())
 
 
 def _pairs(group: tuple[Hypothesis, ...]) -> tuple[Pair, ...]:

@@ -1,10 +1,7 @@
-"""Motions that a robot may be asked to record next: random ones of several kinds, all within its limits.
+"""Candidate motions of the next experiment: random Fourier series, triangles and small reversals within safe limits.
 
-Limits that a proposed motion keeps: what the robot states, and not much more than it was recorded to do.
-
-A family of motions for friction and play: holds in several postures, with small reversals about each.
-
-Motions that a robot may be asked to record next: random ones of several kinds, all within its limits.
+The limits are what the robot states, and not much more than it was recorded to do. Holds in several postures, with
+small reversals about each, excite friction and play.
 """
 
 from __future__ import annotations
@@ -66,7 +63,7 @@ def _largest(series: list[Float[Array, "_ nv"]]) -> Float[Array, " nv"]:
 
 # Part of a stop that goes to the next posture.
 _TRAVEL = 0.3
-# Part of the rest of a stop in which its reversals grow, and fade again.
+# Part of the remainder of a stop in which its reversals grow, and fade again.
 _FADE = 0.15
 # Largest slope and curvature of the way, from zero to one in a unit of time.
 _STEEPEST, _SHARPEST = 1.875, 10.0 / np.sqrt(3.0)
@@ -172,7 +169,7 @@ def _product(f: Float[Array, "3 N"], g: Float[Array, "3 N"]) -> Float[Array, "3 
     return np.stack([f[0] * g[0], f[1] * g[0] + f[0] * g[1], f[2] * g[0] + 2.0 * f[1] * g[1] + f[0] * g[2]])
 
 
-# Sizes of a motion about its posture that are tried, the largest first.
+# Sizes of a motion about its posture, as shares of the largest, in the order of trial.
 _SHARES = tuple(np.geomspace(1.0, 0.02, 14).tolist())
 # Periods of slow triangles, which cover their range at little speed: what falls with speed shows there.
 _SLOW = (1, 4)
@@ -233,7 +230,7 @@ def candidates(
 
 
 def design_of(robot: Robot, limits: Limits) -> DesignProblem:
-    """What motions are designed for; the base parameters of a large robot take a while, so make it once."""
+    """Design problem of the motions; make it once, as the base parameters of a large robot take a while."""
     return DesignProblem(robot, base_of(robot), ConditionNumber(), limits)
 
 
@@ -252,7 +249,7 @@ def varied(one: Candidate, problem: DesignProblem, rng: np.random.Generator) -> 
 
 
 def lively(one: Candidate, problem: DesignProblem) -> bool:
-    """True if the joints move fast enough for laws of friction to hold, on average."""
+    """True if the joints move fast enough, on average, for laws of friction to hold."""
     v = Grid.of(one.shapes, one.shapes.samples).motion(one.weights).v
     wanted = _LIVELY * problem.limits.velocity[list(problem.robot.tree_rows)]
     return float(np.minimum(np.sqrt(np.mean(v**2, axis=0)) / wanted, 1.0).mean()) >= _JOINTS

@@ -1,4 +1,4 @@
-"""How far rivals are apart on a new recording, after each has done its best to follow the other."""
+"""Distance of rivals on a new recording (T-optimality): the residual of one fitted to the torque of the other."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ def draws_of(model: Model, products: Float[Array, "u u"], normals: Float[Array, 
 
 
 def distance(truth: Float[Array, "d u"], moves: int, model: Model, products: Float[Array, "u u"]) -> Float[Array, " d"]:
-    """Least weighted squared torque that a model leaves of others, what its moves cost more than theirs counted.
+    """Least weighted squared residual of a model fitted to the torque of others, with the extra cost of its moves.
 
     Args:
         truth: Coefficients that are true, one row each; the first ``moves`` are moves within the tolerances.
@@ -47,11 +47,11 @@ def distance(truth: Float[Array, "d u"], moves: int, model: Model, products: Flo
     # A tolerance ends at its bounds.
     for row in np.flatnonzero(((y < model.lower) | (y > model.upper)).any(axis=1)):
         y[row] = bounded_solve(inner, wanted[row], model.lower, model.upper)
-    rest = apart - y @ model.basis.T
+    residual = apart - y @ model.basis.T
     own = np.where(model.moves, model.prior, 0.0)
     theirs = np.zeros(len(model.shift))
     theirs[:moves] = own[model.moves]
-    left = np.einsum("du,uv,dv->d", rest, products, rest)
+    left = np.einsum("du,uv,dv->d", residual, products, residual)
     return np.maximum(left + y**2 @ own - truth**2 @ theirs, 0.0)
 
 

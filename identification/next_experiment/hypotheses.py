@@ -1,4 +1,4 @@
-"""A finding and its rivals as fitted models: what each would say of another recording."""
+"""A finding and its rivals as fitted models, which predict the torque of another recording."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ _VARIANTS = 3
 _CLOSE = 8.0
 # Combinations of shapes of one set of effects that are looked at.
 _COMBINATIONS = 60
-# Hypotheses of one finding that are told apart; the unlikeliest are left out.
+# Hypotheses of one finding that are compared, the likeliest first.
 _MOST = 5
 
 
@@ -88,7 +88,7 @@ class Model:
 
     @property
     def y(self) -> Float[Array, " n"]:
-        """The numbers of the fit."""
+        """Parameters of the fit."""
         return self.theta[self._rows]
 
     @property
@@ -119,7 +119,7 @@ def hypotheses_of(search: Search, chosen: frozenset[Term], finding: Finding) -> 
 
 
 def union_of(hypotheses: tuple[Hypothesis, ...]) -> Int[Array, " u"]:
-    """All columns that any of them uses, nuisances first."""
+    """All columns that any hypothesis uses, nuisances first."""
     used = {int(k) for one in hypotheses for variant in one.variants for k in variant.fitted.active}
     return np.array(sorted(used), dtype=int)
 

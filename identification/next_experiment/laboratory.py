@@ -1,4 +1,4 @@
-"""Products of the columns over a motion that was not made yet, in the units of the fits."""
+"""Gram matrices of the columns over a planned motion, whitened and weighted as the recordings are."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ _SAMPLES = 4.0
 
 @dataclass(frozen=True)
 class Laboratory:
-    """How a motion would be recorded and judged: as the recordings at hand.
+    """Sampling, filters and noise of a planned recording: those of the recordings at hand.
 
     Attributes:
         problem: Columns and weights of the fits.
@@ -72,7 +72,7 @@ class Laboratory:
 
 
 def laboratory(problem: Problem, noise: Series, union: Int[Array, " u"], found: tuple[FoundEffect, ...]) -> Laboratory:
-    """What it takes to judge motions that were not made yet; the first log is the pattern of the next one."""
+    """Set up the scoring of planned motions; the first log is the pattern of the next one."""
     columns = problem.columns
     wanted = set(union.tolist())
     local = tuple(

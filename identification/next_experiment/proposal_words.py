@@ -1,9 +1,4 @@
-"""The proposed experiment in words, and its motion as a file.
-
-What is proposed, and what nothing would tell apart, in words.
-
-The proposed motion as a file under the contract's names of columns.
-"""
+"""The proposed experiment as sentences, and its reference motion as a CSV file."""
 
 from __future__ import annotations
 
@@ -18,7 +13,7 @@ from identification.words.diagnosis_words import joined, on_place, percent
 from identification.words.effect_words import effect_words
 from phantom_dyn.motion import Motion
 
-# What would distinguish effects that no motion separates.
+# Further measurements that separate effects from their twins where no motion does.
 _CHANGES = {
     "weighing": "a link or load that is weighed, or a torque that is calibrated",
     "data sheet": "a rotor inertia from the drive's data sheet",
@@ -28,8 +23,8 @@ _CHANGES = {
 }
 
 
-def proposal_words(parted: tuple[Pair, ...], trial: Trial, reference: str, power: float) -> str:
-    """One sentence: what to record, and what it will tell."""
+def proposal_words(separated: tuple[Pair, ...], trial: Trial, reference: str, power: float) -> str:
+    """One sentence: which motion to record, and which rivals it separates."""
     load = "" if trial.mass is None else f" with {_mass_words(trial.mass)}"
     if trial.gains is not None:
         load = f" with the gains of the position controllers at {percent(trial.gains)} of those in robot.yaml"
@@ -37,12 +32,12 @@ def proposal_words(parted: tuple[Pair, ...], trial: Trial, reference: str, power
     safe = "at most half of the recorded range beyond its ends, and twice the recorded speeds and torques"
     return (
         f"Record the motion of {reference}{load} ({motion}, {safe}; obstacles are not looked at) and diagnose it "
-        f"together with this recording: with a probability of {percent(power)} it separates {_pairs_words(parted)}."
+        f"together with this recording: with a probability of {percent(power)} it separates {_pairs_words(separated)}."
     )
 
 
-def nothing_parts(pairs: tuple[Pair, ...]) -> str:
-    """What no safe motion parts, and which change would."""
+def nothing_separates(pairs: tuple[Pair, ...]) -> str:
+    """One sentence: which rivals no safe motion separates, and which change would."""
     effects = {at.effect for pair in pairs for one in (pair.one, pair.other) for at in one.effects}
     by = {effect_words(effect).separated_by for effect in effects}
     changes = [words for change, words in _CHANGES.items() if change in by]
@@ -55,7 +50,7 @@ def nothing_parts(pairs: tuple[Pair, ...]) -> str:
 
 
 def _pairs_words(pairs: tuple[Pair, ...]) -> str:
-    """``a from b and c``: what stands in most pairs first."""
+    """Pairs as ``a from b and c``, the hypothesis of most pairs first."""
     left = list(dict.fromkeys((_hypothesis_words(pair.one), _hypothesis_words(pair.other)) for pair in pairs))
     said = []
     while left:

@@ -1,4 +1,4 @@
-"""How well a planned recording separates the rivals of findings: the chance of it, and how far they differ."""
+"""Power of a planned recording to separate rivals, and the squared distance between their torques (T-optimality)."""
 
 from __future__ import annotations
 
@@ -19,10 +19,10 @@ Array = np.ndarray
 
 # Draws of what the recordings leave possible, the fit itself beside them.
 _DRAWS = 7
-# By so much, in squared standard deviations, a rival may be ahead that held-out data have left on the list: what it is
-# ahead in sample beyond that is what its shapes have fitted of the noise. What it is behind has not struck it off.
+# Largest lead in sample of a rival that held-out data have left on the list, in squared standard deviations: any more
+# is noise that its shapes have fitted. A rival that is behind is still on the list.
 _AHEAD = 8.0
-# A pair is parted if a claim is at least this likely.
+# A pair is separated if a claim is at least this likely.
 LEAST_POWER = 0.5
 
 
@@ -36,10 +36,10 @@ class Pair:
 
 @dataclass(frozen=True)
 class Rivalry:
-    """Pairs to part, and what is needed to say how well a recording would.
+    """Pairs of rivals with the fits from which the power of a recording to separate them follows.
 
     Attributes:
-        pairs: To be parted.
+        pairs: To be separated.
         models: Fits of each explanation, by its effects.
         recorded: Products over what is recorded now.
         held_out: Share of the samples that is judged while it is held out.
@@ -54,18 +54,18 @@ class Rivalry:
 
 
 def rivalry_of(search: Search, groups: tuple[tuple[Hypothesis, ...], ...]) -> tuple[Rivalry, ...]:
-    """What is to be parted, one rivalry for each finding, among the columns of all."""
+    """One rivalry for each finding, over the union of the columns of all."""
     union = union_of(tuple(one for group in groups for one in group))
     return tuple(_rivalry(search, group, union) for group in groups)
 
 
 @dataclass(frozen=True)
-class Parting:
-    """What a recording would do for one finding.
+class Separation:
+    """Expected separation of one finding's rivals by a recording.
 
     Attributes:
-        power: Probability that it parts each pair, over which of the two is true.
-        gain: By what squared distance.
+        power: Probability that it separates each pair, averaged over which of the two is true.
+        gain: Squared distance of each pair.
         resolved: Probability that the rival which is hardest to strike off is struck off, over what is true.
     """
 
@@ -74,11 +74,11 @@ class Parting:
     resolved: float
 
 
-def parting(rivalry: Rivalry, planned: Float[Array, "u u"]) -> Parting:
-    """How well a recording separates the rivals of one finding.
+def separation(rivalry: Rivalry, planned: Float[Array, "u u"]) -> Separation:
+    """Expected separation of one finding's rivals by a planned recording.
 
     Args:
-        rivalry: What is to be parted.
+        rivalry: Pairs of rivals with their fits.
         planned: Products over the recording.
     """
     # The same draws for every motion, so that motions are compared and not draws.
@@ -94,7 +94,7 @@ def parting(rivalry: Rivalry, planned: Float[Array, "u u"]) -> Parting:
                 simple, rich = rivalry.models[truth.effects][0], rivalry.models[wrong.effects][0]
                 shares.append(power_of_simpler(simple, rich, together, rivalry.recorded))
             else:
-                power, gain = _parted(rivalry, truth, wrong, together, rng)
+                power, gain = _separated(rivalry, truth, wrong, together, rng)
                 shares.append(power)
                 gains.append(gain)
             weights.append(max(truth.probability, 1e-3))
@@ -103,10 +103,10 @@ def parting(rivalry: Rivalry, planned: Float[Array, "u u"]) -> Parting:
         chance.append(float(np.average(shares, weights=weights)))
         apart.append(min(gains, default=0.0))
     resolved = float(np.average(list(hardest.values()), weights=list(likely.values())))
-    return Parting(np.array(chance), np.array(apart), resolved)
+    return Separation(np.array(chance), np.array(apart), resolved)
 
 
-def _parted(
+def _separated(
     rivalry: Rivalry,
     truth: Hypothesis,
     wrong: Hypothesis,

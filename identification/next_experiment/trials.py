@@ -1,11 +1,8 @@
 # pyright: reportAttributeAccessIssue=false
-"""Motions that are tried: plain ones, with a known mass, and with softer gains of the controllers.
+"""Motions scored by how well they separate rivals (T-optimal design): plain, with a known mass, or with softer gains.
 
-A mass that is known, carried along a motion: it parts what scales everything from what adds to one body.
-
-What comes of a reference with softer position controllers: what moves the robot late parts delays from friction.
-
-Motions that are tried: plain ones, with a known mass, and with softer gains of the controllers.
+A known mass carried along a motion separates what scales the whole torque from what adds to one body. Softer position
+controllers separate delays from friction.
 """
 
 from __future__ import annotations
@@ -22,7 +19,7 @@ from identification.excitation.limited_quantities import bounds_of
 from identification.excitation.limits import Limits
 from identification.next_experiment.candidates import Candidate, candidates, design_of, lively, varied
 from identification.next_experiment.laboratory import Laboratory
-from identification.next_experiment.separation import LEAST_POWER, Rivalry, parting
+from identification.next_experiment.separation import LEAST_POWER, Rivalry, separation
 from phantom_dyn.dynamics.dynamics import inverse_dynamics
 from phantom_dyn.errors import ParameterError
 from phantom_dyn.model.inertia import payload_body
@@ -32,8 +29,20 @@ from phantom_dyn.random_streams import random_stream
 from phantom_dyn.simulation.control import position_control
 from phantom_dyn.simulation.simulate import simulate
 
+Array = np.ndarray
+
 SHARES = (0.5, 0.2, 0.1, 0.05)
-"""Masses that are tried, of the mass that the link has which carries them, to one digit."""
+"""Known masses in the order of trial, as shares of the mass of the link that carries them, to one digit."""
+GAINS = (0.5, 0.25)
+"""Softer controllers, as shares of the stated gains; larger gains may shake a robot."""
+# Motions drawn, and variations of the best one: ``_WORK / nv^2`` within these, as many as take a second or two.
+_WORK, _FEWEST, _MOST = 120, 12, 40
+# Number of the best motions that are scored with a known mass and with softer gains too, where possible.
+_CHANGED = 3
+# Probability above which a further difference counts by its size.
+_SURE = 0.995
+# Least gain in the probability that no rival is left, for which a mass or other gains are worth their burden.
+_BURDEN = 0.1
 
 
 @dataclass(frozen=True)
@@ -66,10 +75,6 @@ def _one_digit(x: float) -> float:
     return float(f"{np.maximum(x, 1e-3):.0e}")
 
 
-GAINS = (0.5, 0.25)
-"""Shares of the stated gains that are tried; larger gains may shake a robot."""
-
-
 def followed(robot: Robot, reference: Motion, share: float) -> Motion | None:
     """The motion of the given model along a reference, ``kp`` and ``kd`` of all its controllers at a share.
 
@@ -94,27 +99,15 @@ def followed(robot: Robot, reference: Motion, share: float) -> Motion | None:
         return None
 
 
-Array = np.ndarray
-
-# Motions that are drawn, and variations of the best one: as many as take a second or two.
-_WORK, _FEWEST, _MOST = 120, 12, 40
-# So many of the best ones are tried with a known mass and with softer gains too, if they can be made so.
-_CHANGED = 3
-# Probability above which a further difference counts by its size.
-_SURE = 0.995
-# By so much a mass or other gains have to raise the probability that no rival is left.
-_BURDEN = 0.1
-
-
 @dataclass(frozen=True)
 class Trial:
-    """One motion, and how well it would separate the rivals.
+    """One motion with its power to separate the rivals.
 
     Attributes:
         candidate: The motion.
         mass: Carried along it; None for nothing.
         gains: Share of the stated gains that the position controllers have then; None for all of them.
-        power: Probability that each pair is parted.
+        power: Probability that each pair is separated.
         gain: Squared distance of each pair.
         resolved: Probability that a finding loses its hardest rival, on average over the findings.
     """
@@ -127,26 +120,26 @@ class Trial:
     resolved: float
 
     @property
-    def parts(self) -> bool:
-        """True if it parts any pair."""
+    def separates(self) -> bool:
+        """True if it separates any pair."""
         return bool((self.power >= LEAST_POWER).any())
 
     @property
     def certain(self) -> bool:
-        """True if nothing is left to be gained."""
+        """True if no other motion can be noticeably better."""
         return self.resolved >= _SURE
 
     @property
     def worth(self) -> tuple[bool, float, float]:
-        """Whether it parts a pair, how likely it leaves no rival, and the smallest squared distance it parts by."""
-        parted = self.gain[self.power >= LEAST_POWER] if self.parts else self.gain
-        return (self.parts, min(self.resolved, _SURE), float(parted.min(initial=np.inf)))
+        """Sort key: separates a pair, probability that no rival is left, smallest squared distance it separates."""
+        separated = self.gain[self.power >= LEAST_POWER] if self.separates else self.gain
+        return (self.separates, min(self.resolved, _SURE), float(separated.min(initial=np.inf)))
 
 
-def tried(
+def ranked_trials(
     robot: Robot, limits: Limits, lab: Laboratory, rivalries: tuple[Rivalry, ...], duration: float
 ) -> tuple[Trial, ...]:
-    """Motions and how well they part the pairs, the best first; with a mass or softer gains where that parts more.
+    """Score motions by their separation of the pairs, the best first; with a mass or softer gains where these help.
 
     Raises:
         ParameterError: If no motion keeps the limits.
@@ -170,8 +163,8 @@ def tried(
         *islice(_there(loaded_trial(trial.candidate, robot, limits, lab, rivalries) for trial in trials), _CHANGED),
         *islice(_there(softer_trial(trial.candidate, robot, limits, lab, rivalries) for trial in trials), _CHANGED),
     )
-    # A mass is a burden, and so are other gains: they have to part more than the best motion without them does.
-    more = [trial for trial in changed if trial.parts and trial.resolved > trials[0].resolved + _BURDEN]
+    # A mass is a burden, and so are other gains: they have to separate more than the best motion without them does.
+    more = [trial for trial in changed if trial.separates and trial.resolved > trials[0].resolved + _BURDEN]
     return (*sorted(more, key=lambda trial: trial.worth, reverse=True), *trials)
 
 
@@ -209,15 +202,15 @@ def judged(
     gains: float | None = None,
     motion: Motion | None = None,
 ) -> Trial:
-    """How well a motion parts all pairs; ``motion`` is what comes of the candidate, if that is not itself."""
+    """Score a candidate on all pairs; ``motion`` is the motion that follows from it, if that differs."""
     planned = lab.products(candidate.motion(lab.band.rate_hz) if motion is None else motion, robot)
-    each = [parting(rivalry, planned) for rivalry in rivalries]
-    power, gain = (np.concatenate(parts) for parts in ([one.power for one in each], [one.gain for one in each]))
+    each = [separation(rivalry, planned) for rivalry in rivalries]
+    power, gain = (np.concatenate(values) for values in ([one.power for one in each], [one.gain for one in each]))
     return Trial(candidate, mass, gains, power, gain, float(np.mean([one.resolved for one in each])))
 
 
 def keeps(robot: Robot, limits: Limits, motion: Motion) -> bool:
-    """True if the drives of a robot that carries something, or is led softly, keep their limits along a motion."""
+    """True if the drives of a loaded or softly controlled robot keep their limits along a motion."""
     usable = bounds_of(robot, limits)
     torque = inverse_dynamics(robot, motion)
     return bool((np.abs(torque) <= usable.upper[-robot.nv :] + np.array(robot.coulomb_friction)).all())

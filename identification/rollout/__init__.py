@@ -1,1 +1,1 @@
-"""A recording simulated again from many of its own states: what the gap means for motion, before and after."""
+"""Multiple shooting: recordings simulated from many of their own states, with the given and the corrected model."""

@@ -1,8 +1,6 @@
-"""Given and corrected model shot from the same states: errors, horizon and what to say of them.
+"""Multiple shooting: errors of the given and the corrected model from the same recorded states, and their horizon.
 
-How far simulated motion strays from the recorded one, and over which horizon that says something.
-
-Given and corrected model shot from the same states: errors, horizon and what to say of them.
+The horizon is the longest over which the noise of the start stays small beside the errors.
 """
 
 from __future__ import annotations
@@ -46,7 +44,7 @@ class Errors:
     travel: tuple[Float[Array, "_ nv"], ...]
 
     def of(self, windows: list[int]) -> Errors:
-        """Of some of the windows."""
+        """Errors of some of the windows."""
         series = (self.t, self.before, self.after, self.noise, self.travel)
         return Errors(*(tuple(one[k] for k in windows) for one in series))
 
@@ -57,7 +55,7 @@ class Errors:
 
 
 def possible_horizons(errors: Errors, horizons: tuple[float, ...]) -> tuple[float, ...]:
-    """Those that the windows are long enough for and that have two samples; else the windows' own length."""
+    """Horizons within the windows with at least two samples; else the length of the windows."""
     long = max(float(t[-1]) for t in errors.t)
     step = max(float(t[1]) for t in errors.t)
     return tuple(h for h in horizons if 2 * step <= h <= long + 0.5 * step) or (long,)
@@ -88,19 +86,19 @@ Settle = Callable[[Shot, Model], Shot]
 
 
 def unsettled(shot: Shot, _model: Model) -> Shot:
-    """The window as it is."""
+    """The window without an estimate of hidden states."""
     return shot
 
 
 @dataclass(frozen=True)
 class Rollout:
-    """What simulated motion says of both models.
+    """Errors of simulated motion of both models by joint.
 
     Attributes:
         horizon_s: How long each window was followed [s]; None where no motion could be simulated.
         rms_before: Error of the given model by joint [rad or m].
         rms_after: Of the corrected model.
-        noise: Deviation of the readings of each joint [rad or m]: what no model can be nearer than.
+        noise: Deviation of the readings of each joint [rad or m], below which no model can be.
         recordings: The errors by recording, where there are several.
         engaged: Joint limits that simulated motion runs past.
         warnings: Sentences on joint limits.

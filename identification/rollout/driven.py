@@ -1,9 +1,4 @@
-"""Models set in motion from a start, under the torque that drives give when a recorded torque is asked of them.
-
-What drives give when a recorded torque is asked of them, over a whole recording.
-
-Models set in motion: from a start of links and motors, free or pulled along a recording.
-"""
+"""Simulation of a model under a recorded torque, through its drives, free or pulled along the recording."""
 
 from __future__ import annotations
 
@@ -19,6 +14,13 @@ from phantom_dyn.simulation.control import Tracking
 from phantom_dyn.simulation.simulate import Cause, Simulation, simulate
 
 Array = np.ndarray
+
+STEP = 1e-3  # [s], the longest: the midpoint rule has a 20 Hz motion right to 0.2 % of its phase
+# A model with hidden states is pulled along the recording, critically damped [rad/s]: a tenth of a torque that would
+# take a joint a centimetre away in half a second leaves it a micrometre off.
+_PULL = 2.0 * np.pi * 15.0
+# A motor behind a spring or a play is pulled alone [rad/s]: fast enough for its own small inertia to hold it.
+_MOTOR_PULL = 2.0 * np.pi * 60.0
 
 
 def given_torque(model: Model, t: Float[Array, " N"], tau: Float[Array, "N nv"]) -> Float[Array, "N nv"]:
@@ -38,14 +40,6 @@ def given_torque(model: Model, t: Float[Array, " N"], tau: Float[Array, "N nv"])
     return out
 
 
-STEP = 1e-3  # [s], the longest: the midpoint rule has a 20 Hz motion right to 0.2 % of its phase
-# A model with hidden states is pulled along the recording, critically damped [rad/s]: a tenth of a torque that would
-# take a joint a centimetre away in half a second leaves it a micrometre off.
-_PULL = 2.0 * np.pi * 15.0
-# A motor behind a spring or a play is pulled alone: fast enough for its own small inertia to hold it.
-_MOTOR_PULL = 2.0 * np.pi * 60.0
-
-
 def simulated(robot: Robot, causes: tuple[Cause, ...], law: Tracking, start: Start) -> Simulation:
     """A simulation from a start, at the times of its law.
 
@@ -57,7 +51,7 @@ def simulated(robot: Robot, causes: tuple[Cause, ...], law: Tracking, start: Sta
 
 
 def moved(model: Model, law: Tracking, start: Start) -> Simulation:
-    """The same of a model whose law gives the torque behind its drives."""
+    """A simulation of a model whose law gives the torque behind its drives."""
     return simulated(model.moving, model.causes, law, start)
 
 

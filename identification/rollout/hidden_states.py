@@ -1,9 +1,9 @@
 """States that no encoder reads, estimated: a link in its play, or the motor behind an encoder that sits on the link.
 
 First the motors are pulled along the recording, so that their links come to where that motion takes them. Then free
-motion under the recorded torque is laid through the last readings before a window, by its start: of what the encoders
-read, as an impact is faster than any smoothing, and of what they do not. No sample behind the window's first is used
-but those that smooth it.
+motion under the recorded torque is fitted to the last readings before a window, with its start as unknown: of the
+states that encoders read, as an impact is faster than any smoothing, and of those that they do not. No sample behind
+the window's first is used but those that smooth it.
 """
 
 from __future__ import annotations
@@ -169,7 +169,7 @@ def _elsewhere(model: Model, spread: Float[Array, " n"]) -> list[Float[Array, " 
 
 
 def _best_fitted(misses: Callable[[Array], Array], guesses: list[Float[Array, " n"]]) -> Float[Array, " n"]:
-    """The moves of least squares from the best guess, and from the next best where that one ends far off."""
+    """Least squares fit from the best guess, and from the next best where the first ends far off."""
 
     def mean_square(moves: Array) -> float:
         return float(np.mean(misses(moves) ** 2))
@@ -182,7 +182,7 @@ def _best_fitted(misses: Callable[[Array], Array], guesses: list[Float[Array, " 
 
 
 def _fitted(misses: Callable[[Array], Array], moves: Float[Array, " n"]) -> Float[Array, " n"]:
-    """The moves of least squares, from a first guess."""
+    """Least squares fit from a first guess."""
 
     def slopes(at: Array) -> Array:
         # Longer steps than rounding asks for: a play makes the misses rough.

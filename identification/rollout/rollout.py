@@ -35,7 +35,7 @@ _CONTROLLED = (2.0, 1.0, 0.5, 0.25)  # [s] under controllers, which hold a motio
 
 @dataclass(frozen=True)
 class Explained:
-    """What a diagnosis has made of recordings, as far as rollouts need it.
+    """Fits of a diagnosis that rollouts need.
 
     Attributes:
         problem: The fits, and the session that they are of.
@@ -115,7 +115,7 @@ def _controlled_rollout(explained: Explained, settle: Settle) -> Rollout | None:
 
 
 def _said(loop: Rollout) -> tuple[str, ...]:
-    """The closed loop in a sentence."""
+    """One sentence on the closed loop."""
     if loop.horizon_s is None:
         return loop.notes
     before, after = (sum(x**2 for x in rms.values()) ** 0.5 for rms in (loop.rms_before, loop.rms_after))

@@ -1,8 +1,6 @@
-"""Where rollouts start: windows over the judged samples, and smoothed states with their deviations.
+"""Initial states of rollouts (multiple shooting): windows over the judged samples and smoothed states with deviations.
 
-States to start from: smoothed over the neighbouring samples, with what the noise of the encoders leaves of them.
-
-Where rollouts start: windows spread over the samples that the figures are of.
+States are smoothed over neighbouring samples; their deviations are the encoder noise that this leaves.
 """
 
 from __future__ import annotations
@@ -56,7 +54,7 @@ class States:
 def states_of(log: Log, cutoff_hz: float) -> States:
     """States of a log from its positions, low-passed without delay above the judged band.
 
-    What lies above the low-pass is taken for white noise: it tells how much noise is left inside.
+    What lies above the low-pass is taken for white noise, whose level inside follows from it.
 
     Args:
         log: A recording.
@@ -206,7 +204,7 @@ def windows_in(
 
 
 def _window(logs: tuple[Log, ...], at: int, start: int, length: int, fold: int, lead: float) -> Window | None:
-    """None where a sample must not be used."""
+    """The window of a block; None where a sample must not be used."""
     valid, rate = logs[at].valid, logs[at].band.rate_hz
     if not valid[start : start + length].all():
         return None

@@ -1,4 +1,4 @@
-"""The given and the corrected model as simulations take them."""
+"""The given and the corrected model with all their effects, ready for simulation."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ LEAD, _SPRING_LEAD = 0.15, 0.03  # [s]
 
 @dataclass(frozen=True, eq=False)
 class Model:
-    """A robot with what it has besides its model.
+    """A robot with the effects that act besides its rigid-body model.
 
     Attributes:
         robot: With all that only makes it another robot (friction, inertias, gravity).
@@ -52,7 +52,7 @@ class Model:
 
     @cached_property
     def drives(self) -> tuple[Simulated, ...]:
-        """The same of the commands."""
+        """Effects on the commands of the drives."""
         return tuple(self._part(cause) for cause in self.commands)
 
     @cached_property

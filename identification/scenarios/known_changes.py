@@ -1,4 +1,4 @@
-"""Findings of one recording said as such: which effect, in which recording, and its ratio to the others."""
+"""Findings of a single recording, reported with the effect, the recording and the ratio to the others."""
 
 from __future__ import annotations
 

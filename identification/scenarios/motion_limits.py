@@ -1,4 +1,4 @@
-"""What a diagnosis without torque cannot tell apart: a drive that gives more per command, and a higher gain."""
+"""Limits of a diagnosis without torque: a torque constant cannot be separated from the gain of its controller."""
 
 from __future__ import annotations
 
@@ -47,7 +47,7 @@ def limited_to_motion(judgement: Judgement, recordings: tuple[Recording, ...], r
         for finding in small
     )
     warned = tuple(
-        f"The torque constant of {finding.joint} and the gain of its controller cannot be parted by positions: the "
+        f"The torque constant of {finding.joint} and the gain of its controller cannot be separated by positions: the "
         f"ratio of {1.0 + _excess(finding):.3g} is that of their product."
         for finding in large
     )
@@ -82,6 +82,6 @@ def _strays(simulated: Rollout) -> tuple[str, ...]:
 
 
 def _excess(finding: Finding) -> float:
-    """Excess of the torque per command over the modelled one, relative."""
+    """Relative excess of the torque per command over the modelled one [1]."""
     value = finding.parameters["ratio"].value
     return float(value[0] if isinstance(value, list) else value) - 1.0

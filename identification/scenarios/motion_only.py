@@ -1,10 +1,7 @@
 """Recordings without torque: the torque that the stated position controllers ask for takes its place.
 
-The torque that known controllers asked for, where a recording has their references and no torque.
-
-Gains of position controllers that nobody has stated, as far as the given model tells them.
-
-The torque that stated position controllers ask for along a recorded motion.
+It follows from references, positions and gains. Where nobody has stated the gains, least squares under the given model
+suggests some.
 """
 
 from __future__ import annotations
@@ -163,7 +160,7 @@ def with_commanded_torque(recording: Recording, robot: Robot) -> Recording:
 
 
 def _guess(recording: Recording, robot: Robot, lacking: list[str]) -> str:
-    """Gains that go with the masses of the model, for who trusts these; nothing where the motion tells none."""
+    """Gains that fit the masses of the model, for who trusts these; empty where the motion determines none."""
     try:
         kp, kd = suggested_gains(recording, robot)
     except PhantomDynError:

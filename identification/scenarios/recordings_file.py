@@ -1,9 +1,4 @@
-"""The file ``recordings.yaml``: what was different between several recordings of one robot; recordings read with it.
-
-The file ``recordings.yaml``: what was different between several recordings of one robot.
-
-Recordings read with the robot as it was in each of them.
-"""
+"""The file ``recordings.yaml``: known differences between recordings of one robot, and recordings read with them."""
 
 from __future__ import annotations
 
@@ -28,7 +23,7 @@ _CONTROLLER_KEYS = ("kind", *_GAINS)
 
 
 def read_changes(path: str | Path, logs: Sequence[str | Path], joints: Sequence[str]) -> tuple[Change, ...]:
-    """What a ``recordings.yaml`` says of each recording, in the order of the recordings.
+    """Known changes of each recording from a ``recordings.yaml``, in the order of the recordings.
 
     A recording that the file does not name is like the given model in all. A file is found as it is written there,
     seen from the folder of the ``recordings.yaml`` or from the working folder, or by its name alone.

@@ -34,8 +34,8 @@ class Operation(Motion):
             shape ``(N, nv)``. Signatures are made of it, not of the measured one, whose noise would bias a fit.
         expected: The same with the findings so far, shape ``(N, nv)``: what a late or saturated drive is asked for.
         logged: Drive torque of the recording, shape ``(N, nv)``; ``tau`` where there is none.
-        fit_rest: What a fit of the tolerances and the findings so far leaves of the torque, shape ``(N, nv)``; None
-            where nothing was fitted yet.
+        residual_of_fit: Torque residual of the last fit of tolerances and findings, shape ``(N, nv)``; None before the
+            first fit.
         recording: Which of several recordings it is of, for effects that act in some of them only.
     """
 
@@ -43,15 +43,15 @@ class Operation(Motion):
     tau: Float[Array, "N nv"]
     expected: Float[Array, "N nv"]
     logged: Float[Array, "N nv"]
-    fit_rest: Float[Array, "N nv"] | None = None
+    residual_of_fit: Float[Array, "N nv"] | None = None
     recording: int = 0
 
     def __post_init__(self):
         super().__post_init__()
         for name in ("tau", "expected", "logged"):
             object.__setattr__(self, name, read_only(getattr(self, name)))
-        if self.fit_rest is not None:
-            object.__setattr__(self, "fit_rest", read_only(self.fit_rest))
+        if self.residual_of_fit is not None:
+            object.__setattr__(self, "residual_of_fit", read_only(self.residual_of_fit))
 
     @classmethod
     def of(cls, robot: Robot, motion: Motion, logged: Float[Array, "N nv"] | None = None) -> Operation:
@@ -59,9 +59,9 @@ class Operation(Motion):
         tau = inverse_dynamics(robot, motion)
         return cls(motion.t, motion.q, motion.v, motion.a, robot, tau, tau, tau if logged is None else logged)
 
-    def again(self, expected: Float[Array, "N nv"], fit_rest: Float[Array, "N nv"] | None = None) -> Operation:
+    def again(self, expected: Float[Array, "N nv"], residual_of_fit: Float[Array, "N nv"] | None = None) -> Operation:
         """The same motion after another fit; what was computed of motion and model is kept."""
-        out = replace(self, expected=expected, fit_rest=fit_rest)
+        out = replace(self, expected=expected, residual_of_fit=residual_of_fit)
         out.__dict__.update({name: self.__dict__[name] for name in _OF_THE_MOTION if name in self.__dict__})
         return out
 
@@ -71,9 +71,9 @@ class Operation(Motion):
         return float((self.t[-1] - self.t[0]) / max(len(self.t) - 1, 1))
 
     @property
-    def rest(self) -> Float[Array, "N nv"]:
-        """Where to look for rhythms: what the last fit left, or else what the model leaves of the recorded torque."""
-        return self.logged - self.tau if self.fit_rest is None else self.fit_rest
+    def residual(self) -> Float[Array, "N nv"]:
+        """Torque residual of the last fit, or of the given model before any fit; periodicities are looked for in it."""
+        return self.logged - self.tau if self.residual_of_fit is None else self.residual_of_fit
 
     @cached_property
     def own_friction(self) -> Float[Array, "N nv"]:

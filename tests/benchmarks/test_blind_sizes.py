@@ -1,4 +1,4 @@
-"""Sizes of what is wrong in the sealed cases, and what cannot be parted from it: known truths."""
+"""Sizes of what is wrong in the sealed cases, and what cannot be separated from it: known truths."""
 
 from __future__ import annotations
 

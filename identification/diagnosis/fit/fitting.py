@@ -1,10 +1,7 @@
-"""Fits on Gram matrices: bounded, with priors, and judged on blocks that they have not seen.
+"""Regularised least squares on Gram matrices, with bounds and priors, scored on blocks held out of the fit.
 
-The result of a fit, and the start that the next one may take from it.
-
-Fits on Gram matrices: bounded, with priors, and judged on blocks that they have not seen.
-
-A point mass as inertial parameters, linearised about an estimate.
+Every fit works on products of columns (Gram matrices), never on samples. Two nonlinear cases are iterated: a torque
+constant rescales its whole row, and a point mass is linearised about the last estimate of its mass and first moments.
 """
 
 from __future__ import annotations
@@ -54,14 +51,14 @@ class Fitted:
 
     @cached_property
     def cov(self) -> Float[Array, "k k"]:
-        """Covariance of the active coefficients, priors counted: of few fits anybody asks for it."""
+        """Covariance of the active coefficients with priors; computed on demand, as few fits need it."""
         inverse = solve(self.normal, np.eye(len(self.normal)))
         return inverse if self.expand is None else self.expand @ inverse @ self.expand.T
 
 
 @dataclass(frozen=True)
 class Near:
-    """A similar fit, to start from.
+    """Coefficients of a similar fit, from which the next one starts.
 
     Attributes:
         theta: All coefficients, NaN where a column is not in it, ``(K,)``.
@@ -73,7 +70,7 @@ class Near:
 
     @staticmethod
     def nothing(problem: Problem) -> Near:
-        """No similar fit is known."""
+        """The start of a fit without a similar one."""
         return Near(np.full(len(problem.precision), np.nan))
 
     def after(self, found: Fitted, terms: tuple[Term, ...]) -> Near:
@@ -87,7 +84,7 @@ class Near:
 
 
 def active_columns(problem: Problem, terms: tuple[Term, ...]) -> Int[Array, " k"]:
-    """Nuisances and the columns of the terms, each once, in order."""
+    """Sorted indices of the nuisance columns and of the columns of the terms."""
     chosen = sorted({column for term in terms for column in term.columns})
     return np.array([*range(problem.nuisances), *chosen], dtype=int)
 
@@ -134,13 +131,13 @@ def predict(
     """Torque of the given model with nuisances and terms, in the band, on a part of one log, ``(n, nv)``."""
     columns = problem.columns
     own = [term.columns[0] for term in terms if term.effect.scales_joint]
-    rest = theta.copy()
-    rest[own] = 0.0
+    others = theta.copy()
+    others[own] = 0.0
     model = columns.model_torque[log][part]
     out = np.empty_like(model)
     for j, index in enumerate(columns.rows):
         values = columns.values[log][j][part]
-        beside = values @ rest[list(index)]
+        beside = values @ others[list(index)]
         out[:, j] = model[:, j] + beside
         for column in set(own) & set(index):
             # The gain scales what its column shows of the modelled torque, and all that is fitted beside it.

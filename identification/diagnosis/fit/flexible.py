@@ -1,8 +1,7 @@
-"""A flexible predictor of residuals: what a smooth function of the joint's state explains, whatever the cause.
+"""Flexible predictor of residuals: ridge regression on random Fourier features of the joint's state.
 
-Ridge regression on random Fourier features of position, velocity, direction, acceleration, modelled torque,
-displacement since the last reversal and time. What it predicts on blocks that it has not seen is structure; what it
-cannot predict counts as noise.
+Features are of position, velocity, direction, acceleration, modelled torque, displacement since the last reversal and
+time. What it predicts on held-out blocks is structure, whatever its cause; what it cannot predict counts as noise.
 """
 
 from __future__ import annotations

@@ -11,7 +11,7 @@ from jaxtyping import Float, Int
 from identification.diagnosis.fit.row_products import RowProducts
 from identification.diagnosis.model.blocks import Block
 from identification.diagnosis.model.columns import Columns
-from identification.diagnosis.numerics.two_threads import two_at_a_time
+from identification.diagnosis.numerics.two_threads import in_two_threads
 
 Array = np.ndarray
 
@@ -131,7 +131,7 @@ def row_grams(columns: Columns, blocks: tuple[Block, ...], weights: Weights, row
 
 def build_grams(columns: Columns, blocks: tuple[Block, ...], folds: Int[Array, " B"], weights: Weights) -> Grams:
     """Products of all rows, summed."""
-    rows = tuple(two_at_a_time(lambda row: row_grams(columns, blocks, weights, row), range(len(columns.rows))))
+    rows = tuple(in_two_threads(lambda row: row_grams(columns, blocks, weights, row), range(len(columns.rows))))
     count, total = len(blocks), len(columns.names)
     index, always = tuple(row.index for row in rows), len(columns.nuisances)
     a = RowProducts(index, tuple(row.a for row in rows), total, always)

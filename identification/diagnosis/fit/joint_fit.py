@@ -1,8 +1,8 @@
-"""All numbers of a diagnosis at once: moves within the tolerances, coefficients and shapes of what was found.
+"""Gauss-Newton over all parameters of a diagnosis: moves within tolerances, coefficients and shapes.
 
-The search holds shapes on a grid and fits the coefficients. Here a few Gauss-Newton steps move both, and the
-covariance at the end counts what the search cannot: how shapes and coefficients trade against each other, how the
-tolerances of the model leave them open, and how they scatter from block to block, where the noise is not as modelled.
+The search is a variable projection: it holds shapes on a grid and solves for the coefficients. Here a few Gauss-Newton
+steps move both, and the covariance at the end counts what the search cannot: the correlation of shapes with
+coefficients, the tolerances of the model, and the scatter from block to block where the noise is not as modelled.
 """
 
 from __future__ import annotations
@@ -16,8 +16,8 @@ from identification.diagnosis.fit.fitting import Fitted
 from identification.diagnosis.fit.problem import Problem
 from identification.diagnosis.fit.whole_model import (
     Linearised,
+    ModelLayout,
     Place,
-    Setting,
     by_other_law,
     change_by_model,
     law_of,
@@ -45,7 +45,7 @@ _DRAWS = 4
 
 @dataclass(frozen=True)
 class JointFit:
-    """Result of a fit of everything.
+    """Parameters and covariance of a Gauss-Newton fit over all parameters.
 
     Attributes:
         places: Where the numbers of each term stand.
@@ -63,38 +63,38 @@ class JointFit:
 
 
 def joint_fit(problem: Problem, terms: tuple[Term, ...], found: Fitted) -> JointFit:
-    """Moves, coefficients and shapes together, from a fit with the shapes held.
+    """Fit moves, coefficients and shapes together, starting from a fit with fixed shapes.
 
     Args:
         problem: Columns and fits in the judged band.
         terms: Of the model.
         found: Its fit.
     """
-    setting, x = lay_out(problem, terms, found)
-    precision, lower, upper = _limits(setting, x)
+    layout, x = lay_out(problem, terms, found)
+    precision, lower, upper = _limits(layout, x)
     moves = slice(0, problem.nuisances)
     start = x[moves]
-    setting = setting.moved(start) if setting.of_model else setting
-    x, model, (a, b, _) = _descended(setting, x, precision, lower, upper)
-    if setting.of_model and np.any(precision[moves] * (x[moves] - start) ** 2 > _SAME_MODEL**2):
-        setting = setting.moved(x[moves])
-        x, model, (a, b, _) = _descended(setting, x, precision, lower, upper)
+    layout = layout.moved(start) if layout.of_model else layout
+    x, model, (a, b, _) = _descended(layout, x, precision, lower, upper)
+    if layout.of_model and np.any(precision[moves] * (x[moves] - start) ** 2 > _SAME_MODEL**2):
+        layout = layout.moved(x[moves])
+        x, model, (a, b, _) = _descended(layout, x, precision, lower, upper)
     # What leaves no trace at all (an inertia of a link that never turns about that axis) stays where it is.
     precision = np.where(np.einsum("bkk->k", a) + precision < _NO_TRACE, 1.0, precision)
     cov = _covariance(a, b, precision, x)
-    if setting.of_model:
-        cov = cov + _by_model(setting, model, x, cov, a.sum(axis=0) + np.diag(precision))
-    for place in setting.places:
+    if layout.of_model:
+        cov = cov + _by_model(layout, model, x, cov, a.sum(axis=0) + np.diag(precision))
+    for place in layout.places:
         shift = _by_share(place, x)
         cov = cov + np.outer(shift, shift)
         for law in place.term.effect.other_laws:
-            shift = _by_law(setting, model, x, place, law, a.sum(axis=0) + np.diag(precision))
+            shift = _by_law(layout, model, x, place, law, a.sum(axis=0) + np.diag(precision))
             cov = cov + np.outer(shift, shift)
-    return JointFit(setting.places, x, cov)
+    return JointFit(layout.places, x, cov)
 
 
 def _by_share(place: Place, x: Float[Array, " p"]) -> Float[Array, " p"]:
-    """What a share that should be one and is not says of its shape, to first order: it may be off by as much.
+    """First-order error of a shape, from the deviation of its share from one.
 
     A gap or a limit is the whole of its effect. Where only a part of it fits, the shape is not what it seems.
     """
@@ -105,37 +105,43 @@ def _by_share(place: Place, x: Float[Array, " p"]) -> Float[Array, " p"]:
 
 
 def _by_law(
-    setting: Setting, model: Linearised, x: Float[Array, " p"], place: Place, law: OtherLaw, total: Float[Array, "p p"]
+    layout: ModelLayout,
+    model: Linearised,
+    x: Float[Array, " p"],
+    place: Place,
+    law: OtherLaw,
+    total: Float[Array, "p p"],
 ) -> Float[Array, " p"]:
-    """How far all numbers move when one term follows another law: a few quasi-Newton steps with the slopes of its own.
+    """Shift of all parameters when one term follows another law, by quasi-Newton steps with its own Jacobian.
 
     It is within a factor of two of a shape that another law means the same by it.
     """
     at = [*range(place.coefficients.start, place.coefficients.stop), *range(place.shape.start, place.shape.stop)]
-    own = tuple(law_of(setting, place, x))
+    own = tuple(law_of(layout, place, x))
     shift = np.zeros(len(x))
     for _ in range(_STEPS):
-        tried = x + shift
-        tried[place.shape] = np.clip(tried[place.shape], 0.5 * x[place.shape], 2.0 * x[place.shape])
-        other = by_other_law(setting, place, tried, law)
+        candidate = x + shift
+        candidate[place.shape] = np.clip(candidate[place.shape], 0.5 * x[place.shape], 2.0 * x[place.shape])
+        other = by_other_law(layout, place, candidate, law)
         # What it gives less than the tangent of the term's own law promises there.
         less = tuple(
-            o + slopes[:, :, at] @ (tried - x)[at] - t for o, slopes, t in zip(own, model.slopes, other, strict=True)
+            o + slopes[:, :, at] @ (candidate - x)[at] - t
+            for o, slopes, t in zip(own, model.slopes, other, strict=True)
         )
-        shift = solve(total, _products(setting, model, less)[1].sum(axis=0))
+        shift = solve(total, _products(layout, model, less)[1].sum(axis=0))
     return shift
 
 
 def _descended(
-    setting: Setting,
+    layout: ModelLayout,
     x: Float[Array, " p"],
     precision: Float[Array, " p"],
     lower: Float[Array, " p"],
     upper: Float[Array, " p"],
 ) -> tuple[Array, Linearised, tuple[Array, Array, Array]]:
     """Gauss-Newton steps within the bounds as long as they lower the loss; the model and its products at the end."""
-    model = linearised(setting, x)
-    products = _products(setting, model)
+    model = linearised(layout, x)
+    products = _products(layout, model)
     for _ in range(_STEPS):
         a, b, c = products
         total, gradient = a.sum(axis=0) + np.diag(precision), b.sum(axis=0) - precision * x
@@ -144,11 +150,11 @@ def _descended(
             break
         loss = c.sum() + precision @ x**2
         for shorter in (1.0, 0.3):
-            tried = x + shorter * step
-            there = linearised(setting, tried)
-            again = _products(setting, there)
-            if again[2].sum() + precision @ tried**2 < loss:
-                x, model, products = tried, there, again
+            candidate = x + shorter * step
+            there = linearised(layout, candidate)
+            again = _products(layout, there)
+            if again[2].sum() + precision @ candidate**2 < loss:
+                x, model, products = candidate, there, again
                 break
         else:
             break
@@ -156,45 +162,45 @@ def _descended(
 
 
 def _by_model(
-    setting: Setting, model: Linearised, x: Float[Array, " p"], cov: Float[Array, "p p"], total: Float[Array, "p p"]
+    layout: ModelLayout, model: Linearised, x: Float[Array, " p"], cov: Float[Array, "p p"], total: Float[Array, "p p"]
 ) -> Float[Array, "p p"]:
-    """Covariance more because columns are made of a model that is known as well as its moves are.
+    """Covariance that the uncertain model adds through the columns that depend on it.
 
     The model is drawn some times from what the data leave of its tolerances, and the columns are made of it.
     """
-    count = setting.problem.nuisances
+    count = layout.problem.nuisances
     rng = random_stream("models within the tolerances")
     shifts = []
     for draw in rng.multivariate_normal(np.zeros(count), cov[:count, :count], _DRAWS, method="eigh"):
-        moved = setting.moved(x[:count] + draw)
-        _, b, _ = _products(setting, model, change_by_model(setting, moved, x))
+        moved = layout.moved(x[:count] + draw)
+        _, b, _ = _products(layout, model, change_by_model(layout, moved, x))
         shifts.append(solve(total, b.sum(axis=0)))
     return np.einsum("sp,sk->pk", np.array(shifts), np.array(shifts)) / _DRAWS
 
 
-def _limits(setting: Setting, x: Float[Array, " p"]) -> tuple[Array, Array, Array]:
+def _limits(layout: ModelLayout, x: Float[Array, " p"]) -> tuple[Array, Array, Array]:
     """Prior precision about zero and bounds of all numbers; a shape stays within a factor of two of where it was."""
-    problem = setting.problem
-    precision, lower, upper = np.zeros(setting.size), np.full(setting.size, -np.inf), np.full(setting.size, np.inf)
+    problem = layout.problem
+    precision, lower, upper = np.zeros(layout.size), np.full(layout.size, -np.inf), np.full(layout.size, np.inf)
     moves = slice(0, problem.nuisances)
     for out, values in ((precision, problem.precision), (lower, problem.lower), (upper, problem.upper)):
         out[moves] = values[moves]
-        for place in setting.places:
+        for place in layout.places:
             count = place.coefficients.stop - place.coefficients.start
             out[place.coefficients] = values[list(place.term.columns[:count])]
-    for place in setting.places:
+    for place in layout.places:
         ends = np.sort([0.5 * x[place.shape], 2.0 * x[place.shape]], axis=0)
         lower[place.shape], upper[place.shape] = ends
     return precision, lower, upper
 
 
 def _products(
-    setting: Setting, model: Linearised, rest: tuple[Float[Array, "_ nv"], ...] | None = None
+    layout: ModelLayout, model: Linearised, residual: tuple[Float[Array, "_ nv"], ...] | None = None
 ) -> tuple[Array, Array, Array]:
-    """Weighted products of slopes and rest, of each block that trains; the rest is what the model leaves if None."""
-    if rest is None:
-        rest = tuple(r - t for r, t in zip(setting.problem.white.residual, model.torque, strict=True))
-    problem = setting.problem
+    """Weighted products of slopes and residual for each training block; the model's own residual if None."""
+    if residual is None:
+        residual = tuple(r - t for r, t in zip(layout.problem.white.residual, model.torque, strict=True))
+    problem = layout.problem
     weights = problem.weights.per_sample
     a, b, c = [], [], []
     for block, fold in zip(problem.blocks, problem.grams.fold, strict=True):
@@ -202,8 +208,8 @@ def _products(
             continue
         part = slice(block.start, block.stop)
         scale = np.sqrt(weights) * problem.white.usable[block.log][part]
-        slopes = (model.slopes[block.log][part] * scale[:, :, None]).reshape(-1, setting.size)
-        left = (rest[block.log][part] * scale).ravel()
+        slopes = (model.slopes[block.log][part] * scale[:, :, None]).reshape(-1, layout.size)
+        left = (residual[block.log][part] * scale).ravel()
         a.append(slopes.T @ slopes)
         b.append(slopes.T @ left)
         c.append(left @ left)
@@ -213,7 +219,7 @@ def _products(
 def _covariance(
     a: Float[Array, "B p p"], b: Float[Array, "B p"], precision: Float[Array, " p"], x: Float[Array, " p"]
 ) -> Float[Array, "p p"]:
-    """The larger of what the noise model says and of the scatter of fits without one block each; priors counted."""
+    """The larger of the noise model's covariance and the block jackknife's, priors included."""
     total = a.sum(axis=0) + np.diag(precision)
     inverse = solve(total, np.eye(len(x)))
     count = len(a)

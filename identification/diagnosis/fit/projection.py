@@ -1,4 +1,4 @@
-"""What each rival would gain beside a fit, all rivals at once: the part of its columns that the fit cannot make."""
+"""In-sample gain of every rival beside a fit, all rivals at once: their columns projected off those of the fit."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ Array = np.ndarray
 
 @dataclass(frozen=True)
 class Beside:
-    """What each rival adds to a fit, with what the fit can make of its columns taken out.
+    """Columns of each rival with their projection on the fit removed.
 
     Attributes:
         gains: How much the columns of each rival lower the loss in sample, to second order, bounds kept.
@@ -31,7 +31,7 @@ class Beside:
 
 
 def beside(problem: Problem, fitted: Fitted) -> Beside:
-    """Take a fit out of all columns; coefficients of the fit that stand at a bound stay there."""
+    """Project all columns off those of a fit; coefficients of the fit at a bound stay there."""
     a = problem.total_a
     cross, made, gradient = taken_out(problem, fitted)
     inside = frozenset(int(k) for k in fitted.active)
@@ -51,11 +51,11 @@ def beside(problem: Problem, fitted: Fitted) -> Beside:
 
 
 def taken_out(problem: Problem, fitted: Fitted) -> tuple[Float[Array, "f K"], Float[Array, "f K"], Float[Array, " K"]]:
-    """What a fit makes of all columns: products with its free columns, how much of these, products that are left.
+    """Project all columns off the free columns of a fit.
 
     Returns:
-        Products of the free columns of the fit with all, what of each free column the fit makes of each, and products
-        of what is left of all columns with the residual.
+        Products of the fit's free columns with all columns, coefficients of the projection, and products of the
+        projected columns with the residual.
     """
     active, theta = fitted.active, fitted.theta
     x = theta[active]

@@ -1,8 +1,7 @@
-"""A whole model, its numbers laid out, its torque at one point of them, and its slope to each.
+"""The nonlinear model with all its parameters (tolerances, coefficients, shapes): its torque and Jacobian at a point.
 
-What a whole model is made of, and where each of its numbers stands: moves, coefficients and shapes.
-
-The torque of a whole model at one point of all its numbers, shapes included, and its slope to each of them.
+`joint_fit` takes its Gauss-Newton steps from here. `lay_out` says where each parameter stands in the vector, and
+`linearised` gives torque and slopes of every recording.
 """
 
 from __future__ import annotations
@@ -24,7 +23,7 @@ Array = np.ndarray
 
 @dataclass(frozen=True)
 class Place:
-    """Where the numbers of one term stand among all.
+    """Positions of one term's parameters in the parameter vector.
 
     Attributes:
         term: The effect with the shape that the search has found.
@@ -38,14 +37,14 @@ class Place:
 
 
 @dataclass(frozen=True)
-class Setting:
-    """What a model is made of.
+class ModelLayout:
+    """The terms of a nonlinear model and where their parameters stand in the parameter vector.
 
     Attributes:
         problem: Columns and fits in the judged band.
         operations: Motions of the logs with the torque of the given model, or of that with moves within its tolerances.
         places: Of all terms.
-        size: How many numbers there are; the first are the moves within the tolerances.
+        size: Number of parameters; the first are the moves within the tolerances.
     """
 
     problem: Problem
@@ -55,11 +54,11 @@ class Setting:
 
     @property
     def of_model(self) -> bool:
-        """True if some column is made of the model's torque."""
+        """True if any column depends on the torque of the model."""
         return any(place.term.effect.follows_model for place in self.places)
 
-    def moved(self, moves: Float[Array, " n"]) -> Setting:
-        """The same with moves within the tolerances made, in what columns are made of."""
+    def moved(self, moves: Float[Array, " n"]) -> ModelLayout:
+        """The same layout with columns computed from the model after these moves within its tolerances."""
         given = self.problem.session.robot
         robots = {id(given): moved_robot(given, moves)}
         operations = []
@@ -72,8 +71,8 @@ class Setting:
         return replace(self, operations=tuple(operations))
 
 
-def lay_out(problem: Problem, terms: tuple[Term, ...], found: Fitted) -> tuple[Setting, Float[Array, " p"]]:
-    """Where each number stands, and their values in a fit."""
+def lay_out(problem: Problem, terms: tuple[Term, ...], found: Fitted) -> tuple[ModelLayout, Float[Array, " p"]]:
+    """Layout of the parameter vector, and its values in a fit."""
     values, places = [found.theta[: problem.nuisances]], []
     start = problem.nuisances
     for term in terms:
@@ -85,8 +84,8 @@ def lay_out(problem: Problem, terms: tuple[Term, ...], found: Fitted) -> tuple[S
         places.append(Place(term, slice(start, middle), slice(middle, stop)))
         values += [own, shape]
         start = stop
-    setting = Setting(problem, problem.columns.operations, tuple(places), start)
-    return setting, np.concatenate(values)
+    layout = ModelLayout(problem, problem.columns.operations, tuple(places), start)
+    return layout, np.concatenate(values)
 
 
 # Step of a difference in a shape, in shares of it: what is made of samples (a bristle, a play) changes in jumps.
@@ -95,7 +94,7 @@ _STEP = 0.03
 
 @dataclass(frozen=True)
 class Linearised:
-    """A model about a point, for each log: torque beyond the given model's, and its slopes.
+    """First-order expansion of a model: torque beyond the given model's and its Jacobian, for each log.
 
     Attributes:
         torque: ``(n, nv)`` each.
@@ -106,53 +105,55 @@ class Linearised:
     slopes: tuple[Float[Array, "_ nv p"], ...]
 
 
-def linearised(setting: Setting, x: Float[Array, " p"]) -> Linearised:
-    """The model about a point."""
-    return Linearised(*zip(*(_one_log(setting, x, log) for log in range(len(setting.operations))), strict=True))
+def linearised(layout: ModelLayout, x: Float[Array, " p"]) -> Linearised:
+    """Expand the model to first order about a parameter vector."""
+    return Linearised(*zip(*(_one_log(layout, x, log) for log in range(len(layout.operations))), strict=True))
 
 
-def change_by_model(setting: Setting, moved: Setting, x: Float[Array, " p"]) -> tuple[Float[Array, "_ nv"], ...]:
-    """Torque of the terms more when their columns are made of another model, for each log ``(n, nv)``."""
-    out = [np.zeros_like(residual) for residual in setting.problem.white.residual]
+def change_by_model(layout: ModelLayout, moved: ModelLayout, x: Float[Array, " p"]) -> tuple[Float[Array, "_ nv"], ...]:
+    """Change of the terms' torque when their columns come from another model, for each log ``(n, nv)``."""
+    out = [np.zeros_like(residual) for residual in layout.problem.white.residual]
     for log, change in enumerate(out):
-        for place in setting.places:
+        for place in layout.places:
             if place.term.effect.follows_model:
                 own, shape = x[place.coefficients], x[place.shape]
-                change += _law(moved, place, own, shape, log) - _law(setting, place, own, shape, log)
+                change += _law(moved, place, own, shape, log) - _law(layout, place, own, shape, log)
     return tuple(out)
 
 
-def law_of(setting: Setting, place: Place, x: Float[Array, " p"]) -> tuple[Float[Array, "_ nv"], ...]:
+def law_of(layout: ModelLayout, place: Place, x: Float[Array, " p"]) -> tuple[Float[Array, "_ nv"], ...]:
     """Torque of one term, for each log."""
     return tuple(
-        _law(setting, place, x[place.coefficients], x[place.shape], log) for log in range(len(setting.operations))
+        _law(layout, place, x[place.coefficients], x[place.shape], log) for log in range(len(layout.operations))
     )
 
 
-def by_other_law(setting: Setting, place: Place, x: Float[Array, " p"], law: OtherLaw) -> tuple[Array, ...]:
+def by_other_law(layout: ModelLayout, place: Place, x: Float[Array, " p"], law: OtherLaw) -> tuple[Array, ...]:
     """Torque of a term by another law of the same parameters, for each log ``(n, nv)``."""
     own, shape = x[place.coefficients], x[place.shape]
     return tuple(
-        in_band(setting, log, law(setting.operations[log], place.term.joint, own, shape))
-        for log in range(len(setting.operations))
+        in_band(layout, log, law(layout.operations[log], place.term.joint, own, shape))
+        for log in range(len(layout.operations))
     )
 
 
-def _one_log(setting: Setting, x: Float[Array, " p"], log: int) -> tuple[Float[Array, "_ nv"], Float[Array, "n nv p"]]:
-    problem = setting.problem
+def _one_log(
+    layout: ModelLayout, x: Float[Array, " p"], log: int
+) -> tuple[Float[Array, "_ nv"], Float[Array, "n nv p"]]:
+    problem = layout.problem
     moves = np.arange(problem.nuisances)
     n, nv = problem.white.residual[log].shape
-    slopes = np.zeros((n, nv, setting.size))
+    slopes = np.zeros((n, nv, layout.size))
     slopes[:, :, moves] = _columns(problem, tuple(moves.tolist()), log)
     torque = slopes[:, :, moves] @ x[moves]
-    gains = [place for place in setting.places if place.term.effect.scales_joint]
-    for place in setting.places:
+    gains = [place for place in layout.places if place.term.effect.scales_joint]
+    for place in layout.places:
         if place not in gains:
             at = [
                 *range(place.coefficients.start, place.coefficients.stop),
                 *range(place.shape.start, place.shape.stop),
             ]
-            own, slopes[:, :, at] = _with_slopes(setting, place, x[place.coefficients], x[place.shape], log)
+            own, slopes[:, :, at] = _with_slopes(layout, place, x[place.coefficients], x[place.shape], log)
             torque += own
     for place in gains:
         # A torque constant scales the whole of its row, what is found beside it included.
@@ -166,12 +167,12 @@ def _one_log(setting: Setting, x: Float[Array, " p"], log: int) -> tuple[Float[A
 
 
 def _with_slopes(
-    setting: Setting, place: Place, own: Float[Array, " k"], shape: Float[Array, " m"], log: int
+    layout: ModelLayout, place: Place, own: Float[Array, " k"], shape: Float[Array, " m"], log: int
 ) -> tuple[Float[Array, "_ nv"], Float[Array, "n nv p"]]:
-    """Torque of one term, and its slopes to the coefficients and the shape."""
+    """Torque of one term and its Jacobian to coefficients and shape."""
     effect = place.term.effect
     if effect.inertial == "point mass":
-        columns = _columns(setting.problem, place.term.columns, log)
+        columns = _columns(layout.problem, place.term.columns, log)
         jacobian, offset = point_mass_map(own)
         return columns @ (jacobian @ own + offset), columns @ jacobian
 
@@ -181,32 +182,32 @@ def _with_slopes(
         step = np.zeros(len(numbers))
         step[k] = _STEP * max(float(np.abs(mine).max()), 1e-9)
         above, below = (
-            _law(setting, place, x[: len(own)], x[len(own) :], log) for x in (numbers + step, numbers - step)
+            _law(layout, place, x[: len(own)], x[len(own) :], log) for x in (numbers + step, numbers - step)
         )
         return (above - below) / (2.0 * step[k])
 
     if effect.shape_is_estimate or effect.first_order:
-        return _law(setting, place, own, shape, log), np.stack([slope(k) for k in range(len(own))], axis=-1)
-    columns = _at_shape(setting, place, tuple(shape.tolist()) or place.term.shape, log)
+        return _law(layout, place, own, shape, log), np.stack([slope(k) for k in range(len(own))], axis=-1)
+    columns = _at_shape(layout, place, tuple(shape.tolist()) or place.term.shape, log)
     more = [slope(len(own) + k)[:, :, None] for k in range(len(shape))]
     return columns @ own, np.concatenate([columns, *more], axis=2)
 
 
 def _law(
-    setting: Setting, place: Place, own: Float[Array, " k"], shape: Float[Array, " m"], log: int
+    layout: ModelLayout, place: Place, own: Float[Array, " k"], shape: Float[Array, " m"], log: int
 ) -> Float[Array, "n nv"]:
     """Torque of one term, in the judged band."""
     term = place.term
     if isinstance(term.effect, Effect) and term.effect.first_order:
         # The columns are to first order in the coefficients, the law is not.
-        theta = term.effect.from_coefficients(setting.operations[log].robot, term.joint, own, ())
-        torque = -term.effect.torque(setting.operations[log].robot, setting.operations[log], term.joint, theta)
-        return in_band(setting, log, torque)
+        theta = term.effect.from_coefficients(layout.operations[log].robot, term.joint, own, ())
+        torque = -term.effect.torque(layout.operations[log].robot, layout.operations[log], term.joint, theta)
+        return in_band(layout, log, torque)
     at = tuple(shape.tolist()) or term.shape
     if term.effect.shape_is_estimate:
         # A law that takes its own parameter as shape is exact where they agree.
         at = term.effect.at_estimate(own, term.shape)
-    return _at_shape(setting, place, at, log) @ own
+    return _at_shape(layout, place, at, log) @ own
 
 
 def _columns(problem: Problem, wanted: tuple[int, ...], log: int) -> Float[Array, "n nv k"]:
@@ -221,24 +222,24 @@ def _columns(problem: Problem, wanted: tuple[int, ...], log: int) -> Float[Array
     return out
 
 
-def _at_shape(setting: Setting, place: Place, shape: Shape, log: int) -> Float[Array, "n nv k"]:
+def _at_shape(layout: ModelLayout, place: Place, shape: Shape, log: int) -> Float[Array, "n nv k"]:
     """Columns of an effect at a shape, in the judged band."""
     term = place.term
     if shape == term.shape and not (term.effect.uses_acceleration or term.effect.follows_model):
-        return _columns(setting.problem, term.columns, log)
-    operation = setting.operations[log]
+        return _columns(layout.problem, term.columns, log)
+    operation = layout.operations[log]
     signature = term.effect.signature(operation.robot, operation, term.joint, shape)
-    narrow = in_band(setting, log, signature.columns)
-    out = np.zeros((len(narrow), setting.problem.session.robot.nv, narrow.shape[2]))
+    narrow = in_band(layout, log, signature.columns)
+    out = np.zeros((len(narrow), layout.problem.session.robot.nv, narrow.shape[2]))
     out[:, list(signature.rows)] = narrow
     return out
 
 
-def in_band(setting: Setting, log: int, x: Float[Array, "N ..."]) -> Float[Array, "n ..."]:
-    """Series in the judged band, filtered as the recorded torque is.
+def in_band(layout: ModelLayout, log: int, x: Float[Array, "N ..."]) -> Float[Array, "n ..."]:
+    """Filter a series into the judged band as the recorded torque is filtered.
 
     The columns of the problem that are made of accelerations are filtered there twice, which takes from them what the
     torque keeps near the edge of the band: a stiffness that shows there would come out a tenth too low.
     """
-    session = setting.problem.session
+    session = layout.problem.session
     return session.log_in_judged_band(session.logs[log].band(x), log)

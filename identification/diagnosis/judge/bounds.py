@@ -1,4 +1,4 @@
-"""What would have been seen: the smallest size of each effect that this recording shows with 95 % power."""
+"""Detection limits: the smallest size of each effect that this recording shows with 95 % power."""
 
 from __future__ import annotations
 
@@ -97,13 +97,13 @@ def smallest_seen(
 
 
 def _claimable(search: Search, term: Term, by_block: Float[Array, " B"]) -> float:
-    """How many standard deviations of its own size an effect has to have to be claimed with 95 % power."""
+    """Size in standard deviations at which an effect is claimed with 95 % power."""
     needed = least_gain(search, frozenset([term])) + max(price(search.sizes[term]) - rules.PARAMETER_PRICE, 0.0)
     return float(np.sqrt(max(needed + 2.0, _lasting(by_block, needed)))) + _POWER
 
 
 def _lasting(by_block: Float[Array, " B"], needed: float) -> float:
-    """The gain from which on an effect is taken for one that lasts, see `claimed`.
+    """Least gain at which an effect counts as lasting over the blocks, see `claimed`.
 
     Args:
         by_block: Information on its size in each block.
@@ -115,8 +115,8 @@ def _lasting(by_block: Float[Array, " B"], needed: float) -> float:
     # The variance of a gain ``u`` over blocks is ``4 u`` by noise, and grows with its square by how it is spread.
     room = 1.0 - rules.SIGNIFICANT_ERRORS**2 * len(by_block) * float(by_block.var()) / whole**2
     from_block_to_block = 4.0 * rules.SIGNIFICANT_ERRORS**2 / room if room > 0 else np.inf
-    rest = float(np.sort(by_block)[: -rules.BEST_BLOCKS].sum()) / whole
-    without_the_best = needed / rest if rest > 0 else np.inf
+    share_without_best = float(np.sort(by_block)[: -rules.BEST_BLOCKS].sum()) / whole
+    without_the_best = needed / share_without_best if share_without_best > 0 else np.inf
     return min(from_block_to_block, without_the_best, rules.LARGE_GAIN * needed)
 
 

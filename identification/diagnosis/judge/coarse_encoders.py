@@ -1,4 +1,4 @@
-"""Readings coarser than stated, as findings: their lattice proves them, and the torque they feign is their gap."""
+"""Encoders coarser than stated, as findings: the lattice of their readings proves them; the gap is spurious torque."""
 
 from __future__ import annotations
 

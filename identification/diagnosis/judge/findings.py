@@ -1,4 +1,4 @@
-"""Effects that were chosen, as findings: parameters, what each closes of the gap, and what else it may be."""
+"""Chosen effects as findings: parameters, share of the gap that each closes, and rivals."""
 
 from __future__ import annotations
 
@@ -64,12 +64,12 @@ def shown_effects(plain: Search, chosen: frozenset[Term], noise: Series) -> Show
 
 
 def distinct(plain: Search, chosen: frozenset[Term]) -> tuple[frozenset[Term], JointFit]:
-    """Effects without those whose numbers, fitted with all others, are not distinguished from zero, and that fit.
+    """Removes effects whose coefficients do not differ from zero in a joint fit of all, and returns that fit.
 
     The search holds all but the coefficients, and weighs noise otherwise: what gains there may be nothing in the fit
-    that states its size. Only laws that are linear are asked: of others the shape says how large they are. Nor is what
-    goes with accelerations: a torque constant and a load trade with each other and with the tolerances, so that neither
-    is distinguished from zero beside the other.
+    that states its size. Only linear laws are tested: the size of others is in their shape. Nor is what
+    goes with accelerations: a torque constant and a load are correlated with each other and with the tolerances, so
+    that neither differs from zero beside the other.
     """
     while True:
         fitted = joint_fit(plain.problem, ordered(chosen), plain.evaluate(chosen))

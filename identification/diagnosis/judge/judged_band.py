@@ -1,4 +1,4 @@
-"""The judged band: plain fits of the effects that were chosen, and which of them are seen there."""
+"""The judged band: least squares fits of the chosen effects there, and which of them are visible above its noise."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ Array = np.ndarray
 
 @dataclass(frozen=True)
 class Judge:
-    """In which band, and against which noise, gaps are measured.
+    """Problem and noise floor of the band in which gaps are measured.
 
     Attributes:
         problem: Columns and fits.
@@ -57,7 +57,7 @@ def noise_floor(session: Session, columns: Columns, noise: Series) -> Float[Arra
 
 
 def visible(search: Search, chosen: frozenset[Term]) -> frozenset[Term]:
-    """Findings without those whose loss nobody would see in the judged band.
+    """Findings whose loss is visible above the noise of the judged band.
 
     Without a finding the squared residual of some joint has to grow by a share of what is left: an effect can be
     significant only above the judged band, where it is of no use and the model of the noise is least known.

@@ -1,4 +1,4 @@
-"""From an explanation to a judgement: gap, findings, bounds and verdict, all measured in the judged band."""
+"""Gap, findings, detection limits and verdict of an explanation, all measured in the judged band."""
 
 from __future__ import annotations
 
@@ -29,8 +29,8 @@ def judged(explanation: Explanation, progress: Callable[[str], None]) -> tuple[J
     problem = shown.problem
     given = session.in_judged_band(problem.columns.residual)
     torque = held_out_torque(problem, shown.named, shown.found)
-    rest = session.in_judged_band(residual_after(problem, torque))
-    whole = rest
+    residual = session.in_judged_band(residual_after(problem, torque))
+    whole = residual
     if shown.named != shown.chosen:
         predicted = held_out_torque(problem, shown.chosen, shown.plain.evaluate(shown.chosen))
         whole = session.in_judged_band(residual_after(problem, predicted))
@@ -48,12 +48,12 @@ def judged(explanation: Explanation, progress: Callable[[str], None]) -> tuple[J
     ]
     pairs.sort(key=lambda pair: -pair[0].gap_closed)
     findings = tuple(finding for finding, _ in pairs)
-    left_over = unexplained(shown, judge, rest, whole)
+    left_over = unexplained(shown, judge, residual, whole)
     progress("stating what would have been seen")
     bounds, untested = smallest_seen(merged(problem.columns.operations), search, shown.plain, shown.chosen)
     judgement = Judgement(
         verdict=verdict(findings, left_over, problem.columns),
-        joints=_joint_gaps(judge, before, sums(problem, rest), rounding),
+        joints=_joint_gaps(judge, before, sums(problem, residual), rounding),
         findings=findings,
         adjusted=adjusted(problem, shown.found),
         unexplained=left_over,

@@ -1,4 +1,4 @@
-"""From the coefficients of a fit to the parameters of the contract, with their deviations."""
+"""Parameters of the findings with standard deviations, from the coefficients of the joint fit."""
 
 from __future__ import annotations
 
@@ -57,7 +57,7 @@ def finding_loadings(robot: Robot, term: Term, fitted: JointFit) -> tuple[tuple[
 
 
 def _numbers(term: Term, fitted: JointFit) -> list[int]:
-    """Where the numbers of a term stand in a fit."""
+    """Positions of a term's parameters in a fit."""
     place = fitted.place(term)
     return [*range(place.coefficients.start, place.coefficients.stop), *range(place.shape.start, place.shape.stop)]
 
@@ -109,7 +109,7 @@ def _inertial(robot: Robot, term: Term, coefficients: Float[Array, " k"], cov: F
 
 
 def _base(robot: Robot, term: Term) -> tuple[tuple[int, ...], Float[Array, "r k"]]:
-    """Which of the free parameters are told apart, as columns of the regressor over random motions; their sums."""
+    """Base parameters among the free ones, from the regressor over random motions, and the sums that they stand for."""
     rng = random_stream("draws of parameters")
     motion = Motion(np.arange(200.0), *(rng.uniform(-3, 3, (200, robot.nv)) for _ in range(3)))
     effect = term.effect

@@ -1,4 +1,4 @@
-"""Pushes that nobody measured: short stretches in which a joint feels far more than at any other time."""
+"""Unmeasured pushes: short stretches in which the residual of a joint far exceeds its usual level."""
 
 from __future__ import annotations
 
@@ -68,17 +68,17 @@ def pushes_in(
 
     Args:
         t: Times [s].
-        left: What nothing explains of each joint's torque, positive along the joint.
+        left: Unexplained torque of each joint, positive along the joint.
         usable: False where a joint rests or a sample is excluded.
         floor: Noise of each joint's torque.
         joints: Their names.
     """
     found: list[Push] = []
     for j, joint in enumerate(joints):
-        rest = np.where(usable[:, j], left[:, j], 0.0)
-        for first, last in _loud(t, rest, usable[:, j], float(floor[j])):
-            peak = int(first + np.argmax(np.abs(rest[first : last + 1])))
-            found.append(Push(joint, float(t[first]), float(t[last]), float(rest[peak])))
+        residual = np.where(usable[:, j], left[:, j], 0.0)
+        for first, last in _loud(t, residual, usable[:, j], float(floor[j])):
+            peak = int(first + np.argmax(np.abs(residual[first : last + 1])))
+            found.append(Push(joint, float(t[first]), float(t[last]), float(residual[peak])))
     # A push on the last link is felt by all joints: said once, for the joint that feels it most.
     out: list[Push] = []
     for push in sorted(found, key=lambda push: -abs(push.torque)):
@@ -87,13 +87,13 @@ def pushes_in(
     return tuple(sorted(out, key=lambda push: push.start))
 
 
-def _loud(t: Array, rest: Array, usable: Array, floor: float) -> list[tuple[int, int]]:
-    """First and last samples of stretches far louder than the rest; none where there are many."""
+def _loud(t: Array, residual: Array, usable: Array, floor: float) -> list[tuple[int, int]]:
+    """First and last samples of stretches whose residual far exceeds the median; none where there are many."""
     if np.count_nonzero(usable) < 50:
         return []
     step = float(np.median(np.diff(t)))
     width = max(round(rules.PUSH_WINDOW / step), 1)
-    level = np.sqrt(np.convolve(rest**2, np.ones(width) / width, mode="same"))
+    level = np.sqrt(np.convolve(residual**2, np.ones(width) / width, mode="same"))
     usual = max(float(np.median(level[usable])), floor, 1e-12)
     at = np.flatnonzero(level > rules.PUSH_TIMES * usual)
     if len(at) == 0:
@@ -103,7 +103,7 @@ def _loud(t: Array, rest: Array, usable: Array, floor: float) -> list[tuple[int,
     inside = np.zeros(len(t), dtype=bool)
     for first, last in runs:
         inside[first : last + 1] = True
-    share = float((rest[inside] ** 2).sum() / max((rest**2).sum(), 1e-300))
+    share = float((residual[inside] ** 2).sum() / max((residual**2).sum(), 1e-300))
     long = float(inside.mean()) > rules.LONGEST_PUSH
     return (
         [] if len(runs) > rules.MOST_PUSHES or long or share < rules.PUSH_SHARE else [(int(a), int(b)) for a, b in runs]
@@ -113,7 +113,7 @@ def _loud(t: Array, rest: Array, usable: Array, floor: float) -> list[tuple[int,
 def _sentence(file: str, push: Push, unit: str) -> str:
     out = f"{push.start - _MARGIN:.2f}:{push.stop + _MARGIN:.2f}"
     return (
-        f"{file}: from {push.start:.2f} to {push.stop:.2f} s an unmeasured force pushed joint {push.joint} "
-        f"with up to {push.torque:.3g} {unit}: if it was a contact, leave it out with --exclude {out}, or record its "
-        "force in columns f.<frame>.x, .y and .z."
+        f"{file}: from {push.start:.2f} to {push.stop:.2f} s joint {push.joint} was pushed by a force that no sensor "
+        f"measured, with up to {push.torque:.3g} {unit}: if it was a contact, leave it out with --exclude "
+        f"{out}, or record its force in columns f.<frame>.x, .y and .z."
     )

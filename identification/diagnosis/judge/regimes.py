@@ -1,4 +1,4 @@
-"""Where the gap lies: which regimes of a joint's motion hold more of the residual than their share of time."""
+"""Regimes of motion that hold more of the residual of a joint than their share of time."""
 
 from __future__ import annotations
 

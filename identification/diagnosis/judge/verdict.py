@@ -1,4 +1,4 @@
-"""What is left without a cause, and the verdict that follows."""
+"""Residual without a cause, and the verdict that follows from it."""
 
 from __future__ import annotations
 
@@ -33,21 +33,21 @@ def verdict(findings: tuple[Finding, ...], unexplained: Unexplained, columns: Co
     return "unknown" if unexplained.fraction_of_explainable > 0.5 else "partly_explained"
 
 
-def unexplained(shown: Shown, judge: Judge, rest: Series, whole: Series) -> Unexplained:
+def unexplained(shown: Shown, judge: Judge, residual: Series, whole: Series) -> Unexplained:
     """How much of the explainable gap is left, and where it sits if it has structure.
 
     Args:
         shown: The effects that are shown.
         judge: Of the gap.
-        rest: What the named effects leave, in the judged band.
+        residual: What the named effects leave, in the judged band.
         whole: What all of them leave, structures without a name too.
     """
     floor, problem, nameless = judge.floor, shown.problem, shown.chosen - shown.named
-    flexible = tuple(w - p for w, p in zip(whole, flexible_rest(problem, whole), strict=True))
-    predicted = tuple(r - s for r, s in zip(rest, flexible, strict=True))
+    flexible = tuple(w - p for w, p in zip(whole, flexible_prediction(problem, whole), strict=True))
+    predicted = tuple(r - s for r, s in zip(residual, flexible, strict=True))
     moved = held_out_torque(problem, frozenset(), shown.plain.evaluate(frozenset()))
     within, after, smooth = (
-        sums(problem, series) for series in (judge.narrow(residual_after(problem, moved)), rest, flexible)
+        sums(problem, series) for series in (judge.narrow(residual_after(problem, moved)), residual, flexible)
     )
     once = np.ones((1, len(after.counts)))
     allowed, left, best = (float(s.loss(floor, once)[0]) for s in (within, after, smooth))
@@ -69,13 +69,13 @@ def unexplained(shown: Shown, judge: Judge, rest: Series, whole: Series) -> Unex
     return Unexplained(fraction, structured, joint, regime)
 
 
-def flexible_rest(problem: Problem, rest: Series) -> Series:
-    """What a flexible model predicts of the rest on blocks that it has not seen; zero where it does not help."""
+def flexible_prediction(problem: Problem, residual: Series) -> Series:
+    """Held-out prediction of the residual by a flexible regression on the state; zero where it does not help."""
     columns = problem.columns
-    out = [np.zeros_like(r) for r in rest]
+    out = [np.zeros_like(r) for r in residual]
     for j in range(len(columns.rows)):
         x = [state_features(columns, log, k, j) for k, log in enumerate(problem.session.logs)]
-        y, use = [r[:, j] for r in rest], [u[:, j] for u in columns.usable]
+        y, use = [r[:, j] for r in residual], [u[:, j] for u in columns.usable]
         predicted, error = held_out_ridge(x, y, use, problem.blocks, problem.grams.fold)
         if error < rms([v[m] for v, m in zip(y, use, strict=True)]) ** 2:
             for k, p in enumerate(predicted):

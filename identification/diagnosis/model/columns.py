@@ -1,4 +1,4 @@
-"""Everything that may explain a residual, as columns: what the tolerances allow, and what each effect would add.
+"""Regression columns of everything that may explain a residual: moves within the tolerances and every effect.
 
 The residual of joint ``j`` is measured minus modelled torque, in the analysed band. It is taken to be a sum of columns
 times unknown numbers. Columns of one recording are computed once; every later fit works on their Gram matrices.
@@ -19,7 +19,7 @@ from identification.diagnosis.model.session import Series, Session
 from identification.diagnosis.model.standstill import reversal_doubt, usable_samples
 from identification.diagnosis.model.terms import SERIES, FoundEffect, Term, merged, shapes_of
 from identification.diagnosis.numerics.bounded import solve
-from identification.diagnosis.numerics.two_threads import two_at_a_time
+from identification.diagnosis.numerics.two_threads import in_two_threads
 from phantom_dyn.dynamics.dynamics import rigid_body_regressor
 from phantom_dyn.effects.effect import Rival, Shape
 from phantom_dyn.effects.operation import Operation
@@ -81,7 +81,7 @@ class Local:
 
 @dataclass(frozen=True)
 class FitPoint:
-    """The point about which laws that are not linear are taken.
+    """The point about which nonlinear laws are linearised.
 
     Attributes:
         found: What the last fit has found.
@@ -113,8 +113,10 @@ def build_columns(session: Session, about: FitPoint | None = None, before: Colum
     operations = tuple(expecting(o.robot, o, about.found) for o in given.operations)
     residual = about.residual
     if residual is None:
-        residual = left_by_moves(robot, given.moves, given.plain, given.residual, given.usable)
-    operations = tuple(with_rest(log, o, part) for log, o, part in zip(session.logs, operations, residual, strict=True))
+        residual = residual_of_moves(robot, given.moves, given.plain, given.residual, given.usable)
+    operations = tuple(
+        with_residual_of_fit(log, o, part) for log, o, part in zip(session.logs, operations, residual, strict=True)
+    )
     names = [move.nuisance.name for move in given.moves] + list(parameter_names(robot))
     found = (*about.found, *about.runners_up)
     terms, local = _lay_out(session, merged(operations), len(given.moves), names, found, about.resonances)
@@ -136,7 +138,7 @@ def columns_like(session: Session, like: Columns, found: tuple[FoundEffect, ...]
 
 @dataclass(frozen=True)
 class _GivenPart:
-    """What no fit changes: the given model's torque, the residual, and the columns of moves and rigid bodies."""
+    """Columns that no fit changes: the given model's torque, the residual, the moves and the rigid bodies."""
 
     moves: tuple[Move, ...]
     operations: tuple[Operation, ...]
@@ -317,20 +319,20 @@ def _values(
         return tuple(out)
 
     rows = [list(columns) for columns in plain]
-    for block, parts in zip(local, two_at_a_time(computed, local), strict=True):
+    for block, parts in zip(local, in_two_threads(computed, local), strict=True):
         for row, columns in zip(block.rows, parts, strict=True):
             rows[row].extend(columns.T)
     return tuple(np.column_stack(columns) for columns in rows)
 
 
-def left_by_moves(
+def residual_of_moves(
     robot: Robot,
     moves: tuple[Move, ...],
     columns: tuple[list[list[Float[Array, " n"]]], ...],
     residual: tuple[Float[Array, "n nv"], ...],
     usable: tuple[Bool[Array, "n nv"], ...],
 ) -> tuple[Float[Array, "n nv"], ...]:
-    """What moves within the tolerances leave of the residual, by weighted least squares with the tolerances as prior.
+    """Residual of a weighted least squares fit of the moves, with the tolerances as prior.
 
     Rows are weighed by a tenth of their residual, which is about its noise where the model is off.
     """
@@ -353,8 +355,8 @@ def left_by_moves(
     )
 
 
-def with_rest(log: Log, operation: Operation, rest: Float[Array, "n nv"]) -> Operation:
-    """An operation that knows what a fit left, brought to the full rate."""
+def with_residual_of_fit(log: Log, operation: Operation, residual: Float[Array, "n nv"]) -> Operation:
+    """The operation with the residual of a fit, interpolated to the full rate."""
     t = operation.t
-    full = np.column_stack([np.interp(t, t[log.samples], column) for column in rest.T])
+    full = np.column_stack([np.interp(t, t[log.samples], column) for column in residual.T])
     return operation.again(operation.expected, full)

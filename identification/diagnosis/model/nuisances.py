@@ -1,4 +1,4 @@
-"""What the tolerances of the model allow, as columns: moves of the model that are no gap."""
+"""Moves of the model within its stated tolerances, as nuisance columns that are not part of the gap."""
 
 from __future__ import annotations
 
@@ -38,7 +38,7 @@ class Nuisance:
 
 @dataclass(frozen=True)
 class Move:
-    """A nuisance and what its column is made of.
+    """A nuisance and the parameter of the model that it moves.
 
     Attributes:
         nuisance: Name and size.
@@ -53,7 +53,7 @@ class Move:
     direction: Float[Array, " 10"] | None = None
 
     def touches(self, robot: Robot, row: int) -> bool:
-        """True if the move may change the torque of that joint: what is passive may on all."""
+        """True if the move may change the torque of that joint; a passive joint's may change all."""
         return self.place not in robot.joint_names or self.place == robot.joint_names[row]
 
 

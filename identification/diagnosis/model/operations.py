@@ -1,11 +1,8 @@
-"""Motion and torque of a recording as the laws of effects look at them, with the model moved within its tolerances.
+"""Motion and torque of each recording from which effects compute their columns: of the given or of the moved model.
 
-Motion and torque of a recording as the laws of effects look at them: with the given model, and with the findings.
-
-The given model with the moves within its tolerances made: what effects of readings, drives and loads are taken of.
-
-A late drive lags the torque that the robot truly needs, and a tilted base turns the weights that it truly has: taken of
-the given model their sizes would be wrong by as much as the model is.
+A late drive lags the torque that the robot truly needs, and a tilted base turns the weights that it truly has. Computed
+from the given model their sizes would be wrong by as much as the model is, so the moves within the tolerances are made
+first.
 """
 
 from __future__ import annotations
@@ -27,9 +24,14 @@ from phantom_dyn.effects.support.rows import modelled_friction_of
 from phantom_dyn.model.robot import Robot
 from phantom_dyn.motion import Motion
 
+Array = np.ndarray
+
+# Largest relative decrease of a parameter [1]: tolerances are meant to be small, but a file may state any.
+_LEAST = -0.9
+
 
 def operate(robot: Robot, log: Log, known: tuple[KnownEffect, ...], recording: int = 0) -> Operation:
-    """Motion of a log with the torque of the given model; ``recording`` says which of several it is."""
+    """Motion of a log with the torque of the given model; ``recording`` is its index among several."""
     # The noise of a joint that is held has a sign, which friction would follow, and an acceleration, which couples.
     moves = ~standing_still(log).all(axis=0)
     motion = Motion(log.motion.t, log.motion.q, log.motion.v * moves, log.motion.a * moves)
@@ -55,14 +57,8 @@ def expecting(robot: Robot, operation: Operation, found: tuple[FoundEffect, ...]
     return plain.again(expected)
 
 
-Array = np.ndarray
-
-# A mass is lessened by this share at most: tolerances are meant small, but nobody has to keep to that.
-_LEAST = -0.9
-
-
 def moved_robot(robot: Robot, moves: Float[Array, " n"], given: Robot | None = None) -> Robot:
-    """The given model with its tolerances used.
+    """The given model after moves within its tolerances.
 
     Args:
         robot: The given model, or the same with a load that is known.

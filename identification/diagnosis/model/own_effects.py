@@ -1,8 +1,7 @@
-"""Effects that act in one of several recordings only, and each recording with its own model.
+"""Effects that act in one of several recordings only, and recordings with a model of their own.
 
-An effect that acts in one of several recordings only, with coefficients of its own: what may have changed there.
-
-Recordings that are not alike, as fits see them: each with its own model, and effects that act in some of them.
+Where something changed between recordings, each effect that may have changed gets coefficients of its own there: its
+columns are zero in all other recordings. A known load or controller makes a model of its own for its recording.
 """
 
 from __future__ import annotations
@@ -120,7 +119,7 @@ def only_in(recording: int, operation: Operation, signature: Signature) -> Signa
 
 @dataclass(frozen=True)
 class Differences:
-    """How recordings differ.
+    """Known and unknown differences between recordings.
 
     Attributes:
         robots: The model of each; empty if all have the given one.
@@ -139,7 +138,7 @@ ALIKE = Differences()
 
 
 def differences_of(changes: tuple[Change, ...], robot: Robot, fitted: int) -> Differences:
-    """What known and unknown changes make of the model.
+    """Models and own effects that follow from known and unknown changes.
 
     Of each kind of unknown change, the recordings that do not name it have one amount in common. Where all name it, the
     first one is what the others are compared with.

@@ -1,7 +1,7 @@
-"""Stiff transmissions seen directly: resonances of joints whose recording reaches them, as compliances to try.
+"""Transmission stiffness read off resonances, as further shapes for the search.
 
-The grid of transmission compliance is coarse. A torque rich enough to show a resonance tells the stiffness to a few
-per cent, whatever the model of the links says; the diagnosis tries that one too, and judges it as it does all others.
+The grid of transmission compliance is coarse. A torque rich enough to show a resonance determines the stiffness to a
+few per cent, whatever the model of the links is; the search includes that compliance and scores it like all others.
 """
 
 from __future__ import annotations

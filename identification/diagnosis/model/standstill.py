@@ -1,12 +1,8 @@
-"""Samples that say little of friction: joints that stand still, and reversals.
+"""Samples that say little about friction: joints at standstill are left out, reversals are weighed down.
 
-Joints at rest: static friction may hold any torque there, so no fit may use it.
-
-Doubt about samples at which modelled friction changes sign: how it does so is not known.
-
-A law says that friction jumps when the velocity changes sign. A real joint sticks for some milliseconds, or bends
-before it slides, so that friction passes through zero earlier or later. Where noise is small, what that leaves looks
-like torque that comes too late, and nothing else in a recording says so.
+At standstill static friction may hold any torque, so no fit may use it. At a reversal a law lets friction jump, while a
+real joint sticks for some milliseconds, or bends before it slides, so that friction passes through zero earlier or
+later. Where noise is small, that residual looks like torque that comes too late.
 """
 
 from __future__ import annotations
@@ -30,7 +26,7 @@ def moving_joints(log: Log) -> Bool[Array, " nv"]:
 
 
 def standing_still(log: Log) -> Bool[Array, "N nv"]:
-    """True where a joint rests: its speed is within noise, so static friction may hold any torque.
+    """True where a joint is at standstill: its speed is within noise, so static friction may hold any torque.
 
     The threshold is three sigmas of what a short moving average takes off the velocity in the quietest fifth of the
     record, where the motion itself adds nothing, and at least a thousandth of the joint's top speed. What shakes on its
@@ -47,16 +43,16 @@ def standing_still(log: Log) -> Bool[Array, "N nv"]:
             v = np.convolve(v, kernel, mode="same")
             sigma, noise_only = _noise(v, kernel), False
         slow = np.abs(v) < max(3 * sigma, 1e-3 * np.percentile(np.abs(v), 99))
-        # Passing through zero is no rest: the joint has to be slow for a whole period of the band's edge.
-        resting = np.convolve(slow, kernel, mode="same") > 0.999
+        # Passing through zero is no standstill: the joint has to be slow for a whole period of the band's edge.
+        at_standstill = np.convolve(slow, kernel, mode="same") > 0.999
         # A joint whose fastest speeds are noise too is held all the time.
         held = not moves or noise_only
-        out[:, j] = (np.convolve(resting, np.ones(width), mode="same") > 0.5) | held
+        out[:, j] = (np.convolve(at_standstill, np.ones(width), mode="same") > 0.5) | held
     return out
 
 
 def _noise(v: Float[Array, " N"], kernel: Float[Array, " w"]) -> float:
-    """What a moving average takes off a series in its quietest fifth, root mean square."""
+    """Root mean square of a series less its moving average, over its quietest fifth."""
     width = len(kernel)
     rough = v - np.convolve(v, kernel, mode="same")
     windows = rough[: len(rough) // width * width].reshape(-1, width)
@@ -73,16 +69,16 @@ def _travels(q: Float[Array, " N"], kernel: Float[Array, " w"]) -> bool:
 
 
 def usable_samples(log: Log) -> Bool[Array, "n nv"]:
-    """In-band samples whose kernel touches nothing excluded and hardly any rest of the joint."""
-    resting = standing_still(log)
+    """In-band samples whose kernel touches nothing excluded and hardly any standstill of the joint."""
+    at_standstill = standing_still(log)
     half, at = log.band.half, log.samples
-    count = np.vstack([np.zeros(resting.shape[1], dtype=int), np.cumsum(resting, axis=0)])
+    count = np.vstack([np.zeros(at_standstill.shape[1], dtype=int), np.cumsum(at_standstill, axis=0)])
     share = (count[at + half + 1] - count[at - half]) / (2 * half + 1)
     return (share < 0.25) & log.valid_in_band[:, None]
 
 
 def reversal_doubt(operation: Operation) -> Float[Array, "N nv"]:
-    """Standard deviation of a model's torque where friction changes sign: the rate of its Coulomb friction in time.
+    """Standard deviation of the modelled torque near reversals, from the rate of its Coulomb friction.
 
     It has the sign of the change, so that filters make of it what they make of the torque.
     """

@@ -1,4 +1,4 @@
-"""Structure of a residual that no effect of the catalogue has a name for: what makes a gap `unknown`.
+"""Generic structures of a residual outside the catalogue, which make a gap `unknown`.
 
 Each is a small group of columns that stands for a class of causes: something that changes slowly with time, something
 with a rhythm of its own in time, a force that depends on where the robot is, and a drive that weakens with the load of
@@ -58,15 +58,15 @@ class Rhythm(Rival):
     regime = "everywhere"
 
     def shapes(self, robot: Robot, operation: Operation, joint: str | None) -> tuple[Shape, ...]:
-        """The two strongest frequencies [Hz] of what is left of the torque."""
+        """The two strongest frequencies [Hz] of the torque residual."""
         j = row_of(robot, joint)
-        rest = np.array(operation.rest[:, j])
+        residual = np.array(operation.residual[:, j])
         v = operation.v[:, j]
         plain = np.column_stack([np.ones(len(v)), np.sign(v), v, operation.expected[:, j], operation.q[:, j]])
-        rest = rest - plain @ np.linalg.lstsq(plain, rest, rcond=None)[0]
+        residual = residual - plain @ np.linalg.lstsq(plain, residual, rcond=None)[0]
         # Four times as long with zeros: the frequency is wanted to a fraction of a line.
-        power = np.abs(np.fft.rfft(rest * np.hanning(len(rest)), 4 * len(rest))) ** 2
-        frequency = np.fft.rfftfreq(4 * len(rest), operation.dt)
+        power = np.abs(np.fft.rfft(residual * np.hanning(len(residual)), 4 * len(residual))) ** 2
+        frequency = np.fft.rfftfreq(4 * len(residual), operation.dt)
         seconds = operation.t[-1] - operation.t[0]
         power[(frequency < 4.0 / seconds) | (frequency > 25.0)] = 0.0
         out = []

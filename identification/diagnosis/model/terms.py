@@ -1,4 +1,4 @@
-"""Rivals: one effect in one place with one shape, and where a fit has found one."""
+"""Candidate terms of the search: one effect in one place with one shape, and the point about which it is linearised."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ class KnownEffect:
 
 @dataclass(frozen=True)
 class FoundEffect:
-    """An effect that the last fit has found: the point about which laws that are not linear are taken next.
+    """An effect that the last fit found: the point about which its nonlinear law is linearised next.
 
     Attributes:
         effect: Of the catalogue, or a structure that has no name there.
@@ -79,7 +79,7 @@ class Term:
 
     @cached_property
     def column_set(self) -> frozenset[int]:
-        """Its columns without an order."""
+        """Its columns as a set."""
         return frozenset(self.columns)
 
     @property
@@ -140,8 +140,8 @@ def merged(operations: tuple[Operation, ...]) -> Operation:
         times.append(operation.t - operation.t[0] + start)
         start = float(times[-1][-1]) + operation.dt
     q, v, a, tau, expected, logged = (np.concatenate([getattr(o, name) for o in operations]) for name in SERIES[1:])
-    rest = np.concatenate([o.rest for o in operations])
-    return Operation(np.concatenate(times), q, v, a, operations[0].robot, tau, expected, logged, rest)
+    residual = np.concatenate([o.residual for o in operations])
+    return Operation(np.concatenate(times), q, v, a, operations[0].robot, tau, expected, logged, residual)
 
 
 def ordered(terms: Iterable[Term]) -> tuple[Term, ...]:

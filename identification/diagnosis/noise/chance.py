@@ -1,4 +1,7 @@
-"""What chance gives: the largest gain over the whole catalogue on robots whose only gap is tolerance and noise."""
+"""Maximum statistic over the catalogue: the largest gain by chance, with a Gumbel fit, on robots without a gap.
+
+The null recordings differ from the given model by its tolerances and by noise only.
+"""
 
 from __future__ import annotations
 
@@ -51,7 +54,7 @@ def null_threshold(search: Search, noise: Series, least: float = 0.0) -> Thresho
 
 
 def _exceeded(best: Float[Array, " R"], wrong: float) -> float:
-    """What a Gumbel law with the mean and deviation of ``best`` exceeds in a share ``wrong`` of all cases."""
+    """Quantile that a Gumbel law with the mean and deviation of ``best`` exceeds with probability ``wrong``."""
     spread = best.std() * np.sqrt(6) / np.pi
     return float(best.mean() - _EULER * spread - spread * np.log(-np.log1p(-wrong)))
 

@@ -1,7 +1,7 @@
-"""What the noise of the encoders does: torque that is not there, and gains of effects that are not there.
+"""Errors in variables: spurious torque and spurious gains of effects that encoder noise causes.
 
 Columns and modelled torque are made of the same measured positions. Their common noise lets a fit explain noise by
-noise (errors in variables), which no resampling of residuals shows. So the recording is made again: its smooth motion
+noise, which no resampling of residuals shows. So the recording is made again: its smooth motion
 is taken for the truth, fresh encoder noise of the same kind is laid on it, and all is computed anew.
 """
 

@@ -1,4 +1,4 @@
-"""Noise of each joint's residual, from the data themselves."""
+"""Noise of each joint's torque residual, estimated from the recordings as what no flexible fit predicts."""
 
 from __future__ import annotations
 
@@ -12,14 +12,14 @@ from identification.diagnosis.model.columns import Columns
 from identification.diagnosis.model.session import Series, Session
 from identification.diagnosis.model.terms import Term
 from identification.diagnosis.noise.whitening import whitened_noise
-from identification.diagnosis.numerics.two_threads import two_at_a_time
+from identification.diagnosis.numerics.two_threads import in_two_threads
 from identification.diagnosis.search.search import Search
 
 Array = np.ndarray
 
 
 def autocorrelation_time(e: Float[Array, " n"]) -> float:
-    """Samples of ``e`` that tell as much as one independent sample: ``1 + 2 sum of autocorrelations``.
+    """Samples of ``e`` that carry the information of one independent sample: ``1 + 2 sum of autocorrelations``.
 
     The sum stops where the autocorrelation of a pair of lags first turns negative (Geyer's initial positive
     sequence), which keeps it from adding noise.
@@ -38,7 +38,7 @@ def autocorrelation_time(e: Float[Array, " n"]) -> float:
 
 
 def estimate_noise(session: Session, columns: Columns) -> Series:
-    """What no model here predicts of each row's residual, for each log ``(n, nv)``; zero where it is not usable.
+    """Part of each row's residual that no model predicts, for each log ``(n, nv)``; zero where not usable.
 
     Each row's residual is predicted from all columns at once, and from all columns and the flexible features; the
     better of the two leaves the noise. Both are judged on blocks that they have not seen.
@@ -55,7 +55,7 @@ def estimate_noise(session: Session, columns: Columns) -> Series:
         predicted, _ = held_out_ridge(rich, y, use, session.blocks, session.folds, first=(plain[0].shape[1],))
         return [np.where(u, given - p, 0.0) for u, given, p in zip(use, y, predicted, strict=True)]
 
-    rows = two_at_a_time(unpredicted, range(len(columns.rows)))
+    rows = in_two_threads(unpredicted, range(len(columns.rows)))
     return tuple(np.column_stack(parts) for parts in zip(*rows, strict=True))
 
 
@@ -82,7 +82,7 @@ def rms(parts: list[Float[Array, " n"]]) -> float:
 
 
 def smaller_noise(search: Search, chosen: frozenset[Term], noise: Series) -> tuple[Series, float]:
-    """Noise with the rows replaced on which the chosen effects leave less, on held-out blocks, than the free fits did.
+    """Noise with those rows replaced where the chosen effects leave less on held-out blocks than the free fits.
 
     Free fits overfit where recordings are short.
 
@@ -90,16 +90,16 @@ def smaller_noise(search: Search, chosen: frozenset[Term], noise: Series) -> tup
         The noise, and the smallest ratio of new to old over the rows.
     """
     problem = search.problem
-    rest = residual_after(problem, held_out_torque(problem, chosen, search.evaluate(chosen)))
+    residual = residual_after(problem, held_out_torque(problem, chosen, search.evaluate(chosen)))
     left = [part.copy() for part in noise]
     ratio = 1.0
     for j in range(len(problem.columns.rows)):
         use = [u[:, j] for u in problem.columns.usable]
-        new = rms([r[:, j][u] for r, u in zip(rest, use, strict=True)])
+        new = rms([r[:, j][u] for r, u in zip(residual, use, strict=True)])
         old = rms([e[:, j][u] for e, u in zip(noise, use, strict=True)])
         if 0 < new < old:
             ratio = min(ratio, new / old)
-            for k, r in enumerate(rest):
+            for k, r in enumerate(residual):
                 left[k][:, j] = np.where(use[k], r[:, j], 0.0)
     return tuple(left), ratio
 
@@ -107,10 +107,10 @@ def smaller_noise(search: Search, chosen: frozenset[Term], noise: Series) -> tup
 def noise_without(
     search: Search, tried: frozenset[Term], chosen: frozenset[Term], noise: Series
 ) -> tuple[Series, float]:
-    """Noise without the trace that what ``tried`` has beyond ``chosen`` has left in it.
+    """Noise without the trace of the effects that ``tried`` has beyond ``chosen``.
 
-    Free fits with many columns do not predict an effect in full on blocks that they have not seen; the rest is taken
-    for noise. The trace is what fits of the effect predict on such blocks, and the share of it that the noise holds is
+    Free fits with many columns do not predict an effect in full on held-out blocks; what remains is taken for
+    noise. The trace is what fits of the effect predict on such blocks, and the share of it that the noise holds is
     that of least squares once the noise is white.
 
     Returns:

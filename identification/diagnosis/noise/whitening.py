@@ -1,8 +1,8 @@
-"""Noise made white: each row through one short filter, so that every frequency counts by how little noise it has.
+"""Autoregressive whitening of each row (generalised least squares): every frequency is weighted by its noise.
 
 Encoder noise grows with the fourth power of frequency in a torque residual, disturbances fall off. A narrow band would
 lose what friction leaves at high frequencies, a wide one would drown what inertias leave at low ones; whitened, a wide
-band loses neither (generalised least squares with an autoregressive noise model).
+band loses neither.
 """
 
 from __future__ import annotations
@@ -14,7 +14,7 @@ from jaxtyping import Bool, Float
 
 from identification.diagnosis.model.columns import Columns
 from identification.diagnosis.model.session import Series
-from identification.diagnosis.numerics.two_threads import two_at_a_time
+from identification.diagnosis.numerics.two_threads import in_two_threads
 
 Array = np.ndarray
 
@@ -59,7 +59,7 @@ def whitened(columns: Columns, noise: Series) -> tuple[Columns, Series]:
     for log in range(len(columns.values)):
         own, counts = columns.values[log], trust[log]
         values.append(
-            tuple(two_at_a_time(lambda j, own=own, c=counts: filtered(kernels[j], own[j]) * c[:, j : j + 1], rows))
+            tuple(in_two_threads(lambda j, own=own, c=counts: filtered(kernels[j], own[j]) * c[:, j : j + 1], rows))
         )
         residual.append(_white(kernels, columns.residual[log]) * counts)
         torque.append(_white(kernels, columns.model_torque[log]) * counts)
@@ -91,7 +91,7 @@ def _white(kernels: list[Float[Array, " m"]], series: Float[Array, "n nv"]) -> F
 
 
 def _trust(columns: Columns, kernels: list[Float[Array, " m"]], noise: Series) -> list[Float[Array, "n nv"]]:
-    """What each sample counts: its noise over noise and doubt together, of mean square one on each row."""
+    """Weight of each sample, its noise over noise and reversal doubt together, of mean square one on each row."""
     white = [_white(kernels, part) ** 2 for part in noise]
     doubt = [_white(kernels, part) ** 2 for part in columns.doubt]
     total = sum(np.where(use, w, 0.0).sum(axis=0) for w, use in zip(white, columns.usable, strict=True))

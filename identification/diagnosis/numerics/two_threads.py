@@ -1,4 +1,4 @@
-"""Work on many things, two at a time."""
+"""Map a function over many items in two threads."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ T = TypeVar("T")
 _THREADS = 2
 
 
-def two_at_a_time(work: Callable[[S], T], things: Iterable[S]) -> list[T]:
-    """What ``work`` gives for each thing, in order."""
+def in_two_threads(work: Callable[[S], T], things: Iterable[S]) -> list[T]:
+    """Results of ``work`` for each item, in order, computed in two threads."""
     with ThreadPoolExecutor(_THREADS) as pool:
         return list(pool.map(work, things))

@@ -1,4 +1,4 @@
-"""About which effects laws that are not linear are taken again: those that a fit has found, and their runners-up."""
+"""Effects about which nonlinear laws are linearised again: those that a fit found, and their runners-up."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ _SAME_SHAPE = 0.03
 
 
 def found_effects(fitted: Fitted, chosen: frozenset[Term]) -> tuple[FoundEffect, ...]:
-    """What a fit has found, as points to take laws about."""
+    """Found effects as points about which nonlinear laws are linearised."""
     return tuple(_point(fitted, term) for term in ordered(chosen))
 
 
@@ -28,10 +28,10 @@ def runners_up(search: Search, chosen: frozenset[Term]) -> tuple[FoundEffect, ..
     shaped = tuple(term for term in search.terms if term.named and term.shape and term.place not in taken)
     out: dict[tuple[str, str | None], FoundEffect] = {}
     for finding in (None, *ordered(chosen)):
-        rest = chosen - {finding}
-        won = None if finding is None else search.gains(rest, (finding,))[finding]
-        rivals = tuple(term for term in shaped if possible(rest, term))
-        gains = search.gains(rest, rivals)
+        remaining = chosen - {finding}
+        won = None if finding is None else search.gains(remaining, (finding,))[finding]
+        rivals = tuple(term for term in shaped if possible(remaining, term))
+        gains = search.gains(remaining, rivals)
         best: dict[tuple[str, str | None], Term] = {}
         for term in sorted(rivals, key=lambda term: -gains[term]):
             if (
@@ -40,17 +40,17 @@ def runners_up(search: Search, chosen: frozenset[Term]) -> tuple[FoundEffect, ..
             ):
                 best.setdefault(term.place, term)
         for place, term in best.items():
-            out.setdefault(place, _point(search.evaluate(with_term(rest, term)), term))
+            out.setdefault(place, _point(search.evaluate(with_term(remaining, term)), term))
     return tuple(out.values())
 
 
 def needs_refinement(found: tuple[FoundEffect, ...]) -> bool:
-    """True if a law is not linear in its parameters, or made of a torque that the other findings change."""
+    """True if a law is nonlinear in its parameters, or depends on a torque that the other findings change."""
     return any(point.shape or point.effect.follows_torque for point in found)
 
 
 def unchanged(found: tuple[FoundEffect, ...], before: tuple[FoundEffect, ...]) -> bool:
-    """True if laws would be taken about the same points again."""
+    """True if nonlinear laws would be linearised about the same points again."""
     names = [[(*point.place, len(point.shape)) for point in points] for points in (found, before)]
     if names[0] != names[1]:
         return False
@@ -76,5 +76,5 @@ def _point(fitted: Fitted, term: Term) -> FoundEffect:
 
 
 def _apart(term: Term, point: FoundEffect) -> float:
-    """How far two shapes of one effect are apart."""
+    """Distance of two shapes of one effect."""
     return sum(abs(a - b) for a, b in zip(term.shape, point.shape, strict=False))

@@ -1,4 +1,4 @@
-"""What else a finding may be: sets of effects that explain the same held-out data, and how often each one wins."""
+"""Rivals of a finding: other sets of effects that explain the held-out data, with their shares of bootstrap wins."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ _LOOKS = 3
 
 @dataclass(frozen=True)
 class Standing:
-    """How a finding stands against its rivals.
+    """Share of bootstrap wins of a finding and of its rivals.
 
     Attributes:
         probability: Its own share of wins.
@@ -121,7 +121,7 @@ def settled(search: Search, chosen: frozenset[Term]) -> frozenset[Term]:
 
 
 def _costs(search: Search, sets: list[frozenset[Term]]) -> tuple[Float[Array, " m"], Float[Array, " m"]]:
-    """What sets cost in every replicate, in two ways that are both fair: their prices, and moves of the model.
+    """Cost of each set in every bootstrap replicate: price plus moves of the model, counted in two fair ways.
 
     Either all moves count, or those only that cost four more than the first set's (two tolerances of one quantity), or
     four less: how wrong a model is within its tolerance is not known that well.

@@ -1,4 +1,7 @@
-"""Candidate effects of one problem, how sets of them are judged on held-out data, and what a claim needs."""
+"""Rivals and the score of a set of them: held-out loss plus a BIC-like price, with thresholds from chance.
+
+A claim has to gain more on held-out data than chance gives over the whole catalogue, or on one joint.
+"""
 
 from __future__ import annotations
 
@@ -32,11 +35,11 @@ class Threshold:
     joints: dict[str | None, float]
 
     def of(self, *terms: Term) -> float:
-        """For these effects together."""
+        """Threshold of a claim of these effects together."""
         return max((min(self.joints.get(joint_of(term), self.overall), self.overall) for term in terms), default=0.0)
 
     def lowered(self, other: Threshold) -> Threshold:
-        """The lower one of two, everywhere."""
+        """The lower of two thresholds, overall and joint by joint."""
         joints = {
             joint: min(both.joints.get(joint, both.overall) for both in (self, other))
             for joint in {*self.joints, *other.joints}
@@ -58,7 +61,7 @@ _WORTH_FITTING = 0.2
 
 @dataclass(frozen=True)
 class Search:
-    """Rivals of one problem and how sets of them are judged.
+    """Rivals of one problem and the scores of sets of them.
 
     Attributes:
         problem: What is fitted.
@@ -124,7 +127,7 @@ class Search:
 
 
 def price(size: int) -> float:
-    """What an effect with ``size`` parameters has to earn; beyond four, each costs what chance gives it."""
+    """Penalty of an effect with ``size`` parameters, as in BIC; beyond four, each costs its expected gain by chance."""
     return rules.PARAMETER_PRICE * min(size, 4) + max(size - 4, 0)
 
 
@@ -214,7 +217,7 @@ def least_gain(search: Search, terms: frozenset[Term]) -> float:
 
 
 def claimed(search: Search, chosen: frozenset[Term], without: frozenset[Term]) -> bool:
-    """True if what ``chosen`` has beyond ``without`` gains on held-out data what chance does not.
+    """True if ``chosen`` gains more over ``without`` on held-out data than chance does.
 
     The gain has to be above the threshold, in sample too, and either positive from block to block or above the
     threshold without its two best blocks too; a gain ten times the threshold may sit in few blocks only, as that of an
@@ -234,7 +237,7 @@ def claimed(search: Search, chosen: frozenset[Term], without: frozenset[Term]) -
 
 
 def dropped(search: Search, chosen: frozenset[Term]) -> frozenset[Term]:
-    """Take out, one by one, what is no longer needed."""
+    """Backward elimination: remove, one by one, effects that are no longer needed."""
     while chosen:
         least = min(ordered(chosen), key=lambda term: search.score(chosen - {term}))
         if claimed(search, chosen, chosen - {least}):

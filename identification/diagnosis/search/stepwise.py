@@ -1,8 +1,7 @@
-"""Stepwise search for the set of effects that explains the residual, structures without a name included.
+"""Forward selection of effects with backward elimination and swaps, generic structures included.
 
-Which set of effects explains the residual: stepwise in, out again, and swapped for simpler or better ones.
-
-Structures that the catalogue has no name for: when they join what it explains, or take its place.
+Effects are added by their held-out gain, removed once they are needless, and swapped for simpler or better ones.
+Structures outside the catalogue then join the set, or take the place of effects that only resemble them.
 """
 
 from __future__ import annotations
@@ -14,11 +13,15 @@ from identification.diagnosis.model.terms import Term, ordered
 from identification.diagnosis.search.search import Search, claimed, dropped, possible, with_term
 from identification.diagnosis.search.swaps import simplified, swapped
 
+# Effects of one set at most, far more than any robot of the benchmarks has.
 _MOST_TERMS = 40
 # Rivals that are judged on held-out data in one step, the best in sample.
 _MOST_JUDGED = 24
-# The same where one that falls short is tried.
+# The same for the best effect below the threshold of chance.
 _SHORT_JUDGED = 8
+# Structures without a name that are taken in, and how many of them are judged on held-out data in one step.
+_MOST_NAMELESS = 4
+_MOST_NAMELESS_JUDGED = 8
 
 
 def explain(search: Search, progress: Callable[[str], None], start: frozenset[Term] = frozenset()) -> frozenset[Term]:
@@ -50,7 +53,7 @@ def best_short(search: Search, chosen: frozenset[Term]) -> frozenset[Term] | Non
 
 
 def _forward(search: Search, chosen: frozenset[Term], progress: Callable[[str], None]) -> frozenset[Term]:
-    """Add the effect that helps most until none helps more than chance.
+    """Forward selection: add the effect with the largest held-out gain until none gains more than chance.
 
     In sample a gain is larger than on held-out data, so rivals are judged there in the order of their gains in sample
     until none that is left can do better than the best so far. What is added can make earlier effects needless, and
@@ -80,13 +83,8 @@ def _forward(search: Search, chosen: frozenset[Term], progress: Callable[[str], 
     return chosen
 
 
-# Structures without a name that are taken in, and how many of them are judged on held-out data in one step.
-_MOST_NAMELESS = 4
-_MOST_JUDGED_nameless = 8
-
-
 def with_nameless(search: Search, chosen: frozenset[Term], progress: Callable[[str], None]) -> frozenset[Term]:
-    """Structures that the catalogue has no name for, added to what it explains or put in its place.
+    """Add structures outside the catalogue to the set, or put them in the place of named effects.
 
     A structure has to gain what any claim has to gain beyond the best that named effects do; what it makes needless
     is then dropped. One that stands for several effects at a lower price takes their place.
@@ -98,7 +96,7 @@ def with_nameless(search: Search, chosen: frozenset[Term], progress: Callable[[s
         best, lowest = None, search.score(chosen)
         for base in {chosen, frozenset(term for term in chosen if not term.named)}:
             promised = search.gains(base, nameless)
-            for term in sorted(nameless, key=lambda term: -promised[term])[:_MOST_JUDGED_nameless]:
+            for term in sorted(nameless, key=lambda term: -promised[term])[:_MOST_NAMELESS_JUDGED]:
                 if promised[term] < search.threshold.overall or not possible(base, term):
                     continue
                 tried = _only_needed(search, with_term(base, term), chosen)
@@ -116,7 +114,7 @@ def with_nameless(search: Search, chosen: frozenset[Term], progress: Callable[[s
 
 
 def _only_needed(search: Search, tried: frozenset[Term], chosen: frozenset[Term]) -> frozenset[Term]:
-    """A set with a structure in it, with the named effects that it still needs and without the others."""
+    """A set with a structure and only those named effects that it still needs."""
     for term in ordered(chosen):
         if term.named and possible(tried, term) and claimed(search, with_term(tried, term), tried):
             tried = with_term(tried, term) if with_term(tried, term) >= tried else tried

@@ -1,4 +1,4 @@
-"""What could stand in the place of an effect, and swaps for what is better or simpler."""
+"""Swaps of the stepwise search: alternatives of a chosen effect, taken where they score better or are simpler."""
 
 from __future__ import annotations
 
@@ -68,7 +68,7 @@ def simplified(search: Search, chosen: frozenset[Term]) -> frozenset[Term]:
 
 
 def explained(search: Search, chosen: frozenset[Term], term: Term) -> float:
-    """What one of several effects explains of the loss in sample."""
+    """In-sample loss that one of several effects explains."""
     return search.quick(chosen - {term}) - search.quick(chosen)
 
 
@@ -88,19 +88,19 @@ def relevant(search: Search, chosen: frozenset[Term], term: Term, slack: float) 
         search: Rivals.
         chosen: A set with ``term`` in it.
         term: What is to be replaced.
-        slack: Gain that an alternative may lack, penalties included.
+        slack: Allowed deficit of an alternative's gain, prices counted.
     """
-    rest = chosen - {term}
+    remaining = chosen - {term}
     rows = rows_of(search.problem, term)
     near = [
         others
         for others in alternatives(search, term)
         if any(rows & rows_of(search.problem, other) for other in others)
-        and all(rest.isdisjoint(search.covering(other)) for other in others)
+        and all(remaining.isdisjoint(search.covering(other)) for other in others)
     ]
-    singles = tuple(other for others in near if len(others) == 1 for other in others if other not in rest)
+    singles = tuple(other for others in near if len(others) == 1 for other in others if other not in remaining)
     lost = explained(search, chosen, term)
-    promised = search.gains(rest, singles)
+    promised = search.gains(remaining, singles)
     # Promises are to second order, and may be off by a few per cent where a law is not linear.
     least = lost - price(search.sizes[term]) - max(slack, 0.05 * lost)
     return tuple(others for others in near if len(others) > 1 or promised.get(next(iter(others)), -np.inf) >= least)
@@ -116,5 +116,5 @@ def replaced(chosen: frozenset[Term], term: Term, others: frozenset[Term]) -> fr
 
 
 def _key(chosen: frozenset[Term]) -> list[tuple[int, ...]]:
-    """Something to break ties by that does not depend on the order of a set."""
+    """Sort key that breaks ties independently of the order of a set."""
     return [term.columns for term in ordered(chosen)]

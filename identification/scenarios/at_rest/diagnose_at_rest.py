@@ -152,7 +152,7 @@ def _parameters(robot: Robot, row: int, way: Way, k: int) -> dict[str, Value]:
 
 
 def _told(robot: Robot, row: int, stills: Stills, found: GivingWay) -> list[str]:
-    """How far apart the joint rests, in its unit and in steps of its reading, and under which load."""
+    """Distance of the positions at rest, in the joint's unit and in steps of its reading, and their load."""
     joint, unit = robot.joint_names[row], robot.position_units[row]
     load = np.abs(stills.middles(stills.load))
     steps = f" ({found.shift / stills.quantum:.1f} steps of its reading)" if stills.quantum > 0 else ""
@@ -180,7 +180,7 @@ def _gap(robot: Robot, row: int, stills: Stills, found: GivingWay | None) -> Joi
 
 
 def _unexplained(robot: Robot, every: list[Stills], ways: dict[int, GivingWay]) -> Unexplained:
-    """Share of what rests leave beyond their repeatability, and the joint that leaves most."""
+    """Share of the residual at rest beyond repeatability, and the joint that leaves most."""
     found = {row: way for row, way in ways.items() if way.ways}
     if not found:
         return Unexplained(0.0, False, None, None)

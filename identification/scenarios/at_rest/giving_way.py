@@ -1,8 +1,9 @@
-r"""How a joint gives way under load: a play, a spring, or both, from where it rests.
+r"""Play, stiffness, or both, of a joint from its positions at standstill under load.
 
 A motor that is where its reference says moves the link by :math:`q - q_{ref} = c - \frac{g}{2} s - \tau_l / k`, with
 the load :math:`\tau_l` that the transmission passes to the link, its sign :math:`s`, a play of full width :math:`g`, a
-stiffness :math:`k` and a constant :math:`c` of reading and reference. Loads of one size part none of play and spring.
+stiffness :math:`k` and a constant :math:`c` of reading and reference. Loads of one size do not separate play from
+spring.
 """
 
 from __future__ import annotations

@@ -1,7 +1,7 @@
 """A drive that follows its command as a first-order low pass: ``T dtau/dt + tau = command``.
 
 The command has to lead: it is the needed torque plus ``T`` times its time derivative, which is exact. It is equal to a
-delay of ``T`` to first order: content at high frequency parts the two. A lag common to all joints has no joint.
+delay of ``T`` to first order: content at high frequency separates the two. A lag common to all joints has no joint.
 MJCF: actuator ``dyntype="filterexact"`` with ``dynprm``; URDF has no place for it.
 """
 

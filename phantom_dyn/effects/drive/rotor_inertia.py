@@ -1,7 +1,7 @@
 """Rotor inertia that the model lacks, reflected to the joint side: ``torque = -I a``.
 
 It leaves a residual proportional to that joint's own acceleration and no gravity. On the first joint, and wherever it
-regroups with the link's inertia, nothing can part the two.
+regroups with the link's inertia, nothing can separate the two.
 URDF has no place for it; MJCF: joint ``armature``.
 """
 

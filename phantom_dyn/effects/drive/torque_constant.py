@@ -2,7 +2,7 @@
 
 Everything of that joint is scaled, gravity and friction included. The column is the modelled torque, not the
 measured one, whose noise would bias the fit. A wrong mass of all links behind the joint looks alike; a known mass, or
-friction that is trusted, parts the two. URDF has no place for it; MJCF: actuator ``gear``.
+friction that is trusted, separates the two. URDF has no place for it; MJCF: actuator ``gear``.
 """
 
 from __future__ import annotations

@@ -1,7 +1,7 @@
 """Friction that differs by direction: ``-(T+ + c+ v)`` for ``v > 0``, ``T- - c- v`` for ``v < 0``.
 
 It contains Coulomb friction, viscous friction and a torque offset as special cases. Without a difference of the
-viscous parts it is Coulomb friction plus an offset, and nothing can part the two.
+viscous parts it is Coulomb friction plus an offset, and nothing can separate the two.
 URDF and MJCF have a place for the mean of both directions only; MJCF for half the difference of the torques too, as
 ``biasprm`` of the actuator.
 """

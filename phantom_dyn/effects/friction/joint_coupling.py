@@ -2,7 +2,7 @@
 
 Its torque ``-(T sign(w) + c w + I dw/dt)`` acts on joint i, and ``ratio`` times it on joint j: a belt, a differential,
 a bearing between two links that move on parallel axes. On one joint alone it looks like friction of that joint:
-motions with the joints in and out of phase part the two. Between the two it leaves a friction that
+motions with the joints in and out of phase separate the two. Between the two it leaves a friction that
 flips with the other joint's direction. MJCF: a fixed ``tendon`` with ``frictionloss``, ``damping`` and ``armature``;
 URDF has no place for it.
 """

@@ -39,7 +39,7 @@ _LEAST_DISPLACEMENT = 1e-12
 
 
 def dahl(q: Float[Array, " N"], displacement: float) -> Float[Array, " N"]:
-    r"""Share of its largest torque that a bristle gives which yields more and more (Dahl, 1968), 0 at the first sample.
+    r"""Torque of a Dahl (1968) bristle as a share of its largest, along the positions ``q``; 0 at the first sample.
 
     :math:`dz/dq = (1 - z\,\mathrm{sign}\,dq) / d`, solved exactly from sample to sample. Each step is ``z -> r z + c``;
     two of them one after the other are again one, so that all are put together in ``log2(N)`` passes.

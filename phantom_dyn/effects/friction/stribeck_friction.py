@@ -1,6 +1,6 @@
 """Stribeck friction: ``-(Tc + (Ts - Tc) exp(-(v/vs)^2)) sign(v)``.
 
-It contains Coulomb friction (``Ts = Tc``). What parts the two is extra torque at low speed that decays with speed:
+It contains Coulomb friction (``Ts = Tc``). They are separated by extra torque at low speed that decays with speed:
 slow constant speeds in both directions show it. URDF and MJCF have a place for the level at
 high speed only.
 """

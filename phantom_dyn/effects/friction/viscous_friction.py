@@ -1,7 +1,7 @@
 """Viscous friction: ``torque = -c v``.
 
 In inverse dynamics it leaves a residual proportional to velocity. Nothing else in the catalogue is odd and linear in
-``v`` on one joint; a delay under a proportional controller comes close and is told apart by acceleration.
+``v`` on one joint; a delay under a proportional controller comes close and is distinguished by acceleration.
 URDF: ``<dynamics damping>``; MJCF: joint ``damping``.
 """
 

@@ -1,7 +1,7 @@
 """Inertial parameters of one link (or, with joint None, of every link) that are not those of the model.
 
-They leave gravity and inertia in the proportions that the link's motion dictates. Only base parameters can be told
-from a recording, so what is reported are the changes of those that moved, by name.
+They leave gravity and inertia in the proportions that the link's motion dictates. Only base parameters can be
+identified from a recording, so the changes of those that moved are reported, by name.
 URDF and MJCF: the link's inertial element.
 """
 

@@ -60,8 +60,8 @@ def orders_in(operation: Operation, row: int, *, whole_numbers: bool) -> tuple[t
     if low >= high:
         return ()
     step = max(1, int(0.5 * _SECONDS / operation.dt), -(-len(operation.t) // _SAMPLES))
-    rest = moving_average(operation.rest[:, row], operation.dt, _SECONDS)[::step]
-    residual = _Residual(operation.q[::step, row], _background(operation, row, low)[::step], rest, low)
+    torque = moving_average(operation.residual[:, row], operation.dt, _SECONDS)[::step]
+    residual = _Residual(operation.q[::step, row], _background(operation, row, low)[::step], torque, low)
     sets: list[tuple[float, ...]] = []
     orders: tuple[float, ...] = ()
     largest, most = 0.0, 0.0
@@ -136,13 +136,13 @@ class _Residual:
 
 
 def _periodogram(
-    q: Float[Array, " N"], rest: Float[Array, " N"], low: float, high: float
+    q: Float[Array, " N"], residual: Float[Array, " N"], low: float, high: float
 ) -> tuple[Float[Array, " n"], Float[Array, " n"]]:
     """Orders between ``low`` and ``high``, and the squares that sine and cosine of each take out of the residual."""
     width = 2 * np.pi / (_BINS * high)
     bins = ((q - q.min()) / width).astype(int)
     length = int(next_fast_len(max(_LINES * (int(bins.max()) + 1), 4 * _BINS), real=True) or 0)
-    wave = np.fft.rfft(np.bincount(bins, rest - rest.mean(), length), length)
+    wave = np.fft.rfft(np.bincount(bins, residual - residual.mean(), length), length)
     count = np.fft.rfft(np.bincount(bins, minlength=length), length)
     last = length // _BINS
     k = np.arange(min(max(1, int(np.ceil(low * length * width / (2 * np.pi)))), last), last + 1)

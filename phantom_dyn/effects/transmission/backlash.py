@@ -3,7 +3,7 @@
 Where the torque ``tl`` that is passed to the link changes its sign, the link comes loose: the drive lacks ``tl`` until
 the free link has crossed the gap, and then an impact brings its speed back. Averaged over both nothing is left, so it
 shows above a frequency of one over the time of flight. Friction acts where the velocity crosses zero, backlash where
-the transmitted torque does: gravity parts the two. Compliance has a resonance that does not move with amplitude.
+the transmitted torque does: gravity separates the two. Compliance has a resonance that does not move with amplitude.
 Friction and rotor are taken to sit on the motor's side, and impacts to be plastic.
 MJCF: a second joint on the same axis with the gap as its ``range``, the rotor as the first one's ``armature``; URDF has
 no place for it.

@@ -1,7 +1,7 @@
 """A spring on one joint that the model lacks (cable, hose, seal): ``torque = -k (q - q0)``.
 
 It leaves a residual that grows with position on one joint only. Gravity of a wrong mass looks alike over a small
-range; wide postures of the other joints part the two.
+range; wide postures of the other joints separate the two.
 URDF has no place for it; MJCF: joint ``stiffness`` and ``springref``.
 """
 

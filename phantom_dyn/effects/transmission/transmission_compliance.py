@@ -1,7 +1,7 @@
 """A transmission that gives way: ``tl = k (q_motor - q_link)``, with the torque ``tl`` that it passes to the link.
 
 The link is not where a motor-side encoder says. It swings on the spring, driven by the torque that it would need to
-follow its motor: how far is found by integrating that swing, which takes no derivative of a torque. It leaves a
+follow its motor: the amplitude is found by integrating that swing, which takes no derivative of a torque. It leaves a
 torque on every joint that feels the link, with an anti-resonance whose frequency does not depend on amplitude (that
 of backlash does). Well below it, it looks like a delay or a rotor inertia; content near it, or an encoder on the link,
 separates them. Friction and rotor are taken to sit on the motor's side.

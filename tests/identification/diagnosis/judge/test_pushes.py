@@ -77,7 +77,7 @@ def pushed(lab, planar2):
 
 def test_a_push_that_nobody_measured_is_told_with_what_to_leave_out(planar2, pushed):
     warnings = diagnose(planar2, (pushed[0],)).data_warnings
-    told = [w for w in warnings if "an unmeasured force pushed joint shoulder" in w]
+    told = [w for w in warnings if "joint shoulder was pushed by a force that no sensor measured" in w]
     assert len(told) == 1
     start, stop = map(float, re.findall(r"--exclude ([\d.]+):([\d.]+),", told[0])[0])
     assert 11.5 < start < 12.0
