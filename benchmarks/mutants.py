@@ -15,24 +15,23 @@ The libraries are imported once; each mutant is tested in a fork of that process
 from __future__ import annotations
 
 import argparse
-import ast
 import importlib
 import os
-import random
 import resource
 import shutil
 import signal
 import sys
 import tempfile
-from collections import Counter, defaultdict
-from collections.abc import Callable, Iterable, Iterator, Sequence
-from dataclasses import dataclass
-from itertools import islice
+from collections import defaultdict
+from collections.abc import Iterable, Sequence
 from math import sqrt
 from pathlib import Path
-from typing import Any
 
-CHECKOUT = Path(__file__).resolve().parents[1]
+if __package__ in (None, ""):  # called by its path: the checkout is not on the module path
+    sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
+
+from benchmarks.mutant_sample import CHECKOUT, Area, Mutant, drawn
+
 COPIED = ("phantom_dyn", "identification", "benchmarks", "tests", "urdf")
 LIBRARIES = (
     "numpy scipy.signal scipy.stats scipy.optimize scipy.interpolate scipy.linalg pinocchio numba jaxtyping "
@@ -41,63 +40,6 @@ LIBRARIES = (
 # Processor time that a mutant gets: this many times what the tests need without one, and some seconds.
 PATIENCE, GRACE = 4.0, 10.0
 OUTPUT = "output.txt"  # of the last tests, in the copy
-SHIFTS = ("RShift", "LShift", "BitXor")
-
-
-@dataclass(frozen=True)
-class Area:
-    """Code to change and the tests that cover it.
-
-    Attributes:
-        code: Folder or file in the checkout.
-        tests: Folders and files of tests; those named after the changed file are run first.
-        compiled: False where the code holds compiled functions: numba keeps callers that have the old one inlined.
-        slow: Words of pytest's ``-k`` that leave slow tests out.
-    """
-
-    code: str
-    tests: tuple[str, ...]
-    compiled: bool = True
-    slow: str = ""
-
-
-AREAS = (
-    Area("phantom_dyn/effects", ("tests/phantom_dyn/effects",), compiled=False),
-    Area("identification/diagnosis/judge", ("tests/identification/diagnosis/judge",), slow="not stated_size"),
-    Area("identification/diagnosis/noise", ("tests/identification/diagnosis/noise",)),
-    Area("identification/data/signals.py", ("tests/identification/data/test_signals.py",)),
-)
-
-
-@dataclass(frozen=True)
-class Place:
-    """A change that an operator may make.
-
-    Attributes:
-        area: Where the file belongs.
-        path: The file, from the checkout.
-        line: Number of the line, from 1.
-        operator: Name that cosmic-ray gives it.
-        occurrence: Number of the change among all that the operator may make in the file, from 0.
-        key: File, line as written, operator and its number in such lines: the same after a change elsewhere.
-    """
-
-    area: Area
-    path: str
-    line: int
-    operator: str
-    occurrence: int
-    key: str
-
-
-@dataclass(frozen=True)
-class Mutant:
-    """One change of one file: the line before and after, and the whole file after."""
-
-    place: Place
-    before: str
-    after: str
-    code: str
 
 
 def wilson(share: int, whole: int, z: float = 1.96) -> tuple[float, float]:
@@ -110,95 +52,22 @@ def wilson(share: int, whole: int, z: float = 1.96) -> tuple[float, float]:
     return middle - half, middle + half
 
 
-def left_out(source: str) -> Callable[[int, int], bool]:
-    """Says of a line (from 1) and a column (from 0) whether it is annotation, decorator or text."""
-    spans = []
-    for node in ast.walk(ast.parse(source)):
-        parts: list[ast.AST | None] = []
-        if isinstance(node, ast.arg | ast.AnnAssign):
-            parts = [node.annotation]
-        elif isinstance(node, ast.FunctionDef | ast.ClassDef):
-            parts = [*node.decorator_list, node.returns if isinstance(node, ast.FunctionDef) else None]
-        elif isinstance(node, ast.JoinedStr):
-            parts = [node]
-        for part in parts:
-            if isinstance(part, ast.expr) and part.end_lineno is not None and part.end_col_offset is not None:
-                spans.append(((part.lineno, part.col_offset), (part.end_lineno, part.end_col_offset)))
-    return lambda line, column: any(start <= (line, column) < end for start, end in spans)
-
-
-def worth_trying(name: str) -> bool:
-    """False for replacements that end in an error or change nothing on numbers, whatever the code around them says."""
-    if name.startswith("ReplaceBinaryOperator"):
-        new = name.rsplit("_", 1)[1]
-        return new not in SHIFTS and ("Bit" in name.rsplit("_", 2)[1]) == ("Bit" in new)
-    if name.startswith("ReplaceComparisonOperator"):
-        return name in ("ReplaceComparisonOperator_Is_IsNot", "ReplaceComparisonOperator_IsNot_Is") or "Is" not in name
-    return name not in ("RemoveDecorator", "ExceptionReplacer") and not name.startswith("ReplaceUnaryOperator_USub_Inv")
-
-
-def places_in(area: Area, path: Path) -> Iterator[Place]:
-    """Places of a file that an operator may change, in the order of the operators' names."""
-    trees = importlib.import_module("cosmic_ray.ast")
-    known: Any = importlib.import_module("cosmic_ray.operators.provider").OperatorProvider()
-    source = path.read_text()
-    lines, skipped, nodes = source.splitlines(), left_out(source), list(trees.ast_nodes(trees.get_ast(source)))
-    met: Counter[str] = Counter()
-    for name in sorted(known):
-        if known[name].arguments() or not worth_trying(name):
-            continue
-        operator = known[name]()
-        found = [(node, start) for node in nodes for start, _ in operator.mutation_positions(node)]
-        for occurrence, (node, (line, column)) in enumerate(found):
-            no_operator = "Binary" in name and node.parent.type in ("parameters", "subscript", "dictorsetmaker")
-            if not (no_operator or skipped(line, column)):
-                key = f"{path.name} {name} {lines[line - 1].strip()}"
-                met[key] += 1
-                yield Place(area, str(path.relative_to(CHECKOUT)), line, name, occurrence, f"{key} {met[key]}")
-
-
-def mutant_at(place: Place) -> Mutant | None:
-    """The mutant of a place; None where what comes out is no Python or means the same."""
-    operator: Any = importlib.import_module("cosmic_ray.operators.provider").OperatorProvider()[place.operator]()
-    source = (CHECKOUT / place.path).read_text()
-    code = importlib.import_module("cosmic_ray.mutating").mutate_code(source, operator, place.occurrence)
-    try:
-        if code is None or ast.dump(ast.parse(code)) == ast.dump(ast.parse(source)):
-            return None
-    except SyntaxError:
-        return None
-    old, new = (text.splitlines()[place.line - 1].strip() for text in (source, code))
-    return Mutant(place, old, new, code)
-
-
-def drawn(sample: int, seed: int, only: str) -> list[Mutant]:
-    """So many mutants at random, all if ``sample`` is zero, by file and line.
-
-    Each place draws its own number, so that a line that is changed elsewhere leaves the sample as it was.
-    """
-    places = [place for area in AREAS for file in files(area) if only in str(file) for place in places_in(area, file)]
-    print(f"{len(places)} places, of which {sample or 'all'} are tried, seed {seed}", flush=True)
-    places.sort(key=lambda place: random.Random(f"{seed} {place.key}").random())
-    found = (mutant for mutant in map(mutant_at, places) if mutant is not None)
-    return sorted(islice(found, sample or None), key=lambda mutant: (mutant.place.path, mutant.place.line))
-
-
-def files(area: Area) -> list[Path]:
-    """The Python files of an area, sorted."""
-    place = CHECKOUT / area.code
-    return sorted(place.rglob("*.py")) if place.is_dir() else [place]
-
-
 def covering(area: Area, path: str, tree: Path) -> list[str]:
-    """Test files of an area in a checkout, those that share most of their name with the changed file first."""
-    found = [file for place in area.tests for file in sorted((tree / place).rglob("test_*.py"))]
+    """Test files of an area in a checkout: those named like the changed file first, then those of no single folder.
+
+    A file in a folder of its own kind (`Area.apart`) is covered by that folder's tests and by those of no folder.
+    """
+    found = [file for place in area.tests for file in (tree / place).rglob("test_*.py")]
     found += [tree / place for place in area.tests if place.endswith(".py")]
-    words = Path(path).stem.split("_")
+    kind, words = Path(path).parent.name, Path(path).stem.split("_")
+    tops = [(tree / place) for place in area.tests]
+    if kind in area.apart:
+        found = [file for file in found if file.parent.name == kind or file.parent in tops]
 
-    def strangeness(file: Path) -> int:
-        return -sum(len(word) for word in words if word in file.stem)
+    def order(file: Path) -> tuple[int, bool, str]:
+        return -sum(len(word) for word in words if word in file.stem), file.parent not in tops, str(file)
 
-    return [str(file.relative_to(tree)) for file in sorted(found, key=strangeness)]
+    return [str(file.relative_to(tree)) for file in sorted(found, key=order)]
 
 
 def tested(area: Area, path: str, tree: Path, seconds: float, mutated: bool) -> tuple[str, float]:

@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+
 import pytest
 
-from benchmarks.mutants import AREAS, CHECKOUT, covering, left_out, wilson, worth_trying
+from benchmarks.mutant_sample import AREAS, CHECKOUT, left_out, worth_trying
+from benchmarks.mutants import covering, wilson
 
 SOURCE = """\
 from x import property
@@ -73,3 +76,11 @@ def test_tests_named_after_the_changed_file_are_run_first():
     effects = AREAS[0]
     first = covering(effects, "phantom_dyn/effects/friction/joint_coupling.py", CHECKOUT)[0]
     assert first == "tests/phantom_dyn/effects/friction/test_joint_coupling.py"
+
+
+def test_an_effect_is_covered_by_the_tests_of_its_folder_and_of_no_folder():
+    effects = AREAS[0]
+    found = covering(effects, "phantom_dyn/effects/friction/joint_coupling.py", CHECKOUT)
+    assert {Path(file).parent.name for file in found} == {"friction", "effects"}
+    everything = covering(effects, "phantom_dyn/effects/support/rows.py", CHECKOUT)
+    assert {Path(file).parent.name for file in everything} > {"friction", "effects", "drive", "support"}

@@ -134,3 +134,12 @@ def test_times_have_the_regimes_of_the_shares_and_lie_between_none_and_all(evide
 def test_what_is_left_of_the_corrected_model_is_noise(found, evidence):
     left = np.sqrt(np.mean((evidence.tau_measured - evidence.tau_after) ** 2, axis=0))
     assert left == pytest.approx([joint.noise_floor for joint in found.joints], rel=0.2)
+
+
+def test_the_gap_that_is_left_on_a_joint_is_what_the_corrected_model_leaves(found, evidence):
+    left = np.sqrt(np.mean((evidence.tau_measured - evidence.tau_after) ** 2, axis=0))
+    assert [joint.rms_after for joint in found.joints] == pytest.approx(left, rel=0.1)
+
+
+def test_the_sample_period_is_that_of_the_recordings(evidence):
+    assert evidence.sample_period == pytest.approx(1.0 / 200.0)

@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from identification.diagnosis.judge.bounds import _lasting, smallest_seen
+from identification.diagnosis.judge.bounds import _claimable, _lasting, smallest_seen
 from identification.diagnosis.model.terms import merged, untestable_places
 from identification.pipeline import diagnose
 from phantom_dyn.effects.catalogue import EFFECTS
@@ -120,6 +120,18 @@ def hits(lab, pendulum):
         return sum(any(f.joint == "pin" for f in diagnose(pendulum, (one,)).findings) for one in recordings)
 
     return count
+
+
+@pytest.mark.parametrize(
+    ("effect", "joint", "needed"), [("viscous_friction", "elbow", 10.0), ("stribeck_friction", "elbow", 20.0)]
+)
+def test_what_is_claimed_with_95_per_cent_power_exceeds_what_a_claim_needs(quiet, effect, joint, needed):
+    # By hand: the search asks for a gain of 10, and 5 for each parameter beyond the first; spread over ten blocks alike
+    # the two best are a fifth of it, and a normal number is above -1.645 in 95 of 100 cases.
+    term = quiet.term(effect, joint)
+    assert _claimable(quiet.search, term, np.ones(10)) == pytest.approx(
+        np.sqrt(max(needed + 2.0, min(16.0, needed / 0.8))) + 1.645
+    )
 
 
 @pytest.mark.whole

@@ -52,3 +52,12 @@ def test_a_simpler_law_is_named_where_a_richer_one_is_better_by_less_than_the_me
     torque = lab.acting(robot, motion, "coulomb_friction", "pin", 5.0) * np.where(motion.v > 0, 1.01, 1.0)
     found = diagnose(robot, (lab.recording(robot, motion, torque, noise=0.01),)).findings
     assert [(finding.effect, finding.rivals) for finding in found] == [("coulomb_friction", ())]
+
+
+def test_an_effect_that_is_the_whole_gap_closes_all_of_it_however_small_the_gap(lab, pendulum, trusted):
+    # Known truth: an offset as large as the noise in the judged band is all that a trusted model lacks.
+    robot, motion = trusted(pendulum), lab.motion(1, 3, seconds=20.0)
+    found = diagnose(robot, (lab.recording(robot, motion, 0.0095),))
+    assert found.joints[0].rms_before < 1.6 * found.joints[0].noise_floor
+    assert [finding.effect for finding in found.findings] == ["torque_offset"]
+    assert found.findings[0].gap_closed == pytest.approx(1.0, abs=0.1)

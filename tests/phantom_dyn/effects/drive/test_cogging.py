@@ -151,3 +151,9 @@ def test_parameters_are_lists_of_orders_amplitudes_and_phases(arm):
         ("phase", "rad"),
     ]
     assert EFFECT.parameters(arm, "slide")[0].unit == "rad/m"
+
+
+def test_the_probe_is_a_wave_of_amplitude_one_and_phase_zero(arm, wide):
+    name, direction = EFFECT.probe(arm, wide, "tilt")
+    assert name == "amplitude"
+    np.testing.assert_allclose(EFFECT.from_coefficients(arm, "tilt", direction, (6.0,)), [6.0, 1.0, 0.0], atol=1e-15)

@@ -1,0 +1,98 @@
+"""Fresh encoder noise on a recording. Oracle: lattices and noises that are known because they were put in."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from identification.diagnosis.noise.encoder_noise import (
+    _step,
+    at_least_encoder_noise,
+    coarse_joints,
+    read_again,
+    reading_steps,
+)
+from identification.diagnosis.noise.noise_floor import rms
+
+STEP = 2e-3
+
+
+def stating(prepared, step: float | None):
+    """The session of a robot whose file states that step for both joints."""
+    counts = None if step is None else 2.0 * np.pi / step
+    robot = prepared.session.robot
+    actuators = tuple(replace(one, encoder_counts=counts) for one in robot.actuators)
+    return replace(prepared.session, robot=replace(robot, actuators=actuators))
+
+
+def test_an_encoder_with_steps_is_read_on_a_lattice_about_the_motion(quiet, rng):
+    log = quiet.logs[0]
+    again = read_again(log, quiet.columns.operations[0], (STEP, STEP), rng)
+    levels = again.raw_q / STEP
+    np.testing.assert_allclose(levels - levels[0], np.round(levels - levels[0]), atol=1e-6)
+    off = again.raw_q - log.motion.q
+    assert np.abs(off).max() <= 0.5 * STEP + 1e-12
+    # Closed form: rounding to a step is uniform over it.
+    assert off.std(axis=0) == pytest.approx(STEP / np.sqrt(12.0), rel=0.05)
+
+
+def test_an_encoder_without_steps_has_the_noise_that_smoothing_took_off_at_another_time(quiet, rng):
+    log = quiet.logs[0]
+    again = read_again(log, quiet.columns.operations[0], (None, None), rng)
+    old, new = log.raw_q - log.motion.q, again.raw_q - log.motion.q
+    np.testing.assert_allclose(np.sort(new, axis=0), np.sort(old, axis=0), atol=1e-15)
+    for j in range(2):
+        count = len(old)
+        found = [shift for shift in range(count // 4, count // 2) if np.allclose(np.roll(old[:, j], shift), new[:, j])]
+        assert len(found) == 1
+
+
+def test_a_recording_that_is_read_again_is_driven_by_the_torque_of_the_model(quiet, rng):
+    operation = quiet.columns.operations[0]
+    again = read_again(quiet.logs[0], operation, (None, None), rng)
+    np.testing.assert_array_equal(again.tau, operation.tau)
+
+
+@pytest.mark.parametrize("times", [1.0, 3.0])
+def test_the_step_of_readings_is_that_of_their_lattice(lab, planar2, times):
+    q = lab.motion(2).q[:, 0]
+    assert _step(np.round(q / (times * STEP)) * times * STEP, STEP) == pytest.approx(times * STEP, rel=2e-3)
+
+
+def test_the_step_of_several_recordings_is_the_coarsest_and_none_where_one_has_none(lab, planar2):
+    smooth = lab.recording(planar2, lab.motion(2), noise=0.0)
+    fine, coarse = (replace(smooth, q=np.round(smooth.q / step) * step) for step in (STEP, 2 * STEP))
+    assert reading_steps(planar2, (fine, coarse)) == pytest.approx((2 * STEP, 2 * STEP), rel=2e-3)
+    assert reading_steps(planar2, (fine, smooth)) == (None, None)
+
+
+@pytest.mark.parametrize(
+    ("step", "stated", "rows"),
+    [(None, STEP, []), (STEP, None, []), (1.4 * STEP, STEP, []), (1.6 * STEP, STEP, [1])],
+    ids=["no lattice", "nothing stated", "hardly coarser", "coarser"],
+)
+def test_a_joint_is_coarse_where_its_step_is_half_as_large_again_as_stated(quiet, step, stated, rows):
+    found = coarse_joints(stating(quiet, stated), quiet.columns, (None, step))
+    assert [one.row for one in found] == rows
+
+
+def test_the_torque_of_rounding_lacks_what_the_stated_step_would_make(quiet):
+    # Closed form: squares of noises add, so a step h stated as s makes sqrt(1 - (s / h)^2) of what it would alone.
+    torques = []
+    for stated in (1e-9, 0.6 * STEP):
+        ((elbow,),) = (coarse_joints(stating(quiet, stated), quiet.columns, (None, STEP)),)
+        torques.append(elbow.torque[0])
+    np.testing.assert_allclose(torques[1], 0.8 * torques[0], rtol=1e-9)
+    assert rms([torques[0][:, 1]]) > 0
+
+
+def test_noise_below_that_of_the_encoders_is_taken_for_theirs(quiet, rng):
+    # Known truth: the encoders make three times the noise of the shoulder, and a third of that of the elbow.
+    use = quiet.columns.usable
+    noise = (np.where(use[0], rng.normal(size=use[0].shape), 0.0),)
+    encoders = rng.normal(size=use[0].shape) * [3.0, 1.0 / 3.0]
+    (out,) = at_least_encoder_noise(noise, replace(quiet.columns, residual=(encoders,)))
+    np.testing.assert_array_equal(out[:, 0], np.where(use[0][:, 0], encoders[:, 0], 0.0))
+    np.testing.assert_array_equal(out[:, 1], noise[0][:, 1])
