@@ -62,8 +62,9 @@ def test_every_file_of_the_mirror_is_the_registered_one(data_folder, monkeypatch
     assert [datasets.local(name) for name in datasets.NAMES] == [data_folder / name for name in datasets.NAMES]
 
 
-def test_every_folder_of_the_mirror_is_registered(data_folder):
-    assert sorted(path.name for path in data_folder.iterdir() if path.is_dir()) == sorted(datasets.NAMES)
+def test_the_mirror_holds_every_registered_recording(data_folder):
+    # It may hold others beside them, which the registry does not offer.
+    assert set(datasets.NAMES) <= {path.name for path in data_folder.iterdir() if path.is_dir()}
 
 
 def test_a_pinned_commit_stands_in_every_address():
