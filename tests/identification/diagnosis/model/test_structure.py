@@ -62,7 +62,7 @@ def explained(prepared, effect: str) -> float:
 
 @pytest.mark.parametrize("cause", CAUSES)
 def test_a_structure_explains_the_cause_that_it_stands_for(lab, planar2, recorded, cause):
-    # Known truth: inverse dynamics, the cause, and noise of 0.02. Six draws of the random features by which the noise is
+    # Known truth: inverse dynamics, the cause, and noise of 0.02. Six draws of the random features by which noise is
     # estimated gave 0.82 to 0.94 for the drifting offset.
     assert explained(lab.prepared(planar2, (recorded(cause),)), cause) > 0.8
 
