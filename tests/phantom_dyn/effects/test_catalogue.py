@@ -238,3 +238,12 @@ def test_the_next_shapes_lie_about_the_last_by_less_than_a_half(arm, smooth, eff
     assert (factors == 1.0).all(axis=1).any()
     assert np.abs(factors - 1.0).max(initial=0.0) < 0.5
     assert len(set(map(tuple, factors))) == len(factors)
+
+
+@pytest.mark.parametrize(
+    ("name", "expected"),
+    [("backlash", 2e-3), ("stribeck_friction", 2e-3), ("input_delay", 3e-3), ("transmission_compliance", 3e-3)],
+)
+def test_a_law_agrees_with_its_coefficients_at_its_shape_or_at_the_last_estimate(name, expected):
+    # A play or a Stribeck velocity is no coefficient: the shape stays. A delay and a compliance are their coefficients.
+    assert effect_named(name).at_estimate(np.array([3e-3]), (2e-3,)) == pytest.approx((expected,))

@@ -157,3 +157,11 @@ def test_the_probe_is_a_wave_of_amplitude_one_and_phase_zero(arm, wide):
     name, direction = EFFECT.probe(arm, wide, "tilt")
     assert name == "amplitude"
     np.testing.assert_allclose(EFFECT.from_coefficients(arm, "tilt", direction, (6.0,)), [6.0, 1.0, 0.0], atol=1e-15)
+
+
+def test_orders_end_where_averaging_over_ten_milliseconds_takes_their_wave_out(arm):
+    # Closed form: at 2 rad/s throughout, half a wave of order n lasts pi / 2 n seconds: 10 ms at order 157.
+    t = np.arange(4000) / 1000.0
+    states = np.zeros((3, len(t), 3))
+    states[0, :, 1], states[1, :, 1] = 2.0 * t, 2.0
+    assert order_range(Operation.of(arm, Motion(t, *states)), 1)[1] == pytest.approx(2.0 * np.pi * 25.0)

@@ -62,3 +62,10 @@ def test_a_simulated_base_is_tilted_by_both_angles(arm):
     assert simulated.robot is not None
     turned = pin.utils.rotate("x", THETA[0]) @ pin.utils.rotate("y", THETA[1]) @ np.array([0.0, 0.0, -9.81])
     assert simulated.robot(arm).model.gravity.linear == pytest.approx(turned)
+
+
+def test_a_base_turns_by_no_more_than_a_right_angle_about_each_axis_that_leaves_a_trace(arm):
+    quarter = (-0.5 * np.pi, 0.5 * np.pi)
+    assert EFFECT.coefficient_bounds(arm, None, (0.0, 0.0)) == (quarter, quarter)
+    assert EFFECT.coefficient_bounds(arm, None, (INVISIBLE, 0.0)) == (quarter,)
+    assert [(p.lower, p.upper) for p in EFFECT.parameters(arm, None)] == [quarter, quarter]

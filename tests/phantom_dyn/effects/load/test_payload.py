@@ -68,3 +68,9 @@ def test_parameters_are_a_mass_and_a_place(arm):
 
 def test_no_mass_has_a_finite_center(arm):
     assert np.all(np.isfinite(Payload().from_coefficients(arm, None, np.zeros(10), ())))
+
+
+def test_a_mass_straight_below_its_joint_has_first_moments_of_zero_across(arm):
+    # By hand: 0.5 kg, 0.3 m down: first moments 0, 0, -0.15 kg m.
+    coefficients = np.array([0.5, 0.0, 0.0, -0.15, *np.zeros(6)])
+    np.testing.assert_allclose(Payload().from_coefficients(arm, None, coefficients, ()), [0.5, 0.0, 0.0, -0.3])

@@ -16,7 +16,7 @@ def swung(rng) -> np.ndarray:
     return 0.6 * np.sin(1.7 * t) + 0.3 * np.sin(4.1 * t + rng.uniform(0, 6))
 
 
-@pytest.mark.parametrize("times", [8, 12.5, 30])
+@pytest.mark.parametrize("times", [8, 12.5, 30, 100])
 def test_a_coarse_step_is_found_under_noise_of_a_stated_step(swung, rng, times):
     readings = np.round(swung / (times * STATED)) * times * STATED + 0.5 * STATED * rng.normal(size=len(swung))
     assert coarse_step(readings, STATED) == pytest.approx(times * STATED, rel=1e-3)
