@@ -95,6 +95,6 @@ def test_without_the_memory_of_the_noise_intervals_are_too_short(draws):
 def test_simulations_of_the_estimates_give_what_that_of_the_truth_gives(name, draws, monkeypatch):
     regressor = draws.drawn(0, simulated=name == "didim")
     own = FITS[name](regressor)
-    for module in ("closed_loop.simulated_start", {"iv": "iv", "didim": "closed_loop.didim"}[name]):
+    for module in ("closed_loop.loop", {"iv": "iv", "didim": "closed_loop.didim"}[name]):
         monkeypatch.setattr(f"identification.estimators.{module}.resimulated", lambda *_: draws.simulation)
     assert np.all(np.abs(own.theta - FITS[name](regressor).theta) < 0.2 * own.std())
