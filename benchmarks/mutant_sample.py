@@ -44,7 +44,10 @@ AREAS = (
     ),
     Area("identification/diagnosis/judge", ("tests/identification/diagnosis/judge",), slow="not stated_size"),
     Area("identification/diagnosis/noise", ("tests/identification/diagnosis/noise",)),
-    Area("identification/data/signals.py", ("tests/identification/data/test_signals.py",)),
+    Area(
+        "identification/data/signals.py",
+        ("tests/identification/data/test_signals.py", "tests/identification/data/test_spectra.py"),
+    ),
 )
 
 

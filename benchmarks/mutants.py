@@ -136,7 +136,7 @@ def table(outcomes: Iterable[tuple[Mutant, str]]) -> str:
 
 
 def run(sample: int, seed: int, only: str) -> list[tuple[Mutant, str]]:
-    """Draws mutants and tries each of them; survivors are printed as they are met."""
+    """Draws mutants and tries each of them; what survives is printed with its change."""
     chosen = drawn(sample, seed, only)
     for name in LIBRARIES:
         importlib.import_module(name)
@@ -151,8 +151,8 @@ def run(sample: int, seed: int, only: str) -> list[tuple[Mutant, str]]:
         for number, mutant in enumerate(chosen, start=1):
             outcome = tried(mutant, tree, limits[mutant.place.area])
             out.append((mutant, outcome))
+            print(f"[{number}] {outcome}: {mutant.place.path}:{mutant.place.line}", flush=True)
             if outcome != "killed":
-                print(f"[{number}] {outcome}: {mutant.place.path}:{mutant.place.line}")
                 print(f"    - {mutant.before}\n    + {mutant.after}", flush=True)
         for area in areas:  # what has spoilt the copy meanwhile would count as killed
             needed(area, tree)

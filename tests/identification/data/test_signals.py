@@ -101,6 +101,13 @@ def test_derivatives_have_no_delay_under_the_filter():
     np.testing.assert_allclose(a[inside, 0], -(w**2) * np.sin(w * T)[inside], atol=2e-3 * w**2)
 
 
+def test_a_straight_motion_stays_straight_up_to_its_ends_under_the_filter():
+    # Closed form: a low pass without delay leaves a line as it is; what is added before it is filtered continues it.
+    q, v, _ = differentiate((1.0 + 2.0 * T)[:, None], RATE, 10.0)
+    np.testing.assert_allclose(q[:, 0], 1.0 + 2.0 * T, atol=1e-4)
+    np.testing.assert_allclose(v, 2.0, atol=0.01)
+
+
 def test_noise_above_the_cutoff_does_not_reach_the_acceleration(rng):
     # A hum of 1e-4 at 60 Hz would be an acceleration of 14.
     hum = 1e-4 * np.sin(2 * np.pi * 60.0 * T)

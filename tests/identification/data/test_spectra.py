@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy.signal import butter, sosfiltfilt
 
-from identification.data.signals import acceleration_edge, torque_edge
+from identification.data.signals import _driven_edge, acceleration_edge, driven_edge, torque_edge
 
 RATE = 500.0
 T = np.arange(round(20 * RATE)) / RATE
@@ -82,3 +82,41 @@ def test_the_edge_of_ramps_is_where_the_noise_of_the_encoder_takes_over(rng, noi
 def test_a_spectrum_that_does_not_rise_like_that_of_an_encoder_has_no_edge(rng):
     # White acceleration, twice integrated: nothing tells its end.
     assert acceleration_edge(np.cumsum(np.cumsum(1e-5 * rng.normal(size=len(T)))), RATE) is None
+
+
+def lines(*hz: float) -> np.ndarray:
+    return sum(np.sin(2 * np.pi * f * T) for f in hz)
+
+
+def test_the_drive_ends_below_the_lowest_third_octave_in_which_the_model_alone_moves():
+    # By hand: thirds of an octave down from 40 Hz end at 31.7, 25.2, 20, 15.9, 12.6 and 10 Hz. Up to 12.6 Hz both have
+    # a line; the model alone has one in each above.
+    edge = driven_edge(lines(5.0, 11.0), lines(5.0, 11.0, 14.0, 18.0, 22.0, 28.0, 36.0), RATE, 40.0)
+    assert edge == pytest.approx(40.0 / 2 ** (5 / 3))
+
+
+def test_a_drive_that_moves_what_is_at_the_top_has_no_end():
+    # A line at the top is driven, whatever lies below it.
+    assert driven_edge(lines(5.0, 36.0), lines(5.0, 14.0, 36.0), RATE, 40.0) == np.inf
+
+
+@pytest.mark.parametrize(("share", "driven"), [(0.6, False), (0.8, True)])
+def test_a_torque_of_half_the_power_that_the_model_needs_drives_it(share, driven):
+    # Closed form: shares of amplitude of 0.6 and 0.8 are 0.36 and 0.64 of the power.
+    assert (driven_edge(share * lines(36.0), lines(36.0), RATE, 40.0) == np.inf) is driven
+
+
+def test_what_no_drive_moves_is_followed_down_to_two_hertz():
+    # By hand: 16, 12.7, ..., 2.52, 2.0: the last third that begins above 2 Hz ends there.
+    f = 16.0 / 2 ** (np.arange(9) / 3) * 0.9
+    assert driven_edge(1e-3 * lines(*f), lines(*f), RATE, 16.0) == pytest.approx(2.0)
+
+
+def test_a_robot_has_the_median_end_of_its_moving_joints_on_the_longest_recording(pendulum):
+    # Known truth: a hum of 12 Hz that the torque knows nothing of; at rest nothing is moved, so nothing ends.
+    still = np.zeros((len(T), 1))
+    swing = 0.5 * np.sin(2 * np.pi * 1.0 * T)[:, None]
+    model = -1.1 * (2 * np.pi) ** 2 * swing
+    hum = 2e-3 * np.sin(2 * np.pi * 12.0 * T)[:, None]
+    assert 1.0 < _driven_edge(pendulum, [(swing + hum, model, RATE), (still[:900], still[:900], RATE)], 15.0) < 12.0
+    assert _driven_edge(pendulum, [(still, still, RATE)], 15.0) == np.inf
