@@ -1,11 +1,12 @@
 from __future__ import annotations
 
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 import pytest
 
 from identification.diagnosis import decision_rules as rules
+from identification.diagnosis.fit.fitting import Fitted
 from identification.diagnosis.model.terms import ordered
 from identification.diagnosis.search import stepwise
 from identification.diagnosis.search.search import (
@@ -150,6 +151,17 @@ def test_a_fit_is_made_once(quiet):
     assert search.evaluate(chosen) is search.evaluate(frozenset(chosen))
 
 
+@dataclass(frozen=True)
+class Given:
+    """Fits that are given: one of the empty set, one of any other."""
+
+    plain: Fitted
+    rich: Fitted
+
+    def held_out(self, chosen: frozenset) -> Fitted:
+        return self.rich if chosen else self.plain
+
+
 @pytest.mark.parametrize(("gains", "claims"), [([40.0, 40.0], False), ([40.0, 40.0, 15.0], True), ([150.0], True)])
 def test_a_gain_of_few_blocks_is_claimed_if_it_is_enough_without_the_best_two_or_very_large(quiet, gains, claims):
     # Closed form: a threshold of ten; all other blocks gain nothing, so two standard errors are more than the gain.
@@ -157,7 +169,7 @@ def test_a_gain_of_few_blocks_is_claimed_if_it_is_enough_without_the_best_two_or
     loss = plain.loss.copy()
     loss[: len(gains)] -= gains
     rich = replace(plain, loss=loss, objective=plain.objective - sum(gains))
-    search = replace(quiet.search, evaluate=lambda chosen: rich if chosen else plain)
+    search = replace(quiet.search, fits=Given(plain, rich))
     assert claimed(search, frozenset([quiet.term("viscous_friction", "elbow")]), frozenset()) is claims
 
 
@@ -171,7 +183,7 @@ def test_a_gain_is_claimed_only_if_it_is_above_the_threshold_on_held_out_data_an
     # Closed form: a threshold of ten, and a gain that is the same in every block.
     plain = quiet.search.evaluate(frozenset())
     rich = replace(plain, loss=plain.loss - held_out / len(plain.loss), objective=plain.objective - in_sample)
-    search = replace(quiet.search, evaluate=lambda chosen: rich if chosen else plain)
+    search = replace(quiet.search, fits=Given(plain, rich))
     assert claimed(search, frozenset([quiet.term("viscous_friction", "elbow")]), frozenset()) is claims
 
 

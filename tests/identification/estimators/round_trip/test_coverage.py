@@ -13,6 +13,9 @@ import pytest
 from scipy.signal import lfilter
 
 from identification.data.signals import process
+from identification.estimators import iv as iv_module
+from identification.estimators.closed_loop import didim as didim_module
+from identification.estimators.closed_loop import loop as loop_module
 from identification.estimators.closed_loop.didim import didim
 from identification.estimators.closed_loop.loop import Resimulation, loops_of, resimulated
 from identification.estimators.fit import Fit
@@ -68,8 +71,8 @@ def draws(case_of) -> Draws:
 
 @pytest.fixture
 def simulated_once(draws, monkeypatch) -> None:
-    for module in ("closed_loop.simulated_start", "iv", "closed_loop.didim"):
-        monkeypatch.setattr(f"identification.estimators.{module}.resimulated", lambda *_: draws.simulation)
+    for module in (loop_module, iv_module, didim_module):
+        monkeypatch.setattr(module, "resimulated", lambda *_: draws.simulation)
 
 
 @pytest.mark.parametrize("name", FITS)
@@ -95,6 +98,6 @@ def test_without_the_memory_of_the_noise_intervals_are_too_short(draws):
 def test_simulations_of_the_estimates_give_what_that_of_the_truth_gives(name, draws, monkeypatch):
     regressor = draws.drawn(0, simulated=name == "didim")
     own = FITS[name](regressor)
-    for module in ("closed_loop.loop", {"iv": "iv", "didim": "closed_loop.didim"}[name]):
-        monkeypatch.setattr(f"identification.estimators.{module}.resimulated", lambda *_: draws.simulation)
+    for module in (loop_module, {"iv": iv_module, "didim": didim_module}[name]):
+        monkeypatch.setattr(module, "resimulated", lambda *_: draws.simulation)
     assert np.all(np.abs(own.theta - FITS[name](regressor).theta) < 0.2 * own.std())
