@@ -7,6 +7,7 @@ from collections.abc import Callable
 
 from identification.data.changes import Change
 from identification.data.recording import Recording
+from identification.data.refusal import fault_warnings, require_right, wrong_with
 from identification.diagnosis.explanation import explained
 from identification.diagnosis.judge.judgement import judged
 from identification.diagnosis.judge.pushes import push_warnings
@@ -42,9 +43,10 @@ def diagnose(
         progress: Told in words what is being done.
 
     Raises:
-        LogError: If a recording cannot be used.
+        LogError: If a recording cannot be used, or is certainly wrong and not to be judged anyway.
     """
     started = time.perf_counter()
+    require_right((*recordings, *hold_out))
     progress("filtering")
     session = session_of(robot, recordings, hold_out, known=known, changes=changes)
     explanation = explained(session, progress)
@@ -78,6 +80,7 @@ def _result(session: Session, judgement: Judgement, rollout: Rollout, proposal: 
         bounds=judgement.bounds,
         not_testable=judgement.not_testable,
         data_warnings=(
+            *fault_warnings(session.recordings),
             *session.robot.warnings,
             *(warning for recording in session.recordings for warning in recording.warnings),
             *rollout.warnings,
@@ -91,4 +94,5 @@ def _result(session: Session, judgement: Judgement, rollout: Rollout, proposal: 
         evidence=judgement.evidence,
         notes=(*rollout.notes, *judgement.notes, *proposal.notes),
         next_motion=proposal.motion,
+        wrong=wrong_with(session.recordings),
     )

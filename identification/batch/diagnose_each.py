@@ -253,7 +253,14 @@ def _diagnosed(
     # Its own copy: a closed chain remembers what it solved last, and nothing may depend on the recordings before.
     robot = copy.deepcopy(robot)
     try:
-        found = read_recording(log, robot, columns=reading.columns, topic=reading.topic, excluded=reading.excluded)
+        found = read_recording(
+            log,
+            robot,
+            columns=reading.columns,
+            topic=reading.topic,
+            excluded=reading.excluded,
+            anyway=reading.anyway,
+        )
         diagnosis = diagnose(robot, (found,), known=known)
         if folder is not None:
             with _WRITING:

@@ -41,6 +41,7 @@ def add_logs(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("logs", metavar="LOG", nargs="+", help="CSV, Parquet, NPZ, ROS bag or MCAP")
     add_reading(parser)
     add_list(parser, "--exclude", metavar="T0:T1", help="stretches of time [s] to leave out")
+    parser.add_argument("--anyway", action="store_true", help="judge a recording although it is certainly wrong")
 
 
 def add_list(parser: argparse.ArgumentParser, option: str, *, metavar: str, help: str, dest: str | None = None) -> None:

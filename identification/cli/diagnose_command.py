@@ -149,7 +149,15 @@ def _diagnosis_of_torque(
 
     def read(path: str, change: Change) -> Recording:
         progress.show(f"reading {Path(path).name}")
-        return read_changed(path, robot, change, columns=arguments.columns, topic=arguments.topic, excluded=excluded)
+        return read_changed(
+            path,
+            robot,
+            change,
+            columns=arguments.columns,
+            topic=arguments.topic,
+            excluded=excluded,
+            anyway=arguments.anyway,
+        )
 
     unchanged = tuple(Change(Path(path).name) for path in paths)
     recordings = tuple(read(path, change) for path, change in zip(paths, changes or unchanged, strict=True))
@@ -179,6 +187,7 @@ def _diagnosis_of_motion(
             topic=arguments.topic,
             excluded=excluded,
             torque_needed=False,
+            anyway=arguments.anyway,
         )
 
     recordings = tuple(read(path) for path in (*arguments.logs, *arguments.hold_out))
@@ -227,7 +236,7 @@ def _diagnose_each(arguments: argparse.Namespace, excluded: tuple[tuple[float, f
             robot,
             arguments.logs,
             known=known_effects(tuple(Path(path) for path in arguments.known), robot),
-            reading=ReadOptions(arguments.columns, arguments.topic, excluded),
+            reading=ReadOptions(arguments.columns, arguments.topic, excluded, arguments.anyway),
             out=arguments.out,
             jobs=arguments.jobs,
             progress=progress.show,

@@ -83,7 +83,12 @@ def _identify(arguments: argparse.Namespace, excluded: tuple[tuple[float, float]
         def read(path: str) -> Recording:
             progress.show(f"reading {Path(path).name}")
             return read_recording(
-                Path(path), robot, columns=arguments.columns, topic=arguments.topic, excluded=excluded
+                Path(path),
+                robot,
+                columns=arguments.columns,
+                topic=arguments.topic,
+                excluded=excluded,
+                anyway=arguments.anyway,
             )
 
         found = identify(

@@ -8,6 +8,7 @@ from pathlib import Path
 
 import numpy as np
 
+from identification.data.checks.certain_faults import certain_faults
 from identification.data.checks.check_recording import check_recording
 from identification.data.checks.positions import check_passive
 from identification.data.joint_torque import drive_torque, require_frames
@@ -29,11 +30,13 @@ class ReadOptions:
         columns: Column map (YAML), if the columns have other names or units.
         topic: Topic of sensor_msgs/JointState in a bag that has several.
         excluded: Stretches of time [s] to leave out of every fit.
+        anyway: Judge a recording although it is certainly wrong.
     """
 
     columns: str | Path | None = None
     topic: str | None = None
     excluded: tuple[tuple[float, float], ...] = ()
+    anyway: bool = False
 
 
 def _joints_of(table: Table, quantity: str) -> list[str]:
@@ -169,8 +172,9 @@ def read_recording(
     topic: str | None = None,
     excluded: Sequence[tuple[float, float]] = (),
     torque_needed: bool = True,
+    anyway: bool = False,
 ) -> Recording:
-    """A recording from a file, checked: its warnings say what is wrong with it.
+    """A recording from a file, checked: its warnings say what may be wrong with it, ``wrong`` what certainly is.
 
     Args:
         path: CSV, NPZ, Parquet, ROS 1 or ROS 2 bag, or MCAP.
@@ -179,6 +183,7 @@ def read_recording(
         topic: Topic of sensor_msgs/JointState in a bag that has several.
         excluded: Stretches of time [s] to leave out of every fit.
         torque_needed: False for work on motion alone.
+        anyway: Let it be judged although it is certainly wrong.
 
     Raises:
         LogError: If the file, a column or a value cannot be used; one sentence says which and what to do.
@@ -187,7 +192,8 @@ def read_recording(
         read_table(path, columns=columns, topic=topic), robot, excluded=excluded, torque_needed=torque_needed
     )
     # Loops first: where they do not close there is no model to check against.
-    return replace(found, warnings=(*found.warnings, *check_passive(found, robot), *check_recording(found, robot)))
+    warnings = (*found.warnings, *check_passive(found, robot), *check_recording(found, robot))
+    return replace(found, warnings=warnings, wrong=certain_faults(found, robot), anyway=anyway)
 
 
 def unassigned_recording(table: Table) -> Recording:

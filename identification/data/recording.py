@@ -60,6 +60,21 @@ class Table:
 
 
 @dataclass(frozen=True)
+class Fault:
+    """One thing that is certainly wrong with a recording, so that a diagnosis of it would mean nothing.
+
+    Attributes:
+        what: The end of a sentence, such as ``the positions of j1 and j2 are in degrees``.
+        why: What shows it, with figures.
+        mend: What to do; where entries of a column map mend it, they are in it ready to copy.
+    """
+
+    what: str
+    why: str
+    mend: str
+
+
+@dataclass(frozen=True)
 class Recording:
     """Raw samples of one recording for the joints of one robot; None where a quantity was not recorded.
 
@@ -79,6 +94,8 @@ class Recording:
         warnings: Sentences about the data.
         passive_q: Measured positions [rad or m] of passive joints of a closed chain by joint, each ``(N,)``.
         controlled: True if no torque was recorded, and ``tau`` is what the stated controllers ask for.
+        wrong: What is certainly wrong with it; such a recording is refused, see `identification.data.refusal`.
+        anyway: True if it is to be judged although something is wrong with it.
     """
 
     file: str
@@ -96,3 +113,5 @@ class Recording:
     warnings: tuple[str, ...] = ()
     passive_q: Mapping[str, Float[Array, " N"]] = field(default_factory=dict)
     controlled: bool = False
+    wrong: tuple[Fault, ...] = ()
+    anyway: bool = False

@@ -174,7 +174,10 @@ class Judgement:
 
 @dataclass(frozen=True)
 class Diagnosis:
-    """What ``diagnosis.json`` holds, the evidence behind the figures, and the motion of the next experiment."""
+    """What ``diagnosis.json`` holds, the evidence behind the figures, and the motion of the next experiment.
+
+    ``wrong`` says what is certainly wrong with a recording that was to be judged anyway, one clause each.
+    """
 
     verdict: str
     robot: str
@@ -194,6 +197,7 @@ class Diagnosis:
     evidence: Evidence
     notes: tuple[str, ...] = ()
     next_motion: Motion | None = None
+    wrong: tuple[str, ...] = ()
 
     @property
     def at_rest(self) -> bool:

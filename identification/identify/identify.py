@@ -11,6 +11,7 @@ from jaxtyping import Float
 
 from identification.data.log import Log
 from identification.data.recording import Recording
+from identification.data.refusal import fault_warnings, require_right
 from identification.estimators.estimator_list import Estimator, estimator_named
 from identification.estimators.fit import Fit
 from identification.estimators.iv import hausman_test
@@ -61,13 +62,14 @@ def identify(
         progress: Told in words what is being done.
 
     Raises:
-        LogError: If a recording cannot be used.
+        LogError: If a recording cannot be used, or is certainly wrong and not to be judged anyway.
         IdentifiabilityError: If the recordings excite too little.
         EstimationError: If the estimator fails.
         ParameterError: If there is no such estimator, or it needs more than recordings.
     """
     started = time.perf_counter()
     entry = usable_estimator(estimator)
+    require_right((*recordings, *hold_out))
     progress("filtering")
     _require_no_forces(entry, (*recordings, *hold_out))
     split = split_logs(robot, recordings, hold_out)
@@ -113,6 +115,7 @@ def identify(
         warnings=tuple(
             dict.fromkeys(
                 (
+                    *fault_warnings(every),
                     *robot.warnings,
                     *(warning for recording in every for warning in recording.warnings),
                     *_lacking_excitation(fit, excited.rank, lacking),

@@ -178,6 +178,7 @@ def read_changed(
     columns: str | Path | None = None,
     topic: str | None = None,
     excluded: Sequence[tuple[float, float]] = (),
+    anyway: bool = False,
 ) -> Recording:
     """A recording, checked against the robot with the load that it carried there.
 
@@ -190,6 +191,7 @@ def read_changed(
         columns: Column map (YAML), if the columns have other names or units.
         topic: Topic of sensor_msgs/JointState in a bag that has several.
         excluded: Stretches of time [s] to leave out of every fit, besides those of ``change``.
+        anyway: Let it be judged although it is certainly wrong.
 
     Raises:
         LogError: If the file, a column or a value cannot be used; one sentence says which and what to do.
@@ -197,5 +199,7 @@ def read_changed(
     there = robot_in(robot, change)
     asked = bool(change.controllers) and states_controllers(there)
     left_out = (*excluded, *change.exclude)
-    found = read_recording(path, there, columns=columns, topic=topic, excluded=left_out, torque_needed=not asked)
+    found = read_recording(
+        path, there, columns=columns, topic=topic, excluded=left_out, torque_needed=not asked, anyway=anyway
+    )
     return with_asked_torque(found, there) if asked else found

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 from identification.diagnosis.result import Diagnosis, EffectAt, Finding, Rival, Unexplained
@@ -149,7 +149,9 @@ def gap_closed(finding: Finding) -> str:
 
 
 def verdict_sentence(diagnosis: Diagnosis) -> str:
-    """The verdict in one sentence."""
+    """The verdict in one sentence; it begins with what is wrong where a wrong recording was judged anyway."""
+    if diagnosis.wrong:
+        return f"Judged although {joined(list(diagnosis.wrong))}. {verdict_sentence(replace(diagnosis, wrong=()))}"
     names = [effect_at_finding(finding) for finding in diagnosis.findings]
     named = joined(names) if len(names) <= 4 else f"{joined(names[:3], last=', ')} and {len(names) - 3} more"
     left = unexplained_phrase(diagnosis.unexplained)

@@ -7,6 +7,7 @@ import time
 import numpy as np
 
 from identification.data.recording import Recording
+from identification.data.refusal import fault_warnings, require_right, wrong_with
 from identification.diagnosis import decision_rules as rules
 from identification.diagnosis.result import (
     Bound,
@@ -62,9 +63,10 @@ def diagnose_at_rest(robot: Robot, recordings: tuple[Recording, ...]) -> Diagnos
         recordings: With references.
 
     Raises:
-        LogError: If a recording has no references, or one that is not finite.
+        LogError: If a recording has no references, or one that is not finite, or is certainly wrong.
     """
     started = time.perf_counter()
+    require_right(recordings)
     every = [stills_under_load(robot, recordings, row) for row in range(robot.nv)]
     why = [_why_not(robot, stills, row) for row, stills in enumerate(every)]
     ways = {row: giving_way(stills) for row, stills in enumerate(every) if why[row] is None}
@@ -85,6 +87,7 @@ def diagnose_at_rest(robot: Robot, recordings: tuple[Recording, ...]) -> Diagnos
         bounds=tuple(_bound(robot, row, way) for row, way in ways.items() if not way.ways),
         not_testable=_untestable(robot, why),
         data_warnings=(
+            *fault_warnings(recordings),
             *robot.warnings,
             *(warning for recording in recordings for warning in recording.warnings),
             *warnings,
@@ -94,6 +97,7 @@ def diagnose_at_rest(robot: Robot, recordings: tuple[Recording, ...]) -> Diagnos
         seconds=time.perf_counter() - started,
         version=__version__,
         evidence=_evidence(robot, every, ways, rows),
+        wrong=wrong_with(recordings),
     )
 
 

@@ -143,3 +143,9 @@ def test_many_findings_are_counted_in_the_verdict(made_up):
     sentence = words.verdict_sentence(made_up(findings=15))
     assert sentence.endswith("and 12 more.")
     assert sentence.count("friction") == 2
+
+
+def test_the_verdict_on_a_wrong_recording_begins_with_what_is_wrong(made_up):
+    wrong = dataclasses.replace(made_up(), wrong=("a.csv: the positions of j1 are in degrees",))
+    sentence = words.verdict_sentence(wrong)
+    assert sentence.startswith("Judged although a.csv: the positions of j1 are in degrees. The gap between robot")

@@ -1,0 +1,41 @@
+"""A recording that is certainly wrong is not judged: the refusal, and what is said where it is judged all the same."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+
+from identification.data.recording import Fault, Recording
+from phantom_dyn.errors import LogError
+
+
+def fault_sentence(file: str, fault: Fault) -> str:
+    """What is wrong, what shows it, and what to do, in one sentence."""
+    return f"{file}: {fault.what} ({fault.why}): {fault.mend}."
+
+
+def require_right(recordings: Iterable[Recording]) -> None:
+    """Refuse the first recording that is certainly wrong, unless it is to be judged anyway.
+
+    Args:
+        recordings: As they were read.
+
+    Raises:
+        LogError: One sentence: what is wrong, what shows it, and what to do.
+    """
+    for recording in recordings:
+        if recording.wrong and not recording.anyway:
+            rest = len(recording.wrong) - 1
+            them = "it" if rest == 1 else "them"
+            more = f" ({rest} more of this kind: phantom-dyn check tells {them})" if rest else ""
+            told = fault_sentence(recording.file, recording.wrong[0]).removesuffix(".")
+            raise LogError(f"{told}; or judge it all the same with --anyway{more}.")
+
+
+def wrong_with(recordings: Iterable[Recording]) -> tuple[str, ...]:
+    """What is certainly wrong with recordings, one clause each, as in ``a.csv: the positions of j1 are in degrees``."""
+    return tuple(f"{recording.file}: {fault.what}" for recording in recordings for fault in recording.wrong)
+
+
+def fault_warnings(recordings: Iterable[Recording]) -> tuple[str, ...]:
+    """The same with what shows it and what to do, one sentence each."""
+    return tuple(fault_sentence(recording.file, fault) for recording in recordings for fault in recording.wrong)
