@@ -13,7 +13,7 @@ from pathlib import Path
 
 from jaxtyping import install_import_hook
 
-# Shape annotations of these packages are checked at every call, save those of compiled functions. Where checks would
+# Shape annotations of these packages are checked, save those of compiled functions. Where checks would
 # cost many times what they check (a step of phantom_dyn.simulation, a fit of the diagnosis), modules are named one by
 # one. Not with pytest's flag --jaxtyping-packages, which cannot pass an option to the checker: an int is a fine float
 # (PEP 484).
@@ -61,8 +61,14 @@ CHECKOUT = Path(__file__).resolve().parents[1]
 
 
 def pytest_runtest_setup(item: pytest.Item) -> None:
-    """Checks annotations, save in tests marked ``whole``: whole runs of what others check double their time by it."""
-    jaxtyping.config.update("jaxtyping_disable", item.get_closest_marker("whole") is not None)
+    """Check annotations where they add something: they take up to half of a test's time.
+
+    Left out are tests marked ``whole``, which are whole runs of what others check, and all but the first case of a
+    parametrised test, since the others call the same functions.
+    """
+    case = getattr(item, "callspec", None)
+    later = case is not None and any(case.indices.values())
+    jaxtyping.config.update("jaxtyping_disable", later or item.get_closest_marker("whole") is not None)
 
 
 @pytest.fixture(scope="session")

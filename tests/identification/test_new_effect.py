@@ -7,16 +7,14 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from identification.data.recording import Recording
 from identification.diagnosis.model.terms import KnownEffect
 from identification.export.corrected.corrected_files import urdf_left_out
 from identification.export.corrected.corrected_model import corrected_model
 from identification.pipeline import diagnose
 from identification.reporting.diagnosis_report import report_html
-from phantom_dyn.dynamics.dynamics import inverse_dynamics, mass_matrix
+from phantom_dyn.dynamics.dynamics import mass_matrix
 from phantom_dyn.effects import catalogue
 from phantom_dyn.effects.support.changed_robot import with_gravity
-from phantom_dyn.simulation.control import Tracking
 from phantom_dyn.simulation.simulate import Cause, simulate
 from quadratic_drag import QuadraticDrag
 
@@ -32,18 +30,9 @@ def listed():
 
 @pytest.fixture(scope="module")
 def recording(lab, planar2, listed):
-    """The planar arm led along a motion by a controller, with drag on its elbow."""
+    """The planar arm moved along a path, with drag on its elbow."""
     motion = lab.motion(2, 3, seconds=12.0, swing=1.5)
-    kp, kd, none = (np.tile(x, (len(motion.t), 1)) for x in ([60.0, 15.0], [8.0, 1.0], [0.0, 0.0]))
-    law = Tracking(
-        motion.t, inverse_dynamics(planar2, motion), motion.q, motion.v, kp, kd, none, np.array([np.inf, np.inf])
-    )
-    cause = Cause(catalogue.effect_named("quadratic_drag"), "elbow", np.array([TRUTH]))
-    moved = simulate(planar2, (cause,), law, motion.t, motion.q[0], motion.v[0], max_step=2.5e-3)
-    rng = np.random.default_rng(5)
-    noise = rng.standard_normal((2, *moved.q.shape))
-    names = planar2.joint_names
-    return Recording("sim.csv", names, moved.t, moved.q + 1e-5 * noise[0], moved.tau + 0.05 * noise[1])
+    return lab.recording(planar2, motion, -TRUTH * motion.v * np.abs(motion.v) * [0.0, 1.0])
 
 
 @pytest.fixture(scope="module")

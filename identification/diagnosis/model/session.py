@@ -19,8 +19,8 @@ from phantom_dyn.errors import LogError
 from phantom_dyn.model.robot import Robot
 
 Array = np.ndarray
-# A series of every log, ``(n, nv)`` each.
-Series = tuple[Float[Array, "n nv"], ...]
+# A series of every log, ``(n, nv)`` each; logs differ in length.
+Series = tuple[Float[Array, "_ nv"], ...]
 
 
 @dataclass(frozen=True)
