@@ -30,6 +30,8 @@ Array = np.ndarray
 _BINS_PER_OCTAVE = 6
 # White noise of a position rises with the fourth power of frequency in the acceleration's spectrum; motion does not.
 _RISE = 2.5
+# Power of the peak of an acceleration's spectrum over that of its floor: five times the amplitude that its edge has.
+_PEAK = 250.0
 # Below this share of the modelled torque's power, what moves a joint is not its drive.
 _DRIVEN = 0.5
 
@@ -47,7 +49,7 @@ _SAMPLES_PER_PERIOD = 2.5
 
 
 def _welch(x: Float[Array, " N"], rate_hz: float) -> tuple[Array, Array, int]:
-
+    """Frequencies [Hz] and power of a series, and how many samples a segment has: 4 s, a fifth of it, or 256."""
     length = min(len(x), max(256, min(int(4 * rate_hz), len(x) // 5)))
     f, power = welch(x, rate_hz, window="blackman", nperseg=length, detrend="constant")
     return f, power, length
@@ -56,22 +58,43 @@ def _welch(x: Float[Array, " N"], rate_hz: float) -> tuple[Array, Array, int]:
 def acceleration_edge(q: Float[Array, " N"], rate_hz: float) -> float | None:
     """Frequency [Hz] up to which the acceleration of ``q`` stands 10 dB above its noise floor; None if it never does.
 
-    The spectrum of the second difference, in sixth-octave bins under an envelope of a third of an octave, is followed
-    upwards from the peak of the velocity's; the floor is its minimum before it rises by 13 dB for good, as the noise
-    of a differentiated encoder does. A joint whose acceleration peak is not five times its floor is at rest.
+    A joint whose acceleration peak is not five times its floor is at rest, unless it moves in ramps, see
+    `_edge_above_encoder_noise`.
     """
-    acceleration = np.diff(q, 2) * rate_hz**2
-    f, power, length = _welch(acceleration, rate_hz)
-    w = np.pi * f / rate_hz
-    power = power * np.where(f > 0, (w / np.maximum(np.sin(w), 1e-12)) ** 4, 1.0)
+    f, power, length = _acceleration_spectrum(q, rate_hz)
     low, high = 3 * rate_hz / length, 0.4 * rate_hz
-    if not np.any(power > 0) or low >= high:
+    if not power.any() or low >= high:
         return None
+    centre, level = _sixth_octaves(f, power, low, high)
+    edge = _edge_above_floor(centre, level)
+    return _edge_above_encoder_noise(centre, level, rate_hz) if edge is None else edge
+
+
+def _acceleration_spectrum(q: Float[Array, " N"], rate_hz: float) -> tuple[Array, Array, int]:
+    """Spectrum of the second derivative of ``q``, by second differences less what these take off near half the rate."""
+    f, power, length = _welch(np.diff(q, 2) * rate_hz**2, rate_hz)
+    w = np.pi * f / rate_hz
+    return f, power * np.where(f > 0, (w / np.maximum(np.sin(w), 1e-12)) ** 4, 1.0), length
+
+
+def _sixth_octaves(
+    f: Float[Array, " n"], power: Float[Array, " n"], low: float, high: float
+) -> tuple[Float[Array, " b"], Float[Array, " b"]]:
+    """Middles [Hz] of the sixth-octave bins from ``low`` up to ``high`` that hold a line, and their mean power."""
     edges = low * 2.0 ** (np.arange(int(np.log2(high / low) * _BINS_PER_OCTAVE) + 1) / _BINS_PER_OCTAVE)
-    inside = [(f >= a) & (f < b) for a, b in itertools.pairwise(edges)]
-    kept = [k for k, m in enumerate(inside) if m.any()]
-    centre = np.array([np.sqrt(edges[k] * edges[k + 1]) for k in kept])
-    level = np.array([power[inside[k]].mean() for k in kept])
+    bins = [(np.sqrt(a * b), (f >= a) & (f < b)) for a, b in itertools.pairwise(edges)]
+    kept = [(centre, power[inside].mean()) for centre, inside in bins if inside.any()]
+    centres, levels = np.array(kept).reshape(-1, 2).T
+    return centres, levels
+
+
+def _edge_above_floor(centre: Float[Array, " b"], level: Float[Array, " b"]) -> float | None:
+    """Frequency [Hz] up to which a spectrum stands 10 dB above its floor; None where its peak is not 24 dB above it.
+
+    The spectrum, under an envelope of a third of an octave to either side, is followed upwards from the peak of the
+    velocity's; the floor is its minimum before it rises by 13 dB for good, as the noise of a differentiated encoder
+    does.
+    """
     reach = 2.0 ** (1 / 3)
     envelope = np.array([level[(centre >= c / reach) & (centre <= c * reach)].max() for c in centre])
     start = int(np.argmax(level / centre**2))
@@ -81,8 +104,8 @@ def acceleration_edge(q: Float[Array, " N"], rate_hz: float) -> float | None:
             lowest = k
         elif envelope[k] > 20 * envelope[lowest]:
             break
-    if np.sqrt(level[start : lowest + 1].max() / envelope[lowest]) < 5 * np.sqrt(10):
-        return _edge_above_encoder_noise(centre, level, rate_hz)
+    if level[start : lowest + 1].max() < _PEAK * envelope[lowest]:
+        return None
     edge = next(k for k in range(start, lowest + 1) if envelope[k] <= 10 * envelope[lowest])
     return float(centre[edge])
 
@@ -91,17 +114,14 @@ def _edge_above_encoder_noise(centre: Float[Array, " b"], level: Float[Array, " 
     """Frequency up to which an acceleration spectrum stands 10 dB above white noise of the position; None if nowhere.
 
     Ramps leave steps of velocity, whose acceleration is too flat to show a peak and a floor. The noise of the encoder
-    is then read where nothing else can be, above a tenth of the rate.
+    is then read where nothing else can be, above a tenth of the rate: there are three bins at least, or no slope.
     """
     high = centre > 0.1 * rate_hz
-    if not high.any():
-        return None
-    rise = np.polyfit(np.log(centre[high]), np.log(np.maximum(level[high], 1e-300)), 1)[0] if high.sum() > 2 else 0.0
-    if rise < _RISE:
+    if high.sum() < 3 or np.polyfit(np.log(centre[high]), np.log(np.maximum(level[high], 1e-300)), 1)[0] < _RISE:
         return None
     noise = float(np.median(level[high] / centre[high] ** 4)) * centre**4
-    above = np.flatnonzero(level < 10 * noise)
-    last = int(above[0]) if len(above) else len(centre)
+    # Half of the bins above a tenth of the rate are no more than noise, so that there is a first one.
+    last = int(np.argmax(level < 10 * noise))
     # Three bins are half an octave: less is a line or a chance peak, not motion.
     return float(centre[last - 1]) if last >= 3 else None
 
@@ -192,7 +212,7 @@ def low_pass(cutoff_hz: float, rate_hz: float) -> Band:
     if cutoff_hz >= 0.4 * rate_hz:
         return Band(rate_hz, 0.5 * rate_hz, np.ones(1), 1)
     half = int(np.ceil(2 * rate_hz / cutoff_hz))
-    step = max(1, int(rate_hz / (_SAMPLES_PER_PERIOD * cutoff_hz)))
+    step = int(rate_hz / (_SAMPLES_PER_PERIOD * cutoff_hz))
     return Band(rate_hz, cutoff_hz, np.asarray(firwin(2 * half + 1, cutoff_hz, fs=rate_hz), dtype=float), step)
 
 
