@@ -59,7 +59,7 @@ def orders_in(operation: Operation, row: int, *, whole_numbers: bool) -> tuple[t
     low, high = order_range(operation, row)
     if low >= high:
         return ()
-    step = max(1, int(0.5 * _SECONDS / operation.dt), -(-len(operation.t) // _SAMPLES))
+    step = _stride(operation.dt, len(operation.t))
     torque = moving_average(operation.residual[:, row], operation.dt, _SECONDS)[::step]
     residual = _Residual(operation.q[::step, row], _background(operation, row, low)[::step], torque, low)
     sets: list[tuple[float, ...]] = []
@@ -67,8 +67,7 @@ def orders_in(operation: Operation, row: int, *, whole_numbers: bool) -> tuple[t
     largest, most = 0.0, 0.0
     for _ in range(_MOST):
         n, power = _periodogram(residual.q, residual.without(orders), low, high)
-        prominence = power / np.maximum(_background_power(power), 1e-3 * np.median(power) + 1e-300)
-        prominence[power < _LEAST_POWER * most] = 0.0
+        prominence = _prominence(power, most)
         peak = int(np.argmax(prominence))
         if not orders:
             largest, most = residual.placed((), float(n[np.argmax(power)]), whole_numbers), float(power[peak])
@@ -82,6 +81,11 @@ def orders_in(operation: Operation, row: int, *, whole_numbers: bool) -> tuple[t
     if abs(largest - sets[0][0]) > 0.5 * low:
         sets.append((largest,))
     return tuple(sets)
+
+
+def _stride(dt: float, samples: int) -> int:
+    """Every which sample places an order: two in the time that is averaged over, and no more than are enough."""
+    return max(1, int(0.5 * _SECONDS / dt), -(-samples // _SAMPLES))
 
 
 def _background(operation: Operation, row: int, low: float) -> Float[Array, "N k"]:
@@ -158,6 +162,12 @@ def _power(wave: Array, once: Array, twice: Array, samples: int) -> Float[Array,
     y_c, y_s = np.real(wave), -np.imag(wave)
     area = np.maximum(cc * ss - cs * cs, 1e-6 * samples**2)
     return (y_c**2 * ss - 2 * y_c * y_s * cs + y_s**2 * cc) / area
+
+
+def _prominence(power: Float[Array, " n"], most: float) -> Float[Array, " n"]:
+    """Power of each order over that of its neighbours; zero where it is next to nothing beside ``most``."""
+    background = np.maximum(_background_power(power), 1e-3 * np.median(power) + 1e-300)
+    return np.where(power < _LEAST_POWER * most, 0.0, power / background)
 
 
 def _background_power(power: Float[Array, " n"]) -> Float[Array, " n"]:

@@ -82,8 +82,7 @@ def coarse_step(readings: Float[Array, " N"], stated: float) -> float | None:
         return None
     start = first + int(teeth[0])
     peak = start + int(np.argmax(height[start : start + 8]))
-    step = 4 * length * stated / peak
-    return step if step > 1.5 * stated else None
+    return 4 * length * stated / peak
 
 
 def _levels(readings: Array) -> Array:

@@ -1,0 +1,155 @@
+"""Where periods are looked for, and where an order is placed. Oracle: closed forms of ramps, least squares of NumPy."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from phantom_dyn.effects.operation import Operation
+from phantom_dyn.effects.support.cogging_orders import _background, _Residual, _stride, order_range, orders_in
+from phantom_dyn.motion import Motion
+
+
+def turning(arm, q: np.ndarray, v: np.ndarray, dt: float, residual: np.ndarray | None = None) -> Operation:
+    """``tilt`` along given positions and speeds, with what the last fit has left on it."""
+    states = np.zeros((3, len(q), 3))
+    states[0, :, 1], states[1, :, 1] = q, v
+    operation = Operation.of(arm, Motion(dt * np.arange(len(q)), *states))
+    left = np.zeros_like(operation.q)
+    left[:, 1] = 0.0 if residual is None else residual
+    return operation.again(operation.expected, left)
+
+
+def test_orders_begin_with_one_period_over_99_per_cent_of_the_positions(arm):
+    # Closed form: of a ramp over three radians 0.5 % are left out at either end.
+    q = np.linspace(0.0, 3.0, 2001)
+    assert order_range(turning(arm, q, np.full(2001, 3.0 / 20.0), 0.01), 1)[0] == pytest.approx(2 * np.pi / 2.97)
+
+
+def test_orders_end_at_a_fifth_of_the_sampling_rate_at_the_speed_of_the_fastest_twentieth(arm):
+    # Closed form: speeds from 0 to 4 rad/s alike, 3.8 at 95 %: 20 periods a second at 100 Hz.
+    v = np.linspace(-4.0, 4.0, 2001)
+    assert order_range(turning(arm, np.linspace(0.0, 3.0, 2001), v, 0.01), 1)[1] == pytest.approx(
+        2 * np.pi * 20.0 / 3.8, rel=1e-3
+    )
+
+
+def test_orders_end_where_ten_milliseconds_average_a_wave_out_in_the_slowest_quarter(arm):
+    # Closed form: 1 rad/s at 25 %, 50 periods a second; at 1 kHz a fifth of the rate at 3.8 rad/s is above that.
+    v = np.linspace(-4.0, 4.0, 4001)
+    assert order_range(turning(arm, np.linspace(0.0, 3.0, 4001), v, 0.001), 1)[1] == pytest.approx(
+        2 * np.pi * 50.0, rel=1e-3
+    )
+
+
+def test_orders_end_at_eight_bins_a_period_of_65536_over_the_whole_range(arm):
+    # Closed form: over 500 rad that is order 2 pi 8192 / 500; a fifth of 100 Hz at 1 rad/s would be 2 pi 20.
+    q = np.linspace(0.0, 500.0, 50_001)
+    assert order_range(turning(arm, q, np.ones(50_001), 0.01), 1)[1] == pytest.approx(2 * np.pi * 8192 / 500.0)
+
+
+@pytest.mark.parametrize(
+    ("q", "v"),
+    [(np.linspace(0, 1e-7, 50), np.ones(50)), (np.linspace(0, 1, 50), np.full(50, 1e-10)), (np.ones(1), np.ones(1))],
+    ids=["no way", "no speed", "one sample"],
+)
+def test_a_joint_that_does_not_move_has_its_lowest_order_above_the_highest(arm, q, v):
+    assert order_range(turning(arm, q, v, 0.01), 1) == (np.inf, 0.0)
+
+
+@pytest.mark.parametrize(
+    ("dt", "samples", "step"),
+    [(0.004, 5000, 1), (0.001, 5000, 5), (0.002, 5000, 2), (0.02, 50, 1), (0.004, 16_000, 2), (0.004, 16_001, 3)],
+)
+def test_every_sample_counts_down_to_two_in_ten_milliseconds_and_eight_thousand_in_all(dt, samples, step):
+    assert _stride(dt, samples) == step
+
+
+def test_offset_friction_spring_scale_and_inertia_are_no_waves(arm):
+    q, v = np.linspace(-1.0, 2.0, 31), np.linspace(-1.0, 1.0, 31)
+    operation = turning(arm, q, v, 0.01)
+    expected = [np.ones(31), v, np.sign(v), q - 0.5, 0 * q, operation.tau[:, 1]]
+    np.testing.assert_allclose(_background(operation, 1, 1.5), np.column_stack(expected), atol=1e-12)
+
+
+def test_over_less_than_a_revolution_gravity_is_no_wave_either(arm):
+    q = np.linspace(-1.0, 2.0, 31)
+    columns = _background(turning(arm, q, np.ones(31), 0.01), 1, 1.6)
+    np.testing.assert_allclose(columns[:, 6:], np.column_stack([np.sin(q), np.cos(q)]))
+
+
+@pytest.fixture
+def waved(rng) -> _Residual:
+    """A wave of order 15.4 and amplitude 0.02, one of order 40, an offset, and noise of 0.002."""
+    q = np.linspace(-1.0, 2.0, 1500) + 0.3 * rng.random(1500)
+    torque = 0.02 * np.sin(15.4 * q) + 0.01 * np.cos(40.0 * q) + 0.3 + 0.002 * rng.normal(size=1500)
+    return _Residual(q, np.column_stack([np.ones(1500), 1e4 * q]), torque, 2.0)
+
+
+def test_what_waves_leave_is_what_least_squares_leave(waved):
+    # NumPy on the columns as they are.
+    q = waved.q
+    columns = np.column_stack([waved.plain, *(wave(n * q) for n in (15.0, 40.0) for wave in (np.sin, np.cos))])
+    left = waved.torque - columns @ np.linalg.lstsq(columns, waved.torque, rcond=None)[0]
+    np.testing.assert_allclose(waved.without((15.0, 40.0)), left, atol=1e-8)
+    assert waved.misfit((15.0, 40.0)) == pytest.approx(left @ left)
+
+
+def test_an_order_is_placed_beside_those_that_are_known(waved):
+    # Known truth: 15.4, sought from a point of the periodogram half an order off.
+    assert waved.placed((40.0,), 15.9, False) == pytest.approx(15.4, abs=0.01)
+    assert waved.placed((40.0,), 14.9, True) == pytest.approx(15.4, abs=0.01)
+
+
+def test_an_order_is_placed_within_half_of_what_the_range_resolves(waved):
+    assert waved.placed((40.0,), 17.9, False) > 16.9
+    assert waved.placed((40.0,), 16.3, False) == pytest.approx(15.4, abs=0.01)
+
+
+def test_an_order_is_a_whole_number_where_that_explains_as_much(waved):
+    # Known truth: 40; the free estimate scatters about it.
+    assert waved.placed((15.4,), 40.3, True) == 40.0
+    free = waved.placed((15.4,), 40.3, False)
+    assert free != 40.0
+    assert free == pytest.approx(40.0, abs=0.05)
+
+
+@pytest.mark.parametrize(("order", "whole"), [(7.02, True), (7.2, False)])
+def test_a_whole_number_may_leave_a_hundredth_of_what_the_order_explains(order, whole):
+    # Closed form without noise: an order off by d over a range L leaves (d L)^2 / 12 of a wave once its phase is fitted,
+    # 0.0012 and 0.12 at L = 6 (the amplitude is fitted too, which changes little).
+    q = np.linspace(0.0, 6.0, 4000)
+    residual = _Residual(q, np.ones((4000, 1)), np.sin(order * q), 1.0)
+    assert (residual.placed((), order, True) == 7.0) is whole
+
+
+def test_no_order_is_zero():
+    q = np.linspace(0.0, 6.0, 4000)
+    residual = _Residual(q, np.ones((4000, 1)), np.sin(0.49 * q), 1.0)
+    assert residual.placed((), 0.49, True) == pytest.approx(0.49, abs=1e-3)
+
+
+def test_noise_decides_less_where_its_neighbours_are_alike(rng):
+    # Known truth: an order of 7.06 under noise whose neighbours are alike, so that few samples are independent: a whole
+    # number is not worse by more than that. Under white noise of the same size it is.
+    q, memory = np.linspace(0.0, 6.0, 4000), 0.98
+    white = rng.normal(size=4000)
+    alike = np.zeros(4000)
+    for k in range(1, 4000):
+        alike[k] = memory * alike[k - 1] + np.sqrt(1 - memory**2) * white[k]
+    found = [
+        _Residual(q, np.ones((4000, 1)), np.sin(7.1 * q) + size * noise, 1.0).placed((), 7.1, True)
+        for noise, size in ((white, 0.5), (alike / alike.std(), 0.5))
+    ]
+    assert found[0] != 7.0
+    assert found[1] == 7.0
+
+
+def test_the_order_with_most_power_is_tried_beside_the_one_that_stands_out(arm):
+    # Known truth: a strong slow wave, which has no neighbours to stand out from, and a weak fast one.
+    t = 0.004 * np.arange(5000)
+    q, v = 1.5 * np.sin(0.9 * t) + 0.9 * np.sin(2.3 * t), 1.35 * np.cos(0.9 * t) + 2.07 * np.cos(2.3 * t)
+    shapes = orders_in(
+        turning(arm, q, v, 0.004, 0.2 * np.sin(3.0 * q) + 0.02 * np.sin(60.0 * q)), 1, whole_numbers=True
+    )
+    assert {order for shape in shapes for order in shape} >= {3.0, 60.0}
