@@ -132,11 +132,15 @@ class _Residual:
             return order
         left = self.without((*known, order))
         least = float(left @ left)
-        # Independent samples of what is left, from the correlation of neighbours.
-        memory = float(np.clip(left[1:] @ left[:-1] / max(least, 1e-300), 0.0, 0.999))
-        noise = 4.0 * least / max(len(left) * (1 - memory) / (1 + memory), 1.0)
+        noise = 4.0 * least / _independent(left)
         explained = self.misfit(known) - least
         return whole if self.misfit((*known, whole)) - least < max(_LOSS * explained, noise) else order
+
+
+def _independent(left: Float[Array, " N"]) -> float:
+    """How many samples are independent of each other, by the correlation of neighbours; one at least."""
+    memory = float(np.clip(left[1:] @ left[:-1] / max(float(left @ left), 1e-300), 0.0, 0.999))
+    return max(len(left) * (1 - memory) / (1 + memory), 1.0)
 
 
 def _periodogram(

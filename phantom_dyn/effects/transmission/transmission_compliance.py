@@ -83,7 +83,7 @@ class TransmissionCompliance(Effect):
         """Drive torque more per unit of compliance, between none and ``shape``."""
         row = row_of(robot, joint)
         change = change_by_link(operation, row, *swing(operation, row, 1.0 / shape[0])) / shape[0]
-        unit = "m/N" if robot.prismatic[row] else "rad/(N m)"
+        unit = self.probe_unit(robot, joint, "compliance")
         return Signature(tuple(range(robot.nv)), change[:, :, None], ("compliance",), (unit,))
 
     def coefficient_bounds(self, robot: Robot, joint: str | None, shape: Shape) -> tuple[tuple[float, float], ...]:
@@ -100,8 +100,7 @@ class TransmissionCompliance(Effect):
 
     def probe_unit(self, robot: Robot, joint: str | None, name: str) -> str:
         """Of a compliance, one over a stiffness."""
-        numerator, _, denominator = self.parameters(robot, joint)[0].unit.partition("/")
-        return f"{denominator}/({numerator})"
+        return "m/N" if robot.prismatic[row_of(robot, joint)] else "rad/(N m)"
 
     def sized(
         self, robot: Robot, joint: str | None, name: str, size: float, posture: Array
@@ -217,8 +216,10 @@ def _followed(t: Array, load: Array, edge: float) -> Array:
     """``load`` without what lies above ``edge`` [Hz], without delay."""
     from scipy.signal import butter, sosfiltfilt
 
+    if len(t) < 16:
+        return load
     rate = (len(t) - 1) / float(t[-1] - t[0])
-    if edge > 0.4 * rate or len(t) < 16:
+    if edge > 0.4 * rate:
         return load
     low_pass = butter(2, edge, fs=rate, output="sos")
     return np.asarray(sosfiltfilt(low_pass, load, padlen=min(len(load) - 1, int(3 * rate / edge))), dtype=float)

@@ -2,11 +2,20 @@
 
 from __future__ import annotations
 
+from itertools import combinations
+
 import numpy as np
 import pytest
 
 from phantom_dyn.effects.operation import Operation
-from phantom_dyn.effects.support.cogging_orders import _background, _Residual, _stride, order_range, orders_in
+from phantom_dyn.effects.support.cogging_orders import (
+    _background,
+    _independent,
+    _Residual,
+    _stride,
+    order_range,
+    orders_in,
+)
 from phantom_dyn.motion import Motion
 
 
@@ -116,7 +125,7 @@ def test_an_order_is_a_whole_number_where_that_explains_as_much(waved):
 
 @pytest.mark.parametrize(("order", "whole"), [(7.02, True), (7.2, False)])
 def test_a_whole_number_may_leave_a_hundredth_of_what_the_order_explains(order, whole):
-    # Closed form without noise: an order off by d over a range L leaves (d L)^2 / 12 of a wave once its phase is fitted,
+    # Closed form without noise: an order off by d over a range L leaves (d L)^2 / 12 of a wave whose phase is fitted:
     # 0.0012 and 0.12 at L = 6 (the amplitude is fitted too, which changes little).
     q = np.linspace(0.0, 6.0, 4000)
     residual = _Residual(q, np.ones((4000, 1)), np.sin(order * q), 1.0)
@@ -143,6 +152,27 @@ def test_noise_decides_less_where_its_neighbours_are_alike(rng):
     ]
     assert found[0] != 7.0
     assert found[1] == 7.0
+
+
+@pytest.mark.parametrize(
+    ("left", "count"),
+    # By hand: neighbours that have nothing in common, or less; a correlation of 1/2 among nine; three that are alike.
+    [([1, 0, 1, 0, 1], 5.0), ([1, -1, 1, -1], 4.0), ([1, 1, 0] * 3, 3.0), ([2, 2, 2], 1.0), ([0, 0], 2.0)],
+)
+def test_samples_whose_neighbours_are_alike_count_as_fewer(left, count):
+    assert _independent(np.array(left, dtype=float)) == pytest.approx(count)
+
+
+def test_two_orders_are_further_apart_than_half_of_what_the_range_resolves(arm):
+    # Known truth: two waves closer than that; what a single order leaves of them is next to it.
+    t = 0.004 * np.arange(5000)
+    q, v = 1.5 * np.sin(0.9 * t), 1.35 * np.cos(0.9 * t)
+    rest = np.sin(30.0 * q) + np.sin(31.2 * q + 1.0)
+    operation = turning(arm, q, v, 0.004, rest)
+    low = order_range(operation, 1)[0]
+    shapes = orders_in(operation, 1, whole_numbers=False)
+    assert 2.0 < low < 2.2
+    assert all(abs(a - b) >= 0.5 * low for shape in shapes for a, b in combinations(shape, 2))
 
 
 def test_the_order_with_most_power_is_tried_beside_the_one_that_stands_out(arm):

@@ -1,0 +1,145 @@
+"""A link in its play. Oracle: SciPy's antiderivatives of a pull that is a straight line between samples."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import numpy as np
+import pytest
+from scipy.interpolate import make_interp_spline
+
+from phantom_dyn.effects.operation import Operation
+from phantom_dyn.effects.support.displaced import exact_change_by_link, load_and_inertia
+from phantom_dyn.effects.transmission.backlash import Backlash, Play, play, under_all_load
+from phantom_dyn.motion import Motion
+
+BACKLASH = Backlash()
+GAP = 0.01
+HALF = 0.5 * GAP
+
+
+@pytest.fixture
+def t(rng) -> np.ndarray:
+    """Two seconds in uneven steps of about a millisecond."""
+    return np.cumsum(rng.uniform(0.5e-3, 1.5e-3, 2000))
+
+
+@pytest.fixture
+def pull(t) -> np.ndarray:
+    return 5.0 * np.sin(9.0 * t) + 3.0 * np.sin(31.0 * t) + 1.0
+
+
+def flights(moved: Play) -> Iterator[tuple[int, int]]:
+    """First sample of each flight, and the one behind its last."""
+    edges = np.flatnonzero(np.diff(np.concatenate([[0.0], moved.loose, [0.0]])))
+    return zip(edges[::2], edges[1::2], strict=True)
+
+
+def fallen(t: np.ndarray, pull: np.ndarray, start: int, since: float) -> tuple[np.ndarray, np.ndarray]:
+    """Way and speed at all samples of what is pulled from rest at the time ``since``, just before ``start``."""
+    line = make_interp_spline(t, pull, k=1)
+    speed, way = line.antiderivative(1), line.antiderivative(2)
+    return way(t) - way(since) - speed(since) * (t - since), speed(t) - speed(since)
+
+
+def test_a_link_in_flight_is_where_its_pull_has_brought_it(t, pull):
+    moved = play(t, pull, GAP)
+    met = 0
+    for start, end in flights(moved):
+        if start == 0 or end >= len(t) or moved.lead[start - 1] * pull[start - 1] < 0:
+            continue
+        side = np.sign(moved.lead[start - 1])
+        since = t[start - 1] + (t[start] - t[start - 1]) * pull[start - 1] / (pull[start - 1] - pull[start])
+        way, speed = fallen(t, pull, start, since)
+        np.testing.assert_allclose(moved.lead[start:end], side * HALF + way[start:end], atol=1e-12)
+        np.testing.assert_allclose(moved.rate[start:end], speed[start:end], atol=1e-10)
+        assert abs(side * HALF + way[end - 1]) < HALF <= abs(side * HALF + way[end])
+        met += 1
+    assert met >= 5
+
+
+def test_a_link_that_is_held_is_at_the_end_to_which_its_pull_presses_it(t, pull):
+    moved = play(t, pull, GAP)
+    held = moved.loose == 0
+    assert 0.2 < held.mean() < 0.95
+    np.testing.assert_allclose(np.abs(moved.lead[held]), HALF)
+    # The sample of a landing is already held, whatever pulls there.
+    landed = np.zeros(len(t), dtype=bool)
+    landed[[end for _, end in flights(moved) if end < len(t)]] = True
+    assert np.all(moved.lead[held & ~landed] * pull[held & ~landed] >= 0)
+    assert not moved.rate[held].any()
+
+
+def test_a_link_that_lands_under_a_pull_off_its_new_end_leaves_it_from_rest(t):
+    # Closed form: from rest under a constant pull p the way is p t^2 / 2; the pull turns while the link is in flight.
+    pull = np.where(t < 0.5, 6.0, np.where(t < 0.55, -6.0, 6.0))
+    moved = play(t, pull, GAP)
+    (start, _), *_ = flights(moved)
+    assert moved.lead[start - 1] == HALF
+    assert moved.lead[-1] == HALF
+    first = next(k for k in range(len(t)) if pull[k] < 0)
+    assert start == first
+
+
+def test_a_link_that_is_loose_at_the_first_sample_begins_there_at_rest():
+    # By hand: pulled to the lower end it lies there, whatever the pull.
+    t = np.arange(5) * 0.1
+    np.testing.assert_array_equal(play(t, np.full(5, -1.0), GAP).lead, -HALF)
+    np.testing.assert_array_equal(play(t, np.zeros(5), GAP).lead, HALF)
+
+
+def test_the_impact_is_shared_by_the_two_samples_about_the_landing(t, pull):
+    # Momentum: what was missing in flight; a landing a third of the way from one sample to the next gives that sample
+    # two thirds of it.
+    moved, width = play(t, pull, GAP), np.gradient(t)
+    met = 0
+    for start, end in flights(moved):
+        if start == 0 or end >= len(t) or moved.lead[start - 1] * pull[start - 1] < 0:
+            continue
+        since = t[start - 1] + (t[start] - t[start - 1]) * pull[start - 1] / (pull[start - 1] - pull[start])
+        way = np.sign(moved.lead[start - 1]) * HALF + fallen(t, pull, start, since)[0]
+        if way[end - 1] * way[end] < 0:
+            continue
+        lost = np.sum(pull[start:end] * width[start:end])
+        late = (HALF - abs(way[end - 1])) / abs(way[end] - way[end - 1])
+        assert moved.impact[end - 1] * width[end - 1] == pytest.approx((1.0 - late) * lost, rel=1e-6)
+        assert moved.impact[end] * width[end] == pytest.approx(late * lost, rel=1e-6)
+        met += 1
+    assert met >= 5
+
+
+def test_in_flight_a_drive_lacks_the_whole_load(arm, smooth):
+    # Closed form: a free link takes no torque from its own drive, but for the impact.
+    moved = play(smooth.t, np.divide(*load_and_inertia(smooth, 1)), GAP)
+    change = under_all_load(smooth, "tilt", np.ones(1), np.array([GAP]))[:, 1]
+    free = (moved.loose > 0) & (moved.impact == 0)
+    assert free.sum() > 20
+    np.testing.assert_allclose(change[free], -load_and_inertia(smooth, 1)[0][free], atol=1e-9)
+
+
+def test_other_drives_feel_the_link_where_it_is(arm, smooth):
+    # Inverse dynamics of the displaced link, for a play so small that it is linear; so does its own drive when it is
+    # held, but for the impacts.
+    gap = 1e-6
+    load, inertia = load_and_inertia(smooth, 1)
+    moved = play(smooth.t, load / inertia, gap)
+    gained = moved.impact - load / inertia * moved.loose
+    exact = exact_change_by_link(arm, smooth, 1, -moved.lead, -moved.rate, gained)
+    change = under_all_load(smooth, "tilt", np.array([0.5]), np.array([gap]))
+    held = moved.loose == 0
+    np.testing.assert_allclose(change[:, [0, 2]], 0.5 * exact[:, [0, 2]], atol=1e-5)
+    np.testing.assert_allclose(change[held, 1], 0.5 * exact[held, 1], atol=1e-5)
+
+
+def test_a_load_that_touches_zero_has_not_changed_its_sign(planar):
+    # By hand: stretched out, hanging down, the elbow carries nothing; it comes from one side and goes back to it.
+    q = np.zeros((9, 2))
+    q[:, 1] = 0.1 * np.abs(np.arange(9.0) - 4.0)
+    touching = Operation.of(planar, Motion(np.arange(9) / 100.0, q, 0 * q, 0 * q))
+    assert touching.transmitted[4, 1] - touching.own_friction[4, 1] == 0.0
+    assert BACKLASH.shapes(planar, touching, "elbow") == ()
+    assert BACKLASH.untestable(planar, touching, "elbow") == "the transmitted torque never changes sign"
+
+
+def test_the_share_of_a_play_is_one_give_or_take_a_half(planar):
+    assert BACKLASH.coefficient_bounds(planar, "elbow", (GAP,)) == ((0.5, 1.5),)
