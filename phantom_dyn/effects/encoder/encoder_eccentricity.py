@@ -22,8 +22,9 @@ from phantom_dyn.model.robot import Robot
 
 Array = np.ndarray
 
+# Periods in one turn of the joint.
 ORDER = 1.0
-# Arc [rad of n q] over which a sine departs from a straight line by 1 % of its amplitude.
+# Arc [rad] over which a sine departs from a straight line by 1 % of its amplitude.
 _LEAST_ARC = 0.5
 # Newton steps for the true angle; each squares an error of at most the amplitude.
 _NEWTON = 8
@@ -84,7 +85,7 @@ class EncoderEccentricity(Effect):
     def untestable(self, robot: Robot, operation: Operation, joint: str | None) -> str | None:
         """Over a small arc."""
         arc = float(np.ptp(operation.q[:, row_of(robot, joint)]))
-        if arc * ORDER < _LEAST_ARC:
+        if arc < _LEAST_ARC:
             return f"the joint turns by {arc:.2f} rad only: over so small an arc a sine looks like a line"
         return None
 
@@ -112,10 +113,10 @@ class EncoderEccentricity(Effect):
 
 
 def _error(operation: Operation, row: int, phase: float) -> tuple[Array, Array, Array]:
-    """``sin(n q + phase)`` and its two time derivatives along the motion that is read."""
+    """``sin(q + phase)`` and its two time derivatives along the motion that is read: one period a turn."""
     q, v, a = (x[:, row] for x in (operation.q, operation.v, operation.a))
-    sine, cosine = np.sin(ORDER * q + phase), np.cos(ORDER * q + phase)
-    return sine, ORDER * cosine * v, ORDER * cosine * a - ORDER**2 * sine * v**2
+    sine, cosine = np.sin(q + phase), np.cos(q + phase)
+    return sine, cosine * v, cosine * a - sine * v**2
 
 
 @jit

@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from phantom_dyn.effects.drive.actuator_lag import ActuatorLag
+from phantom_dyn.effects.drive.actuator_lag import ActuatorLag, _lagged, lag_law
 from phantom_dyn.effects.operation import Operation
 
 EFFECT = ActuatorLag()
@@ -85,3 +85,39 @@ def test_a_sensor_behind_the_drive_does_not_show_it(arm, sine):
     why = EFFECT.untestable(replace(arm, torque_source="sensor"), sine, None)
     assert why is not None
     assert why.endswith("behind the drive: the lag of the drive leaves no trace in them")
+
+
+def test_a_ramp_is_followed_a_time_constant_late():
+    # Closed form: t - T (1 - exp(-t / T)) from balance at a torque of 2.
+    t = np.arange(50) * 0.01
+    expected = 2.0 + 3.0 * (t - 0.02 * (1.0 - np.exp(-t / 0.02)))
+    np.testing.assert_allclose(_lagged(2.0 + 3.0 * t, 0.01, 0.02), expected, rtol=1e-12)
+
+
+def test_without_a_time_constant_a_series_is_given_as_it_is(rng):
+    tau = rng.normal(size=9)
+    np.testing.assert_array_equal(_lagged(tau, 0.01, 0.0), tau)
+
+
+@pytest.mark.parametrize(
+    ("now", "asked", "dt", "time_constant", "after"),
+    # Closed form: 1/e of a step of 2 is left after one time constant, and 1 - 1/e of it on average.
+    [
+        (1.0, 3.0, 0.02, 0.02, (3.0 - 2.0 / np.e, 3.0 - 2.0 * (1.0 - 1.0 / np.e))),
+        (np.nan, 3.0, 0.02, 0.02, (3.0, 3.0)),
+        (1.0, 3.0, 0.02, 0.0, (3.0, 3.0)),
+        (1.0, 3.0, 0.0, 0.02, (1.0, 1.0)),
+    ],
+    ids=["step", "first", "no lag", "no time"],
+)
+def test_a_step_of_torque_is_left_exponentially(now, asked, dt, time_constant, after):
+    assert lag_law(now, asked, dt, time_constant) == pytest.approx(after)
+
+
+def test_a_single_sample_has_no_slope(arm, sine):
+    one = replace(sine, **{name: getattr(sine, name)[:1] for name in ("t", "q", "v", "a", "tau", "expected", "logged")})
+    assert not EFFECT.torque(arm, one, None, THETA).any()
+
+
+def test_no_drive_is_early(arm):
+    assert EFFECT.coefficient_bounds(arm, None, ()) == ((0.0, np.inf),)

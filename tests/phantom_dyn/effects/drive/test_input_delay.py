@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from phantom_dyn import load_robot
-from phantom_dyn.effects.drive.input_delay import InputDelay
+from phantom_dyn.effects.drive.input_delay import InputDelay, _mean_held
 from phantom_dyn.effects.operation import Operation
 
 EFFECT = InputDelay()
@@ -117,3 +117,42 @@ def test_a_sensor_behind_the_drive_does_not_show_it(arm, sine):
     why = EFFECT.untestable(replace(arm, torque_source="sensor"), sine, None)
     assert why is not None
     assert why.endswith("behind the drive: the delay of the drive leaves no trace in them")
+
+
+@pytest.mark.parametrize(
+    ("dt", "delays"),
+    # By hand: 2 ms are within a fifth of 2.4 ms, and not of 2.6 ms; less than 10 us is rounding.
+    [
+        (0.0024, (0.0024, 0.005, 0.012)),
+        (0.0026, (0.0026, 0.002, 0.005, 0.012)),
+        (0.01, (0.01, 0.002, 0.005)),
+        (1e-6, (1e-5, 0.002, 0.005, 0.012)),
+    ],
+)
+def test_delays_that_are_tried_differ_from_one_sample_by_more_than_a_fifth(arm, sine, dt, delays):
+    operation = replace(sine, t=dt * np.arange(len(sine.t)))
+    assert [delay for (delay,) in EFFECT.shapes(arm, operation, None)] == pytest.approx(delays)
+
+
+def test_behind_the_end_the_last_torque_is_held(arm, sine):
+    late = EFFECT.torque(arm, sine, None, np.array([0.5]))
+    np.testing.assert_allclose(late[-100:], (sine.expected - sine.expected[-1])[-100:], atol=1e-12)
+
+
+def test_a_single_sample_is_not_ahead(arm, sine):
+    one = replace(sine, **{name: getattr(sine, name)[:1] for name in ("t", "q", "v", "a", "tau", "expected", "logged")})
+    assert not EFFECT.torque(arm, one, None, np.array([0.01])).any()
+
+
+@pytest.mark.parametrize(
+    ("start", "stop", "mean"),
+    [(-0.5, -0.3, 3.0), (-0.6, -0.2, 3.5), (-2.0, -1.2, 1.0), (-1.1, -0.1, 3.2), (-0.1, 0.0, 7.0)],
+)
+def test_the_mean_of_held_commands_counts_each_for_its_time(start, stop, mean):
+    # By hand: 1 until -1, 3 until -0.3, 5 until -0.1 and 7 until now; before the first its command holds.
+    history = np.array([[0.2, 1.0], [0.7, 3.0], [0.2, 5.0], [0.1, 7.0]])
+    assert _mean_held(history, np.array([-1.0, -0.3, -0.1, 0.0]), start, stop) == pytest.approx([mean])
+
+
+def test_no_drive_is_early(arm):
+    assert EFFECT.coefficient_bounds(arm, None, (0.002,)) == ((0.0, np.inf),)

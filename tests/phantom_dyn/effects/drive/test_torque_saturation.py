@@ -5,8 +5,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from phantom_dyn.effects.drive.torque_saturation import TorqueSaturation
+from phantom_dyn.effects.drive.torque_saturation import TorqueSaturation, _plausible
 from phantom_dyn.effects.operation import Operation
+from phantom_dyn.motion import Motion
 
 EFFECT = TorqueSaturation()
 
@@ -91,3 +92,45 @@ def test_a_sensor_behind_the_drive_does_not_show_it(arm, saturated):
         "the torque columns come from a sensor, behind the drive: the limit of the drive leaves no trace in them"
     )
     assert EFFECT.untestable(arm, saturated, "tilt") is None
+
+
+def beyond(arm, smooth, runs: tuple[int, ...], needed: float) -> tuple[Operation, np.ndarray]:
+    """A hundred samples of 10 ms; the command is beyond the limit of 2 N m in runs of so many, one sample apart."""
+    excess, start = np.zeros(100), 1
+    for k, run in enumerate(runs):
+        excess[start : start + run] = (-1.0) ** k
+        start += run + 1
+    states = (x[:100] for x in (smooth.q, smooth.v, smooth.a))
+    operation = Operation.of(arm, Motion(0.01 * np.arange(100), *states))
+    return replace(operation, expected=needed * np.sign(excess)[:, None] * np.ones(3)), excess
+
+
+@pytest.mark.parametrize(
+    ("runs", "needed", "believed"),
+    # By hand: 30 ms at once, 45 % of the time, and 1.2 to 2.8 N m.
+    [
+        ((3,), 2.0, True),
+        ((2, 2, 2), 2.0, False),
+        ((2, 3, 2), 2.0, True),
+        ((45,), 2.0, True),
+        ((46,), 2.0, False),
+        ((10, 35), 2.0, True),
+        ((10, 36), 2.0, False),
+        ((10, 10), 1.19, False),
+        ((10, 10), 1.21, True),
+        ((10, 10), 2.79, True),
+        ((10, 10), 2.81, False),
+        ((10, 10), -2.0, False),
+        ((), 2.0, False),
+    ],
+)
+def test_a_limit_is_believed_that_holds_a_while_at_what_the_motion_needs(arm, smooth, runs, needed, believed):
+    operation, excess = beyond(arm, smooth, runs, needed)
+    assert _plausible(operation, 1, 2.0, excess) == believed
+
+
+def test_a_command_that_begins_and_ends_beyond_the_limit_is_believed(arm, smooth):
+    operation, _ = beyond(arm, smooth, (), 2.0)
+    excess = np.where((np.arange(100) < 3) | (np.arange(100) >= 97), 0.5, 0.0)
+    driven = replace(operation, expected=np.full((100, 3), 2.0))
+    assert _plausible(driven, 1, 2.0, excess)

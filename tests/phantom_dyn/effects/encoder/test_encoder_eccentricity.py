@@ -13,9 +13,9 @@ EFFECT = EncoderEccentricity()
 THETA = np.array([0.02, 0.7, 1.0])
 
 
-def read_with_error(motion: Motion, joint: int) -> Motion:
+def read_with_error(motion: Motion, joint: int, theta: np.ndarray = THETA) -> Motion:
     """What an eccentric encoder reads, by the chain rule."""
-    amplitude, phase, n = THETA
+    amplitude, phase, n = theta
     q, v, a = motion.q.copy(), motion.v.copy(), motion.a.copy()
     angle = n * motion.q[:, joint] + phase
     q[:, joint] += amplitude * np.sin(angle)
@@ -30,6 +30,14 @@ def test_the_law_is_the_difference_of_inverse_dynamics_as_read_and_true(arm, ope
     read = read_with_error(operation, arm.joint_names.index(joint))
     law = EFFECT.torque(arm, Operation.of(arm, read), joint, THETA)
     np.testing.assert_allclose(law, inverse_dynamics(arm, read) - inverse_dynamics(arm, operation), atol=1e-9)
+
+
+def test_the_true_angle_is_found_under_a_large_error_of_two_periods_a_turn(arm, operation):
+    # Known truth: an error that takes away or adds up to four fifths of the speed.
+    theta = np.array([0.4, -1.1, 2.0])
+    read = read_with_error(operation, 1, theta)
+    law = EFFECT.torque(arm, Operation.of(arm, read), "tilt", theta)
+    np.testing.assert_allclose(law, inverse_dynamics(arm, read) - inverse_dynamics(arm, operation), atol=1e-8)
 
 
 @pytest.mark.parametrize("joint", ["turn", "tilt"])
@@ -62,10 +70,22 @@ def test_only_joints_that_turn_have_an_eccentric_encoder(arm):
     assert EFFECT.places(arm) == ("turn", "tilt")
 
 
-def test_a_small_arc_cannot_show_it(arm, operation):
-    still = Operation.of(arm, Motion(operation.t, 0.1 * operation.q, operation.v, operation.a))
-    assert "over so small an arc" in str(EFFECT.untestable(arm, still, "tilt"))
+@pytest.mark.parametrize(("arc", "shown"), [(0.49, False), (0.51, True)])
+def test_an_arc_of_half_a_radian_can_show_it(arm, operation, arc, shown):
+    q = operation.q * arc / np.ptp(operation.q, axis=0)
+    why = EFFECT.untestable(arm, Operation.of(arm, Motion(operation.t, q, operation.v, operation.a)), "tilt")
+    assert why == (None if shown else "the joint turns by 0.49 rad only: over so small an arc a sine looks like a line")
 
 
-def test_a_wide_arc_can_show_it(arm, operation):
-    assert EFFECT.untestable(arm, operation, "tilt") is None
+def test_the_probe_is_an_amplitude_of_phase_zero(arm, operation):
+    name, direction = EFFECT.probe(arm, operation, "tilt")
+    assert name == "amplitude"
+    np.testing.assert_array_equal(EFFECT.from_coefficients(arm, "tilt", direction, ()), [1.0, 0.0, 1.0])
+
+
+def test_a_simulated_encoder_errs_by_the_law_on_its_own_joint(arm):
+    # Contract: q + A sin(n q + p).
+    reading = EFFECT.simulated(arm, "tilt", np.array([0.05, 0.7, 2.0])).reading
+    assert reading is not None
+    q = np.array([0.3, -0.4, 0.1])
+    np.testing.assert_allclose(reading(q), [0.3, -0.4 + 0.05 * np.sin(2.0 * -0.4 + 0.7), 0.1])

@@ -112,3 +112,34 @@ def test_a_joint_at_rest_hides_the_coupling(arm, smooth):
 
 def test_friction_and_inertia_are_not_negative(arm):
     assert EFFECT.coefficient_bounds(arm, "turn+tilt", (1.0,)) == ((0.0, np.inf),) * 3
+
+
+@pytest.mark.parametrize(("travel", "hidden"), [(0.9e-4, True), (1.1e-4, False)])
+def test_a_joint_that_travels_a_tenth_of_a_milliradian_counts_as_moving(arm, smooth, travel, hidden):
+    # Closed form: of a ramp the middle 98 % count.
+    q = smooth.q.copy()
+    q[:, 1] = np.linspace(0.0, travel / 0.98, len(q))
+    why = EFFECT.untestable(arm, Operation.of(arm, Motion(smooth.t, q, smooth.v, smooth.a)), "turn+tilt")
+    assert (why is not None) is hidden
+
+
+@pytest.mark.parametrize(
+    ("pair", "sits"),
+    [
+        ("turn+slide", True),
+        ("slide+turn", True),
+        ("turn", False),
+        ("turn+knee", False),
+        (None, False),
+        ("a+b+c", False),
+    ],
+)
+def test_a_coupling_sits_between_any_two_joints_of_the_robot(arm, pair, sits):
+    assert EFFECT.can_sit(arm, pair) is sits
+
+
+def test_the_probe_is_its_coulomb_friction(arm, smooth):
+    name, direction = EFFECT.probe(arm, smooth, "turn+slide")
+    theta = EFFECT.from_coefficients(arm, "turn+slide", direction, (0.5,))
+    assert [p.name for p in EFFECT.parameters(arm, "turn+slide")].index(name) == 1
+    np.testing.assert_array_equal(theta, [0.5, 1.0, 0.0, 0.0])

@@ -6,7 +6,13 @@ import numpy as np
 import pytest
 
 from phantom_dyn.effects.catalogue import effect_named
-from phantom_dyn.effects.friction.presliding_friction import PreslidingFriction, bristle, strokes
+from phantom_dyn.effects.friction.presliding_friction import (
+    PreslidingFriction,
+    bristle,
+    bristle_law,
+    stick_law,
+    strokes,
+)
 from phantom_dyn.effects.operation import Operation
 from phantom_dyn.motion import Motion
 
@@ -136,3 +142,75 @@ def test_on_sticking_the_torque_drops_to_almost_nothing(arm):
     # The spring is attached to where the joint was the sample before.
     assert torque[400] == pytest.approx(-1.05 * 0.5 / 0.01 * (operation.q[400, 1] - operation.q[399, 1]))
     assert abs(torque[400]) < 0.1 * 0.5
+
+
+def test_a_joint_at_rest_has_displacements_to_try_too(arm):
+    still = Operation.of(arm, Motion(np.arange(9) / 100.0, *np.zeros((3, 9, 3))))
+    assert min(displacement for (displacement,) in EFFECT.shapes(arm, still, "tilt")) > 0
+
+
+@pytest.mark.parametrize(
+    ("state", "q", "v", "after"),
+    # By hand: 2 N m in slip, 3 N m to break loose, by a spring of 30 N m/rad; it sticks below 0.1 rad/s.
+    [
+        ((np.nan, 0.0, 0.0), 0.5, 0.05, (1.0, 0.5, 0.0)),
+        ((0.48, 0.0, 0.0), 0.5, 0.05, (1.0, 0.48, -0.6)),
+        ((0.48, 0.0, 0.0), 0.5, -0.05, (1.0, 0.48, -0.6)),
+        ((0.48, 0.0, 0.3), 0.5, 0.1, (0.0, 0.3, -2.0)),
+        ((0.48, 0.0, 0.3), 0.5, -0.2, (0.0, 0.3, 2.0)),
+        ((0.48, 1.0, 0.52), 0.5, 0.05, (1.0, 0.52, 0.6)),
+        ((0.48, 1.0, 0.45), 0.5, 0.7, (1.0, 0.45, -1.5)),
+        ((0.48, 1.0, 0.401), 0.5, 0.05, (1.0, 0.401, -2.97)),
+        ((0.48, 1.0, 0.375), 0.5, 0.05, (0.0, 0.375, -2.0)),
+        ((0.48, 1.0, 0.625), 0.5, -0.05, (0.0, 0.625, 2.0)),
+    ],
+    ids=[
+        "first",
+        "sticks",
+        "sticks back",
+        "fast",
+        "fast back",
+        "held back",
+        "held fast",
+        "held",
+        "loose",
+        "loose back",
+    ],
+)
+def test_a_joint_sticks_to_where_it_was_and_breaks_loose_at_the_static_torque(state, q, v, after):
+    assert stick_law(*state, q, v, 2.0, 0.1, 1.5, 0.1) == pytest.approx(after)
+
+
+def test_a_joint_without_displacement_sticks_by_a_stiff_spring():
+    assert stick_law(0.5, 1.0, 0.5, 0.5, 0.0, 2.0, 0.0, 1.5, 0.1) == (1.0, 0.5, pytest.approx(0.0))
+    assert stick_law(0.5, 1.0, 0.5, 0.5 + 1e-9, 0.0, 2.0, 0.0, 1.5, 0.1)[0] == 0.0
+
+
+@pytest.mark.parametrize(
+    ("last", "z", "q", "after"),
+    # By hand: 2 N m at a deflection of 0.1 rad.
+    [(np.nan, 0.07, 0.5, 0.0), (0.48, 0.01, 0.5, 0.03), (0.48, 0.09, 0.5, 0.1), (0.52, -0.095, 0.5, -0.1)],
+)
+def test_a_bristle_is_deflected_by_the_way_up_to_its_displacement(last, z, q, after):
+    assert bristle_law(last, z, q, 2.0, 0.1) == pytest.approx((after, -20.0 * after))
+
+
+def test_a_bristle_without_displacement_is_coulomb_friction():
+    assert bristle_law(0.4, 0.0, 0.5, 2.0, 0.0)[1] == pytest.approx(-2.0)
+    np.testing.assert_allclose(bristle(np.array([0.4, 0.5, 0.3]), 0.0), [0.0, 1.0, -1.0])
+
+
+def test_displacements_of_a_hundred_times_are_tried_in_equal_ratios(arm):
+    operation = there_and_back(arm, 0.5, 0.4, 200)
+    tried = np.array([displacement for (displacement,) in EFFECT.shapes(arm, operation, "tilt")])
+    assert len(tried) == 6
+    np.testing.assert_allclose(tried[1:] / tried[:-1], 100.0 ** (1 / 5))
+
+
+def test_strokes_are_the_ways_between_turning_points(arm):
+    # By hand: 0.3 up, 0.5 down and 0.2 up again, the last one cut off.
+    q = np.interp(np.arange(1001), [0, 300, 800, 1000], [0.0, 0.3, -0.2, 0.0])
+    states = np.zeros((3, 1001, 3))
+    states[0, :, 1], states[1, :, 1] = q, np.gradient(q)
+    found = strokes(Operation.of(arm, Motion(np.arange(1001) / 100.0, *states)), 1)
+    np.testing.assert_allclose(found, [0.3, 0.5, 0.2], atol=2e-3)

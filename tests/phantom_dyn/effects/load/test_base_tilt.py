@@ -1,6 +1,8 @@
 # pyright: reportAttributeAccessIssue=false
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pinocchio as pin
 import pytest
@@ -69,3 +71,38 @@ def test_a_base_turns_by_no_more_than_a_right_angle_about_each_axis_that_leaves_
     assert EFFECT.coefficient_bounds(arm, None, (0.0, 0.0)) == (quarter, quarter)
     assert EFFECT.coefficient_bounds(arm, None, (INVISIBLE, 0.0)) == (quarter,)
     assert [(p.lower, p.upper) for p in EFFECT.parameters(arm, None)] == [quarter, quarter]
+    assert EFFECT.coefficient_bounds(arm, None, ()) == (quarter, quarter)
+
+
+@pytest.mark.parametrize("angle", [2e-4, -2e-4, 0.5, -0.5])
+def test_a_column_is_the_secant_of_the_law_to_its_angle(arm, operation, angle):
+    for axis, theta in enumerate(angle * np.eye(2)):
+        column = EFFECT.signature(arm, operation, None, tuple(theta)).columns[:, :, axis]
+        np.testing.assert_allclose(-EFFECT.torque(arm, operation, None, theta) / angle, column, atol=1e-8)
+
+
+@pytest.mark.parametrize("angle", [0.5e-4, -0.5e-4])
+def test_below_a_ten_thousandth_a_column_is_the_tangent(arm, operation, angle):
+    near, tangent = (EFFECT.signature(arm, operation, None, (x, x)).columns for x in (angle, 0.0))
+    np.testing.assert_array_equal(near[:, :, 1], tangent[:, :, 1])
+
+
+def test_a_tilt_is_probed_by_the_first_angle_that_leaves_a_trace(arm, operation):
+    name, direction = EFFECT.probe(arm, operation, None)
+    assert name == "roll"
+    np.testing.assert_array_equal(direction, [1.0, 0.0])
+
+
+@pytest.mark.parametrize(("off", "roll"), [(0.5e-6, INVISIBLE), (2e-6, 0.0)])
+def test_a_millionth_of_the_torque_shows_no_tilt(planar, off, roll):
+    # Closed form: gravity that is out of the plane by a share leaves that share of its torque per radian of roll.
+    q = np.linspace(-1.0, 1.0, 40)[:, None] * np.ones(2)
+    leaning = with_gravity(planar, 9.81 * np.array([0.0, off, -1.0]))
+    swung = Operation.of(replace(leaning, coulomb_friction=np.zeros(2)), Motion(np.arange(40.0), q, 0 * q, 0 * q))
+    assert EFFECT.shapes(swung.robot, swung, None) == ((roll, 0.0),)
+
+
+def test_few_and_many_postures_show_the_same(arm, operation):
+    states = (np.tile(x, (100, 1)) for x in (operation.q, operation.v, operation.a))
+    many = Operation.of(arm, Motion(np.arange(4000.0), *states))
+    assert EFFECT.shapes(arm, many, None) == EFFECT.shapes(arm, operation, None) == ((0.0, 0.0),)

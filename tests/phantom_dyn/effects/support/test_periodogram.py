@@ -39,6 +39,15 @@ def test_the_periodogram_is_the_power_of_its_orders_up_to_the_width_of_a_bin(une
     np.testing.assert_allclose(power[::7], exact, atol=0.06 * exact.max())
 
 
+def test_the_periodogram_is_the_power_of_its_orders_where_positions_lie_on_its_bins(rng):
+    # Up to order 10 bins are 2 pi / 80 wide, from the first position on.
+    q = 0.7 + 2 * np.pi / 80 * (rng.integers(0, 60, 900) + 1e-9)
+    q[0] = 0.7
+    rest = np.sin(9.0 * q + 0.4) + rng.normal(size=900)
+    orders, power = _periodogram(q, rest, 1.6, 10.0)
+    np.testing.assert_allclose(power[:-1], [taken_out(q, rest, n) for n in orders[:-1]], rtol=1e-6)
+
+
 def test_the_periodogram_peaks_at_the_order_of_the_wave(uneven):
     orders, power = _periodogram(*uneven, 1.6, 20.0)
     assert orders[np.argmax(power)] == pytest.approx(9.0, abs=0.2)
