@@ -65,14 +65,14 @@ class ActuatorLag(Effect):
     def torque(self, robot: Robot, operation: Operation, joint: str | None, theta: Array) -> Array:
         """Minus the lead that the command needs."""
         rows = driven_rows(robot, joint)
-        return torque_on_rows(robot, rows, -theta[0] * _slope(operation, rows))
+        return torque_on_rows(robot, rows, -theta.item() * _slope(operation, rows))
 
     def simulated(self, robot: Robot, joint: str | None, theta: Array) -> Simulated:
         """Mean of the low pass over the step, with the command held: exact for any time step.
 
         The state is the torque that the drive gives now; it starts at the first command.
         """
-        rows, time_constant = list(driven_rows(robot, joint)), float(theta[0])
+        rows, time_constant = list(driven_rows(robot, joint)), theta.item()
 
         def command(state: Array, dt: float, tau: Array) -> tuple[Array, Array]:
             asked, out = tau[rows], tau.copy()
@@ -94,7 +94,7 @@ class ActuatorLag(Effect):
 
     def model_numbers(self, robot: Robot, joint: str | None, theta: Array) -> ModelNumbers:
         """All of it."""
-        return ModelNumbers(whole=True, lag=float(theta[0]))
+        return ModelNumbers(whole=True, lag=theta.item())
 
 
 def _slope(operation: Operation, rows: tuple[int, ...]) -> Float[Array, "N m"]:

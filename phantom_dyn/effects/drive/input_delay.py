@@ -86,7 +86,7 @@ class InputDelay(Effect):
     def torque(self, robot: Robot, operation: Operation, joint: str | None, theta: Array) -> Array:
         """Minus what the command is ahead of the needed torque."""
         rows = driven_rows(robot, joint)
-        return torque_on_rows(robot, rows, -_ahead(operation, rows, float(theta[0])))
+        return torque_on_rows(robot, rows, -_ahead(operation, rows, theta.item()))
 
     def simulated(self, robot: Robot, joint: str | None, theta: Array) -> Simulated:
         """Mean over the step of the command held from step to step and shifted: exact for any time step.
@@ -94,7 +94,7 @@ class InputDelay(Effect):
         The state is the history as far as it is needed, one row for each step: its length and the commands during it,
         flattened. It grows and shrinks; before the first command, that one is assumed.
         """
-        rows, delay = list(driven_rows(robot, joint)), float(theta[0])
+        rows, delay = list(driven_rows(robot, joint)), theta.item()
 
         def command(state: Array, dt: float, tau: Array) -> tuple[Array, Array]:
             history = state.reshape(-1, 1 + len(rows))
@@ -117,7 +117,7 @@ class InputDelay(Effect):
 
     def model_numbers(self, robot: Robot, joint: str | None, theta: Array) -> ModelNumbers:
         """All of it."""
-        return ModelNumbers(whole=True, delay=float(theta[0]))
+        return ModelNumbers(whole=True, delay=theta.item())
 
 
 def _ahead(operation: Operation, rows: tuple[int, ...], delay: float) -> Float[Array, "N m"]:

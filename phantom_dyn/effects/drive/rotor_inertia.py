@@ -54,12 +54,12 @@ class RotorInertia(Effect):
 
     def torque(self, robot: Robot, operation: Operation, joint: str | None, theta: Array) -> Array:
         """``-I a`` on the joint."""
-        return torque_on_joint(robot, joint, -theta[0] * operation.a[:, row_of(robot, joint)])
+        return torque_on_joint(robot, joint, -theta.item() * operation.a[:, row_of(robot, joint)])
 
     def simulated(self, robot: Robot, joint: str | None, theta: Array) -> Simulated:
         """A heavier rotor."""
-        return Simulated(robot=lambda moved: with_rotor_inertia(moved, joint, theta[0]))
+        return Simulated(robot=lambda moved: with_rotor_inertia(moved, joint, theta.item()))
 
     def model_numbers(self, robot: Robot, joint: str | None, theta: Array) -> ModelNumbers:
         """All of it."""
-        return ModelNumbers(whole=True, rotor_inertia=float(theta[0]))
+        return ModelNumbers(whole=True, rotor_inertia=theta.item())

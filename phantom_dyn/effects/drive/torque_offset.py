@@ -46,17 +46,17 @@ class TorqueOffset(Effect):
 
     def torque(self, robot: Robot, operation: Operation, joint: str | None, theta: Array) -> Array:
         """The constant on the joint."""
-        return torque_on_joint(robot, joint, np.full(len(operation.t), theta[0]))
+        return torque_on_joint(robot, joint, np.full(len(operation.t), theta.item()))
 
     def simulated(self, robot: Robot, joint: str | None, theta: Array) -> Simulated:
         """A constant torque on the joint."""
-        constant = torque_on_joint(robot, joint, np.array([theta[0]]))[0]
-        law = Law(constant_law, row_of(robot, joint), (float(theta[0]),))
+        constant = torque_on_joint(robot, joint, np.array([theta.item()]))[0]
+        law = Law(constant_law, row_of(robot, joint), (theta.item(),))
         return Simulated(torque=lambda state, dt, moment: (state, constant), laws=(law,))
 
     def model_numbers(self, robot: Robot, joint: str | None, theta: Array) -> ModelNumbers:
         """All of it."""
-        return ModelNumbers(whole=True, offset=float(theta[0]))
+        return ModelNumbers(whole=True, offset=theta.item())
 
 
 @jit

@@ -97,23 +97,23 @@ class TorqueSaturation(Effect):
 
     def torque(self, robot: Robot, operation: Operation, joint: str | None, theta: Array) -> Array:
         """Minus what the logged command has beyond the limit."""
-        return torque_on_joint(robot, joint, -_excess(operation, row_of(robot, joint), theta[0]))
+        return torque_on_joint(robot, joint, -_excess(operation, row_of(robot, joint), theta.item()))
 
     def simulated(self, robot: Robot, joint: str | None, theta: Array) -> Simulated:
         """The command held within the limit."""
         limit, row = np.full(robot.nv, np.inf), row_of(robot, joint)
-        limit[row] = theta[0]
-        law = Law(clipped_law, row, (float(theta[0]),))
+        limit[row] = theta.item()
+        law = Law(clipped_law, row, (theta.item(),))
         return Simulated(
             command=lambda state, dt, tau: (state, held_within(tau, limit)),
             series=lambda t, tau: held_within(tau, limit),
-            limit=float(theta[0]),
+            limit=theta.item(),
             laws=(law,),
         )
 
     def model_numbers(self, robot: Robot, joint: str | None, theta: Array) -> ModelNumbers:
         """All of it."""
-        return ModelNumbers(whole=True, limit=float(theta[0]))
+        return ModelNumbers(whole=True, limit=theta.item())
 
 
 def _command(operation: Operation, row: int) -> Array:

@@ -83,18 +83,18 @@ class EncoderOffset(Effect):
     def torque(self, robot: Robot, operation: Operation, joint: str | None, theta: Array) -> Array:
         """Inverse dynamics as read less that at the true positions."""
         none = np.zeros(len(operation.t))
-        return -exact_change_by_reading(robot, operation, row_of(robot, joint), none - theta[0], none, none)
+        return -exact_change_by_reading(robot, operation, row_of(robot, joint), none - theta.item(), none, none)
 
     def simulated(self, robot: Robot, joint: str | None, theta: Array) -> Simulated:
         """Added to the reading."""
-        row, offset = row_of(robot, joint), float(theta[0])
+        row, offset = row_of(robot, joint), theta.item()
         return Simulated(
             reading=lambda q: q + offset * (np.arange(robot.nv) == row), laws=(Law(shifted_law, row, (offset,)),)
         )
 
     def model_numbers(self, robot: Robot, joint: str | None, theta: Array) -> ModelNumbers:
         """All of it."""
-        return ModelNumbers(whole=True, zero=float(theta[0]))
+        return ModelNumbers(whole=True, zero=theta.item())
 
 
 @jit

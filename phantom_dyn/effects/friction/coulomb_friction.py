@@ -60,12 +60,12 @@ class CoulombFriction(Effect):
 
     def torque(self, robot: Robot, operation: Operation, joint: str | None, theta: Array) -> Array:
         """``-T sign(v)`` on the joint."""
-        return torque_on_any_joint(robot, operation, joint, -theta[0] * np.sign(speed_of(robot, operation, joint)))
+        return torque_on_any_joint(robot, operation, joint, -theta.item() * np.sign(speed_of(robot, operation, joint)))
 
     def simulated(self, robot: Robot, joint: str | None, theta: Array) -> Simulated:
         """More modelled friction, which sticks at rest."""
-        return Simulated(robot=lambda moved: with_friction(moved, joint, coulomb=theta[0]))
+        return Simulated(robot=lambda moved: with_friction(moved, joint, coulomb=theta.item()))
 
     def model_numbers(self, robot: Robot, joint: str | None, theta: Array) -> ModelNumbers:
         """All of it."""
-        return ModelNumbers(whole=True, coulomb=float(theta[0]))
+        return ModelNumbers(whole=True, coulomb=theta.item())

@@ -61,7 +61,7 @@ class LoadDependentFriction(Effect):
     def torque(self, robot: Robot, operation: Operation, joint: str | None, theta: Array) -> Array:
         """``-ratio |tl| sign(v)`` on the joint."""
         row = row_of(robot, joint)
-        law = -theta[0] * np.abs(operation.transmitted[:, row]) * np.sign(operation.v[:, row])
+        law = -theta.item() * np.abs(operation.transmitted[:, row]) * np.sign(operation.v[:, row])
         return torque_on_joint(robot, joint, law)
 
     def simulated(self, robot: Robot, joint: str | None, theta: Array) -> Simulated:
@@ -70,10 +70,10 @@ class LoadDependentFriction(Effect):
 
         def torque(state: Array, dt: float, moment: Moment) -> tuple[Array, Array]:
             out = np.zeros(robot.nv)
-            out[row] = loaded_law(moment.v[row], moment.transmitted[row], float(theta[0]))
+            out[row] = loaded_law(moment.v[row], moment.transmitted[row], theta.item())
             return state, out
 
-        return Simulated(torque=torque, laws=(Law(loaded_law, row, (float(theta[0]),)),))
+        return Simulated(torque=torque, laws=(Law(loaded_law, row, (theta.item(),)),))
 
 
 @jit

@@ -64,12 +64,12 @@ class ViscousFriction(Effect):
 
     def torque(self, robot: Robot, operation: Operation, joint: str | None, theta: Array) -> Array:
         """``-c v`` on the joint."""
-        return torque_on_any_joint(robot, operation, joint, -theta[0] * speed_of(robot, operation, joint))
+        return torque_on_any_joint(robot, operation, joint, -theta.item() * speed_of(robot, operation, joint))
 
     def simulated(self, robot: Robot, joint: str | None, theta: Array) -> Simulated:
         """More modelled friction."""
-        return Simulated(robot=lambda moved: with_friction(moved, joint, viscous=theta[0]))
+        return Simulated(robot=lambda moved: with_friction(moved, joint, viscous=theta.item()))
 
     def model_numbers(self, robot: Robot, joint: str | None, theta: Array) -> ModelNumbers:
         """All of it."""
-        return ModelNumbers(whole=True, viscous=float(theta[0]))
+        return ModelNumbers(whole=True, viscous=theta.item())

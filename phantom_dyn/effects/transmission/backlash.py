@@ -103,14 +103,14 @@ class Backlash(Effect):
 
     def torque(self, robot: Robot, operation: Operation, joint: str | None, theta: Array) -> Array:
         """Minus the column at that gap."""
-        return -_change(operation, row_of(robot, joint), float(theta[0]))
+        return -_change(operation, row_of(robot, joint), theta.item())
 
     def link_ahead(self, operation: Operation, joint: str | None, theta: Array) -> Array:
         """How far the link is through its play."""
         out = np.zeros_like(operation.q)
         row = row_of(operation.robot, joint)
         load, inertia = load_and_inertia(operation, row)
-        out[:, row] = -play(operation.t, load / inertia, float(theta[0])).lead
+        out[:, row] = -play(operation.t, load / inertia, theta.item()).lead
         return out
 
     def simulated(self, robot: Robot, joint: str | None, theta: Array) -> Simulated:
@@ -118,11 +118,11 @@ class Backlash(Effect):
         row = row_of(robot, joint)
         mass, omega = moving_mass(robot, row), 2.0 * np.pi * _CONTACT
         damping = 2.0 * _CONTACT_DAMPING * mass * omega
-        return Simulated(transmission=Transmission(robot.joint_names[row], mass * omega**2, damping, float(theta[0])))
+        return Simulated(transmission=Transmission(robot.joint_names[row], mass * omega**2, damping, theta.item()))
 
     def model_numbers(self, robot: Robot, joint: str | None, theta: Array) -> ModelNumbers:
         """All of it."""
-        return ModelNumbers(whole=True, gap=float(theta[0]))
+        return ModelNumbers(whole=True, gap=theta.item())
 
 
 @dataclass(frozen=True)

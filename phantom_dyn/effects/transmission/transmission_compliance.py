@@ -115,24 +115,24 @@ class TransmissionCompliance(Effect):
     def torque(self, robot: Robot, operation: Operation, joint: str | None, theta: Array) -> Array:
         """Torque of the links as read less that of the links where they truly are."""
         row = row_of(robot, joint)
-        return -exact_change_by_link(robot, operation, row, *swing(operation, row, float(theta[0])))
+        return -exact_change_by_link(robot, operation, row, *swing(operation, row, theta.item()))
 
     def link_ahead(self, operation: Operation, joint: str | None, theta: Array) -> Array:
         """How far the link swings ahead."""
         out = np.zeros_like(operation.q)
         row = row_of(operation.robot, joint)
-        out[:, row] = swing(operation, row, float(theta[0]))[0]
+        out[:, row] = swing(operation, row, theta.item())[0]
         return out
 
     def simulated(self, robot: Robot, joint: str | None, theta: Array) -> Simulated:
         """A spring without play, and a little damping."""
         row = row_of(robot, joint)
-        damping = 2.0 * SPRING_DAMPING * np.sqrt(theta[0] * moving_mass(robot, row))
-        return Simulated(transmission=Transmission(robot.joint_names[row], float(theta[0]), float(damping), 0.0))
+        damping = 2.0 * SPRING_DAMPING * np.sqrt(theta.item() * moving_mass(robot, row))
+        return Simulated(transmission=Transmission(robot.joint_names[row], theta.item(), float(damping), 0.0))
 
     def model_numbers(self, robot: Robot, joint: str | None, theta: Array) -> ModelNumbers:
         """All of it."""
-        return ModelNumbers(whole=True, stiffness=float(theta[0]))
+        return ModelNumbers(whole=True, stiffness=theta.item())
 
 
 def moving_mass(robot: Robot, row: int) -> float:
