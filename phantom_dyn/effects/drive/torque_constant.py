@@ -76,20 +76,20 @@ class TorqueConstant(Effect):
     def torque(self, robot: Robot, operation: Operation, joint: str | None, theta: Array) -> Array:
         """What the drive gives beyond the logged torque when the logged torque is what the true motion needs."""
         needed = operation.tau[:, row_of(robot, joint)]
-        return torque_on_joint(robot, joint, needed * (1.0 - 1.0 / theta.item()))
+        return torque_on_joint(robot, joint, needed * (1.0 - 1.0 / theta[0]))
 
     def simulated(self, robot: Robot, joint: str | None, theta: Array) -> Simulated:
         """The drive gives ``ratio`` times what is asked of it."""
         scale, row = np.ones(robot.nv), row_of(robot, joint)
-        scale[row] = theta.item()
-        law = Law(scaled_law, row, (theta.item(),))
+        scale[row] = theta[0]
+        law = Law(scaled_law, row, (float(theta[0]),))
         return Simulated(
             command=lambda state, dt, tau: (state, scale * tau), series=lambda t, tau: scale * tau, laws=(law,)
         )
 
     def model_numbers(self, robot: Robot, joint: str | None, theta: Array) -> ModelNumbers:
         """All of it."""
-        return ModelNumbers(whole=True, gain=theta.item())
+        return ModelNumbers(whole=True, gain=float(theta[0]))
 
 
 @jit
