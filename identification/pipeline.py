@@ -9,8 +9,8 @@ from identification.data.changes import Change
 from identification.data.recording import Recording
 from identification.data.refusal import fault_warnings, require_right, wrong_with
 from identification.diagnosis.explanation import explained
+from identification.diagnosis.judge.bursts import burst_warnings
 from identification.diagnosis.judge.judgement import judged
-from identification.diagnosis.judge.pushes import push_warnings
 from identification.diagnosis.model.session import Session, session_of
 from identification.diagnosis.model.terms import KnownEffect
 from identification.diagnosis.result import Diagnosis, Judgement
@@ -67,7 +67,6 @@ def diagnose(
 
 def _result(session: Session, judgement: Judgement, rollout: Rollout, proposal: Proposal, seconds: float) -> Diagnosis:
     """Everything that the stages have found, in the shape of the contract."""
-    pushes = push_warnings(judgement, session.logs)
     return Diagnosis(
         verdict=judgement.verdict,
         robot=session.robot.name,
@@ -85,7 +84,7 @@ def _result(session: Session, judgement: Judgement, rollout: Rollout, proposal: 
             *(warning for recording in session.recordings for warning in recording.warnings),
             *rollout.warnings,
             *judgement.warnings,
-            *pushes,
+            *burst_warnings(judgement.bursts, judgement.joints),
         ),
         next_experiment=proposal.experiment,
         rollout=rollout.json,

@@ -144,6 +144,26 @@ class Evidence:
 
 
 @dataclass(frozen=True)
+class Burst:
+    """An event in a residual that nothing in the state of the robot foretells: a push, a contact, a catching cable.
+
+    Attributes:
+        file: The recording.
+        joint: The one on which it stands out most.
+        start, stop: Times of the recording [s].
+        torque: The most that it leaves [N m or N], positive along the joint.
+        ratio: How many times the torque that noise and the model's error are expected to leave then.
+    """
+
+    file: str
+    joint: str
+    start: float
+    stop: float
+    torque: float
+    ratio: float
+
+
+@dataclass(frozen=True)
 class Judgement:
     """What the fits say of a gap, before anything is simulated or proposed.
 
@@ -158,6 +178,7 @@ class Judgement:
         evidence: Samples behind the figures.
         warnings: Sentences about the data.
         notes: Sentences about the findings.
+        bursts: Events that nothing in the state foretells, in the order of time.
     """
 
     verdict: str
@@ -170,6 +191,7 @@ class Judgement:
     evidence: Evidence
     warnings: tuple[str, ...] = ()
     notes: tuple[str, ...] = ()
+    bursts: tuple[Burst, ...] = ()
 
 
 @dataclass(frozen=True)

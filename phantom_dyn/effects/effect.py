@@ -102,6 +102,7 @@ class Rival(ABC):
             itself.
         seen_by: What says how large it is: its coefficients; its shape, where the coefficient is the share of the
             effect that is there and should be one; or neither, where it is that share and any size can be seen.
+        rubs: True if it is friction whose torque a joint at standstill may hold.
         tested_against_zero: True if a Wald test against zero decides whether it is kept although its columns have a
             shape or use accelerations; without either it always does.
         other_laws: Other laws of the same parameters that the contract's definition fits as well. No recording
@@ -122,6 +123,7 @@ class Rival(ABC):
     shape_held: bool = False
     first_order: bool = False
     seen_by: Literal["coefficient", "shape", "neither"] = "coefficient"
+    rubs: bool = False
     tested_against_zero: bool = False
     other_laws: tuple[OtherLaw, ...] = ()
 

@@ -10,13 +10,16 @@ from jaxtyping import Float
 from identification.diagnosis.explanation import Explanation
 from identification.diagnosis.fit.gap import Sums, held_out_torque, residual_after, sums
 from identification.diagnosis.judge.bounds import smallest_seen
+from identification.diagnosis.judge.bursts import bursts_of
 from identification.diagnosis.judge.coarse_encoders import Rounded, findings_of, floor_without, rounded
 from identification.diagnosis.judge.findings import Shown, findings_without, shown_effects
 from identification.diagnosis.judge.judged_band import Judge, narrow_search, noise_floor
 from identification.diagnosis.judge.regimes import regime_split
 from identification.diagnosis.judge.verdict import adjusted, unexplained, verdict
+from identification.diagnosis.model.operations import friction_with
 from identification.diagnosis.model.terms import merged
 from identification.diagnosis.result import Evidence, JointGap, Judgement
+from identification.diagnosis.search.refinement import found_effects
 
 Array = np.ndarray
 
@@ -60,8 +63,15 @@ def judged(explanation: Explanation, progress: Callable[[str], None]) -> tuple[J
         bounds=bounds,
         not_testable=untested,
         evidence=evidence_of(judge, given, torque, tuple(without for _, without in pairs)),
+        bursts=bursts_of(problem, whole, _friction(shown)),
     )
     return judgement, shown
+
+
+def _friction(shown: Shown) -> tuple[Float[Array, "N nv"], ...]:
+    """Friction torque of each log, of the model and of what was found."""
+    found = found_effects(shown.plain.evaluate(shown.chosen), shown.chosen)
+    return tuple(friction_with(operation, found) for operation in shown.problem.columns.operations)
 
 
 def _joint_gaps(judge: Judge, before: Sums, after: Sums, rounding: Rounded) -> tuple[JointGap, ...]:

@@ -11,6 +11,7 @@ from identification.data.log import Log
 from identification.diagnosis.fit.problem import Problem
 from identification.diagnosis.model.columns import Columns
 from identification.diagnosis.model.session import Series
+from identification.diagnosis.model.standstill import near_reversals
 
 Array = np.ndarray
 
@@ -19,13 +20,9 @@ def regimes(log: Log, columns: Columns, index: int, row: int) -> dict[str, Bool[
     """Which in-band samples of one joint belong to each regime that needs no model to see."""
     at = log.samples
     v, a = log.motion.v[:, row], log.motion.a[at, row]
-    rate = log.band.rate_hz
     load = np.abs(columns.model_torque[index][:, row])
     speed = np.abs(v[at])
-    crossing = np.concatenate([[False], np.sign(v[1:]) != np.sign(v[:-1])])
-    # A reversal reaches as far as the band's filter smears its step, at least 50 ms.
-    reach = max(int(0.05 * rate), log.band.half // 2, 1)
-    near = np.convolve(crossing, np.ones(2 * reach + 1), mode="same")[at] > 0.5
+    near = near_reversals(log)[:, row]
     top, most, hardest = (np.percentile(x, 95) + 1e-300 for x in (speed, load, np.abs(a)))
     elapsed = (log.motion.t[at] - log.motion.t[0]) / max(log.motion.t[-1] - log.motion.t[0], 1e-12)
     return {

@@ -57,6 +57,17 @@ def expecting(robot: Robot, operation: Operation, found: tuple[FoundEffect, ...]
     return plain.again(expected)
 
 
+def friction_with(operation: Operation, found: tuple[FoundEffect, ...]) -> Float[Array, "N nv"]:
+    """Friction torque of the model and of the effects of friction that were found, as part of the drive torque."""
+    friction = operation.own_friction
+    for point in found:
+        if point.effect.rubs:
+            signature = point.effect.signature(operation.robot, operation, point.joint, point.shape)
+            friction = friction.copy()
+            friction[:, list(signature.rows)] += signature.columns @ point.coefficients
+    return friction
+
+
 def moved_robot(robot: Robot, moves: Float[Array, " n"], given: Robot | None = None) -> Robot:
     """The given model after moves within its tolerances.
 

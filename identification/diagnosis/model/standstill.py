@@ -2,7 +2,8 @@
 
 At standstill static friction may hold any torque, so no fit may use it. At a reversal a law lets friction jump, while a
 real joint sticks for some milliseconds, or bends before it slides, so that friction passes through zero earlier or
-later. Where noise is small, that residual looks like torque that comes too late.
+later. Where noise is small, that residual looks like torque that comes too late. And where the encoder itself stands,
+friction is anywhere between plus and minus the torque at which the joint breaks away.
 """
 
 from __future__ import annotations
@@ -11,11 +12,14 @@ from dataclasses import replace
 
 import numpy as np
 from jaxtyping import Bool, Float
+from scipy.ndimage import maximum_filter1d, minimum_filter1d
 
-from identification.data.log import Log
+from identification.data.log import Band, Log
 from identification.diagnosis import decision_rules as rules
 from phantom_dyn.dynamics.dynamics import modelled_friction
 from phantom_dyn.effects.operation import Operation
+from phantom_dyn.effects.support.encoder_lattice import stated_step, step_of
+from phantom_dyn.model.robot import Robot
 
 Array = np.ndarray
 
@@ -86,3 +90,53 @@ def reversal_doubt(operation: Operation) -> Float[Array, "N nv"]:
     # Viscous friction doubles with the velocity, Coulomb friction does not.
     coulomb = 2.0 * friction - modelled_friction(operation.robot, replace(operation, v=2.0 * operation.v))
     return rules.REVERSAL_TIME * np.gradient(coulomb, operation.dt, axis=0)
+
+
+def encoder_stands(robot: Robot, log: Log) -> Bool[Array, "N nv"]:
+    """True where a joint's encoder shows no motion: its reading stays within two counts while the joint may stick.
+
+    A reading between two levels flickers by one count, and a motion that ends there adds another. Nothing is said of a
+    joint whose encoder is so coarse that it often moves as slowly as that on its way, or has no counts to tell.
+    """
+    readings = log.motion.q if log.raw_q is None else log.raw_q
+    width = max(3, 2 * round(0.5 * rules.STANDING_TIME * log.band.rate_hz) + 1)
+    seconds = (width - 1) / log.band.rate_hz
+    out = np.zeros(readings.shape, dtype=bool)
+    for j in range(readings.shape[1]):
+        known = [step for step in (step_of(readings[:, j]), stated_step(robot, j)) if step is not None]
+        # A hair more than two counts: readings are rounded numbers.
+        most = rules.STANDING_COUNTS * 1.01 * max(known, default=0.0)
+        usual = float(np.median(np.abs(log.motion.v[:, j])))
+        if not known or most / seconds > rules.STANDING_SPEED * usual:
+            continue
+        travel = maximum_filter1d(readings[:, j], width) - minimum_filter1d(readings[:, j], width)
+        # All samples of a window in which it stands.
+        out[:, j] = maximum_filter1d((travel <= most).astype(np.uint8), width) > 0
+    return out
+
+
+def standing_doubt(log: Log, stands: Bool[Array, "N nv"], friction: Float[Array, "N nv"]) -> Float[Array, "n nv"]:
+    """Standard deviation of the friction torque, in the band, that standing joints leave open.
+
+    The model lets a standing joint rub with plus or minus the torque ``T`` of its friction, by the sign of noise. It
+    may have any torque between ``-T`` and ``T``, evenly: the difference has the mean square ``T^2 + T^2 / 3``. What
+    the filter carries to its neighbours in time counts at its largest.
+
+    Args:
+        log: Its band.
+        stands: See `encoder_stands`.
+        friction: Friction torque of the model, findings included.
+    """
+    reach = 2 * max(1, round(rules.STANDING_TIME * log.band.rate_hz)) + 1
+    about = maximum_filter1d(np.abs(friction), reach, axis=0)
+    open_torque = np.sqrt(4.0 / 3.0) * np.where(stands, about, 0.0)
+    band = log.band
+    return Band(band.rate_hz, band.cutoff_hz, np.abs(band.kernel), band.step)(open_torque)
+
+
+def near_reversals(log: Log) -> Bool[Array, "n nv"]:
+    """True for in-band samples near a reversal: as far as the filter smears its step, at least 50 ms."""
+    v = log.motion.v
+    crossing = np.vstack([np.zeros((1, v.shape[1]), dtype=bool), np.sign(v[1:]) != np.sign(v[:-1])])
+    reach = max(int(0.05 * log.band.rate_hz), log.band.half // 2, 1)
+    return maximum_filter1d(crossing.astype(np.uint8), 2 * reach + 1, axis=0)[log.samples] > 0

@@ -30,6 +30,7 @@ class CoulombFriction(Effect):
 
     name = "coulomb_friction"
     regime = "velocity_reversal"
+    rubs = True
     changes_with = "friction"
     words = EffectWords(
         name="Coulomb friction",

@@ -27,6 +27,7 @@ class DirectionDependentFriction(Effect):
 
     name = "direction_dependent_friction"
     regime = "one_direction"
+    rubs = True
     contains = ("coulomb_friction", "viscous_friction", "torque_offset")
     same_as_sum = ("coulomb_friction", "torque_offset")
     words = EffectWords(

@@ -25,6 +25,7 @@ class LoadDependentFriction(Effect):
 
     name = "load_dependent_friction"
     regime = "high_load"
+    rubs = True
     uses_acceleration = True
     follows_model = True
     changes_with = "friction"

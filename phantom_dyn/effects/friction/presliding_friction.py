@@ -72,6 +72,7 @@ class PreslidingFriction(Effect):
 
     name = "presliding_friction"
     regime = "velocity_reversal"
+    rubs = True
     contains = ("coulomb_friction",)
     other_laws = (yielding,)
     words = EffectWords(

@@ -26,6 +26,7 @@ class StribeckFriction(Effect):
 
     name = "stribeck_friction"
     regime = "low_speed"
+    rubs = True
     contains = ("coulomb_friction",)
     words = EffectWords(
         name="Stribeck friction",

@@ -1,0 +1,176 @@
+"""Bursts: short stretches in which the residual is far above what noise and the model's error leave at that moment.
+
+A push, a contact, a cable that catches. Each is an event: nothing in the state of the robot foretells it.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from jaxtyping import Bool, Float
+from scipy.stats import norm
+
+from identification.diagnosis import decision_rules as rules
+from identification.diagnosis.fit.problem import Problem
+from identification.diagnosis.judge.expected_error import Causes, expected_error, moving_torque
+from identification.diagnosis.model.session import Series
+from identification.diagnosis.model.standstill import encoder_stands, near_reversals, standing_doubt
+from identification.diagnosis.result import Burst, JointGap
+
+Array = np.ndarray
+
+# Two of them that are as close [s] are one.
+_CLOSE = 0.1
+# Left out before and behind a burst [s], so that no filter carries it over.
+_MARGIN = 0.2
+# Share of a window that has to be usable.
+_FILLED = 0.6
+# Usable samples of a joint without which nothing is looked for.
+_LEAST_SAMPLES = 50
+
+
+def bursts_of(problem: Problem, residual: Series, friction: Series) -> tuple[Burst, ...]:
+    """Bursts in all recordings, in the order of time.
+
+    Args:
+        problem: Columns and blocks.
+        residual: What the explanation leaves of each log, in the judged band.
+        friction: Friction torque of each log with that of the findings, at the full rate.
+    """
+    session, columns, out = problem.session, problem.columns, []
+    for k, log in enumerate(session.logs):
+        fold = np.zeros(len(log.samples), dtype=int)
+        for block, number in zip(session.blocks, session.folds, strict=True):
+            if block.log == k:
+                fold[block.start : block.stop] = number
+        rate = log.band.rate_hz / log.band.step
+        standing = standing_doubt(log, encoder_stands(session.robot, log), friction[k])
+        known = standing**2 + columns.doubt[k] ** 2
+        reversals = near_reversals(log)
+        expected = np.column_stack(
+            [
+                expected_error(
+                    residual[k][:, j],
+                    Causes(known[:, j], moving_torque(torque, rate, session.cutoff_hz), reversals[:, j]),
+                    columns.usable[k][:, j],
+                    fold,
+                )
+                if columns.usable[k][:, j].any()
+                else np.full(len(fold), np.inf)
+                for j, torque in enumerate(columns.model_torque[k].T)
+            ]
+        )
+        # What the drive gives less than the model needs is pushed from outside.
+        found = bursts_in(log.motion.t[log.samples], -residual[k], expected, columns.usable[k], log.joint_names)
+        out += [Burst(log.file, *burst) for burst in found]
+    return tuple(out)
+
+
+def bursts_in(
+    t: Float[Array, " n"],
+    left: Float[Array, "n nv"],
+    expected: Float[Array, "n nv"],
+    usable: Bool[Array, "n nv"],
+    joints: tuple[str, ...],
+) -> tuple[tuple[str, float, float, float, float], ...]:
+    """Bursts in one recording, in the order of time: joint, first and last time, torque, and its size as expected.
+
+    Args:
+        t: Times [s], evenly spaced.
+        left: Unexplained torque of each joint, positive along the joint.
+        expected: Standard deviation of it that is expected at each moment.
+        usable: False where a joint rests or a sample is excluded.
+        joints: Their names.
+    """
+    found = []
+    for j, joint in enumerate(joints):
+        use = usable[:, j]
+        if np.count_nonzero(use) < _LEAST_SAMPLES:
+            continue
+        centred = np.where(use, left[:, j] - np.median(left[use, j]), 0.0)
+        relative, events = np.where(use, centred / expected[:, j], 0.0), []
+        for first, last, ratio in _events(relative, use, float(np.median(np.diff(t))), len(joints)):
+            peak = first + int(np.argmax(np.abs(centred[first : last + 1])))
+            events.append((joint, float(t[first]), float(t[last]), float(centred[peak]), ratio))
+        most = max((abs(event[3]) for event in events), default=0.0)
+        found += [event for event in events if abs(event[3]) >= rules.BURST_SHARE * most]
+    # A push on the last link is felt by all joints: said once, for the joint on which it stands out most.
+    out: list[tuple[str, float, float, float, float]] = []
+    for one in sorted(found, key=lambda burst: -burst[4]):
+        if all(one[2] < other[1] - _CLOSE or one[1] > other[2] + _CLOSE for other in out):
+            out.append(one)
+    return tuple(sorted(out, key=lambda burst: burst[1]))
+
+
+def _events(relative: Array, use: Array, step: float, joints: int) -> list[tuple[int, int, float]]:
+    """First and last sample of each event and how many times what is expected it is on average over a window.
+
+    The largest is taken out with its flanks before the next one is looked for, as a window beside it holds part of it.
+    """
+    out, free, reach = [], use.copy(), round(rules.BURST_LENGTHS[0] / step)
+    while free.any():
+        levels = [_level(relative, free, max(3, round(seconds / step))) for seconds in rules.BURST_LENGTHS]
+        thresholds = [
+            _threshold(level[free], seconds, step, joints)
+            for level, seconds in zip(levels, rules.BURST_LENGTHS, strict=True)
+        ]
+        excess = np.max([np.abs(level) / least for level, least in zip(levels, thresholds, strict=True)], axis=0)
+        peak = int(np.argmax(excess))
+        if excess[peak] <= 1.0:
+            break
+        # As long as it pushes the same way.
+        inside = free & (levels[0] * levels[0][peak] > rules.BURST_FLANK * levels[0][peak] ** 2)
+        first, last = _run(inside, peak)
+        free[max(first - reach, 0) : last + reach + 1] = False
+        out.append((first, last, float(np.abs([level[peak] for level in levels]).max())))
+    loud = sum(last + 1 - first for first, last, _ in out)
+    # Where most of the time is loud there is no quiet rest to judge it by: that is no event.
+    return out if loud <= rules.BURST_TIME * np.count_nonzero(use) else []
+
+
+def _level(relative: Array, use: Array, count: int) -> Array:
+    """Weighted mean about each sample, zero where too little of the window is usable.
+
+    A mean keeps a push, which has one sign, and loses the noise of encoders, which comes in packets without one.
+    """
+    window = np.hanning(count + 2)[1:-1]
+    filled = np.convolve(use, window, mode="same")[: len(use)]
+    total = np.convolve(relative, window, mode="same")[: len(use)]
+    enough = use & (filled > _FILLED * window.sum())
+    return np.where(enough, total / np.maximum(filled, 1e-12), 0.0)
+
+
+def _threshold(level: Array, seconds: float, step: float, joints: int) -> float:
+    """Level that chance exceeds on no joint, at no time and with no length in 99 of 100 recordings without an event.
+
+    The spread is that of the level itself at most times, which keeps the colour of the residual.
+    """
+    spread = 1.4826 * float(np.median(np.abs(level)))
+    looks = max(len(level) * step / seconds, 1.0) * joints * len(rules.BURST_LENGTHS)
+    return max(rules.BURST_RATIO, spread * float(norm.isf(0.5 * rules.BURST_LEVEL / looks)))
+
+
+def _run(inside: Array, at: int) -> tuple[int, int]:
+    """First and last sample of the run of true samples about one."""
+    outside = np.flatnonzero(~inside)
+    before, after = outside[outside < at], outside[outside > at]
+    return (int(before[-1]) + 1 if len(before) else 0, int(after[0]) - 1 if len(after) else len(inside) - 1)
+
+
+def burst_warnings(bursts: tuple[Burst, ...], joints: tuple[JointGap, ...]) -> tuple[str, ...]:
+    """A sentence for every burst, with what to leave out.
+
+    Args:
+        bursts: Of a judgement.
+        joints: Their units.
+    """
+    units = {joint.joint: joint.unit for joint in joints}
+    return tuple(_sentence(burst, units[burst.joint]) for burst in bursts)
+
+
+def _sentence(burst: Burst, unit: str) -> str:
+    out = f"{burst.start - _MARGIN:.2f}:{burst.stop + _MARGIN:.2f}"
+    return (
+        f"{burst.file}: from {burst.start:.2f} to {burst.stop:.2f} s joint {burst.joint} was pushed by a force that no "
+        f"sensor measured, with up to {burst.torque:.3g} {unit}: if it was a contact, leave it out with --exclude "
+        f"{out}, or record its force in columns f.<frame>.x, .y and .z."
+    )

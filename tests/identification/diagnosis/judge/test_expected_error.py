@@ -1,0 +1,79 @@
+"""Expected size of a residual. Oracle: known truth, normal numbers of a known deviation at each sample."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from identification.diagnosis.judge.expected_error import Causes, expected_error, moving_torque
+
+N = 4000
+FOLD = np.arange(N) * 8 // N
+ALL = np.ones(N, dtype=bool)
+QUIET = np.zeros(N)
+NEVER = np.zeros(N, dtype=bool)
+TORQUE = 3.0 * (1 + np.sin(np.arange(N) / 37.0))
+
+
+def drawn(variance: np.ndarray) -> np.ndarray:
+    return np.sqrt(variance) * np.random.default_rng(1).standard_normal(N)
+
+
+def test_noise_alone_is_expected_everywhere():
+    expected = expected_error(drawn(np.full(N, 0.04)), Causes(QUIET, QUIET, NEVER), ALL, FOLD)
+    np.testing.assert_allclose(expected, 0.2, rtol=0.08)
+
+
+def test_a_share_of_the_torque_is_read_off_the_residual():
+    variance = 0.01**2 + (0.02 * TORQUE) ** 2
+    expected = expected_error(drawn(variance), Causes(QUIET, TORQUE**2, NEVER), ALL, FOLD)
+    high = TORQUE > 4
+    np.testing.assert_allclose(expected[high], np.sqrt(variance)[high], rtol=0.35)
+
+
+def test_a_model_is_wrong_by_a_thousandth_of_its_torque_at_least():
+    expected = expected_error(drawn(np.full(N, 1e-12)), Causes(QUIET, (1000 * TORQUE) ** 2, NEVER), ALL, FOLD)
+    assert np.all(expected >= 0.999 * TORQUE)
+
+
+def test_what_reversals_leave_is_expected_at_the_next_one():
+    reversals = np.arange(N) % 200 < 10
+    residual = drawn(np.where(reversals, 25.0, 1.0))
+    expected = expected_error(residual, Causes(QUIET, QUIET, reversals), ALL, FOLD)
+    assert np.median(expected[reversals]) == pytest.approx(5.0, rel=0.35)
+    assert np.median(expected[~reversals]) == pytest.approx(1.0, rel=0.1)
+
+
+def test_what_is_known_beforehand_is_added():
+    known = np.where(np.arange(N) % 500 < 20, 100.0, 0.0)
+    expected = expected_error(drawn(np.ones(N)), Causes(known, QUIET, NEVER), ALL, FOLD)
+    np.testing.assert_allclose(expected[known > 0], np.sqrt(101.0), rtol=0.01)
+
+
+def test_an_event_does_not_make_what_is_expected_of_it():
+    # A push at the only moment of large torque: no other fold shows that torque, so nothing speaks for an error there.
+    torque = np.where((np.arange(N) > 2010) & (np.arange(N) < 2100), 5.0, 1.0)
+    residual = drawn(np.ones(N)) + 40.0 * (torque > 2)
+    expected = expected_error(residual, Causes(QUIET, torque**2, NEVER), ALL, FOLD)
+    assert np.all(expected[torque > 2] < 4.0)
+
+
+def test_events_in_a_fifth_of_the_time_hardly_raise_it():
+    residual = drawn(np.ones(N)) + 15.0 * (np.arange(N) % 500 < 100)
+    expected = expected_error(residual, Causes(QUIET, QUIET, NEVER), ALL, FOLD)
+    assert np.all(expected < 1.4)
+
+
+def test_samples_that_may_not_be_used_say_nothing():
+    use = np.arange(N) % 2 == 0
+    residual = np.where(use, drawn(np.ones(N)), 1e6)
+    assert np.all(expected_error(residual, Causes(QUIET, QUIET, NEVER), use, FOLD) < 1.2)
+
+
+def test_the_moving_torque_is_about_its_median_and_holds_its_peaks():
+    # Closed form: a sine of 2 N m at half the edge of the band, about 7 N m: its change has half its size.
+    t = np.arange(0, 10, 0.01)
+    moving = moving_torque(7 + 2 * np.sin(2 * np.pi * 2.5 * t), 100.0, 5.0)
+    inside = slice(50, -50)
+    np.testing.assert_allclose(moving[inside], 4.0, rtol=0.02)
+    assert not moving_torque(np.full(500, 7.0), 100.0, 5.0).any()

@@ -1,0 +1,98 @@
+"""Friction of joints whose encoder stands. Oracle: closed forms of ramps with a known encoder."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from identification.data.log import Band, Log
+from identification.diagnosis.model.operations import friction_with
+from identification.diagnosis.model.standstill import encoder_stands, near_reversals, standing_doubt
+from identification.diagnosis.model.terms import FoundEffect
+from phantom_dyn.effects.catalogue import effect_named
+from phantom_dyn.effects.operation import Operation
+from phantom_dyn.motion import Motion
+
+RATE = 1000.0
+STEP = 2 * np.pi / 65536
+T = np.arange(0, 4, 1 / RATE)
+
+
+def log_of(q: np.ndarray, step: float = STEP) -> Log:
+    """A log of one joint whose encoder rounds to a step."""
+    q = q[:, None]
+    v = np.gradient(q, 1 / RATE, axis=0)
+    motion = Motion(T, q, v, np.zeros_like(q))
+    band = Band(RATE, 20.0, np.hanning(103)[1:-1] / np.hanning(103).sum(), 5)
+    valid = np.ones(len(T), dtype=bool)
+    return Log("a.csv", ("pin",), motion, np.zeros_like(q), band, valid, raw_q=np.round(q / step) * step)
+
+
+def stopping() -> np.ndarray:
+    """Half a radian per second, but for the second from 1 to 2, in which it stands."""
+    return 0.5 * (np.minimum(T, 1.0) + np.maximum(T - 2.0, 0.0))
+
+
+def test_an_encoder_stands_from_stop_to_start_and_a_few_milliseconds_about(pendulum):
+    # Closed form: at half a radian per second a count passes in 0.2 ms.
+    stands = encoder_stands(pendulum, log_of(stopping()))[:, 0]
+    assert stands[(T >= 1.0) & (T <= 2.0)].all()
+    assert not stands[(T < 0.998) | (T > 2.002)].any()
+
+
+@pytest.mark.parametrize(("counts", "stands"), [(1.9, True), (3.1, False)])
+def test_a_joint_that_creeps_stands_up_to_two_counts_in_fifteen_milliseconds(pendulum, counts, stands):
+    creep = np.where((T > 1) & (T < 2), T - 1, np.maximum(T - 2, 0.0) * 200 + (T > 1)) * counts * STEP / 0.014
+    found = encoder_stands(pendulum, log_of(creep))[:, 0]
+    assert found[(T > 1.1) & (T < 1.9)].any() == stands
+
+
+def test_an_encoder_too_coarse_to_tell_says_nothing(pendulum):
+    assert not encoder_stands(pendulum, log_of(stopping(), step=0.01)).any()
+
+
+def test_positions_without_known_counts_say_nothing(pendulum, rng):
+    log = log_of(np.maximum(np.sin(3 * T), 0.3))
+    unstated = replace(pendulum, actuators=(replace(pendulum.actuators[0], encoder_counts=None),))
+    assert not encoder_stands(unstated, replace(log, raw_q=log.motion.q + 1e-5 * rng.normal(size=(len(T), 1)))).any()
+
+
+def test_standing_friction_is_evenly_anywhere_up_to_breakaway():
+    # Monte Carlo of the sentence: the model says +T or -T, the truth is anything between.
+    rng, log = np.random.default_rng(0), log_of(stopping())
+    stands = np.ones((len(T), 1), dtype=bool)
+    doubt = standing_doubt(log, stands, 0.3 * np.sign(rng.normal(size=(len(T), 1))))
+    apart = rng.uniform(-0.3, 0.3, 100_000) - 0.3 * rng.choice([-1, 1], 100_000)
+    np.testing.assert_allclose(doubt, apart.std(), rtol=0.01)
+
+
+def test_what_standing_leaves_open_reaches_as_far_as_the_filter():
+    log = log_of(stopping())
+    stands = ((T >= 1.0) & (T <= 2.0))[:, None]
+    doubt = standing_doubt(log, stands, np.full((len(T), 1), 0.3))[:, 0]
+    t = T[log.samples]
+    np.testing.assert_allclose(doubt[(t > 1.06) & (t < 1.94)], np.sqrt(4 / 3) * 0.3, rtol=1e-9)
+    assert doubt[np.argmin(np.abs(t - 1.0))] == pytest.approx(np.sqrt(4 / 3) * 0.15, rel=0.1)
+    assert not doubt[(t < 0.945) | (t > 2.055)].any()
+
+
+def test_friction_counts_findings_that_rub_and_nothing_else(pendulum):
+    robot = replace(pendulum, coulomb_friction=np.array([0.2]), viscous_friction=np.zeros(1))
+    operation = Operation.of(robot, log_of(stopping()).motion)
+    (joint,) = robot.joint_names
+    found = tuple(
+        FoundEffect(effect_named(name), joint, (), np.array([0.5])) for name in ("coulomb_friction", "torque_offset")
+    )
+    moving = (T < 0.99) | (T > 2.01)
+    np.testing.assert_allclose(friction_with(operation, found)[moving], 0.7, atol=1e-9)
+
+
+def test_a_reversal_is_near_for_fifty_milliseconds():
+    log = log_of(np.sin(np.pi * T))
+    near, t = near_reversals(log)[:, 0], T[log.samples]
+    turns = np.array([0.5, 1.5, 2.5, 3.5])
+    apart = np.abs(t[:, None] - turns).min(axis=1)
+    assert near[apart < 0.045].all()
+    assert not near[apart > 0.055].any()
