@@ -5,7 +5,16 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from identification.diagnosis.judge.bounds import _claimable, _lasting, smallest_seen
+from identification.diagnosis.judge.bounds import (
+    _claimable,
+    _information,
+    _inverse,
+    _largest,
+    _lasting,
+    _seen,
+    smallest_seen,
+)
+from identification.diagnosis.model.blocks import held_out_share
 from identification.diagnosis.model.terms import merged, untestable_places
 from identification.pipeline import diagnose
 from phantom_dyn.effects.catalogue import EFFECTS
@@ -105,6 +114,88 @@ def test_a_motor_that_is_commanded_can_have_a_wrong_torque_constant(quiet, plana
 )
 def test_what_is_seen_in_few_blocks_has_to_gain_more(by_block, gain):
     assert _lasting(by_block, 20.0) == pytest.approx(gain)
+
+
+def test_where_nothing_is_known_nothing_more_is_needed():
+    assert _lasting(np.zeros(5), 20.0) == 20.0
+
+
+def columns_along(quiet, effect: str, joint: str | None, direction: np.ndarray) -> np.ndarray:
+    """What one unit of an effect adds to the whitened torque, over the noise of each row; zero where unused."""
+    white, term = quiet.white, quiet.term(effect, joint)
+    out = np.zeros_like(white.residual[0])
+    for j, index in enumerate(white.rows):
+        for k, column in enumerate(index):
+            if column in term.columns:
+                out[:, j] += white.values[0][j][:, k] * direction[term.columns.index(column)]
+    return np.where(white.usable[0], out, 0.0) * np.sqrt(quiet.weights.per_sample)
+
+
+@pytest.mark.parametrize(
+    ("effect", "joint", "direction"),
+    [("viscous_friction", "elbow", [1.0]), ("base_tilt", None, [1.0]), ("parasitic_spring", "shoulder", [1.0, -0.3])],
+)
+def test_information_is_what_nuisances_leave_of_the_energy_of_a_column(quiet, effect, joint, direction):
+    # Least squares of NumPy with the priors of the nuisances as further rows.
+    problem, term, direction = quiet.problem, quiet.term(effect, joint), np.array(direction)
+    base = np.arange(problem.nuisances)
+    column = columns_along(quiet, effect, joint, direction).ravel()
+    beside = []
+    for k in base:
+        one = np.zeros_like(quiet.white.residual[0])
+        for j, index in enumerate(quiet.white.rows):
+            if k in index:
+                one[:, j] = quiet.white.values[0][j][:, index.index(k)]
+        one = np.where(quiet.white.usable[0], one, 0.0) * np.sqrt(quiet.weights.per_sample)
+        beside.append(one.ravel())
+    rows = np.vstack([np.column_stack(beside), np.diag(np.sqrt(problem.precision[base]))])
+    wanted = np.concatenate([column, np.zeros(len(base))])
+    taken = np.linalg.lstsq(rows, wanted, rcond=None)[0]
+    information, parts = _information(problem, term, direction, base, _inverse(problem, base))
+    assert information == pytest.approx(np.sum((wanted - rows @ taken) ** 2), rel=1e-6)
+    np.testing.assert_allclose(parts, -taken, rtol=1e-4, atol=1e-6 * np.abs(taken).max())
+
+
+@pytest.mark.parametrize(("effect", "joint"), [("viscous_friction", "elbow"), ("base_tilt", None)])
+def test_the_largest_size_has_the_energy_of_all_measured_torque_on_its_joints(quiet, effect, joint):
+    # Brute force: whitened torque over the noise on the rows that the effect touches.
+    white = quiet.white
+    column = columns_along(quiet, effect, joint, np.ones(1))
+    touched = [j for j, index in enumerate(white.rows) if set(index) & set(quiet.term(effect, joint).columns)]
+    torque = np.where(white.usable[0], white.model_torque[0] + white.residual[0], 0.0)
+    measured = np.sum((torque**2 * quiet.weights.per_sample)[:, touched])
+    found = _largest(quiet.search, quiet.term(effect, joint), np.ones(1))
+    assert found == pytest.approx(np.sqrt(measured / np.sum(column**2)))
+
+
+def test_an_effect_is_visible_that_adds_three_per_cent_to_the_squares_of_its_joint(quiet):
+    # Closed form: 0.03 of the effective number of samples, and 1.645 deviations for 95 % power; an effect of two joints
+    # by how its energy is spread over them, in the blocks as a whole.
+    counts = np.array([row.count.sum() for row in quiet.problem.grams.rows])
+    elbow = _seen(quiet.search, quiet.term("viscous_friction", "elbow"), np.ones(1))
+    assert elbow == pytest.approx(np.sqrt(0.03 * counts[1]) + 1.645)
+    energy = np.zeros(2)
+    column = columns_along(quiet, "base_tilt", None, np.ones(1))
+    for block in quiet.blocks:
+        energy += np.sum(column[block.start : block.stop] ** 2, axis=0)
+    both = _seen(quiet.search, quiet.term("base_tilt", None), np.ones(1))
+    assert both == pytest.approx(np.sqrt(0.03 * energy @ counts / energy.sum()) + 1.645)
+    assert not np.isclose(counts[0], counts[1], rtol=1e-6)
+
+
+def test_a_bound_is_what_a_claim_or_the_eye_needs_over_the_information_that_is_held_out(quiet, planar2):
+    # Closed form for an effect of one coefficient: deviations over the root of the information in the blocks held out.
+    bounds = {(b.effect, b.joint): b.below for b in seen(quiet, planar2)[0]}
+    problem, term = quiet.problem, quiet.term("viscous_friction", "elbow")
+    base = np.arange(problem.nuisances)
+    information, beside = _information(problem, term, np.ones(1), base, _inverse(problem, base))
+    index, parts = np.concatenate([base, term.columns]), np.concatenate([beside, np.ones(1)])
+    by_block = np.array(
+        [parts @ problem.grams.core_a[k][np.ix_(index, index)] @ parts for k in range(len(quiet.blocks))]
+    )
+    needed = max(_claimable(quiet.search, term, by_block), _seen(quiet.search, term, np.ones(1)))
+    expected = needed / np.sqrt(held_out_share(quiet.blocks) * information)
+    assert bounds["viscous_friction", "elbow"] == pytest.approx(expected, rel=1e-6)
 
 
 @pytest.fixture(scope="module")

@@ -74,3 +74,34 @@ def test_a_coarse_reading_counts_where_it_makes_a_twentieth_of_the_noise(quiet, 
     rounding = rounded(quiet.problem, (coarse_elbow(*torque),), floor, quiet.noise)
     assert len(rounding.coarse) == kept
     assert rounding.energy.shape == (kept, 2)
+
+
+def test_a_coarse_reading_counts_where_it_makes_a_twentieth_of_the_floor(quiet):
+    # Known truth: a feigned torque of one on the elbow in every sample, far below the noise above the judged band.
+    one = tuple(np.ones_like(part) * [0.0, 1.0] for part in quiet.noise)
+    loud = tuple(1e6 * np.ones_like(part) for part in quiet.noise)
+    for square, kept in ((19.0, 1), (21.0, 0)):
+        rounding = rounded(quiet.problem, (coarse_elbow(*one),), np.array([1e9, np.sqrt(square)]), loud)
+        assert len(rounding.coarse) == kept
+        np.testing.assert_allclose(rounding.energy, np.array([[0.0, 1.0]])[:kept], atol=1e-9)
+
+
+def test_of_several_coarse_readings_those_that_matter_are_kept(quiet):
+    one, less = (tuple(size * np.ones_like(part) for part in quiet.noise) for size in (1.0, 1e-3))
+    loud = tuple(1e6 * np.ones_like(part) for part in quiet.noise)
+    joints = (coarse_elbow(*less), coarse_elbow(*one), coarse_elbow(*less))
+    assert rounded(quiet.problem, joints, np.ones(2), loud).coarse == joints[1:2]
+
+
+def test_what_a_few_samples_say_of_rounding_is_not_below_zero(planar2):
+    # Closed form: of one sample the share is known to twice itself; of none it is taken as one.
+    for samples in (1.0, 0.25):
+        before, rounding = found([0.005, 0.02], 5.0, samples)
+        (finding,) = findings_of(planar2, rounding, before, FLOOR)
+        assert finding.gap_closed_interval[0] == 0.0
+        assert finding.gap_closed_interval[1] == pytest.approx(min(3.0 * finding.gap_closed, 1.0))
+
+
+def test_rounding_without_a_gap_closes_all_of_it(planar2):
+    before, rounding = found([0.005, 0.02], 1.0)
+    assert findings_of(planar2, rounding, before, FLOOR)[0].gap_closed == 1.0
