@@ -7,14 +7,19 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from identification.diagnosis.fit.fitting import fit
+from identification.diagnosis.fit.problem import set_up
 from identification.diagnosis.noise.encoder_noise import (
     _step,
     at_least_encoder_noise,
     coarse_joints,
+    columns_read_again,
     read_again,
     reading_steps,
+    spurious_gains,
 )
 from identification.diagnosis.noise.noise_floor import rms
+from identification.diagnosis.noise.whitening import whitened
 
 STEP = 2e-3
 
@@ -96,3 +101,37 @@ def test_noise_below_that_of_the_encoders_is_taken_for_theirs(quiet, rng):
     (out,) = at_least_encoder_noise(noise, replace(quiet.columns, residual=(encoders,)))
     np.testing.assert_array_equal(out[:, 0], np.where(use[0][:, 0], encoders[:, 0], 0.0))
     np.testing.assert_array_equal(out[:, 1], noise[0][:, 1])
+
+
+def test_what_is_read_again_has_no_gap_but_the_noise_of_its_encoders(quiet):
+    # Known truth: the model drives it, so that nothing is left where nothing is rounded; three times the step leaves
+    # three times as much.
+    left = []
+    for step in (1e-12, STEP, 3 * STEP):
+        again = columns_read_again(quiet.session, quiet.columns, (step, step))
+        left.append(rms([again.residual[0][:, 1][again.usable[0][:, 1]]]))
+        assert again.terms == quiet.columns.terms
+    assert left[0] < 0.05 * left[1]
+    assert left[2] / left[1] == pytest.approx(3.0, rel=0.3)
+
+
+def test_what_encoder_noise_alone_lets_an_effect_gain_is_what_its_fit_takes_off(quiet):
+    # The fits of the search on the readings with fresh noise; effects that have one shape and no bounds, so that the
+    # gain is a square.
+    again = columns_read_again(quiet.session, quiet.columns, (STEP, STEP))
+    found = spurious_gains(quiet.search, again, quiet.noise)
+    null = set_up(quiet.session, again, whitened(again, quiet.noise)[0], quiet.weights)
+    base = fit(null, (), held_out=False).objective
+    for joint in ("shoulder", "elbow"):
+        alone = fit(null, (quiet.term("torque_offset", joint),), held_out=False).objective
+        assert found["torque_offset", joint] == pytest.approx(base - alone, rel=1e-3, abs=1e-3)
+    assert min(found.values()) >= 0.0
+
+
+def test_an_effect_of_many_shapes_gains_what_the_best_of_them_gains(quiet):
+    again = columns_read_again(quiet.session, quiet.columns, (STEP, STEP))
+    place = ("stribeck_friction", "elbow")
+    shapes = [term for term in quiet.search.terms if term.place == place]
+    alone = [spurious_gains(replace(quiet.search, terms=(term,)), again, quiet.noise)[place] for term in shapes]
+    assert len(shapes) > 3
+    assert spurious_gains(quiet.search, again, quiet.noise)[place] == max(alone) > min(alone)

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from phantom_dyn.effects.operation import Operation
-from phantom_dyn.effects.support.rows import moving_average, secant, turning_points
+from phantom_dyn.effects.support.rows import moving_average, never_reverses, secant, turning_points
 from phantom_dyn.motion import Motion
 
 
@@ -41,3 +41,29 @@ def test_a_speed_that_trembles_about_zero_turns_nowhere(arm):
 
 def test_the_next_shape_of_a_law_is_its_estimate_unless_that_is_rounding():
     assert [secant(x, 1e-4) for x in (0.3, -0.3, 1e-5, -1e-5)] == [((0.3,),), ((-0.3,),), ((1e-4,),), ((1e-4,),)]
+
+
+def test_an_estimate_at_the_least_is_taken_as_it_is():
+    assert secant(1e-4, 1e-4) == ((1e-4,),)
+
+
+@pytest.mark.parametrize(("dt", "samples"), [(0.0, 7), (0.002, 3), (1.0, 7)])
+def test_a_moving_average_of_a_constant_is_that_constant(dt, samples):
+    np.testing.assert_allclose(moving_average(np.full(samples, 2.5), dt, 0.01), 2.5)
+
+
+def test_beyond_its_ends_a_moving_average_sees_the_last_samples():
+    # By hand: three samples about each, the first and the last one twice.
+    np.testing.assert_allclose(moving_average(np.array([0.0, 3.0, 6.0, 0.0]), 0.002, 0.004), [1.0, 3.0, 3.0, 2.0])
+
+
+def test_a_joint_at_rest_never_reverses(arm):
+    still = swinging(arm, 1e-10 * np.tile([1.0, -1.0], 40))
+    assert never_reverses(arm, still, "tilt") == "tilt never reverses: its friction looks like a constant torque"
+
+
+@pytest.mark.parametrize(("share", "turns"), [(0.019, 0), (0.021, 2)])
+def test_a_speed_counts_from_a_fiftieth_of_the_top_speed_on(arm, share, turns):
+    # By hand: forwards, slowly backwards, forwards; one in a hundred samples may be faster than the top.
+    v = np.concatenate([np.ones(100), -share * np.ones(50), np.ones(100), [50.0]])
+    assert len(turning_points(swinging(arm, v), 1)) == turns
