@@ -3,7 +3,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from phantom_dyn.effects.friction.stribeck_friction import StribeckFriction
+from phantom_dyn.effects.friction.stribeck_friction import StribeckFriction, falling_law
 from phantom_dyn.effects.operation import Operation
 from phantom_dyn.model.robot import Robot
 from phantom_dyn.motion import Motion
@@ -52,3 +52,15 @@ def test_a_joint_at_rest_has_velocities_to_try_too(arm):
     velocities = [velocity for (velocity,) in StribeckFriction().shapes(arm, at_speed(arm, 0.0), "tilt")]
     assert velocities
     assert min(velocities) > 0
+
+
+def test_the_excess_at_rest_is_not_negative(arm):
+    assert StribeckFriction().coefficient_bounds(arm, "tilt", (0.1,)) == ((-np.inf, np.inf), (0.0, np.inf))
+
+
+@pytest.mark.parametrize(
+    ("v", "less"), [(0.2, 0.5 * (1 - 1 / np.e)), (-0.2, -0.5 * (1 - 1 / np.e)), (0.0, 0.0), (9.0, 0.5)]
+)
+def test_what_friction_falls_by_grows_with_speed(v, less):
+    # Closed form: (Ts - Tc) (1 - exp(-(v / vs)^2)) in the direction of motion.
+    assert falling_law(v, 0.5, 0.2) == pytest.approx(less)

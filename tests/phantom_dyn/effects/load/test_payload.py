@@ -74,3 +74,17 @@ def test_a_mass_straight_below_its_joint_has_first_moments_of_zero_across(arm):
     # By hand: 0.5 kg, 0.3 m down: first moments 0, 0, -0.15 kg m.
     coefficients = np.array([0.5, 0.0, 0.0, -0.15, *np.zeros(6)])
     np.testing.assert_allclose(Payload().from_coefficients(arm, None, coefficients, ()), [0.5, 0.0, 0.0, -0.3])
+
+
+def test_less_mass_than_modelled_has_a_center_too(arm):
+    # By hand: -0.5 kg at 0.3 m.
+    coefficients = np.array([-0.5, -0.15, 0.0, 0.15, *np.zeros(6)])
+    np.testing.assert_allclose(Payload().from_coefficients(arm, None, coefficients, ()), [-0.5, 0.3, 0.0, -0.3])
+
+
+def test_a_payload_is_probed_and_sized_at_the_center_of_the_last_link(arm, operation):
+    center = arm.model.inertias[3].lever
+    name, direction = Payload().probe(arm, operation, None)
+    assert name == "mass"
+    np.testing.assert_allclose(direction, pin.Inertia(1.0, center, np.zeros((3, 3))).toDynamicParameters(), atol=1e-15)
+    assert Payload().sized(arm, None, "mass", 0.7, np.zeros(3)) == (0.7, *center)
