@@ -69,8 +69,8 @@ COARSE_REMAINDER = 0.3
 # probability: from which on a rival is listed (contract).
 LISTED = 0.05
 
-# times: as many wins as the finding, from which on a rival takes its place.
-OUTDONE = 1.5
+# times: as many wins as the finding, from which on a rival takes its place: the likeliest leads (contract).
+OUTDONE = 1.0
 
 # gain: by which a rival is worse in sample, ten deviations of one parameter: it wins no replicate.
 HOPELESS_LOSS = 100.0

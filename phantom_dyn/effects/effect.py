@@ -9,7 +9,7 @@ nobody has to know effects by name.
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import Literal
 
@@ -71,6 +71,23 @@ class Signature:
     names: tuple[str, ...]
     units: tuple[str, ...]
     steps: Float[Array, "N m k"] | None = None
+
+
+# Parameters as a finding or a file states them, by name: numbers, or lists of an effect that takes lists.
+Stated = Mapping[str, float | list[float]]
+
+
+@dataclass(frozen=True)
+class SpecialCase:
+    """What a law is where some numbers of it are zero: the sum of simpler laws, or no effect at all.
+
+    Attributes:
+        names: Of the simpler effects, on the same joint; empty if nothing is left.
+        numbers: Of the fit, or sums of them, that are all zero where it is that.
+    """
+
+    names: tuple[str, ...]
+    numbers: Float[Array, " k"]
 
 
 class Rival(ABC):
@@ -163,6 +180,15 @@ class Rival(ABC):
         """Lower and upper bound of each coefficient where physics has any; empty if it has none at all."""
         return ()
 
+    def special_cases(
+        self, robot: Robot, joint: str | None, coefficients: Float[Array, " k"], shape: Shape
+    ) -> tuple[SpecialCase, ...]:
+        """What it is where it hardly differs from something simpler, the simplest first.
+
+        By default it is no effect at all where its coefficients are zero, or where its size is its shape.
+        """
+        return (SpecialCase((), coefficients if self.seen_by == "coefficient" else np.array(shape)),)
+
     def untestable(self, robot: Robot, operation: Operation, joint: str | None) -> str | None:
         """Why no recording like this one can show the effect, in words; None if it may."""
         return None
@@ -212,6 +238,10 @@ class Effect(Rival):
     ) -> Float[Array, " p"]:
         """The contract's parameters, in the order of `parameters`, from linear coefficients."""
         return coefficients
+
+    def from_stated(self, robot: Robot, stated: Stated) -> Stated:
+        """The contract's parameters from what a finding or a file states: other numbers of the same, or older ones."""
+        return stated
 
     def probe(self, robot: Robot, operation: Operation, joint: str | None) -> tuple[str, Float[Array, " k"]]:
         """The parameter that says how large the effect is, and the coefficients of one unit of it.

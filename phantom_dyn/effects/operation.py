@@ -37,6 +37,7 @@ class Operation(Motion):
         residual_of_fit: Torque residual of the last fit of tolerances and findings, shape ``(N, nv)``; None before the
             first fit.
         recording: Which of several recordings it is of, for effects that act in some of them only.
+        band_hz: Edge [Hz] of the band in which torques are judged.
     """
 
     robot: Robot = field(repr=False)
@@ -45,6 +46,7 @@ class Operation(Motion):
     logged: Float[Array, "N nv"]
     residual_of_fit: Float[Array, "N nv"] | None = None
     recording: int = 0
+    band_hz: float = np.inf
 
     def __post_init__(self):
         super().__post_init__()

@@ -7,7 +7,6 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from benchmarks.blind.generator.arms import rotation
 from benchmarks.blind.generator.plant import Channel, Coupling, Encoder, JointFriction, Plant, with_point_mass
 from benchmarks.blind.generator.robots import Table, scaled_link
 
@@ -101,17 +100,19 @@ def both(one: JointFriction | None, other: JointFriction) -> JointFriction:
     )
 
 
-def tilted(gravity: Sequence[float], roll: float, pitch: float) -> tuple[float, ...]:
-    """R_x(roll) R_y(pitch) applied to the given gravity."""
-    turn = rotation((roll, 0.0, 0.0)) @ rotation((0.0, pitch, 0.0))
-    return tuple(float(x) for x in turn @ np.asarray(gravity))
+def tilted(gravity: Sequence[float], turn: Sequence[float]) -> tuple[float, ...]:
+    """Gravity turned about an axis by that axis' length [rad], by Rodrigues' formula."""
+    down, angle = np.asarray(gravity, dtype=float), float(np.linalg.norm(turn))
+    axis = np.asarray(turn, dtype=float) / max(angle, 1e-300)
+    along = axis * (axis @ down)
+    return tuple(float(x) for x in along + np.cos(angle) * (down - along) + np.sin(angle) * np.cross(axis, down))
 
 
 def changed_table(effect: Effect, table: Table) -> Table:
     """The robot after an effect on inertias or gravity; the table itself for every other effect."""
     p, j = effect.parameters, effect.joint
     if effect.effect == "base_tilt":
-        return replace(table, gravity=tilted(table.gravity, p["roll"], p["pitch"]))
+        return replace(table, gravity=tilted(table.gravity, [p.get(name, 0.0) for name in ("roll", "pitch", "yaw")]))
     if effect.effect == "rotor_inertia":
         link = table.links[j]
         return table.with_link(j, replace(link, rotor_inertia=link.rotor_inertia + p["inertia"]))

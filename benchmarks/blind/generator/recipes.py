@@ -78,7 +78,9 @@ def draw_recipe(rng: np.random.Generator, effect: str, table: Table) -> Recipe |
         return Recipe(effect, WHOLE if common else joint, {})
     if effect == "base_tilt":
         angle = rng.uniform(0.0, 2.0 * np.pi)
-        return Recipe(effect, WHOLE, {"roll": float(np.cos(angle)), "pitch": float(np.sin(angle))})
+        # About the two axes of the base that gravity does not point along.
+        across = [name for name, g in zip(("roll", "pitch", "yaw"), table.gravity, strict=True) if g == 0.0]
+        return Recipe(effect, WHOLE, dict(zip(across, (float(np.cos(angle)), float(np.sin(angle))), strict=True)))
     if effect == "payload":
         return Recipe(effect, payload_link(table), _place(rng, table))
     middle = table.posture[table.active.index(joint)] if table.posture else 0.0
@@ -138,7 +140,7 @@ def realised(recipe: Recipe, m: float) -> Effect:
         "rotor_inertia": lambda: {"inertia": m},
         "payload": lambda: {"mass": m, **s},
         "inertial_parameters": lambda: {f"{name}_factor": 1.0 + m * x for name, x in s.items()},
-        "base_tilt": lambda: {"roll": m * s["roll"], "pitch": m * s["pitch"]},
+        "base_tilt": lambda: {name: m * part for name, part in s.items()},
         "parasitic_spring": lambda: {"stiffness": m, "rest_position": s["rest"]},
         "encoder_offset": lambda: {"offset": s["sign"] * m},
         "encoder_eccentricity": lambda: {"amplitude": m, "phase": s["phase"], "order": 1.0},

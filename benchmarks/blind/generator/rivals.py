@@ -104,7 +104,8 @@ def _rivals(effect: Effect, measure: Ruler) -> Iterator[Rival]:
             torque = np.zeros_like(measure.run.seen)
             torque[:, j] = _bristle(measure.run.seen[:, j], d)
             yield "presliding_friction", link.joint, banded(torque, rate) / measure.floor, 0.0
-    angles = [column("base_tilt", WHOLE, roll=a, pitch=b) for a, b in ((1.0, 0.0), (0.0, 1.0))]
+    across = [name for name, g in zip(("roll", "pitch", "yaw"), measure.truth.gravity, strict=True) if g == 0.0]
+    angles = [column("base_tilt", WHOLE, **{name: 1.0}) for name in across]
     yield "base_tilt", None, np.stack(angles, -1), -np.inf
     if effect.effect in ("input_delay", "actuator_lag"):
         for joint in (WHOLE, *table.active):

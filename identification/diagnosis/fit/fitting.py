@@ -20,6 +20,10 @@ from identification.diagnosis.numerics.bounded import bounded_solve, bounded_sol
 Array = np.ndarray
 
 
+# Torque asked for over torque needed below which a row would vanish from a fit.
+_LEAST_GAIN = 0.02
+
+
 @dataclass(frozen=True)
 class Fitted:
     """Result of one fit.
@@ -107,9 +111,9 @@ def fit(problem: Problem, terms: tuple[Term, ...], *, held_out: bool = True, nea
     rows = [next(j for j, row in enumerate(problem.columns.rows) if column in row) for column in columns]
     gains, scalings = np.ones(len(scaled)), ()
     for _ in range(4):
-        found = _fit_at_point(problem, terms, scalings, False, near)
+        found = _fit_at_point(_beyond(problem, columns, gains - 1.0), terms, scalings, False, near)
         step = found.theta[columns]
-        gains = np.clip(gains + step, 0.05, 20.0)
+        gains = np.maximum(gains + step, _LEAST_GAIN)
         theta = found.theta.copy()
         theta[columns] = 0.0
         scalings = tuple(
@@ -117,12 +121,20 @@ def fit(problem: Problem, terms: tuple[Term, ...], *, held_out: bool = True, nea
         )
         if np.all(np.abs(step) < 1e-3):
             break
-    found = _fit_at_point(problem, terms, scalings, held_out, near)
+    found = _fit_at_point(_beyond(problem, columns, gains - 1.0), terms, scalings, held_out, near)
     theta, fold_theta = found.theta.copy(), found.fold_theta.copy()
     theta[columns] += gains - 1.0
     if len(fold_theta):
         fold_theta[:, columns] += gains - 1.0
     return replace(found, theta=theta, fold_theta=fold_theta)
+
+
+def _beyond(problem: Problem, columns: list[int], part: Float[Array, " k"]) -> Problem:
+    """The same problem with bounds for what some coefficients have beyond a part of them."""
+    lower, upper = problem.lower.copy(), problem.upper.copy()
+    lower[columns] -= part
+    upper[columns] -= part
+    return replace(problem, lower=lower, upper=upper)
 
 
 def predict(

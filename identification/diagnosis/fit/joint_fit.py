@@ -61,6 +61,10 @@ class JointFit:
         """Where the numbers of one term stand."""
         return next(place for place in self.places if place.term is term)
 
+    def coefficients(self, term: Term) -> Float[Array, " k"]:
+        """Coefficients of one term."""
+        return self.x[self.place(term).coefficients]
+
 
 def joint_fit(problem: Problem, terms: tuple[Term, ...], found: Fitted) -> JointFit:
     """Fit moves, coefficients and shapes together, starting from a fit with fixed shapes.

@@ -6,9 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from jaxtyping import Float
-from scipy.stats import chi2
 
-from identification.diagnosis import decision_rules as rules
 from identification.diagnosis.fit.fitting import Fitted
 from identification.diagnosis.fit.gap import Sums, held_out_torque, residual_after, sums
 from identification.diagnosis.fit.joint_fit import JointFit, joint_fit
@@ -18,8 +16,12 @@ from identification.diagnosis.judge.parameters import finding_loadings, finding_
 from identification.diagnosis.model.session import Series
 from identification.diagnosis.model.terms import Term, ordered
 from identification.diagnosis.result import Finding
-from identification.diagnosis.search.rival_sets import block_counts, stand
-from identification.diagnosis.search.search import Search
+from identification.diagnosis.search.rival_sets import NONE_BARRED, Place, Standing, block_counts, stand
+from identification.diagnosis.search.search import Search, possible, with_term
+from identification.diagnosis.search.special_cases import implausible, places_of, simpler
+from identification.diagnosis.search.swaps import replaced
+from phantom_dyn.effects.effect import Parameter
+from phantom_dyn.model.robot import Robot
 from phantom_dyn.random_streams import random_stream
 
 Array = np.ndarray
@@ -33,11 +35,14 @@ class Shown:
         plain: The search with plain fits in the judged band.
         chosen: The effects, structures without a name among them.
         joint_fit: Fit of all their numbers at once.
+        standings: Of each named one, beside all that the search has found, what nobody would see included: a rival must
+            not win by making up for that.
     """
 
     plain: Search
     chosen: frozenset[Term]
     joint_fit: JointFit
+    standings: dict[Term, Standing]
 
     @property
     def problem(self) -> Problem:
@@ -55,52 +60,111 @@ class Shown:
         return self.plain.evaluate(self.named)
 
 
-def shown_effects(plain: Search, chosen: frozenset[Term], noise: Series) -> Shown:
-    """Chosen effects that are visible in the judged band and differ from zero there; none where there is no gap."""
-    kept = visible(plain, chosen)
-    if not gap_is_there(plain.problem, noise):
-        kept = frozenset()
-    return Shown(plain, *distinct(plain, kept))
+def shown_effects(search: Search, plain: Search, chosen: frozenset[Term], noise: Series) -> Shown:
+    """Chosen effects that are visible in the judged band and differ from nothing there; none where there is no gap.
 
-
-def distinct(plain: Search, chosen: frozenset[Term]) -> tuple[frozenset[Term], JointFit]:
-    """Removes effects whose coefficients do not differ from zero in a joint fit of all, and returns that fit.
-
-    The search holds all but the coefficients, and weighs noise otherwise: what gains there may be nothing in the fit
-    that states its size. Only linear laws are tested: the size of others is in their shape. Nor is what
-    goes with accelerations: a torque constant and a load are correlated with each other and with the tolerances, so
-    that neither differs from zero beside the other.
-    """
-    while True:
-        fitted = joint_fit(plain.problem, ordered(chosen), plain.evaluate(chosen))
-        certain = {term: certainty(term, fitted) for term in ordered(chosen) if term.named and _is_asked(term)}
-        least = min(certain, key=lambda term: certain[term], default=None)
-        if least is None or certain[least] >= rules.DIFFERS_FROM_ZERO:
-            return chosen, fitted
-        chosen = chosen - {least}
-
-
-def _is_asked(term: Term) -> bool:
-    return term.effect.tested_against_zero or not (term.shape or term.effect.uses_acceleration)
-
-
-def certainty(term: Term, fitted: JointFit) -> float:
-    """Probability that chance keeps the coefficients of an effect that is not there nearer to zero (Wald's test)."""
-    at = fitted.place(term).coefficients
-    x, cov = fitted.x[at], fitted.cov[at, at]
-    return float(chi2.cdf(x @ np.linalg.pinv(cov, rcond=1e-9, hermitian=True) @ x, len(x)))
-
-
-def findings_without(
-    search: Search, shown: Shown, settled: frozenset[Term], judge: Judge, before: Sums
-) -> tuple[tuple[Finding, Series], ...]:
-    """Each named effect with its gap closed and rivals, and the torque of the other named ones without it.
+    Where a rival has to lead in the place of one of them, it takes that place: no set is taken twice.
 
     Args:
         search: Rivals, with fits to white noise.
+        plain: The same with plain fits in the judged band.
+        chosen: What the search has found.
+        noise: Of each log's torque.
+    """
+    seen = [chosen]
+    while True:
+        kept = visible(plain, chosen) if gap_is_there(plain.problem, noise) else frozenset()
+        kept, settled, fitted, barred = distinct(search, plain, kept, chosen)
+        standings = {term: stand(search, settled, term, barred) for term in ordered(kept) if term.named}
+        ways = (standing.instead for standing in standings.values() if standing.instead is not None)
+        chosen = next((way for way in ways if way not in seen), None)
+        if chosen is None:
+            return Shown(plain, kept, fitted, standings)
+        seen.append(chosen)
+
+
+def distinct(
+    search: Search, plain: Search, kept: frozenset[Term], chosen: frozenset[Term]
+) -> tuple[frozenset[Term], frozenset[Term], JointFit, frozenset[Place]]:
+    """Effects that differ from anything simpler in a joint fit of all, and that fit.
+
+    The search holds all but the coefficients, and weighs noise otherwise: what gains there may be nothing in the fit
+    that states its size. One by one, those that are told least certainly from nothing are left out. Where a law ends on
+    a special case of itself, or is told from it in neither fit, that takes its place.
+
+    Args:
+        search: Rivals, with fits to white noise.
+        plain: The same with plain fits in the judged band.
+        kept: Effects that are to be shown.
+        chosen: All that the search has found.
+
+    Returns:
+        What is left of both sets, the fit of the first, and the laws that were no more than a simpler one.
+    """
+    robot, barred = plain.problem.session.robot, NONE_BARRED
+    while True:
+        fitted = joint_fit(plain.problem, ordered(kept), plain.evaluate(kept))
+        found = {term: simpler(robot, term, fitted) for term in ordered(kept) if term.named}
+        white = search.evaluate(chosen)
+        hardly = {
+            t: case for t, case in found.items() if case is not None and _is_simpler(robot, t, case, chosen, white)
+        }
+        if not hardly:
+            return kept, chosen, fitted, barred
+        least = min(hardly, key=lambda term: hardly[term][0])
+        names = hardly[least][1]
+        kept = kept - {least}
+        if not names:
+            continue
+        barred = barred | {least.place}
+        instead = [one for one in plain.terms if one.effect.name in names and one.joint == least.joint]
+        chosen = replaced(chosen, least, frozenset(instead))
+        for one in instead:
+            kept = with_term(kept, one) if possible(kept, one) else kept
+
+
+def _is_simpler(
+    robot: Robot, term: Term, case: tuple[float, tuple[str, ...]], chosen: frozenset[Term], white: Fitted
+) -> bool:
+    """True if an effect is the special case that a fit hardly tells from it, by what another fit says as well."""
+    certain, names = case
+    if not names or certain == 0.0 or term not in chosen:
+        return True
+    return places_of(robot, term, white) != (term.place,)
+
+
+def size_doubts(shown: Shown) -> tuple[str, ...]:
+    """A sentence for each finding whose size no sound robot has, with the reason."""
+    robot, out = shown.problem.session.robot, []
+    for term in ordered(shown.named):
+        fault = implausible(robot, term, shown.joint_fit.coefficients(term))
+        if fault is not None:
+            parameter, value = fault
+            effect = term.effect.name.replace("_", " ") + ("" if term.joint is None else f" on {term.joint}")
+            out.append(
+                f"The {parameter.name.replace('_', ' ')} of {effect} comes out as {_sized(value, parameter)}, which is "
+                f"not plausible ({_range(parameter)}): {parameter.plausible_because}."
+            )
+    return tuple(out)
+
+
+def _sized(value: float, parameter: Parameter) -> str:
+    return f"{value:.3g}" if parameter.unit == "1" else f"{value:.3g} {parameter.unit}"
+
+
+def _range(parameter: Parameter) -> str:
+    """What is plausible, in words."""
+    low, high = parameter.plausible or (-np.inf, np.inf)
+    if np.isfinite(low) and np.isfinite(high):
+        return f"{low:.3g} to {_sized(high, parameter)} is"
+    return f"at least {_sized(low, parameter)} is" if np.isfinite(low) else f"at most {_sized(high, parameter)} is"
+
+
+def findings_without(shown: Shown, judge: Judge, before: Sums) -> tuple[tuple[Finding, Series], ...]:
+    """Each named effect with its gap closed and rivals, and the torque of the other named ones without it.
+
+    Args:
         shown: The effects that are shown.
-        settled: All that the search has found, those too that nobody would see: a rival must not win by making up for
-            one of them.
         judge: Of the gap.
         before: Loss of the given model.
     """
@@ -123,7 +187,7 @@ def findings_without(
             gap = np.maximum(before.loss(floor, weights) - 1.0, 1e-9)
             return (lost.loss(floor, weights) - after.loss(floor, weights)) / gap
 
-        standing = stand(search, settled, term)
+        standing = shown.standings[term]
         low, high = np.percentile(closed(counts), [2.5, 97.5])
         finding = Finding(
             effect=term.effect.name,

@@ -12,7 +12,7 @@ from identification.diagnosis.fit.gap import Sums, held_out_torque, residual_aft
 from identification.diagnosis.judge.bounds import smallest_seen
 from identification.diagnosis.judge.bursts import bursts_of
 from identification.diagnosis.judge.coarse_encoders import Rounded, findings_of, floor_without, rounded
-from identification.diagnosis.judge.findings import Shown, findings_without, shown_effects
+from identification.diagnosis.judge.findings import Shown, findings_without, shown_effects, size_doubts
 from identification.diagnosis.judge.judged_band import Judge, narrow_search, noise_floor
 from identification.diagnosis.judge.regimes import regime_split
 from identification.diagnosis.judge.verdict import adjusted, unexplained, verdict
@@ -28,7 +28,7 @@ def judged(explanation: Explanation, progress: Callable[[str], None]) -> tuple[J
     """Gap, findings, bounds and verdict of an explanation, and the effects that are shown with their fits."""
     search, noise = explanation.search, explanation.noise
     session = search.problem.session
-    shown = shown_effects(narrow_search(search, noise), explanation.chosen, noise)
+    shown = shown_effects(search, narrow_search(search, noise), explanation.chosen, noise)
     problem = shown.problem
     given = session.in_judged_band(problem.columns.residual)
     torque = held_out_torque(problem, shown.named, shown.found)
@@ -46,7 +46,7 @@ def judged(explanation: Explanation, progress: Callable[[str], None]) -> tuple[J
     before = sums(problem, given)
     # Without a coarse reading the model is the same: what it feigns is no torque.
     pairs = [
-        *findings_without(search, shown, explanation.chosen, judge, before),
+        *findings_without(shown, judge, before),
         *((finding, torque) for finding in findings_of(session.robot, rounding, before, floor)),
     ]
     pairs.sort(key=lambda pair: -pair[0].gap_closed)
@@ -62,6 +62,7 @@ def judged(explanation: Explanation, progress: Callable[[str], None]) -> tuple[J
         unexplained=left_over,
         bounds=bounds,
         not_testable=untested,
+        notes=size_doubts(shown),
         evidence=evidence_of(judge, given, torque, tuple(without for _, without in pairs)),
         bursts=bursts_of(problem, whole, _friction(shown)),
     )

@@ -152,7 +152,7 @@ class _GivenPart:
 def _given_part(session: Session) -> _GivenPart:
     robot, logs, moves = session.robot, session.logs, moves_of(session.robot)
     robots = [session.differences.robot(robot, k) for k in range(len(logs))]
-    operations = tuple(operate(robots[k], log, session.known, k) for k, log in enumerate(logs))
+    operations = tuple(operate(robots[k], log, session.known, k, session.cutoff_hz) for k, log in enumerate(logs))
     plain = tuple(_plain(session, k, o, moves) for k, o in enumerate(operations))
     torque = tuple(log.band(o.tau) for log, o in zip(logs, operations, strict=True))
     return _GivenPart(

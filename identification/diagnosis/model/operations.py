@@ -30,15 +30,25 @@ Array = np.ndarray
 _LEAST = -0.9
 
 
-def operate(robot: Robot, log: Log, known: tuple[KnownEffect, ...], recording: int = 0) -> Operation:
-    """Motion of a log with the torque of the given model; ``recording`` is its index among several."""
+def operate(
+    robot: Robot, log: Log, known: tuple[KnownEffect, ...], recording: int = 0, band_hz: float = np.inf
+) -> Operation:
+    """Motion of a log with the torque of the given model.
+
+    Args:
+        robot: The given model.
+        log: Motion and measured torque.
+        known: Effects that belong to the model already.
+        recording: Index of the log among several.
+        band_hz: Edge of the band in which torques are judged [Hz].
+    """
     # The noise of a joint that is held has a sign, which friction would follow, and an acceleration, which couples.
     moves = ~standing_still(log).all(axis=0)
     motion = Motion(log.motion.t, log.motion.q, log.motion.v * moves, log.motion.a * moves)
     tau = inverse_dynamics(robot, motion)
     # What pushes from outside, the drive need not give.
     tau = tau if log.external is None else tau - log.external
-    plain = Operation(motion.t, motion.q, motion.v, motion.a, robot, tau, tau, log.tau, recording=recording)
+    plain = Operation(motion.t, motion.q, motion.v, motion.a, robot, tau, tau, log.tau, None, recording, band_hz)
     for effect in known:
         # The drive has to give what the model needs less what the effect gives.
         tau = tau - effect_named(effect.effect).torque(robot, plain, effect.joint, np.array(effect.theta))

@@ -77,8 +77,8 @@ class OwnEffect(Effect):
         return self.inner.untestable(robot, operation, joint)
 
     def parameters(self, robot: Robot, joint: str | None) -> tuple[Parameter, ...]:
-        """Those of the effect: what this recording has more than the others."""
-        return self.inner.parameters(robot, joint)
+        """Those of the effect: what this recording has more than the others, of which nothing is known beforehand."""
+        return tuple(replace(one, plausible=None) for one in self.inner.parameters(robot, joint))
 
     def from_coefficients(self, robot: Robot, joint: str | None, coefficients: Array, shape: Shape) -> Array:
         """As the effect."""

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
@@ -141,7 +141,8 @@ def merged(operations: tuple[Operation, ...]) -> Operation:
         start = float(times[-1][-1]) + operation.dt
     q, v, a, tau, expected, logged = (np.concatenate([getattr(o, name) for o in operations]) for name in SERIES[1:])
     residual = np.concatenate([o.residual for o in operations])
-    return Operation(np.concatenate(times), q, v, a, operations[0].robot, tau, expected, logged, residual)
+    plain = Operation(np.concatenate(times), q, v, a, operations[0].robot, tau, expected, logged, residual)
+    return replace(plain, band_hz=operations[0].band_hz)
 
 
 def ordered(terms: Iterable[Term]) -> tuple[Term, ...]:

@@ -11,11 +11,17 @@ from identification.diagnosis import decision_rules as rules
 from identification.diagnosis.fit.projection import taken_out
 from identification.diagnosis.model.terms import Term, ordered
 from identification.diagnosis.result import EffectAt, Rival
+from identification.diagnosis.search.fits import Chosen
 from identification.diagnosis.search.search import Search, contains
-from identification.diagnosis.search.swaps import explained, relevant, replaced
+from identification.diagnosis.search.special_cases import implausible, places_of
+from identification.diagnosis.search.swaps import explained, relevant, replaced, spanned
 from phantom_dyn.random_streams import random_stream
 
 Array = np.ndarray
+
+# An effect and its joint.
+Place = tuple[str, str | None]
+NONE_BARRED: frozenset[Place] = frozenset()
 
 REPLICATES = 1000
 # Looks at all findings in turn.
@@ -29,7 +35,8 @@ class Standing:
     Attributes:
         probability: Its own share of wins.
         rivals: Theirs, the likeliest first.
-        instead: The whole set with the likeliest rival in the finding's place, None if there is no rival.
+        instead: The whole set with the rival in the finding's place that has to lead, None if the finding does: the
+            likeliest of those whose sizes are plausible, or of all if none is.
     """
 
     probability: float
@@ -43,34 +50,25 @@ def block_counts(blocks: int, rng: np.random.Generator) -> Float[Array, "R B"]:
     return np.apply_along_axis(np.bincount, 1, draws, minlength=blocks).astype(float)
 
 
-def stand(search: Search, chosen: frozenset[Term], term: Term) -> Standing:
+def stand(search: Search, chosen: frozenset[Term], term: Term, barred: frozenset[Place] = NONE_BARRED) -> Standing:
     """Compare a finding with everything that could stand in its place.
 
     A richer effect that contains the finding is a rival only if its extra parameters lower the held-out loss, and wins
     a replicate only if they earn there their price and what the method is accurate to; predictions that are the same
     share their wins. It needs no more than that: what chance gives over the whole catalogue is no measure of laws
-    of one kind on one joint.
+    of one kind on one joint. A rival that these recordings could not tell from the finding by any size of it is
+    compared without a price: how many numbers a law has says nothing then. One that ends on a special case of itself
+    stands for that.
+
+    Args:
+        search: Rivals.
+        chosen: A set of effects.
+        term: One of them.
+        barred: Laws, with their joints, that have turned out to be no more than a simpler one.
     """
-    base, accuracy = search.evaluate(chosen), rules.ACCURACY * explained(search, chosen, term)
-    options: dict[frozenset[Term], Array] = {chosen: base.loss}
-    names: dict[frozenset[Term], frozenset[Term]] = {}
-    richer_laws: list[tuple[frozenset[Term], frozenset[Term]]] = []
-    for others in relevant(search, chosen, term, rules.HOPELESS_LOSS):
-        if not all(other.named for other in others):
-            continue
-        swapped = replaced(chosen, term, others)
-        if swapped in options or not others <= swapped:
-            continue
-        if _hopeless(search, chosen, swapped):
-            continue
-        found = search.evaluate(swapped)
-        richer = any(contains(other, term) for other in others) and search.sizes_of(others) > search.sizes[term]
-        if richer:
-            richer_laws.append((others, swapped))
-        if richer and found.total >= base.total:
-            continue
-        options[swapped] = found.loss + (accuracy / len(found.loss) if richer else 0.0)
-        names[swapped] = others
+    base = search.evaluate(chosen)
+    options, names, richer_laws = _options(search, chosen, term, barred)
+    twins = {key for key in names if _same_in_data(search, term, chosen, names[key], key)}
     same = {}
     for others, swapped in _twins(search, chosen, term):
         options[swapped], same[swapped] = base.loss, chosen
@@ -80,10 +78,13 @@ def stand(search: Search, chosen: frozenset[Term], term: Term) -> Standing:
     keys = list(options)
     counts = block_counts(len(base.loss), random_stream("bootstrap of rivals"))
     losses = counts @ np.array([options[key] for key in keys]).T
-    costs = _costs(search, [same.get(key, key) for key in keys])
-    shares = _by_place(term, keys, names, np.mean([_wins(losses + cost) for cost in costs], axis=0))
+    costs = _costs(search, [same.get(key, key) for key in keys], [key in twins for key in keys])
+    places = {key: _places(search, chosen, names[key], key, same) for key in keys[1:]}
+    shares = _by_place(keys, places, np.mean([_wins(losses + cost) for cost in costs], axis=0))
     for others, swapped in richer_laws:
-        place = tuple(other.place for other in ordered(others))
+        place = _places(search, chosen, others, swapped, same)
+        if not place:
+            continue
         odds = min(odds_of_richer(search, chosen, swapped), 1.0)
         shares[place] = max(shares.get(place, 0.0), odds * shares[()])
     own = shares[()]
@@ -96,37 +97,133 @@ def stand(search: Search, chosen: frozenset[Term], term: Term) -> Standing:
         Rival(tuple(EffectAt(*place) for place in effects), share / total)
         for effects, share in sorted(kept.items(), key=lambda item: -item[1])
     )
-    first = next(iter(sorted(kept, key=lambda effects: -kept[effects])), None)
-    there = [key for key in keys[1:] if tuple(other.place for other in ordered(names[key])) == first]
-    return Standing(own / total, rivals, min(there, key=search.score) if there else None)
+    return Standing(own / total, rivals, _leader(search, chosen, term, own, kept, places))
+
+
+def _options(
+    search: Search, chosen: frozenset[Term], term: Term, barred: frozenset[Place]
+) -> tuple[dict[Chosen, Array], dict[Chosen, Chosen], list[tuple[Chosen, Chosen]]]:
+    """Held-out losses of the set and of those with another finding in place of one, by block.
+
+    Returns:
+        The losses by set; what stands in the finding's place in each set; and richer laws with their sets.
+    """
+    base, accuracy = search.evaluate(chosen), rules.ACCURACY * explained(search, chosen, term)
+    options: dict[Chosen, Array] = {chosen: base.loss}
+    names: dict[Chosen, Chosen] = {}
+    richer_laws: list[tuple[Chosen, Chosen]] = []
+    for others in relevant(search, chosen, term, rules.HOPELESS_LOSS):
+        if not all(other.named and other.place not in barred for other in others):
+            continue
+        swapped = replaced(chosen, term, others)
+        if swapped in options or not others <= swapped:
+            continue
+        if _hopeless(search, chosen, swapped):
+            continue
+        found = search.evaluate(swapped)
+        if any(places_of(search.problem.session.robot, other, found) is None for other in others):
+            continue
+        richer = any(contains(other, term) for other in others) and search.sizes_of(others) > search.sizes[term]
+        if richer:
+            richer_laws.append((others, swapped))
+        if richer and found.total >= base.total:
+            continue
+        options[swapped] = found.loss + (accuracy / len(found.loss) if richer else 0.0)
+        names[swapped] = others
+    return options, names, richer_laws
+
+
+def _places(
+    search: Search, chosen: Chosen, others: Chosen, swapped: Chosen, same: dict[Chosen, Chosen]
+) -> tuple[Place, ...]:
+    """Effects and joints that stand in a finding's place, those of special cases where a law ends on one.
+
+    None where that makes the very effects of the set that has the finding.
+    """
+    if swapped in same:
+        return tuple(other.place for other in ordered(others))
+    robot, found = search.problem.session.robot, search.evaluate(swapped)
+    places = tuple(dict.fromkeys(place for other in ordered(others) for place in places_of(robot, other, found) or ()))
+    whole = {*places, *(one.place for one in swapped - others)}
+    return () if whole == {one.place for one in chosen} else places
+
+
+def _leader(
+    search: Search,
+    chosen: Chosen,
+    term: Term,
+    own: float,
+    kept: dict[tuple[Place, ...], float],
+    places: dict[Chosen, tuple[Place, ...]],
+) -> Chosen | None:
+    """The set with a rival in a finding's place that has to lead, None if the finding leads."""
+    robot = search.problem.session.robot
+
+    def sound(key: Chosen, theirs: Chosen) -> bool:
+        theta = search.evaluate(key).theta
+        return all(implausible(robot, one, theta[list(one.columns)]) is None for one in theirs)
+
+    there: dict[tuple[Place, ...], Chosen] = {}
+    for key in sorted(places, key=search.score):
+        # A law that ends on a special case would lead under the name of another.
+        if places[key] in kept and {one.place for one in key - chosen} <= set(places[key]):
+            there.setdefault(places[key], key)
+    if not there:
+        return None
+    is_sound = {(): sound(chosen, frozenset([term]))} | {at: sound(key, key - chosen) for at, key in there.items()}
+    shares = {(): rules.OUTDONE * own} | {at: kept[at] for at in there}
+    first = max(shares, key=lambda at: (is_sound[at], shares[at], at == ()))
+    return there.get(first)
+
+
+def _same_in_data(search: Search, term: Term, chosen: Chosen, others: Chosen, swapped: Chosen) -> bool:
+    """True if what one of two causes makes in these recordings the other could make as well, whatever its size.
+
+    Laws of which one contains the other by definition are no matter of the recordings, see `stand`. Inertial
+    parameters that are free each by itself contain whatever moves with a link.
+    """
+    if any(contains(one, two) or contains(two, one) for one in others for two in [term]):
+        return False
+    if term.effect.inertial == "free" or any(other.effect.inertial == "free" for other in others):
+        return False
+    one, two = list(term.columns), sorted({column for other in others for column in other.columns})
+    theta, swapped_theta = search.evaluate(chosen).theta[one], search.evaluate(swapped).theta[two]
+    return spanned(search, one, theta, two) or spanned(search, two, swapped_theta, one)
 
 
 def settled(search: Search, chosen: frozenset[Term]) -> frozenset[Term]:
-    """``chosen`` with findings replaced by the rival that wins more often than they do, if there is one.
+    """``chosen`` with findings replaced by the rivals that have to lead, see `Standing`.
 
     The search compares sums over all blocks; a rival that wins in most bootstrap replicates is the better name. Where
-    one takes a place, the others are looked at again beside it.
+    one takes a place, the others are looked at again beside it; no set is taken twice.
     """
+    seen = [chosen]
     for _ in range(_LOOKS):
         before = chosen
         for term in ordered(chosen):
             if not term.named or term not in chosen:
                 continue
             standing = stand(search, chosen, term)
-            if standing.instead is not None and standing.rivals[0].probability > rules.OUTDONE * standing.probability:
+            if standing.instead is not None and standing.instead not in seen:
                 chosen = standing.instead
+                seen.append(chosen)
         if chosen == before:
             break
     return chosen
 
 
-def _costs(search: Search, sets: list[frozenset[Term]]) -> tuple[Float[Array, " m"], Float[Array, " m"]]:
+def _costs(
+    search: Search, sets: list[frozenset[Term]], twins: list[bool]
+) -> tuple[Float[Array, " m"], Float[Array, " m"]]:
     """Cost of each set in every bootstrap replicate: price plus moves of the model, counted in two fair ways.
+
+    Twins of the first set cost what it costs.
 
     Either all moves count, or those only that cost four more than the first set's (two tolerances of one quantity), or
     four less: how wrong a model is within its tolerance is not known that well.
     """
     prices = np.array([search.price_of(chosen) for chosen in sets])
+    prices[twins] = prices[0]
     moves = np.array([search.evaluate(chosen).penalty for chosen in sets])
     more = moves - moves[0]
     return prices + more, prices + np.sign(more) * np.maximum(np.abs(more) - 4.0, 0.0)
@@ -162,14 +259,12 @@ def odds_of_richer(search: Search, chosen: frozenset[Term], rich: frozenset[Term
 
 
 def _by_place(
-    term: Term, keys: list[frozenset[Term]], names: dict[frozenset[Term], frozenset[Term]], shares: Float[Array, " m"]
-) -> dict[tuple[tuple[str, str | None], ...], float]:
+    keys: list[Chosen], places: dict[Chosen, tuple[Place, ...]], shares: Float[Array, " m"]
+) -> dict[tuple[Place, ...], float]:
     """Shares by set of effects and joints, shapes of one effect added up; the finding itself under ``()``."""
-    out: dict[tuple[tuple[str, str | None], ...], float] = {}
+    out: dict[tuple[Place, ...], float] = {}
     for key, share in zip(keys, shares, strict=True):
-        place = tuple(other.place for other in ordered(names[key])) if key in names else ()
-        if place == (term.place,):
-            place = ()
+        place = places.get(key, ())
         out[place] = out.get(place, 0.0) + float(share)
     return out
 

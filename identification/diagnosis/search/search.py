@@ -19,6 +19,7 @@ from identification.diagnosis.fit.problem import Problem
 from identification.diagnosis.fit.projection import gain_of
 from identification.diagnosis.model.terms import Term, ordered
 from identification.diagnosis.search.fits import Fits
+from identification.diagnosis.search.special_cases import ends_on_nothing
 
 
 @dataclass(frozen=True)
@@ -57,6 +58,8 @@ Array = np.ndarray
 # Rivals that are fitted to know their gains in sample: the best ranked, with at least this share of the best gain.
 _MOST_FITTED = 30
 _WORTH_FITTING = 0.2
+# Score of an impossible set, more than any recording's loss.
+_IMPOSSIBLE = 1e15
 
 
 @dataclass(frozen=True)
@@ -97,9 +100,13 @@ class Search:
     def score(self, chosen: frozenset[Term]) -> float:
         """Held-out loss plus the price of the parameters; lower is better.
 
-        A hair is added for parameters that add no rank, so that of exact twins the one that says less is named.
+        A hair is added for parameters that add no rank, so that of exact twins the one that says less is named. A
+        size that nothing has, at the end of what is possible, is no explanation at all.
         """
-        return self.evaluate(chosen).total + self.price_of(chosen) + 0.02 * sum(term.size for term in chosen)
+        found = self.evaluate(chosen)
+        if any(ends_on_nothing(self.problem.session.robot, term, found.theta[list(term.columns)]) for term in chosen):
+            return _IMPOSSIBLE
+        return found.total + self.price_of(chosen) + 0.02 * sum(term.size for term in chosen)
 
     def gains(self, chosen: frozenset[Term], terms: tuple[Term, ...]) -> dict[Term, float]:
         """What each term gains in sample beside a set, less the price of its parameters.
@@ -223,6 +230,8 @@ def claimed(search: Search, chosen: frozenset[Term], without: frozenset[Term]) -
     threshold without its two best blocks too; a gain ten times the threshold may sit in few blocks only, as that of an
     effect that acts rarely does.
     """
+    if search.score(chosen) >= _IMPOSSIBLE:
+        return False
     rich, plain = search.evaluate(chosen), search.evaluate(without)
     # In sample a gain can only be larger, unless chance has made the few held-out blocks agree.
     held_out = plain.total - rich.total

@@ -5,9 +5,11 @@ from __future__ import annotations
 from itertools import combinations
 
 import numpy as np
+from jaxtyping import Float
 
 from identification.diagnosis import decision_rules as rules
 from identification.diagnosis.model.terms import Term, ordered
+from identification.diagnosis.numerics.bounded import solve
 from identification.diagnosis.search.search import (
     Search,
     claimed,
@@ -18,6 +20,8 @@ from identification.diagnosis.search.search import (
     rows_of,
     with_term,
 )
+
+Array = np.ndarray
 
 # Swaps that are evaluated on held-out data, the best in sample.
 _WORTH_TRYING = 8
@@ -75,10 +79,37 @@ def explained(search: Search, chosen: frozenset[Term], term: Term) -> float:
 def alternatives(search: Search, term: Term) -> tuple[frozenset[Term], ...]:
     """Sets of effects that could stand for ``term``: single ones, and pairs and triples of its special cases."""
     single = [frozenset([other]) for other in search.terms if other.named and other.place != term.place]
-    parts = [other for other in search.terms if contains(term, other) and other.joint == term.joint]
+    parts = [
+        other
+        for other in search.terms
+        if (contains(term, other) and other.joint == term.joint) or _of_passive_joint(search, term, other)
+    ]
     several = [frozenset(group) for size in (2, 3) for group in combinations(parts, size)]
     same = [frozenset([other]) for other in search.terms if other.place == term.place and other is not term]
     return (*single, *several, *same)
+
+
+def _of_passive_joint(search: Search, term: Term, other: Term) -> bool:
+    """True if a coupling can make what friction of a passive joint makes: both turn with the same two joints."""
+    passive = search.problem.session.robot.passive_names
+    if term.effect.scope != "pair" or other.joint not in passive or other.shape:
+        return False
+    return spanned(search, list(other.columns), np.ones(len(other.columns)), list(term.columns))
+
+
+def spanned(search: Search, columns: list[int], theta: Float[Array, " k"], by: list[int]) -> bool:
+    """True if the torque of some columns is one that other columns could make, as far as the method is accurate.
+
+    Args:
+        search: Holds their products.
+        columns: The ones.
+        theta: Their coefficients.
+        by: The others.
+    """
+    a = search.problem.total_a
+    energy = float(theta @ a[np.ix_(columns, columns)] @ theta)
+    cross = a[np.ix_(by, columns)] @ theta
+    return energy - float(cross @ solve(a[np.ix_(by, by)], cross)) < rules.ACCURACY * energy
 
 
 def relevant(search: Search, chosen: frozenset[Term], term: Term, slack: float) -> tuple[frozenset[Term], ...]:

@@ -198,9 +198,10 @@ def known_effects(files: tuple[Path, ...], robot: Robot) -> tuple[KnownEffect, .
                     f"its joints are {', '.join(robot.joint_names)}."
                 )
             names = [parameter.name for parameter in effect.parameters(robot, entry.joint)]
-            unknown = sorted(set(entry.parameters) - set(names))
+            stated = effect.from_stated(robot, {name: value.value for name, value in entry.parameters.items()})
+            unknown = sorted(set(stated) - set(names))
             # Inertial parameters that are not named did not move.
-            missing = [] if effect.inertial == "free" else sorted(set(names) - set(entry.parameters))
+            missing = [] if effect.inertial == "free" else sorted(set(names) - set(stated))
             if unknown or missing:
                 raise ParameterError(
                     f"{file}: effect {entry.effect} has parameters {', '.join(entry.parameters)}, wanted "
@@ -208,7 +209,7 @@ def known_effects(files: tuple[Path, ...], robot: Robot) -> tuple[KnownEffect, .
                 )
             theta: list[float] = []
             for name in names:
-                value = entry.parameters[name].value if name in entry.parameters else 0.0
+                value = stated.get(name, 0.0)
                 theta += [float(x) for x in value] if isinstance(value, list) else [float(value)]
             out.append(KnownEffect(entry.effect, entry.joint, tuple(theta)))
     return tuple(out)

@@ -7,6 +7,8 @@ bodies take its place that need the same torques there.
 
 from __future__ import annotations
 
+from collections.abc import Collection
+
 import numpy as np
 from jaxtyping import Float
 
@@ -42,10 +44,11 @@ def effect_of(robot: Robot, finding: Finding) -> KnownEffect:
         ParameterError: If the effect is unknown.
         RobotError: If the robot does not have its joint.
     """
-    names = _names(robot, finding)
+    stated = {name: value.value for name, value in finding.parameters.items()}
+    parameters = effect_named(finding.effect).from_stated(robot, stated)
     theta: list[float] = []
-    for name in names:
-        value = finding.parameters[name].value if name in finding.parameters else 0.0
+    for name in _names(robot, finding, parameters):
+        value = parameters.get(name, 0.0)
         theta += [float(x) for x in value] if isinstance(value, list) else [float(value)]
     return KnownEffect(finding.effect, finding.joint, tuple(theta))
 
@@ -59,17 +62,18 @@ def loadings_of(robot: Robot, finding: Finding) -> Float[Array, "p k"]:
     given = {name: _rows(finding, name) for name in finding.parameters}
     width = max((len(row) for rows in given.values() for row in rows), default=0)
     out: list[Array] = []
-    for name in _names(robot, finding):
+    for name in _names(robot, finding, finding.parameters):
         out += [np.array(row) for row in given[name]] if name in given else [np.zeros(width)]
     return np.array(out).reshape(len(out), width)
 
 
-def _names(robot: Robot, finding: Finding) -> list[str]:
+def _names(robot: Robot, finding: Finding, stated: Collection[str]) -> list[str]:
+    """Names of the parameters of a finding in the contract's order, then others that are stated."""
     effect = effect_named(finding.effect)
     known = [parameter.name for parameter in effect.parameters(robot, finding.joint)]
     if effect.inertial == "free":
         return known
-    return [name for name in known if name in finding.parameters] + [n for n in finding.parameters if n not in known]
+    return [name for name in known if name in stated] + [name for name in stated if name not in known]
 
 
 def _rows(finding: Finding, name: str) -> list[list[float]]:

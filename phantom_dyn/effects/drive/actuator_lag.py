@@ -12,13 +12,16 @@ from jaxtyping import Float
 
 from phantom_dyn._kernels.jit import jit
 from phantom_dyn.effects.described import EffectWords, ModelNumbers
-from phantom_dyn.effects.effect import Effect, Parameter, Shape, Signature
+from phantom_dyn.effects.effect import Effect, Parameter, Shape, Signature, SpecialCase
 from phantom_dyn.effects.operation import Operation
 from phantom_dyn.effects.simulated import Law, Simulated
 from phantom_dyn.effects.support.rows import drive_places, driven_rows, hidden_behind_drive, torque_on_rows
 from phantom_dyn.model.robot import Robot
 
 Array = np.ndarray
+
+# Time [s] from which on a recorded torque and a motion have nothing to do with each other.
+_LONGEST = 1.0
 
 
 class ActuatorLag(Effect):
@@ -47,7 +50,15 @@ class ActuatorLag(Effect):
 
     def parameters(self, robot: Robot, joint: str | None) -> tuple[Parameter, ...]:
         """``time_constant`` of the low pass."""
-        return (Parameter("time_constant", "s", 0.0),)
+        return (
+            Parameter(
+                "time_constant",
+                "s",
+                0.0,
+                plausible=(0.0, 0.1),
+                plausible_because="a drive slower than a tenth of a second can hardly be controlled",
+            ),
+        )
 
     def signature(self, robot: Robot, operation: Operation, joint: str | None, shape: Shape) -> Signature:
         """Time derivative of the torque that the drive is asked for."""
@@ -55,8 +66,14 @@ class ActuatorLag(Effect):
         return Signature(rows, _slope(operation, rows)[:, :, None], ("time_constant",), ("s",))
 
     def coefficient_bounds(self, robot: Robot, joint: str | None, shape: Shape) -> tuple[tuple[float, float], ...]:
-        """No drive is early."""
-        return ((0.0, np.inf),)
+        """No drive is early, and none is late by a second."""
+        return ((0.0, _LONGEST),)
+
+    def special_cases(
+        self, robot: Robot, joint: str | None, coefficients: Array, shape: Shape
+    ) -> tuple[SpecialCase, ...]:
+        """Nothing without a time, and impossible from the longest one on."""
+        return SpecialCase((), coefficients), SpecialCase((), coefficients - _LONGEST)
 
     def untestable(self, robot: Robot, operation: Operation, joint: str | None) -> str | None:
         """A torque sensor sits behind the drive."""

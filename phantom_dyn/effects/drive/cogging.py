@@ -17,11 +17,15 @@ from phantom_dyn.effects.described import EffectWords, ModelNumbers
 from phantom_dyn.effects.effect import Effect, Parameter, Shape, Signature
 from phantom_dyn.effects.operation import Operation
 from phantom_dyn.effects.simulated import Law, Moment, Simulated
-from phantom_dyn.effects.support.cogging_orders import order_range, orders_in
+from phantom_dyn.effects.support.cogging_orders import comes_back, order_range, orders_in
+from phantom_dyn.effects.support.ranges import stated_limit
 from phantom_dyn.effects.support.rows import row_of, torque_on_joint, torque_unit
 from phantom_dyn.model.robot import Robot
 
 Array = np.ndarray
+
+# Periods in a turn of the joint (rad/m of a linear one): more than a hundred pole pairs behind a gear of a thousand.
+_MOST_TURNS = 1e5
 
 
 class Cogging(Effect):
@@ -49,15 +53,35 @@ class Cogging(Effect):
         """Lists of equal length; ``theta`` is all orders, then all amplitudes, then all phases."""
         order = "rad/m" if robot.prismatic[row_of(robot, joint)] else "1"
         return (
-            Parameter("order", order, 0.0),
-            Parameter("amplitude", torque_unit(robot, joint), 0.0),
-            Parameter("phase", "rad", -np.pi, np.pi),
+            Parameter(
+                "order",
+                order,
+                0.0,
+                plausible=(0.0, _MOST_TURNS),
+                plausible_because="slots, poles and teeth times a gear ratio are fewer",
+            ),
+            Parameter(
+                "amplitude",
+                torque_unit(robot, joint),
+                0.0,
+                plausible=(0.0, stated_limit(robot, joint)),
+                plausible_because="a motor that cogs by more than it can give does not turn",
+            ),
+            Parameter(
+                "phase",
+                "rad",
+                -np.pi,
+                np.pi,
+                plausible=(-np.pi, np.pi),
+                plausible_because="a wave may begin anywhere",
+            ),
         )
 
     def shapes(self, robot: Robot, operation: Operation, joint: str | None) -> tuple[Shape, ...]:
-        """Sets of one to so many orders as stand out in the residual torque over position."""
+        """Sets of one to so many orders as stand out in the residual torque over position, and come back often."""
         row = row_of(robot, joint)
-        return orders_in(operation, row, whole_numbers=not robot.prismatic[row])
+        found = orders_in(operation, row, whole_numbers=not robot.prismatic[row])
+        return tuple(orders for orders in found if all(comes_back(operation, row, order) for order in orders))
 
     def signature(self, robot: Robot, operation: Operation, joint: str | None, shape: Shape) -> Signature:
         """Minus sine and cosine of every order: the drive cancels them."""

@@ -14,13 +14,16 @@ from scipy.interpolate import CubicHermiteSpline
 
 from phantom_dyn._kernels.jit import jit
 from phantom_dyn.effects.described import EffectWords, ModelNumbers
-from phantom_dyn.effects.effect import Effect, Parameter, Shape, Signature
+from phantom_dyn.effects.effect import Effect, Parameter, Shape, Signature, SpecialCase
 from phantom_dyn.effects.operation import Operation
 from phantom_dyn.effects.simulated import Law, Simulated
 from phantom_dyn.effects.support.rows import drive_places, driven_rows, hidden_behind_drive, secant, torque_on_rows
 from phantom_dyn.model.robot import Robot
 
 Array = np.ndarray
+
+# Time [s] from which on a recorded torque and a motion have nothing to do with each other.
+_LONGEST = 1.0
 
 # Delays to start from beside one sample, and the least of a secant [s]: differences over less would be rounding.
 _STARTS = (0.002, 0.005, 0.012)
@@ -58,7 +61,15 @@ class InputDelay(Effect):
 
     def parameters(self, robot: Robot, joint: str | None) -> tuple[Parameter, ...]:
         """``delay`` of the true torque."""
-        return (Parameter("delay", "s", 0.0),)
+        return (
+            Parameter(
+                "delay",
+                "s",
+                0.0,
+                plausible=(0.0, 0.1),
+                plausible_because="a loop that is later than a tenth of a second can hardly be closed",
+            ),
+        )
 
     def shapes(self, robot: Robot, operation: Operation, joint: str | None) -> tuple[Shape, ...]:
         """One sample, and some longer delays."""
@@ -76,8 +87,14 @@ class InputDelay(Effect):
         return Signature(rows, columns[:, :, None], ("delay",), ("s",))
 
     def coefficient_bounds(self, robot: Robot, joint: str | None, shape: Shape) -> tuple[tuple[float, float], ...]:
-        """No drive is early."""
-        return ((0.0, np.inf),)
+        """No drive is early, and none is late by a second."""
+        return ((0.0, _LONGEST),)
+
+    def special_cases(
+        self, robot: Robot, joint: str | None, coefficients: Array, shape: Shape
+    ) -> tuple[SpecialCase, ...]:
+        """Nothing without a time, and impossible from the longest one on."""
+        return SpecialCase((), coefficients), SpecialCase((), coefficients - _LONGEST)
 
     def untestable(self, robot: Robot, operation: Operation, joint: str | None) -> str | None:
         """A torque sensor sits behind the drive."""

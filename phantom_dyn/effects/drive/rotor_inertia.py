@@ -42,7 +42,17 @@ class RotorInertia(Effect):
 
     def parameters(self, robot: Robot, joint: str | None) -> tuple[Parameter, ...]:
         """``inertia`` I."""
-        return (Parameter("inertia", inertia_unit(robot, joint), 0.0),)
+        least = 0.0 - float(robot.rotor_inertia[row_of(robot, joint)])
+        return (
+            Parameter(
+                "inertia",
+                inertia_unit(robot, joint),
+                least,
+                plausible=(least, np.inf),
+                plausible_because="what is modelled can be missing, no more; behind a gear the rotor counts with its "
+                "ratio squared, often more than the link",
+            ),
+        )
 
     def signature(self, robot: Robot, operation: Operation, joint: str | None, shape: Shape) -> Signature:
         """Acceleration of the joint."""

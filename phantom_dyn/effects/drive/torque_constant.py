@@ -13,13 +13,16 @@ import numpy as np
 
 from phantom_dyn._kernels.jit import jit
 from phantom_dyn.effects.described import EffectWords, ModelNumbers
-from phantom_dyn.effects.effect import Effect, Parameter, Shape, Signature
+from phantom_dyn.effects.effect import Effect, Parameter, Shape, Signature, SpecialCase
 from phantom_dyn.effects.operation import Operation
 from phantom_dyn.effects.simulated import Law, Simulated
 from phantom_dyn.effects.support.rows import on_one_joint, row_of, torque_on_joint
 from phantom_dyn.model.robot import Robot
 
 Array = np.ndarray
+
+# Ratios between which a drive still measures its own torque, and not in another unit or on the other side of a gear.
+_LEAST, _MOST = 0.1, 10.0
 
 
 class TorqueConstant(Effect):
@@ -51,7 +54,17 @@ class TorqueConstant(Effect):
 
     def parameters(self, robot: Robot, joint: str | None) -> tuple[Parameter, ...]:
         """``ratio`` of true to logged torque."""
-        return (Parameter("ratio", "1", 0.0),)
+        return (
+            Parameter(
+                "ratio",
+                "1",
+                _LEAST,
+                _MOST,
+                plausible=(0.5, 2.0),
+                plausible_because="torque constants of one type of motor differ by some per cent, hot by a third; a "
+                "factor of two is another motor, and more is a unit or a gear ratio",
+            ),
+        )
 
     def signature(self, robot: Robot, operation: Operation, joint: str | None, shape: Shape) -> Signature:
         """Modelled torque; its coefficient is ``1/ratio - 1``."""
@@ -59,9 +72,20 @@ class TorqueConstant(Effect):
         signature = on_one_joint(robot, joint, excess=(operation.tau[:, row], "1"))
         return replace(signature, steps=operation.own_friction[:, row][:, None, None])
 
+    def coefficient_bounds(self, robot: Robot, joint: str | None, shape: Shape) -> tuple[tuple[float, float], ...]:
+        """Beyond a factor of ten either way a drive measures something else."""
+        return ((1.0 / _MOST - 1.0, 1.0 / _LEAST - 1.0),)
+
+    def special_cases(
+        self, robot: Robot, joint: str | None, coefficients: Array, shape: Shape
+    ) -> tuple[SpecialCase, ...]:
+        """Nothing with a ratio of one, and no torque constant at the ends of what is possible."""
+        ends = self.coefficient_bounds(robot, joint, shape)[0]
+        return SpecialCase((), coefficients), *(SpecialCase((), coefficients - end) for end in ends)
+
     def from_coefficients(self, robot: Robot, joint: str | None, coefficients: Array, shape: Shape) -> Array:
-        """``ratio = 1 / (1 + excess)``; an excess of -1 or less would be a drive that pulls the wrong way."""
-        return np.array([1.0 / max(1.0 + coefficients[0], 1e-6)])
+        """``ratio = 1 / (1 + excess)``, within what is possible."""
+        return np.clip(1.0 / np.maximum(1.0 + coefficients[:1], 1.0 / _MOST), _LEAST, _MOST)
 
     def probe(self, robot: Robot, operation: Operation, joint: str | None) -> tuple[str, Array]:
         """A ratio that is off by one, to first order."""

@@ -14,6 +14,7 @@ from phantom_dyn.effects.described import EffectWords, ModelNumbers
 from phantom_dyn.effects.effect import Effect, Parameter, Shape, Signature
 from phantom_dyn.effects.operation import Operation
 from phantom_dyn.effects.simulated import Law, Simulated
+from phantom_dyn.effects.support.ranges import stated_limit
 from phantom_dyn.effects.support.rows import on_one_joint, row_of, torque_on_joint, torque_unit
 from phantom_dyn.model.robot import Robot
 
@@ -38,7 +39,15 @@ class TorqueOffset(Effect):
 
     def parameters(self, robot: Robot, joint: str | None) -> tuple[Parameter, ...]:
         """``torque``, either sign."""
-        return (Parameter("torque", torque_unit(robot, joint)),)
+        limit = stated_limit(robot, joint)
+        return (
+            Parameter(
+                "torque",
+                torque_unit(robot, joint),
+                plausible=(-limit, limit),
+                plausible_because="a constant torque beyond the drive's limit would hold the joint at its stop",
+            ),
+        )
 
     def signature(self, robot: Robot, operation: Operation, joint: str | None, shape: Shape) -> Signature:
         """Minus one: the drive cancels the offset."""

@@ -9,12 +9,14 @@ the limit: its noise beyond the limit would explain itself. URDF: ``<limit effor
 from __future__ import annotations
 
 import numpy as np
+from scipy.ndimage import minimum_filter1d
 
 from phantom_dyn._kernels.jit import jit
 from phantom_dyn.effects.described import EffectWords, ModelNumbers
 from phantom_dyn.effects.effect import Effect, Parameter, Shape, Signature
 from phantom_dyn.effects.operation import Operation
 from phantom_dyn.effects.simulated import Law, Simulated
+from phantom_dyn.effects.support.ranges import stated_limit
 from phantom_dyn.effects.support.rows import (
     hidden_behind_drive,
     moving_average,
@@ -35,6 +37,8 @@ _LEAST_SECONDS = 0.03
 _MOST = 0.45
 # While the command is beyond the limit, the model needs this much of the limit at its median.
 _NEEDED = (0.6, 1.4)
+# Share of a torque that was followed for certain: what the model needs there is known to about a fifth.
+_SURE = 0.8
 # Time over which the command is averaged [s].
 _SECONDS = 0.01
 
@@ -58,7 +62,16 @@ class TorqueSaturation(Effect):
 
     def parameters(self, robot: Robot, joint: str | None) -> tuple[Parameter, ...]:
         """``limit`` of the true torque."""
-        return (Parameter("limit", torque_unit(robot, joint), 0.0),)
+        stated = stated_limit(robot, joint)
+        return (
+            Parameter(
+                "limit",
+                torque_unit(robot, joint),
+                0.0,
+                plausible=(0.05 * stated if np.isfinite(stated) else 0.0, 1.5 * stated),
+                plausible_because="a drive gives about the limit that its data sheet states, or some share of it",
+            ),
+        )
 
     def shapes(self, robot: Robot, operation: Operation, joint: str | None) -> tuple[Shape, ...]:
         """Limits that the command exceeds for 1 % to 40 % of the recording, and one from the motion.
@@ -77,11 +90,13 @@ class TorqueSaturation(Effect):
     def signature(self, robot: Robot, operation: Operation, joint: str | None, shape: Shape) -> Signature:
         """Command beyond the limit; its coefficient is one if the limit is right.
 
-        Zero where the motion speaks against a limit there: a drive at its limit gives just that.
+        Zero where the motion speaks against a limit there: a drive at its limit gives just that, and no drive gives
+        more than its limit, so what was recorded and followed is below it.
         """
         row = row_of(robot, joint)
         excess = _excess(operation, row, shape[0])
-        return on_one_joint(robot, joint, excess=(excess * _plausible(operation, row, shape[0], excess), "1"))
+        seen = shape[0] >= _SURE * followed(operation, row) and _plausible(operation, row, shape[0], excess)
+        return on_one_joint(robot, joint, excess=(excess * seen, "1"))
 
     def coefficient_bounds(self, robot: Robot, joint: str | None, shape: Shape) -> tuple[tuple[float, float], ...]:
         """About one: with another coefficient it is no saturation."""
@@ -132,6 +147,14 @@ def _plausible(operation: Operation, row: int, limit: float, excess: Array) -> b
     # Signed, as the noise of accelerations has no sign of its own.
     needed = float(np.median(operation.expected[beyond, row] * np.sign(excess[beyond])))
     return _NEEDED[0] * limit < needed < _NEEDED[1] * limit
+
+
+def followed(operation: Operation, row: int) -> float:
+    """Largest torque that was recorded and that the motion needed for a while too [N m or N]: it was given."""
+    command = _command(operation, row)
+    needed = moving_average(operation.expected[:, row], operation.dt, _SECONDS) * np.sign(command)
+    samples = max(int(_LEAST_SECONDS / operation.dt), 1) if operation.dt > 0 else 1
+    return max(float(minimum_filter1d(np.minimum(np.abs(command), needed), samples).max()), 0.0)
 
 
 def _excess(operation: Operation, row: int, limit: float) -> Array:

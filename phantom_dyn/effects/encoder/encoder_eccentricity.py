@@ -61,9 +61,27 @@ class EncoderEccentricity(Effect):
         """``amplitude`` A, ``phase`` p and ``order`` n."""
         unit = robot.position_units[row_of(robot, joint)]
         return (
-            Parameter("amplitude", unit, 0.0),
-            Parameter("phase", "rad"),
-            Parameter("order", "1", 0.0, default=ORDER),
+            Parameter(
+                "amplitude",
+                unit,
+                0.0,
+                plausible=(0.0, 0.1),
+                plausible_because="a disc so far off its centre that it reads six degrees wrong leaves its sensor",
+            ),
+            Parameter(
+                "phase",
+                "rad",
+                plausible=(-np.pi, np.pi),
+                plausible_because="a disc may be off its centre to any side",
+            ),
+            Parameter(
+                "order",
+                "1",
+                0.0,
+                default=ORDER,
+                plausible=(1.0, 100.0),
+                plausible_because="a disc off its centre repeats once a turn, a magnet or gear a few times",
+            ),
         )
 
     def signature(self, robot: Robot, operation: Operation, joint: str | None, shape: Shape) -> Signature:

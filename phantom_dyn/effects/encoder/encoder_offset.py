@@ -49,7 +49,19 @@ class EncoderOffset(Effect):
 
     def parameters(self, robot: Robot, joint: str | None) -> tuple[Parameter, ...]:
         """``offset``."""
-        return (Parameter("offset", robot.position_units[row_of(robot, joint)]),)
+        row = row_of(robot, joint)
+        far = np.inf if robot.prismatic[row] else np.pi
+        large = 0.1 if robot.prismatic[row] else 0.5
+        return (
+            Parameter(
+                "offset",
+                robot.position_units[row],
+                -far,
+                far,
+                plausible=(-large, large),
+                plausible_because="a zero that is off by more than half a radian or ten centimetres is seen by eye",
+            ),
+        )
 
     def shapes(self, robot: Robot, operation: Operation, joint: str | None) -> tuple[Shape, ...]:
         """The tangent."""

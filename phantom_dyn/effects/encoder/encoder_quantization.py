@@ -40,7 +40,16 @@ class EncoderQuantization(Effect):
 
     def parameters(self, robot: Robot, joint: str | None) -> tuple[Parameter, ...]:
         """``step``."""
-        return (Parameter("step", robot.position_units[row_of(robot, joint)], 0.0, above_zero=True),)
+        return (
+            Parameter(
+                "step",
+                robot.position_units[row_of(robot, joint)],
+                0.0,
+                above_zero=True,
+                plausible=(0.0, 0.1),
+                plausible_because="the coarsest potentiometers and magnets tell some dozens of places a turn",
+            ),
+        )
 
     def signature(self, robot: Robot, operation: Operation, joint: str | None, shape: Shape) -> Signature:
         """No column."""

@@ -13,6 +13,7 @@ from phantom_dyn.effects.effect import Effect, Parameter, Shape, Signature
 from phantom_dyn.effects.operation import Operation
 from phantom_dyn.effects.simulated import Simulated
 from phantom_dyn.effects.support.changed_robot import with_friction
+from phantom_dyn.effects.support.ranges import dry_range
 from phantom_dyn.effects.support.rows import (
     modelled_friction_of,
     on_any_joint,
@@ -48,7 +49,7 @@ class CoulombFriction(Effect):
 
     def parameters(self, robot: Robot, joint: str | None) -> tuple[Parameter, ...]:
         """``torque`` T."""
-        return (Parameter("torque", torque_unit(robot, joint), 0.0),)
+        return (dry_range(robot, joint, "torque"),)
 
     def signature(self, robot: Robot, operation: Operation, joint: str | None, shape: Shape) -> Signature:
         """Direction of operation."""

@@ -12,11 +12,19 @@ import numpy as np
 
 from phantom_dyn._kernels.jit import jit
 from phantom_dyn.effects.described import EffectWords, ModelNumbers
-from phantom_dyn.effects.effect import Effect, Parameter, Shape, Signature
+from phantom_dyn.effects.effect import Effect, Parameter, Shape, Signature, SpecialCase
 from phantom_dyn.effects.operation import Operation
 from phantom_dyn.effects.simulated import Law, Moment, Simulated
 from phantom_dyn.effects.support.changed_robot import with_friction
-from phantom_dyn.effects.support.rows import damping_unit, on_one_joint, row_of, torque_on_joint, torque_unit
+from phantom_dyn.effects.support.ranges import dry_range, viscous_range
+from phantom_dyn.effects.support.rows import (
+    damping_unit,
+    modelled_friction_of,
+    on_one_joint,
+    row_of,
+    torque_on_joint,
+    torque_unit,
+)
 from phantom_dyn.model.robot import Robot
 
 Array = np.ndarray
@@ -51,12 +59,11 @@ class DirectionDependentFriction(Effect):
 
     def parameters(self, robot: Robot, joint: str | None) -> tuple[Parameter, ...]:
         """Torque and viscous coefficient of each direction."""
-        torque, damping = torque_unit(robot, joint), damping_unit(robot, joint)
         return (
-            Parameter("torque_positive", torque),
-            Parameter("torque_negative", torque),
-            Parameter("coefficient_positive", damping),
-            Parameter("coefficient_negative", damping),
+            dry_range(robot, joint, "torque_positive"),
+            dry_range(robot, joint, "torque_negative"),
+            viscous_range(robot, joint, "coefficient_positive"),
+            viscous_range(robot, joint, "coefficient_negative"),
         )
 
     def signature(self, robot: Robot, operation: Operation, joint: str | None, shape: Shape) -> Signature:
@@ -71,6 +78,22 @@ class DirectionDependentFriction(Effect):
             torque_negative=(-backward, torque),
             coefficient_positive=(forward * v, damping),
             coefficient_negative=(backward * v, damping),
+        )
+
+    def coefficient_bounds(self, robot: Robot, joint: str | None, shape: Shape) -> tuple[tuple[float, float], ...]:
+        """Friction holds back in either direction, together with what is modelled."""
+        viscous, coulomb = modelled_friction_of(robot, joint)
+        return ((-coulomb, np.inf), (-coulomb, np.inf), (-viscous, np.inf), (-viscous, np.inf))
+
+    def special_cases(
+        self, robot: Robot, joint: str | None, coefficients: Array, shape: Shape
+    ) -> tuple[SpecialCase, ...]:
+        """Equal levels are plain friction; equal viscous parts are plain friction and an offset."""
+        plain = ("coulomb_friction", "viscous_friction")
+        torque, viscous = coefficients[0] - coefficients[1], coefficients[2] - coefficients[3]
+        return (
+            SpecialCase(plain, np.array([torque, viscous])),
+            SpecialCase((*plain, "torque_offset"), np.array([viscous])),
         )
 
     def probe(self, robot: Robot, operation: Operation, joint: str | None) -> tuple[str, Array]:

@@ -19,6 +19,7 @@ from phantom_dyn.effects.described import Coupling, EffectWords, ModelNumbers
 from phantom_dyn.effects.effect import Effect, Parameter, Shape, Signature
 from phantom_dyn.effects.operation import Operation
 from phantom_dyn.effects.simulated import Law, Moment, Simulated
+from phantom_dyn.effects.support.ranges import stated_limit
 from phantom_dyn.effects.support.rows import damping_unit, inertia_unit, row_of, torque_on_rows, torque_unit
 from phantom_dyn.model.robot import Robot
 
@@ -66,10 +67,33 @@ class JointCoupling(Effect):
         """``ratio`` of the second joint, then friction and inertia as felt on the first."""
         first = robot.joint_names[_pair(robot, joint)[0]]
         return (
-            Parameter("ratio", "1"),
-            Parameter("coulomb_torque", torque_unit(robot, first), 0.0),
-            Parameter("coefficient", damping_unit(robot, first), 0.0),
-            Parameter("inertia", inertia_unit(robot, first), 0.0),
+            Parameter(
+                "ratio",
+                "1",
+                plausible=(-10.0, 10.0),
+                plausible_because="wheels of one coupled transmission differ by less than a factor of ten",
+            ),
+            Parameter(
+                "coulomb_torque",
+                torque_unit(robot, first),
+                0.0,
+                plausible=(0.0, stated_limit(robot, first)),
+                plausible_because="a joint whose friction is more than its drive can give does not move",
+            ),
+            Parameter(
+                "coefficient",
+                damping_unit(robot, first),
+                0.0,
+                plausible=(0.0, np.inf),
+                plausible_because="friction takes energy, and cold grease may take any amount",
+            ),
+            Parameter(
+                "inertia",
+                inertia_unit(robot, first),
+                0.0,
+                plausible=(0.0, np.inf),
+                plausible_because="an inertia is positive, and that of a rotor behind a gear may be large",
+            ),
         )
 
     def shapes(self, robot: Robot, operation: Operation, joint: str | None) -> tuple[Shape, ...]:

@@ -11,13 +11,16 @@ import numpy as np
 
 from phantom_dyn._kernels.jit import jit
 from phantom_dyn.effects.described import EffectWords
-from phantom_dyn.effects.effect import Effect, Parameter, Shape, Signature
+from phantom_dyn.effects.effect import Effect, Parameter, Shape, Signature, SpecialCase
 from phantom_dyn.effects.operation import Operation
 from phantom_dyn.effects.simulated import Law, Moment, Simulated
 from phantom_dyn.effects.support.rows import never_reverses, on_one_joint, row_of, torque_on_joint
 from phantom_dyn.model.robot import Robot
 
 Array = np.ndarray
+
+# Share of its load that a transmission cannot lose.
+_SELF_LOCKING = 1.0
 
 
 class LoadDependentFriction(Effect):
@@ -43,7 +46,16 @@ class LoadDependentFriction(Effect):
 
     def parameters(self, robot: Robot, joint: str | None) -> tuple[Parameter, ...]:
         """``ratio`` of friction to load."""
-        return (Parameter("ratio", "1", 0.0),)
+        return (
+            Parameter(
+                "ratio",
+                "1",
+                0.0,
+                _SELF_LOCKING,
+                plausible=(0.0, 0.5),
+                plausible_because="a gear that loses more than half of what it passes is a worm or worn out",
+            ),
+        )
 
     def signature(self, robot: Robot, operation: Operation, joint: str | None, shape: Shape) -> Signature:
         """Load in the direction of motion."""
@@ -52,8 +64,14 @@ class LoadDependentFriction(Effect):
         return on_one_joint(robot, joint, ratio=(np.abs(operation.transmitted[:, row]) * direction, "1"))
 
     def coefficient_bounds(self, robot: Robot, joint: str | None, shape: Shape) -> tuple[tuple[float, float], ...]:
-        """Friction holds back."""
-        return ((0.0, np.inf),)
+        """Friction holds back, and less than the load: a transmission that loses all of it passes none."""
+        return ((0.0, _SELF_LOCKING),)
+
+    def special_cases(
+        self, robot: Robot, joint: str | None, coefficients: Array, shape: Shape
+    ) -> tuple[SpecialCase, ...]:
+        """Nothing without a ratio, and impossible where it loses all that it passes."""
+        return SpecialCase((), coefficients), SpecialCase((), coefficients - _SELF_LOCKING)
 
     def untestable(self, robot: Robot, operation: Operation, joint: str | None) -> str | None:
         """In one direction it is a torque constant or an offset."""

@@ -18,9 +18,10 @@ from jaxtyping import Float
 
 from phantom_dyn._kernels.jit import jit
 from phantom_dyn.effects.described import EffectWords, ModelNumbers
-from phantom_dyn.effects.effect import Effect, Parameter, Shape, Signature
+from phantom_dyn.effects.effect import Effect, Parameter, Shape, Signature, SpecialCase
 from phantom_dyn.effects.operation import Operation
 from phantom_dyn.effects.simulated import Law, Moment, Simulated
+from phantom_dyn.effects.support.ranges import stated_limit
 from phantom_dyn.effects.support.rows import (
     never_reverses,
     on_one_joint,
@@ -36,6 +37,8 @@ Array = np.ndarray
 
 # Keeps the law defined where a fit goes to Coulomb friction [rad or m].
 _LEAST_DISPLACEMENT = 1e-12
+# Way [rad, m] after which every contact slips.
+_LONGEST, _LONGEST_LINEAR = 0.2, 0.01
 
 
 def dahl(q: Float[Array, " N"], displacement: float) -> Float[Array, " N"]:
@@ -93,12 +96,42 @@ class PreslidingFriction(Effect):
 
     def parameters(self, robot: Robot, joint: str | None) -> tuple[Parameter, ...]:
         """Torque in full slip, and the displacement at which the bristle slips."""
-        displacement = robot.position_units[row_of(robot, joint)]
-        return (Parameter("torque", torque_unit(robot, joint), 0.0), Parameter("displacement", displacement, 0.0))
+        row = row_of(robot, joint)
+        return (
+            Parameter(
+                "torque",
+                torque_unit(robot, joint),
+                0.0,
+                plausible=(0.0, stated_limit(robot, joint)),
+                plausible_because="a joint whose friction is more than its drive can give does not move",
+            ),
+            Parameter(
+                "displacement",
+                robot.position_units[row],
+                0.0,
+                plausible=(0.0, _LONGEST_LINEAR if robot.prismatic[row] else _LONGEST),
+                plausible_because="contacts, seals and cables slip after a few degrees or millimetres",
+            ),
+        )
 
     def optional_parameters(self, robot: Robot, joint: str | None) -> tuple[Parameter, ...]:
         """The two numbers more that make it stick, see the module."""
-        return (Parameter("static_ratio", "1", 1.0), Parameter("stick_velocity", velocity_unit(robot, joint), 0.0))
+        return (
+            Parameter(
+                "static_ratio",
+                "1",
+                1.0,
+                plausible=(1.0, 3.0),
+                plausible_because="dry metals hold up to three times what they slip with",
+            ),
+            Parameter(
+                "stick_velocity",
+                velocity_unit(robot, joint),
+                0.0,
+                plausible=(0.0, 0.1),
+                plausible_because="it stands for a standstill, and is below any working speed",
+            ),
+        )
 
     def shapes(self, robot: Robot, operation: Operation, joint: str | None) -> tuple[Shape, ...]:
         """Displacements from 0.4 % to 40 % of the way between reversals: shorter is Coulomb, longer is a spring."""
@@ -117,6 +150,12 @@ class PreslidingFriction(Effect):
     def coefficient_bounds(self, robot: Robot, joint: str | None, shape: Shape) -> tuple[tuple[float, float], ...]:
         """A bristle holds back."""
         return ((0.0, np.inf),)
+
+    def special_cases(
+        self, robot: Robot, joint: str | None, coefficients: Array, shape: Shape
+    ) -> tuple[SpecialCase, ...]:
+        """Without a displacement it is Coulomb friction."""
+        return SpecialCase((), coefficients), SpecialCase(("coulomb_friction",), np.array(shape))
 
     def from_coefficients(self, robot: Robot, joint: str | None, coefficients: Array, shape: Shape) -> Array:
         """The slip torque at the displacement of the shape."""

@@ -11,14 +11,25 @@ import numpy as np
 
 from phantom_dyn._kernels.jit import jit
 from phantom_dyn.effects.described import EffectWords, ModelNumbers
-from phantom_dyn.effects.effect import Effect, Parameter, Shape, Signature
+from phantom_dyn.effects.effect import Effect, Parameter, Shape, Signature, SpecialCase
 from phantom_dyn.effects.operation import Operation
 from phantom_dyn.effects.simulated import Law, Moment, Simulated
 from phantom_dyn.effects.support.changed_robot import with_friction
-from phantom_dyn.effects.support.rows import on_one_joint, row_of, torque_on_joint, torque_unit, velocity_unit
+from phantom_dyn.effects.support.ranges import dry_range
+from phantom_dyn.effects.support.rows import (
+    modelled_friction_of,
+    on_one_joint,
+    row_of,
+    torque_on_joint,
+    torque_unit,
+    velocity_unit,
+)
 from phantom_dyn.model.robot import Robot
 
 Array = np.ndarray
+
+# Speed [rad/s, m/s] beyond which no joint is still in mixed lubrication.
+_FASTEST, _FASTEST_LINEAR = 3.0, 0.5
 
 
 class StribeckFriction(Effect):
@@ -45,11 +56,18 @@ class StribeckFriction(Effect):
 
     def parameters(self, robot: Robot, joint: str | None) -> tuple[Parameter, ...]:
         """Level at speed, level at rest and the velocity at which the difference has fallen to 1/e."""
-        torque = torque_unit(robot, joint)
+        unit = velocity_unit(robot, joint)
+        fastest = _FASTEST_LINEAR if unit == "m/s" else _FASTEST
         return (
-            Parameter("coulomb_torque", torque, 0.0),
-            Parameter("static_torque", torque, 0.0),
-            Parameter("stribeck_velocity", velocity_unit(robot, joint), 0.0),
+            dry_range(robot, joint, "coulomb_torque"),
+            dry_range(robot, joint, "static_torque"),
+            Parameter(
+                "stribeck_velocity",
+                unit,
+                0.0,
+                plausible=(0.0, fastest),
+                plausible_because="a film of lubricant carries a bearing or gear at a small share of its speed",
+            ),
         )
 
     def shapes(self, robot: Robot, operation: Operation, joint: str | None) -> tuple[Shape, ...]:
@@ -72,8 +90,14 @@ class StribeckFriction(Effect):
         return np.array([coefficients[0], coefficients[0] + coefficients[1], shape[0]])
 
     def coefficient_bounds(self, robot: Robot, joint: str | None, shape: Shape) -> tuple[tuple[float, float], ...]:
-        """The excess at rest is not negative."""
-        return ((-np.inf, np.inf), (0.0, np.inf))
+        """The excess at rest is not negative; at speed it is friction together with what is modelled."""
+        return ((-modelled_friction_of(robot, joint)[1], np.inf), (0.0, np.inf))
+
+    def special_cases(
+        self, robot: Robot, joint: str | None, coefficients: Array, shape: Shape
+    ) -> tuple[SpecialCase, ...]:
+        """Without an excess at rest it is Coulomb friction."""
+        return (SpecialCase(("coulomb_friction",), coefficients[1:2]),)
 
     def probe(self, robot: Robot, operation: Operation, joint: str | None) -> tuple[str, Array]:
         """Torque at rest beyond the level at speed."""

@@ -14,6 +14,7 @@ from phantom_dyn.effects.effect import Effect, Parameter, Shape, Signature
 from phantom_dyn.effects.operation import Operation
 from phantom_dyn.effects.simulated import Simulated
 from phantom_dyn.effects.support.changed_robot import with_friction
+from phantom_dyn.effects.support.ranges import viscous_range
 from phantom_dyn.effects.support.rows import (
     damping_unit,
     modelled_friction_of,
@@ -51,7 +52,7 @@ class ViscousFriction(Effect):
 
     def parameters(self, robot: Robot, joint: str | None) -> tuple[Parameter, ...]:
         """``coefficient`` c."""
-        return (Parameter("coefficient", damping_unit(robot, joint), 0.0),)
+        return (viscous_range(robot, joint, "coefficient"),)
 
     def signature(self, robot: Robot, operation: Operation, joint: str | None, shape: Shape) -> Signature:
         """Velocity."""

@@ -1,9 +1,10 @@
-"""A base that does not stand level: gravity in the base frame is ``R_x(roll) R_y(pitch)`` applied to the given one.
+"""A base that does not stand level: in its frame gravity is ``exp([r]x)`` applied to the given one, as it turned by -r.
 
-It leaves a change of gravity torque on all joints, two numbers for the whole robot, and nothing that moves with speed
-or acceleration. Gravity turned about the axis of a planar arm is an offset of its first encoder; gravity turned out of
-its plane leaves nothing. A payload at one posture looks alike. Wide postures separate them.
-URDF: a level link under the root; MJCF: ``option gravity``.
+The turn ``r`` is perpendicular to gravity, as a turn about gravity changes nothing; its components along x, y and z of
+the base are ``roll``, ``pitch`` and ``yaw``. It leaves a change of gravity torque on all joints, two numbers for the
+whole robot, and nothing that moves with speed or acceleration. Gravity turned about the axis of a planar arm is an
+offset of its first encoder; gravity turned out of its plane leaves nothing. A payload at one posture looks alike. Wide
+postures separate them. URDF: a level link under the root; MJCF: ``option gravity``.
 """
 
 from __future__ import annotations
@@ -16,7 +17,7 @@ from jaxtyping import Float
 
 from phantom_dyn.dynamics.dynamics import gravity_torque
 from phantom_dyn.effects.described import EffectWords, ModelNumbers
-from phantom_dyn.effects.effect import Effect, Parameter, Shape, Signature
+from phantom_dyn.effects.effect import Effect, Parameter, Shape, Signature, Stated
 from phantom_dyn.effects.operation import Operation
 from phantom_dyn.effects.simulated import Simulated
 from phantom_dyn.effects.support.changed_robot import with_gravity
@@ -24,9 +25,13 @@ from phantom_dyn.model.robot import Robot
 
 Array = np.ndarray
 
-# Takes the place of an angle in a shape that leaves no trace: it has no column, and is reported as zero.
+# Takes the place of an angle about one of the axes across gravity that leaves no trace: it has no column, and is
+# reported as zero.
 INVISIBLE = np.inf
 _LEVEL: Shape = (0.0, 0.0)
+_ANGLES = ("roll", "pitch", "yaw")
+# Tilt [rad] that nobody would overlook.
+_LEANING = 0.35
 # Below this [rad] the secant is the tangent to three digits, and rounding shows.
 _LEAST = 1e-4
 # Torque of a tilt by one radian, in shares of the gravity torque or of the whole: less is rounding of the robot file.
@@ -48,22 +53,34 @@ class BaseTilt(Effect):
         name="a tilted base",
         meaning="gravity has another direction than in the model",
         next_step="Put a level on the base, correct the mounting or the model's gravity.",
-        size="of {roll} about x and {pitch} about y",
+        size="of {roll} about x, {pitch} about y and {yaw} about z",
         parameters={
             "roll": "turn of gravity about x of the base",
             "pitch": "turn of gravity about y of the base",
+            "yaw": "turn of gravity about z of the base",
         },
         shown_over=("position",),
         separated_by="level",
     )
 
     def parameters(self, robot: Robot, joint: str | None) -> tuple[Parameter, ...]:
-        """``roll`` about the base's x axis, ``pitch`` about its y axis."""
+        """``roll``, ``pitch`` and ``yaw``: how gravity is turned about x, y and z of the base."""
         half = 0.5 * np.pi
-        return (Parameter("roll", "rad", -half, half), Parameter("pitch", "rad", -half, half))
+        return tuple(
+            Parameter(
+                name,
+                "rad",
+                -half,
+                half,
+                default=0.0,
+                plausible=(-_LEANING, _LEANING),
+                plausible_because="a base that leans by more than twenty degrees is seen by eye",
+            )
+            for name in _ANGLES
+        )
 
     def shapes(self, robot: Robot, operation: Operation, joint: str | None) -> tuple[Shape, ...]:
-        """The tangent in both angles, or in the one that leaves a trace."""
+        """The tangent in both directions, or in the one that leaves a trace."""
         least = _NOTHING * np.abs(operation.tau).max()
         seen = [np.abs(column).max() > least for column in _tangents(robot, operation)]
         return (tuple(0.0 if visible else INVISIBLE for visible in seen),) if any(seen) else ()
@@ -73,31 +90,34 @@ class BaseTilt(Effect):
         return (tuple(float(x) for x in _angles(coefficients, shape)),)
 
     def signature(self, robot: Robot, operation: Operation, joint: str | None, shape: Shape) -> Signature:
-        """Drive torque more per radian of each angle: of pitch from the given gravity, of roll from the pitched one."""
-        roll, pitch = shape if shape else _LEVEL
-        given = robot.model.gravity.linear
-        pitched = _turned(given, 0.0, pitch if np.isfinite(pitch) else 0.0)
-        columns = {}
-        if np.isfinite(roll):
-            columns["roll"] = _slope(robot, operation.q, pitched, np.array([1.0, 0.0]), roll)
-        if np.isfinite(pitch):
-            columns["pitch"] = _slope(robot, operation.q, given, np.array([0.0, 1.0]), pitch)
-        values = np.stack(list(columns.values()), axis=-1)
-        return Signature(tuple(range(robot.nv)), values, tuple(columns), ("rad",) * len(columns))
+        """Drive torque more per radian about each of two axes across gravity, see `axes_across`.
+
+        Of the second axis from the given gravity to that turned about it, of the first one from there.
+        """
+        axes, angles = axes_across(robot.model.gravity.linear), np.array(shape or _LEVEL, dtype=float)
+        seen = np.isfinite(angles)
+        angles = np.where(seen, angles, 0.0)
+        starts = (np.array([0.0, angles[1]]), np.zeros(2))
+        visible = [k for k in (0, 1) if seen[k]]
+        values = [_slope(robot, operation.q, axes, k, starts[k], float(angles[k])) for k in visible]
+        names = tuple(_ANGLES[int(np.argmax(np.abs(axes[k])))] for k in visible)
+        return Signature(tuple(range(robot.nv)), np.stack(values, axis=-1), names, ("rad",) * len(names))
 
     def coefficient_bounds(self, robot: Robot, joint: str | None, shape: Shape) -> tuple[tuple[float, float], ...]:
         """A robot does not hang on its base plate."""
         return ((-0.5 * np.pi, 0.5 * np.pi),) * sum(np.isfinite(angle) for angle in shape or _LEVEL)
 
     def from_coefficients(self, robot: Robot, joint: str | None, coefficients: Array, shape: Shape) -> Array:
-        """Both angles; one that leaves no trace is zero."""
+        """The turn along x, y and z; about an axis that leaves no trace it is zero."""
         angles = _angles(coefficients, shape)
-        return np.where(np.isfinite(angles), angles, 0.0)
+        return np.where(np.isfinite(angles), angles, 0.0) @ axes_across(robot.model.gravity.linear)
 
     def probe(self, robot: Robot, operation: Operation, joint: str | None) -> tuple[str, Array]:
-        """The first angle that leaves a trace."""
-        seen = np.isfinite(self.shapes(robot, operation, joint)[0])
-        return ("roll" if seen[0] else "pitch"), np.eye(int(seen.sum()))[0]
+        """The largest component of a turn about the first axis that leaves a trace."""
+        seen = np.flatnonzero(np.isfinite(self.shapes(robot, operation, joint)[0]))
+        axis = axes_across(robot.model.gravity.linear)[seen[0]]
+        largest = int(np.argmax(np.abs(axis)))
+        return _ANGLES[largest], np.eye(len(seen))[0] / axis[largest]
 
     def untestable(self, robot: Robot, operation: Operation, joint: str | None) -> str | None:
         """Where gravity turns nothing."""
@@ -108,46 +128,68 @@ class BaseTilt(Effect):
     def torque(self, robot: Robot, operation: Operation, joint: str | None, theta: Array) -> Array:
         """Gravity torque as modelled less that under the true gravity."""
         given = robot.model.gravity.linear
-        return -gravity_torque(robot, operation.q, _turned(given, *theta) - given)
+        return -gravity_torque(robot, operation.q, _turned(given, theta) - given)
 
     def simulated(self, robot: Robot, joint: str | None, theta: Array) -> Simulated:
         """Another gravity."""
-        return Simulated(robot=lambda moved: with_gravity(moved, _turned(moved.model.gravity.linear, *theta)))
+        return Simulated(robot=lambda moved: with_gravity(moved, _turned(moved.model.gravity.linear, theta)))
 
     def model_numbers(self, robot: Robot, joint: str | None, theta: Array) -> ModelNumbers:
         """All of it."""
-        return replace(super().model_numbers(robot, joint, theta), turned=_turn(*theta))
+        return replace(super().model_numbers(robot, joint, theta), turned=pin.exp3(np.asarray(theta, dtype=float)))
 
     def sized(
         self, robot: Robot, joint: str | None, name: str, size: float, posture: Array
     ) -> tuple[float, ...] | None:
-        """About one axis."""
-        return tuple(size if angle == name else 0.0 for angle in ("roll", "pitch"))
+        """About the axis across gravity nearest to that of the base."""
+        k = _ANGLES.index(name)
+        axes = axes_across(robot.model.gravity.linear)
+        axis = axes[int(np.argmax(np.abs(axes[:, k])))]
+        return tuple(float(x) for x in size * axis / axis[k]) if axis[k] != 0 else None
+
+    def from_stated(self, robot: Robot, stated: Stated) -> Stated:
+        """``roll`` and ``pitch`` alone were ``R_x(roll) R_y(pitch)``: the turn across gravity that does the same."""
+        if set(stated) != {"roll", "pitch"}:
+            return stated
+        given = robot.model.gravity.linear
+        roll, pitch = (float(np.ravel(stated[name])[0]) for name in _ANGLES[:2])
+        x, y = pin.utils.rotate("x", roll), pin.utils.rotate("y", pitch)
+        across = np.cross(given, x @ y @ given)
+        sine, cosine = np.linalg.norm(across), float(given @ x @ y @ given)
+        turn = np.arctan2(sine, cosine) * across / sine if sine > 0 else np.zeros(3)
+        return dict(zip(_ANGLES, turn.tolist(), strict=True))
 
 
-def _turned(gravity: Array, roll: float, pitch: float) -> Array:
-    """``R_x(roll) R_y(pitch) gravity``."""
-    x, y, z = gravity
-    x, z = np.cos(pitch) * x + np.sin(pitch) * z, np.cos(pitch) * z - np.sin(pitch) * x
-    return np.array([x, np.cos(roll) * y - np.sin(roll) * z, np.sin(roll) * y + np.cos(roll) * z])
+def axes_across(gravity: Float[Array, " 3"]) -> Float[Array, "2 3"]:
+    """Two unit axes across gravity and each other, the nearest to axes of the base: x and y where it points along z."""
+    size = float(np.linalg.norm(gravity))
+    down = gravity / size if size > 0 else np.array([0.0, 0.0, -1.0])
+    flattest = np.sort(np.argsort(np.abs(down), kind="stable")[:2])
+    axes = np.eye(3)[flattest]
+    axes = axes - np.outer(axes @ down, down)
+    first = axes[0] / np.linalg.norm(axes[0])
+    second = axes[1] - (axes[1] @ first) * first
+    return np.stack([first, second / np.linalg.norm(second)])
 
 
-def _turn(roll: float, pitch: float) -> Float[Array, "3 3"]:
-    """``R_x(roll) R_y(pitch)``."""
-    return pin.utils.rotate("x", float(roll)) @ pin.utils.rotate("y", float(pitch))
+def _turned(gravity: Array, turn: Float[Array, " 3"]) -> Array:
+    """Gravity after a turn."""
+    return pin.exp3(np.asarray(turn, dtype=float)) @ gravity
 
 
-def _slope(robot: Robot, q: Array, gravity: Array, axes: Array, angle: float) -> Array:
-    """Change of gravity torque per radian between no turn about an axis and ``angle``."""
-    if abs(angle) < _LEAST:
-        return gravity_torque(robot, q, np.cross([*axes, 0.0], gravity))
-    return gravity_torque(robot, q, (_turned(gravity, *(axes * angle)) - gravity) / angle)
+def _slope(robot: Robot, q: Array, axes: Array, k: int, start: Array, angle: float) -> Array:
+    """Change of gravity torque per radian, between a turn and ``angle`` more about one of the axes across gravity."""
+    given, axis = robot.model.gravity.linear, np.eye(2)[k]
+    # Over less, the difference about the start is the tangent to eight digits, and rounding does not show.
+    ends = (0.0, angle) if abs(angle) >= _LEAST else (-_LEAST, _LEAST)
+    low, high = (_turned(given, (start + end * axis) @ axes) for end in ends)
+    return gravity_torque(robot, q, (high - low) / (ends[1] - ends[0]))
 
 
 def _tangents(robot: Robot, operation: Operation) -> tuple[Array, Array]:
     """Columns of both angles at some hundred postures."""
-    given, q = robot.model.gravity.linear, operation.q[:: max(1, len(operation.q) // _POSTURES)]
-    first, second = (_slope(robot, q, given, axes, 0.0) for axes in np.eye(2))
+    q, axes = operation.q[:: max(1, len(operation.q) // _POSTURES)], axes_across(robot.model.gravity.linear)
+    first, second = (_slope(robot, q, axes, k, np.zeros(2), 0.0) for k in (0, 1))
     return first, second
 
 

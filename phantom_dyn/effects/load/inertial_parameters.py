@@ -49,7 +49,13 @@ class InertialParameters(Effect):
     def parameters(self, robot: Robot, joint: str | None) -> tuple[Parameter, ...]:
         """Changes of the ten standard parameters of each free body, about its joint origin."""
         return tuple(
-            Parameter(f"{robot.model.names[body]}.{name}", unit, default=0.0)
+            Parameter(
+                f"{robot.model.names[body]}.{name}",
+                unit,
+                default=0.0,
+                plausible=(-np.inf, np.inf),
+                plausible_because="base parameters stand for sums over several links, so that each may have any change",
+            )
             for body in bodies_of(robot, joint)
             for name, unit in zip(STANDARD_NAMES, STANDARD_UNITS, strict=True)
         )

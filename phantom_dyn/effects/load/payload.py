@@ -21,6 +21,9 @@ from phantom_dyn.model.robot import Robot
 
 Array = np.ndarray
 
+# Largest load [kg], and how far from its link [m] one is held.
+_HEAVIEST, _FARTHEST = 1000.0, 3.0
+
 
 class Payload(Effect):
     """See the module."""
@@ -48,7 +51,23 @@ class Payload(Effect):
 
     def parameters(self, robot: Robot, joint: str | None) -> tuple[Parameter, ...]:
         """``mass`` and its place in the frame of the joint that moves the link."""
-        return (Parameter("mass", "kg", 0.0), *(Parameter(f"center_{axis}", "m") for axis in "xyz"))
+        mass = Parameter(
+            "mass",
+            "kg",
+            0.0,
+            plausible=(0.0, _HEAVIEST),
+            plausible_because="the strongest arms lift a tonne",
+        )
+        centers = (
+            Parameter(
+                f"center_{axis}",
+                "m",
+                plausible=(-_FARTHEST, _FARTHEST),
+                plausible_because="a load is held within a few metres of the link that carries it",
+            )
+            for axis in "xyz"
+        )
+        return mass, *centers
 
     def regressor_columns(self, robot: Robot, joint: str | None) -> tuple[int, ...]:
         """Those of the body that carries it."""

@@ -34,6 +34,8 @@ _FLIGHTS = np.geomspace(0.008, 0.06, 12)
 _EDGES = (15.0, 60.0, 60.0)
 # Frequency [Hz] and damping ratio of rotor against link in contact, in a simulation: stiff, and hardly bouncing.
 _CONTACT, _CONTACT_DAMPING = 120.0, 0.7
+# Play [rad, m] that nobody would overlook.
+_WIDEST, _WIDEST_LINEAR = 0.1, 0.005
 
 
 def under_all_load(operation: Operation, joint: str | None, own: Array, shape: Array) -> Float[Array, "N nv"]:
@@ -62,7 +64,16 @@ class Backlash(Effect):
 
     def parameters(self, robot: Robot, joint: str | None) -> tuple[Parameter, ...]:
         """``gap``."""
-        return (Parameter("gap", robot.position_units[row_of(robot, joint)], 0.0),)
+        row = row_of(robot, joint)
+        return (
+            Parameter(
+                "gap",
+                robot.position_units[row],
+                0.0,
+                plausible=(0.0, _WIDEST_LINEAR if robot.prismatic[row] else _WIDEST),
+                plausible_because="a play of more than six degrees or five millimetres is felt by hand",
+            ),
+        )
 
     def shapes(self, robot: Robot, operation: Operation, joint: str | None) -> tuple[Shape, ...]:
         """Gaps that a link crosses in 8 to 60 ms from a torque that changes its sign as fast as it does here."""

@@ -40,8 +40,21 @@ class ParasiticSpring(Effect):
 
     def parameters(self, robot: Robot, joint: str | None) -> tuple[Parameter, ...]:
         """``stiffness`` k and ``rest_position`` q0."""
-        rest = robot.position_units[row_of(robot, joint)]
-        return (Parameter("stiffness", stiffness_unit(robot, joint), 0.0), Parameter("rest_position", rest))
+        return (
+            Parameter(
+                "stiffness",
+                stiffness_unit(robot, joint),
+                0.0,
+                plausible=(0.0, np.inf),
+                plausible_because="a spring pulls back, from a thin hose to a balancing spring",
+            ),
+            Parameter(
+                "rest_position",
+                robot.position_units[row_of(robot, joint)],
+                plausible=(-np.inf, np.inf),
+                plausible_because="a cable may pull towards a place out of reach",
+            ),
+        )
 
     def signature(self, robot: Robot, operation: Operation, joint: str | None, shape: Shape) -> Signature:
         """Position, and the constant ``-k q0``."""

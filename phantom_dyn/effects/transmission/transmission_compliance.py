@@ -40,6 +40,8 @@ _SMOOTHING = 0.1
 # first and third number; the second where no step is stated.
 Edges = tuple[float, float, float]
 _EDGES: Edges = (8.0, 12.0, 20.0)
+# Frequency [Hz] below which nobody would take a transmission for rigid.
+_SLOWEST = 1.0
 # Compliance [rad/(N m) or m/N] at which a spring is as good as none.
 _LEAST = 1e-10
 
@@ -64,7 +66,17 @@ class TransmissionCompliance(Effect):
 
     def parameters(self, robot: Robot, joint: str | None) -> tuple[Parameter, ...]:
         """``stiffness`` k."""
-        return (Parameter("stiffness", stiffness_unit(robot, joint), 0.0, above_zero=True),)
+        least = link_inertia(robot, row_of(robot, joint)) * (2.0 * np.pi * _SLOWEST) ** 2
+        return (
+            Parameter(
+                "stiffness",
+                stiffness_unit(robot, joint),
+                0.0,
+                above_zero=True,
+                plausible=(least, np.inf),
+                plausible_because="a link that swings less than once a second on its transmission is seen to hang",
+            ),
+        )
 
     def shapes(self, robot: Robot, operation: Operation, joint: str | None) -> tuple[Shape, ...]:
         """Compliances at which the link swings at some frequencies, from stiff to soft."""
@@ -137,9 +149,13 @@ class TransmissionCompliance(Effect):
 
 def moving_mass(robot: Robot, row: int) -> float:
     """Inertia with which rotor and link of a joint swing against each other, links stretched out to zero positions."""
-    rotor = float(robot.rotor_inertia[row])
-    link = float(mass_matrix(robot, np.zeros((1, robot.nv)))[0, row, row]) - rotor
+    rotor, link = float(robot.rotor_inertia[row]), link_inertia(robot, row)
     return rotor * link / (rotor + link)
+
+
+def link_inertia(robot: Robot, row: int) -> float:
+    """Inertia of all that a joint moves besides its rotor, links stretched out to zero positions."""
+    return float(mass_matrix(robot, np.zeros((1, robot.nv)))[0, row, row]) - float(robot.rotor_inertia[row])
 
 
 def swing(operation: Operation, row: int, stiffness: float) -> tuple[Array, Array, Array]:

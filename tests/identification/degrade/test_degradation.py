@@ -41,7 +41,7 @@ def test_parameters_come_in_the_contracts_order(arm, effect, joint, values, thet
             "coulomb_friction",
             "slide",
             {"force": (1.0,)},
-            r"has no parameter 'force': the parameters of coulomb_friction are torque \[N\] of 0 or more",
+            r"has no parameter 'force': the parameters of coulomb_friction are torque \[N\] of -3 or more",
         ),
         (
             "backlash",

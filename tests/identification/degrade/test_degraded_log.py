@@ -256,7 +256,7 @@ def test_a_play_behind_an_encoder_on_the_link_is_refused(arm, clean):
 
 
 def test_a_ratio_of_zero_is_refused(arm, clean):
-    with pytest.raises(ParameterError, match="With these numbers the torque is not finite"), np.errstate(all="ignore"):
+    with pytest.raises(ParameterError, match="ratio=0 of torque_constant is out of bounds: wanted ratio"):
         degraded(arm, clean[1], fault(arm, "torque_constant", ratio=0.0))
 
 

@@ -28,7 +28,7 @@ WIDE = (
     ("viscous_friction", "elbow", 0.8),
     ("rotor_inertia", "elbow", 0.2),
     ("payload", None, 1.0, 0.0, 0.0, -0.3),
-    ("base_tilt", None, 0.0, 0.1),
+    ("base_tilt", None, 0.0, 0.1, 0.0),
     ("torque_constant", "shoulder", 0.8),
     ("torque_saturation", "shoulder", 8.0),
     ("input_delay", None, 0.006),

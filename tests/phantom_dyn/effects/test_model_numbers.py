@@ -58,7 +58,7 @@ def test_a_mass_is_held_whole_by_a_heavier_link(arm):
 
 
 def test_a_tilt_is_held_by_the_rotation_that_gravity_takes(arm):
-    found = effect_named("base_tilt").model_numbers(arm, None, np.array([0.2, -0.3]))
+    found = effect_named("base_tilt").model_numbers(arm, None, np.array([0.2, -0.3, 0.0]))
     assert found.robot is not None
     assert found.turned is not None
     gravity = found.robot(arm).model.gravity.linear
@@ -72,8 +72,8 @@ SIZED = {
     ("torque_constant", "tilt", "ratio"): (1 / 1.3,),
     ("parasitic_spring", "tilt", "stiffness"): (0.3, 0.2),
     ("transmission_compliance", "tilt", "compliance"): (1 / 0.3,),
-    ("base_tilt", None, "roll"): (0.3, 0.0),
-    ("base_tilt", None, "pitch"): (0.0, 0.3),
+    ("base_tilt", None, "roll"): (0.3, 0.0, 0.0),
+    ("base_tilt", None, "pitch"): (0.0, 0.3, 0.0),
 }
 
 

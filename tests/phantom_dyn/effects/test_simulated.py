@@ -59,7 +59,7 @@ MOVED = {
     "rotor_inertia": ("slide", (0.3,)),
     "payload": (None, (0.8, 0.1, -0.05, 0.2)),
     "inertial_parameters": ("tilt", (0.1, 0.02, 0.0, -0.03, 0.02, 0.001, 0.02, 0.0, 0.002, 0.02)),
-    "base_tilt": (None, (0.2, -0.3)),
+    "base_tilt": (None, (0.2, -0.3, 0.0)),
     "parasitic_spring": ("tilt", (4.0, 0.25)),
     "cogging": ("tilt", (6.0, 0.03, 0.7)),
 }

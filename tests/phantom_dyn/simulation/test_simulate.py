@@ -105,7 +105,7 @@ LAWS = {
     "rotor_inertia": [0.05],
     "payload": [0.4, 0.02, 0.0, -0.3],
     "parasitic_spring": [3.0, 0.2],
-    "base_tilt": [0.02, -0.05],
+    "base_tilt": [0.02, -0.05, 0.0],
 }
 
 

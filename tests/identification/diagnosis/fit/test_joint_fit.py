@@ -97,7 +97,7 @@ def test_a_tilted_base_turns_the_weights_of_the_true_robot(lab, planar2):
     moves[[k for k, move in enumerate(moves_of(planar2)) if move.nuisance.name.endswith("mass")]] = 0.09
     true = moved_robot(planar2, moves)
     motion = lab.motion(2, 4, seconds=20.0, swing=1.5)
-    torque = lab.acting(true, motion, "base_tilt", None, 0.0, 0.3)
+    torque = lab.acting(true, motion, "base_tilt", None, 0.0, 0.3, 0.0)
     less = inverse_dynamics(true, motion) - inverse_dynamics(planar2, motion)
     prepared, problem = judged(lab, planar2, motion, torque - less, ("base_tilt", None, (0.0, 0.3), [0.0, 0.3]))
     term = prepared.term("base_tilt", None)

@@ -4,11 +4,8 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from scipy.stats import norm
 
-from identification.diagnosis.fit.joint_fit import JointFit
-from identification.diagnosis.fit.whole_model import Place
-from identification.diagnosis.judge.findings import certainty, distinct
+from identification.diagnosis.judge.findings import distinct
 from identification.diagnosis.judge.judged_band import narrow_search
 from identification.pipeline import diagnose
 
@@ -21,28 +18,32 @@ def rubbing(lab, planar2):
     return lab.prepared(planar2, (lab.recording(planar2, motion, torque),))
 
 
-@pytest.mark.parametrize("deviations", [0.1, 1.0, 3.0])
-def test_one_coefficient_is_as_certain_as_the_normal_law_says(quiet, deviations):
-    # Closed form: the square of a standard normal number.
-    term = quiet.term("torque_offset", "elbow")
-    fitted = JointFit((Place(term, slice(0, 1), slice(1, 1)),), np.array([0.2 * deviations]), np.array([[0.04]]))
-    assert certainty(term, fitted) == pytest.approx(2.0 * norm.cdf(deviations) - 1.0)
-
-
-def test_what_is_not_told_from_zero_is_no_finding(rubbing, planar2):
+def test_what_is_not_told_from_zero_is_no_finding(rubbing):
     # Known truth: friction on the elbow, and no offset.
     plain = narrow_search(rubbing.search, rubbing.noise)
     friction, offset = rubbing.term("coulomb_friction", "elbow"), rubbing.term("torque_offset", "elbow")
-    kept, fitted = distinct(plain, frozenset([friction, offset]))
+    found = frozenset([friction, offset])
+    kept, _, fitted, _ = distinct(rubbing.search, plain, found, found)
     assert kept == {friction}
     assert [place.term for place in fitted.places] == [friction]
 
 
-def test_what_goes_with_accelerations_stays_though_nothing_tells_it_from_zero(rubbing, planar2):
-    # Known truth: the torque constants are right; beside a load, which they trade with, none would ever be certain.
+def test_a_torque_constant_of_one_is_no_finding(rubbing):
+    # Known truth: the torque constants are right; by the contract a ratio is told from one by two deviations.
     plain = narrow_search(rubbing.search, rubbing.noise)
-    chosen = frozenset([rubbing.term("coulomb_friction", "elbow"), rubbing.term("torque_constant", "elbow")])
-    assert distinct(plain, chosen)[0] == chosen
+    friction, ratio = rubbing.term("coulomb_friction", "elbow"), rubbing.term("torque_constant", "elbow")
+    found = frozenset([friction, ratio])
+    assert distinct(rubbing.search, plain, found, found)[0] == {friction}
+
+
+def test_stribeck_friction_of_equal_levels_is_named_coulomb_friction(rubbing):
+    # Known truth: Coulomb friction alone; what was found in its place changes its name.
+    plain = narrow_search(rubbing.search, rubbing.noise)
+    stribeck, coulomb = rubbing.term("stribeck_friction", "elbow"), rubbing.term("coulomb_friction", "elbow")
+    found = frozenset([stribeck])
+    kept, chosen, _, barred = distinct(rubbing.search, plain, found, found)
+    assert kept == chosen == {coulomb}
+    assert barred == {stribeck.place}
 
 
 def test_a_simpler_law_is_named_where_a_richer_one_is_better_by_less_than_the_method_is_accurate_to(lab, pendulum):

@@ -34,7 +34,7 @@ CASES: dict[str, tuple[str | None, list[float]]] = {
     "actuator_lag": ("shoulder", [0.03]),
     "backlash": ("elbow", [0.05]),
     "transmission_compliance": ("elbow", [60.0]),
-    "base_tilt": (None, [0.1, 0.1]),
+    "base_tilt": (None, [0.1, 0.1, 0.0]),
     "encoder_offset": ("elbow", [0.1]),
     "encoder_eccentricity": ("elbow", [0.05, 0.3, 1.0]),
     "encoder_quantization": ("elbow", [0.01]),

@@ -201,7 +201,7 @@ def test_a_motion_shorter_than_the_rollout_is_refused(planar, some_motion):
 
 def test_gravity_of_the_given_file_is_kept(planar, some_motion, tmp_path):
     moon = with_gravity(planar, np.array([0.0, 0.0, -1.62]))
-    corrected = corrected_model(moon, (KnownEffect("base_tilt", None, (0.2, -0.1)),))
+    corrected = corrected_model(moon, (KnownEffect("base_tilt", None, (0.2, -0.1, 0.0)),))
     text = corrected_urdf(corrected, FILE, tmp_path)
     assert urdf_difference(text, robot_of_urdf(corrected), some_motion, None) < 1e-12
     np.testing.assert_allclose(

@@ -38,7 +38,7 @@ EXACT = {
     "parasitic_spring": ("elbow", (3.0, 0.2)),
     "joint_coupling": ("shoulder+elbow", (0.5, 0.6, 0.3, 0.05)),
     "cogging": ("elbow", (7.0, 14.0, 0.8, 0.3, 0.2, 1.0)),
-    "base_tilt": (None, (0.1, 0.1)),
+    "base_tilt": (None, (0.1, 0.1, 0.0)),
     "encoder_offset": ("elbow", (0.1,)),
 }
 

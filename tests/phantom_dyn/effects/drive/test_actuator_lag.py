@@ -119,5 +119,5 @@ def test_a_single_sample_has_no_slope(arm, sine):
     assert not EFFECT.torque(arm, one, None, THETA).any()
 
 
-def test_no_drive_is_early(arm):
-    assert EFFECT.coefficient_bounds(arm, None, ()) == ((0.0, np.inf),)
+def test_no_drive_is_early_nor_late_by_a_second(arm):
+    assert EFFECT.coefficient_bounds(arm, None, ()) == ((0.0, 1.0),)

@@ -1,5 +1,7 @@
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from scipy.ndimage import uniform_filter1d
@@ -7,7 +9,7 @@ from scipy.ndimage import uniform_filter1d
 from phantom_dyn import load_robot
 from phantom_dyn.effects.drive.cogging import Cogging
 from phantom_dyn.effects.operation import Operation
-from phantom_dyn.effects.support.cogging_orders import order_range
+from phantom_dyn.effects.support.cogging_orders import comes_back, order_range, orders_in
 from phantom_dyn.motion import Motion
 from places import ROBOTS
 
@@ -119,7 +121,8 @@ def test_the_orders_of_a_real_motor_are_those_of_its_published_map(data_folder, 
     operation = Operation(
         t, q[:, None], v[:, None], still, motor, still, still, recording[f"{run}__iq_A"][:, None].astype(float)
     )
-    shapes = EFFECT.shapes(motor, operation, motor.joint_names[0])
+    # One turn of the motor: what stands out in it, though seven periods are too few to claim a finding on.
+    shapes = orders_in(operation, 0, whole_numbers=True)
     assert shapes[0] == (7.0,)
     assert len(shapes[2]) == 3
     assert set(shapes[2]) <= {7.0, 28.0, 14.0, 36.0, 12.0}
@@ -129,6 +132,21 @@ def test_orders_go_from_one_period_of_the_range_to_a_fifth_of_the_sampling_rate(
     low, high = order_range(wide, 1)
     assert low == pytest.approx(2 * np.pi / np.ptp(wide.q[:, 1]), rel=0.02)
     assert high * np.percentile(np.abs(wide.v[:, 1]), 95) / (2 * np.pi) == pytest.approx(0.2 * 250.0)
+
+
+def test_orders_end_where_half_the_way_is_made_above_the_judged_band(wide):
+    # Closed form: at the speed below which half of the way is made, the wave has the frequency of the band's edge.
+    speed = np.sort(np.abs(wide.v[:, 1]))
+    half = speed[np.searchsorted(np.cumsum(speed), 0.5 * speed.sum())]
+    _, high = order_range(replace(wide, band_hz=1.9), 1)
+    assert high == pytest.approx(2 * np.pi * 1.9 / half)
+
+
+def test_a_wave_that_turns_less_than_ten_times_on_the_whole_way_is_not_tried(arm, wide):
+    # Closed form: 9.9 periods on the way, and 10.1.
+    once = 2 * np.pi / np.abs(np.diff(wide.q[:, 1])).sum()
+    assert not comes_back(wide, 1, 9.9 * once)
+    assert comes_back(wide, 1, 10.1 * once)
 
 
 def test_a_joint_at_rest_cannot_show_it(arm, wide):

@@ -154,5 +154,5 @@ def test_the_mean_of_held_commands_counts_each_for_its_time(start, stop, mean):
     assert _mean_held(history, np.array([-1.0, -0.3, -0.1, 0.0]), start, stop) == pytest.approx([mean])
 
 
-def test_no_drive_is_early(arm):
-    assert EFFECT.coefficient_bounds(arm, None, (0.002,)) == ((0.0, np.inf),)
+def test_no_drive_is_early_nor_late_by_a_second(arm):
+    assert EFFECT.coefficient_bounds(arm, None, (0.002,)) == ((0.0, 1.0),)

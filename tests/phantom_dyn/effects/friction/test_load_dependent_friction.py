@@ -45,8 +45,9 @@ def test_a_simulation_gives_the_same_torque(arm, smooth, torque_in_steps):
     np.testing.assert_allclose(torque_in_steps(EFFECT.simulated(arm, "tilt", THETA), smooth), expected, atol=1e-12)
 
 
-def test_friction_is_not_negative(arm):
-    assert EFFECT.coefficient_bounds(arm, "tilt", ()) == ((0.0, np.inf),)
+def test_friction_is_not_negative_and_less_than_the_load(arm):
+    # A transmission that loses all that it passes passes nothing.
+    assert EFFECT.coefficient_bounds(arm, "tilt", ()) == ((0.0, 1.0),)
 
 
 def test_a_joint_that_never_reverses_cannot_show_it(arm, smooth):

@@ -8,32 +8,77 @@ import pinocchio as pin
 import pytest
 
 from phantom_dyn.dynamics.dynamics import inverse_dynamics
-from phantom_dyn.effects.load.base_tilt import INVISIBLE, BaseTilt
+from phantom_dyn.effects.load.base_tilt import INVISIBLE, BaseTilt, axes_across
 from phantom_dyn.effects.operation import Operation
 from phantom_dyn.effects.support.changed_robot import with_gravity
 from phantom_dyn.motion import Motion
 
 EFFECT = BaseTilt()
-THETA = np.array([0.2, -0.3])
+THETA = np.array([0.2, -0.3, 0.0])
+
+
+def turned(axis: np.ndarray, gravity: np.ndarray) -> np.ndarray:
+    """Oracle for exp([r]x): Pinocchio's rotation about an axis by an angle."""
+    angle = float(np.linalg.norm(axis))
+    return pin.AngleAxis(angle, axis / angle).matrix() @ gravity
 
 
 def test_the_law_is_inverse_dynamics_as_modelled_less_that_under_turned_gravity(arm, operation):
-    # Oracle for R_x(roll) R_y(pitch): Pinocchio's rotations.
-    turned = pin.utils.rotate("x", THETA[0]) @ pin.utils.rotate("y", THETA[1]) @ arm.model.gravity.linear
-    expected = operation.tau - inverse_dynamics(with_gravity(arm, turned), operation)
+    there = turned(THETA, arm.model.gravity.linear)
+    expected = operation.tau - inverse_dynamics(with_gravity(arm, there), operation)
     np.testing.assert_allclose(EFFECT.torque(arm, operation, None, THETA), expected, atol=1e-9)
+
+
+@pytest.fixture
+def on_its_side(arm):
+    """The same arm under gravity along y, as the built-in haptic devices have it."""
+    return with_gravity(arm, np.array([0.0, -9.81, 0.0]))
+
+
+def test_a_base_under_gravity_along_y_tilts_about_x_and_z(on_its_side, operation):
+    # Closed form: a turn about y changes nothing, so the two angles are roll and yaw.
+    swung = Operation.of(on_its_side, operation)
+    assert EFFECT.signature(on_its_side, swung, None, (0.0, 0.0)).names == ("roll", "yaw")
+    found = EFFECT.from_coefficients(on_its_side, None, np.array([0.1, -0.2]), (0.0, 0.0))
+    np.testing.assert_array_equal(found, [0.1, 0.0, -0.2])
+    columns = EFFECT.signature(on_its_side, swung, None, (0.1, -0.2)).columns
+    law = EFFECT.torque(on_its_side, swung, None, found)
+    np.testing.assert_allclose(law, -columns @ [0.1, -0.2], atol=1e-9)
+
+
+@pytest.mark.parametrize("gravity", [(0.0, 0.0, -9.81), (0.0, -9.81, 0.0), (1.0, -2.0, 3.0), (5.0, 5.0, 5.0)])
+def test_the_axes_of_a_tilt_are_across_gravity_and_each_other(gravity):
+    axes = axes_across(np.array(gravity))
+    np.testing.assert_allclose(axes @ axes.T, np.eye(2), atol=1e-12)
+    np.testing.assert_allclose(axes @ gravity, 0.0, atol=1e-12)
+
+
+@pytest.mark.parametrize("gravity", [(0.0, 0.0, -9.81), (0.0, -9.81, 0.0), (1.0, -2.0, 3.0)])
+def test_a_tilt_of_an_older_file_is_the_same_gravity_and_across_it(arm, gravity):
+    # Oracle: Pinocchio's rotations; version 1 wrote R_x(roll) R_y(pitch).
+    robot = with_gravity(arm, np.array(gravity))
+    read = EFFECT.from_stated(robot, {"roll": 0.2, "pitch": -0.3})
+    turn = np.array([read["roll"], read["pitch"], read["yaw"]])
+    older = pin.utils.rotate("x", 0.2) @ pin.utils.rotate("y", -0.3) @ gravity
+    np.testing.assert_allclose(turned(turn, np.array(gravity)), older, atol=1e-12)
+    assert turn @ gravity == pytest.approx(0.0, abs=1e-12)
+
+
+def test_a_tilt_of_a_newer_file_is_read_as_it_is(arm):
+    given = {"roll": 0.2, "pitch": -0.3, "yaw": 0.0}
+    assert EFFECT.from_stated(arm, given) == given
 
 
 def test_the_tangent_is_the_slope_of_the_law(arm, operation):
     columns = EFFECT.signature(arm, operation, None, (0.0, 0.0)).columns
     for axis in (0, 1):
-        ends = [EFFECT.torque(arm, operation, None, sign * 1e-6 * np.eye(2)[axis]) for sign in (-1.0, 1.0)]
+        ends = [EFFECT.torque(arm, operation, None, sign * 1e-6 * np.eye(3)[axis]) for sign in (-1.0, 1.0)]
         np.testing.assert_allclose((ends[1] - ends[0]) / 2e-6, -columns[:, :, axis], atol=1e-6)
 
 
 def test_the_law_is_exact_where_coefficients_and_shape_agree(arm, operation):
     columns = EFFECT.signature(arm, operation, None, (0.2, -0.3)).columns
-    np.testing.assert_allclose(EFFECT.torque(arm, operation, None, THETA), -columns @ THETA, atol=1e-9)
+    np.testing.assert_allclose(EFFECT.torque(arm, operation, None, THETA), -columns @ THETA[:2], atol=1e-9)
 
 
 def test_roll_of_an_arm_that_turns_about_y_is_left_out(planar):
@@ -43,7 +88,7 @@ def test_roll_of_an_arm_that_turns_about_y_is_left_out(planar):
     (shape,) = EFFECT.shapes(planar, swung, None)
     assert shape == (INVISIBLE, 0.0)
     assert EFFECT.signature(planar, swung, None, shape).names == ("pitch",)
-    np.testing.assert_array_equal(EFFECT.from_coefficients(planar, None, np.array([0.1]), shape), [0.0, 0.1])
+    np.testing.assert_array_equal(EFFECT.from_coefficients(planar, None, np.array([0.1]), shape), [0.0, 0.1, 0.0])
     assert EFFECT.refined(np.array([0.1]), shape) == ((INVISIBLE, 0.1),)
     assert EFFECT.probe(planar, swung, None)[0] == "pitch"
 
@@ -62,22 +107,21 @@ def test_wide_postures_can_show_it(arm, operation):
 def test_a_simulated_base_is_tilted_by_both_angles(arm):
     simulated = EFFECT.simulated(arm, None, THETA)
     assert simulated.robot is not None
-    turned = pin.utils.rotate("x", THETA[0]) @ pin.utils.rotate("y", THETA[1]) @ np.array([0.0, 0.0, -9.81])
-    assert simulated.robot(arm).model.gravity.linear == pytest.approx(turned)
+    assert simulated.robot(arm).model.gravity.linear == pytest.approx(turned(THETA, np.array([0.0, 0.0, -9.81])))
 
 
 def test_a_base_turns_by_no_more_than_a_right_angle_about_each_axis_that_leaves_a_trace(arm):
     quarter = (-0.5 * np.pi, 0.5 * np.pi)
     assert EFFECT.coefficient_bounds(arm, None, (0.0, 0.0)) == (quarter, quarter)
     assert EFFECT.coefficient_bounds(arm, None, (INVISIBLE, 0.0)) == (quarter,)
-    assert [(p.lower, p.upper) for p in EFFECT.parameters(arm, None)] == [quarter, quarter]
+    assert [(p.lower, p.upper) for p in EFFECT.parameters(arm, None)] == [quarter] * 3
     assert EFFECT.coefficient_bounds(arm, None, ()) == (quarter, quarter)
 
 
 @pytest.mark.parametrize("angle", [2e-4, -2e-4, 0.5, -0.5])
 def test_a_column_is_the_secant_of_the_law_to_its_angle(arm, operation, angle):
-    for axis, theta in enumerate(angle * np.eye(2)):
-        column = EFFECT.signature(arm, operation, None, tuple(theta)).columns[:, :, axis]
+    for axis, theta in enumerate(angle * np.eye(3)[:2]):
+        column = EFFECT.signature(arm, operation, None, tuple(theta[:2])).columns[:, :, axis]
         np.testing.assert_allclose(-EFFECT.torque(arm, operation, None, theta) / angle, column, atol=1e-8)
 
 

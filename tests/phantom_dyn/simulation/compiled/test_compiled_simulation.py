@@ -41,7 +41,7 @@ LAWS = {
     "actuator_lag": [0.01],
     "backlash": [0.02],
     "transmission_compliance": [300.0],
-    "base_tilt": [0.02, -0.05],
+    "base_tilt": [0.02, -0.05, 0.0],
     "encoder_offset": [0.03],
     "encoder_eccentricity": [0.02, 0.4, 1.0],
     "encoder_quantization": [0.01],

@@ -1,0 +1,124 @@
+"""Where a fitted law is hardly more than something simpler, and whether its size is one that a robot may have."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+from jaxtyping import Float
+from scipy.stats import chi2
+
+from identification.diagnosis import decision_rules as rules
+from identification.diagnosis.fit.fitting import Fitted
+from identification.diagnosis.fit.joint_fit import JointFit
+from identification.diagnosis.model.terms import Term
+from phantom_dyn.effects.effect import Effect, Parameter, SpecialCase
+from phantom_dyn.model.robot import Robot
+
+Array = np.ndarray
+
+# Directions of a covariance that are this much better known than others are still told from rounding.
+_RANK = 1e-9
+# Bounds of coefficients are met to this.
+_END = 1e-12
+
+
+def certainty(numbers: Float[Array, " k"], cov: Float[Array, "k k"]) -> float:
+    """Probability that chance keeps numbers that are zero nearer to zero than these are (Wald's test)."""
+    if not np.any(numbers):
+        return 0.0
+    std = np.sqrt(np.maximum(np.diag(cov), 1e-300))
+    scaled = numbers / std
+    inverse = np.linalg.pinv(cov / np.outer(std, std), rcond=_RANK, hermitian=True)
+    return float(chi2.cdf(scaled @ inverse @ scaled, len(numbers)))
+
+
+def simpler(robot: Robot, term: Term, fitted: JointFit) -> tuple[float, tuple[str, ...]] | None:
+    """The special case of an effect that a joint fit hardly tells from it, and how certainly it does; None if none.
+
+    Args:
+        robot: The given model.
+        term: In the fit.
+        fitted: Fit of all numbers at once.
+    """
+    if term.effect.inertial == "free":
+        return None
+    place = fitted.place(term)
+    at = [*range(place.coefficients.start, place.coefficients.stop), *range(place.shape.start, place.shape.stop)]
+    x, count = fitted.x[at], place.coefficients.stop - place.coefficients.start
+
+    def cases(x: Array) -> tuple[SpecialCase, ...]:
+        shape = tuple(x[count:].tolist()) or term.shape
+        return term.effect.special_cases(robot, term.joint, x[:count], shape)
+
+    return _hardly_more(cases, x, fitted.cov[np.ix_(at, at)])
+
+
+def places_of(robot: Robot, term: Term, fitted: Fitted) -> tuple[tuple[str, str | None], ...] | None:
+    """Effects and joints that a fitted term stands for: its own, or those of the special case that it ends on.
+
+    None if it ends on nothing at all, or on a size that nothing has. Numbers that the fit has held (a shape) say
+    nothing there.
+    """
+    if term.effect.inertial == "free":
+        return (term.place,)
+    columns = list(term.columns[:4] if term.effect.inertial == "point mass" else term.columns)
+    at = np.searchsorted(fitted.active, columns)
+
+    def cases(x: Array) -> tuple[SpecialCase, ...]:
+        return term.effect.special_cases(robot, term.joint, x, term.shape)
+
+    found = _hardly_more(cases, fitted.theta[columns], fitted.cov[np.ix_(at, at)])
+    if found is None:
+        return (term.place,)
+    return tuple((name, term.joint) for name in found[1]) or None
+
+
+def ends_on_nothing(robot: Robot, term: Term, theta: Float[Array, " k"]) -> bool:
+    """True if a fit has come to the very end of what an effect may be, beyond which nothing is possible.
+
+    Args:
+        robot: The given model.
+        term: An effect.
+        theta: Coefficients of its columns.
+    """
+    cases = term.effect.special_cases(robot, term.joint, theta, term.shape)
+    return bool(np.any(theta)) and any(not case.names and bool(np.all(np.abs(case.numbers) <= _END)) for case in cases)
+
+
+def _hardly_more(
+    cases: Callable[[Array], tuple[SpecialCase, ...]], x: Float[Array, " k"], cov: Float[Array, "k k"]
+) -> tuple[float, tuple[str, ...]] | None:
+    """The first of some special cases that numbers do not differ from."""
+    step = 0.01 * np.sqrt(np.maximum(np.diag(cov), 1e-30))
+    moved = [cases(x + row) for row in np.diag(step)]
+    for k, case in enumerate(cases(x)):
+        slope = np.stack([(other[k].numbers - case.numbers) / s for other, s in zip(moved, step, strict=True)], axis=1)
+        if np.any(case.numbers) and not slope.any():
+            continue
+        certain = certainty(case.numbers, slope @ cov @ slope.T)
+        if certain < rules.DIFFERS_FROM_ZERO:
+            return certain, case.names
+    return None
+
+
+def implausible(robot: Robot, term: Term, theta: Float[Array, " k"]) -> tuple[Parameter, float] | None:
+    """The first parameter of a fitted effect that no sound robot has, and its value; None if a robot may have all.
+
+    Args:
+        robot: The given model.
+        term: An effect.
+        theta: Coefficients of its columns.
+    """
+    if not isinstance(term.effect, Effect) or term.effect.inertial == "free":
+        return None
+    parameters = term.effect.parameters(robot, term.joint)
+    values = np.reshape(term.effect.from_coefficients(robot, term.joint, theta, term.shape), (len(parameters), -1))
+    for parameter, own in zip(parameters, values, strict=True):
+        if parameter.plausible is None:
+            continue
+        low, high = parameter.plausible
+        outside = own[(own < low) | (own > high)]
+        if len(outside):
+            return parameter, float(outside[0])
+    return None
