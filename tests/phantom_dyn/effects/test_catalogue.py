@@ -7,10 +7,12 @@ import pytest
 
 from phantom_dyn.dynamics.dynamics import standard_parameters
 from phantom_dyn.effects.catalogue import EFFECTS, effect_named
+from phantom_dyn.effects.described import ModelNumbers
 from phantom_dyn.effects.effect import Effect
 from phantom_dyn.effects.operation import Operation
 from phantom_dyn.effects.support.changed_robot import with_parameters
 from phantom_dyn.errors import ParameterError, RobotError
+from phantom_dyn.motion import Motion
 
 # The 23 names of the contract.
 CONTRACT = {
@@ -306,3 +308,58 @@ def test_the_next_shapes_lie_about_the_last_by_less_than_a_half(arm, smooth, eff
 def test_a_law_agrees_with_its_coefficients_at_its_shape_or_at_the_last_estimate(name, expected):
     # A play or a Stribeck velocity is no coefficient: the shape stays. A delay and a compliance are their coefficients.
     assert effect_named(name).at_estimate(np.array([3e-3]), (2e-3,)) == pytest.approx((expected,))
+
+
+# What sets single effects apart, by their laws: a gain of the whole torque; lists of waves, whose orders the positions
+# tell; a column that is the first order of a sine of the true angle; a delay, which a lag or friction looks like.
+APART = {
+    "scales_joint": {"torque_constant"},
+    "takes_lists": {"cogging"},
+    "shape_held": {"cogging"},
+    "first_order": {"encoder_eccentricity"},
+    "tested_against_zero": {"input_delay"},
+    "rubs": {
+        "coulomb_friction", "direction_dependent_friction", "stribeck_friction", "presliding_friction",
+        "load_dependent_friction",
+    },
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("attribute", APART)
+def test_what_is_true_of_few_effects_is_true_of_those(attribute):
+    assert {effect.name for effect in EFFECTS if getattr(effect, attribute)} == APART[attribute]
+
+
+# Columns of the load that a play passes end at an edge of their own; limits are compared with a smoothed command.
+SMOOTHED = {"backlash", "torque_saturation"}
+
+
+@pytest.mark.parametrize("effect", [e for e in EFFECTS if e.name not in SMOOTHED], ids=name_of)
+def test_columns_move_with_accelerations_where_the_effect_says_so(arm, smooth, effect):
+    joint = effect.places(arm)[-1]
+    shape = (6.0,) if effect.takes_lists else effect.shapes(arm, smooth, joint)[0]
+    other = Operation.of(arm, Motion(smooth.t, smooth.q, smooth.v, 1.3 * smooth.a))
+    one, two = (effect.signature(arm, o, joint, shape).columns for o in (smooth, other))
+    assert bool(np.any(np.abs(one - two) > 1e-9)) == effect.uses_acceleration
+
+
+@pytest.mark.parametrize("effect", EFFECTS, ids=name_of)
+def test_the_last_of_the_next_shapes_is_the_estimate_where_the_shape_is_one(arm, operation, effect):
+    place = effect.places(arm)[-1]
+    shape = effect.shapes(arm, operation, place)[0]
+    coefficients = np.full(len(effect.signature(arm, operation, place, shape).names), 0.1)
+    last = effect.refined(coefficients, shape)[-1]
+    assert (len(shape) > 0 and np.array_equal(last, coefficients)) is effect.shape_is_estimate
+
+
+def test_numbers_that_are_not_stated_are_none():
+    empty = ModelNumbers()
+    assert not empty.whole
+    assert (empty.viscous, empty.coulomb, empty.rotor_inertia, empty.waves) == (0.0, 0.0, 0.0, ())
+
+
+@pytest.mark.parametrize("effect", EFFECTS, ids=name_of)
+def test_no_device_has_a_stiffness_or_a_step_of_zero(arm, effect):
+    # By their laws: a stiffness and a step are divided by; every other parameter may be zero.
+    above = {p.name for p in effect.parameters(arm, effect.places(arm)[-1]) if p.above_zero}
+    assert above == {"transmission_compliance": {"stiffness"}, "encoder_quantization": {"step"}}.get(effect.name, set())
