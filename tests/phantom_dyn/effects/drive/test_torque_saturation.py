@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from phantom_dyn.effects.drive.torque_saturation import TorqueSaturation, _plausible
+from phantom_dyn.effects.drive.torque_saturation import TorqueSaturation, _plausible, followed
 from phantom_dyn.effects.operation import Operation
 from phantom_dyn.motion import Motion
 
@@ -134,3 +134,17 @@ def test_a_command_that_begins_and_ends_beyond_the_limit_is_believed(arm, smooth
     excess = np.where((np.arange(100) < 3) | (np.arange(100) >= 97), 0.5, 0.0)
     driven = replace(operation, expected=np.full((100, 3), 2.0))
     assert _plausible(driven, 1, 2.0, excess)
+
+
+@pytest.mark.parametrize(
+    ("run", "needed", "given"), [(8, 2.0, 1.5), (8, 1.2, 1.2), (2, 2.0, 0.4), (8, -2.0, 0.0)], ids=str
+)
+def test_a_torque_was_given_that_was_recorded_and_needed_for_thirty_milliseconds(arm, smooth, run, needed, given):
+    # By hand: 1.5 N m in samples of 10 ms for a while, 0.4 else; what the motion needs has the same or the other sign.
+    operation, _ = beyond(arm, smooth, (), 0.0)
+    long = (np.arange(100) >= 40) & (np.arange(100) < 40 + run)
+    command = np.where(long, -1.5, 0.4)[:, None] * np.ones(3)
+    driven = replace(
+        operation, logged=command, expected=np.where(long, -needed, 0.4 if needed > 0 else -0.4)[:, None] * np.ones(3)
+    )
+    assert followed(driven, 1) == pytest.approx(given)

@@ -150,3 +150,24 @@ def test_few_and_many_postures_show_the_same(arm, operation):
     states = (np.tile(x, (100, 1)) for x in (operation.q, operation.v, operation.a))
     many = Operation.of(arm, Motion(np.arange(4000.0), *states))
     assert EFFECT.shapes(arm, many, None) == EFFECT.shapes(arm, operation, None) == ((0.0, 0.0),)
+
+
+def test_a_tilt_is_sized_about_an_axis_across_gravity(arm):
+    # By hand: across (0, -1, -1) lie x and (0, 1, -1); about it a pitch of 0.2 comes with a yaw of -0.2.
+    leaning = with_gravity(arm, np.array([0.0, -5.0, -5.0]))
+    assert EFFECT.sized(leaning, None, "roll", 0.3, np.zeros(3)) == pytest.approx((0.3, 0.0, 0.0))
+    assert EFFECT.sized(leaning, None, "pitch", 0.2, np.zeros(3)) == pytest.approx((0.0, 0.2, -0.2))
+    assert EFFECT.sized(arm, None, "yaw", 0.2, np.zeros(3)) is None
+
+
+def test_without_gravity_a_base_would_tilt_about_x_and_y():
+    np.testing.assert_allclose(axes_across(np.zeros(3)), np.eye(3)[:2])
+
+
+def test_a_probe_is_one_radian_of_the_named_angle(arm, operation):
+    # By hand: under gravity along (0, -1, -3) the second axis is (0, 3, -1) / sqrt(10), whose pitch is the largest.
+    leaning = with_gravity(arm, np.array([0.0, -1.0, -3.0]))
+    swung = Operation.of(leaning, operation)
+    name, direction = EFFECT.probe(leaning, swung, None)
+    found = EFFECT.from_coefficients(leaning, None, direction, (0.0, 0.0))
+    assert found[("roll", "pitch", "yaw").index(name)] == pytest.approx(1.0)

@@ -12,7 +12,9 @@ from phantom_dyn.effects.support.cogging_orders import (
     _background,
     _independent,
     _Residual,
+    _speed_of_half_the_way,
     _stride,
+    comes_back,
     order_range,
     orders_in,
 )
@@ -183,3 +185,18 @@ def test_the_order_with_most_power_is_tried_beside_the_one_that_stands_out(arm):
         turning(arm, q, v, 0.004, 0.2 * np.sin(3.0 * q) + 0.02 * np.sin(60.0 * q)), 1, whole_numbers=True
     )
     assert {order for shape in shapes for order in shape} >= {3.0, 60.0}
+
+
+@pytest.mark.parametrize(
+    ("v", "speed"), [([1.0, -3.0, 2.0, 2.0], 2.0), ([0.0, 0.0], 0.0), ([5.0, 1.0, 1.0, 1.0], 5.0), ([4.0], 4.0)]
+)
+def test_half_of_the_way_is_made_below_the_middle_speed_by_way(v, speed):
+    # By hand: of 1 + 2 + 2 + 3 the first two make 3, the first three 5 of 8.
+    assert _speed_of_half_the_way(np.array(v)) == speed
+
+
+@pytest.mark.parametrize(("periods", "often"), [(9.99, False), (10.01, True)])
+def test_the_way_of_a_wave_is_made_forth_and_back(arm, periods, often):
+    # By hand: two radians forth and two back.
+    q = np.interp(np.arange(401), [0, 200, 400], [0.0, 2.0, 0.0])
+    assert comes_back(turning(arm, q, np.gradient(q), 0.01), 1, periods * 2 * np.pi / 4.0) is often
