@@ -41,6 +41,13 @@ BEST_BLOCKS_NAMELESS = 1
 # thresholds: from which on a gain may sit in few blocks.
 LARGE_GAIN = 10.0
 
+# share: of the energy of an effect's columns in the block with most of it, from which on a block has to gain by it.
+ACTING = 0.1
+
+# share of the blocks: an effect that is zero in all others acts so rarely that it is judged where it acts. Half a dozen
+# events in a recording of twenty blocks are fewer.
+RARE = 0.35
+
 # gain: of the trace of an effect in the noise, from which on the noise is estimated again without it.
 LEAST_TRACE = 10.0
 

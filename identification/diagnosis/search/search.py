@@ -227,8 +227,9 @@ def claimed(search: Search, chosen: frozenset[Term], without: frozenset[Term]) -
     """True if ``chosen`` gains more over ``without`` on held-out data than chance does.
 
     The gain has to be above the threshold, in sample too, and either positive from block to block or above the
-    threshold without its two best blocks too; a gain ten times the threshold may sit in few blocks only, as that of an
-    effect that acts rarely does.
+    threshold without its two best blocks too; a gain ten times the threshold may sit in few blocks only. An effect that
+    is zero most of the time, as a saturation that a command reaches twice, is judged where it acts: it has to gain in
+    every block there.
     """
     if search.score(chosen) >= _IMPOSSIBLE:
         return False
@@ -242,7 +243,20 @@ def claimed(search: Search, chosen: frozenset[Term], without: frozenset[Term]) -
     error = float(np.sqrt(len(gains)) * gains.std()) + 1e-12
     few = rules.BEST_BLOCKS if any(term.named for term in chosen - without) else rules.BEST_BLOCKS_NAMELESS
     lasting = held_out > rules.SIGNIFICANT_ERRORS * error or held_out - float(np.sort(gains)[-few:].sum()) > needed
-    return gain > needed and (lasting or gain > rules.LARGE_GAIN * needed)
+    energy = energy_by_block(search.problem, chosen - without)
+    rare = (energy > 0.0).mean() < rules.RARE and bool(np.all(gains[energy > rules.ACTING] > 0.0))
+    return gain > needed and (lasting or rare or gain > rules.LARGE_GAIN * needed)
+
+
+def energy_by_block(problem: Problem, terms: frozenset[Term]) -> Float[Array, " B"]:
+    """Energy of the columns of effects in each block over that in the block with most of it; one where there is none.
+
+    Zero, up to rounding, where an effect does not act at all.
+    """
+    columns = np.array(sorted({column for term in terms for column in term.columns}), dtype=int)
+    energy = np.einsum("bkk->bk", problem.grams.core_a.among(columns))
+    share = energy / np.maximum(energy.max(axis=0, initial=0.0), 1e-300)
+    return np.where(share > 1e-12, share, 0.0).max(axis=1, initial=0.0) if len(columns) else np.ones(len(energy))
 
 
 def dropped(search: Search, chosen: frozenset[Term]) -> frozenset[Term]:

@@ -39,6 +39,14 @@ _MOST = 0.45
 _NEEDED = (0.6, 1.4)
 # Share of a torque that was followed for certain: what the model needs there is known to about a fifth.
 _SURE = 0.8
+# There the needed torque stays as it is while the command goes on: the most that it may rise with the command, and its
+# spread in limits. A drive without a limit has slope one, a supply that gives way about a third, a limit zero.
+_SLOPE = 0.12
+_SPREAD = 0.8
+# Share of the limit above which a command that is below it shows how noisy the needed torque is.
+_BELOW = 0.3
+# Levels of the command at which a plateau of the needed torque is looked for.
+_LEVELS = 200
 # Time over which the command is averaged [s].
 _SECONDS = 0.01
 
@@ -74,14 +82,16 @@ class TorqueSaturation(Effect):
         )
 
     def shapes(self, robot: Robot, operation: Operation, joint: str | None) -> tuple[Shape, ...]:
-        """Limits that the command exceeds for 1 % to 40 % of the recording, and one from the motion.
+        """Limits that the command exceeds for 1 % to 40 % of the recording, and two from the motion.
 
         However far the command is beyond the limit, the motion needs no more torque than the limit.
         """
         row = row_of(robot, joint)
-        limits = np.quantile(np.abs(_command(operation, row)), 1.0 - np.array(_BEYOND))
+        command = _command(operation, row)
+        limits = np.quantile(np.abs(command), 1.0 - np.array(_BEYOND))
         needed = np.quantile(np.abs(operation.tau[:, row]), 1.0 - _NEEDED_BEYOND)
-        return tuple((float(x),) for x in np.unique([*limits, needed]))
+        plateau = _plateau(command, operation.tau[:, row])
+        return tuple((float(x),) for x in np.unique([*limits, needed, *plateau]))
 
     def refined(self, coefficients: Array, shape: Shape) -> tuple[Shape, ...]:
         """The same limit and some next to it."""
@@ -145,8 +155,47 @@ def _plausible(operation: Operation, row: int, limit: float, excess: Array) -> b
     if len(runs) == 0 or runs.max() * operation.dt < _LEAST_SECONDS or beyond.mean() > _MOST:
         return False
     # Signed, as the noise of accelerations has no sign of its own.
-    needed = float(np.median(operation.expected[beyond, row] * np.sign(excess[beyond])))
-    return _NEEDED[0] * limit < needed < _NEEDED[1] * limit
+    needed = operation.expected[beyond, row] * np.sign(excess[beyond])
+    middle = float(np.median(needed))
+    if not _NEEDED[0] * limit < middle < _NEEDED[1] * limit:
+        return False
+    return float(needed.std()) < _SPREAD * limit and _is_flat(operation, row, limit, excess)
+
+
+def _is_flat(operation: Operation, row: int, limit: float, excess: Array) -> bool:
+    """True if beyond the limit the needed torque does not rise with the command, as far as its noise lets one tell.
+
+    The noise is how far the needed torque is off the command below the limit; what is as close together as the least
+    time beyond a limit has the same.
+    """
+    beyond = excess != 0
+    command, needed = _command(operation, row), operation.expected[:, row]
+    x = np.abs(excess[beyond]) - np.abs(excess[beyond]).mean()
+    square = float(x @ x)
+    if square == 0.0:
+        return True
+    slope = float(x @ (needed[beyond] * np.sign(command[beyond]))) / square
+    below = ~beyond & (np.abs(command) > _BELOW * limit)
+    if not below.any():
+        return bool(slope < _SLOPE)
+    off = (needed - command)[below]
+    noise = 1.4826 * float(np.median(np.abs(off - np.median(off))))
+    error = noise * np.sqrt(max(_LEAST_SECONDS / operation.dt, 1.0) / square)
+    return bool(slope < _SLOPE + 2.0 * error)
+
+
+def _plateau(command: Array, needed: Array) -> tuple[float, ...]:
+    """The highest level above which the command goes on and the median of the needed torque stays at the level.
+
+    Of a drive without a limit the needed torque is above the level wherever the command is: there is none.
+    """
+    size, needed = np.abs(command), needed * np.sign(command)
+    levels = np.linspace(0.0, float(size.max()), _LEVELS + 1)[1:-1]
+    order = np.argsort(size)
+    above = np.searchsorted(size[order], levels)
+    reached = [bool(np.median(needed[order[k:]]) >= level) for level, k in zip(levels, above, strict=True)]
+    last = np.flatnonzero(np.array(reached[:-1]) & ~np.array(reached[1:]))
+    return (float(levels[last[-1]]),) if len(last) else ()
 
 
 def followed(operation: Operation, row: int) -> float:

@@ -8,10 +8,12 @@ import pytest
 from identification.diagnosis import decision_rules as rules
 from identification.diagnosis.fit.fitting import Fitted
 from identification.diagnosis.model.terms import ordered
+from identification.diagnosis.search import search as search_module
 from identification.diagnosis.search import stepwise
 from identification.diagnosis.search.search import (
     claimed,
     contains,
+    energy_by_block,
     possible,
     price,
     rank_of,
@@ -185,6 +187,38 @@ def test_a_gain_is_claimed_only_if_it_is_above_the_threshold_on_held_out_data_an
     rich = replace(plain, loss=plain.loss - held_out / len(plain.loss), objective=plain.objective - in_sample)
     search = replace(quiet.search, fits=Given(plain, rich))
     assert claimed(search, frozenset([quiet.term("viscous_friction", "elbow")]), frozenset()) is claims
+
+
+@pytest.mark.parametrize(
+    ("acting", "gains", "claims"),
+    [
+        ({3: 1.0, 7: 0.5}, {3: 15.0, 7: 5.0}, True),
+        ({3: 1.0, 7: 0.5}, {3: 22.0, 7: -2.0}, False),
+        ({3: 1.0, 7: 0.05}, {3: 22.0, 7: -2.0}, True),
+        ({3: 1.0, 7: 0.5, 0: 1e-3, 1: 1e-3}, {3: 15.0, 7: 5.0}, False),
+    ],
+)
+def test_an_effect_that_is_zero_in_most_blocks_is_judged_where_it_acts(quiet, monkeypatch, acting, gains, claims):
+    # Closed form: a threshold of ten, and a gain of twenty in two blocks, which the two best are not left out of.
+    plain = quiet.search.evaluate(frozenset())
+    energy, loss = np.zeros(len(plain.loss)), plain.loss.copy()
+    for block, share in acting.items():
+        energy[block] = share
+    for block, gain in gains.items():
+        loss[block] -= gain
+    monkeypatch.setattr(search_module, "energy_by_block", lambda problem, terms: energy)
+    rich = replace(plain, loss=loss, objective=plain.objective - 20.0)
+    search = replace(quiet.search, fits=Given(plain, rich))
+    assert claimed(search, frozenset([quiet.term("viscous_friction", "elbow")]), frozenset()) is claims
+
+
+def test_the_energy_by_block_is_that_of_the_columns_in_the_cores(quiet):
+    # Brute force over samples, of white columns.
+    term, problem = quiet.term("coulomb_friction", "elbow"), quiet.problem
+    values = problem.white.values[0][1][:, problem.columns.rows[1].index(term.columns[0])]
+    use = problem.white.usable[0][:, 1]
+    squares = np.array([(values[b.core : b.stop][use[b.core : b.stop]] ** 2).sum() for b in problem.blocks])
+    np.testing.assert_allclose(energy_by_block(problem, frozenset([term])), squares / squares.max(), rtol=1e-9)
 
 
 def test_nothing_is_claimed_without_a_gap(quiet):

@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from phantom_dyn.effects.drive.torque_saturation import TorqueSaturation, _plausible, followed
+from phantom_dyn.effects.drive.torque_saturation import TorqueSaturation, _plateau, _plausible, followed
 from phantom_dyn.effects.operation import Operation
 from phantom_dyn.motion import Motion
 
@@ -148,3 +148,40 @@ def test_a_torque_was_given_that_was_recorded_and_needed_for_thirty_milliseconds
         operation, logged=command, expected=np.where(long, -needed, 0.4 if needed > 0 else -0.4)[:, None] * np.ones(3)
     )
     assert followed(driven, 1) == pytest.approx(given)
+
+
+def commanded_once(operation: Operation, given, noise: float = 0.0) -> Operation:
+    """A slow command within 1 N m that goes to 3 N m once for 60 ms; ``given`` makes the needed torque of it."""
+    t = operation.t
+    command = np.sin(2 * np.pi * t) + 3.0 * np.exp(-(((t - 1.02) / 0.05) ** 2))
+    needed = given(command) + noise * np.random.default_rng(3).standard_normal(len(t))
+    everywhere = np.column_stack([needed] * 3)
+    return replace(operation, tau=everywhere, expected=everywhere, logged=np.column_stack([command] * 3))
+
+
+def test_a_limit_that_holds_once_for_some_milliseconds_is_tried(arm, saturated):
+    # Known truth: 2 N m, which the command exceeds for 4 % of two seconds.
+    driven = commanded_once(saturated, lambda command: np.clip(command, -2.0, 2.0))
+    assert min(abs(limit - 2.0) for (limit,) in EFFECT.shapes(arm, driven, "tilt")) < 0.03
+    assert EFFECT.signature(arm, driven, "tilt", (2.0,)).columns.any()
+
+
+def test_a_drive_without_a_limit_has_no_plateau(saturated):
+    driven = commanded_once(saturated, lambda command: 1.05 * command)
+    assert _plateau(driven.logged[:, 1], driven.tau[:, 1]) == ()
+
+
+@pytest.mark.parametrize("share", [0.3, 0.5])
+def test_a_supply_that_gives_way_is_no_limit(arm, saturated, share):
+    # Beyond 2 N m the drive still gives a share of what more is asked for.
+    driven = commanded_once(saturated, lambda x: np.clip(x, -2.0, 2.0) + share * np.maximum(x - 2.0, 0.0))
+    assert not EFFECT.signature(arm, driven, "tilt", (2.0,)).columns.any()
+
+
+def test_a_limit_is_believed_although_a_disturbance_hides_that_it_is_flat(arm, saturated):
+    # Smooth noise of 0.15 N m, which needs an error of the slope to be counted.
+    def given(command):
+        return np.clip(command, -2.0, 2.0) + 0.15 * np.sin(2 * np.pi * 9.0 * saturated.t + 0.5)
+
+    driven = commanded_once(saturated, given)
+    assert EFFECT.signature(arm, driven, "tilt", (2.0,)).columns.any()
