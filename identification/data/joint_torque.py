@@ -41,6 +41,12 @@ def _voltage_torque(table: Table, joint: str, actuator: Actuator) -> Float[Array
     return (table.columns[f"u.{joint}"] - constant * v) / actuator.resistance * constant
 
 
+def torque_sources(table: Table, joints: Iterable[str]) -> dict[str, str]:
+    """The quantity that gives the torque of each joint: ``tau``, ``i`` or ``u``; joints that have none are left out."""
+    found = {joint: [x for x in ("tau", "i", "u") if f"{x}.{joint}" in table.columns] for joint in joints}
+    return {joint: quantities[0] for joint, quantities in found.items() if quantities}
+
+
 def _one_joint(table: Table, joint: str, actuator: Actuator) -> Float[Array, " N"] | None:
     """Torque of one joint, or None if nothing gives it."""
     if f"tau.{joint}" in table.columns:

@@ -8,10 +8,9 @@ from pathlib import Path
 
 import numpy as np
 
-from identification.data.checks.certain_faults import certain_faults
-from identification.data.checks.check_recording import check_recording
+from identification.data.checks.check_recording import checked
 from identification.data.checks.positions import check_passive
-from identification.data.joint_torque import drive_torque, require_frames
+from identification.data.joint_torque import drive_torque, require_frames, torque_sources
 from identification.data.readers.contract_columns import column_of
 from identification.data.readers.read_table import read_table
 from identification.data.recording import Recording, Table
@@ -160,6 +159,7 @@ def recording(
         passive_q={
             name: read_only(table.columns[f"q.{name}"]) for name in robot.passive_names if f"q.{name}" in table.columns
         },
+        torque_from=torque_sources(table, joints),
         **optional,
     )
 
@@ -192,8 +192,8 @@ def read_recording(
         read_table(path, columns=columns, topic=topic), robot, excluded=excluded, torque_needed=torque_needed
     )
     # Loops first: where they do not close there is no model to check against.
-    warnings = (*found.warnings, *check_passive(found, robot), *check_recording(found, robot))
-    return replace(found, warnings=warnings, wrong=certain_faults(found, robot), anyway=anyway)
+    passive, rest = check_passive(found, robot), checked(found, robot)
+    return replace(found, warnings=(*found.warnings, *passive, *rest.warnings), wrong=rest.wrong, anyway=anyway)
 
 
 def unassigned_recording(table: Table) -> Recording:

@@ -94,6 +94,7 @@ class Recording:
         warnings: Sentences about the data.
         passive_q: Measured positions [rad or m] of passive joints of a closed chain by joint, each ``(N,)``.
         controlled: True if no torque was recorded, and ``tau`` is what the stated controllers ask for.
+        torque_from: The quantity that gave the torque of each joint: ``tau``, ``i`` or ``u``; empty where not known.
         wrong: What is certainly wrong with it; such a recording is refused, see `identification.data.refusal`.
         anyway: True if it is to be judged although something is wrong with it.
     """
@@ -113,5 +114,6 @@ class Recording:
     warnings: tuple[str, ...] = ()
     passive_q: Mapping[str, Float[Array, " N"]] = field(default_factory=dict)
     controlled: bool = False
+    torque_from: Mapping[str, str] = field(default_factory=dict)
     wrong: tuple[Fault, ...] = ()
     anyway: bool = False

@@ -1,26 +1,51 @@
 # pyright: reportAttributeAccessIssue=false
-"""What is certainly wrong with a recording or with the model beside it, so that a diagnosis would mean nothing."""
+"""What is certainly wrong with a recording or with the model beside it, so that a diagnosis would mean nothing.
+
+A fault is certain where the data as they stand are explained by no plausible robot, and another reading of them is, in
+both halves of the record: see `identification.data.checks.plausible_fit`.
+"""
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
+from jaxtyping import Bool, Float
+from scipy.optimize import nnls
 
+from identification.data.checks import suspects as other
+from identification.data.checks.against_model import Sample, regress_joints
+from identification.data.checks.plausible_fit import unexplained
+from identification.data.checks.readings import Reading
+from identification.data.checks.suspects import Suspect
 from identification.data.recording import Fault, Recording
-from phantom_dyn.dynamics.dynamics import standard_parameters
+from phantom_dyn.dynamics.dynamics import inverse_dynamics, modelled_friction, standard_parameters
+from phantom_dyn.errors import listed
 from phantom_dyn.model.robot import Robot
 
+Array = np.ndarray
 
-def certain_faults(recording: Recording, robot: Robot) -> tuple[Fault, ...]:
-    """All that is certainly wrong with a recording of one robot; nothing that may only be unusual.
-
-    Args:
-        recording: Raw samples.
-        robot: The given model.
-    """
-    del recording  # so far the model alone is looked at
-    return massless_model(robot)
+# Share of a torque's variance below which a fit is as good as any: real laws of friction leave as much.
+_ENOUGH = 0.005
+# A reading is far better where it leaves a quarter of the share, half of the amplitude (the geometric mean over both
+# halves of the record), and where neither half sees less than half of that.
+_FAR_BETTER, _EITHER_HALF = float(np.log(4.0)), float(np.log(2.0))
+# No joint may fit worse by this.
+_WORSE = float(np.log(1.5))
+# Share that the right reading may leave at most.
+_RIGHT = 0.15
+# Sums of gains that differ by less are those of twins.
+_TWINS = 0.5
+# Joints of a robot that is looked at: the readings of more would take longer than a diagnosis.
+_MOST_JOINTS = 12
+# Share of the needed torque below which a joint is not driven, or is driven by something else.
+_IDLE = 0.1
+# Readings are put right one after the other, up to this many.
+_MOST_FAULTS = 3
+# Signs and orders that a plain fit finds best are looked at closely, this many.
+_TRIED = 6
 
 
 def massless_model(robot: Robot) -> tuple[Fault, ...]:
@@ -35,3 +60,197 @@ def massless_model(robot: Robot) -> tuple[Fault, ...]:
             f"give every link of {name} its mass and inertia (<inertial> in a URDF), or take a file that has them",
         ),
     )
+
+
+@dataclass(frozen=True)
+class Compared:
+    """A reading beside the data as they stand.
+
+    Attributes:
+        suspect: What it changes.
+        gains: Logarithm of what is left as the data stand over what the reading leaves, ``(2, nv)``.
+        left: Share that the reading leaves, ``(2, nv)``.
+    """
+
+    suspect: Suspect
+    gains: Float[Array, "2 nv"]
+    left: Float[Array, "2 nv"]
+
+    @property
+    def of_joints(self) -> Float[Array, " nv"]:
+        """Gain of each joint, see `_of_joints`."""
+        return _of_joints(self.gains)
+
+    @property
+    def score(self) -> float:
+        """Sum of the gains."""
+        return float(np.nansum(self.of_joints))
+
+
+def _of_joints(gains: Float[Array, "2 nv"]) -> Float[Array, " nv"]:
+    """Gain of each joint: the mean of both halves where both see it, else that of the worse; NaN where neither can."""
+    said = ~np.isnan(gains).all(axis=0)
+    out = np.full(gains.shape[1], np.nan)
+    worse = np.nanmin(gains[:, said], axis=0)
+    out[said] = np.where(worse >= _EITHER_HALF, np.nanmean(gains[:, said], axis=0), worse)
+    return out
+
+
+def compared(robot: Robot, before: Float[Array, "2 nv"], reading: Reading, suspect: Suspect) -> Compared:
+    """How much better a suspect's reading fits than the data as they stand."""
+    left = unexplained(robot, suspect.read(reading))
+    return Compared(suspect, np.log((before + _ENOUGH) / (left + _ENOUGH)), left)
+
+
+def is_certain(found: Compared) -> bool:
+    """Whether a reading is far better where it should be, and nowhere worse."""
+    gains = found.of_joints
+    own = gains[list(found.suspect.joints)]
+    if np.nanmin(gains, initial=0.0) < -_WORSE:
+        return False
+    worst = np.array([np.nanmax(column) if not np.isnan(column).all() else np.nan for column in found.left.T])
+    mended = (own >= _FAR_BETTER) & (worst[list(found.suspect.joints)] <= _RIGHT)
+    if found.suspect.kind == "order":
+        return bool(mended.any() and np.all(own >= _WORSE))
+    if found.suspect.kind == "torque":
+        return int(mended.sum()) >= 2
+    return int(mended.sum()) >= min(2, len(own))
+
+
+def certain_faults(recording: Recording, robot: Robot, reading: Reading | None) -> tuple[Fault, ...]:
+    """All that is certainly wrong with a recording, or with the model beside it.
+
+    Args:
+        recording: Raw samples.
+        robot: The given model.
+        reading: Some of its samples, smoothed; None where there is no torque to compare with the model.
+    """
+    massless = massless_model(robot)
+    if massless or reading is None or robot.nv > _MOST_JOINTS:
+        return massless
+    step = float(np.median(np.diff(recording.t)))
+    return tuple(_fault(recording, robot, found) for found in better_readings(robot, reading, step))
+
+
+def _fault(recording: Recording, robot: Robot, found: Compared) -> Fault:
+    """The sentence on a reading that is better than the data as they stand."""
+    j = int(np.nanargmax(found.of_joints))
+    after, gain = np.nanmax(found.left[:, j]), found.of_joints[j]
+    before = min(1.0, (after + _ENOUGH) * np.exp(gain))
+    why = (
+        f"as it stands no plausible robot explains {100 * before:.2g} % of the torque of {robot.joint_names[j]}, "
+        f"whatever its load, inertias, friction and torque constant; read so, {max(100 * after, 0.1):.2g} % are left"
+    )
+    return Fault(found.suspect.what, why, _mend(recording, found.suspect))
+
+
+def _mend(recording: Recording, suspect: Suspect) -> str:
+    """What to do, with the entries of a column map; a torque that was computed from a current has none of its own."""
+    taken = {f"tau.{joint}": f"{source}.{joint}" for joint, source in recording.torque_from.items()}
+    computed = [column for column in suspect.entries if taken.get(column, column) != column]
+    if computed or ("tau" in suspect.entries and set(taken.values()) - set(taken)):
+        columns = listed([taken[column] for column in computed] or list(dict.fromkeys(taken.values())))
+        return (
+            f"the torque was computed from {columns}: mend these columns with a column map (--columns), or "
+            "torque_constant and gear_ratio in robot.yaml"
+        )
+    pairs = [f"{key}: {value}" for key, value in suspect.entries.items()]
+    entry = pairs[0] if len(pairs) == 1 else "{" + ", ".join(pairs) + "}"
+    return f"write {entry} into a column map and give it with --columns"
+
+
+def better_readings(robot: Robot, reading: Reading, step: float) -> list[Compared]:
+    """Readings that are certainly better than the data as they stand, one after the other, each beside the last.
+
+    Args:
+        robot: The given model.
+        reading: The data as they stand.
+        step: Median time between two samples [s].
+    """
+    out: list[Compared] = []
+    for _ in range(_MOST_FAULTS):
+        before = unexplained(robot, reading)
+        poor = _poor(before)
+        if not poor:
+            return out
+        tried = [compared(robot, before, reading, suspect) for suspect in _suspects(robot, reading, poor, step)]
+        certain = [one for one in tried if is_certain(one)]
+        if not certain:
+            return out
+        highest = max(one.score for one in certain)
+        # Of twins the one that is listed first: a torque is turned round more often than a position.
+        best = next(one for one in certain if one.score > highest - _TWINS)
+        if not best.suspect.told:
+            return out
+        out.append(best)
+        reading = best.suspect.read(reading)
+    return out
+
+
+def _poor(before: Float[Array, "2 nv"]) -> list[int]:
+    """Joints whose fit could become far better in both halves."""
+    possible = _of_joints(np.log((before + _ENOUGH) / _ENOUGH))
+    return np.flatnonzero(np.nan_to_num(possible) >= _FAR_BETTER).tolist()
+
+
+def _suspects(robot: Robot, reading: Reading, poor: Sequence[int], step: float) -> list[Suspect]:
+    driven = _driven(robot, reading)
+    signed = [j for j in poor if driven[j]]
+    ratio = common_ratio(robot, reading)
+    return [
+        *other.time_suspects(robot, step),
+        *(other.degree_suspects(robot) if np.abs(reading.motion.q).max() > np.pi else ()),
+        *(other.all_signs(robot) if signed == list(poor) else ()),
+        *other.torque_suspects(robot, ratio),
+        *_promising(robot, reading, [*other.sign_suspects(robot, signed), *other.order_suspects(robot, signed)]),
+    ]
+
+
+def _driven(robot: Robot, reading: Reading) -> Bool[Array, " nv"]:
+    """True for joints whose torque has a size and signs that the motion can need; False for idle or unsigned ones."""
+    needed = inverse_dynamics(robot, reading.motion) - modelled_friction(robot, reading.motion)
+    turns = np.ptp(np.sign(needed), axis=0) == 2
+    unsigned = turns & ((reading.tau.min(axis=0) >= 0) | (reading.tau.max(axis=0) <= 0))
+    return (reading.tau.std(axis=0) >= _IDLE * needed.std(axis=0)) & ~unsigned
+
+
+def _promising(robot: Robot, reading: Reading, suspects: Sequence[Suspect]) -> list[Suspect]:
+    """Those of many suspects that a plain fit, quicker by far, finds better than the data as they stand."""
+    before = plain_left(robot, reading)
+    gains = []
+    for suspect in suspects:
+        joints = list(suspect.joints)
+        after = plain_left(robot, suspect.read(reading))
+        gains.append(float(np.nansum(np.log((before[joints] + _ENOUGH) / (after[joints] + _ENOUGH)))))
+    best = np.argsort(gains)[::-1][:_TRIED]
+    return [suspects[k] for k in sorted(best.tolist()) if gains[k] > _WORSE]
+
+
+def plain_left(robot: Robot, reading: Reading) -> Float[Array, " nv"]:
+    """Share of each joint's torque variance that the model times a positive number, friction and an offset leave."""
+    needed = inverse_dynamics(robot, reading.motion) - modelled_friction(robot, reading.motion)
+    felt = reading.tau + reading.external
+    ones = np.ones(len(felt))
+    out = np.full(felt.shape[1], np.nan)
+    for j in range(felt.shape[1]):
+        variance = float(felt[:, j].var())
+        columns = np.column_stack([needed[:, j], reading.motion.v[:, j], reading.sign[:, j], ones, -ones])
+        size = np.linalg.norm(columns, axis=0)
+        if variance > 0:
+            left = nnls(columns / np.where(size > 0, size, 1.0), felt[:, j])[1]
+            out[j] = float(left) ** 2 / len(felt) / variance
+    return out
+
+
+def common_ratio(robot: Robot, reading: Reading) -> float | None:
+    """Measured over modelled torque, where at least two joints agree on it to a factor of two; else None."""
+    model = inverse_dynamics(robot, reading.motion) - modelled_friction(robot, reading.motion)
+    found = regress_joints(Sample(reading.motion, reading.tau + reading.external, reading.sign), model)
+    slopes = [
+        float(np.mean(one.slope)) for one in found if one is not None and one.model_share > 0.1 and min(one.slope) > 0
+    ]
+    if len(slopes) < 2:
+        return None
+    middle = float(np.exp(np.median(np.log(slopes))))
+    agree = [slope for slope in slopes if 0.5 < slope / middle < 2.0]
+    return middle if len(agree) >= 2 else None

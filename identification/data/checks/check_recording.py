@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
+from dataclasses import dataclass, replace
+
+import numpy as np
 
 from identification.data.checks.against_model import (
     check_degrees,
@@ -12,27 +14,43 @@ from identification.data.checks.against_model import (
     model_torque,
     spread_samples,
 )
+from identification.data.checks.certain_faults import certain_faults
 from identification.data.checks.positions import check_coarse_step, check_frozen, check_stillness, check_velocity
+from identification.data.checks.readings import reading_of
 from identification.data.checks.smoothed_copy import Smooth, smoothed
 from identification.data.checks.times_and_torques import check_clipping, check_lag, check_timing
 from identification.data.joint_torque import external_torque
-from identification.data.recording import Recording
+from identification.data.recording import Fault, Recording
 from phantom_dyn.model.robot import Robot
+
+Array = np.ndarray
+
+
+@dataclass(frozen=True)
+class Checked:
+    """What was found: sentences on what may be wrong, and what certainly is."""
+
+    warnings: tuple[str, ...]
+    wrong: tuple[Fault, ...] = ()
 
 
 def check_recording(recording: Recording, robot: Robot | None) -> tuple[str, ...]:
-    """Warnings about a recording that can be used but that may not be what it seems.
+    """Warnings about a recording that can be used but that may not be what it seems, see `checked`."""
+    return checked(recording, robot).warnings
+
+
+def checked(recording: Recording, robot: Robot | None) -> Checked:
+    """What may be wrong with a recording, and what certainly is.
 
     Args:
         recording: Raw samples.
-        robot: Without it only what needs no model is checked.
+        robot: Without it only what needs no model is checked, and nothing is certain.
 
     Returns:
-        One sentence each; a good recording gives none.
+        Warnings of one sentence each; a good recording gives none.
     """
     out = [*check_timing(recording), *check_stillness(recording, None if robot is None else robot.prismatic)]
-    felt = recording if robot is None else _with_external_torque(recording, robot)
-    smooth = smoothed(felt)
+    smooth = smoothed(recording)
     if smooth is not None and smooth.inside.any():
         stated = tuple(
             robot is not None and robot.actuators[j].encoder_counts is not None
@@ -42,16 +60,24 @@ def check_recording(recording: Recording, robot: Robot | None) -> tuple[str, ...
         out += check_coarse_step(recording, smooth, stated)
         out += check_velocity(recording, smooth)
     out += check_clipping(recording)
-    if robot is None or smooth is None or recording.tau is None:
-        return (*out, *check_degrees(recording, robot, None, None))
-    return (*out, *_check_against_model(felt, robot, smooth))
+    if robot is None:
+        return Checked((*out, *check_degrees(recording, robot, None, None)))
+    if smooth is None or recording.tau is None:
+        return Checked((*out, *check_degrees(recording, robot, None, None)), certain_faults(recording, robot, None))
+    external = _external_torque(recording, robot)
+    forces = None if external is None else smoothed(replace(recording, tau=external, forces={}))
+    reading = reading_of(smooth, None if forces is None else forces.tau)
+    wrong = certain_faults(recording, robot, reading)
+    if wrong:
+        # What is found beside a certain fault is mostly its echo.
+        return Checked(tuple(out), wrong)
+    felt = smooth if forces is None or forces.tau is None else replace(smooth, tau=smooth.tau + forces.tau)
+    return Checked((*out, *_check_against_model(recording, robot, felt)))
 
 
-def _with_external_torque(recording: Recording, robot: Robot) -> Recording:
-    """The recording with all torque that the joints feel: that of their drives and that of measured forces."""
-    if recording.tau is None or not recording.forces:
-        return recording
-    return replace(recording, tau=recording.tau + external_torque(robot, recording.q, recording.forces))
+def _external_torque(recording: Recording, robot: Robot) -> Array | None:
+    """Torque of measured forces on the joints; None where none was measured."""
+    return external_torque(robot, recording.q, recording.forces) if recording.forces else None
 
 
 def _check_against_model(recording: Recording, robot: Robot, smooth: Smooth) -> list[str]:

@@ -5,6 +5,7 @@ t: {from: time_ms, unit: ms}
 q.j1: {from: enc1, counts: 8192}     # counts per revolution of the joint
 tau.j1: {from: load1, unit: Nmm, sign: -1}
 v: {from: "vel_{joint}", unit: deg/s}  # every column vel_<joint>
+tau.j2: {from: load2, gear: 100}     # on the motor's side of a gear of 100
 ignore: [q.gripper]                  # columns that are left out
 ```
 """
@@ -22,10 +23,13 @@ import msgspec
 
 from identification.data.readers.contract_columns import COUNTED, JOINT_QUANTITIES, UNITS, Quantity, column_of
 from identification.data.recording import RawTable
-from phantom_dyn.errors import LogError, known_names
+from phantom_dyn.errors import LogError, known_names, listed
 from phantom_dyn.model.settings_file import describe, read_settings
 
 _PLACE = "{joint}"
+_KEYS = ("from", "unit", "sign", "counts", "gear")
+# A gear multiplies a torque from the motor's to the joint's side, and divides positions and speeds.
+_THROUGH_GEAR: tuple[Quantity, ...] = ("tau",)
 
 
 class _Source(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
@@ -35,6 +39,7 @@ class _Source(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     unit: str | None = None
     sign: int = 1
     counts: float | None = None
+    gear: float = 1.0
 
 
 @dataclass(frozen=True)
@@ -61,8 +66,20 @@ class ColumnMap:
 
 
 def _factor(where: str, quantity: Quantity, source: _Source) -> float:
+    """Factor to SI on the joint's side."""
     if source.sign not in (1, -1):
         raise LogError(f"{where}.sign is {source.sign}, wanted 1 or -1.")
+    if not 0 < source.gear < math.inf:
+        raise LogError(f"{where}.gear is {source.gear:g}, wanted the ratio of the gear, above 0.")
+    if source.gear != 1 and quantity not in (*_THROUGH_GEAR, *COUNTED):
+        wanted = listed((*_THROUGH_GEAR, *COUNTED))
+        raise LogError(f"{where}.gear is for what has a motor's side ({wanted}): leave it out.")
+    through = source.gear if quantity in _THROUGH_GEAR else 1 / source.gear
+    return through * _plain_factor(where, quantity, source)
+
+
+def _plain_factor(where: str, quantity: Quantity, source: _Source) -> float:
+    """Factor to SI on the side of the gear that the column is on."""
     if source.counts is not None:
         if source.unit is not None:
             raise LogError(f"{where} has both unit and counts: give one of them.")
@@ -84,10 +101,9 @@ def _source(file: str, key: str, value: Any) -> Source:
     given = {"from": value} if isinstance(value, str) else value
     if not isinstance(given, dict):
         raise LogError(f"{where} is {describe(value)}, wanted a column name or {{from: NAME, unit: UNIT}}.")
-    unknown = [str(name) for name in given if name not in ("from", "unit", "sign", "counts")]
+    unknown = [str(name) for name in given if name not in _KEYS]
     if unknown:
-        keys = ("from", "unit", "sign", "counts")
-        raise LogError(f"{where} has the unknown key {unknown[0]}: {known_names(unknown[0], keys, 'keys')}")
+        raise LogError(f"{where} has the unknown key {unknown[0]}: {known_names(unknown[0], _KEYS, 'keys')}")
     if "from" not in given:
         raise LogError(f"{where} does not say which column it is: add from: NAME.")
     try:

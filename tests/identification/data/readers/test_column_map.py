@@ -137,3 +137,21 @@ def test_a_map_onto_text_names_the_value(map_file):
     raw = RawTable("log.csv", {"t": ONE}, {"enc": "log.csv, line 5, column enc holds 'x' where a number should be."})
     with pytest.raises(LogError, match="line 5, column enc holds 'x'"):
         mapped(raw, read_column_map(map_file("q.a: enc")))
+
+
+@pytest.mark.parametrize(("key", "factor"), [("tau.j", 100.0), ("q.j", 0.01), ("v.j", 0.01)])
+def test_a_gear_takes_a_column_from_the_motors_to_the_joints_side(tmp_path, key, factor):
+    # Closed form: a gear of n multiplies torque by n and divides position and speed by it.
+    (tmp_path / "map.yaml").write_text(f"{key}: {{from: a, gear: 100}}\n")
+    raw = RawTable("log.csv", {"a": np.array([1.0, -2.0])})
+    found = mapped(raw, read_column_map(tmp_path / "map.yaml")).columns[key]
+    np.testing.assert_allclose(found, factor * np.array([1.0, -2.0]), rtol=1e-15)
+
+
+@pytest.mark.parametrize(
+    ("entry", "told"), [("t: {from: a, gear: 2}", "leave it out"), ("q.j: {from: a, gear: 0}", "above 0")]
+)
+def test_a_gear_that_means_nothing_is_refused(tmp_path, entry, told):
+    (tmp_path / "map.yaml").write_text(entry + "\n")
+    with pytest.raises(LogError, match=told):
+        read_column_map(tmp_path / "map.yaml")

@@ -1,0 +1,176 @@
+# pyright: reportAttributeAccessIssue=false
+"""How well any robot that is at all plausible explains a recording: a bounded regression of all joints at once.
+
+The inertial parts of every link may be half to twice what is modelled, a payload of five kilograms and five times the
+mass of all links may hang at the last one, rotors may be thirty times as heavy as what they move, every drive's torque
+constant may be half to twice what was assumed, friction may be of any size as long as it opposes the motion, and
+offsets are free. What even this leaves is no property of a robot: the recording is wrong, if another reading of the
+same data leaves far less.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from jaxtyping import Float
+from scipy.optimize import lsq_linear
+
+from identification.data.checks.readings import Reading
+from phantom_dyn.dynamics.dynamics import mass_matrix, rigid_body_regressor, standard_parameters
+from phantom_dyn.model.inertia import payload_body
+from phantom_dyn.model.robot import Robot
+
+Array = np.ndarray
+
+# Range of an inertia over the modelled one, and of a torque constant over the assumed one.
+_LEAST, _MOST = 0.5, 2.0
+# Mass of a payload: over that of all moving links, and on the lightest robot [kg]: a bare lever of 0.08 kg may carry 2.
+_PAYLOAD, _PAYLOAD_KG = 5.0, 5.0
+# Inertia of a rotor behind its gear over what the joint moves, the modelled rotor included.
+_ROTOR = 30.0
+# Samples over which the inertia at a joint is averaged.
+_POSTURES = 12
+# A half of the record in which a torque varies less than this share of its whole variance says nothing.
+_QUIET = 1e-3
+# Weight of the pull of every coefficient towards zero, in columns of length one: the fit loses a millionth.
+_RIDGE = 1e-3
+# Torque constants and inertias are fitted in turns, this often: a product of the two has no linear fit.
+_TURNS = 3
+_PARAMETERS = 10  # inertial parameters of a body
+_FIRST = 4  # of them: mass and first moments
+_OWN = 4  # columns that each joint has for itself: rotor, viscous and Coulomb friction, offset
+
+
+@dataclass(frozen=True)
+class _Bounded:
+    """Columns that all joints share, those that each joint has for itself, and bounds of their coefficients."""
+
+    shared: Float[Array, "N nv s"]
+    own: Float[Array, "N nv 4"]
+    low: Float[Array, " s"]
+    high: Float[Array, " s"]
+    rotor: Float[Array, " nv"]
+
+
+def unexplained(robot: Robot, reading: Reading) -> Float[Array, "2 nv"]:
+    """Share of each joint's torque variance that no plausible robot explains, in each half of the record.
+
+    Args:
+        robot: The given model.
+        reading: The data.
+
+    Returns:
+        Shares from 0 on, NaN for a half in which the torque hardly varies.
+    """
+    columns = _columns(robot, reading)
+    felt = reading.tau + reading.external
+    half = len(felt) // 2
+    out = np.full((2, felt.shape[1]), np.nan)
+    whole = felt.var(axis=0)
+    for k, rows in enumerate((slice(None, half), slice(half, None))):
+        variance = felt[rows].var(axis=0)
+        said = (variance > _QUIET * whole) & (variance > 0)
+        if said.any():
+            out[k, said] = _left(columns, felt, rows, np.flatnonzero(said)) / variance[said]
+    return out
+
+
+def _columns(robot: Robot, reading: Reading) -> _Bounded:
+    """Columns of the torques with the least and the largest plausible coefficient of each."""
+    regressor = rigid_body_regressor(robot, reading.motion)
+    modelled = standard_parameters(robot)
+    carries = payload_body(robot) - 1
+    mass, reach = float(modelled[::_PARAMETERS].sum()), _reach(robot)
+    columns, low, high = [], [], []
+    for body in range(len(modelled) // _PARAMETERS):
+        start = body * _PARAMETERS
+        for part in (slice(start, start + _FIRST), slice(start + _FIRST, start + _PARAMETERS)):
+            columns.append(regressor[:, :, part] @ modelled[part])
+            # A part that is modelled on the last link need not be mounted.
+            low.append(0.0 if body >= carries else _LEAST)
+            high.append(_MOST)
+    load = (_PAYLOAD * mass + _PAYLOAD_KG) * (reach / 2) ** np.array([0, 1, 1, 1, 2, 2, 2, 2, 2, 2])
+    positive = np.isin(np.arange(_PARAMETERS), (0, 4, 6, 9))  # mass and moments; products and centres have either sign
+    columns += list(np.moveaxis(regressor[:, :, carries * _PARAMETERS : (carries + 1) * _PARAMETERS], 2, 0))
+    low += list(np.where(positive, 0.0, -load))
+    high += list(load)
+    ones = np.ones_like(reading.tau)
+    postures = np.linspace(0, len(ones) - 1, _POSTURES).astype(int)
+    moved = np.einsum("njj->nj", mass_matrix(robot, reading.motion.q[postures])).mean(axis=0)
+    return _Bounded(
+        np.stack(columns, axis=2),
+        np.stack([reading.motion.a, reading.motion.v, reading.sign, ones], axis=2),
+        np.array(low),
+        np.array(high),
+        _ROTOR * moved,
+    )
+
+
+def _reach(robot: Robot) -> float:
+    """Length scale of a robot [m]: the sum of the distances between its joints and to the last centre of mass."""
+    lengths = [float(np.linalg.norm(place.translation)) for place in list(robot.model.jointPlacements)[2:]]
+    return max(sum(lengths) + float(np.linalg.norm(robot.model.inertias[robot.model.njoints - 1].lever)), 0.1)
+
+
+def _left(columns: _Bounded, felt: Float[Array, "N nv"], rows: slice, joints: Array) -> Float[Array, " k"]:
+    """Mean square of each joint's torque that the best coefficients within their bounds leave."""
+    count = columns.shared.shape[2]
+    low = np.concatenate([columns.low, *([0.0, 0.0, 0.0, -np.inf] for _ in joints)])
+    high = np.concatenate([columns.high, *([columns.rotor[j], np.inf, np.inf, np.inf] for j in joints)])
+    size = felt[rows][:, joints].std(axis=0)
+    wanted = felt[rows][:, joints] / size
+    shared, own = columns.shared[rows][:, joints] / size[:, None], columns.own[rows][:, joints] / size[:, None]
+    constants = np.ones(len(joints))
+    best = np.full(len(joints), np.inf)
+    for turn in range(_TURNS):
+        x = _bounded(_stacked(shared * constants[:, None], own), wanted.T.ravel(), low, high)
+        need = shared @ x[:count]
+        each = [
+            _own_fit(need[:, k], own[:, k], wanted[:, k], (low[count + _OWN * k :], high[count + _OWN * k :]))
+            for k in range(len(joints))
+        ]
+        best = np.minimum(best, np.array([left for _, left in each]))
+        constants = np.array([constant for constant, _ in each])
+        if turn == 0 and best.max() < _RIDGE:
+            break
+    return best * size**2
+
+
+def _stacked(shared: Float[Array, "n k s"], own: Float[Array, "n k 4"]) -> Float[Array, "m c"]:
+    """All joints below each other: shared columns first, then those of each joint, which are zero for the others."""
+    n, joints, count = shared.shape
+    out = np.zeros((joints * n, count + _OWN * joints))
+    for k in range(joints):
+        out[k * n : (k + 1) * n, :count] = shared[:, k]
+        out[k * n : (k + 1) * n, count + _OWN * k : count + _OWN * (k + 1)] = own[:, k]
+    return out
+
+
+def _own_fit(
+    need: Float[Array, " n"], own: Float[Array, "n 4"], wanted: Float[Array, " n"], bounds: tuple[Array, Array]
+) -> tuple[float, float]:
+    """Torque constant of one joint for what its links need, and the mean square that is left."""
+    columns = np.column_stack([need, own])
+    low = np.concatenate([[_LEAST], bounds[0][:_OWN]])
+    high = np.concatenate([[_MOST], bounds[1][:_OWN]])
+    x = _bounded(columns, wanted, low, high)
+    return float(x[0]), float(np.mean((wanted - columns @ x) ** 2))
+
+
+def _bounded(columns: Float[Array, "n k"], target: Float[Array, " n"], low: Array, high: Array) -> Float[Array, " k"]:
+    """The best coefficients within their bounds."""
+    size = np.linalg.norm(columns, axis=0)
+    used = (size > 0) & (high > low)
+    scale = size[used]
+    # A weak pull towards nothing keeps columns that are nearly the same from growing against each other.
+    ridge = _RIDGE * np.eye(len(scale))
+    padded = np.column_stack(
+        [np.vstack([columns[:, used] / scale, ridge]), np.concatenate([target, np.zeros(len(ridge))])]
+    )
+    # The factors of a triangular decomposition carry all that the fit needs, in as many rows as there are columns.
+    factor = np.asarray(np.linalg.qr(padded, mode="r"))
+    solved = lsq_linear(factor[:, :-1], factor[:, -1], (low[used] * scale, high[used] * scale), method="bvls")
+    out = np.zeros(len(size))
+    out[used] = solved.x / scale
+    return out

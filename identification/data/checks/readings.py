@@ -1,0 +1,114 @@
+# pyright: reportAttributeAccessIssue=false
+"""Other readings of the same samples: a unit, a sign or the order of the joints taken differently."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from jaxtyping import Float
+from scipy.signal import butter, sosfiltfilt
+
+from identification.data.checks.smoothed_copy import Smooth
+from phantom_dyn.motion import Motion
+
+Array = np.ndarray
+
+_ROWS = 400  # samples in a regression: enough for its thirty coefficients in each half, and quick for many readings
+_FEWEST = 60
+# The band reaches twice as high as this share of each joint's velocity: above, accelerations are mostly noise.
+_MOVING, _MARGIN = 0.99, 2.0
+
+
+@dataclass(frozen=True)
+class Reading:
+    """Samples of motion and torque as one reading of the data has them.
+
+    Attributes:
+        motion: Samples of smooth motion.
+        sign: Sign of the velocity, smoothed like the torque, shape ``(N, nv)``.
+        tau: Torque of the drives, shape ``(N, nv)``.
+        external: Torque of measured forces, shape ``(N, nv)``; it is right in every reading.
+    """
+
+    motion: Motion
+    sign: Float[Array, "N nv"]
+    tau: Float[Array, "N nv"]
+    external: Float[Array, "N nv"]
+
+
+def reading_of(smooth: Smooth, external: Float[Array, "M nv"] | None = None) -> Reading | None:
+    """The data as they stand, in the band in which the robot moves; None without torque or with too few samples.
+
+    Args:
+        smooth: The low-passed copy.
+        external: Torque of measured forces at the times of ``smooth``; None where there were none.
+    """
+    rows = smooth.rows(_ROWS)
+    if smooth.tau is None or len(rows) < _FEWEST:
+        return None
+    cutoff, rate = _moving_edge(smooth), 1 / smooth.step
+
+    def in_band(values: Float[Array, "M nv"]) -> Float[Array, "N nv"]:
+        if cutoff >= smooth.cutoff_hz:
+            return values[rows]
+        sos = butter(4, cutoff, fs=rate, output="sos")
+        return sosfiltfilt(sos, values, axis=0, padlen=min(len(values) - 1, int(3 * rate / cutoff)))[rows]
+
+    motion = Motion(smooth.t[rows], in_band(smooth.q), in_band(smooth.v), in_band(smooth.a))
+    tau = in_band(smooth.tau)
+    return Reading(motion, in_band(smooth.sign), tau, np.zeros_like(tau) if external is None else in_band(external))
+
+
+def _moving_edge(smooth: Smooth) -> float:
+    """Frequency [Hz] up to which the joints move, at most the edge of the smooth copy."""
+    v = smooth.v[smooth.inside] - smooth.v[smooth.inside].mean(axis=0)
+    power = np.abs(np.fft.rfft(v * np.hanning(len(v))[:, None], axis=0)) ** 2
+    frequencies = np.fft.rfftfreq(len(v), smooth.step)
+    edges = [
+        frequencies[np.searchsorted(np.cumsum(column) / column.sum(), _MOVING)]
+        for column in power.T
+        if column.sum() > 0
+    ]
+    return min(_MARGIN * float(max(edges, default=np.inf)), smooth.cutoff_hz)
+
+
+def with_positions_times(reading: Reading, factor: Float[Array, " nv"]) -> Reading:
+    """Positions of each joint times a factor; one below zero turns the joint's direction round."""
+    m = reading.motion
+    return replace(
+        reading,
+        motion=Motion(m.t, m.q * factor, m.v * factor, m.a * factor),
+        sign=reading.sign * np.sign(factor),
+    )
+
+
+def with_positions_plus(reading: Reading, shift: Float[Array, " nv"]) -> Reading:
+    """Positions of each joint [rad or m] counted from another zero."""
+    m = reading.motion
+    return replace(reading, motion=Motion(m.t, m.q + shift, m.v, m.a))
+
+
+def with_torques_times(reading: Reading, factor: Float[Array, " nv"]) -> Reading:
+    """Torques of the drives times a factor for each joint."""
+    return replace(reading, tau=reading.tau * factor)
+
+
+def with_time_times(reading: Reading, factor: float) -> Reading:
+    """Time times a factor, and velocities and accelerations with it."""
+    m = reading.motion
+    return replace(reading, motion=Motion(m.t * factor, m.q, m.v / factor, m.a / factor**2))
+
+
+def with_order(reading: Reading, order: Sequence[int], *, positions: bool, torques: bool) -> Reading:
+    """Columns of positions, of torques or of both in another order of the joints."""
+    at = list(order)
+    m = reading.motion
+    motion = Motion(m.t, m.q[:, at], m.v[:, at], m.a[:, at]) if positions else m
+    return replace(
+        reading,
+        motion=motion,
+        sign=reading.sign[:, at] if positions else reading.sign,
+        tau=reading.tau[:, at] if torques else reading.tau,
+    )

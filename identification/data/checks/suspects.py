@@ -1,0 +1,248 @@
+"""What may be wrong with a recording: other readings of its columns, with the sentence and the entry that mends each.
+
+Nothing is decided here: `identification.data.checks.certain_faults` compares how well the readings fit.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from itertools import combinations
+from typing import Literal
+
+import numpy as np
+from jaxtyping import Float
+
+from identification.data.checks.readings import (
+    Reading,
+    with_order,
+    with_positions_plus,
+    with_positions_times,
+    with_time_times,
+    with_torques_times,
+)
+from phantom_dyn.errors import listed
+from phantom_dyn.model.robot import Robot
+
+Array = np.ndarray
+
+_DEGREE = np.pi / 180  # [rad]
+# Times between samples [s] that recorders of robots have.
+_FASTEST, _SLOWEST = 2e-5, 0.2
+# Logarithm of a gear ratio from which on the sides of a gear can be told apart.
+_GEARED = float(np.log(2.0))
+# Zeros [rad] of other conventions.
+_QUARTERS = (np.pi / 2, np.pi, -np.pi / 2)
+_TIMES = {"ms": 1e-3, "us": 1e-6, "ns": 1e-9}
+# Logarithm of a ratio of torques that wrong inertias and torque constants may still add to that of a unit.
+_SAME_UNIT = float(np.log(4.0))
+_TORQUES = {"Nmm": 1e-3, "Ncm": 1e-2, "kNm": 1e3}
+
+Kind = Literal["time", "degrees", "sign", "order", "torque"]
+
+
+@dataclass(frozen=True)
+class Suspect:
+    """One other reading of the data.
+
+    Attributes:
+        kind: What it changes.
+        joints: Joints whose fit it changes directly; a reading that is right mends them.
+        what: What would be wrong, as in ``the time is in ms``.
+        entries: The entries of a column map that mend it, by their keys.
+        read: Makes the reading.
+        told: False for a rival: where it fits best, its twins are not certain, and nothing is said.
+    """
+
+    kind: Kind
+    joints: tuple[int, ...]
+    what: str
+    entries: dict[str, str]
+    read: Callable[[Reading], Reading]
+    told: bool = True
+
+
+def time_suspects(robot: Robot, step: float) -> list[Suspect]:
+    """Time in ms, us or ns, where the samples would then come as fast as robots are sampled.
+
+    Args:
+        robot: Gives the joints.
+        step: Median time between two samples as the data stand.
+    """
+    return [
+        Suspect(
+            "time",
+            tuple(range(robot.nv)),
+            f"the time is in {unit} and not in s",
+            {"t": f"{{from: t, unit: {unit}}}"},
+            lambda reading, factor=factor: with_time_times(reading, factor),
+        )
+        for unit, factor in _TIMES.items()
+        if _FASTEST <= step * factor <= _SLOWEST
+    ]
+
+
+def degree_suspects(robot: Robot) -> list[Suspect]:
+    """Positions of all joints that turn in degrees."""
+    turning = ~robot.prismatic
+    if not turning.any():
+        return []
+    joints = tuple(np.flatnonzero(turning).tolist())
+    factor = np.where(turning, _DEGREE, 1.0)
+    return [
+        Suspect(
+            "degrees",
+            joints,
+            f"the positions of {names(robot, joints)} are in degrees and not in rad",
+            entries(robot, "q", joints, "unit: deg"),
+            lambda reading: with_positions_times(reading, factor),
+        )
+    ]
+
+
+def sign_suspects(robot: Robot, poor: Sequence[int]) -> list[Suspect]:
+    """The sign of the torque of joints that fit poorly; as rivals, sign and zero of their positions."""
+    out = []
+    for j in poor:
+        factor = np.ones(robot.nv)
+        factor[j] = -1.0
+        unit = (1.0 - factor) / 2
+        joint = robot.joint_names[j]
+        out += [
+            Suspect(
+                "sign",
+                (j,),
+                f"the torque of {joint} has the wrong sign",
+                entries(robot, "tau", (j,), "sign: -1"),
+                lambda reading, factor=factor: with_torques_times(reading, factor),
+            ),
+            _rival(j, f"the position of {joint}", lambda reading, factor=factor: with_positions_times(reading, factor)),
+            _rival(
+                j,
+                f"position and torque of {joint}",
+                lambda reading, factor=factor: with_torques_times(with_positions_times(reading, factor), factor),
+            ),
+            *(
+                _rival(
+                    j, f"the zero of {joint}", lambda reading, shift=turn * unit: with_positions_plus(reading, shift)
+                )
+                for turn in (_QUARTERS if not robot.prismatic[j] else ())
+            ),
+        ]
+    return out
+
+
+def _rival(j: int, what: str, read: Callable[[Reading], Reading]) -> Suspect:
+    """What is no fault of the torque: a joint that is defined otherwise in the model than in the recording."""
+    return Suspect("sign", (j,), f"{what} is not that of the model", {}, read, told=False)
+
+
+def order_suspects(robot: Robot, poor: Sequence[int]) -> list[Suspect]:
+    """Torques, positions or both exchanged between two joints of which one at least fits poorly.
+
+    Args:
+        robot: Gives the joints.
+        poor: Joints that fit poorly as the data stand.
+    """
+    out = []
+    for i, j in combinations(range(robot.nv), 2):
+        if i not in poor and j not in poor:
+            continue
+        order = np.arange(robot.nv)
+        order[[i, j]] = j, i
+        a, b = robot.joint_names[i], robot.joint_names[j]
+        for positions, torques, what in ((False, True, "torques"), (True, False, "positions"), (True, True, "columns")):
+            quantities = ("q",) * positions + ("tau",) * torques
+            swapped = {f"{x}.{k}": f"{x}.{m}" for x in quantities for k, m in ((a, b), (b, a))}
+            out.append(
+                Suspect(
+                    "order",
+                    (i, j),
+                    f"the {what} of {a} and {b} are swapped",
+                    swapped,
+                    lambda reading, order=order, positions=positions, torques=torques: with_order(
+                        reading, order.tolist(), positions=positions, torques=torques
+                    ),
+                )
+            )
+    return out
+
+
+def all_signs(robot: Robot) -> list[Suspect]:
+    """The torques of all joints with the other sign."""
+    every = tuple(range(robot.nv))
+    if robot.nv == 1:
+        return []
+    return [
+        Suspect(
+            "torque",
+            every,
+            "the torques of all joints have the wrong sign",
+            entries(robot, "tau", every, "sign: -1"),
+            lambda reading: with_torques_times(reading, -np.ones(robot.nv)),
+        )
+    ]
+
+
+def torque_suspects(robot: Robot, ratio: float | None) -> list[Suspect]:
+    """Torques of all joints in another unit, or on the other side of the gears.
+
+    Args:
+        robot: Gives the joints and their gears.
+        ratio: Measured torque over modelled torque that the joints have in common; None where they have none.
+    """
+    every = tuple(range(robot.nv))
+    factors: list[tuple[str, dict[str, str], Float[Array, " nv"]]] = []
+    for unit, factor in _TORQUES.items():
+        # Where the joints have a ratio in common, other units are no candidates: a payload could make good for them.
+        if ratio is not None and abs(np.log(ratio * factor)) > _SAME_UNIT:
+            continue
+        factors.append(
+            (
+                f"the torques are in {unit} and not in N m",
+                entries(robot, "tau", every, f"unit: {unit}"),
+                np.full(robot.nv, factor),
+            )
+        )
+    gears = np.array([abs(actuator.gear_ratio) for actuator in robot.actuators])
+    if np.any(np.abs(np.log(gears)) > _GEARED):
+        stated = {j: f"gear: {gears[j]:.6g}" for j in every}
+        inverse = {j: f"gear: {1 / gears[j]:.6g}" for j in every}
+        factors.append(("the torques are on the motor's side of the gears", gear_entries(robot, stated), gears))
+        factors.append(("the torques were taken through the gears twice", gear_entries(robot, inverse), 1 / gears))
+    if ratio is not None and abs(np.log(ratio)) > _SAME_UNIT:
+        gear = {j: f"gear: {1 / ratio:.3g}" for j in every}
+        what = (
+            f"the torques are on the motor's side of gears of about {1 / ratio:.3g}"
+            if ratio < 1
+            else f"the torques are about {ratio:.3g} times what they should be on all joints"
+        )
+        factors.append((what, gear_entries(robot, gear), np.full(robot.nv, 1 / ratio)))
+    return [
+        Suspect("torque", every, what, mended, lambda reading, factor=factor: with_torques_times(reading, factor))
+        for what, mended, factor in factors
+    ]
+
+
+def gear_entries(robot: Robot, by_joint: dict[int, str]) -> dict[str, str]:
+    """Entries for all torques, one for all joints where they agree."""
+    if len(set(by_joint.values())) == 1:
+        return entries(robot, "tau", tuple(by_joint), next(iter(by_joint.values())))
+    return {key: value for j, option in by_joint.items() for key, value in _entry(robot, "tau", j, option).items()}
+
+
+def entries(robot: Robot, quantity: str, joints: tuple[int, ...], option: str) -> dict[str, str]:
+    """Entries of a column map for a quantity of some joints, in one line where they are all joints."""
+    if len(joints) == robot.nv > 1:
+        return {quantity: f'{{from: "{quantity}.{{joint}}", {option}}}'}
+    return {key: value for j in joints for key, value in _entry(robot, quantity, j, option).items()}
+
+
+def _entry(robot: Robot, quantity: str, j: int, option: str) -> dict[str, str]:
+    column = f"{quantity}.{robot.joint_names[j]}"
+    return {column: f"{{from: {column}, {option}}}"}
+
+
+def names(robot: Robot, joints: Sequence[int]) -> str:
+    """Names of joints for a sentence."""
+    return listed([robot.joint_names[j] for j in joints])

@@ -1,0 +1,195 @@
+"""Recordings that are certainly wrong, and strange ones that are not. Oracle: known truth; the wrong is put in."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pinocchio as pin
+import pytest
+
+from identification.data.checks.check_recording import checked
+from identification.data.checks.plausible_fit import unexplained
+from identification.data.checks.readings import reading_of
+from identification.data.checks.smoothed_copy import smoothed
+from identification.data.recording import Fault, Recording
+from phantom_dyn.dynamics.dynamics import gravity_torque
+from phantom_dyn.model.loading import load_robot
+from phantom_dyn.model.robot import Robot
+from places import ROBOTS
+
+
+def only(wrong: tuple[Fault, ...]) -> Fault:
+    """The one fault that there is."""
+    assert len(wrong) == 1, wrong
+    return wrong[0]
+
+
+def loaded(robot: Robot, mass: float) -> Robot:
+    """The robot with a ball on its last link."""
+    out = replace(robot)
+    at = pin.SE3(np.eye(3), np.array([0.2, 0.1, 0.0]))
+    out.model.appendBodyToJoint(robot.model.njoints - 1, pin.Inertia.FromSphere(mass, 0.05), at)
+    return out
+
+
+def with_inertias(robot: Robot, factors: tuple[float, ...]) -> Robot:
+    """The robot with every link's inertia times a factor."""
+    out = replace(robot)
+    for k, factor in enumerate(factors, start=1):
+        out.model.inertias[k] = pin.Inertia.FromDynamicParameters(factor * out.model.inertias[k].toDynamicParameters())
+    return out
+
+
+def test_positions_in_degrees(clean, arm, changed):
+    recording = clean()
+    fault = only(checked(changed(recording, q=recording.q * np.rad2deg([1, 1, np.deg2rad(1)])), arm).wrong)
+    assert fault.what == "the positions of turn, tilt are in degrees and not in rad"
+    assert "{q.turn: {from: q.turn, unit: deg}, q.tilt: {from: q.tilt, unit: deg}}" in fault.mend
+
+
+@pytest.mark.parametrize(("unit", "factor"), [("ms", 1e3), ("us", 1e6)])
+def test_time_in_another_unit(clean, arm, changed, unit, factor):
+    recording = clean()
+    fault = only(checked(changed(recording, t=recording.t * factor), arm).wrong)
+    assert fault.what == f"the time is in {unit} and not in s"
+    assert f"write t: {{from: t, unit: {unit}}} into a column map and give it with --columns" in fault.mend
+
+
+@pytest.mark.parametrize("joint", [0, 1, 2])
+def test_a_flipped_torque(clean, arm, changed, joint):
+    recording, signs, name = clean(), np.ones(3), arm.joint_names[joint]
+    signs[joint] = -1
+    fault = only(checked(changed(recording, tau=recording.tau * signs), arm).wrong)
+    assert fault.what == f"the torque of {name} has the wrong sign"
+    assert f"tau.{name}: {{from: tau.{name}, sign: -1}}" in fault.mend
+
+
+def test_two_flipped_torques_are_both_told(clean, arm, changed):
+    recording = clean()
+    wrong = checked(changed(recording, tau=recording.tau * [1, -1, -1]), arm).wrong
+    assert {fault.what for fault in wrong} == {
+        "the torque of tilt has the wrong sign",
+        "the torque of slide has the wrong sign",
+    }
+
+
+def test_the_torques_of_all_joints_flipped(clean, arm, changed):
+    recording = clean()
+    fault = only(checked(changed(recording, tau=-recording.tau), arm).wrong)
+    assert fault.what == "the torques of all joints have the wrong sign"
+    assert 'tau: {from: "tau.{joint}", sign: -1}' in fault.mend
+
+
+def test_swapped_torques(clean, arm, changed):
+    recording = clean()
+    fault = only(checked(changed(recording, tau=recording.tau[:, [1, 0, 2]]), arm).wrong)
+    assert fault.what == "the torques of turn and tilt are swapped"
+    assert "{tau.turn: tau.tilt, tau.tilt: tau.turn}" in fault.mend
+
+
+def test_swapped_positions(clean, planar2, changed):
+    recording = clean(robot=planar2)
+    fault = only(checked(changed(recording, q=recording.q[:, [1, 0]], v=recording.v[:, [1, 0]]), planar2).wrong)
+    assert fault.what == "the positions of shoulder and elbow are swapped"
+
+
+def test_torques_in_another_unit(clean, planar2, changed):
+    recording = clean(robot=planar2)
+    fault = only(checked(changed(recording, tau=1e3 * recording.tau), planar2).wrong)
+    assert fault.what == "the torques are in Nmm and not in N m"
+
+
+def test_torques_on_the_side_of_the_motor_with_stated_gears(clean, planar2, changed):
+    recording = clean(robot=planar2)
+    gears = (50.0, 30.0)
+    actuators = tuple(replace(a, gear_ratio=g) for a, g in zip(planar2.actuators, gears, strict=True))
+    fault = only(checked(changed(recording, tau=recording.tau / gears), replace(planar2, actuators=actuators)).wrong)
+    assert fault.what == "the torques are on the motor's side of the gears"
+    assert "{from: tau.shoulder, gear: 50}, tau.elbow: {from: tau.elbow, gear: 30}" in fault.mend
+
+
+def test_torques_on_the_side_of_the_motor_of_unknown_gears(clean, planar2, changed):
+    recording = clean(robot=planar2)
+    fault = only(checked(changed(recording, tau=recording.tau / 100), planar2).wrong)
+    assert "on the motor's side of gears of about" in fault.what
+
+
+def test_a_torque_from_a_current_is_mended_where_it_comes_from(clean, arm, changed):
+    recording = clean()
+    current = replace(changed(recording, tau=recording.tau * [1, -1, 1]), torque_from={"turn": "tau", "tilt": "i"})
+    assert "the torque was computed from i.tilt" in only(checked(current, arm).wrong).mend
+
+
+def compensated(clean, arm: Robot) -> tuple[Recording, Robot]:
+    recording = clean()
+    return replace(recording, tau=recording.tau - gravity_torque(arm, recording.q)), arm
+
+
+def noisy(clean, arm: Robot) -> tuple[Recording, Robot]:
+    recording = clean()
+    noise = np.random.default_rng(1).standard_normal(recording.tau.shape)
+    return replace(recording, tau=recording.tau + noise * recording.tau.std(axis=0)), arm
+
+
+def turned(clean, arm: Robot) -> tuple[Recording, Robot]:
+    recording, zero = clean(), np.array([0, np.pi, 0])
+    return replace(recording, q=recording.q + zero), arm
+
+
+def times(clean, arm: Robot, *factors: float) -> tuple[Recording, Robot]:
+    recording = clean()
+    return replace(recording, tau=recording.tau * factors), arm
+
+
+def all_at_once(clean, arm: Robot) -> tuple[Recording, Robot]:
+    heavy = clean(robot=loaded(arm, 5.0), friction=8.0)
+    return replace(heavy, tau=heavy.tau * [2.0, 0.5, 1.5]), with_inertias(arm, (0.5, 2.0, 0.5))
+
+
+STRANGE = {
+    "a load that is heavier than the robot": lambda clean, arm: (clean(robot=loaded(arm, 5.0)), arm),
+    "friction that is larger than the weight": lambda clean, arm: (clean(friction=40.0), arm),
+    "inertias that are twofold wrong": lambda clean, arm: (clean(), with_inertias(arm, (2.0, 0.5, 2.0))),
+    "torque constants from a half to two": lambda clean, arm: times(clean, arm, 0.5, 2.0, 0.7),
+    "all of this at once": all_at_once,
+    "gravity compensated": compensated,
+    "noise as large as the torque": noisy,
+    "a joint without drive": lambda clean, arm: times(clean, arm, 1.0, 1e-3, 1.0),
+    "a zero that is elsewhere": turned,
+}
+
+
+@pytest.mark.parametrize("what", STRANGE)
+def test_what_is_only_strange_is_not_certainly_wrong(clean, arm, what):
+    recording, robot = STRANGE[what](clean, arm)
+    assert checked(recording, robot).wrong == ()
+
+
+def test_a_torque_without_sign_is_not_taken_for_one_with_the_wrong_sign(clean, arm):
+    recording = clean()
+    assert checked(replace(recording, tau=np.abs(recording.tau)), arm).wrong == ()
+
+
+@pytest.mark.parametrize("run", ["0kg", "1kg", "2kg"])
+def test_a_heavy_load_on_a_light_lever_is_not_certainly_wrong(data_folder, run):
+    # Published: 2 kg on a lever of 0.078 kg.
+    from identification.data.reading import read_recording
+
+    folder = data_folder / "go1_pendulum"
+    if not folder.exists():
+        pytest.skip("this recording is not part of the public folder")
+    robot = load_robot(folder / "robot.urdf")
+    assert read_recording(folder / f"sin_sin_{run}.csv", robot).wrong == ()
+
+
+def test_a_pendulum_in_another_unit_may_carry_a_load(clean, changed):
+    robot = load_robot(ROBOTS / "pendulum.urdf")
+    recording = clean(robot=robot)
+    assert checked(changed(recording, tau=1e3 * recording.tau), robot).wrong == ()
+
+
+def test_a_right_recording_leaves_next_to_nothing_unexplained(clean, arm):
+    # What is left is that of smoothing a sharp change of friction.
+    reading = reading_of(smoothed(clean(friction=3.0)))
+    assert unexplained(arm, reading).max() < 5e-3
