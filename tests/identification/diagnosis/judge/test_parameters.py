@@ -5,8 +5,9 @@ import pytest
 
 from identification.diagnosis.fit.fitting import fit
 from identification.diagnosis.fit.joint_fit import joint_fit
-from identification.diagnosis.judge.parameters import finding_parameters
+from identification.diagnosis.judge.parameters import _named, finding_loadings, finding_parameters
 from phantom_dyn.effects.catalogue import effect_named
+from phantom_dyn.effects.effect import Parameter
 
 
 @pytest.fixture(scope="module")
@@ -83,3 +84,43 @@ def test_of_inertial_parameters_those_are_given_that_a_motion_can_tell(loaded, p
     _, (values,) = estimates(loaded, planar2, loaded.term("inertial_parameters", "elbow"))
     assert len(values) == 4
     assert all(value.std > 0 for value in values.values())
+
+
+def deviations(values) -> np.ndarray:
+    return np.concatenate([np.atleast_1d(value.std) for value in values.values()])
+
+
+@pytest.mark.parametrize(
+    ("effect", "joint"),
+    [
+        ("coulomb_friction", "elbow"),
+        ("payload", None),
+        ("stribeck_friction", "elbow"),
+        ("inertial_parameters", "elbow"),
+    ],
+)
+def test_loadings_have_the_deviations_of_the_parameters(loaded, planar2, effect, joint):
+    term = loaded.term(effect, joint)
+    fitted, (values,) = estimates(loaded, planar2, term)
+    loadings = np.array(finding_loadings(planar2, term, fitted))
+    np.testing.assert_allclose(np.sqrt((loadings**2).sum(axis=1)), deviations(values), rtol=1e-6, atol=1e-12)
+
+
+def test_loadings_of_two_findings_have_the_covariance_of_the_fit(loaded, planar2):
+    terms = (loaded.term("coulomb_friction", "elbow"), loaded.term("viscous_friction", "elbow"))
+    fitted, _ = estimates(loaded, planar2, *terms)
+    (one,), (two,) = (np.array(finding_loadings(planar2, term, fitted)) for term in terms)
+    at = [fitted.place(term).coefficients.start for term in terms]
+    assert one @ two == pytest.approx(fitted.cov[at[0], at[1]], rel=1e-6)
+
+
+def test_lists_of_parameters_hold_one_number_for_each_wave():
+    # By hand: three parameters of two waves, one list after the other.
+    parameters = tuple(Parameter(name, unit) for name, unit in (("order", "1"), ("amplitude", "N m"), ("phase", "rad")))
+    found = _named(parameters, np.arange(6.0), 0.1 * np.arange(6.0))
+    assert {name: (value.value, value.unit) for name, value in found.items()} == {
+        "order": ([0.0, 1.0], "1"),
+        "amplitude": ([2.0, 3.0], "N m"),
+        "phase": ([4.0, 5.0], "rad"),
+    }
+    assert found["phase"].std == pytest.approx([0.4, 0.5])

@@ -8,8 +8,9 @@ from scipy.stats import gumbel_r
 
 from identification.diagnosis import decision_rules as rules
 from identification.diagnosis.fit.fitting import fit
+from identification.diagnosis.fit.problem import Problem, set_up
 from identification.diagnosis.noise import chance
-from identification.diagnosis.noise.chance import null_threshold
+from identification.diagnosis.noise.chance import _gains, _null_products, null_threshold
 from identification.diagnosis.search.search import Threshold, price
 
 FRICTION = ("viscous_friction", "coulomb_friction", "torque_offset")
@@ -110,3 +111,60 @@ def test_the_lower_of_two_thresholds_is_lower_everywhere(quiet):
 def test_a_threshold_is_never_below_the_least(quiet):
     threshold = null_threshold(quiet.search, quiet.noise, 500.0)
     assert {threshold.overall, *threshold.joints.values()} == {500.0}
+
+
+class Known:
+    """Draws that are known: every ``turned``-th block changes its sign, every move is a share of its deviation."""
+
+    def __init__(self, share: float, turned: int = 1000):
+        self.share, self.turned = share, turned
+
+    def choice(self, values, size):
+        chosen = np.array(values)[(np.arange(size[0]) % self.turned != self.turned - 1).astype(int)]
+        return np.tile(chosen[:, None], (1, size[1]))
+
+    def normal(self, size):
+        return np.full(size, self.share)
+
+
+def with_residual(problem: Problem, residual: np.ndarray) -> Problem:
+    """The same problem with another white residual."""
+    white = replace(problem.white, residual=(residual,))
+    return set_up(problem.session, problem.columns, white, problem.weights)
+
+
+@pytest.mark.parametrize("share", [0.0, 0.7, -50.0])
+def test_a_null_recording_is_noise_and_moves_within_their_bounds(quiet, share):
+    # Brute force: products of the columns with the noise plus what the moves leave on each row.
+    problem = quiet.problem
+    moves = np.array([np.clip(share * n.sigma, -n.bound, n.bound) for n in problem.white.nuisances])
+    residual = quiet.noise[0].copy()
+    for j, index in enumerate(problem.columns.rows):
+        own = [k for k, column in enumerate(index) if column < len(moves)]
+        residual[:, j] += problem.white.values[0][j][:, own] @ moves[[index[k] for k in own]]
+    expected = with_residual(problem, residual).grams
+    b, core_b = _null_products(problem, quiet.noise, Known(share))
+    scale = np.abs(expected.b).max(axis=0) + 1e-9
+    np.testing.assert_allclose(b[:, :, 3] / scale, expected.b / scale, atol=1e-9)
+    np.testing.assert_allclose(core_b[:, :, 3] / scale, expected.core_b / scale, atol=1e-9)
+
+
+def test_blocks_change_their_sign_as_a_whole(quiet):
+    once, turned = (_null_products(quiet.problem, quiet.noise, Known(0.0, each)) for each in (1000, 2))
+    sign = np.where(np.arange(len(quiet.blocks)) % 2 == 1, -1.0, 1.0)
+    for before, after in zip(once, turned, strict=True):
+        np.testing.assert_allclose(after[:, :, 0], before[:, :, 0] * sign[:, None])
+        assert np.abs(after).max() > 0
+
+
+def test_a_rival_gains_on_a_null_recording_what_its_fits_gain(quiet):
+    # The fits of the search on the noise itself, for rivals that have no bounds.
+    search = quiet.search
+    terms = tuple(quiet.term(name, joint) for name in ("torque_offset", "encoder_offset") for joint in ("elbow",))
+    terms += (quiet.term("torque_offset", "shoulder"),)
+    problem = with_residual(quiet.problem, quiet.noise[0])
+    base = fit(problem, ()).total
+    expected = [base - fit(problem, (term,)).total for term in terms]
+    found = _gains(search.problem, terms, *_null_products(search.problem, quiet.noise, Known(0.0)))[:, 0]
+    # Bounds of the nuisances are left out, which changes little.
+    np.testing.assert_allclose(found, expected, rtol=0.02, atol=1e-3)

@@ -4,10 +4,11 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from scipy.linalg import solve_toeplitz
 from scipy.signal import lfilter
 
 from identification.diagnosis.noise.noise_floor import estimate_noise
-from identification.diagnosis.noise.whitening import filtered, noise_filter, whitened
+from identification.diagnosis.noise.whitening import filtered, noise_filter, whitened, whitened_noise
 
 
 def autoregressive(rng: np.random.Generator, coefficients: list[float], count: int) -> np.ndarray:
@@ -81,3 +82,48 @@ def test_samples_whose_filter_reaches_an_unusable_one_are_not_used(quiet):
     length = len(noise_filter([noise[:, 0]]))
     expected = [k >= length - 1 and bool(usable[k - length + 1 : k + 1, 0].all()) for k in range(len(usable))]
     np.testing.assert_array_equal(white.usable[0][:, 0], expected)
+
+
+def test_the_filter_solves_the_equations_of_yule_and_walker(rng):
+    # SciPy's Levinson recursion on the lags of NumPy's correlation, with a millionth of the variance on the diagonal;
+    # a series shorter than the filter has but its own lags.
+    parts = [np.cumsum(rng.normal(size=n)) for n in (400, 300, 5)]
+    lags = sum(np.correlate(e, e, "full")[len(e) - 1 :][:9] for e in parts[:2])
+    lags[:5] += np.correlate(parts[2], parts[2], "full")[4:]
+    expected = solve_toeplitz(np.concatenate([[lags[0] * (1 + 1e-6)], lags[1:8]]), lags[1:])
+    np.testing.assert_allclose(noise_filter(parts), [1.0, *-expected], rtol=1e-6)
+
+
+@pytest.mark.parametrize(("samples", "known"), [(159, False), (160, True)])
+def test_a_hundred_and_sixty_samples_tell_the_law_of_a_noise(rng, samples, known):
+    e = autoregressive(rng, [0.9], samples)
+    assert (len(noise_filter([e[:100], e[100:]])) == 9) is known
+
+
+def test_noise_that_is_nothing_leaves_everything_as_it_is(quiet):
+    # A noise of zero has no law and no size: samples in doubt count alike.
+    columns = quiet.columns
+    nothing = tuple(np.zeros_like(part) for part in columns.residual)
+    white, left = whitened(replace(columns, doubt=nothing), nothing)
+    np.testing.assert_allclose(white.residual[0], columns.residual[0])
+    assert not left[0].any()
+
+
+def test_another_series_is_whitened_by_the_law_of_the_noise(quiet, rng):
+    # One law for both: twice the noise comes out twice as large, itself as `whitened` makes it.
+    columns, noise = quiet.columns, quiet_noise(quiet)
+    white = whitened(columns, (noise,))[1][0]
+    np.testing.assert_allclose(whitened_noise(columns, (noise,))[0], white)
+    np.testing.assert_allclose(whitened_noise(columns, (2.0 * noise,), like=(noise,))[0], 2.0 * white)
+
+
+def test_two_recordings_are_whitened_by_one_law(quiet):
+    # The same recording twice has the law that it has once.
+    columns, noise = quiet.columns, quiet_noise(quiet)
+    names = ("values", "residual", "model_torque", "usable", "doubt", "operations")
+    twice = replace(columns, **{name: 2 * getattr(columns, name) for name in names})
+    once, both = whitened(columns, (noise,))[0], whitened(twice, (noise, noise))[0]
+    for log in range(2):
+        np.testing.assert_allclose(both.residual[log], once.residual[0], rtol=1e-9)
+        np.testing.assert_allclose(both.model_torque[log], once.model_torque[0], rtol=1e-9)
+        np.testing.assert_allclose(both.values[log][1], once.values[0][1], rtol=1e-9)
