@@ -54,10 +54,6 @@ def test_a_joint_at_rest_has_velocities_to_try_too(arm):
     assert min(velocities) > 0
 
 
-def test_the_excess_at_rest_is_not_negative(arm):
-    assert StribeckFriction().coefficient_bounds(arm, "tilt", (0.1,)) == ((-np.inf, np.inf), (0.0, np.inf))
-
-
 @pytest.mark.parametrize(
     ("v", "less"), [(0.2, 0.5 * (1 - 1 / np.e)), (-0.2, -0.5 * (1 - 1 / np.e)), (0.0, 0.0), (9.0, 0.5)]
 )
