@@ -37,8 +37,9 @@ LIBRARIES = (
     "numpy scipy.signal scipy.stats scipy.optimize scipy.interpolate scipy.linalg pinocchio numba jaxtyping "
     "beartype.claw msgspec yaml xarray cvxpy control matplotlib.figure pytest hypothesis jinja2 rich.console"
 ).split()
-# Processor time that a mutant gets: this many times what the tests need without one, and some seconds.
-PATIENCE, GRACE = 4.0, 10.0
+# Processor time that a mutant gets: this many times what the tests need without one, compiling included, and some
+# seconds. Other processes do not change it, so that no mutant that only survives comes near.
+PATIENCE, GRACE = 2.0, 10.0
 OUTPUT = "output.txt"  # of the last tests, in the copy
 
 
