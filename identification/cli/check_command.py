@@ -1,4 +1,4 @@
-"""``phantom-dyn check``: what is wrong with a recording, nothing else."""
+"""``phantom-dyn check``: what is wrong with recordings, nothing else."""
 
 from __future__ import annotations
 
@@ -7,57 +7,93 @@ from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from identification.cli.arguments import Parser, add_reading
+from identification.cli.arguments import DONE, Parser, add_reading
 from identification.files import require_existing
 from phantom_dyn.errors import UsageError
+from phantom_dyn.model.robot_files import looks_like_robot
 
 if TYPE_CHECKING:
     from identification.data.recording import Recording
+    from phantom_dyn.model.robot import Robot
 
 
 def parser() -> argparse.ArgumentParser:
     """The command's arguments."""
-    out = Parser(prog="phantom-dyn check", description="Tell what is wrong with a recording, nothing else.")
-    out.add_argument("log", metavar="LOG", help="CSV, NPZ, Parquet, ROS bag or MCAP")
-    out.add_argument("--robot", metavar="ROBOT", help="URDF or MJCF file, example:NAME or built-in name")
+    out = Parser(
+        prog="phantom-dyn check",
+        description="Tell what is wrong with recordings, nothing else: what certainly is, so that diagnose and "
+        "identify would refuse them, what was mended, and what may be wrong. Exit code 0 whatever is found.",
+    )
+    out.add_argument(
+        "words",
+        metavar="[ROBOT] LOG",
+        nargs="+",
+        help="URDF or MJCF file, example:NAME or built-in name (may be left out: then less is checked), and recordings",
+    )
+    out.add_argument("--robot", metavar="ROBOT", help="the same as ROBOT in front of the recordings")
     out.add_argument("--robot-config", metavar="FILE", help="robot.yaml of the robot (default: beside its file)")
     add_reading(out)
     return out
 
 
 def run(arguments: argparse.Namespace) -> int:
-    """Print what the recording is and what is wrong with it."""
-    if arguments.robot_config is not None and arguments.robot is None:
-        raise UsageError("--robot-config was given without --robot: name the robot that it belongs to.")
-    require_existing(arguments.log)
-    found = _recording(arguments) if arguments.robot is None else _recording_of_robot(arguments)
+    """Print what each recording is and what is wrong with it."""
+    robot_file, logs = _robot_and_logs(arguments)
+    if arguments.robot_config is not None and robot_file is None:
+        raise UsageError("--robot-config was given without a robot: name the robot that it belongs to.")
+    for log in logs:
+        require_existing(log)
+    robot = None if robot_file is None else _robot(robot_file, arguments)
+    for log in logs:
+        _tell(_recording(log, arguments) if robot is None else _recording_of_robot(log, robot, arguments), robot)
+    return DONE
+
+
+def _robot_and_logs(arguments: argparse.Namespace) -> tuple[str | None, list[str]]:
+    """The robot, None where none was given, and the recordings."""
+    first, *rest = arguments.words
+    if arguments.robot is not None or not looks_like_robot(first):
+        return arguments.robot, arguments.words
+    if not rest:
+        raise UsageError(f"{first} was given, a robot without a recording: name the recording behind it.")
+    return first, rest
+
+
+def _robot(source: str, arguments: argparse.Namespace) -> Robot:
+    from phantom_dyn.model.loading import load_robot
+
+    config = None if arguments.robot_config is None else Path(arguments.robot_config)
+    return load_robot(source, config=config)
+
+
+def _tell(found: Recording, robot: Robot | None) -> None:
+    """Print what a recording is, what is certainly wrong with it, and what may be."""
+    from identification.data.refusal import fault_sentence
+
     seconds = float(found.t[-1] - found.t[0])
     print(f"{found.file}: {len(found.t)} samples, {seconds:.6g} s, {(len(found.t) - 1) / seconds:.6g} Hz")
     print(f"joints: {', '.join(found.joint_names)}")
+    for fault in found.wrong:
+        print(f"wrong: {fault_sentence(found.file, fault)}")
     for warning in found.warnings:
         print(f"warning: {warning}")
-    if not found.warnings:
-        print("nothing is wrong with it" + ("" if arguments.robot else ", as far as can be told without --robot"))
-    return 0
+    if not found.warnings and not found.wrong:
+        print("nothing is wrong with it" + ("" if robot else ", as far as can be told without a robot"))
 
 
-def _recording(arguments: argparse.Namespace) -> Recording:
+def _recording(log: str, arguments: argparse.Namespace) -> Recording:
     """The log with every warning that needs no model of the robot."""
     from identification.data.checks.check_recording import check_recording
     from identification.data.readers.read_table import read_table
     from identification.data.reading import unassigned_recording
 
-    table = read_table(arguments.log, columns=arguments.columns, topic=arguments.topic)
-    found = unassigned_recording(table)
-    return replace(found, warnings=(*table.warnings, *check_recording(found, None)))
+    found = unassigned_recording(read_table(log, columns=arguments.columns, topic=arguments.topic))
+    return replace(found, warnings=(*found.warnings, *check_recording(found, None)))
 
 
-def _recording_of_robot(arguments: argparse.Namespace) -> Recording:
+def _recording_of_robot(log: str, robot: Robot, arguments: argparse.Namespace) -> Recording:
     """The log with every warning about it and about the model of its robot."""
     from identification.data.reading import read_recording
-    from phantom_dyn.model.loading import load_robot
 
-    config = None if arguments.robot_config is None else Path(arguments.robot_config)
-    robot = load_robot(arguments.robot, config=config)
-    found = read_recording(arguments.log, robot, columns=arguments.columns, topic=arguments.topic)
+    found = read_recording(log, robot, columns=arguments.columns, topic=arguments.topic)
     return replace(found, warnings=(*robot.warnings, *found.warnings))

@@ -11,6 +11,7 @@ import numpy as np
 from identification.data.checks.check_recording import checked
 from identification.data.checks.positions import check_passive
 from identification.data.joint_torque import drive_torque, require_frames, torque_sources
+from identification.data.mending import mended
 from identification.data.readers.contract_columns import column_of
 from identification.data.readers.read_table import read_table
 from identification.data.recording import Recording, Table
@@ -188,9 +189,9 @@ def read_recording(
     Raises:
         LogError: If the file, a column or a value cannot be used; one sentence says which and what to do.
     """
-    found = recording(
-        read_table(path, columns=columns, topic=topic), robot, excluded=excluded, torque_needed=torque_needed
-    )
+    table = read_table(path, columns=columns, topic=topic)
+    found = recording(table, robot, excluded=excluded, torque_needed=torque_needed)
+    found = mended(found, robot.prismatic)
     # Loops first: where they do not close there is no model to check against.
     passive, rest = check_passive(found, robot), checked(found, robot)
     return replace(found, warnings=(*found.warnings, *passive, *rest.warnings), wrong=rest.wrong, anyway=anyway)
@@ -202,4 +203,5 @@ def unassigned_recording(table: Table) -> Recording:
     q, tau, v = _per_joint(table, "q", joints), _complete(table, "tau", joints)[0], _complete(table, "v", joints)[0]
     if q is None:
         raise LogError(f"{table.file} has no column q.<joint> (measured position): add it or map it with --columns.")
-    return Recording(table.file, tuple(joints), read_only(table.columns["t"]), q, tau, v)
+    found = Recording(table.file, tuple(joints), read_only(table.columns["t"]), q, tau, v, warnings=table.warnings)
+    return mended(found, np.zeros(len(joints), dtype=bool))

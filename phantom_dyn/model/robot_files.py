@@ -78,6 +78,11 @@ def _ambiguous(name: str, matches: list[Path], folder: Path) -> str:
     return f"{start}: give one of {', '.join(names)}."
 
 
+def looks_like_robot(word: str) -> bool:
+    """True for a word that names a robot: an example, a built-in name, or a file that ends as robot files do."""
+    return word.startswith(_EXAMPLE) or word.lower().endswith(_SUFFIXES) or word in builtin_robots()
+
+
 def find_robot(source: str | Path) -> Path:
     """File of a robot.
 

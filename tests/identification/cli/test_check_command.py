@@ -42,7 +42,7 @@ def test_a_clean_log_is_said_to_be_so(log, capsys):
 
 def test_without_a_robot_it_says_that_less_is_checked(log, capsys):
     assert main(["check", str(log)]) == 0
-    assert "nothing is wrong with it, as far as can be told without --robot" in capsys.readouterr().out
+    assert "nothing is wrong with it, as far as can be told without a robot" in capsys.readouterr().out
 
 
 def test_warnings_are_printed_and_the_job_is_done(log, capsys):
@@ -72,7 +72,7 @@ def test_bad_input_is_exit_code_2_and_one_sentence(log, capsys):
 
 def test_a_configuration_without_robot_is_refused(log, capsys):
     assert main(["check", str(log), "--robot-config", "robot.yaml"]) == 2
-    assert "--robot-config was given without --robot" in capsys.readouterr().err
+    assert "--robot-config was given without a robot" in capsys.readouterr().err
 
 
 def test_a_refusal_loads_nothing_heavy(tmp_path):
@@ -112,3 +112,36 @@ def test_nothing_is_written(log, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     main(["check", "log.csv", "--robot", str(ARM)])
     assert [path.name for path in tmp_path.iterdir()] == ["log.csv"]
+
+
+def test_the_robot_stands_in_front_of_the_recordings(log, tmp_path, capsys):
+    second = tmp_path / "second.csv"
+    second.write_bytes(log.read_bytes())
+    assert main(["check", str(ARM), str(log), str(second)]) == 0
+    told = capsys.readouterr().out
+    assert told.count("nothing is wrong with it\n") == 2
+    assert "second.csv: 2000 samples" in told
+
+
+def test_a_robot_without_a_recording_is_refused(capsys):
+    assert main(["check", str(ARM)]) == 2
+    assert "a robot without a recording: name the recording behind it" in capsys.readouterr().err
+
+
+def test_what_is_certainly_wrong_is_told_and_the_job_is_done(log, tmp_path, capsys):
+    (tmp_path / "map.yaml").write_text("tau.tilt: {from: tau.tilt, sign: -1}\n")
+    assert main(["check", str(ARM), str(log), "--columns", str(tmp_path / "map.yaml")]) == 0
+    told = capsys.readouterr().out
+    assert "wrong: log.csv: the torque of tilt has the wrong sign" in told
+    assert "write tau.tilt: {from: tau.tilt, sign: -1} into a column map" in told
+
+
+def test_what_was_mended_is_told(log, capsys):
+    lines = log.read_text().splitlines()
+    values = lines[500].split(",")
+    values[1] = "9"
+    log.write_text("\n".join([*lines[:500], ",".join(values), *lines[501:]]))
+    assert main(["check", str(ARM), str(log)]) == 0
+    assert "q of turn has 1 spike or dropout of 1 sample in all (at t = 2.495 s): it was cut out" in (
+        capsys.readouterr().out
+    )

@@ -1,0 +1,162 @@
+"""What can be mended without guessing: turns of an encoder are put together, short spikes and dropouts are cut out.
+
+A position that jumps by a whole turn from one sample to the next has not moved: its encoder counts from zero again. A
+value that departs by far more than any change beside it and is back after at most five samples is no motion and no
+torque: it is cut out, and the samples beside it are joined. Whatever was mended is said, with counts and times.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+from jaxtyping import Float
+
+from identification.data.recording import Recording
+from phantom_dyn.motion import read_only
+
+Array = np.ndarray
+
+_TURN = 2 * np.pi  # [rad]
+# A jump is a whole turn if the rest of it is as small as this [rad], and no larger than a few of the steps around it.
+_REST, _STEPS, _AROUND = 0.5, 5.0, 20
+# Samples that a spike or dropout may last: longer, and nobody knows what happened meanwhile.
+_LONGEST = 5
+# A spike departs by this many times the change from sample to sample that 99 % of all changes stay below.
+_TIMES = 6.0
+# It is back where this share of the jump is left, and it stays away by at least the other.
+_BACK, _AWAY = 0.2, 0.5
+# The least departure of a position [rad or m] and of a torque (in standard deviations of it) that is worth a cut.
+_LEAST_ANGLE, _LEAST_LENGTH, _LEAST_TORQUE = 0.02, 0.002, 0.5
+# Share of the samples from which on there is more to it than a few bad samples: then nothing is cut.
+_MOST = 0.01
+_NAMED = 5  # times in a sentence
+
+
+def mended(recording: Recording, prismatic: Array) -> Recording:
+    """The recording with whole turns put together and short spikes cut out; its warnings say what was done.
+
+    Args:
+        recording: Raw samples.
+        prismatic: True for linear joints, shape ``(nv,)``.
+    """
+    together = _turns_together(recording, prismatic)
+    q, at_q = _without_spikes(together.q, np.where(prismatic, _LEAST_LENGTH, _LEAST_ANGLE))
+    warnings = _spike_warnings(together, "q", at_q)
+    tau = together.tau
+    if tau is not None:
+        tau, at_tau = _without_spikes(tau, _LEAST_TORQUE * tau.std(axis=0))
+        warnings += _spike_warnings(together, "the torque", at_tau)
+    if not warnings:
+        return together
+    mended_tau = None if tau is None else read_only(tau)
+    return replace(together, q=read_only(q), tau=mended_tau, warnings=(*together.warnings, *warnings))
+
+
+def _turns_together(recording: Recording, prismatic: Array) -> Recording:
+    """Positions of joints that turn without the jumps of their encoders; references and second encoders go along."""
+    q = recording.q.copy()
+    others = {name: x.copy() for name in ("q_ref", "x") if (x := getattr(recording, name)) is not None}
+    warnings = []
+    for j in np.flatnonzero(~np.asarray(prismatic, dtype=bool)):
+        q[:, j], at = whole_turns(q[:, j])
+        if not len(at):
+            continue
+        for values in others.values():
+            column = whole_turns(values[:, j])[0]
+            # One that counts on while the encoder starts anew is whole turns away from the position put together.
+            values[:, j] = column - _TURN * np.round(np.median(column - q[:, j]) / _TURN)
+        times = "once" if len(at) == 1 else f"{len(at)} times"
+        warnings.append(
+            f"{recording.file}: q of {recording.joint_names[j]} jumps by whole turns {times} ({_when(recording, at)}): "
+            "its turns were put together."
+        )
+    if not warnings:
+        return recording
+    return replace(
+        recording,
+        q=read_only(q),
+        warnings=(*recording.warnings, *warnings),
+        **{name: read_only(values) for name, values in others.items()},
+    )
+
+
+def whole_turns(q: Float[Array, " N"]) -> tuple[Float[Array, " N"], Array]:
+    """A position [rad] without its jumps by whole turns, and the samples before which they were."""
+    steps = np.diff(q)
+    turns = np.round(steps / _TURN)
+    at = np.flatnonzero(turns)
+    if not len(at):
+        return q, at
+    rest = np.abs(steps - _TURN * turns)
+    real = []
+    for k in at:
+        around = np.abs(steps[max(k - _AROUND, 0) : k + _AROUND + 1])
+        plain = around[around < np.pi]
+        usual = float(plain.max()) if len(plain) > len(around) / 2 else np.inf
+        # Where positions jump about anyway, a jump says nothing.
+        real.append(rest[k] <= min(_REST, _STEPS * usual + 1e-3) and usual < _REST)
+    at = at[np.array(real)]
+    correction = np.zeros(len(q))
+    correction[at + 1] = -_TURN * turns[at]
+    return q + np.cumsum(correction), at + 1
+
+
+def spikes(x: Float[Array, " N"], least: float) -> list[tuple[int, int]]:
+    """First sample and end (exclusive) of each spike or dropout of at most five samples.
+
+    Args:
+        x: Samples.
+        least: The least departure that counts, in units of ``x``.
+    """
+    steps = np.abs(np.diff(x))
+    threshold = max(least, _TIMES * float(np.percentile(steps, 99)))
+    out: list[tuple[int, int]] = []
+    for k in np.flatnonzero(steps > threshold) + 1:
+        if out and k < out[-1][1] + 1:
+            continue
+        jump = x[k] - x[k - 1]
+        for end in range(k + 1, min(k + _LONGEST + 1, len(x))):
+            away = (x[k:end] - x[k - 1]) / jump
+            if abs(x[end] - x[k - 1]) <= _BACK * abs(jump) and away.min() >= _AWAY:
+                out.append((int(k), end))
+                break
+    return out
+
+
+def _without_spikes(x: Float[Array, "N nv"], least: Float[Array, " nv"]) -> tuple[Array, list[list[tuple[int, int]]]]:
+    """Columns whose spikes are bridged by straight lines, and the spikes; a column with too many stays as it is."""
+    out, found = x.copy(), []
+    for j in range(x.shape[1]):
+        runs = spikes(x[:, j], float(least[j]))
+        bad = np.zeros(len(x), dtype=bool)
+        for start, end in runs:
+            bad[start:end] = True
+        if bad.mean() > _MOST:
+            runs, bad = [], np.zeros(len(x), dtype=bool)
+        if runs:
+            kept = np.flatnonzero(~bad)
+            out[bad, j] = np.interp(np.flatnonzero(bad), kept, x[kept, j])
+        found.append(runs)
+    return out, found
+
+
+def _spike_warnings(recording: Recording, what: str, found: list[list[tuple[int, int]]]) -> list[str]:
+    out = []
+    for joint, runs in zip(recording.joint_names, found, strict=True):
+        if runs:
+            samples = sum(end - start for start, end in runs)
+            one = len(runs) == 1
+            out.append(
+                f"{recording.file}: {what} of {joint} has {len(runs)} {'spike' if one else 'spikes'} or "
+                f"{'dropout' if one else 'dropouts'} of {samples} {'sample' if samples == 1 else 'samples'} in all "
+                f"({_when(recording, np.array([start for start, _ in runs]))}): {'it was' if one else 'they were'} cut "
+                "out."
+            )
+    return out
+
+
+def _when(recording: Recording, at: Array) -> str:
+    """Times of some samples, the first few of them."""
+    more = f" and {len(at) - _NAMED} more" if len(at) > _NAMED else ""
+    return "at t = " + ", ".join(f"{time:.6g}" for time in recording.t[at[:_NAMED]]) + f" s{more}"
