@@ -108,6 +108,8 @@ def is_certain(found: Compared) -> bool:
     own = gains[list(found.suspect.joints)]
     if np.nanmin(gains, initial=0.0) < -_WORSE:
         return False
+    if found.suspect.expected:
+        return float(np.nansum(gains)) >= 0 and float(np.nanmedian(found.left)) <= _RIGHT
     worst = np.array([np.nanmax(column) if not np.isnan(column).all() else np.nan for column in found.left.T])
     mended = (own >= _FAR_BETTER) & (worst[list(found.suspect.joints)] <= _RIGHT)
     if found.suspect.kind == "order":
@@ -134,6 +136,10 @@ def certain_faults(recording: Recording, robot: Robot, reading: Reading | None) 
 
 def _fault(recording: Recording, robot: Robot, found: Compared) -> Fault:
     """The sentence on a reading that is better than the data as they stand."""
+    if found.suspect.expected:
+        step = float(np.median(np.diff(recording.t)))
+        why = f"as it stands a sample comes every {step:.3g} s, and so slow a motion would show no inertia"
+        return Fault(found.suspect.what, why, _mend(recording, found.suspect))
     j = int(np.nanargmax(found.of_joints))
     after, gain = np.nanmax(found.left[:, j]), found.of_joints[j]
     before = min(1.0, (after + _ENOUGH) * np.exp(gain))
@@ -170,10 +176,10 @@ def better_readings(robot: Robot, reading: Reading, step: float) -> list[Compare
     out: list[Compared] = []
     for _ in range(_MOST_FAULTS):
         before = unexplained(robot, reading)
-        poor = _poor(before)
-        if not poor:
+        poor, timed = _poor(before), other.time_suspects(robot, step)
+        if not poor and not any(suspect.expected for suspect in timed):
             return out
-        tried = [compared(robot, before, reading, suspect) for suspect in _suspects(robot, reading, poor, step)]
+        tried = [compared(robot, before, reading, suspect) for suspect in (*timed, *_suspects(robot, reading, poor))]
         certain = [one for one in tried if is_certain(one)]
         if not certain:
             return out
@@ -183,7 +189,9 @@ def better_readings(robot: Robot, reading: Reading, step: float) -> list[Compare
         if not best.suspect.told:
             return out
         out.append(best)
-        reading = best.suspect.read(reading)
+        mended = best.suspect.read(reading)
+        step *= float(np.ptp(mended.motion.t) / np.ptp(reading.motion.t))
+        reading = mended
     return out
 
 
@@ -193,12 +201,14 @@ def _poor(before: Float[Array, "2 nv"]) -> list[int]:
     return np.flatnonzero(np.nan_to_num(possible) >= _FAR_BETTER).tolist()
 
 
-def _suspects(robot: Robot, reading: Reading, poor: Sequence[int], step: float) -> list[Suspect]:
+def _suspects(robot: Robot, reading: Reading, poor: Sequence[int]) -> list[Suspect]:
+    """All readings but those of time."""
+    if not poor:
+        return []
     driven = _driven(robot, reading)
     signed = [j for j in poor if driven[j]]
     ratio = common_ratio(robot, reading)
     return [
-        *other.time_suspects(robot, step),
         *(other.degree_suspects(robot) if np.abs(reading.motion.q).max() > np.pi else ()),
         *(other.all_signs(robot) if signed == list(poor) else ()),
         *other.torque_suspects(robot, ratio),

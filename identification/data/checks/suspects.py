@@ -29,6 +29,10 @@ Array = np.ndarray
 _DEGREE = np.pi / 180  # [rad]
 # Times between samples [s] that recorders of robots have.
 _FASTEST, _SLOWEST = 2e-5, 0.2
+# Nobody records motion more slowly than this [s], save motion so slow that its inertia would show in another unit.
+_PATIENT = 1.0
+# The same for all joints together, whose median is what names the unit: a tenth lies between two of them.
+_NEAR_UNIT = float(np.log(2.5))
 # Logarithm of a gear ratio from which on the sides of a gear can be told apart.
 _GEARED = float(np.log(2.0))
 # Zeros [rad] of other conventions.
@@ -51,6 +55,7 @@ class Suspect:
         what: What would be wrong, as in ``the time is in ms``.
         entries: The entries of a column map that mend it, by their keys.
         read: Makes the reading.
+        expected: True where the reading is by far the more usual one, so that it need only fit.
         told: False for a rival: where it fits best, its twins are not certain, and nothing is said.
     """
 
@@ -60,6 +65,7 @@ class Suspect:
     entries: dict[str, str]
     read: Callable[[Reading], Reading]
     told: bool = True
+    expected: bool = False
 
 
 def time_suspects(robot: Robot, step: float) -> list[Suspect]:
@@ -76,6 +82,7 @@ def time_suspects(robot: Robot, step: float) -> list[Suspect]:
             f"the time is in {unit} and not in s",
             {"t": f"{{from: t, unit: {unit}}}"},
             lambda reading, factor=factor: with_time_times(reading, factor),
+            expected=step >= _PATIENT,
         )
         for unit, factor in _TIMES.items()
         if _FASTEST <= step * factor <= _SLOWEST
@@ -195,7 +202,7 @@ def torque_suspects(robot: Robot, ratio: float | None) -> list[Suspect]:
     factors: list[tuple[str, dict[str, str], Float[Array, " nv"]]] = []
     for unit, factor in _TORQUES.items():
         # Where the joints have a ratio in common, other units are no candidates: a payload could make good for them.
-        if ratio is not None and abs(np.log(ratio * factor)) > _SAME_UNIT:
+        if ratio is not None and unit != _nearest_unit(ratio):
             continue
         factors.append(
             (
@@ -222,6 +229,13 @@ def torque_suspects(robot: Robot, ratio: float | None) -> list[Suspect]:
         Suspect("torque", every, what, mended, lambda reading, factor=factor: with_torques_times(reading, factor))
         for what, mended, factor in factors
     ]
+
+
+def _nearest_unit(ratio: float) -> str | None:
+    """The unit that a ratio of torques is nearest to; None where wrong inertias and constants leave it too far away."""
+    distance = {unit: abs(np.log(ratio * factor)) for unit, factor in _TORQUES.items()}
+    unit = min(distance, key=lambda name: distance[name])
+    return unit if distance[unit] <= _NEAR_UNIT else None
 
 
 def gear_entries(robot: Robot, by_joint: dict[int, str]) -> dict[str, str]:

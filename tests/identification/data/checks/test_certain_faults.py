@@ -13,9 +13,10 @@ from identification.data.checks.plausible_fit import unexplained
 from identification.data.checks.readings import reading_of
 from identification.data.checks.smoothed_copy import smoothed
 from identification.data.recording import Fault, Recording
-from phantom_dyn.dynamics.dynamics import gravity_torque
+from phantom_dyn.dynamics.dynamics import gravity_torque, inverse_dynamics
 from phantom_dyn.model.loading import load_robot
 from phantom_dyn.model.robot import Robot
+from phantom_dyn.motion import Motion
 from places import ROBOTS
 
 
@@ -41,6 +42,19 @@ def with_inertias(robot: Robot, factors: tuple[float, ...]) -> Robot:
     return out
 
 
+def slow(clean, robot: Robot, times: float) -> Recording:
+    """The motion of a clean recording at 200 Hz, so many times more slowly, with its torque."""
+    recording = clean(rate=200.0, seconds=20.0)
+    motion = smooth_motion(recording)
+    slower = Motion(motion.t * times, motion.q, motion.v / times, motion.a / times**2)
+    return replace(recording, t=slower.t, q=slower.q, v=None, tau=inverse_dynamics(robot, slower))
+
+
+def smooth_motion(recording: Recording) -> Motion:
+    copy = smoothed(recording)
+    return Motion(copy.t, copy.q, copy.v, copy.a)
+
+
 def test_positions_in_degrees(clean, arm, changed):
     recording = clean()
     fault = only(checked(changed(recording, q=recording.q * np.rad2deg([1, 1, np.deg2rad(1)])), arm).wrong)
@@ -54,6 +68,19 @@ def test_time_in_another_unit(clean, arm, changed, unit, factor):
     fault = only(checked(changed(recording, t=recording.t * factor), arm).wrong)
     assert fault.what == f"the time is in {unit} and not in s"
     assert f"write t: {{from: t, unit: {unit}}} into a column map and give it with --columns" in fault.mend
+
+
+def test_a_slow_motion_in_ms_is_told_although_it_shows_no_inertia(clean, arm, changed):
+    # Ten times slower, inertia is a hundredth of what it was; friction and weight fit in either unit.
+    recording = slow(clean, arm, 10.0)
+    fault = only(checked(changed(recording, t=recording.t * 1e3), arm).wrong)
+    assert fault.what == "the time is in ms and not in s"
+    assert "a sample comes every 50 s" in fault.why
+
+
+def test_a_motion_that_is_really_so_slow_is_right(clean, arm):
+    # Sampled every two seconds; read as milliseconds its inertia would be a million times as large.
+    assert checked(slow(clean, arm, 400.0), arm).wrong == ()
 
 
 @pytest.mark.parametrize("joint", [0, 1, 2])
