@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable
+from uuid import uuid4
 
 from identification.data.changes import Change
 from identification.data.recording import Recording
@@ -94,4 +95,7 @@ def _result(session: Session, judgement: Judgement, rollout: Rollout, proposal: 
         notes=(*rollout.notes, *judgement.notes, *proposal.notes),
         next_motion=proposal.motion,
         wrong=wrong_with(session.recordings),
+        gap=judgement.gap,
+        minor=judgement.minor,
+        run=uuid4().hex,
     )

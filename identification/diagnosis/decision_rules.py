@@ -48,11 +48,17 @@ ACTING = 0.1
 # events in a recording of twenty blocks are fewer.
 RARE = 0.35
 
+# probability: that the floor of some joint lies outside its interval (contract: 5 % over all joints).
+FLOOR_ERROR = 0.05
+
 # gain: of the trace of an effect in the noise, from which on the noise is estimated again without it.
 LEAST_TRACE = 10.0
 
 # ratio: of noise floors, below which an explanation has shown the noise to be smaller than estimated.
 LOWER_NOISE = 0.9
+
+# ratio: of power densities in parts of the band above, up to which a noise counts as white.
+FLAT_NOISE = 2.0
 
 # What is shown of a claim, in the judged band: extra findings and lost second effects in `benchmarks/blind/run.py`.
 
@@ -108,6 +114,29 @@ STRUCTURE_ERRORS = 3.0
 
 # share: from which on it has structure in however few blocks.
 PLAIN_STRUCTURE = 0.5
+
+# The verdict. Its table is the contract's; `tests/identification/diagnosis/judge/test_verdict.py` states every row.
+
+# share: of the explainable gap, below which structure that is left does not change the verdict.
+LITTLE_STRUCTURE = 0.1
+
+# noise floors: that a joint may have left where the gap counts as explained.
+FLOORS_LEFT = 1.5
+
+# share: of a joint's own gap within tolerance that may be left as well.
+GAP_LEFT = 0.1
+
+# share: of the measured torque that an ordinary effect makes.
+ORDINARY_SHARE = 0.1
+
+# share: of its limit from which on a move counts as being there; solvers stop a rounding short of it.
+AT_LIMIT = 0.999
+
+# share: of the gap within tolerance, below which a finding may be too small to matter.
+MINOR_SHARE = 0.01
+
+# noise floors: by which the residual of every joint grows at most without such a finding.
+MINOR_FLOORS = 0.5
 
 # Bursts: pushes, contacts and other events that nothing in the state of the robot foretells. `data_warnings` of the
 # cases of `benchmarks/blind/generate.py`, none of which holds one, show false ones.

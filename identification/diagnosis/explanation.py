@@ -6,6 +6,7 @@ from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import numpy as np
+from jaxtyping import Float
 
 from identification.diagnosis import decision_rules as rules
 from identification.diagnosis.fit.gap import held_out_torque, residual_after, row_counts, row_losses
@@ -23,7 +24,13 @@ from identification.diagnosis.noise.encoder_noise import (
     reading_steps,
     spurious_gains,
 )
-from identification.diagnosis.noise.noise_floor import estimate_noise, noise_without, smaller_noise, weights_of
+from identification.diagnosis.noise.noise_floor import (
+    estimate_noise,
+    noise_floor,
+    noise_without,
+    smaller_noise,
+    weights_of,
+)
 from identification.diagnosis.noise.whitening import whitened, whitened_noise
 from identification.diagnosis.search.refinement import (
     found_effects,
@@ -35,6 +42,8 @@ from identification.diagnosis.search.refinement import (
 from identification.diagnosis.search.rival_sets import settled
 from identification.diagnosis.search.search import Search, Threshold, claimed, set_up_search
 from identification.diagnosis.search.stepwise import best_short, explain
+
+Array = np.ndarray
 
 # Passes that take laws again about what the last one found.
 _REFINEMENTS = 3
@@ -51,12 +60,15 @@ class Explanation:
         chosen: The effects that explain the recordings.
         noise: What they and the flexible fits leave of each log's torque, in the band.
         coarse: Encoders that are coarser than stated.
+        encoders: Torque that the noise of the encoders makes in the judged band, root mean square, ``(nv,)``; None
+            where it was not computed.
     """
 
     search: Search
     chosen: frozenset[Term]
     noise: Series
     coarse: tuple[Coarse, ...] = ()
+    encoders: Float[Array, " nv"] | None = None
 
 
 def explained(session: Session, progress: Callable[[str], None] = lambda _: None) -> Explanation:
@@ -78,6 +90,7 @@ def explained(session: Session, progress: Callable[[str], None] = lambda _: None
     noise = at_least_encoder_noise(estimate_noise(session, columns), again)
     search = _set_up(session, columns, noise)
     spurious = spurious_gains(search, again, noise)
+    encoders = noise_floor(session, again, again.residual)
     del again
     search = _with_thresholds(search, noise, spurious, progress)
     last = _searched(search, noise, progress)
@@ -103,7 +116,7 @@ def explained(session: Session, progress: Callable[[str], None] = lambda _: None
         search = _with_thresholds(_set_up(session, columns, noise), noise, spurious, progress)
         last = _searched(search, noise, progress, same_effects(search, found))
     coarse = coarse_joints(session, columns, steps)
-    return replace(last, chosen=settled(last.search, last.chosen), coarse=coarse)
+    return replace(last, chosen=settled(last.search, last.chosen), coarse=coarse, encoders=encoders)
 
 
 def _set_up(session: Session, columns: Columns, noise: Series) -> Search:

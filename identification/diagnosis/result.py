@@ -1,4 +1,4 @@
-"""What a diagnosis says: frozen data in the shape of ``diagnosis.json`` (schema ``gap-diagnosis/1``)."""
+"""What a diagnosis says: frozen data in the shape of ``diagnosis.json`` (schema ``gap-diagnosis/2``)."""
 
 from __future__ import annotations
 
@@ -44,6 +44,9 @@ class Finding:
 
     ``loadings`` are the deviations of its parameters as sums of independent standard numbers that all findings share,
     one row a parameter, lists unfolded: products of rows are covariances. Empty where they are not known.
+
+    ``gap_closed`` is the part of the gap that comes back when this finding alone is taken out and all others are fitted
+    again; ``share`` is its Shapley value, so that the shares of all findings add up to what they close together.
     """
 
     effect: str
@@ -57,11 +60,25 @@ class Finding:
     verdict: str
     recording: str | None = None
     loadings: tuple[tuple[float, ...], ...] = ()
+    share: float | None = None
 
 
 @dataclass(frozen=True)
 class JointGap:
-    """Gap of one joint on held-out data, in the joint's torque unit."""
+    """Gap of one joint on held-out data, in the joint's torque unit.
+
+    Attributes:
+        joint, unit: Which joint, and the unit of the figures.
+        rms_before: Residual of the given model.
+        rms_after: Residual of the corrected model.
+        noise_floor: What the sensors leave.
+        hold_out_samples: Samples that were judged.
+        rms_torque: Measured torque; None where it is not known.
+        rms_within_tolerance: Residual of the model with the best moves within its tolerances and no finding.
+        noise_floor_interval: Of the floor, at 95 % over all joints together.
+        noise_floor_source: ``above_band``, ``repetitions`` or ``predictors``; the last is an upper limit only.
+        closed: Part of the gap within tolerance that the findings close; None where there is no gap.
+    """
 
     joint: str
     unit: str
@@ -69,26 +86,64 @@ class JointGap:
     rms_after: float
     noise_floor: float
     hold_out_samples: int
+    rms_torque: float | None = None
+    rms_within_tolerance: float | None = None
+    noise_floor_interval: tuple[float, float] | None = None
+    noise_floor_source: str | None = None
+    closed: float | None = None
+
+    @property
+    def allowed(self) -> float:
+        """The largest residual that may still be noise: the upper end of the floor's interval."""
+        return self.noise_floor if self.noise_floor_interval is None else self.noise_floor_interval[1]
+
+    @property
+    def tolerated(self) -> float:
+        """Residual that no move within the tolerances explains, or of the given model where that is not known."""
+        return self.rms_before if self.rms_within_tolerance is None else self.rms_within_tolerance
+
+
+@dataclass(frozen=True)
+class Gap:
+    """Share of the gap that all findings close together, with its 95 % interval; None where there is no gap."""
+
+    closed: float | None = None
+    interval: tuple[float, float] | None = None
 
 
 @dataclass(frozen=True)
 class Adjusted:
-    """A move of the model inside its tolerance."""
+    """A move of the model inside its tolerance.
+
+    Attributes:
+        quantity: What moves.
+        change: Relative change.
+        tolerance: One sigma of what the model states; the change may reach twice that.
+        at_limit: True if it ends at that limit.
+        hides: What could hide behind a move at its limit, in words; empty if it is inside.
+    """
 
     quantity: str
     change: float
     tolerance: float
+    at_limit: bool = False
+    hides: str = ""
 
 
 @dataclass(frozen=True)
 class Bound:
-    """The smallest size of an effect that this recording would have shown with 95 % power."""
+    """The smallest size of an effect that this recording would have shown with 95 % power.
+
+    ``of_torque`` is the torque that an effect of this size makes on the motion, as a share of the measured torque of
+    the joint where it shows most; None where it is not known.
+    """
 
     effect: str
     joint: str | None
     parameter: str
     below: float
     unit: str
+    of_torque: float | None = None
 
 
 @dataclass(frozen=True)
@@ -102,12 +157,16 @@ class NotTestable:
 
 @dataclass(frozen=True)
 class Unexplained:
-    """What is left: its share of the explainable gap, whether it has structure, and where."""
+    """What is left: its share of the explainable gap, whether it has structure, and where.
+
+    ``times`` are the stretches [s] in which something acts that comes and goes: a contact, a push, a cable.
+    """
 
     fraction_of_explainable: float
     structured: bool
     joint: str | None
     regime: str | None
+    times: tuple[tuple[float, float], ...] = ()
 
 
 @dataclass(frozen=True)
@@ -179,6 +238,8 @@ class Judgement:
         warnings: Sentences about the data.
         notes: Sentences about the findings.
         bursts: Events that nothing in the state foretells, in the order of time.
+        gap: What the findings close together.
+        minor: Effects that are seen but too small to matter.
     """
 
     verdict: str
@@ -192,6 +253,8 @@ class Judgement:
     warnings: tuple[str, ...] = ()
     notes: tuple[str, ...] = ()
     bursts: tuple[Burst, ...] = ()
+    gap: Gap = Gap()
+    minor: tuple[Finding, ...] = ()
 
 
 @dataclass(frozen=True)
@@ -220,6 +283,9 @@ class Diagnosis:
     notes: tuple[str, ...] = ()
     next_motion: Motion | None = None
     wrong: tuple[str, ...] = ()
+    gap: Gap = Gap()
+    minor: tuple[Finding, ...] = ()
+    run: str = ""
 
     @property
     def at_rest(self) -> bool:

@@ -1,4 +1,4 @@
-"""The files of a diagnosis: ``diagnosis.json`` (schema ``gap-diagnosis/1``), report, models and proposed motion.
+"""The files of a diagnosis: ``diagnosis.json`` (schema ``gap-diagnosis/2``), report, models and proposed motion.
 
 All of them are written, or none where one of them could not be written.
 """
@@ -15,7 +15,7 @@ from pathlib import Path
 import numpy as np
 
 from identification.diagnosis.model.terms import KnownEffect
-from identification.diagnosis.result import Diagnosis, EffectAt, Finding, Rival, Unexplained
+from identification.diagnosis.result import Adjusted, Diagnosis, EffectAt, Finding, Rival, Unexplained
 from identification.export.all_files import NAMES as MODELS
 from identification.export.all_files import export_texts
 from identification.export.corrected.corrected_yaml import write_corrected
@@ -24,7 +24,7 @@ from identification.next_experiment.proposal_words import reference_text
 from phantom_dyn.errors import UsageError
 from phantom_dyn.model.robot import Robot
 
-SCHEMA = "gap-diagnosis/1"
+SCHEMA = "gap-diagnosis/2"
 
 Json = dict[str, "Json"] | list["Json"] | str | float | int | bool | None
 
@@ -37,10 +37,13 @@ def to_json(diagnosis: Diagnosis) -> dict[str, Json]:
     return {
         "schema": SCHEMA,
         "verdict": diagnosis.verdict,
+        "run": diagnosis.run,
+        "gap": _plain(asdict(diagnosis.gap)),
         "joints": [_plain(asdict(joint)) for joint in diagnosis.joints],
         "band_hz": _plain(diagnosis.band_hz),
         "findings": [_finding(finding) for finding in diagnosis.findings],
-        "adjusted": [_plain(asdict(adjusted)) for adjusted in diagnosis.adjusted],
+        "minor": [_finding(finding) for finding in diagnosis.minor],
+        "adjusted": [_adjusted(adjusted) for adjusted in diagnosis.adjusted],
         "unexplained": _unexplained(diagnosis.unexplained),
         "bounds": [_plain(asdict(bound)) for bound in diagnosis.bounds],
         "not_testable": [_plain(asdict(entry)) for entry in diagnosis.not_testable],
@@ -63,12 +66,17 @@ def _finding(finding: Finding) -> Json:
         "joint": finding.joint,
         "regime": finding.regime,
         "parameters": {name: _plain(asdict(value)) for name, value in finding.parameters.items()},
+        "share": _plain(finding.share),
         "gap_closed": _plain(finding.gap_closed),
         "gap_closed_interval": _plain(finding.gap_closed_interval),
         "probability": _plain(finding.probability),
         "rivals": [_rival(rival) for rival in finding.rivals],
         "verdict": finding.verdict,
     } | ({} if finding.recording is None else {"recording": finding.recording})
+
+
+def _adjusted(adjusted: Adjusted) -> Json:
+    return {name: _plain(value) for name, value in asdict(adjusted).items() if name != "hides"}
 
 
 def _rival(rival: Rival) -> Json:
@@ -83,7 +91,8 @@ def _unexplained(unexplained: Unexplained) -> Json:
     return {
         "fraction_of_explainable": _plain(unexplained.fraction_of_explainable),
         "structured": _plain(unexplained.structured),
-        "where": {"joint": unexplained.joint, "regime": unexplained.regime},
+        "where": {"joint": unexplained.joint, "regime": unexplained.regime, "times": _plain(unexplained.times)},
+        "law": None,
     }
 
 

@@ -10,7 +10,7 @@ from jinja2 import Environment, StrictUndefined
 from markupsafe import Markup
 from plotly.offline import get_plotlyjs
 
-from identification.diagnosis.result import Diagnosis, Finding
+from identification.diagnosis.result import Diagnosis, Finding, Gap
 from identification.reporting.explaining import JointMotion, joint_motions, joint_of
 from identification.reporting.gap_figures import (
     finding_figure,
@@ -118,8 +118,18 @@ def report_html(diagnosis: Diagnosis, robot: Robot | None = None) -> str:
         joints=_joint_views(diagnosis) if has_samples else [],
         has_times=bool(diagnosis.evidence.regime_times),
         rollout=rollout_rows(diagnosis),
-        adjusted=[(a.quantity, f"{100 * a.change:+.2g} %", f"±{100 * a.tolerance:.2g} %") for a in diagnosis.adjusted],
-        unexplained=words.capital(words.unexplained_phrase(diagnosis.unexplained)),
+        closed=_closed(diagnosis.gap),
+        minor=words.joined([words.effect_at_finding(finding) for finding in diagnosis.minor]),
+        adjusted=[
+            (
+                a.quantity,
+                f"{100 * a.change:+.2g} %",
+                f"±{100 * a.tolerance:.2g} %",
+                f"at its limit: {a.hides}" * a.at_limit,
+            )
+            for a in diagnosis.adjusted
+        ],
+        unexplained=words.capital(words.left_over(diagnosis)),
         unexplained_figure=_unexplained_figure(diagnosis, motions),
         bounds=detectable_sizes(diagnosis.bounds),
         not_testable=untestable_rows(diagnosis.not_testable, diagnosis.joints),
@@ -129,11 +139,19 @@ def report_html(diagnosis: Diagnosis, robot: Robot | None = None) -> str:
     )
 
 
+def _closed(gap: Gap) -> str:
+    """What all findings close together, in a sentence; empty where there is no gap to close."""
+    if gap.closed is None or gap.interval is None:
+        return ""
+    low, high = (percent(end) for end in gap.interval)
+    return f"All findings together close {percent(gap.closed)} of the gap (95 % interval: {low} to {high})."
+
+
 def _card(diagnosis: Diagnosis, motions: dict[str, JointMotion], index: int) -> Card:
     finding = diagnosis.findings[index]
     return Card(
         name=_title(finding),
-        share=percent(finding.gap_closed),
+        share=words.share_of_gap(finding),
         sentence=words.finding_words(finding, diagnosis.next_experiment),
         sizes=parameter_rows(finding),
         figure=Markup(finding_figure(diagnosis, motions, index) if motions and index < _FIGURES else ""),

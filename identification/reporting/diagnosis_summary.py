@@ -28,6 +28,9 @@ def summary(diagnosis: Diagnosis) -> str:
             "",
             _wrapped(f"{count} modelled {'quantity' if count == 1 else 'quantities'} moved within tolerance."),
         ]
+    if diagnosis.minor:
+        names = words.joined([words.effect_at_finding(finding) for finding in diagnosis.minor])
+        blocks += ["", _wrapped(f"Also visible, too small to matter: {names}.")]
     proposal = (diagnosis.next_experiment or {}).get("say")
     if proposal:
         blocks += ["", _wrapped(f"Next experiment: {proposal}")]
@@ -44,10 +47,14 @@ def _finding_lines(findings: tuple[Finding, ...]) -> list[str]:
 
 def _finding_line(finding: Finding) -> str:
     grown = growth_words(finding)
-    values = [value for name, value in finding.parameters.items() if not (grown and name == "ratio")]
-    sizes = ", ".join(value_words(value) for value in values)
-    size = (f": {sizes}" if sizes and len(values) <= 2 else "") + grown
-    sure = f"{words.sureness(finding.probability)}, {words.gap_closed(finding)} of the gap"
+    values = {name: value for name, value in finding.parameters.items() if not (grown and name == "ratio")}
+    # One size needs no name; of several each is told which it is.
+    sizes = ", ".join(
+        value_words(value) if len(values) == 1 else f"{words.parameter_name(name)} {value_words(value)}"
+        for name, value in values.items()
+    )
+    size = (f": {sizes}" if sizes else "") + grown
+    sure = f"{words.sureness(finding.probability)}, {words.share_of_gap(finding)} of the gap"
     rivals = f"; {words.rivals_words(finding.rivals)}" if finding.rivals else ""
     return f"{words.capital(words.effect_at_finding(finding))}{size}; {sure}{rivals}"
 
@@ -55,12 +62,15 @@ def _finding_line(finding: Finding) -> str:
 def _gap_table(joints: tuple[JointGap, ...]) -> list[str]:
     names = [cut_name(joint.joint, NAME_WIDTH) for joint in joints]
     width = max([len("joint"), *map(len, names)])
-    head = f"{'joint':<{width}}  {'before':>10}  {'after':>10}  {'noise floor':>11}"
-    rows = [
-        f"{name:<{width}}  {number(j.rms_before):>10}  {number(j.rms_after):>10}  {number(j.noise_floor):>11}  {j.unit}"
-        for name, j in zip(names, joints, strict=True)
-    ]
-    return [head, *rows]
+    within = any(joint.rms_within_tolerance is not None for joint in joints)
+    heads = ("given", *(("in tolerance",) if within else ()), "corrected", "noise floor")
+    rows = []
+    for name, joint in zip(names, joints, strict=True):
+        moved = (joint.tolerated,) if within else ()
+        figures = (joint.rms_before, *moved, joint.rms_after, joint.noise_floor)
+        cells = "  ".join(f"{number(value):>12}" for value in figures)
+        rows.append(f"{name:<{width}}  {cells}  {joint.unit}")
+    return [f"{'joint':<{width}}  " + "  ".join(f"{head:>12}" for head in heads), *rows]
 
 
 def _wrapped(text: str, indent: str = "") -> str:

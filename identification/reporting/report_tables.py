@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from identification.diagnosis.result import Bound, Diagnosis, Finding, JointGap, NotTestable
+from identification.diagnosis.result import Adjusted, Bound, Diagnosis, Finding, JointGap, NotTestable
 from identification.words import diagnosis_words as words
 from identification.words.effect_words import (
     REGIMES,
@@ -55,9 +55,19 @@ def parameter_rows(finding: Finding) -> list[Row]:
 
 
 def gap_row(joint: JointGap) -> Row:
-    """Joint, residual before and after, noise floor, unit, samples."""
-    numbers = (joint.rms_before, joint.rms_after, joint.noise_floor)
-    return (joint.joint, *(number(value) for value in numbers), joint.unit, str(joint.hold_out_samples))
+    """Joint, residual of the given, the tolerated and the corrected model, noise floor, unit, samples."""
+    within = "–" if joint.rms_within_tolerance is None else number(joint.rms_within_tolerance)
+    after, floor = number(joint.rms_after), number(joint.noise_floor)
+    if joint.noise_floor_interval is not None:
+        low, high = (number(end) for end in joint.noise_floor_interval)
+        floor = f"{floor} ({low} to {high})"
+    return (joint.joint, number(joint.rms_before), within, after, floor, joint.unit, str(joint.hold_out_samples))
+
+
+def adjusted_row(adjusted: Adjusted) -> Row:
+    """Quantity, change, tolerance, and what could hide behind a move that ends at its limit."""
+    change, tolerance = f"{100 * adjusted.change:+.2g} %", f"±{100 * adjusted.tolerance:.2g} %"
+    return (adjusted.quantity, change, tolerance, f"at its limit: {adjusted.hides}" if adjusted.at_limit else "")
 
 
 def regime_table(diagnosis: Diagnosis, joint: int) -> list[RegimeShare]:

@@ -10,6 +10,9 @@ from identification.diagnosis.result import Diagnosis, EffectAt, Finding, Rival,
 from identification.words.effect_words import effect_words, is_between_joints, regime_words, shortfall_words, size_words
 from identification.words.numbers_and_names import NO_BREAK, percent, value_words
 
+UNDECIDED = 0.5  # probability below which a finding is told as undecided
+_TIMES = 3  # stretches that a sentence names
+
 SURENESS = ((0.99, "practically certain"), (0.9, "very likely"), (0.7, "likely"), (0.5, "more likely than not"))
 NO_RIVAL = "nothing else in the catalogue explains the data as well"
 
@@ -61,7 +64,7 @@ def finding_words(finding: Finding, next_experiment: Mapping[str, Any] | None = 
     return FindingWords(
         what=capital(f"{head} ({words.meaning})" if words.meaning != words.name else head) + growth_words(finding),
         where=", ".join(filter(None, (where, regime_words(finding.regime)))),
-        how_sure=f"{sureness(finding.probability)}; it accounts for {gap_closed(finding)} of the gap",
+        how_sure=f"{sureness(finding.probability)}; it accounts for {share_of_gap(finding)} of the gap",
         what_else=rivals_words(finding.rivals),
         what_next=lower_first(_next_step(finding, next_experiment or {})),
     )
@@ -137,24 +140,36 @@ def rivals_words(rivals: tuple[Rival, ...]) -> str:
 
 
 def sureness(probability: float) -> str:
-    """A probability as words and number."""
-    words = next((words for least, words in SURENESS if probability >= least), "one of several candidates")
+    """A probability as words and number; below a half nothing is decided."""
+    words = next((words for least, words in SURENESS if probability >= least), "undecided")
     return f"{words} ({percent(probability)})"
 
 
 def gap_closed(finding: Finding) -> str:
-    """Share of the gap that a finding accounts for, with its interval."""
+    """Share of the gap that comes back without a finding, with its interval where that says more."""
     low, high = finding.gap_closed_interval
-    return f"{percent(finding.gap_closed)} ({percent(low).removesuffix(f'{NO_BREAK}%')} to {percent(high)})"
+    own, least, most = percent(finding.gap_closed), percent(low), percent(high)
+    if own == least == most:
+        return own
+    return f"{own} ({least.removesuffix(f'{NO_BREAK}%')} to {most})"
+
+
+def share_of_gap(finding: Finding) -> str:
+    """Share of a finding in what all close together; without one, what comes back when it is taken out."""
+    return gap_closed(finding) if finding.share is None else percent(finding.share)
 
 
 def verdict_sentence(diagnosis: Diagnosis) -> str:
-    """The verdict in one sentence; it begins with what is wrong where a wrong recording was judged anyway."""
+    """The verdict in a sentence or two; it begins with what is wrong where a wrong recording was judged anyway."""
     if diagnosis.wrong:
         return f"Judged although {joined(list(diagnosis.wrong))}. {verdict_sentence(replace(diagnosis, wrong=()))}"
-    names = [effect_at_finding(finding) for finding in diagnosis.findings]
+    return " ".join([_verdict_alone(diagnosis), *_reservations(diagnosis)])
+
+
+def _verdict_alone(diagnosis: Diagnosis) -> str:
+    names = [_named(finding) for finding in diagnosis.findings]
     named = joined(names) if len(names) <= 4 else f"{joined(names[:3], last=', ')} and {len(names) - 3} more"
-    left = unexplained_phrase(diagnosis.unexplained)
+    left = left_over(diagnosis)
     if diagnosis.verdict == "explained":
         return f"The gap between robot and model is explained by {named or 'what was adjusted'}."
     if diagnosis.verdict == "partly_explained":
@@ -164,9 +179,58 @@ def verdict_sentence(diagnosis: Diagnosis) -> str:
         return f"There is a gap between robot and model that the catalogue does not explain{found}: {left}."
     if diagnosis.verdict == "no_gap":
         return "The model fits the robot: nothing was found beyond noise and the tolerances that the model states."
+    known = [bound for bound in diagnosis.bounds if bound.of_torque is not None]
+    if diagnosis.verdict == "not_testable" and known:
+        least = min(known, key=lambda bound: bound.of_torque or 0.0)
+        return (
+            "This recording cannot show an ordinary gap: nothing was found, but even the effect that shows best, "
+            f"{effect_at(EffectAt(least.effect, least.joint))}, would have been seen only from "
+            f"{percent(least.of_torque or 0.0)} of the torque on. Record faster motion in more postures, or less noise."
+        )
     if diagnosis.verdict == "not_testable":
         return "This recording cannot show a gap at all: record a motion that excites the joints, then diagnose again."
     return f"The verdict is {diagnosis.verdict.replace('_', ' ')}."
+
+
+def _named(finding: Finding) -> str:
+    """A finding with its place; one with less than half of the probability is told as undecided."""
+    return effect_at_finding(finding) + ("" if finding.probability >= UNDECIDED else " (undecided)")
+
+
+def _reservations(diagnosis: Diagnosis) -> list[str]:
+    """What a verdict without a gap, or with all of it explained, cannot exclude."""
+    if diagnosis.verdict not in ("no_gap", "explained"):
+        return []
+    out = [
+        f"The move of {move.quantity} ends at the limit of its tolerance; {move.hides} could hide behind it."
+        for move in diagnosis.adjusted
+        if move.at_limit
+    ]
+    limits_only = [gap.joint for gap in diagnosis.joints if gap.noise_floor_source == "predictors"]
+    if diagnosis.verdict == "no_gap" and limits_only:
+        out.append(
+            "The noise is known as an upper limit only, so that a short event which does not repeat cannot be excluded."
+        )
+    return out
+
+
+def left_over(diagnosis: Diagnosis) -> str:
+    """What is left unexplained: events with their times, joints above their noise floor, and structure."""
+    left, parts = diagnosis.unexplained, []
+    if left.times:
+        times = joined([f"{start:.2f} to {stop:.2f} s" for start, stop in left.times[:_TIMES]])
+        more = f" and {len(left.times) - _TIMES} more times" if len(left.times) > _TIMES else ""
+        parts.append(
+            f"something acts on {place('', left.joint)} from {times}{more} that nothing in the motion foretells"
+        )
+    above = [gap for gap in diagnosis.joints if gap.rms_after > gap.allowed and gap.noise_floor > 0]
+    if left.structured or not (parts or above):
+        parts.append(unexplained_phrase(left))
+    elif above:
+        worst = max(above, key=lambda gap: gap.rms_after / gap.noise_floor)
+        floors = f"{worst.rms_after / worst.noise_floor:.2g} times its noise floor"
+        parts.append(f"joint {worst.joint} has {floors} left, without structure that another effect could explain")
+    return "; ".join(parts)
 
 
 def unexplained_phrase(unexplained: Unexplained) -> str:

@@ -50,6 +50,12 @@ def _finding(k: int, joint: str) -> Finding:
     )
 
 
+def _joint(joint: str, unit: str, k: int, samples: int) -> JointGap:
+    return JointGap(
+        joint, unit, 0.25 / k, 0.031 / k, 0.03 / k, samples, 1.2, 0.24 / k, (0.028 / k, 0.032 / k), "above_band", 0.99
+    )
+
+
 def made_up_diagnosis(
     joints: tuple[str, ...] = ("j1", "j2"), findings: int = 1, samples: int = 6000, unit: str = "N m"
 ) -> Diagnosis:
@@ -59,8 +65,7 @@ def made_up_diagnosis(
         verdict="explained" if findings else "no_gap",
         robot="arm.urdf",
         recordings=("first.csv", "second.csv"),
-        joints=tuple(JointGap(joint, unit, 0.25 / (k + 1), 0.031 / (k + 1), 0.03 / (k + 1), samples // 2)
-                     for k, joint in enumerate(joints)),
+        joints=tuple(_joint(joint, unit, k + 1, samples // 2) for k, joint in enumerate(joints)),
         band_hz=(0.0, 25.0),
         findings=tuple(_finding(k, joints[k % nv]) for k in range(findings)),
         adjusted=(Adjusted("link2 mass", 0.02, 0.05),),

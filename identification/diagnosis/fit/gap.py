@@ -76,6 +76,13 @@ def residual_after(problem: Problem, torque: tuple[Float[Array, "n nv"], ...]) -
     )
 
 
+def measured_torque(problem: Problem) -> tuple[Float[Array, "n nv"], ...]:
+    """Measured torque of every log in the judged band."""
+    columns = problem.columns
+    torque = tuple(model + rest for model, rest in zip(columns.model_torque, columns.residual, strict=True))
+    return problem.session.in_judged_band(torque)
+
+
 def row_counts(problem: Problem) -> Float[Array, " nv"]:
     """Effective number of samples on each row, over the cores of all blocks."""
     return np.array([row.count.sum() for row in problem.grams.rows])

@@ -6,9 +6,11 @@ import numpy as np
 from jaxtyping import Float
 
 from identification.diagnosis import decision_rules as rules
+from identification.diagnosis.fit.gap import measured_torque, sums
 from identification.diagnosis.fit.problem import Problem
 from identification.diagnosis.model.blocks import held_out_share
 from identification.diagnosis.model.terms import Term, untestable_places
+from identification.diagnosis.noise.noise_floor import rms
 from identification.diagnosis.numerics.bounded import solve
 from identification.diagnosis.result import Bound, NotTestable
 from identification.diagnosis.search.search import (
@@ -51,6 +53,7 @@ def smallest_seen(
     inverse, inverse_plain = _inverse(problem, base), _inverse(plain.problem, base)
     held_out = held_out_share(problem.blocks)
     tested = set(search.terms)
+    measured = sums(plain.problem, measured_torque(plain.problem)).rms()
     for term in problem.columns.terms:
         if not isinstance(term.effect, Effect) or term.place in found or any(contains(other, term) for other in chosen):
             continue
@@ -90,10 +93,24 @@ def smallest_seen(
         if term.place in bounds:
             below = better(below, bounds[term.place].below)
         unit = term.effect.probe_unit(robot, term.joint, name)
-        bounds[term.place] = Bound(*term.place, name, float(below), unit)
+        share = None if by_shape else float(below) * _torque_share(plain.problem, measured, term, direction)
+        bounds[term.place] = Bound(*term.place, name, float(below), unit, share)
     left = [value for place, value in hopeless.items() if place not in bounds]
     left += [NotTestable(*place) for place in untestable_places(robot, operation)]
     return tuple(bounds.values()), tuple(left)
+
+
+def _torque_share(problem: Problem, measured: Float[Array, " nv"], term: Term, direction: Float[Array, " k"]) -> float:
+    """Torque of an effect of size one over the measured torque, on the joint where that is most."""
+    columns, out = problem.white, 0.0
+    for j, row in enumerate(columns.rows):
+        own = [k for k, column in enumerate(row) if column in term.column_set]
+        if not own or measured[j] == 0.0:
+            continue
+        parts = direction[[term.columns.index(row[k]) for k in own]]
+        torque = [(x[j][:, own] @ parts)[u[:, j]] for x, u in zip(columns.values, columns.usable, strict=True)]
+        out = max(out, rms(torque) / float(measured[j]))
+    return out
 
 
 def _claimable(search: Search, term: Term, by_block: Float[Array, " B"]) -> float:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from jaxtyping import Float
@@ -55,28 +55,20 @@ def rounded(
     return Rounded(tuple(kept), np.array(energy).reshape(len(kept), len(floor)))
 
 
-def floor_without(rounding: Rounded, floor: Float[Array, " nv"]) -> Float[Array, " nv"]:
-    """Noise floor of encoders as fine as stated."""
-    return (
-        np.sqrt(np.maximum(floor**2 - rounding.total, (rules.COARSE_REMAINDER * floor) ** 2))
-        if rounding.coarse
-        else floor
-    )
-
-
-def findings_of(robot: Robot, rounding: Rounded, before: Sums, floor: Float[Array, " nv"]) -> tuple[Finding, ...]:
+def findings_of(robot: Robot, rounding: Rounded, within: Sums, floor: Float[Array, " nv"]) -> tuple[Finding, ...]:
     """One finding for each coarse joint."""
     effect = effect_named("encoder_quantization")
-    gap = max(float(np.mean(before.rms() ** 2 / floor**2)) - 1.0, 1e-9)
+    gap = max(float(np.mean(within.rms() ** 2 / floor**2)) - 1.0, 1e-9)
     out = []
     for one, energy in zip(rounding.coarse, rounding.energy, strict=True):
         joint = robot.joint_names[one.row]
         closed = float(min(np.mean(energy / floor**2) / gap, 1.0))
         # The energy of rounding is that of a uniform law: known to about the root of two over the samples' number.
-        spread = 2.0 * closed / np.sqrt(max(before.counts.sum() / len(floor), 1.0))
+        spread = 2.0 * closed / np.sqrt(max(within.counts.sum() / len(floor), 1.0))
         unit = effect.parameters(robot, joint)[0].unit
         # Distances of levels are known to rounding of numbers; a hundredth of a step is on the safe side.
         step = Value(one.step, 0.01 * one.step, unit)
         interval = (max(closed - spread, 0.0), min(closed + spread, 1.0))
-        out.append(Finding(effect.name, joint, effect.regime, {"step": step}, closed, interval, 1.0, (), "supported"))
+        finding = Finding(effect.name, joint, effect.regime, {"step": step}, closed, interval, 1.0, (), "supported")
+        out.append(replace(finding, share=closed))
     return tuple(out)

@@ -7,12 +7,14 @@ from dataclasses import dataclass
 import numpy as np
 from jaxtyping import Float
 
+from identification.diagnosis import decision_rules as rules
 from identification.diagnosis.fit.fitting import Fitted
 from identification.diagnosis.fit.gap import Sums, held_out_torque, residual_after, sums
 from identification.diagnosis.fit.joint_fit import JointFit, joint_fit
 from identification.diagnosis.fit.problem import Problem
 from identification.diagnosis.judge.judged_band import Judge, gap_is_there, visible
 from identification.diagnosis.judge.parameters import finding_loadings, finding_parameters
+from identification.diagnosis.judge.shares import shares_of
 from identification.diagnosis.model.session import Series
 from identification.diagnosis.model.terms import Term, ordered
 from identification.diagnosis.result import Finding
@@ -77,10 +79,11 @@ def shown_effects(search: Search, plain: Search, chosen: frozenset[Term], noise:
         kept, settled, fitted, barred = distinct(search, plain, kept, chosen)
         standings = {term: stand(search, settled, term, barred) for term in ordered(kept) if term.named}
         ways = (standing.instead for standing in standings.values() if standing.instead is not None)
-        chosen = next((way for way in ways if way not in seen), None)
-        if chosen is None:
+        instead = next((way for way in ways if way not in seen), None)
+        if instead is None:
             return Shown(plain, kept, fitted, standings)
-        seen.append(chosen)
+        chosen = instead
+        seen.append(instead)
 
 
 def distinct(
@@ -160,20 +163,30 @@ def _range(parameter: Parameter) -> str:
     return f"at least {_sized(low, parameter)} is" if np.isfinite(low) else f"at most {_sized(high, parameter)} is"
 
 
-def findings_without(shown: Shown, judge: Judge, before: Sums) -> tuple[tuple[Finding, Series], ...]:
-    """Each named effect with its gap closed and rivals, and the torque of the other named ones without it.
+@dataclass(frozen=True)
+class Claim:
+    """A finding, the torque of the corrected model without it, and whether it is too small to matter."""
+
+    finding: Finding
+    without: Series
+    minor: bool = False
+
+
+def findings_without(shown: Shown, judge: Judge, within: Sums) -> tuple[Claim, ...]:
+    """Each named effect with its share, its gap closed and rivals, and the torque of the other named ones without it.
 
     Args:
         shown: The effects that are shown.
         judge: Of the gap.
-        before: Loss of the given model.
+        within: What the best moves within the tolerances leave.
     """
     plain, chosen, fitted = shown.plain, shown.chosen, shown.joint_fit
     robot = plain.problem.session.robot
     problem, floor, found = plain.problem, judge.floor, plain.evaluate(chosen)
     after = sums(problem, judge.narrow(residual_after(problem, held_out_torque(problem, chosen, found))))
-    counts = block_counts(len(before.counts), random_stream("bootstrap of the gap closed"))
-    once = np.ones((1, len(before.counts)))
+    counts = block_counts(len(within.counts), random_stream("bootstrap of the gap closed"))
+    once = np.ones((1, len(within.counts)))
+    shares = shares_of(judge, plain, shown.named, within)
     out = []
     for term in ordered(chosen):
         if not term.named:
@@ -184,7 +197,7 @@ def findings_without(shown: Shown, judge: Judge, before: Sums) -> tuple[tuple[Fi
         lost = sums(problem, judge.narrow(residual_after(problem, torque)))
 
         def closed(weights: Float[Array, "R B"], lost: Sums = lost) -> Float[Array, " R"]:
-            gap = np.maximum(before.loss(floor, weights) - 1.0, 1e-9)
+            gap = np.maximum(within.loss(floor, weights) - 1.0, 1e-9)
             return (lost.loss(floor, weights) - after.loss(floor, weights)) / gap
 
         standing = shown.standings[term]
@@ -200,8 +213,11 @@ def findings_without(shown: Shown, judge: Judge, before: Sums) -> tuple[tuple[Fi
             rivals=standing.rivals,
             verdict="one_of" if standing.rivals else "supported",
             loadings=finding_loadings(robot, term, fitted),
+            share=shares[term],
         )
+        more = np.sqrt(np.maximum(lost.rms() ** 2 - after.rms() ** 2, 0.0))
+        minor = finding.gap_closed < rules.MINOR_SHARE and bool(np.all(more < rules.MINOR_FLOORS * floor))
         if others != chosen - {term}:
             torque = held_out_torque(problem, others, plain.evaluate(others))
-        out.append((finding, torque))
+        out.append(Claim(finding, torque, minor))
     return tuple(out)

@@ -14,10 +14,9 @@ from identification.diagnosis.fit.gap import (
     sums,
 )
 from identification.diagnosis.fit.problem import Problem, set_up
-from identification.diagnosis.model.columns import Columns
-from identification.diagnosis.model.session import Series, Session
+from identification.diagnosis.model.session import Series
 from identification.diagnosis.model.terms import Term, ordered
-from identification.diagnosis.noise.noise_floor import rms, weights_of
+from identification.diagnosis.noise.noise_floor import noise_floor, weights_of
 from identification.diagnosis.search.search import Search, set_up_search
 
 Array = np.ndarray
@@ -30,30 +29,16 @@ class Judge:
     Attributes:
         problem: Columns and fits.
         floor: Noise floor of each joint in that band, ``(nv,)``.
+        highest: Upper end of its interval, ``(nv,)``.
     """
 
     problem: Problem
     floor: Float[Array, " nv"]
+    highest: Float[Array, " nv"]
 
     def narrow(self, series: Series) -> Series:
         """Series of each log in the judged band."""
         return self.problem.session.in_judged_band(series)
-
-
-def noise_floor(session: Session, columns: Columns, noise: Series) -> Float[Array, " nv"]:
-    """Noise floor of each joint in the judged band, above zero even where nothing was measured."""
-    narrow = session.in_judged_band(noise)
-    torque = np.concatenate(columns.model_torque)
-    return np.array(
-        [
-            max(
-                rms([e[:, j][u[:, j]] for e, u in zip(narrow, columns.usable, strict=True)]),
-                1e-6 * torque[:, j].std(),
-                1e-12,
-            )
-            for j in range(len(columns.rows))
-        ]
-    )
 
 
 def visible(search: Search, chosen: frozenset[Term]) -> frozenset[Term]:

@@ -3,22 +3,27 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import replace
 
 import numpy as np
 from jaxtyping import Float
 
 from identification.diagnosis.explanation import Explanation
-from identification.diagnosis.fit.gap import Sums, held_out_torque, residual_after, sums
+from identification.diagnosis.fit.gap import Sums, held_out_torque, measured_torque, residual_after, sums
+from identification.diagnosis.fit.problem import Problem
 from identification.diagnosis.judge.bounds import smallest_seen
 from identification.diagnosis.judge.bursts import bursts_of
-from identification.diagnosis.judge.coarse_encoders import Rounded, findings_of, floor_without, rounded
-from identification.diagnosis.judge.findings import Shown, findings_without, shown_effects, size_doubts
-from identification.diagnosis.judge.judged_band import Judge, narrow_search, noise_floor
-from identification.diagnosis.judge.regimes import regime_split
-from identification.diagnosis.judge.verdict import adjusted, unexplained, verdict
+from identification.diagnosis.judge.coarse_encoders import findings_of, rounded
+from identification.diagnosis.judge.findings import Claim, Shown, findings_without, shown_effects
+from identification.diagnosis.judge.floors import Floor, floor_of
+from identification.diagnosis.judge.judged_band import Judge, narrow_search
+from identification.diagnosis.judge.regimes import regime_shares, regime_split
+from identification.diagnosis.judge.shares import closed_together, left_by
+from identification.diagnosis.judge.verdict import adjusted, ordinary_effects_hide, unexplained, verdict
 from identification.diagnosis.model.operations import friction_with
+from identification.diagnosis.model.session import Series
 from identification.diagnosis.model.terms import merged
-from identification.diagnosis.result import Evidence, JointGap, Judgement
+from identification.diagnosis.result import Burst, Evidence, JointGap, Judgement, Unexplained
 from identification.diagnosis.search.refinement import found_effects
 
 Array = np.ndarray
@@ -37,34 +42,40 @@ def judged(explanation: Explanation, progress: Callable[[str], None]) -> tuple[J
     if shown.named != shown.chosen:
         predicted = held_out_torque(problem, shown.chosen, shown.plain.evaluate(shown.chosen))
         whole = session.in_judged_band(residual_after(problem, predicted))
-    # What is left is at least noise, so noise is at most what is left.
-    left = sums(problem, whole).rms()
-    floor = np.minimum(noise_floor(session, problem.columns, noise), np.where(left > 0, left, np.inf))
-    rounding = rounded(problem, explanation.coarse, floor, noise)
-    floor = floor_without(rounding, floor)
-    judge = Judge(problem, floor)
-    before = sums(problem, given)
-    # Without a coarse reading the model is the same: what it feigns is no torque.
-    pairs = [
-        *findings_without(shown, judge, before),
-        *((finding, torque) for finding in findings_of(session.robot, rounding, before, floor)),
+    noise_floor = floor_of(problem, noise, explanation.encoders)
+    rounding = rounded(problem, explanation.coarse, noise_floor.value, noise)
+    noise_floor = noise_floor.without(rounding.total)
+    judge = Judge(problem, noise_floor.value, noise_floor.high)
+    within = left_by(judge, shown.plain, frozenset())
+    claims = [
+        *findings_without(shown, judge, within),
+        # Without a coarse reading the model is the same: what it feigns is no torque.
+        *(Claim(finding, torque) for finding in findings_of(session.robot, rounding, within, judge.floor)),
     ]
-    pairs.sort(key=lambda pair: -pair[0].gap_closed)
-    findings = tuple(finding for finding, _ in pairs)
-    left_over = unexplained(shown, judge, residual, whole)
+    claims.sort(key=lambda claim: -claim.finding.gap_closed)
+    kept = [claim for claim in claims if not claim.minor]
+    findings = tuple(claim.finding for claim in kept)
+    after = _less(sums(problem, residual), rounding.total)
+    joints = joint_gaps(problem, noise_floor, sums(problem, given), within, after)
+    bursts = bursts_of(problem, whole, _friction(shown))
+    left_over = _located(unexplained(shown, judge, residual, whole), problem, residual, joints)
+    left_over = _timed(left_over, bursts)
     progress("stating what would have been seen")
     bounds, untested = smallest_seen(merged(problem.columns.operations), search, shown.plain, shown.chosen)
+    moved = any(bool(use.any()) for use in problem.columns.usable)
     judgement = Judgement(
-        verdict=verdict(findings, left_over, problem.columns),
-        joints=_joint_gaps(judge, before, sums(problem, residual), rounding),
+        verdict=verdict(joints, findings, left_over, moved=moved, hides=ordinary_effects_hide(bounds)),
+        joints=joints,
         findings=findings,
         adjusted=adjusted(problem, shown.found),
         unexplained=left_over,
         bounds=bounds,
         not_testable=untested,
         notes=size_doubts(shown),
-        evidence=evidence_of(judge, given, torque, tuple(without for _, without in pairs)),
-        bursts=bursts_of(problem, whole, _friction(shown)),
+        evidence=evidence_of(judge, given, torque, tuple(claim.without for claim in kept)),
+        gap=closed_together(judge, within, after),
+        minor=tuple(claim.finding for claim in claims if claim.minor),
+        bursts=bursts,
     )
     return judgement, shown
 
@@ -75,20 +86,60 @@ def _friction(shown: Shown) -> tuple[Float[Array, "N nv"], ...]:
     return tuple(friction_with(operation, found) for operation in shown.problem.columns.operations)
 
 
-def _joint_gaps(judge: Judge, before: Sums, after: Sums, rounding: Rounded) -> tuple[JointGap, ...]:
-    """Gap of each joint before and after, without what coarse readings feign after it."""
-    robot = judge.problem.session.robot
-    return tuple(
-        JointGap(
-            joint,
-            robot.torque_units[j],
-            float(before.rms()[j]),
-            float(np.sqrt(max(after.rms()[j] ** 2 - rounding.total[j], 0.0))),
-            float(judge.floor[j]),
-            int(after.counts[:, j].sum()),
+def _less(found: Sums, square: Float[Array, " nv"]) -> Sums:
+    """Squared residuals without a mean square that coarse readings feign."""
+    return replace(found, squares=np.maximum(found.squares - square * found.counts, 0.0))
+
+
+def _located(left: Unexplained, problem: Problem, residual: Series, joints: tuple[JointGap, ...]) -> Unexplained:
+    """What is left, with the joint that is furthest above its noise floor where no structure says another."""
+    above = [joint.rms_after / joint.allowed for joint in joints]
+    if left.joint is not None or max(above) <= 1.0:
+        return left
+    row = int(np.argmax(above))
+    return replace(left, joint=joints[row].joint, regime=regime_shares(problem, residual, row)[1])
+
+
+def _timed(left: Unexplained, bursts: tuple[Burst, ...]) -> Unexplained:
+    """What is left, with the times of events, and the joint of the largest one where no structure says another."""
+    if not bursts:
+        return left
+    joint = max(bursts, key=lambda burst: burst.ratio).joint if left.joint is None else left.joint
+    return replace(left, joint=joint, times=tuple((burst.start, burst.stop) for burst in bursts))
+
+
+def joint_gaps(problem: Problem, floor: Floor, before: Sums, within: Sums, after: Sums) -> tuple[JointGap, ...]:
+    """Gap of each joint: of the given model, within its tolerances, and of the corrected model.
+
+    Args:
+        problem: Robot and recordings.
+        floor: Noise floor of each joint.
+        before: What the given model leaves.
+        within: What the best moves within its tolerances leave.
+        after: What moves and findings leave.
+    """
+    robot, torque = problem.session.robot, sums(problem, measured_torque(problem)).rms()
+    out = []
+    for j, joint in enumerate(robot.joint_names):
+        noise, tolerated, left = float(floor.value[j]), float(within.rms()[j]), float(after.rms()[j])
+        gap = (tolerated / noise) ** 2 - 1.0
+        closed = (tolerated**2 - left**2) / noise**2 / gap if tolerated > floor.high[j] else None
+        out.append(
+            JointGap(
+                joint,
+                robot.torque_units[j],
+                float(before.rms()[j]),
+                left,
+                noise,
+                int(after.counts[:, j].sum()),
+                rms_torque=float(torque[j]),
+                rms_within_tolerance=tolerated,
+                noise_floor_interval=(float(floor.low[j]), float(floor.high[j])),
+                noise_floor_source=floor.source[j],
+                closed=None if closed is None else float(closed),
+            )
         )
-        for j, joint in enumerate(robot.joint_names)
-    )
+    return tuple(out)
 
 
 def evidence_of(

@@ -12,25 +12,60 @@ from identification.diagnosis.fit.problem import Problem
 from identification.diagnosis.judge.findings import Shown
 from identification.diagnosis.judge.judged_band import Judge
 from identification.diagnosis.judge.regimes import regime_shares
-from identification.diagnosis.model.columns import Columns
+from identification.diagnosis.model.nuisances import Nuisance
 from identification.diagnosis.model.session import Series
 from identification.diagnosis.model.terms import ordered
 from identification.diagnosis.noise.noise_floor import rms
-from identification.diagnosis.result import Adjusted, Finding, Unexplained
+from identification.diagnosis.result import Adjusted, Bound, Finding, JointGap, Unexplained
+from phantom_dyn.model.inertia import body_name
+from phantom_dyn.model.robot import Robot
 
 Array = np.ndarray
 
 
-def verdict(findings: tuple[Finding, ...], unexplained: Unexplained, columns: Columns) -> str:
-    """The contract's verdict."""
-    if not any(use.any() for use in columns.usable):
+def verdict(
+    joints: tuple[JointGap, ...], findings: tuple[Finding, ...], left: Unexplained, *, moved: bool, hides: bool
+) -> str:
+    """The contract's verdict, which the figures of every joint have to bear out.
+
+    Args:
+        joints: Gap of each joint.
+        findings: Named causes.
+        left: What they leave.
+        moved: True if some joint moves in the recording.
+        hides: True if ordinary friction, inertia or drive effects could hide in the noise.
+    """
+    if not moved:
         return "not_testable"
-    little = not unexplained.structured or unexplained.fraction_of_explainable < 0.1
+    clean = not left.structured and not left.times
     if not findings:
-        return "no_gap" if little else "unknown"
-    if little:
+        if not clean or any(joint.rms_after > joint.allowed for joint in joints):
+            return "unknown"
+        return "not_testable" if hides else "no_gap"
+    little = not left.structured or left.fraction_of_explainable < rules.LITTLE_STRUCTURE
+    if little and not left.times and all(nearly_closed(joint) for joint in joints):
         return "explained"
-    return "unknown" if unexplained.fraction_of_explainable > 0.5 else "partly_explained"
+    within, after = (_mean_loss(joints, rms) for rms in ("tolerated", "rms_after"))
+    return "partly_explained" if after - 1.0 < within - after else "unknown"
+
+
+def nearly_closed(joint: JointGap) -> bool:
+    """True if a joint has at most 1.5 noise floors left, or a tenth of its gap within the tolerances."""
+    after, within = ((rms / joint.noise_floor) ** 2 for rms in (joint.rms_after, joint.tolerated))
+    return after <= rules.FLOORS_LEFT**2 or after - 1.0 <= rules.GAP_LEFT * (within - 1.0)
+
+
+def ordinary_effects_hide(bounds: tuple[Bound, ...]) -> bool:
+    """True if effects of friction, inertia or drives that are ordinary in size could all hide in this recording.
+
+    An ordinary effect makes a tenth of the torque on this motion. A bound that is not known in torque counts for none.
+    """
+    known = [bound.of_torque for bound in bounds if bound.of_torque is not None]
+    return bool(known) and min(known) > rules.ORDINARY_SHARE
+
+
+def _mean_loss(joints: tuple[JointGap, ...], rms: str) -> float:
+    return float(np.mean([(getattr(joint, rms) / joint.noise_floor) ** 2 for joint in joints]))
 
 
 def unexplained(shown: Shown, judge: Judge, residual: Series, whole: Series) -> Unexplained:
@@ -84,12 +119,21 @@ def flexible_prediction(problem: Problem, residual: Series) -> Series:
 
 
 def adjusted(problem: Problem, found: Fitted) -> tuple[Adjusted, ...]:
-    """Moves of the model inside its tolerance that the data ask for: beyond two of their deviations."""
+    """Moves of the model inside its tolerance that the data ask for: beyond two deviations, or at their limit."""
     std = np.sqrt(np.diag(found.cov))[: problem.nuisances]
-    return tuple(
-        Adjusted(nuisance.name, float(change), nuisance.sigma)
-        for nuisance, change, deviation in zip(
-            problem.columns.nuisances, found.theta[: problem.nuisances], std, strict=True
-        )
-        if nuisance.relative and abs(change) > 2 * deviation
-    )
+    out = []
+    for move, change, deviation in zip(problem.columns.nuisances, found.theta[: problem.nuisances], std, strict=True):
+        at_limit = bool(abs(change) > rules.AT_LIMIT * move.bound)
+        if move.relative and (at_limit or abs(change) > 2 * deviation):
+            hides = hidden_by(problem.session.robot, move) if at_limit else ""
+            out.append(Adjusted(move.name, float(change), move.sigma, at_limit, hides))
+    return tuple(out)
+
+
+def hidden_by(robot: Robot, move: Nuisance) -> str:
+    """What could hide behind a move that ends at its limit, in words."""
+    masses = {body_name(robot, k): robot.model.inertias[k].mass for k in range(1, robot.model.njoints)}
+    body, _, quantity = move.name.rpartition(" ")
+    if quantity == "mass" and body in masses:
+        return f"a payload of up to {move.bound * masses[body]:.2g} kg"
+    return f"a change of {move.name} of more than {100 * move.bound:.0f} %"

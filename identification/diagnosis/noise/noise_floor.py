@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import Float, Int
 
 from identification.diagnosis.fit.flexible import held_out_ridge, state_features
 from identification.diagnosis.fit.gap import held_out_torque, residual_after
@@ -40,23 +40,46 @@ def autocorrelation_time(e: Float[Array, " n"]) -> float:
 def estimate_noise(session: Session, columns: Columns) -> Series:
     """Part of each row's residual that no model predicts, for each log ``(n, nv)``; zero where not usable.
 
-    Each row's residual is predicted from all columns at once, and from all columns and the flexible features; the
-    better of the two leaves the noise. Both are judged on blocks that they have not seen.
+    Each row's residual is predicted by a ladder of models from plain to flexible: laws of the motion, with these the
+    moves within the tolerances and other linear laws, all columns, and all columns with the flexible features. The one
+    that errs least on blocks that it has not seen leaves the noise: where a recording is short, hundreds of columns
+    foresee less than twenty.
     """
 
     def unpredicted(j: int) -> list[Float[Array, " n"]]:
         y = [r[:, j] for r in columns.residual]
         use = [u[:, j] for u in columns.usable]
-        plain = [values[j] for values in columns.values]
+        order, rungs = _plain_first(columns, j)
+        plain = [values[j][:, order] for values in columns.values]
         rich = [
             np.column_stack([x, state_features(columns, log, k, j)])
             for k, (x, log) in enumerate(zip(plain, session.logs, strict=True))
         ]
-        predicted, _ = held_out_ridge(rich, y, use, session.blocks, session.folds, first=(plain[0].shape[1],))
+        predicted, _ = held_out_ridge(rich, y, use, session.blocks, session.folds, first=(*rungs, plain[0].shape[1]))
         return [np.where(u, given - p, 0.0) for u, given, p in zip(use, y, predicted, strict=True)]
 
     rows = in_two_threads(unpredicted, range(len(columns.rows)))
     return tuple(np.column_stack(parts) for parts in zip(*rows, strict=True))
+
+
+def _plain_first(columns: Columns, row: int) -> tuple[Int[Array, " k"], tuple[int, int]]:
+    """Order of a row's columns from plain to rich, and where the first two rungs of the ladder end.
+
+    First the laws of friction, couplings and the like, whose columns are made of the recorded motion alone; then the
+    moves within the tolerances and the other laws without a shape; then all the rest.
+    """
+    rung = dict.fromkeys(range(len(columns.nuisances)), 1)
+    for term in columns.terms:
+        effect = term.effect
+        if not term.named or effect.inertial is not None:
+            continue
+        of_motion = not (effect.follows_model or effect.follows_torque or effect.scales_joint)
+        if of_motion and (effect.scope == "pair" or not term.shape):
+            rung |= dict.fromkeys(term.columns, 0)
+        elif not term.shape:
+            rung |= dict.fromkeys(term.columns, 1)
+    place = np.array([rung.get(column, 2) for column in columns.rows[row]])
+    return np.argsort(place, kind="stable"), (int((place == 0).sum()), int((place <= 1).sum()))
 
 
 def weights_of(white: Columns, noise: Series) -> Weights:
@@ -73,6 +96,22 @@ def weights_of(white: Columns, noise: Series) -> Weights:
         floor[j] = max(rms(parts), 1e-6 * drive)
         spread[j] = np.mean([autocorrelation_time(e) for e in parts])
     return Weights(floor, spread)
+
+
+def noise_floor(session: Session, columns: Columns, noise: Series) -> Float[Array, " nv"]:
+    """Noise floor of each joint in the judged band, above zero even where nothing was measured."""
+    narrow = session.in_judged_band(noise)
+    torque = np.concatenate(columns.model_torque)
+    return np.array(
+        [
+            max(
+                rms([e[:, j][u[:, j]] for e, u in zip(narrow, columns.usable, strict=True)]),
+                1e-6 * torque[:, j].std(),
+                1e-12,
+            )
+            for j in range(len(columns.rows))
+        ]
+    )
 
 
 def rms(parts: list[Float[Array, " n"]]) -> float:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import time
+from uuid import uuid4
 
 import numpy as np
 
@@ -98,6 +99,7 @@ def diagnose_at_rest(robot: Robot, recordings: tuple[Recording, ...]) -> Diagnos
         version=__version__,
         evidence=_evidence(robot, every, ways, rows),
         wrong=wrong_with(recordings),
+        run=uuid4().hex,
     )
 
 

@@ -32,7 +32,7 @@ def test_a_folder_gets_all_files(made_up, tmp_path):
 def test_the_json_can_go_to_another_place(made_up, tmp_path):
     written = write_outputs(diagnosis(made_up), ROBOT, out=None, json_file=tmp_path / "a.json")
     assert written == (tmp_path / "a.json",)
-    assert json.loads(written[0].read_text())["schema"] == "gap-diagnosis/1"
+    assert json.loads(written[0].read_text())["schema"] == "gap-diagnosis/2"
 
 
 def test_without_a_target_nothing_is_written(made_up):

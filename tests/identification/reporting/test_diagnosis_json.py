@@ -26,6 +26,16 @@ class Joint(Strict):
     rms_after: float
     noise_floor: float
     hold_out_samples: int
+    rms_torque: float | None
+    rms_within_tolerance: float | None
+    noise_floor_interval: tuple[float, float] | None
+    noise_floor_source: Literal["above_band", "repetitions", "predictors"] | None
+    closed: float | None
+
+
+class Gap(Strict):
+    closed: float | None
+    interval: tuple[float, float] | None
 
 
 class Number(Strict):
@@ -49,6 +59,7 @@ class Finding(Strict):
     joint: str | None
     regime: str
     parameters: dict[str, Number]
+    share: float | None
     gap_closed: float
     gap_closed_interval: tuple[float, float]
     probability: float
@@ -60,17 +71,20 @@ class Adjusted(Strict):
     quantity: str
     change: float
     tolerance: float
+    at_limit: bool
 
 
 class Where(Strict):
     joint: str | None
     regime: str | None
+    times: list[tuple[float, float]]
 
 
 class Rest(Strict):
     fraction_of_explainable: float | None
     structured: bool
     where: Where
+    law: None
 
 
 class Bound(Strict):
@@ -79,6 +93,7 @@ class Bound(Strict):
     parameter: str
     below: float
     unit: str
+    of_torque: float | None
 
 
 class NotTestable(Strict):
@@ -101,11 +116,14 @@ class Rollout(Strict):
 
 
 class Document(Strict):
-    schema: Literal["gap-diagnosis/1"]
+    schema: Literal["gap-diagnosis/2"]
     verdict: Literal["explained", "partly_explained", "unknown", "no_gap", "not_testable"]
+    run: str
+    gap: Gap
     joints: list[Joint]
     band_hz: tuple[float, float]
     findings: list[Finding]
+    minor: list[Finding]
     adjusted: list[Adjusted]
     unexplained: Rest
     bounds: list[Bound]
@@ -139,11 +157,12 @@ def test_fields_stand_in_the_contracts_order(made_up):
 
 
 def test_where_is_nested_in_unexplained(made_up):
-    rest = Unexplained(0.4, True, "j2", "low_speed")
+    rest = Unexplained(0.4, True, "j2", "low_speed", ((1.0, 1.5),))
     assert to_json(dataclasses.replace(made_up(), unexplained=rest))["unexplained"] == {
         "fraction_of_explainable": 0.4,
         "structured": True,
-        "where": {"joint": "j2", "regime": "low_speed"},
+        "where": {"joint": "j2", "regime": "low_speed", "times": [[1.0, 1.5]]},
+        "law": None,
     }
 
 

@@ -4,7 +4,7 @@ import dataclasses
 
 import pytest
 
-from identification.diagnosis.result import EffectAt, Rival, Unexplained, Value
+from identification.diagnosis.result import Adjusted, Bound, EffectAt, JointGap, Rival, Unexplained, Value
 from identification.words import diagnosis_words as words
 from identification.words.effect_words import REGIMES, effect_words, regime_words, report_order
 from identification.words.numbers_and_names import NO_BREAK
@@ -93,7 +93,7 @@ def test_rivals_are_named_most_probable_first():
         (0.93, "very likely (93 %)"),
         (0.7, "likely (70 %)"),
         (0.5, "more likely than not (50 %)"),
-        (0.3, "one of several candidates (30 %)"),
+        (0.3, "undecided (30 %)"),
     ],
 )
 def test_a_probability_is_words_and_number(probability, text):
@@ -149,3 +149,72 @@ def test_the_verdict_on_a_wrong_recording_begins_with_what_is_wrong(made_up):
     wrong = dataclasses.replace(made_up(), wrong=("a.csv: the positions of j1 are in degrees",))
     sentence = words.verdict_sentence(wrong)
     assert sentence.startswith("Judged although a.csv: the positions of j1 are in degrees. The gap between robot")
+
+
+# What version 1 said against its own figures, each with the words that the sentence has to hold and those it must not.
+FLOORS = JointGap("j1", "N m", 1.0, 0.3, 0.03, 100, 2.0, 0.9, (0.028, 0.032), "predictors", None)
+NO_STRUCTURE = Unexplained(0.0, False, "j1", None)
+WIDE = Bound("coulomb_friction", "j1", "torque", 0.3, "N m", 0.4)
+LIMIT = Adjusted("hand mass", -0.1, 0.05, True, "a payload of up to 0.12 kg")
+
+
+@pytest.mark.parametrize(
+    ("changes", "said", "unsaid"),
+    [
+        (
+            {
+                "verdict": "unknown",
+                "findings": (),
+                "joints": (FLOORS,),
+                "unexplained": Unexplained(0.0, False, "j1", None),
+            },
+            "joint j1 has 10 times its noise floor left",
+            "fits the robot",
+        ),
+        (
+            {"verdict": "unknown", "findings": (), "unexplained": Unexplained(0.0, False, "j2", None, ((1.0, 1.5),))},
+            "something acts on joint j2 from 1.00 to 1.50 s that nothing in the motion foretells",
+            "fits the robot",
+        ),
+        (
+            {"verdict": "no_gap", "findings": (), "adjusted": (LIMIT,)},
+            "hand mass ends at the limit of its tolerance; a payload of up to 0.12 kg could hide behind it.",
+            "explained",
+        ),
+        (
+            {"verdict": "no_gap", "findings": (), "joints": (dataclasses.replace(FLOORS, rms_after=0.03),)},
+            "a short event which does not repeat cannot be excluded",
+            "explained",
+        ),
+        (
+            {
+                "verdict": "not_testable",
+                "findings": (),
+                "bounds": (Bound("coulomb_friction", "j1", "torque", 0.3, "N m", 0.4),),
+            },
+            "Coulomb friction on joint j1, would have been seen only from 40 % of the torque on",
+            "at all",
+        ),
+    ],
+)
+def test_the_verdict_says_what_its_figures_say(made_up, changes, said, unsaid):
+    sentence = words.verdict_sentence(dataclasses.replace(made_up(), **changes)).replace(NO_BREAK, " ")
+    assert said in sentence
+    assert unsaid not in sentence
+
+
+def test_a_finding_with_less_than_half_of_the_probability_is_undecided(made_up):
+    diagnosis = made_up()
+    finding = dataclasses.replace(diagnosis.findings[0], probability=0.49)
+    sentence = words.verdict_sentence(dataclasses.replace(diagnosis, findings=(finding,)))
+    assert "explained by Coulomb friction on joint j1 (undecided)." in sentence
+
+
+def test_an_interval_that_says_no_more_than_the_share_is_left_out(made_up):
+    finding = dataclasses.replace(made_up().findings[0], gap_closed=0.999, gap_closed_interval=(0.998, 0.9995))
+    assert words.gap_closed(finding).replace(NO_BREAK, " ") == "over 99 %"
+
+
+def test_the_share_is_told_where_it_is_known(made_up):
+    finding = dataclasses.replace(made_up().findings[0], share=0.71)
+    assert words.share_of_gap(finding).replace(NO_BREAK, " ") == "71 %"

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from identification.diagnosis.fit.gap import Sums
-from identification.diagnosis.judge.coarse_encoders import Rounded, findings_of, floor_without, rounded
+from identification.diagnosis.judge.coarse_encoders import Rounded, findings_of, rounded
 from identification.diagnosis.noise.encoder_noise import Coarse
 
 FLOOR = np.array([0.1, 0.2])
@@ -20,21 +20,6 @@ def found(energy: list[float], gap: float, samples: float = 400.0):
     """The finding of a coarse elbow whose rounding has this mean square, where the given model has so much of noise."""
     before = Sums(np.outer([samples], gap * FLOOR**2), np.full((1, 2), samples))
     return before, Rounded((coarse_elbow(),), np.array([energy]))
-
-
-def test_the_floor_of_a_fine_encoder_is_that_of_what_rounding_leaves():
-    # Closed form: squares of independent noises add.
-    floor = floor_without(Rounded((coarse_elbow(),), np.array([[0.0, 0.03]])), FLOOR)
-    np.testing.assert_allclose(floor, [0.1, 0.1])
-
-
-def test_the_floor_of_a_fine_encoder_is_three_tenths_of_the_noise_at_least():
-    floor = floor_without(Rounded((coarse_elbow(),), np.array([[0.0099, 5.0]])), FLOOR)
-    np.testing.assert_allclose(floor, [0.03, 0.06])
-
-
-def test_without_a_coarse_reading_the_floor_stays():
-    assert floor_without(Rounded((), np.zeros((0, 2))), FLOOR) is FLOOR
 
 
 def test_the_energies_of_several_coarse_joints_add():

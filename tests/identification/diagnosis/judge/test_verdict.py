@@ -1,44 +1,84 @@
 from __future__ import annotations
 
-from dataclasses import replace
-
-import numpy as np
 import pytest
 
-from identification.diagnosis.judge.verdict import verdict
-from identification.diagnosis.result import Unexplained
+from identification.diagnosis.judge.verdict import nearly_closed, ordinary_effects_hide, verdict
+from identification.diagnosis.result import Bound, JointGap, Unexplained
 
-# Oracle: the contract. A rest is little without structure, or below a tenth of what can be explained; above half of it
-# nothing of weight is known, whatever was found.
-NO_STRUCTURE, STRUCTURE = False, True
+# Oracle: the contract's table, row by row. All floors are one, with an interval up to 1.1.
+NOTHING = Unexplained(0.0, False, None, None)
+BURST = Unexplained(0.0, False, "j1", None, ((1.0, 1.4),))
+
+
+def structure(fraction: float) -> Unexplained:
+    return Unexplained(fraction, True, "j1", "low_speed")
+
+
+def joint(within: float, after: float, name: str = "j1") -> JointGap:
+    return JointGap(name, "N m", within, after, 1.0, 100, rms_within_tolerance=within, noise_floor_interval=(0.9, 1.1))
+
+
+def said(joints, findings=(), left=NOTHING, *, moved=True, hides=False) -> str:
+    return verdict(tuple(joints), tuple(findings), left, moved=moved, hides=hides)
 
 
 @pytest.mark.parametrize(
-    ("found", "structured", "fraction", "expected"),
+    ("after", "left", "hides", "expected"),
     [
-        (0, NO_STRUCTURE, 0.0, "no_gap"),
-        (0, NO_STRUCTURE, 0.9, "no_gap"),
-        (0, STRUCTURE, 0.09, "no_gap"),
-        (0, STRUCTURE, 0.1, "unknown"),
-        (0, STRUCTURE, 0.5, "unknown"),
-        (0, STRUCTURE, 1.0, "unknown"),
-        (1, NO_STRUCTURE, 0.0, "explained"),
-        (1, NO_STRUCTURE, 0.9, "explained"),
-        (1, STRUCTURE, 0.09, "explained"),
-        (1, STRUCTURE, 0.1, "partly_explained"),
-        (1, STRUCTURE, 0.5, "partly_explained"),
-        (1, STRUCTURE, 0.51, "unknown"),
-        (2, STRUCTURE, 0.3, "partly_explained"),
-        (2, STRUCTURE, 1.0, "unknown"),
+        (1.09, NOTHING, False, "no_gap"),
+        (0.5, NOTHING, False, "no_gap"),
+        (1.09, NOTHING, True, "not_testable"),
+        (1.11, NOTHING, False, "unknown"),
+        (1.11, NOTHING, True, "unknown"),
+        (1.0, structure(0.01), False, "unknown"),
+        (1.0, structure(0.9), True, "unknown"),
+        (1.0, BURST, False, "unknown"),
     ],
 )
-def test_the_verdict_follows_from_findings_and_what_is_left(quiet, made_up, found, structured, fraction, expected):
-    findings = made_up(findings=2).findings[:found]
-    assert verdict(findings, Unexplained(fraction, structured, None, None), quiet.columns) == expected
+def test_without_a_finding_every_joint_has_to_be_within_its_noise(after, left, hides, expected):
+    assert said([joint(1.0, 1.0), joint(after, after, "j2")], (), left, hides=hides) == expected
+
+
+@pytest.mark.parametrize(
+    ("within", "after", "left", "expected"),
+    [
+        (10.0, 1.5, NOTHING, "explained"),
+        (10.0, 1.5, structure(0.09), "explained"),
+        (10.0, 1.5, structure(0.1), "partly_explained"),
+        (10.0, 1.5, BURST, "partly_explained"),
+        (10.0, 3.3, NOTHING, "explained"),  # 9.89 of 99: just under a tenth of its own gap
+        (10.0, 3.31, NOTHING, "partly_explained"),
+        (10.0, 7.1, NOTHING, "partly_explained"),  # leaves 49.4, explains 49.6
+        (10.0, 7.11, NOTHING, "unknown"),
+        (10.0, 9.0, structure(0.9), "unknown"),
+    ],
+)
+def test_with_findings_what_is_left_decides(made_up, within, after, left, expected):
+    assert said([joint(within, after)], made_up(findings=1).findings, left) == expected
+
+
+def test_one_joint_with_much_left_is_enough_for_a_gap_that_is_only_partly_explained(made_up):
+    joints = [joint(100.0, 1.0), joint(10.0, 3.4, "j2")]
+    assert said(joints, made_up(findings=1).findings) == "partly_explained"
 
 
 @pytest.mark.parametrize("found", [0, 1])
-def test_without_a_usable_sample_nothing_can_be_tested(quiet, made_up, found):
-    columns = replace(quiet.columns, usable=tuple(np.zeros_like(use) for use in quiet.columns.usable))
+def test_where_nothing_moves_nothing_can_be_tested(made_up, found):
     findings = made_up(findings=1).findings[:found]
-    assert verdict(findings, Unexplained(1.0, STRUCTURE, None, None), columns) == "not_testable"
+    assert said([joint(10.0, 10.0)], findings, structure(1.0), moved=False) == "not_testable"
+
+
+def test_the_residual_of_the_given_model_counts_where_no_other_is_known():
+    assert nearly_closed(JointGap("j1", "N m", 10.0, 3.3, 1.0, 100))
+    assert not nearly_closed(JointGap("j1", "N m", 10.0, 3.4, 1.0, 100))
+
+
+def bound(of_torque: float | None) -> Bound:
+    return Bound("coulomb_friction", "j1", "torque", 0.1, "N m", of_torque)
+
+
+@pytest.mark.parametrize(
+    ("shares", "hide"), [((0.2, 0.11), True), ((0.2, 0.1), False), ((None, 0.2), True), ((None,), False), ((), False)]
+)
+def test_ordinary_effects_hide_where_every_known_bound_is_above_a_tenth_of_the_torque(shares, hide):
+    assert ordinary_effects_hide(tuple(bound(share) for share in shares)) is hide

@@ -1,0 +1,79 @@
+"""Noise floor of each joint in the judged band: its interval, and where it was read from."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from jaxtyping import Float
+
+from identification.diagnosis import decision_rules as rules
+from identification.diagnosis.fit.gap import sums
+from identification.diagnosis.fit.problem import Problem
+from identification.diagnosis.model.session import Series
+from identification.diagnosis.noise.noise_floor import noise_floor
+from identification.diagnosis.noise.sensor_noise import torque_noise
+from identification.diagnosis.search.rival_sets import block_counts
+from phantom_dyn.random_streams import random_stream
+
+Array = np.ndarray
+
+ABOVE_BAND, PREDICTORS = "above_band", "predictors"
+
+
+@dataclass(frozen=True)
+class Floor:
+    """Noise floor of each joint.
+
+    Attributes:
+        value: What the sensors leave, root mean square, ``(nv,)``.
+        low, high: Interval at 95 % over all joints together, ``(nv,)``.
+        source: Of each joint: ``above_band`` where the noise above the judged band agrees with what no model predicts
+            inside it, else ``predictors``, which is an upper limit.
+    """
+
+    value: Float[Array, " nv"]
+    low: Float[Array, " nv"]
+    high: Float[Array, " nv"]
+    source: tuple[str, ...]
+
+    def without(self, squares: Float[Array, " nv"]) -> Floor:
+        """The floor less a mean square that the encoders' coarseness makes, never below a share of itself."""
+        if not np.any(squares):
+            return self
+        left = np.sqrt(np.maximum(1.0 - squares / self.value**2, rules.COARSE_REMAINDER**2))
+        return replace(self, value=self.value * left, low=self.low * left, high=self.high * left)
+
+
+def floor_of(problem: Problem, noise: Series, encoders: Float[Array, " nv"] | None = None) -> Floor:
+    """Noise floor of each joint in the judged band.
+
+    The value is what no model predicts on held-out blocks. It is an upper limit, as an event that nothing foresees lies
+    in it too, and its interval is that of a block bootstrap. Where the torque readings show white noise above the band
+    that makes as much, the floor is confirmed; where they show less, that is the lower end.
+
+    Args:
+        problem: Recordings, blocks and columns.
+        noise: What no model predicts of each log's torque.
+        encoders: Torque that the noise of the encoders makes in the judged band, ``(nv,)``; None: not known.
+    """
+    session, robot = problem.session, problem.session.robot
+    value = noise_floor(session, problem.columns, noise)
+    unpredicted = sums(problem, session.in_judged_band(noise))
+    drawn = block_counts(len(unpredicted.counts), random_stream("bootstrap of the noise floor"))
+    mean = (drawn @ unpredicted.squares) / np.maximum(drawn @ unpredicted.counts, 1e-12)
+    relative = np.sqrt(mean) / np.maximum(unpredicted.rms(), 1e-300)
+    wrong = 100.0 * rules.FLOOR_ERROR / len(value)
+    low, high = (value * np.percentile(relative, side, axis=0) for side in (wrong / 2, 100.0 - wrong / 2))
+    low, high = np.minimum(low, value), np.maximum(high, value)
+    encoder_noise = np.zeros(robot.nv) if encoders is None else encoders
+    source = []
+    for j in range(robot.nv):
+        seen = torque_noise(session.logs, j, held=robot.torque_hold == "zoh")
+        if seen is None:
+            source.append(PREDICTORS)
+            continue
+        least, most = (np.sqrt(x * session.cutoff_hz + encoder_noise[j] ** 2) for x in (seen.low, seen.high))
+        source.append(ABOVE_BAND if least <= high[j] and most >= low[j] else PREDICTORS)
+        low[j] = min(low[j], least)
+    return Floor(value, low, high, tuple(source))

@@ -1,0 +1,107 @@
+"""How much of the gap the findings close, together and one by one (Shapley value)."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable
+from itertools import combinations
+from math import factorial
+
+import numpy as np
+from jaxtyping import Float
+
+from identification.diagnosis.fit.gap import Sums, held_out_torque, residual_after, sums
+from identification.diagnosis.judge.judged_band import Judge
+from identification.diagnosis.model.terms import Term, ordered
+from identification.diagnosis.result import Gap
+from identification.diagnosis.search.rival_sets import block_counts
+from identification.diagnosis.search.search import Search
+from phantom_dyn.random_streams import random_stream
+
+Array = np.ndarray
+
+_EXACT = 12  # findings: beyond, their orders are sampled
+_ORDERS = 200
+
+
+def left_by(judge: Judge, plain: Search, chosen: frozenset[Term]) -> Sums:
+    """Squared residuals in the judged band after moves and effects, on blocks held out of their fit."""
+    torque = held_out_torque(plain.problem, chosen, plain.evaluate(chosen))
+    return sums(plain.problem, judge.narrow(residual_after(plain.problem, torque)))
+
+
+def closed_together(judge: Judge, within: Sums, after: Sums) -> Gap:
+    """Share of the gap within tolerance that the findings close, with its interval from a block bootstrap.
+
+    Args:
+        judge: Gives the noise floor.
+        within: What the best moves within the tolerances leave.
+        after: What moves and findings leave.
+    """
+    once = np.ones((1, len(within.counts)))
+    if not float(within.loss(judge.floor, once)[0]) > float(np.mean((judge.highest / judge.floor) ** 2)):
+        return Gap()
+
+    def closed(weights: Float[Array, "R B"]) -> Float[Array, " R"]:
+        base = within.loss(judge.floor, weights)
+        return (base - after.loss(judge.floor, weights)) / np.maximum(base - 1.0, 1e-9)
+
+    drawn = block_counts(len(within.counts), random_stream("bootstrap of the gap closed"))
+    low, high = np.percentile(closed(drawn), [2.5, 97.5])
+    return Gap(float(closed(once)[0]), (float(low), float(high)))
+
+
+def shares_of(judge: Judge, plain: Search, named: frozenset[Term], within: Sums) -> dict[Term, float]:
+    """Shapley value of each finding in the share of the gap that all close; the moves are refitted in every coalition.
+
+    Args:
+        judge: Gives the noise floor.
+        plain: Fits in the judged band.
+        named: The findings.
+        within: What the best moves within the tolerances leave.
+    """
+    once = np.ones((1, len(within.counts)))
+    base = float(within.loss(judge.floor, once)[0])
+    gap = max(base - 1.0, 1e-9)
+    worth: dict[frozenset[Term], float] = {frozenset(): 0.0}
+
+    def closed(chosen: frozenset[Term]) -> float:
+        if chosen not in worth:
+            worth[chosen] = (base - float(left_by(judge, plain, chosen).loss(judge.floor, once)[0])) / gap
+        return worth[chosen]
+
+    return shapley_values(ordered(named), closed)
+
+
+def shapley_values(players: tuple[Term, ...], worth: Callable[[frozenset[Term]], float]) -> dict[Term, float]:
+    """Mean over all orders of what each player adds to those before it; the values add up to the worth of all.
+
+    Exact to twelve players; beyond, the mean over random orders and their reverses.
+    """
+    count = len(players)
+    if count > _EXACT:
+        return _sampled(players, worth)
+    out = dict.fromkeys(players, 0.0)
+    for player in players:
+        others = [other for other in players if other is not player]
+        for size in range(count):
+            weight = factorial(size) * factorial(count - size - 1) / factorial(count)
+            for before in _sets(others, size):
+                out[player] += weight * (worth(before | {player}) - worth(before))
+    return out
+
+
+def _sets(players: Iterable[Term], size: int) -> Iterable[frozenset[Term]]:
+    return (frozenset(some) for some in combinations(players, size))
+
+
+def _sampled(players: tuple[Term, ...], worth: Callable[[frozenset[Term]], float]) -> dict[Term, float]:
+    rng = random_stream("orders of findings")
+    orders = [rng.permutation(len(players)) for _ in range(_ORDERS // 2)]
+    orders += [order[::-1] for order in orders]
+    out = dict.fromkeys(players, 0.0)
+    for order in orders:
+        before: frozenset[Term] = frozenset()
+        for k in order:
+            out[players[k]] += (worth(before | {players[k]}) - worth(before)) / len(orders)
+            before |= {players[k]}
+    return out

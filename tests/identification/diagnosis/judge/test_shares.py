@@ -1,0 +1,35 @@
+from __future__ import annotations
+
+from itertools import combinations
+
+import pytest
+
+from identification.diagnosis.judge.shares import shapley_values
+
+
+def test_what_two_explain_only_together_is_shared_alike():
+    # Closed form: of the glove game, where each of two left gloves and one right glove is worth nothing alone, the
+    # right one has 2/3 and each left one 1/6.
+    def pairs(gloves: frozenset) -> float:
+        return float("right" in gloves and bool(gloves & {"left 1", "left 2"}))
+
+    found = shapley_values(("left 1", "left 2", "right"), pairs)
+    assert found == pytest.approx({"left 1": 1 / 6, "left 2": 1 / 6, "right": 2 / 3})
+
+
+def test_a_player_that_takes_away_has_a_negative_share():
+    found = shapley_values(("good", "bad"), lambda some: 1.0 * ("good" in some) - 0.2 * ("bad" in some))
+    assert found == pytest.approx({"good": 1.0, "bad": -0.2})
+
+
+@pytest.mark.parametrize("count", [5, 13])
+def test_shares_add_up_to_what_all_close_together(count):
+    # Closed form: efficiency; each pair adds one, so that by symmetry all have the same share.
+    players = tuple(range(count))
+    found = shapley_values(players, lambda some: float(len(list(combinations(some, 2)))))
+    assert sum(found.values()) == pytest.approx(count * (count - 1) / 2)
+    assert min(found.values()) == pytest.approx((count - 1) / 2, rel=1e-9 if count < 13 else 0.2)
+
+
+def test_nobody_has_no_shares():
+    assert shapley_values((), lambda some: 1.0) == {}
