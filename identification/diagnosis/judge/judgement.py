@@ -14,7 +14,7 @@ from identification.diagnosis.fit.problem import Problem
 from identification.diagnosis.judge.bounds import smallest_seen
 from identification.diagnosis.judge.bursts import bursts_of
 from identification.diagnosis.judge.coarse_encoders import findings_of, rounded
-from identification.diagnosis.judge.findings import Claim, Shown, findings_without, shown_effects
+from identification.diagnosis.judge.findings import Claim, Shown, findings_without, shown_effects, size_doubts
 from identification.diagnosis.judge.floors import Floor, floor_of
 from identification.diagnosis.judge.judged_band import Judge, narrow_search
 from identification.diagnosis.judge.regimes import regime_shares, regime_split
