@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from phantom_dyn.dynamics.dynamics import rigid_body_regressor
+from phantom_dyn.dynamics.dynamics import rigid_body_regressor, standard_parameters
 from phantom_dyn.effects.described import EffectWords
 from phantom_dyn.effects.effect import Effect, Parameter, Shape, Signature
 from phantom_dyn.effects.operation import Operation
@@ -95,6 +95,6 @@ class InertialParameters(Effect):
 
     def simulated(self, robot: Robot, joint: str | None, theta: Array) -> Simulated:
         """Other links."""
-        change = np.zeros(10 * (robot.model.njoints - 1))
+        change = np.zeros_like(standard_parameters(robot))
         change[list(self.regressor_columns(robot, joint))] = theta
         return Simulated(robot=lambda moved: with_parameters(moved, change))

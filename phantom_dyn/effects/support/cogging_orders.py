@@ -100,7 +100,7 @@ def orders_in(operation: Operation, row: int, *, whole_numbers: bool) -> tuple[t
 
 def _stride(dt: float, samples: int) -> int:
     """Every which sample places an order: two in the time that is averaged over, and no more than are enough."""
-    return max(1, int(0.5 * _SECONDS / dt), -(-samples // _SAMPLES))
+    return max(int(0.5 * _SECONDS / dt), -(-samples // _SAMPLES))
 
 
 def _background(operation: Operation, row: int, low: float) -> Float[Array, "N k"]:

@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from phantom_dyn.effects.drive.torque_saturation import TorqueSaturation, _plateau, _plausible, followed
+from phantom_dyn.effects.drive.torque_saturation import TorqueSaturation, _is_flat, _plateau, _plausible, followed
 from phantom_dyn.effects.operation import Operation
 from phantom_dyn.motion import Motion
 
@@ -185,3 +185,43 @@ def test_a_limit_is_believed_although_a_disturbance_hides_that_it_is_flat(arm, s
 
     driven = commanded_once(saturated, given)
     assert EFFECT.signature(arm, driven, "tilt", (2.0,)).columns.any()
+
+
+def rising(arm, smooth, slope: float, noise: float, dt: float = 0.01) -> tuple[Operation, np.ndarray]:
+    """A command that goes by 0.1 to 2 N m beyond a limit of 2 N m either way while the needed torque rises with it.
+
+    Below the limit the needed torque is off the command by ``noise`` either way.
+    """
+    over = 0.1 * np.arange(1, 21)
+    side = np.where(np.arange(20) % 2 == 0, 1.0, -1.0)
+    command = np.concatenate([side * (2.0 + over), np.tile([1.0, -1.0], 40)])
+    off = noise * np.where(np.arange(80) % 4 < 2, 1.0, -1.0)
+    needed = np.concatenate([side * (2.0 + slope * (over - over.mean())), command[20:] + off])
+    operation = Operation.of(arm, Motion(dt * np.arange(100), *(x[:100] for x in (smooth.q, smooth.v, smooth.a))))
+    excess = np.concatenate([side * over, np.zeros(80)])
+    return replace(operation, logged=command[:, None] * np.ones(3), expected=needed[:, None] * np.ones(3)), excess
+
+
+@pytest.mark.parametrize(("dt", "independent"), [(0.01, 3.0), (0.1, 1.0)])
+@pytest.mark.parametrize("noise", [0.0, 0.1])
+@pytest.mark.parametrize(("more", "flat"), [(-1e-3, True), (1e-3, False)])
+def test_a_needed_torque_is_flat_that_rises_by_an_eighth_of_the_command_and_two_errors(
+    arm, smooth, dt, independent, noise, more, flat
+):
+    # Closed form: a slope over excesses whose squares about their mean sum to 6.65, with 1.4826 times the median of
+    # what is off below the limit for noise, the same within 30 ms.
+    error = 1.4826 * noise * np.sqrt(independent / 6.65)
+    operation, excess = rising(arm, smooth, 0.12 + 2.0 * error + more, noise, dt)
+    assert _is_flat(operation, 1, 2.0, excess) is flat
+
+
+def test_a_command_that_is_always_beyond_a_limit_has_no_noise_to_go_by(arm, smooth):
+    for slope, flat in ((0.119, True), (0.121, False)):
+        operation, excess = rising(arm, smooth, slope, 0.1)
+        quiet = replace(operation, logged=np.where(excess[:, None] == 0, 0.5, operation.logged))
+        assert _is_flat(quiet, 1, 2.0, excess) is flat
+
+
+def test_a_command_at_one_level_beyond_the_limit_is_flat(arm, smooth):
+    operation, excess = rising(arm, smooth, 0.5, 0.0)
+    assert _is_flat(operation, 1, 2.0, np.sign(excess))
