@@ -94,5 +94,5 @@ def test_a_plain_search_fits_columns_and_residual_in_the_judged_band(rubbing, sh
 
 
 def test_a_judge_sees_series_in_its_band(rubbing):
-    judge = Judge(rubbing.problem, np.ones(2))
+    judge = Judge(rubbing.problem, np.ones(2), np.ones(2))
     np.testing.assert_array_equal(judge.narrow(rubbing.noise)[0], rubbing.session.in_judged_band(rubbing.noise)[0])

@@ -21,7 +21,8 @@ def nothing(quiet):
     problem = replace(quiet.problem, session=session)
     search = replace(quiet.search, problem=problem)
     fitted = joint_fit(problem, (), search.evaluate(frozenset()))
-    return Shown(search, frozenset(), fitted, {}), Judge(problem, noise_floor(session, quiet.columns, quiet.noise))
+    floor = noise_floor(session, quiet.columns, quiet.noise)
+    return Shown(search, frozenset(), fitted, {}), Judge(problem, floor, floor)
 
 
 def left_over(quiet, nothing, residual):

@@ -1,0 +1,106 @@
+"""What findings close of the gap, and sizes that no robot has. Oracle: the contract's loss by hand, known truths."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from identification.diagnosis.fit.gap import held_out_torque, residual_after, sums
+from identification.diagnosis.judge.findings import _range, _sized, findings_without, shown_effects, size_doubts
+from identification.diagnosis.judge.judged_band import Judge, narrow_search, noise_floor
+from identification.diagnosis.judge.shares import left_by
+from phantom_dyn.effects.effect import Parameter
+
+
+@pytest.fixture(scope="module")
+def judged(lab, planar2):
+    """Friction on the elbow and an offset on the shoulder that the model lacks, shown and judged."""
+    motion = lab.motion(2, 4, seconds=20.0)
+    torque = -0.3 * np.sign(motion.v) * [0.0, 1.0] + np.array([0.4, 0.0])
+    prepared = lab.prepared(planar2, (lab.recording(planar2, motion, torque),))
+    plain = narrow_search(prepared.search, prepared.noise)
+    chosen = frozenset([prepared.term("coulomb_friction", "elbow"), prepared.term("torque_offset", "shoulder")])
+    shown = shown_effects(prepared.search, plain, chosen, prepared.noise)
+    floor = noise_floor(prepared.session, prepared.columns, prepared.noise)
+    judge = Judge(plain.problem, floor, floor)
+    return shown, judge, left_by(judge, plain, frozenset())
+
+
+def mean_square(shown, judge, kept) -> float:
+    """The contract's loss: mean over joints of the squared residual over the squared noise floor."""
+    problem = shown.problem
+    torque = held_out_torque(problem, kept, shown.plain.evaluate(kept))
+    return float(np.mean(sums(problem, judge.narrow(residual_after(problem, torque))).rms() ** 2 / judge.floor**2))
+
+
+def test_what_a_finding_closes_is_what_is_lost_without_it_over_the_gap(judged):
+    shown, judge, within = judged
+    gap = float(np.mean(within.rms() ** 2 / judge.floor**2)) - 1.0
+    for finding in (claim.finding for claim in findings_without(*judged)):
+        term = next(term for term in shown.chosen if term.place == (finding.effect, finding.joint))
+        lost = mean_square(shown, judge, shown.chosen - {term}) - mean_square(shown, judge, shown.chosen)
+        assert finding.gap_closed == pytest.approx(lost / gap, rel=1e-6)
+        low, high = finding.gap_closed_interval
+        assert low < finding.gap_closed < high
+        assert high - low < 0.5
+
+
+def test_two_findings_close_the_gap_of_what_was_put_in(judged):
+    # Known truth: nothing but the two is missing; an offset may be told as its twin, a spring that rests far away.
+    findings = [claim.finding for claim in findings_without(*judged)]
+    assert {finding.joint for finding in findings} == {"elbow", "shoulder"}
+    assert sum(finding.gap_closed for finding in findings) == pytest.approx(1.0, abs=0.1)
+
+
+def test_the_torque_without_a_finding_is_that_of_the_fit_without_it(judged):
+    shown, _, _ = judged
+    for claim in findings_without(*judged):
+        finding, torque = claim.finding, claim.without
+        term = next(term for term in shown.chosen if term.place == (finding.effect, finding.joint))
+        kept = shown.chosen - {term}
+        expected = held_out_torque(shown.problem, kept, shown.plain.evaluate(kept))
+        np.testing.assert_array_equal(torque[0], expected[0])
+
+
+def test_without_a_gap_nothing_is_shown(judged):
+    shown, _, _ = judged
+    loud = tuple(1e3 * np.ones_like(part) for part in shown.problem.columns.residual)
+    assert shown_effects(shown.plain, shown.plain, shown.chosen, loud).chosen == frozenset()
+
+
+def test_sizes_of_a_sound_robot_are_not_doubted(judged):
+    assert size_doubts(judged[0]) == ()
+
+
+def test_a_friction_beyond_the_limit_of_its_drive_is_doubted(judged):
+    # Known truth: 0.3 N m on a drive that is said to give 0.1.
+    shown = judged[0]
+    session = shown.problem.session
+    weak = tuple(replace(one, torque_limit=0.1) for one in session.robot.actuators)
+    session = replace(session, robot=replace(session.robot, actuators=weak))
+    plain = replace(shown.plain, problem=replace(shown.problem, session=session))
+    doubts = size_doubts(replace(shown, plain=plain))
+    told = next(doubt for doubt in doubts if "coulomb friction" in doubt)
+    assert told.startswith("The torque of coulomb friction on elbow comes out as 0.")
+    assert "is not plausible (" in told
+    assert told.endswith("a joint whose friction is more than its drive can give does not move.")
+
+
+@pytest.mark.parametrize(
+    ("plausible", "unit", "words"),
+    [
+        ((0.0, 5.0), "N m", "0 to 5 N m is"),
+        ((0.5, 2.0), "1", "0.5 to 2 is"),
+        ((0.0, np.inf), "N m", "at least 0 N m is"),
+        ((-np.inf, 5.0), "N m", "at most 5 N m is"),
+    ],
+)
+def test_a_range_is_told_by_its_ends(plausible, unit, words):
+    assert _range(Parameter("size", unit, plausible=plausible)) == words
+
+
+def test_a_size_is_told_with_its_unit_to_three_digits():
+    assert _sized(1.23456, Parameter("size", "kg")) == "1.23 kg"
+    assert _sized(1.23456, Parameter("ratio", "1")) == "1.23"
