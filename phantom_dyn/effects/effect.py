@@ -104,6 +104,8 @@ class Rival(ABC):
             either on a joint or on the whole robot.
         regime: Where the effect shows most.
         contains: Names of the effects that are special cases of it.
+        on_each_joint: Of an effect between two joints: names of effects of single joints that, on both of them, may
+            leave much the same.
         same_as_sum: Names of effects whose sum is a special case of it, so that no data distinguish the two.
         uses_acceleration: True if its columns carry the noise of a twice differentiated position.
         follows_model: True if its columns are computed from the model's torque or its derivatives, so that they change
@@ -130,6 +132,7 @@ class Rival(ABC):
     scope: Literal["joint", "pair", "robot", "either"] = "joint"
     regime: str
     contains: tuple[str, ...] = ()
+    on_each_joint: tuple[str, ...] = ()
     same_as_sum: tuple[str, ...] = ()
     uses_acceleration: bool = False
     follows_model: bool = False

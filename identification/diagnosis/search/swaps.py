@@ -77,7 +77,11 @@ def explained(search: Search, chosen: frozenset[Term], term: Term) -> float:
 
 
 def alternatives(search: Search, term: Term) -> tuple[frozenset[Term], ...]:
-    """Sets of effects that could stand for ``term``: single ones, and pairs and triples of its special cases."""
+    """Sets of effects that could stand for ``term``: single ones, several of its special cases, friction of both joints.
+
+    One effect between two joints costs less than friction of both, and may take their place where they move alike: it
+    is compared with all sets of these.
+    """
     single = [frozenset([other]) for other in search.terms if other.named and other.place != term.place]
     parts = [
         other
@@ -85,8 +89,16 @@ def alternatives(search: Search, term: Term) -> tuple[frozenset[Term], ...]:
         if (contains(term, other) and other.joint == term.joint) or _of_passive_joint(search, term, other)
     ]
     several = [frozenset(group) for size in (2, 3) for group in combinations(parts, size)]
+    several += [frozenset(group) for group in _on_each_joint(search, term)]
     same = [frozenset([other]) for other in search.terms if other.place == term.place and other is not term]
     return (*single, *several, *same)
+
+
+def _on_each_joint(search: Search, term: Term) -> list[tuple[Term, ...]]:
+    """Sets of effects of single joints that may leave what one between two joints leaves."""
+    joints = (term.joint or "").split("+") if term.effect.scope == "pair" else []
+    own = [other for other in search.terms if other.joint in joints and other.effect.name in term.effect.on_each_joint]
+    return [group for size in range(2, len(own) + 1) for group in combinations(own, size)]
 
 
 def _of_passive_joint(search: Search, term: Term, other: Term) -> bool:

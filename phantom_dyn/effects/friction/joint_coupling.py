@@ -36,6 +36,7 @@ class JointCoupling(Effect):
 
     name = "joint_coupling"
     scope = "pair"
+    on_each_joint = ("coulomb_friction", "viscous_friction")
     regime = "velocity_reversal"
     uses_acceleration = True
     words = EffectWords(

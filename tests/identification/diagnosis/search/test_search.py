@@ -269,3 +269,13 @@ def test_a_search_that_goes_in_a_circle_ends_with_the_best_set_of_it(lab, planar
     monkeypatch.setattr(stepwise, "dropped", all_or_nothing)
     found = stepwise._forward(prepared.search, frozenset(), silent)
     assert found == min(visited, key=prepared.search.score)
+
+
+def test_a_coupling_is_compared_with_friction_of_each_of_its_joints(quiet):
+    coupling = quiet.term("joint_coupling", "shoulder+elbow")
+    sets = {frozenset(places(group)) for group in alternatives(quiet.search, coupling)}
+    each = [(name, joint) for name in ("coulomb_friction", "viscous_friction") for joint in ("shoulder", "elbow")]
+    assert frozenset(each) in sets
+    assert frozenset(each[:3]) in sets
+    elbow = quiet.term("stribeck_friction", "elbow")
+    assert frozenset(each) not in {frozenset(places(group)) for group in alternatives(quiet.search, elbow)}
