@@ -77,7 +77,7 @@ def explained(search: Search, chosen: frozenset[Term], term: Term) -> float:
 
 
 def alternatives(search: Search, term: Term) -> tuple[frozenset[Term], ...]:
-    """Sets of effects that could stand for ``term``: single ones, several of its special cases, friction of both joints.
+    """Sets of effects that could stand for ``term``: single ones, its special cases, friction of both its joints.
 
     One effect between two joints costs less than friction of both, and may take their place where they move alike: it
     is compared with all sets of these.
