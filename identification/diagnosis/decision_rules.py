@@ -71,6 +71,14 @@ DIFFERS_FROM_ZERO = 0.95
 # times the stated step: from which on an encoder is coarser than stated.
 COARSE_STEP = 1.5
 
+# share: of the squared torque that wrong inertial parameters explain, from which on a part of the model that would make
+# it by its absence is named; what is left of the amplitude is half.
+PART_SHARE = 0.75
+
+# share: of the same, from which on the part is what is missing: a third of the amplitude is left, the tolerances of the
+# links before it among that.
+PART_CERTAIN = 0.9
+
 # share: of some joint's squared noise that coarse readings make, from which on they matter.
 COARSE_SHARE = 0.05
 

@@ -183,6 +183,14 @@ class Rival(ABC):
         """Lower and upper bound of each coefficient where physics has any; empty if it has none at all."""
         return ()
 
+    def lightest(self, robot: Robot) -> float:
+        """Least mass [kg] of an effect that is ``inertial`` as a point mass."""
+        return 0.0
+
+    def own_inertia(self, robot: Robot, mass: float) -> Float[Array, " 6"]:
+        """Inertia about its own centre, per mass [m^2], of what such an effect may stand for; a point has none."""
+        return np.zeros(6)
+
     def special_cases(
         self, robot: Robot, joint: str | None, coefficients: Float[Array, " k"], shape: Shape
     ) -> tuple[SpecialCase, ...]:
@@ -241,6 +249,31 @@ class Effect(Rival):
     ) -> Float[Array, " p"]:
         """The contract's parameters, in the order of `parameters`, from linear coefficients."""
         return coefficients
+
+    def stated_law(
+        self, robot: Robot, joint: str | None, shape: Shape, std: Float[Array, " k"], coefficients: Float[Array, " k"]
+    ) -> tuple[tuple[Parameter, ...], Callable[[Array], Array]]:
+        """What a finding states, and how it follows from the numbers of a fit: coefficients, then the shape's.
+
+        By default the contract's parameters.
+
+        Args:
+            robot: The given model.
+            joint: Where it sits.
+            shape: Of the fit, where it is held.
+            std: Deviations of the coefficients.
+            coefficients: Of the fit.
+        """
+        count = len(coefficients)
+
+        def law(x: Array) -> Array:
+            return self.from_coefficients(robot, joint, x[:count], tuple(x[count:].tolist()) or shape)
+
+        return self.parameters(robot, joint), law
+
+    def remark(self, robot: Robot, joint: str | None, theta: Float[Array, " p"]) -> str:
+        """A sentence on what such a size says of this robot; empty if there is nothing to say."""
+        return ""
 
     def from_stated(self, robot: Robot, stated: Stated) -> Stated:
         """The contract's parameters from what a finding or a file states: other numbers of the same, or older ones."""

@@ -22,6 +22,10 @@ Array = np.ndarray
 
 # Torque asked for over torque needed below which a row would vanish from a fit.
 _LEAST_GAIN = 0.02
+# A point has no inertia about its centre.
+_POINT = np.zeros(6)
+# Mass [kg] that is none.
+_NO_MASS = 1e-9
 
 
 @dataclass(frozen=True)
@@ -195,12 +199,17 @@ def _point_mass(
     starts = [first.theta[list(payload.columns[:4])]]
     free = _fit_linear(problem, active, products, None, near).theta[list(payload.columns)]
     inertia = float(free[[4, 6, 9]].sum())
-    if inertia > 0 and free[1:4].any():
-        starts.insert(0, np.array([float(free[1:4] @ free[1:4]) / inertia, *free[1:4]]))
-    if near.payload is not None and near.payload[0] > 0:
+    least = payload.effect.lightest(problem.session.robot)
+    if inertia != 0 and free[1:4].any():
+        mass = float(free[1:4] @ free[1:4]) / inertia
+        starts.insert(0, np.array([max(mass, least), *free[1:4]]))
+    if near.payload is not None and near.payload[0] != 0:
         starts = [near.payload, starts[0]]
     else:
         starts += [np.array([far / distance, *moments]) for distance in (0.03, 0.08, 0.2, 0.5, 1.5)]
+        # What the model carries and the robot does not, at such distances too.
+        missing = (distance for distance in (0.03, 0.08, 0.2, 0.5) if far < -least * distance)
+        starts += [np.array([-far / distance, *moments]) for distance in missing]
     for start in starts:
         for _ in range(8):
             last = start
@@ -225,7 +234,7 @@ def _exact_loss(
 ) -> float:
     """Loss and penalty over all training blocks with the exact inertia of a point mass, up to a constant."""
     theta = found.theta.copy()
-    jacobian, offset = point_mass_map(start)
+    jacobian, offset = _point_mass_map_of(problem, payload, start)
     theta[list(payload.columns)] = jacobian @ start + offset
     x = theta[active]
     return float(x @ products.a @ x - 2 * products.b @ x + problem.precision[active] @ x**2)
@@ -244,7 +253,7 @@ def _fit_linear(
     total_a, total_b, constant = products.a, products.b, products.c
     if point is not None:
         term, start = point
-        jacobian, offset = point_mass_map(start)
+        jacobian, offset = _point_mass_map_of(problem, term, start)
         at = np.searchsorted(active, term.columns)
         others = np.setdiff1d(np.arange(len(active)), at)
         expand = np.zeros((len(active), len(others) + 4))
@@ -257,8 +266,7 @@ def _fit_linear(
         total_a = expand.T @ total_a @ expand
         keep = np.concatenate([others, at[:4]])
         precision, lower, upper, bound = precision[keep], lower[keep], upper[keep], bound[keep]
-        # Linearised, the inertia goes as 1/m: a mass may at most double or halve. One of zero has no centre.
-        lower[len(others)], upper[len(others)] = (0.5 * start[0], 2.0 * start[0]) if start[0] > 0 else (0.0, np.inf)
+        lower[len(others)], upper[len(others)] = _mass_bounds(start[0], term.effect.lightest(problem.session.robot))
     with_prior = total_a.copy()
     with_prior.flat[:: len(with_prior) + 1] += precision
     x = bounded_solve(with_prior, total_b, lower, upper, near=bound)
@@ -283,16 +291,41 @@ def _fit_linear(
     return Fitted(theta, active, with_prior, expand, penalty, objective, loss, fold_theta)
 
 
-def point_mass_map(start: Float[Array, " 4"]) -> tuple[Float[Array, "10 4"], Float[Array, " 10"]]:
+def _point_mass_map_of(
+    problem: Problem, term: Term, start: Float[Array, " 4"]
+) -> tuple[Float[Array, "10 4"], Float[Array, " 10"]]:
+    """`point_mass_map` of what a term may stand for."""
+    return point_mass_map(start, term.effect.own_inertia(problem.session.robot, float(start[0])))
+
+
+def _mass_bounds(start: float, least: float) -> tuple[float, float]:
+    """Between which masses a fit about one moves: linearised, the inertia goes as 1/m, so that it doubles or halves.
+
+    One of zero has no centre and may become any.
+    """
+    if abs(start) <= _NO_MASS:
+        return least, np.inf
+    low, high = sorted((0.5 * start, 2.0 * start))
+    return max(low, least), max(high, least)
+
+
+def point_mass_map(
+    start: Float[Array, " 4"], own: Float[Array, " 6"] = _POINT
+) -> tuple[Float[Array, "10 4"], Float[Array, " 10"]]:
     """Ten inertial parameters of a point mass from mass and first moments ``(m, h)``, linearised: ``J x + c``.
 
-    The inertia is ``(h.h 1 - h h^T) / m``. Without a positive mass at the start it is left out.
+    The inertia is ``(h.h 1 - h h^T) / m``, negative with a mass that is missing. Without a mass at the start it is left
+    out.
+
+    Args:
+        start: Mass and first moments.
+        own: Inertia about the centre per mass, of a part that is no point.
     """
     jacobian = np.zeros((10, 4))
     jacobian[:4] = np.eye(4)
     offset = np.zeros(10)
     m, h = start[0], start[1:]
-    if m <= 1e-9:
+    if abs(m) <= _NO_MASS:
         return jacobian, offset
     entries = ((0, 0), (0, 1), (1, 1), (0, 2), (1, 2), (2, 2))
     for k, (i, j) in enumerate(entries):
@@ -303,4 +336,5 @@ def point_mass_map(start: Float[Array, " 4"]) -> tuple[Float[Array, "10 4"], Flo
             slope[1 + axis] = (2 * h[axis] * (i == j) - (axis == i) * h[j] - h[i] * (axis == j)) / m
         jacobian[4 + k] = slope
         offset[4 + k] = value - slope @ start
+    jacobian[4:, 0] += own
     return jacobian, offset

@@ -193,6 +193,10 @@ def _limits(layout: ModelLayout, x: Float[Array, " p"]) -> tuple[Array, Array, A
             count = place.coefficients.stop - place.coefficients.start
             out[place.coefficients] = values[list(place.term.columns[:count])]
     for place in layout.places:
+        if place.term.effect.inertial == "point mass":
+            # A load stays a load and a part that is missing stays missing: between them the inertia has a pole.
+            at, least = place.coefficients.start, place.term.effect.lightest(problem.session.robot)
+            lower[at], upper[at] = (0.0, np.inf) if x[at] >= 0 else (least, 0.0)
         ends = np.sort([0.5 * x[place.shape], 2.0 * x[place.shape]], axis=0)
         lower[place.shape], upper[place.shape] = ends
     return precision, lower, upper

@@ -173,7 +173,8 @@ def _with_slopes(
     effect = place.term.effect
     if effect.inertial == "point mass":
         columns = _columns(layout.problem, place.term.columns, log)
-        jacobian, offset = point_mass_map(own)
+        robot = layout.problem.session.robot
+        jacobian, offset = point_mass_map(own, effect.own_inertia(robot, float(own[0])))
         return columns @ (jacobian @ own + offset), columns @ jacobian
 
     def slope(k: int) -> Float[Array, "n nv"]:

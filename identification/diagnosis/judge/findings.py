@@ -13,6 +13,7 @@ from identification.diagnosis.fit.gap import Sums, held_out_torque, residual_aft
 from identification.diagnosis.fit.joint_fit import JointFit, joint_fit
 from identification.diagnosis.fit.problem import Problem
 from identification.diagnosis.judge.judged_band import Judge, gap_is_there, visible
+from identification.diagnosis.judge.missing_parts import missing_part_words, named_as_part, part_instead
 from identification.diagnosis.judge.parameters import finding_loadings, finding_parameters
 from identification.diagnosis.judge.shares import shares_of
 from identification.diagnosis.model.session import Series
@@ -22,7 +23,7 @@ from identification.diagnosis.search.rival_sets import NONE_BARRED, Place, Stand
 from identification.diagnosis.search.search import Search, possible, with_term
 from identification.diagnosis.search.special_cases import implausible, places_of, simpler
 from identification.diagnosis.search.swaps import replaced
-from phantom_dyn.effects.effect import Parameter
+from phantom_dyn.effects.effect import Effect, Parameter
 from phantom_dyn.model.robot import Robot
 from phantom_dyn.random_streams import random_stream
 
@@ -73,10 +74,11 @@ def shown_effects(search: Search, plain: Search, chosen: frozenset[Term], noise:
         chosen: What the search has found.
         noise: Of each log's torque.
     """
-    seen = [chosen]
+    seen, barred = [chosen], NONE_BARRED
     while True:
         kept = visible(plain, chosen) if gap_is_there(plain.problem, noise) else frozenset()
-        kept, settled, fitted, barred = distinct(search, plain, kept, chosen)
+        kept, settled, fitted, simple = distinct(search, plain, kept, chosen)
+        barred = barred | simple
         standings = {term: stand(search, settled, term, barred) for term in ordered(kept) if term.named}
         ways = (standing.instead for standing in standings.values() if standing.instead is not None)
         instead = next((way for way in ways if way not in seen), None)
@@ -93,7 +95,8 @@ def distinct(
 
     The search holds all but the coefficients, and weighs noise otherwise: what gains there may be nothing in the fit
     that states its size. One by one, those that are told least certainly from nothing are left out. Where a law ends on
-    a special case of itself, or is told from it in neither fit, that takes its place.
+    a special case of itself, or is told from it in neither fit, that takes its place; so does a missing part of the
+    model in the place of inertial parameters that it explains.
 
     Args:
         search: Rivals, with fits to white noise.
@@ -113,7 +116,13 @@ def distinct(
             t: case for t, case in found.items() if case is not None and _is_simpler(robot, t, case, chosen, white)
         }
         if not hardly:
-            return kept, chosen, fitted, barred
+            swap = part_instead(plain, kept, fitted)
+            if swap is None:
+                return kept, chosen, fitted, barred
+            rich, payload = swap
+            kept, chosen = (replaced(some, rich, frozenset([payload])) for some in (kept, chosen))
+            barred = barred | {rich.place} | named_as_part(search, chosen, payload)
+            continue
         least = min(hardly, key=lambda term: hardly[term][0])
         names = hardly[least][1]
         kept = kept - {least}
@@ -136,16 +145,23 @@ def _is_simpler(
     return places_of(robot, term, white) != (term.place,)
 
 
-def size_doubts(shown: Shown) -> tuple[str, ...]:
-    """A sentence for each finding whose size no sound robot has, with the reason."""
+def remarks(shown: Shown) -> tuple[str, ...]:
+    """Sentences on what the sizes of findings say of the robot, and on each size that no sound robot has."""
     robot, out = shown.problem.session.robot, []
     for term in ordered(shown.named):
-        fault = implausible(robot, term, shown.joint_fit.coefficients(term))
+        effect, own = term.effect, shown.joint_fit.coefficients(term)
+        assert isinstance(effect, Effect)
+        if effect.inertial == "free":
+            out += missing_part_words(shown.problem, term, own)
+            continue
+        remark = effect.remark(robot, term.joint, effect.from_coefficients(robot, term.joint, own, term.shape))
+        out += [remark] if remark else []
+        fault = implausible(robot, term, own)
         if fault is not None:
             parameter, value = fault
-            effect = term.effect.name.replace("_", " ") + ("" if term.joint is None else f" on {term.joint}")
+            where = effect.name.replace("_", " ") + ("" if term.joint is None else f" on {term.joint}")
             out.append(
-                f"The {parameter.name.replace('_', ' ')} of {effect} comes out as {_sized(value, parameter)}, which is "
+                f"The {parameter.name.replace('_', ' ')} of {where} comes out as {_sized(value, parameter)}, which is "
                 f"not plausible ({_range(parameter)}): {parameter.plausible_because}."
             )
     return tuple(out)

@@ -14,7 +14,7 @@ from identification.diagnosis.fit.problem import Problem
 from identification.diagnosis.judge.bounds import smallest_seen
 from identification.diagnosis.judge.bursts import bursts_of
 from identification.diagnosis.judge.coarse_encoders import findings_of, rounded
-from identification.diagnosis.judge.findings import Claim, Shown, findings_without, shown_effects, size_doubts
+from identification.diagnosis.judge.findings import Claim, Shown, findings_without, remarks, shown_effects
 from identification.diagnosis.judge.floors import Floor, floor_of
 from identification.diagnosis.judge.judged_band import Judge, narrow_search
 from identification.diagnosis.judge.regimes import regime_shares, regime_split
@@ -71,7 +71,7 @@ def judged(explanation: Explanation, progress: Callable[[str], None]) -> tuple[J
         unexplained=left_over,
         bounds=bounds,
         not_testable=untested,
-        notes=size_doubts(shown),
+        notes=remarks(shown),
         evidence=evidence_of(judge, given, torque, tuple(claim.without for claim in kept)),
         gap=closed_together(judge, within, after),
         minor=tuple(claim.finding for claim in claims if claim.minor),

@@ -34,9 +34,9 @@ def finding_parameters(robot: Robot, term: Term, fitted: JointFit) -> dict[str, 
     x, cov = fitted.x[at], fitted.cov[np.ix_(at, at)]
     if effect.inertial == "free":
         return _inertial(robot, term, x, cov)
-    values, slope = _law(robot, term, fitted)
+    parameters, values, slope = _law(robot, term, fitted)
     std = np.sqrt(np.maximum(np.diag(slope @ cov @ slope.T), 0.0))
-    return _named(effect.parameters(robot, term.joint), values, std)
+    return _named(parameters, values, std)
 
 
 def finding_loadings(robot: Robot, term: Term, fitted: JointFit) -> tuple[tuple[float, ...], ...]:
@@ -52,7 +52,7 @@ def finding_loadings(robot: Robot, term: Term, fitted: JointFit) -> tuple[tuple[
     """
     squares, axes = np.linalg.eigh(0.5 * (fitted.cov + fitted.cov.T))
     shared = (axes * np.sqrt(np.maximum(squares, 0.0)))[_numbers(term, fitted)]
-    slope = _base(robot, term)[1] if term.effect.inertial == "free" else _law(robot, term, fitted)[1]
+    slope = _base(robot, term)[1] if term.effect.inertial == "free" else _law(robot, term, fitted)[2]
     return tuple(tuple(row) for row in (slope @ shared).tolist())
 
 
@@ -62,16 +62,16 @@ def _numbers(term: Term, fitted: JointFit) -> list[int]:
     return [*range(place.coefficients.start, place.coefficients.stop), *range(place.shape.start, place.shape.stop)]
 
 
-def _law(robot: Robot, term: Term, fitted: JointFit) -> tuple[Float[Array, " p"], Float[Array, "p k"]]:
-    """Parameters of the contract, and their slopes in the numbers of the fit."""
+def _law(
+    robot: Robot, term: Term, fitted: JointFit
+) -> tuple[tuple[Parameter, ...], Float[Array, " p"], Float[Array, "p k"]]:
+    """What is stated, its values, and their slopes in the numbers of the fit."""
     effect, place, at = term.effect, fitted.place(term), _numbers(term, fitted)
     assert isinstance(effect, Effect)
     x, cov = fitted.x[at], fitted.cov[np.ix_(at, at)]
     count = place.coefficients.stop - place.coefficients.start
-
-    def law(x: Float[Array, " k"]) -> Float[Array, " p"]:
-        return effect.from_coefficients(robot, term.joint, x[:count], tuple(x[count:].tolist()) or term.shape)
-
+    std = np.sqrt(np.maximum(np.diag(cov)[:count], 0.0))
+    parameters, law = effect.stated_law(robot, term.joint, term.shape, std, x[:count])
     values = law(x)
     slope = np.empty((len(values), len(x)))
     for k in range(len(x)):
@@ -80,7 +80,7 @@ def _law(robot: Robot, term: Term, fitted: JointFit) -> tuple[Float[Array, " p"]
         moved = x.copy()
         moved[k] += step
         slope[:, k] = (law(moved) - values) / step
-    return values, slope
+    return parameters, values, slope
 
 
 def _named(parameters: tuple[Parameter, ...], values: Float[Array, " p"], std: Float[Array, " p"]) -> dict[str, Value]:

@@ -88,12 +88,12 @@ class DirectionDependentFriction(Effect):
     def special_cases(
         self, robot: Robot, joint: str | None, coefficients: Array, shape: Shape
     ) -> tuple[SpecialCase, ...]:
-        """Equal levels are plain friction; equal viscous parts are plain friction and an offset."""
-        plain = ("coulomb_friction", "viscous_friction")
+        """Equal levels are plain friction; Coulomb friction with an offset is another name of the same."""
         torque, viscous = coefficients[0] - coefficients[1], coefficients[2] - coefficients[3]
         return (
-            SpecialCase(plain, np.array([torque, viscous])),
-            SpecialCase((*plain, "torque_offset"), np.array([viscous])),
+            SpecialCase(("coulomb_friction",), np.array([torque, *coefficients[2:]])),
+            SpecialCase(("viscous_friction",), np.array([*coefficients[:2], viscous])),
+            SpecialCase(("coulomb_friction", "viscous_friction"), np.array([torque, viscous])),
         )
 
     def probe(self, robot: Robot, operation: Operation, joint: str | None) -> tuple[str, Array]:

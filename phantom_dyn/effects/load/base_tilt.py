@@ -1,3 +1,4 @@
+# pyright: reportAttributeAccessIssue=false
 """A base that does not stand level: in its frame gravity is ``exp([r]x)`` applied to the given one, as it turned by -r.
 
 The turn ``r`` is perpendicular to gravity, as a turn about gravity changes nothing; its components along x, y and z of

@@ -1,6 +1,9 @@
 # pyright: reportAttributeAccessIssue=false
 """A point mass on ``payload_frame`` (else on the link with frame ``tip``, else on the last) that the model lacks.
 
+It is negative where the model carries a part that the robot does not. Where that is about a body on a fixed or locked
+joint (a hand), it stands for that body, whose own inertia goes with it.
+
 It leaves gravity and inertia in one fixed ratio on every joint before it. A payload is the inertial parameters of the
 last link with four numbers instead of ten; on a pendulum the two are the same thing.
 URDF and MJCF: an inertial element more.
@@ -8,21 +11,38 @@ URDF and MJCF: an inertial element more.
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 import numpy as np
+from jaxtyping import Float
 
 from phantom_dyn.dynamics.dynamics import rigid_body_regressor, standard_parameters
 from phantom_dyn.effects.described import EffectWords
-from phantom_dyn.effects.effect import Effect, Parameter, Shape, Signature
+from phantom_dyn.effects.effect import Effect, Parameter, Shape, Signature, Stated
 from phantom_dyn.effects.operation import Operation
 from phantom_dyn.effects.simulated import Simulated
 from phantom_dyn.effects.support.changed_robot import with_parameters
-from phantom_dyn.model.inertia import STANDARD_NAMES, STANDARD_UNITS, payload_body, point_mass_parameters
+from phantom_dyn.model.attached import Attached, attached_bodies
+from phantom_dyn.model.inertia import (
+    STANDARD_NAMES,
+    STANDARD_UNITS,
+    body_parameters,
+    central_parameters,
+    payload_body,
+    point_mass_parameters,
+)
 from phantom_dyn.model.robot import Robot
 
 Array = np.ndarray
 
 # Largest load [kg], and how far from its link [m] one is held.
 _HEAVIEST, _FARTHEST = 1000.0, 3.0
+# A part is the one that is missing if mass and first moments are as much to a quarter, its lever at least so long [m].
+_MATCHES, _NEAR = 1.25, 0.02
+# Squared radius of gyration [m^2] that is rounding, and share of a link that can be taken away.
+_ROUNDING, _LEFT = 1e-8, 0.999
+_MOMENTS = ("moment_x", "moment_y", "moment_z")
+_CENTERS = ("center_x", "center_y", "center_z")
 
 
 class Payload(Effect):
@@ -51,12 +71,15 @@ class Payload(Effect):
 
     def parameters(self, robot: Robot, joint: str | None) -> tuple[Parameter, ...]:
         """``mass`` and its place in the frame of the joint that moves the link."""
+        parts = attached_bodies(robot, payload_body(robot))
+        least = self.lightest(robot)
         mass = Parameter(
             "mass",
             "kg",
-            0.0,
-            plausible=(0.0, _HEAVIEST),
-            plausible_because="the strongest arms lift a tonne",
+            least,
+            plausible=(max(least, -_MATCHES * max((part.mass for part in parts), default=0.0)), _HEAVIEST),
+            plausible_because="the strongest arms lift a tonne, and what a robot lacks is a part that its model "
+            "carries on a fixed or locked joint",
         )
         centers = (
             Parameter(
@@ -79,10 +102,56 @@ class Payload(Effect):
         columns = rigid_body_regressor(robot, operation)[:, :, list(self.regressor_columns(robot, joint))]
         return Signature(tuple(range(robot.nv)), columns, STANDARD_NAMES, STANDARD_UNITS)
 
+    def lightest(self, robot: Robot) -> float:
+        """Minus the mass of the link that carries it."""
+        return -float(robot.model.inertias[payload_body(robot)].mass)
+
+    def own_inertia(self, robot: Robot, mass: float) -> Float[Array, " 6"]:
+        """That of the part which may be missing."""
+        part = _nearest(robot, mass)
+        return np.zeros(6) if part is None else body_parameters(0.0, np.zeros(3), part.inertia)[4:] / part.mass
+
     def from_coefficients(self, robot: Robot, joint: str | None, coefficients: Array, shape: Shape) -> Array:
-        """Mass and first moments give mass and centre."""
-        mass = coefficients[0] if coefficients[0] != 0 else np.finfo(float).tiny
-        return np.array([coefficients[0], *(coefficients[1:4] / mass)])
+        """Mass and first moments give mass and centre, within what is possible.
+
+        A mass that hardly shows is so large that its centre is within reach; one that is taken away leaves a link that
+        can be.
+        """
+        mass, moments = float(coefficients[0]), np.asarray(coefficients[1:4], dtype=float)
+        far = float(np.linalg.norm(moments)) / _FARTHEST
+        mass = np.copysign(max(abs(mass), far), mass)
+        if mass == 0.0:
+            return np.zeros(4)
+        center = moments / mass
+        return np.array([mass if mass > 0 else -min(-mass, most_removed(robot, center)), *center])
+
+    def stated_law(
+        self, robot: Robot, joint: str | None, shape: Shape, std: Array, coefficients: Array
+    ) -> tuple[tuple[Parameter, ...], Callable[[Array], Array]]:
+        """Mass and centre; first moments in place of the centre where the mass may be zero, as no centre is known."""
+        if abs(coefficients[0]) >= 2.0 * std[0]:
+            return super().stated_law(robot, joint, shape, std, coefficients)
+        names = (Parameter(f"moment_{axis}", "kg m") for axis in "xyz")
+        return (self.parameters(robot, joint)[0], *names), lambda x: x[:4]
+
+    def from_stated(self, robot: Robot, stated: Stated) -> Stated:
+        """First moments give the centre."""
+        if "moment_x" not in stated:
+            return stated
+        numbers = np.array([float(np.ravel(stated[name])[0]) for name in ("mass", *_MOMENTS)])
+        theta = self.from_coefficients(robot, None, numbers, ())
+        return dict(zip(("mass", *_CENTERS), theta.tolist(), strict=True))
+
+    def remark(self, robot: Robot, joint: str | None, theta: Array) -> str:
+        """Which part of the model is missing, where it is one."""
+        part = missing_part(robot, theta)
+        if part is None:
+            return ""
+        names = part.names[0] + (f" with {' and '.join(part.names[1:])}" if part.names[1:] else "")
+        return (
+            f"The model carries {names} ({part.mass:.3g} kg) where the robot is lighter by {-theta[0]:.3g} kg: it is "
+            "missing on the robot, and the corrected model is without its inertia too."
+        )
 
     def probe(self, robot: Robot, operation: Operation, joint: str | None) -> tuple[str, Array]:
         """A mass at the centre of the last link."""
@@ -98,11 +167,51 @@ class Payload(Effect):
     def torque(self, robot: Robot, operation: Operation, joint: str | None, theta: Array) -> Array:
         """Minus the torque that the mass needs."""
         added = np.zeros_like(standard_parameters(robot))
-        added[list(self.regressor_columns(robot, joint))] = point_mass_parameters(theta[0], theta[1:4])
+        added[list(self.regressor_columns(robot, joint))] = _added(robot, theta)
         return -rigid_body_regressor(robot, operation) @ added
 
     def simulated(self, robot: Robot, joint: str | None, theta: Array) -> Simulated:
         """A heavier last link."""
         added = np.zeros_like(standard_parameters(robot))
-        added[list(self.regressor_columns(robot, joint))] = point_mass_parameters(theta[0], theta[1:4])
+        added[list(self.regressor_columns(robot, joint))] = _added(robot, theta)
         return Simulated(robot=lambda moved: with_parameters(moved, added))
+
+
+def _added(robot: Robot, theta: Float[Array, " 4"]) -> Float[Array, " 10"]:
+    """Ten parameters of a point mass, or of a part that is missing."""
+    mass = float(theta[0])
+    own = point_mass_parameters(mass, theta[1:4])
+    own[4:] += mass * Payload().own_inertia(robot, mass)
+    return own
+
+
+def _nearest(robot: Robot, mass: float) -> Attached | None:
+    """The part on a fixed or locked joint whose mass is nearest to what is missing, within a factor of two."""
+    near = [part for part in attached_bodies(robot, payload_body(robot)) if 0.5 * part.mass <= -mass <= 2.0 * part.mass]
+    return min(near, key=lambda part: abs(np.log(-mass / part.mass)), default=None)
+
+
+def missing_part(robot: Robot, theta: Float[Array, " 4"]) -> Attached | None:
+    """The part on a fixed or locked joint that a negative payload stands for; None if there is none like it."""
+    part = _nearest(robot, float(theta[0]))
+    if part is None:
+        return None
+    lever = max(float(np.linalg.norm(part.center)), _NEAR)
+    off = float(np.linalg.norm(theta[0] * np.asarray(theta[1:4]) + part.mass * part.center)) / (part.mass * lever)
+    return part if max(abs(theta[0] + part.mass) / part.mass, off) <= _MATCHES - 1.0 else None
+
+
+def most_removed(robot: Robot, center: Float[Array, " 3"]) -> float:
+    """Largest point mass [kg] at a place of the payload's link that can be taken from it.
+
+    What is left has a positive semidefinite pseudo-inertia ``P - m p p^T`` with ``p = (center, 1)``, which it has up to
+    ``m = 1 / (p^T P^-1 p)``.
+    """
+    mass, own, inertia = central_parameters(robot.model.inertias[payload_body(robot)].toDynamicParameters())
+    spread = 0.5 * np.trace(inertia) * np.eye(3) - inertia
+    heart, point = np.append(own, 1.0), np.append(center, 1.0)
+    pseudo = mass * np.outer(heart, heart)
+    pseudo[:3, :3] += spread
+    # Of a file's rounding, and of a link without extent, nothing else can be taken.
+    rest = pseudo + _ROUNDING * mass * np.diag([1.0, 1.0, 1.0, 0.0])
+    return float(min(1.0 / (point @ np.linalg.solve(rest, point)), _LEFT * mass))

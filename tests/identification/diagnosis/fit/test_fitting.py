@@ -143,7 +143,7 @@ def test_an_empty_fit_predicts_the_given_model_where_it_is_trusted(lab, planar2,
     np.testing.assert_array_equal(predict(prepared.problem, (), none, 0), prepared.columns.model_torque[0])
 
 
-@pytest.mark.parametrize("start", [[0.8, 0.1, -0.2, 0.3], [2.0, 0.0, 0.4, 0.0]])
+@pytest.mark.parametrize("start", [[0.8, 0.1, -0.2, 0.3], [2.0, 0.0, 0.4, 0.0], [-0.5, 0.1, 0.2, 0.0]])
 def test_the_map_of_a_point_mass_is_exact_at_its_start(start):
     start = np.array(start)
     jacobian, offset = point_mass_map(start)
@@ -167,7 +167,8 @@ def test_a_point_mass_without_mass_has_no_inertia():
 
 
 @pytest.mark.parametrize(
-    ("mass", "center"), [(0.6, (0.05, 0.0, -0.35)), (0.2, (0.0, 0.0, -0.9)), (2.5, (0.1, 0.0, -0.1))]
+    ("mass", "center"),
+    [(-0.3, (0.0, 0.0, -0.3)), (0.6, (0.05, 0.0, -0.35)), (0.2, (0.0, 0.0, -0.9)), (2.5, (0.1, 0.0, -0.1))],
 )
 def test_a_known_payload_comes_back(lab, planar2, trusted, mass, center):
     robot = trusted(planar2)

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from identification.diagnosis.fit.gap import held_out_torque, residual_after, sums
-from identification.diagnosis.judge.findings import _range, _sized, findings_without, shown_effects, size_doubts
+from identification.diagnosis.judge.findings import _range, _sized, findings_without, remarks, shown_effects
 from identification.diagnosis.judge.judged_band import Judge, narrow_search, noise_floor
 from identification.diagnosis.judge.shares import left_by
 from phantom_dyn.effects.effect import Parameter
@@ -71,7 +71,7 @@ def test_without_a_gap_nothing_is_shown(judged):
 
 
 def test_sizes_of_a_sound_robot_are_not_doubted(judged):
-    assert size_doubts(judged[0]) == ()
+    assert remarks(judged[0]) == ()
 
 
 def test_a_friction_beyond_the_limit_of_its_drive_is_doubted(judged):
@@ -81,7 +81,7 @@ def test_a_friction_beyond_the_limit_of_its_drive_is_doubted(judged):
     weak = tuple(replace(one, torque_limit=0.1) for one in session.robot.actuators)
     session = replace(session, robot=replace(session.robot, actuators=weak))
     plain = replace(shown.plain, problem=replace(shown.problem, session=session))
-    doubts = size_doubts(replace(shown, plain=plain))
+    doubts = remarks(replace(shown, plain=plain))
     told = next(doubt for doubt in doubts if "coulomb friction" in doubt)
     assert told.startswith("The torque of coulomb friction on elbow comes out as 0.")
     assert "is not plausible (" in told

@@ -4,11 +4,15 @@ from dataclasses import replace
 
 import numpy as np
 import pinocchio as pin
+import pytest
 
-from phantom_dyn.effects.load.payload import Payload
+from phantom_dyn import load_robot
+from phantom_dyn.effects.load.payload import Payload, most_removed
 from phantom_dyn.effects.operation import Operation
+from phantom_dyn.model.attached import attached_bodies
 from phantom_dyn.model.inertia import payload_body, point_mass_parameters
 from phantom_dyn.model.robot import Robot
+from places import ROBOTS
 
 THETA = np.array([0.8, 0.1, -0.05, 0.2])  # kg, m
 
@@ -77,9 +81,98 @@ def test_a_mass_straight_below_its_joint_has_first_moments_of_zero_across(arm):
 
 
 def test_less_mass_than_modelled_has_a_center_too(arm):
-    # By hand: -0.5 kg at 0.3 m.
-    coefficients = np.array([-0.5, -0.15, 0.0, 0.15, *np.zeros(6)])
-    np.testing.assert_allclose(Payload().from_coefficients(arm, None, coefficients, ()), [-0.5, 0.3, 0.0, -0.3])
+    # By hand: a tenth of the link's mass less, at its centre.
+    link = arm.model.inertias[3]
+    mass = -0.1 * link.mass
+    coefficients = np.array([mass, *(mass * link.lever), *np.zeros(6)])
+    found = Payload().from_coefficients(arm, None, coefficients, ())
+    np.testing.assert_allclose(found, [mass, *link.lever], atol=1e-12)
+
+
+def test_a_mass_that_hardly_shows_has_its_center_within_reach(arm):
+    # By hand: first moments of 0.3 kg m need 0.1 kg at three metres.
+    found = Payload().from_coefficients(arm, None, np.array([1e-300, 0.0, 0.3, 0.0, *np.zeros(6)]), ())
+    np.testing.assert_allclose(found, [0.1, 0.0, 3.0, 0.0])
+
+
+@pytest.mark.parametrize("center", [(0.0, 0.0, 0.0), (0.1, 0.0, -0.2), (0.4, 0.1, 0.3)])
+def test_what_can_be_taken_leaves_a_pseudo_inertia_without_negative_part(arm, center):
+    # Oracle: the smallest eigenvalue of what is left, which is zero at the limit.
+    link = arm.model.inertias[3]
+    least = most_removed(arm, np.array(center))
+    left = pin.PseudoInertia.FromInertia(link).toMatrix()
+    point = np.array([*center, 1.0])
+    for share, possible in ((0.98, True), (1.02, least > 0.99 * link.mass)):
+        rest = np.linalg.eigvalsh(left - share * least * np.outer(point, point))
+        assert (rest[0] > -1e-9) == possible
+
+
+def test_what_may_be_no_mass_is_stated_by_first_moments(arm):
+    law = Payload().stated_law(arm, None, (), np.array([0.1, 0.01, 0.01, 0.01]), np.array([0.15, 0.3, 0.0, 0.1]))
+    assert [p.name for p in law[0]] == ["mass", "moment_x", "moment_y", "moment_z"]
+    np.testing.assert_array_equal(law[1](np.array([0.15, 0.3, 0.0, 0.1])), [0.15, 0.3, 0.0, 0.1])
+    read = Payload().from_stated(arm, {"mass": 0.15, "moment_x": 0.3, "moment_y": 0.0, "moment_z": 0.1})
+    assert read == pytest.approx({"mass": 0.15, "center_x": 2.0, "center_y": 0.0, "center_z": 0.1 / 0.15})
+
+
+def test_a_mass_that_shows_is_stated_with_its_center(arm):
+    law = Payload().stated_law(arm, None, (), np.array([0.07, 0.01, 0.01, 0.01]), np.array([0.15, 0.3, 0.0, 0.1]))
+    assert [p.name for p in law[0]] == ["mass", "center_x", "center_y", "center_z"]
+
+
+@pytest.fixture(scope="module")
+def handed(tmp_path_factory) -> Robot:
+    """The planar arm with a hand of 0.6 kg, and a camera of 0.1 kg on it, on fixed joints."""
+    text = (ROBOTS / "planar2.urdf").read_text()
+    bodies = "".join(
+        f'''<link name="{name}"><inertial><origin xyz="0 0 {z}"/><mass value="{mass}"/><inertia ixx="{i}" ixy="0"
+        ixz="0" iyy="{i}" iyz="0" izz="{i}"/></inertial></link><joint name="to_{name}" type="fixed">
+        <origin xyz="0 0 {at}"/><parent link="{parent}"/><child link="{name}"/></joint>'''
+        for name, parent, at, z, mass, i in (
+            ("hand", "lower", -0.4, -0.05, 0.6, 0.002),
+            ("camera", "hand", -0.1, 0.0, 0.1, 1e-5),
+        )
+    )
+    file = tmp_path_factory.mktemp("handed") / "arm.urdf"
+    file.write_text(text.replace("</robot>", bodies + "</robot>"))
+    return load_robot(file)
+
+
+def test_parts_on_fixed_joints_are_known_with_all_behind_them(handed):
+    # By hand: 0.6 kg at -0.45 m and 0.1 kg at -0.5 m.
+    whole, camera = attached_bodies(handed, 2)
+    assert whole.names == ("hand", "camera")
+    assert whole.mass == pytest.approx(0.7)
+    np.testing.assert_allclose(whole.center, [0.0, 0.0, -(0.6 * 0.45 + 0.1 * 0.5) / 0.7])
+    assert camera.names == ("camera",)
+    assert attached_bodies(handed, 1) == ()
+
+
+def test_a_part_that_is_missing_goes_with_its_own_inertia(handed):
+    # Oracle: the same arm without the parts.
+    part = attached_bodies(handed, 2)[0]
+    lighter = Payload().simulated(handed, None, np.array([-part.mass, *part.center])).robot
+    bare = load_robot(ROBOTS / "planar2.urdf")
+    assert lighter is not None
+    np.testing.assert_allclose(
+        lighter(handed).model.inertias[2].toDynamicParameters(),
+        bare.model.inertias[2].toDynamicParameters(), atol=1e-12,
+    )  # fmt: skip
+
+
+@pytest.mark.parametrize(("mass", "named"), [(-0.7, True), (-0.6, True), (-0.4, False), (0.7, False)])
+def test_a_part_is_named_where_mass_and_moments_are_about_its_own(handed, mass, named):
+    part = attached_bodies(handed, 2)[0]
+    remark = Payload().remark(handed, None, np.array([mass, *part.center]))
+    assert ("The model carries hand with camera (0.7 kg)" in remark) == named
+
+
+def test_less_than_nothing_is_plausible_where_the_model_carries_a_part_only(handed):
+    # A quarter more than the heaviest part, as sizes are known to that.
+    bare = load_robot(ROBOTS / "planar2.urdf")
+    assert Payload().parameters(handed, None)[0].plausible == (pytest.approx(-1.25 * 0.7), 1000.0)
+    assert Payload().parameters(bare, None)[0].plausible == (0.0, 1000.0)
+    assert Payload().parameters(bare, None)[0].lower == -1.5
 
 
 def test_a_payload_is_probed_and_sized_at_the_center_of_the_last_link(arm, operation):

@@ -1,0 +1,87 @@
+"""Parts that the model carries on fixed or locked joints, and whose absence explains wrong inertial parameters."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+
+import numpy as np
+from jaxtyping import Float
+
+from identification.diagnosis import decision_rules as rules
+from identification.diagnosis.fit.joint_fit import JointFit
+from identification.diagnosis.fit.problem import Problem
+from identification.diagnosis.model.terms import Term, ordered
+from identification.diagnosis.search.rival_sets import Place
+from identification.diagnosis.search.search import Search
+from identification.diagnosis.search.swaps import replaced
+from phantom_dyn.model.attached import Attached, attached_bodies
+from phantom_dyn.model.inertia import body_parameters, payload_body
+
+Array = np.ndarray
+
+
+def share_without(problem: Problem, term: Term, own: Float[Array, " k"]) -> tuple[float, int, Attached] | None:
+    """The part whose absence makes most of the torque that inertial parameters make: a share of its square; body; part.
+
+    Args:
+        problem: Holds the products of their columns.
+        term: Inertial parameters that are free each by itself.
+        own: Their changes.
+    """
+    robot = problem.session.robot
+    first = problem.nuisances
+    columns = np.arange(first, first + 10 * (robot.model.njoints - 1))
+    a = problem.total_a[np.ix_(columns, columns)]
+    change = np.zeros(len(columns))
+    change[np.array(term.columns) - first] = own
+    energy = max(float(change @ a @ change), 1e-300)
+    found: list[tuple[float, int, Attached]] = []
+    for body in range(1, robot.model.njoints):
+        for part in attached_bodies(robot, body):
+            left = change.copy()
+            left[10 * (body - 1) : 10 * body] += body_parameters(part.mass, part.center, part.inertia)
+            found.append((1.0 - float(left @ a @ left) / energy, body, part))
+    return max(found, key=lambda entry: entry[0], default=None)
+
+
+def part_instead(plain: Search, kept: Iterable[Term], fitted: JointFit) -> tuple[Term, Term] | None:
+    """Inertial parameters that are the absence of a part of the payload's link, and the payload that says so.
+
+    Ten numbers a link explain a little more than a part that is known beforehand, for links are never quite as
+    modelled; but a part that is left off is the likelier cause, and a body without it can be.
+    """
+    payload = next((term for term in plain.terms if term.effect.inertial == "point mass"), None)
+    if payload is not None:
+        for term in ordered(kept):
+            if term.effect.inertial == "free" and _is_part(plain.problem, term, fitted.coefficients(term)):
+                return term, payload
+    return None
+
+
+def named_as_part(search: Search, chosen: frozenset[Term], payload: Term) -> frozenset[Place]:
+    """Inertial parameters that would be the absence of a part as well, in the place of a payload that is that."""
+    out = set()
+    for term in search.terms:
+        if term.effect.inertial == "free":
+            theta = search.evaluate(replaced(chosen, payload, frozenset([term]))).theta[list(term.columns)]
+            if _is_part(search.problem, term, theta):
+                out.add(term.place)
+    return frozenset(out)
+
+
+def _is_part(problem: Problem, term: Term, own: Float[Array, " k"]) -> bool:
+    found = share_without(problem, term, own)
+    return found is not None and found[0] >= rules.PART_CERTAIN and found[1] == payload_body(problem.session.robot)
+
+
+def missing_part_words(problem: Problem, term: Term, own: Float[Array, " k"]) -> list[str]:
+    """A sentence where the absence of a part explains most of what inertial parameters explain."""
+    found = share_without(problem, term, own)
+    if found is None or found[0] < rules.PART_SHARE:
+        return []
+    share, _, part = found
+    return [
+        f"Of what the wrong inertial parameters explain, {100.0 * share:.0f} % is what the robot would lack without "
+        f"{' and '.join(part.names)} ({part.mass:.3g} kg), which the model carries on a fixed or locked joint: look "
+        "whether it is mounted."
+    ]
