@@ -18,6 +18,8 @@ Array = np.ndarray
 class Sums:
     """Squared residuals and numbers of samples, by block and joint, over the cores of the judged blocks.
 
+    A sample of a standing joint counts as little as its friction is known there.
+
     Attributes:
         squares: Summed squared residuals, ``(B, nv)``.
         counts: Numbers of samples, ``(B, nv)``.
@@ -61,7 +63,9 @@ def sums(problem: Problem, residual: tuple[Float[Array, "n nv"], ...]) -> Sums:
     for i, k in enumerate(judged):
         block = problem.blocks[k]
         part = slice(block.core, block.stop)
-        use = problem.columns.usable[block.log][part]
+        variance = problem.weights.floor**2
+        known = variance / (variance + problem.columns.standing[block.log][part] ** 2)
+        use = problem.columns.usable[block.log][part] * known
         squares[i] = (residual[block.log][part] ** 2 * use).sum(axis=0)
         counts[i] = use.sum(axis=0)
     return Sums(squares, counts)

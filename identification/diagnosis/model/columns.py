@@ -14,9 +14,14 @@ from jaxtyping import Bool, Float
 
 from identification.data.log import Log
 from identification.diagnosis.model.nuisances import Move, Nuisance, move_columns, moves_of
-from identification.diagnosis.model.operations import expecting, operate
+from identification.diagnosis.model.operations import expecting, friction_with, operate
 from identification.diagnosis.model.session import Series, Session
-from identification.diagnosis.model.standstill import reversal_doubt, usable_samples
+from identification.diagnosis.model.standstill import (
+    encoder_stands,
+    reversal_doubt,
+    standing_doubt,
+    usable_samples,
+)
 from identification.diagnosis.model.terms import SERIES, FoundEffect, Term, merged, shapes_of
 from identification.diagnosis.numerics.bounded import solve
 from identification.diagnosis.numerics.two_threads import in_two_threads
@@ -43,6 +48,7 @@ class Columns:
         model_torque: For each log, modelled torque in the band, ``(n, nv)``.
         usable: For each log, samples that may be used on each row, ``(n, nv)``.
         doubt: For each log, standard deviation of the modelled torque where friction changes sign, ``(n, nv)``.
+        standing: For each log, standard deviation of the friction torque that standing joints leave open, ``(n, nv)``.
         operations: For each log, motion and torque at the full rate.
         local: Where the columns of each effect stand.
     """
@@ -56,6 +62,7 @@ class Columns:
     model_torque: tuple[Float[Array, "n nv"], ...]
     usable: tuple[Bool[Array, "n nv"], ...]
     doubt: tuple[Float[Array, "n nv"], ...]
+    standing: tuple[Float[Array, "n nv"], ...]
     operations: tuple[Operation, ...]
     local: tuple[Local, ...]
 
@@ -120,7 +127,7 @@ def build_columns(session: Session, about: FitPoint | None = None, before: Colum
     names = [move.nuisance.name for move in given.moves] + list(parameter_names(robot))
     found = (*about.found, *about.runners_up)
     terms, local = _lay_out(session, merged(operations), len(given.moves), names, found, about.resonances)
-    return _assembled(session, replace(given, operations=operations), tuple(names), terms, local, before)
+    return _assembled(session, replace(given, operations=operations), tuple(names), terms, local, before, about.found)
 
 
 def columns_like(session: Session, like: Columns, found: tuple[FoundEffect, ...] = ()) -> Columns:
@@ -133,7 +140,7 @@ def columns_like(session: Session, like: Columns, found: tuple[FoundEffect, ...]
     """
     given = _given_part(session)
     operations = tuple(expecting(o.robot, o, found) for o in given.operations)
-    return _assembled(session, replace(given, operations=operations), like.names, like.terms, like.local, None)
+    return _assembled(session, replace(given, operations=operations), like.names, like.terms, like.local, None, found)
 
 
 @dataclass(frozen=True)
@@ -185,6 +192,7 @@ def _assembled(
     terms: tuple[Term, ...],
     local: tuple[Local, ...],
     before: Columns | None,
+    found: tuple[FoundEffect, ...],
 ) -> Columns:
     """All columns, row by row."""
     robot, moves = session.robot, given.moves
@@ -211,8 +219,17 @@ def _assembled(
         given.model_torque,
         given.usable,
         given.doubt,
+        _standing(session, given.operations, found),
         given.operations,
         local,
+    )
+
+
+def _standing(session: Session, operations: tuple[Operation, ...], found: tuple[FoundEffect, ...]) -> Series:
+    """Friction torque of each log that standing joints leave open, with the friction that was found."""
+    return tuple(
+        standing_doubt(log, encoder_stands(session.robot, log), friction_with(operation, found))
+        for log, operation in zip(session.logs, operations, strict=True)
     )
 
 

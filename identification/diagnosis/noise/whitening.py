@@ -91,9 +91,17 @@ def _white(kernels: list[Float[Array, " m"]], series: Float[Array, "n nv"]) -> F
 
 
 def _trust(columns: Columns, kernels: list[Float[Array, " m"]], noise: Series) -> list[Float[Array, "n nv"]]:
-    """Weight of each sample, its noise over noise and reversal doubt together, of mean square one on each row."""
+    """Weight of each sample, its noise over noise and doubt together, of mean square one on each row.
+
+    A reversal shifts a step in time, and filters make of it what they make of a step. What a standing joint holds may
+    be anything from sample to sample, so it counts at the most that the filter can make of it.
+    """
     white = [_white(kernels, part) ** 2 for part in noise]
-    doubt = [_white(kernels, part) ** 2 for part in columns.doubt]
+    sizes = [np.abs(kernel) for kernel in kernels]
+    doubt = [
+        _white(kernels, shifted) ** 2 + _white(sizes, standing) ** 2
+        for shifted, standing in zip(columns.doubt, columns.standing, strict=True)
+    ]
     total = sum(np.where(use, w, 0.0).sum(axis=0) for w, use in zip(white, columns.usable, strict=True))
     count = sum(use.sum(axis=0) for use in columns.usable)
     variance = np.maximum(total / np.maximum(count, 1), 1e-300)

@@ -52,6 +52,17 @@ def test_sums_are_those_of_usable_samples_of_cores(two):
         np.testing.assert_allclose(found.squares[i], (squares * use).sum(axis=0))
 
 
+def test_a_sample_counts_as_little_as_the_friction_of_a_standing_joint_is_known_there(two):
+    # By hand: where friction is open by twice the noise, a sample counts a fifth.
+    twice = tuple(np.full(r.shape, 2.0) * two.problem.weights.floor for r in two.columns.residual)
+    standing = replace(two.problem, columns=replace(two.columns, standing=twice))
+    moving = replace(two.problem, columns=replace(two.columns, standing=tuple(0.0 * part for part in twice)))
+    few, all_ = (sums(problem, two.columns.residual) for problem in (standing, moving))
+    np.testing.assert_allclose(few.counts, 0.2 * all_.counts)
+    np.testing.assert_allclose(few.squares, 0.2 * all_.squares)
+    np.testing.assert_allclose(few.rms(), all_.rms())
+
+
 def test_each_block_is_predicted_by_the_fit_without_its_fold(two):
     term = two.term("viscous_friction", "elbow")
     found = two.search.evaluate(frozenset([term]))

@@ -40,6 +40,22 @@ def test_samples_in_doubt_count_as_if_their_noise_were_larger_by_it(quiet, rng):
         np.testing.assert_allclose(white.residual[0][:, j], expected, rtol=1e-9)
 
 
+def test_what_standing_joints_leave_open_counts_at_the_most_that_the_filter_makes_of_it(quiet, rng):
+    # Brute force: the sum over the filter's weights without their signs.
+    columns = quiet.columns
+    noise = (np.where(columns.usable[0], rng.normal(size=columns.residual[0].shape), 0.0),)
+    standing = (3.0 * rng.random(columns.residual[0].shape) * (rng.random(columns.residual[0].shape) < 0.2),)
+    none = (np.zeros_like(standing[0]),)
+    plain, _ = whitened(replace(columns, doubt=none, standing=none), noise)
+    white, _ = whitened(replace(columns, doubt=none, standing=standing), noise)
+    for j in range(2):
+        kernel, use = noise_filter([noise[0][:, j]]), columns.usable[0][:, j]
+        variance = np.mean(filtered(kernel, noise[0][:, j])[use] ** 2)
+        share = variance / (variance + filtered(np.abs(kernel), standing[0][:, j]) ** 2)
+        expected = plain.residual[0][:, j] * np.sqrt(share / share[use].mean())
+        np.testing.assert_allclose(white.residual[0][:, j], expected, rtol=1e-9)
+
+
 def test_columns_and_noise_count_as_the_residual_does(quiet, rng):
     columns = quiet.columns
     noise = (np.where(columns.usable[0], rng.normal(size=columns.residual[0].shape), 0.0),)

@@ -120,7 +120,7 @@ def test_another_series_is_whitened_by_the_law_of_the_noise(quiet, rng):
 def test_two_recordings_are_whitened_by_one_law(quiet):
     # The same recording twice has the law that it has once.
     columns, noise = quiet.columns, quiet_noise(quiet)
-    names = ("values", "residual", "model_torque", "usable", "doubt", "operations")
+    names = ("values", "residual", "model_torque", "usable", "doubt", "standing", "operations")
     twice = replace(columns, **{name: 2 * getattr(columns, name) for name in names})
     once, both = whitened(columns, (noise,))[0], whitened(twice, (noise, noise))[0]
     for log in range(2):
