@@ -80,3 +80,17 @@ def test_modelled_friction_of_a_passive_joint_that_is_off_by_more_is_a_gap(with_
     assert [(f.effect, f.joint) for f in with_friction(rubbing, 0.4 * TORQUE).findings] == [
         ("coulomb_friction", "elbow")
     ]
+
+
+def test_friction_of_a_passive_joint_of_the_branch_is_no_coupling_of_the_joints_that_move_it(lab):
+    # Known truth: q3 turns with q5 - q2 as a coupling of these would, and q6 against it.
+    branch = load_robot("cea_branch")
+    motion = lab.motion(3, 3, rate=100.0)
+    more = sum(
+        lab.acting(branch, motion, effect, "q3", size)
+        for effect, size in (("coulomb_friction", 0.4), ("viscous_friction", 0.3))
+    )
+    found = diagnose(branch, (lab.recording(branch, motion, more, noise=0.02, seed=1),))
+    assert {(f.effect, f.joint) for f in found.findings} == {("coulomb_friction", "q3"), ("viscous_friction", "q3")}
+    for finding in found.findings:
+        assert {rival.effects for rival in finding.rivals} == {(EffectAt(finding.effect, "q6"),)}
