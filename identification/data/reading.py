@@ -10,7 +10,7 @@ import numpy as np
 
 from identification.data.checks.check_recording import checked
 from identification.data.checks.positions import check_passive
-from identification.data.joint_torque import drive_torque, require_frames, torque_sources
+from identification.data.joint_torque import drive_torque, require_frames, taken_out, torque_sources
 from identification.data.mending import mended
 from identification.data.readers.contract_columns import column_of
 from identification.data.readers.read_table import read_table
@@ -147,16 +147,20 @@ def recording(
         for joint in robot.passive_names
         if np.any(table.columns.get(f"tau.{joint}", 0.0))
     ]
+    q = read_only(np.column_stack([table.columns[f"q.{joint}"] for joint in joints]))
     tau, sentences = drive_torque(table, robot, torque_needed)
+    taken, told = taken_out(table, robot, q) if tau is not None else (None, ())
+    if tau is not None and taken is not None:
+        tau = read_only(tau + taken)
     return Recording(
         file=table.file,
         joint_names=tuple(joints),
         t=read_only(table.columns["t"]),
-        q=read_only(np.column_stack([table.columns[f"q.{joint}"] for joint in joints])),
+        q=q,
         tau=tau,
         forces=forces,
         excluded=_excluded(table, excluded),
-        warnings=(*warnings, *sentences),
+        warnings=(*warnings, *sentences, *told),
         passive_q={
             name: read_only(table.columns[f"q.{name}"]) for name in robot.passive_names if f"q.{name}" in table.columns
         },

@@ -30,6 +30,7 @@ class RawTable:
         problems: For each other column the sentence to raise if somebody wants it.
         place: Where a sample (from 0) stands in the file, as its reader would say it.
         warnings: What was noticed while reading.
+        compensated: What a controller had taken out of the torque of a joint, ``gravity``; ``""`` is all joints.
     """
 
     file: str
@@ -37,6 +38,7 @@ class RawTable:
     problems: Mapping[str, str] = field(default_factory=dict)
     place: Callable[[int], str] = row_place
     warnings: tuple[str, ...] = ()
+    compensated: Mapping[str, str] = field(default_factory=dict)
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -52,11 +54,13 @@ class Table:
         file: Name of the file, for messages.
         columns: One 1-D float array per column, all of the same length.
         warnings: What was noticed while reading (dropped repeated rows and the like).
+        compensated: What a controller had taken out of the torque of a joint, ``gravity``; ``""`` is all joints.
     """
 
     file: str
     columns: Mapping[str, Float[Array, " N"]]
     warnings: tuple[str, ...] = ()
+    compensated: Mapping[str, str] = field(default_factory=dict)
 
 
 @dataclass(frozen=True)

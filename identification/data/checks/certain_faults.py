@@ -98,7 +98,11 @@ def _of_joints(gains: Float[Array, "2 nv"]) -> Float[Array, " nv"]:
 
 def compared(robot: Robot, before: Float[Array, "2 nv"], reading: Reading, suspect: Suspect) -> Compared:
     """How much better a suspect's reading fits than the data as they stand."""
-    left = unexplained(robot, suspect.read(reading))
+    read = suspect.read(reading)
+    left = unexplained(robot, read)
+    if suspect.kind == "gravity":
+        # What was put back and is the model's own is no merit: shares are of what was measured.
+        left = left * read.tau.var(axis=0) / np.maximum(reading.tau.var(axis=0), 1e-300)
     return Compared(suspect, np.log((before + _ENOUGH) / (left + _ENOUGH)), left)
 
 
@@ -114,13 +118,17 @@ def is_certain(found: Compared) -> bool:
     mended = (own >= _FAR_BETTER) & (worst[list(found.suspect.joints)] <= _RIGHT)
     if found.suspect.kind == "order":
         return bool(mended.any() and np.all(own >= _WORSE))
+    if found.suspect.says == "offer":
+        return bool(mended.any())
     if found.suspect.kind == "torque":
         return int(mended.sum()) >= 2
     return int(mended.sum()) >= min(2, len(own))
 
 
-def certain_faults(recording: Recording, robot: Robot, reading: Reading | None) -> tuple[Fault, ...]:
-    """All that is certainly wrong with a recording, or with the model beside it.
+def certain_faults(
+    recording: Recording, robot: Robot, reading: Reading | None
+) -> tuple[tuple[Fault, ...], tuple[str, ...]]:
+    """All that is certainly wrong with a recording or with the model beside it, and what the user may have to say.
 
     Args:
         recording: Raw samples.
@@ -129,9 +137,19 @@ def certain_faults(recording: Recording, robot: Robot, reading: Reading | None) 
     """
     massless = massless_model(robot)
     if massless or reading is None or robot.nv > _MOST_JOINTS:
-        return massless
+        return massless, ()
     step = float(np.median(np.diff(recording.t)))
-    return tuple(_fault(recording, robot, found) for found in better_readings(robot, reading, step))
+    found = better_readings(robot, reading, step)
+    wrong = tuple(_fault(recording, robot, one) for one in found if one.suspect.says == "wrong")
+    return wrong, tuple(_offer(recording, one) for one in found if one.suspect.says == "offer")
+
+
+def _offer(recording: Recording, found: Compared) -> str:
+    """The sentence on what was left out of a recording that is right."""
+    return (
+        f"{recording.file}: {found.suspect.what} that the model has: if a controller had taken gravity out, "
+        f"{_mend(recording, found.suspect)}; if the robot stands or hangs otherwise, state gravity in robot.yaml."
+    )
 
 
 def _fault(recording: Recording, robot: Robot, found: Compared) -> Fault:
@@ -153,6 +171,9 @@ def _fault(recording: Recording, robot: Robot, found: Compared) -> Fault:
 def _mend(recording: Recording, suspect: Suspect) -> str:
     """What to do, with the entries of a column map; a torque that was computed from a current has none of its own."""
     taken = {f"tau.{joint}": f"{source}.{joint}" for joint, source in recording.torque_from.items()}
+    if suspect.kind == "gravity":
+        # It is put back into the torque, whatever that was computed from.
+        taken = {}
     computed = [column for column in suspect.entries if taken.get(column, column) != column]
     if computed or ("tau" in suspect.entries and set(taken.values()) - set(taken)):
         columns = listed([taken[column] for column in computed] or list(dict.fromkeys(taken.values())))
@@ -186,7 +207,7 @@ def better_readings(robot: Robot, reading: Reading, step: float) -> list[Compare
         highest = max(one.score for one in certain)
         # Of twins the one that is listed first: a torque is turned round more often than a position.
         best = next(one for one in certain if one.score > highest - _TWINS)
-        if not best.suspect.told:
+        if best.suspect.says == "rival":
             return out
         out.append(best)
         mended = best.suspect.read(reading)
@@ -212,6 +233,7 @@ def _suspects(robot: Robot, reading: Reading, poor: Sequence[int]) -> list[Suspe
         *(other.degree_suspects(robot) if np.abs(reading.motion.q).max() > np.pi else ()),
         *(other.all_signs(robot) if signed == list(poor) else ()),
         *other.torque_suspects(robot, ratio),
+        *other.compensated_suspects(robot, reading),
         *_promising(robot, reading, [*other.sign_suspects(robot, signed), *other.order_suspects(robot, signed)]),
     ]
 

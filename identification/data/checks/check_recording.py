@@ -63,14 +63,14 @@ def checked(recording: Recording, robot: Robot | None) -> Checked:
     if robot is None:
         return Checked((*out, *check_degrees(recording, robot, None, None)))
     if smooth is None or recording.tau is None:
-        return Checked((*out, *check_degrees(recording, robot, None, None)), certain_faults(recording, robot, None))
+        return Checked((*out, *check_degrees(recording, robot, None, None)), certain_faults(recording, robot, None)[0])
     external = _external_torque(recording, robot)
     forces = None if external is None else smoothed(replace(recording, tau=external, forces={}))
     reading = reading_of(smooth, None if forces is None else forces.tau)
-    wrong = certain_faults(recording, robot, reading)
-    if wrong:
-        # What is found beside a certain fault is mostly its echo.
-        return Checked(tuple(out), wrong)
+    wrong, offers = certain_faults(recording, robot, reading)
+    if wrong or offers:
+        # What else a comparison with the model finds is mostly the echo of these.
+        return Checked((*out, *offers), wrong)
     felt = smooth if forces is None or forces.tau is None else replace(smooth, tau=smooth.tau + forces.tau)
     return Checked((*out, *_check_against_model(recording, robot, felt)))
 

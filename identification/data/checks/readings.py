@@ -95,6 +95,11 @@ def with_torques_times(reading: Reading, factor: Float[Array, " nv"]) -> Reading
     return replace(reading, tau=reading.tau * factor)
 
 
+def with_torques_plus(reading: Reading, torque: Float[Array, "N nv"]) -> Reading:
+    """Torques of the drives with what was taken out of them."""
+    return replace(reading, tau=reading.tau + torque)
+
+
 def with_time_times(reading: Reading, factor: float) -> Reading:
     """Time times a factor, and velocities and accelerations with it."""
     m = reading.motion

@@ -19,8 +19,10 @@ from identification.data.checks.readings import (
     with_positions_plus,
     with_positions_times,
     with_time_times,
+    with_torques_plus,
     with_torques_times,
 )
+from phantom_dyn.dynamics.dynamics import gravity_torque
 from phantom_dyn.errors import listed
 from phantom_dyn.model.robot import Robot
 
@@ -33,6 +35,8 @@ _FASTEST, _SLOWEST = 2e-5, 0.2
 _PATIENT = 1.0
 # The same for all joints together, whose median is what names the unit: a tenth lies between two of them.
 _NEAR_UNIT = float(np.log(2.5))
+# Share of a measured torque from which on the weight of the links would show in it.
+_MATTERS = 0.2
 # Logarithm of a gear ratio from which on the sides of a gear can be told apart.
 _GEARED = float(np.log(2.0))
 # Zeros [rad] of other conventions.
@@ -42,7 +46,7 @@ _TIMES = {"ms": 1e-3, "us": 1e-6, "ns": 1e-9}
 _SAME_UNIT = float(np.log(4.0))
 _TORQUES = {"Nmm": 1e-3, "Ncm": 1e-2, "kNm": 1e3}
 
-Kind = Literal["time", "degrees", "sign", "order", "torque"]
+Kind = Literal["time", "degrees", "sign", "order", "torque", "gravity"]
 
 
 @dataclass(frozen=True)
@@ -56,7 +60,8 @@ class Suspect:
         entries: The entries of a column map that mend it, by their keys.
         read: Makes the reading.
         expected: True where the reading is by far the more usual one, so that it need only fit.
-        told: False for a rival: where it fits best, its twins are not certain, and nothing is said.
+        says: What follows where it fits best: the recording is ``wrong``; it is right, but the user may have to say
+            what was left out (``offer``); or its twins are not certain and nothing is said (``rival``).
     """
 
     kind: Kind
@@ -64,7 +69,7 @@ class Suspect:
     what: str
     entries: dict[str, str]
     read: Callable[[Reading], Reading]
-    told: bool = True
+    says: Literal["wrong", "offer", "rival"] = "wrong"
     expected: bool = False
 
 
@@ -139,9 +144,27 @@ def sign_suspects(robot: Robot, poor: Sequence[int]) -> list[Suspect]:
     return out
 
 
+def compensated_suspects(robot: Robot, reading: Reading) -> list[Suspect]:
+    """Torques from which the weight of the links was taken out, on the joints on which it matters."""
+    weight = gravity_torque(robot, reading.motion.q)
+    joints = tuple(np.flatnonzero(weight.std(axis=0) > _MATTERS * reading.tau.std(axis=0)).tolist())
+    if not joints:
+        return []
+    return [
+        Suspect(
+            "gravity",
+            joints,
+            f"the torques of {names(robot, joints)} lack the weight of the links",
+            {"tau": "{compensated: gravity}"},
+            lambda reading: with_torques_plus(reading, weight),
+            says="offer",
+        )
+    ]
+
+
 def _rival(j: int, what: str, read: Callable[[Reading], Reading]) -> Suspect:
     """What is no fault of the torque: a joint that is defined otherwise in the model than in the recording."""
-    return Suspect("sign", (j,), f"{what} is not that of the model", {}, read, told=False)
+    return Suspect("sign", (j,), f"{what} is not that of the model", {}, read, says="rival")
 
 
 def order_suspects(robot: Robot, poor: Sequence[int]) -> list[Suspect]:

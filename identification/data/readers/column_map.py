@@ -6,6 +6,7 @@ q.j1: {from: enc1, counts: 8192}     # counts per revolution of the joint
 tau.j1: {from: load1, unit: Nmm, sign: -1}
 v: {from: "vel_{joint}", unit: deg/s}  # every column vel_<joint>
 tau.j2: {from: load2, gear: 100}     # on the motor's side of a gear of 100
+tau: {compensated: gravity}          # a controller took gravity out of the torques: the model's is put back
 ignore: [q.gripper]                  # columns that are left out
 ```
 """
@@ -15,7 +16,7 @@ from __future__ import annotations
 import math
 import re
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, cast
 
@@ -27,7 +28,9 @@ from phantom_dyn.errors import LogError, known_names, listed
 from phantom_dyn.model.settings_file import describe, read_settings
 
 _PLACE = "{joint}"
-_KEYS = ("from", "unit", "sign", "counts", "gear")
+_COMPENSATED = "compensated"
+_GRAVITY = "gravity"
+_KEYS = (_COMPENSATED, "from", "unit", "sign", "counts", "gear")
 # A gear multiplies a torque from the motor's to the joint's side, and divides positions and speeds.
 _THROUGH_GEAR: tuple[Quantity, ...] = ("tau",)
 
@@ -58,11 +61,13 @@ class ColumnMap:
         file: Name of the map, for messages.
         sources: By name of the contract (or bare quantity, where the source has a ``{joint}`` in it).
         ignored: Columns of the log to leave out.
+        compensated: What a controller had taken out of the torque of a joint, ``gravity``; ``""`` is all joints.
     """
 
     file: str
     sources: Mapping[str, Source]
     ignored: tuple[str, ...] = ()
+    compensated: Mapping[str, str] = field(default_factory=dict)
 
 
 def _factor(where: str, quantity: Quantity, source: _Source) -> float:
@@ -142,8 +147,22 @@ def read_column_map(path: str | Path) -> ColumnMap:
         raise LogError(f"{path.name}: ignore is {describe(ignored)}, wanted a list of column names.")
     if not content and not ignored:
         raise LogError(f"{path.name} is empty: a column map needs entries such as t: TIME_COLUMN.")
-    sources = {str(key): _source(path.name, str(key), value) for key, value in content.items()}
-    return ColumnMap(path.name, sources, tuple(ignored))
+    entries = {str(key): _without_compensation(path.name, str(key), value) for key, value in content.items()}
+    sources = {key: _source(path.name, key, value) for key, (value, _) in entries.items() if value != {}}
+    compensated = {key.partition(".")[2]: taken for key, (_, taken) in entries.items() if taken}
+    return ColumnMap(path.name, sources, tuple(ignored), compensated)
+
+
+def _without_compensation(file: str, key: str, value: Any) -> tuple[Any, str]:
+    """An entry without what it says of a compensation, and that; an entry may say nothing else."""
+    if not isinstance(value, dict) or _COMPENSATED not in value:
+        return value, ""
+    where = f"{file}: {key}.{_COMPENSATED}"
+    if key.partition(".")[0] != "tau":
+        raise LogError(f"{where} is for torques: write tau: {{{_COMPENSATED}: {_GRAVITY}}}, or tau.<joint>.")
+    if value[_COMPENSATED] != _GRAVITY:
+        raise LogError(f"{where} is {describe(value[_COMPENSATED])}, wanted {_GRAVITY}.")
+    return {name: entry for name, entry in value.items() if name != _COMPENSATED}, _GRAVITY
 
 
 def _expanded(columns: ColumnMap, raw: RawTable) -> dict[str, Source]:
@@ -187,4 +206,4 @@ def mapped(raw: RawTable, columns: ColumnMap) -> RawTable:
             raise LogError(raw.problems[source.name])
         out[key] = raw.columns[source.name] * source.factor
     problems = {name: text for name, text in raw.problems.items() if name not in gone and name not in sources}
-    return RawTable(raw.file, out, problems, raw.place, raw.warnings)
+    return RawTable(raw.file, out, problems, raw.place, raw.warnings, columns.compensated)

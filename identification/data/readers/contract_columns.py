@@ -217,4 +217,5 @@ def contract_table(raw: RawTable) -> Table:
     if others:
         noun = "column" if len(others) == 1 else "columns"
         warnings += (f"{raw.file}: {noun} {listed(others)} not used: no name of a log's columns.",)
-    return Table(raw.file, {name: read_only(values[kept]) for name, values in columns.items()}, warnings)
+    kept_columns = {name: read_only(values[kept]) for name, values in columns.items()}
+    return Table(raw.file, kept_columns, warnings, raw.compensated)

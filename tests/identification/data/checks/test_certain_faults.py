@@ -193,6 +193,14 @@ def test_what_is_only_strange_is_not_certainly_wrong(clean, arm, what):
     assert checked(recording, robot).wrong == ()
 
 
+def test_a_torque_from_which_gravity_was_taken_is_told_with_the_entry(clean, planar2):
+    recording = clean(robot=planar2)
+    compensated = replace(recording, tau=recording.tau - gravity_torque(planar2, recording.q))
+    (sentence,) = checked(compensated, planar2).warnings
+    assert "lack the weight of the links that the model has: if a controller had taken gravity out" in sentence
+    assert "write tau: {compensated: gravity} into a column map" in sentence
+
+
 def test_a_torque_without_sign_is_not_taken_for_one_with_the_wrong_sign(clean, arm):
     recording = clean()
     assert checked(replace(recording, tau=np.abs(recording.tau)), arm).wrong == ()

@@ -155,3 +155,23 @@ def test_a_gear_that_means_nothing_is_refused(tmp_path, entry, told):
     (tmp_path / "map.yaml").write_text(entry + "\n")
     with pytest.raises(LogError, match=told):
         read_column_map(tmp_path / "map.yaml")
+
+
+def test_a_map_says_what_a_controller_had_taken_out(map_file):
+    found = read_column_map(
+        map_file("tau: {compensated: gravity}\ntau.j: {from: a, unit: Nmm, compensated: gravity}\n")
+    )
+    assert found.compensated == {"": "gravity", "j": "gravity"}
+    assert found.sources.keys() == {"tau.j"}
+
+
+@pytest.mark.parametrize(
+    ("entry", "told"),
+    [
+        ("tau: {compensated: friction}", "compensated is the text 'friction', wanted gravity"),
+        ("q.j: {compensated: gravity}", r"is for torques: write tau: \{compensated: gravity\}"),
+    ],
+)
+def test_a_compensation_that_means_nothing_is_refused(map_file, entry, told):
+    with pytest.raises(LogError, match=told):
+        read_column_map(map_file(entry + "\n"))
