@@ -162,7 +162,7 @@ def _fault(recording: Recording, robot: Robot, found: Compared) -> Fault:
     after, gain = np.nanmax(found.left[:, j]), found.of_joints[j]
     before = min(1.0, (after + _ENOUGH) * np.exp(gain))
     why = (
-        f"as it stands no plausible robot explains {100 * before:.2g} % of the torque of {robot.joint_names[j]}, "
+        f"as it stands no plausible robot explains {100 * before:.0f} % of the torque of {robot.joint_names[j]}, "
         f"whatever its load, inertias, friction and torque constant; read so, {max(100 * after, 0.1):.2g} % are left"
     )
     return Fault(found.suspect.what, why, _mend(recording, found.suspect))
@@ -210,6 +210,8 @@ def better_readings(robot: Robot, reading: Reading, step: float) -> list[Compare
         if best.suspect.says == "rival":
             return out
         out.append(best)
+        if best.suspect.says == "offer":
+            return out
         mended = best.suspect.read(reading)
         step *= float(np.ptp(mended.motion.t) / np.ptp(reading.motion.t))
         reading = mended

@@ -15,6 +15,7 @@ from identification.data.checks.against_model import (
     spread_samples,
 )
 from identification.data.checks.certain_faults import certain_faults
+from identification.data.checks.filtered_torques import check_filtered
 from identification.data.checks.positions import check_coarse_step, check_frozen, check_stillness, check_velocity
 from identification.data.checks.readings import reading_of
 from identification.data.checks.smoothed_copy import Smooth, smoothed
@@ -60,6 +61,7 @@ def checked(recording: Recording, robot: Robot | None) -> Checked:
         out += check_coarse_step(recording, smooth, stated)
         out += check_velocity(recording, smooth)
     out += check_clipping(recording)
+    out += check_filtered(recording)
     if robot is None:
         return Checked((*out, *check_degrees(recording, robot, None, None)))
     if smooth is None or recording.tau is None:

@@ -22,7 +22,7 @@ from identification.data.checks.readings import (
     with_torques_plus,
     with_torques_times,
 )
-from phantom_dyn.dynamics.dynamics import gravity_torque
+from phantom_dyn.dynamics.dynamics import gravity_torque, inverse_dynamics, modelled_friction
 from phantom_dyn.errors import listed
 from phantom_dyn.model.robot import Robot
 
@@ -37,6 +37,8 @@ _PATIENT = 1.0
 _NEAR_UNIT = float(np.log(2.5))
 # Share of a measured torque from which on the weight of the links would show in it.
 _MATTERS = 0.2
+# Share of gravity from which on the weight is there, if perhaps from elsewhere: torque constants may halve it.
+_FELT = 0.3
 # Logarithm of a gear ratio from which on the sides of a gear can be told apart.
 _GEARED = float(np.log(2.0))
 # Zeros [rad] of other conventions.
@@ -148,7 +150,7 @@ def compensated_suspects(robot: Robot, reading: Reading) -> list[Suspect]:
     """Torques from which the weight of the links was taken out, on the joints on which it matters."""
     weight = gravity_torque(robot, reading.motion.q)
     joints = tuple(np.flatnonzero(weight.std(axis=0) > _MATTERS * reading.tau.std(axis=0)).tolist())
-    if not joints:
+    if not joints or felt_gravity(robot, reading, joints) > _FELT * float(np.linalg.norm(robot.model.gravity.linear)):
         return []
     return [
         Suspect(
@@ -160,6 +162,25 @@ def compensated_suspects(robot: Robot, reading: Reading) -> list[Suspect]:
             says="offer",
         )
     ]
+
+
+def felt_gravity(robot: Robot, reading: Reading, joints: Sequence[int]) -> float:
+    """Size of the gravity, in whatever direction, that the torques of some joints feel [m/s^2].
+
+    A least-squares fit of all of them with one gravity for the robot; what is not weight, friction and an offset have
+    a coefficient for each joint. A robot that stands askew feels its weight from elsewhere; a compensated one does not.
+    """
+    pulls = np.stack([gravity_torque(robot, reading.motion.q, axis) for axis in np.eye(3)], axis=2)
+    moving = inverse_dynamics(robot, reading.motion) - modelled_friction(robot, reading.motion)
+    moving = moving - gravity_torque(robot, reading.motion.q)
+    n, each = len(moving), len(joints)
+    rows, wanted = np.zeros((n * each, 3 + 4 * each)), np.zeros(n * each)
+    for k, j in enumerate(joints):
+        size, part = reading.tau[:, j].std(), slice(k * n, (k + 1) * n)
+        own = np.column_stack([moving[:, j], reading.motion.v[:, j], reading.sign[:, j], np.ones(n)])
+        rows[part, :3], rows[part, 3 + 4 * k : 7 + 4 * k] = pulls[:, j] / size, own / size
+        wanted[part] = (reading.tau[:, j] + reading.external[:, j]) / size
+    return float(np.linalg.norm(np.linalg.lstsq(rows, wanted, rcond=1e-6)[0][:3]))
 
 
 def _rival(j: int, what: str, read: Callable[[Reading], Reading]) -> Suspect:

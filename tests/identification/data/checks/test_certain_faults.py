@@ -12,6 +12,7 @@ from identification.data.checks.check_recording import checked
 from identification.data.checks.plausible_fit import unexplained
 from identification.data.checks.readings import reading_of
 from identification.data.checks.smoothed_copy import smoothed
+from identification.data.checks.suspects import felt_gravity
 from identification.data.recording import Fault, Recording
 from phantom_dyn.dynamics.dynamics import gravity_torque, inverse_dynamics
 from phantom_dyn.model.loading import load_robot
@@ -199,6 +200,20 @@ def test_a_torque_from_which_gravity_was_taken_is_told_with_the_entry(clean, pla
     (sentence,) = checked(compensated, planar2).warnings
     assert "lack the weight of the links that the model has: if a controller had taken gravity out" in sentence
     assert "write tau: {compensated: gravity} into a column map" in sentence
+
+
+def test_a_robot_that_stands_askew_lacks_no_weight(clean, planar2):
+    askew = replace(planar2)
+    askew.model.gravity.linear = pin.exp3(np.array([0.0, 0.5, 0.0])) @ askew.model.gravity.linear
+    assert checked(clean(robot=planar2), askew).warnings == ()
+
+
+@pytest.mark.parametrize(("taken", "felt"), [(0.0, 9.81), (1.0, 0.0)])
+def test_the_gravity_that_the_torques_feel(clean, planar2, taken, felt):
+    recording = clean(robot=planar2)
+    tau = recording.tau - taken * gravity_torque(planar2, recording.q)
+    reading = reading_of(smoothed(replace(recording, tau=tau)))
+    assert felt_gravity(planar2, reading, (0, 1)) == pytest.approx(felt, abs=0.1)
 
 
 def test_a_torque_without_sign_is_not_taken_for_one_with_the_wrong_sign(clean, arm):

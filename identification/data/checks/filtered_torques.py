@@ -1,0 +1,56 @@
+"""Torques that were low-passed before they were recorded, although the positions were not."""
+
+from __future__ import annotations
+
+import numpy as np
+from jaxtyping import Float
+from scipy.signal import welch
+
+from identification.data.recording import Recording
+from phantom_dyn.errors import listed
+
+Array = np.ndarray
+
+# Two bands of frequencies, in shares of the rate, where no robot moves: noise of sensors is as strong in both, while a
+# low-pass of first order and more leaves far less in the upper one.
+_LOWER, _UPPER = (0.12, 0.25), (0.35, 0.48)
+# Power of the upper over that of the lower band [dB]. A torque that is the mean over a sample has -10, real ones that
+# nobody filtered down to -16; a second-order low-pass at a twentieth of the rate has -25 and less.
+_FILTERED, _OPEN = -20.0, -12.0
+# The same of the positions less that of the torque, from which on the two were not treated alike.
+_APART = 15.0
+_FEWEST = 500  # samples that the spectrum needs
+
+
+def roll_off(x: Float[Array, " N"]) -> float:
+    """Power of the upper over that of the lower of two bands above all motion [dB]: 0 for white noise.
+
+    Args:
+        x: Samples at a uniform rate.
+    """
+    # Differences first, taken back in the spectrum: what is strong at low frequencies must not leak into the bands.
+    f, power = welch(np.diff(x), 1.0, window="blackmanharris", nperseg=min(512, len(x) // 4), detrend="linear")
+    power = power / np.maximum((2 * np.sin(np.pi * f)) ** 2, 1e-12)
+    lower, upper = (float(np.median(power[(f >= a) & (f <= b)])) for a, b in (_LOWER, _UPPER))
+    return float(10 * np.log10(max(upper, 1e-300) / max(lower, 1e-300)))
+
+
+def check_filtered(recording: Recording) -> tuple[str, ...]:
+    """A sentence on torques that were filtered otherwise than the positions."""
+    if recording.tau is None or len(recording.t) < _FEWEST:
+        return ()
+    filtered = []
+    for joint, q, tau in zip(recording.joint_names, recording.q.T, recording.tau.T, strict=True):
+        if np.ptp(q) == 0 or np.ptp(tau) == 0:
+            continue
+        of_torque, of_position = roll_off(tau), roll_off(q)
+        if of_torque < _FILTERED and of_position > _OPEN and of_position - of_torque > _APART:
+            filtered.append(joint)
+    if not filtered:
+        return ()
+    which = "torque" if len(filtered) == 1 else "torques"
+    return (
+        f"{recording.file}: the {which} of {listed(filtered)} went through a low-pass that the positions did not go "
+        "through: the noise above the band cannot be used, and the filter's delay shows as one of the drive; record "
+        "torques and positions through the same filter, or neither through one.",
+    )
