@@ -81,18 +81,14 @@ def narrow_search(search: Search, noise: Series) -> Search:
     and its parameters suffer less where a real effect is not quite its law.
     """
     session, columns = search.problem.session, search.problem.columns
-    wide = session.cutoff_hz < 0.99 * min(log.band.cutoff_hz for log in session.logs)
-    narrow = columns
-    if wide:
-        values = tuple(
+    narrow = replace(
+        columns,
+        values=tuple(
             tuple(session.log_in_judged_band(row, k) for row in rows) for k, rows in enumerate(columns.values)
-        )
-        narrow = replace(
-            columns,
-            values=values,
-            residual=session.in_judged_band(columns.residual),
-            model_torque=session.in_judged_band(columns.model_torque),
-        )
+        ),
+        residual=session.in_judged_band(columns.residual),
+        model_torque=session.in_judged_band(columns.model_torque),
+    )
     weights = weights_of(narrow, session.in_judged_band(noise))
     plain = set_up(session, columns, narrow, weights)
     return set_up_search(plain, search.threshold, search.row_thresholds, search.spurious)
