@@ -90,6 +90,9 @@ COARSE_REMAINDER = 0.3
 # probability: from which on a rival is listed (contract).
 LISTED = 0.05
 
+# times: the stated tolerances, under which the comparison with rivals is repeated: what they are is often a guess.
+OTHER_TOLERANCE = 3.0
+
 # times: as many wins as the finding, from which on a rival takes its place: the likeliest leads (contract).
 OUTDONE = 1.0
 

@@ -19,7 +19,14 @@ from identification.diagnosis.judge.shares import shares_of
 from identification.diagnosis.model.session import Series
 from identification.diagnosis.model.terms import Term, ordered
 from identification.diagnosis.result import Finding
-from identification.diagnosis.search.rival_sets import NONE_BARRED, Place, Standing, block_counts, stand
+from identification.diagnosis.search.rival_sets import (
+    NONE_BARRED,
+    Place,
+    Standing,
+    block_counts,
+    stand,
+    with_wide_tolerances,
+)
 from identification.diagnosis.search.search import Search, possible, with_term
 from identification.diagnosis.search.special_cases import implausible, places_of, simpler
 from identification.diagnosis.search.swaps import replaced
@@ -75,11 +82,12 @@ def shown_effects(search: Search, plain: Search, chosen: frozenset[Term], noise:
         noise: Of each log's torque.
     """
     seen, barred = [chosen], NONE_BARRED
+    again = (plain, with_wide_tolerances(search))
     while True:
         kept = visible(plain, chosen) if gap_is_there(plain.problem, noise) else frozenset()
         kept, settled, fitted, simple = distinct(search, plain, kept, chosen)
         barred = barred | simple
-        standings = {term: stand(search, settled, term, barred) for term in ordered(kept) if term.named}
+        standings = {term: stand(search, settled, term, barred, again) for term in ordered(kept) if term.named}
         ways = (standing.instead for standing in standings.values() if standing.instead is not None)
         instead = next((way for way in ways if way not in seen), None)
         if instead is None:

@@ -2,16 +2,16 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import Float, Int
 
 from identification.diagnosis import decision_rules as rules
 from identification.diagnosis.fit.projection import taken_out
 from identification.diagnosis.model.terms import Term, ordered
 from identification.diagnosis.result import EffectAt, Rival
-from identification.diagnosis.search.fits import Chosen
+from identification.diagnosis.search.fits import Chosen, Fits
 from identification.diagnosis.search.search import Search, contains
 from identification.diagnosis.search.special_cases import implausible, places_of
 from identification.diagnosis.search.swaps import explained, relevant, replaced, spanned
@@ -50,7 +50,24 @@ def block_counts(blocks: int, rng: np.random.Generator) -> Float[Array, "R B"]:
     return np.apply_along_axis(np.bincount, 1, draws, minlength=blocks).astype(float)
 
 
-def stand(search: Search, chosen: frozenset[Term], term: Term, barred: frozenset[Place] = NONE_BARRED) -> Standing:
+def with_wide_tolerances(search: Search) -> Search:
+    """The same search for a model that may be off by three times what it states; rivals and prices stay."""
+    problem = search.problem
+    moves = np.arange(len(problem.precision)) < problem.nuisances
+    width = np.where(moves, rules.OTHER_TOLERANCE, 1.0)
+    wide = replace(
+        problem, precision=problem.precision / width**2, lower=problem.lower * width, upper=problem.upper * width
+    )
+    return replace(search, problem=wide, fits=Fits(wide))
+
+
+def stand(
+    search: Search,
+    chosen: frozenset[Term],
+    term: Term,
+    barred: frozenset[Place] = NONE_BARRED,
+    again: tuple[Search, ...] = (),
+) -> Standing:
     """Compare a finding with everything that could stand in its place.
 
     A richer effect that contains the finding is a rival only if its extra parameters lower the held-out loss, and wins
@@ -65,6 +82,8 @@ def stand(search: Search, chosen: frozenset[Term], term: Term, barred: frozenset
         chosen: A set of effects.
         term: One of them.
         barred: Laws, with their joints, that have turned out to be no more than a simpler one.
+        again: The same rivals under what should not matter, such as another band; if there are any, the comparison is
+            repeated under each of them and on each half of the blocks, and the shares are means over all of these.
     """
     base = search.evaluate(chosen)
     options, names, richer_laws = _options(search, chosen, term, barred)
@@ -80,7 +99,11 @@ def stand(search: Search, chosen: frozenset[Term], term: Term, barred: frozenset
     losses = counts @ np.array([options[key] for key in keys]).T
     costs = _costs(search, [same.get(key, key) for key in keys], [key in twins for key in keys])
     places = {key: _places(search, chosen, names[key], key, same) for key in keys[1:]}
-    shares = _by_place(keys, places, np.mean([_wins(losses + cost) for cost in costs], axis=0))
+    wins = [np.mean([_wins(losses + cost) for cost in costs], axis=0)]
+    if again:
+        wins += [half_wins(options, keys, half, costs) for half in _halves(len(base.loss))]
+        wins += [_wins_in(other, search, options, keys, same, twins, counts) for other in again]
+    shares = _by_place(keys, places, np.mean(wins, axis=0))
     for others, swapped in richer_laws:
         place = _places(search, chosen, others, swapped, same)
         if not place:
@@ -98,6 +121,39 @@ def stand(search: Search, chosen: frozenset[Term], term: Term, barred: frozenset
         for effects, share in sorted(kept.items(), key=lambda item: -item[1])
     )
     return Standing(own / total, rivals, _leader(search, chosen, term, own, kept, places))
+
+
+def _halves(blocks: int) -> tuple[Int[Array, " h"], ...]:
+    """Blocks of each half of the recordings; none where a half is too short to be judged on its own."""
+    if blocks < 2 * rules.LEAST_BLOCKS:
+        return ()
+    return tuple(np.array_split(np.arange(blocks), 2))
+
+
+def half_wins(
+    options: dict[Chosen, Array], keys: list[Chosen], half: Int[Array, " h"], costs: tuple[Array, Array]
+) -> Float[Array, " m"]:
+    """How often each set wins if all of the recordings were like one half of them."""
+    losses = np.array([options[key] for key in keys]).T
+    drawn = block_counts(len(half), random_stream("bootstrap of halves")) * (len(losses) / len(half))
+    return np.mean([_wins(drawn @ losses[half] + cost) for cost in costs], axis=0)
+
+
+def _wins_in(
+    other: Search,
+    search: Search,
+    options: dict[Chosen, Array],
+    keys: list[Chosen],
+    same: dict[Chosen, Chosen],
+    twins: set[Chosen],
+    counts: Float[Array, "R B"],
+) -> Float[Array, " m"]:
+    """How often each set wins in another search over the same rivals, with the same allowance for richer laws."""
+    sets = [same.get(key, key) for key in keys]
+    allowance = [options[key] - search.evaluate(one).loss for key, one in zip(keys, sets, strict=True)]
+    losses = np.array([other.evaluate(one).loss + more for one, more in zip(sets, allowance, strict=True)]).T
+    costs = _costs(other, sets, [key in twins for key in keys])
+    return np.mean([_wins(counts @ losses + cost) for cost in costs], axis=0)
 
 
 def _options(

@@ -12,9 +12,11 @@ from identification.diagnosis.search.rival_sets import (
     REPLICATES,
     Standing,
     block_counts,
+    half_wins,
     odds_of_richer,
     settled,
     stand,
+    with_wide_tolerances,
 )
 from identification.diagnosis.search.stepwise import explain
 from identification.pipeline import diagnose
@@ -173,7 +175,8 @@ def test_a_rival_does_not_win_by_making_up_for_an_effect_that_is_not_told(lab, p
     )
     (finding,) = diagnose(planar2, (log,)).findings
     assert (finding.effect, finding.joint) == ("input_delay", "elbow")
-    assert finding.probability == 1.0
+    # With three times the tolerances a lag of both drives comes near in some replicates.
+    assert finding.probability > 0.9
 
 
 def test_findings_are_looked_at_again_beside_a_rival_that_takes_a_place(lab, planar2, monkeypatch):
@@ -190,3 +193,37 @@ def test_findings_are_looked_at_again_beside_a_rival_that_takes_a_place(lab, pla
 
     monkeypatch.setattr(rivals, "stand", standing)
     assert settled(prepared.search, frozenset({first, second})) == {fourth, third}
+
+
+def test_a_set_that_is_better_in_one_half_wins_that_half_and_loses_the_other():
+    # By hand: better by one in each block of the first half, worse by one in each of the second.
+    one, other = frozenset(), frozenset([object()])
+    options = {one: np.zeros(10), other: np.repeat([-1.0, 1.0], 5)}
+    costs = (np.zeros(2), np.zeros(2))
+    first, second = (half_wins(options, [one, other], half, costs) for half in np.split(np.arange(10), 2))
+    np.testing.assert_allclose(first, [0.0, 1.0])
+    np.testing.assert_allclose(second, [1.0, 0.0])
+
+
+def test_a_half_speaks_as_if_all_of_the_recording_were_like_it():
+    # By hand: a price of 9.5 is below ten blocks of one, but not below the five of the half.
+    options = {"plain": np.zeros(10), "rich": np.full(10, -1.0)}
+    costs = (np.array([0.0, 9.5]),) * 2
+    np.testing.assert_allclose(half_wins(options, ["plain", "rich"], np.arange(5), costs), [0.0, 1.0])
+
+
+def test_wide_tolerances_are_three_times_as_wide_and_leave_effects_alone(quiet):
+    narrow, wide = quiet.search.problem, with_wide_tolerances(quiet.search).problem
+    moves = narrow.nuisances
+    np.testing.assert_allclose(wide.precision[:moves], narrow.precision[:moves] / 9.0)
+    np.testing.assert_allclose(wide.upper[:moves], 3.0 * narrow.upper[:moves])
+    np.testing.assert_array_equal(wide.precision[moves:], narrow.precision[moves:])
+
+
+def test_what_survives_every_repetition_is_as_certain_as_before(quiet):
+    chosen = frozenset([quiet.term("viscous_friction", "elbow")])
+    (term,) = chosen
+    alone, repeated = (stand(quiet.search, chosen, term, again=again) for again in ((), (quiet.search,)))
+    total = repeated.probability + sum(rival.probability for rival in repeated.rivals)
+    assert total == pytest.approx(1.0)
+    assert abs(alone.probability - repeated.probability) < 0.5
