@@ -51,7 +51,19 @@ def simpler(robot: Robot, term: Term, fitted: JointFit) -> tuple[float, tuple[st
         shape = tuple(x[count:].tolist()) or term.shape
         return term.effect.special_cases(robot, term.joint, x[:count], shape)
 
-    return _hardly_more(cases, x, fitted.cov[np.ix_(at, at)])
+    cov = fitted.cov[np.ix_(at, at)]
+    if term.effect.seen_by == "shape" and len(at) > count:
+        # The coefficient is the share of the effect that is there, one by definition: it leaves no doubt of the size.
+        cov = with_known(cov, count)
+    return _hardly_more(cases, x, cov)
+
+
+def with_known(cov: Float[Array, "k k"], count: int) -> Float[Array, "k k"]:
+    """Covariance of numbers of which the first ``count`` are known: that of the others conditional on them."""
+    out = np.zeros_like(cov)
+    first, cross = cov[:count, :count], cov[:count, count:]
+    out[count:, count:] = cov[count:, count:] - cross.T @ np.linalg.pinv(first, rcond=_RANK, hermitian=True) @ cross
+    return out
 
 
 def places_of(robot: Robot, term: Term, fitted: Fitted) -> tuple[tuple[str, str | None], ...] | None:
