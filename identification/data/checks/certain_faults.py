@@ -22,7 +22,7 @@ from identification.data.checks.readings import Reading
 from identification.data.checks.suspects import Suspect
 from identification.data.recording import Fault, Recording
 from phantom_dyn.dynamics.dynamics import inverse_dynamics, modelled_friction, standard_parameters
-from phantom_dyn.errors import listed
+from phantom_dyn.errors import ChainError, listed
 from phantom_dyn.model.robot import Robot
 
 Array = np.ndarray
@@ -99,7 +99,11 @@ def _of_joints(gains: Float[Array, "2 nv"]) -> Float[Array, " nv"]:
 def compared(robot: Robot, before: Float[Array, "2 nv"], reading: Reading, suspect: Suspect) -> Compared:
     """How much better a suspect's reading fits than the data as they stand."""
     read = suspect.read(reading)
-    left = unexplained(robot, read)
+    try:
+        left = unexplained(robot, read)
+    except ChainError:
+        # So read, the loops of a closed chain would not close: it is no reading.
+        left = np.full_like(before, np.inf)
     if suspect.kind == "gravity":
         # What was put back and is the model's own is no merit: shares are of what was measured.
         left = left * read.tau.var(axis=0) / np.maximum(reading.tau.var(axis=0), 1e-300)
@@ -251,11 +255,14 @@ def _driven(robot: Robot, reading: Reading) -> Bool[Array, " nv"]:
 def _promising(robot: Robot, reading: Reading, suspects: Sequence[Suspect]) -> list[Suspect]:
     """Those of many suspects that a plain fit, quicker by far, finds better than the data as they stand."""
     before = plain_left(robot, reading)
-    gains = []
-    for suspect in suspects:
+    gains = np.full(len(suspects), -np.inf)
+    for k, suspect in enumerate(suspects):
         joints = list(suspect.joints)
-        after = plain_left(robot, suspect.read(reading))
-        gains.append(float(np.nansum(np.log((before[joints] + _ENOUGH) / (after[joints] + _ENOUGH)))))
+        try:
+            after = plain_left(robot, suspect.read(reading))
+        except ChainError:
+            continue
+        gains[k] = float(np.nansum(np.log((before[joints] + _ENOUGH) / (after[joints] + _ENOUGH))))
     best = np.argsort(gains)[::-1][:_TRIED]
     return [suspects[k] for k in sorted(best.tolist()) if gains[k] > _WORSE]
 

@@ -4,10 +4,19 @@ from __future__ import annotations
 
 import json
 import re
+from dataclasses import replace
 
+import numpy as np
 import pytest
 
 from identification.cli.main import main
+from identification.data.checks.check_recording import checked
+from identification.data.reading import read_recording
+from identification.data.recording import Recording
+from identification.identify.identify import identify
+from identification.pipeline import diagnose
+from phantom_dyn.errors import LogError
+from phantom_dyn.model.loading import load_robot
 from places import ROBOTS
 
 
@@ -40,3 +49,35 @@ def test_what_is_wrong_leads_the_verdict_of_what_is_judged_anyway(massless, log,
     assert main(["diagnose", str(massless), str(log), "--anyway", "--json", str(file)]) == 0
     assert capsys.readouterr().out.startswith("Judged although log.csv: no moving link of robot.urdf has mass.")
     assert "no moving link of robot.urdf has mass" in json.loads(file.read_text())["data_warnings"][0]
+
+
+@pytest.mark.parametrize("command", [["diagnose"], ["identify", "--out", "fitted"], ["diagnose", "--each"]])
+def test_a_flipped_torque_is_refused_with_the_entry_that_mends_it(command, arm, log, tmp_path, monkeypatch, capsys):
+    monkeypatch.chdir(tmp_path)
+    flip, mend = tmp_path / "flip.yaml", "tau.tilt: {from: tau.tilt, sign: -1}"
+    flip.write_text(mend + "\n")
+    assert main([*command, str(arm), str(log), "--columns", str(flip)]) == 2
+    told = capsys.readouterr()
+    text = " ".join((told.out + told.err).split())
+    assert "the torque of tilt has the wrong sign" in text
+    assert f"write {mend} into a column map and give it with --columns" in text
+    assert "--anyway" in text
+
+
+def test_the_python_door_refuses_it_too(arm, log, tmp_path):
+    robot = load_robot(arm)
+    found = read_recording(log, robot)
+    flipped = replace(found, tau=-found.tau)
+    wrong = replace(flipped, wrong=checked(flipped, robot).wrong)
+    for door in (diagnose, identify):
+        with pytest.raises(LogError, match=r"the torques of all joints have the wrong sign .*or judge it all the same"):
+            door(robot, (wrong,))
+
+
+def test_a_reading_at_which_loops_do_not_close_is_no_reading():
+    # The linkage closes for its drive within 1.6 rad of zero: nowhere near where another zero would put it.
+    robot = load_robot(ROBOTS / "fourbar.xml")
+    t = np.arange(2000) / 200.0
+    q = 1.2 * np.sin(2 * np.pi * 0.7 * t)[:, None]
+    torque = 10.0 * np.random.default_rng(0).standard_normal((2000, 1))
+    assert checked(Recording("a.csv", robot.joint_names, t, q, torque), robot).wrong == ()
