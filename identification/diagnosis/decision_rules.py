@@ -105,6 +105,10 @@ EXPECTED_SHARE = 0.5
 # gain: below which two held-out losses are the same predictions.
 SAME_PREDICTIONS = 0.05
 
+# share: of the squared torque of either of two causes, below which the other one makes it as well: a tenth of the
+# amplitude, as much as a law of the right kind leaves whose parameter is off by a tenth.
+SAME_CAUSE = 0.01
+
 # share: of the gain of a finding (or of the threshold) from which on a rival's law is taken again about its fit.
 RUNNER_UP = 0.8
 

@@ -196,9 +196,10 @@ class Rival(ABC):
     ) -> tuple[SpecialCase, ...]:
         """What it is where it hardly differs from something simpler, the simplest first.
 
-        By default it is no effect at all where its coefficients are zero, or where its size is its shape.
+        By default it is no effect at all where its coefficients are zero (the share of it that is there, where it has
+        its size from its shape), or where its shape is, if any size of it can be seen.
         """
-        return (SpecialCase((), coefficients if self.seen_by == "coefficient" else np.array(shape)),)
+        return (SpecialCase((), np.array(shape) if self.seen_by == "neither" else coefficients),)
 
     def untestable(self, robot: Robot, operation: Operation, joint: str | None) -> str | None:
         """Why no recording like this one can show the effect, in words; None if it may."""

@@ -73,7 +73,7 @@ def stand(
     A richer effect that contains the finding is a rival only if its extra parameters lower the held-out loss, and wins
     a replicate only if they earn there their price and what the method is accurate to; predictions that are the same
     share their wins. It needs no more than that: what chance gives over the whole catalogue is no measure of laws
-    of one kind on one joint. A rival that these recordings could not tell from the finding by any size of it is
+    of one kind on one joint. A rival that makes what the finding makes, and the other way round, is
     compared without a price: how many numbers a law has says nothing then. One that ends on a special case of itself
     stands for that.
 
@@ -233,7 +233,7 @@ def _leader(
 
 
 def _same_in_data(search: Search, term: Term, chosen: Chosen, others: Chosen, swapped: Chosen) -> bool:
-    """True if what one of two causes makes in these recordings the other could make as well, whatever its size.
+    """True if what either of two causes makes in these recordings the other one makes as well.
 
     Laws of which one contains the other by definition are no matter of the recordings, see `stand`. Inertial
     parameters that are free each by itself contain whatever moves with a link.
@@ -244,7 +244,9 @@ def _same_in_data(search: Search, term: Term, chosen: Chosen, others: Chosen, sw
         return False
     one, two = list(term.columns), sorted({column for other in others for column in other.columns})
     theta, swapped_theta = search.evaluate(chosen).theta[one], search.evaluate(swapped).theta[two]
-    return spanned(search, one, theta, two) or spanned(search, two, swapped_theta, one)
+    return spanned(search, one, theta, two, rules.SAME_CAUSE) and spanned(
+        search, two, swapped_theta, one, rules.SAME_CAUSE
+    )
 
 
 def settled(search: Search, chosen: frozenset[Term]) -> frozenset[Term]:

@@ -109,7 +109,9 @@ def _of_passive_joint(search: Search, term: Term, other: Term) -> bool:
     return spanned(search, list(other.columns), np.ones(len(other.columns)), list(term.columns))
 
 
-def spanned(search: Search, columns: list[int], theta: Float[Array, " k"], by: list[int]) -> bool:
+def spanned(
+    search: Search, columns: list[int], theta: Float[Array, " k"], by: list[int], left: float = rules.ACCURACY
+) -> bool:
     """True if the torque of some columns is one that other columns could make, as far as the method is accurate.
 
     Args:
@@ -117,11 +119,12 @@ def spanned(search: Search, columns: list[int], theta: Float[Array, " k"], by: l
         columns: The ones.
         theta: Their coefficients.
         by: The others.
+        left: Share of the squared torque that they may leave.
     """
     a = search.problem.total_a
     energy = float(theta @ a[np.ix_(columns, columns)] @ theta)
     cross = a[np.ix_(by, columns)] @ theta
-    return energy - float(cross @ solve(a[np.ix_(by, by)], cross)) < rules.ACCURACY * energy
+    return energy - float(cross @ solve(a[np.ix_(by, by)], cross)) < left * energy
 
 
 def relevant(search: Search, chosen: frozenset[Term], term: Term, slack: float) -> tuple[frozenset[Term], ...]:

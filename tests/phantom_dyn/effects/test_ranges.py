@@ -129,8 +129,14 @@ def test_an_effect_at_the_end_of_its_range_is_none(arm, name, coefficient, numbe
     assert [case.numbers.item() for case in cases] == pytest.approx(numbers)
 
 
-def test_an_effect_whose_size_is_its_shape_is_none_where_that_is_zero(arm):
+def test_a_play_is_none_where_no_share_of_it_is_there(arm):
+    # How wide it is depends on a law that is known to a half; that it is there does not.
     (case,) = effect_named("backlash").special_cases(arm, "tilt", np.array([0.9]), (0.02,))
+    np.testing.assert_array_equal(case.numbers, [0.9])
+
+
+def test_a_limit_is_none_where_it_is_zero(arm):
+    (case,) = effect_named("torque_saturation").special_cases(arm, "tilt", np.array([0.9]), (0.02,))
     np.testing.assert_array_equal(case.numbers, [0.02])
 
 
