@@ -66,8 +66,7 @@ def compared(finding: dict, truth: dict[str, float], known: str) -> None:
 def say_findings(diagnosis: dict) -> None:
     """Prints which, where and how far, a line each."""
     for finding in diagnosis["findings"]:
-        low, high = finding["gap_closed_interval"]
-        share = f"closes {percent(finding['gap_closed'])} of the gap ({percent(low)} to {percent(high)})"
+        share = f"closes {percent(finding['share'])} of the gap"
         print(
             f"  found: {place(finding['effect'], finding['joint'])}; {share}, probability {finding['probability']:.2f}"
         )
