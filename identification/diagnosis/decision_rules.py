@@ -165,8 +165,8 @@ BURST_LENGTHS = (0.15, 0.3, 0.6, 1.0)
 # times the torque that noise and the model's error are expected to leave at that moment.
 BURST_RATIO = 5.0
 
-# share: of the moving part of the modelled torque that a fitted model is wrong by at the peaks of acceleration, at
-# least: 0.07 to 0.2 % were measured on simulated arms, whatever the band of the derivatives.
+# share: of what the moving part of the modelled torque is beyond its usual size, that a fitted model is wrong by at
+# least: 0.07 to 0.2 % were measured at peaks of acceleration of simulated arms, whatever the band of the derivatives.
 MODEL_SHARE = 0.001
 
 # share: of a joint's usable time that bursts may last: the median of the rest has to be quiet.

@@ -60,7 +60,8 @@ def expected_error(
     """Standard deviation of a residual at each sample, estimated without the fold of the sample.
 
     The variance is that of the noise, the known one, a share of the squared torque and a part near reversals. The noise
-    is the median of the calmer half; the rest is fitted with a heavy-tailed law, so that events do not raise it.
+    is the median of the calmer half; the rest is fitted with a heavy-tailed law beside a part for events, so that these
+    do not raise it.
 
     Args:
         residual: What the explanation leaves.
@@ -78,13 +79,19 @@ def expected_error(
 
 
 def _variance(residual: Array, causes: Causes, use: Array) -> Array:
-    calm = use & (causes.torque <= np.median(causes.torque[use])) & (causes.known <= np.median(causes.known[use]))
+    usual = float(np.median(causes.torque[use]))
+    calm = use & (causes.torque <= usual) & (causes.known <= np.median(causes.known[use]))
     calm = calm if np.count_nonzero(calm) >= _LEAST_SAMPLES else use
     noise = max(float(np.median(residual[calm] ** 2)) / _MEDIAN_SQUARE, 1e-300)
     known = noise + causes.known
-    parts = np.column_stack([causes.torque, noise * causes.reversals])
-    least = np.array([rules.MODEL_SHARE**2, 0.0])
-    return known + parts @ _grown(residual[use], known[use], parts[use], least)
+    # Events come whatever the torque is: a part that is the same at all times takes them up, and is not expected.
+    events = np.full(len(residual), noise)
+    # What the model is wrong by at the usual torque is in the noise already.
+    more = np.maximum(causes.torque - usual, 0.0)
+    parts = np.column_stack([more, noise * causes.reversals, events])
+    least = np.array([rules.MODEL_SHARE**2, 0.0, 0.0])
+    grown = _grown(residual[use], known[use], parts[use], least)
+    return known + parts[:, :2] @ grown[:2]
 
 
 def _grown(
