@@ -164,3 +164,38 @@ def test_every_effect_has_a_range_here():
 def test_wheels_of_a_coupling_differ_by_less_than_a_factor_of_ten(driven):
     found = plausible(driven, "joint_coupling", "turn+tilt")
     assert found == {"ratio": (-10.0, 10.0), "coulomb_torque": DRIVEN, "coefficient": POSITIVE, "inertia": POSITIVE}
+
+
+# Possible ranges that are not from zero on: either way, as far as a joint turns round, or as the law says.
+POSSIBLE = {
+    ("torque_offset", "torque"): ALL,
+    ("torque_constant", "ratio"): (0.1, 10.0),
+    ("payload", "center_x"): ALL,
+    ("payload", "center_y"): ALL,
+    ("payload", "center_z"): ALL,
+    ("parasitic_spring", "rest_position"): ALL,
+    ("presliding_friction", "static_ratio"): (1.0, np.inf),
+    ("load_dependent_friction", "ratio"): (0.0, 1.0),
+    ("joint_coupling", "ratio"): ALL,
+    ("cogging", "phase"): TURN,
+    ("base_tilt", "roll"): (-0.5 * np.pi, 0.5 * np.pi),
+    ("base_tilt", "pitch"): (-0.5 * np.pi, 0.5 * np.pi),
+    ("base_tilt", "yaw"): (-0.5 * np.pi, 0.5 * np.pi),
+    ("encoder_offset", "offset"): TURN,
+    ("encoder_eccentricity", "phase"): ALL,
+}
+
+
+@pytest.mark.parametrize("effect", [e for e in EFFECTS if e.name != "inertial_parameters"], ids=lambda e: e.name)
+def test_a_parameter_is_possible_from_zero_on_unless_its_law_makes_sense_elsewhere(driven, effect):
+    places = effect.places(driven)
+    place = "tilt" if "tilt" in places else places[0]
+    for parameter in (*effect.parameters(driven, place), *effect.optional_parameters(driven, place)):
+        if parameter.name != "mass":  # the link that carries it says how much can be missing
+            expected = POSSIBLE.get((effect.name, parameter.name), POSITIVE)
+            assert (parameter.lower, parameter.upper) == expected
+
+
+def test_fits_take_away_no_more_of_a_rotor_than_is_modelled(planar):
+    bounds = effect_named("rotor_inertia").coefficient_bounds(planar, "elbow", ())
+    assert bounds == ((-planar.rotor_inertia[1], np.inf),)
