@@ -90,8 +90,11 @@ def test_friction_that_changes_sign_is_no_spike():
     assert spikes(np.sign(v) + 0.1 * v, 0.1) == []
 
 
-def test_a_recording_full_of_spikes_stays_as_it_is(swinging, rng):
-    # One sample in twenty is no accident.
-    broken = swinging.q + 2.0 * (rng.random(swinging.q.shape) < 0.05)
+def test_a_recording_full_of_dropouts_stays_as_it_is(swinging):
+    # Two samples in a hundred are no accident.
+    broken = swinging.q.copy()
+    for start in range(100, 3900, 240):
+        broken[start : start + 5] += 2.0
     recording = replace(swinging, q=broken)
+    assert len(spikes(broken[:, 0], 0.02)) == 16
     assert mended(recording, TURNING) is recording
