@@ -57,8 +57,11 @@ LEAST_TRACE = 10.0
 # ratio: of noise floors, below which an explanation has shown the noise to be smaller than estimated.
 LOWER_NOISE = 0.9
 
-# ratio: of power densities in parts of the band above, up to which a noise counts as white.
-FLAT_NOISE = 2.0
+# power of the frequency by which the density of a white noise may rise or fall: a first-order filter makes two.
+FLAT_NOISE = 1.0
+
+# times: the noise of the sensors and what the method is accurate to, beyond which what no model predicts is a gap.
+SENSOR_TIMES = 2.0
 
 # What is shown of a claim, in the judged band: extra findings and lost second effects in `benchmarks/blind/run.py`.
 

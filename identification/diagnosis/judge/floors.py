@@ -8,7 +8,7 @@ import numpy as np
 from jaxtyping import Float
 
 from identification.diagnosis import decision_rules as rules
-from identification.diagnosis.fit.gap import sums
+from identification.diagnosis.fit.gap import measured_torque, sums
 from identification.diagnosis.fit.problem import Problem
 from identification.diagnosis.model.session import Series
 from identification.diagnosis.noise.noise_floor import noise_floor
@@ -50,7 +50,8 @@ def floor_of(problem: Problem, noise: Series, encoders: Float[Array, " nv"] | No
 
     The value is what no model predicts on held-out blocks. It is an upper limit, as an event that nothing foresees lies
     in it too, and its interval is that of a block bootstrap. Where the torque readings show white noise above the band
-    that makes as much, the floor is confirmed; where they show less, that is the lower end.
+    that makes as much, the floor is confirmed; where they show somewhat less, that is the lower end, as a model errs
+    too; where they show several times less, beyond what the method is accurate to, the floor is theirs.
 
     Args:
         problem: Recordings, blocks and columns.
@@ -67,13 +68,17 @@ def floor_of(problem: Problem, noise: Series, encoders: Float[Array, " nv"] | No
     low, high = (value * np.percentile(relative, side, axis=0) for side in (wrong / 2, 100.0 - wrong / 2))
     low, high = np.minimum(low, value), np.maximum(high, value)
     encoder_noise = np.zeros(robot.nv) if encoders is None else encoders
-    source = []
+    torque, source = sums(problem, measured_torque(problem)).rms(), []
     for j in range(robot.nv):
         seen = torque_noise(session.logs, j, held=robot.torque_hold == "zoh")
         if seen is None:
             source.append(PREDICTORS)
             continue
         least, most = (np.sqrt(x * session.cutoff_hz + encoder_noise[j] ** 2) for x in (seen.low, seen.high))
+        if low[j] > rules.SENSOR_TIMES * np.hypot(most, np.sqrt(rules.ACCURACY) * torque[j]):
+            # No sensor makes several times what it makes above the band: that is a gap that nothing foresees.
+            value[j] = np.sqrt(seen.value * session.cutoff_hz + encoder_noise[j] ** 2)
+            low[j], high[j] = least, most
         source.append(ABOVE_BAND if least <= high[j] and most >= low[j] else PREDICTORS)
         low[j] = min(low[j], least)
     return Floor(value, low, high, tuple(source))

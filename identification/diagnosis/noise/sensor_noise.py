@@ -14,7 +14,8 @@ from identification.diagnosis import decision_rules as rules
 
 Array = np.ndarray
 
-_BANDS = 4  # parts of the band above, to see whether the noise is the same everywhere
+_BANDS = 4  # parts of the band above
+_TAIL = 2  # the first part of the upper half, in which the noise has to be white
 _LEAST_BINS = 4  # of a spectrum in each part
 _SEGMENTS = 16  # of a recording at least: fewer make the spectrum too rough to judge
 _MARGIN = 1.5  # times the edge of the filter's band: from here on nothing of the motion is left
@@ -34,8 +35,9 @@ def torque_noise(logs: tuple[Log, ...], row: int, *, held: bool) -> Density | No
     """Power density of the noise in a joint's torque readings; None where the band above does not show it.
 
     What the torque shares with the readings of the joint's position is left out: a controller answers the noise and
-    the steps of its encoder, and that torque is real. The rest has to be flat: a recorder that smooths leaves less at
-    higher frequencies, and then nothing follows for lower ones.
+    the steps of its encoder, and that torque is real. The rest has to be flat in the upper half of the band above, into
+    which steps of friction and of references reach least: a recorder that smooths leaves less and less there, and then
+    nothing follows for lower frequencies.
 
     Args:
         logs: Recordings at the full rate.
@@ -46,14 +48,17 @@ def torque_noise(logs: tuple[Log, ...], row: int, *, held: bool) -> Density | No
     if not parts:
         return None
     weights = np.array([weight for _, weight in parts])
-    levels = np.average([level for level, _ in parts], axis=0, weights=weights)
-    if not levels.min() > 0 or levels.max() > rules.FLAT_NOISE * levels.min():
+    levels, centres = (np.average([part[k] for part, _ in parts], axis=0, weights=weights)[_TAIL:] for k in (0, 1))
+    if not levels.min() > 0:
+        return None
+    slope = float(np.log(levels[-1] / levels[0]) / np.log(centres[-1] / centres[0]))
+    if abs(slope) > rules.FLAT_NOISE:
         return None
     return Density(float(np.exp(np.log(levels).mean())), float(levels.min()), float(levels.max()))
 
 
-def _above(log: Log, row: int, *, held: bool) -> tuple[Float[Array, " b"], float] | None:
-    """Mean power density in each part of the band above one recording, and its length."""
+def _above(log: Log, row: int, *, held: bool) -> tuple[Float[Array, "2 b"], float] | None:
+    """Mean power density in each part of the band above one recording with its middle [Hz], and the length."""
     rate, tau = log.band.rate_hz, log.tau[:, row]
     low, high = _MARGIN * log.band.cutoff_hz, _TOP * rate
     length = min(1024, len(tau) // (_SEGMENTS // 2))
@@ -73,7 +78,8 @@ def _above(log: Log, row: int, *, held: bool) -> tuple[Float[Array, " b"], float
     inside = [(f >= a) & (f < b) for a, b in pairwise(edges)]
     if min(int(part.sum()) for part in inside) < _LEAST_BINS:
         return None
-    return np.array([power[part].mean() for part in inside]), float(len(tau))
+    levels = [power[part].mean() for part in inside]
+    return np.array([levels, np.sqrt(edges[:-1] * edges[1:])]), float(len(tau))
 
 
 def _alignment(f: Float[Array, " k"]) -> Float[Array, " k"]:
