@@ -17,7 +17,7 @@ def main(robot_file: str, log_file: str) -> None:
     diagnosis = diagnose(robot, (recording,))
     print(summary(diagnosis))
     for finding in diagnosis.findings:
-        print(finding.effect, finding.joint, finding.gap_closed_interval, finding.parameters)
+        print(finding.effect, finding.joint, finding.share, finding.parameters)
 
 
 if __name__ == "__main__":

@@ -172,7 +172,7 @@ FINDING = {
     "effect": "coulomb_friction",
     "joint": "j1",
     "parameters": {"torque": {"value": 0.5123, "std": 0.01, "unit": "N m"}},
-    "gap_closed": 0.913,
+    "share": 0.913,
     "rivals": [],
 }
 EXPLAINED = {

@@ -16,7 +16,7 @@ from phantom_dyn.model.loading import load_robot
 from phantom_dyn.motion import Motion
 from places import ROBOTS
 
-# The contract's diagnosis.json (schema gap-diagnosis/1) as types: every field, nothing besides.
+# The contract's diagnosis.json (schema gap-diagnosis/2) as types: every field, nothing besides.
 Share = Annotated[float, msgspec.Meta(ge=0, le=1)]
 Positive = Annotated[float, msgspec.Meta(gt=0)]
 NotNegative = Annotated[float, msgspec.Meta(ge=0)]
@@ -71,6 +71,16 @@ class Joint(Strict):
     rms_after: NotNegative
     noise_floor: Positive
     hold_out_samples: Annotated[int, msgspec.Meta(ge=0)]
+    rms_torque: NotNegative | None
+    rms_within_tolerance: NotNegative | None
+    noise_floor_interval: tuple[NotNegative, Positive] | None
+    noise_floor_source: Literal["above_band", "repetitions", "predictors"] | None
+    closed: float | None
+
+
+class Gap(Strict):
+    closed: float | None
+    interval: tuple[float, float] | None
 
 
 class Value(Strict):
@@ -94,6 +104,7 @@ class Finding(Strict):
     joint: str | None
     regime: Regime
     parameters: dict[str, Value]
+    share: float | None
     gap_closed: float
     gap_closed_interval: tuple[float, float]
     probability: Share
@@ -105,17 +116,20 @@ class Adjusted(Strict):
     quantity: str
     change: float
     tolerance: Positive
+    at_limit: bool
 
 
 class Where(Strict):
     joint: str | None
     regime: Regime | None
+    times: list[tuple[float, float]]
 
 
 class Unexplained(Strict):
     fraction_of_explainable: Share
     structured: bool
     where: Where
+    law: None
 
 
 class Bound(Strict):
@@ -124,6 +138,7 @@ class Bound(Strict):
     parameter: str
     below: Positive
     unit: str
+    of_torque: NotNegative | None
 
 
 class NotTestable(Strict):
@@ -133,11 +148,14 @@ class NotTestable(Strict):
 
 
 class Document(Strict):
-    schema: Literal["gap-diagnosis/1"]
+    schema: Literal["gap-diagnosis/2"]
     verdict: Literal["explained", "partly_explained", "unknown", "no_gap", "not_testable"]
+    run: Annotated[str, msgspec.Meta(min_length=8)]
+    gap: Gap
     joints: list[Joint]
     band_hz: tuple[float, Positive]
     findings: list[Finding]
+    minor: list[Finding]
     adjusted: list[Adjusted]
     unexplained: Unexplained
     bounds: list[Bound]

@@ -30,14 +30,14 @@ def names_in(folder: Path) -> list[str]:
 
 @pytest.fixture
 def diagnosed(tmp_path, capsys):
-    """Runs diagnose with ``--json`` and returns the content of that file without the time it took."""
+    """Runs diagnose with ``--json`` and returns the content of that file without its time and its run."""
 
     def run(*words: object) -> dict:
         file = tmp_path / "diagnosed.json"
         assert main(["diagnose", *map(str, words), "--json", str(file)]) == 0
         assert capsys.readouterr().err == ""
         content = json.loads(file.read_text())
-        del content["seconds"]
+        del content["seconds"], content["run"]
         return content
 
     return run
@@ -61,9 +61,9 @@ def finished(tmp_path_factory, pendulum, swing, written):
 
 @pytest.fixture
 def plain(finished) -> dict:
-    """What diagnose says of the recording without any option, without the time it took."""
+    """What diagnose says of the recording without any option, without its time and its run."""
     content = json.loads((finished / "one.json").read_text())
-    del content["seconds"]
+    del content["seconds"], content["run"]
     return content
 
 
