@@ -166,7 +166,7 @@ BURST_LEVEL = 0.01
 BURST_LENGTHS = (0.15, 0.3, 0.6, 1.0)
 
 # times the torque that noise and the model's error are expected to leave at that moment.
-BURST_RATIO = 5.0
+BURST_RATIO = 6.0
 
 # share: of what the moving part of the modelled torque is beyond its usual size, that a fitted model is wrong by at
 # least: 0.07 to 0.2 % were measured at peaks of acceleration of simulated arms, whatever the band of the derivatives.

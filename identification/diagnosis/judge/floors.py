@@ -51,7 +51,7 @@ def floor_of(problem: Problem, noise: Series, encoders: Float[Array, " nv"] | No
     The value is what no model predicts on held-out blocks. It is an upper limit, as an event that nothing foresees lies
     in it too, and its interval is that of a block bootstrap. Where the torque readings show white noise above the band
     that makes as much, the floor is confirmed; where they show somewhat less, that is the lower end, as a model errs
-    too; where they show several times less, beyond what the method is accurate to, the floor is theirs.
+    too. Where they show several times less, beyond what the method is accurate to, the floor is theirs.
 
     Args:
         problem: Recordings, blocks and columns.
@@ -81,4 +81,5 @@ def floor_of(problem: Problem, noise: Series, encoders: Float[Array, " nv"] | No
             low[j], high[j] = least, most
         source.append(ABOVE_BAND if least <= high[j] and most >= low[j] else PREDICTORS)
         low[j] = min(low[j], least)
-    return Floor(value, low, high, tuple(source))
+    # Derivatives and filters are no better than this, however quiet the sensors are.
+    return Floor(value, low, np.hypot(high, rules.MODEL_SHARE * torque), tuple(source))

@@ -81,7 +81,8 @@ class Cogging(Effect):
         """Sets of one to so many orders as stand out in the residual torque over position, and come back often."""
         row = row_of(robot, joint)
         found = orders_in(operation, row, whole_numbers=not robot.prismatic[row])
-        return tuple(orders for orders in found if all(comes_back(operation, row, order) for order in orders))
+        kept = (tuple(order for order in orders if comes_back(operation, row, order)) for orders in found)
+        return tuple(dict.fromkeys(orders for orders in kept if orders))
 
     def signature(self, robot: Robot, operation: Operation, joint: str | None, shape: Shape) -> Signature:
         """Minus sine and cosine of every order: the drive cancels them."""

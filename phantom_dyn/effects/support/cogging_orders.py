@@ -38,8 +38,7 @@ def order_range(operation: Operation, row: int) -> tuple[float, float]:
     """Lowest and highest order to look for: a period over the range, a fifth of the sampling rate at speed.
 
     A wave that the averaging takes out even in the slowest quarter of the recording is not looked for either, nor one
-    that is above the judged band for half the way: the rest of it is too little to tell it from anything. Where the
-    joint does not move, the lowest is above the highest.
+    that is above the judged band there. Where the joint does not move, the lowest is above the highest.
     """
     low, high = np.percentile(operation.q[:, row], [0.5, 99.5])
     slow, speed = (float(np.percentile(np.abs(operation.v[:, row]), share)) for share in (25, 95))
@@ -47,20 +46,18 @@ def order_range(operation: Operation, row: int) -> tuple[float, float]:
         return np.inf, 0.0
     finest = 2 * np.pi * _MOST_BINS / (_BINS * float(np.ptp(operation.q[:, row])))
     fastest = min(_RATE_SHARE / (operation.dt * speed), 0.5 / (_SECONDS * max(slow, 1e-9)))
-    fastest = min(fastest, operation.band_hz / max(_speed_of_half_the_way(operation.v[:, row]), 1e-9))
+    fastest = min(fastest, operation.band_hz / max(slow, 1e-9))
     return 2 * np.pi / float(high - low), min(2 * np.pi * fastest, finest)
 
 
 def comes_back(operation: Operation, row: int, order: float) -> bool:
-    """True if a wave turns often enough on the whole way of a joint to be told from what happens a few times."""
-    way = float(np.abs(np.diff(operation.q[:, row])).sum())
+    """True if a wave turns ten times where a joint is slow enough for it to lie in the judged band.
+
+    What turns less often cannot be separated from what happens a few times.
+    """
+    slow = order * np.abs(operation.v[1:, row]) <= 2 * np.pi * operation.band_hz
+    way = float(np.abs(np.diff(operation.q[:, row]))[slow].sum())
     return bool(order * way >= 2 * np.pi * _TURNS)
-
-
-def _speed_of_half_the_way(v: Float[Array, " N"]) -> float:
-    """Speed below which a joint makes half of its way."""
-    speed = np.sort(np.abs(v))
-    return float(speed[min(int(np.searchsorted(np.cumsum(speed), 0.5 * speed.sum())), len(speed) - 1)])
 
 
 def orders_in(operation: Operation, row: int, *, whole_numbers: bool) -> tuple[tuple[float, ...], ...]:

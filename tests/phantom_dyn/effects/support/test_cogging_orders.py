@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from itertools import combinations
 
 import numpy as np
@@ -12,7 +13,6 @@ from phantom_dyn.effects.support.cogging_orders import (
     _background,
     _independent,
     _Residual,
-    _speed_of_half_the_way,
     _stride,
     comes_back,
     order_range,
@@ -187,16 +187,19 @@ def test_the_order_with_most_power_is_tried_beside_the_one_that_stands_out(arm):
     assert {order for shape in shapes for order in shape} >= {3.0, 60.0}
 
 
-@pytest.mark.parametrize(
-    ("v", "speed"), [([1.0, -3.0, 2.0, 2.0], 2.0), ([0.0, 0.0], 0.0), ([5.0, 1.0, 1.0, 1.0], 5.0), ([4.0], 4.0)]
-)
-def test_half_of_the_way_is_made_below_the_middle_speed_by_way(v, speed):
-    # By hand: of 1 + 2 + 2 + 3 the first two make 3, the first three 5 of 8.
-    assert _speed_of_half_the_way(np.array(v)) == speed
-
-
 @pytest.mark.parametrize(("periods", "often"), [(9.99, False), (10.01, True)])
 def test_the_way_of_a_wave_is_made_forth_and_back(arm, periods, often):
     # By hand: two radians forth and two back.
     q = np.interp(np.arange(401), [0, 200, 400], [0.0, 2.0, 0.0])
     assert comes_back(turning(arm, q, np.gradient(q), 0.01), 1, periods * 2 * np.pi / 4.0) is often
+
+
+@pytest.mark.parametrize(("periods", "often"), [(9.9, False), (10.1, True)])
+def test_a_wave_has_to_turn_ten_times_where_it_lies_in_the_judged_band(arm, periods, often):
+    # By hand: two radians at 1 rad/s, where the wave has 0.8 of the band's frequency, and twenty at 10 rad/s, far
+    # above it.
+    order = periods * 2 * np.pi / 2.0
+    v = np.repeat([1.0, 10.0], [201, 200])
+    q = np.concatenate([np.linspace(0.0, 2.0, 201), 2.0 + 0.1 * np.arange(1, 201)])
+    operation = replace(turning(arm, q, v, 0.01), band_hz=order / 0.8 / (2 * np.pi))
+    assert comes_back(operation, 1, order) is often
