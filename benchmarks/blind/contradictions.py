@@ -1,0 +1,35 @@
+"""Whether a verdict is borne out by the figures beside it, by the table of the contract of ``diagnosis.json``."""
+
+from __future__ import annotations
+
+FLOORS, SHARE, LITTLE = 1.5, 0.1, 0.1
+
+
+def contradiction(diagnosis: dict) -> str | None:
+    """What in a diagnosis contradicts its verdict ``no_gap`` or ``explained``, in words; None if nothing does."""
+    verdict, left = diagnosis["verdict"], diagnosis["unexplained"]
+    if verdict not in ("no_gap", "explained"):
+        return None
+    if left["where"]["times"]:
+        return f"{verdict}, and something acts at {len(left['where']['times'])} times"
+    if verdict == "no_gap":
+        if diagnosis["findings"] or left["structured"]:
+            return "no_gap, with findings or structure"
+        above = [joint["joint"] for joint in diagnosis["joints"] if joint["rms_after"] > _highest(joint)]
+        return f"no_gap, and {above[0]} is above its noise floor" if above else None
+    if left["structured"] and left["fraction_of_explainable"] >= LITTLE:
+        return "explained, with structure of weight left"
+    much = [joint["joint"] for joint in diagnosis["joints"] if not _nearly_closed(joint)]
+    return f"explained, and {much[0]} has much left" if much else None
+
+
+def _highest(joint: dict) -> float:
+    interval = joint["noise_floor_interval"]
+    return joint["noise_floor"] if interval is None else interval[1]
+
+
+def _nearly_closed(joint: dict) -> bool:
+    floor = joint["noise_floor"]
+    within = joint["rms_before"] if joint["rms_within_tolerance"] is None else joint["rms_within_tolerance"]
+    after, gap = (joint["rms_after"] / floor) ** 2, (within / floor) ** 2 - 1.0
+    return after <= FLOORS**2 or after - 1.0 <= SHARE * gap
