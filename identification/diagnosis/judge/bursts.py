@@ -60,8 +60,11 @@ def bursts_of(problem: Problem, residual: Series, friction: Series) -> tuple[Bur
             ]
         )
         # What the drive gives less than the model needs is pushed from outside.
-        found = bursts_in(log.motion.t[log.samples], -residual[k], expected, columns.usable[k], log.joint_names)
-        # Derivatives and filters, at the ends of a recording above all, are no better than this.
+        t = log.motion.t[log.samples]
+        # Behind the ends of a recording a filter sees the mirror image of the motion.
+        inside = (t > t[0] + 1.0 / session.cutoff_hz) & (t < t[-1] - 1.0 / session.cutoff_hz)
+        found = bursts_in(t, -residual[k], expected, columns.usable[k] & inside[:, None], log.joint_names)
+        # Derivatives and filters are no better than this.
         sizes = np.sqrt(np.mean((columns.model_torque[k] + columns.residual[k]) ** 2, axis=0))
         least = dict(zip(log.joint_names, rules.MODEL_SHARE * sizes, strict=True))
         out += [Burst(log.file, *burst) for burst in found if abs(burst[3]) > least[burst[0]]]

@@ -17,7 +17,7 @@ from phantom_dyn.effects.described import EffectWords, ModelNumbers
 from phantom_dyn.effects.effect import Effect, Parameter, Shape, Signature
 from phantom_dyn.effects.operation import Operation
 from phantom_dyn.effects.simulated import Law, Moment, Simulated
-from phantom_dyn.effects.support.cogging_orders import comes_back, order_range, orders_in
+from phantom_dyn.effects.support.cogging_orders import comes_back, order_range, orders_in, slowest_order
 from phantom_dyn.effects.support.ranges import stated_limit
 from phantom_dyn.effects.support.rows import row_of, torque_on_joint, torque_unit
 from phantom_dyn.model.robot import Robot
@@ -82,7 +82,10 @@ class Cogging(Effect):
         row = row_of(robot, joint)
         found = orders_in(operation, row, whole_numbers=not robot.prismatic[row])
         kept = (tuple(order for order in orders if comes_back(operation, row, order)) for orders in found)
-        return tuple(dict.fromkeys(orders for orders in kept if orders))
+        sets = tuple(dict.fromkeys(orders for orders in kept if orders))
+        # Where nothing stands out, the slowest wave that could be seen says how small a cogging would have been seen.
+        slowest = slowest_order(operation, row)
+        return sets or (() if slowest is None else ((slowest,),))
 
     def signature(self, robot: Robot, operation: Operation, joint: str | None, shape: Shape) -> Signature:
         """Minus sine and cosine of every order: the drive cancels them."""
@@ -101,11 +104,15 @@ class Cogging(Effect):
         return "amplitude", np.array([1.0, 0.0])
 
     def untestable(self, robot: Robot, operation: Operation, joint: str | None) -> str | None:
-        """At least one period has to be travelled, slowly enough for the sampling rate."""
+        """Some wave has to turn ten times, slowly enough for the sampling rate and the judged band."""
         low, high = order_range(operation, row_of(robot, joint))
-        if low < high:
-            return None
-        return f"{joint} travels less than one period of any cogging that its sampling rate can show"
+        if low >= high:
+            return f"{joint} travels less than one period of any cogging that its sampling rate can show"
+        if slowest_order(operation, row_of(robot, joint)) is None:
+            return (
+                f"no cogging of {joint} turns ten times where the joint is slow enough for it to lie in the judged band"
+            )
+        return None
 
     def torque(self, robot: Robot, operation: Operation, joint: str | None, theta: Array) -> Array:
         """The law on the joint."""

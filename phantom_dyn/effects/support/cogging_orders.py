@@ -21,6 +21,7 @@ from phantom_dyn.effects.support.rows import moving_average
 Array = np.ndarray
 
 _TURNS = 10  # periods on the whole way of a joint, forth and back
+_TRIED = 60  # orders between the lowest and the highest, to find the slowest that turns often enough
 _SECONDS = 0.01  # the residual is averaged over this long
 _RATE_SHARE = 0.2  # the wave is at most this share of the sampling rate at speed
 _MOST = 12  # a bound on the work; what stands out, and then the held-out data, say how many there are
@@ -58,6 +59,15 @@ def comes_back(operation: Operation, row: int, order: float) -> bool:
     slow = order * np.abs(operation.v[1:, row]) <= 2 * np.pi * operation.band_hz
     way = float(np.abs(np.diff(operation.q[:, row]))[slow].sum())
     return bool(order * way >= 2 * np.pi * _TURNS)
+
+
+def slowest_order(operation: Operation, row: int) -> float | None:
+    """The lowest order that may be looked for and turns often enough in the judged band; None if there is none."""
+    low, high = order_range(operation, row)
+    if low >= high:
+        return None
+    tried = np.geomspace(low, high, _TRIED)
+    return next((float(order) for order in tried if comes_back(operation, row, float(order))), None)
 
 
 def orders_in(operation: Operation, row: int, *, whole_numbers: bool) -> tuple[tuple[float, ...], ...]:

@@ -17,6 +17,7 @@ from phantom_dyn.effects.support.cogging_orders import (
     comes_back,
     order_range,
     orders_in,
+    slowest_order,
 )
 from phantom_dyn.motion import Motion
 
@@ -203,3 +204,18 @@ def test_a_wave_has_to_turn_ten_times_where_it_lies_in_the_judged_band(arm, peri
     q = np.concatenate([np.linspace(0.0, 2.0, 201), 2.0 + 0.1 * np.arange(1, 201)])
     operation = replace(turning(arm, q, v, 0.01), band_hz=order / 0.8 / (2 * np.pi))
     assert comes_back(operation, 1, order) is often
+
+
+def test_the_slowest_order_turns_ten_times_and_a_tenth_less_does_not(arm):
+    # By hand: on a way of four radians, the lowest of sixty orders with ten periods.
+    q = np.interp(np.arange(4001), [0, 2000, 4000], [0.0, 2.0, 0.0])
+    operation = turning(arm, q, np.gradient(q) / 0.01, 0.01)
+    order = slowest_order(operation, 1)
+    assert order is not None
+    assert 10.0 <= order * 4.0 / (2 * np.pi) < 11.0
+
+
+def test_a_joint_that_moves_only_fast_has_no_slowest_order(arm):
+    q = np.interp(np.arange(4001), [0, 2000, 4000], [0.0, 2.0, 0.0])
+    operation = replace(turning(arm, q, np.gradient(q) / 0.01, 0.01), band_hz=1e-3)
+    assert slowest_order(operation, 1) is None
