@@ -3,7 +3,8 @@
     python benchmarks/given_cases.py FOLDER [--jobs 2] [--only NAME ...]
 
 Each case is a folder with ``robot.urdf``, ``robot.yaml``, ``log.npz`` or ``log.csv``, and ``answer.json``: a list
-``effects`` with effect, joint and ``accept`` (pairs of effect and joint that no data could separate from it), and ``gap_over_floor``. An effect
+``effects`` with effect, joint and ``accept`` (sets of
+effects that no data could separate from it, each a pair of name and joint; any of them counts), and ``gap_over_floor``. An effect
 that the catalogue has no name for is a cause from outside. The diagnosis is given the robot and the log alone.
 """
 
@@ -84,7 +85,8 @@ def answered(folder: Path, said: dict | None) -> Answered:
     answer = json.loads((folder / "answer.json").read_text())
     truth = tuple((one["effect"], one["joint"]) for one in answer["effects"])
     accepted = tuple(
-        frozenset({(one["effect"], one["joint"]), *map(tuple, one.get("accept", ()))}) for one in answer["effects"]
+        frozenset([(one["effect"], one["joint"]), *(tuple(at) for twins in one.get("accept", ()) for at in twins)])
+        for one in answer["effects"]
     )
     return Answered(folder.name, float(answer["gap_over_floor"]), truth, accepted, said)
 
