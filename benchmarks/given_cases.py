@@ -3,8 +3,8 @@
     python benchmarks/given_cases.py FOLDER [--jobs 2] [--only NAME ...]
 
 Each case is a folder with ``robot.urdf``, ``robot.yaml``, ``log.npz`` or ``log.csv``, and ``answer.json``: a list
-``effects`` with effect, joint and ``accept`` (sets of effects, pairs of name and joint, that no data could separate from
-it; any of them counts), and ``gap_over_floor``. An effect that the catalogue has no name for is a cause from outside.
+``effects`` with effect, joint and ``accept`` (sets of effects, pairs of name and joint, that no data could separate
+from it; any of them counts), and ``gap_over_floor``. An effect that the catalogue has no name for is a cause from outside.
 The diagnosis is given the robot and the log alone.
 """
 

@@ -45,10 +45,12 @@ class Floor:
         return replace(self, value=self.value * left, low=self.low * left, high=self.high * left)
 
 
-def floor_of(problem: Problem, noise: Series, encoders: Float[Array, " nv"] | None = None) -> Floor:
+def floor_of(
+    problem: Problem, noise: Series, left: Float[Array, " nv"], encoders: Float[Array, " nv"] | None = None
+) -> Floor:
     """Noise floor of each joint in the judged band.
 
-    The value is what no model predicts on held-out blocks. It is an upper limit, as an event that nothing foresees lies
+    The value is what no predictor foresees on held-out blocks. It is an upper limit, as an event that nothing foresees lies
     in it too, and its interval is that of a block bootstrap. Where the torque readings show white noise above the band
     that makes as much, the floor is confirmed; where they show somewhat less, that is the lower end, as a model errs
     too. Where they show several times less, beyond what the method is accurate to, the floor is theirs.
@@ -56,6 +58,7 @@ def floor_of(problem: Problem, noise: Series, encoders: Float[Array, " nv"] | No
     Args:
         problem: Recordings, blocks and columns.
         noise: What no model predicts of each log's torque.
+        left: Root mean square of what the explanation leaves, ``(nv,)``.
         encoders: Torque that the noise of the encoders makes in the judged band, ``(nv,)``; None: not known.
     """
     session, robot = problem.session, problem.session.robot
@@ -75,7 +78,7 @@ def floor_of(problem: Problem, noise: Series, encoders: Float[Array, " nv"] | No
             source.append(PREDICTORS)
             continue
         least, most = (np.sqrt(x * session.cutoff_hz + encoder_noise[j] ** 2) for x in (seen.low, seen.high))
-        if low[j] > rules.SENSOR_TIMES * np.hypot(most, np.sqrt(rules.ACCURACY) * torque[j]):
+        if min(low[j], left[j]) > rules.SENSOR_TIMES * np.hypot(most, np.sqrt(rules.ACCURACY) * torque[j]):
             # No sensor makes several times what it makes above the band: that is a gap that nothing foresees.
             value[j] = np.sqrt(seen.value * session.cutoff_hz + encoder_noise[j] ** 2)
             low[j], high[j] = least, most
