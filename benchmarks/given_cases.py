@@ -4,8 +4,8 @@
 
 Each case is a folder with ``robot.urdf``, ``robot.yaml``, ``log.npz`` or ``log.csv``, and ``answer.json``: a list
 ``effects`` with effect, joint and ``accept`` (sets of effects, pairs of name and joint, that no data could separate
-from it; any of them counts), and ``gap_over_floor``. An effect that the catalogue has no name for is a cause from outside.
-The diagnosis is given the robot and the log alone.
+from it; any of them counts), and ``gap_over_floor``. An effect that the catalogue has no name for is a cause from
+outside. The diagnosis is given the robot and the log alone.
 """
 
 from __future__ import annotations
