@@ -52,8 +52,8 @@ def floor_of(
 
     The value is what no predictor foresees on held-out blocks. It is an upper limit, as an event that nothing foresees
     lies in it too, and its interval is that of a block bootstrap. Where the torque readings show white noise above the
-    band that makes as much, the floor is confirmed; where they show somewhat less, that is the lower end, as a model errs
-    too. Where they show several times less, beyond what the method is accurate to, the floor is theirs.
+    band that makes as much, the floor is confirmed. Where they show somewhat less, that is the lower end, as a model
+    errs too; where they show several times less, beyond what the method is accurate to, the floor is theirs.
 
     Args:
         problem: Recordings, blocks and columns.
