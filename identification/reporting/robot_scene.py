@@ -168,8 +168,8 @@ def _layout(points: Float[Array, "P 3"], labels: list[dict]) -> go.Layout:
 
 
 def gap_shares(joints: tuple[JointGap, ...]) -> Float[Array, " nv"]:
-    """Share of each joint in the given model's gap: its mean square beyond the noise floor, in noise floors."""
-    before = np.array([joint.rms_before for joint in joints])
+    """Share of each joint in the gap: what it leaves within its tolerances beyond the noise floor, in noise floors."""
+    before = np.array([joint.tolerated for joint in joints])
     floor = np.array([joint.noise_floor for joint in joints])
     with np.errstate(divide="ignore", invalid="ignore"):
         excess = np.nan_to_num((before / floor) ** 2 - 1.0, nan=0.0, posinf=0.0, neginf=0.0)

@@ -16,8 +16,10 @@ from phantom_dyn.shapes.meshes import Mesh
 
 def uneven(diagnosis, *ratios):
     """The diagnosis with these residuals in noise floors before."""
+    sizes = [ratio * gap.noise_floor for gap, ratio in zip(diagnosis.joints, ratios, strict=True)]
     joints = [
-        dataclasses.replace(g, rms_before=r * g.noise_floor) for g, r in zip(diagnosis.joints, ratios, strict=True)
+        dataclasses.replace(gap, rms_before=size, rms_within_tolerance=size)
+        for gap, size in zip(diagnosis.joints, sizes, strict=True)
     ]
     return dataclasses.replace(diagnosis, joints=tuple(joints))
 
