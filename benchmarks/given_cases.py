@@ -113,7 +113,7 @@ def figures(cases: Sequence[Answered]) -> list[str]:
         _figure("false claims on nulls", nulls, lambda case: bool(case.claims)),
         _figure("no_gap on nulls", nulls, lambda case: case.verdict == "no_gap"),
         _figure("leading effect right", of["single"], _leads),
-        _figure("truth in the set", of["single"], lambda case: bool(case.reached & case.accepted[0])),
+        _figure("true effect listed", of["single"], lambda case: bool(case.reached & case.accepted[0])),
         _figure("both of a pair", of["pair"], lambda case: all(bool(case.reached & right) for right in case.accepted)),
         _figure("unknown outside", of["outside"], lambda case: case.verdict == "unknown"),
         _figure("saturation named", saturated, lambda case: bool(set(case.claims) & case.accepted[0])),

@@ -102,8 +102,8 @@ def distinct(
     """Effects that differ from anything simpler in a joint fit of all, and that fit.
 
     The search holds all but the coefficients, and weighs noise otherwise: what gains there may be nothing in the fit
-    that states its size. One by one, those that are told least certainly from nothing are left out. Where a law ends on
-    a special case of itself, or is told from it in neither fit, that takes its place; so does a missing part of the
+    that states its size. One by one, those that differ least certainly from nothing are left out. Where a law ends on
+    a special case of itself, or differs from it in neither fit, that takes its place; so does a missing part of the
     model in the place of inertial parameters that it explains.
 
     Args:

@@ -17,7 +17,7 @@ from phantom_dyn.model.robot import Robot
 
 Array = np.ndarray
 
-# Directions of a covariance that are this much better known than others are still told from rounding.
+# Directions of a covariance that are this much better known than others are more than rounding.
 _RANK = 1e-9
 # Bounds of coefficients are met to this.
 _END = 1e-12
@@ -34,7 +34,7 @@ def certainty(numbers: Float[Array, " k"], cov: Float[Array, "k k"]) -> float:
 
 
 def simpler(robot: Robot, term: Term, fitted: JointFit) -> tuple[float, tuple[str, ...]] | None:
-    """The special case of an effect that a joint fit hardly tells from it, and how certainly it does; None if none.
+    """The special case that an effect hardly differs from in a joint fit, and how certainly it does; None if none.
 
     Args:
         robot: The given model.
@@ -51,19 +51,7 @@ def simpler(robot: Robot, term: Term, fitted: JointFit) -> tuple[float, tuple[st
         shape = tuple(x[count:].tolist()) or term.shape
         return term.effect.special_cases(robot, term.joint, x[:count], shape)
 
-    cov = fitted.cov[np.ix_(at, at)]
-    if term.effect.seen_by == "shape" and len(at) > count:
-        # The coefficient is the share of the effect that is there, one by definition: it leaves no doubt of the size.
-        cov = with_known(cov, count)
-    return _hardly_more(cases, x, cov)
-
-
-def with_known(cov: Float[Array, "k k"], count: int) -> Float[Array, "k k"]:
-    """Covariance of numbers of which the first ``count`` are known: that of the others conditional on them."""
-    out = np.zeros_like(cov)
-    first, cross = cov[:count, :count], cov[:count, count:]
-    out[count:, count:] = cov[count:, count:] - cross.T @ np.linalg.pinv(first, rcond=_RANK, hermitian=True) @ cross
-    return out
+    return _hardly_more(cases, x, fitted.cov[np.ix_(at, at)])
 
 
 def places_of(robot: Robot, term: Term, fitted: Fitted) -> tuple[tuple[str, str | None], ...] | None:

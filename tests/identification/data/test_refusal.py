@@ -32,7 +32,9 @@ def test_further_faults_are_counted():
 
 
 def test_a_wrong_recording_that_is_to_be_judged_anyway_is_not_refused():
-    require_right((replace(WRONG, anyway=True),))
+    judged = replace(WRONG, anyway=True)
+    require_right((judged,))
+    assert wrong_with((judged,)) == ("a.csv: q of j1 is in degrees", "a.csv: b")
 
 
 def test_what_is_wrong_is_said_with_the_file():

@@ -29,7 +29,7 @@ def test_what_is_not_told_from_zero_is_no_finding(rubbing):
 
 
 def test_a_torque_constant_of_one_is_no_finding(rubbing):
-    # Known truth: the torque constants are right; by the contract a ratio is told from one by two deviations.
+    # Known truth: the torque constants are right; by the contract a ratio differs from one by two deviations.
     plain = narrow_search(rubbing.search, rubbing.noise)
     friction, ratio = rubbing.term("coulomb_friction", "elbow"), rubbing.term("torque_constant", "elbow")
     found = frozenset([friction, ratio])

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy.stats import norm
 
-from identification.diagnosis.search.special_cases import certainty, ends_on_nothing, implausible, places_of, with_known
+from identification.diagnosis.search.special_cases import certainty, ends_on_nothing, implausible, places_of
 
 
 @pytest.mark.parametrize("deviations", [0.1, 1.0, 3.0])
@@ -41,9 +41,3 @@ def test_the_votes_of_stribeck_friction_at_its_bound_belong_to_coulomb_friction(
     found = prepared.search.evaluate(frozenset([term]))
     assert found.theta[term.columns[1]] == 0.0
     assert places_of(planar2, term, found) == (("coulomb_friction", "elbow"),)
-
-
-def test_what_is_known_leaves_the_others_their_conditional_covariance():
-    # Closed form: of two normal numbers with correlation rho the second has (1 - rho^2) of its variance left.
-    cov = np.array([[4.0, 0.9 * 2.0 * 3.0], [0.9 * 2.0 * 3.0, 9.0]])
-    np.testing.assert_allclose(with_known(cov, 1), [[0.0, 0.0], [0.0, 9.0 * (1 - 0.81)]], atol=1e-12)
