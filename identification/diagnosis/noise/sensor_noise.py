@@ -62,7 +62,7 @@ def _above(log: Log, row: int, *, held: bool) -> tuple[Float[Array, "2 b"], floa
     rate, tau = log.band.rate_hz, log.tau[:, row]
     low, high = _MARGIN * log.band.cutoff_hz, _TOP * rate
     length = min(1024, len(tau) // (_SEGMENTS // 2))
-    if high < 2.0 * low or length < 64:
+    if high < 2.0 * low:
         return None
     f, power = welch(tau, rate, nperseg=length)
     if log.raw_q is not None and np.ptp(log.raw_q[:, row]) > 0:

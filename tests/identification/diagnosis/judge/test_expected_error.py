@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from identification.diagnosis.judge.expected_error import Causes, expected_error, moving_torque
+from identification.diagnosis.judge.expected_error import Causes, _variance, expected_error, moving_torque
 
 N = 4000
 FOLD = np.arange(N) * 8 // N
@@ -86,3 +86,38 @@ def test_the_moving_torque_is_about_its_median_and_holds_its_peaks():
     inside = slice(50, -50)
     np.testing.assert_allclose(moving[inside], 4.0, rtol=0.02)
     assert not moving_torque(np.full(500, 7.0), 100.0, 5.0).any()
+
+
+def split(count: int, many: int, others: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Residuals of a first fold of so many samples of one, and of a second fold with another size."""
+    fold = (np.arange(count) < many).astype(int)
+    return np.where(fold == 1, 1.0, others), np.ones(count, dtype=bool), fold
+
+
+@pytest.mark.parametrize(("samples", "other"), [(19, 1.0), (20, 5.0)])
+def test_twenty_samples_of_other_folds_are_enough_to_judge_by(samples, other):
+    # Closed form: noise is the median square over that of a normal number; with fewer all samples judge, most are one.
+    residual, use, fold = split(200 + samples, 200, 5.0)
+    none = np.zeros(len(residual))
+    found = expected_error(residual, Causes(none, none, none > 0), use, fold)
+    np.testing.assert_allclose(found[:200], other / np.sqrt(0.4549), rtol=0.02)
+    np.testing.assert_allclose(found[200:], 1.0 / np.sqrt(0.4549), rtol=0.02)
+
+
+@pytest.mark.parametrize(("calm", "noise"), [(19, 3.0), (20, 1.0)])
+def test_twenty_calm_samples_are_enough_to_read_the_noise(calm, noise):
+    # By hand: calm are samples up to the median of both causes; half of them has much torque, nearly the others much
+    # doubt.
+    torque = np.repeat([0.0, 10.0], 100)
+    known = np.concatenate([np.zeros(calm), np.full(100 - calm, 7.0), np.zeros(100)])
+    residual = np.where(torque + known > 0, 3.0, 1.0)
+    found = _variance(residual, Causes(known, torque, torque < 0), np.ones(200, dtype=bool))
+    assert found[0] == pytest.approx(noise**2 / 0.4549, rel=0.02)
+
+
+def test_samples_with_the_usual_torque_and_doubt_are_calm():
+    # By hand: the same torque and doubt everywhere; only the samples that may be used count.
+    residual = np.where(np.arange(100) < 60, 2.0, 9.0)
+    causes = Causes(np.full(100, 5.0), np.full(100, 4.0), np.zeros(100, dtype=bool))
+    found = _variance(residual, causes, np.arange(100) < 60)
+    np.testing.assert_allclose(found, 4.0 / 0.4549 + 5.0, rtol=0.02)

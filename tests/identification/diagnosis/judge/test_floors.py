@@ -1,8 +1,17 @@
+"""Noise floors and their intervals. Oracle: closed forms on noise of one size, NumPy's percentiles."""
+
 from __future__ import annotations
 
-import numpy as np
+from dataclasses import replace
 
+import numpy as np
+import pytest
+
+from identification.diagnosis.fit.gap import sums
 from identification.diagnosis.judge.floors import Floor, floor_of
+from identification.diagnosis.noise.sensor_noise import Density
+from identification.diagnosis.search.rival_sets import block_counts
+from phantom_dyn.random_streams import random_stream
 
 FLOOR = Floor(np.array([0.1, 0.2]), np.array([0.08, 0.16]), np.array([0.12, 0.24]), ("above_band", "predictors"))
 
@@ -28,3 +37,99 @@ def test_the_floor_of_a_fine_encoder_is_three_tenths_of_the_noise_at_least():
 
 def test_without_a_coarse_reading_the_floor_stays():
     assert FLOOR.without(np.zeros(2)) is FLOOR
+
+
+TORQUE = np.array([3.0, 50.0])
+
+
+@pytest.fixture
+def steady(quiet):
+    """A recording judged as a whole, with noise of 0.1 and 0.2 in every sample and torques of 3 and 50 N m."""
+    every = np.ones_like(quiet.columns.residual[0])
+    columns = replace(quiet.columns, model_torque=(0.25 * TORQUE * every,), residual=(0.75 * TORQUE * every,))
+    problem = replace(quiet.problem, session=replace(quiet.session, cutoff_hz=100.0), columns=columns)
+    return problem, (np.array([0.1, 0.2]) * every,)
+
+
+def seen(monkeypatch, *densities: tuple[float, float, float] | None) -> None:
+    """Torque sensors show densities that leave these figures in a band of 100 Hz: lowest, mean and highest."""
+
+    def shown(logs, row, *, held):
+        sizes = densities[row]
+        if sizes is None:
+            return None
+        low, value, high = (size**2 / 100.0 for size in sizes)
+        return Density(value, low, high)
+
+    monkeypatch.setattr("identification.diagnosis.judge.floors.torque_noise", shown)
+
+
+def test_without_sensors_to_see_the_floor_is_an_upper_limit_that_no_derivative_gets_below(steady, monkeypatch):
+    # By hand: a thousandth of the torque beside the noise.
+    seen(monkeypatch, None, None)
+    floor = floor_of(*steady, np.array([9.0, 9.0]))
+    assert floor.source == ("predictors", "predictors")
+    np.testing.assert_allclose(floor.value, [0.1, 0.2])
+    np.testing.assert_allclose(floor.low, [0.1, 0.2])
+    np.testing.assert_allclose(floor.high, np.hypot([0.1, 0.2], 0.001 * TORQUE))
+
+
+@pytest.mark.parametrize(
+    ("sizes", "source", "low"),
+    [
+        ((0.08, 0.09, 0.11), "above_band", 0.08),
+        ((0.0999999, 0.1, 0.1000001), "above_band", 0.0999999),
+        ((0.07, 0.08, 0.09), "predictors", 0.07),
+        ((0.11, 0.12, 0.13), "predictors", 0.1),
+    ],
+)
+def test_sensors_that_show_as_much_confirm_the_floor_and_others_lower_its_end(steady, monkeypatch, sizes, source, low):
+    seen(monkeypatch, sizes, None)
+    floor = floor_of(*steady, np.array([9.0, 9.0]))
+    assert floor.source == (source, "predictors")
+    assert (floor.value[0], floor.low[0]) == pytest.approx((0.1, low))
+    assert floor.high[0] == pytest.approx(np.hypot(0.1, 0.003))
+    assert floor.low[1] == pytest.approx(0.2)
+
+
+# By hand: twice what the sensors show at most, 2.65 % of 3 N m beside it.
+EDGE = 2.0 * np.hypot(0.01, np.sqrt(0.0007) * 3.0)
+
+
+@pytest.mark.parametrize(
+    ("noise", "left", "taken"),
+    [(1.01 * EDGE, 9.0, True), (0.99 * EDGE, 9.0, False), (9.0, 1.01 * EDGE, True), (9.0, 0.99 * EDGE, False)],
+)
+def test_sensors_that_show_several_times_less_are_the_floor(steady, monkeypatch, noise, left, taken):
+    problem, (series,) = steady
+    seen(monkeypatch, (0.004, 0.007, 0.01), None)
+    floor = floor_of(problem, (series * [10.0 * noise, 1.0],), np.array([left, 9.0]))
+    assert floor.value[0] == pytest.approx(0.007 if taken else noise)
+    assert floor.low[0] == pytest.approx(0.004)
+    assert floor.high[0] == pytest.approx(np.hypot(0.01 if taken else noise, 0.003))
+    assert floor.source[0] == ("above_band" if taken else "predictors")
+
+
+def test_noise_of_the_encoders_adds_to_what_the_sensors_show(steady, monkeypatch):
+    # Closed form: squares of 3, 4, 5 of each joint's own.
+    problem, (series,) = steady
+    seen(monkeypatch, (0.003, 0.003, 0.003), (0.03, 0.03, 0.03))
+    loud = (series * [100.0, 500.0],)
+    floor = floor_of(problem, loud, np.array([9.0, 90.0]), np.array([0.004, 0.04]))
+    np.testing.assert_allclose(floor.value, [0.005, 0.05])
+    np.testing.assert_allclose(floor.low, [0.005, 0.05])
+
+
+def test_the_interval_of_a_floor_is_that_of_a_bootstrap_over_blocks_for_all_joints_together(steady, monkeypatch, rng):
+    # NumPy's percentiles of the root mean square over drawn blocks, 5 % over two joints.
+    problem, (series,) = steady
+    seen(monkeypatch, None, None)
+    noise = series * rng.normal(size=series.shape)
+    floor = floor_of(problem, (noise,), np.array([9.0, 9.0]))
+    by_block = sums(problem, (noise,))
+    drawn = block_counts(len(by_block.counts), random_stream("bootstrap of the noise floor"))
+    size = np.sqrt(drawn @ by_block.squares / (drawn @ by_block.counts))
+    low, high = (np.percentile(size, side, axis=0) / by_block.rms() * floor.value for side in (1.25, 98.75))
+    np.testing.assert_allclose(floor.value, np.sqrt(np.mean(noise**2, axis=0)))
+    np.testing.assert_allclose(floor.low, low)
+    np.testing.assert_allclose(floor.high, np.hypot(high, 0.001 * TORQUE))

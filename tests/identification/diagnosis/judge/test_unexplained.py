@@ -1,0 +1,166 @@
+"""What is left and where. Oracle: the contract's loss of constant residuals, by hand, in a band judged as a whole."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+import pytest
+
+from identification.diagnosis.judge.findings import Shown
+from identification.diagnosis.judge.judged_band import Judge
+from identification.diagnosis.judge.regimes import regimes
+from identification.diagnosis.judge.verdict import adjusted, flexible_prediction, hidden_by, unexplained
+from identification.diagnosis.result import Unexplained
+
+FLOOR = np.array([0.1, 1.0])
+PLACE = "identification.diagnosis.judge.verdict."
+
+
+@dataclass
+class Case:
+    """What each stage leaves, in noise floors: a number a joint, or one a sample and joint."""
+
+    quiet: object
+    patch: pytest.MonkeyPatch
+
+    def series(self, size) -> tuple[np.ndarray, ...]:
+        return (np.ones_like(self.quiet.columns.residual[0]) * size * FLOOR,)
+
+    def left(self, given, residual, smooth, *, whole=None, nameless=frozenset()) -> Unexplained:
+        """What is left where a flexible model leaves ``smooth`` and the moves leave all of the given residual."""
+        rest = self.series(residual if whole is None else whole)
+        session = replace(self.quiet.session, cutoff_hz=1e3)
+        columns = replace(self.quiet.columns, residual=self.series(given))
+        search = self.quiet.search
+        problem = replace(search.problem, session=session, columns=columns)
+        foretold = tuple(a - b for a, b in zip(rest, self.series(smooth), strict=True))
+        self.patch.setattr(PLACE + "flexible_prediction", lambda problem, whole: foretold)
+        self.patch.setattr(PLACE + "held_out_torque", lambda *_: columns.model_torque)
+        shown = Shown(replace(search, problem=problem), nameless, None, {})
+        return unexplained(shown, Judge(problem, FLOOR, FLOOR), self.series(residual), rest)
+
+
+@pytest.fixture
+def case(quiet, monkeypatch) -> Case:
+    return Case(quiet, monkeypatch)
+
+
+@pytest.mark.parametrize(
+    ("given", "residual", "smooth", "fraction"),
+    [
+        # Losses are means of two squares: of the given model 12.5, left 5, by a flexible model 2.5.
+        ([4.0, 3.0], [3.0, 1.0], [2.0, 1.0], 2.5 / 10.0),
+        ([4.0, 3.0], [4.0, 3.0], [1.0, 1.0], 1.0),
+        # A flexible model that leaves more than the findings: nothing is left of what could be explained.
+        ([4.0, 3.0], [2.0, 1.0], [3.0, 1.0], 0.0),
+        # Findings that leave more than the given model cannot leave more than all.
+        ([2.0, 1.0], [3.0, 1.0], [1.0, 1.0], 1.0),
+        # Nothing that could be explained.
+        ([2.0, 1.0], [3.0, 1.0], [2.0, 1.0], 0.0),
+        ([1.0, 1.0], [3.0, 1.0], [2.0, 1.0], 0.0),
+    ],
+)
+def test_the_fraction_is_what_a_flexible_model_still_takes_off_what_can_be_explained(
+    case, given, residual, smooth, fraction
+):
+    assert case.left(given, residual, smooth).fraction_of_explainable == pytest.approx(fraction)
+
+
+@pytest.mark.parametrize(("share", "structured"), [(0.07, False), (0.09, True)])
+def test_a_residual_has_structure_of_which_a_twelfth_can_be_foretold_in_all_blocks(case, share, structured):
+    left = case.left([3.0, 3.0], [2.0, 2.0], [2.0, 2.0 * np.sqrt(1.0 - 2.0 * share)])
+    assert left.structured is structured
+    assert left.joint == ("elbow" if structured else None)
+
+
+def in_blocks(quiet, numbers: list[int], inside: float, outside: float) -> np.ndarray:
+    """One value in the cores of some blocks, another elsewhere, for both joints."""
+    out = np.full((len(quiet.columns.residual[0]), 2), outside)
+    for k in numbers:
+        out[quiet.blocks[k].core : quiet.blocks[k].stop] = inside
+    return out
+
+
+@pytest.mark.parametrize(("count", "structured"), [(4, False), (5, True)])
+def test_what_can_be_foretold_in_some_blocks_has_to_be_three_standard_errors(case, quiet, count, structured):
+    # Closed form: of ten blocks, k with the same gain and none else sum to sqrt(k / (1 - k / 10)) standard errors:
+    # 2.58 for four and 3.16 for five, with less than half of the loss in either.
+    smooth = in_blocks(quiet, list(range(1, 1 + count)), np.sqrt(0.1), 1.0)
+    assert len(quiet.blocks) == 10
+    assert case.left([3.0, 3.0], [1.0, 1.0], smooth).structured is structured
+
+
+@pytest.mark.parametrize(("square", "structured"), [(53.0, False), (40.0, True)])
+def test_half_of_what_is_left_is_structure_in_however_few_blocks(case, quiet, square, structured):
+    # By hand: a hundred in one block of 26 samples and one in the others, 268 with their 26, 26, ... and 32 samples.
+    counts = np.array([block.stop - block.core for block in quiet.blocks])
+    loud, smooth = (in_blocks(quiet, [3], np.sqrt(size), 1.0) for size in (100.0, square))
+    share = counts[3] * (100.0 - square) / (100.0 * counts[3] + counts.sum() - counts[3])
+    assert bool(share > 0.5) is structured
+    assert share > 0.4
+    assert case.left([30.0, 30.0], loud, smooth).structured is structured
+
+
+def test_structure_sits_where_most_of_it_is_in_noise_floors(case):
+    # Squares of 4 on a floor of 0.1, and of 3 on a floor of one.
+    left = case.left([4.0, 4.0], [3.0, 3.0], [np.sqrt(5.0), np.sqrt(6.0)])
+    assert left.joint == "shoulder"
+
+
+def test_the_regime_is_that_of_what_can_be_foretold(case, quiet):
+    # Known truth: the residual is large at reversals, what can be foretold of it lies at high speed of the elbow.
+    found = regimes(quiet.logs[0], quiet.columns, 0, 1)
+    fast = found["high_speed"][:, None] * [0.0, 1.0]
+    residual = 2.0 + 1.0 * found["velocity_reversal"][:, None] * [0.0, 1.0]
+    left = case.left([9.0, 9.0], residual * [0.5, 1.0], residual * [0.5, 1.0] - 1.9 * fast)
+    assert (left.structured, left.joint, left.regime) == (True, "elbow", "high_speed")
+
+
+def test_a_structure_without_a_name_is_left_and_says_its_regime_on_its_joint(case, quiet):
+    # Known truth: a drift on the elbow, which nothing else is left of; on the other joint it says nothing.
+    drift = frozenset([next(term for term in quiet.columns.terms if term.place == ("drifting_offset", "elbow"))])
+    here = case.left([3.0, 3.0], [1.0, 2.0], [1.0, 1.9], nameless=drift)
+    assert (here.structured, here.joint, here.regime) == (True, "elbow", "time_drift")
+    there = case.left([3.0, 3.0], [2.0, 1.0], [1.0, 1.0], nameless=drift)
+    assert (there.structured, there.joint, there.regime) == (True, "shoulder", "everywhere")
+
+
+def test_what_a_flexible_model_leaves_is_what_all_effects_leave_less_what_it_foretells(case):
+    # Losses by hand: given 9, left by the named 4; of the 2.5 that all leave one of 1 is not foretold.
+    left = case.left([3.0, 3.0], [2.0, 2.0], [1.0, 1.0], whole=[2.0, 1.0])
+    assert left.fraction_of_explainable == pytest.approx((4.0 - 1.0) / (9.0 - 1.0))
+
+
+@pytest.mark.parametrize(("error", "kept"), [(8.9, True), (9.1, False)])
+def test_a_prediction_counts_where_it_errs_by_less_than_the_residual_itself(quiet, monkeypatch, error, kept):
+    # By hand: a residual of three where samples are usable, and of fifty where they are not.
+    use = np.ones_like(quiet.columns.usable[0])
+    use[::3, 1] = False
+    residual = np.where(use, 3.0, 50.0) * [0.0, 1.0]
+    problem = replace(quiet.problem, columns=replace(quiet.columns, usable=(use,)))
+    one = [np.arange(len(use)) + 1.0]
+    monkeypatch.setattr(PLACE + "held_out_ridge", lambda *_: (one, error))
+    (found,) = flexible_prediction(problem, (residual,))
+    np.testing.assert_array_equal(found[:, 1], one[0] if kept else 0.0)
+    assert not found[:, 0].any()
+
+
+@pytest.mark.parametrize(("share", "at_limit"), [(0.9985, False), (0.9995, True), (-0.9995, True)])
+def test_a_move_is_at_its_limit_a_rounding_short_of_it(quiet, share, at_limit):
+    # Closed form: deviations of one, in which no move is significant.
+    found = quiet.search.evaluate(frozenset())
+    moves = quiet.columns.nuisances
+    theta = np.zeros_like(found.theta)
+    theta[: len(moves)] = [share * move.bound for move in moves]
+    unsure = replace(found, theta=theta, normal=np.eye(len(found.normal)))
+    told = adjusted(quiet.problem, unsure)
+    assert [move.quantity for move in told] == ([m.name for m in moves if m.relative] if at_limit else [])
+    assert all(move.at_limit and move.hides for move in told)
+    wanted = [(share * move.bound, move.sigma) for move in moves if move.relative and at_limit]
+    assert [(move.change, move.tolerance) for move in told] == wanted
+
+
+def test_what_hides_behind_a_move_that_is_no_mass_is_more_of_it(quiet, planar2):
+    move = next(move for move in quiet.columns.nuisances if move.name == "elbow Coulomb friction")
+    assert hidden_by(planar2, move) == "a change of elbow Coulomb friction of more than 10 %"
