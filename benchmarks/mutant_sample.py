@@ -46,7 +46,7 @@ AREAS = (
     Area("identification/diagnosis/noise", ("tests/identification/diagnosis/noise",)),
     Area(
         "identification/data/signals.py",
-        ("tests/identification/data/test_signals.py", "tests/identification/data/test_spectra.py"),
+        tuple(f"tests/identification/data/test_{topic}.py" for topic in ("signals", "band", "spectra")),
     ),
 )
 

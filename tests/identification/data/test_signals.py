@@ -1,50 +1,29 @@
+"""From raw samples to logs. Oracle: closed forms of a mass on a slide and of its force, known truths."""
+
 from __future__ import annotations
 
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 import pytest
 
-from identification.data.recording import Recording
 from identification.data.signals import (
-    _moving_edge,
-    _within_rate,
-    acceleration_edge,
     align_held_torque,
-    choose_cutoff,
     differentiate,
-    low_pass,
-    motion_edge,
     process,
-    process_all,
-    smoothed,
     uniform,
     within_limits,
 )
 from phantom_dyn import load_robot
 from phantom_dyn.errors import LogError
 from phantom_dyn.model.robot import Actuator, Robot
-
-RATE = 200.0
-T = np.arange(2000) / RATE
+from swung_slide import RATE, T, recording, swing
 
 
 @pytest.fixture(scope="module")
 def slide() -> Robot:
     """A mass of 95.1089 kg on a horizontal slide, without friction."""
     return load_robot("emps")
-
-
-def recording(t: np.ndarray, q: np.ndarray, tau: np.ndarray, **more) -> Recording:
-    return Recording("swing.csv", ("axis",), t, q[:, None], tau[:, None], **more)
-
-
-def swing(t: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Positions of the slide and the force that they need."""
-    w, amplitude, phase = 2 * np.pi * np.array([0.5, 1.3, 2.9]), np.array([0.1, 0.05, 0.01]), np.array([0.3, 1.0, 2.2])
-    waves = amplitude * np.sin(np.outer(t, w) + phase)
-    return waves.sum(axis=1), -95.1089 * waves @ w**2
 
 
 def held(tau: np.ndarray, mass: float) -> np.ndarray:
@@ -133,34 +112,6 @@ def test_a_motion_of_a_few_samples_is_filtered_too():
     np.testing.assert_allclose(differentiate(np.full((12, 1), 0.7), RATE, 10.0)[0], 0.7, rtol=1e-9)
 
 
-@pytest.mark.parametrize(
-    ("cutoff_hz", "half", "step"), [(10.0, 40, 8), (9.0, 45, 8), (12.0, 34, 6), (79.0, 6, 1), (3.0, 134, 26)]
-)
-def test_a_band_reaches_over_two_periods_of_its_edge_and_keeps_two_and_a_half_samples_of_one(cutoff_hz, half, step):
-    # By hand: 400 over the edge, rounded up, and 80 over it, rounded down.
-    band = low_pass(cutoff_hz, RATE)
-    assert (band.rate_hz, band.cutoff_hz, band.half, band.step) == (RATE, cutoff_hz, half, step)
-
-
-def test_the_edge_of_a_band_is_where_half_of_the_amplitude_is_left():
-    # Closed form: the answer of a symmetric kernel to a cosine.
-    band = low_pass(10.0, RATE)
-    lags = np.arange(-band.half, band.half + 1) / RATE
-    gains = [band.kernel @ np.cos(2 * np.pi * f * lags) for f in (0.0, 10.0, 20.0)]
-    assert gains == pytest.approx([1.0, 0.5, 0.0], abs=5e-3)
-
-
-def test_a_band_up_to_two_fifths_of_the_rate_lets_everything_through():
-    band = low_pass(0.4 * RATE, RATE)
-    assert (band.cutoff_hz, band.step) == (0.5 * RATE, 1)
-    np.testing.assert_array_equal(band.kernel, [1.0])
-
-
-@pytest.mark.parametrize(("cutoff_hz", "kept_hz"), [(10.0, 25.0), (30.0, 75.0), (35.0, 80.0)])
-def test_positions_are_kept_to_two_and_a_half_times_the_band_or_two_fifths_of_the_rate(cutoff_hz, kept_hz):
-    assert motion_edge(low_pass(cutoff_hz, RATE)) == pytest.approx(kept_hz)
-
-
 def test_noise_above_the_cutoff_does_not_reach_the_acceleration(rng):
     # A hum of 1e-4 at 60 Hz would be an acceleration of 14.
     hum = 1e-4 * np.sin(2 * np.pi * 60.0 * T)
@@ -224,11 +175,12 @@ def test_steps_that_differ_by_a_thousandth_are_brought_to_one_step(jitter, resam
     assert (uniform(recording(times, *swing(times)))[0] is not times) is resampled
 
 
-def test_resampled_recordings_keep_their_first_and_last_sample():
-    # A step of 1/256 s has no rounding: the last sample is a whole number of steps from the first.
-    even = np.arange(2000) / 256.0
+@pytest.mark.parametrize("rate", [2.0, 256.0, 2.0**17])
+def test_resampled_recordings_keep_their_first_and_last_sample(rate):
+    # Steps of a power of two have no rounding: the last sample is a whole number of steps from the first.
+    even = np.arange(2000) / rate
     times = even.copy()
-    times[1] += 0.3 / 256.0
+    times[1] += 0.3 / rate
     np.testing.assert_array_equal(uniform(recording(times, *swing(times)))[0], even)
 
 
@@ -294,50 +246,10 @@ def test_references_are_brought_to_the_same_instants(slide):
     assert process(even, slide, cutoff_hz=10.0).q_ref is even.q_ref
 
 
-def test_without_an_edge_the_data_choose_the_band(slide, rng):
-    q, tau = swing(T)
-    noisy = recording(T, q + 1e-6 * rng.normal(size=len(T)), tau + rng.normal(size=len(T)))
-    rate = (len(T) - 1) / (T[-1] - T[0])
-    chosen = choose_cutoff([(noisy.q, noisy.tau, rate)])
-    assert process(noisy, slide).band.cutoff_hz == chosen
-
-
 def test_a_recording_without_torque_is_refused(slide):
     q, tau = swing(T)
     with pytest.raises(LogError, match=r"swing\.csv has no torque, current or voltage: record one, or see --motion-"):
         process(replace(recording(T, q, tau), tau=None), slide)
-
-
-def test_smoothing_leaves_what_is_below_and_takes_what_is_above():
-    low, high = np.sin(2 * np.pi * 2.0 * T), np.sin(2 * np.pi * 40.0 * T)
-    out = smoothed(np.column_stack([low, low + high]), RATE, 10.0)
-    assert out.shape == (len(T), 2)
-    np.testing.assert_allclose(out[100:-100, 0], low[100:-100], atol=5e-3)
-    np.testing.assert_allclose(out[100:-100, 1], out[100:-100, 0], atol=5e-3)
-
-
-def test_smoothing_sees_its_mirror_image_beyond_the_ends():
-    # Closed form: cosines of whole half periods go on as they are in a mirror, so that they are only scaled.
-    wave = np.cos(np.pi * np.arange(401) / 20.0)  # 5 Hz
-    gain = smoothed(wave, RATE, 10.0)[200] / wave[200]
-    assert gain == pytest.approx(1.0, abs=0.01)
-    np.testing.assert_allclose(smoothed(wave, RATE, 10.0), gain * wave, atol=1e-12)
-
-
-def test_what_is_shorter_than_the_kernel_is_smoothed_by_its_middle(rng):
-    # Closed form: over nine samples, the middle one sees all eight others once on either side.
-    x = rng.normal(size=9)
-    kernel = low_pass(10.0, RATE).kernel[32:49]
-    around = np.concatenate([x[4:0:-1], x, x[7:3:-1]])
-    assert smoothed(x, RATE, 10.0)[4] == pytest.approx(kernel @ around / kernel.sum())
-
-
-def test_one_sample_stays_as_it_is():
-    np.testing.assert_array_equal(smoothed(np.array([3.0]), RATE, 10.0), [3.0])
-
-
-def test_smoothing_leaves_a_constant_up_to_its_ends():
-    np.testing.assert_allclose(smoothed(np.full(300, 2.5), RATE, 10.0), 2.5, rtol=1e-12)
 
 
 ASKED = np.array([[-9.0, -9.0, -9.0], [-4.0, -4.0, -4.0], [0.0, 0.0, 0.0], [4.0, 4.0, 4.0], [9.0, 9.0, 9.0]])
@@ -357,80 +269,3 @@ def test_a_drive_gives_no_more_of_a_commanded_torque_than_its_limit_in_both_dire
 
 def test_a_measured_torque_stays_as_it_is_above_the_limits(limited):
     np.testing.assert_array_equal(within_limits(ASKED, replace(limited, torque_source="sensor")), ASKED)
-
-
-def test_the_band_of_emps_lies_where_the_published_friction_comes_back(slide, data_folder: Path):
-    # Published values need more than 20 Hz, which loses 3 % of the viscous coefficient, and less than the noise at 80.
-    data = np.load(data_folder / "emps" / "emps_train.npz")
-    rate = (len(data["t"]) - 1) / (data["t"][-1] - data["t"][0])
-    assert 40.0 < choose_cutoff([(data["q_meas"][:, None], data["force"][:, None], rate)]) < 70.0
-
-
-def test_a_coarser_encoder_narrows_the_band(rng):
-    f = np.arange(0.2, 25.0, 0.2)
-    q = (np.cos(2 * np.pi * np.outer(T, f) + rng.uniform(0, 6.3, len(f))) / f**4).sum(axis=1)
-    tau = rng.normal(size=len(T))
-    edges = [choose_cutoff([(np.round(q / step)[:, None] * step, tau[:, None], RATE)]) for step in (1e-4, 1e-3, 1e-2)]
-    assert edges[0] > 1.2 * edges[1] > 1.2**2 * edges[2]
-
-
-def test_the_band_ends_where_the_recorder_has_smoothed_the_torque(rng):
-    # Known truth: a kernel whose stop band begins at 3 Hz; a bin of the spectrum is 0.5 Hz wide.
-    q = swing(T)[0] + 1e-9 * rng.normal(size=len(T))
-    rough = rng.normal(size=len(T))
-    narrow = choose_cutoff([(q[:, None], smoothed(rough, RATE, 2.0)[:, None], RATE)])
-    assert 2.0 < narrow <= 4.0
-    assert choose_cutoff([(q[:, None], rough[:, None], RATE)]) > 1.2 * narrow
-
-
-def test_several_recordings_share_one_band_that_holds_the_judged_one(slide, rng):
-    q, tau = swing(T)
-    noisy = recording(T, q + 1e-5 * rng.normal(size=len(T)), tau + rng.normal(size=len(T)))
-    half = replace(noisy, t=noisy.t[:900], q=noisy.q[:900], tau=noisy.tau[:900])
-    logs, judged = process_all((noisy, half), slide)
-    assert logs[0].band.cutoff_hz == logs[1].band.cutoff_hz
-    assert judged <= logs[0].band.cutoff_hz <= 4 * judged
-    assert [len(log.motion.t) for log in logs] == [2000, 900]
-
-
-@pytest.mark.parametrize(("edge", "inside"), [(0.3, 1.0), (5.0, 5.0), (30.0, 6.0), (np.inf, 6.0)])
-def test_an_edge_lies_between_one_hertz_and_six_per_cent_of_the_lowest_rate(edge, inside):
-    still = np.zeros((10, 1))
-    assert _within_rate(edge, [(still, still, 200.0), (still, still, 100.0)]) == pytest.approx(inside)
-
-
-def test_motion_ends_at_the_median_over_joints_that_move(rng):
-    f = np.arange(0.2, 60.0, 0.2)
-    phase = rng.uniform(0, 6.3, (4, len(f)))
-    tops = (4.0, 8.0, 30.0)
-    angle = 2 * np.pi * np.outer(T, f)
-    moving = [(np.cos(angle + p) * (f < top) / f**2).sum(axis=1) for p, top in zip(phase[:3], tops, strict=True)]
-    noise = 1e-4 * rng.normal(size=(4, len(T)))
-    q = np.column_stack([*moving, np.zeros(len(T))]) + noise.T
-    edges = [acceleration_edge(column, RATE) for column in q.T]
-    assert edges[3] is None
-    assert edges[0] < edges[1] < edges[2]
-    assert _moving_edge([(part, part, RATE) for part in (q[:, :2], q[:, 2:])]) == edges[1]
-
-
-def test_where_no_joint_moves_motion_ends_nowhere(rng):
-    assert _moving_edge([(np.zeros((len(T), 1)), np.zeros((len(T), 1)), RATE)]) == np.inf
-
-
-def test_what_controllers_ask_for_is_no_limit_to_the_band(slide, rng):
-    # Known truth: the commands end at 2 Hz; a torque that was measured would end there because of its recorder.
-    q = swing(T)[0] + 1e-9 * rng.normal(size=len(T))
-    asked = recording(T, q, smoothed(rng.normal(size=len(T)), RATE, 2.0))
-    judged = {kind: process_all((replace(asked, controlled=kind),), slide)[1] for kind in (True, False)}
-    assert _moving_edge([(asked.q, asked.tau, RATE)]) > 12.0
-    assert judged[True] == pytest.approx(12.0)  # six per cent of the rate
-    assert judged[False] < judged[True]
-
-
-def test_logs_reach_three_tenths_above_what_the_drives_move(slide, rng):
-    # Known truth: hums in all thirds of the octave below 12 Hz, six per cent of the rate, that no drive makes.
-    q, tau = swing(T)
-    hum = 1e-3 * np.sin(2 * np.pi * np.outer([6.8, 8.5, 10.5], T)).sum(axis=0)
-    (log,), judged = process_all((recording(T, q + hum, tau + 5.0 * rng.normal(size=len(T))),), slide)
-    assert log.band.cutoff_hz == pytest.approx(1.3 * 6.0)
-    assert judged <= 6.0 + 1e-9

@@ -50,3 +50,8 @@ def test_partials_are_those_of_pinocchio(planar, moving):
     np.testing.assert_allclose(to_q, data.dtau_dq, atol=1e-12)
     np.testing.assert_allclose(to_v, data.dtau_dv, atol=1e-12)
     np.testing.assert_allclose(mass, pin.crba(planar.model, planar.model.createData(), moving.q[3]), atol=1e-12)
+
+
+def test_the_time_step_of_two_samples_is_what_lies_between_them(planar, moving):
+    two = Operation.of(planar, Motion(*(x[:2] for x in (moving.t, moving.q, moving.v, moving.a))))
+    assert two.dt == pytest.approx(0.05)

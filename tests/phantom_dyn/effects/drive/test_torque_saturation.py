@@ -117,6 +117,8 @@ def beyond(arm, smooth, runs: tuple[int, ...], needed: float) -> tuple[Operation
         ((10, 35), 2.0, True),
         ((10, 36), 2.0, False),
         ((10, 10), 1.19, False),
+        ((10, 10), 0.6 * 2.0, False),
+        ((10, 10), 1.4 * 2.0, False),
         ((10, 10), 1.21, True),
         ((10, 10), 2.79, True),
         ((10, 10), 2.81, False),
@@ -225,3 +227,27 @@ def test_a_command_that_is_always_beyond_a_limit_has_no_noise_to_go_by(arm, smoo
 def test_a_command_at_one_level_beyond_the_limit_is_flat(arm, smooth):
     operation, excess = rising(arm, smooth, 0.5, 0.0)
     assert _is_flat(operation, 1, 2.0, np.sign(excess))
+
+
+def test_limits_that_are_tried_next_lie_within_a_tenth_on_either_side(arm):
+    assert [limit for (limit,) in EFFECT.refined(np.ones(1), (2.0,))] == pytest.approx(
+        [1.8, 1.94, 1.98, 2.0, 2.02, 2.06, 2.2]
+    )
+
+
+@pytest.mark.parametrize(("spread", "believed"), [(1.5, True), (1.7, False)])
+def test_a_needed_torque_that_is_spread_by_eight_tenths_of_the_limit_is_none(arm, smooth, spread, believed):
+    # By hand: twenty samples beyond a limit of 2 N m, at it and so much off it either way, a quarter of them each way.
+    operation, excess = beyond(arm, smooth, (10, 10), 2.0)
+    off = np.zeros(100)
+    off[excess != 0] = np.sqrt(2.0) * spread * np.tile([1.0, 0.0, -1.0, 0.0], 5)
+    driven = replace(operation, expected=(2.0 * np.sign(excess) + np.sign(excess) * off)[:, None] * np.ones(3))
+    assert _plausible(driven, 1, 2.0, excess) is believed
+
+
+@pytest.mark.parametrize(("size", "seen"), [(0.8, True), (0.8001, False)])
+def test_a_limit_is_not_below_what_was_followed(arm, saturated, monkeypatch, size, seen):
+    # By hand: limits of 0.8 of the torque that was given for certain, and more of it.
+    monkeypatch.setattr("phantom_dyn.effects.drive.torque_saturation.followed", lambda *_: 2.0 * size / 0.64)
+    driven = commanded_once(saturated, lambda command: np.clip(command, -2.0, 2.0))
+    assert EFFECT.signature(arm, driven, "tilt", (2.0,)).columns.any() == seen

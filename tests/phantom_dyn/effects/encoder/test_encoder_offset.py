@@ -56,3 +56,27 @@ def test_the_side_of_the_encoder_makes_no_difference(arm, operation):
     other = replace(arm, actuators=tuple(replace(one, encoder_side="link") for one in arm.actuators))
     ours, theirs = (EFFECT.torque(robot, operation, "tilt", np.array([0.1])) for robot in (arm, other))
     np.testing.assert_array_equal(ours, theirs)
+
+
+@pytest.mark.parametrize(("shape", "same"), [(0.9e-4, True), (-0.9e-4, True), (1.1e-4, False), (-1.1e-4, False)])
+def test_below_a_tenth_of_a_milliradian_the_column_is_the_tangent(arm, operation, shape, same):
+    tangent, columns = (EFFECT.signature(arm, operation, "tilt", (step,)).columns for step in (0.0, shape))
+    assert np.array_equal(columns, tangent) is same
+    np.testing.assert_allclose(columns, tangent, atol=1e-3 * np.abs(tangent).max())
+
+
+def test_a_prismatic_joint_may_be_off_by_any_length_and_a_hinge_by_half_a_turn(arm):
+    assert EFFECT.coefficient_bounds(arm, "slide", (0.0,)) == ()
+    assert EFFECT.coefficient_bounds(arm, "tilt", (0.0,)) == ((-np.pi, np.pi),)
+
+
+@pytest.mark.parametrize(("share", "hidden"), [(0.9e-6, True), (1.1e-6, False)])
+def test_a_zero_that_changes_a_millionth_of_the_torque_leaves_no_trace(arm, operation, share, hidden):
+    size = np.abs(operation.partials[0][:, :, 1]).max() / share
+    driven = replace(operation, tau=-size * np.eye(40, 3))
+    assert (EFFECT.untestable(arm, driven, "tilt") is not None) is hidden
+
+
+def test_a_simulated_encoder_reads_its_own_joint_off_by_the_offset(arm):
+    read = EFFECT.simulated(arm, "tilt", np.array([0.03])).reading
+    np.testing.assert_allclose(read(np.array([0.1, 0.2, 0.3])), [0.1, 0.23, 0.3])

@@ -1,6 +1,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from unittest.mock import Mock
 
 import numpy as np
 import pinocchio as pin
@@ -10,6 +11,7 @@ from phantom_dyn import load_robot
 from phantom_dyn.effects.friction.joint_coupling import JointCoupling
 from phantom_dyn.effects.operation import Operation
 from phantom_dyn.errors import RobotError
+from phantom_dyn.model.robot import Robot
 from phantom_dyn.motion import Motion
 
 EFFECT = JointCoupling()
@@ -143,3 +145,22 @@ def test_the_probe_is_its_coulomb_friction(arm, smooth):
     theta = EFFECT.from_coefficients(arm, "turn+slide", direction, (0.5,))
     assert [p.name for p in EFFECT.parameters(arm, "turn+slide")].index(name) == 1
     np.testing.assert_array_equal(theta, [0.5, 1.0, 0.0, 0.0])
+
+
+@pytest.mark.parametrize(
+    ("names", "pairs"), [("abcd", "ab ac ad bc bd cd"), ("abcde", "ab ac bc bd cd ce de"), ("ab", "ab")]
+)
+def test_beyond_four_joints_a_belt_spans_one_joint_at_most(names, pairs):
+    places = EFFECT.places(Mock(spec=Robot, joint_names=tuple(names)))
+    assert places == tuple("+".join(pair) for pair in pairs.split())
+
+
+def test_the_speeds_of_a_belt_that_turns_its_joints_alike_or_against_each_other_are_tried(arm, smooth):
+    assert EFFECT.shapes(arm, smooth, "turn+slide") == ((1.0,), (-1.0,))
+    assert [ratio for (ratio,) in EFFECT.refined(np.zeros(3), (-2.0,))] == pytest.approx([-1.6, -1.86, -2, -2.14, -2.5])
+
+
+def test_a_coupling_in_the_model_has_both_joints_and_the_numbers_of_the_contract(arm):
+    coupling = EFFECT.model_numbers(arm, "turn+slide", THETA).coupling
+    assert (coupling.first, coupling.second) == ("turn", "slide")
+    assert (coupling.ratio, coupling.coulomb_torque, coupling.coefficient, coupling.inertia) == tuple(THETA)
