@@ -1,5 +1,6 @@
 from __future__ import annotations
 
+import numpy as np
 import pytest
 
 from identification.diagnosis.judge.verdict import nearly_closed, ordinary_effects_hide, verdict
@@ -45,6 +46,7 @@ def test_without_a_finding_every_joint_has_to_be_within_its_noise(after, left, h
         (10.0, 1.5, NOTHING, "explained"),
         (10.0, 1.5, structure(0.09), "explained"),
         (10.0, 1.5, structure(0.1), "partly_explained"),
+        (10.0, 1.5, structure(0.5), "partly_explained"),
         (10.0, 1.5, BURST, "partly_explained"),
         (10.0, 3.3, NOTHING, "explained"),  # 9.89 of 99: just under a tenth of its own gap
         (10.0, 3.31, NOTHING, "partly_explained"),
@@ -82,3 +84,31 @@ def bound(of_torque: float | None) -> Bound:
 )
 def test_ordinary_effects_hide_where_every_known_bound_is_above_a_tenth_of_the_torque(shares, hide):
     assert ordinary_effects_hide(tuple(bound(share) for share in shares)) is hide
+
+
+@pytest.mark.parametrize(
+    ("floor", "within", "after", "closed"),
+    # By hand: one and a half floors, or a tenth of a gap in squares.
+    [
+        (0.5, 0.6, 0.75, True),
+        (0.5, 0.8, 0.751, False),
+        (4.0, 6.5, 6.0, True),
+        (4.0, 6.5, 6.01, False),
+        (0.5, 5.0, 1.65, True),  # 9.89 of 99
+        (0.5, 5.0, 1.66, False),
+        (4.0, 40.0, 13.2, True),
+        (4.0, 40.0, 13.3, False),
+    ],
+)
+def test_a_joint_is_nearly_closed_in_floors_of_its_own(floor, within, after, closed):
+    gap = JointGap("j1", "N m", 99.0, after, floor, 100, rms_within_tolerance=within)
+    assert nearly_closed(gap) is closed
+
+
+@pytest.mark.parametrize(("after", "expected"), [(2.6, "partly_explained"), (2.7, "unknown")])
+def test_losses_are_means_over_joints_in_floors_of_their_own(made_up, after, expected):
+    # By hand: squares in floors of 4 and 58 within tolerance, of 4 and 27.04 or 29.16 after: of a mean gap of 30 are
+    # 14.52 or 15.58 left.
+    first = JointGap("j1", "N m", 9.0, 4.0, 2.0, 100, rms_within_tolerance=4.0)
+    second = JointGap("j2", "N m", 9.0, after, 0.5, 100, rms_within_tolerance=np.sqrt(58.0) * 0.5)
+    assert said([first, second], made_up(findings=1).findings) == expected

@@ -1,0 +1,157 @@
+"""Sizes and shares of noise. Oracle: NumPy's correlation written out, least squares by hand on made-up series."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+from identification.diagnosis.fit.grams import Weights
+from identification.diagnosis.noise.noise_floor import (
+    _plain_first,
+    autocorrelation_time,
+    noise_without,
+    smaller_noise,
+    weights_of,
+)
+
+PLACE = "identification.diagnosis.noise.noise_floor."
+
+
+def time_by_hand(e: np.ndarray) -> float:
+    """Twice the sum of autocorrelations of pairs of lags up to the first negative pair, less one."""
+    e = e - e.mean()
+    r = np.correlate(e, e, "full")[len(e) - 1 :][: len(e) // 2] / (e @ e)
+    out = -1.0
+    for k in range(0, len(r) - 1, 2):
+        if r[k] + r[k + 1] <= 0:
+            break
+        out += 2.0 * (r[k] + r[k + 1])
+    return max(out, 1.0)
+
+
+@pytest.mark.parametrize("samples", [8, 9, 11, 30, 200])
+def test_the_autocorrelation_time_is_the_sum_over_pairs_of_lags(rng, samples):
+    for _ in range(10):
+        e = np.cumsum(rng.normal(size=samples)) + 5.0
+        assert autocorrelation_time(e) == pytest.approx(time_by_hand(e))
+
+
+def test_seven_samples_have_time_one():
+    line = np.arange(8.0)
+    assert autocorrelation_time(line[:7]) == 1.0
+    assert autocorrelation_time(line) == pytest.approx(time_by_hand(line)) != 1.0
+
+
+def law(*columns: int, named=True, inertial=None, follows="", scope="joint", shape=()) -> SimpleNamespace:
+    """A rival of these columns; ``follows`` names what its columns are made of besides the motion."""
+    kinds = ("follows_model", "follows_torque", "scales_joint")
+    effect = SimpleNamespace(inertial=inertial, scope=scope, **{kind: kind == follows for kind in kinds})
+    return SimpleNamespace(columns=columns, named=named, effect=effect, shape=shape)
+
+
+@pytest.mark.parametrize(
+    ("rival", "rung"),
+    [
+        (law(5), 0),
+        (law(5, shape=(0.1,)), 2),
+        (law(5, scope="pair", shape=(1.0,)), 0),
+        (law(5, scope="pair", shape=(1.0,), follows="follows_model"), 2),
+        (law(5, follows="follows_model"), 1),
+        (law(5, follows="follows_torque"), 1),
+        (law(5, follows="scales_joint"), 1),
+        (law(5, follows="scales_joint", shape=(0.1,)), 2),
+        (law(5, named=False), 2),
+        (law(5, inertial="free"), 2),
+        (law(5, inertial="point mass"), 2),
+    ],
+)
+def test_the_ladder_goes_from_laws_of_the_motion_over_moves_and_other_laws_to_all_the_rest(rival, rung):
+    # By hand: columns 0 and 1 are moves, 2 and 3 of a law of the motion, 4 of nothing that is known.
+    columns = SimpleNamespace(nuisances=("a", "b"), terms=(law(2, 3), rival), rows=((0, 1, 9), (4, 5, 3, 1, 2, 0)))
+    order, ends = _plain_first(columns, 1)
+    steps = {0: [1, 2, 4, 3, 5, 0], 1: [2, 4, 1, 3, 5, 0], 2: [2, 4, 3, 5, 0, 1]}
+    assert list(order) == steps[rung]
+    assert ends == {0: (3, 5), 1: (2, 5), 2: (2, 4)}[rung]
+    assert _plain_first(columns, 0)[1] == (0, 2)
+
+
+def two_logs(quiet, **changes):
+    """Columns of two logs of unequal length, thirty and ten samples, all usable."""
+    shapes = ((30, 2), (10, 2))
+    given = {"usable": tuple(np.ones(shape, dtype=bool) for shape in shapes)}
+    given |= {name: tuple(np.zeros(shape) for shape in shapes) for name in ("model_torque", "residual")}
+    return replace(quiet.columns, **(given | changes))
+
+
+def test_weights_are_of_the_size_of_usable_noise_and_of_its_mean_colour(quiet, rng):
+    use = (np.arange(60).reshape(30, 2) % 5 != 0, np.ones((10, 2), dtype=bool))
+    noise = tuple(np.where(u, np.cumsum(rng.normal(size=u.shape), axis=0), 77.0) * [1.0, 4.0] for u in use)
+    weights = weights_of(two_logs(quiet, usable=use), noise)
+    for j in range(2):
+        parts = [e[u[:, j], j] for e, u in zip(noise, use, strict=True)]
+        assert weights.floor[j] == pytest.approx(np.sqrt(np.mean(np.concatenate(parts) ** 2)))
+        assert weights.spread[j] == pytest.approx(np.mean([time_by_hand(part) for part in parts]))
+
+
+def test_a_noise_is_a_millionth_of_the_deviation_of_the_torque_over_all_logs(quiet):
+    # By hand: 30 samples of 3 and 10 of -1 about 2 deviate by the root of 3; where no torque is, by next to nothing.
+    torque = tuple(size * np.ones((count, 2)) * [1.0, 0.0] for size, count in ((3.0, 30), (-1.0, 10)))
+    nothing = tuple(np.zeros((count, 2)) for count in (30, 10))
+    weights = weights_of(two_logs(quiet, model_torque=torque), nothing)
+    np.testing.assert_allclose(weights.floor, [1e-6 * np.sqrt(3.0), 1e-18])
+    np.testing.assert_array_equal(weights.spread, 1.0)
+
+
+@pytest.fixture
+def leaving(quiet, monkeypatch):
+    """A search of two logs whose effects leave a given residual, or make a given torque."""
+
+    def search(columns, residual=None, torque=None, weights=None):
+        monkeypatch.setattr(PLACE + "residual_after", lambda *_: residual)
+        monkeypatch.setattr(PLACE + "held_out_torque", lambda _, chosen, found: (torque or {}).get(chosen))
+        monkeypatch.setattr(PLACE + "whitened_noise", lambda columns, series, like=None: series)
+        problem = SimpleNamespace(columns=columns, white=columns, weights=weights)
+        return SimpleNamespace(problem=problem, evaluate=lambda chosen: None)
+
+    return search
+
+
+def test_each_row_takes_what_an_explanation_leaves_where_that_is_less(quiet, leaving):
+    # By hand: noise of 2 and 5; 1 and 6 are left of them, where samples are usable.
+    use = (np.arange(60).reshape(30, 2) % 7 != 0, np.ones((10, 2), dtype=bool))
+    left = tuple(np.where(u, [1.0, 6.0], 99.0) for u in use)
+    noise = tuple(np.where(u, [2.0, 5.0], 0.0) for u in use)
+    found, ratio = smaller_noise(leaving(two_logs(quiet, usable=use), left), frozenset(), noise)
+    assert ratio == pytest.approx(0.5)
+    for part, u in zip(found, use, strict=True):
+        np.testing.assert_array_equal(part, np.where(u, [1.0, 5.0], 0.0))
+
+
+@pytest.mark.parametrize(("sizes", "ratio"), [((1.0, 4.0), 0.5), ((1.9, 1.0), 0.2), ((0.0, 0.0), 1.0)])
+def test_the_ratio_is_that_of_the_row_that_has_come_down_most(quiet, leaving, sizes, ratio):
+    # By hand: noise of 2 and 5; a residual of exactly nothing is no noise.
+    left, noise = (
+        tuple(np.ones((count, 2)) * size for count in (30, 10)) for size in (np.array(sizes), np.array([2.0, 5.0]))
+    )
+    assert smaller_noise(leaving(two_logs(quiet), left), frozenset(), noise)[1] == pytest.approx(ratio)
+
+
+def test_the_share_of_a_trace_is_that_of_least_squares_and_all_of_it_at_most(quiet, leaving, rng):
+    # By hand: the noise holds 0.4 of the trace on one row and thrice of it on the other, besides what is across it.
+    tried, chosen = frozenset({"friction"}), frozenset()
+    trace = [rng.normal(size=(count, 2)) for count in (30, 10)]
+    whole = np.concatenate(trace)
+    across = rng.normal(size=whole.shape)
+    across -= whole * (across * whole).sum(axis=0) / (whole**2).sum(axis=0)
+    noise = np.split(across + whole * [0.4, 3.0], [30])
+    torque = {tried: tuple(5.0 + part for part in trace), chosen: tuple(5.0 + 0.0 * part for part in trace)}
+    weights = Weights(np.array([0.5, 2.0]), np.ones(2))
+    search = leaving(two_logs(quiet), torque=torque, weights=weights)
+    left, gain = noise_without(search, tried, chosen, tuple(noise))
+    np.testing.assert_allclose(np.concatenate(left), across + whole * [0.0, 2.0], atol=1e-9)
+    # What the weighted square has come down by.
+    taken = (across + whole * [0.4, 3.0]) ** 2 - np.concatenate(left) ** 2
+    assert gain == pytest.approx(float(taken.sum(axis=0) @ weights.per_sample))
