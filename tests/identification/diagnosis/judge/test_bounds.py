@@ -5,6 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from identification.diagnosis.fit.gap import measured_torque, sums
 from identification.diagnosis.judge.bounds import (
     _claimable,
     _information,
@@ -17,7 +18,7 @@ from identification.diagnosis.judge.bounds import (
 from identification.diagnosis.model.blocks import held_out_share
 from identification.diagnosis.model.terms import merged, untestable_places
 from identification.pipeline import diagnose
-from phantom_dyn.effects.catalogue import EFFECTS
+from phantom_dyn.effects.catalogue import EFFECTS, effect_named
 from phantom_dyn.motion import Motion
 
 
@@ -196,6 +197,66 @@ def test_a_bound_is_what_a_claim_or_the_eye_needs_over_the_information_that_is_h
     needed = max(_claimable(quiet.search, term, by_block), _seen(quiet.search, term, np.ones(1)))
     expected = needed / np.sqrt(held_out_share(quiet.blocks) * information)
     assert bounds["viscous_friction", "elbow"] == pytest.approx(expected, rel=1e-6)
+
+
+def smallest(quiet, term, direction: np.ndarray) -> float:
+    """Size of a term that is seen: deviations over the root of the information in the blocks that are held out."""
+    problem, base = quiet.problem, np.arange(quiet.problem.nuisances)
+    information, beside = _information(problem, term, direction, base, _inverse(problem, base))
+    index, parts = np.concatenate([base, term.columns]), np.concatenate([beside, direction])
+    by_block = np.einsum("i,bij,j->b", parts, problem.grams.core_a[:, index][:, :, index], parts)
+    needed = max(_claimable(quiet.search, term, by_block), _seen(quiet.search, term, direction))
+    return needed / np.sqrt(held_out_share(quiet.blocks) * information)
+
+
+def tried(quiet, effect: str, joint: str) -> list:
+    terms = [term for term in quiet.search.terms if term.place == (effect, joint)]
+    assert len(terms) > 1
+    return terms
+
+
+@pytest.mark.parametrize("joint", ["shoulder", "elbow"])
+def test_of_shapes_that_are_seen_unequally_well_the_worst_one_bounds(quiet, planar2, joint):
+    effect = effect_named("stribeck_friction")
+    name, direction = effect.probe(planar2, quiet.columns.operations[0], joint)
+    sizes = [smallest(quiet, term, direction) for term in tried(quiet, "stribeck_friction", joint)]
+    (bound,) = (b for b in seen(quiet, planar2)[0] if (b.effect, b.joint) == ("stribeck_friction", joint))
+    assert (bound.parameter, bound.below) == (name, pytest.approx(max(sizes), rel=1e-6))
+    assert min(sizes) < 0.99 * max(sizes)
+
+
+@pytest.mark.parametrize("joint", ["shoulder", "elbow"])
+def test_of_shapes_that_are_sizes_the_smallest_that_is_seen_bounds(quiet, planar2, joint):
+    # A play is seen where half of what its law leaves is enough.
+    enough = [term.shape[0] for term in tried(quiet, "backlash", joint) if smallest(quiet, term, np.ones(1)) < 0.5]
+    found = [b for b in seen(quiet, planar2)[0] if (b.effect, b.joint) == ("backlash", joint)]
+    assert [(b.below, b.of_torque) for b in found] == ([(min(enough), None)] if enough else [])
+
+
+@pytest.mark.parametrize(("effect", "joint"), [("viscous_friction", "elbow"), ("base_tilt", None)])
+def test_a_bound_states_the_share_of_the_torque_that_it_makes_on_the_joint_that_feels_it_most(
+    quiet, planar2, effect, joint
+):
+    # Brute force: the columns as they are fitted, over the measured torque, both without weights.
+    (bound,) = (b for b in seen(quiet, planar2)[0] if (b.effect, b.joint) == (effect, joint))
+    _, direction = effect_named(effect).probe(planar2, quiet.columns.operations[0], joint)
+    made = columns_along(quiet, effect, joint, direction) / np.sqrt(quiet.weights.per_sample)
+    use = quiet.white.usable[0]
+    measured = sums(quiet.problem, measured_torque(quiet.problem)).rms()
+    shares = [np.sqrt(np.mean(made[use[:, j], j] ** 2)) / measured[j] for j in range(2)]
+    assert bound.of_torque == pytest.approx(bound.below * max(shares))
+
+
+@pytest.mark.parametrize("factor", [0.99, 1.01])
+def test_what_would_have_to_exceed_the_measured_torque_cannot_be_tested(quiet, planar2, monkeypatch, factor):
+    size = smallest(quiet, quiet.term("viscous_friction", "elbow"), np.ones(1))
+    monkeypatch.setattr("identification.diagnosis.judge.bounds._largest", lambda *_: factor * size)
+    bounds, left = seen(quiet, planar2)
+    place = ("viscous_friction", "elbow")
+    why = [n.why for n in left if (n.effect, n.joint) == place]
+    exceeds = "it would have to exceed the torque measured on elbow to be seen in this recording"
+    assert why == ([exceeds] if factor < 1.0 else [])
+    assert len([b for b in bounds if (b.effect, b.joint) == place]) == (factor > 1.0)
 
 
 @pytest.fixture(scope="module")

@@ -7,6 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from identification.diagnosis import decision_rules as rules
 from identification.diagnosis.fit.gap import held_out_torque, residual_after, sums
 from identification.diagnosis.judge.findings import _range, _sized, findings_without, remarks, shown_effects
 from identification.diagnosis.judge.judged_band import Judge, narrow_search, noise_floor
@@ -62,6 +63,24 @@ def test_the_torque_without_a_finding_is_that_of_the_fit_without_it(judged):
         kept = shown.chosen - {term}
         expected = held_out_torque(shown.problem, kept, shown.plain.evaluate(kept))
         np.testing.assert_array_equal(torque[0], expected[0])
+
+
+@pytest.mark.parametrize("share", [0.99, 1.01])
+@pytest.mark.parametrize("floors", [0.99, 1.01])
+def test_a_finding_is_minor_that_closes_little_and_raises_no_joint(judged, monkeypatch, share, floors):
+    # By hand: limits at what the one that closes most of the gap closes, and raises the joint that it raises most.
+    shown, judge, _ = judged
+    most = max((claim.finding for claim in findings_without(*judged)), key=lambda finding: finding.gap_closed)
+    term = next(term for term in shown.chosen if term.place == (most.effect, most.joint))
+    squares = []
+    for kept in (shown.chosen - {term}, shown.chosen):
+        torque = held_out_torque(shown.problem, kept, shown.plain.evaluate(kept))
+        squares.append(sums(shown.problem, judge.narrow(residual_after(shown.problem, torque))).rms() ** 2)
+    raised = float(np.sqrt(np.maximum(squares[0] - squares[1], 0.0) / judge.floor**2).max())
+    monkeypatch.setattr(rules, "MINOR_SHARE", share * most.gap_closed)
+    monkeypatch.setattr(rules, "MINOR_FLOORS", floors * raised)
+    minor = {claim.finding.effect: claim.minor for claim in findings_without(*judged)}
+    assert minor[most.effect] is (share > 1.0 and floors > 1.0)
 
 
 def test_without_a_gap_nothing_is_shown(judged):
