@@ -43,7 +43,7 @@ def order_range(operation: Operation, row: int) -> tuple[float, float]:
     """
     low, high = np.percentile(operation.q[:, row], [0.5, 99.5])
     slow, speed = (float(np.percentile(np.abs(operation.v[:, row]), share)) for share in (25, 95))
-    if len(operation.t) < 2 or high - low < 1e-6 or speed < 1e-9:
+    if high - low < 1e-6 or speed < 1e-9:
         return np.inf, 0.0
     finest = 2 * np.pi * _MOST_BINS / (_BINS * float(np.ptp(operation.q[:, row])))
     fastest = min(_RATE_SHARE / (operation.dt * speed), 0.5 / (_SECONDS * max(slow, 1e-9)))

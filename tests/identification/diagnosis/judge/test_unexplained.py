@@ -67,9 +67,10 @@ def test_the_fraction_is_what_a_flexible_model_still_takes_off_what_can_be_expla
     assert case.left(given, residual, smooth).fraction_of_explainable == pytest.approx(fraction)
 
 
+@pytest.mark.parametrize("size", [2.0, 0.1])
 @pytest.mark.parametrize(("share", "structured"), [(0.07, False), (0.09, True)])
-def test_a_residual_has_structure_of_which_a_twelfth_can_be_foretold_in_all_blocks(case, share, structured):
-    left = case.left([3.0, 3.0], [2.0, 2.0], [2.0, 2.0 * np.sqrt(1.0 - 2.0 * share)])
+def test_a_residual_has_structure_of_which_a_twelfth_can_be_foretold_in_all_blocks(case, size, share, structured):
+    left = case.left([3.0, 3.0], [size, size], [size, size * np.sqrt(1.0 - 2.0 * share)])
     assert left.structured is structured
     assert left.joint == ("elbow" if structured else None)
 

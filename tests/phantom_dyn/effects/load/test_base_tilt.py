@@ -171,3 +171,7 @@ def test_a_probe_is_one_radian_of_the_named_angle(arm, operation):
     name, direction = EFFECT.probe(leaning, swung, None)
     found = EFFECT.from_coefficients(leaning, None, direction, (0.0, 0.0))
     assert found[("roll", "pitch", "yaw").index(name)] == pytest.approx(1.0)
+
+
+def test_a_level_base_of_an_older_file_is_level(arm):
+    assert EFFECT.from_stated(arm, {"roll": 0.0, "pitch": 0.0}) == {"roll": 0.0, "pitch": 0.0, "yaw": 0.0}

@@ -6,10 +6,16 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from scipy.signal import butter, sosfiltfilt
 
 from phantom_dyn.effects.operation import Operation
 from phantom_dyn.effects.transmission.backlash import Backlash, play
-from phantom_dyn.effects.transmission.transmission_compliance import TransmissionCompliance, _edge, moving_mass
+from phantom_dyn.effects.transmission.transmission_compliance import (
+    TransmissionCompliance,
+    _edge,
+    _followed,
+    moving_mass,
+)
 from phantom_dyn.motion import Motion
 
 BACKLASH, COMPLIANCE = Backlash(), TransmissionCompliance()
@@ -100,3 +106,29 @@ def test_the_load_ends_between_the_outer_edges_however_loud_it_is(rng, size, edg
     # Lines of the spectrum are half a hertz apart.
     t = np.arange(20000) / RATE
     assert _edge(t, size * rng.normal(size=len(t)), 0.3, 1e-4, EDGES) == pytest.approx(edge, abs=0.5)
+
+
+@pytest.mark.parametrize(("samples", "edge", "pad"), [(16, 10.0, 15), (40, 60.0, 25), (90, 20.01, 74), (40, 200.0, 7)])
+def test_a_load_is_followed_by_a_filter_of_second_order_without_delay(rng, samples, edge, pad):
+    # SciPy's filter; by hand: padded by three periods of its edge, or all but one of the samples.
+    t, load = 3.0 + np.arange(samples) / RATE, rng.normal(size=samples)
+    expected = sosfiltfilt(butter(2, edge, fs=RATE, output="sos"), load, padlen=pad)
+    np.testing.assert_allclose(_followed(t, load, edge), expected, rtol=1e-6, atol=1e-9)
+
+
+@pytest.mark.parametrize(("samples", "edge"), [(15, 10.0), (40, 200.1)])
+def test_few_samples_and_edges_above_two_fifths_of_the_rate_leave_a_load_as_it_is(rng, samples, edge):
+    load = rng.normal(size=samples)
+    assert _followed(np.arange(samples) / RATE, load, edge) is load
+
+
+@pytest.mark.parametrize(("samples", "edge"), [(15, 12.0), (16, 20.0)])
+def test_sixteen_samples_tell_how_far_a_load_goes(rng, samples, edge):
+    t = np.arange(samples) / RATE
+    assert _edge(t, 1e3 * rng.normal(size=samples), 0.3, 1e-4, EDGES) == edge
+
+
+def test_lines_of_a_short_load_are_as_far_apart_as_it_lasts(rng):
+    # By hand: forty samples of 500 Hz, lines 12.5 Hz apart, all lost above 8 Hz.
+    t = 7.0 + np.arange(40) / RATE
+    assert _edge(t, 1e-12 * rng.normal(size=40), 0.3, 1e-4, (8.0, 12.0, 90.0)) == pytest.approx(12.5)
