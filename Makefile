@@ -28,8 +28,9 @@ export PYRIGHT_PYTHON_IGNORE_WARNINGS := 1
 demo: setup
 	@$(BIN)/python examples/demo.py
 
+# Byte code is kept whatever the environment says: else each worker and each process of a test compiles every module.
 test: setup
-	@$(BIN)/python -m pytest
+	@env -u PYTHONDONTWRITEBYTECODE $(BIN)/python -m pytest
 
 lint: setup
 	@$(BIN)/ruff check .

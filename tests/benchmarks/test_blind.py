@@ -16,6 +16,7 @@ from benchmarks.blind.generator.effects import SINGLE_EFFECTS
 from benchmarks.blind.run import default_command, diagnose_all
 from benchmarks.blind.score import load_pairs
 from benchmarks.blind.seal import NAME, decrypted, encrypted, sealed
+from identification.cli.main import main
 from places import CHECKOUT
 
 SEED = 12  # a pendulum: the quickest to move
@@ -185,11 +186,26 @@ def test_a_case_with_a_result_is_not_diagnosed_again(tmp_path):
     assert (results / "c1.json").read_text() == "kept"
 
 
+def diagnosed_here(names, cases, results):
+    """Results as `diagnose_all` writes them, without a process for each: that takes two seconds before it begins."""
+    results.mkdir()
+    for name in names:
+        out = cases / name / "diagnosis.json"
+        code = main(["diagnose", str(cases / name / "robot.urdf"), str(cases / name / "log.csv"), "--json", str(out)])
+        entry = {"id": name, "exit_code": code, "seconds": 1.0, "said": "", "diagnosis": None}
+        if code == 0:
+            entry["diagnosis"] = json.loads(out.read_text())
+        (results / f"{name}.json").write_text(json.dumps(entry))
+
+
+@pytest.mark.whole
 def test_some_sealed_cases_through_the_command_line(tmp_path):
     """Known truth: no false claim, no crash, and most of the large single effects named."""
     cases, answers, results = (tmp_path / name for name in ("cases", "answers", "results"))
     names = [name for kind, seeds in SOME for name in draw_many(seeds, kind, cases, answers, 1)]
-    diagnose_all(names, cases, answers, results, command=default_command(), jobs=2)
+    diagnosed_here(names[:-1], cases, results)
+    diagnose_all(names, cases, answers, results, command=default_command(), jobs=1)  # the last one
+    assert len(list(results.iterdir())) == len(names)
     scored = load_pairs(answers, results, names)
     assert not [x.id for x in scored if x.verdict == "failed"]
     assert sum(x.false_claim for x in scored if x.kind == "null") == 0

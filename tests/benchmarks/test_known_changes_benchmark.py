@@ -6,6 +6,8 @@ import pytest
 from benchmarks.known_changes import gain_case, load_case, told_apart
 from identification.pipeline import diagnose
 
+pytestmark = pytest.mark.whole
+
 
 @pytest.mark.parametrize("make", [gain_case, load_case])
 def test_two_recordings_with_a_known_change_tell_causes_apart(make):

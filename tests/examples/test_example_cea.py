@@ -3,22 +3,18 @@
 from __future__ import annotations
 
 import re
-import subprocess
-import sys
 
 import pytest
 
+from called_example import printed
 from phantom_dyn.devices.cea import FRICTION_TESTS
-from places import CHECKOUT
 
-SCRIPT = CHECKOUT / "examples" / "identify_cea.py"
+pytestmark = pytest.mark.whole
 
 
 @pytest.fixture(scope="module")
 def out() -> str:
-    done = subprocess.run([sys.executable, str(SCRIPT)], capture_output=True, text=True)
-    assert (done.returncode, done.stderr) == (0, "")
-    return done.stdout
+    return printed("identify_cea.py")
 
 
 def test_it_prints_the_known_rank(out):

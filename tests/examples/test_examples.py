@@ -16,6 +16,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from called_example import EXAMPLES, ended, printed
+from identification.cli.main import main
 from identification.data.readers.column_map import read_column_map
 from identification.scenarios.recordings_file import read_changes
 from phantom_dyn import load_robot
@@ -25,25 +27,14 @@ from phantom_dyn.model.robot_config import RobotConfig, read_robot_config
 from phantom_dyn.motion import Motion
 from places import CHECKOUT
 
-EXAMPLES = CHECKOUT / "examples"
 README = (CHECKOUT / "README.md").read_text()
 PENDULUM = CHECKOUT / "tests" / "robots" / "pendulum.urdf"
 
+# What the examples call has tests of its own, which check its annotations.
+pytestmark = pytest.mark.whole
+
 # A proxy where nobody listens: every address is out of reach, at once and on every machine.
 NO_NETWORK = {name: "http://127.0.0.1:9" for name in ("http_proxy", "https_proxy", "HTTP_PROXY", "HTTPS_PROXY")}
-
-
-def run(script: str, *words: object, **environment: str) -> subprocess.CompletedProcess[str]:
-    """An example as its own process."""
-    command = [sys.executable, str(EXAMPLES / script), *map(str, words)]
-    return subprocess.run(command, env={**os.environ, **environment}, capture_output=True, text=True)
-
-
-def printed(script: str, *words: object, **environment: str) -> str:
-    """What an example prints, which has to end well."""
-    done = run(script, *words, **environment)
-    assert (done.returncode, done.stderr) == (0, "")
-    return done.stdout
 
 
 @pytest.fixture
@@ -80,14 +71,13 @@ def rubbing_pendulum(tmp_path: Path, rng: np.random.Generator) -> Path:
     return tmp_path
 
 
-def test_the_readme_example_finds_the_friction_that_was_put_in(rubbing_pendulum):
+def test_the_readme_example_finds_the_friction_that_was_put_in(rubbing_pendulum, monkeypatch, capsys):
     # Known truth: Coulomb friction on the pin.
     section = README.partition("## Ten lines of Python")[2].partition("\n## ")[0]
     (block,) = re.findall(r"```python\n(.*?)```", section, flags=re.DOTALL)
-    done = subprocess.run(
-        [sys.executable, "-c", block], cwd=rubbing_pendulum, capture_output=True, text=True, check=True
-    )
-    assert re.search(r"^coulomb_friction pin ", done.stdout, flags=re.MULTILINE)
+    monkeypatch.chdir(rubbing_pendulum)
+    exec(block, {})
+    assert re.search(r"^coulomb_friction pin ", capsys.readouterr().out, flags=re.MULTILINE)
 
 
 def test_own_robot_finds_the_friction_that_was_put_in(rubbing_pendulum):
@@ -99,11 +89,11 @@ def test_own_robot_finds_the_friction_that_was_put_in(rubbing_pendulum):
 
 
 def test_own_robot_says_what_it_takes():
-    assert run("own_robot.py", "robot.urdf").stderr.startswith("own_robot.py takes a robot file and a log")
+    assert ended("own_robot.py", "robot.urdf").err.startswith("own_robot.py takes a robot file and a log")
 
 
 def test_own_robot_refuses_a_log_that_is_not_there_in_one_sentence(tmp_path):
-    said = run("own_robot.py", PENDULUM, tmp_path / "log.csv").stderr
+    said = ended("own_robot.py", PENDULUM, tmp_path / "log.csv").err
     assert "does not exist" in said
     assert said.count("\n") == 1
 
@@ -153,11 +143,10 @@ def test_the_files_beside_the_real_recordings_are_valid(path):
         assert read_robot_config(path) != RobotConfig()
 
 
-def test_the_column_map_of_emps_fits_the_recording_with_clear_names(data_folder, mirror):
+def test_the_column_map_of_emps_fits_the_recording_with_clear_names(data_folder, capsys):
     log, columns = data_folder / "emps" / "emps_train.npz", EXAMPLES / "data" / "emps" / "columns.yaml"
-    command = [sys.executable, "-m", "identification.cli", "check", log, "--robot", "emps", "--columns", columns]
-    done = subprocess.run(list(map(str, command)), capture_output=True, text=True)
-    assert done.stdout.startswith("emps_train.npz: 24841 samples, 24.84 s, 1000 Hz")
+    main(["check", str(log), "--robot", "emps", "--columns", str(columns)])
+    assert capsys.readouterr().out.startswith("emps_train.npz: 24841 samples, 24.84 s, 1000 Hz")
 
 
 def test_the_log_of_emps_holds_newtons_and_not_volts(data_folder, mirror, tmp_path):
@@ -234,9 +223,9 @@ def test_base_parameters_ur10_prints_the_rank_that_numpy_finds():
     "script", ["emps_log.py", "diagnose_emps.py", "identify_emps.py", "diagnose_ur10.py", "double_pendulum_logs.py"]
 )
 def test_without_recording_and_network_an_example_says_in_one_sentence_how_to_get_it(script, offline):
-    done = run(script, **offline)
-    assert done.returncode == 1
-    assert re.fullmatch(r"(could not fetch .*: take it from|.* is published in another form at) .*\n", done.stderr)
+    done = ended(script, **offline)
+    assert done.code == 1
+    assert re.fullmatch(r"(could not fetch .*: take it from|.* is published in another form at) .*\n", done.err)
 
 
 FOLDER_TAKERS = (
@@ -265,7 +254,11 @@ def test_an_option_is_no_folder_to_write_into(script, word, tmp_path, monkeypatc
 
 def test_the_demo_diagnoses_before_it_opens_the_envelope_and_names_reports_that_exist(mirror, tmp_path):
     # Known truth and published values: seed 1 draws Coulomb friction, and EMPS stands beside its authors' estimates.
-    out = printed("demo.py", "--seed", 1, "--out", tmp_path, **mirror)
+    # In a process of its own, as a user starts it: it starts others, which print where it does.
+    command = [sys.executable, str(EXAMPLES / "demo.py"), "--seed", "1", "--out", str(tmp_path)]
+    done = subprocess.run(command, env={**os.environ, **mirror}, capture_output=True, text=True)
+    assert (done.returncode, done.stderr) == (0, "")
+    out = done.stdout
     (envelope,) = tmp_path.glob("envelope/*.json")
     (drawn,) = json.loads(envelope.read_text())["effects"]
     assert out.index("$ phantom-dyn diagnose") < out.index(f"drawn: Coulomb friction on joint {drawn['joint']}")
@@ -287,13 +280,15 @@ def test_the_demo_without_recording_and_network_says_in_one_line_how_to_get_it(d
 
 def test_the_demo_without_the_simulator_says_what_installs_it(offline, tmp_path):
     (tmp_path / "mujoco.py").write_text("raise ModuleNotFoundError('no', name='mujoco')")
-    done = run("demo.py", "--out", tmp_path, PYTHONPATH=str(tmp_path), **offline)
+    command = [sys.executable, str(EXAMPLES / "demo.py"), "--out", str(tmp_path)]
+    environment = {**os.environ, "PYTHONPATH": str(tmp_path), **offline}
+    done = subprocess.run(command, env=environment, capture_output=True, text=True)
     assert "needs mujoco, which is not in this environment: run make demo" in done.stdout
     assert (done.returncode, done.stderr) == (1, "")
 
 
 def test_the_demo_refuses_a_seed_that_is_kept_for_the_report():
-    assert "--seed 1000 was given, wanted one from 0 to 999" in run("demo.py", "--seed", 1000).stderr
+    assert "--seed 1000 was given, wanted one from 0 to 999" in ended("demo.py", "--seed", 1000).err
 
 
 @pytest.mark.parametrize(

@@ -3,24 +3,20 @@
 from __future__ import annotations
 
 import re
-import subprocess
-import sys
 from pathlib import Path
 
 import pytest
 
-from places import CHECKOUT
+from called_example import printed as printed_by
 
-EXAMPLE = CHECKOUT / "examples" / "phantom_maps.py"
+pytestmark = pytest.mark.whole
 
 
 @pytest.fixture(scope="module")
 def printed(tmp_path_factory):
     """What the example prints, and the folder that it writes to."""
     folder = tmp_path_factory.mktemp("maps")
-    done = subprocess.run([sys.executable, str(EXAMPLE), str(folder)], capture_output=True, text=True, check=True)
-    assert done.stderr == ""
-    return done.stdout, folder
+    return printed_by("phantom_maps.py", folder), folder
 
 
 def test_it_prints_the_largest_manipulability(printed):

@@ -31,6 +31,9 @@ INJECTED = [
     ("parasitic_spring", "shoulder", {"stiffness": 6.0, "rest_position": 0.2}),
 ]
 
+# Whole diagnoses; annotations are checked in those of other robots, in the files beside this one.
+pytestmark = pytest.mark.whole
+
 RUBBING = ("coulomb_friction", "elbow", (0.3,))
 
 
