@@ -73,7 +73,7 @@ def regime_split(problem: Problem, residual: Series, row: int) -> RegimeSplit:
         for name, mask in regimes(log, columns, k, row).items():
             energy[name] = energy.get(name, 0.0) + float(square[mask].sum())
             samples[name] = samples.get(name, 0) + int((use & mask).sum())
-    if total == 0 or count == 0:
+    if total == 0:
         return RegimeSplit(dict.fromkeys(energy, 0.0), dict.fromkeys(energy, 0.0), "everywhere")
     shares = {name: value / total for name, value in energy.items()}
     times = {name: value / count for name, value in samples.items()}

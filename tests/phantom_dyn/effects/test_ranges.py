@@ -199,3 +199,18 @@ def test_a_parameter_is_possible_from_zero_on_unless_its_law_makes_sense_elsewhe
 def test_fits_take_away_no_more_of_a_rotor_than_is_modelled(planar):
     bounds = effect_named("rotor_inertia").coefficient_bounds(planar, "elbow", ())
     assert bounds == ((-planar.rotor_inertia[1], np.inf),)
+
+
+@pytest.mark.parametrize(
+    ("name", "factors"),
+    [
+        ("stribeck_friction", [0.85, 1.0, 1.18]),
+        ("presliding_friction", [0.75, 1.0, 4 / 3]),
+        ("backlash", [0.8, 1.0, 1.25]),
+    ],
+)
+def test_shapes_that_are_tried_next_lie_about_as_far_below_as_above(name, factors):
+    # In ratios: a sixth for a velocity, a third for a displacement, a quarter for a gap.
+    shapes = effect_named(name).refined(np.array([0.4, 0.7]), (0.02,))
+    assert [size for (size,) in shapes] == pytest.approx(0.02 * np.array(factors))
+    assert factors[0] * factors[2] == pytest.approx(1.0, abs=0.01)

@@ -37,7 +37,7 @@ def test_samples_that_may_not_be_used_have_no_level_and_no_weight():
     np.testing.assert_allclose(level[10:50], np.where(use, 0.3, 0.0)[10:50], atol=1e-12)
 
 
-@pytest.mark.parametrize(("samples", "joints"), [(3000, 2), (3000, 1), (10, 1)])
+@pytest.mark.parametrize(("samples", "joints"), [(3000, 2), (3000, 1), (10, 1), (96, 1)])
 def test_chance_exceeds_a_threshold_in_one_of_a_hundred_recordings(samples, joints):
     # SciPy: two tails of a normal law whose spread is that of the level, by as many looks as windows, joints and
     # lengths; a window longer than the record is looked at once.

@@ -63,6 +63,16 @@ def test_no_residual_has_no_regime(quiet):
     assert not any(found.values())
 
 
+@pytest.mark.parametrize("usable", [True, False])
+def test_nothing_that_is_left_takes_no_time(quiet, usable):
+    columns = replace(quiet.columns, usable=(np.full_like(quiet.columns.usable[0], usable),))
+    residual = np.zeros_like(columns.residual[0]) if usable else np.ones_like(columns.residual[0])
+    split = regime_split(replace(quiet.problem, columns=columns), (residual,), 1)
+    assert split.best == "everywhere"
+    assert set(split.times) == set(split.shares) == set(regimes(quiet.logs[0], columns, 0, 1))
+    assert set(split.times.values()) == set(split.shares.values()) == {0.0}
+
+
 def test_reversals_are_where_the_velocity_changes_sign(quiet):
     # Brute force: a zero crossing within the reach of the filter, and 50 ms at least.
     log = quiet.logs[0]

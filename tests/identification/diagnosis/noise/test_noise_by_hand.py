@@ -155,3 +155,15 @@ def test_the_share_of_a_trace_is_that_of_least_squares_and_all_of_it_at_most(qui
     # What the weighted square has come down by.
     taken = (across + whole * [0.4, 3.0]) ** 2 - np.concatenate(left) ** 2
     assert gain == pytest.approx(float(taken.sum(axis=0) @ weights.per_sample))
+
+
+@pytest.mark.parametrize("shares", [(-0.4, 0.3), (0.3, -0.4), (-0.4, -0.3)])
+def test_a_row_with_the_opposite_of_a_trace_stays_and_others_do_not(leaving, quiet, rng, shares):
+    tried, chosen = frozenset({"friction"}), frozenset()
+    trace = tuple(rng.normal(size=(count, 2)) for count in (30, 10))
+    torque = {tried: trace, chosen: tuple(0.0 * part for part in trace)}
+    search = leaving(two_logs(quiet), torque=torque, weights=Weights(np.ones(2), np.ones(2)))
+    left, gain = noise_without(search, tried, chosen, tuple(part * shares for part in trace))
+    for part, own in zip(left, trace, strict=True):
+        np.testing.assert_allclose(part, own * np.minimum(shares, 0.0), atol=1e-12)
+    assert bool(gain > 0) is (max(shares) > 0)

@@ -47,3 +47,11 @@ def test_the_probe_is_a_slope_in_one_direction(arm, operation):
     assert name == "coefficient_positive"
     torque = DirectionDependentFriction().torque(arm, operation, "tilt", direction)[:, 1]
     np.testing.assert_array_equal(torque, -np.maximum(operation.v[:, 1], 0.0))
+
+
+def test_a_joint_at_rest_has_no_direction(arm, operation):
+    # The first joint rests in the first state; what drags it either way needs a velocity.
+    columns = DirectionDependentFriction().signature(arm, operation, "turn", ()).columns[:, 0]
+    assert operation.v[0, 0] == 0.0
+    assert not columns[0].any()
+    np.testing.assert_array_equal(columns[1:, 0] + columns[1:, 1], np.sign(operation.v[1:, 0]))

@@ -117,3 +117,9 @@ def test_a_level_within_a_tenth_of_a_step_lies_on_the_lattice(off, believed):
 
 def test_levels_on_either_side_of_a_lattice_have_no_middle():
     assert not _on_lattice(0.5 * np.arange(100.0), 1.0)
+
+
+def test_a_distance_within_a_fifth_of_a_step_of_a_multiple_counts():
+    # By hand, at a step of a half: 0.59 is near one and 0.61 is not; then (0.59 + 2.0) / (1 + 4).
+    assert _sharpened(np.array([1.0, 0.59]), 0.5) == pytest.approx(2.59 / 5.0)
+    assert _sharpened(np.array([1.0, 0.61, 0.66]), 0.5) == pytest.approx(0.5)
