@@ -53,6 +53,7 @@ def best_random(arm: Arm, shapes: FourierSeries, seed: int, count: int) -> float
     return min(condition_of(problem, grid, weights) for weights in drawn)
 
 
+@pytest.mark.whole
 def test_it_is_no_worse_than_the_best_of_many_random_motions(benchmark, arm):
     shapes = FourierSeries(10.0, 5)
     design = benchmark.pedantic(lambda: excite(arm.robot, shapes, limits=arm.limits), rounds=1)
@@ -64,6 +65,7 @@ def test_it_is_no_worse_than_the_best_of_many_random_motions(benchmark, arm):
 @pytest.mark.parametrize(
     "shapes", [BSplines(10.0, 10), TrianglesAndSines(10.0, harmonics=5)], ids=["splines", "triangles"]
 )
+@pytest.mark.whole
 def test_other_families(benchmark, arm, shapes):
     design = benchmark.pedantic(lambda: excite(arm.robot, shapes, limits=arm.limits), rounds=1)
     benchmark.extra_info.update(condition=design.condition)

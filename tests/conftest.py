@@ -70,8 +70,8 @@ def pytest_collection_finish() -> None:
 def pytest_runtest_setup(item: pytest.Item) -> None:
     """Check annotations where they add something: they take up to half of a test's time.
 
-    Left out are tests marked ``whole``, which are whole runs of what others check, and all but the first case of a
-    parametrised test, since the others call the same functions.
+    Left out are tests marked ``whole``, which run as a whole, or many times, what others check, and all but the first
+    case of a parametrised test, since the others call the same functions.
     """
     case = getattr(item, "callspec", None)
     later = case is not None and any(case.indices.values())

@@ -54,6 +54,7 @@ def test_the_motion_is_better_than_the_random_one_that_it_is_made_from(designed)
     assert designed.condition < 0.8 * designed.start
 
 
+@pytest.mark.whole
 def test_the_same_seed_gives_the_same_motion(designed, planar):
     again = excite(planar, SHAPES, limits=limits_of(planar, velocity=3.0, acceleration=20.0), **FAST)
     np.testing.assert_array_equal(again.weights, designed.weights)
@@ -73,6 +74,7 @@ def test_other_families_keep_the_limits_too(planar, shapes):
     np.testing.assert_allclose(motion.v[[0, -1]], 0.0, atol=1e-9)
 
 
+@pytest.mark.whole
 def test_information_grows_with_d_optimality(designed, planar):
     # Known truth: the mean logarithm of standard deviations is what it minimises.
     limits = limits_of(planar, velocity=3.0, acceleration=20.0)
@@ -86,6 +88,7 @@ def test_information_grows_with_d_optimality(designed, planar):
     assert volume(told) > volume(designed)
 
 
+@pytest.mark.whole
 def test_a_frame_stays_in_its_box(planar):
     box = FrameBox("lower", np.array([-0.2, -np.inf, -np.inf]), np.array([0.2, np.inf, -0.3]))
     motion = excite(planar, SHAPES, limits=limits_of(planar, velocity=3.0, boxes=[box]), **FAST).motion(500.0)
@@ -94,6 +97,7 @@ def test_a_frame_stays_in_its_box(planar):
     assert (-0.5 * np.cos(motion.q[:, 0]) <= -0.3).all()
 
 
+@pytest.mark.whole
 def test_bodies_keep_their_clearance(chain_of_balls):
     collisions = collisions_of(chain_of_balls, clearance=0.3)
     limits = limits_of(chain_of_balls, collisions=collisions)
@@ -111,6 +115,7 @@ def test_one_joint_and_linear_joints_without_limits_work(name, robots):
     assert np.isfinite(design.condition)
 
 
+@pytest.mark.whole
 def test_a_continuous_joint_works(tmp_path, chain_of_balls):
     path = tmp_path / "turning.urdf"
     text = (tmp_path / "balls.urdf").read_text()
@@ -122,6 +127,7 @@ def test_a_continuous_joint_works(tmp_path, chain_of_balls):
     assert (np.abs(inverse_dynamics(robot, motion)) <= 60.0).all()
 
 
+@pytest.mark.whole
 def test_a_chain_keeps_the_limits_of_its_passive_joints():
     robot = load_robot("phantom_1_5")
     motion = excite(robot, SHAPES, limits=limits_of(robot, velocity=3.0), **FAST).motion(500.0)
@@ -131,6 +137,7 @@ def test_a_chain_keeps_the_limits_of_its_passive_joints():
     assert (tree >= robot.model.lowerPositionLimit - 1e-12).all()
 
 
+@pytest.mark.whole
 def test_earlier_recordings_are_complemented(planar, designed):
     # Known truth: a recording of the shoulder alone leaves the elbow to be excited; both together are better than the
     # new motion by itself would be if it had been made without knowing.
@@ -149,6 +156,7 @@ def test_earlier_recordings_are_complemented(planar, designed):
     assert knowing.condition == pytest.approx(condition(knowing), rel=0.05)
 
 
+@pytest.mark.whole
 def test_a_posture_that_no_drive_can_hold_is_refused_with_the_limit(planar):
     # Known truth: with the elbow free, the least torque anywhere is zero, hanging; a box keeps the arm out of there.
     weak = replace(planar, actuators=(Actuator(torque_limit=3.0), Actuator(torque_limit=3.0)))
@@ -180,6 +188,7 @@ def test_more_rows_than_anyone_can_want_are_refused(planar):
         excite(planar, SHAPES, planned=PlannedRecording(1e9))
 
 
+@pytest.mark.whole
 def test_a_tiny_limit_of_acceleration_is_kept(planar):
     motion = excite(planar, SHAPES, limits=limits_of(planar, acceleration=1e-4), starts=1).motion(500.0)
     assert 0 < np.abs(motion.a).max() <= 1e-4

@@ -134,6 +134,7 @@ def test_a_gap_of_which_only_a_share_fits_is_known_no_better_than_the_share(lab,
     assert gap.std > (1.0 - share) * gap.value
 
 
+@pytest.mark.whole
 def test_an_interval_of_95_per_cent_holds_the_truth_about_as_often(lab, planar2):
     # Known truth over seeds of the noise: 3 numbers each, of 36 at least 30 (less, 1 in 500 by chance).
     motion = lab.motion(2, 4, seconds=12.0, swing=1.5)

@@ -138,6 +138,7 @@ def test_a_factor_gives_what_the_recording_gives(arm, noisy, friction):
     assert (np.abs(fit.base.values(point.pi) - fit.theta) < 0.3 * fit.std()).all()
 
 
+@pytest.mark.whole
 def test_intervals_cover_the_truth_where_no_constraint_acts(swing, make_log, rubbing, friction, rng):
     # 95 % intervals of all base parameters over 200 draws of coloured noise; the columns are those of one motion.
     arm = load_robot(ROBOTS / "planar2.urdf")

@@ -36,6 +36,7 @@ def coverage(pendulum, motion, make_log, noise) -> tuple[float, float]:
     return float(np.mean(inside)), float(np.mean(white))
 
 
+@pytest.mark.whole
 def test_intervals_hold_the_truth_in_95_per_cent_of_draws(pendulum, swing, make_log, rng):
     motion = swing(pendulum, 300)
     coloured, white = coverage(pendulum, motion, make_log, 0.2 * rng.normal(size=(200, 300)))
@@ -43,6 +44,7 @@ def test_intervals_hold_the_truth_in_95_per_cent_of_draws(pendulum, swing, make_
     assert 0.92 < coloured < 0.99
 
 
+@pytest.mark.whole
 def test_intervals_hold_the_truth_with_noise_that_has_a_memory(pendulum, swing, make_log, rng):
     # First-order autoregression with a memory of ten samples: the white formula is far off.
     motion = swing(pendulum, 600)

@@ -75,6 +75,7 @@ def simulated_once(draws, monkeypatch) -> None:
         monkeypatch.setattr(module, "resimulated", lambda *_: draws.simulation)
 
 
+@pytest.mark.whole
 @pytest.mark.parametrize("name", FITS)
 @pytest.mark.usefixtures("simulated_once")
 def test_intervals_hold_the_truth_in_92_to_98_per_cent_of_draws(name, draws):
@@ -82,6 +83,7 @@ def test_intervals_hold_the_truth_in_92_to_98_per_cent_of_draws(name, draws):
     assert 0.92 < np.mean([draws.holds(fit, fit.cov) for fit in fits]) < 0.98
 
 
+@pytest.mark.whole
 @pytest.mark.usefixtures("simulated_once")
 def test_least_squares_without_bias_is_called_biased_in_about_5_per_cent_of_draws(draws):
     # Known truth: the torque is that of the recorded motion, so that no noise of it is in the equations' error.
@@ -89,6 +91,7 @@ def test_least_squares_without_bias_is_called_biased_in_about_5_per_cent_of_draw
     assert 0.01 < np.mean(called) < 0.1
 
 
+@pytest.mark.whole
 def test_without_the_memory_of_the_noise_intervals_are_too_short(draws):
     fits = [wls(draws.drawn(k, simulated=False)) for k in range(DRAWS)]
     assert np.mean([draws.holds(fit, fit.cov_white) for fit in fits]) < 0.9
