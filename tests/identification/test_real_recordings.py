@@ -61,6 +61,7 @@ def test_the_drive_of_the_xl330_is_on_throughout_every_log(mirror, tmp_path):
         assert [runs[f"{log.stem}__torque_enable"].all() for log in logs] == [True] * 4
 
 
+@pytest.mark.whole
 def test_the_gap_of_the_xl330_is_friction_of_its_servo(mirror, tmp_path):
     # Published: Coulomb and viscous friction at least (Duclusaud et al. 2025); load and rotor inertia are in the model.
     from real_logs import write_xl330_logs
@@ -104,6 +105,7 @@ def test_counts_of_the_brushless_motor_become_radians_and_amperes_stay(mirror, t
     np.testing.assert_allclose(read.tau[:, 0], current)
 
 
+@pytest.mark.whole
 def test_cogging_of_the_brushless_motor_has_the_orders_of_its_published_map(mirror, tmp_path):
     # Published: 7, 28, 14, 36 and 12 cycles a turn lead the map of holding currents; all others are below 0.1 A there.
     from real_logs import write_odrive_logs

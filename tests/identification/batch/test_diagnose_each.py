@@ -72,6 +72,7 @@ def rows() -> DiagnosedRecordings:
     )
 
 
+@pytest.mark.whole
 def test_every_recording_has_the_diagnosis_that_it_has_alone(found, pendulum, logs):
     for k in (0, 2):
         alone = to_json(diagnose(pendulum, (read_recording(logs[k], pendulum),)))
@@ -249,6 +250,7 @@ def test_tables_are_written_beside_the_folders(rows, tmp_path):
     assert written[1].read_text() == csv_text(rows)
 
 
+@pytest.mark.whole
 def test_the_order_of_recordings_changes_nothing(found, pendulum, logs):
     (last, _) = diagnose_each(pendulum, [logs[0], logs[3]], jobs=1).rows
     assert replace(last, document=None) == replace(found.rows[0], document=None)

@@ -63,11 +63,13 @@ def test_friction_of_a_passive_joint_comes_back_within_four_deviations(found):
     assert abs(torque.value - TORQUE) < max(4 * torque.std, 0.01 * TORQUE)
 
 
+@pytest.mark.whole
 def test_a_closed_chain_without_a_gap_has_none(with_friction, phantom):
     clean = with_friction(phantom, 0.0)
     assert (clean.verdict, clean.findings) == ("no_gap", ())
 
 
+@pytest.mark.whole
 def test_modelled_friction_of_a_passive_joint_that_is_off_within_its_tolerance_is_no_gap(with_friction, rubbing):
     # 8 % more than modelled, within two tolerances of 5 %.
     inside = with_friction(rubbing, 0.08 * TORQUE)
@@ -76,12 +78,14 @@ def test_modelled_friction_of_a_passive_joint_that_is_off_within_its_tolerance_i
     assert change == pytest.approx(0.08, abs=0.02)
 
 
+@pytest.mark.whole
 def test_modelled_friction_of_a_passive_joint_that_is_off_by_more_is_a_gap(with_friction, rubbing):
     assert [(f.effect, f.joint) for f in with_friction(rubbing, 0.4 * TORQUE).findings] == [
         ("coulomb_friction", "elbow")
     ]
 
 
+@pytest.mark.whole
 def test_friction_of_a_passive_joint_of_the_branch_is_no_coupling_of_the_joints_that_move_it(lab):
     # Known truth: q3 turns with q5 - q2 as a coupling of these would, and q6 against it.
     branch = load_robot("cea_branch")

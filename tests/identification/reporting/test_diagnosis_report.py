@@ -154,7 +154,9 @@ def test_bounds_are_folded_away(shown):
 
 
 def test_notes_on_corrected_files_are_folded_away_and_others_are_not(made_up):
-    diagnosis = dataclasses.replace(made_up(samples=400), notes=("Mind the gap.", "corrected.urdf: it has no place."))
+    diagnosis = dataclasses.replace(
+        made_up(("j1",), findings=0, samples=400), notes=("Mind the gap.", "corrected.urdf: it has no place.")
+    )
     before, _, folded = report_html(diagnosis).partition("What the corrected files hold, and what they cannot say (1)")
     assert "Mind the gap." in before
     assert "corrected.urdf: it has no place." in folded
@@ -162,7 +164,7 @@ def test_notes_on_corrected_files_are_folded_away_and_others_are_not(made_up):
 
 
 def test_nothing_found_is_said(made_up):
-    shown = page(made_up(findings=0, samples=400))
+    shown = page(made_up(("j1",), findings=0, samples=400))
     assert "No effect of the catalogue was found." in shown.text
     assert not [heading for heading in shown.headings if heading.startswith("1.")]
 
@@ -181,7 +183,7 @@ def test_a_diagnosis_with_nothing_in_it_still_has_a_page(made_up):
 
 def test_a_simulated_motion_is_shown_with_its_unit(made_up):
     rollout = {"horizon_s": 0.5, "rms_before": {"j1": 0.0123}, "rms_after": {"j1": 0.0045}}
-    text = page(dataclasses.replace(made_up(samples=400), rollout=rollout)).text
+    text = page(dataclasses.replace(made_up(("j1",), findings=0, samples=400), rollout=rollout)).text
     assert "j1 0.0123 0.0045 rad" in text
     assert "over 0.5 s" in text
 
@@ -189,14 +191,16 @@ def test_a_simulated_motion_is_shown_with_its_unit(made_up):
 def test_the_simulated_motion_of_each_of_several_recordings_is_shown(made_up):
     one = {"recording": "b.csv", "rms_before": {"j1": 0.3}, "rms_after": {"j1": 0.07}}
     rollout = {"horizon_s": 0.5, "rms_before": {"j1": 0.2}, "rms_after": {"j1": 0.1}, "recordings": [one]}
-    text = page(dataclasses.replace(made_up(samples=400), rollout=rollout)).text
+    text = page(dataclasses.replace(made_up(("j1",), findings=0, samples=400), rollout=rollout)).text
     assert "j1 0.2 0.1 rad" in text
     assert "j1 in b.csv 0.3 0.07 rad" in text
 
 
 def test_the_next_experiment_is_shown(made_up):
     say = "Move joint j1 slowly back and forth."
-    assert say in page(dataclasses.replace(made_up(samples=400), next_experiment={"say": say})).text
+    assert (
+        say in page(dataclasses.replace(made_up(("j1",), findings=0, samples=400), next_experiment={"say": say})).text
+    )
 
 
 @pytest.fixture(scope="module")
@@ -241,8 +245,9 @@ def test_a_page_says_where_links_are_drawn_as_capsules(drawn):
 
 def test_a_rest_of_unknown_cause_is_drawn(made_up):
     rest = Unexplained(0.4, True, "j2", "time_drift")
-    diagnosis = dataclasses.replace(made_up(samples=400), unexplained=rest)
-    assert report_html(diagnosis).count("<svg") == report_html(made_up(samples=400)).count("<svg") + 1
+    plain = made_up(("j1", "j2"), findings=0, samples=400)
+    drawn = dataclasses.replace(plain, unexplained=rest)
+    assert report_html(drawn).count("<svg") == report_html(plain).count("<svg") + 1
 
 
 def test_a_finding_of_the_whole_robot_has_a_card_and_a_figure(made_up):
@@ -265,5 +270,5 @@ def test_not_testable_effects_of_one_reason_share_a_row(made_up):
     entries = [
         NotTestable(e, j, "a sensor measures the torque") for e in ("input_delay", "actuator_lag") for j in names
     ]
-    text = page(dataclasses.replace(made_up(names, samples=400), not_testable=tuple(entries))).text
+    text = page(dataclasses.replace(made_up(names, findings=0, samples=400), not_testable=tuple(entries))).text
     assert "An input delay and actuator lag all joints a sensor measures the torque" in text

@@ -36,6 +36,7 @@ def late(lab, planar2):
     return record
 
 
+@pytest.mark.whole
 def test_a_late_drive_is_found_with_its_delay(late, planar2):
     # Known truth: 4 ms. At 1.5 Hz a lag of the same time differs from it by a part in two thousand of the torque, so
     # that either may be named, but not without the other.
@@ -49,6 +50,7 @@ def test_a_late_drive_is_found_with_its_delay(late, planar2):
     assert time.std < 0.001
 
 
+@pytest.mark.whole
 def test_a_late_drive_and_friction_are_found_beside_each_other(late, planar2):
     # Known truth: 4 ms on all joints, 0.3 N m on the elbow.
     found = diagnose(planar2, (late(0.004, 0.3),)).findings
@@ -115,6 +117,7 @@ def test_an_offset_too_large_for_its_tangent_is_a_runner_up_of_the_inertias_that
     assert abs(point.coefficients[0]) == pytest.approx(0.3, rel=0.1)
 
 
+@pytest.mark.whole
 def test_a_large_offset_is_named_and_not_the_inertias_that_nearly_do_the_same(planar2, turned):
     (finding,) = diagnose(planar2, (turned,)).findings
     assert (finding.effect, finding.joint) == ("encoder_offset", "elbow")

@@ -164,6 +164,7 @@ def test_standings_agree_from_both_sides(lab, planar2):
     assert share(viscous, coulomb) == pytest.approx(1.0 - share(coulomb, viscous), abs=0.05)
 
 
+@pytest.mark.whole
 def test_a_rival_does_not_win_by_making_up_for_an_effect_that_is_not_told(lab, planar2, monkeypatch):
     # Known truth: drives that are late by 7 and by 9 ms. Were the first one taken for nothing where the second one is
     # judged, one delay of all drives would seem to be the better name.
