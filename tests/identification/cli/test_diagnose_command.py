@@ -211,13 +211,6 @@ def test_identical_repeated_rows_are_counted(pendulum, log, diagnosed):
     assert "log.csv: 2 rows that repeat the one before were dropped." in diagnosed(pendulum, log)["data_warnings"]
 
 
-def test_torque_zero_on_one_joint_is_a_warning(tmp_path, arm, made_columns, diagnosed, written):
-    columns = made_columns(arm)
-    columns["tau.slide"] = 0 * columns["t"]
-    warnings = diagnosed(arm, written(tmp_path / "log.csv", columns))["data_warnings"]
-    assert any("the torque of slide is zero throughout: if the joint has no drive" in text for text in warnings)
-
-
 def test_a_broken_triangle_inequality_is_a_warning(tmp_path, pendulum, log, diagnosed):
     (tmp_path / "robot.urdf").write_text(pendulum.read_text().replace('izz="0.01"', 'izz="0.3"'))
     warnings = diagnosed(tmp_path / "robot.urdf", log)["data_warnings"]

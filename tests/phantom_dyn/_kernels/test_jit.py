@@ -45,15 +45,19 @@ def test_without_numba_a_function_stays_itself(decorator, monkeypatch):
     assert decorator(twice) is twice
 
 
-def test_a_function_is_compiled_where_no_folder_can_be_written_to(tmp_path):
-    done = filtered_in_a_fresh_process(**no_cache(tmp_path))
-    assert done.stdout.strip() == "[0.0, 3.0, 6.0] True"
+@pytest.fixture(scope="module")
+def uncached(tmp_path_factory):
+    """What such a process prints."""
+    return filtered_in_a_fresh_process(**no_cache(tmp_path_factory.mktemp("no_cache")))
 
 
-def test_one_sentence_says_that_nothing_is_kept(tmp_path):
-    done = filtered_in_a_fresh_process(**no_cache(tmp_path))
-    assert done.stderr.count("No folder for compiled loops can be written to") == 1
-    assert "set the environment variable NUMBA_CACHE_DIR" in done.stderr
+def test_a_function_is_compiled_where_no_folder_can_be_written_to(uncached):
+    assert uncached.stdout.strip() == "[0.0, 3.0, 6.0] True"
+
+
+def test_one_sentence_says_that_nothing_is_kept(uncached):
+    assert uncached.stderr.count("No folder for compiled loops can be written to") == 1
+    assert "set the environment variable NUMBA_CACHE_DIR" in uncached.stderr
 
 
 def test_what_has_another_reason_than_the_cache_is_not_hidden(monkeypatch):
