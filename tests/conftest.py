@@ -10,6 +10,7 @@ for _name in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"):
 
 import gc
 import zlib
+from collections.abc import Generator
 from pathlib import Path
 
 from jaxtyping import install_import_hook
@@ -61,10 +62,19 @@ import pytest
 CHECKOUT = Path(__file__).resolve().parents[1]
 
 
-def pytest_collection_finish() -> None:
-    """Leave modules and tests, half a million objects, out of every later search for garbage."""
-    gc.collect()
-    gc.freeze()
+@pytest.hookimpl(wrapper=True)
+def pytest_collection() -> Generator[None, object, object]:
+    """Search for no garbage while modules are read, and leave them and the tests out of every later search.
+
+    They are half a million objects that stay to the end.
+    """
+    gc.disable()
+    try:
+        return (yield)
+    finally:
+        gc.enable()
+        gc.collect()
+        gc.freeze()
 
 
 def pytest_runtest_setup(item: pytest.Item) -> None:
