@@ -63,6 +63,10 @@ FLAT_NOISE = 1.0
 # times: the noise of the sensors and what the method is accurate to, beyond which what no model predicts is a gap.
 SENSOR_TIMES = 2.0
 
+# share: of its usual velocity and of its way, by which a joint may differ between two repetitions of a motion. What the
+# model is wrong by then differs by as little, and a controller repeats a motion ten times better.
+REPEATED = 0.02
+
 # What is shown of a claim, in the judged band: extra findings and lost second effects in `benchmarks/blind/run.py`.
 
 # share: by which the squared residual of some joint grows without the finding.

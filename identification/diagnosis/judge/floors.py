@@ -6,19 +6,21 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 from jaxtyping import Float
+from scipy.stats import norm
 
 from identification.diagnosis import decision_rules as rules
 from identification.diagnosis.fit.gap import measured_torque, sums
 from identification.diagnosis.fit.problem import Problem
 from identification.diagnosis.model.session import Series
 from identification.diagnosis.noise.noise_floor import noise_floor
+from identification.diagnosis.noise.repetitions import repeated_noise
 from identification.diagnosis.noise.sensor_noise import torque_noise
 from identification.diagnosis.search.rival_sets import block_counts
 from phantom_dyn.random_streams import random_stream
 
 Array = np.ndarray
 
-ABOVE_BAND, PREDICTORS = "above_band", "predictors"
+ABOVE_BAND, REPETITIONS, PREDICTORS = "above_band", "repetitions", "predictors"
 
 
 @dataclass(frozen=True)
@@ -28,8 +30,8 @@ class Floor:
     Attributes:
         value: What the sensors leave, root mean square, ``(nv,)``.
         low, high: Interval at 95 % over all joints together, ``(nv,)``.
-        source: Of each joint: ``above_band`` where the noise above the judged band agrees with what no model predicts
-            inside it, else ``predictors``, which is an upper limit.
+        source: Of each joint: ``repetitions`` where the motion comes again, else ``above_band`` where the noise above
+            the judged band agrees with what no model predicts inside it, else ``predictors``, an upper limit.
     """
 
     value: Float[Array, " nv"]
@@ -45,20 +47,19 @@ class Floor:
         return replace(self, value=self.value * left, low=self.low * left, high=self.high * left)
 
 
-def floor_of(
-    problem: Problem, noise: Series, left: Float[Array, " nv"], encoders: Float[Array, " nv"] | None = None
-) -> Floor:
+def floor_of(problem: Problem, noise: Series, residual: Series, encoders: Float[Array, " nv"] | None = None) -> Floor:
     """Noise floor of each joint in the judged band.
 
     The value is what no predictor foresees on held-out blocks. It is an upper limit, as an event that nothing foresees
     lies in it too, and its interval is that of a block bootstrap. Where the torque readings show white noise above the
     band that makes as much, the floor is confirmed. Where they show somewhat less, that is the lower end, as a model
-    errs too; where they show several times less, beyond what the method is accurate to, the floor is theirs.
+    errs too; where they show several times less, beyond what the method is accurate to, the floor is theirs. Where the
+    motion comes again and what differs between its repetitions is less, the floor is what does not repeat.
 
     Args:
         problem: Recordings, blocks and columns.
         noise: What no model predicts of each log's torque.
-        left: Root mean square of what the explanation leaves, ``(nv,)``.
+        residual: What the explanation leaves of each log's torque, in the judged band.
         encoders: Torque that the noise of the encoders makes in the judged band, ``(nv,)``; None: not known.
     """
     session, robot = problem.session, problem.session.robot
@@ -71,7 +72,7 @@ def floor_of(
     low, high = (value * np.percentile(relative, side, axis=0) for side in (wrong / 2, 100.0 - wrong / 2))
     low, high = np.minimum(low, value), np.maximum(high, value)
     encoder_noise = np.zeros(robot.nv) if encoders is None else encoders
-    torque, source = sums(problem, measured_torque(problem)).rms(), []
+    torque, left, source = sums(problem, measured_torque(problem)).rms(), sums(problem, residual).rms(), []
     for j in range(robot.nv):
         seen = torque_noise(session.logs, j, held=robot.torque_hold == "zoh")
         if seen is None:
@@ -84,5 +85,16 @@ def floor_of(
             low[j], high[j] = least, most
         source.append(ABOVE_BAND if least <= high[j] and most >= low[j] else PREDICTORS)
         low[j] = min(low[j], least)
+    moving = zip(problem.columns.usable, problem.columns.standing, strict=True)
+    for j, seen in enumerate(repeated_noise(session, residual, tuple(use & (held == 0.0) for use, held in moving))):
+        if seen is None:
+            continue
+        reach = float(np.exp(norm.ppf(1.0 - wrong / 200.0) * seen.error))
+        least, most = seen.value / reach, seen.value * reach
+        if min(low[j], left[j]) > np.hypot(most, np.sqrt(rules.ACCURACY) * torque[j]):
+            value[j], low[j], high[j] = seen.value, least, most
+        if least <= high[j]:
+            # Else something drifts, and the predictors, which are an upper limit, foresee it.
+            low[j], source[j] = min(low[j], least), REPETITIONS
     # Derivatives and filters are no better than this, however quiet the sensors are.
     return Floor(value, low, np.hypot(high, rules.MODEL_SHARE * torque), tuple(source))

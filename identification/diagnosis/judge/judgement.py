@@ -42,7 +42,7 @@ def judged(explanation: Explanation, progress: Callable[[str], None]) -> tuple[J
     if shown.named != shown.chosen:
         predicted = held_out_torque(problem, shown.chosen, shown.plain.evaluate(shown.chosen))
         whole = session.in_judged_band(residual_after(problem, predicted))
-    noise_floor = floor_of(problem, noise, sums(problem, whole).rms(), explanation.encoders)
+    noise_floor = floor_of(problem, noise, whole, explanation.encoders)
     rounding = rounded(problem, explanation.coarse, noise_floor.value, noise)
     noise_floor = noise_floor.without(rounding.total)
     judge = Judge(problem, noise_floor.value, noise_floor.high)

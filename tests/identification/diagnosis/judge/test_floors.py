@@ -18,7 +18,7 @@ FLOOR = Floor(np.array([0.1, 0.2]), np.array([0.08, 0.16]), np.array([0.12, 0.24
 
 def test_the_floor_is_what_no_model_predicts_and_lies_inside_its_interval(quiet):
     # Known truth: the recording's torque has white noise of 0.02 N m and a band of less than half the rate.
-    floor = floor_of(quiet.problem, quiet.noise, np.zeros(2))
+    floor = floor_of(quiet.problem, quiet.noise, tuple(np.zeros_like(part) for part in quiet.noise))
     assert np.all(floor.low <= floor.value)
     assert np.all(floor.value <= floor.high)
     assert np.all(floor.high < 2.0 * floor.low)

@@ -1,0 +1,134 @@
+"""Noise that repetitions of a motion show: what is left of the torque differs between them by noise alone."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from jaxtyping import Bool, Float
+from scipy.ndimage import uniform_filter1d
+from scipy.signal import correlate, find_peaks
+
+from identification.data.log import Log
+from identification.diagnosis import decision_rules as rules
+from identification.diagnosis.model.own_effects import ALIKE
+from identification.diagnosis.model.session import Series, Session
+from identification.diagnosis.noise.noise_floor import autocorrelation_time
+
+Array = np.ndarray
+
+_MOST = 6  # repetitions of a pair of recordings that are compared
+_UNLIKE = (
+    0.5  # share of two velocities' energy in their difference: a stretch that slow motion alone makes alike is not
+)
+_LEAST_OVERLAP = 0.1  # of the energy of the shorter recording
+_WINDOW = 0.5  # s: over this long two stretches have to agree
+_STANDS = 0.01  # of the largest joint velocity: a joint that moves less says nothing about the motion
+_LEAST = 40.0  # independent differences: fewer leave a deviation uncertain by more than a tenth
+
+
+@dataclass(frozen=True)
+class Repeated:
+    """Root mean square of what does not repeat of one joint's torque.
+
+    Attributes:
+        value: The estimate [N m or N].
+        error: One standard deviation of its logarithm.
+    """
+
+    value: float
+    error: float
+
+
+def repeated_noise(
+    session: Session, residual: Series, usable: tuple[Bool[Array, "n nv"], ...]
+) -> tuple[Repeated | None, ...]:
+    """Noise of each joint's torque in the judged band; None for a joint whose motion does not come again.
+
+    Half the mean square of the difference between two repetitions is the variance of what does not repeat. A model's
+    error repeats with the motion and drops out, noise of the sensors stays. Recordings that are known to differ in
+    load, controller or surroundings are not compared with each other.
+
+    Args:
+        session: Recordings and their band.
+        residual: What an explanation leaves of the torque of each log, in the judged band.
+        usable: True where a sample counts, for each log.
+    """
+    rows = len(session.robot.joint_names)
+    apart: list[list[Float[Array, " n"]]] = [[] for _ in range(rows)]
+    for first, second, lag in repetitions(session):
+        a, b = _overlap(len(residual[first]), len(residual[second]), lag)
+        agree = _agree(session.logs[first], a, session.logs[second], b)
+        for j in range(rows):
+            use = agree & usable[first][a, j] & usable[second][b, j]
+            apart[j].append((residual[first][a, j] - residual[second][b, j])[use])
+    return tuple(_spread(parts) for parts in apart)
+
+
+def repetitions(session: Session) -> list[tuple[int, int, int]]:
+    """Pairs of logs, or a log twice, and how many samples later in the second one a motion of the first comes again."""
+    found, logs = [], session.logs
+    for first, log in enumerate(logs):
+        for second in range(first, len(logs)):
+            if first == second or (session.differences == ALIKE and np.isclose(_rate(log), _rate(logs[second]))):
+                found += [(first, second, lag) for lag in _lags(log, logs[second], again=first == second)]
+    return found
+
+
+def _rate(log: Log) -> float:
+    """Samples in the band per second."""
+    return log.band.rate_hz / log.band.step
+
+
+def _velocity(log: Log) -> Float[Array, "n nv"]:
+    return log.motion.v[log.samples]
+
+
+def _lags(first: Log, second: Log, *, again: bool) -> list[int]:
+    """How many samples later a motion comes again, the best matches first."""
+    v, w = _velocity(first), _velocity(second)
+    scale = np.maximum(np.sqrt(np.mean(np.concatenate([v, w]) ** 2, axis=0)), 1e-12)
+    v, w = v / scale, w / scale
+    common = np.sum([correlate(w[:, j], v[:, j], "full", "fft") for j in range(v.shape[1])], axis=0)
+    lags = np.arange(-(len(v) - 1), len(w))
+    power = [np.concatenate([[0.0], np.cumsum(np.sum(x**2, axis=1))]) for x in (v, w)]
+    starts = np.maximum(0, -lags), np.maximum(0, lags)
+    length = np.minimum(len(v) - starts[0], len(w) - starts[1])
+    energy = np.sum([p[s + length] - p[s] for p, s in zip(power, starts, strict=True)], axis=0)
+    enough = energy > 2.0 * _LEAST_OVERLAP * min(p[-1] for p in power)
+    unlike = np.where(enough, 1.0 - 2.0 * common / np.maximum(energy, 1e-300), 1.0)
+    if again:
+        # A recording is like itself a moment later, too.
+        apart = np.flatnonzero((lags > 0) & (unlike > _UNLIKE))
+        unlike = np.where(lags < (lags[apart[0]] if len(apart) else np.inf), 1.0, unlike)
+    best, _ = find_peaks(-np.pad(unlike, 1, constant_values=1.0), height=-_UNLIKE)
+    best = sorted(best - 1, key=lambda k: unlike[k])[:_MOST]
+    return [int(lags[k]) for k in best]
+
+
+def _overlap(first: int, second: int, lag: int) -> tuple[slice, slice]:
+    """Samples of two logs that lie a lag apart."""
+    start = max(0, -lag)
+    length = min(first - start, second - start - lag)
+    return slice(start, start + length), slice(start + lag, start + lag + length)
+
+
+def _agree(first: Log, a: slice, second: Log, b: slice) -> Bool[Array, " n"]:
+    """True where two stretches are the same motion: every joint is at the same place with the same velocity."""
+    window = max(1, round(_WINDOW * _rate(first)))
+    v, w = _velocity(first), _velocity(second)
+    q, p = first.motion.q[first.samples][a], second.motion.q[second.samples][b]
+    usual = np.sqrt(np.mean(np.concatenate([v, w]) ** 2, axis=0))
+    moves = usual > _STANDS * usual.max()
+    way = np.maximum(np.ptp(q, axis=0), 1e-12)
+    apart = np.maximum(((v[a] - w[b])[:, moves] / usual[moves]) ** 2, ((q - p)[:, moves] / way[moves]) ** 2)
+    return uniform_filter1d(apart.max(axis=1), window, mode="nearest") < rules.REPEATED**2
+
+
+def _spread(parts: list[Float[Array, " n"]]) -> Repeated | None:
+    """Deviation of one repetition, from differences of two; None from too few independent ones."""
+    independent = sum(len(part) / autocorrelation_time(part) for part in parts)
+    if independent < _LEAST:
+        return None
+    mean = float(np.mean(np.concatenate(parts) ** 2))
+    return Repeated(float(np.sqrt(0.5 * mean)), float(np.sqrt(0.5 / independent)))
