@@ -1,0 +1,65 @@
+"""Real nulls: a model that is corrected on one part of a robot's recordings and judged on another part.
+
+Nothing that the catalogue knows should be missing then. Oracle: the robot is the same in both parts.
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from places import CHECKOUT
+
+from identification.data.recording import Recording
+from identification.diagnosis.result import Diagnosis
+from identification.export.corrected.found_effects import effect_of
+from identification.pipeline import diagnose
+from phantom_dyn import load_robot
+from phantom_dyn.model.robot import Robot
+
+CERTAIN = 0.9
+
+
+def judged_beside(robot: Robot, fitted: tuple[Recording, ...], judged: tuple[Recording, ...]) -> Diagnosis:
+    """The diagnosis of recordings by a model that holds what was found on others."""
+    found = diagnose(robot, fitted).findings
+    assert found, "without a correction nothing is tested"
+    return diagnose(robot, judged, known=tuple(effect_of(robot, finding) for finding in found))
+
+
+def claims(diagnosis: Diagnosis) -> list[tuple[str, str | None]]:
+    """What is said to be missing with a probability that a reader takes for certain."""
+    return [(finding.effect, finding.joint) for finding in diagnosis.findings if finding.probability >= CERTAIN]
+
+
+@pytest.fixture(scope="module")
+def double_pendulum(data_folder: Path) -> tuple[Robot, list[Recording]]:
+    folder = data_folder / "dfki_double_pendulum"
+    robot = load_robot(
+        folder / "C1_model.urdf", config=CHECKOUT / "examples" / "data" / "double_pendulum" / "robot.yaml"
+    )
+    with np.load(folder / "C1_sysid.npz") as runs:
+        names = sorted({key.partition("__")[0] for key in runs})
+        data = [[runs[f"{name}__{column}"] for column in ("t", "q", "tau_meas")] for name in names]
+    return robot, [
+        Recording(name, robot.joint_names, t, q[:, :2], tau[:, :2])
+        for name, (t, q, tau) in zip(names, data, strict=True)
+    ]
+
+
+def test_a_double_pendulum_corrected_on_five_runs_lacks_nothing_for_certain_on_the_others(double_pendulum):
+    robot, runs = double_pendulum
+    assert claims(judged_beside(robot, tuple(runs[0::2]), tuple(runs[1::2]))) == []
+
+
+def test_an_axis_corrected_on_the_second_half_of_its_recording_lacks_nothing_for_certain_in_the_first(data_folder):
+    # Not the other way round: corrected on the first half, its second half shows a ripple of 2.5 mm and 1 N, which
+    # least squares finds in both halves and both directions with the same phase.
+    data = np.load(data_folder / "emps" / "emps_train.npz")
+    half = len(data["t"]) // 2
+    first, second = (
+        Recording("emps", ("axis",), data["t"][part], data["q_meas"][part, None], data["force"][part, None])
+        for part in (slice(0, half), slice(half, None))
+    )
+    assert claims(judged_beside(load_robot("emps"), (second,), (first,))) == []
