@@ -19,6 +19,7 @@ from pathlib import Path
 from arguments import CHECKOUT
 from double_pendulum_logs import write_double_pendulum_logs
 from emps_log import write_emps_log
+from published_truth import COULOMB, LOAD, VISCOUS, Cause, Truth, frictions, judged
 from real_logs import write_odrive_logs, write_so101_logs, write_sts3215_log, write_xl330_logs
 from real_words import said
 
@@ -29,7 +30,14 @@ from phantom_dyn.errors import LogError
 DATA = Path(__file__).parent / "data"
 SO101_MOTIONS = ("backlash_detection", "friction_gravity", "multisine", "velocity_ramp")
 BEGIN, END = "<!-- real:begin -->", "<!-- real:end -->"
-HEAD = "| recording | model given | published | what the diagnosis says |\n|---|---|---|---|"
+HEAD = "| recording | model given | published | what the diagnosis says | right? |\n|---|---|---|---|---|"
+UR10_JOINTS = (
+    *(f"{name}_joint" for name in ("shoulder_pan", "shoulder_lift", "elbow")),
+    *(f"wrist_{k}_joint" for k in (1, 2, 3)),
+)
+TX40_JOINTS = tuple(f"joint_{k}" for k in range(1, 7))
+PANDA_JOINTS = tuple(f"panda_joint{k}" for k in range(1, 8))
+SO101_FRICTION = ("presliding_friction", "coulomb_friction", "stribeck_friction")
 
 
 @dataclass(frozen=True)
@@ -41,6 +49,7 @@ class RealRecording:
         title: What was recorded.
         model: What the given model holds, in words.
         published: What its authors say of it.
+        truth: The same as causes of the catalogue.
         robot: ROBOT of the command, asked for late: a file of the recording may have to be fetched.
         logs: Writes the logs into a folder, or says where they are.
         options: Of the command.
@@ -50,6 +59,7 @@ class RealRecording:
     title: str
     model: str
     published: str
+    truth: Truth
     robot: Callable[[], str]
     logs: Callable[[Path], Sequence[Path]]
     options: tuple[str, ...] = ()
@@ -59,12 +69,30 @@ def _beside(name: str, file: str) -> str:
     return str(DATA / name / file)
 
 
-def _double_pendulum(name: str, title: str, file: str, model: str, published: str) -> RealRecording:
+def _in_registry(name: str, file: str) -> Path:
+    return datasets.fetch(name) / file
+
+
+def _go1(mass: int) -> RealRecording:
+    """The bare lever with a mass at its tip; without one there is friction alone."""
+    return RealRecording(
+        f"go1_{mass}kg",
+        f"Go1 leg drive with a pendulum, {mass} kg at its tip, 6 s",
+        "the bare lever of 0.08 kg, no friction",
+        f"{mass} kg at 0.15 m" if mass else "the lever alone",
+        Truth((Cause(LOAD, size=float(mass), kind="mass"),), ("torque_constant",)) if mass else Truth((), LOAD),
+        lambda: str(_in_registry("go1_pendulum", "robot.urdf")),
+        lambda _: (_in_registry("go1_pendulum", f"sin_sin_{mass}kg.csv"),),
+    )
+
+
+def _double_pendulum(name: str, title: str, file: str, model: str, published: str, truth: Truth) -> RealRecording:
     return RealRecording(
         name,
         title,
         model,
         published,
+        truth,
         lambda: str(datasets.fetch("dfki_double_pendulum") / file),
         write_double_pendulum_logs,
         ("--robot-config", _beside("double_pendulum", "robot.yaml")),
@@ -82,6 +110,12 @@ RECORDINGS = (
         "EMPS, one linear axis, 25 s",
         "mass only",
         "friction by direction: 20.1 and 20.6 N, 166.7 and 240.4 N s/m",
+        Truth(
+            (
+                Cause(("direction_dependent_friction",), "axis", 20.4, "coulomb"),
+                Cause(("direction_dependent_friction",), "axis", 203.5, "viscous"),
+            )
+        ),
         lambda: "emps",
         lambda folder: (write_emps_log(folder),),
     ),
@@ -90,16 +124,52 @@ RECORDINGS = (
         "UR10, exciting trajectory, 28 s",
         "vendor's URDF, no friction",
         "friction on every joint",
+        Truth(tuple(Cause((*COULOMB, *VISCOUS), joint) for joint in UR10_JOINTS)),
         lambda: "example:ur10",
         lambda folder: (datasets.fetch("ur10_unisa") / "ur10_exciting_trajectory.db3",),
         ("--robot-config", _beside("ur10", "robot.yaml")),
     ),
+    RealRecording(
+        "tx40",
+        "Staubli TX40, exciting trajectory, 7 s",
+        "vendor's URDF, no friction",
+        "viscous friction 8.1, 5.6, 2.0, 1.1, 1.9, 0.6 N m s/rad, Coulomb 7.0, 8.1, 6.3, 2.5, 3.0, 0.2 N m; joints 5 "
+        "and 6 coupled: 2.03 N m, 0.60 N m s/rad",
+        Truth(
+            (
+                *frictions(TX40_JOINTS, (8.107, 5.601, 1.978, 1.107, 1.858, 0.644), VISCOUS, "viscous"),
+                *frictions(TX40_JOINTS, (6.967, 8.123, 6.307, 2.484, 3.026, 0.244), COULOMB, "coulomb"),
+                Cause(("joint_coupling",), "joint_5+joint_6", 2.033, "coulomb"),
+                Cause(("joint_coupling",), "joint_5+joint_6", 0.5975, "viscous"),
+            ),
+            ("torque_saturation",),
+        ),
+        lambda: str(_in_registry("tx40", "robot.urdf")),
+        lambda _: (_in_registry("tx40", "log.csv"),),
+    ),
+    RealRecording(
+        "panda_gaz2019",
+        "Franka Panda, exciting trajectory, torque sensors, 21 s",
+        "URDF with the hand, no friction",
+        "friction 0.27, 0.44, 0.32, 0.64, 0.42, 0.15, 0.28 N m; very likely no hand was mounted",
+        Truth(
+            (
+                *frictions(PANDA_JOINTS, (0.27, 0.44, 0.32, 0.64, 0.42, 0.15, 0.28), COULOMB, "coulomb"),
+                Cause(LOAD, size=-0.73, kind="mass"),
+            ),
+            ("cogging", "transmission_compliance", "backlash"),
+        ),
+        lambda: str(_in_registry("panda_gaz2019", "robot.urdf")),
+        lambda _: (_in_registry("panda_gaz2019", "log.npz"),),
+    ),
+    *(_go1(mass) for mass in (0, 1, 2)),
     _double_pendulum(
         "double_pendulum",
         "double pendulum C.1, ten runs",
         "C1_model.urdf",
         "published masses and inertias, no friction",
         "Coulomb friction on both joints: 0.16 and 0.12 N m",
+        Truth((Cause(COULOMB, "Joint1", 0.16, "coulomb"), Cause(COULOMB, "Joint2", 0.12, "coulomb"))),
     ),
     _double_pendulum(
         "double_pendulum_wrong",
@@ -107,12 +177,14 @@ RECORDINGS = (
         "design_C1_identified.urdf",
         "the authors' own URDF",
         "its friction is in it, its inertias count m r^2 twice",
+        Truth((Cause(("inertial_parameters",)),)),
     ),
     RealRecording(
         "odrive_cogging",
         "brushless motor, three slow turns; 1 N m stands for 1 A",
         "inertia only",
         "cogging: 7, 28, 14, 36 and 12 cycles a turn lead the map of holding currents",
+        Truth((Cause(("cogging",), "motor"),), ("torque_saturation",)),
         lambda: _beside("odrive_cogging", "robot.urdf"),
         write_odrive_logs,
         ("--columns", _beside("odrive_cogging", "columns.yaml")),
@@ -122,6 +194,7 @@ RECORDINGS = (
         "XL330 servo with a pendulum, four runs of 6 s, from its voltage, without where it stands",
         "load and rotor inertia, no friction",
         "friction that grows with load, and Stribeck's, fit better than Coulomb and viscous alone",
+        Truth((Cause(("load_dependent_friction",), "servo"), Cause(("stribeck_friction",), "servo"))),
         lambda: _beside("xl330", "robot.urdf"),
         write_xl330_logs,
         ("--recordings", _beside("xl330", "recordings.yaml")),
@@ -131,6 +204,7 @@ RECORDINGS = (
         "SO-101 arm, commands and positions alone, four motions of 120 s at 50 Hz",
         "URDF, no friction; gains are not published: 12 N m/rad, as the sag shows",
         "positions come 120 to 140 ms after commands; joints stick and slip",
+        Truth((Cause(("input_delay", "actuator_lag")), Cause(SO101_FRICTION))),
         lambda: "example:so101",
         _so101_logs,
         ("--robot-config", _beside("so101", "robot.yaml"), "--motion-only"),
@@ -140,6 +214,7 @@ RECORDINGS = (
         "STS3215 servo on a backlash stand, commands and positions alone, 27 s at 10 Hz",
         "a bare lever, pulled by bands of 2.2 N",
         "14.8 counts (22.7 mrad) apart under loads of opposite sign: play, dead band and controller together",
+        Truth((Cause(("backlash",), "servo", 0.0227, "gap"),)),
         lambda: _beside("sts3215", "robot.urdf"),
         write_sts3215_log,
         ("--columns", _beside("sts3215", "columns.yaml"), "--motion-only"),
@@ -163,8 +238,10 @@ def diagnosed(recording: RealRecording, folder: Path) -> dict | str:
 def row(recording: RealRecording, folder: Path) -> str:
     """One line of the table."""
     found = diagnosed(recording, folder)
-    says = f"refused: {found}" if isinstance(found, str) else said(found)
-    return f"| {recording.title} | {recording.model} | {recording.published} | {says} |"
+    says, right = (
+        (f"refused: {found}", "-") if isinstance(found, str) else (said(found), judged(recording.truth, found))
+    )
+    return f"| {recording.title} | {recording.model} | {recording.published} | {says} | {right} |"
 
 
 def with_table(text: str, table: str) -> str:

@@ -93,6 +93,43 @@ DATASETS: tuple[Dataset, ...] = (
         ),
     ),
     Dataset(
+        name="tx40",
+        what="Staubli TX40 arm, 6 joints with a coupled wrist, exciting trajectory, 7.1 s at 1 kHz",
+        licence="Apache-2.0",
+        source="https://github.com/thanhndv212/figaroh-examples/tree/c0b5c7f0fda1/examples/staubli_TX40",
+        citation="figaroh-examples, identification of the Staubli TX40",
+        files=(
+            File("log.csv", "fef9e81c7ba76e3c1012257efa0a75f322a4b9226eae62cc7084d90713cb036c"),
+            File("robot.urdf", "3d00cbd46279c915d594b1bb4610dbac78d1e99ed27f95de70984bde13486074"),
+        ),
+    ),
+    Dataset(
+        name="panda_gaz2019",
+        what="Franka Panda, 7 joints with torque sensors, exciting trajectory, 21 s at 1 kHz",
+        licence="GPL-3.0",
+        source="https://github.com/marcocognetti/FrankaEmikaPandaDynModel/tree/44f1ec8a6155/matlab/data/Exciting_Traj",
+        citation="Gaz, Cognetti, Oliva, Robuffo Giordano, De Luca, IEEE RA-L 2019",
+        files=(
+            File("log.npz", "8fe9d1a12a9203924d08c7594763bacf1454dbe5e926e3f2abb9bd1ddab148e8"),
+            File("robot.urdf", "63792d2679f22c4e41cda2c4d9d903644e628970ad0656b9eec8485113941555"),
+            File("robot.yaml", "b4307d1e97390f783aa9a1e34e993fe8c2e75d5dd813c171511025691ffaabc2"),
+        ),
+    ),
+    Dataset(
+        name="go1_pendulum",
+        what="Unitree Go1 leg drive with a pendulum of 0, 1 and 2 kg, 3 runs of 6 s at 62.5 Hz",
+        licence="none stated in the fork; Apache-2.0 upstream",
+        source="https://github.com/rimim/bam/tree/38071b19081a/example_data/data_raw_go1",
+        citation="rimim, fork of Rhoban/bam; Duclusaud et al., ICRA 2025, arXiv 2410.08650",
+        files=(
+            File("sin_sin_0kg.csv", "baa99c6bd49520f0404ed368c4f45b8ab1a0329cf766e370d5326e28ffe28e97"),
+            File("sin_sin_1kg.csv", "cf893c5bee4581db99045ee3bcf35452a0420d8f9f5622c317449542cb7b04b9"),
+            File("sin_sin_2kg.csv", "74d6def0f1eb2a000ccbd21f66378516a30f99cbe34e31c29c7eb096aff039b9"),
+            File("robot.urdf", "345dbcc4b52bedf865765cd434a1573c5a2f4e0b2f6fbdff0ac7911358181c71"),
+            File("robot.yaml", "cf3fbab18938123ea0f40ed698a11deb3c66a64a1280a9c76e2a63a47e371bae"),
+        ),
+    ),
+    Dataset(
         name="dfki_double_pendulum",
         what="double pendulum with two 6:1 drives, designs C.0 and C.1, 19 runs of 6-10 s at 500 Hz",
         licence="BSD-3-Clause",

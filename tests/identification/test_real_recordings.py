@@ -269,9 +269,43 @@ def test_an_unknown_recording_is_refused_with_the_known_names():
 
 def test_the_table_says_why_the_command_refused_a_recording(tmp_path):
     # Known truth: a log of one sample.
+    from published_truth import Truth
     from real_recordings import RealRecording, row
 
     log = tmp_path / "log.csv"
     log.write_text("t,q.axis,tau.axis\n0,0,0\n")
-    cell = row(RealRecording("x", "title", "model", "published", lambda: "emps", lambda folder: (log,)), tmp_path)
+    cell = row(
+        RealRecording("x", "title", "model", "published", Truth(()), lambda: "emps", lambda folder: (log,)), tmp_path
+    )
     assert cell.startswith("| title | model | published | refused: log.csv")
+
+
+@pytest.mark.parametrize(
+    ("published", "word"),
+    [
+        ([("coulomb_friction", "j1", 0.5)], "right: 1 of 1 causes, 1 of 1 sizes"),
+        ([("coulomb_friction", "j1", 0.65)], "right: 1 of 1 causes, 1 of 1 sizes"),
+        ([("coulomb_friction", "j1", 0.7)], "partly: 1 of 1 causes, 0 of 1 sizes"),
+        ([("viscous_friction", "j1", None)], "right: 1 of 1 causes"),
+        ([("coulomb_friction", "j2", 0.5)], "wrong: 0 of 1 causes, 0 of 1 sizes"),
+        ([("coulomb_friction", "j1", None), ("payload", None, None)], "partly: 1 of 2 causes"),
+        ([("coulomb_friction", None, None), ("payload", None, None), ("backlash", "j1", None)], "wrong: 1 of 3 causes"),
+        ([], "right: nothing to find"),
+    ],
+)
+def test_a_diagnosis_agrees_with_what_is_published_by_a_stated_rule(published, word):
+    # Oracle: the rule in the module's first lines, by hand; 0.5123 N m is found, viscous friction is its rival.
+    from published_truth import Cause, Truth, judged
+
+    rivals = [{"effects": [{"effect": "viscous_friction", "joint": "j1"}], "probability": 0.25}]
+    found = {**EXPLAINED, "findings": [{**FINDING, "probability": 0.75, "rivals": rivals}]}
+    causes = tuple(Cause((effect,), joint, size, "coulomb") for effect, joint, size in published)
+    assert judged(Truth(causes), found) == word
+
+
+def test_a_cause_that_cannot_be_makes_a_diagnosis_wrong_only_if_it_is_stated_as_certain():
+    from published_truth import Cause, Truth, judged
+
+    truth = Truth((Cause(("coulomb_friction",)),), ("coulomb_friction",))
+    assert judged(truth, {"findings": [{**FINDING, "probability": 0.91}]}).startswith("wrong")
+    assert judged(truth, {"findings": [{**FINDING, "probability": 0.9}]}).startswith("right")
