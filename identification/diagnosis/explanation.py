@@ -28,6 +28,7 @@ from identification.diagnosis.noise.noise_floor import (
     estimate_noise,
     noise_floor,
     noise_without,
+    quieter_in_band,
     smaller_noise,
     weights_of,
 )
@@ -58,7 +59,8 @@ class Explanation:
     Attributes:
         search: All candidate effects of the session, and how sets of them are judged.
         chosen: The effects that explain the recordings.
-        noise: What they and the flexible fits leave of each log's torque, in the band.
+        noise: What they and the flexible fits leave of each log's torque.
+        in_band: The same of the fits that foresee most in the judged band; empty where it was not computed.
         coarse: Encoders that are coarser than stated.
         encoders: Torque that the noise of the encoders makes in the judged band, root mean square, ``(nv,)``; None
             where it was not computed.
@@ -67,6 +69,7 @@ class Explanation:
     search: Search
     chosen: frozenset[Term]
     noise: Series
+    in_band: Series = ()
     coarse: tuple[Coarse, ...] = ()
     encoders: Float[Array, " nv"] | None = None
 
@@ -87,7 +90,8 @@ def explained(session: Session, progress: Callable[[str], None] = lambda _: None
     progress("estimating the noise")
     steps = reading_steps(session.robot, session.recordings)
     again = columns_read_again(session, columns, steps)
-    noise = at_least_encoder_noise(estimate_noise(session, columns), again)
+    noise, inside = estimate_noise(session, columns)
+    noise = at_least_encoder_noise(noise, again)
     search = _set_up(session, columns, noise)
     spurious = spurious_gains(search, again, noise)
     encoders = noise_floor(session, again, again.residual)
@@ -116,7 +120,8 @@ def explained(session: Session, progress: Callable[[str], None] = lambda _: None
         search = _with_thresholds(_set_up(session, columns, noise), noise, spurious, progress)
         last = _searched(search, noise, progress, same_effects(search, found))
     coarse = coarse_joints(session, columns, steps)
-    return replace(last, chosen=settled(last.search, last.chosen), coarse=coarse, encoders=encoders)
+    quiet = quieter_in_band(session, columns, last.noise, inside, encoders)
+    return replace(last, chosen=settled(last.search, last.chosen), in_band=quiet, coarse=coarse, encoders=encoders)
 
 
 def _set_up(session: Session, columns: Columns, noise: Series) -> Search:

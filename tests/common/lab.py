@@ -115,7 +115,7 @@ class Lab:
         logs, cutoff_hz = process_all(recordings, robot)
         session = session_of_logs(robot, logs, cutoff_hz, held_out=held_out)
         columns = build_columns(session, FitPoint(found))
-        noise = estimate_noise(session, columns)
+        noise = estimate_noise(session, columns)[0]
         filtered, rest = whitened(columns, noise) if white else (columns, noise)
         weights = weights_of(filtered, rest)
         return Prepared(session, columns, filtered, rest, weights, set_up(session, columns, filtered, weights))

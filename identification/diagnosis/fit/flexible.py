@@ -6,6 +6,8 @@ time. What it predicts on held-out blocks is structure, whatever its cause; what
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+
 import numpy as np
 from jaxtyping import Float, Int
 
@@ -63,9 +65,21 @@ def held_out_ridge(
     folds: Int[Array, " B"],
     first: tuple[int, ...] = (),
 ) -> tuple[list[Float[Array, " n"]], float]:
+    """The best of `ridge_predictions`, by its mean squared error."""
+    return min(ridge_predictions(x, y, use, blocks, folds, first), key=lambda found: found[1])
+
+
+def ridge_predictions(
+    x: list[Float[Array, "n k"]],
+    y: list[Float[Array, " n"]],
+    use: list[Array],
+    blocks: tuple[Block, ...],
+    folds: Int[Array, " B"],
+    first: tuple[int, ...] = (),
+) -> Iterator[tuple[list[Float[Array, " n"]], float]]:
     """Predictions of ``y`` from ``x``, each block by a ridge fit that has not seen it, and their mean squared error.
 
-    The ridge is the best of three relative strengths by that error; columns are scaled to unit size first.
+    One of each of three relative strengths of the ridge; columns are scaled to unit size first.
 
     Args:
         x: Features of each log.
@@ -73,7 +87,7 @@ def held_out_ridge(
         use: Samples that count, of each log.
         blocks: Of the logs.
         folds: Of each block; -1 is predicted by the fit on all folds.
-        first: Try so many of the first features alone as well; the best of all counts.
+        first: Try so many of the first features alone as well.
     """
     size = np.sqrt(sum((a[m] ** 2).sum(axis=0) for a, m in zip(x, use, strict=True)))
     total = max(sum(int(m.sum()) for m in use), 1)
@@ -86,15 +100,11 @@ def held_out_ridge(
         xb = xb if m.all() else xb[m]
         np.matmul(xb.T, xb, out=gram[k])
         product[k] = xb.T @ y[block.log][part][m]
-    best: tuple[list[Array], float] = ([], np.inf)
     for count in (*first, len(size)):
         kept = np.flatnonzero(size[:count] > 1e-9 * max(size[:count].max(), 1e-300))
         sub = np.ascontiguousarray(gram[:, kept[:, None], kept]), product[:, kept]
         for ridge in _RIDGES:
-            found = _judged(scaled, kept, sub, ridge * total * 1e-2, y, use, blocks, folds)
-            if found[1] < best[1]:
-                best = found
-    return best
+            yield _judged(scaled, kept, sub, ridge * total * 1e-2, y, use, blocks, folds)
 
 
 def _judged(

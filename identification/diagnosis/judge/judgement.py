@@ -31,7 +31,7 @@ Array = np.ndarray
 
 def judged(explanation: Explanation, progress: Callable[[str], None]) -> tuple[Judgement, Shown]:
     """Gap, findings, bounds and verdict of an explanation, and the effects that are shown with their fits."""
-    search, noise = explanation.search, explanation.noise
+    search, noise = explanation.search, explanation.in_band or explanation.noise
     session = search.problem.session
     shown = shown_effects(search, narrow_search(search, noise), explanation.chosen, noise)
     problem = shown.problem

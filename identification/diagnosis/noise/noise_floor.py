@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
-import numpy as np
-from jaxtyping import Float, Int
+from collections.abc import Sequence
 
-from identification.diagnosis.fit.flexible import held_out_ridge, state_features
+import numpy as np
+from jaxtyping import Bool, Float, Int
+
+from identification.diagnosis.fit.flexible import ridge_predictions, state_features
 from identification.diagnosis.fit.gap import held_out_torque, residual_after
 from identification.diagnosis.fit.grams import Weights
 from identification.diagnosis.model.columns import Columns
@@ -37,29 +39,72 @@ def autocorrelation_time(e: Float[Array, " n"]) -> float:
     return float(max(1.0, 2 * pairs[:stop].sum() - 1.0))
 
 
-def estimate_noise(session: Session, columns: Columns) -> Series:
+def estimate_noise(session: Session, columns: Columns) -> tuple[Series, Series]:
     """Part of each row's residual that no model predicts, for each log ``(n, nv)``; zero where not usable.
 
-    Each row's residual is predicted by a ladder of models from plain to flexible: laws of the motion, with these the
-    moves within the tolerances and other linear laws, all columns, and all columns with the flexible features. The one
-    that errs least on blocks that it has not seen leaves the noise: where a recording is short, hundreds of columns
-    foresee less than twenty.
+    Each row's residual is predicted by a ladder of models from plain to flexible: the given one, laws of the motion,
+    with these the moves within the tolerances and other linear laws, all columns, and all columns with the flexible
+    features. The one that errs least on blocks that it has not seen leaves the noise: where a recording is short,
+    hundreds of columns foresee less than twenty. What foresees a little of the loud noise above the judged band may be
+    far off inside it, so that the best one is chosen for both.
+
+    Returns:
+        What the best predictor in the whole band leaves, and what the best one in the judged band leaves.
     """
 
-    def unpredicted(j: int) -> list[Float[Array, " n"]]:
-        y = [r[:, j] for r in columns.residual]
+    def unpredicted(j: int) -> tuple[list[Float[Array, " n"]], list[Float[Array, " n"]]]:
         use = [u[:, j] for u in columns.usable]
+        y = [np.where(u, r[:, j], 0.0) for r, u in zip(columns.residual, use, strict=True)]
         order, rungs = _plain_first(columns, j)
         plain = [values[j][:, order] for values in columns.values]
         rich = [
             np.column_stack([x, state_features(columns, log, k, j)])
             for k, (x, log) in enumerate(zip(plain, session.logs, strict=True))
         ]
-        predicted, _ = held_out_ridge(rich, y, use, session.blocks, session.folds, first=(*rungs, plain[0].shape[1]))
-        return [np.where(u, given - p, 0.0) for u, given, p in zip(use, y, predicted, strict=True)]
+        whole, inside = y, y
+        least, least_inside = rms(_used(y, use)), _inside(session, y, use)
+        first = (*rungs, plain[0].shape[1])
+        for predicted, _ in ridge_predictions(rich, y, use, session.blocks, session.folds, first):
+            error = [np.where(u, given - p, 0.0) for u, given, p in zip(use, y, predicted, strict=True)]
+            left, left_inside = rms(_used(error, use)), _inside(session, error, use)
+            if left < least:
+                whole, least = error, left
+            if left_inside < least_inside:
+                inside, least_inside = error, left_inside
+        return whole, inside
 
     rows = in_two_threads(unpredicted, range(len(columns.rows)))
-    return tuple(np.column_stack(parts) for parts in zip(*rows, strict=True))
+    whole, inside = (
+        tuple(np.column_stack(parts) for parts in zip(*(row[k] for row in rows), strict=True)) for k in (0, 1)
+    )
+    return whole, inside
+
+
+def quieter_in_band(
+    session: Session, columns: Columns, noise: Series, inside: Series, least: Float[Array, " nv"]
+) -> Series:
+    """Noise with those rows replaced of which another estimate is smaller in the judged band.
+
+    Args:
+        session: Recordings and their band.
+        columns: Which samples are usable.
+        noise: What the explanation has been judged against.
+        inside: The other estimate.
+        least: Torque that the noise of the encoders makes in the judged band; a smaller estimate is none.
+    """
+    out = [part.copy() for part in noise]
+    for j in range(len(columns.rows)):
+        use = [u[:, j] for u in columns.usable]
+        one, other = (_inside(session, [part[:, j] for part in series], use) for series in (noise, inside))
+        if least[j] <= other < one:
+            for part, own in zip(out, inside, strict=True):
+                part[:, j] = own[:, j]
+    return tuple(out)
+
+
+def _inside(session: Session, parts: Sequence[Float[Array, " n"]], use: Sequence[Bool[Array, " n"]]) -> float:
+    """Root mean square of one row in the judged band."""
+    return rms(_used([session.log_in_judged_band(part, k) for k, part in enumerate(parts)], use))
 
 
 def _plain_first(columns: Columns, row: int) -> tuple[Int[Array, " k"], tuple[int, int]]:
@@ -112,6 +157,10 @@ def noise_floor(session: Session, columns: Columns, noise: Series) -> Float[Arra
             for j in range(len(columns.rows))
         ]
     )
+
+
+def _used(parts: Sequence[Float[Array, " n"]], use: Sequence[Bool[Array, " n"]]) -> list[Float[Array, " n"]]:
+    return [part[u] for part, u in zip(parts, use, strict=True)]
 
 
 def rms(parts: list[Float[Array, " n"]]) -> float:

@@ -9,7 +9,6 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from places import CHECKOUT
 
 from identification.data.recording import Recording
 from identification.diagnosis.result import Diagnosis
@@ -17,6 +16,7 @@ from identification.export.corrected.found_effects import effect_of
 from identification.pipeline import diagnose
 from phantom_dyn import load_robot
 from phantom_dyn.model.robot import Robot
+from places import CHECKOUT
 
 CERTAIN = 0.9
 

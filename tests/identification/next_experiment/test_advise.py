@@ -29,7 +29,7 @@ def advised(lab):
     def advise(robot, motion, effect, joint, theta, rival):
         torque = lab.acting(robot, motion, effect, joint, *theta)
         ready = lab.prepared(robot, (lab.recording(robot, motion, torque),))
-        noise = estimate_noise(ready.session, ready.columns)
+        noise = estimate_noise(ready.session, ready.columns)[0]
         chosen = frozenset([ready.term(effect, joint)])
         return proposed(Explanation(ready.search, chosen, noise), (one_of(effect, rival, joint),))
 

@@ -69,14 +69,14 @@ def test_the_explanation_brings_the_floor_down_to_the_noise_that_was_added(lab, 
     recording = replace(lab.recording(planar2, motion, -0.5 * np.sign(motion.v)), q=motion.q)
     prepared = lab.prepared(planar2, (recording,))
     chosen = frozenset(prepared.term("coulomb_friction", joint) for joint in planar2.joint_names)
-    first = estimate_noise(prepared.session, prepared.columns)
+    first = estimate_noise(prepared.session, prepared.columns)[0]
     noise, _ = smaller_noise(prepared.search, chosen, first)
     floor = [rms([noise[0][prepared.columns.usable[0][:, j], j]]) for j in range(2)]
     np.testing.assert_allclose(floor, added(prepared, 0.05), rtol=0.1)
 
 
 def test_noise_is_zero_where_samples_are_not_used(quiet):
-    noise = estimate_noise(quiet.session, quiet.columns)[0]
+    noise = estimate_noise(quiet.session, quiet.columns)[0][0]
     assert not noise[~quiet.columns.usable[0]].any()
 
 
