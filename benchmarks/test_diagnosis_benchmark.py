@@ -47,7 +47,7 @@ def stages() -> Stages:
     logs, cutoff_hz = process_all((recording,), robot)
     session = session_of_logs(robot, logs, cutoff_hz)
     columns = build_columns(session)
-    white, noise = whitened(columns, estimate_noise(session, columns))
+    white, noise = whitened(columns, estimate_noise(session, columns)[0])
     return Stages(session, recording, columns, white, weights_of(white, noise))
 
 

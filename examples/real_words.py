@@ -51,7 +51,8 @@ def _marked(finding: dict) -> str:
 
 
 def _one(finding: dict) -> str:
-    share = f"{100 * finding['share']:.0f} % of the gap"
+    closed = finding["gap_closed"] if finding["share"] is None else finding["share"]
+    share = f"{100 * closed:.0f} % of the gap"
     sizes = _sizes(finding) if len(finding["parameters"]) <= _MOST_PARAMETERS else ""
     inside = f"{sizes}; {share}" if sizes else share
     return f"{_where(finding['joint'])} ({inside}{_rivals(finding)})"

@@ -140,7 +140,7 @@ def _level(relative: Array, use: Array, count: int) -> Array:
     """
     window = np.hanning(count + 2)[1:-1]
     filled = np.convolve(use, window, mode="same")[: len(use)]
-    total = np.convolve(relative, window, mode="same")[: len(use)]
+    total = np.convolve(np.where(use, relative, 0.0), window, mode="same")[: len(use)]
     enough = use & (filled > _FILLED * window.sum())
     return np.where(enough, total / np.maximum(filled, 1e-12), 0.0)
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from jaxtyping import Float
@@ -15,7 +15,7 @@ from identification.diagnosis.fit.problem import Problem
 from identification.diagnosis.judge.judged_band import Judge, gap_is_there, visible
 from identification.diagnosis.judge.missing_parts import missing_part_words, named_as_part, part_instead
 from identification.diagnosis.judge.parameters import finding_loadings, finding_parameters
-from identification.diagnosis.judge.shares import shares_of
+from identification.diagnosis.judge.shares import gap_of, shares_of
 from identification.diagnosis.model.session import Series
 from identification.diagnosis.model.terms import Term, ordered
 from identification.diagnosis.result import Finding
@@ -73,7 +73,9 @@ class Shown:
 def shown_effects(search: Search, plain: Search, chosen: frozenset[Term], noise: Series) -> Shown:
     """Chosen effects that are visible in the judged band and differ from nothing there; none where there is no gap.
 
-    Where a rival has to lead in the place of one of them, it takes that place: no set is taken twice.
+    Where a rival has to lead in the place of one of them, it takes that place. No set is taken twice: where each of
+    several sets says that another one should lead, that one is shown whose findings are outdone least, and a finding
+    and the rival that outdoes it share what both have.
 
     Args:
         search: Rivals, with fits to white noise.
@@ -81,19 +83,44 @@ def shown_effects(search: Search, plain: Search, chosen: frozenset[Term], noise:
         chosen: What the search has found.
         noise: Of each log's torque.
     """
-    seen, barred = [chosen], NONE_BARRED
+    seen, barred, shown = [chosen], NONE_BARRED, []
     again = (plain, with_wide_tolerances(search))
     while True:
         kept = visible(plain, chosen) if gap_is_there(plain.problem, noise) else frozenset()
         kept, settled, fitted, simple = distinct(search, plain, kept, chosen)
         barred = barred | simple
         standings = {term: stand(search, settled, term, barred, again) for term in ordered(kept) if term.named}
-        ways = (standing.instead for standing in standings.values() if standing.instead is not None)
+        shown.append(Shown(plain, kept, fitted, standings))
+        ways = [standing.instead for standing in standings.values() if standing.instead is not None]
         instead = next((way for way in ways if way not in seen), None)
+        if not ways:
+            return shown[-1]
         if instead is None:
-            return Shown(plain, kept, fitted, standings)
+            least = min(shown, key=lambda one: max(map(_outdone, one.standings.values()), default=0.0))
+            return replace(least, standings={term: _evened(one) for term, one in least.standings.items()})
         chosen = instead
         seen.append(instead)
+
+
+def _outdone(standing: Standing) -> float:
+    """How much more probable than a finding the rival is that has to lead in its place."""
+    return standing.rivals[0].probability - standing.probability if standing.instead is not None else 0.0
+
+
+def _evened(standing: Standing) -> Standing:
+    """The same with equal shares of a finding and of the rivals that outdo it."""
+    if _outdone(standing) <= 0.0:
+        return standing
+    shares = [standing.probability]
+    for rival in standing.rivals:
+        if rival.probability > np.mean(shares):
+            shares.append(rival.probability)
+    even, above = float(np.mean(shares)), len(shares) - 1
+    rivals = (
+        *(replace(rival, probability=even) for rival in standing.rivals[:above]),
+        *standing.rivals[above:],
+    )
+    return Standing(even, rivals)
 
 
 def distinct(
@@ -221,7 +248,7 @@ def findings_without(shown: Shown, judge: Judge, within: Sums) -> tuple[Claim, .
         lost = sums(problem, judge.narrow(residual_after(problem, torque)))
 
         def closed(weights: Float[Array, "R B"], lost: Sums = lost) -> Float[Array, " R"]:
-            gap = np.maximum(within.loss(floor, weights) - 1.0, 1e-9)
+            gap = gap_of(judge, within, after, weights)
             return (lost.loss(floor, weights) - after.loss(floor, weights)) / gap
 
         standing = shown.standings[term]

@@ -29,6 +29,22 @@ def left_by(judge: Judge, plain: Search, chosen: frozenset[Term]) -> Sums:
     return sums(plain.problem, judge.narrow(residual_after(plain.problem, torque)))
 
 
+def beyond_the_floor(judge: Judge, within: Sums) -> bool:
+    """True if the loss within the tolerances is more than the noise floor's interval allows."""
+    once = np.ones((1, len(within.counts)))
+    return float(within.loss(judge.floor, once)[0]) > float(np.mean((judge.highest / judge.floor) ** 2))
+
+
+def gap_of(judge: Judge, within: Sums, after: Sums, weights: Float[Array, "R B"]) -> Float[Array, " R"]:
+    """What shares are shares of: the loss within the tolerances beyond one, when each block counts ``weights`` times.
+
+    The mean over joints may be within the floor while a joint is not: then it is what the findings take off.
+    """
+    base = within.loss(judge.floor, weights)
+    beyond = base - 1.0 if beyond_the_floor(judge, within) else base - after.loss(judge.floor, weights)
+    return np.maximum(beyond, 1e-3 * base)
+
+
 def closed_together(judge: Judge, within: Sums, after: Sums) -> Gap:
     """Share of the gap within tolerance that the findings close, with its interval from a block bootstrap.
 
@@ -38,12 +54,12 @@ def closed_together(judge: Judge, within: Sums, after: Sums) -> Gap:
         after: What moves and findings leave.
     """
     once = np.ones((1, len(within.counts)))
-    if not float(within.loss(judge.floor, once)[0]) > float(np.mean((judge.highest / judge.floor) ** 2)):
+    if not beyond_the_floor(judge, within):
         return Gap()
 
     def closed(weights: Float[Array, "R B"]) -> Float[Array, " R"]:
         base = within.loss(judge.floor, weights)
-        return (base - after.loss(judge.floor, weights)) / np.maximum(base - 1.0, 1e-9)
+        return (base - after.loss(judge.floor, weights)) / gap_of(judge, within, after, weights)
 
     drawn = block_counts(len(within.counts), random_stream("bootstrap of the gap closed"))
     low, high = np.percentile(closed(drawn), [2.5, 97.5])
@@ -61,7 +77,7 @@ def shares_of(judge: Judge, plain: Search, named: frozenset[Term], within: Sums)
     """
     once = np.ones((1, len(within.counts)))
     base = float(within.loss(judge.floor, once)[0])
-    gap = max(base - 1.0, 1e-9)
+    gap = float(gap_of(judge, within, left_by(judge, plain, named), once)[0])
     worth: dict[frozenset[Term], float] = {frozenset(): 0.0}
 
     def closed(chosen: frozenset[Term]) -> float:

@@ -221,15 +221,28 @@ def _leader(
 
     there: dict[tuple[Place, ...], Chosen] = {}
     for key in sorted(places, key=search.score):
-        # A law that ends on a special case would lead under the name of another.
-        if places[key] in kept and {one.place for one in key - chosen} <= set(places[key]):
-            there.setdefault(places[key], key)
+        # A law that ends on a special case would lead under the name of another, so that case itself leads.
+        known = {one.place for one in key - chosen} <= set(places[key])
+        if places[key] in kept and places[key] not in there:
+            leading = key if known else _with_places(search, chosen, term, places[key])
+            there |= {} if leading is None else {places[key]: leading}
     if not there:
         return None
     is_sound = {(): sound(chosen, frozenset([term]))} | {at: sound(key, key - chosen) for at, key in there.items()}
     shares = {(): rules.OUTDONE * own} | {at: kept[at] for at in there}
     first = max(shares, key=lambda at: (is_sound[at], shares[at], at == ()))
     return there.get(first)
+
+
+def _with_places(search: Search, chosen: Chosen, term: Term, places: tuple[Place, ...]) -> Chosen | None:
+    """The set with effects of given places instead of a finding, each in its best shape; None if one is no rival."""
+    others: Chosen = frozenset()
+    for place in places:
+        shapes = [one for one in search.terms if one.place == place]
+        if not shapes:
+            return None
+        others |= {min(shapes, key=lambda one: search.quick(replaced(chosen, term, frozenset([one]))))}
+    return replaced(chosen, term, others)
 
 
 def _same_in_data(search: Search, term: Term, chosen: Chosen, others: Chosen, swapped: Chosen) -> bool:

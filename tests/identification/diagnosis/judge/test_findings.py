@@ -5,8 +5,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from identification.diagnosis.judge.findings import distinct
+from identification.diagnosis.judge.findings import _evened, distinct
 from identification.diagnosis.judge.judged_band import narrow_search
+from identification.diagnosis.result import EffectAt, Rival
+from identification.diagnosis.search.rival_sets import Standing
 from identification.pipeline import diagnose
 
 
@@ -62,3 +64,25 @@ def test_an_effect_that_is_the_whole_gap_closes_all_of_it_however_small_the_gap(
     assert found.joints[0].rms_before < 1.6 * found.joints[0].noise_floor
     assert [finding.effect for finding in found.findings] == ["torque_offset"]
     assert found.findings[0].gap_closed == pytest.approx(1.0, abs=0.1)
+
+
+@pytest.mark.parametrize(
+    ("own", "rivals", "even"),
+    [
+        (0.3, (0.5, 0.2), (0.4, 0.4, 0.2)),
+        (0.2, (0.5, 0.3), (0.35, 0.35, 0.3)),
+        (0.1, (0.5, 0.4), (1.0 / 3, 1.0 / 3, 1.0 / 3)),
+        (0.5, (0.4, 0.1), (0.5, 0.4, 0.1)),
+    ],
+)
+def test_a_finding_and_the_rivals_that_outdo_it_share_what_they_have(own, rivals, even):
+    # By hand: those above the mean of all before them join it.
+    named = tuple(Rival((EffectAt(f"law_{k}", "j1"),), share) for k, share in enumerate(rivals))
+    out = _evened(Standing(own, named, frozenset()))
+    shown = (out.probability, *(rival.probability for rival in out.rivals))
+    assert shown == pytest.approx(even)
+
+
+def test_a_finding_that_leads_keeps_its_share():
+    rival = Rival((EffectAt("viscous_friction", "j1"),), 0.6)
+    assert _evened(Standing(0.4, (rival,))) == Standing(0.4, (rival,))

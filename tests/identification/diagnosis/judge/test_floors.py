@@ -6,9 +6,11 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from scipy.stats import norm
 
 from identification.diagnosis.fit.gap import sums
 from identification.diagnosis.judge.floors import Floor, floor_of
+from identification.diagnosis.noise.repetitions import Repeated
 from identification.diagnosis.noise.sensor_noise import Density
 from identification.diagnosis.search.rival_sets import block_counts
 from phantom_dyn.random_streams import random_stream
@@ -51,6 +53,11 @@ def steady(quiet):
     return problem, (np.array([0.1, 0.2]) * every,)
 
 
+def like(steady, *sizes: float) -> tuple[np.ndarray, ...]:
+    """A residual of so much in every sample."""
+    return tuple(np.array(sizes) * np.ones_like(part) for part in steady[1])
+
+
 def seen(monkeypatch, *densities: tuple[float, float, float] | None) -> None:
     """Torque sensors show densities that leave these figures in a band of 100 Hz: lowest, mean and highest."""
 
@@ -67,7 +74,7 @@ def seen(monkeypatch, *densities: tuple[float, float, float] | None) -> None:
 def test_without_sensors_to_see_the_floor_is_an_upper_limit_that_no_derivative_gets_below(steady, monkeypatch):
     # By hand: a thousandth of the torque beside the noise.
     seen(monkeypatch, None, None)
-    floor = floor_of(*steady, np.array([9.0, 9.0]))
+    floor = floor_of(*steady, like(steady, 9.0, 9.0))
     assert floor.source == ("predictors", "predictors")
     np.testing.assert_allclose(floor.value, [0.1, 0.2])
     np.testing.assert_allclose(floor.low, [0.1, 0.2])
@@ -85,7 +92,7 @@ def test_without_sensors_to_see_the_floor_is_an_upper_limit_that_no_derivative_g
 )
 def test_sensors_that_show_as_much_confirm_the_floor_and_others_lower_its_end(steady, monkeypatch, sizes, source, low):
     seen(monkeypatch, sizes, None)
-    floor = floor_of(*steady, np.array([9.0, 9.0]))
+    floor = floor_of(*steady, like(steady, 9.0, 9.0))
     assert floor.source == (source, "predictors")
     assert (floor.value[0], floor.low[0]) == pytest.approx((0.1, low))
     assert floor.high[0] == pytest.approx(np.hypot(0.1, 0.003))
@@ -103,7 +110,7 @@ EDGE = 2.0 * np.hypot(0.01, np.sqrt(0.0007) * 3.0)
 def test_sensors_that_show_several_times_less_are_the_floor(steady, monkeypatch, noise, left, taken):
     problem, (series,) = steady
     seen(monkeypatch, (0.004, 0.007, 0.01), None)
-    floor = floor_of(problem, (series * [10.0 * noise, 1.0],), np.array([left, 9.0]))
+    floor = floor_of(problem, (series * [10.0 * noise, 1.0],), like(steady, left, 9.0))
     assert floor.value[0] == pytest.approx(0.007 if taken else noise)
     assert floor.low[0] == pytest.approx(0.004)
     assert floor.high[0] == pytest.approx(np.hypot(0.01 if taken else noise, 0.003))
@@ -115,7 +122,7 @@ def test_noise_of_the_encoders_adds_to_what_the_sensors_show(steady, monkeypatch
     problem, (series,) = steady
     seen(monkeypatch, (0.003, 0.003, 0.003), (0.03, 0.03, 0.03))
     loud = (series * [100.0, 500.0],)
-    floor = floor_of(problem, loud, np.array([9.0, 90.0]), np.array([0.004, 0.04]))
+    floor = floor_of(problem, loud, like(steady, 9.0, 90.0), np.array([0.004, 0.04]))
     np.testing.assert_allclose(floor.value, [0.005, 0.05])
     np.testing.assert_allclose(floor.low, [0.005, 0.05])
 
@@ -125,7 +132,7 @@ def test_the_interval_of_a_floor_is_that_of_a_bootstrap_over_blocks_for_all_join
     problem, (series,) = steady
     seen(monkeypatch, None, None)
     noise = series * rng.normal(size=series.shape)
-    floor = floor_of(problem, (noise,), np.array([9.0, 9.0]))
+    floor = floor_of(problem, (noise,), like(steady, 9.0, 9.0))
     by_block = sums(problem, (noise,))
     drawn = block_counts(len(by_block.counts), random_stream("bootstrap of the noise floor"))
     size = np.sqrt(drawn @ by_block.squares / (drawn @ by_block.counts))
@@ -133,3 +140,33 @@ def test_the_interval_of_a_floor_is_that_of_a_bootstrap_over_blocks_for_all_join
     np.testing.assert_allclose(floor.value, np.sqrt(np.mean(noise**2, axis=0)))
     np.testing.assert_allclose(floor.low, low)
     np.testing.assert_allclose(floor.high, np.hypot(high, 0.001 * TORQUE))
+
+
+@pytest.mark.parametrize(
+    ("repeated", "left", "value", "source"),
+    [
+        (0.09, 0.1, 0.1, "repetitions"),
+        (0.02, 0.1, 0.02, "repetitions"),
+        (0.02, 0.07, 0.1, "repetitions"),
+        (0.2, 0.1, 0.1, "predictors"),
+    ],
+)
+def test_what_does_not_repeat_is_the_floor_where_it_is_less_than_all_else(
+    steady, monkeypatch, repeated, left, value, source
+):
+    # By hand: it counts from 2.65 % of 3 N m on, 0.079 N m; what drifts does not repeat and is foreseen.
+    seen(monkeypatch, None, None)
+    shown = (Repeated(repeated, 0.01), None)
+    monkeypatch.setattr("identification.diagnosis.judge.floors.repeated_noise", lambda *_: shown)
+    floor = floor_of(*steady, like(steady, left, 9.0))
+    assert floor.source == (source, "predictors")
+    assert floor.value[0] == pytest.approx(value)
+
+
+def test_the_interval_of_what_does_not_repeat_is_that_of_its_error(steady, monkeypatch):
+    # Closed form: a log-normal estimate, 5 % over two joints.
+    seen(monkeypatch, None, None)
+    monkeypatch.setattr("identification.diagnosis.judge.floors.repeated_noise", lambda *_: (Repeated(0.02, 0.1), None))
+    floor = floor_of(*steady, like(steady, 9.0, 9.0))
+    assert floor.low[0] == pytest.approx(0.02 * np.exp(-0.1 * norm.ppf(0.9875)))
+    assert floor.high[0] == pytest.approx(np.hypot(0.02 * np.exp(0.1 * norm.ppf(0.9875)), 0.003))

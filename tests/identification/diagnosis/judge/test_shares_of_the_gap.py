@@ -48,6 +48,15 @@ def test_what_a_finding_closes_is_what_is_lost_without_it_over_the_gap(judged):
         assert high - low < 0.5
 
 
+def test_where_the_mean_over_joints_is_within_the_floor_shares_are_of_what_the_findings_close(judged):
+    # A floor whose interval is so wide that the gap lies within it: what they close together is all of it.
+    shown, judge, within = judged
+    wide = replace(judge, highest=1e3 * judge.floor)
+    found = [claim.finding for claim in findings_without(shown, wide, within)]
+    assert sum(finding.share for finding in found) == pytest.approx(1.0)
+    assert all(abs(finding.gap_closed) < 1.5 for finding in found)
+
+
 def test_two_findings_close_the_gap_of_what_was_put_in(judged):
     # Known truth: nothing but the two is missing; an offset may be told as its twin, a spring that rests far away.
     findings = [claim.finding for claim in findings_without(*judged)]

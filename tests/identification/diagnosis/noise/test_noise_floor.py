@@ -10,7 +10,9 @@ from identification.diagnosis.fit.gap import held_out_torque
 from identification.diagnosis.noise.noise_floor import (
     autocorrelation_time,
     estimate_noise,
+    noise_floor,
     noise_without,
+    quieter_in_band,
     rms,
     smaller_noise,
     weights_of,
@@ -136,3 +138,31 @@ def test_noise_without_a_trace_stays_as_it_is(rubbing, rng):
     left, gain = noise_without(rubbing.search, tried, frozenset(), (noise,))
     np.testing.assert_allclose(left[0][:, 1], noise[:, 1])
     assert gain < 5
+
+
+def test_the_best_predictor_in_the_judged_band_leaves_no_more_there_than_that_of_the_whole_band(quiet):
+    session = replace(quiet.session, cutoff_hz=0.3 * quiet.session.logs[0].band.cutoff_hz)
+    whole, inside = (noise_floor(session, quiet.columns, e) for e in estimate_noise(session, quiet.columns))
+    assert np.all(inside <= whole)
+
+
+def test_no_predictor_is_taken_that_is_worse_than_the_given_model(quiet):
+    # Whatever is foreseen wrongly: the given model foresees nothing.
+    columns = replace(quiet.columns, values=tuple(tuple(0.0 * row for row in rows) for rows in quiet.columns.values))
+    noise, inside = estimate_noise(quiet.session, columns)
+    given = [rms([r[:, j][u[:, j]] for r, u in zip(columns.residual, columns.usable, strict=True)]) for j in range(2)]
+    for series in (noise, inside):
+        left = [rms([e[:, j][u[:, j]] for e, u in zip(series, columns.usable, strict=True)]) for j in range(2)]
+        assert np.all(np.array(left) <= given)
+
+
+@pytest.mark.parametrize(("other", "least", "taken"), [(0.1, 0.0, True), (0.3, 0.0, False), (0.1, 0.15, False)])
+def test_a_row_gets_the_noise_that_is_smaller_in_the_judged_band_and_not_below_that_of_its_encoder(
+    quiet, other, least, taken
+):
+    # By hand: rows of constant size.
+    every = tuple(np.ones_like(part) for part in quiet.noise)
+    noise, inside = (tuple(size * part for part in every) for size in (0.2, other))
+    out = quieter_in_band(quiet.session, quiet.columns, noise, inside, np.array([least, np.inf]))
+    np.testing.assert_allclose(out[0][:, 0], other if taken else 0.2)
+    np.testing.assert_allclose(out[0][:, 1], 0.2)

@@ -11,6 +11,7 @@ from identification.diagnosis.search import rival_sets as rivals
 from identification.diagnosis.search.rival_sets import (
     REPLICATES,
     Standing,
+    _with_places,
     block_counts,
     half_wins,
     odds_of_richer,
@@ -228,3 +229,16 @@ def test_what_survives_every_repetition_is_as_certain_as_before(quiet):
     total = repeated.probability + sum(rival.probability for rival in repeated.rivals)
     assert total == pytest.approx(1.0)
     assert abs(alone.probability - repeated.probability) < 0.5
+
+
+def test_where_a_law_ends_on_a_special_case_that_case_takes_its_place(quiet):
+    # By definition: the set with exactly the effects of those places in place of the finding.
+    finding, beside = quiet.term("stribeck_friction", "elbow"), quiet.term("torque_offset", "shoulder")
+    places = (("coulomb_friction", "elbow"), ("viscous_friction", "elbow"))
+    leading = _with_places(quiet.search, frozenset([finding, beside]), finding, places)
+    assert {one.place for one in leading} == {*places, beside.place}
+
+
+def test_a_place_that_is_no_rival_leads_to_nothing(quiet):
+    finding = quiet.term("coulomb_friction", "elbow")
+    assert _with_places(quiet.search, frozenset([finding]), finding, (("coulomb_friction", "wrist"),)) is None
