@@ -42,10 +42,10 @@ def number(value: float) -> str:
 
 
 def percent(share: float) -> str:
-    """A share as a percentage, never rounded to none or all; a dash where there is no number."""
+    """A share as a percentage, never rounded to none, less than none or all; a dash where there is no number."""
     if not math.isfinite(share):
         return "–"
-    if 0 < share < 0.005:
+    if 0 < abs(share) < 0.005:
         return f"under 1{NO_BREAK}%"
     if 0.995 <= share < 1:
         return f"over 99{NO_BREAK}%"

@@ -104,6 +104,7 @@ class Rival(ABC):
             either on a joint or on the whole robot.
         regime: Where the effect shows most.
         contains: Names of the effects that are special cases of it.
+        tends_to: Names of effects on the same joint that it comes arbitrarily near to, without being them.
         on_each_joint: Of an effect between two joints: names of effects of single joints that, on both of them, may
             leave much the same.
         same_as_sum: Names of effects whose sum is a special case of it, so that no data distinguish the two.
@@ -132,6 +133,7 @@ class Rival(ABC):
     scope: Literal["joint", "pair", "robot", "either"] = "joint"
     regime: str
     contains: tuple[str, ...] = ()
+    tends_to: tuple[str, ...] = ()
     on_each_joint: tuple[str, ...] = ()
     same_as_sum: tuple[str, ...] = ()
     uses_acceleration: bool = False

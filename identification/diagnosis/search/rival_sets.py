@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -74,8 +75,10 @@ def stand(
     a replicate only if they earn there their price and what the method is accurate to; predictions that are the same
     share their wins. It needs no more than that: what chance gives over the whole catalogue is no measure of laws
     of one kind on one joint. A rival that makes what the finding makes, and the other way round, is
-    compared without a price: how many numbers a law has says nothing then. One that ends on a special case of itself
-    stands for that.
+    compared without a price: how many numbers a law has says nothing then. Of two laws of which neither contains the
+    other the shares are means with and without prices: held-out blocks make a law pay for numbers that fit noise
+    already, and what a law costs beyond that is a matter of taste. One that ends on a special case of itself stands for
+    that.
 
     Args:
         search: Rivals.
@@ -97,12 +100,15 @@ def stand(
     keys = list(options)
     counts = block_counts(len(base.loss), random_stream("bootstrap of rivals"))
     losses = counts @ np.array([options[key] for key in keys]).T
-    costs = _costs(search, [same.get(key, key) for key in keys], [key in twins for key in keys])
+    apart = {key for key in names if not _nested(term, names[key])}
+    sets = [same.get(key, key) for key in keys]
+    costs = _costs(search, sets, [key in twins for key in keys])
+    costs += _costs(search, sets, [key in twins for key in keys], [key in apart for key in keys])
     places = {key: _places(search, chosen, names[key], key, same) for key in keys[1:]}
     wins = [np.mean([_wins(losses + cost) for cost in costs], axis=0)]
     if again:
         wins += [half_wins(options, keys, half, costs) for half in _halves(len(base.loss))]
-        wins += [_wins_in(other, search, options, keys, same, twins, counts) for other in again]
+        wins += [_wins_in(other, search, options, keys, same, (twins, apart), counts) for other in again]
     shares = _by_place(keys, places, np.mean(wins, axis=0))
     for others, swapped in richer_laws:
         place = _places(search, chosen, others, swapped, same)
@@ -131,7 +137,7 @@ def _halves(blocks: int) -> tuple[Int[Array, " h"], ...]:
 
 
 def half_wins(
-    options: dict[Chosen, Array], keys: list[Chosen], half: Int[Array, " h"], costs: tuple[Array, Array]
+    options: dict[Chosen, Array], keys: list[Chosen], half: Int[Array, " h"], costs: Sequence[Array]
 ) -> Float[Array, " m"]:
     """How often each set wins if all of the recordings were like one half of them."""
     losses = np.array([options[key] for key in keys]).T
@@ -145,14 +151,18 @@ def _wins_in(
     options: dict[Chosen, Array],
     keys: list[Chosen],
     same: dict[Chosen, Chosen],
-    twins: set[Chosen],
+    free: tuple[set[Chosen], set[Chosen]],
     counts: Float[Array, "R B"],
 ) -> Float[Array, " m"]:
-    """How often each set wins in another search over the same rivals, with the same allowance for richer laws."""
+    """How often each set wins in another search over the same rivals, with the same allowance for richer laws.
+
+    ``free`` are twins of the finding and laws that neither contain it nor are contained in it.
+    """
     sets = [same.get(key, key) for key in keys]
     allowance = [options[key] - search.evaluate(one).loss for key, one in zip(keys, sets, strict=True)]
     losses = np.array([other.evaluate(one).loss + more for one, more in zip(sets, allowance, strict=True)]).T
-    costs = _costs(other, sets, [key in twins for key in keys])
+    twins, apart = ([key in some for key in keys] for some in free)
+    costs = (*_costs(other, sets, twins), *_costs(other, sets, twins, apart))
     return np.mean([_wins(counts @ losses + cost) for cost in costs], axis=0)
 
 
@@ -174,7 +184,7 @@ def _options(
         swapped = replaced(chosen, term, others)
         if swapped in options or not others <= swapped:
             continue
-        if _hopeless(search, chosen, swapped):
+        if _hopeless(search, chosen, swapped, priced=_nested(term, others)):
             continue
         found = search.evaluate(swapped)
         if any(places_of(search.problem.session.robot, other, found) is None for other in others):
@@ -245,6 +255,15 @@ def _with_places(search: Search, chosen: Chosen, term: Term, places: tuple[Place
     return replaced(chosen, term, others)
 
 
+def _nested(term: Term, others: Chosen) -> bool:
+    """True if one of a finding and what stands in its place contains the other, or if several effects stand there."""
+
+    def more(rich: Term, simple: Term) -> bool:
+        return contains(rich, simple) or (rich.joint == simple.joint and simple.effect.name in rich.effect.tends_to)
+
+    return len(others) > 1 or any(more(one, term) or more(term, one) for one in others)
+
+
 def _same_in_data(search: Search, term: Term, chosen: Chosen, others: Chosen, swapped: Chosen) -> bool:
     """True if what either of two causes makes in these recordings the other one makes as well.
 
@@ -284,19 +303,28 @@ def settled(search: Search, chosen: frozenset[Term]) -> frozenset[Term]:
 
 
 def _costs(
-    search: Search, sets: list[frozenset[Term]], twins: list[bool]
+    search: Search, sets: list[frozenset[Term]], twins: list[bool], free: Sequence[bool] = ()
 ) -> tuple[Float[Array, " m"], Float[Array, " m"]]:
     """Cost of each set in every bootstrap replicate: price plus moves of the model, counted in two fair ways.
 
-    Twins of the first set cost what it costs.
-
     Either all moves count, or those only that cost four more than the first set's (two tolerances of one quantity), or
     four less: how wrong a model is within its tolerance is not known that well.
+
+    Args:
+        search: Rivals.
+        sets: What is compared, the finding's set first.
+        twins: Those that cost what the first set costs.
+        free: Those whose price does not count either, nor what more numbers save in moves: inertias that are free take
+            over what the model is wrong by within its tolerances. Empty: none.
     """
     prices = np.array([search.price_of(chosen) for chosen in sets])
+    dearer = prices - prices[0]
     prices[twins] = prices[0]
     moves = np.array([search.evaluate(chosen).penalty for chosen in sets])
     more = moves - moves[0]
+    if free:
+        prices[list(free)] = prices[0]
+        more = np.where(np.array(free) & (more * dearer < 0.0), 0.0, more)
     return prices + more, prices + np.sign(more) * np.maximum(np.abs(more) - 4.0, 0.0)
 
 
@@ -340,13 +368,17 @@ def _by_place(
     return out
 
 
-def _hopeless(search: Search, chosen: frozenset[Term], swapped: frozenset[Term]) -> bool:
-    """True if the swap loses by so much, block by block, that it would win no bootstrap replicate."""
+def _hopeless(search: Search, chosen: frozenset[Term], swapped: frozenset[Term], *, priced: bool) -> bool:
+    """True if the swap loses by so much, block by block, that it would win no bootstrap replicate.
+
+    Without prices what the finding costs more or less does not count.
+    """
     if search.quick(swapped) > search.quick(chosen) + rules.HOPELESS_LOSS:
         return True
     found, base = search.evaluate(swapped), search.evaluate(chosen)
     worse = found.loss - base.loss
-    loss = found.total + search.price_of(swapped) - base.total - search.price_of(chosen)
+    more = search.price_of(swapped) - search.price_of(chosen)
+    loss = found.total - base.total + (more if priced else min(more, 0.0))
     return loss > 4.0 * float(np.sqrt(len(worse)) * worse.std()) + 4.0
 
 

@@ -25,6 +25,7 @@ class ParasiticSpring(Effect):
 
     name = "parasitic_spring"
     regime = "posture"
+    tends_to = ("torque_offset",)  # a soft spring that is at rest far away
     words = EffectWords(
         name="a parasitic spring",
         meaning="a torque that pulls the joint towards one position, as a cable or hose does",

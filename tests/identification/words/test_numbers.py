@@ -9,7 +9,8 @@ from identification.words.numbers_and_names import NO_BREAK, percent, value_word
 
 
 @pytest.mark.parametrize(
-    ("share", "text"), [(0.001, "under 1 %"), (0.0, "0 %"), (-0.2, "-20 %"), (1.3, "130 %"), (math.nan, "–")]
+    ("share", "text"),
+    [(0.001, "under 1 %"), (-0.001, "under 1 %"), (0.0, "0 %"), (-0.2, "-20 %"), (1.3, "130 %"), (math.nan, "–")],
 )
 def test_a_share_is_never_rounded_to_none_or_all(share, text):
     assert percent(share).replace(NO_BREAK, " ") == text

@@ -1,6 +1,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -242,3 +243,47 @@ def test_where_a_law_ends_on_a_special_case_that_case_takes_its_place(quiet):
 def test_a_place_that_is_no_rival_leads_to_nothing(quiet):
     finding = quiet.term("coulomb_friction", "elbow")
     assert _with_places(quiet.search, frozenset([finding]), finding, (("coulomb_friction", "wrist"),)) is None
+
+
+def priced(prices: tuple[float, ...], moves: tuple[float, ...]) -> SimpleNamespace:
+    """A search whose sets are numbered, with a price and a penalty of moves each."""
+    return SimpleNamespace(price_of=lambda k: prices[k], evaluate=lambda k: SimpleNamespace(penalty=moves[k]))
+
+
+@pytest.mark.parametrize(
+    ("twins", "free", "whole", "beyond"),
+    [
+        ((False, False, False), (), (5.0, 9.0, 9.0), (5.0, 15.0 - 2.0, 5.0 + 0.0)),
+        ((False, True, True), (), (5.0, -1.0, 9.0), (5.0, 3.0, 5.0)),
+        # What more numbers save in moves does not count, what a set of the same price moves more does.
+        ((False, False, False), (False, True, True), (5.0, 5.0, 9.0), (5.0, 5.0, 5.0)),
+    ],
+)
+def test_a_set_costs_its_price_and_its_moves_counted_in_two_ways(twins, free, whole, beyond):
+    # By hand: prices 5, 15, 5; moves 10, 4, 14, which count in full or beyond four.
+    search = priced((5.0, 15.0, 5.0), (10.0, 4.0, 14.0))
+    found = rivals._costs(search, [0, 1, 2], list(twins), list(free))
+    np.testing.assert_allclose(found[0], whole)
+    np.testing.assert_allclose(found[1], beyond)
+
+
+@pytest.mark.parametrize(
+    ("finding", "other", "joint", "nested"),
+    [
+        ("coulomb_friction", "stribeck_friction", "elbow", True),
+        ("stribeck_friction", "coulomb_friction", "elbow", True),
+        ("torque_offset", "parasitic_spring", "elbow", True),
+        ("parasitic_spring", "torque_offset", "elbow", True),
+        ("torque_offset", "parasitic_spring", "shoulder", False),
+        ("torque_constant", "payload", None, False),
+    ],
+)
+def test_which_laws_contain_each_other_or_come_arbitrarily_near(quiet, finding, other, joint, nested):
+    # By definition of the laws: a soft spring that rests far away is an offset.
+    term = quiet.term(finding, "elbow")
+    assert rivals._nested(term, frozenset([quiet.term(other, joint)])) is nested
+
+
+def test_what_several_effects_explain_together_keeps_its_price(quiet):
+    both = frozenset([quiet.term("coulomb_friction", "elbow"), quiet.term("viscous_friction", "elbow")])
+    assert rivals._nested(quiet.term("torque_constant", "elbow"), both)
