@@ -3,6 +3,7 @@
 #   make lint   ruff, pyright, import layers      make bench  benchmarks with timing
 #   make blind  sealed cases, into the README     make speed  speed beside other tools, into the README
 #   make lock   renew requirements.txt            make clean  removes the environment and what was built
+#   make drake  sealed cases of the second make, diagnosed and scored [DRAKE_SEEDS=0:24]
 #   make mutants [SAMPLE=150] [SEED=1] [ONLY=]    how many deliberate mistakes in the code the tests notice; SAMPLE=0: all
 
 PYTHON ?= python3
@@ -10,6 +11,8 @@ VENV := .venv
 BIN := $(VENV)/bin
 STAMP := $(VENV)/.installed
 MUTANTS := .venv-mutants
+DRAKE := .venv-drake
+DRAKE_SEEDS ?= 0:24
 SAMPLE ?= 150
 SEED ?= 1
 ONLY ?=
@@ -22,7 +25,7 @@ export PIP_DISABLE_PIP_VERSION_CHECK := 1
 export PYRIGHT_PYTHON_IGNORE_WARNINGS := 1
 
 .DEFAULT_GOAL := test
-.PHONY: demo test lint bench blind speed mutants lock clean setup tools
+.PHONY: demo test lint bench blind drake speed mutants lock clean setup tools
 .DELETE_ON_ERROR:
 
 demo: setup
@@ -46,6 +49,12 @@ blind: setup
 
 speed: setup
 	@$(BIN)/python benchmarks/speed_table.py
+
+# Drake has a folder of its own, without what it asks for besides: it is too large to be a part of the lock.
+drake: setup
+	@test -d $(DRAKE) || $(BIN)/python -m pip install -qq --no-deps --target $(DRAKE) "drake>=1.51,<2"
+	@$(BIN)/python benchmarks/blind/run.py --make drake --quick \
+	  --singles $(DRAKE_SEEDS) --nulls $(DRAKE_SEEDS) --pairs $(DRAKE_SEEDS) --outside $(DRAKE_SEEDS)
 
 # The tool has a folder of its own, as it is no part of the lock; the libraries under test are those of .venv.
 mutants: setup
@@ -81,5 +90,5 @@ lock: tools
 	  --no-header --no-annotate --upgrade --quiet --output-file requirements.txt
 
 clean:
-	rm -rf $(VENV) $(MUTANTS) build dist demo .pytest_cache .ruff_cache .hypothesis .benchmarks
+	rm -rf $(VENV) $(MUTANTS) $(DRAKE) build dist demo .pytest_cache .ruff_cache .hypothesis .benchmarks
 	find . -name __pycache__ -type d -prune -exec rm -rf {} +

@@ -1,8 +1,8 @@
 """Writes sealed cases: what the diagnosis may see into one folder, the answers into another.
 
 Example: ``python -m benchmarks.blind.generate --singles 0:120 --nulls 0:60 --cases DIR --answers DIR``, or one kind
-with ``--seeds 0:40 --kind single``. Without any seeds: the reporting ranges (`REPORTING`).
-Cases that are there are kept.
+with ``--seeds 0:40 --kind single``. Without any seeds: the reporting ranges (`REPORTING`). ``--make drake`` takes the
+cases of the second make. Cases that are there are kept.
 """
 
 from __future__ import annotations
@@ -17,7 +17,8 @@ from pathlib import Path
 if __package__ in (None, ""):  # called by its path: the checkout is not on the module path
     sys.path.insert(0, str(Path(__file__).resolve().parents[2]))
 
-from benchmarks.blind.generator.case import case_id, draw_case, resolved_kind, write_case
+from benchmarks.blind.makes import NAMES as MAKES
+from benchmarks.blind.makes import make_named
 
 KINDS = ("mixed", "null", "single", "pair", "outside")
 # Every kind has its own stream, so a seed may serve once for each. Below 1000: development. 1000 to 10999 were opened
@@ -31,6 +32,7 @@ REPORTING = {
 }
 OPTIONS = {"single": "--singles", "null": "--nulls", "pair": "--pairs", "outside": "--outside"}
 FILES = ("robot.urdf", "robot.yaml", "log.csv")
+FIRST = MAKES[0]
 
 
 def seed_range(text: str) -> range:
@@ -55,12 +57,13 @@ def write_answer(answer: dict, answers: Path) -> Path:
     return path
 
 
-def draw(seed: int, kind: str, cases: Path, answers: Path) -> str:
+def draw(seed: int, kind: str, cases: Path, answers: Path, make: str = FIRST) -> str:
     """Generates a case and its answer unless both are there; returns its id."""
-    name = case_id(seed, resolved_kind(seed, kind))
+    by = make_named(make)
+    name = by.case_id(seed, by.resolved_kind(seed, kind))
     if not (answers / f"{name}.json").is_file() or not all((cases / name / f).is_file() for f in FILES):
-        case = draw_case(seed, kind)
-        write_case(case, cases)
+        case = by.draw_case(seed, kind)
+        by.write_case(case, cases)
         write_answer(case.answer, answers)
     return name
 
@@ -71,18 +74,20 @@ def draw_one(seed: int, folder: Path, answers_folder: Path) -> tuple[Path, Path]
     return Path(folder) / name, Path(answers_folder) / f"{name}.json"
 
 
-def draw_many(seeds: range, kind: str, cases: Path, answers: Path, jobs: int) -> list[str]:
+def draw_many(seeds: range, kind: str, cases: Path, answers: Path, jobs: int, make: str = FIRST) -> list[str]:
     """Generates the cases of many seeds, ``jobs`` at a time, skipping those that are there."""
     if jobs == 1 or len(seeds) == 1:
-        return [draw(seed, kind, cases, answers) for seed in seeds]
+        return [draw(seed, kind, cases, answers, make) for seed in seeds]
     with ProcessPoolExecutor(jobs) as pool:
-        waiting = [pool.submit(draw, seed, kind, cases, answers) for seed in seeds]
+        waiting = [pool.submit(draw, seed, kind, cases, answers, make) for seed in seeds]
         return [one.result() for one in waiting]
 
 
-def case_ids(batches: Iterable[tuple[str, range]]) -> list[str]:
+def case_ids(batches: Iterable[tuple[str, range]], make: str = FIRST) -> list[str]:
     """Ids of the cases of some kinds and seeds, each once, without drawing any."""
-    return list(dict.fromkeys(case_id(seed, resolved_kind(seed, kind)) for kind, seeds in batches for seed in seeds))
+    by = make_named(make)
+    names = (by.case_id(seed, by.resolved_kind(seed, kind)) for kind, seeds in batches for seed in seeds)
+    return list(dict.fromkeys(names))
 
 
 def add_seed_options(to: argparse.ArgumentParser) -> None:
@@ -91,6 +96,7 @@ def add_seed_options(to: argparse.ArgumentParser) -> None:
     to.add_argument("--kind", choices=KINDS, default="mixed", help="of --seeds")
     for kind, option in OPTIONS.items():
         to.add_argument(option, dest=kind, type=seed_range, metavar="FIRST:END", help=f"seeds of kind {kind}")
+    to.add_argument("--make", choices=MAKES, default=FIRST, help=f"whose cases (default: {FIRST})")
 
 
 def chosen_batches(given: argparse.Namespace) -> list[tuple[str, range]]:
@@ -115,7 +121,7 @@ def main(arguments: list[str] | None = None) -> int:
     given = parser().parse_args(arguments)
     count = 0
     for kind, seeds in chosen_batches(given):
-        count += len(draw_many(seeds, kind, given.cases, given.answers, given.jobs))
+        count += len(draw_many(seeds, kind, given.cases, given.answers, given.jobs, given.make))
     print(f"{count} cases in {given.cases}, their answers in {given.answers}")
     return 0
 

@@ -1,7 +1,8 @@
 """Diagnoses sealed cases through the command line, while no answer can be read, and scores the results.
 
 Example: ``python benchmarks/blind/run.py --singles 100:140 --nulls 100:120``, which are scored together. Without any
-seeds: the reporting ranges. Resumable: a case that has its result is not diagnosed again.
+seeds: the reporting ranges. ``--make drake`` takes the cases of the second make. Resumable: a case that has its result
+is not diagnosed again.
 """
 
 from __future__ import annotations
@@ -15,7 +16,7 @@ from pathlib import Path
 if __package__ in (None, ""):  # called by its path: the checkout is not on the module path
     sys.path.insert(0, str(Path(__file__).resolve().parents[2]))
 
-from benchmarks.blind.generate import add_seed_options, case_ids, chosen_batches, draw_many
+from benchmarks.blind.generate import FIRST, add_seed_options, case_ids, chosen_batches, draw_many
 from benchmarks.blind.processes import BASELINES, ORACLE, default_command, run_all
 from benchmarks.blind.publish import publish
 from benchmarks.blind.score import load_baselines, load_pairs, write_score
@@ -38,7 +39,9 @@ def parser() -> argparse.ArgumentParser:
     """The options of this command."""
     out = argparse.ArgumentParser(description="Diagnose sealed cases and score the results.")
     add_seed_options(out)
-    out.add_argument("--work", type=Path, default=Path("build/blind"), metavar="DIR")
+    out.add_argument(
+        "--work", type=Path, default=None, metavar="DIR", help="default: build/blind, of another make with its name"
+    )
     out.add_argument("--jobs", type=int, default=2)
     out.add_argument("--quick", action="store_true", help="no baselines and no oracle")
     out.add_argument(
@@ -48,28 +51,36 @@ def parser() -> argparse.ArgumentParser:
     return out
 
 
+def work_folder(given: argparse.Namespace) -> Path:
+    """Where cases and results go: every make has a folder of its own."""
+    return given.work or Path("build") / ("blind" if given.make == FIRST else f"blind-{given.make}")
+
+
 def main(arguments: list[str] | None = None) -> int:
-    given = parser().parse_args(arguments)
-    start = time.perf_counter()
+    options = parser()
+    given = options.parse_args(arguments)
+    if given.publish and given.make != FIRST:
+        options.error(f"README.md shows the cases of the make {FIRST}: leave out --publish or --make {given.make}")
+    start, work = time.perf_counter(), work_folder(given)
     cases, answers, results, baselines, oracle = (
-        given.work / name for name in ("cases", "answers", "results", "baselines", "oracle")
+        work / name for name in ("cases", "answers", "results", "baselines", "oracle")
     )
     batches = chosen_batches(given)
     for kind, seeds in batches:
-        draw_many(seeds, kind, cases, answers, given.jobs)
-    names = case_ids(batches)
+        draw_many(seeds, kind, cases, answers, given.jobs, given.make)
+    names = case_ids(batches, given.make)
     diagnose_all(names, cases, answers, results, command=default_command(), jobs=given.jobs)
     if not given.quick:
         first = [(kind, seeds[: given.beside]) for kind, seeds in batches]
-        tried = case_ids(first)
+        tried = case_ids(first, given.make)
         with sealed(answers):
             run_all(BASELINES, tried, cases, baselines, jobs=given.jobs, what="baselines")
         # From here on answers are open: every diagnosis is written.
-        inside = case_ids(b for b in first if b[0] in INSIDE)
+        inside = case_ids((b for b in first if b[0] in INSIDE), given.make)
         run_all(ORACLE, inside, cases, oracle, jobs=given.jobs, what="told the cause", answers=answers)
     scored = load_pairs(answers, results, names, oracle=oracle)
     beside = None if given.quick else load_baselines(answers, baselines, names)
-    out = given.work / "score"
+    out = work / "score"
     print(write_score(scored, out, beside))
     minutes = (time.perf_counter() - start) / 60.0
     print(f"{len(names)} cases in {minutes:.0f} minutes, written to {out}")

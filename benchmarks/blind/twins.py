@@ -30,9 +30,16 @@ ROTOR_REGROUPS = {
     "phantom": ("theta1", "theta2", "theta3"),
     "six": ("shoulder_pan_joint", "shoulder_lift_joint"),
     "panda": ("panda_joint1", "panda_joint2"),
+    # Of the second make: also hinges across the one before them, and a carriage, whose rotor is mass that slides.
+    "arm2": ("lift",),
+    "arm3": ("waist", "shoulder"),
+    "scara": ("inner",),
+    "arm6": ("a1", "a2"),
+    "gantry": ("carriage", "swing"),
+    "pan_tilt": ("pan", "tilt"),
 }
 # Robots whose first joint is horizontal and carries the whole arm in one plane: a tilt is an offset of that joint.
-TILTS_WITH_FIRST = ("pendulum", "planar2")
+TILTS_WITH_FIRST = ("pendulum", "planar2", "arm2")
 PASSIVE = ("elbow", "crank")  # of the PHANToM: they turn at opposite speeds
 COUPLED = ("joint_coupling", "theta2+theta3")  # what turns with the difference of their speeds, as a coupling
 

@@ -1,0 +1,36 @@
+"""Makes of sealed cases: independent generators of one form of case and answer, chosen by name."""
+
+from __future__ import annotations
+
+import importlib
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+# Imported when they are asked for: a make must run where what another one is built on is missing.
+MODULES = {"mujoco": "benchmarks.blind.generator.case", "drake": "benchmarks.blind.makes.drake.case"}
+NAMES = tuple(MODULES)
+
+
+@dataclass(frozen=True)
+class Make:
+    """What every make offers.
+
+    Attributes:
+        case_id: Name of the case of a seed and a kind.
+        resolved_kind: ``mixed`` made ``null`` or ``single``.
+        draw_case: The case, with its ``answer``.
+        write_case: Writes what the diagnosis may see.
+    """
+
+    case_id: Callable[[int, str], str]
+    resolved_kind: Callable[[int, str], str]
+    draw_case: Callable[[int, str], Any]
+    write_case: Callable[[Any, Path], Path]
+
+
+def make_named(name: str) -> Make:
+    """The make of a name of `NAMES`."""
+    module = importlib.import_module(MODULES[name])
+    return Make(module.case_id, module.resolved_kind, module.draw_case, module.write_case)
