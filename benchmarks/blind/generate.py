@@ -22,8 +22,8 @@ from benchmarks.blind.makes import make_named
 
 KINDS = ("mixed", "null", "single", "pair", "outside")
 # Every kind has its own stream, so a seed may serve once for each. Below 1000: development. 1000 to 10999 were opened
-# for earlier reports. From 11000 on: opened once, for the report. 15000 to 18039 and 20000 to 23029 were opened to check
-# later methods.
+# for earlier reports. From 11000 on: opened once, for the report. 15000 to 18039 and 20000 to 23029 were opened to
+# check later methods.
 REPORTING = {
     "single": range(11000, 11250),
     "null": range(12000, 12300),

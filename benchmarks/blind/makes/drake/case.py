@@ -1,8 +1,9 @@
 """A sealed case of this make as a pure function of its kind and seed: the files and the answer.
 
 The answer has the form that the scorer reads (``blind-answer/2``), with these of its own: ``make`` is ``drake``,
-``fine`` is what bristles and current loops of the same robot without the effect leave per joint [noise floors], and
-``drawn_as`` names the kind and the effects that were drawn where a case became a null for lack of a trace.
+``fine`` is what bristles and current loops of the same robot without the effect leave per joint [noise floors],
+``current_loop`` the time constants of these loops [s], and ``drawn_as`` names the kind and the effects that were drawn
+where a case became a null for lack of a trace.
 """
 
 from __future__ import annotations
@@ -114,6 +115,7 @@ def _packed(seed: int, kind: str, measure: Ruler, run: Run, figures: dict) -> Ca
         **figures,
         "noise_floor": measure.floor.tolist(),
         "fine": measure.fine.tolist(),
+        "current_loop": setup.session.fine.loop.tolist(),
         "band_hz": [0.0, BAND],
         "null_kind": None if said != "null" else "no_trace" if figures["drawn_as"] else "normal",
         "inside": None,
