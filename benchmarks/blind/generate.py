@@ -1,8 +1,8 @@
 """Writes sealed cases: what the diagnosis may see into one folder, the answers into another.
 
 Example: ``python -m benchmarks.blind.generate --singles 0:120 --nulls 0:60 --cases DIR --answers DIR``, or one kind
-with ``--seeds 0:40 --kind single``. Without any seeds: the reporting ranges (`REPORTING`). ``--make drake`` takes the
-cases of the second make. Cases that are there are kept.
+with ``--seeds 0:40 --kind single``. Without any seeds: the reporting ranges (`REPORTING`). ``--make drake`` or
+``--make field`` takes the cases of another make. Cases that are there are kept.
 """
 
 from __future__ import annotations
@@ -57,11 +57,18 @@ def write_answer(answer: dict, answers: Path) -> Path:
     return path
 
 
+def robot_and_log(case: Path) -> tuple[str, str] | None:
+    """Names of the robot file and the log in the folder of a case; None where it lacks one of them."""
+    robots = [path.name for path in (case / "robot.urdf", case / "robot.xml") if path.is_file()]
+    logs = sorted(path.name for path in case.glob("log.*"))
+    return (robots[0], logs[0]) if robots and logs else None
+
+
 def draw(seed: int, kind: str, cases: Path, answers: Path, make: str = FIRST) -> str:
     """Generates a case and its answer unless both are there; returns its id."""
     by = make_named(make)
     name = by.case_id(seed, by.resolved_kind(seed, kind))
-    if not (answers / f"{name}.json").is_file() or not all((cases / name / f).is_file() for f in FILES):
+    if not (answers / f"{name}.json").is_file() or robot_and_log(cases / name) is None:
         case = by.draw_case(seed, kind)
         by.write_case(case, cases)
         write_answer(case.answer, answers)

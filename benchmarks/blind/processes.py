@@ -13,7 +13,7 @@ from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor, as_completed
 from pathlib import Path
 
-from benchmarks.blind.generate import FILES
+from benchmarks.blind.generate import robot_and_log
 
 TIMEOUT = 600.0
 HIDDEN = ("PYTHONPATH", "PWD", "OLDPWD")
@@ -43,8 +43,13 @@ def run_case(command: Sequence[str], case: Path, results: Path, answer: Path | N
     """
     result = results / f"{case.name}.json"
     with tempfile.TemporaryDirectory(prefix="case-") as place:
-        for name in FILES:
-            shutil.copy(case / name, Path(place) / name)
+        found = robot_and_log(case)
+        if found is None:
+            raise FileNotFoundError(f"{case} lacks a robot file or a log: draw the case again.")
+        robot, log = found
+        for file in case.iterdir():
+            if file.name in (robot, log, "robot.yaml"):
+                shutil.copy(file, Path(place) / file.name)
         if answer is not None:
             shutil.copy(answer, Path(place) / "answer.json")
         environment = {k: v for k, v in os.environ.items() if k not in HIDDEN}
@@ -52,7 +57,7 @@ def run_case(command: Sequence[str], case: Path, results: Path, answer: Path | N
         start = time.perf_counter()
         try:
             done = subprocess.run(
-                [*command, "robot.urdf", "log.csv", "--json", "diagnosis.json"],
+                [*command, robot, log, "--json", "diagnosis.json"],
                 cwd=place,
                 env=environment,
                 stdin=subprocess.DEVNULL,

@@ -30,6 +30,7 @@ ROTOR_REGROUPS = {
     "phantom": ("theta1", "theta2", "theta3"),
     "six": ("shoulder_pan_joint", "shoulder_lift_joint"),
     "panda": ("panda_joint1", "panda_joint2"),
+    # Answers of the make `field` say by themselves what is alike.
     # Of the second make: also hinges across the one before them, and a carriage, whose rotor is mass that slides.
     "arm2": ("lift",),
     "arm3": ("waist", "shoulder"),
@@ -55,7 +56,7 @@ def _inertial_twins(name: str, joint: str | None, robot: str, joints: list[str])
         out.append(_one(("payload", joints[-1])))
     if name == "inertial_parameters" and single:
         out += [_one(("payload", where), allowed=(("rotor_inertia", joint),)) for where in (None, joint)]
-    if name == "rotor_inertia" and joint in ROTOR_REGROUPS[robot]:
+    if name == "rotor_inertia" and joint in ROTOR_REGROUPS.get(robot, ()):
         out += [_one(("inertial_parameters", where)) for where in (joint, None)]
     if name == "torque_constant" and single:
         # It scales friction too, which the inertias cannot: friction beside them belongs to the same answer.

@@ -9,7 +9,11 @@ from pathlib import Path
 from typing import Any
 
 # Imported when they are asked for: a make must run where what another one is built on is missing.
-MODULES = {"mujoco": "benchmarks.blind.generator.case", "drake": "benchmarks.blind.makes.drake.case"}
+MODULES = {
+    "mujoco": "benchmarks.blind.generator.case",
+    "drake": "benchmarks.blind.makes.drake.case",
+    "field": "benchmarks.blind.makes.field.case",
+}
 NAMES = tuple(MODULES)
 
 

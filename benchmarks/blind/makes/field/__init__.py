@@ -1,0 +1,1 @@
+"""Cases as users have them: their kinds of robots, motions and logs, moved by equations written for this package."""
