@@ -1,8 +1,8 @@
 """Equations of motion of a serial chain: composite rigid bodies and Newton-Euler, all about the world's origin.
 
 Every axis, inertia and force is a spatial vector in world axes, angular part first, so nothing is ever transformed
-from link to link. Written for this package alone; the tests hold it against MuJoCo and closed forms. Numba keeps what it
-compiled of `simulate`, and does not see a change here: remove ``__pycache__`` after one.
+from link to link. Written for this package alone; the tests hold it against MuJoCo and closed forms. Numba keeps what
+it compiled of `simulate`, and does not see a change here: remove ``__pycache__`` after one.
 """
 
 from __future__ import annotations
