@@ -1,7 +1,7 @@
 # phantom-dyn: every target sets up what it needs; the second call starts at once.
 #   make demo   the main job, end to end          make test   the whole test suite
 #   make lint   ruff, pyright, import layers      make bench  benchmarks with timing
-#   make blind  sealed cases, into the README     make speed  speed beside other tools, into the README
+#   make blind  sealed cases, into docs/           make speed  speed beside other tools, into docs/
 #   make lock   renew requirements.txt            make clean  removes the environment and what was built
 #   make drake  sealed cases of the second make, diagnosed and scored [DRAKE_SEEDS=0:24]
 #   make mutants [SAMPLE=150] [SEED=1] [ONLY=]    how many deliberate mistakes in the code the tests notice; SAMPLE=0: all

@@ -1,4 +1,6 @@
-"""Measures speed and memory beside FIGAROH, MuJoCo's toolbox and bare Pinocchio, and writes the table into the README.
+"""Measures speed and memory beside FIGAROH, MuJoCo's toolbox and bare Pinocchio, and writes the table.
+
+It goes between the markers of docs/large_work.md.
 
     python benchmarks/speed_table.py                     # or: make speed
 
@@ -28,7 +30,7 @@ from benchmarks.comparison import NotInstalled, Row, missed, table
 from benchmarks.core_speed import core_rows
 from identification.files import write_atomically
 
-README = Path(__file__).resolve().parents[1] / "README.md"
+PAGE = Path(__file__).resolve().parents[1] / "docs" / "large_work.md"
 BEGIN, END = "<!-- speed:begin -->", "<!-- speed:end -->"
 
 
@@ -79,14 +81,14 @@ def _parts(repeats: int) -> list[Callable[[], list[Row]]]:
 
 def main(arguments: Sequence[str] | None = None) -> int:
     """Measure, write, print; 1 where a target is missed."""
-    parser = argparse.ArgumentParser(description="Speed and memory beside other tools, into the README.")
-    parser.add_argument("--readme", type=Path, default=README, help="file with the two markers")
+    parser = argparse.ArgumentParser(description="Speed and memory beside other tools, into docs/large_work.md.")
+    parser.add_argument("--page", type=Path, default=PAGE, help="file with the two markers")
     parser.add_argument("--repeats", type=int, default=3, help="processes of each side of the FIGAROH comparison")
     given = parser.parse_args(arguments)
-    between_markers(given.readme.read_text(), "")  # before minutes of measuring
+    between_markers(given.page.read_text(), "")  # before minutes of measuring
     rows, sentences = gathered(_parts(given.repeats))
     text = inside(rows, sentences, datetime.datetime.now(datetime.UTC).date(), machine())
-    write_atomically(given.readme, between_markers(given.readme.read_text(), text))
+    write_atomically(given.page, between_markers(given.page.read_text(), text))
     print(text)
     return missed(rows)
 

@@ -1,4 +1,4 @@
-"""Published figures of haptic devices beside what their published parameters give: the table of the README."""
+"""Published figures of haptic devices beside what their published parameters give: the table of docs/haptics.md."""
 
 from __future__ import annotations
 

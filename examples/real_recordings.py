@@ -1,7 +1,8 @@
-"""What the diagnosis says of each real recording, beside what is published, as the table of the README.
+"""What the diagnosis says of each real recording, beside what is published, as a table of the documentation.
 
-``python examples/real_recordings.py [NAME ...] [--folder FOLDER] [--write README.md]``. Every recording goes through
-``phantom-dyn diagnose`` with the files of ``examples/data``, as a user's own would; the reports stay in the folder.
+``python examples/real_recordings.py [NAME ...] [--folder FOLDER] [--write docs/real_recordings.md]``. Every recording
+goes through ``phantom-dyn diagnose`` with the files of ``examples/data``, as a user's own would; the reports stay in
+the folder.
 """
 
 from __future__ import annotations

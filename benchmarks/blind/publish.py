@@ -1,4 +1,4 @@
-"""Writes the table of the sealed cases and the confusion matrix into the README.
+"""Writes the table of the sealed cases and the confusion matrix into the documentation.
 
 Example: ``python benchmarks/blind/publish.py --score build/blind/score``, with the seeds that were run (``--singles
 100:140 --nulls 100:120``) unless these were the reporting ranges.
@@ -24,6 +24,7 @@ from benchmarks.blind.tables import wrapped
 CHECKOUT = Path(__file__).resolve().parents[2]
 BEGIN, END = "<!-- blind:begin -->", "<!-- blind:end -->"
 IMAGE = Path("docs/blind_confusion.png")
+PAGE = Path("docs") / "sealed_cases.md"
 CAPTION = "*Truth (rows) against the leading finding, or the verdict without one; shade: share of the row.*"
 
 
@@ -58,7 +59,7 @@ def heading(batches: Sequence[tuple[str, range]], day: datetime.date) -> str:
 
 
 def publish(score: Path, batches: Sequence[tuple[str, range]], checkout: Path) -> None:
-    """Puts ``score.md`` between the README's markers and the confusion matrix beside it.
+    """Puts ``score.md`` between the markers of the page and the confusion matrix beside it.
 
     Raises:
         ValueError: If the score is not that of these seeds.
@@ -70,17 +71,17 @@ def publish(score: Path, batches: Sequence[tuple[str, range]], checkout: Path) -
             "seeds: give the seeds that were scored."
         )
     text = (score / "score.md").read_text()
-    image = f"![Confusion matrix of the sealed cases]({IMAGE.as_posix()})"
+    image = f"![Confusion matrix of the sealed cases]({IMAGE.name})"
     inside = "\n\n".join([heading(batches, datetime.datetime.now(datetime.UTC).date()), text.strip(), image, CAPTION])
-    readme = checkout / "README.md"
-    filled = between_markers(readme.read_text(), inside)
+    page = checkout / PAGE
+    filled = between_markers(page.read_text(), inside)
     (checkout / IMAGE).parent.mkdir(exist_ok=True)
     shutil.copyfile(score / "confusion.png", checkout / IMAGE)
-    readme.write_text(filled)
+    page.write_text(filled)
 
 
 def main(arguments: list[str] | None = None) -> int:
-    parser = argparse.ArgumentParser(description="Write a finished score into the README.")
+    parser = argparse.ArgumentParser(description="Write a finished score into docs/sealed_cases.md.")
     parser.add_argument("--score", type=Path, default=Path("build/blind/score"), metavar="DIR")
     add_seed_options(parser)
     given = parser.parse_args(arguments)

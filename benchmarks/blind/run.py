@@ -47,7 +47,7 @@ def parser() -> argparse.ArgumentParser:
     out.add_argument(
         "--beside", type=int, default=BESIDE, metavar="N", help="baselines and oracle on the first N of each kind"
     )
-    out.add_argument("--publish", action="store_true", help="write table and figure into README.md and docs/")
+    out.add_argument("--publish", action="store_true", help="write table and figure into docs/sealed_cases.md")
     return out
 
 

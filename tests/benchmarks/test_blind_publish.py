@@ -1,4 +1,4 @@
-"""The table in the README, and whether stated probabilities are right as often as they say."""
+"""The table in the documentation, and whether stated probabilities are right as often as they say."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ import pytest
 
 from benchmarks.blind.generate import REPORTING, case_ids
 from benchmarks.blind.judged import judged
-from benchmarks.blind.publish import BEGIN, CHECKOUT, END, IMAGE, between_markers, heading, publish
+from benchmarks.blind.publish import BEGIN, CHECKOUT, END, IMAGE, PAGE, between_markers, heading, publish
 from benchmarks.blind.reliability import calibration_error, reliability
 from benchmarks.blind.score import report, write_score
 
@@ -42,8 +42,8 @@ def test_a_text_without_its_two_markers_is_refused(text):
         between_markers(text, "new")
 
 
-def test_the_readme_has_its_markers():
-    text = (CHECKOUT / "README.md").read_text()
+def test_the_page_has_its_markers():
+    text = (CHECKOUT / PAGE).read_text()
     assert between_markers(text, "x") != text
 
 
@@ -95,19 +95,20 @@ def scored_nulls(batches):
 
 
 def checkout_with_score(folder, batches):
-    """A checkout with nothing but a README, and the score of these seeds beside it."""
-    readme = folder / "README.md"
-    readme.write_text(f"# X\n{BEGIN}\n{END}\n")
+    """A checkout with nothing but the page, and the score of these seeds beside it."""
+    page = folder / PAGE
+    page.parent.mkdir()
+    page.write_text(f"# X\n{BEGIN}\n{END}\n")
     write_score(scored_nulls(batches), folder / "score")
-    return readme
+    return page
 
 
 def test_a_score_is_published_with_table_and_picture(tmp_path):
-    readme = checkout_with_score(tmp_path, ONE_NULL)
+    page = checkout_with_score(tmp_path, ONE_NULL)
     publish(tmp_path / "score", ONE_NULL, tmp_path)
-    text = readme.read_text()
+    text = page.read_text()
     assert report(scored_nulls(ONE_NULL)).strip() in text
-    assert f"]({IMAGE.as_posix()})" in text
+    assert f"]({IMAGE.name})" in text
     assert (tmp_path / IMAGE).read_bytes() == (tmp_path / "score" / "confusion.png").read_bytes()
 
 
@@ -125,12 +126,12 @@ def test_a_score_of_other_seeds_is_not_published(tmp_path, given, message):
         publish(tmp_path / "score", given, tmp_path)
 
 
-def test_a_score_of_other_seeds_leaves_the_readme_as_it_was(tmp_path):
-    readme = checkout_with_score(tmp_path, ONE_NULL)
-    before = readme.read_text()
+def test_a_score_of_other_seeds_leaves_the_page_as_it_was(tmp_path):
+    page = checkout_with_score(tmp_path, ONE_NULL)
+    before = page.read_text()
     with pytest.raises(ValueError, match="give the seeds that were scored"):
         publish(tmp_path / "score", [("null", range(2))], tmp_path)
-    assert (readme.read_text(), (tmp_path / IMAGE).exists()) == (before, False)
+    assert (page.read_text(), (tmp_path / IMAGE).exists()) == (before, False)
 
 
 def test_the_same_counts_give_the_same_picture(tmp_path):

@@ -13,7 +13,7 @@ from benchmarks.speed_table import BEGIN, END, between_markers, gathered, inside
 
 FAST = Row("fit", "3.0 s", "0.2 s", *more_than(15.0, 10.0))
 LARGE = Row("memory", "300 MB", "150 MB", *less_than(0.5, 1 / 3, "at most a third"))
-README = f"before\n{BEGIN}\nold\n{END}\nafter\n"
+PAGE = f"before\n{BEGIN}\nold\n{END}\nafter\n"
 
 
 def refused() -> list[Row]:
@@ -41,7 +41,7 @@ def test_all_lines_of_the_table_have_the_same_columns():
 
 
 def test_everything_between_the_markers_is_replaced_and_nothing_else():
-    assert between_markers(README, "new\n") == f"before\n{BEGIN}\nnew\n{END}\nafter\n"
+    assert between_markers(PAGE, "new\n") == f"before\n{BEGIN}\nnew\n{END}\nafter\n"
 
 
 @pytest.mark.parametrize("text", ["", f"{BEGIN} only", f"{END} and then {BEGIN}", f"{BEGIN}{END}{BEGIN}{END}"])
@@ -51,19 +51,19 @@ def test_a_text_without_its_two_markers_is_refused(text):
 
 
 def test_a_file_without_markers_is_refused_before_anything_is_measured(tmp_path, monkeypatch):
-    path = tmp_path / "README.md"
+    path = tmp_path / "page.md"
     path.write_text("no markers")
     monkeypatch.setattr(speed_table, "_parts", lambda repeats: pytest.fail("measured"))
     with pytest.raises(ValueError, match="put them where the table goes"):
-        main(["--readme", str(path)])
+        main(["--page", str(path)])
     assert path.read_text() == "no markers"
 
 
 def test_the_table_goes_between_the_markers_and_the_exit_code_says_what_it_holds(tmp_path, monkeypatch, capsys):
-    path = tmp_path / "README.md"
-    path.write_text(README)
+    path = tmp_path / "page.md"
+    path.write_text(PAGE)
     monkeypatch.setattr(speed_table, "_parts", lambda repeats: [lambda: [FAST], refused, lambda: [LARGE]])
-    assert main(["--readme", str(path)]) == 1
+    assert main(["--page", str(path)]) == 1
     written = path.read_text()
     assert written.startswith(f"before\n{BEGIN}\nMeasured on ")
     assert written.endswith(f"left out.\n{END}\nafter\n")

@@ -1,4 +1,4 @@
-"""Every example runs, and so does the README's; what they print is held against published values and known truths."""
+"""Every example runs, and so do those of the README and of docs/; oracles are published values and known truths."""
 
 from __future__ import annotations
 
@@ -28,6 +28,7 @@ from phantom_dyn.motion import Motion
 from places import CHECKOUT
 
 README = (CHECKOUT / "README.md").read_text()
+DOCS = CHECKOUT / "docs"
 PENDULUM = CHECKOUT / "tests" / "robots" / "pendulum.urdf"
 
 # What the examples call has tests of its own, which check its annotations.
@@ -73,7 +74,7 @@ def rubbing_pendulum(tmp_path: Path, rng: np.random.Generator) -> Path:
 
 def test_the_readme_example_finds_the_friction_that_was_put_in(rubbing_pendulum, monkeypatch, capsys):
     # Known truth: Coulomb friction on the pin.
-    section = README.partition("## Ten lines of Python")[2].partition("\n## ")[0]
+    section = README
     (block,) = re.findall(r"```python\n(.*?)```", section, flags=re.DOTALL)
     monkeypatch.chdir(rubbing_pendulum)
     exec(block, {})
@@ -98,14 +99,14 @@ def test_own_robot_refuses_a_log_that_is_not_there_in_one_sentence(tmp_path):
     assert said.count("\n") == 1
 
 
-def test_the_readme_lists_the_effects_of_the_catalogue_in_its_order():
-    section = README.partition("## Effects")[2].partition("\n## ")[0]
+def test_the_page_on_effects_lists_those_of_the_catalogue_in_its_order():
+    section = (DOCS / "effects.md").read_text()
     assert re.findall(r"^\| `(\w+)` \|", section, flags=re.MULTILINE) == [effect.name for effect in EFFECTS]
 
 
-def test_the_readme_names_the_parameters_of_every_effect():
+def test_the_page_on_effects_names_the_parameters_of_every_one():
     robot = load_robot(PENDULUM.with_name("planar2.urdf"))  # a coupling needs two joints
-    section = README.partition("## Effects")[2].partition("\n## ")[0]
+    section = (DOCS / "effects.md").read_text()
     for effect in EFFECTS:
         (row,) = re.findall(rf"^\| `{effect.name}` \|.*\|(.*)\|$", section, flags=re.MULTILINE)
         wanted = [parameter.name for parameter in effect.parameters(robot, effect.places(robot)[0])]
@@ -115,14 +116,19 @@ def test_the_readme_names_the_parameters_of_every_effect():
             assert re.findall(r"`(\w+)`", row) == wanted
 
 
-def test_the_files_that_the_readme_links_are_there():
-    linked = re.findall(r"\]\((?!https?:)([^)#]+)\)|src=\"([^\"]+)\"", README)
-    assert [name for pair in linked for name in pair if name and not (CHECKOUT / name).exists()] == []
+@pytest.mark.parametrize("page", [CHECKOUT / "README.md", *sorted(DOCS.glob("*.md"))], ids=lambda page: page.name)
+def test_the_files_that_a_page_links_are_there(page):
+    linked = re.findall(r"\]\((?!https?:)([^)#]+)\)|src=\"([^\"]+)\"", page.read_text())
+    assert [name for pair in linked for name in pair if name and not (page.parent / name).exists()] == []
 
 
-def test_the_yaml_of_the_readme_is_a_valid_column_map_and_a_valid_robot_yaml(tmp_path):
-    # Oracle: the readers of both files, in the order of the README; they raise where a key or value is not theirs.
-    blocks = re.findall(r"```yaml\n(.*?)```", README, flags=re.DOTALL)
+def test_the_readme_is_one_page():
+    assert len(README.splitlines()) <= 150
+
+
+def test_the_yaml_of_the_page_on_files_is_a_valid_column_map_and_a_valid_robot_yaml(tmp_path):
+    # Oracle: the readers of both files, in the order of the page; they raise where a key or value is not theirs.
+    blocks = re.findall(r"```yaml\n(.*?)```", (DOCS / "files.md").read_text(), flags=re.DOTALL)
     read = []
     for k, (block, reader) in enumerate(zip(blocks, (read_column_map, read_robot_config), strict=True)):
         path = tmp_path / f"{k}.yaml"

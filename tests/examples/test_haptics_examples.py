@@ -1,4 +1,4 @@
-"""Examples of haptics run, and the README says what they print. Oracles: published values, and the scripts."""
+"""Examples of haptics run, and docs/haptics.md says what they print. Oracles: published values, and the scripts."""
 
 from __future__ import annotations
 
@@ -11,8 +11,7 @@ import pytest
 from called_example import printed
 from places import CHECKOUT
 
-README = (CHECKOUT / "README.md").read_text()
-SECTION = README.partition("\n## Haptic rendering\n")[2].partition("\n## ")[0]
+PAGE = (CHECKOUT / "docs" / "haptics.md").read_text()
 
 
 pytestmark = pytest.mark.whole
@@ -32,8 +31,8 @@ def table() -> str:
     return printed("haptics_published.py")
 
 
-def test_the_readme_holds_the_published_table_as_it_is_printed(table):
-    assert table in README
+def test_the_page_holds_the_published_table_as_it_is_printed(table):
+    assert table in PAGE
 
 
 def test_the_published_crossing_is_said_to_be_inconsistent(table):
@@ -45,9 +44,9 @@ def test_the_published_stiffness_of_the_original_cable(table):
     assert "8804 N/m, 78.89 dB, 38.52 rad/s | linear condition: 7000 N/m" in table
 
 
-def test_the_readme_example_finds_the_published_stiffness_and_draws_it(tmp_path, monkeypatch, capsys):
+def test_the_example_of_the_page_finds_the_published_stiffness_and_draws_it(tmp_path, monkeypatch, capsys):
     # Published masses: 24372 N/m at 445.06 rad/s.
-    (block,) = re.findall(r"```python\n(.*?)```", SECTION, flags=re.DOTALL)
+    (block,) = re.findall(r"```python\n(.*?)```", PAGE, flags=re.DOTALL)
     monkeypatch.chdir(tmp_path)
     exec(block, {})
     stiffness, frequency = map(float, capsys.readouterr().out.split())
