@@ -176,7 +176,7 @@ def burst_warnings(bursts: tuple[Burst, ...], joints: tuple[JointGap, ...]) -> t
 def _sentence(burst: Burst, unit: str) -> str:
     out = f"{burst.start - _MARGIN:.2f}:{burst.stop + _MARGIN:.2f}"
     return (
-        f"{burst.file}: from {burst.start:.2f} to {burst.stop:.2f} s joint {burst.joint} was pushed by a force that no "
-        f"sensor measured, with up to {burst.torque:.3g} {unit}: if it was a contact, leave it out with --exclude "
-        f"{out}, or record its force in columns f.<frame>.x, .y and .z."
+        f"{burst.file}: from {burst.start:.2f} to {burst.stop:.2f} s something acts on joint {burst.joint} that "
+        f"neither the model nor a finding makes, with up to {burst.torque:.3g} {unit}: if it was a push or a "
+        f"contact, leave it out with --exclude {out}, or record its force in columns f.<frame>.x, .y and .z."
     )

@@ -97,7 +97,8 @@ def test_a_burst_is_told_with_what_to_leave_out():
     burst = Burst("a.csv", "elbow", 3.0, 3.5, -1.25, 12.0)
     (sentence,) = burst_warnings((burst,), (JointGap("elbow", "N m", 1.0, 1.0, 0.1, 100),))
     assert sentence.startswith(
-        "a.csv: from 3.00 to 3.50 s joint elbow was pushed by a force that no sensor measured, with up to -1.25 N m:"
+        "a.csv: from 3.00 to 3.50 s something acts on joint elbow that neither the model nor a finding makes, "
+        "with up to -1.25 N m:"
     )
     assert "--exclude 2.80:3.70," in sentence
 
@@ -114,7 +115,7 @@ def pushed(lab, planar2):
 
 def test_a_push_that_nobody_measured_is_told_with_what_to_leave_out(planar2, pushed):
     warnings = diagnose(planar2, (pushed[0],)).data_warnings
-    told = [w for w in warnings if "joint shoulder was pushed by a force that no sensor measured" in w]
+    told = [w for w in warnings if "something acts on joint shoulder that neither the model nor a finding makes" in w]
     assert len(told) == 1
     start, stop = map(float, re.findall(r"--exclude ([\d.]+):([\d.]+),", told[0])[0])
     assert 11.5 < start < 12.0
