@@ -6,7 +6,7 @@ from identification.words.effect_words import effect_words
 
 VERDICTS = {
     "explained": "Explained",
-    "partly_explained": "Partly explained, a structured rest remains",
+    "partly_explained": "Partly explained",
     "unknown": "Unknown: most of the gap has no name in the catalogue",
     "no_gap": "No gap",
     "not_testable": "Not testable with this recording",

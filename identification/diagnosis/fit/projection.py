@@ -98,30 +98,57 @@ class FoldProjection:
     """Held-out loss of one fold as a quadratic in the coefficients of any rivals, the nuisances fitted beside them.
 
     Attributes:
-        a: Training products with the nuisances taken out, ``(K, K)``.
+        a: Training products, ``(K, K)``.
+        precision: Priors of all columns, ``(K,)``.
         made: Nuisances that a unit of each column moves, ``(n, K)``.
-        core_a: Products of the held-out cores with the moved nuisances counted, ``(K, K)``.
-        inner: Training products of the nuisances with priors, ``(n, n)``.
-        core: Products of the held-out cores among nuisances, ``(n, n)``, and between them and all columns, ``(n, K)``.
+        core_a: Products of the held-out cores, ``(K, K)``.
     """
 
     a: Float[Array, "K K"]
+    precision: Float[Array, " K"]
     made: Float[Array, "n K"]
     core_a: Float[Array, "K K"]
-    inner: Float[Array, "n n"]
-    core: tuple[Float[Array, "n n"], Float[Array, "n K"]]
+
+    @property
+    def inner(self) -> Float[Array, "n n"]:
+        """Training products of the nuisances with priors."""
+        n = len(self.made)
+        return self.a[:n, :n] + np.diag(self.precision[:n])
+
+    @property
+    def core(self) -> tuple[Float[Array, "n n"], Float[Array, "n K"]]:
+        """Products of the held-out cores among nuisances, and between them and all columns."""
+        n = len(self.made)
+        return self.core_a[:n, :n], self.core_a[:n]
+
+    def training(self, columns: Int[Array, "g m"]) -> Float[Array, "g m m"]:
+        """Training products among each group of columns with the nuisances taken out, priors included."""
+        made, cross = _each(self.made, columns), _each(self.a[: len(self.made)], columns)
+        return (
+            _square(self.a, columns) - cross.mT @ made + self.precision[columns][:, :, None] * np.eye(columns.shape[1])
+        )
+
+    def held_out(self, columns: Int[Array, "g m"]) -> Float[Array, "g m m"]:
+        """Products of the held-out cores among each group of columns with the moved nuisances counted."""
+        inside, across = self.core
+        made = _each(self.made, columns)
+        turned = _each(across, columns).mT @ made
+        return _square(self.core_a, columns) - turned - turned.mT + made.mT @ inside @ made
 
 
 def fold_projection(problem: Problem, blocks: Int[Array, " m"]) -> FoldProjection:
     """The projection of the fold that holds ``blocks`` out."""
     grams, n = problem.grams, problem.nuisances
     a = problem.total_a - grams.a.over(blocks)
-    core = grams.core_a.over(blocks)
-    inner = a[:n, :n] + np.diag(problem.precision[:n])
-    made = solve(inner, a[:n])
-    left = a - a[:n].T @ made
-    left[np.diag_indices_from(left)] += problem.precision
-    turned = core[:n].T @ made
-    return FoldProjection(
-        left, made, core - turned - turned.T + made.T @ core[:n, :n] @ made, inner, (core[:n, :n], core[:n])
-    )
+    made = solve(a[:n, :n] + np.diag(problem.precision[:n]), a[:n])
+    return FoldProjection(a, problem.precision, made, grams.core_a.over(blocks))
+
+
+def _each(rows: Float[Array, "n K"], columns: Int[Array, "g m"]) -> Float[Array, "g n m"]:
+    """The columns of each group."""
+    return rows[:, columns].transpose(1, 0, 2)
+
+
+def _square(a: Float[Array, "K K"], columns: Int[Array, "g m"]) -> Float[Array, "g m m"]:
+    """The part of a matrix that belongs to each group of columns."""
+    return a[columns[:, :, None], columns[:, None, :]]

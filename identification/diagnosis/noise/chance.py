@@ -6,14 +6,14 @@ The null recordings differ from the given model by its tolerances and by noise o
 from __future__ import annotations
 
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import Float, Int
 
 from identification.diagnosis import decision_rules as rules
 from identification.diagnosis.fit.problem import Problem
 from identification.diagnosis.fit.projection import fold_projection
 from identification.diagnosis.model.session import Series
 from identification.diagnosis.model.terms import Term
-from identification.diagnosis.numerics.bounded import solve
+from identification.diagnosis.numerics.bounded import solve, solve_each
 from identification.diagnosis.search.search import Search, Threshold, joint_of, price
 from phantom_dyn.random_streams import random_stream
 
@@ -89,7 +89,7 @@ def _gains(problem: Problem, terms: tuple[Term, ...], b: Array, core_b: Array) -
     grams, n = problem.grams, problem.nuisances
     train = grams.fold >= 0
     right = b[train].sum(axis=0)
-    own = [list(term.columns) for term in terms]
+    alike = _by_size(terms)
     gains = np.zeros((len(terms), b.shape[2]))
     for fold in range(int(grams.fold.max()) + 1):
         mine = np.flatnonzero(grams.fold == fold)
@@ -101,17 +101,24 @@ def _gains(problem: Problem, terms: tuple[Term, ...], b: Array, core_b: Array) -
         products = products - part.made.T @ products[:n]
         inside, across = part.core
         held = held - part.made.T @ held[:n] - (across.T - part.made.T @ inside) @ base
-        for k, columns in enumerate(own):
-            x = solve(part.a[np.ix_(columns, columns)], products[columns])
-            core = part.core_a[np.ix_(columns, columns)]
-            gains[k] += (x * (2 * held[columns] - core @ x)).sum(axis=0)
+        for which, columns in alike:
+            x = solve_each(part.training(columns), products[columns])
+            gains[which] += (x * (2 * held[columns] - part.held_out(columns) @ x)).sum(axis=1)
     # A rival also relieves the nuisances of moves that cost.
     whole = fold_projection(problem, np.zeros(0, dtype=int))
     base = solve(whole.inner, right[:n])
     products = right - whole.made.T @ right[:n]
     precision = problem.precision[:n, None]
     cost = (base**2 * precision).sum(axis=0)
-    for k, columns in enumerate(own):
-        moves = base - whole.made[:, columns] @ solve(whole.a[np.ix_(columns, columns)], products[columns])
-        gains[k] += cost - (moves**2 * precision).sum(axis=0)
+    for which, columns in alike:
+        made = whole.made[:, columns].transpose(1, 0, 2)
+        moves = base - made @ solve_each(whole.training(columns), products[columns])
+        gains[which] += cost - (moves**2 * precision).sum(axis=1)
     return gains
+
+
+def _by_size(terms: tuple[Term, ...]) -> list[tuple[Int[Array, " g"], Int[Array, "g m"]]]:
+    """Rivals with the same number of columns together: which they are, and their columns."""
+    sizes = np.array([len(term.columns) for term in terms])
+    groups = [np.flatnonzero(sizes == size) for size in np.unique(sizes)]
+    return [(which, np.array([terms[k].columns for k in which])) for which in groups]

@@ -29,6 +29,13 @@ def solve(a: Float[Array, "k k"], b: Float[Array, "k ..."]) -> Float[Array, "k .
     return x * (scale if b.ndim == 1 else scale[:, None])
 
 
+def solve_each(a: Float[Array, "g k k"], b: Float[Array, "g k r"]) -> Float[Array, "g k r"]:
+    """As `solve`, for several matrices of one size at once."""
+    scale = 1.0 / np.sqrt(np.maximum(np.diagonal(a, axis1=1, axis2=2), 1e-300))
+    scaled = a * scale[:, :, None] * scale[:, None, :] + _TWINS * np.eye(a.shape[-1])
+    return np.linalg.solve(scaled, b * scale[:, :, None]) * scale[:, :, None]
+
+
 def bounded_solve(
     a: Float[Array, "k k"],
     b: Float[Array, " k"],

@@ -98,11 +98,11 @@ def test_the_projection_of_a_fold_is_the_fit_without_it(sprung, rival, fold):
     right = problem.total_b - problem.grams.b[mine].sum(axis=0)
     held = problem.grams.core_b[mine].sum(axis=0)
     base = solve(part.inner, right[:n])
-    x = solve(part.a[np.ix_(own, own)], (right - part.made.T @ right[:n])[own])
+    x = solve(part.training(np.array([own]))[0], (right - part.made.T @ right[:n])[own])
     explicit, plain = fit(problem, (term,)), fit(problem, ())
     np.testing.assert_allclose(x, explicit.fold_theta[fold][own], rtol=1e-6)
     np.testing.assert_allclose(base, plain.fold_theta[fold][:n], rtol=1e-6)
     inside, across = part.core
     left = held - part.made.T @ held[:n] - (across.T - part.made.T @ inside) @ base
-    gain = x @ (2 * left[own] - part.core_a[np.ix_(own, own)] @ x)
+    gain = x @ (2 * left[own] - part.held_out(np.array([own]))[0] @ x)
     assert gain == pytest.approx(plain.loss[mine].sum() - explicit.loss[mine].sum(), rel=1e-6)

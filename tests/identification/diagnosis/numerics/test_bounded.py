@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from identification.diagnosis.numerics import bounded
-from identification.diagnosis.numerics.bounded import bounded_solve, bounded_solve_without
+from identification.diagnosis.numerics.bounded import bounded_solve, bounded_solve_without, solve, solve_each
 
 
 @pytest.fixture(params=[1, 3, 4, 5, 11, 40])
@@ -41,3 +41,12 @@ def test_minima_without_a_part_are_those_of_the_rest(problem):
     for share, x in zip(parts, found, strict=True):
         expected = bounded_solve((1 - share) * a, b - share * b[::-1], lower, upper)
         np.testing.assert_allclose(x, expected, rtol=1e-8)
+
+
+def test_several_systems_at_once_are_each_by_itself(rng):
+    # Oracle: the same one by one; rows of very different size.
+    root = rng.normal(size=(5, 4, 9)) * np.array([1.0, 1e3, 1e-4, 1.0])[None, :, None]
+    a, b = root @ root.transpose(0, 2, 1), rng.normal(size=(5, 4, 3))
+    np.testing.assert_allclose(
+        solve_each(a, b), [solve(one, right) for one, right in zip(a, b, strict=True)], rtol=1e-9
+    )
