@@ -11,10 +11,10 @@ from scipy.stats import norm
 from identification.diagnosis import decision_rules as rules
 from identification.diagnosis.fit.gap import measured_torque, sums
 from identification.diagnosis.fit.problem import Problem
-from identification.diagnosis.model.session import Series
+from identification.diagnosis.model.session import Series, Session
 from identification.diagnosis.noise.noise_floor import noise_floor
 from identification.diagnosis.noise.repetitions import repeated_noise
-from identification.diagnosis.noise.sensor_noise import torque_noise
+from identification.diagnosis.noise.sensor_noise import Density, torque_noise
 from identification.diagnosis.search.rival_sets import block_counts
 from phantom_dyn.random_streams import random_stream
 
@@ -73,8 +73,7 @@ def floor_of(problem: Problem, noise: Series, residual: Series, encoders: Float[
     low, high = np.minimum(low, value), np.maximum(high, value)
     encoder_noise = np.zeros(robot.nv) if encoders is None else encoders
     torque, left, source = sums(problem, measured_torque(problem)).rms(), sums(problem, residual).rms(), []
-    for j in range(robot.nv):
-        seen = torque_noise(session.logs, j, held=robot.torque_hold == "zoh")
+    for j, seen in enumerate(_sensors(session)):
         if seen is None:
             source.append(PREDICTORS)
             continue
@@ -98,3 +97,14 @@ def floor_of(problem: Problem, noise: Series, residual: Series, encoders: Float[
             low[j], source[j] = min(low[j], least), REPETITIONS
     # Derivatives and filters are no better than this, however quiet the sensors are.
     return Floor(value, low, np.hypot(high, rules.MODEL_SHARE * torque), tuple(source))
+
+
+def _sensors(session: Session) -> list[Density | None]:
+    """White noise of the torque readings above the band, of each joint; of none where most joints do not show it.
+
+    A drive or a recorder smooths all joints alike: where the noise of most is not white, that of one is by accident.
+    """
+    robot = session.robot
+    shown = [torque_noise(session.logs, j, held=robot.torque_hold == "zoh") for j in range(robot.nv)]
+    count = sum(density is not None for density in shown)
+    return shown if 2 * count >= robot.nv and count >= min(2, robot.nv) else [None] * robot.nv

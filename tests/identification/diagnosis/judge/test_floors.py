@@ -91,12 +91,12 @@ def test_without_sensors_to_see_the_floor_is_an_upper_limit_that_no_derivative_g
     ],
 )
 def test_sensors_that_show_as_much_confirm_the_floor_and_others_lower_its_end(steady, monkeypatch, sizes, source, low):
-    seen(monkeypatch, sizes, None)
+    seen(monkeypatch, sizes, (0.19, 0.2, 0.21))
     floor = floor_of(*steady, like(steady, 9.0, 9.0))
-    assert floor.source == (source, "predictors")
+    assert floor.source == (source, "above_band")
     assert (floor.value[0], floor.low[0]) == pytest.approx((0.1, low))
     assert floor.high[0] == pytest.approx(np.hypot(0.1, 0.003))
-    assert floor.low[1] == pytest.approx(0.2)
+    assert floor.low[1] == pytest.approx(0.19)
 
 
 # By hand: twice what the sensors show at most, 2.65 % of 3 N m beside it.
@@ -109,12 +109,20 @@ EDGE = 2.0 * np.hypot(0.01, np.sqrt(0.0007) * 3.0)
 )
 def test_sensors_that_show_several_times_less_are_the_floor(steady, monkeypatch, noise, left, taken):
     problem, (series,) = steady
-    seen(monkeypatch, (0.004, 0.007, 0.01), None)
+    seen(monkeypatch, (0.004, 0.007, 0.01), (0.19, 0.2, 0.21))
     floor = floor_of(problem, (series * [10.0 * noise, 1.0],), like(steady, left, 9.0))
     assert floor.value[0] == pytest.approx(0.007 if taken else noise)
     assert floor.low[0] == pytest.approx(0.004)
     assert floor.high[0] == pytest.approx(np.hypot(0.01 if taken else noise, 0.003))
     assert floor.source[0] == ("above_band" if taken else "predictors")
+
+
+def test_white_noise_of_one_joint_beside_another_that_is_smoothed_says_nothing(steady, monkeypatch):
+    # Known truth: a recorder smooths all joints alike.
+    seen(monkeypatch, (0.004, 0.007, 0.01), None)
+    floor = floor_of(*steady, like(steady, 9.0, 9.0))
+    assert floor.source == ("predictors", "predictors")
+    np.testing.assert_allclose(floor.low, [0.1, 0.2])
 
 
 def test_noise_of_the_encoders_adds_to_what_the_sensors_show(steady, monkeypatch):
