@@ -99,7 +99,10 @@ def sealed_case(seed: int, out: Path) -> bool:
     print(f"1. A sealed case (seed {seed})")
     try:
         from benchmarks.blind.generate import draw_one
+        from benchmarks.blind.makes import make_named
         from benchmarks.blind.seal import sealed
+
+        make_named("mujoco")
     except ImportError as error:
         print(f"The generator needs {error.name}, which is not in this environment: run make demo, which installs it.")
         return False

@@ -100,11 +100,11 @@ def floor_of(problem: Problem, noise: Series, residual: Series, encoders: Float[
 
 
 def _sensors(session: Session) -> list[Density | None]:
-    """White noise of the torque readings above the band, of each joint; of none where most joints do not show it.
+    """White noise of the torque readings above the band, of each joint; of none where less than half show it.
 
     A drive or a recorder smooths all joints alike: where the noise of most is not white, that of one is by accident.
     """
     robot = session.robot
     shown = [torque_noise(session.logs, j, held=robot.torque_hold == "zoh") for j in range(robot.nv)]
     count = sum(density is not None for density in shown)
-    return shown if 2 * count >= robot.nv and count >= min(2, robot.nv) else [None] * robot.nv
+    return shown if 2 * count >= robot.nv else [None] * robot.nv

@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 from scipy.stats import norm
 
 from identification.diagnosis.fit.gap import sums
-from identification.diagnosis.judge.floors import Floor, floor_of
+from identification.diagnosis.judge.floors import Floor, _sensors, floor_of
 from identification.diagnosis.noise.repetitions import Repeated
 from identification.diagnosis.noise.sensor_noise import Density
 from identification.diagnosis.search.rival_sets import block_counts
@@ -117,12 +118,13 @@ def test_sensors_that_show_several_times_less_are_the_floor(steady, monkeypatch,
     assert floor.source[0] == ("above_band" if taken else "predictors")
 
 
-def test_white_noise_of_one_joint_beside_another_that_is_smoothed_says_nothing(steady, monkeypatch):
-    # Known truth: a recorder smooths all joints alike.
-    seen(monkeypatch, (0.004, 0.007, 0.01), None)
-    floor = floor_of(*steady, like(steady, 9.0, 9.0))
-    assert floor.source == ("predictors", "predictors")
-    np.testing.assert_allclose(floor.low, [0.1, 0.2])
+@pytest.mark.parametrize(("white", "believed"), [(1, False), (2, False), (3, True), (6, True)])
+def test_white_noise_is_believed_where_at_least_half_of_the_joints_show_it(monkeypatch, white, believed):
+    # Known truth: a recorder smooths all joints alike, so that one of six is white by accident.
+    shown = [Density(1.0, 1.0, 1.0) if j < white else None for j in range(6)]
+    monkeypatch.setattr("identification.diagnosis.judge.floors.torque_noise", lambda _, j, held: shown[j])
+    session = SimpleNamespace(robot=SimpleNamespace(nv=6, torque_hold="instant"), logs=())
+    assert _sensors(session) == (shown if believed else [None] * 6)
 
 
 def test_noise_of_the_encoders_adds_to_what_the_sensors_show(steady, monkeypatch):
