@@ -64,7 +64,7 @@ FLAT_NOISE = 1.0
 SENSOR_TIMES = 2.0
 
 # share: of its usual velocity and of its way, by which a joint may differ between two repetitions of a motion. What the
-# model is wrong by then differs by as little, and a controller repeats a motion ten times better.
+# model is wrong by then differs by as little. The axis of EMPS and the double pendulum repeat theirs to 0.9 to 1.4 %.
 REPEATED = 0.02
 
 # What is shown of a claim, in the judged band: extra findings and lost second effects in `benchmarks/blind/run.py`.

@@ -15,14 +15,11 @@ import pinocchio as pin
 
 from phantom_dyn._kernels.jit import compiles, fused, inlined
 from phantom_dyn._kernels.poses import cross, move, place, turned, turned_back
+from phantom_dyn._kernels.pseudo_inverse import pseudo_inverse
 from phantom_dyn._kernels.tree_arrays import CONTINUOUS, Kinematics, TreeArrays
 
 Array = np.ndarray
 
-_SWEEPS = 40
-"""Sweeps of the Jacobi rotations at most; a handful is usual."""
-_TURNED = 1e-15
-"""Scalar product of two columns over their lengths below which they count as orthogonal: rounding."""
 _TINY = 1e-9
 """Sine of an angle below which the rotation vector is its axis times the sine."""
 
@@ -245,63 +242,6 @@ def newton(
                         slope[i, j] -= inverse[i, r] * both[r, j]
             return together
     return False
-
-
-@fused
-def pseudo_inverse(slope: Array, singular: float, inverse: Array) -> bool:
-    """Write the pseudo-inverse of a matrix with no more columns than rows, by one-sided Jacobi rotations.
-
-    Args:
-        slope: The matrix, ``(m, n)``.
-        singular: Smallest over largest singular value below which there is none.
-        inverse: Receives it, ``(n, m)``.
-
-    Returns:
-        False if there is none.
-    """
-    m, n = slope.shape
-    if m < n:
-        return False
-    U, V, squares = slope.copy(), np.eye(n), np.zeros(n)
-    for _ in range(_SWEEPS):
-        turned_any = False
-        for i in range(n):
-            for j in range(i + 1, n):
-                if made_orthogonal(U, V, i, j):
-                    turned_any = True
-        if not turned_any:
-            break
-    for i in range(n):
-        for r in range(m):
-            squares[i] += U[r, i] * U[r, i]
-    # Not a number is singular too.
-    if not np.sqrt(squares.min()) > singular * np.sqrt(squares.max()):
-        return False
-    for i in range(n):
-        for r in range(m):
-            inverse[i, r] = 0.0
-            for k in range(n):
-                inverse[i, r] += V[i, k] * U[r, k] / squares[k]
-    return True
-
-
-@inlined
-def made_orthogonal(U: Array, V: Array, i: int, j: int) -> bool:
-    """Turn columns ``i`` and ``j`` of ``U``, and those of ``V`` alike, until orthogonal; False if they are."""
-    a = b = both = 0.0
-    for r in range(len(U)):
-        a, b, both = a + U[r, i] * U[r, i], b + U[r, j] * U[r, j], both + U[r, i] * U[r, j]
-    if not abs(both) > _TURNED * np.sqrt(a * b):
-        return False
-    zeta = (b - a) / (2 * both)
-    t = (1.0 if zeta >= 0 else -1.0) / (abs(zeta) + np.sqrt(1 + zeta * zeta))
-    c = 1 / np.sqrt(1 + t * t)
-    s = c * t
-    for r in range(len(U)):
-        U[r, i], U[r, j] = c * U[r, i] - s * U[r, j], s * U[r, i] + c * U[r, j]
-    for r in range(len(V)):
-        V[r, i], V[r, j] = c * V[r, i] - s * V[r, j], s * V[r, i] + c * V[r, j]
-    return True
 
 
 @fused

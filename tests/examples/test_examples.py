@@ -168,6 +168,16 @@ def test_diagnose_emps_names_friction_beside_its_published_values(mirror, tmp_pa
     assert re.search(r"torque_positive .* N +20\.1440|torque .* N +20\.3935", out)
 
 
+def test_the_readme_shows_the_answer_that_is_printed_for_its_recording(mirror, tmp_path):
+    # Oracle: the run itself.
+    (answer,) = re.findall(r"```\n(The gap between robot and model .*?)```", README, flags=re.DOTALL)
+    assert answer in printed("diagnose_emps.py", tmp_path, **mirror)
+    (shown,) = re.findall(r"```\nt,q\.axis,tau\.axis\n(.*?)```", README, flags=re.DOTALL)
+    rows = np.array([line.split(",") for line in shown.splitlines()], dtype=float)
+    log = np.loadtxt(tmp_path / "emps.csv", delimiter=",", skiprows=1)
+    np.testing.assert_allclose(log[198 : 198 + len(rows)], rows, rtol=1e-5)
+
+
 def test_identify_emps_prints_estimates_within_half_a_per_cent_of_the_published_ones(mirror, tmp_path):
     # Published: mass and friction of both models; the offset and the relative errors have wider limits of their own.
     out = printed("identify_emps.py", tmp_path, **mirror)

@@ -6,7 +6,7 @@ time. What it predicts on held-out blocks is structure, whatever its cause; what
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 
 import numpy as np
 from jaxtyping import Float, Int
@@ -57,16 +57,11 @@ def state_features(columns: Columns, log: Log, index: int, row: int) -> Float[Ar
     return np.column_stack([np.ones(len(at)), inputs, waves])
 
 
-def held_out_ridge(
-    x: list[Float[Array, "n k"]],
-    y: list[Float[Array, " n"]],
-    use: list[Array],
-    blocks: tuple[Block, ...],
-    folds: Int[Array, " B"],
-    first: tuple[int, ...] = (),
+def best_prediction(
+    found: Iterable[tuple[list[Float[Array, " n"]], float]],
 ) -> tuple[list[Float[Array, " n"]], float]:
-    """The best of `ridge_predictions`, by its mean squared error."""
-    return min(ridge_predictions(x, y, use, blocks, folds, first), key=lambda found: found[1])
+    """Of several predictions with their mean squared errors the one that errs least."""
+    return min(found, key=lambda one: one[1])
 
 
 def ridge_predictions(

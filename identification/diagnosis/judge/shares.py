@@ -21,6 +21,7 @@ Array = np.ndarray
 
 _EXACT = 12  # findings: beyond, their orders are sampled
 _ORDERS = 200
+_LEAST_GAP = 1e-3  # of the loss, in every bootstrap replicate
 
 
 def left_by(judge: Judge, plain: Search, chosen: frozenset[Term]) -> Sums:
@@ -42,7 +43,8 @@ def gap_of(judge: Judge, within: Sums, after: Sums, weights: Float[Array, "R B"]
     """
     base = within.loss(judge.floor, weights)
     beyond = base - 1.0 if beyond_the_floor(judge, within) else base - after.loss(judge.floor, weights)
-    return np.maximum(beyond, 1e-3 * base)
+    # In a replicate that happens to have next to no gap, a share is as good as no number.
+    return np.maximum(beyond, _LEAST_GAP * base)
 
 
 def closed_together(judge: Judge, within: Sums, after: Sums) -> Gap:

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from phantom_dyn._kernels import jit
-from phantom_dyn._kernels.loop_closing import pseudo_inverse
+from phantom_dyn._kernels.pseudo_inverse import pseudo_inverse
 from phantom_dyn.errors import ChainError
 from phantom_dyn.loops.solver import drift, solve
 from phantom_dyn.model.robot import Robot

@@ -3,7 +3,17 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from identification.diagnosis.fit.flexible import displacement_since_reversal, held_out_ridge, state_features
+from identification.diagnosis.fit.flexible import (
+    best_prediction,
+    displacement_since_reversal,
+    ridge_predictions,
+    state_features,
+)
+
+
+def best(*data, **options) -> tuple[list[np.ndarray], float]:
+    """What the best ridge predicts, and its mean squared error."""
+    return best_prediction(ridge_predictions(*data, **options))
 
 
 def test_displacement_starts_anew_at_every_reversal():
@@ -30,13 +40,15 @@ def test_a_smooth_function_of_the_state_is_predicted_on_unseen_blocks(quiet, law
     log = quiet.logs[0]
     q, v = log.motion.q[log.samples, 1], log.motion.v[log.samples, 1]
     y = 0.4 * v**3 if law == "cubic friction" else q + 2 * q**3
-    _, error = held_out_ridge(features(quiet), [y], everything(quiet), quiet.blocks, quiet.folds)
+    _, error = best(features(quiet), [y], everything(quiet), quiet.blocks, quiet.folds)
     assert error < 0.05 * np.var(y)
 
 
 def test_noise_is_not_predicted(quiet, rng):
     y = rng.normal(size=len(quiet.logs[0].samples))
-    predicted, error = held_out_ridge(features(quiet), [y], everything(quiet), quiet.blocks, quiet.folds)
+    predicted, error = best_prediction(
+        ridge_predictions(features(quiet), [y], everything(quiet), quiet.blocks, quiet.folds)
+    )
     assert error > 0.9 * np.var(y)
     assert np.corrcoef(predicted[0], y)[0, 1] < 0.2
 
@@ -51,8 +63,8 @@ def test_no_block_is_predicted_by_a_fit_that_has_seen_it(quiet, rng):
     for k in mine:
         changed[quiet.blocks[k].start : quiet.blocks[k].stop] *= -1.0
     part = slice(block.start, block.stop)
-    first = held_out_ridge(x, [y], use, quiet.blocks, quiet.folds)[0][0][part]
-    second = held_out_ridge(x, [changed], use, quiet.blocks, quiet.folds)[0][0][part]
+    first = best(x, [y], use, quiet.blocks, quiet.folds)[0][0][part]
+    second = best(x, [changed], use, quiet.blocks, quiet.folds)[0][0][part]
     # The strength of the ridge is chosen by the errors, so a stronger one may be taken: the direction is the same.
     assert abs(np.corrcoef(first, second)[0, 1]) > 0.9
 
@@ -63,8 +75,8 @@ def test_samples_that_are_not_used_have_no_say(quiet):
     use = everything(quiet)
     use[0][::7] = False
     wild = np.where(use[0], y, 1e3)
-    clean = held_out_ridge(features(quiet), [y], use, quiet.blocks, quiet.folds)
-    spoilt = held_out_ridge(features(quiet), [wild], use, quiet.blocks, quiet.folds)
+    clean = best(features(quiet), [y], use, quiet.blocks, quiet.folds)
+    spoilt = best(features(quiet), [wild], use, quiet.blocks, quiet.folds)
     np.testing.assert_allclose(spoilt[0][0], clean[0][0], atol=1e-9)
     assert spoilt[1] == pytest.approx(clean[1])
 
@@ -72,9 +84,9 @@ def test_samples_that_are_not_used_have_no_say(quiet):
 def test_the_better_of_some_features_and_of_all_predicts(quiet, rng):
     use, y = everything(quiet), rng.normal(size=len(quiet.columns.residual[0]))
     x = features(quiet)
-    some = held_out_ridge([part[:, :3] for part in x], [y], use, quiet.blocks, quiet.folds)
-    every = held_out_ridge(x, [y], use, quiet.blocks, quiet.folds)
-    both = held_out_ridge(x, [y], use, quiet.blocks, quiet.folds, first=(3,))
+    some = best([part[:, :3] for part in x], [y], use, quiet.blocks, quiet.folds)
+    every = best(x, [y], use, quiet.blocks, quiet.folds)
+    both = best(x, [y], use, quiet.blocks, quiet.folds, first=(3,))
     better = min(some, every, key=lambda result: result[1])
     assert both[1] == pytest.approx(better[1], rel=1e-12)
     np.testing.assert_allclose(both[0][0], better[0][0], rtol=1e-9, atol=1e-12)

@@ -141,7 +141,7 @@ def test_a_prediction_counts_where_it_errs_by_less_than_the_residual_itself(quie
     residual = np.where(use, 3.0, 50.0) * [0.0, 1.0]
     problem = replace(quiet.problem, columns=replace(quiet.columns, usable=(use,)))
     one = [np.arange(len(use)) + 1.0]
-    monkeypatch.setattr(PLACE + "held_out_ridge", lambda *_: (one, error))
+    monkeypatch.setattr(PLACE + "ridge_predictions", lambda *_: [(one, error)])
     (found,) = flexible_prediction(problem, (residual,))
     np.testing.assert_array_equal(found[:, 1], one[0] if kept else 0.0)
     assert not found[:, 0].any()
