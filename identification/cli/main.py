@@ -10,6 +10,7 @@ import sys
 from typing import Protocol, cast
 
 from identification.cli.arguments import BAD_INPUT, DONE, INTERRUPTED
+from identification.cli.interrupts import interruptible
 from phantom_dyn import __version__
 from phantom_dyn.errors import PhantomDynError, UsageError
 
@@ -54,7 +55,8 @@ def main(argv: list[str] | None = None) -> int:
         Exit code: 0 the job was done, 2 bad input, 130 interrupted.
     """
     try:
-        code = _dispatch(sys.argv[1:] if argv is None else list(argv))
+        with interruptible():
+            code = _dispatch(sys.argv[1:] if argv is None else list(argv))
         sys.stdout.flush()
     except PhantomDynError as error:
         print(f"phantom-dyn: {error}", file=sys.stderr)

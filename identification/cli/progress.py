@@ -6,6 +6,8 @@ import time
 from types import TracebackType
 from typing import TextIO
 
+from identification.cli.interrupts import end_if_asked
+
 
 class Progress:
     """Context that shows a spinner with words on ``stream`` while it is open, if that is a terminal."""
@@ -33,7 +35,8 @@ class Progress:
         return self
 
     def show(self, words: str) -> None:
-        """Show what is being done now."""
+        """Show what is being done now; a Ctrl-C that went unheard until here ends the command."""
+        end_if_asked()
         if self._status is not None:
             self._status.update(self._task, description=words)
 

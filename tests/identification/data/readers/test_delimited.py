@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import subprocess
+import sys
+
 import numpy as np
 import pytest
 from hypothesis import HealthCheck, given, settings
@@ -179,3 +182,13 @@ def test_what_is_written_is_read(tmp_path, values, separator, end, comment):
     path.write_bytes((end.join([separator.join(["t", "q.a", "any name".replace(" ", "_")]), *rows]) + end).encode())
     raw = read_raw(path)
     np.testing.assert_array_equal(np.column_stack(list(raw.columns.values())), np.array(values))
+
+
+def test_reading_does_not_import_pandas(tmp_path):
+    # Arrow imports it for its own conversion to NumPy: longer than the reading, and deaf to Ctrl-C meanwhile.
+    (tmp_path / "log.csv").write_text("t,q.a\n0,1\n0.1,2\n")
+    script = (
+        "import sys; from pathlib import Path; from identification.data.readers.delimited import read_delimited; "
+        f"read_delimited(Path({str(tmp_path / 'log.csv')!r})); print('pandas' in sys.modules)"
+    )
+    assert subprocess.check_output([sys.executable, "-c", script], text=True) == "False\n"

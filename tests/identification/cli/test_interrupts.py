@@ -1,0 +1,86 @@
+"""Ctrl-C ends a command whatever runs at that moment. Oracle: the exit code of a process that got the signal."""
+
+from __future__ import annotations
+
+import io
+import signal
+import subprocess
+import sys
+import threading
+
+import pytest
+
+from identification.cli.interrupts import Interrupted, end_if_asked, interruptible
+from identification.cli.progress import Progress
+
+# Python remembers a plain KeyboardInterrupt that leaves a string given to exec, and kills the process at its end.
+WITHIN_EXEC = """
+import signal, sys
+from identification.cli import main as frame
+def dispatch(words):
+    exec("import signal\\nsignal.raise_signal(signal.SIGINT)")
+frame._dispatch = dispatch
+if __name__ == "__main__":
+    sys.exit(frame.main([]))
+"""
+
+
+def test_the_exit_code_is_130_also_within_exec(tmp_path):
+    (tmp_path / "within.py").write_text(WITHIN_EXEC)
+    child = subprocess.run(
+        [sys.executable, "-m", "within"],
+        cwd=tmp_path,
+        capture_output=True,
+        check=False,
+        preexec_fn=lambda: signal.signal(signal.SIGINT, signal.SIG_DFL),
+    )
+    assert (child.returncode, child.stderr) == (130, b"phantom-dyn: interrupted\n")
+
+
+@pytest.fixture
+def usual_handling():
+    """Python's own handling of Ctrl-C, which a test run in the background of a script does not have."""
+    before = signal.signal(signal.SIGINT, signal.default_int_handler)
+    yield
+    signal.signal(signal.SIGINT, before)
+
+
+@pytest.mark.usefixtures("usual_handling")
+def test_an_interrupt_that_was_swallowed_ends_the_command_at_its_next_stage():
+    def swallowing() -> None:
+        try:
+            signal.raise_signal(signal.SIGINT)
+        except BaseException:
+            return
+
+    with interruptible(), Progress("reading", io.StringIO()) as progress:
+        progress.show("nothing yet")
+        swallowing()
+        with pytest.raises(Interrupted):
+            progress.show("filtering")
+
+
+@pytest.mark.usefixtures("usual_handling")
+def test_the_handling_of_before_is_back_afterwards():
+    with interruptible():
+        assert signal.getsignal(signal.SIGINT) is not signal.default_int_handler
+    assert signal.getsignal(signal.SIGINT) is signal.default_int_handler
+    end_if_asked()
+
+
+def test_a_process_that_ignores_interrupts_goes_on_ignoring_them():
+    before = signal.signal(signal.SIGINT, signal.SIG_IGN)
+    try:
+        with interruptible():
+            signal.raise_signal(signal.SIGINT)
+    finally:
+        signal.signal(signal.SIGINT, before)
+
+
+def test_another_thread_may_run_a_command():
+    # Only the main thread may set a handler: Python raises ValueError elsewhere.
+    ended = []
+    thread = threading.Thread(target=lambda: ended.append(interruptible().__enter__()))
+    thread.start()
+    thread.join()
+    assert ended == [None]
