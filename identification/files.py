@@ -6,14 +6,16 @@ Nothing heavy is imported here, so that a command can refuse a wrong path at onc
 from __future__ import annotations
 
 import secrets
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 
 from phantom_dyn.errors import LogError, UsageError, nearest
+from phantom_dyn.model.robot_files import looks_like_robot
 
 LOG_ENDINGS = (".csv", ".npz", ".parquet")
 """Endings of the formats that a log is written in."""
+_BAG_ENDINGS = (".bag", ".db3", ".mcap")
 LOG_FORMATS = "CSV, NPZ, Parquet, a ROS 1 or ROS 2 bag (.bag, .db3 or its folder) or MCAP"
 """Formats of a recording that are read, for sentences."""
 
@@ -107,3 +109,25 @@ def _check_not_folder(target: Path) -> None:
 def _refusal(target: Path, error: OSError) -> str:
     reason = (error.strerror or str(error)).lower()
     return f"cannot write {target}: {reason}; name a file in a folder that you may write to"
+
+
+def looks_like_log(word: str | Path) -> bool:
+    """True for a path that ends as recordings do."""
+    return str(word).lower().rstrip("/").endswith((*LOG_ENDINGS, *_BAG_ENDINGS))
+
+
+def require_not_swapped(robot: str | Path, logs: Sequence[str | Path]) -> None:
+    """Refuse a recording in the place of the robot where a robot stands in the place of a recording.
+
+    Raises:
+        UsageError: The sentence has the two in the right order.
+    """
+    if not looks_like_log(robot) or looks_like_robot(str(robot)):
+        return
+    meant = next((log for log in logs if looks_like_robot(str(log))), None)
+    if meant is not None:
+        raise UsageError(f"{robot} is a recording and {meant} a robot: give the robot first, as in {meant} {robot}")
+    raise UsageError(
+        f"{robot} was given as the robot and looks like a recording: give the robot first (URDF, MJCF, example:NAME or "
+        "a built-in name), then the recordings"
+    )

@@ -1,20 +1,83 @@
-"""phantom_dyn: robots, effects and dynamics; it knows nothing of recordings or fitting."""
+"""phantom_dyn: says where, why and how far a robot differs from its model, from recordings.
+
+``import phantom_dyn as dyn`` is the one door for users of Python::
+
+    diagnosis = dyn.diagnose("arm.urdf", "log.csv")
+    print(diagnosis)
+
+`load_robot`, `read_recording`: a robot and a recording of it.
+`check`: what is wrong with a recording.
+`diagnose`: what the model lacks; a `Diagnosis`.
+`identify`: inertias, friction and drives of the robot.
+`excite`: a motion that makes the parameters visible.
+`compare`: what changed between diagnoses.
+`simulate`: the robot with effects that its model lacks.
+`map_workspace`: what a hand feels at the tip.
+
+Each takes paths or objects, one or several, and refuses what it cannot use with a `PhantomDynError` of one sentence.
+Modules below are private. Nothing is loaded before it is used.
+"""
 
 from __future__ import annotations
 
+import importlib
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
+    from identification.door.diagnosis import Diagnosis as Diagnosis
+    from identification.door.functions import check as check
+    from identification.door.functions import compare as compare
+    from identification.door.functions import diagnose as diagnose
+    from identification.door.functions import excite as excite
+    from identification.door.functions import identify as identify
+    from identification.door.functions import map_workspace as map_workspace
+    from identification.door.functions import read_recording as read_recording
+    from identification.door.functions import simulate as simulate
+    from phantom_dyn.errors import PhantomDynError as PhantomDynError
     from phantom_dyn.model.loading import load_robot as load_robot
 
 __version__ = "0.1.0"
-__all__ = ["__version__", "load_robot"]
+
+_FUNCTIONS = "identification.door.functions"
+# Where each name lives. This module alone knows both packages; the rest of phantom_dyn knows nothing of recordings.
+_PLACES = {
+    "Diagnosis": "identification.door.diagnosis",
+    "PhantomDynError": "phantom_dyn.errors",
+    "check": _FUNCTIONS,
+    "compare": _FUNCTIONS,
+    "diagnose": _FUNCTIONS,
+    "excite": _FUNCTIONS,
+    "identify": _FUNCTIONS,
+    "load_robot": "phantom_dyn.model.loading",
+    "map_workspace": _FUNCTIONS,
+    "read_recording": _FUNCTIONS,
+    "simulate": _FUNCTIONS,
+}
+__all__ = [
+    "Diagnosis",
+    "PhantomDynError",
+    "__version__",
+    "check",
+    "compare",
+    "diagnose",
+    "excite",
+    "identify",
+    "load_robot",
+    "map_workspace",
+    "read_recording",
+    "simulate",
+]
 
 
 def __getattr__(name: str) -> Any:
-    """Load what needs Pinocchio on first use, so that the command line starts at once."""
-    if name == "load_robot":
-        from phantom_dyn.model.loading import load_robot
+    """Load what a name stands for when it is first used, so that the import and the command line start at once."""
+    if name not in _PLACES:
+        raise AttributeError(f"module {__name__!r} has no attribute {name!r}, it offers {', '.join(__all__)}")
+    found = getattr(importlib.import_module(_PLACES[name]), name)
+    globals()[name] = found
+    return found
 
-        return load_robot
-    raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+
+def __dir__() -> list[str]:
+    """The names of the door, for tab completion."""
+    return sorted(__all__)

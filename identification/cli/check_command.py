@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import argparse
-from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -13,7 +12,6 @@ from phantom_dyn.errors import UsageError
 from phantom_dyn.model.robot_files import looks_like_robot
 
 if TYPE_CHECKING:
-    from identification.data.recording import Recording
     from phantom_dyn.model.robot import Robot
 
 
@@ -43,9 +41,11 @@ def run(arguments: argparse.Namespace) -> int:
         raise UsageError("--robot-config was given without a robot: name the robot that it belongs to.")
     for log in logs:
         require_existing(log)
+    from identification.data.checked_file import checked_file
+
     robot = None if robot_file is None else _robot(robot_file, arguments)
     for log in logs:
-        _tell(_recording(log, arguments) if robot is None else _recording_of_robot(log, robot, arguments), robot)
+        print(checked_file(log, robot, columns=arguments.columns, topic=arguments.topic))
     return DONE
 
 
@@ -64,36 +64,3 @@ def _robot(source: str, arguments: argparse.Namespace) -> Robot:
 
     config = None if arguments.robot_config is None else Path(arguments.robot_config)
     return load_robot(source, config=config)
-
-
-def _tell(found: Recording, robot: Robot | None) -> None:
-    """Print what a recording is, what is certainly wrong with it, and what may be."""
-    from identification.data.refusal import fault_sentence
-
-    seconds = float(found.t[-1] - found.t[0])
-    print(f"{found.file}: {len(found.t)} samples, {seconds:.6g} s, {(len(found.t) - 1) / seconds:.6g} Hz")
-    print(f"joints: {', '.join(found.joint_names)}")
-    for fault in found.wrong:
-        print(f"wrong: {fault_sentence(found.file, fault)}")
-    for warning in found.warnings:
-        print(f"warning: {warning}")
-    if not found.warnings and not found.wrong:
-        print("nothing is wrong with it" + ("" if robot else ", as far as can be told without a robot"))
-
-
-def _recording(log: str, arguments: argparse.Namespace) -> Recording:
-    """The log with every warning that needs no model of the robot."""
-    from identification.data.checks.check_recording import check_recording
-    from identification.data.readers.read_table import read_table
-    from identification.data.reading import unassigned_recording
-
-    found = unassigned_recording(read_table(log, columns=arguments.columns, topic=arguments.topic))
-    return replace(found, warnings=(*found.warnings, *check_recording(found, None)))
-
-
-def _recording_of_robot(log: str, robot: Robot, arguments: argparse.Namespace) -> Recording:
-    """The log with every warning about it and about the model of its robot."""
-    from identification.data.reading import read_recording
-
-    found = read_recording(log, robot, columns=arguments.columns, topic=arguments.topic)
-    return replace(found, warnings=(*robot.warnings, *found.warnings))

@@ -18,7 +18,6 @@ if TYPE_CHECKING:
 
     from identification.excitation.collisions import Collisions
     from identification.excitation.criteria import Criterion
-    from identification.excitation.excite import Excitation
     from identification.excitation.limits import FrameBox
     from identification.excitation.motion_shapes import Shapes
     from phantom_dyn.model.robot import Robot
@@ -116,21 +115,12 @@ def _excite(arguments: argparse.Namespace) -> int:
             seed=arguments.seed,
             progress=progress.show,
         )
-        write_log(arguments.out, columns(result, arguments.rate))
+        write_log(arguments.out, result.columns(arguments.rate))
     for note in result.notes:
         print(f"note: {note}")
     print(result.summary())
     print(f"wrote {arguments.out}")
     return DONE
-
-
-def columns(result: Excitation, rate_hz: float) -> dict[str, np.ndarray]:
-    """Columns of the reference under the contract's names."""
-    motion, joints = result.motion(rate_hz), result.robot.joint_names
-    out = {"t": motion.t}
-    for name, values in (("q_ref", motion.q), ("v_ref", motion.v), ("a_ref", motion.a)):
-        out |= {f"{name}.{joint}": values[:, k] for k, joint in enumerate(joints)}
-    return out
 
 
 def _shapes(arguments: argparse.Namespace) -> Shapes:

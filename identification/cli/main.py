@@ -23,6 +23,7 @@ COMMANDS: dict[str, tuple[str, str]] = {
         "estimate inertias, friction and drives, and write models to simulate",
     ),
     "check": ("identification.cli.check_command", "tell what is wrong with a recording, nothing else"),
+    "compare": ("identification.cli.compare_command", "say what changed between diagnoses"),
     "map": (
         "identification.cli.map_command",
         "map what is felt at the tip over the workspace: mass, friction, stiffness",

@@ -75,6 +75,9 @@ VISIBLE_GROWTH = 0.03
 # probability: (Wald's test) that a linear law has a size in the fit that states it.
 DIFFERS_FROM_ZERO = 0.95
 
+# probability: (Bonferroni) that chance makes no size differ between diagnoses, over all sizes that are compared.
+SIZES_DIFFER = 0.95
+
 # times the stated step: from which on an encoder is coarser than stated.
 COARSE_STEP = 1.5
 

@@ -12,6 +12,7 @@ import sys
 import tempfile
 from collections.abc import Iterator
 from contextlib import contextmanager
+from dataclasses import replace
 from pathlib import Path
 from typing import Literal
 from xml.etree import ElementTree
@@ -55,7 +56,7 @@ _DRIVE = (
 """Keys of a joint in robot.yaml that only a driven joint has a use for."""
 
 
-def load_robot(source: str | Path, *, config: Path | None = None) -> Robot:
+def load_robot(source: str | Path, *, config: str | Path | None = None) -> Robot:
     """Robot from a URDF or MJCF file, ``example:NAME``, or a built-in name.
 
     Args:
@@ -83,7 +84,8 @@ def load_robot(source: str | Path, *, config: Path | None = None) -> Robot:
     _check_payload_frame(model, stated, config_path)
     idle = frozenset(model.names) - facts.driven if facts.driven and facts.loops else frozenset()
     chain = closed_chain(model, stated, config_path if stated.loops else path, carried=carried, without_drive=idle)
-    return _robot(model, str(source), path, facts, stated, locked, chain)
+    robot = _robot(model, str(source), path, facts, stated, locked, chain)
+    return replace(robot, config=None if config is None else Path(config))
 
 
 def parse_model(path: Path, kind: Literal["urdf", "mjcf"]) -> pin.Model:

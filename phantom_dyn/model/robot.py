@@ -5,6 +5,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 from functools import cached_property
+from pathlib import Path
 from typing import Literal
 
 import numpy as np
@@ -79,6 +80,7 @@ class Robot:
         warnings: Sentences about the robot file that the user should read.
         locked: Joints of the file that are held fixed and are no longer in the model.
         chain: How the passive joints of a closed chain follow the active ones, or None.
+        config: The ``robot.yaml`` that was named for it; None: the one beside its file, where there is one.
     """
 
     model: pin.Model
@@ -97,6 +99,7 @@ class Robot:
     warnings: tuple[str, ...] = ()
     locked: tuple[str, ...] = ()
     chain: ClosedChain | None = None
+    config: Path | None = None
 
     def __post_init__(self):
         object.__setattr__(self, "model", self.model.copy())

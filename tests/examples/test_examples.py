@@ -74,11 +74,28 @@ def rubbing_pendulum(tmp_path: Path, rng: np.random.Generator) -> Path:
 
 def test_the_readme_example_finds_the_friction_that_was_put_in(rubbing_pendulum, monkeypatch, capsys):
     # Known truth: Coulomb friction on the pin.
-    section = README
-    (block,) = re.findall(r"```python\n(.*?)```", section, flags=re.DOTALL)
+    (block,) = re.findall(r"```python\n(.*?)```", README, flags=re.DOTALL)
     monkeypatch.chdir(rubbing_pendulum)
-    exec(block, {})
-    assert re.search(r"^coulomb_friction pin ", capsys.readouterr().out, flags=re.MULTILINE)
+    names = {}
+    exec(block, names)
+    assert "1. Coulomb friction on joint pin: " in capsys.readouterr().out
+    assert list(names["table"].effect) == ["coulomb_friction"]
+    assert (rubbing_pendulum / "report" / "report.html").is_file()
+
+
+def test_the_notebook_runs_and_finds_what_it_simulates(tmp_path, monkeypatch, capsys):
+    # Known truth: 1.5 N m that grow to 2.1 N m.
+    monkeypatch.setenv("MPLBACKEND", "agg")
+    (tmp_path / "pendulum.urdf").write_text(PENDULUM.read_text())
+    monkeypatch.chdir(tmp_path)
+    cells = json.loads((EXAMPLES / "first_diagnosis.ipynb").read_text())["cells"]
+    names = {}
+    for cell in cells:
+        if cell["cell_type"] == "code":
+            exec("".join(cell["source"]), names)
+    sizes = [names[name].findings[0].parameters["torque"].value for name in ("diagnosis", "later")]
+    assert sizes == pytest.approx([1.5, 2.1], rel=0.1)
+    assert "1 of 1 findings changed." in capsys.readouterr().out
 
 
 def test_own_robot_finds_the_friction_that_was_put_in(rubbing_pendulum):

@@ -1,0 +1,84 @@
+"""What is wrong with a recording, told to its user: what certainly is, what was mended, and what may be."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+from identification.data.checks.check_recording import check_recording
+from identification.data.readers.read_table import read_table
+from identification.data.reading import read_recording, unassigned_recording
+from identification.data.recording import Fault, Recording
+from identification.data.refusal import fault_sentence
+from phantom_dyn.model.robot import Robot
+
+
+@dataclass(frozen=True, repr=False)
+class CheckedRecording:
+    """What is wrong with a recording: what certainly is, and what may be.
+
+    Attributes:
+        file: Its name.
+        joints: Its joints.
+        samples, seconds: Its length.
+        wrong: What is certainly wrong; `diagnose` refuses such a recording.
+        warnings: Sentences on what was mended and what may be wrong.
+        with_robot: False if it was checked without a robot, which shows less.
+    """
+
+    file: str
+    joints: tuple[str, ...]
+    samples: int
+    seconds: float
+    wrong: tuple[Fault, ...]
+    warnings: tuple[str, ...]
+    with_robot: bool
+
+    @property
+    def right(self) -> bool:
+        """True if nothing was found that is or may be wrong."""
+        return not self.wrong and not self.warnings
+
+    def __repr__(self) -> str:
+        rate = (self.samples - 1) / self.seconds
+        lines = [
+            f"{self.file}: {self.samples} samples, {self.seconds:.6g} s, {rate:.6g} Hz",
+            f"joints: {', '.join(self.joints)}",
+            *(f"wrong: {fault_sentence(self.file, fault)}" for fault in self.wrong),
+            *(f"warning: {warning}" for warning in self.warnings),
+        ]
+        if self.right:
+            limits = "" if self.with_robot else ", as far as can be told without a robot"
+            lines.append(f"nothing is wrong with it{limits}")
+        return "\n".join(lines)
+
+
+def checked_recording(found: Recording, *, with_robot: bool) -> CheckedRecording:
+    """What a recording that was read and checked says of itself."""
+    seconds = float(found.t[-1] - found.t[0])
+    return CheckedRecording(
+        found.file, found.joint_names, len(found.t), seconds, found.wrong, found.warnings, with_robot
+    )
+
+
+def checked_file(
+    path: str | Path, robot: Robot | None, *, columns: str | Path | None = None, topic: str | None = None
+) -> CheckedRecording:
+    """What is wrong with the recording in a file.
+
+    Args:
+        path: See `read_recording`.
+        robot: The robot that was recorded; None: only what needs no model is checked.
+        columns: Column map (YAML), if the columns have other names or units.
+        topic: Topic of a bag that has several.
+
+    Raises:
+        LogError: If the file is no recording at all.
+    """
+    if robot is None:
+        found = unassigned_recording(read_table(path, columns=columns, topic=topic))
+        warnings = (*found.warnings, *check_recording(found, None))
+    else:
+        found = read_recording(path, robot, columns=columns, topic=topic)
+        warnings = (*robot.warnings, *found.warnings)
+    return checked_recording(replace(found, warnings=warnings), with_robot=robot is not None)

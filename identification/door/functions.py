@@ -1,0 +1,370 @@
+"""The functions of ``import phantom_dyn as dyn``: what the commands do, for paths or objects, one or several."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Literal
+
+import numpy as np
+from jaxtyping import Float
+
+from identification.data import reading
+from identification.data.checked_file import CheckedRecording, checked_file, checked_recording
+from identification.data.recording import Recording
+from identification.door.diagnosis import Diagnosis
+from identification.door.inputs import (
+    RecordingsLike,
+    RobotLike,
+    described,
+    listed,
+    recordings_of,
+    robot_of,
+)
+from identification.door.results import (
+    Identification,
+    Reference,
+    SimulatedRecording,
+)
+from identification.door.simulated import causes_of, reference_of, tracking
+from identification.excitation.excite import PlannedRecording
+from identification.excitation.excite import excite as designed
+from identification.excitation.limits import limits_of
+from identification.excitation.motion_shapes import FourierSeries
+from identification.export.corrected.corrected_yaml import known_effects
+from identification.identify.identified_model import JointTerms, friction_terms
+from identification.identify.identify import identify as identified
+from identification.identify.identify import usable_estimator
+from identification.pipeline import diagnose as diagnosed
+from identification.reporting import comparison
+from identification.reporting.diagnosis_reader import read_diagnosis
+from identification.scenarios.at_rest.diagnose_at_rest import diagnose_at_rest, judged_at_rest
+from identification.scenarios.motion_only import motion_robot, with_commanded_torque
+from identification.scenarios.recordings_file import read_changed, read_changes
+from phantom_dyn.errors import UsageError
+from phantom_dyn.maps.from_robot import map_model
+from phantom_dyn.maps.grid import read_grid
+from phantom_dyn.maps.operational_map import dataset, operational_map
+from phantom_dyn.model.robot_files import looks_like_robot
+from phantom_dyn.motion import Motion
+from phantom_dyn.simulation import simulate as simulation
+
+if TYPE_CHECKING:
+    import xarray
+
+Array = np.ndarray
+Paths = str | Path | Iterable[str | Path]
+EffectLike = tuple[str, str | None, Mapping[str, float | Sequence[float]]]
+"""Effect of the catalogue, joint (None: the whole robot) and parameters, as in ``("coulomb_friction", "j1",
+{"torque": 0.3})``."""
+
+
+def read_recording(
+    path: str | Path,
+    robot: RobotLike,
+    *,
+    columns: str | Path | None = None,
+    topic: str | None = None,
+    exclude: Sequence[tuple[float, float]] = (),
+    torque_needed: bool = True,
+    anyway: bool = False,
+) -> Recording:
+    """A recording of a robot from a file, checked; its ``warnings`` say what may be wrong with it.
+
+    Args:
+        path: CSV, Parquet, NPZ, ROS 1 or ROS 2 bag, or MCAP.
+        robot: File, ``example:NAME``, built-in name, or what `load_robot` returned.
+        columns: Column map (YAML), where the columns have other names or units.
+        topic: Topic of a bag that has several.
+        exclude: Stretches of time [s] to leave out of every fit, as in ``[(0, 1.5)]``.
+        torque_needed: False for work on motion alone.
+        anyway: Let it be judged although it is certainly wrong.
+
+    Raises:
+        LogError: If the file cannot be used; one sentence says which column and row, and what to do.
+    """
+    if not isinstance(path, str | Path):
+        raise UsageError(f"{described(path)} was given as a recording, wanted the path of a log, then the robot.")
+    if looks_like_robot(str(path)):
+        raise UsageError(f"{path} was given as a recording and is a robot: give the path of the log, then the robot.")
+    loaded = robot_of(robot)
+    return reading.read_recording(
+        path, loaded, columns=columns, topic=topic, excluded=exclude, torque_needed=torque_needed, anyway=anyway
+    )
+
+
+def diagnose(
+    robot: RobotLike,
+    recordings: RecordingsLike,
+    *,
+    hold_out: RecordingsLike = (),
+    known: Paths = (),
+    changes: str | Path | None = None,
+    columns: str | Path | None = None,
+    motion_only: bool = False,
+    progress: Callable[[str], None] = lambda _: None,
+) -> Diagnosis:
+    """Say what the model of a robot lacks, from recordings: which effects, where, how large, how sure.
+
+    Args:
+        robot: File, ``example:NAME``, built-in name, or what `load_robot` returned.
+        recordings: Path or recording, or several; they are judged on blocks that no fit has seen.
+        hold_out: Recordings that no fit sees; if there are any, all figures are those on them.
+        known: ``corrected.yaml`` of earlier diagnoses, whose findings belong to the model already.
+        changes: ``recordings.yaml`` that says what was different between the recordings, which are then paths.
+        columns: Column map (YAML) of recordings that are paths.
+        motion_only: True if no torque was recorded: that of the controllers in ``robot.yaml`` takes its place.
+        progress: Told in words what is being done, as in ``progress=print``.
+
+    Raises:
+        UsageError: If an argument is of the wrong kind.
+        LogError: If a recording cannot be used, or is certainly wrong.
+        RobotError: If the robot cannot be loaded.
+    """
+    loaded = robot_of(robot, recordings)
+    loaded = motion_robot(loaded) if motion_only else loaded
+    effects = known_effects(tuple(Path(file) for file in _paths(known, "known")), loaded)
+    if changes is not None:
+        return _diagnosis_of_changes(loaded, recordings, hold_out, effects, changes, columns, progress)
+    held = listed(hold_out)
+    fitted = recordings_of(recordings, loaded, columns=columns, torque_needed=not motion_only)
+    judged = recordings_of(hold_out, loaded, columns=columns, torque_needed=not motion_only) if held else ()
+    if motion_only and judged_at_rest(loaded, (*fitted, *judged)):
+        if effects or judged:
+            raise UsageError("known and hold_out do not go with recordings that are judged at rest: leave them out.")
+        return Diagnosis(diagnose_at_rest(loaded, fitted), loaded)
+    if motion_only:
+        fitted = tuple(with_commanded_torque(one, loaded) for one in fitted)
+        judged = tuple(with_commanded_torque(one, loaded) for one in judged)
+    found = diagnosed(loaded, fitted, hold_out=judged, known=effects, progress=progress)
+    return Diagnosis(found, loaded, effects)
+
+
+def identify(
+    robot: RobotLike,
+    recordings: RecordingsLike,
+    *,
+    hold_out: RecordingsLike = (),
+    estimator: str = "wls",
+    friction: Sequence[str] = ("viscous", "coulomb", "offset"),
+    rotors: bool = False,
+    columns: str | Path | None = None,
+    progress: Callable[[str], None] = lambda _: None,
+) -> Identification:
+    """Estimate base parameters, friction and drives of a robot, judged on data that no fit has seen.
+
+    Args:
+        robot: File, ``example:NAME``, built-in name, or what `load_robot` returned.
+        recordings: Path or recording, or several; of one its last fifth is held out, of several the last one.
+        hold_out: Recordings to judge on instead.
+        estimator: ``ols``, ``wls``, ``irls``, ``consistent``; with references and controllers ``iv``, ``didim``,
+            ``cloe``.
+        friction: Terms of every joint: ``viscous``, ``coulomb``, ``offset``, ``direction_dependent``, or ``none``.
+        rotors: True if rotor inertias are unknowns, too.
+        columns: Column map (YAML) of recordings that are paths.
+        progress: Told in words what is being done.
+
+    Raises:
+        UsageError: If an argument is of the wrong kind.
+        LogError: If a recording cannot be used, or is certainly wrong.
+        IdentifiabilityError: If the recordings excite too little.
+    """
+    usable_estimator(estimator)
+    terms = JointTerms(friction_terms([friction] if isinstance(friction, str) else list(friction)), rotors)
+    loaded = robot_of(robot, recordings)
+    found = identified(
+        loaded,
+        recordings_of(recordings, loaded, columns=columns),
+        hold_out=recordings_of(hold_out, loaded, columns=columns) if listed(hold_out) else (),
+        estimator=estimator,
+        terms=terms,
+        config=loaded.config,
+        progress=progress,
+    )
+    return Identification(found, loaded)
+
+
+def excite(
+    robot: RobotLike,
+    *,
+    duration: float = 10.0,
+    rate: float = 100.0,
+    harmonics: int = 5,
+    share: float = 1.0,
+    seed: int = 0,
+    progress: Callable[[str], None] = lambda _: None,
+) -> Reference:
+    """A motion from rest to rest that makes the inertial parameters of a robot visible, within its limits.
+
+    Args:
+        robot: File, ``example:NAME``, built-in name, or what `load_robot` returned.
+        duration: Length [s].
+        rate: Rows per second.
+        harmonics: Of the Fourier series that it is made of.
+        share: Part of the velocity and torque limits to use.
+        seed: Of the random motions that it starts from.
+        progress: Told in words what is being done.
+
+    Raises:
+        ParameterError: If no motion keeps the limits; the sentence names the one that is broken most.
+    """
+    from identification.excitation.collisions import collisions_of
+
+    loaded = robot_of(robot)
+    limits = limits_of(loaded, share=share, collisions=collisions_of(loaded))
+    design = designed(
+        loaded,
+        FourierSeries(duration, harmonics),
+        limits=limits,
+        planned=PlannedRecording(rate),
+        seed=seed,
+        progress=progress,
+    )
+    return Reference(design, rate)
+
+
+def check(
+    robot: RobotLike | Recording,
+    recording: str | Path | Recording | None = None,
+    *,
+    columns: str | Path | None = None,
+    topic: str | None = None,
+) -> CheckedRecording:
+    """Say what is wrong with a recording: what certainly is, and what may be; ``print`` shows it.
+
+    Args:
+        robot: The robot that was recorded. It may be left out, as in ``check("log.csv")``: then less is checked.
+        recording: A path, or what `read_recording` returned.
+        columns: Column map (YAML), where the columns have other names or units.
+        topic: Topic of a bag that has several.
+
+    Raises:
+        UsageError: If an argument is of the wrong kind.
+        LogError: If the file is no recording at all.
+    """
+    alone = recording is None
+    given = robot if alone else recording
+    if isinstance(given, Recording):
+        return checked_recording(given, with_robot=True)
+    if not isinstance(given, str | Path) or (looks_like_robot(str(given)) and alone):
+        raise UsageError(f"{described(given)} was given as a recording, wanted a path or a recording.")
+    loaded = None if alone or isinstance(robot, Recording) else robot_of(robot, given)
+    return checked_file(given, loaded, columns=columns, topic=topic)
+
+
+def compare(*diagnoses: Diagnosis | str | Path) -> comparison.Comparison:
+    """Say what changed between two diagnoses or more: verdicts, findings, sizes with their 95 % intervals.
+
+    Args:
+        diagnoses: What `diagnose` returned, or paths of ``diagnosis.json`` or of its folder.
+
+    Raises:
+        UsageError: If one of them is no diagnosis.
+        ParameterError: If there are fewer than two, or they are of different joints.
+    """
+    found, paths = [], []
+    for k, given in enumerate(diagnoses, start=1):
+        if isinstance(given, Diagnosis):
+            found.append(given.result)
+            paths.append(f"diagnosis {k}")
+        elif isinstance(given, str | Path):
+            found.append(read_diagnosis(given))
+            paths.append(str(given))
+        else:
+            raise UsageError(
+                f"{described(given)} was given as a diagnosis, wanted what diagnose returned or a diagnosis.json."
+            )
+    return comparison.compare(found, comparison.distinct_names(paths))
+
+
+def simulate(
+    robot: RobotLike,
+    reference: str | Path | Motion | Reference,
+    *,
+    effects: str | Path | Diagnosis | Iterable[EffectLike] = (),
+    kp: Float[Array, " nv"] | Sequence[float] | float | None = None,
+    kd: Float[Array, " nv"] | Sequence[float] | float | None = None,
+) -> SimulatedRecording:
+    """Move a robot that has effects which its model lacks along a reference, and record it.
+
+    Args:
+        robot: File, ``example:NAME``, built-in name, or what `load_robot` returned.
+        reference: What `excite` returned, a motion, or a table with ``t`` and ``q_ref.<joint>``.
+        effects: What the robot has beside its model: triples of effect, joint and parameters, a diagnosis, or its
+            ``corrected.yaml``.
+        kp: Position gains [N m/rad or N/m]; None: those of ``robot.yaml``, else such that errors of the model's own
+            inertia die out at 5 Hz, critically damped, beside the torque that the model needs for the reference.
+        kd: Velocity gains; None: as ``kp``.
+
+    Raises:
+        UsageError: If an argument is of the wrong kind.
+        ParameterError: If an effect or gain cannot be, or the motion leaves all bounds.
+    """
+    loaded = robot_of(robot, reference if isinstance(reference, str | Path) else ())
+    motion = reference_of(loaded, reference)
+    causes = causes_of(loaded, effects)
+    law = tracking(loaded, motion, kp, kd)
+    made = simulation.simulate(loaded, causes, law, motion.t, motion.q[0], motion.v[0])
+    return SimulatedRecording(loaded, made)
+
+
+def map_workspace(
+    robot: RobotLike,
+    grid: str,
+    quantities: str | Sequence[str] = "manipulability",
+    *,
+    frame: str | None = None,
+    q0: Float[Array, " nv"] | Sequence[float] | None = None,
+    stiffness: Float[Array, " nv"] | Sequence[float] | None = None,
+    jobs: int | Literal[1] | None = None,
+) -> xarray.Dataset:
+    """What a hand feels at the tip of a robot over its workspace, as an xarray dataset with units.
+
+    Args:
+        robot: File, ``example:NAME``, built-in name, or what `load_robot` returned.
+        grid: Over the tip [m] as in ``x=0:0:1,y=-0.2:0.2:41,z=-0.1:0.3:41``, or over joints as in ``q.j1=-1:1:21``.
+        quantities: Names, such as ``apparent_mass``, ``stiffness``, ``gravity_force``.
+        frame: The tip; by default frame ``tip``, else the last one.
+        q0: Joint positions near which the branch of the inverse kinematics is taken.
+        stiffness: Of each joint [N m/rad], where nothing states it.
+        jobs: Processes at most.
+
+    Raises:
+        ParameterError: If grid, quantity or a value cannot be used.
+    """
+    loaded = robot_of(robot)
+    model = map_model(
+        loaded,
+        frame=frame,
+        stiffness=None if stiffness is None else np.array(stiffness, dtype=float),
+        posture=None if q0 is None else np.array(q0, dtype=float),
+    )
+    names = quantities.split(",") if isinstance(quantities, str) else list(quantities)
+    made = operational_map(model, read_grid(grid, loaded.joint_names), [name.strip() for name in names], jobs=jobs)
+    return dataset(made)
+
+
+def _diagnosis_of_changes(loaded, recordings, hold_out, effects, changes, columns, progress) -> Diagnosis:
+    fitted, judged = _paths(recordings, "recordings"), _paths(hold_out, "hold_out")
+    paths = (*fitted, *judged)
+    known = read_changes(changes, paths, loaded.joint_names)
+    read = tuple(read_changed(path, loaded, change, columns=columns) for path, change in zip(paths, known, strict=True))
+    found = diagnosed(
+        loaded,
+        read[: len(fitted)],
+        hold_out=read[len(fitted) :],
+        known=effects,
+        changes=known,
+        progress=progress,
+    )
+    return Diagnosis(found, loaded, effects)
+
+
+def _paths(given: object, name: str) -> tuple[str | Path, ...]:
+    """Paths where nothing else will do."""
+    out = []
+    for one in listed(given):
+        if not isinstance(one, str | Path):
+            raise UsageError(f"{described(one)} was given in {name}, wanted the path of a file.")
+        out.append(one)
+    return tuple(out)

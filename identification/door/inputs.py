@@ -1,0 +1,100 @@
+"""Robot and recordings as a user may give them: paths, objects, one or several; anything else gets one sentence."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from pathlib import Path
+
+from identification.data.reading import read_recording
+from identification.data.recording import Recording
+from identification.files import looks_like_log, require_not_swapped
+from phantom_dyn.errors import UsageError
+from phantom_dyn.model.loading import load_robot
+from phantom_dyn.model.robot import Robot
+from phantom_dyn.model.robot_files import looks_like_robot
+
+RobotLike = str | Path | Robot
+"""A robot as a user may give it: a file, ``example:NAME``, a built-in name, or what `load_robot` returned."""
+RecordingLike = str | Path | Recording
+"""A recording as a user may give it: a file, or what `read_recording` returned."""
+RecordingsLike = RecordingLike | Iterable[RecordingLike]
+"""One recording or several."""
+
+_ROBOT_WANTED = "wanted a URDF or MJCF file, example:NAME, a built-in name, or a robot from load_robot"
+_LOG_WANTED = "wanted the path of a log, a recording from read_recording, or a list of them"
+
+
+def robot_of(given: RobotLike, recordings: object = ()) -> Robot:
+    """The robot that was given, loaded where it is a path or name.
+
+    Args:
+        given: What stands in the place of the robot.
+        recordings: What stands in the place of the recordings, to recognise arguments that were swapped.
+
+    Raises:
+        UsageError: If it is no robot; the sentence says what was given and what is wanted.
+        RobotError: If the robot cannot be loaded.
+    """
+    if isinstance(given, Robot):
+        return given
+    if isinstance(given, str | Path):
+        logs = [one for one in listed(recordings) if isinstance(one, str | Path)]
+        require_not_swapped(given, logs)
+        return load_robot(given)
+    if isinstance(given, Recording):
+        raise UsageError(f"{described(given)} was given in the place of the robot: give the robot first, then the log.")
+    raise UsageError(f"{described(given)} was given as the robot, {_ROBOT_WANTED}.")
+
+
+def recordings_of(
+    given: RecordingsLike, robot: Robot, *, columns: str | Path | None = None, torque_needed: bool = True
+) -> tuple[Recording, ...]:
+    """The recordings that were given, read where they are paths.
+
+    Args:
+        given: One recording or several.
+        robot: The robot that was recorded.
+        columns: Column map of those that are paths.
+        torque_needed: False for work on motion alone.
+
+    Raises:
+        UsageError: If there is none, or one is no recording; the sentence says what was given and what is wanted.
+        LogError: If a file cannot be read.
+    """
+    several = listed(given)
+    if not several:
+        raise UsageError(f"No recording was given, {_LOG_WANTED}.")
+    return tuple(_recording(one, robot, columns, torque_needed) for one in several)
+
+
+def listed(given: object) -> tuple[object, ...]:
+    """One or several as a tuple; a text is one."""
+    if isinstance(given, Iterable) and not isinstance(given, str | bytes | dict):
+        return tuple(given)
+    return (given,)
+
+
+def described(given: object) -> str:
+    """What was given, short enough for a sentence."""
+    if isinstance(given, Robot):
+        return f"the robot {given.name}"
+    if isinstance(given, Recording):
+        return f"the recording {given.file}"
+    text = " ".join(repr(given).split())
+    kind = type(given).__name__
+    return f"{text if len(text) <= 40 else text[:39] + '…'} ({kind})"
+
+
+def _recording(given: object, robot: Robot, columns: str | Path | None, torque_needed: bool) -> Recording:
+    if isinstance(given, Recording):
+        if given.joint_names != robot.joint_names:
+            raise UsageError(
+                f"the recording {given.file} has the joints {', '.join(given.joint_names)} and {robot.name} has "
+                f"{', '.join(robot.joint_names)}: read it again with read_recording(path, robot)."
+            )
+        return given
+    if isinstance(given, str | Path):
+        if looks_like_robot(str(given)) and not looks_like_log(given):
+            raise UsageError(f"{given} was given as a recording and is a robot: give one robot, and it goes first.")
+        return read_recording(given, robot, columns=columns, torque_needed=torque_needed)
+    raise UsageError(f"{described(given)} was given as a recording, {_LOG_WANTED}.")

@@ -1,0 +1,189 @@
+"""Identifications, reference motions, simulated recordings and checks as users of Python hold them."""
+
+from __future__ import annotations
+
+import html
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+from jaxtyping import Float
+
+from identification.data.checks.check_recording import checked
+from identification.data.recording import Recording
+from identification.excitation.excite import Excitation
+from identification.export.log_and_map_files import write_log
+from identification.identify.identification import Identification as Found
+from identification.identify.identification import Parameter
+from identification.identify.identification_files import write_outputs
+from identification.identify.identification_words import headline, summary
+from phantom_dyn.errors import UsageError
+from phantom_dyn.model.robot import Robot
+from phantom_dyn.motion import Motion
+from phantom_dyn.simulation.simulate import Simulation
+
+if TYPE_CHECKING:
+    import pandas
+
+Array = np.ndarray
+
+
+@dataclass(frozen=True, repr=False, eq=False)
+class Identification:
+    """Parameters of a robot that were estimated from recordings; ``print`` shows the summary of the command line.
+
+    Attributes:
+        result: All that was found, as ``identification.json`` has it.
+        robot: The model that was given.
+    """
+
+    result: Found
+    robot: Robot
+
+    @property
+    def parameters(self) -> tuple[Parameter, ...]:
+        """Base parameters of the links, then friction and drives: name, value, std, unit."""
+        return (*self.result.base, *self.result.others)
+
+    @property
+    def warnings(self) -> tuple[str, ...]:
+        """Sentences about the recordings and the estimate."""
+        return self.result.warnings
+
+    def __str__(self) -> str:
+        return summary(self.result)
+
+    def __repr__(self) -> str:
+        return f"Identification of {self.robot.name} ({self.result.estimator})\n{headline(self.result)}"
+
+    def _repr_html_(self) -> str:
+        first, second = (html.escape(line) for line in repr(self).splitlines())
+        return f"<p><b>{first}</b><br>{second}</p>"
+
+    def to_dataframe(self) -> pandas.DataFrame:
+        """One row a parameter: value, standard deviation, unit, and whether it differs from zero."""
+        import pandas
+
+        names = ("name", "value", "std", "unit", "regroups", "identified", "joint", "effect")
+        rows = [{name: getattr(parameter, name) for name in names} for parameter in self.parameters]
+        return pandas.DataFrame(rows, columns=list(names))
+
+    def save(self, folder: str | Path) -> tuple[Path, ...]:
+        """Write ``identification.json``, ``report.html`` and the corrected models into a folder; the files written.
+
+        Raises:
+            UsageError: If a file cannot be written.
+        """
+        return write_outputs(self.result, Path(folder))
+
+
+@dataclass(frozen=True, repr=False, eq=False)
+class Reference:
+    """A motion for a robot to follow, from rest to rest; ``print`` says how well it excites and what limits it.
+
+    Attributes:
+        design: How the motion was found.
+        rate_hz: Rows per second.
+    """
+
+    design: Excitation
+    rate_hz: float
+
+    @property
+    def motion(self) -> Motion:
+        """Time, positions, velocities and accelerations of the joints."""
+        return self.design.motion(self.rate_hz)
+
+    @property
+    def robot(self) -> Robot:
+        """What is to move."""
+        return self.design.robot
+
+    def __str__(self) -> str:
+        return "\n".join([self.design.summary(), *(f"Note: {note}" for note in self.design.notes)])
+
+    def __repr__(self) -> str:
+        first, _, second = self.design.summary().partition("\n")
+        return f"Reference of {first}\n{second}"
+
+    def columns(self) -> dict[str, Float[Array, " N"]]:
+        """Columns ``t``, ``q_ref.<joint>``, ``v_ref.<joint>`` and ``a_ref.<joint>``."""
+        return self.design.columns(self.rate_hz)
+
+    def to_dataframe(self) -> pandas.DataFrame:
+        """The columns as a table."""
+        import pandas
+
+        return pandas.DataFrame(self.columns())
+
+    def save(self, file: str | Path) -> Path:
+        """Write the columns as CSV, NPZ or Parquet, by ending.
+
+        Raises:
+            UsageError: If the ending names no format, or the file cannot be written.
+        """
+        write_log(Path(file), self.columns())
+        return Path(file)
+
+
+@dataclass(frozen=True, repr=False, eq=False)
+class SimulatedRecording:
+    """What a recording of a simulated robot holds: times, position readings and drive torques.
+
+    Attributes:
+        robot: The model, without the effects that were put in.
+        simulation: The motion, the true one included.
+    """
+
+    robot: Robot
+    simulation: Simulation
+
+    def __repr__(self) -> str:
+        t = self.simulation.t
+        return (
+            f"Simulated recording of {self.robot.name}: {len(t)} samples, {t[-1] - t[0]:.6g} s\n"
+            f"Joints: {', '.join(self.robot.joint_names)}"
+        )
+
+    def columns(self) -> dict[str, Float[Array, " N"]]:
+        """Columns ``t``, ``q.<joint>`` and ``tau.<joint>``."""
+        out = {"t": np.array(self.simulation.t)}
+        for name, values in (("q", self.simulation.q), ("tau", self.simulation.tau)):
+            out |= {f"{name}.{joint}": np.array(values[:, k]) for k, joint in enumerate(self.robot.joint_names)}
+        return out
+
+    def to_dataframe(self) -> pandas.DataFrame:
+        """The columns as a table."""
+        import pandas
+
+        return pandas.DataFrame(self.columns())
+
+    def save(self, file: str | Path) -> Path:
+        """Write a log as CSV, NPZ or Parquet, by ending.
+
+        Raises:
+            UsageError: If the ending names no format, or the file cannot be written.
+        """
+        write_log(Path(file), self.columns())
+        return Path(file)
+
+    def recording(self, *, position_noise: float = 0.0, torque_noise: float = 0.0, seed: int = 0) -> Recording:
+        """The same as a recording to diagnose, with white noise of these standard deviations [rad or m, N m or N].
+
+        Raises:
+            UsageError: If a deviation is negative.
+        """
+        if not (position_noise >= 0 and torque_noise >= 0):
+            raise UsageError("a negative noise was given, wanted standard deviations of 0 or more.")
+        rng = np.random.default_rng(seed)
+        q, tau = self.simulation.q, self.simulation.tau
+        found = Recording(
+            file=f"simulated {self.robot.name}",
+            joint_names=self.robot.joint_names,
+            t=self.simulation.t,
+            q=q + position_noise * rng.standard_normal(q.shape),
+            tau=tau + torque_noise * rng.standard_normal(tau.shape),
+        )
+        rest = checked(found, self.robot)
+        return replace(found, warnings=rest.warnings, wrong=rest.wrong)

@@ -1,0 +1,282 @@
+"""What changed between diagnoses of one robot: verdict, gap, and each finding with the intervals of its sizes."""
+
+from __future__ import annotations
+
+import math
+import textwrap
+from collections.abc import Sequence
+from dataclasses import dataclass
+from itertools import combinations
+from pathlib import Path
+from statistics import NormalDist
+
+from identification.diagnosis.decision_rules import SIZES_DIFFER
+from identification.diagnosis.result import Diagnosis, EffectAt, Finding, Gap, Value
+from identification.reporting.diagnosis_reader import FILE
+from identification.words.diagnosis_words import capital, effect_at, effect_at_finding, joined, parameter_name
+from identification.words.numbers_and_names import NO_BREAK, cut_name, number, percent, printable, with_unit
+from phantom_dyn.errors import ParameterError
+
+WIDTH = 100
+_NAME_WIDTH = 24
+_INTERVAL = NormalDist().inv_cdf(0.975)
+"""Standard deviations from the estimate to either end of a 95 % interval."""
+
+
+@dataclass(frozen=True)
+class ComparedSize:
+    """One parameter of a finding in every diagnosis.
+
+    Attributes:
+        parameter: Its name.
+        values: In the order of the diagnoses; None where the finding is missing there.
+        changed: True if two of them differ beyond chance; None if fewer than two can be compared.
+    """
+
+    parameter: str
+    values: tuple[Value | None, ...]
+    changed: bool | None
+
+
+@dataclass(frozen=True)
+class ComparedFinding:
+    """One finding in every diagnosis.
+
+    Attributes:
+        at: Effect, joint, and the recording that it acts in.
+        findings: In the order of the diagnoses; None where it is missing.
+        missing: For each diagnosis what it says instead, in words; empty where it has the finding.
+        sizes: One a parameter.
+    """
+
+    at: EffectAt
+    findings: tuple[Finding | None, ...]
+    missing: tuple[str, ...]
+    sizes: tuple[ComparedSize, ...]
+
+    @property
+    def changed(self) -> bool:
+        """True if some diagnosis lacks the finding, or one of its sizes differs beyond chance."""
+        return any(self.missing) or any(size.changed for size in self.sizes)
+
+
+@dataclass(frozen=True)
+class Comparison:
+    """What several diagnoses say, side by side; ``print`` shows what changed.
+
+    Attributes:
+        names: Of the diagnoses, in the order that they were given.
+        diagnoses: What was compared.
+        findings: Every finding of any of them, those that changed first.
+    """
+
+    names: tuple[str, ...]
+    diagnoses: tuple[Diagnosis, ...]
+    findings: tuple[ComparedFinding, ...]
+
+    @property
+    def changed(self) -> tuple[ComparedFinding, ...]:
+        """Findings that are missing somewhere, or differ in size beyond chance."""
+        return tuple(finding for finding in self.findings if finding.changed)
+
+    def __str__(self) -> str:
+        return comparison_text(self)
+
+    def __repr__(self) -> str:
+        verdicts = " -> ".join(diagnosis.verdict for diagnosis in self.diagnoses)
+        return f"Comparison of {joined(list(self.names))}: {verdicts}\n{_count_words(self)}"
+
+
+def compare(diagnoses: Sequence[Diagnosis], names: Sequence[str]) -> Comparison:
+    """What changed between diagnoses.
+
+    A size has changed if two diagnoses differ by more than their deviations explain, at 5 % over all sizes and pairs
+    that are compared. Deviations count as independent, which is on the safe side for diagnoses that share a recording.
+
+    Args:
+        diagnoses: Two or more, of the same joints.
+        names: One each.
+
+    Raises:
+        ParameterError: If there are fewer than two, or they are of different joints.
+    """
+    if len(diagnoses) < 2:
+        raise ParameterError(f"{len(diagnoses)} diagnosis was given, wanted two or more to compare.")
+    _require_same_joints(diagnoses, names)
+    places = dict.fromkeys(_place(finding) for diagnosis in diagnoses for finding in diagnosis.findings)
+    table = {at: tuple(_finding_at(diagnosis, at) for diagnosis in diagnoses) for at in places}
+    pairs = [pair for found in table.values() for values in _sizes(found).values() for pair in _pairs(values)]
+    comparisons = max(1, sum(len(_listed(one.value)) for one, _ in pairs))
+    limit = NormalDist().inv_cdf(1 - (1 - SIZES_DIFFER) / (2 * comparisons))
+    rows = [
+        ComparedFinding(
+            at,
+            found,
+            tuple("" if one else _instead(diagnosis, at) for one, diagnosis in zip(found, diagnoses, strict=True)),
+            tuple(ComparedSize(name, values, _differ(name, values, limit)) for name, values in _sizes(found).items()),
+        )
+        for at, found in table.items()
+    ]
+    return Comparison(tuple(names), tuple(diagnoses), tuple(sorted(rows, key=lambda row: not row.changed)))
+
+
+def distinct_names(paths: Sequence[str | Path]) -> list[str]:
+    """Short names of files that differ: without the ``diagnosis.json`` that they end in, and without folders."""
+    folders = [str(Path(path).parent) if Path(path).name == FILE else str(path) for path in paths]
+    for names in ([Path(folder).name for folder in folders], folders):
+        if all(names) and len(set(names)) == len(names):
+            return names
+    return [str(path) for path in paths]
+
+
+def comparison_text(found: Comparison) -> str:
+    """The comparison for a terminal: verdicts and gap first, then what changed, what did not, and the residuals."""
+    verdicts = [diagnosis.verdict.replace("_", " ") for diagnosis in found.diagnoses]
+    same = len(set(verdicts)) == 1
+    lines = [
+        f"The verdict is the same: {verdicts[0]}." if same else f"The verdict changed: {' -> '.join(verdicts)}.",
+        f"Gap closed: {' -> '.join(_gap_words(diagnosis.gap) for diagnosis in found.diagnoses)}.",
+        _count_words(found),
+    ]
+    for head, rows in (
+        ("Changed, with 95 % intervals:", found.changed),
+        ("The same within the intervals:", tuple(row for row in found.findings if not row.changed)),
+    ):
+        if rows:
+            lines += ["", head, *(line for row in rows for line in _row_lines(row))]
+    lines += ["", "RMS residual on held-out samples: given model -> corrected model", *_joint_table(found)]
+    runs = [diagnosis.run for diagnosis in found.diagnoses if diagnosis.run]
+    if len(set(runs)) < len(runs):
+        lines += ["", "Two of these files are of the very same run."]
+    return "\n".join(_wrapped(line) for line in lines).replace(NO_BREAK, " ")
+
+
+def _require_same_joints(diagnoses: Sequence[Diagnosis], names: Sequence[str]) -> None:
+    joints = [tuple(gap.joint for gap in diagnosis.joints) for diagnosis in diagnoses]
+    for name, own in zip(names, joints, strict=True):
+        if own != joints[0]:
+            raise ParameterError(
+                f"{names[0]} is of the joints {', '.join(joints[0])} and {name} of {', '.join(own)}: compare diagnoses "
+                "of one robot."
+            )
+
+
+def _place(finding: Finding) -> EffectAt:
+    return EffectAt(finding.effect, finding.joint, finding.recording)
+
+
+def _finding_at(diagnosis: Diagnosis, at: EffectAt) -> Finding | None:
+    return next((finding for finding in diagnosis.findings if _place(finding) == at), None)
+
+
+def _sizes(found: Sequence[Finding | None]) -> dict[str, tuple[Value | None, ...]]:
+    """Values of each parameter of a finding, in the order of the diagnoses."""
+    names = dict.fromkeys(name for finding in found if finding for name in finding.parameters)
+    return {name: tuple(finding.parameters.get(name) if finding else None for finding in found) for name in names}
+
+
+def _pairs(values: Sequence[Value | None]) -> list[tuple[Value, Value]]:
+    """Pairs of values that can be compared: both known with their deviations, lists of one length."""
+    usable = [value for value in values if value is not None and all(map(math.isfinite, _listed(value.std)))]
+    return [pair for pair in combinations(usable, 2) if len(_listed(pair[0].value)) == len(_listed(pair[1].value))]
+
+
+def _differ(name: str, values: Sequence[Value | None], limit: float) -> bool | None:
+    """Whether two values differ by more than ``limit`` standard deviations; None if none can be compared."""
+    pairs = _pairs(values)
+    if not pairs:
+        return None
+    return any(
+        abs(_difference(name, x, y)) > limit * math.hypot(s, r)
+        for one, other in pairs
+        for x, y, s, r in zip(*map(_listed, (one.value, other.value, one.std, other.std)), strict=True)
+    )
+
+
+def _difference(name: str, x: float, y: float) -> float:
+    """Difference of two values; of two phases the one within half a turn."""
+    return math.remainder(y - x, 2 * math.pi) if name == "phase" else y - x
+
+
+def _listed(value: float | list[float]) -> list[float]:
+    return value if isinstance(value, list) else [value]
+
+
+def _instead(diagnosis: Diagnosis, at: EffectAt) -> str:
+    """What a diagnosis says of an effect that is not among its findings."""
+    if any(_place(finding) == at for finding in diagnosis.minor):
+        return "seen, but too small to matter"
+    for finding in diagnosis.findings:
+        for rival in finding.rivals:
+            if at in rival.effects:
+                return f"a rival of {effect_at_finding(finding)} ({percent(rival.probability)})"
+    if any((entry.effect, entry.joint) == (at.effect, at.joint) for entry in diagnosis.not_testable):
+        return "not testable there"
+    for bound in diagnosis.bounds:
+        if (bound.effect, bound.joint) == (at.effect, at.joint):
+            least = with_unit(number(bound.below), bound.unit)
+            return f"not found (a {parameter_name(bound.parameter)} of {least} would have shown)"
+    return "not found"
+
+
+def _row_lines(row: ComparedFinding) -> list[str]:
+    """One finding: a line for each parameter, or one that says where it was found."""
+    name = capital(effect_at(row.at))
+    out = []
+    for size in row.sizes:
+        cells = [_size_words(value) or gone for value, gone in zip(size.values, row.missing, strict=True)]
+        verdict = {True: ", changed", False: ", the same", None: ""}[size.changed]
+        out.append(f"  {name}, {parameter_name(size.parameter)}: {' -> '.join(cells)}{verdict}")
+    if not row.sizes:
+        cells = ["found" if finding else gone for finding, gone in zip(row.findings, row.missing, strict=True)]
+        out.append(f"  {name}: {' -> '.join(cells)}")
+    return out
+
+
+def _size_words(value: Value | None) -> str:
+    """A value with its 95 % interval, as in ``0.251 (0.250 to 0.252) N m``; empty for None."""
+    if value is None:
+        return ""
+    parts = []
+    for x, std in zip(_listed(value.value), _listed(value.std), strict=True):
+        half = _INTERVAL * std
+        known = math.isfinite(half) and half > 0
+        digits = max(0, 1 - math.floor(math.log10(half))) if known else 0
+        plain = known and digits <= 8 and abs(x) < 1e6
+        parts.append(f"{x:.{digits}f} ({x - half:.{digits}f} to {x + half:.{digits}f})" if plain else number(x))
+    return with_unit(", ".join(parts), value.unit)
+
+
+def _gap_words(gap: Gap) -> str:
+    if gap.closed is None:
+        return "no gap"
+    return percent(gap.closed) + ("" if gap.interval is None else f" ({' to '.join(map(percent, gap.interval))})")
+
+
+def _count_words(found: Comparison) -> str:
+    if not found.findings:
+        return "None of them has a finding."
+    count = len(found.changed)
+    return f"{count if count else 'None'} of {len(found.findings)} findings changed."
+
+
+def _joint_table(found: Comparison) -> list[str]:
+    names = [cut_name(name, _NAME_WIDTH) for name in found.names]
+    joints = [cut_name(gap.joint, _NAME_WIDTH) for gap in found.diagnoses[0].joints]
+    width = max(len("joint"), *map(len, joints))
+    columns = [max(len(name), 20) for name in names]
+    lines = [f"{'joint':<{width}}" + "".join(f"  {name:>{w}}" for name, w in zip(names, columns, strict=True))]
+    for k, joint in enumerate(joints):
+        gaps = [diagnosis.joints[k] for diagnosis in found.diagnoses]
+        cells = [f"{number(gap.rms_before)} -> {number(gap.rms_after)}" for gap in gaps]
+        row = "".join(f"  {cell:>{w}}" for cell, w in zip(cells, columns, strict=True))
+        lines.append(f"{joint:<{width}}{row}  {gaps[0].unit}")
+    return lines
+
+
+def _wrapped(line: str) -> str:
+    indent = line[: len(line) - len(line.lstrip())]
+    text = printable(line)
+    if len(text) <= WIDTH:
+        return text
+    return textwrap.fill(text, WIDTH, subsequent_indent=f"{indent}    ", break_on_hyphens=False)

@@ -1,0 +1,145 @@
+"""A diagnosis read back from its ``diagnosis.json`` (schema ``gap-diagnosis/2``), without the samples behind it."""
+
+from __future__ import annotations
+
+import json
+import math
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from identification.diagnosis.result import (
+    Adjusted,
+    Bound,
+    Diagnosis,
+    EffectAt,
+    Evidence,
+    Finding,
+    Gap,
+    JointGap,
+    NotTestable,
+    Rival,
+    Unexplained,
+    Value,
+)
+from identification.reporting.diagnosis_files import NAMES, SCHEMA
+from phantom_dyn.errors import LogError
+
+FILE = NAMES[0]
+
+
+def read_diagnosis(path: str | Path) -> Diagnosis:
+    """The diagnosis that a file holds; numbers that were not finite are NaN.
+
+    What the file does not hold is empty: the samples, the names of robot and recordings, the notes and the motion that
+    is proposed next.
+
+    Args:
+        path: ``diagnosis.json``, or the folder that it is in.
+
+    Raises:
+        LogError: If there is no such file, or it is no diagnosis of this schema; one sentence says what to do.
+    """
+    path = Path(path)
+    path = path / FILE if path.is_dir() else path
+    try:
+        content = json.loads(path.read_bytes())
+    except OSError as error:
+        raise LogError(
+            f"{path} cannot be read ({error.strerror}): give a {FILE}, or the folder that diagnose --out wrote."
+        ) from error
+    except ValueError as error:
+        raise LogError(f"{path} is no JSON ({error}): give a {FILE} that phantom-dyn diagnose wrote.") from error
+    schema = content.get("schema") if isinstance(content, dict) else None
+    if schema != SCHEMA:
+        told = f"has the schema {schema}" if schema else "is no diagnosis"
+        raise LogError(f"{path} {told}, wanted {SCHEMA}: diagnose the recording again with this version.")
+    try:
+        return _diagnosis(content)
+    except (KeyError, TypeError, ValueError, AttributeError) as error:
+        raise LogError(
+            f"{path} is not a whole {SCHEMA} ({type(error).__name__}: {error}): diagnose the recording again."
+        ) from error
+
+
+def _diagnosis(content: Mapping[str, Any]) -> Diagnosis:
+    left = content["unexplained"]
+    where = left["where"]
+    gap = content["gap"]
+    joints = tuple(_joint(joint) for joint in content["joints"])
+    low, high = content["band_hz"]
+    return Diagnosis(
+        verdict=content["verdict"],
+        robot="",
+        recordings=(),
+        joints=joints,
+        band_hz=(float(low), float(high)),
+        findings=tuple(_finding(finding) for finding in content["findings"]),
+        adjusted=tuple(Adjusted(**move) for move in content["adjusted"]),
+        unexplained=Unexplained(
+            _number(left["fraction_of_explainable"]),
+            left["structured"],
+            where["joint"],
+            where["regime"],
+            tuple((float(start), float(stop)) for start, stop in where["times"]),
+        ),
+        bounds=tuple(Bound(**bound) for bound in content["bounds"]),
+        not_testable=tuple(NotTestable(**entry) for entry in content["not_testable"]),
+        data_warnings=tuple(content["data_warnings"]),
+        next_experiment=content["next_experiment"],
+        rollout=content["rollout"],
+        seconds=_number(content["seconds"]),
+        version=content["version"],
+        evidence=no_evidence(len(joints)),
+        gap=Gap(gap["closed"], _interval(gap["interval"])),
+        minor=tuple(_finding(finding) for finding in content["minor"]),
+        run=content["run"],
+    )
+
+
+def no_evidence(nv: int) -> Evidence:
+    """Evidence of no samples for ``nv`` joints."""
+    none = np.zeros((0, nv))
+    return Evidence(np.zeros(0), none, none, none, none, none, none, ({},) * nv)
+
+
+def _joint(joint: Mapping[str, Any]) -> JointGap:
+    numbers = {name: _number(joint[name]) for name in ("rms_before", "rms_after", "noise_floor")}
+    return JointGap(**{**joint, **numbers, "noise_floor_interval": _interval(joint["noise_floor_interval"])})
+
+
+def _finding(finding: Mapping[str, Any]) -> Finding:
+    low, high = finding["gap_closed_interval"]
+    return Finding(
+        effect=finding["effect"],
+        joint=finding["joint"],
+        regime=finding["regime"],
+        parameters={
+            name: Value(_numbers(value["value"]), _numbers(value["std"]), value["unit"])
+            for name, value in finding["parameters"].items()
+        },
+        gap_closed=_number(finding["gap_closed"]),
+        gap_closed_interval=(_number(low), _number(high)),
+        probability=_number(finding["probability"]),
+        rivals=tuple(
+            Rival(tuple(EffectAt(**at) for at in rival["effects"]), _number(rival["probability"]))
+            for rival in finding["rivals"]
+        ),
+        verdict=finding["verdict"],
+        recording=finding.get("recording"),
+        share=finding["share"],
+    )
+
+
+def _numbers(value: Any) -> float | list[float]:
+    return [_number(entry) for entry in value] if isinstance(value, list) else _number(value)
+
+
+def _number(value: float | None) -> float:
+    return math.nan if value is None else float(value)
+
+
+def _interval(pair: list[float] | None) -> tuple[float, float] | None:
+    return None if pair is None else (_number(pair[0]), _number(pair[1]))
