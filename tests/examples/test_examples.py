@@ -16,6 +16,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+import phantom_dyn as dyn
 from called_example import EXAMPLES, ended, printed
 from identification.cli.main import main
 from identification.data.readers.column_map import read_column_map
@@ -285,20 +286,50 @@ def test_an_option_is_no_folder_to_write_into(script, word, tmp_path, monkeypatc
     assert (ended.value.code, list(tmp_path.iterdir())) == (0 if word == "--help" else 2, [])
 
 
-def test_the_demo_diagnoses_before_it_opens_the_envelope_and_names_reports_that_exist(mirror, tmp_path):
-    # Known truth and published values: seed 1 draws Coulomb friction, and EMPS stands beside its authors' estimates.
+def test_the_demo_names_what_was_drawn_and_ends_with_reports_that_exist(mirror, tmp_path):
+    # Known truth and published values: the fixed case is right, and EMPS stands beside its authors' estimates.
     # In a process of its own, as a user starts it: it starts others, which print where it does.
-    command = [sys.executable, str(EXAMPLES / "demo.py"), "--seed", "1", "--out", str(tmp_path)]
+    command = [sys.executable, str(EXAMPLES / "demo.py"), "--out", str(tmp_path)]
     done = subprocess.run(command, env={**os.environ, **mirror}, capture_output=True, text=True)
-    assert (done.returncode, done.stderr) == (0, "")
+    assert (done.returncode, "Traceback" in done.stderr) == (0, False)
     out = done.stdout
     (envelope,) = tmp_path.glob("envelope/*.json")
     (drawn,) = json.loads(envelope.read_text())["effects"]
     assert out.index("$ phantom-dyn diagnose") < out.index(f"drawn: Coulomb friction on joint {drawn['joint']}")
+    assert "  agrees: yes, effect and joint\n" in out
     assert re.search(r"torque_positive .* published 20\.14|torque .* published 20\.39", out)
-    named = [Path(name) for name in re.findall(r"^  report: (.*)$", out, flags=re.MULTILINE)]
-    assert named == [tmp_path / "report" / "report.html", tmp_path / "emps" / "report" / "report.html"]
+    named = [Path(line.removeprefix("  report: ")) for line in out.splitlines()[-2:]]
+    assert named == [tmp_path / "emps" / "report" / "report.html", tmp_path / "report" / "report.html"]
     assert all(path.is_file() for path in named)
+
+
+def test_the_size_that_the_fixed_demo_finds_is_the_drawn_one(demo, tmp_path):
+    # Known truth: the friction that the generator drew, within three deviations.
+    from benchmarks.blind.generate import draw_one
+
+    case, envelope = draw_one(demo.FIXED_SEED, tmp_path / "cases", tmp_path / "envelope")
+    (drawn,) = json.loads(envelope.read_text())["effects"]
+    (finding,) = dyn.diagnose(case / "robot.urdf", case / "log.csv").findings
+    (torque,) = finding.parameters.values()
+    assert abs(torque.value - drawn["parameters"]["torque"]) < 3 * torque.std
+
+
+@pytest.mark.parametrize(
+    ("display", "terminal", "ci", "opens"),
+    [("", True, "", 0), (":0", True, "", 1), (":0", False, "", 0), (":0", True, "true", 0)],
+)
+def test_the_demo_opens_its_report_only_where_somebody_looks(demo, tmp_path, monkeypatch, display, terminal, ci, opens):
+    # Oracle: the calls of the browser.
+    asked = []
+    for name, value in {"DISPLAY": display, "WAYLAND_DISPLAY": "", "CI": ci}.items():
+        monkeypatch.setenv(name, value)
+    monkeypatch.setattr(sys, "platform", "linux")
+    monkeypatch.setattr(sys.stdout, "isatty", lambda: terminal, raising=False)
+    monkeypatch.setattr(demo.webbrowser, "open", asked.append)
+    (tmp_path / "report").mkdir()
+    (tmp_path / "report" / "report.html").write_text("")
+    demo.end_with_reports(tmp_path)
+    assert asked == [(tmp_path / "report" / "report.html").as_uri()] * opens
 
 
 def test_the_demo_without_recording_and_network_says_in_one_line_how_to_get_it(demo, offline, tmp_path, monkeypatch):
