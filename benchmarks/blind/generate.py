@@ -1,8 +1,8 @@
 """Writes sealed cases: what the diagnosis may see into one folder, the answers into another.
 
 Example: ``python -m benchmarks.blind.generate --singles 0:120 --nulls 0:60 --cases DIR --answers DIR``, or one kind
-with ``--seeds 0:40 --kind single``. Without any seeds: the reporting ranges (`REPORTING`). ``--make drake`` or
-``--make field`` takes the cases of another make. Cases that are there are kept.
+with ``--seeds 0:40 --kind single``. Without any seeds: the reporting ranges (`REPORTING`). ``--make drake``, ``--make
+field`` or ``--make real`` takes the cases of another make. Cases that are there are kept.
 """
 
 from __future__ import annotations
@@ -58,9 +58,9 @@ def write_answer(answer: dict, answers: Path) -> Path:
 
 
 def robot_and_log(case: Path) -> tuple[str, str] | None:
-    """Names of the robot file and the log in the folder of a case; None where it lacks one of them."""
+    """Names of the robot file and the (first) log in the folder of a case; None where it lacks one of them."""
     robots = [path.name for path in (case / "robot.urdf", case / "robot.xml") if path.is_file()]
-    logs = sorted(path.name for path in case.glob("log.*"))
+    logs = sorted(path.name for path in [*case.glob("log.*"), *case.glob("log_*")])
     return (robots[0], logs[0]) if robots and logs else None
 
 

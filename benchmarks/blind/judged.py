@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from math import isfinite, nan
 
 from benchmarks.blind.magnitudes import magnitudes
+from benchmarks.blind.makes.real.context import without_context
 from benchmarks.blind.twins import Claim, Explanation, explanations
 
 FITS = 0.8  # share of the gap closed from which a model "fits"
@@ -154,7 +155,7 @@ def judged(answer: dict, entry: dict, oracle: dict | None = None) -> Judged:
         entry: What the runner kept of the diagnosis.
         oracle: Of the fit that is told the cause, in the same form; None where there is none.
     """
-    diagnosis = entry["diagnosis"]
+    diagnosis = without_context(answer, entry["diagnosis"]) if entry["diagnosis"] else None
     findings = sorted(diagnosis["findings"], key=lambda f: -f["gap_closed"]) if diagnosis else []
     joints = diagnosis["joints"] if diagnosis else []
     verdict = diagnosis["verdict"] if diagnosis else "failed"

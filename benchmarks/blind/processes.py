@@ -16,7 +16,8 @@ from pathlib import Path
 from benchmarks.blind.generate import robot_and_log
 
 TIMEOUT = 600.0
-HIDDEN = ("PYTHONPATH", "PWD", "OLDPWD")
+HIDDEN = ("PYTHONPATH", "PWD", "OLDPWD", "PHANTOM_DYN_DATA")  # the last names the recordings that cases are made from
+BESIDE = ("robot.yaml", "corrected.yaml")
 HERE = Path(__file__).resolve().parent
 BASELINES = (sys.executable, str(HERE / "baselines" / "answers.py"))
 ORACLE = (sys.executable, str(HERE / "oracle.py"))
@@ -31,11 +32,17 @@ def default_command() -> list[str]:
     return [found, "diagnose"]
 
 
+def case_inputs(case: Path, found: tuple[str, str]) -> list[str]:
+    """Names of the robot file and of every log in the folder of a case, in the order in which they are given."""
+    robot, log = found
+    return [robot, *sorted(path.name for path in case.glob("log*") if path.suffix == Path(log).suffix)]
+
+
 def run_case(command: Sequence[str], case: Path, results: Path, answer: Path | None = None) -> Path:
     """One case in its own process: it gets a copy of the case folder at a random place, and nothing else.
 
     Args:
-        command: Called with robot, log and ``--json FILE``.
+        command: Called with robot, logs, ``--with corrected.yaml`` where the case has one, and ``--json FILE``.
         case: Folder of the case.
         results: Where the result file ``<id>.json`` goes: what the command wrote, or what went wrong, with the seconds
             of the whole process.
@@ -46,10 +53,10 @@ def run_case(command: Sequence[str], case: Path, results: Path, answer: Path | N
         found = robot_and_log(case)
         if found is None:
             raise FileNotFoundError(f"{case} lacks a robot file or a log: draw the case again.")
-        robot, log = found
-        for file in case.iterdir():
-            if file.name in (robot, log, "robot.yaml"):
-                shutil.copy(file, Path(place) / file.name)
+        inputs = case_inputs(case, found)
+        for name in (*inputs, *(name for name in BESIDE if (case / name).is_file())):
+            shutil.copy(case / name, Path(place) / name)
+        known = ["--with", "corrected.yaml"] if (case / "corrected.yaml").is_file() else []
         if answer is not None:
             shutil.copy(answer, Path(place) / "answer.json")
         environment = {k: v for k, v in os.environ.items() if k not in HIDDEN}
@@ -57,7 +64,7 @@ def run_case(command: Sequence[str], case: Path, results: Path, answer: Path | N
         start = time.perf_counter()
         try:
             done = subprocess.run(
-                [*command, robot, log, "--json", "diagnosis.json"],
+                [*command, *inputs, *known, "--json", "diagnosis.json"],
                 cwd=place,
                 env=environment,
                 stdin=subprocess.DEVNULL,

@@ -1,7 +1,7 @@
 """Diagnoses sealed cases through the command line, while no answer can be read, and scores the results.
 
 Example: ``python benchmarks/blind/run.py --singles 100:140 --nulls 100:120``, which are scored together. Without any
-seeds: the reporting ranges. ``--make drake`` takes the cases of the second make. Resumable: a case that has its result
+seeds: the reporting ranges. ``--make NAME`` takes the cases of another make. Resumable: a case that has its result
 is not diagnosed again.
 """
 
@@ -17,6 +17,7 @@ if __package__ in (None, ""):  # called by its path: the checkout is not on the 
     sys.path.insert(0, str(Path(__file__).resolve().parents[2]))
 
 from benchmarks.blind.generate import FIRST, add_seed_options, case_ids, chosen_batches, draw_many
+from benchmarks.blind.makes import ALONE
 from benchmarks.blind.processes import BASELINES, ORACLE, default_command, run_all
 from benchmarks.blind.publish import publish
 from benchmarks.blind.score import load_baselines, load_pairs, write_score
@@ -70,7 +71,8 @@ def main(arguments: list[str] | None = None) -> int:
         draw_many(seeds, kind, cases, answers, given.jobs, given.make)
     names = case_ids(batches, given.make)
     diagnose_all(names, cases, answers, results, command=default_command(), jobs=given.jobs)
-    if not given.quick:
+    quick = given.quick or given.make in ALONE
+    if not quick:
         first = [(kind, seeds[: given.beside]) for kind, seeds in batches]
         tried = case_ids(first, given.make)
         with sealed(answers):
@@ -79,7 +81,7 @@ def main(arguments: list[str] | None = None) -> int:
         inside = case_ids((b for b in first if b[0] in INSIDE), given.make)
         run_all(ORACLE, inside, cases, oracle, jobs=given.jobs, what="told the cause", answers=answers)
     scored = load_pairs(answers, results, names, oracle=oracle)
-    beside = None if given.quick else load_baselines(answers, baselines, names)
+    beside = None if quick else load_baselines(answers, baselines, names)
     out = work / "score"
     print(write_score(scored, out, beside))
     minutes = (time.perf_counter() - start) / 60.0

@@ -13,8 +13,10 @@ MODULES = {
     "mujoco": "benchmarks.blind.generator.case",
     "drake": "benchmarks.blind.makes.drake.case",
     "field": "benchmarks.blind.makes.field.case",
+    "real": "benchmarks.blind.makes.real.case",
 }
 NAMES = tuple(MODULES)
+ALONE = ("real",)  # cases that baselines and oracle cannot read: several logs, and a model with effects
 
 
 @dataclass(frozen=True)

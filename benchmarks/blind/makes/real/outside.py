@@ -1,0 +1,76 @@
+"""Causes that the catalogue does not hold, put into a recording: at one joint, over the whole of part two."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from benchmarks.blind.makes.real.laws import Effect, Rng, Rows, Scene
+from benchmarks.blind.makes.real.motion import at_rows
+
+Array = np.ndarray
+
+
+def _times(scene: Scene) -> list[Array]:
+    """Time of each sample of each grid since the beginning of part two, its runs one after the other [s]."""
+    lengths = [g.t[-1] + g.step for g in scene.grids]
+    return [g.t + before for g, before in zip(scene.grids, np.cumsum([0.0, *lengths[:-1]]), strict=True)]
+
+
+def _put(scene: Scene, j: int, more: list[Array]) -> Rows:
+    """The logs when one joint's drive has to give a torque more, one array a run."""
+    out = []
+    for run, grid, values in zip(scene.runs, scene.grids, more, strict=True):
+        added = np.zeros((len(grid.t), scene.n))
+        added[:, j] = values
+        out.append(replace(run, tau=run.tau + at_rows(run, grid, added)))
+    return tuple(out)
+
+
+def warm_up(scene: Scene, j: int, rng: Rng) -> Effect:
+    """Dry friction that decays from above its mean to below it."""
+    times = _times(scene)
+    end = times[-1][-1]
+    slow = rng.uniform(0.2, 0.45) * end
+    mean = slow / end * (1.0 - np.exp(-end / slow))
+    shape = [(np.exp(-t / slow) - mean) * g.side[:, j] for t, g in zip(times, scene.grids, strict=True)]
+    unit = scene.torque[j]
+    return Effect(
+        "friction_warm_up",
+        scene.joints[j],
+        lambda s: _put(scene, j, [s * unit * x for x in shape]),
+        lambda s: {"torque": s * unit, "time": slow},
+        0.1,
+    )
+
+
+def shaker(scene: Scene, j: int, rng: Rng) -> Effect:
+    """A sine of a frequency inside the judged band."""
+    frequency, phase = rng.uniform(0.15, 0.8) * min(scene.band, 10.0), rng.uniform(-np.pi, np.pi)
+    shape = [np.sin(2.0 * np.pi * frequency * t + phase) for t in _times(scene)]
+    unit = scene.torque[j]
+    return Effect(
+        "shaker",
+        scene.joints[j],
+        lambda s: _put(scene, j, [s * unit * x for x in shape]),
+        lambda s: {"amplitude": s * unit, "frequency": frequency},
+        0.1,
+    )
+
+
+def drifting_offset(scene: Scene, j: int, _: Rng) -> Effect:
+    """A torque that goes from one value to the opposite one."""
+    times = _times(scene)
+    shape = [2.0 * t / times[-1][-1] - 1.0 for t in times]
+    unit = scene.torque[j]
+    return Effect(
+        "drifting_offset",
+        scene.joints[j],
+        lambda s: _put(scene, j, [s * unit * x for x in shape]),
+        lambda s: {"torque": s * unit},
+        0.1,
+    )
+
+
+CAUSES = (warm_up, shaker, drifting_offset)
