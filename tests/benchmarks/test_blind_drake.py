@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 from dataclasses import replace
 from functools import cache
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -16,10 +17,11 @@ if not installed():
 
 from benchmarks.blind.generate import FILES, case_ids, draw
 from benchmarks.blind.judged import judged
+from benchmarks.blind.makes.drake import sizing
 from benchmarks.blind.makes.drake.case import draw_case
 from benchmarks.blind.makes.drake.contacts import Fine
 from benchmarks.blind.makes.drake.departures import none
-from benchmarks.blind.makes.drake.measure import on_even_clock, residual, rms, ruler
+from benchmarks.blind.makes.drake.measure import lag_of_loops, on_even_clock, residual, rms, ruler
 from benchmarks.blind.makes.drake.motions import Motion
 from benchmarks.blind.makes.drake.plant import Plant
 from benchmarks.blind.makes.drake.robots import KINDS, Part, Robot, drawn_robot
@@ -69,7 +71,8 @@ def test_a_robot_without_friction_keeps_its_energy(kind):
 def _moved(kind: str) -> tuple[Setup, Run]:
     """A robot without noise, without fine friction and without a current loop."""
     setup = drawn_setup(KINDS.index(kind), 0, 0)
-    setup = with_fine(setup, np.full(len(setup.given.parts), 1e-3))
+    less = np.full(len(setup.given.parts), 1e-3)
+    setup = with_fine(setup, less, less)
     setup = replace(setup, session=replace(setup.session, noise=0.0 * setup.session.noise))
     return setup, simulated(setup.truth, none(len(setup.truth.parts)), setup.session)
 
@@ -93,6 +96,30 @@ def test_an_offset_of_the_torque_is_found_at_its_size():
     assert rms(change)[0] < 0.5
 
 
+def test_a_current_loop_follows_a_ramp_by_its_time_constant():
+    """A first-order lag is behind a ramp by slope times time constant; the held ramp by half a tick less."""
+    t, slope, time = np.arange(0.0, 1.0, 1e-3), 40.0, 5e-3
+    ramp = slope * t[:, None]
+    run = Run(t, ramp, ramp, ramp, ramp, ramp)
+    late = lag_of_loops(run, np.array([time]))[200:-1, 0]
+    assert late == pytest.approx(slope * time, rel=1e-2)
+
+
+@pytest.mark.parametrize(("beyond", "drawn"), [((5.0, 5.0), True), ((5.0, 0.3), False), ((0.3, 5.0), False)])
+def test_a_pair_is_drawn_only_if_each_effect_is_beyond_the_tolerance(monkeypatch, beyond, drawn):
+    one, two = np.zeros((400, 1)), np.zeros((400, 1))
+    one[::2], two[1::2] = 5.0, 5.0
+    left = iter(beyond)
+    alone = iter([(1.0, None, one), (1.0, None, two)])
+    monkeypatch.setattr(sizing, "drawn_effect", lambda rng, name, measure: name)
+    monkeypatch.setattr(sizing, "_sought", lambda effect, wanted, measure: next(alone))
+    monkeypatch.setattr(sizing, "_run", lambda setup, changes: "both")
+    monkeypatch.setattr(sizing, "tolerance_columns", lambda shop: None)
+    monkeypatch.setattr(sizing, "beyond_tolerance", lambda change, shop, columns: next(left))
+    measure = SimpleNamespace(setup=None, change=lambda run: one + two)
+    assert (sizing.drawn_pair(np.random.default_rng(0), 0, measure, None) is not None) == drawn
+
+
 def test_a_case_is_the_same_again_and_the_scorer_reads_it(tmp_path):
     first = draw_case(0, "null")
     name = draw(0, "null", tmp_path / "cases", tmp_path / "answers", "drake")
@@ -102,5 +129,6 @@ def test_a_case_is_the_same_again_and_the_scorer_reads_it(tmp_path):
     assert answer == json.loads(json.dumps(first.answer))
     said = {"verdict": "no_gap", "findings": [], "joints": []}
     assert not judged(answer, {"diagnosis": said, "seconds": 1.0}).false_claim
-    # What bristles and current loops of this null leave is less than half a floor, as is said of all.
+    # What bristles and current loops of this null leave is less than half a floor, the loops' part less than a tenth.
     assert max(answer["fine"]) < 0.5
+    assert max(answer["loop"]) < 0.1

@@ -2,8 +2,8 @@
 
 The answer has the form that the scorer reads (``blind-answer/2``), with these of its own: ``make`` is ``drake``,
 ``fine`` is what bristles and current loops of the same robot without the effect leave per joint [noise floors],
-``current_loop`` the time constants of these loops [s], and ``drawn_as`` names the kind and the effects that were drawn
-where a case became a null for lack of a trace.
+``loop`` what the loops leave of that, ``current_loop`` the time constants of these loops [s], and ``drawn_as`` names
+the kind and the effects that were drawn where a case became a null for lack of a trace.
 """
 
 from __future__ import annotations
@@ -115,6 +115,7 @@ def _packed(seed: int, kind: str, measure: Ruler, run: Run, figures: dict) -> Ca
         **figures,
         "noise_floor": measure.floor.tolist(),
         "fine": measure.fine.tolist(),
+        "loop": measure.loop.tolist(),
         "current_loop": setup.session.fine.loop.tolist(),
         "band_hz": [0.0, BAND],
         "null_kind": None if said != "null" else "no_trace" if figures["drawn_as"] else "normal",
@@ -136,7 +137,7 @@ def _attempt(seed: int, kind: str, attempt: int) -> Case | None:
         return _packed(seed, kind, measure, base, _empty(measure, None))
     rng = np.random.default_rng([0xEFFEC7, seed, KINDS.index(kind), attempt])
     shop = Workshop(measure)
-    found = drawn_pair(rng, seed, measure) if kind == "pair" else drawn_single(rng, seed, kind, measure, shop)
+    found = drawn_pair(rng, seed, measure, shop) if kind == "pair" else drawn_single(rng, seed, kind, measure, shop)
     if found is None:
         return None
     if found.no_trace:

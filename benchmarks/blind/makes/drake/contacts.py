@@ -30,9 +30,9 @@ class Fine:
     stribeck: np.ndarray
     loop: np.ndarray
 
-    def times(self, factor: np.ndarray) -> Fine:
-        """The same, so much smaller at every joint; speeds stay."""
-        return Fine(self.bend * factor, self.excess * factor, self.stribeck, self.loop * factor)
+    def times(self, friction: np.ndarray, loop: np.ndarray) -> Fine:
+        """The same with friction and current loops so much smaller at every joint; speeds stay."""
+        return Fine(self.bend * friction, self.excess * friction, self.stribeck, self.loop * loop)
 
 
 @dataclass(frozen=True)

@@ -8,6 +8,7 @@ import numpy as np
 from scipy.interpolate import CubicSpline
 from scipy.signal import butter, sosfiltfilt
 
+from benchmarks.blind.makes.drake.drive import passed
 from benchmarks.blind.makes.drake.plant import Plant
 from benchmarks.blind.makes.drake.robots import Robot
 from benchmarks.blind.makes.drake.session import LEAD, Setup
@@ -104,6 +105,7 @@ class Ruler:
         left: Its residual, noise and counts taken out [N m]: bristles and current loops of a null.
         floor: What noise and encoder counts leave per joint [N m], shape ``(n,)``.
         fine: What bristles and current loops leave per joint [noise floors], shape ``(n,)``.
+        loop: What current loops alone leave [noise floors], shape ``(n,)``.
     """
 
     setup: Setup
@@ -112,12 +114,26 @@ class Ruler:
     left: np.ndarray
     floor: np.ndarray
     fine: np.ndarray
+    loop: np.ndarray
 
     def change(self, run: Run) -> np.ndarray:
         """Paired difference [noise floors], shape ``(N, n)``."""
         # Before counts are rounded: the two runs differ in theirs by chance, which is no effect.
         even = on_even_clock(run, self.setup.rate, self.setup.session.noise, run.shown)
         return (residual(self.setup.truth, self.plant, even, self.setup.rate) - self.left) / self.floor
+
+
+def lag_of_loops(run: Run, time: np.ndarray) -> np.ndarray:
+    """What first-order current loops give less than was asked, held from tick to tick [N m], shape ``(N, n)``.
+
+    Args:
+        time: Their time constants [s], shape ``(n,)``.
+    """
+    out, state = np.zeros_like(run.command), run.command[0]
+    for k, period in enumerate(np.diff(run.t)):
+        mean, state = passed(state, run.command[k], time, period)
+        out[k] = run.command[k] - mean
+    return out
 
 
 def ruler(setup: Setup, run: Run) -> Ruler:
@@ -131,7 +147,9 @@ def ruler(setup: Setup, run: Run) -> Ruler:
     ends = int(np.ceil(LEAD * rate))
     alone = smoothed(held_mean(run.t, noise, base.t, 1.0 / rate), rate, BAND)
     floor = np.hypot(rms(alone[ends:-ends]), rms(counts[ends:-ends]))
-    return Ruler(setup, plant, base, left, floor, rms(left) / floor)
+    lag = lag_of_loops(run, setup.session.fine.loop)
+    lag = smoothed(held_mean(run.t, lag, base.t, 1.0 / rate), rate, BAND)[ends:-ends]
+    return Ruler(setup, plant, base, left, floor, rms(left) / floor, rms(lag) / floor)
 
 
 def size_of(change: np.ndarray) -> float:

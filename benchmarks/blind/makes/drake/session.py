@@ -92,6 +92,6 @@ def drawn_setup(seed: int, kind: int, attempt: int) -> Setup:
     return Setup(given, truth, Tolerance(), session, rate, reference)
 
 
-def with_fine(setup: Setup, factor: np.ndarray) -> Setup:
-    """The same with less of what the friction and the current loops of a null have."""
-    return replace(setup, session=replace(setup.session, fine=setup.session.fine.times(factor)))
+def with_fine(setup: Setup, friction: np.ndarray, loop: np.ndarray) -> Setup:
+    """The same with less of what the friction and the current loops of a null have, shares of shape ``(n,)``."""
+    return replace(setup, session=replace(setup.session, fine=setup.session.fine.times(friction, loop)))

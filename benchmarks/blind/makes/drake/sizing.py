@@ -19,6 +19,8 @@ from benchmarks.blind.makes.drake.tolerance import Columns, Workshop, beyond_tol
 SIZES = (0.5, 40.0)  # noise floors; drawn evenly in the logarithm
 NO_TRACE = 0.5  # noise floors: a paired difference below that, or less beyond the tolerance, is no gap
 FINE = 0.5  # noise floors: what bristles and current loops of a null may leave at a joint
+LOOP = 0.1  # the same for the loops alone: they delay every joint alike, and a recording shows half a floor of that
+VISIBLE = 1.0  # noise floors: what each effect of a pair changes beside the other
 TRIES = 5
 NEAR = 1.2  # a size within that factor is the one that was drawn
 APART = 0.75  # of the energy of one of a pair's changes: no more may be a multiple of the other's
@@ -81,16 +83,19 @@ def _run(setup: Setup, changes: list[tuple[Effect, float]]) -> Run | None:
 
 
 def quiet_setup(seed: int, kind: int, attempt: int) -> tuple[Ruler, Run] | None:
-    """A session whose null is one: bristles and current loops made finer until they leave less than half a floor."""
+    """A session whose null is one: bristles and current loops made finer until they leave as little as they may."""
     setup = drawn_setup(seed, kind, attempt)
     for _ in range(4):
         run = _run(setup, [])
         if run is None:
             return None
         measure = ruler(setup, run)
-        if measure.fine.max() < FINE:
+        if measure.fine.max() < FINE and measure.loop.max() < LOOP:
             return measure, run
-        setup = with_fine(setup, np.minimum(0.6 * FINE / measure.fine, 1.0))
+        loop = np.minimum(0.6 * LOOP / np.maximum(measure.loop, 1e-9), 1.0)
+        # What the loops leave goes with them; the rest is friction.
+        rest = np.sqrt(np.maximum(measure.fine**2 - measure.loop**2, 1e-18))
+        setup = with_fine(setup, np.minimum(0.6 * FINE / rest, 1.0), loop)
     return None
 
 
@@ -152,8 +157,8 @@ def _share(change: np.ndarray, of: np.ndarray) -> float:
     return along**2 / max(float((change**2).sum()) * float((of**2).sum()), 1e-30)
 
 
-def drawn_pair(rng: np.random.Generator, seed: int, measure: Ruler) -> Found | None:
-    """A plausible couple by the seed, each of a size of its own, and each visible beside the other."""
+def drawn_pair(rng: np.random.Generator, seed: int, measure: Ruler, shop: Workshop) -> Found | None:
+    """A plausible couple by the seed, each of a size of its own, and each visible beside other and tolerance."""
     effects = [drawn_effect(rng, name, measure) for name in COUPLES[seed % len(COUPLES)]]
     if None in effects:
         return None
@@ -168,7 +173,8 @@ def drawn_pair(rng: np.random.Generator, seed: int, measure: Ruler) -> Found | N
         return None
     change = measure.change(run)
     own = (change - found[1][2], change - found[0][2])
-    if min(size_of(x) for x in own) < 1.0 or _share(*own) > APART:
+    columns = tolerance_columns(shop)
+    if any(size_of(x) < VISIBLE or _hidden(x, shop, columns) for x in own) or _share(*own) > APART:
         return None
     magnitudes = tuple(one[0] for one in found)
     return Found(tuple(e for e, _ in both), magnitudes, run, change, own, wanted)
