@@ -5,8 +5,9 @@ Nothing heavy is imported here, so that a command can refuse a wrong path at onc
 
 from __future__ import annotations
 
+import os
 import secrets
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 
@@ -48,6 +49,33 @@ def require_ending(path: Path) -> None:
         raise UsageError(
             f"{path} ends in {path.suffix or 'nothing'}, wanted a log that ends in {', '.join(LOG_ENDINGS)}"
         )
+
+
+def require_writable(path: Path, option: str) -> None:
+    """Refuse a file that cannot be written, before any work is done; nothing is made.
+
+    Raises:
+        UsageError: If it is a folder, lies below a file, or there is no right to write.
+    """
+    if path.is_dir():
+        raise UsageError(f"{option}: {path} is a folder, wanted a file; remove it or name another place")
+    folder = next(parent for parent in path.absolute().parents if parent.exists())
+    if not folder.is_dir():
+        raise UsageError(f"{option}: cannot write {path}: {folder} is no folder; name a file in another place")
+    if not os.access(folder, os.W_OK | os.X_OK):
+        raise UsageError(f"{option}: cannot write {path}: no right to write in {folder}; name another place")
+
+
+def require_writable_folder(folder: Path, names: Iterable[str], option: str = "--out") -> None:
+    """Refuse a folder for files that cannot be written, before any work is done; nothing is made.
+
+    Raises:
+        UsageError: If it is a file, or one of the files cannot be written.
+    """
+    if folder.exists() and not folder.is_dir():
+        raise UsageError(f"{option} {folder} is a file, wanted a folder; name another folder")
+    for name in names:
+        require_writable(folder / name, option)
 
 
 @contextmanager

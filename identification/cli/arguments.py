@@ -5,19 +5,37 @@ from __future__ import annotations
 import argparse
 import os
 import re
+from collections.abc import Sequence
 from pathlib import Path
 from typing import NoReturn
 
-from identification.files import require_existing
+from identification.files import require_existing, require_not_swapped
 from phantom_dyn.errors import UsageError
 from phantom_dyn.model.robot_files import find_robot
 
 DONE, BAD_INPUT, INTERRUPTED = 0, 2, 130
 """Exit codes of every command."""
+EXAMPLES = "examples:"
+"""What the examples at the end of a help begin with."""
+
+
+class _Formatter(argparse.HelpFormatter):
+    """Wraps descriptions and leaves the lines of examples as they are."""
+
+    def _fill_text(self, text: str, width: int, indent: str) -> str:
+        return text if text.startswith(EXAMPLES) else super()._fill_text(text, width, indent)
 
 
 class Parser(argparse.ArgumentParser):
-    """An argument parser that raises `UsageError` where argparse would print its usage and leave the process."""
+    """An argument parser that raises `UsageError` where argparse would print its usage and leave the process.
+
+    Its help ends with examples, one a line, without the name of the program in front.
+    """
+
+    def __init__(self, *, prog: str, description: str | None = None, examples: Sequence[str] = ()):
+        lines = "\n".join(f"  {prog.split()[0]} {example}" for example in examples)
+        epilog = f"{EXAMPLES}\n{lines}" if examples else None
+        super().__init__(prog=prog, epilog=epilog, description=description, formatter_class=_Formatter)
 
     def _parse_optional(self, arg_string: str):
         # A stretch of time that begins before zero, -1:2, is no option although it begins as one.
@@ -61,6 +79,7 @@ def require_files(arguments: argparse.Namespace) -> None:
 
     Blocks of a recording that is there twice would be judged by fits that have seen their copy.
     """
+    require_not_swapped(arguments.robot, arguments.logs)
     find_robot(arguments.robot)
     seen: dict[Path, str] = {}
     for option, paths in (("LOG", arguments.logs), ("--hold-out", arguments.hold_out)):

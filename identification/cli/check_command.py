@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from identification.cli.arguments import DONE, Parser, add_reading
-from identification.files import require_existing
+from identification.files import looks_like_log, require_existing, require_not_swapped
 from phantom_dyn.errors import UsageError
 from phantom_dyn.model.robot_files import looks_like_robot
 
@@ -21,6 +21,7 @@ def parser() -> argparse.ArgumentParser:
         prog="phantom-dyn check",
         description="Tell what is wrong with recordings, nothing else: what certainly is, so that diagnose and "
         "identify would refuse them, what was mended, and what may be wrong. Exit code 0 whatever is found.",
+        examples=("check robot.urdf log.csv", "check log.csv other.csv --columns columns.yaml"),
     )
     out.add_argument(
         "words",
@@ -52,6 +53,8 @@ def run(arguments: argparse.Namespace) -> int:
 def _robot_and_logs(arguments: argparse.Namespace) -> tuple[str | None, list[str]]:
     """The robot, None where none was given, and the recordings."""
     first, *rest = arguments.words
+    if looks_like_log(first) and any(looks_like_robot(word) for word in rest):
+        require_not_swapped(first, rest)
     if arguments.robot is not None or not looks_like_robot(first):
         return arguments.robot, arguments.words
     if not rest:

@@ -14,6 +14,7 @@ def parser() -> argparse.ArgumentParser:
         prog="phantom-dyn compare",
         description="Say what changed between diagnoses of one robot: verdicts, findings, and sizes with their 95 % "
         "intervals. A size has changed if two diagnoses differ by more than chance explains, at 5 % over all sizes.",
+        examples=("compare before/ after/", "compare monday.json tuesday.json wednesday.json"),
     )
     out.add_argument(
         "diagnoses", metavar="DIAGNOSIS", nargs="+", help="diagnosis.json, or the folder of diagnose --out; two or more"

@@ -13,8 +13,9 @@ def parser() -> argparse.ArgumentParser:
     """Arguments of the command."""
     parser = Parser(
         prog="phantom-dyn datasets",
-        description="Recordings of real robots: list them, or fetch one and print its folder.",
-        epilog="PHANTOM_DYN_DATA names a folder that holds recordings already, one folder each.",
+        description="Recordings of real robots: list them, or fetch one and print its folder. PHANTOM_DYN_DATA names a "
+        "folder that holds recordings already, one folder each.",
+        examples=("datasets list", "datasets fetch emps"),
     )
     parser.add_argument("action", choices=("list", "fetch"), help="what to do")
     parser.add_argument("name", metavar="NAME", nargs="?", help="recording to fetch")

@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from identification.cli.arguments import DONE, Parser, add_reading, add_robot, one_blas_thread
-from identification.files import require_ending, require_existing
+from identification.files import require_ending, require_existing, require_not_swapped, require_writable
 from phantom_dyn.errors import UsageError
 from phantom_dyn.model.robot_files import find_robot
 
@@ -55,6 +55,10 @@ def parser() -> argparse.ArgumentParser:
         prog="phantom-dyn degrade",
         description="Write the log that a cheaper device would have given: the same motion, and what it then takes. "
         "--effect, --joint and --set go together, and may be repeated for several effects.",
+        examples=(
+            "degrade robot.urdf log.csv --effect backlash --joint j2 --set gap=0.002 --out cheap.csv",
+            "degrade emps emps.csv --effect cogging --joint axis --set order=40 amplitude=2 phase=0 --out cheap.csv",
+        ),
     )
     add_robot(out)
     out.add_argument("log", metavar="LOG", help="CSV, Parquet, NPZ, ROS bag or MCAP")
@@ -72,11 +76,13 @@ def run(arguments: argparse.Namespace) -> int:
     one_blas_thread()
     if not arguments.effects:
         raise UsageError("no --effect was given, wanted at least one; see phantom-dyn degrade --help")
+    require_not_swapped(arguments.robot, [arguments.log])
     find_robot(arguments.robot)
     require_existing(arguments.log)
     if arguments.out.exists() and arguments.out.samefile(arguments.log):
         raise UsageError(f"--out {arguments.out} is the LOG itself: name another file, the recording stays")
     require_ending(arguments.out)
+    require_writable(arguments.out, "--out")
     return _degrade(arguments)
 
 

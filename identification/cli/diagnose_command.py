@@ -34,6 +34,10 @@ def parser() -> argparse.ArgumentParser:
         prog="phantom-dyn diagnose",
         description="Say where the gap between a robot and its model lies, which unmodelled effect causes it, and how "
         "far the gap shrinks on data that no fit has seen once the effect is added.",
+        examples=(
+            "diagnose robot.urdf log.csv --out report/",
+            "diagnose example:ur10 empty.csv loaded.csv --recordings recordings.yaml --columns columns.yaml",
+        ),
     )
     add_robot(out)
     add_logs(out)

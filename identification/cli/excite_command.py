@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 
 from identification.cli.arguments import DONE, Parser, add_robot, one_blas_thread
 from identification.cli.progress import Progress
-from identification.files import require_ending
+from identification.files import require_ending, require_writable
 from phantom_dyn.errors import UsageError
 from phantom_dyn.model.robot_files import find_robot
 
@@ -29,6 +29,10 @@ def parser() -> argparse.ArgumentParser:
         prog="phantom-dyn excite",
         description="Design a motion from rest to rest that makes the inertial parameters of a robot visible and keeps "
         "its limits of position, velocity and torque. Try it slowly first: the robot's surroundings are not known.",
+        examples=(
+            "excite robot.urdf --duration 10 --out ref.csv",
+            "excite example:ur10 --share 0.5 --box tool0=,,0.1: --out ref.csv",
+        ),
     )
     add_robot(out)
     out.add_argument("--duration", metavar="S", type=float, default=10.0, help="length [s] (default: 10)")
@@ -85,6 +89,7 @@ def run(arguments: argparse.Namespace) -> int:
         raise UsageError("--clearance and --ignore-collisions exclude each other: give one of them")
     find_robot(arguments.robot)
     require_ending(arguments.out)
+    require_writable(arguments.out, "--out")
     return _excite(arguments)
 
 

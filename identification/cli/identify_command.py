@@ -30,6 +30,10 @@ def parser() -> argparse.ArgumentParser:
         description="Estimate the base parameters, friction and drives of a robot, judge them on data that no fit has "
         "seen, and write a report and models to simulate. Of a single LOG the last fifth is held out, of several the "
         "last one.",
+        examples=(
+            "identify robot.urdf log.csv --out fitted/",
+            "identify robot.urdf log.csv --hold-out other.csv --estimator consistent --out fitted/",
+        ),
     )
     add_robot(out)
     add_logs(out)

@@ -30,6 +30,7 @@ COMMANDS: dict[str, tuple[str, str]] = {
     ),
     "excite": ("identification.cli.excite_command", "design a motion that makes a robot's inertias visible"),
     "degrade": ("identification.cli.degrade_command", "write the log that a cheaper device would have given"),
+    "doctor": ("identification.cli.doctor_command", "print versions, and what is missing"),
     "datasets": ("identification.cli.datasets_command", "list and fetch recordings of real robots"),
 }
 
@@ -100,7 +101,8 @@ def _help() -> str:
         "Diagnoses the gap between a robot and its model from a recording.\n\n"
         f"commands:\n{commands}\n\n"
         "options:\n  -h, --help  this text; phantom-dyn COMMAND --help for a command's\n  --version   the version\n\n"
-        "exit code: 0 the job was done, whatever it found; 2 bad input"
+        "exit code: 0 the job was done, whatever it found; 2 bad input\n\n"
+        "examples:\n  phantom-dyn diagnose robot.urdf log.csv --out report/\n  phantom-dyn check robot.urdf log.csv"
     )
 
 

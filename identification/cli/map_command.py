@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 
 from identification.cli.arguments import DONE, Parser, add_robot, one_blas_thread
 from identification.cli.progress import Progress
+from identification.files import require_writable_folder
 from phantom_dyn.errors import UsageError, known_names
 from phantom_dyn.model.robot_files import find_robot
 
@@ -28,6 +29,10 @@ def parser() -> argparse.ArgumentParser:
         prog="phantom-dyn map",
         description="Map what is felt at the tip of a robot over a grid, into map.npz, map.nc and figures. Points that "
         "the tip cannot reach, or where it is singular, are NaN and counted.",
+        examples=(
+            "map phantom_1_5 --quantity apparent_mass --grid x=0:0:1,y=-0.2:0.3:51,z=-0.2:0.2:41 --out maps/",
+            "map robot.urdf --quantity manipulability,gravity_force --grid q.j1=-1:1:21,q.j2=-1:1:21 --out maps/",
+        ),
     )
     add_robot(out)
     out.add_argument("--quantity", metavar="NAME[,NAME]", required=True, help=f"some of {_QUANTITIES}")
@@ -58,9 +63,8 @@ def run(arguments: argparse.Namespace) -> int:
     one_blas_thread()
     if arguments.jobs is not None and arguments.jobs < 1:
         raise UsageError(f"--jobs {arguments.jobs} was given, wanted a number of processes from 1 on")
+    require_writable_folder(arguments.out, ("map.npz", "map.nc"))
     find_robot(arguments.robot)
-    if arguments.out.exists() and not arguments.out.is_dir():
-        raise UsageError(f"--out {arguments.out} is a file, wanted a folder: name another one")
     return _map(arguments)
 
 

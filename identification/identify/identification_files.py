@@ -7,14 +7,12 @@ from __future__ import annotations
 
 import json
 import math
-import os
 from contextlib import ExitStack
 from pathlib import Path
 
-from identification.files import temporary_beside
+from identification.files import require_writable_folder, temporary_beside
 from identification.identify.exports import MJCF, URDF
 from identification.identify.identification import Export, Identification, Parameter
-from phantom_dyn.errors import UsageError
 
 SCHEMA = "identification/1"
 
@@ -109,16 +107,7 @@ def check_folder(out: Path) -> None:
     Raises:
         UsageError: If it is no folder, one of our files is a folder, or there is no right to write.
     """
-    if out.exists() and not out.is_dir():
-        raise UsageError(f"--out {out} is a file, wanted a folder; name another folder")
-    taken = next((out / name for name in NAMES if (out / name).is_dir()), None)
-    if taken is not None:
-        raise UsageError(f"--out: {taken} is a folder, wanted a file; remove it or name another place")
-    nearest = next(parent for parent in (out, *out.absolute().parents) if parent.exists())
-    if not nearest.is_dir():
-        raise UsageError(f"--out: cannot make {out}: {nearest} is no folder; name another place")
-    if not os.access(nearest, os.W_OK | os.X_OK):
-        raise UsageError(f"--out: no right to write in {nearest}; name another place")
+    require_writable_folder(out, NAMES)
 
 
 def write_outputs(found: Identification, out: Path) -> tuple[Path, ...]:

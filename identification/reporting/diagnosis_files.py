@@ -6,7 +6,6 @@ All of them are written, or none where one of them could not be written.
 from __future__ import annotations
 
 import json
-import os
 from collections.abc import Mapping
 from contextlib import ExitStack
 from dataclasses import asdict
@@ -19,9 +18,8 @@ from identification.diagnosis.result import Adjusted, Diagnosis, EffectAt, Findi
 from identification.export.all_files import NAMES as MODELS
 from identification.export.all_files import export_texts
 from identification.export.corrected.corrected_yaml import write_corrected
-from identification.files import temporary_beside
+from identification.files import require_writable, require_writable_folder, temporary_beside
 from identification.next_experiment.proposal_words import reference_text
-from phantom_dyn.errors import UsageError
 from phantom_dyn.model.robot import Robot
 
 SCHEMA = "gap-diagnosis/2"
@@ -120,12 +118,9 @@ def check_targets(out: Path | None, json_file: Path | None) -> None:
         UsageError: If a target is of the wrong kind or its folder may not be written to.
     """
     if out is not None:
-        if out.exists() and not out.is_dir():
-            raise UsageError(f"--out {out} is a file, wanted a folder; name another folder")
-        for name in (*NAMES, NEXT, *MODELS):
-            _check_file(out / name, "--out")
+        require_writable_folder(out, (*NAMES, NEXT, *MODELS))
     if json_file is not None:
-        _check_file(json_file, "--json")
+        require_writable(json_file, "--json")
 
 
 def write_outputs(
@@ -184,13 +179,3 @@ def _report(diagnosis: Diagnosis, robot: Robot) -> str:
     from identification.reporting.diagnosis_report import report_html
 
     return report_html(diagnosis, robot)
-
-
-def _check_file(path: Path, option: str) -> None:
-    if path.is_dir():
-        raise UsageError(f"{option}: {path} is a folder, wanted a file; remove it or name another place")
-    folder = next(parent for parent in path.absolute().parents if parent.exists())
-    if not folder.is_dir():
-        raise UsageError(f"{option}: cannot write {path}: {folder} is no folder; name a file in another place")
-    if not os.access(folder, os.W_OK | os.X_OK):
-        raise UsageError(f"{option}: cannot write {path}: no right to write in {folder}; name another place")

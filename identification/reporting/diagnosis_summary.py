@@ -7,38 +7,62 @@ import textwrap
 from identification.diagnosis.result import Diagnosis, Finding, JointGap
 from identification.words import diagnosis_words as words
 from identification.words.diagnosis_words import growth_words
-from identification.words.numbers_and_names import NO_BREAK, cut_name, number, printable, value_words
+from identification.words.numbers_and_names import NO_BREAK, cut_name, number, percent, printable, value_words
 
 WIDTH = 100
+NOTES = 5
+"""Notes and warnings that are shown at most; the report has all of them."""
 NAME_WIDTH = 36
 
 
 def summary(diagnosis: Diagnosis) -> str:
-    """Verdict, one line a finding, gap per joint, and what the user should know about the data."""
+    """Verdict, gap before and after, findings with their sizes, each joint; then what the user should know, shortly."""
     blocks = [
         _wrapped(words.verdict_sentence(diagnosis)),
+        *(_wrapped(line) for line in _gap_line(diagnosis)),
         *(_wrapped(line, "  ") for line in _finding_lines(diagnosis.findings)),
         "",
         "RMS position error of held-out rests" if diagnosis.at_rest else "RMS torque residual on held-out samples",
         *_gap_table(diagnosis.joints),
     ]
-    if diagnosis.verdict in ("explained", "no_gap") and diagnosis.adjusted:
-        count = len(diagnosis.adjusted)
-        blocks += [
-            "",
-            _wrapped(f"{count} modelled {'quantity' if count == 1 else 'quantities'} moved within tolerance."),
-        ]
-    if diagnosis.minor:
-        names = words.joined([words.effect_at_finding(finding) for finding in diagnosis.minor])
-        blocks += ["", _wrapped(f"Also visible, too small to matter: {names}.")]
     proposal = (diagnosis.next_experiment or {}).get("say")
     if proposal:
         blocks += ["", _wrapped(f"Next experiment: {proposal}")]
-    if diagnosis.notes:
-        blocks += ["", *(_wrapped(f"Note: {note}", "  ") for note in diagnosis.notes)]
-    if diagnosis.data_warnings:
-        blocks += ["", *(_wrapped(f"Warning: {warning}", "  ") for warning in diagnosis.data_warnings)]
+    notes = _notes(diagnosis)
+    if notes:
+        blocks += ["", *(_wrapped(note, "  ") for note in notes[:NOTES])]
+    if len(notes) > NOTES:
+        blocks.append(f"  {len(notes) - NOTES} more in the report.")
     return "\n".join(blocks).replace(NO_BREAK, " ")
+
+
+def _gap_line(diagnosis: Diagnosis) -> list[str]:
+    """The share of the gap that is closed and the joint with the largest gap before and after; none without a gap."""
+    gap = diagnosis.gap
+    if gap.closed is None or not diagnosis.findings:
+        return []
+    share = percent(gap.closed)
+    if gap.interval is not None and len({share, *map(percent, gap.interval)}) > 1:
+        low, high = map(percent, gap.interval)
+        share += f" ({low.removesuffix(f'{NO_BREAK}%')} to {high})"
+    worst = max(diagnosis.joints, key=lambda joint: joint.tolerated / joint.noise_floor if joint.noise_floor else 0.0)
+    most = "" if len(diagnosis.joints) == 1 else "most on "
+    return [
+        f"{share} of the gap is closed, {most}joint {worst.joint}: {number(worst.tolerated)} -> "
+        f"{number(worst.rms_after)} {worst.unit} (noise floor {number(worst.noise_floor)})."
+    ]
+
+
+def _notes(diagnosis: Diagnosis) -> list[str]:
+    """Sentences on data and findings, those first on which an answer may hang."""
+    out = [f"Warning: {warning}" for warning in diagnosis.data_warnings]
+    if diagnosis.minor:
+        names = words.joined([words.effect_at_finding(finding) for finding in diagnosis.minor])
+        out.append(f"Also visible, too small to matter: {names}.")
+    if diagnosis.verdict in ("explained", "no_gap") and diagnosis.adjusted:
+        count = len(diagnosis.adjusted)
+        out.append(f"{count} modelled {'quantity' if count == 1 else 'quantities'} moved within tolerance.")
+    return [*out, *(f"Note: {note}" for note in diagnosis.notes)]
 
 
 def _finding_lines(findings: tuple[Finding, ...]) -> list[str]:

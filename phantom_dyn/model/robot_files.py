@@ -110,13 +110,24 @@ def find_robot(source: str | Path) -> Path:
     raise RobotError(_unknown(path, text, builtin))
 
 
+def _example_named(name: str, folder: Path | None) -> str | None:
+    """``example:NAME`` if that is one robot of example-robot-data, as for somebody who left out the ``example:``."""
+    try:
+        find_example(name, folder)
+    except RobotError:
+        return None
+    return f"{_EXAMPLE}{name}"
+
+
 def _unknown(path: Path, text: str, builtin: dict[str, Path]) -> str:
     siblings = sorted(str(f) for f in path.parent.glob("*") if f.suffix in _SUFFIXES)
     folder = examples_folder()
     stems = {f.stem: f"{_EXAMPLE}{f.stem}" for f in folder.rglob("*.urdf")} if folder else {}
     built_in = ", ".join(builtin) or "none"
     start = f"There is no robot file {text!r}, and no built-in robot of that name (built-in: {built_in}"
-    short = nearest(text, [*siblings, *builtin, *stems])
-    guess = stems.get(short, short) if short else None
+    guess = _example_named(text, folder)
+    if guess is None:
+        short = nearest(text, [*siblings, *builtin, *stems])
+        guess = stems.get(short, short) if short else None
     hint = f"did you mean {guess}?" if guess else "give a URDF or MJCF file."
     return f"{start}; robots of example-robot-data: {_EXAMPLE}NAME): {hint}"

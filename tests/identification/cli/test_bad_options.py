@@ -133,3 +133,48 @@ def test_a_folder_for_the_json(pendulum, log, refusal):
     assert re.search(
         r"--json: .* is a folder, wanted a file; .*name another place", refusal(pendulum, log, "--json", log.parent)
     )
+
+
+@pytest.mark.parametrize(
+    "words",
+    [
+        ("diagnose", "{log}", "{robot}"),
+        ("identify", "{log}", "{robot}", "--out", "o"),
+        ("check", "{log}", "{robot}"),
+        ("degrade", "{log}", "{robot}", "--effect", "cogging", "--out", "o.csv"),
+    ],
+    ids=lambda words: words[0],
+)
+def test_robot_and_log_that_were_swapped_are_recognised(pendulum, log, capsys, words):
+    given = [word.format(log=log, robot=pendulum) for word in words]
+    assert main(given) == 2
+    said = capsys.readouterr().err
+    assert said == (
+        f"phantom-dyn: {log} is a recording and {pendulum} a robot: give the robot first, as in {pendulum} {log}\n"
+    )
+
+
+def test_a_log_in_the_place_of_the_robot_says_that_the_robot_goes_first(log, capsys):
+    assert main(["diagnose", str(log), str(log)]) == 2
+    assert "was given as the robot and looks like a recording: give the robot first" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(
+    "words",
+    [
+        ("excite", "{robot}", "--out", "{log}/ref.csv"),
+        ("degrade", "{robot}", "{log}", "--effect", "cogging", "--out", "{log}/cheap.csv"),
+        ("map", "{robot}", "--quantity", "manipulability", "--grid", "q.pin=0:1:2", "--out", "{log}/maps"),
+        ("identify", "{robot}", "{log}", "--out", "{log}/fitted"),
+    ],
+    ids=lambda words: words[0],
+)
+def test_a_place_that_cannot_be_written_is_refused_before_the_robot_is_loaded(
+    pendulum, log, capsys, monkeypatch, words
+):
+    def loaded(*_, **__):
+        raise AssertionError("the robot was loaded")
+
+    monkeypatch.setattr("phantom_dyn.model.loading.load_robot", loaded)
+    assert main([word.format(log=log, robot=pendulum) for word in words]) == 2
+    assert "log.csv is no folder; name a file in another place" in capsys.readouterr().err

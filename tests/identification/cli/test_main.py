@@ -1,5 +1,8 @@
 from __future__ import annotations
 
+import importlib
+import re
+import shlex
 import subprocess
 import sys
 
@@ -97,6 +100,23 @@ def test_help_of_every_command_is_printed(name, capsys):
     assert capsys.readouterr().out.startswith(f"usage: phantom-dyn {name}")
 
 
+@pytest.mark.parametrize("name", COMMANDS)
+def test_help_ends_with_two_examples_that_the_command_understands(name, capsys):
+    # Oracle: the command's own parser.
+    assert main([name, "--help"]) == 0
+    shown = capsys.readouterr().out.rstrip().partition("\nexamples:\n")[2].splitlines()
+    assert len(shown) == 2
+    for line in shown:
+        program, command, *words = shlex.split(line.partition(" > ")[0])
+        assert (program, command) == ("phantom-dyn", name)
+        importlib.import_module(COMMANDS[name][0]).parser().parse_intermixed_args(words)
+
+
+def test_the_help_of_all_ends_with_two_examples(capsys):
+    main(["--help"])
+    assert len(re.findall(r"^  phantom-dyn \w+ ", capsys.readouterr().out, flags=re.MULTILINE)) == 2
+
+
 def test_options_may_stand_between_the_logs(echo):
     seen = []
     echo(lambda arguments: seen.append(vars(arguments)) or 0)
@@ -150,6 +170,9 @@ def test_the_package_runs_as_a_module():
         (["check", "--help"], 0),
         (["datasets", "--help"], 0),
         (["degrade", "--help"], 0),
+        (["doctor"], 0),
+        (["compare", "a.json"], 2),
+        (["diagnose", "log.csv", "arm.urdf"], 2),
         (["datasets", "list"], 0),
         (["nonsense"], 2),
         (["diagnose"], 2),

@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+import io
 import os
 import pty
+import re
 import signal
 import subprocess
 import sys
+import time
 
 import pytest
 
@@ -117,3 +120,32 @@ def test_an_interrupt_between_two_files_leaves_the_old_ones(pendulum, log, monke
     monkeypatch.setattr(outputs, "temporary_beside", second_is_interrupted)
     assert main(["diagnose", str(pendulum), str(log), "--out", str(out)]) == 130
     assert {path.name: path.read_text() for path in out.iterdir()} == dict.fromkeys(outputs.NAMES, "old")
+
+
+def test_without_a_terminal_a_line_with_the_stage_is_written_in_equal_times():
+    # Oracle: two words shown for ten periods each.
+    stream = io.StringIO()
+    with Progress("reading", stream, every=0.02) as progress:
+        time.sleep(0.2)
+        progress.show("filtering")
+        time.sleep(0.2)
+    lines = stream.getvalue().splitlines()
+    assert {line.partition(": ")[2] for line in lines} == {"reading", "filtering"}
+    assert all(re.fullmatch(r"\d+ s: \w+", line) for line in lines)
+    time.sleep(0.1)
+    assert stream.getvalue().splitlines()[len(lines) + 1 :] == []
+
+
+def test_a_short_run_without_a_terminal_writes_nothing():
+    stream = io.StringIO()
+    with Progress("reading", stream) as progress:
+        progress.show("filtering")
+    assert stream.getvalue() == ""
+
+
+def test_a_reader_of_the_progress_that_left_ends_nothing():
+    stream = io.StringIO()
+    with Progress("reading", stream, every=0.01) as progress:
+        stream.close()
+        time.sleep(0.05)
+        progress.show("filtering")

@@ -4,7 +4,7 @@ import dataclasses
 
 import pytest
 
-from identification.diagnosis.result import Value
+from identification.diagnosis.result import Gap, Value
 from identification.reporting.diagnosis_summary import summary
 
 
@@ -47,3 +47,43 @@ def test_friction_that_grew_says_what_its_ratio_is_of(made_up):
 def test_control_characters_in_names_do_not_reach_the_terminal(made_up):
     text = summary(dataclasses.replace(made_up(("j\x1b[31m",)), data_warnings=("a\x1b[2Jb",)))
     assert "\x1b" not in text
+
+
+def test_the_headline_comes_first_and_notes_come_last(made_up):
+    made = dataclasses.replace(made_up(findings=2), gap=Gap(0.984, (0.97, 0.99)), next_experiment={"say": "Move."})
+    text = summary(made)
+    order = [
+        "is explained by",
+        "of the gap is closed",
+        "1. Coulomb",
+        "RMS torque",
+        "Next experiment",
+        "Warning:",
+        "Note:",
+    ]
+    places = [text.index(part) for part in order]
+    assert places == sorted(places)
+
+
+def test_the_gap_is_told_before_and_after_for_the_joint_where_it_is_largest(made_up):
+    made = dataclasses.replace(made_up(), gap=Gap(0.984, (0.97, 0.99)))
+    wanted = "98 % (97 to 99 %) of the gap is closed, most on joint j1: 0.24 -> 0.031 N m (noise floor 0.03)."
+    assert wanted in summary(made)
+
+
+def test_without_a_gap_there_is_no_line_about_it(made_up):
+    assert "of the gap is closed" not in summary(made_up(findings=0))
+
+
+@pytest.mark.parametrize(("count", "more"), [(3, ""), (4, "  1 more in the report."), (9, "  6 more in the report.")])
+def test_at_most_five_notes_are_shown(made_up, count, more):
+    # Five in all: a warning, what moved within tolerance, then notes.
+    text = summary(dataclasses.replace(made_up(), notes=tuple(f"Number {k}." for k in range(count))))
+    shown = [line for line in text.splitlines() if line.startswith(("  Note:", "  Warning:", "  1 modelled"))]
+    assert len(shown) == min(count + 2, 5)
+    assert text.splitlines()[-1] == (more or f"  Note: Number {count - 1}.")
+
+
+def test_warnings_are_shown_before_notes(made_up):
+    many = dataclasses.replace(made_up(), notes=("A note.",) * 9, data_warnings=tuple(f"w{k}" for k in range(5)))
+    assert summary(many).count("Warning: ") == 5

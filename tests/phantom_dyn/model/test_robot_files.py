@@ -88,6 +88,11 @@ def test_an_unknown_example_lists_the_examples_and_the_nearest():
         find_robot("example:pamda")
 
 
+def test_an_example_without_its_prefix_is_hinted_at():
+    with pytest.raises(RobotError, match=r"no robot file 'ur10'.*did you mean example:ur10\?"):
+        find_robot("ur10")
+
+
 def test_without_the_example_package_its_extra_is_named():
     with pytest.raises(RobotError, match=r"pip install 'phantom-dyn\[examples\]'"):
         find_example("panda", None)

@@ -1,0 +1,70 @@
+"""``phantom-dyn doctor``: versions, and what is missing."""
+
+from __future__ import annotations
+
+import argparse
+import os
+import platform
+import re
+import sys
+from collections.abc import Iterable
+from importlib import metadata
+
+from identification.cli.arguments import DONE, Parser
+from phantom_dyn import __version__
+from phantom_dyn.libraries import OPTIONAL
+from phantom_dyn.model.robot_files import builtin_robots, examples_folder
+
+
+def parser() -> argparse.ArgumentParser:
+    """The command's arguments."""
+    return Parser(
+        prog="phantom-dyn doctor",
+        description="Print the versions of phantom-dyn, Python and the libraries, and what is missing with the command "
+        "that installs it. Please add it to a report of an error.",
+        examples=("doctor", "doctor > versions.txt"),
+    )
+
+
+def run(arguments: argparse.Namespace) -> int:
+    """Print the versions; 0 whatever is missing."""
+    del arguments
+    print(f"phantom-dyn {__version__}")
+    print(f"Python {platform.python_version()} at {sys.executable}")
+    print(f"{platform.platform()}, {os.cpu_count()} processor cores")
+    print("\nlibraries:")
+    optional = {library.distribution: library for library in OPTIONAL}
+    missing = []
+    for name in required(metadata.requires("phantom-dyn") or ()):
+        if name not in optional:
+            print(f"  {name:<20} {version_of(name) or 'MISSING'}")
+            missing += [] if version_of(name) else [name]
+    print("\nfor some uses only:")
+    for library in OPTIONAL:
+        found = version_of(library.distribution)
+        told = found or f"missing: pip install 'phantom-dyn[{library.extra}]'"
+        print(
+            f"  {library.distribution:<20} {told:<12} {'' if not found else library.use[0].lower() + library.use[1:]}"
+        )
+    print(f"\nbuilt-in robots: {', '.join(builtin_robots()) or 'MISSING'}")
+    print(f"robots of example:NAME: {'here' if examples_folder() else 'not installed'}")
+    print(f"recordings (PHANTOM_DYN_DATA): {os.environ.get('PHANTOM_DYN_DATA') or 'not set, they are fetched'}")
+    if missing:
+        print(f"\nMissing: {', '.join(missing)}. Install phantom-dyn again: pip install --force-reinstall phantom-dyn")
+    else:
+        print("\nNothing that every use needs is missing.")
+    return DONE
+
+
+def required(requirements: Iterable[str]) -> tuple[str, ...]:
+    """Names of the packages that are required without an extra, as they are written."""
+    plain = [requirement for requirement in requirements if "extra ==" not in requirement]
+    return tuple(found[0] for line in plain if (found := re.match(r"[\w.\-]+", line)))
+
+
+def version_of(name: str) -> str | None:
+    """Version of an installed package, None where it is missing."""
+    try:
+        return metadata.version(name)
+    except metadata.PackageNotFoundError:
+        return None

@@ -1,0 +1,45 @@
+"""Libraries that only some uses need: the extra that installs each, and the sentence where it is missing."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from importlib.util import find_spec
+
+
+@dataclass(frozen=True)
+class Library:
+    """One library of an extra.
+
+    Attributes:
+        module: What is imported.
+        distribution: What is installed.
+        extra: Of phantom-dyn, that brings it.
+        use: What needs it, as the start of a sentence.
+    """
+
+    module: str
+    distribution: str
+    extra: str
+    use: str
+
+
+OPTIONAL = (
+    Library("rosbags", "rosbags", "ros", "Reading a ROS bag or MCAP"),
+    Library("netCDF4", "netcdf4", "maps", "Writing a map as NetCDF"),
+    Library("mujoco", "mujoco", "mujoco", "Loading a corrected MJCF again"),
+    Library("dask", "dask", "cluster", "Work on a Dask cluster"),
+    Library("distributed", "distributed", "cluster", "Work on a Dask cluster"),
+    Library("example_robot_data", "example-robot-data", "examples", "A robot of example:NAME"),
+)
+"""By module; the extras of ``pyproject.toml`` hold the same."""
+
+
+def is_installed(module: str) -> bool:
+    """True if a library can be imported; it is not loaded."""
+    return find_spec(module) is not None
+
+
+def missing_library(module: str) -> str:
+    """The sentence for a use whose library is not installed, with the command that installs it."""
+    one = next(library for library in OPTIONAL if library.module == module)
+    return f"{one.use} needs {one.distribution}, which is not installed: pip install 'phantom-dyn[{one.extra}]'."
