@@ -43,9 +43,8 @@ def run(arguments: argparse.Namespace) -> int:
     for library in OPTIONAL:
         found = version_of(library.distribution)
         told = found or f"missing: pip install 'phantom-dyn[{library.extra}]'"
-        print(
-            f"  {library.distribution:<20} {told:<12} {'' if not found else library.use[0].lower() + library.use[1:]}"
-        )
+        use = library.use[0].lower() + library.use[1:]
+        print(f"  {library.distribution:<20} {told:<16} {use}")
     print(f"\nbuilt-in robots: {', '.join(builtin_robots()) or 'MISSING'}")
     print(f"robots of example:NAME: {'here' if examples_folder() else 'not installed'}")
     print(f"recordings (PHANTOM_DYN_DATA): {os.environ.get('PHANTOM_DYN_DATA') or 'not set, they are fetched'}")

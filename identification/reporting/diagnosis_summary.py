@@ -48,7 +48,7 @@ def _gap_line(diagnosis: Diagnosis) -> list[str]:
     worst = max(diagnosis.joints, key=lambda joint: joint.tolerated / joint.noise_floor if joint.noise_floor else 0.0)
     most = "" if len(diagnosis.joints) == 1 else "most on "
     return [
-        f"{share} of the gap is closed, {most}joint {worst.joint}: {number(worst.tolerated)} -> "
+        f"{words.capital(share)} of the gap is closed, {most}joint {worst.joint}: {number(worst.tolerated)} -> "
         f"{number(worst.rms_after)} {worst.unit} (noise floor {number(worst.noise_floor)})."
     ]
 

@@ -62,5 +62,5 @@ def test_a_folder_that_cannot_be_written_to_is_refused_before_the_work(tmp_path,
 
 def test_a_folder_inside_a_file_is_refused(tmp_path):
     (tmp_path / "file").write_text("x")
-    with pytest.raises(UsageError, match=r"cannot make .*: .*file is no folder"):
+    with pytest.raises(UsageError, match=r"cannot write .*: .*file is no folder"):
         check_folder(tmp_path / "file" / "out")
