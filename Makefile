@@ -85,7 +85,7 @@ tools:
 lock: tools
 	@test -x $(BIN)/python || $(PYTHON) -m venv $(VENV)
 	@test -x $(BIN)/uv || $(BIN)/python -m pip install -qq uv
-	@$(BIN)/uv pip compile pyproject.toml --extra examples --group test --group benchmarks --group dev \
+	@$(BIN)/uv pip compile pyproject.toml --extra all --group test --group benchmarks --group dev \
 	  --generate-hashes --universal --python-version 3.11 --no-emit-index-url --no-emit-find-links \
 	  --no-header --no-annotate --upgrade --quiet --output-file requirements.txt
 

@@ -11,6 +11,7 @@ from identification.cli.arguments import DONE, Parser, add_robot, one_blas_threa
 from identification.cli.progress import Progress
 from identification.files import require_writable_folder
 from phantom_dyn.errors import UsageError, known_names
+from phantom_dyn.libraries import missing_library
 from phantom_dyn.model.robot_files import find_robot
 
 if TYPE_CHECKING:
@@ -69,7 +70,7 @@ def run(arguments: argparse.Namespace) -> int:
 
 
 def _map(arguments: argparse.Namespace) -> int:
-    from identification.export.log_and_map_files import write_map
+    from identification.export.log_and_map_files import NETCDF, write_map
     from phantom_dyn.maps.from_robot import map_model
     from phantom_dyn.maps.grid import read_grid
     from phantom_dyn.maps.operational_map import operational_map
@@ -95,6 +96,8 @@ def _map(arguments: argparse.Namespace) -> int:
         print(line)
     for path in written:
         print(f"wrote {path}")
+    if not any(path.name == NETCDF for path in written):
+        print(f"note: {NETCDF} was not written. {missing_library('netCDF4')}")
     return DONE
 
 

@@ -9,10 +9,12 @@ import numpy as np
 from jaxtyping import Float
 
 from identification.files import require_ending, temporary_beside
+from phantom_dyn.libraries import is_installed
 from phantom_dyn.maps.map_figures import figure
 from phantom_dyn.maps.operational_map import OperationalMap, arrays, dataset
 
 Array = np.ndarray
+NETCDF = "map.nc"
 
 
 def write_log(path: Path, columns: Mapping[str, Float[Array, " N"]]) -> None:
@@ -37,7 +39,7 @@ def write_log(path: Path, columns: Mapping[str, Float[Array, " N"]]) -> None:
 
 
 def write_map(result: OperationalMap, folder: Path, *, progress: Callable[[str], None] = lambda _: None) -> list[Path]:
-    """Write a map.
+    """Write a map; ``map.nc`` only where the library for NetCDF is installed.
 
     Args:
         result: The map.
@@ -50,13 +52,15 @@ def write_map(result: OperationalMap, folder: Path, *, progress: Callable[[str],
     Raises:
         UsageError: If a file cannot be written.
     """
-    written = [folder / "map.npz", folder / "map.nc"]
+    written = [folder / "map.npz"]
     progress("writing map.npz")
     with temporary_beside(written[0]) as path, path.open("wb") as file:
         np.savez(file, allow_pickle=False, **arrays(result))
-    progress("writing map.nc")
-    with temporary_beside(written[1]) as path:
-        dataset(result).to_netcdf(path, format="NETCDF4", engine="netcdf4")
+    if is_installed("netCDF4"):
+        written.append(folder / NETCDF)
+        progress(f"writing {NETCDF}")
+        with temporary_beside(written[-1]) as path:
+            dataset(result).to_netcdf(path, format="NETCDF4", engine="netcdf4")
     for name in result.values:
         written.append(folder / f"{name}.png")
         progress(f"drawing {name}")

@@ -22,6 +22,7 @@ from identification.identify.identification import Export
 from identification.identify.identified_model import FullModel
 from phantom_dyn.dynamics.tree_motion import tree_friction
 from phantom_dyn.errors import EstimationError, PhantomDynError
+from phantom_dyn.libraries import missing_library
 from phantom_dyn.model.loading import CONFIG_NAME
 from phantom_dyn.model.robot import Robot
 from phantom_dyn.model.robot_files import find_robot
@@ -72,7 +73,9 @@ def _checked_export(
     except PhantomDynError as error:
         return Export(name, "", "", float("nan"), TOLERANCE, (f"Not written: {error}",))
     if np.isnan(difference):
-        return Export(name, text, "", difference, TOLERANCE, (*left_out, "Not loaded again: MuJoCo is not installed."))
+        return Export(
+            name, text, "", difference, TOLERANCE, (*left_out, f"Not loaded again. {missing_library('mujoco')}")
+        )
     if difference > TOLERANCE:
         raise EstimationError(
             f"{name}, loaded again with {loaded_with}, needs torques that differ by {difference:.2g} of the largest "

@@ -13,6 +13,7 @@ import numpy as np
 
 from identification.data.recording import RawTable
 from phantom_dyn.errors import LogError, known_names, listed
+from phantom_dyn.libraries import is_installed, missing_library
 
 Array = np.ndarray
 _JOINT_STATE = "sensor_msgs/msg/JointState"
@@ -56,7 +57,14 @@ def _messages(reader: Any, connections: list[Any], decode: Callable[[bytes, str]
     return out
 
 
+def _require_rosbags(file: str) -> None:
+    """Refuse a bag where the library that reads it is not installed, in a sentence that says how to get it."""
+    if not is_installed("rosbags"):
+        raise LogError(f"{file} is a bag. {missing_library('rosbags')}")
+
+
 def _open_ros1(path: Path, topic: str | None) -> tuple[str, list[_Message]]:
+    _require_rosbags(path.name)
     from rosbags.rosbag1 import Reader
     from rosbags.typesys import Stores, get_typestore
 
@@ -67,6 +75,7 @@ def _open_ros1(path: Path, topic: str | None) -> tuple[str, list[_Message]]:
 
 
 def _open_ros2(path: Path, topic: str | None) -> tuple[str, list[_Message]]:
+    _require_rosbags(path.name)
     from rosbags.rosbag2 import Reader
     from rosbags.typesys import Stores, get_typestore
 

@@ -125,7 +125,7 @@ def _checked_file(
             "from the corrected model's: this is an error of phantom-dyn, so nothing is written."
         )
     checked = (
-        "not loaded again, as MuJoCo is not installed"
+        "not loaded again, as MuJoCo is not installed (pip install 'phantom-dyn[mujoco]')"
         if np.isnan(difference)
         else f"loaded again with {loaded_with}, it needs the same torques (to {difference:.1g} of the largest)"
     )

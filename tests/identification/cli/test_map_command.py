@@ -11,6 +11,7 @@ import pytest
 import xarray
 
 from identification.cli.main import main
+from identification.export import log_and_map_files
 from phantom_dyn.devices import phantom
 
 GRID = "x=-0.1:0.1:5,y=-0.1:0.1:3,z=-0.05:0.05:3"
@@ -174,3 +175,15 @@ def test_help_loads_nothing_heavy():
     )
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     assert done.stdout.endswith("[]\n")
+
+
+def test_without_the_library_for_netcdf_the_map_is_written_and_the_command_to_install_is_told(
+    tmp_path, monkeypatch, capsys
+):
+    monkeypatch.setattr(log_and_map_files, "is_installed", lambda _: False)
+    words = ["--quantity", "manipulability", "--grid", "x=0:0:1,y=0:0.1:2", "--out", str(tmp_path)]
+    assert main(["map", "phantom_1_5", *words]) == 0
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["manipulability.png", "map.npz"]
+    said = capsys.readouterr().out
+    assert "note: map.nc was not written. Writing a map as NetCDF needs netcdf4" in said
+    assert "pip install 'phantom-dyn[maps]'" in said

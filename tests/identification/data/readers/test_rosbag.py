@@ -11,6 +11,7 @@ from rosbags.rosbag2 import StoragePlugin
 from rosbags.rosbag2 import Writer as Writer2
 from rosbags.typesys import Stores, get_typestore
 
+from identification.data.readers import rosbag
 from identification.data.readers.read_table import read_table
 from phantom_dyn.errors import LogError
 
@@ -162,3 +163,12 @@ def test_a_bag_with_a_strange_ending_is_told(tmp_path):
     path = write_bag(tmp_path, "mcap", {"/joint_states": good})
     with pytest.raises(LogError, match=r"is a ROS 2 bag by its content: give it the ending \.db3"):
         read_table(path.rename(path.with_suffix(".csv")))
+
+
+@pytest.mark.parametrize("kind", ["ros1", "folder", "db3", "mcap"])
+def test_without_its_library_a_bag_is_refused_with_the_command_that_installs_it(tmp_path, monkeypatch, kind):
+    path = write_bag(tmp_path, kind, {"/joint_states": good})
+    monkeypatch.setattr(rosbag, "is_installed", lambda _: False)
+    wanted = rf"{path.name} is a bag. Reading a ROS bag or MCAP needs rosbags.*pip install 'phantom-dyn\[ros\]'"
+    with pytest.raises(LogError, match=wanted):
+        read_table(path)
