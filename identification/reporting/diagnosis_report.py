@@ -8,7 +8,6 @@ from pathlib import Path
 import numpy as np
 from jinja2 import Environment, StrictUndefined
 from markupsafe import Markup
-from plotly.offline import get_plotlyjs
 
 from identification.diagnosis.result import Diagnosis, Finding, Gap
 from identification.reporting.explaining import JointMotion, joint_motions, joint_of
@@ -79,8 +78,8 @@ class SceneView:
     """The robot in three dimensions on the page.
 
     Attributes:
-        script: Plotly's own library.
-        figure: The figure as JSON that may stand in a script element.
+        script: The viewer.
+        figure: What it draws, as JSON that may stand in a script element.
         legend: For each joint its name, share of the gap and colour.
         from_meshes: False if the links are drawn as capsules.
         has_gap: False if no joint has a residual above its noise floor.
@@ -98,7 +97,7 @@ def report_html(diagnosis: Diagnosis, robot: Robot | None = None) -> str:
 
     Args:
         diagnosis: What is shown.
-        robot: Drawn in three dimensions if it is given; the page then holds Plotly's library, about 5 MB.
+        robot: Drawn in three dimensions if it is given.
     """
     environment = Environment(autoescape=True, undefined=StrictUndefined, trim_blocks=True, lstrip_blocks=True)
     source = Path(__file__).with_name("diagnosis_report.html.jinja").read_text(encoding="utf-8")
@@ -195,4 +194,5 @@ def _scene(robot: Robot, diagnosis: Diagnosis) -> SceneView:
         for gap, share, colour in zip(diagnosis.joints, shares, joint_colours(shares), strict=True)
     ]
     figure = scene.figure.replace("<", "\\u003c").replace("\u2028", "\\u2028").replace("\u2029", "\\u2029")
-    return SceneView(Markup(get_plotlyjs()), Markup(figure), legend, scene.from_meshes, bool(shares.any()))
+    viewer = Path(__file__).with_name("robot_viewer.js").read_text(encoding="utf-8")
+    return SceneView(Markup(viewer), Markup(figure), legend, scene.from_meshes, bool(shares.any()))

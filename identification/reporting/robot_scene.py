@@ -3,12 +3,12 @@
 
 from __future__ import annotations
 
-import html
+import base64
+import json
 from dataclasses import dataclass
 
 import numpy as np
 import pinocchio as pin
-import plotly.graph_objects as go
 from jaxtyping import Float
 
 from identification.diagnosis.result import Diagnosis, JointGap
@@ -21,6 +21,8 @@ from phantom_dyn.shapes.robot_shapes import joint_axis, joint_solid, robot_shape
 
 Array = np.ndarray
 
+EYE = (0.9, -1.09, 0.56)
+"""Direction from which the robot is seen at first."""
 LIGHT = np.array([0.53, -0.8, 0.27])  # from beside the camera
 _LINK_TINT = 0.4  # a link is paler than its joint
 _LABELLED = 0.05  # joints with a smaller share of the gap have no label
@@ -36,7 +38,7 @@ class Scene:
     """What the page needs to draw the robot.
 
     Attributes:
-        figure: Plotly's figure as JSON.
+        figure: Solids, labels and camera as JSON for ``robot_viewer.js``.
         from_meshes: False if the links are drawn as capsules.
     """
 
@@ -65,14 +67,22 @@ def robot_scene(robot: Robot, diagnosis: Diagnosis) -> Scene:
     joints = [_placed(joint_solid(model, k, size), data.oMi[k]) for k in range(1, model.njoints)]
     shares = dict(zip((gap.joint for gap in diagnosis.joints), gap_shares(diagnosis.joints).tolist(), strict=True))
     strengths = dict(zip(shares, relative(gap_shares(diagnosis.joints)).tolist(), strict=True))
-    traces = [_solid(mesh, "", share_colour(0.0)) for mesh in (links[0], *rails) if len(mesh.faces)]
+    solids = [_solid(mesh, "", share_colour(0.0)) for mesh in (links[0], *rails) if len(mesh.faces)]
     for name, link, joint in zip(list(model.names)[1:], links[1:], joints, strict=True):
         share, text = strengths.get(name, 0.0), _hover(name, shares.get(name), diagnosis)
         if len(link.faces):
-            traces.append(_solid(link, text, share_colour(share, _LINK_TINT)))
-        traces.append(_solid(joint, text, share_colour(share)))
-    figure = go.Figure(traces, _layout(joined([*links, *rails, *joints]).points, _labels(model, origins, shares)))
-    return Scene(str(figure.to_json()), shapes.from_meshes)
+            solids.append(_solid(link, text, share_colour(share, _LINK_TINT)))
+        solids.append(_solid(joint, text, share_colour(share)))
+    points = joined([*links, *rails, *joints]).points
+    low, high = points.min(axis=0), points.max(axis=0)
+    figure = {
+        "middle": ((low + high) / 2).tolist(),
+        "half": max(float((high - low).max()) / 2, 1e-3),
+        "eye": EYE,
+        "solids": solids,
+        "labels": _labels(model, origins, shares),
+    }
+    return Scene(json.dumps(figure), shapes.from_meshes)
 
 
 def posture(robot: Robot, diagnosis: Diagnosis) -> Float[Array, " nq"]:
@@ -111,18 +121,22 @@ def _active_joints(robot: Robot) -> list[int]:
     return [robot.model.getJointId(name) for name in robot.joint_names]
 
 
-def _solid(mesh: Mesh, text: str, colour: Colour) -> go.Mesh3d:
-    points = np.round(mesh.points, 5).astype(np.float32)
-    faces = mesh.faces.astype(np.uint16)
-    return go.Mesh3d(
-        x=points[:, 0], y=points[:, 1], z=points[:, 2], i=faces[:, 0], j=faces[:, 1], k=faces[:, 2],
-        facecolor=shaded(mesh, colour), hovertext=text, hoverinfo="text" if text else "skip",
-        lighting={"ambient": 1.0, "diffuse": 0.0, "specular": 0.0, "fresnel": 0.0},
-    )  # fmt: skip
+def _solid(mesh: Mesh, text: str, colour: Colour) -> dict[str, str]:
+    """One solid as the page holds it: little-endian numbers in base64, three a point, a face and a colour."""
+    return {
+        "text": text,
+        "points": _packed(np.round(mesh.points, 5), "<f4"),
+        "faces": _packed(mesh.faces, "<u2"),
+        "colours": _packed(shaded(mesh, colour), "u1"),
+    }
 
 
-def shaded(mesh: Mesh, colour: Colour) -> list[str]:
-    """Colour of each face in a light of our own, the same for both of its sides.
+def _packed(values: Array, kind: str) -> str:
+    return base64.b64encode(np.ascontiguousarray(values, dtype=kind).tobytes()).decode()
+
+
+def shaded(mesh: Mesh, colour: Colour) -> Float[Array, "F 3"]:
+    """Colour of each face, 0 to 255, in a light of our own, the same for both of its sides.
 
     Visual meshes do not agree on which side of a face is outside, and a light that asks leaves black patches.
     """
@@ -130,7 +144,7 @@ def shaded(mesh: Mesh, colour: Colour) -> list[str]:
     normals = np.cross(b - a, c - a)
     normals /= np.maximum(np.linalg.norm(normals, axis=1, keepdims=True), 1e-300)
     bright = np.minimum(0.66 + 0.22 * np.abs(normals @ LIGHT) + 0.14 * np.abs(normals[:, 2]), 1.0)
-    return [f"#{r:02x}{g:02x}{b:02x}" for r, g, b in np.round(bright[:, None] * colour).astype(int).tolist()]
+    return np.round(bright[:, None] * colour)
 
 
 def _labels(model: pin.Model, origins: Float[Array, "n 3"], shares: dict[str, float]) -> list[dict]:
@@ -138,33 +152,16 @@ def _labels(model: pin.Model, origins: Float[Array, "n 3"], shares: dict[str, fl
     names = list(model.names)[1:]
     shown = [name for name in names if shares.get(name, 0.0) >= _LABELLED] or (names if len(names) <= 8 else [])
     return [
-        {"x": x, "y": y, "z": z, "text": html.escape(short_name(name)), "showarrow": True, "arrowhead": 0,
-         "arrowwidth": 1, "ax": 46 * (1 if k % 2 else -1), "ay": -26, "font": {"size": 12},
-         "xanchor": "left" if k % 2 else "right"}
-        for k, (name, (x, y, z)) in enumerate(
-            (name, origin.tolist()) for name, origin in zip(names, origins, strict=True) if name in shown)
-    ]  # fmt: skip
+        {"at": origin.tolist(), "text": short_name(name)}
+        for name, origin in zip(names, origins, strict=True)
+        if name in shown
+    ]
 
 
 def _hover(name: str, share: float | None, diagnosis: Diagnosis) -> str:
     found = [finding_name(f) for f in diagnosis.findings if f.joint is not None and name in f.joint.split("+")]
     what = "passive joint" if share is None else f"{percent(share)} of the gap"
-    return "<br>".join(html.escape(line) for line in (f"{name}: {what}", *found))
-
-
-def _layout(points: Float[Array, "P 3"], labels: list[dict]) -> go.Layout:
-    # Ranges stated, so that text outside the robot does not shrink it.
-    low, high = points.min(axis=0), points.max(axis=0)
-    middle, half = (low + high) / 2, max(float((high - low).max()) / 2, 1e-3) * 1.04
-    hidden = {"visible": False, "showspikes": False}
-    axes = {f"{a}axis": {**hidden, "range": [m - half, m + half]} for a, m in zip("xyz", middle, strict=True)}
-    return go.Layout(
-        scene={**axes, "annotations": labels, "aspectmode": "cube", "dragmode": "orbit",
-               "camera": {"eye": {"x": 0.9, "y": -1.09, "z": 0.56}, "projection": {"type": "perspective"}}},
-        margin={"l": 0, "r": 0, "t": 0, "b": 0}, showlegend=False, template="none",
-        paper_bgcolor="rgba(0,0,0,0)", hoverlabel={"align": "left"},
-        modebar={"bgcolor": "rgba(0,0,0,0)", "color": "#808a98"},
-    )  # fmt: skip
+    return "\n".join((f"{name}: {what}", *found))
 
 
 def gap_shares(joints: tuple[JointGap, ...]) -> Float[Array, " nv"]:

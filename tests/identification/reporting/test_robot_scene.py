@@ -4,11 +4,13 @@ from __future__ import annotations
 import base64
 import dataclasses
 import json
+from pathlib import Path
 
 import numpy as np
 import pinocchio as pin
 import pytest
 
+from identification.reporting import robot_scene as robot_scene_module
 from identification.reporting.robot_scene import extent, posture, robot_scene, shaded, share_colour
 from phantom_dyn.model.loading import load_robot
 from phantom_dyn.shapes.meshes import Mesh
@@ -24,35 +26,40 @@ def uneven(diagnosis, *ratios):
     return dataclasses.replace(diagnosis, joints=tuple(joints))
 
 
-def traces(scene):
-    return json.loads(scene.figure)["data"]
+def solids(scene):
+    return json.loads(scene.figure)["solids"]
 
 
-def points(trace) -> np.ndarray:
-    return np.array([np.frombuffer(base64.b64decode(trace[a]["bdata"]), trace[a]["dtype"]) for a in "xyz"]).T
+def unpacked(solid, name, kind) -> np.ndarray:
+    return np.frombuffer(base64.b64decode(solid[name]), kind).reshape(-1, 3)
 
 
-def redness(trace) -> float:
-    return max(int(c[1:3], 16) - int(c[5:7], 16) for c in trace["facecolor"])
+def points(solid) -> np.ndarray:
+    return unpacked(solid, "points", "<f4")
+
+
+def redness(solid) -> float:
+    colours = unpacked(solid, "colours", "u1").astype(float)
+    return (colours[:, 0] - colours[:, 2]).max()
 
 
 def test_the_joint_with_the_largest_gap_is_the_reddest(made_up, planar2):
-    drawn = traces(robot_scene(planar2, uneven(made_up(planar2.joint_names, samples=100), 1.0, 4.0)))
-    named = {trace["hovertext"].split(":")[0]: trace for trace in drawn if "hovertext" in trace}
+    drawn = solids(robot_scene(planar2, uneven(made_up(planar2.joint_names, samples=100), 1.0, 4.0)))
+    named = {solid["text"].split(":")[0]: solid for solid in drawn}
     assert redness(named["elbow"]) > 150 > 60 > redness(named["shoulder"])
 
 
 def test_touching_a_joint_says_its_share_and_what_was_found(made_up, planar2):
-    drawn = traces(robot_scene(planar2, made_up(planar2.joint_names, findings=1, samples=100)))
-    hovers = [trace.get("hovertext", "").replace("\N{NO-BREAK SPACE}", " ") for trace in drawn]
-    assert "shoulder: 50 % of the gap<br>Coulomb friction" in hovers
+    drawn = solids(robot_scene(planar2, made_up(planar2.joint_names, findings=1, samples=100)))
+    hovers = [solid["text"].replace("\N{NO-BREAK SPACE}", " ") for solid in drawn]
+    assert "shoulder: 50 % of the gap\nCoulomb friction" in hovers
 
 
 def test_joints_stand_where_forward_kinematics_puts_them(made_up, planar2):
     diagnosis = made_up(planar2.joint_names, samples=101)
     data = planar2.model.createData()
     pin.forwardKinematics(planar2.model, data, diagnosis.evidence.q[50])
-    drums = [points(trace).mean(axis=0) for trace in traces(robot_scene(planar2, diagnosis))[1::2]]
+    drums = [points(solid).mean(axis=0) for solid in solids(robot_scene(planar2, diagnosis))[1::2]]
     assert np.array(drums) == pytest.approx(np.array([m.translation for m in data.oMi][1:]), abs=1e-4)
 
 
@@ -73,7 +80,7 @@ def test_a_closed_chain_is_drawn_closed_and_passive_joints_take_no_share(made_up
     robot = load_robot("phantom_1_5")
     diagnosis = made_up(robot.joint_names, samples=101)
     scene = robot_scene(robot, diagnosis)
-    hovers = [trace.get("hovertext", "") for trace in traces(scene)]
+    hovers = [solid["text"] for solid in solids(scene)]
     assert posture(robot, diagnosis).shape == (robot.model.nq,)
     assert "elbow: passive joint" in hovers
 
@@ -83,23 +90,41 @@ def test_a_linear_joint_has_a_rail_along_its_way(made_up):
     diagnosis = made_up(robot.joint_names, samples=400, unit="N")
     way = np.ptp(diagnosis.evidence.q)
     assert any(
-        np.ptp(points(trace)[:, 0]) == pytest.approx(way, rel=0.06) for trace in traces(robot_scene(robot, diagnosis))
+        np.ptp(points(solid)[:, 0]) == pytest.approx(way, rel=0.06) for solid in solids(robot_scene(robot, diagnosis))
     )
 
 
-def test_names_with_markup_are_escaped_in_labels(made_up, planar2):
+def test_labels_are_plain_names_that_the_viewer_writes_as_text(made_up, planar2):
     joints = ("<b>a", "elbow")
     model = planar2.model.copy()
     model.names[1] = joints[0]
     robot = dataclasses.replace(planar2, model=model, joint_names=joints)
-    layout = json.loads(robot_scene(robot, made_up(joints, samples=100)).figure)["layout"]
-    assert layout["scene"]["annotations"][0]["text"] == "&lt;b&gt;a"
+    labels = json.loads(robot_scene(robot, made_up(joints, samples=100)).figure)["labels"]
+    assert labels[0]["text"] == "<b>a"
+    viewer = Path(robot_scene_module.__file__).with_name("robot_viewer.js").read_text()
+    assert "innerHTML" not in viewer
+
+
+def test_every_face_has_a_colour_and_its_corners_exist(made_up):
+    # Oracle: the counts in the packed numbers.
+    robot = load_robot("phantom_1_5")
+    for solid in solids(robot_scene(robot, made_up(robot.joint_names, samples=101))):
+        faces = unpacked(solid, "faces", "<u2")
+        assert len(faces) == len(unpacked(solid, "colours", "u1"))
+        assert faces.max() < len(points(solid))
+
+
+def test_the_whole_robot_fits_into_the_cube_that_the_viewer_draws(made_up):
+    robot = load_robot("cea_branch")
+    figure = json.loads(robot_scene(robot, made_up(robot.joint_names, samples=101)).figure)
+    every = np.concatenate([points(solid) for solid in figure["solids"]])
+    assert np.abs((every - figure["middle"]) / figure["half"]).max() == pytest.approx(1.0, abs=1e-3)
 
 
 def test_both_sides_of_a_face_are_equally_bright():
     corners = np.array([[0.0, 0, 0], [1, 0, 0], [0, 1, 0.3]])
     mesh = Mesh(corners, np.array([[0, 1, 2], [0, 2, 1]]))
-    front, back = shaded(mesh, share_colour(1.0))
+    front, back = shaded(mesh, share_colour(1.0)).tolist()
     assert front == back
 
 

