@@ -41,6 +41,9 @@ _SAME_MODEL = 0.3
 _LEAST_GAIN = 0.02
 # Models drawn to see what columns that are made of one leave open.
 _DRAWS = 4
+# Sets of numbers drawn to see which are possible within the tolerances, and of those so many that a deviation of them
+# is known to a tenth.
+_TRUNCATED, _LEAST_INSIDE = 2000, 100
 
 
 @dataclass(frozen=True)
@@ -85,9 +88,10 @@ def joint_fit(problem: Problem, terms: tuple[Term, ...], found: Fitted) -> Joint
         x, model, (a, b, _) = _descended(layout, x, precision, lower, upper)
     # What leaves no trace at all (an inertia of a link that never turns about that axis) stays where it is.
     precision = np.where(np.einsum("bkk->k", a) + precision < _NO_TRACE, 1.0, precision)
-    cov = _covariance(a, b, precision, x)
+    cov = covariance(a, b, precision, x, (lower, upper))
     if layout.of_model:
         cov = cov + _by_model(layout, model, x, cov, a.sum(axis=0) + np.diag(precision))
+    cov = within_tolerances(x, cov, problem.nuisances, lower, upper)
     for place in layout.places:
         shift = _by_share(place, x)
         cov = cov + np.outer(shift, shift)
@@ -95,6 +99,32 @@ def joint_fit(problem: Problem, terms: tuple[Term, ...], found: Fitted) -> Joint
             shift = _by_law(layout, model, x, place, law, a.sum(axis=0) + np.diag(precision))
             cov = cov + np.outer(shift, shift)
     return JointFit(layout.places, x, cov)
+
+
+def within_tolerances(
+    x: Float[Array, " p"],
+    cov: Float[Array, "p p"],
+    moves: int,
+    lower: Float[Array, " p"],
+    upper: Float[Array, " p"],
+) -> Float[Array, "p p"]:
+    """Covariance of those draws in which every move of the model stays within its tolerance.
+
+    What a size could be if the model were further off than its tolerance says nothing of the size: near the end of a
+    tolerance the deviations of all that is exchanged for that move are smaller. A move at its end keeps its own.
+    """
+    std = np.sqrt(np.maximum(np.diag(cov), 1e-300))
+    rng = random_stream("sizes within the tolerances")
+    # In deviations, as the numbers have units of their own.
+    values, vectors = np.linalg.eigh(cov / np.outer(std, std))
+    drawn = rng.standard_normal((_TRUNCATED, len(x))) @ (vectors * np.sqrt(np.maximum(values, 0.0))).T
+    low, high = ((end - x)[:moves] / std[:moves] for end in (lower, upper))
+    inside = ((drawn[:, :moves] >= low) & (drawn[:, :moves] <= high)).all(axis=1)
+    if inside.sum() < _LEAST_INSIDE:
+        return cov
+    less = np.minimum(drawn[inside].std(axis=0) / np.maximum(drawn.std(axis=0), 1e-300), 1.0)
+    less[:moves] = 1.0
+    return cov * np.outer(less, less)
 
 
 def _by_share(place: Place, x: Float[Array, " p"]) -> Float[Array, " p"]:
@@ -224,15 +254,27 @@ def _products(
     return np.array(a), np.array(b), np.array(c)
 
 
-def _covariance(
-    a: Float[Array, "B p p"], b: Float[Array, "B p"], precision: Float[Array, " p"], x: Float[Array, " p"]
+def covariance(
+    a: Float[Array, "B p p"],
+    b: Float[Array, "B p"],
+    precision: Float[Array, " p"],
+    x: Float[Array, " p"],
+    bounds: tuple[Float[Array, " p"], Float[Array, " p"]],
 ) -> Float[Array, "p p"]:
-    """The larger of the noise model's covariance and the block jackknife's, priors included."""
+    """The larger of the noise model's covariance and the block jackknife's, priors included.
+
+    The jackknife leaves numbers alone that a bound holds: they do not move when a block is left out, and the pull on
+    them, which is not zero there as it is on the others, is no scatter.
+    """
     total = a.sum(axis=0) + np.diag(precision)
     inverse = solve(total, np.eye(len(x)))
     count = len(a)
     gradient = b.sum(axis=0) - precision * x
-    moved = np.array([solve(total - a[k], gradient - b[k]) for k in range(count)])
+    lower, upper = bounds
+    free = np.flatnonzero(~(((x <= lower) & (gradient < 0.0)) | ((x >= upper) & (gradient > 0.0))))
+    moved = np.zeros((count, len(x)))
+    for k in range(count):
+        moved[k, free] = solve((total - a[k])[np.ix_(free, free)], (gradient - b[k])[free])
     moved -= moved.mean(axis=0)
     scatter = (count - 1) / count * moved.T @ moved + inverse @ np.diag(precision) @ inverse
     larger = np.sqrt(np.maximum(1.0, np.diag(scatter) / np.maximum(np.diag(inverse), 1e-300)))
