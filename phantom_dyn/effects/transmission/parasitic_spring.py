@@ -11,7 +11,7 @@ import numpy as np
 
 from phantom_dyn._kernels.jit import jit
 from phantom_dyn.effects.described import EffectWords, ModelNumbers
-from phantom_dyn.effects.effect import Effect, Parameter, Shape, Signature
+from phantom_dyn.effects.effect import Effect, Parameter, Shape, Signature, SpecialCase
 from phantom_dyn.effects.operation import Operation
 from phantom_dyn.effects.simulated import Law, Moment, Simulated
 from phantom_dyn.effects.support.rows import on_one_joint, row_of, stiffness_unit, torque_on_joint, torque_unit
@@ -75,6 +75,12 @@ class ParasiticSpring(Effect):
     def coefficient_bounds(self, robot: Robot, joint: str | None, shape: Shape) -> tuple[tuple[float, float], ...]:
         """A spring pulls back."""
         return ((0.0, np.inf), (-np.inf, np.inf))
+
+    def special_cases(
+        self, robot: Robot, joint: str | None, coefficients: Array, shape: Shape
+    ) -> tuple[SpecialCase, ...]:
+        """Without stiffness it is a constant torque."""
+        return (SpecialCase((), coefficients), SpecialCase(("torque_offset",), coefficients[:1]))
 
     def probe(self, robot: Robot, operation: Operation, joint: str | None) -> tuple[str, Array]:
         """Stiffness about the mean position."""

@@ -140,6 +140,13 @@ def test_a_limit_is_none_where_it_is_zero(arm):
     np.testing.assert_array_equal(case.numbers, [0.02])
 
 
+def test_a_spring_without_stiffness_is_a_torque_offset(arm):
+    nothing, offset = effect_named("parasitic_spring").special_cases(arm, "tilt", np.array([0.4, -0.7]), ())
+    assert (nothing.names, offset.names) == ((), ("torque_offset",))
+    np.testing.assert_array_equal(nothing.numbers, [0.4, -0.7])
+    np.testing.assert_array_equal(offset.numbers, [0.4])
+
+
 def test_special_cases_of_friction_are_differences_of_its_numbers(arm):
     # By hand: levels of 0.5 and 0.3, slopes of 0.2 and 0.05; an excess of 0.7; a displacement of 0.02.
     dry, viscous, plain = effect_named("direction_dependent_friction").special_cases(
