@@ -20,6 +20,7 @@ from phantom_dyn.effects.described import EffectWords, ModelNumbers
 from phantom_dyn.effects.operation import Operation
 from phantom_dyn.effects.simulated import Simulated
 from phantom_dyn.model.robot import Robot
+from phantom_dyn.motion import Motion
 
 Array = np.ndarray
 # What the torque is not linear in (a Stribeck velocity, the orders of a cogging torque); () if there is nothing.
@@ -122,6 +123,8 @@ class Rival(ABC):
             itself.
         seen_by: What says how large it is: its coefficients; its shape, where the coefficient is the share of the
             effect that is there and should be one; or neither, where it is that share and any size can be seen.
+        displaces: True if with it the links are elsewhere than the readings say, or feel another gravity, see
+            `Effect.true_motion`: what a wrong mass leaves there is another torque.
         rubs: True if it is friction whose torque a joint at standstill may hold.
         tested_against_zero: True if a Wald test against zero decides whether it is kept although its columns have a
             shape or use accelerations; without either it always does.
@@ -145,6 +148,7 @@ class Rival(ABC):
     shape_held: bool = False
     first_order: bool = False
     seen_by: Literal["coefficient", "shape", "neither"] = "coefficient"
+    displaces: bool = False
     rubs: bool = False
     tested_against_zero: bool = False
     other_laws: tuple[OtherLaw, ...] = ()
@@ -323,6 +327,12 @@ class Effect(Rival):
     ) -> Float[Array, "N nv"] | None:
         """How far links are ahead of their motors [rad or m]; None where they are rigidly tied."""
         return None
+
+    def true_motion(
+        self, robot: Robot, motion: Motion, joint: str | None, theta: Float[Array, " p"]
+    ) -> tuple[Robot, Motion]:
+        """The robot in the gravity that it truly feels, and the motion of its links; as given by default."""
+        return robot, motion
 
     @abstractmethod
     def simulated(self, robot: Robot, joint: str | None, theta: Float[Array, " p"]) -> Simulated:

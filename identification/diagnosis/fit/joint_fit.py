@@ -44,6 +44,8 @@ _DRAWS = 4
 # Sets of numbers drawn to see which are possible within the tolerances, and of those so many that a deviation of them
 # is known to a tenth.
 _TRUNCATED, _LEAST_INSIDE = 2000, 100
+# Correlation with a size from which on the end of a move's tolerance matters to it.
+_EXCHANGED = 0.1
 
 
 @dataclass(frozen=True)
@@ -116,10 +118,12 @@ def within_tolerances(
     std = np.sqrt(np.maximum(np.diag(cov), 1e-300))
     rng = random_stream("sizes within the tolerances")
     # In deviations, as the numbers have units of their own.
-    values, vectors = np.linalg.eigh(cov / np.outer(std, std))
+    correlation = cov / np.outer(std, std)
+    exchanged = np.flatnonzero(np.abs(correlation[:moves, moves:]).max(axis=1, initial=0.0) > _EXCHANGED)
+    values, vectors = np.linalg.eigh(correlation)
     drawn = rng.standard_normal((_TRUNCATED, len(x))) @ (vectors * np.sqrt(np.maximum(values, 0.0))).T
-    low, high = ((end - x)[:moves] / std[:moves] for end in (lower, upper))
-    inside = ((drawn[:, :moves] >= low) & (drawn[:, :moves] <= high)).all(axis=1)
+    low, high = ((end - x)[exchanged] / std[exchanged] for end in (lower, upper))
+    inside = ((drawn[:, exchanged] >= low) & (drawn[:, exchanged] <= high)).all(axis=1)
     if inside.sum() < _LEAST_INSIDE:
         return cov
     less = np.minimum(drawn[inside].std(axis=0) / np.maximum(drawn.std(axis=0), 1e-300), 1.0)

@@ -52,6 +52,16 @@ class ModelLayout:
     places: tuple[Place, ...]
     size: int
 
+    def operation_of(self, place: Place, log: int) -> Operation:
+        """Motion with the torque of the model that a term's columns are computed from.
+
+        Where the columns of the moves are of where the links truly are, what displaces them changes the given model's
+        torque only.
+        """
+        columns = self.problem.columns
+        held = columns.displaced and place.term.effect.displaces
+        return (columns.operations if held else self.operations)[log]
+
     @property
     def of_model(self) -> bool:
         """True if any column depends on the torque of the model."""
@@ -201,8 +211,9 @@ def _law(
     term = place.term
     if isinstance(term.effect, Effect) and term.effect.first_order:
         # The columns are to first order in the coefficients, the law is not.
-        theta = term.effect.from_coefficients(layout.operations[log].robot, term.joint, own, ())
-        torque = -term.effect.torque(layout.operations[log].robot, layout.operations[log], term.joint, theta)
+        operation = layout.operation_of(place, log)
+        theta = term.effect.from_coefficients(operation.robot, term.joint, own, ())
+        torque = -term.effect.torque(operation.robot, operation, term.joint, theta)
         return in_band(layout, log, torque)
     at = tuple(shape.tolist()) or term.shape
     if term.effect.shape_is_estimate:
@@ -228,7 +239,7 @@ def _at_shape(layout: ModelLayout, place: Place, shape: Shape, log: int) -> Floa
     term = place.term
     if shape == term.shape and not (term.effect.uses_acceleration or term.effect.follows_model):
         return _columns(layout.problem, term.columns, log)
-    operation = layout.operations[log]
+    operation = layout.operation_of(place, log)
     signature = term.effect.signature(operation.robot, operation, term.joint, shape)
     narrow = in_band(layout, log, signature.columns)
     out = np.zeros((len(narrow), layout.problem.session.robot.nv, narrow.shape[2]))

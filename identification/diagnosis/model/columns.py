@@ -14,7 +14,7 @@ from jaxtyping import Bool, Float
 
 from identification.data.log import Log
 from identification.diagnosis.model.nuisances import Move, Nuisance, move_columns, moves_of
-from identification.diagnosis.model.operations import expecting, friction_with, operate
+from identification.diagnosis.model.operations import expecting, friction_with, operate, where_links_are
 from identification.diagnosis.model.session import Series, Session
 from identification.diagnosis.model.standstill import (
     encoder_stands,
@@ -51,6 +51,7 @@ class Columns:
         standing: For each log, standard deviation of the friction torque that standing joints leave open, ``(n, nv)``.
         operations: For each log, motion and torque at the full rate.
         local: Where the columns of each effect stand.
+        displaced: True if the columns of moves and rigid bodies are of where the links truly are by what was found.
     """
 
     names: tuple[str, ...]
@@ -65,6 +66,7 @@ class Columns:
     standing: tuple[Float[Array, "n nv"], ...]
     operations: tuple[Operation, ...]
     local: tuple[Local, ...]
+    displaced: bool = False
 
 
 @dataclass(frozen=True)
@@ -117,6 +119,8 @@ def build_columns(session: Session, about: FitPoint | None = None, before: Colum
     about = FitPoint() if about is None else about
     robot = session.robot
     given = _given_part(session) if before is None else _given_part_of(session, before)
+    if _displacing(about.found) or (before is not None and before.displaced):
+        given = _where_links_are(session, given, about.found)
     operations = tuple(expecting(o.robot, o, about.found) for o in given.operations)
     residual = about.residual
     if residual is None:
@@ -138,7 +142,7 @@ def columns_like(session: Session, like: Columns, found: tuple[FoundEffect, ...]
         like: Says which effects, places and shapes.
         found: What a fit has found, which the torque that is expected of the drives is made of.
     """
-    given = _given_part(session)
+    given = _where_links_are(session, _given_part(session), found) if like.displaced else _given_part(session)
     operations = tuple(expecting(o.robot, o, found) for o in given.operations)
     return _assembled(session, replace(given, operations=operations), like.names, like.terms, like.local, None, found)
 
@@ -222,7 +226,22 @@ def _assembled(
         _standing(session, given.operations, found),
         given.operations,
         local,
+        bool(_displacing(found)),
     )
+
+
+def _displacing(found: tuple[FoundEffect, ...]) -> tuple[FoundEffect, ...]:
+    """Those effects by which the links are elsewhere than the readings say, or feel another gravity."""
+    return tuple(point for point in found if point.effect.displaces)
+
+
+def _where_links_are(session: Session, given: _GivenPart, found: tuple[FoundEffect, ...]) -> _GivenPart:
+    """The same with moves and rigid bodies where the links truly are: a wrong mass weighs there, not where it is read.
+
+    The effect itself is the change of the given model's torque, which the residual is of; so both are exact together.
+    """
+    plain = tuple(_plain(session, k, o, given.moves, _displacing(found)) for k, o in enumerate(given.operations))
+    return replace(given, plain=plain)
 
 
 def _standing(session: Session, operations: tuple[Operation, ...], found: tuple[FoundEffect, ...]) -> Series:
@@ -233,10 +252,16 @@ def _standing(session: Session, operations: tuple[Operation, ...], found: tuple[
     )
 
 
-def _plain(session: Session, log: int, operation: Operation, moves: tuple[Move, ...]) -> list[list[Float[Array, " n"]]]:
+def _plain(
+    session: Session,
+    log: int,
+    operation: Operation,
+    moves: tuple[Move, ...],
+    displacing: tuple[FoundEffect, ...] = (),
+) -> list[list[Float[Array, " n"]]]:
     """Columns of the moves and of the rigid-body regressor in the band, row by row."""
     robot, band = session.robot, session.logs[log].band
-    regressor = rigid_body_regressor(robot, operation)
+    regressor = rigid_body_regressor(*where_links_are(robot, operation, displacing))
     narrow = partial(session.log_in_judged_band, log=log)
     bodies = np.stack([narrow(band(regressor[:, j, :])) for j in range(robot.nv)])
     moved = move_columns(robot, operation, moves, bodies, band, narrow)

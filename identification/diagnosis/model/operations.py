@@ -18,6 +18,7 @@ from identification.diagnosis.model.standstill import standing_still
 from identification.diagnosis.model.terms import FoundEffect, KnownEffect
 from phantom_dyn.dynamics.dynamics import inverse_dynamics, standard_parameters
 from phantom_dyn.effects.catalogue import effect_named
+from phantom_dyn.effects.effect import Effect
 from phantom_dyn.effects.operation import Operation
 from phantom_dyn.effects.support.changed_robot import with_friction, with_parameters, with_rotor_inertia
 from phantom_dyn.effects.support.rows import modelled_friction_of
@@ -65,6 +66,21 @@ def expecting(robot: Robot, operation: Operation, found: tuple[FoundEffect, ...]
             expected = expected.copy()
             expected[:, list(signature.rows)] += signature.columns @ point.coefficients
     return plain.again(expected)
+
+
+def where_links_are(robot: Robot, motion: Motion, found: tuple[FoundEffect, ...]) -> tuple[Robot, Motion]:
+    """The robot in the gravity that it truly feels and the motion of its links, by effects that were found.
+
+    Args:
+        robot: The given model.
+        motion: As it was read.
+        found: Effects that displace links or turn gravity.
+    """
+    for point in found:
+        assert isinstance(point.effect, Effect)
+        theta = point.effect.from_coefficients(robot, point.joint, point.coefficients, point.shape)
+        robot, motion = point.effect.true_motion(robot, motion, point.joint, theta)
+    return robot, motion
 
 
 def friction_with(operation: Operation, found: tuple[FoundEffect, ...]) -> Float[Array, "N nv"]:

@@ -16,9 +16,10 @@ from phantom_dyn.effects.described import EffectWords
 from phantom_dyn.effects.effect import Effect, Parameter, Shape, Signature
 from phantom_dyn.effects.operation import Operation
 from phantom_dyn.effects.simulated import Law, Simulated
-from phantom_dyn.effects.support.displaced import change_by_reading, exact_change_by_reading
+from phantom_dyn.effects.support.displaced import change_by_reading, displaced, exact_change_by_reading
 from phantom_dyn.effects.support.rows import row_of
 from phantom_dyn.model.robot import Robot
+from phantom_dyn.motion import Motion
 
 Array = np.ndarray
 
@@ -38,6 +39,7 @@ class EncoderEccentricity(Effect):
     uses_acceleration = True
     follows_model = True
     first_order = True
+    displaces = True
     words = EffectWords(
         name="encoder eccentricity",
         meaning="the position is read with an error that repeats with each turn",
@@ -109,16 +111,13 @@ class EncoderEccentricity(Effect):
 
     def torque(self, robot: Robot, operation: Operation, joint: str | None, theta: Array) -> Array:
         """Inverse dynamics as read less that of the true motion."""
-        row, (amplitude, phase, n) = row_of(robot, joint), theta
-        q, v, a = (x[:, row] for x in (operation.q, operation.v, operation.a))
-        angle = q - amplitude * np.sin(n * q + phase)
-        for _ in range(_NEWTON):
-            excess = angle + amplitude * np.sin(n * angle + phase) - q
-            angle = angle - excess / (1.0 + n * amplitude * np.cos(n * angle + phase))
-        slope = 1.0 + n * amplitude * np.cos(n * angle + phase)
-        speed = v / slope
-        acceleration = (a + n**2 * amplitude * np.sin(n * angle + phase) * speed**2) / slope
-        return -exact_change_by_reading(robot, operation, row, angle - q, speed - v, acceleration - a)
+        row = row_of(robot, joint)
+        return -exact_change_by_reading(robot, operation, row, *_true_less_read(operation, row, theta))
+
+    def true_motion(self, robot: Robot, motion: Motion, joint: str | None, theta: Array) -> tuple[Robot, Motion]:
+        """Where the reading plus its error is what was read."""
+        row = row_of(robot, joint)
+        return robot, displaced(motion, row, *_true_less_read(motion, row, theta))
 
     def simulated(self, robot: Robot, joint: str | None, theta: Array) -> Simulated:
         """Added to the reading."""
@@ -128,6 +127,20 @@ class EncoderEccentricity(Effect):
             reading=lambda q: q + here * amplitude * np.sin(n * q + phase),
             laws=(Law(eccentric_law, row, (amplitude, phase, n)),),
         )
+
+
+def _true_less_read(motion: Motion, row: int, theta: Array) -> tuple[Array, Array, Array]:
+    """Position, velocity and acceleration of a joint where it truly is, less what is read."""
+    amplitude, phase, n = theta
+    q, v, a = (x[:, row] for x in (motion.q, motion.v, motion.a))
+    angle = q - amplitude * np.sin(n * q + phase)
+    for _ in range(_NEWTON):
+        excess = angle + amplitude * np.sin(n * angle + phase) - q
+        angle = angle - excess / (1.0 + n * amplitude * np.cos(n * angle + phase))
+    slope = 1.0 + n * amplitude * np.cos(n * angle + phase)
+    speed = v / slope
+    acceleration = (a + n**2 * amplitude * np.sin(n * angle + phase) * speed**2) / slope
+    return angle - q, speed - v, acceleration - a
 
 
 def _error(operation: Operation, row: int, phase: float) -> tuple[Array, Array, Array]:

@@ -16,9 +16,10 @@ from phantom_dyn.effects.described import EffectWords, ModelNumbers
 from phantom_dyn.effects.effect import Effect, Parameter, Shape, Signature
 from phantom_dyn.effects.operation import Operation
 from phantom_dyn.effects.simulated import Law, Simulated
-from phantom_dyn.effects.support.displaced import change_by_reading, exact_change_by_reading
+from phantom_dyn.effects.support.displaced import change_by_reading, displaced, exact_change_by_reading
 from phantom_dyn.effects.support.rows import row_of, secant
 from phantom_dyn.model.robot import Robot
+from phantom_dyn.motion import Motion
 
 Array = np.ndarray
 
@@ -36,6 +37,7 @@ class EncoderOffset(Effect):
     uses_acceleration = True
     shape_is_estimate = True
     follows_model = True
+    displaces = True
     either_sign = True
     words = EffectWords(
         name="an encoder offset",
@@ -96,6 +98,11 @@ class EncoderOffset(Effect):
         """Inverse dynamics as read less that at the true positions."""
         none = np.zeros(len(operation.t))
         return -exact_change_by_reading(robot, operation, row_of(robot, joint), none - theta.item(), none, none)
+
+    def true_motion(self, robot: Robot, motion: Motion, joint: str | None, theta: Array) -> tuple[Robot, Motion]:
+        """As far from the reading as it is wrong."""
+        none = np.zeros(len(motion.t))
+        return robot, displaced(motion, row_of(robot, joint), none - theta.item(), none, none)
 
     def simulated(self, robot: Robot, joint: str | None, theta: Array) -> Simulated:
         """Added to the reading."""

@@ -23,6 +23,7 @@ from phantom_dyn.effects.operation import Operation
 from phantom_dyn.effects.simulated import Simulated
 from phantom_dyn.effects.support.changed_robot import with_gravity
 from phantom_dyn.model.robot import Robot
+from phantom_dyn.motion import Motion
 
 Array = np.ndarray
 
@@ -49,6 +50,7 @@ class BaseTilt(Effect):
     regime = "posture"
     shape_is_estimate = True
     follows_model = True
+    displaces = True
     either_sign = True
     words = EffectWords(
         name="a tilted base",
@@ -130,6 +132,10 @@ class BaseTilt(Effect):
         """Gravity torque as modelled less that under the true gravity."""
         given = robot.model.gravity.linear
         return -gravity_torque(robot, operation.q, _turned(given, theta) - given)
+
+    def true_motion(self, robot: Robot, motion: Motion, joint: str | None, theta: Array) -> tuple[Robot, Motion]:
+        """In the true gravity."""
+        return with_gravity(robot, _turned(robot.model.gravity.linear, theta)), motion
 
     def simulated(self, robot: Robot, joint: str | None, theta: Array) -> Simulated:
         """Another gravity."""

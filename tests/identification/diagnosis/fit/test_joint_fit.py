@@ -106,8 +106,9 @@ def test_a_tilted_base_turns_the_weights_of_the_true_robot(lab, planar2):
     fitted = fitted_with(planar2, prepared, problem, term)
     pitch = finding_parameters(planar2, term, fitted)["pitch"]
     assert abs(pitch.value - 0.3) < 3 * pitch.std
-    given = fit(problem, (term,), held_out=False).theta[term.columns[-1]]
-    assert abs(given - 0.3) > abs(pitch.value - 0.3)
+    # In the columns of the search too: of the weights in the given gravity it was a tenth too large.
+    linear = fit(problem, (term,), held_out=False).theta[term.columns[-1]]
+    assert abs(linear - 0.3) < 0.01 * 0.3
 
 
 def test_a_bristle_that_yields_by_another_law_is_within_the_interval(lab, planar2):
