@@ -104,13 +104,14 @@ class Cogging(Effect):
         return "amplitude", np.array([1.0, 0.0])
 
     def untestable(self, robot: Robot, operation: Operation, joint: str | None) -> str | None:
-        """Some wave has to turn ten times, slowly enough for the sampling rate and the judged band."""
+        """Some wave has to turn ten times, and three of them slowly enough for the judged band."""
         low, high = order_range(operation, row_of(robot, joint))
         if low >= high:
             return f"{joint} travels less than one period of any cogging that its sampling rate can show"
         if slowest_order(operation, row_of(robot, joint)) is None:
             return (
-                f"no cogging of {joint} turns ten times where the joint is slow enough for it to lie in the judged band"
+                f"no cogging of {joint} turns ten times, three of them where the joint is slow enough for it to lie in "
+                "the judged band"
             )
         return None
 

@@ -21,6 +21,7 @@ from phantom_dyn.effects.support.rows import moving_average
 Array = np.ndarray
 
 _TURNS = 10  # periods on the whole way of a joint, forth and back
+_SLOW_TURNS = 3  # of these where the joint is so slow that the wave lies in the judged band
 _TRIED = 60  # orders between the lowest and the highest, to find the slowest that turns often enough
 _SECONDS = 0.01  # the residual is averaged over this long
 _RATE_SHARE = 0.2  # the wave is at most this share of the sampling rate at speed
@@ -52,13 +53,14 @@ def order_range(operation: Operation, row: int) -> tuple[float, float]:
 
 
 def comes_back(operation: Operation, row: int, order: float) -> bool:
-    """True if a wave turns ten times where a joint is slow enough for it to lie in the judged band.
+    """True if a wave turns ten times, some of them where a joint is slow enough for it to lie in the judged band.
 
     What turns less often cannot be separated from what happens a few times.
     """
+    way = np.abs(np.diff(operation.q[:, row]))
     slow = order * np.abs(operation.v[1:, row]) <= 2 * np.pi * operation.band_hz
-    way = float(np.abs(np.diff(operation.q[:, row]))[slow].sum())
-    return bool(order * way >= 2 * np.pi * _TURNS)
+    turns, slow_turns = (float(order * part.sum() / (2 * np.pi)) for part in (way, way[slow]))
+    return turns >= _TURNS and slow_turns >= _SLOW_TURNS
 
 
 def slowest_order(operation: Operation, row: int) -> float | None:

@@ -195,8 +195,8 @@ def test_the_way_of_a_wave_is_made_forth_and_back(arm, periods, often):
     assert comes_back(turning(arm, q, np.gradient(q), 0.01), 1, periods * 2 * np.pi / 4.0) is often
 
 
-@pytest.mark.parametrize(("periods", "often"), [(9.9, False), (10.1, True)])
-def test_a_wave_has_to_turn_ten_times_where_it_lies_in_the_judged_band(arm, periods, often):
+@pytest.mark.parametrize(("periods", "often"), [(2.9, False), (3.1, True)])
+def test_a_wave_has_to_turn_three_times_where_it_lies_in_the_judged_band(arm, periods, often):
     # By hand: two radians at 1 rad/s, where the wave has 0.8 of the band's frequency, and twenty at 10 rad/s, far
     # above it.
     order = periods * 2 * np.pi / 2.0
