@@ -89,7 +89,7 @@ def stand(
             repeated under each of them and on each half of the blocks, and the shares are means over all of these.
     """
     base = search.evaluate(chosen)
-    options, names, richer_laws = _options(search, chosen, term, barred)
+    options, names, richer_laws = _options(search, chosen, term, barred, again)
     twins = {key for key in names if _same_in_data(search, term, chosen, names[key], key)}
     same = {}
     for others, swapped in _twins(search, chosen, term):
@@ -167,9 +167,12 @@ def _wins_in(
 
 
 def _options(
-    search: Search, chosen: frozenset[Term], term: Term, barred: frozenset[Place]
+    search: Search, chosen: frozenset[Term], term: Term, barred: frozenset[Place], again: tuple[Search, ...]
 ) -> tuple[dict[Chosen, Array], dict[Chosen, Chosen], list[tuple[Chosen, Chosen]]]:
     """Held-out losses of the set and of those with another finding in place of one, by block.
+
+    Left out is what is hopeless under all that should not matter: where noise is white, what lies above the judged
+    band weighs as much as what lies in it, and a small error of the model there may bar the truth.
 
     Returns:
         The losses by set; what stands in the finding's place in each set; and richer laws with their sets.
@@ -178,13 +181,15 @@ def _options(
     options: dict[Chosen, Array] = {chosen: base.loss}
     names: dict[Chosen, Chosen] = {}
     richer_laws: list[tuple[Chosen, Chosen]] = []
-    for others in relevant(search, chosen, term, rules.HOPELESS_LOSS):
+    searches = (search, *again)
+    near = dict.fromkeys(others for one in searches for others in relevant(one, chosen, term, rules.HOPELESS_LOSS))
+    for others in near:
         if not all(other.named and other.place not in barred for other in others):
             continue
         swapped = replaced(chosen, term, others)
         if swapped in options or not others <= swapped:
             continue
-        if _hopeless(search, chosen, swapped, priced=_nested(term, others)):
+        if all(_hopeless(one, chosen, swapped, priced=_nested(term, others)) for one in searches):
             continue
         found = search.evaluate(swapped)
         if any(places_of(search.problem.session.robot, other, found) is None for other in others):

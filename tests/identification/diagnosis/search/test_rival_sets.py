@@ -287,3 +287,13 @@ def test_which_laws_contain_each_other_or_come_arbitrarily_near(quiet, finding, 
 def test_what_several_effects_explain_together_keeps_its_price(quiet):
     both = frozenset([quiet.term("coulomb_friction", "elbow"), quiet.term("viscous_friction", "elbow")])
     assert rivals._nested(quiet.term("torque_constant", "elbow"), both)
+
+
+@pytest.mark.parametrize(("everywhere", "alone"), [(True, True), (False, False)])
+def test_a_rival_is_left_out_only_where_it_is_hopeless_however_it_is_judged(quiet, monkeypatch, everywhere, alone):
+    # Known: with nothing hopeless elsewhere something is compared, with all hopeless the finding stands alone.
+    term = quiet.term("viscous_friction", "elbow")
+    other = replace(quiet.search)
+    monkeypatch.setattr(rivals, "_hopeless", lambda one, *_, priced: everywhere or one is quiet.search)
+    options, _, _ = rivals._options(quiet.search, frozenset([term]), term, frozenset(), (other,))
+    assert (len(options) == 1) == alone
