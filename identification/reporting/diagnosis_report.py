@@ -11,9 +11,9 @@ from markupsafe import Markup
 
 from identification.diagnosis.result import Diagnosis, Finding, Gap
 from identification.reporting.explaining import JointMotion, joint_motions, joint_of
+from identification.reporting.first_screen import gap_bars_of, groups_of, share_curve
 from identification.reporting.gap_figures import (
     finding_figure,
-    gap_bars,
     residual_over_position,
     residual_over_velocity,
     torque_figure,
@@ -45,7 +45,7 @@ VERDICTS = {
 # Figures take time and room: of a robot with many joints those with the largest gap are drawn.
 _FIGURES = 20  # findings
 _CURVES = 12  # joints over time
-_CLOUDS = 8  # joints over velocity and position
+_CLOUDS = 6  # joints over velocity and position
 _SOME = 0.02  # share of the gap from which a joint's residual is drawn over velocity and position
 _OPEN_JOINTS = 2  # so many joints with the largest gap have their figures unfolded
 
@@ -102,18 +102,22 @@ def report_html(diagnosis: Diagnosis, robot: Robot | None = None) -> str:
     environment = Environment(autoescape=True, undefined=StrictUndefined, trim_blocks=True, lstrip_blocks=True)
     source = Path(__file__).with_name("diagnosis_report.html.jinja").read_text(encoding="utf-8")
     has_samples = len(diagnosis.evidence.t) > 1
+    bars, more_joints = gap_bars_of(diagnosis)
     motions = joint_motions(robot, diagnosis) if has_samples else {}
     return environment.from_string(source).render(
         diagnosis=diagnosis,
         badge=VERDICTS.get(diagnosis.verdict, diagnosis.verdict.replace("_", " ")),
         verdict=words.verdict_sentence(diagnosis),
+        bars=bars,
+        more_joints=more_joints,
+        groups=groups_of(diagnosis),
+        curve=Markup(share_curve(diagnosis)),
         cards=[_card(diagnosis, motions, index) for index in range(len(diagnosis.findings))],
         notes=[note for note in diagnosis.notes if not note.startswith("corrected.")],
         file_notes=[note for note in diagnosis.notes if note.startswith("corrected.")],
         proposal=(diagnosis.next_experiment or {}).get("say"),
         scene=None if robot is None else _scene(robot, diagnosis),
         gaps=[gap_row(joint) for joint in diagnosis.joints],
-        gap_figure=Markup(gap_bars(diagnosis.joints)),
         joints=_joint_views(diagnosis) if has_samples else [],
         has_times=bool(diagnosis.evidence.regime_times),
         rollout=rollout_rows(diagnosis),

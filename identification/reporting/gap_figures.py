@@ -7,9 +7,9 @@ from jaxtyping import Bool, Float
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from identification.diagnosis.result import Diagnosis, Evidence, JointGap
+from identification.diagnosis.result import Diagnosis, Evidence
 from identification.reporting.explaining import JointMotion, Variable, explaining_variable, joint_of, strongest_variable
-from identification.reporting.svg import AFTER, BEFORE, INK, STRETCH_S, draw_curve, draw_legend, drawn_svg, short_name
+from identification.reporting.svg import AFTER, BEFORE, INK, STRETCH_S, draw_curve, draw_legend, drawn_svg
 from identification.reporting.thinning import binned_median, eventful_stretch, scatter_choice
 
 Array = np.ndarray
@@ -20,30 +20,6 @@ Groups = tuple[tuple[Bool[Array, " N"], str | tuple[int, tuple[float, ...]]], ..
 
 FEW_POINTS = 600  # fewer are drawn larger
 FINER_FROM = 3.0  # ratio of residuals from which the corrected model's panel has a scale of its own
-
-
-def gap_bars(joints: tuple[JointGap, ...]) -> str:
-    """Residual of each joint before and after in units of its noise floor, which is the line at one."""
-
-    def draw(figure: Figure) -> None:
-        axes = figure.subplots()
-        rows = np.arange(len(joints), dtype=float)
-        for shift, values, colour, label in (
-            (-0.19, [j.rms_before for j in joints], BEFORE, "given model"),
-            (0.19, [j.rms_after for j in joints], AFTER, "corrected model"),
-        ):
-            ratios = [_ratio(value, j.noise_floor) for value, j in zip(values, joints, strict=True)]
-            bars = axes.barh(rows + shift, np.nan_to_num(ratios), height=0.36, color=colour, label=label)
-            axes.bar_label(bars, [f"{r:.3g}" if np.isfinite(r) else "–" for r in ratios], padding=3, fontsize=9.5)
-        axes.axvline(1.0, color=INK, linewidth=1.2, linestyle=(0, (4, 2)), label="noise floor")
-        axes.set_yticks(rows, [short_name(j.joint) for j in joints])
-        axes.invert_yaxis()
-        axes.margins(x=0.12)
-        axes.set_xlim(left=0.0)
-        axes.set_xlabel("RMS residual [noise floors]")
-        draw_legend(figure, axes)
-
-    return drawn_svg(draw, "gap", (5.7, 1.0 + 0.5 * len(joints)), "Gap of each joint before and after, in noise floors")
 
 
 def torque_figure(diagnosis: Diagnosis, joint: int) -> str:
@@ -172,7 +148,3 @@ def _noise_band(axes: Axes, noise_floor: float) -> None:
 def _reach(residual: Float[Array, " N"]) -> float:
     finite = residual[np.isfinite(residual)]
     return float(np.max(np.abs(finite))) if len(finite) else 0.0
-
-
-def _ratio(value: float, noise_floor: float) -> float:
-    return value / noise_floor if noise_floor > 0 and np.isfinite(value) else float("nan")

@@ -9,8 +9,19 @@
   tip.hidden = true;
   place.append(canvas, tip);
 
-  // Every face with its corners in a cube from -1 to 1, its colour, and the words of its solid.
+  // Every face with its corners in a cube from -1 to 1, its colour, and the words of its solid. A long face is cut, as
+  // only small ones have one depth.
   const faces = [];
+  const longest = 0.1;
+  const add = (corners, colour, text) => {
+    const lengths = corners.map((a, k) => Math.hypot(...a.map((value, axis) => value - corners[(k + 1) % 3][axis])));
+    const k = lengths.indexOf(Math.max(...lengths));
+    if (!(lengths[k] > longest)) return faces.push({ corners, colour, text });
+    const [a, b, c] = [corners[k], corners[(k + 1) % 3], corners[(k + 2) % 3]];
+    const middle = a.map((value, axis) => (value + b[axis]) / 2);
+    add([a, middle, c], colour, text);
+    add([middle, b, c], colour, text);
+  };
   for (const solid of scene.solids) {
     const points = new Float32Array(bytes(solid.points).buffer);
     const corners = new Uint16Array(bytes(solid.faces).buffer);
@@ -18,7 +29,7 @@
     const at = (k) => [0, 1, 2].map((axis) => (points[3 * k + axis] - scene.middle[axis]) / scene.half);
     for (let f = 0; f < corners.length; f += 3) {
       const colour = `rgb(${colours[f]},${colours[f + 1]},${colours[f + 2]})`;
-      faces.push({ corners: [at(corners[f]), at(corners[f + 1]), at(corners[f + 2])], colour, text: solid.text });
+      add([at(corners[f]), at(corners[f + 1]), at(corners[f + 2])], colour, solid.text);
     }
   }
   const labels = scene.labels.map((label) => ({
@@ -41,7 +52,7 @@
     pen.scale(ratio, ratio);
     const ct = Math.cos(camera.turn), st = Math.sin(camera.turn);
     const ch = Math.cos(camera.height), sh = Math.sin(camera.height);
-    const scale = 1.75 * Math.min(width, height);
+    const scale = 2 * Math.min(width, height);
     const project = ([x, y, z]) => {
       const right = -st * x + ct * y;
       const up = -sh * (ct * x + st * y) + ch * z;
@@ -68,14 +79,20 @@
     pen.fillStyle = pen.strokeStyle = getComputedStyle(document.body).color;
     pen.lineWidth = 1;
     pen.font = "12px system-ui, sans-serif";
+    const taken = [];
     labels.forEach((label, k) => {
-      const [x, y] = project(label.at), side = k % 2 ? 1 : -1;
+      const [x, y] = project(label.at), long = pen.measureText(label.text).width + 50;
+      let side = k % 2 ? 1 : -1;
+      if (x + long * side < 0 || x + long * side > width) side = -side;
+      let level = y - 26;
+      while (taken.some(([tx, ty, ts]) => ts === side && Math.abs(tx - x) < long && Math.abs(ty - level) < 14)) level -= 14;
+      taken.push([x, level, side]);
       pen.beginPath();
       pen.moveTo(x, y);
-      pen.lineTo(x + 44 * side, y - 26);
+      pen.lineTo(x + 44 * side, level);
       pen.stroke();
       pen.textAlign = side > 0 ? "left" : "right";
-      pen.fillText(label.text, x + 48 * side, y - 26);
+      pen.fillText(label.text, x + 48 * side, level);
     });
   };
 

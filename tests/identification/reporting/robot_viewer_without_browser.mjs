@@ -6,6 +6,7 @@ let path = [];
 const pen = {
   scale() {}, closePath() {}, beginPath() { path = []; }, moveTo() {}, lineTo(x, y) { path.push([x, y]); },
   fill() { drawn.faces.push({ corners: path, colour: this.fillStyle }); }, stroke() {},
+  measureText: (text) => ({ width: 6 * text.length }),
   fillText(text, x, y) { drawn.labels.push({ text, x, y }); },
 };
 const heard = {};
@@ -22,7 +23,7 @@ globalThis.window = { matchMedia: () => ({ addEventListener() {} }) };
 globalThis.ResizeObserver = class { observe() {} };
 globalThis.getComputedStyle = () => ({ color: "black" });
 new Function(viewer)();
-const first = { faces: drawn.faces, labels: drawn.labels };
+const first = { faces: drawn.faces, labels: [...drawn.labels] };
 heard.pointermove({ offsetX: 200, offsetY: 150 });
 const tip = made[1].textContent;
 drawn.faces = [];

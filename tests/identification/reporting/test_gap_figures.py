@@ -7,17 +7,15 @@ import xml.etree.ElementTree as ET
 import numpy as np
 import pytest
 
-from identification.diagnosis.result import JointGap
 from identification.reporting.explaining import joint_motions
 from identification.reporting.gap_figures import (
     finding_figure,
-    gap_bars,
     residual_over_position,
     residual_over_velocity,
-    short_name,
     torque_figure,
     unexplained_figure,
 )
+from identification.reporting.svg import short_name
 
 SVG = "{http://www.w3.org/2000/svg}"
 
@@ -56,20 +54,6 @@ def test_what_is_left_of_a_large_gap_has_a_finer_scale_and_says_so(made_up):
     assert "corrected model: samples and median" in texts(residual_over_velocity(diagnosis, 0))
     diagnosis.evidence.tau_before[:] += 5.0
     assert "corrected model, finer scale: samples and median" in texts(residual_over_velocity(diagnosis, 0))
-
-
-def test_bars_count_noise_floors_and_mark_the_floor():
-    shown = texts(gap_bars((JointGap("j1", "N m", 0.3, 0.12, 0.1, 10),)))
-    assert {"3", "1.2", "noise floor", "j1"} <= set(shown)
-
-
-def test_a_joint_without_a_noise_floor_gets_a_dash():
-    assert texts(gap_bars((JointGap("j1", "N m", 0.3, 0.1, 0.0, 10),))).count("–") == 2
-
-
-def test_a_name_with_markup_and_dollars_is_shown_as_it_is(made_up):
-    name = 'a<b>&$x^2$" id="q'
-    assert name in texts(gap_bars(made_up((name,)).joints))
 
 
 def test_ids_are_used_and_differ_between_figures(made_up):

@@ -22,9 +22,9 @@ def packed(values, kind):
     return base64.b64encode(np.array(values, dtype=kind).tobytes()).decode()
 
 
-def triangle(x, colour, text):
+def triangle(x, colour, text, size=0.25):
     """A triangle across the x axis, at a distance x from the middle."""
-    corners = [[x, -0.5, -0.5], [x, 0.5, -0.5], [x, 0.0, 0.5]]
+    corners = [[x, -size, -size], [x, size, -size], [x, 0.0, size]]
     return {
         "text": text,
         "points": packed(corners, "<f4"),
@@ -33,13 +33,11 @@ def triangle(x, colour, text):
     }
 
 
-@pytest.fixture(scope="module")
-def shown(tmp_path_factory):
-    """A near red triangle before a far green one, seen along the x axis, with a label at the middle."""
-    solids = [triangle(1.0, [255, 0, 0], "near"), triangle(-1.0, [0, 255, 0], "far")]
-    labels = [{"at": [0.0, 0.0, 0.0], "text": "<b>middle"}]
-    figure = {"middle": [0, 0, 0], "half": 1.0, "eye": [1, 0, 0], "solids": solids, "labels": labels}
-    path = tmp_path_factory.mktemp("viewer") / "figure.json"
+def drawn(folder, solids):
+    """What the viewer draws of solids in a cube of 20 m, seen along the x axis, with labels at the middle."""
+    labels = [{"at": [0.0, 0.0, 0.0], "text": text} for text in ("<b>middle", "other", "third")]
+    figure = {"middle": [0, 0, 0], "half": 10.0, "eye": [1, 0, 0], "solids": solids, "labels": labels}
+    path = folder / "figure.json"
     path.write_text(json.dumps(figure))
     words = [str(PAGE), str(VIEWER), str(path)]
     done = nodejs.node(words, return_completed_process=True, stdout=subprocess.PIPE, text=True)
@@ -47,14 +45,21 @@ def shown(tmp_path_factory):
     return json.loads(done.stdout)
 
 
+@pytest.fixture(scope="module")
+def shown(tmp_path_factory):
+    """A near red triangle before a far green one."""
+    solids = [triangle(10.0, [255, 0, 0], "near"), triangle(-10.0, [0, 255, 0], "far")]
+    return drawn(tmp_path_factory.mktemp("viewer"), solids)
+
+
 def test_the_far_face_is_drawn_before_the_near_one(shown):
     assert [face["colour"] for face in shown["faces"]] == ["rgb(0,255,0)", "rgb(255,0,0)"]
 
 
 def test_corners_are_where_a_pinhole_camera_puts_them(shown):
-    # By hand: distance 4.6, scale 1.75 * 300; the near triangle is 3.6 away, y to the right and z up.
-    scale = 1.75 * 300 / 3.6
-    wanted = [[200 - 0.5 * scale, 150 + 0.5 * scale], [200 + 0.5 * scale, 150 + 0.5 * scale], [200, 150 - 0.5 * scale]]
+    # By hand: distance 4.6, scale 2 * 300; the near triangle is 3.6 away, y to the right and z up.
+    size = 0.025 * 2 * 300 / 3.6
+    wanted = [[200 - size, 150 + size], [200 + size, 150 + size], [200, 150 - size]]
     np.testing.assert_allclose(shown["faces"][1]["corners"], wanted, atol=1e-4)
 
 
@@ -62,8 +67,21 @@ def test_the_solid_under_the_pointer_that_is_nearest_says_its_words(shown):
     assert shown["tip"] == "near"
 
 
+def test_a_long_face_is_cut_into_small_ones_of_the_same_area(tmp_path):
+    # Oracle: the area of the triangle on the screen, by the corners of the whole.
+    faces = np.array([face["corners"] for face in drawn(tmp_path, [triangle(0.0, [0, 0, 0], "", 5.0)])["faces"]])
+    a, b = faces[:, 1] - faces[:, 0], faces[:, 2] - faces[:, 0]
+    assert len(faces) > 20
+    assert np.abs(a[:, 0] * b[:, 1] - a[:, 1] * b[:, 0]).sum() == pytest.approx((2 * 0.5 * 2 * 300 / 4.6) ** 2)
+
+
 def test_a_key_turns_the_robot(shown):
     assert shown["turned"][1]["corners"] != shown["faces"][1]["corners"]
+
+
+def test_labels_at_one_place_stand_beside_and_above_each_other(shown):
+    places = [(label["x"] > 200, label["y"]) for label in shown["labels"]]
+    assert places == [(False, 150 - 26), (True, 150 - 26), (False, 150 - 26 - 14)]
 
 
 def test_labels_are_written_as_text(shown):

@@ -1,0 +1,167 @@
+"""The first screen of the report: the gap of each joint before and after, and the findings, one kind together."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from matplotlib.figure import Figure
+
+from identification.diagnosis.result import Diagnosis, Finding, JointGap
+from identification.reporting.svg import AFTER, INK, drawn_svg
+from identification.words import diagnosis_words as words
+from identification.words.effect_words import is_between_joints
+from identification.words.numbers_and_names import NO_BREAK, number, percent, value_words, with_unit
+
+MOST_BARS = 8
+"""Joints on the first screen; of more those with the largest gap, as a screen has no room for all."""
+_SEVERAL = 3
+"""Joints from which all of a robot are named by their number."""
+
+
+@dataclass(frozen=True)
+class Bar:
+    """Gap of one joint before and after and the noise floor, as widths [%] on the scale of all, and in words.
+
+    The scale is in noise floors, so that the mark of the floor is at one place and the largest gap stands out.
+    """
+
+    joint: str
+    before: float
+    after: float
+    floor: float
+    text: str
+    closed: str
+
+
+@dataclass(frozen=True)
+class Group:
+    """Findings of a kind on several joints, or of several kinds on the same joints, or a single one.
+
+    Attributes:
+        findings: All of them.
+        name: Effects and places.
+        size: Of a single one its sizes, of several of one parameter the range; else empty.
+        share: Of the gap, together; empty if that is not known.
+        width: The same for a bar [%].
+        sure: The least sure of them.
+    """
+
+    findings: tuple[Finding, ...]
+    name: str
+    size: str
+    share: str
+    width: float
+    sure: str
+
+
+def gap_bars_of(diagnosis: Diagnosis) -> tuple[list[Bar], int]:
+    """A bar for each joint in the robot's order, at most eight, and how many joints are left out."""
+    gaps = diagnosis.joints
+    sizes = np.array([_floors(gap, gap.tolerated) for gap in gaps])
+    kept = sorted(np.argsort(-sizes, kind="stable")[:MOST_BARS].tolist())
+    largest = max([1.0, *(_floors(gap, size) for gap in gaps for size in (gap.tolerated, gap.rms_after))])
+    return [_bar(gaps[k], largest) for k in kept], len(gaps) - len(kept)
+
+
+def _floors(gap: JointGap, size: float) -> float:
+    """A residual in noise floors; nothing where that is no number."""
+    ratio = size / gap.noise_floor if gap.noise_floor else 0.0
+    return ratio if np.isfinite(ratio) else 0.0
+
+
+def _bar(gap: JointGap, largest: float) -> Bar:
+    sizes = (gap.tolerated, gap.rms_after, gap.noise_floor)
+    before, after, floor = (100 * _floors(gap, size) / largest for size in sizes)
+    text = f"{number(gap.tolerated)} → {with_unit(number(gap.rms_after), gap.unit)}".replace(" ", NO_BREAK)
+    return Bar(
+        gap.joint, before, after, floor, text, "no gap" if gap.closed is None else f"{percent(gap.closed)} closed"
+    )
+
+
+def groups_of(diagnosis: Diagnosis) -> list[Group]:
+    """The findings, those of one effect on several joints together, and effects on the very same joints, too."""
+    by_effect: dict[tuple[str, str | None, bool], list[Finding]] = {}
+    for finding in diagnosis.findings:
+        # What has no joint, or two, stands for itself, and so does what is less than modelled.
+        own = finding.joint is None or is_between_joints(finding.effect)
+        key = (words.finding_name(finding), finding.recording, own)
+        by_effect.setdefault(key, []).append(finding)
+    by_place: dict[object, list[list[Finding]]] = {}
+    for number_of, (key, found) in enumerate(by_effect.items()):
+        places = frozenset(finding.joint for finding in found)
+        together = len(places) > 1 and not key[2]
+        by_place.setdefault((places, key[1]) if together else number_of, []).append(found)
+    made = [_group(kinds, diagnosis) for kinds in by_place.values()]
+    return sorted(made, key=lambda group: -group.width)
+
+
+def _group(kinds: list[list[Finding]], diagnosis: Diagnosis) -> Group:
+    findings = tuple(finding for found in kinds for finding in found)
+    shares = [finding.share for finding in findings]
+    known = [share for share in shares if share is not None]
+    share = sum(known) if len(known) == len(shares) else None
+    names = words.joined([words.finding_name(found[0]) for found in kinds])
+    where = _places(kinds[0], diagnosis) + words.in_recording(findings[0].recording)
+    least = min(finding.probability for finding in findings)
+    return Group(
+        findings,
+        f"{words.capital(names)}{where}",
+        _size(findings) if len(kinds) == 1 else "",
+        "" if share is None else percent(share),
+        0.0 if share is None else 100 * min(max(share, 0.0), 1.0),
+        words.sureness(least),
+    )
+
+
+def _places(found: list[Finding], diagnosis: Diagnosis) -> str:
+    """Where findings of one effect are, with a space before it; nothing for the whole robot."""
+    if found[0].joint is None:
+        return ""
+    if len(found) == 1 or is_between_joints(found[0].effect):
+        return " " + words.joined([words.on_place(one.effect, one.joint) for one in found])
+    if len(found) == len(diagnosis.joints) >= _SEVERAL:
+        return f" on all {len(found)} joints"
+    return f" on joints {words.joined([str(finding.joint) for finding in found])}"
+
+
+def _size(findings: tuple[Finding, ...]) -> str:
+    if len(findings) == 1:
+        values = findings[0].parameters
+        alone = len(values) == 1
+        return ", ".join(
+            value_words(value) if alone else f"{words.parameter_name(name)} {value_words(value)}"
+            for name, value in values.items()
+        )
+    alone = [tuple(finding.parameters.values()) for finding in findings if len(finding.parameters) == 1]
+    sizes = [float(value.value) for (value,) in alone if not isinstance(value.value, list)]
+    units = {value.unit for (value,) in alone}
+    if len(sizes) < len(findings) or len(units) > 1:
+        return ""
+    low, high = number(min(sizes)), number(max(sizes))
+    return with_unit(low if low == high else f"{low} to {high}", units.pop())
+
+
+def share_curve(diagnosis: Diagnosis) -> str:
+    """Share of the gap that the largest findings account for together, against their number; empty below two findings.
+
+    Shares are Shapley values, so that the curve ends at what all findings close.
+    """
+    shares = [finding.share for finding in diagnosis.findings]
+    known = [share for share in shares if share is not None and np.isfinite(share)]
+    if len(known) < 2 or len(known) < len(shares):
+        return ""
+    ranked = np.sort(known)[::-1]
+    together = 100 * np.concatenate([[0.0], np.cumsum(ranked)])
+
+    def draw(figure: Figure) -> None:
+        axes = figure.subplots()
+        axes.axhline(100, color=INK, linewidth=0.8, linestyle=(0, (4, 2)))
+        axes.plot(np.arange(len(together)), together, color=AFTER, marker="o", markersize=5)
+        step = max(1, len(ranked) // 12)
+        axes.set_xticks(np.arange(0, len(together), step))
+        axes.set_ylim(0, max(105.0, 1.05 * float(together.max())))
+        axes.set_xlabel("number of effects, the largest first")
+        axes.set_ylabel("gap closed [%]")
+
+    return drawn_svg(draw, "shares", (5.7, 2.6), "Share of the gap that is closed against the number of effects added")
