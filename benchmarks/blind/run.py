@@ -22,6 +22,7 @@ from benchmarks.blind.processes import BASELINES, ORACLE, default_command, run_a
 from benchmarks.blind.publish import publish
 from benchmarks.blind.score import load_baselines, load_pairs, write_score
 from benchmarks.blind.seal import sealed
+from benchmarks.blind.worst import TABLE, finished, scored, worst_of_makes
 
 # Baselines and oracle are asked on so many of each kind: enough to tell them apart, and a third of the time.
 BESIDE = 100
@@ -80,12 +81,16 @@ def main(arguments: list[str] | None = None) -> int:
         # From here on answers are open: every diagnosis is written.
         inside = case_ids((b for b in first if b[0] in INSIDE), given.make)
         run_all(ORACLE, inside, cases, oracle, jobs=given.jobs, what="told the cause", answers=answers)
-    scored = load_pairs(answers, results, names, oracle=oracle)
+    judged = load_pairs(answers, results, names, oracle=oracle)
     beside = None if quick else load_baselines(answers, baselines, names)
     out = work / "score"
-    print(write_score(scored, out, beside))
+    print(write_score(judged, out, beside))
     minutes = (time.perf_counter() - start) / 60.0
     print(f"{len(names)} cases in {minutes:.0f} minutes, written to {out}")
+    if given.work is None and len(runs := finished(work.parent)) > 1:
+        summary = work.parent / TABLE
+        summary.write_text(worst_of_makes([scored(folder) for folder in runs]) + "\n")
+        print(f"The figures of {len(runs)} makes and the worst of them: {summary}")
     if given.publish:
         publish(out, batches, Path(__file__).resolve().parents[2])
     return 0

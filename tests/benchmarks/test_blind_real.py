@@ -14,8 +14,9 @@ from benchmarks.blind.judged import judged
 from benchmarks.blind.makes.real import case as real_case
 from benchmarks.blind.makes.real import laws, outside
 from benchmarks.blind.makes.real.body import body, torques, with_link
+from benchmarks.blind.makes.real.case import trimmed
 from benchmarks.blind.makes.real.context import context_of, places, without_context
-from benchmarks.blind.makes.real.given import Given, log_text
+from benchmarks.blind.makes.real.given import PartOne, log_text
 from benchmarks.blind.makes.real.motion import at_rows, directions, even
 from benchmarks.blind.makes.real.recordings import SOURCES, Run, Source, parts
 from benchmarks.blind.makes.real.rivals import alike
@@ -217,11 +218,12 @@ def two_joints():
 
 def test_a_coupling_acts_on_both_joints_in_the_ratio_of_their_speeds():
     scene = two_joints()
-    effect = laws.coupling(scene, 0, np.random.default_rng(0))
+    effect = laws.coupling(scene, 0, np.random.default_rng(11))
     (run,) = effect.put(0.5)
     told, inside = effect.told(0.5), slice(100, -100)
     t = scene.runs[0].t
     r = told["ratio"]
+    assert r == -0.5  # else the two joints could not be told apart
     w = SWING * PACE * np.cos(PACE * t) + r * 0.3 * 1.7 * PACE * np.cos(1.7 * PACE * t)
     dw = -SWING * PACE**2 * np.sin(PACE * t) - r * 0.3 * (1.7 * PACE) ** 2 * np.sin(1.7 * PACE * t)
     wanted = told["coulomb_torque"] * np.sign(w) + told["coefficient"] * w + told["inertia"] * dw
@@ -230,10 +232,17 @@ def test_a_coupling_acts_on_both_joints_in_the_ratio_of_their_speeds():
     np.testing.assert_allclose(more[:, 1], r * more[:, 0], atol=1e-12)
 
 
-def test_a_joint_that_rests_keeps_its_direction_until_the_next_motion_begins():
-    v = np.array([1.0, 1.0, 0.001, -0.001, 0.001, 0.0, -0.001, -1.0, -1.0, -0.001, 0.001, -1.0])[:, None]
-    wanted = [1, 1, 1, 1, 1, 1, -1, -1, -1, -1, -1, -1]
-    np.testing.assert_array_equal(directions(v)[:, 0], wanted)
+def test_a_joint_that_rests_keeps_its_direction_until_it_leaves_the_other_way():
+    q = np.array([0.0, 1.0, 2.0, 2.02, 1.99, 2.01, 1.5, 0.5, 0.49, 0.51, 0.4])[:, None]
+    wanted = [1, 1, 1, 1, 1, 1, -1, -1, -1, -1, -1]
+    np.testing.assert_array_equal(directions(q, np.array([0.1]))[:, 0], wanted)
+
+
+def test_a_slow_motion_after_a_fast_turn_has_its_own_direction():
+    t = np.linspace(0.0, 1.0, 500)
+    q = np.where(t < 0.1, -50.0 * t, -5.0 + 0.05 * (t - 0.1))[:, None]
+    side = directions(q, np.array([1e-4]))[:, 0]
+    np.testing.assert_array_equal(side, np.where(t < 0.101, -1.0, 1.0))
 
 
 def test_a_warm_up_has_no_mean_over_the_recording():
@@ -303,6 +312,14 @@ def test_the_parts_of_a_recording_share_no_sample(which):
     first, second = (set(np.concatenate([run.q[:, 0] for run in part])) for part in (one, two))
     assert not first & second
     assert len(first | second) == 2400
+
+
+def test_logs_are_written_without_their_ends():
+    """Ten samples of 0.1 s, without 0.25 s at both ends: 0.3 to 0.6 s, from zero on."""
+    t = np.arange(10) * 0.1
+    (run,) = trimmed((Run(t, t[:, None], t[:, None]),), 0.25)
+    np.testing.assert_allclose(run.q[:, 0], [0.3, 0.4, 0.5, 0.6])
+    np.testing.assert_allclose(run.t, [0.0, 0.1, 0.2, 0.3], atol=1e-12)
 
 
 def test_every_other_number_exchanges_the_parts():
@@ -385,16 +402,16 @@ def test_a_log_is_written_to_the_precision_of_its_recording():
 def told(monkeypatch, data_folder):
     """Part one without its diagnosis: a band of 10 Hz, a floor of 1 at every joint, nothing found."""
 
-    def given(source, one, two):
-        joints = [
-            {"joint": x, "rms_within_tolerance": 1.0, "rms_after": 1.0, "noise_floor": 1.0} for x in source.joints
-        ]
-        diagnosis = {"verdict": "no_gap", "findings": [], "joints": joints, "band_hz": [0.0, 10.0]}
-        diagnosis["unexplained"] = {"structured": False}
-        return Given("schema: phantom-dyn-model/1\n", "", diagnosis, diagnosis)
+    def diagnosis(source):
+        left = {"rms_within_tolerance": 1.0, "rms_after": 1.0, "noise_floor": 1.0}
+        joints = [{"joint": x, **left} for x in source.joints]
+        said = {"verdict": "no_gap", "findings": [], "joints": joints, "band_hz": [0.0, 10.0]}
+        return {**said, "unexplained": {"structured": False}}
 
+    model = "schema: phantom-dyn-model/1\n"
     monkeypatch.setenv("PHANTOM_DYN_DATA", str(data_folder))
-    monkeypatch.setattr(real_case, "given", given)
+    monkeypatch.setattr(real_case, "corrected_by", lambda source, one: PartOne(model, "", diagnosis(source)))
+    monkeypatch.setattr(real_case, "null_diagnosis", lambda source, first, two: diagnosis(source))
     real_case.part.cache_clear()
     yield
     real_case.part.cache_clear()
@@ -405,7 +422,8 @@ def test_a_null_holds_the_recording_as_it_is(told, tmp_path):
     folder = real_case.write_case(case, tmp_path)
     _, two = parts(SOURCES[0](), 0)
     rows = np.loadtxt(folder / "log.csv", delimiter=",", skiprows=1)
-    np.testing.assert_allclose(rows[:, 2], two[0].tau[:, 0], rtol=1e-10)
+    (run,) = trimmed(two, 0.1)  # two periods of twice the band
+    np.testing.assert_allclose(rows[:, 2], run.tau[:, 0], rtol=1e-10)
     assert sorted(path.name for path in folder.iterdir()) == ["corrected.yaml", "log.csv", "robot.urdf", "robot.yaml"]
 
 
@@ -414,8 +432,9 @@ def test_a_single_differs_from_the_recording_by_the_effect_of_its_answer(told):
     (truth,) = case.answer["effects"]
     _, two = parts(SOURCES[0](), 0)
     assert truth["effect"] == "viscous_friction"
-    v = np.gradient(two[0].q[:, 0], 0.001)
-    slope = np.polyfit(v, (case.runs[0].tau - two[0].tau)[:, 0], 1)[0]
+    (run,) = trimmed(two, 0.1)
+    v = np.gradient(run.q[:, 0], 0.001)
+    slope = np.polyfit(v, (case.runs[0].tau - run.tau)[:, 0], 1)[0]
     assert slope == pytest.approx(truth["parameters"]["coefficient"], rel=0.05)
 
 

@@ -9,11 +9,12 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from scipy.signal import butter, sosfiltfilt
 
 from benchmarks.blind.generate import draw_many, robot_and_log
 from benchmarks.blind.judged import judged
-from benchmarks.blind.makes.field import files
-from benchmarks.blind.makes.field.case import STREAMS, case_id, draw_case
+from benchmarks.blind.makes.field import files, gap
+from benchmarks.blind.makes.field.case import STREAMS, _setting, case_id, draw_case
 from benchmarks.blind.makes.field.dynamics import Chain, link_torque, mass_and_bias
 from benchmarks.blind.makes.field.plant import add, put, sound_plant
 from benchmarks.blind.makes.field.robots import KINDS, draw_robot
@@ -220,3 +221,36 @@ def test_the_make_runs_where_diagnosis_and_engines_cannot_be_imported():
         [sys.executable, "-c", textwrap.dedent(code)], cwd=CHECKOUT, capture_output=True, text=True, check=False
     )
     assert (done.stdout.strip(), done.returncode) == ("null", 0), done.stderr
+
+
+@pytest.fixture(scope="module")
+def chirped():
+    """A gantry on chirps whose torques are measured: the setting of a null."""
+    return _setting(3, np.random.default_rng((20261, STREAMS["null"], 3)), command=False)
+
+
+def test_a_torque_and_a_position_of_the_same_row_belong_to_the_same_time(chirped):
+    """With friction as it acted nothing of the torque is left, and none of that goes with the torque's rate."""
+    view, robot = chirped.view, chirped.robot
+    left = gap.residual(robot, view) + robot.true_coulomb * view.sign + view.rubbed
+    rate = np.gradient(view.tau, gap.GRID, axis=0)
+    for j in range(robot.true.n):
+        moving = view.moving[:, j]
+        assert np.std(left[moving, j]) < 1e-3 * np.std(view.tau[moving, j])
+        assert abs(left[moving, j] @ rate[moving, j] / (rate[moving, j] @ rate[moving, j])) < 5e-5
+
+
+def test_the_floor_of_an_even_log_is_the_noise_of_its_sensors_in_the_band(chirped):
+    """White and coloured noise through the low pass of the band; stamps without errors add nothing."""
+    recorder, robot = chirped.recorder, chirped.robot
+    count = len(recorder.taken)
+    even, all_rows = np.arange(count) / recorder.rate, np.ones(count, dtype=bool)
+    clean = replace(recorder, taken=even, stamp=even, kept=all_rows, twice=~all_rows)
+    floor = gap.noise_floor(robot, chirped.run, clean, chirped.world.quantum)
+    band = butter(4, gap.band_of(recorder.rate), fs=recorder.rate, output="sos")
+    np.testing.assert_allclose(floor, sosfiltfilt(band, recorder.noise, axis=0).std(axis=0), rtol=0.15)
+
+
+def test_a_stop_of_a_sound_robot_costs_half_a_floor_more_than_sliding_at_most(chirped):
+    assert (chirped.world.plant.static <= 0.5 * chirped.floor).all()
+    np.testing.assert_array_equal(chirped.world.plant.forth, chirped.robot.true_coulomb)

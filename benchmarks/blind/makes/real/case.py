@@ -16,11 +16,11 @@ import numpy as np
 
 from benchmarks.blind.makes.real.body import body
 from benchmarks.blind.makes.real.context import context_of, named, places
-from benchmarks.blind.makes.real.given import Given, given, write_inputs
+from benchmarks.blind.makes.real.given import PartOne, corrected_by, null_diagnosis, write_inputs
 from benchmarks.blind.makes.real.laws import EFFECTS, Effect, Rng, Rows, scene_of
 from benchmarks.blind.makes.real.motion import even
 from benchmarks.blind.makes.real.outside import CAUSES
-from benchmarks.blind.makes.real.recordings import SOURCES, Source, parts
+from benchmarks.blind.makes.real.recordings import SOURCES, Run, Source, parts
 from benchmarks.blind.makes.real.rivals import alike
 from benchmarks.blind.makes.real.sizing import Ruler, Sized, beyond_tolerance, change, each, ruler, sized
 
@@ -28,6 +28,7 @@ Array = np.ndarray
 KINDS = ("null", "single", "pair", "outside")
 SMALLEST, LARGEST = 1.0, 30.0  # sizes that are asked for [noise floors]
 WIDER = 2.0  # times the judged band: what laws are computed from is not cut where it is judged
+SWING = 2.0  # periods of that: how long a low pass swings at the ends of a log
 CUTS = 8  # ways to cut a recording that an effect is put into; nulls take every one
 
 
@@ -43,13 +44,32 @@ class Case:
 
 @dataclass(frozen=True)
 class Part:
-    """Part two of a recording with everything that is known of it."""
+    """Part two of a recording with everything that is known of it.
+
+    Attributes:
+        source: Whose it is.
+        which: How it was cut.
+        edge: What is left out at both ends of every log [s].
+        first: What part one says.
+        null: Diagnosis of the logs with nothing added.
+        ruler: Of the logs, their ends included.
+    """
 
     source: Source
     which: int
-    runs: Rows
-    given: Given
+    edge: float
+    first: PartOne
+    null: dict
     ruler: Ruler
+
+
+def trimmed(runs: Rows, edge: float) -> Rows:
+    """The logs as they are written: without a time at both ends [s], where filters swing; times from zero on."""
+    out = []
+    for run in runs:
+        inside = (run.t >= run.t[0] + edge) & (run.t <= run.t[-1] - edge)
+        out.append(Run(run.t[inside] - run.t[inside][0], run.q[inside], run.tau[inside]))
+    return tuple(out)
 
 
 def case_id(seed: int, kind: str) -> str:
@@ -71,19 +91,20 @@ def part(place: int, which: int) -> Part:
     """Part two of a recording: the number of its source, and of the cut."""
     source = SOURCES[place]()
     one, two = parts(source, which)
-    known = given(source, one, two)
-    band = float(known.null["band_hz"][1])
+    first = corrected_by(source, one)
+    high = min(WIDER * first.band, *(0.4 / float(np.median(np.diff(run.t))) for run in two))
+    grids = tuple(even(run, high) for run in two)
     # Of what the correction can say in a URDF the links' torques are better than those of the given model.
-    robot = body(known.corrected_urdf or source.urdf, source.yaml, source.joints)
-    grids = tuple(even(run, min(WIDER * band, 0.4 / float(np.median(np.diff(run.t))))) for run in two)
-    scene = scene_of(robot, source.joints, two, grids, band)
-    floor = np.array([j["rms_after"] for j in known.null["joints"]])
-    return Part(source, which, two, known, ruler(scene, floor))
+    robot = body(first.urdf or source.urdf, source.yaml, source.joints)
+    null = null_diagnosis(source, first, trimmed(two, SWING / high))
+    scene = scene_of(robot, source.joints, two, grids, float(null["band_hz"][1]))
+    floor = np.array([j["rms_after"] for j in null["joints"]])
+    return Part(source, which, SWING / high, first, null, ruler(scene, floor))
 
 
 def _closed(known: Part, effect: Effect) -> bool:
     """Whether the family of an effect is named at its joint while nothing has been added."""
-    return bool(places(effect.name, effect.joint) & named(known.given.null["findings"]))
+    return bool(places(effect.name, effect.joint) & named(known.null["findings"]))
 
 
 def _target(rng: Rng) -> float:
@@ -125,7 +146,7 @@ def _plain(value: object) -> object:
 
 def _packed(seed: int, kind: str, known: Part, runs: Rows, parts_of: Sequence[Sized], outside: Sized | None) -> Case:
     source, by = known.source, known.ruler
-    changed = change(by, known.runs, runs)
+    changed, logs = change(by, by.scene.runs, runs), trimmed(runs, known.edge)
     truth = [_entry(one, one.gap) for one in parts_of]
     cause = None if outside is None else {"name": outside.effect.name, **_entry(outside, outside.gap)}
     sizes = [one.gap for one in parts_of] or ([outside.gap] if outside else [])
@@ -148,16 +169,16 @@ def _packed(seed: int, kind: str, known: Part, runs: Rows, parts_of: Sequence[Si
         "beyond_tolerance": beyond_tolerance(by, changed) if sizes else 0.0,
         "noise_floor": by.floor.tolist(),
         "band_hz": [0.0, by.scene.band],
-        "part": {"which": known.which, "runs": len(runs), "seconds": float(sum(run.t[-1] for run in runs))},
-        "context": context_of(known.given.null, known.given.part_one),
+        "part": {"which": known.which, "runs": len(logs), "seconds": float(sum(run.t[-1] for run in logs))},
+        "context": context_of(known.null, known.first.diagnosis),
     }
-    return Case(source, known.given.corrected, runs, answer)
+    return Case(source, known.first.corrected, logs, answer)
 
 
 def _both(known: Part, one: Sized, two: Sized) -> Rows:
     """Both effects in one log: torques and readings that each changes are added."""
     out = []
-    for run, a, b in zip(known.runs, one.effect.put(one.size), two.effect.put(two.size), strict=True):
+    for run, a, b in zip(known.ruler.scene.runs, one.effect.put(one.size), two.effect.put(two.size), strict=True):
         out.append(replace(run, q=a.q + b.q - run.q, tau=a.tau + b.tau - run.tau))
     return tuple(out)
 
@@ -174,7 +195,7 @@ def draw_case(seed: int, kind: str = "mixed") -> Case:
     rng = np.random.default_rng([0x4EA1, KINDS.index(kind), seed])
     known = part(place, which if kind == "null" else which % CUTS)
     if kind == "null":
-        return _packed(seed, kind, known, known.runs, (), None)
+        return _packed(seed, kind, known, known.ruler.scene.runs, (), None)
     if kind == "outside":
         law, joints = CAUSES[(seed + which) % len(CAUSES)], rng.permutation(known.ruler.scene.n)
         found = sized(known.ruler, law(known.ruler.scene, int(joints[0]), rng), _target(rng), judged=False)

@@ -27,20 +27,23 @@ COMMAND = (sys.executable, "-m", "identification.cli", "diagnose")
 
 
 @dataclass(frozen=True)
-class Given:
-    """The model for part two, and what is said of part two while nothing has been added.
+class PartOne:
+    """What part one says of the robot.
 
     Attributes:
-        corrected: ``corrected.yaml`` of part one; empty where nothing was found in it.
-        corrected_urdf: As much of it as a URDF can say; empty where there is none.
-        part_one: Its ``diagnosis.json``.
-        null: That of part two, with the corrected model.
+        corrected: ``corrected.yaml``; empty where nothing was found.
+        urdf: As much of it as a URDF can say; empty where there is none.
+        diagnosis: ``diagnosis.json``.
     """
 
     corrected: str
-    corrected_urdf: str
-    part_one: dict
-    null: dict
+    urdf: str
+    diagnosis: dict
+
+    @property
+    def band(self) -> float:
+        """End of the judged band [Hz]."""
+        return float(self.diagnosis["band_hz"][1])
 
 
 def log_text(run: Run, joints: Sequence[str]) -> str:
@@ -79,52 +82,67 @@ def _code() -> bytes:
     return out.digest()
 
 
-def _key(source: Source, one: Sequence[Run], two: Sequence[Run]) -> str:
-    out = hashlib.sha256(_code() + source.urdf.encode() + source.yaml.encode())
-    for part in (one, two):
-        out.update(f"{len(part)}".encode())
-        for run in part:
-            for values in (run.t, run.q, run.tau):
-                out.update(np.ascontiguousarray(values, dtype=float).tobytes())
+def _key(source: Source, runs: Sequence[Run], corrected: str) -> str:
+    out = hashlib.sha256(_code() + source.urdf.encode() + source.yaml.encode() + corrected.encode())
+    for run in runs:
+        for values in (run.t, run.q, run.tau):
+            out.update(np.ascontiguousarray(values, dtype=float).tobytes())
     return f"{source.name}-{out.hexdigest()[:16]}"
 
 
-def _said(folder: Path, words: Sequence[str], *out: str) -> None:
-    environment = {**os.environ, "PYTHONPATH": str(CHECKOUT), "OMP_NUM_THREADS": "1", "OPENBLAS_NUM_THREADS": "1"}
-    done = subprocess.run(
-        [*COMMAND, *words, *out], cwd=folder, env=environment, stdin=subprocess.DEVNULL, capture_output=True, text=True
-    )
-    if done.returncode:
-        raise ValueError(f"The diagnosis of a part of a recording was refused: {done.stderr.strip()[-500:]}")
-
-
-def given(source: Source, one: Sequence[Run], two: Sequence[Run]) -> Given:
-    """The model corrected by part one, and the diagnosis of part two with it; taken from the folder if it is there.
+def _said(source: Source, runs: Sequence[Run], corrected: str, out: Sequence[str], keep: Sequence[str]) -> Path:
+    """Folder with the files of a diagnosis that are to be kept, as many as ``out`` had it write.
 
     Raises:
-        ValueError: If the command refuses one of the parts.
+        ValueError: If the command refuses the recording.
     """
-    place = KEPT / _key(source, one, two)
-    if not place.is_dir():
-        KEPT.mkdir(parents=True, exist_ok=True)
-        with tempfile.TemporaryDirectory(dir=KEPT, prefix=".part-") as work:
-            first, second, done = (Path(work) / x for x in ("one", "two", "done"))
-            _said(first, write_inputs(first, source, one, ""), "--out", "report")
-            done.mkdir()
-            for name in ("corrected.yaml", "corrected.urdf", "diagnosis.json"):
-                if (first / "report" / name).is_file():
-                    shutil.copy(first / "report" / name, done / name)
-            corrected = done / "corrected.yaml"
-            words = write_inputs(second, source, two, corrected.read_text() if corrected.is_file() else "")
-            _said(second, words, "--json", str((done / "null.json").resolve()))
-            try:
-                done.rename(place)
-            except OSError:  # another process was faster
-                if not place.is_dir():
-                    raise
+    place = KEPT / _key(source, runs, corrected)
+    if place.is_dir():
+        return place
+    KEPT.mkdir(parents=True, exist_ok=True)
+    with tempfile.TemporaryDirectory(dir=KEPT, prefix=".part-") as work:
+        folder, done = Path(work) / "asked", Path(work) / "done"
+        words = write_inputs(folder, source, runs, corrected)
+        environment = {
+            **os.environ,
+            "PYTHONPATH": str(CHECKOUT),
+            "OMP_NUM_THREADS": "1",
+            "OPENBLAS_NUM_THREADS": "1",
+        }
+        ran = subprocess.run(
+            [*COMMAND, *words, *out],
+            cwd=folder,
+            env=environment,
+            stdin=subprocess.DEVNULL,
+            capture_output=True,
+            text=True,
+        )
+        if ran.returncode:
+            raise ValueError(f"The diagnosis of a part of {source.name} was refused: {ran.stderr.strip()[-500:]}")
+        done.mkdir()
+        for name in keep:
+            if (folder / name).is_file():
+                shutil.copy(folder / name, done / Path(name).name)
+        try:
+            done.rename(place)
+        except OSError:  # another process was faster
+            if not place.is_dir():
+                raise
+    return place
+
+
+def corrected_by(source: Source, one: Sequence[Run]) -> PartOne:
+    """The model corrected by part one; taken from the folder if it is there."""
+    names = ("corrected.yaml", "corrected.urdf", "diagnosis.json")
+    place = _said(source, one, "", ("--out", "report"), [f"report/{name}" for name in names])
 
     def text(name: str) -> str:
         return (place / name).read_text() if (place / name).is_file() else ""
 
-    part_one, null = (json.loads(text(name)) for name in ("diagnosis.json", "null.json"))
-    return Given(text("corrected.yaml"), text("corrected.urdf"), part_one, null)
+    return PartOne(text("corrected.yaml"), text("corrected.urdf"), json.loads(text("diagnosis.json")))
+
+
+def null_diagnosis(source: Source, first: PartOne, two: Sequence[Run]) -> dict:
+    """What is said of part two with the corrected model while nothing has been added."""
+    name = "diagnosis.json"
+    return json.loads((_said(source, two, first.corrected, ("--json", name), (name,)) / name).read_text())

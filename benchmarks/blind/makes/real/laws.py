@@ -239,8 +239,8 @@ def coupling(scene: Scene, j: int, rng: Rng) -> Effect | None:
         }
 
     def law(p: dict, g: Grid) -> Array:
-        v, a = (x[:, i] + ratio * x[:, i + 1] for x in (g.v, g.a))
-        side = directions(v[:, None])[:, 0]
+        q, v, a = (x[:, i] + ratio * x[:, i + 1] for x in (g.q, g.v, g.a))
+        side = directions(q[:, None], np.array([g.back[i] + abs(ratio) * g.back[i + 1]]))[:, 0]
         opposing = p["coulomb_torque"] * side + p["coefficient"] * v + p["inertia"] * a
         return on_joint(g, i, opposing) + on_joint(g, i + 1, ratio * opposing)
 

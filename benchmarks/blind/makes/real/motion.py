@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from itertools import pairwise
 
 import numpy as np
 from scipy.interpolate import CubicSpline
@@ -12,7 +11,7 @@ from scipy.signal import butter, sosfiltfilt
 from benchmarks.blind.makes.real.recordings import Run
 
 Array = np.ndarray
-STILL = 0.02  # of its top speed: a joint that is slower keeps the direction in which it moved
+FEIGNED = 3.0  # deviations of the positions' noise: a joint that comes back by less has not turned
 
 
 @dataclass(frozen=True)
@@ -23,6 +22,7 @@ class Grid:
         t: Even times [s], shape ``(M,)``.
         q: Positions, shape ``(M, n)``; ``v`` and ``a`` their derivatives; ``tau`` the torques.
         side: Direction of motion, 1 or -1, shape ``(M, n)``: at rest that of the motion before, until the next begins.
+        back: Way by which a joint has to come back to have turned [rad or m], shape ``(n,)``.
     """
 
     t: Array
@@ -31,6 +31,7 @@ class Grid:
     a: Array
     tau: Array
     side: Array
+    back: Array
 
     @property
     def step(self) -> float:
@@ -43,27 +44,29 @@ def low_passed(x: Array, step: float, high: float) -> Array:
     return sosfiltfilt(butter(4, high, fs=1.0 / step, output="sos"), x, axis=0)
 
 
-def directions(v: Array) -> Array:
+def directions(q: Array, back: Array) -> Array:
     """Direction of each joint's motion, 1 or -1, shape ``(M, n)``.
 
-    A joint is at rest below a fiftieth of its top speed. Where it goes on the way it came it has never turned; where it
-    does not, it turns at the last sample at which its speed changes sign.
+    A joint has turned once it has come back from its farthest place by more than what noise feigns; it turned when it
+    was there last. A joint that rests so keeps the direction in which it came until it leaves the other way.
+
+    Args:
+        q: Positions [rad or m], shape ``(M, n)``.
+        back: Way that counts as coming back [rad or m], shape ``(n,)``.
     """
-    out = np.empty_like(v)
-    for j, speed in enumerate(v.T):
-        moving = np.flatnonzero(np.abs(speed) > STILL * np.abs(speed).max())
-        if not len(moving):
-            out[:, j] = 1.0
-            continue
-        signs = np.sign(speed)
-        out[: moving[0], j] = signs[moving[0]]
-        out[moving[-1] :, j] = signs[moving[-1]]
-        for first, end in pairwise(moving):
-            before, after = signs[first], signs[end]
-            against = np.flatnonzero(signs[first:end] != after) if before != after else np.zeros(0, dtype=int)
-            out[first:end, j] = before
-            if len(against):
-                out[first + against[-1] + 1 : end, j] = after
+    out = np.empty_like(q)
+    for j, (place, least) in enumerate(zip(q.T, back, strict=True)):
+        gone = np.flatnonzero(np.abs(place - place[0]) > least)
+        way = float(np.sign(place[gone[0]] - place[0])) if len(gone) else 1.0
+        since, far = 0, 0
+        for k in range(len(place)):
+            if way * (place[k] - place[far]) > 0.0:
+                far = k
+            elif way * (place[far] - place[k]) > least:
+                there = far + np.flatnonzero(np.abs(place[far:k] - place[far]) <= 0.5 * least)[-1] + 1
+                out[since:there, j] = way
+                since, far, way = int(there), k, -way
+        out[since:, j] = way
     return out
 
 
@@ -71,10 +74,13 @@ def even(run: Run, high: float) -> Grid:
     """A run at its own median rate, without what is faster than ``high`` [Hz]."""
     step = float(np.median(np.diff(run.t)))
     t = np.arange(int((run.t[-1] - run.t[0]) / step) + 1) * step + run.t[0]
-    q = low_passed(CubicSpline(run.t, run.q)(t), step, high)
+    read = CubicSpline(run.t, run.q)(t)
+    q = low_passed(read, step, high)
     v = np.gradient(q, step, axis=0)
     tau = low_passed(CubicSpline(run.t, run.tau)(t), step, high)
-    return Grid(t, q, v, np.gradient(v, step, axis=0), tau, directions(v))
+    # Differences of neighbours: what is left of the motion in them is small beside the noise of any encoder.
+    back = FEIGNED * np.std(np.diff(read - q, axis=0), axis=0) / np.sqrt(2.0)
+    return Grid(t, q, v, np.gradient(v, step, axis=0), tau, directions(q, back), back)
 
 
 def at_rows(run: Run, grid: Grid, values: Array) -> Array:
