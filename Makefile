@@ -3,6 +3,7 @@
 #   make lint   ruff, pyright, import layers      make bench  benchmarks with timing
 #   make blind  sealed cases, into docs/           make speed  speed beside other tools, into docs/
 #   make lock   renew requirements.txt            make clean  removes the environment and what was built
+#   make docs   the documentation site, into docs/_build/html
 #   make drake  sealed cases of the second make, diagnosed and scored [DRAKE_SEEDS=0:24]
 #   make mutants [SAMPLE=150] [SEED=1] [ONLY=]    how many deliberate mistakes in the code the tests notice; SAMPLE=0: all
 
@@ -25,7 +26,7 @@ export PIP_DISABLE_PIP_VERSION_CHECK := 1
 export PYRIGHT_PYTHON_IGNORE_WARNINGS := 1
 
 .DEFAULT_GOAL := test
-.PHONY: demo test lint bench blind drake speed mutants lock clean setup tools
+.PHONY: demo test lint bench blind drake speed mutants docs lock clean setup tools
 .DELETE_ON_ERROR:
 
 demo: setup
@@ -61,6 +62,11 @@ mutants: setup
 	@test -d $(MUTANTS) || $(BIN)/python -m pip install -qq --target $(MUTANTS) "cosmic-ray>=8.4,<9"
 	@PYTHONPATH=$(MUTANTS) $(BIN)/python benchmarks/mutants.py --sample $(SAMPLE) --seed $(SEED) --only "$(ONLY)"
 
+# Any warning fails, and nothing is fetched.
+docs: setup
+	@$(BIN)/python -m sphinx -q -W --keep-going -b html docs docs/_build/html
+	@echo "The site is docs/_build/html/index.html"
+
 setup: $(STAMP)
 
 # What is installed follows from these two files alone, so the stamp depends on them and on nothing else.
@@ -85,10 +91,10 @@ tools:
 lock: tools
 	@test -x $(BIN)/python || $(PYTHON) -m venv $(VENV)
 	@test -x $(BIN)/uv || $(BIN)/python -m pip install -qq uv
-	@$(BIN)/uv pip compile pyproject.toml --extra all --group test --group benchmarks --group dev \
+	@$(BIN)/uv pip compile pyproject.toml --extra all --group test --group benchmarks --group docs --group dev \
 	  --generate-hashes --universal --python-version 3.11 --no-emit-index-url --no-emit-find-links \
 	  --no-header --no-annotate --upgrade --quiet --output-file requirements.txt
 
 clean:
-	rm -rf $(VENV) $(MUTANTS) $(DRAKE) build dist demo .pytest_cache .ruff_cache .hypothesis .benchmarks
+	rm -rf $(VENV) $(MUTANTS) $(DRAKE) build dist demo docs/_build docs/generated .pytest_cache .ruff_cache .hypothesis .benchmarks
 	find . -name __pycache__ -type d -prune -exec rm -rf {} +

@@ -1,0 +1,91 @@
+"""Pages of the documentation that are written from the code: the effects of the catalogue, the help of the commands."""
+
+from __future__ import annotations
+
+import importlib
+import inspect
+import os
+import sys
+from pathlib import Path
+
+import numpy as np
+
+from identification.cli.main import COMMANDS
+from phantom_dyn.effects.catalogue import EFFECTS
+from phantom_dyn.effects.effect import Effect, Parameter
+from phantom_dyn.model.loading import load_robot
+from phantom_dyn.model.robot import Robot
+
+ROBOT = "cea_branch"
+"""Built-in robot whose ranges are shown: it has several joints, as a coupling needs."""
+
+
+def write_pages(folder: Path) -> None:
+    """Write all generated pages into a folder, made where it is missing."""
+    folder.mkdir(exist_ok=True)
+    (folder / "effects.rst").write_text(effects_page())
+    (folder / "commands.rst").write_text(commands_page())
+
+
+def effects_page() -> str:
+    """Every effect in the catalogue's order: its law as its module states it, its parameters and their ranges."""
+    robot = load_robot(ROBOT)
+    lead = (
+        "From the catalogue of this version. Ranges are those of the first place on the built-in robot "
+        f"``{ROBOT}``; where they depend on the model, as friction that cannot be less than none, another robot has "
+        "others."
+    )
+    return "\n".join([_heading("All effects", "="), lead, "", *(_effect(effect, robot) for effect in EFFECTS)])
+
+
+def _effect(effect: Effect, robot: Robot) -> str:
+    law = inspect.getdoc(sys.modules[type(effect).__module__]) or ""
+    lines = [_heading(effect.name, "-"), law, ""]
+    place = effect.places(robot)[0]
+    # Inertial parameters are ten a body, with one range each kind.
+    shown = effect.parameters(robot, place)[:10]
+    lines += [".. list-table::", "   :header-rows: 1", "", "   * - parameter", "     - unit", "     - possible"]
+    lines += ["     - plausible", "     - why"]
+    for parameter in shown:
+        lines += [
+            f"   * - ``{parameter.name}``",
+            f"     - {parameter.unit if parameter.unit != '1' else 'none'}",
+            f"     - {_range(parameter.lower, parameter.upper)}",
+            f"     - {_plausible(parameter)}",
+            f"     - {parameter.plausible_because or 'nothing can be said'}",
+        ]
+    return "\n".join([*lines, "", f"Next step: {effect.words.next_step}", ""])
+
+
+def _plausible(parameter: Parameter) -> str:
+    return "any" if parameter.plausible is None else _range(*parameter.plausible)
+
+
+def _range(low: float, high: float) -> str:
+    if np.isfinite(low) and np.isfinite(high):
+        return f"{low:.4g} to {high:.4g}"
+    if np.isfinite(low):
+        return f"{low:.4g} or more"
+    return f"{high:.4g} or less" if np.isfinite(high) else "any"
+
+
+def commands_page() -> str:
+    """The help of every command, as the terminal shows it."""
+    lines = [_heading("Every command", "=")]
+    # argparse wraps to the width of the terminal that builds the pages.
+    width, os.environ["COLUMNS"] = os.environ.get("COLUMNS"), "100"
+    try:
+        for name, (module, _) in COMMANDS.items():
+            text = importlib.import_module(module).parser().format_help()
+            lines += [_heading(f"phantom-dyn {name}", "-"), "::", ""]
+            lines += [f"   {line}".rstrip() for line in text.splitlines()] + [""]
+    finally:
+        if width is None:
+            del os.environ["COLUMNS"]
+        else:
+            os.environ["COLUMNS"] = width
+    return "\n".join(lines)
+
+
+def _heading(text: str, mark: str) -> str:
+    return f"{text}\n{mark * len(text)}\n"
