@@ -10,6 +10,7 @@ import sys
 from typing import Protocol, cast
 
 from identification.cli.arguments import BAD_INPUT, DONE, INTERRUPTED
+from identification.cli.completion import complete
 from identification.cli.interrupts import interruptible
 from phantom_dyn import __version__
 from phantom_dyn.errors import PhantomDynError, UsageError
@@ -56,6 +57,8 @@ def main(argv: list[str] | None = None) -> int:
     Returns:
         Exit code: 0 the job was done, 2 bad input, 130 interrupted.
     """
+    if "_ARGCOMPLETE" in os.environ:  # a shell asks what may come next
+        complete(COMMANDS)
     try:
         with interruptible():
             code = _dispatch(sys.argv[1:] if argv is None else list(argv))
