@@ -203,6 +203,16 @@ STANDING_COUNTS = 2
 # share: of the joint's usual speed, above which so few counts in that time are its way of moving, not a standstill.
 STANDING_SPEED = 0.25
 
+# share: of a joint's top speed, below which it creeps.
+CREEPING_SPEED = 0.05
+
+# s: before and behind a reversal, in which a joint creeps however it is driven.
+CREEPING_TIME = 0.05
+
+# share: of friction, by which that of a joint that creeps differs from a law: it breaks away at more than it slides at,
+# and comes up over some way.
+CREEPING_FRICTION = 0.3
+
 # times: as far as the deviation of what shakes it: a joint that travels, and is not only shaken.
 TRAVELS = 20.0
 

@@ -13,7 +13,7 @@ from identification.diagnosis import decision_rules as rules
 from identification.diagnosis.fit.problem import Problem
 from identification.diagnosis.judge.expected_error import Causes, expected_error, moving_torque
 from identification.diagnosis.model.session import Series
-from identification.diagnosis.model.standstill import encoder_stands, near_reversals, standing_doubt
+from identification.diagnosis.model.standstill import near_reversals
 from identification.diagnosis.result import Burst, JointGap
 
 Array = np.ndarray
@@ -28,13 +28,13 @@ _FILLED = 0.6
 _LEAST_SAMPLES = 50
 
 
-def bursts_of(problem: Problem, residual: Series, friction: Series) -> tuple[Burst, ...]:
+def bursts_of(problem: Problem, residual: Series, doubt: Series) -> tuple[Burst, ...]:
     """Bursts in all recordings, in the order of time.
 
     Args:
         problem: Columns and blocks.
         residual: What the explanation leaves of each log, in the judged band.
-        friction: Friction torque of each log with that of the findings, at the full rate.
+        doubt: Variance of what joints that stand, creep or turn about leave open in each log, in the band.
     """
     session, columns, out = problem.session, problem.columns, []
     for k, log in enumerate(session.logs):
@@ -43,14 +43,12 @@ def bursts_of(problem: Problem, residual: Series, friction: Series) -> tuple[Bur
             if block.log == k:
                 fold[block.start : block.stop] = number
         rate = log.band.rate_hz / log.band.step
-        standing = standing_doubt(log, encoder_stands(session.robot, log), friction[k])
-        known = standing**2 + columns.doubt[k] ** 2
         reversals = near_reversals(log)
         expected = np.column_stack(
             [
                 expected_error(
                     residual[k][:, j],
-                    Causes(known[:, j], moving_torque(torque, rate, session.cutoff_hz), reversals[:, j]),
+                    Causes(doubt[k][:, j], moving_torque(torque, rate, session.cutoff_hz), reversals[:, j]),
                     columns.usable[k][:, j],
                     fold,
                 )

@@ -47,7 +47,13 @@ class Floor:
         return replace(self, value=self.value * left, low=self.low * left, high=self.high * left)
 
 
-def floor_of(problem: Problem, noise: Series, residual: Series, encoders: Float[Array, " nv"] | None = None) -> Floor:
+def floor_of(
+    problem: Problem,
+    noise: Series,
+    residual: Series,
+    doubt: Series,
+    encoders: Float[Array, " nv"] | None = None,
+) -> Floor:
     """Noise floor of each joint in the judged band.
 
     The value is what no predictor foresees on held-out blocks. It is an upper limit, as an event that nothing foresees
@@ -56,10 +62,14 @@ def floor_of(problem: Problem, noise: Series, residual: Series, encoders: Float[
     errs too; where they show several times less, beyond what the method is accurate to, the floor is theirs. Where the
     motion comes again and what differs between its repetitions is less, the floor is what does not repeat.
 
+    The upper end holds what is left where friction is in doubt, as far as it is in doubt there: flexible predictors
+    know how one robot sticks and creeps, a model does not.
+
     Args:
         problem: Recordings, blocks and columns.
         noise: What no model predicts of each log's torque.
         residual: What the explanation leaves of each log's torque, in the judged band.
+        doubt: Variance of the friction torque that joints leave open which stand, creep or turn about.
         encoders: Torque that the noise of the encoders makes in the judged band, ``(nv,)``; None: not known.
     """
     session, robot = problem.session, problem.session.robot
@@ -96,7 +106,20 @@ def floor_of(problem: Problem, noise: Series, residual: Series, encoders: Float[
             # Else something drifts, and the predictors, which are an upper limit, foresee it.
             low[j], source[j] = min(low[j], least), REPETITIONS
     # Derivatives and filters are no better than this, however quiet the sensors are.
-    return Floor(value, low, np.hypot(high, rules.MODEL_SHARE * torque), tuple(source))
+    more = (rules.MODEL_SHARE * torque) ** 2 + _left_in_doubt(problem, residual, doubt, value)
+    return Floor(value, low, np.sqrt(high**2 + more), tuple(source))
+
+
+def _left_in_doubt(
+    problem: Problem, residual: Series, doubt: Series, floor: Float[Array, " nv"]
+) -> Float[Array, " nv"]:
+    """Mean square of what is left where friction is in doubt by more than the floor, up to two deviations of it."""
+    least, out = floor**2, np.zeros(len(floor))
+    for left, variance, use in zip(residual, doubt, problem.columns.usable, strict=True):
+        held = np.where(use & (variance > least), np.minimum(left**2, 4.0 * variance), 0.0)
+        out += held.sum(axis=0)
+    count = np.sum([use.sum(axis=0) for use in problem.columns.usable], axis=0)
+    return out / np.maximum(count, 1)
 
 
 def _sensors(session: Session) -> list[Density | None]:

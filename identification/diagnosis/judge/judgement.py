@@ -22,6 +22,7 @@ from identification.diagnosis.judge.shares import closed_together, left_by
 from identification.diagnosis.judge.verdict import adjusted, ordinary_effects_hide, unexplained, verdict
 from identification.diagnosis.model.operations import friction_with
 from identification.diagnosis.model.session import Series
+from identification.diagnosis.model.standstill import open_friction
 from identification.diagnosis.model.terms import merged
 from identification.diagnosis.result import Burst, Evidence, JointGap, Judgement, Unexplained
 from identification.diagnosis.search.refinement import found_effects
@@ -42,7 +43,8 @@ def judged(explanation: Explanation, progress: Callable[[str], None]) -> tuple[J
     if shown.named != shown.chosen:
         predicted = held_out_torque(problem, shown.chosen, shown.plain.evaluate(shown.chosen))
         whole = session.in_judged_band(residual_after(problem, predicted))
-    noise_floor = floor_of(problem, noise, whole, explanation.encoders)
+    doubt = _open_friction(shown)
+    noise_floor = floor_of(problem, noise, whole, doubt, explanation.encoders)
     rounding = rounded(problem, explanation.coarse, noise_floor.value, noise)
     noise_floor = noise_floor.without(rounding.total)
     judge = Judge(problem, noise_floor.value, noise_floor.high)
@@ -57,7 +59,7 @@ def judged(explanation: Explanation, progress: Callable[[str], None]) -> tuple[J
     findings = tuple(claim.finding for claim in kept)
     after = _less(sums(problem, residual), rounding.total)
     joints = joint_gaps(problem, noise_floor, sums(problem, given), within, after)
-    bursts = bursts_of(problem, whole, _friction(shown))
+    bursts = bursts_of(problem, whole, doubt)
     left_over = _located(unexplained(shown, judge, residual, whole), problem, residual, joints)
     left_over = _timed(left_over, bursts)
     progress("stating what would have been seen")
@@ -80,10 +82,14 @@ def judged(explanation: Explanation, progress: Callable[[str], None]) -> tuple[J
     return judgement, shown
 
 
-def _friction(shown: Shown) -> tuple[Float[Array, "N nv"], ...]:
-    """Friction torque of each log, of the model and of what was found."""
+def _open_friction(shown: Shown) -> Series:
+    """Variance of the friction torque that joints leave open which stand, creep or turn about, in the band."""
+    columns, session = shown.problem.columns, shown.problem.session
     found = found_effects(shown.plain.evaluate(shown.chosen), shown.chosen)
-    return tuple(friction_with(operation, found) for operation in shown.problem.columns.operations)
+    return tuple(
+        open_friction(session.robot, log, friction_with(operation, found), doubt)
+        for log, operation, doubt in zip(session.logs, columns.operations, columns.doubt, strict=True)
+    )
 
 
 def _less(found: Sums, square: Float[Array, " nv"]) -> Sums:

@@ -119,24 +119,65 @@ def standing_doubt(log: Log, stands: Bool[Array, "N nv"], friction: Float[Array,
     """Standard deviation of the friction torque, in the band, that standing joints leave open.
 
     The model lets a standing joint rub with plus or minus the torque ``T`` of its friction, by the sign of noise. It
-    may have any torque between ``-T`` and ``T``, evenly: the difference has the mean square ``T^2 + T^2 / 3``. What
-    the filter carries to its neighbours in time counts at its largest.
+    may have any torque between ``-T`` and ``T``, evenly: the difference has the mean square ``T^2 + T^2 / 3``.
 
     Args:
         log: Its band.
         stands: See `encoder_stands`.
         friction: Friction torque of the model, findings included.
     """
+    return _carried(log, np.sqrt(4.0 / 3.0) * np.where(stands, _about(log, friction), 0.0))
+
+
+def creeping_doubt(log: Log, friction: Float[Array, "N nv"]) -> Float[Array, "n nv"]:
+    """Standard deviation of the friction torque, in the band, that joints leave open which creep or turn about.
+
+    What friction does there differs from law to law, and comes with the motion: it is no event.
+
+    Args:
+        log: Its motion and band.
+        friction: Friction torque of the model, findings included.
+    """
+    v = log.motion.v
+    slow = np.abs(v) < rules.CREEPING_SPEED * np.percentile(np.abs(v), 99, axis=0)
+    reach = 2 * max(1, round(rules.CREEPING_TIME * log.band.rate_hz)) + 1
+    creeps = np.logical_or(slow, maximum_filter1d(_crossing(v), reach, axis=0))
+    return _carried(log, rules.CREEPING_FRICTION * np.where(creeps, _about(log, friction), 0.0))
+
+
+def open_friction(
+    robot: Robot, log: Log, friction: Float[Array, "N nv"], doubt: Float[Array, "n nv"]
+) -> Float[Array, "n nv"]:
+    """Variance of the friction torque, in the band, that joints leave open which stand, creep or turn about.
+
+    Args:
+        robot: Says how fine the encoders are.
+        log: Its motion and band.
+        friction: Friction torque of the model, findings included.
+        doubt: See `reversal_doubt`, in the band.
+    """
+    standing = standing_doubt(log, encoder_stands(robot, log), friction)
+    return standing**2 + doubt**2 + creeping_doubt(log, friction) ** 2
+
+
+def _about(log: Log, friction: Float[Array, "N nv"]) -> Float[Array, "N nv"]:
+    """Largest friction torque near each sample: at a reversal a law lets it jump."""
     reach = 2 * max(1, round(rules.STANDING_TIME * log.band.rate_hz)) + 1
-    about = maximum_filter1d(np.abs(friction), reach, axis=0)
-    open_torque = np.sqrt(4.0 / 3.0) * np.where(stands, about, 0.0)
+    return maximum_filter1d(np.abs(friction), reach, axis=0)
+
+
+def _carried(log: Log, deviation: Float[Array, "N nv"]) -> Float[Array, "n nv"]:
+    """A deviation in the band: what the filter carries to its neighbours in time counts at its largest."""
     band = log.band
-    return Band(band.rate_hz, band.cutoff_hz, np.abs(band.kernel), band.step)(open_torque)
+    return Band(band.rate_hz, band.cutoff_hz, np.abs(band.kernel), band.step)(deviation)
+
+
+def _crossing(v: Float[Array, "N nv"]) -> Bool[Array, "N nv"]:
+    """True at the first sample after each reversal."""
+    return np.vstack([np.zeros((1, v.shape[1]), dtype=bool), np.sign(v[1:]) != np.sign(v[:-1])])
 
 
 def near_reversals(log: Log) -> Bool[Array, "n nv"]:
     """True for in-band samples near a reversal: as far as the filter smears its step, at least 50 ms."""
-    v = log.motion.v
-    crossing = np.vstack([np.zeros((1, v.shape[1]), dtype=bool), np.sign(v[1:]) != np.sign(v[:-1])])
     reach = max(int(0.05 * log.band.rate_hz), log.band.half // 2, 1)
-    return maximum_filter1d(crossing.astype(np.uint8), 2 * reach + 1, axis=0)[log.samples] > 0
+    return maximum_filter1d(_crossing(log.motion.v), 2 * reach + 1, axis=0)[log.samples]
