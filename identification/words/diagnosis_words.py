@@ -6,6 +6,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from typing import Any
 
+from identification.diagnosis.decision_rules import FLOORS_LEFT, ORDINARY_SHARE
 from identification.diagnosis.result import Diagnosis, EffectAt, Finding, Rival, Unexplained
 from identification.words.effect_words import effect_words, is_between_joints, regime_words, shortfall_words, size_words
 from identification.words.numbers_and_names import NO_BREAK, percent, value_words
@@ -210,6 +211,20 @@ def _reservations(diagnosis: Diagnosis) -> list[str]:
     if diagnosis.verdict == "no_gap" and limits_only:
         out.append(
             "The noise is known as an upper limit only, so that a short event which does not repeat cannot be excluded."
+        )
+    shares = {gap.joint: gap.noise_floor / gap.rms_torque for gap in diagnosis.joints if gap.rms_torque}
+    loudest = max(limits_only, key=lambda joint: shares.get(joint, 0.0), default=None)
+    if loudest is not None and shares.get(loudest, 0.0) > ORDINARY_SHARE:
+        out.append(
+            f"On joint {loudest} {percent(shares[loudest])} of the torque counts as noise, because nothing foretells "
+            "it: if its sensors are better than that, an effect hides there, and sizes are less certain than stated."
+        )
+    creeping = [gap for gap in diagnosis.joints if gap.rms_after > FLOORS_LEFT * gap.noise_floor]
+    if diagnosis.verdict == "no_gap" and creeping:
+        one = max(creeping, key=lambda gap: gap.rms_after / gap.noise_floor)
+        out.append(
+            f"Joint {one.joint} has {one.rms_after / one.noise_floor:.1f} times its noise floor left, where joints "
+            "stand, creep or turn about and friction is in doubt."
         )
     return out
 

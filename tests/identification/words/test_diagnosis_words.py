@@ -187,6 +187,21 @@ LIMIT = Adjusted("hand mass", -0.1, 0.05, True, "a payload of up to 0.12 kg")
             "explained",
         ),
         (
+            {"verdict": "no_gap", "findings": (), "joints": (dataclasses.replace(FLOORS, rms_after=0.09),)},
+            "Joint j1 has 3.0 times its noise floor left, where joints stand, creep or turn about",
+            "explained",
+        ),
+        (
+            {"verdict": "no_gap", "joints": (dataclasses.replace(FLOORS, rms_after=0.03, rms_torque=0.2),)},
+            "On joint j1 15 % of the torque counts as noise, because nothing foretells it",
+            "times its noise floor",
+        ),
+        (
+            {"verdict": "no_gap", "joints": (dataclasses.replace(FLOORS, rms_after=0.03, rms_torque=0.4),)},
+            "The model fits the robot",
+            "counts as noise",
+        ),
+        (
             {
                 "verdict": "not_testable",
                 "findings": (),

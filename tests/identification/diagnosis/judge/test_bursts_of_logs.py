@@ -45,7 +45,8 @@ def asked(monkeypatch):
 
 
 def still(problem) -> tuple[np.ndarray, ...]:
-    return tuple(np.zeros_like(operation.q) for operation in problem.columns.operations)
+    """No doubt about friction at any time."""
+    return tuple(np.zeros_like(part) for part in problem.columns.residual)
 
 
 def test_each_joint_of_each_log_is_judged_by_its_own_blocks_and_torque(twice, asked):
@@ -63,10 +64,9 @@ def test_each_joint_of_each_log_is_judged_by_its_own_blocks_and_torque(twice, as
         assert cutoff_hz == twice.session.cutoff_hz
 
 
-def test_variances_of_standing_and_of_doubt_are_known_beforehand(twice, asked, monkeypatch):
-    monkeypatch.setattr(PLACE + "standing_doubt", lambda *_: 3.0 * np.ones_like(twice.columns.doubt[0]))
-    doubt = tuple(size * np.ones_like(part) for size, part in zip((4.0, 5.0), twice.columns.doubt, strict=True))
-    bursts_of(replace(twice, columns=replace(twice.columns, doubt=doubt)), twice.columns.residual, still(twice))
+def test_the_variance_of_friction_that_is_in_doubt_is_known_beforehand(twice, asked):
+    doubt = tuple(size * np.ones_like(part) for size, part in zip((25.0, 34.0), twice.columns.doubt, strict=True))
+    bursts_of(twice, twice.columns.residual, doubt)
     known = [float(np.unique(causes.known).item()) for _, causes, _, _ in asked["expected"]]
     assert known == [25.0, 25.0, 34.0, 34.0]
 

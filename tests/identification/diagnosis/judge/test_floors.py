@@ -21,7 +21,7 @@ FLOOR = Floor(np.array([0.1, 0.2]), np.array([0.08, 0.16]), np.array([0.12, 0.24
 
 def test_the_floor_is_what_no_model_predicts_and_lies_inside_its_interval(quiet):
     # Known truth: the recording's torque has white noise of 0.02 N m and a band of less than half the rate.
-    floor = floor_of(quiet.problem, quiet.noise, tuple(np.zeros_like(part) for part in quiet.noise))
+    floor = floor_of(quiet.problem, quiet.noise, *2 * (tuple(np.zeros_like(part) for part in quiet.noise),))
     assert np.all(floor.low <= floor.value)
     assert np.all(floor.value <= floor.high)
     assert np.all(floor.high < 2.0 * floor.low)
@@ -59,6 +59,11 @@ def like(steady, *sizes: float) -> tuple[np.ndarray, ...]:
     return tuple(np.array(sizes) * np.ones_like(part) for part in steady[1])
 
 
+def sure(steady) -> tuple[np.ndarray, ...]:
+    """No doubt about friction at any time."""
+    return like(steady, 0.0, 0.0)
+
+
 def seen(monkeypatch, *densities: tuple[float, float, float] | None) -> None:
     """Torque sensors show densities that leave these figures in a band of 100 Hz: lowest, mean and highest."""
 
@@ -75,7 +80,7 @@ def seen(monkeypatch, *densities: tuple[float, float, float] | None) -> None:
 def test_without_sensors_to_see_the_floor_is_an_upper_limit_that_no_derivative_gets_below(steady, monkeypatch):
     # By hand: a thousandth of the torque beside the noise.
     seen(monkeypatch, None, None)
-    floor = floor_of(*steady, like(steady, 9.0, 9.0))
+    floor = floor_of(*steady, like(steady, 9.0, 9.0), sure(steady))
     assert floor.source == ("predictors", "predictors")
     np.testing.assert_allclose(floor.value, [0.1, 0.2])
     np.testing.assert_allclose(floor.low, [0.1, 0.2])
@@ -93,7 +98,7 @@ def test_without_sensors_to_see_the_floor_is_an_upper_limit_that_no_derivative_g
 )
 def test_sensors_that_show_as_much_confirm_the_floor_and_others_lower_its_end(steady, monkeypatch, sizes, source, low):
     seen(monkeypatch, sizes, (0.19, 0.2, 0.21))
-    floor = floor_of(*steady, like(steady, 9.0, 9.0))
+    floor = floor_of(*steady, like(steady, 9.0, 9.0), sure(steady))
     assert floor.source == (source, "above_band")
     assert (floor.value[0], floor.low[0]) == pytest.approx((0.1, low))
     assert floor.high[0] == pytest.approx(np.hypot(0.1, 0.003))
@@ -111,7 +116,7 @@ EDGE = 2.0 * np.hypot(0.01, np.sqrt(0.0007) * 3.0)
 def test_sensors_that_show_several_times_less_are_the_floor(steady, monkeypatch, noise, left, taken):
     problem, (series,) = steady
     seen(monkeypatch, (0.004, 0.007, 0.01), (0.19, 0.2, 0.21))
-    floor = floor_of(problem, (series * [10.0 * noise, 1.0],), like(steady, left, 9.0))
+    floor = floor_of(problem, (series * [10.0 * noise, 1.0],), like(steady, left, 9.0), sure(steady))
     assert floor.value[0] == pytest.approx(0.007 if taken else noise)
     assert floor.low[0] == pytest.approx(0.004)
     assert floor.high[0] == pytest.approx(np.hypot(0.01 if taken else noise, 0.003))
@@ -132,7 +137,7 @@ def test_noise_of_the_encoders_adds_to_what_the_sensors_show(steady, monkeypatch
     problem, (series,) = steady
     seen(monkeypatch, (0.003, 0.003, 0.003), (0.03, 0.03, 0.03))
     loud = (series * [100.0, 500.0],)
-    floor = floor_of(problem, loud, like(steady, 9.0, 90.0), np.array([0.004, 0.04]))
+    floor = floor_of(problem, loud, like(steady, 9.0, 90.0), sure(steady), np.array([0.004, 0.04]))
     np.testing.assert_allclose(floor.value, [0.005, 0.05])
     np.testing.assert_allclose(floor.low, [0.005, 0.05])
 
@@ -142,7 +147,7 @@ def test_the_interval_of_a_floor_is_that_of_a_bootstrap_over_blocks_for_all_join
     problem, (series,) = steady
     seen(monkeypatch, None, None)
     noise = series * rng.normal(size=series.shape)
-    floor = floor_of(problem, (noise,), like(steady, 9.0, 9.0))
+    floor = floor_of(problem, (noise,), like(steady, 9.0, 9.0), sure(steady))
     by_block = sums(problem, (noise,))
     drawn = block_counts(len(by_block.counts), random_stream("bootstrap of the noise floor"))
     size = np.sqrt(drawn @ by_block.squares / (drawn @ by_block.counts))
@@ -168,7 +173,7 @@ def test_what_does_not_repeat_is_the_floor_where_it_is_less_than_all_else(
     seen(monkeypatch, None, None)
     shown = (Repeated(repeated, 0.01), None)
     monkeypatch.setattr("identification.diagnosis.judge.floors.repeated_noise", lambda *_: shown)
-    floor = floor_of(*steady, like(steady, left, 9.0))
+    floor = floor_of(*steady, like(steady, left, 9.0), sure(steady))
     assert floor.source == (source, "predictors")
     assert floor.value[0] == pytest.approx(value)
 
@@ -177,6 +182,19 @@ def test_the_interval_of_what_does_not_repeat_is_that_of_its_error(steady, monke
     # Closed form: a log-normal estimate, 5 % over two joints.
     seen(monkeypatch, None, None)
     monkeypatch.setattr("identification.diagnosis.judge.floors.repeated_noise", lambda *_: (Repeated(0.02, 0.1), None))
-    floor = floor_of(*steady, like(steady, 9.0, 9.0))
+    floor = floor_of(*steady, like(steady, 9.0, 9.0), sure(steady))
     assert floor.low[0] == pytest.approx(0.02 * np.exp(-0.1 * norm.ppf(0.9875)))
     assert floor.high[0] == pytest.approx(np.hypot(0.02 * np.exp(0.1 * norm.ppf(0.9875)), 0.003))
+
+
+@pytest.mark.parametrize(("left", "deviation", "more"), [(0.5, 1.0, 0.5), (0.5, 0.2, 0.4), (9.0, 0.05, 0.0)])
+def test_the_interval_holds_what_is_left_where_friction_is_in_doubt(steady, left, deviation, more):
+    # By hand, of the first joint in a quarter of the time: all that is left, two deviations at most, and nothing where
+    # friction is known better than the floor of 0.1.
+    problem, noise = steady
+    some = np.zeros_like(noise[0])
+    some[: len(some) // 4, 0] = deviation**2
+    known, open_ = (floor_of(problem, noise, like(steady, left, 0.1), doubt) for doubt in (sure(steady), (some,)))
+    share = problem.columns.usable[0][: len(some) // 4, 0].sum() / problem.columns.usable[0][:, 0].sum()
+    assert open_.high[0] ** 2 - known.high[0] ** 2 == pytest.approx(share * more**2)
+    assert (open_.high[1], open_.value[0]) == (known.high[1], known.value[0])

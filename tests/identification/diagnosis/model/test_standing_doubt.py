@@ -9,7 +9,13 @@ import pytest
 
 from identification.data.log import Band, Log
 from identification.diagnosis.model.operations import friction_with
-from identification.diagnosis.model.standstill import encoder_stands, near_reversals, standing_doubt
+from identification.diagnosis.model.standstill import (
+    creeping_doubt,
+    encoder_stands,
+    near_reversals,
+    open_friction,
+    standing_doubt,
+)
 from identification.diagnosis.model.terms import FoundEffect
 from phantom_dyn.effects.catalogue import effect_named
 from phantom_dyn.effects.operation import Operation
@@ -76,6 +82,25 @@ def test_what_standing_leaves_open_reaches_as_far_as_the_filter():
     np.testing.assert_allclose(doubt[(t > 1.06) & (t < 1.94)], np.sqrt(4 / 3) * 0.3, rtol=1e-9)
     assert doubt[np.argmin(np.abs(t - 1.0))] == pytest.approx(np.sqrt(4 / 3) * 0.15, rel=0.1)
     assert not doubt[(t < 0.945) | (t > 2.055)].any()
+
+
+def test_friction_is_in_doubt_by_three_tenths_near_a_reversal_and_below_a_twentieth_of_the_top_speed():
+    # By hand: cos(t) turns at pi, within asin(0.05) of it, or 50 ms where that is longer, and as far as the filter.
+    log = log_of(np.cos(T * np.pi / 2.0))
+    doubt = creeping_doubt(log, np.full((len(T), 1), 0.4))[:, 0]
+    t, creeps = T[log.samples], max(np.arcsin(0.05) * 2.0 / np.pi, 0.05)
+    reach = log.band.half / log.band.rate_hz
+    np.testing.assert_array_equal(doubt[np.abs(t - 2.0) > creeps + reach + 0.01][20:-20] == 0.0, True)
+    assert doubt[np.argmin(np.abs(t - 2.0))] > 0.1
+    assert doubt.max() <= 0.3 * 0.4 * np.abs(log.band.kernel).sum() * (1.0 + 1e-9)
+
+
+def test_doubts_about_friction_add_as_variances(pendulum):
+    log, friction = log_of(stopping()), np.full((len(T), 1), 0.3)
+    doubt = np.full((len(log.samples), 1), 0.02)
+    stands = standing_doubt(log, encoder_stands(pendulum, log), friction)
+    expected = stands**2 + 0.02**2 + creeping_doubt(log, friction) ** 2
+    np.testing.assert_allclose(open_friction(pendulum, log, friction, doubt), expected)
 
 
 def test_friction_counts_findings_that_rub_and_nothing_else(pendulum):
