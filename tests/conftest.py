@@ -107,6 +107,12 @@ def robots() -> Path:
     return CHECKOUT / "tests" / "robots"
 
 
+@pytest.fixture(autouse=True)
+def no_progress(monkeypatch: pytest.MonkeyPatch) -> None:
+    """No line of progress, however slow the machine is: what a command prints must not depend on that."""
+    monkeypatch.setattr("identification.cli.progress.EVERY_S", 1e6)
+
+
 @pytest.fixture
 def rng(request: pytest.FixtureRequest) -> np.random.Generator:
     """Random numbers that depend on nothing but the name of the test, wherever its file lies."""

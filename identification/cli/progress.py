@@ -20,9 +20,10 @@ class Progress:
     a long run shows that it goes on; a run that is shorter leaves nothing.
     """
 
-    def __init__(self, words: str, stream: TextIO, *, every: float = EVERY_S):
-        self._stream, self._words, self._every = stream, words, every
+    def __init__(self, words: str, stream: TextIO, *, every: float | None = None):
+        self._stream, self._words = stream, words
         self._started = time.monotonic()
+        self._every = EVERY_S if every is None else every
         self._status = None
         self._ended = threading.Event()
         self._teller = None
