@@ -213,6 +213,10 @@ CREEPING_TIME = 0.05
 # and comes up over some way.
 CREEPING_FRICTION = 0.3
 
+# share: of a joint's samples in which friction is not in doubt, from which on these say whether it has more than noise
+# left.
+SURE_SHARE = 0.2
+
 # times: as far as the deviation of what shakes it: a joint that travels, and is not only shaken.
 TRAVELS = 20.0
 

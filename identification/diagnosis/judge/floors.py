@@ -106,20 +106,36 @@ def floor_of(
             # Else something drifts, and the predictors, which are an upper limit, foresee it.
             low[j], source[j] = min(low[j], least), REPETITIONS
     # Derivatives and filters are no better than this, however quiet the sensors are.
-    more = (rules.MODEL_SHARE * torque) ** 2 + _left_in_doubt(problem, residual, doubt, value)
+    high = np.hypot(high, rules.MODEL_SHARE * torque)
+    more = _left_in_doubt(problem, session.in_judged_band(noise), residual, doubt, value, high / value)
     return Floor(value, low, np.sqrt(high**2 + more), tuple(source))
 
 
 def _left_in_doubt(
-    problem: Problem, residual: Series, doubt: Series, floor: Float[Array, " nv"]
+    problem: Problem,
+    noise: Series,
+    residual: Series,
+    doubt: Series,
+    floor: Float[Array, " nv"],
+    wide: Float[Array, " nv"],
 ) -> Float[Array, " nv"]:
-    """Mean square of what is left where friction is in doubt by more than the floor, up to two deviations of it."""
-    least, out = floor**2, np.zeros(len(floor))
-    for left, variance, use in zip(residual, doubt, problem.columns.usable, strict=True):
-        held = np.where(use & (variance > least), np.minimum(left**2, 4.0 * variance), 0.0)
-        out += held.sum(axis=0)
-    count = np.sum([use.sum(axis=0) for use in problem.columns.usable], axis=0)
-    return out / np.maximum(count, 1)
+    """Mean square of what is left where friction is in doubt by more than the floor, up to two deviations of it.
+
+    None on a joint that has more left elsewhere too, ``wide`` times its noise there: that is no matter of friction.
+    """
+    out = np.zeros(len(floor))
+    for j in range(len(floor)):
+        use = np.concatenate([use[:, j] for use in problem.columns.usable])
+        left, own, variance = (
+            np.concatenate([part[:, j] for part in series])[use] for series in (residual, noise, doubt)
+        )
+        open_ = variance > floor[j] ** 2
+        sure = ~open_
+        enough = np.count_nonzero(sure) >= rules.SURE_SHARE * len(sure)
+        if enough and np.mean(left[sure] ** 2) > wide[j] ** 2 * np.mean(own[sure] ** 2):
+            continue
+        out[j] = np.minimum(left[open_] ** 2, 4.0 * variance[open_]).sum() / max(len(left), 1)
+    return out
 
 
 def _sensors(session: Session) -> list[Density | None]:

@@ -187,14 +187,18 @@ def test_the_interval_of_what_does_not_repeat_is_that_of_its_error(steady, monke
     assert floor.high[0] == pytest.approx(np.hypot(0.02 * np.exp(0.1 * norm.ppf(0.9875)), 0.003))
 
 
-@pytest.mark.parametrize(("left", "deviation", "more"), [(0.5, 1.0, 0.5), (0.5, 0.2, 0.4), (9.0, 0.05, 0.0)])
-def test_the_interval_holds_what_is_left_where_friction_is_in_doubt(steady, left, deviation, more):
-    # By hand, of the first joint in a quarter of the time: all that is left, two deviations at most, and nothing where
-    # friction is known better than the floor of 0.1.
+@pytest.mark.parametrize(
+    ("left", "elsewhere", "deviation", "more"),
+    [(0.5, 0.1, 1.0, 0.5), (0.5, 0.1, 0.2, 0.4), (9.0, 0.1, 0.05, 0.0), (0.5, 0.3, 1.0, 0.0)],
+)
+def test_the_interval_holds_what_is_left_where_friction_is_in_doubt(steady, left, elsewhere, deviation, more):
+    # By hand, of the first joint in a quarter of the time: all that is left, two deviations at most; nothing where
+    # friction is known better than the floor of 0.1, nor where three floors are left elsewhere too.
     problem, noise = steady
-    some = np.zeros_like(noise[0])
-    some[: len(some) // 4, 0] = deviation**2
-    known, open_ = (floor_of(problem, noise, like(steady, left, 0.1), doubt) for doubt in (sure(steady), (some,)))
-    share = problem.columns.usable[0][: len(some) // 4, 0].sum() / problem.columns.usable[0][:, 0].sum()
-    assert open_.high[0] ** 2 - known.high[0] ** 2 == pytest.approx(share * more**2)
-    assert (open_.high[1], open_.value[0]) == (known.high[1], known.value[0])
+    open_, residual = np.zeros_like(noise[0]), np.array([elsewhere, 0.1]) * np.ones_like(noise[0])
+    open_[: len(open_) // 4, 0] = deviation**2
+    residual[: len(open_) // 4, 0] = left
+    known, wider = (floor_of(problem, noise, (residual,), doubt) for doubt in (sure(steady), (open_,)))
+    share = problem.columns.usable[0][: len(open_) // 4, 0].sum() / problem.columns.usable[0][:, 0].sum()
+    assert wider.high[0] ** 2 - known.high[0] ** 2 == pytest.approx(share * more**2)
+    assert (wider.high[1], wider.value[0]) == (known.high[1], known.value[0])
