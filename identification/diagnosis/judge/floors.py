@@ -107,7 +107,8 @@ def floor_of(
             low[j], source[j] = min(low[j], least), REPETITIONS
     # Derivatives and filters are no better than this, however quiet the sensors are.
     high = np.hypot(high, rules.MODEL_SHARE * torque)
-    more = _left_in_doubt(problem, session.in_judged_band(noise), residual, doubt, value, high / value)
+    wide = np.maximum(high / value, rules.FLOORS_LEFT)
+    more = _left_in_doubt(problem, session.in_judged_band(noise), residual, doubt, value, wide)
     return Floor(value, low, np.sqrt(high**2 + more), tuple(source))
 
 
