@@ -104,10 +104,13 @@ def encoder_stands(robot: Robot, log: Log) -> Bool[Array, "N nv"]:
     out = np.zeros(readings.shape, dtype=bool)
     for j in range(readings.shape[1]):
         known = [step for step in (step_of(readings[:, j]), stated_step(robot, j)) if step is not None]
-        # A hair more than two counts: readings are rounded numbers.
+        # A hair more than two counts: readings are rounded numbers. Where no count is known, because uneven times were
+        # made even, a reading that does not change at all stands.
         most = rules.STANDING_COUNTS * 1.01 * max(known, default=0.0)
-        usual = float(np.median(np.abs(log.motion.v[:, j])))
-        if not known or most / seconds > rules.STANDING_SPEED * usual:
+        speed = np.abs(log.motion.v[:, j])
+        # On its way: many joints stand for most of a recording.
+        usual = float(np.median(speed[speed >= rules.CREEPING_SPEED * np.percentile(speed, 99)]))
+        if usual == 0.0 or most / seconds > rules.STANDING_SPEED * usual:
             continue
         travel = maximum_filter1d(readings[:, j], width) - minimum_filter1d(readings[:, j], width)
         # All samples of a window in which it stands.

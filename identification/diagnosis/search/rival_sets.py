@@ -171,8 +171,9 @@ def _options(
 ) -> tuple[dict[Chosen, Array], dict[Chosen, Chosen], list[tuple[Chosen, Chosen]]]:
     """Held-out losses of the set and of those with another finding in place of one, by block.
 
-    Left out is what is hopeless under all that should not matter: where noise is white, what lies above the judged
-    band weighs as much as what lies in it, and a small error of the model there may bar the truth.
+    Left out is what is hopeless in the judged band too: where noise is white, what lies above that band weighs as much
+    as what lies in it, and a small error of the model there may bar the truth. Wider tolerances are not asked: where
+    they take up the whole gap, nothing is hopeless.
 
     Returns:
         The losses by set; what stands in the finding's place in each set; and richer laws with their sets.
@@ -181,7 +182,7 @@ def _options(
     options: dict[Chosen, Array] = {chosen: base.loss}
     names: dict[Chosen, Chosen] = {}
     richer_laws: list[tuple[Chosen, Chosen]] = []
-    searches = (search, *again)
+    searches = (search, *(one for one in again if one.problem.white is not search.problem.white))
     near = dict.fromkeys(others for one in searches for others in relevant(one, chosen, term, rules.HOPELESS_LOSS))
     for others in near:
         if not all(other.named and other.place not in barred for other in others):

@@ -65,6 +65,25 @@ def test_positions_without_known_counts_say_nothing(pendulum, rng):
     assert not encoder_stands(unstated, replace(log, raw_q=log.motion.q + 1e-5 * rng.normal(size=(len(T), 1)))).any()
 
 
+def test_a_joint_that_stands_most_of_the_time_still_has_a_usual_speed(pendulum):
+    # Known truth: it travels for half a second of four, half a radian per second.
+    rare = 0.5 * np.clip(T - 1.0, 0.0, 0.5)
+    stands = encoder_stands(pendulum, log_of(rare))[:, 0]
+    assert stands[(T < 1.0) | (T > 1.5)].all()
+    assert not stands[(T > 1.003) & (T < 1.497)].any()
+
+
+def test_a_reading_that_does_not_change_stands_where_no_count_is_known(pendulum, rng):
+    # Known truth: readings at uneven times, made even, hold no counts any more.
+    unstated = replace(pendulum, actuators=(replace(pendulum.actuators[0], encoder_counts=None),))
+    moves = stopping() + 1e-5 * np.cumsum(rng.normal(size=len(T))) * ((T < 1.0) | (T > 2.0))
+    moves[(T >= 1.0) & (T <= 2.0)] = 0.5
+    log = log_of(stopping())
+    stands = encoder_stands(unstated, replace(log, raw_q=moves[:, None]))[:, 0]
+    assert stands[(T >= 1.0) & (T <= 2.0)].all()
+    assert not stands[(T < 0.99) | (T > 2.01)].any()
+
+
 def test_standing_friction_is_evenly_anywhere_up_to_breakaway():
     # Monte Carlo of the sentence: the model says +T or -T, the truth is anything between.
     rng, log = np.random.default_rng(0), log_of(stopping())

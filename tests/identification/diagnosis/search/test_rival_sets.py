@@ -289,11 +289,20 @@ def test_what_several_effects_explain_together_keeps_its_price(quiet):
     assert rivals._nested(quiet.term("torque_constant", "elbow"), both)
 
 
-@pytest.mark.parametrize(("everywhere", "alone"), [(True, True), (False, False)])
-def test_a_rival_is_left_out_only_where_it_is_hopeless_however_it_is_judged(quiet, monkeypatch, everywhere, alone):
-    # Known: with nothing hopeless elsewhere something is compared, with all hopeless the finding stands alone.
-    term = quiet.term("viscous_friction", "elbow")
-    other = replace(quiet.search)
-    monkeypatch.setattr(rivals, "_hopeless", lambda one, *_, priced: everywhere or one is quiet.search)
-    options, _, _ = rivals._options(quiet.search, frozenset([term]), term, frozenset(), (other,))
-    assert (len(options) == 1) == alone
+@pytest.mark.parametrize(("band", "everywhere", "asked"), [(True, True, 2), (True, False, 2), (False, False, 1)])
+def test_a_rival_is_left_out_only_where_it_is_hopeless_in_the_judged_band_too(
+    quiet, monkeypatch, band, everywhere, asked
+):
+    # Known: a search of other data is asked as well, one of the same band with wider tolerances is not.
+    term, search, searches = quiet.term("viscous_friction", "elbow"), quiet.search, []
+    white = search.problem.white
+    other = replace(search, problem=replace(search.problem, white=replace(white) if band else white))
+
+    def hopeless(one, *_, priced):
+        searches.append(one)
+        return everywhere or one is search
+
+    monkeypatch.setattr(rivals, "_hopeless", hopeless)
+    options, _, _ = rivals._options(search, frozenset([term]), term, frozenset(), (other,))
+    assert len({id(one) for one in searches}) == asked
+    assert (len(options) > 1) == (band and not everywhere)
