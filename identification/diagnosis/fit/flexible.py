@@ -6,7 +6,7 @@ time. What it predicts on held-out blocks is structure, whatever its cause; what
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterator
 
 import numpy as np
 from jaxtyping import Float, Int
@@ -55,13 +55,6 @@ def state_features(columns: Columns, log: Log, index: int, row: int) -> Float[Ar
     direction *= rng.random(direction.shape) < 2.5 / inputs.shape[1]
     waves = np.cos(inputs @ direction + rng.uniform(0, 2 * np.pi, _FEATURES))
     return np.column_stack([np.ones(len(at)), inputs, waves])
-
-
-def best_prediction(
-    found: Iterable[tuple[list[Float[Array, " n"]], float]],
-) -> tuple[list[Float[Array, " n"]], float]:
-    """Of several predictions with their mean squared errors the one that errs least."""
-    return min(found, key=lambda one: one[1])
 
 
 def ridge_predictions(

@@ -6,7 +6,7 @@ import numpy as np
 
 from identification.diagnosis import decision_rules as rules
 from identification.diagnosis.fit.fitting import Fitted
-from identification.diagnosis.fit.flexible import best_prediction, ridge_predictions, state_features
+from identification.diagnosis.fit.flexible import ridge_predictions, state_features
 from identification.diagnosis.fit.gap import held_out_torque, residual_after, sums
 from identification.diagnosis.fit.problem import Problem
 from identification.diagnosis.judge.findings import Shown
@@ -111,7 +111,8 @@ def flexible_prediction(problem: Problem, residual: Series) -> Series:
     for j in range(len(columns.rows)):
         x = [state_features(columns, log, k, j) for k, log in enumerate(problem.session.logs)]
         y, use = [r[:, j] for r in residual], [u[:, j] for u in columns.usable]
-        predicted, error = best_prediction(ridge_predictions(x, y, use, problem.blocks, problem.grams.fold))
+        tried = ridge_predictions(x, y, use, problem.blocks, problem.grams.fold)
+        predicted, error = min(tried, key=lambda one: one[1])
         if error < rms([v[m] for v, m in zip(y, use, strict=True)]) ** 2:
             for k, p in enumerate(predicted):
                 out[k][:, j] = p

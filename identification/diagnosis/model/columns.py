@@ -12,9 +12,9 @@ from functools import partial
 import numpy as np
 from jaxtyping import Bool, Float
 
-from identification.data.log import Log
 from identification.diagnosis.model.nuisances import Move, Nuisance, move_columns, moves_of
 from identification.diagnosis.model.operations import expecting, friction_with, operate, where_links_are
+from identification.diagnosis.model.residual_of_moves import residual_of_moves, with_residual_of_fit
 from identification.diagnosis.model.session import Series, Session
 from identification.diagnosis.model.standstill import (
     encoder_stands,
@@ -23,13 +23,11 @@ from identification.diagnosis.model.standstill import (
     usable_samples,
 )
 from identification.diagnosis.model.terms import SERIES, FoundEffect, Term, merged, shapes_of
-from identification.diagnosis.numerics.bounded import solve
 from identification.diagnosis.numerics.two_threads import in_two_threads
 from phantom_dyn.dynamics.dynamics import rigid_body_regressor
 from phantom_dyn.effects.effect import Rival, Shape
 from phantom_dyn.effects.operation import Operation
 from phantom_dyn.model.inertia import parameter_names
-from phantom_dyn.model.robot import Robot
 
 Array = np.ndarray
 
@@ -120,7 +118,7 @@ def build_columns(session: Session, about: FitPoint | None = None, before: Colum
     robot = session.robot
     given = _given_part(session) if before is None else _given_part_of(session, before)
     if _displacing(about.found) or (before is not None and before.displaced):
-        given = _where_links_are(session, given, about.found)
+        given = _moves_at_the_links(session, given, about.found)
     operations = tuple(expecting(o.robot, o, about.found) for o in given.operations)
     residual = about.residual
     if residual is None:
@@ -142,7 +140,7 @@ def columns_like(session: Session, like: Columns, found: tuple[FoundEffect, ...]
         like: Says which effects, places and shapes.
         found: What a fit has found, which the torque that is expected of the drives is made of.
     """
-    given = _where_links_are(session, _given_part(session), found) if like.displaced else _given_part(session)
+    given = _moves_at_the_links(session, _given_part(session), found) if like.displaced else _given_part(session)
     operations = tuple(expecting(o.robot, o, found) for o in given.operations)
     return _assembled(session, replace(given, operations=operations), like.names, like.terms, like.local, None, found)
 
@@ -235,7 +233,7 @@ def _displacing(found: tuple[FoundEffect, ...]) -> tuple[FoundEffect, ...]:
     return tuple(point for point in found if point.effect.displaces)
 
 
-def _where_links_are(session: Session, given: _GivenPart, found: tuple[FoundEffect, ...]) -> _GivenPart:
+def _moves_at_the_links(session: Session, given: _GivenPart, found: tuple[FoundEffect, ...]) -> _GivenPart:
     """The same with moves and rigid bodies where the links truly are: a wrong mass weighs there, not where it is read.
 
     The effect itself is the change of the given model's torque, which the residual is of; so both are exact together.
@@ -365,40 +363,3 @@ def _values(
         for row, columns in zip(block.rows, parts, strict=True):
             rows[row].extend(columns.T)
     return tuple(np.column_stack(columns) for columns in rows)
-
-
-def residual_of_moves(
-    robot: Robot,
-    moves: tuple[Move, ...],
-    columns: tuple[list[list[Float[Array, " n"]]], ...],
-    residual: tuple[Float[Array, "n nv"], ...],
-    usable: tuple[Bool[Array, "n nv"], ...],
-) -> tuple[Float[Array, "n nv"], ...]:
-    """Residual of a weighted least squares fit of the moves, with the tolerances as prior.
-
-    Rows are weighed by a tenth of their residual, which is about its noise where the model is off.
-    """
-    rows = range(residual[0].shape[1])
-    touching = [[k for k, move in enumerate(moves) if move.touches(robot, j)] for j in rows]
-    a = np.diag([1.0 / move.nuisance.sigma**2 for move in moves])
-    b = np.zeros(len(moves))
-    for j in rows:
-        x = np.concatenate(
-            [np.column_stack(log[j][: len(touching[j])])[u[:, j]] for log, u in zip(columns, usable, strict=True)]
-        )
-        y = np.concatenate([r[:, j][u[:, j]] for r, u in zip(residual, usable, strict=True)])
-        weight = 100.0 / max(float(y @ y) / max(len(y), 1), 1e-30)
-        a[np.ix_(touching[j], touching[j])] += weight * x.T @ x
-        b[touching[j]] += weight * x.T @ y
-    move = solve(a, b)
-    return tuple(
-        np.column_stack([r[:, j] - np.column_stack(log[j][: len(touching[j])]) @ move[touching[j]] for j in rows])
-        for log, r in zip(columns, residual, strict=True)
-    )
-
-
-def with_residual_of_fit(log: Log, operation: Operation, residual: Float[Array, "n nv"]) -> Operation:
-    """The operation with the residual of a fit, interpolated to the full rate."""
-    t = operation.t
-    full = np.column_stack([np.interp(t, t[log.samples], column) for column in residual.T])
-    return operation.again(operation.expected, full)

@@ -19,6 +19,7 @@ from benchmarks.blind.makes.field.records import Recorder, coloured, columns, dr
 from benchmarks.blind.makes.field.robots import FINE, KINDS, Robot, draw_robot
 from benchmarks.blind.makes.field.simulate import STEP, Run, Task
 from benchmarks.blind.makes.field.world import Scale, World, moved, scale_of
+from benchmarks.blind.makes.plain_numbers import plain
 
 Array = np.ndarray
 Rng = np.random.Generator
@@ -227,15 +228,6 @@ def _entry(one: Sized, share: float) -> dict:
     }
 
 
-def _plain(value: object) -> object:
-    """Numbers of arrays as numbers that JSON knows."""
-    if isinstance(value, dict):
-        return {k: _plain(v) for k, v in value.items()}
-    if isinstance(value, list | tuple):
-        return [_plain(v) for v in value]
-    return value.item() if isinstance(value, np.generic) else value
-
-
 def _drawn(
     setting: Setting, world: World, run: Run, parts: Sequence[tuple[Sized, float]], cause: Effect | None
 ) -> tuple[dict[str, bytes], dict]:
@@ -273,7 +265,7 @@ def _drawn(
         "seconds": setting.scale.seconds,
         "log": recorder.ending,
     }
-    return out, _plain(answer)  # type: ignore[return-value]  # a dictionary stays one
+    return out, plain(answer)  # type: ignore[return-value]  # a dictionary stays one
 
 
 def _null(setting: Setting) -> tuple[dict[str, bytes], dict]:

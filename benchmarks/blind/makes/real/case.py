@@ -14,14 +14,16 @@ from pathlib import Path
 
 import numpy as np
 
+from benchmarks.blind.makes.plain_numbers import plain
 from benchmarks.blind.makes.real.body import body
 from benchmarks.blind.makes.real.context import context_of, named, places
 from benchmarks.blind.makes.real.given import PartOne, corrected_by, null_diagnosis, write_inputs
-from benchmarks.blind.makes.real.laws import EFFECTS, Effect, Rng, Rows, scene_of
+from benchmarks.blind.makes.real.laws import EFFECTS
 from benchmarks.blind.makes.real.motion import even
 from benchmarks.blind.makes.real.outside import CAUSES
 from benchmarks.blind.makes.real.recordings import SOURCES, Run, Source, parts
 from benchmarks.blind.makes.real.rivals import alike
+from benchmarks.blind.makes.real.scene import Effect, Rng, Rows, scene_of
 from benchmarks.blind.makes.real.sizing import Ruler, Sized, beyond_tolerance, change, each, ruler, sized
 
 Array = np.ndarray
@@ -130,18 +132,9 @@ def _entry(one: Sized, share: float) -> dict:
     return {
         "effect": one.effect.name,
         "joint": one.effect.joint,
-        "parameters": _plain(one.effect.told(one.size)),
+        "parameters": plain(one.effect.told(one.size)),
         "gap_in_floors": share,
     }
-
-
-def _plain(value: object) -> object:
-    """Numbers of arrays as numbers that JSON knows."""
-    if isinstance(value, dict):
-        return {k: _plain(v) for k, v in value.items()}
-    if isinstance(value, list | tuple):
-        return [_plain(v) for v in value]
-    return value.item() if isinstance(value, np.generic) else value
 
 
 def _packed(seed: int, kind: str, known: Part, runs: Rows, parts_of: Sequence[Sized], outside: Sized | None) -> Case:

@@ -6,8 +6,8 @@ from dataclasses import replace
 
 import numpy as np
 
-from benchmarks.blind.makes.real.laws import Effect, Rng, Rows, Scene
 from benchmarks.blind.makes.real.motion import at_rows
+from benchmarks.blind.makes.real.scene import Effect, Rng, Rows, Scene
 
 Array = np.ndarray
 

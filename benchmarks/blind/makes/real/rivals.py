@@ -11,7 +11,7 @@ from collections.abc import Iterator
 import numpy as np
 
 from benchmarks.blind.makes.real import body
-from benchmarks.blind.makes.real.laws import bristle
+from benchmarks.blind.makes.real.friction_laws import bristle
 from benchmarks.blind.makes.real.sizing import REACHED, Ruler, Sized, each, in_band, stacked
 
 Array = np.ndarray

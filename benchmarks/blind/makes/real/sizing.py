@@ -15,8 +15,8 @@ from scipy.interpolate import CubicSpline
 from scipy.optimize import lsq_linear
 
 from benchmarks.blind.makes.real import body
-from benchmarks.blind.makes.real.laws import Effect, Rows, Scene
 from benchmarks.blind.makes.real.motion import even, low_passed
+from benchmarks.blind.makes.real.scene import Effect, Rows, Scene
 
 Array = np.ndarray
 REACHED = 1.0 / 3.0  # of the largest gap: a joint beyond it is one that the effect reaches

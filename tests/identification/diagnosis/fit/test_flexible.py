@@ -4,7 +4,6 @@ import numpy as np
 import pytest
 
 from identification.diagnosis.fit.flexible import (
-    best_prediction,
     displacement_since_reversal,
     ridge_predictions,
     state_features,
@@ -13,7 +12,7 @@ from identification.diagnosis.fit.flexible import (
 
 def best(*data, **options) -> tuple[list[np.ndarray], float]:
     """What the best ridge predicts, and its mean squared error."""
-    return best_prediction(ridge_predictions(*data, **options))
+    return min(ridge_predictions(*data, **options), key=lambda one: one[1])
 
 
 def test_displacement_starts_anew_at_every_reversal():
@@ -46,9 +45,7 @@ def test_a_smooth_function_of_the_state_is_predicted_on_unseen_blocks(quiet, law
 
 def test_noise_is_not_predicted(quiet, rng):
     y = rng.normal(size=len(quiet.logs[0].samples))
-    predicted, error = best_prediction(
-        ridge_predictions(features(quiet), [y], everything(quiet), quiet.blocks, quiet.folds)
-    )
+    predicted, error = best(features(quiet), [y], everything(quiet), quiet.blocks, quiet.folds)
     assert error > 0.9 * np.var(y)
     assert np.corrcoef(predicted[0], y)[0, 1] < 0.2
 
