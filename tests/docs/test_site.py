@@ -43,6 +43,7 @@ def test_the_python_of_a_page_runs_and_says_the_truth(page, tmp_path, monkeypatc
     here = {}
     for snippet in snippets(page):
         exec(snippet, here)
+    assert any(isinstance(node, ast.Assert) for text in snippets(page) for node in ast.walk(ast.parse(text)))
 
 
 @pytest.mark.parametrize("page", OTHERS, ids=names(OTHERS))
@@ -68,10 +69,11 @@ WITH_COMMANDS = [page for page in EVERY if commands(page)]
 
 @pytest.mark.parametrize("page", WITH_COMMANDS, ids=names(WITH_COMMANDS))
 def test_the_commands_of_a_page_are_understood(page):
-    # Oracle: the parser of each command.
+    # Oracle: the parser of each command, which ends the process where a word that it needs is missing.
     for line in commands(page):
         _, name, *words = shlex.split(line)
-        importlib.import_module(COMMANDS[name][0]).parser().parse_intermixed_args(words)
+        _, left = importlib.import_module(COMMANDS[name][0]).parser().parse_known_intermixed_args(words)
+        assert left == [], line
 
 
 def test_every_page_is_in_the_table_of_contents():

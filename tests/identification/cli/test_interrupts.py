@@ -72,7 +72,9 @@ def test_a_process_that_ignores_interrupts_goes_on_ignoring_them():
     before = signal.signal(signal.SIGINT, signal.SIG_IGN)
     try:
         with interruptible():
+            within = signal.getsignal(signal.SIGINT)
             signal.raise_signal(signal.SIGINT)
+        assert (within, signal.getsignal(signal.SIGINT)) == (signal.SIG_IGN, signal.SIG_IGN)
     finally:
         signal.signal(signal.SIGINT, before)
 
