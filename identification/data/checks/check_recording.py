@@ -19,7 +19,8 @@ from identification.data.checks.filtered_torques import check_filtered
 from identification.data.checks.positions import check_coarse_step, check_frozen, check_stillness, check_velocity
 from identification.data.checks.readings import reading_of
 from identification.data.checks.smoothed_copy import Smooth, smoothed
-from identification.data.checks.times_and_torques import check_clipping, check_lag, check_timing
+from identification.data.checks.times_and_torques import check_clipping, check_timing
+from identification.data.checks.torque_lag import check_lag
 from identification.data.joint_torque import external_torque
 from identification.data.recording import Fault, Recording
 from phantom_dyn.model.robot import Robot
@@ -73,8 +74,11 @@ def checked(recording: Recording, robot: Robot | None) -> Checked:
     if wrong or offers:
         # What else a comparison with the model finds is mostly the echo of these.
         return Checked((*out, *offers), wrong)
-    felt = smooth if forces is None or forces.tau is None else replace(smooth, tau=smooth.tau + forces.tau)
-    return Checked((*out, *_check_against_model(recording, robot, felt)))
+    felt = recording
+    if external is not None and forces is not None and forces.tau is not None and smooth.tau is not None:
+        felt = replace(recording, tau=recording.tau + external, forces={})
+        smooth = replace(smooth, tau=smooth.tau + forces.tau)
+    return Checked((*out, *_check_against_model(recording, robot, smooth, felt)))
 
 
 def _external_torque(recording: Recording, robot: Robot) -> Array | None:
@@ -82,8 +86,15 @@ def _external_torque(recording: Recording, robot: Robot) -> Array | None:
     return external_torque(robot, recording.q, recording.forces) if recording.forces else None
 
 
-def _check_against_model(recording: Recording, robot: Robot, smooth: Smooth) -> list[str]:
-    """Checks of the torque against the model; one that finds a misreading ends them, as the next would echo it."""
+def _check_against_model(recording: Recording, robot: Robot, smooth: Smooth, felt: Recording) -> list[str]:
+    """Checks of the torque against the model; one that finds a misreading ends them, as the next would echo it.
+
+    Args:
+        recording: Raw samples.
+        robot: The given model.
+        smooth: The smoothed copy, its torque with that of measured forces.
+        felt: Raw samples, their torque with that of measured forces.
+    """
     data = spread_samples(smooth)
     if data is None:
         return list(check_degrees(recording, robot, None, None))
@@ -97,5 +108,5 @@ def _check_against_model(recording: Recording, robot: Robot, smooth: Smooth) -> 
     return [
         *check_flipped(recording, data, model),
         *check_unsigned(recording, data, model),
-        *check_lag(recording, robot, smooth),
+        *check_lag(felt, robot, smooth),
     ]

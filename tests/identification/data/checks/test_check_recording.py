@@ -15,7 +15,8 @@ import pytest
 from identification.data.checks.check_recording import check_recording
 from identification.data.checks.positions import quantum
 from identification.data.checks.smoothed_copy import smoothed
-from identification.data.checks.times_and_torques import check_clipping, torque_lags
+from identification.data.checks.times_and_torques import check_clipping
+from identification.data.checks.torque_lag import torque_lags
 from identification.data.reading import read_recording
 from identification.data.recording import Recording
 from phantom_dyn.model.loading import load_robot
