@@ -36,8 +36,8 @@ _LARGEST_RESIDUAL, _REMOVED = 0.05, 0.4
 # Below this share of its top speed a joint creeps, and so it does this long [s] before and behind a reversal.
 _CREEPING, _CREEPING_TIME = 0.05, 0.05
 # Half lengths of two filters, in periods of the cut-off. Hann's windows end, so that it is known what a sample has
-# touched; half of the amplitude is left at 2.5 and at 1.25 times the cut-off.
-_FIRST, _SECOND = 0.2, 0.4
+# touched; half of the amplitude is left at 3.3 and at 1.4 times the cut-off.
+_FIRST, _SECOND = 0.15, 0.35
 _TAPS = 5  # of the second filter to either side: its samples lie as close as half the length of the first
 # Friction of either direction is a broken line in the speed through this many points.
 _KNOTS = 4
