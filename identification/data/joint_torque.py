@@ -9,7 +9,6 @@ import numpy as np
 from jaxtyping import Float
 
 from identification.data.recording import Table
-from phantom_dyn.dynamics.dynamics import gravity_torque
 from phantom_dyn.dynamics.kinematics import wrench_torque
 from phantom_dyn.errors import LogError, known_names
 from phantom_dyn.model.robot import Actuator, Robot
@@ -101,39 +100,6 @@ def drive_torque(
         for joint in zero
     )
     return tau, warnings
-
-
-def taken_out(
-    table: Table, robot: Robot, q: Float[Array, "N nv"]
-) -> tuple[Float[Array, "N nv"] | None, tuple[str, ...]]:
-    """Torque that a controller had taken out of what was recorded [N m or N], None for none, and a sentence on it.
-
-    Args:
-        table: Says of which joints.
-        robot: Its gravity torque stands for the controller's.
-        q: Joint positions [rad or m].
-
-    Raises:
-        LogError: If a joint is named that the robot does not have.
-        ChainError: If a loop of a closed chain cannot be closed at a sample.
-    """
-    if not table.compensated:
-        return None, ()
-    for joint in table.compensated:
-        if joint and joint not in robot.joint_names:
-            raise LogError(
-                f"{table.file}: the column map says that tau.{joint} is compensated, a joint that {robot.name} does "
-                f"not have: {known_names(joint, robot.joint_names, 'joints')}"
-            )
-    of_all = "" in table.compensated
-    joints = [joint for joint in robot.joint_names if of_all or joint in table.compensated]
-    out = gravity_torque(robot, q) * np.isin(robot.joint_names, joints)
-    sentence = (
-        f"{table.file}: the model's gravity torque was put back into the torque of {', '.join(joints)}, from which a "
-        "controller had taken it, as the column map says: weights that are wrong in the model show as far as they were "
-        "not taken out."
-    )
-    return out, (sentence,)
 
 
 def external_torque(

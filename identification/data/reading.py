@@ -10,7 +10,8 @@ import numpy as np
 
 from identification.data.checks.check_recording import checked
 from identification.data.checks.positions import check_passive
-from identification.data.joint_torque import drive_torque, require_frames, taken_out, torque_sources
+from identification.data.compensation import gravity_taken, joints_without, put_back_sentences
+from identification.data.joint_torque import drive_torque, require_frames, torque_sources
 from identification.data.mending import mended
 from identification.data.readers.contract_columns import column_of
 from identification.data.readers.read_table import read_table
@@ -149,9 +150,9 @@ def recording(
     ]
     q = read_only(np.column_stack([table.columns[f"q.{joint}"] for joint in joints]))
     tau, sentences = drive_torque(table, robot, torque_needed)
-    taken, told = taken_out(table, robot, q) if tau is not None else (None, ())
-    if tau is not None and taken is not None:
-        tau = read_only(tau + taken)
+    weightless = joints_without(table, robot, "gravity")
+    if tau is not None and weightless:
+        tau = read_only(tau + gravity_taken(robot, q, weightless))
     return Recording(
         file=table.file,
         joint_names=tuple(joints),
@@ -160,11 +161,12 @@ def recording(
         tau=tau,
         forces=forces,
         excluded=_excluded(table, excluded),
-        warnings=(*warnings, *sentences, *told),
+        warnings=(*warnings, *sentences, *(put_back_sentences(table, robot) if tau is not None else ())),
         passive_q={
             name: read_only(table.columns[f"q.{name}"]) for name in robot.passive_names if f"q.{name}" in table.columns
         },
         torque_from=torque_sources(table, joints),
+        friction_taken=joints_without(table, robot, "friction"),
         **optional,
     )
 

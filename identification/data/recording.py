@@ -30,7 +30,8 @@ class RawTable:
         problems: For each other column the sentence to raise if somebody wants it.
         place: Where a sample (from 0) stands in the file, as its reader would say it.
         warnings: What was noticed while reading.
-        compensated: What a controller had taken out of the torque of a joint, ``gravity``; ``""`` is all joints.
+        compensated: What a controller had taken out of the torque of a joint, ``gravity``, ``friction`` or both; ``""``
+            is all joints.
     """
 
     file: str
@@ -38,7 +39,7 @@ class RawTable:
     problems: Mapping[str, str] = field(default_factory=dict)
     place: Callable[[int], str] = row_place
     warnings: tuple[str, ...] = ()
-    compensated: Mapping[str, str] = field(default_factory=dict)
+    compensated: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -54,13 +55,14 @@ class Table:
         file: Name of the file, for messages.
         columns: One 1-D float array per column, all of the same length.
         warnings: What was noticed while reading (dropped repeated rows and the like).
-        compensated: What a controller had taken out of the torque of a joint, ``gravity``; ``""`` is all joints.
+        compensated: What a controller had taken out of the torque of a joint, ``gravity``, ``friction`` or both; ``""``
+            is all joints.
     """
 
     file: str
     columns: Mapping[str, Float[Array, " N"]]
     warnings: tuple[str, ...] = ()
-    compensated: Mapping[str, str] = field(default_factory=dict)
+    compensated: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
 
 
 @dataclass(frozen=True)
@@ -99,6 +101,8 @@ class Recording:
         passive_q: Measured positions [rad or m] of passive joints of a closed chain by joint, each ``(N,)``.
         controlled: True if no torque was recorded, and ``tau`` is what the stated controllers ask for.
         torque_from: The quantity that gave the torque of each joint: ``tau``, ``i`` or ``u``; empty where not known.
+        friction_taken: Joints from whose torque a controller had taken friction: the model's is put back once the
+            velocities are known.
         wrong: What is certainly wrong with it; such a recording is refused, see `identification.data.refusal`.
         anyway: True if it is to be judged although something is wrong with it.
     """
@@ -119,5 +123,6 @@ class Recording:
     passive_q: Mapping[str, Float[Array, " N"]] = field(default_factory=dict)
     controlled: bool = False
     torque_from: Mapping[str, str] = field(default_factory=dict)
+    friction_taken: tuple[str, ...] = ()
     wrong: tuple[Fault, ...] = ()
     anyway: bool = False

@@ -16,6 +16,7 @@ from jaxtyping import Float
 from scipy.interpolate import CubicSpline, make_interp_spline
 from scipy.signal import butter, firwin, sosfiltfilt, welch
 
+from identification.data.compensation import friction_taken
 from identification.data.joint_torque import external_torque
 from identification.data.log import Band, Log
 from identification.data.recording import Recording
@@ -271,6 +272,8 @@ def process(recording: Recording, robot: Robot, *, cutoff_hz: float | None = Non
             "record at least ten seconds of motion."
         )
     smooth, v, a = differentiate(q, rate, motion_edge(band))
+    if recording.friction_taken:
+        tau = tau + friction_taken(robot, recording, v)
     wanted = None if recording.q_ref is None else _on_grid(recording.t, recording.q_ref, t)
     forces = {frame: _on_grid(recording.t, force, t) for frame, force in recording.forces.items()}
     external = external_torque(robot, smooth, forces) if forces else None

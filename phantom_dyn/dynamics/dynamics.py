@@ -45,8 +45,12 @@ def _active(robot: Robot, tree: TreeMotion, torque: Float[Array, "N nt *k"]) -> 
 
 
 def _friction(robot: Robot, motion: Motion, tree: TreeMotion) -> Float[Array, "N nv"]:
-    own = motion.v * robot.viscous_friction + np.sign(motion.v) * robot.coulomb_friction
-    return own + passive_friction(robot, tree)
+    return own_friction(robot, motion.v) + passive_friction(robot, tree)
+
+
+def own_friction(robot: Robot, v: Float[Array, "N nv"]) -> Float[Array, "N nv"]:
+    """Drive torque that the modelled friction of the active joints takes at velocities, ``sign(0) = 0`` [N m or N]."""
+    return v * robot.viscous_friction + np.sign(v) * robot.coulomb_friction
 
 
 def modelled_friction(robot: Robot, motion: Motion) -> Float[Array, "N nv"]:

@@ -19,6 +19,7 @@ from identification.data.checks.filtered_torques import check_filtered
 from identification.data.checks.positions import check_coarse_step, check_frozen, check_stillness, check_velocity
 from identification.data.checks.readings import reading_of
 from identification.data.checks.smoothed_copy import Smooth, smoothed
+from identification.data.checks.taken_friction import check_friction_taken
 from identification.data.checks.times_and_torques import check_clipping, check_timing
 from identification.data.checks.torque_lag import check_lag
 from identification.data.joint_torque import external_torque
@@ -109,4 +110,5 @@ def _check_against_model(recording: Recording, robot: Robot, smooth: Smooth, fel
         *check_flipped(recording, data, model),
         *check_unsigned(recording, data, model),
         *check_lag(felt, robot, smooth),
+        *check_friction_taken(recording, robot, smooth),
     ]

@@ -7,6 +7,7 @@ tau.j1: {from: load1, unit: Nmm, sign: -1}
 v: {from: "vel_{joint}", unit: deg/s}  # every column vel_<joint>
 tau.j2: {from: load2, gear: 100}     # on the motor's side of a gear of 100
 tau: {compensated: gravity}          # a controller took gravity out of the torques: the model's is put back
+tau.j3: {compensated: [gravity, friction]}  # of one joint, and its friction too
 ignore: [q.gripper]                  # columns that are left out
 ```
 """
@@ -29,7 +30,8 @@ from phantom_dyn.model.settings_file import describe, read_settings
 
 _PLACE = "{joint}"
 _COMPENSATED = "compensated"
-_GRAVITY = "gravity"
+# What a controller may take out of a torque.
+_PARTS = ("gravity", "friction")
 _KEYS = (_COMPENSATED, "from", "unit", "sign", "counts", "gear")
 # A gear multiplies a torque from the motor's to the joint's side, and divides positions and speeds.
 _THROUGH_GEAR: tuple[Quantity, ...] = ("tau",)
@@ -61,13 +63,14 @@ class ColumnMap:
         file: Name of the map, for messages.
         sources: By name of the contract (or bare quantity, where the source has a ``{joint}`` in it).
         ignored: Columns of the log to leave out.
-        compensated: What a controller had taken out of the torque of a joint, ``gravity``; ``""`` is all joints.
+        compensated: What a controller had taken out of the torque of a joint, ``gravity``, ``friction`` or both; ``""``
+            is all joints.
     """
 
     file: str
     sources: Mapping[str, Source]
     ignored: tuple[str, ...] = ()
-    compensated: Mapping[str, str] = field(default_factory=dict)
+    compensated: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
 
 
 def _factor(where: str, quantity: Quantity, source: _Source) -> float:
@@ -153,16 +156,18 @@ def read_column_map(path: str | Path) -> ColumnMap:
     return ColumnMap(path.name, sources, tuple(ignored), compensated)
 
 
-def _without_compensation(file: str, key: str, value: Any) -> tuple[Any, str]:
+def _without_compensation(file: str, key: str, value: Any) -> tuple[Any, tuple[str, ...]]:
     """An entry without what it says of a compensation, and that; an entry may say nothing else."""
     if not isinstance(value, dict) or _COMPENSATED not in value:
-        return value, ""
+        return value, ()
     where = f"{file}: {key}.{_COMPENSATED}"
     if key.partition(".")[0] != "tau":
-        raise LogError(f"{where} is for torques: write tau: {{{_COMPENSATED}: {_GRAVITY}}}, or tau.<joint>.")
-    if value[_COMPENSATED] != _GRAVITY:
-        raise LogError(f"{where} is {describe(value[_COMPENSATED])}, wanted {_GRAVITY}.")
-    return {name: entry for name, entry in value.items() if name != _COMPENSATED}, _GRAVITY
+        raise LogError(f"{where} is for torques: write tau: {{{_COMPENSATED}: {_PARTS[0]}}}, or tau.<joint>.")
+    given = value[_COMPENSATED]
+    parts = given if isinstance(given, list) else [given]
+    if not parts or any(part not in _PARTS for part in parts):
+        raise LogError(f"{where} is {describe(given)}, wanted {' or '.join(_PARTS)}, or [{', '.join(_PARTS)}].")
+    return {name: entry for name, entry in value.items() if name != _COMPENSATED}, tuple(dict.fromkeys(parts))
 
 
 def _expanded(columns: ColumnMap, raw: RawTable) -> dict[str, Source]:

@@ -110,7 +110,7 @@ def test_a_force_at_an_unknown_frame_is_refused_when_a_recording_is_read(planar)
         recording(Table("a.csv", columns), planar)
 
 
-def motionless(planar: Robot, q: float, compensated: dict[str, str]) -> Table:
+def motionless(planar: Robot, q: float, compensated: dict[str, tuple[str, ...]]) -> Table:
     t = np.arange(60) / 100.0
     columns = {f"q.{joint}": np.full(60, q * (k == 0)) for k, joint in enumerate(planar.joint_names)}
     return Table("a.csv", {"t": t, **columns, **{f"tau.{j}": 0.1 + 0 * t for j in planar.joint_names}}, (), compensated)
@@ -126,17 +126,17 @@ def test_gravity_that_a_controller_had_taken_is_put_back(planar):
     length = -planar.model.jointPlacements[2].translation[2]
     elbow = masses[1] * 9.81 * levers[1] * np.sin(0.3)
     shoulder = elbow + (masses[0] * levers[0] + masses[1] * length) * 9.81 * np.sin(0.3)
-    found = recording(motionless(planar, 0.3, {"": "gravity"}), planar)
+    found = recording(motionless(planar, 0.3, {"": ("gravity",)}), planar)
     np.testing.assert_allclose(found.tau[0], [0.1 + shoulder, 0.1 + elbow], rtol=1e-9)
     assert "gravity torque was put back into the torque of shoulder, elbow" in found.warnings[0]
 
 
 def test_gravity_is_put_back_into_the_joints_that_are_named(planar):
-    found = recording(motionless(planar, 0.3, {"elbow": "gravity"}), planar)
+    found = recording(motionless(planar, 0.3, {"elbow": ("gravity",)}), planar)
     assert found.tau[0, 0] == 0.1
     assert found.tau[0, 1] > 0.2
 
 
 def test_a_compensated_joint_that_the_robot_lacks_is_refused(planar):
     with pytest.raises(LogError, match=r"tau\.wrist is compensated, a joint that .* does not have"):
-        recording(motionless(planar, 0.3, {"wrist": "gravity"}), planar)
+        recording(motionless(planar, 0.3, {"wrist": ("gravity",)}), planar)

@@ -159,16 +159,18 @@ def test_a_gear_that_means_nothing_is_refused(tmp_path, entry, told):
 
 def test_a_map_says_what_a_controller_had_taken_out(map_file):
     found = read_column_map(
-        map_file("tau: {compensated: gravity}\ntau.j: {from: a, unit: Nmm, compensated: gravity}\n")
+        map_file("tau: {compensated: gravity}\ntau.j: {from: a, unit: Nmm, compensated: [gravity, friction]}\n")
     )
-    assert found.compensated == {"": "gravity", "j": "gravity"}
+    assert found.compensated == {"": ("gravity",), "j": ("gravity", "friction")}
     assert found.sources.keys() == {"tau.j"}
 
 
 @pytest.mark.parametrize(
     ("entry", "told"),
     [
-        ("tau: {compensated: friction}", "compensated is the text 'friction', wanted gravity"),
+        ("tau: {compensated: weight}", r"compensated is the text 'weight', wanted gravity or friction, or \[gravity"),
+        ("tau: {compensated: [friction, 3]}", r"compensated is the list \['friction', 3\], wanted gravity or friction"),
+        ("tau: {compensated: []}", r"compensated is the list \[\], wanted gravity or friction"),
         ("q.j: {compensated: gravity}", r"is for torques: write tau: \{compensated: gravity\}"),
     ],
 )

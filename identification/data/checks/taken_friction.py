@@ -1,0 +1,121 @@
+"""Torques that lack the friction that the model states, as where a controller had taken it out of them.
+
+The friction that a torque holds is fitted beside free rigid bodies, so that wrong inertias do not pass for it, and
+compared with the modelled friction: one says that the model's is there, zero that none is.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from jaxtyping import Float
+
+from identification.data.checks.smoothed_copy import Smooth
+from identification.data.recording import Recording
+from phantom_dyn.dynamics.dynamics import rigid_body_regressor
+from phantom_dyn.model.robot import Robot
+
+Array = np.ndarray
+
+_ROWS = 400  # samples in the regression
+_BLOCKS = 8  # of the record, left out one at a time (jackknife) for the standard error
+# Independent samples (two per period of the cut-off) for each column.
+_PER_COLUMN = 2.0
+# The modelled friction is this many times what the fit leaves, noise and what is wrong with the law of friction.
+_VISIBLE = 3.0
+# Share of the modelled friction that a compensated torque holds at most, either way: what controllers take out is
+# seldom right to a tenth; what a robot wears off or a warm gear saves is less than the rest.
+_LEFT = 0.3
+_SIGNIFICANT = 3.0  # standard errors
+
+
+@dataclass(frozen=True)
+class HeldFriction:
+    """How much of its modelled friction the torque of one joint holds.
+
+    Attributes:
+        joint: Its name.
+        share: Fitted over modelled friction, 1 where the model is right.
+        std: Standard error of the share.
+        visible: Modelled friction over what the fit leaves, both root mean squares.
+    """
+
+    joint: str
+    share: float
+    std: float
+    visible: float
+
+
+def held_friction(robot: Robot, smooth: Smooth) -> tuple[HeldFriction, ...]:
+    """Friction in each torque whose joint has some in the model and whose motion shows it.
+
+    Args:
+        robot: States the friction.
+        smooth: The smoothed copy, its torque with that of measured forces.
+    """
+    rows = smooth.rows(_ROWS)
+    if smooth.tau is None or len(rows) < _ROWS // 4:
+        return ()
+    independent = 2 * smooth.cutoff_hz * smooth.step * int(smooth.inside.sum())
+    bodies = rigid_body_regressor(robot, smooth.motion(rows))
+    out = []
+    for j, joint in enumerate(robot.joint_names):
+        v, sign, tau = smooth.v[rows, j], smooth.sign[rows, j], smooth.tau[rows, j]
+        modelled = robot.viscous_friction[j] * v + robot.coulomb_friction[j] * sign
+        if not modelled.any() or np.ptp(tau) == 0:
+            continue
+        others = np.column_stack([bodies[:, j], smooth.a[rows, j], np.ones(len(rows))])
+        friction = np.column_stack([v, sign])
+        share, left, rank = _share(others, friction, tau, modelled)
+        if independent < _PER_COLUMN * rank:
+            continue
+        without = np.empty(_BLOCKS)
+        for k, block in enumerate(np.array_split(np.arange(len(rows)), _BLOCKS)):
+            kept = np.setdiff1d(np.arange(len(rows)), block)
+            without[k] = _share(others[kept], friction[kept], tau[kept], modelled[kept])[0]
+        std = float(np.sqrt((_BLOCKS - 1) * np.mean((without - without.mean()) ** 2)))
+        visible = float(np.sqrt(np.mean(modelled**2)) / max(left, 1e-300))
+        out.append(HeldFriction(joint, share, std, visible))
+    return tuple(out)
+
+
+def _share(
+    others: Float[Array, "n k"], friction: Float[Array, "n 2"], tau: Float[Array, " n"], modelled: Float[Array, " n"]
+) -> tuple[float, float, int]:
+    """Fitted friction along the modelled one, root mean square that is left, and the number of independent columns."""
+    columns = np.column_stack([others, friction])
+    size = np.linalg.norm(columns, axis=0)
+    size[size == 0] = 1.0
+    solved, _, rank, _ = np.linalg.lstsq(columns / size, tau, rcond=1e-6)
+    left = tau - (columns / size) @ solved
+    fitted = friction @ (solved / size)[-2:]
+    share = float(fitted @ modelled) / max(float(modelled @ modelled), 1e-300)
+    return share, float(np.sqrt(np.mean(left**2))), int(rank)
+
+
+def check_friction_taken(recording: Recording, robot: Robot, smooth: Smooth) -> tuple[str, ...]:
+    """A sentence on torques that lack the friction that the model states, with the entry of a column map.
+
+    Args:
+        recording: Raw samples.
+        robot: States the friction; where it states none, nothing can be missing.
+        smooth: The smoothed copy, its torque with that of measured forces.
+    """
+    held = [one for one in held_friction(robot, smooth) if one.joint not in recording.friction_taken]
+    lacking = [one for one in held if abs(one.share) + _SIGNIFICANT * one.std < _LEFT and one.visible > _VISIBLE]
+    if not lacking:
+        return ()
+    joints = [one.joint for one in lacking]
+    most = max(lacking, key=lambda one: one.std)
+    rubbing = int(np.count_nonzero(robot.viscous_friction + robot.coulomb_friction))
+    entry = "compensated: friction"
+    entries = f"tau: {{{entry}}}" if len(joints) == rubbing else ", ".join(f"tau.{j}: {{{entry}}}" for j in joints)
+    which = "torque" if len(joints) == 1 else "torques"
+    lack = "lacks" if len(joints) == 1 else "lack"
+    return (
+        f"{recording.file}: the {which} of {', '.join(joints)} {lack} the friction that the model states (of "
+        f"{most.joint} {100 * most.share:.0f} +- {100 * most.std:.0f} % are there): if a controller had taken friction "
+        f"out, write {entries} into a column map and give it with --columns; if the robot has so little, state it in "
+        "the model.",
+    )

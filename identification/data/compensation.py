@@ -1,0 +1,81 @@
+"""What a controller had taken out of the recorded torques, as a column map says: the model's is put back.
+
+Gravity needs the positions alone. Friction needs velocities, and where a joint stands they are noise whose sign changes
+at every sample; so it is put back with the velocities from which the model's friction is computed, and both cancel.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from jaxtyping import Float
+
+from identification.data.recording import Recording, Table
+from phantom_dyn.dynamics.dynamics import gravity_torque, own_friction
+from phantom_dyn.errors import LogError, known_names
+from phantom_dyn.model.robot import Robot
+
+Array = np.ndarray
+
+
+def joints_without(table: Table, robot: Robot, part: str) -> tuple[str, ...]:
+    """Joints from whose torque a controller had taken ``gravity`` or ``friction``, in the robot's order.
+
+    Raises:
+        LogError: If the column map names a joint that the robot does not have.
+    """
+    for joint in table.compensated:
+        if joint and joint not in robot.joint_names:
+            raise LogError(
+                f"{table.file}: the column map says that tau.{joint} is compensated, a joint that {robot.name} does "
+                f"not have: {known_names(joint, robot.joint_names, 'joints')}"
+            )
+    of_all = table.compensated.get("", ())
+    return tuple(joint for joint in robot.joint_names if part in (*of_all, *table.compensated.get(joint, ())))
+
+
+def gravity_taken(robot: Robot, q: Float[Array, "N nv"], joints: tuple[str, ...]) -> Float[Array, "N nv"]:
+    """Gravity torque of some joints [N m or N]; zero for the others.
+
+    Args:
+        robot: Its gravity torque stands for the controller's.
+        q: Joint positions [rad or m].
+        joints: Which.
+
+    Raises:
+        ChainError: If a loop of a closed chain cannot be closed at a sample.
+    """
+    return gravity_torque(robot, q) * np.isin(robot.joint_names, joints)
+
+
+def friction_taken(robot: Robot, recording: Recording, v: Float[Array, "N nv"]) -> Float[Array, "N nv"]:
+    """Friction torque that a controller had taken out of a recording [N m or N].
+
+    Args:
+        robot: Its friction stands for the controller's.
+        recording: Says of which joints.
+        v: Velocities from which the model's friction is computed too.
+    """
+    return own_friction(robot, v) * np.isin(robot.joint_names, recording.friction_taken)
+
+
+def put_back_sentences(table: Table, robot: Robot) -> tuple[str, ...]:
+    """What is put back into which torques, a sentence for gravity and one for friction."""
+    weightless, smooth = (joints_without(table, robot, part) for part in ("gravity", "friction"))
+    rubbing = dict(zip(robot.joint_names, robot.viscous_friction + robot.coulomb_friction, strict=True))
+    rough = tuple(joint for joint in smooth if rubbing[joint] > 0)
+    out = []
+    for joints, what, wrong in (
+        (weightless, "gravity torque", "weights that are wrong in the model show"),
+        (rough, "friction", "friction that is wrong in the model shows"),
+    ):
+        if joints:
+            out.append(
+                f"{table.file}: the model's {what} was put back into the torque of {', '.join(joints)}, from which a "
+                f"controller had taken it, as the column map says: {wrong} as far as it was not taken out."
+            )
+    if smooth and not rough:
+        out.append(
+            f"{table.file}: the column map says that friction is compensated, but {robot.name} states none of "
+            f"{', '.join(smooth)}: nothing was put back."
+        )
+    return tuple(out)
