@@ -1,10 +1,12 @@
 """What is published of a real recording, and a rule that says whether a diagnosis agrees with it.
 
 A published cause is *named* if it is a finding at its joint or belongs to one of that finding's rivals. It is *sized*
-if the finding itself states the published size to a quarter. The diagnosis is
+if the finding itself states the published size to a quarter. It is *hidden* if it is not named, and the diagnosis says
+of such an effect at that joint that this recording cannot show it, or shows it only above a bound that the published
+size does not reach. The diagnosis is
 
-- right if every cause is named, and every one with a published size is sized;
-- wrong if fewer than half of the causes are named, or if a cause that cannot be is stated with a probability above 0.9;
+- right if every cause that is not hidden is named, and every one of these with a published size is sized;
+- wrong if fewer than half of those are named, or if a cause that cannot be is stated with a probability above 0.9;
 - partly right else.
 """
 
@@ -64,28 +66,42 @@ def frictions(joints: Sequence[str], torques: Sequence[float], effects: tuple[st
 
 
 def judged(truth: Truth, diagnosis: dict) -> str:
-    """``right``, ``partly`` or ``wrong``, with the number of causes that are named and sized."""
+    """``right``, ``partly`` or ``wrong``, with the number of causes that are named, sized and hidden."""
     findings = diagnosis["findings"]
     named = [cause for cause in truth.causes if any(_names(finding, cause) for finding in findings)]
-    stated = [cause for cause in truth.causes if cause.size is not None]
+    hidden = [cause for cause in truth.causes if cause not in named and _hidden(diagnosis, cause)]
+    seen = [cause for cause in truth.causes if cause not in hidden]
+    stated = [cause for cause in seen if cause.size is not None]
     sized = [cause for cause in stated if any(_sizes(finding, cause) for finding in findings)]
     impossible = [
         finding for finding in findings if finding["effect"] in truth.impossible and finding["probability"] > CERTAIN
     ]
-    if impossible or 2 * len(named) < len(truth.causes):
+    if impossible or 2 * len(named) < len(seen):
         word = "wrong"
-    elif len(named) == len(truth.causes) and len(sized) == len(stated):
+    elif len(named) == len(seen) and len(sized) == len(stated):
         word = "right"
     else:
         word = "partly"
     counts = f"{len(named)} of {len(truth.causes)} causes" if truth.causes else "nothing to find"
-    return f"{word}: {counts}" + (f", {len(sized)} of {len(stated)} sizes" if stated else "")
+    sizes = f", {len(sized)} of {len(stated)} sizes" if stated else ""
+    return f"{word}: {counts}{sizes}" + (f", {len(hidden)} below what can be seen" if hidden else "")
 
 
 def _names(finding: dict, cause: Cause) -> bool:
     """True if a finding or one of its rivals is the cause."""
     sets = [finding, *(effect for rival in finding["rivals"] for effect in rival["effects"])]
     return any(one["effect"] in cause.effects and cause.joint in (None, one["joint"]) for one in sets)
+
+
+def _hidden(diagnosis: dict, cause: Cause) -> bool:
+    """True if the diagnosis says that this recording cannot show the cause in its published size."""
+    below = [bound for bound in diagnosis.get("bounds", []) if _of(bound, cause) and cause.size is not None]
+    untested = any(_of(place, cause) for place in diagnosis.get("not_testable", []))
+    return untested or any(b["parameter"] in SAME[cause.kind] and abs(cause.size or 0.0) <= b["below"] for b in below)
+
+
+def _of(place: dict, cause: Cause) -> bool:
+    return place["effect"] in cause.effects and cause.joint in (None, place["joint"])
 
 
 def _sizes(finding: dict, cause: Cause) -> bool:

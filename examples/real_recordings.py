@@ -134,11 +134,13 @@ RECORDINGS = (
         "tx40",
         "Staubli TX40, exciting trajectory, 7 s",
         "vendor's URDF, no friction",
-        "viscous friction 8.1, 5.6, 2.0, 1.1, 1.9, 0.6 N m s/rad, Coulomb 7.0, 8.1, 6.3, 2.5, 3.0, 0.2 N m; joints 5 "
+        "viscous friction 8.1, 5.6, 2.0, 1.1, 1.3, 0.05 N m s/rad, Coulomb 7.0, 8.1, 6.3, 2.5, 3.0, 0.2 N m; joints 5 "
         "and 6 coupled: 2.03 N m, 0.60 N m s/rad",
         Truth(
             (
-                *frictions(TX40_JOINTS, (8.107, 5.601, 1.978, 1.107, 1.858, 0.644), VISCOUS, "viscous"),
+                # Published are 1.858 and 0.644 N m s/rad of joints 5 and 6, where the coupling's 0.5975 acts on the
+                # speed of the other joint alone; ours acts on the sum of both speeds, and so holds that much of each.
+                *frictions(TX40_JOINTS, (8.107, 5.601, 1.978, 1.107, 1.260, 0.046), VISCOUS, "viscous"),
                 *frictions(TX40_JOINTS, (6.967, 8.123, 6.307, 2.484, 3.026, 0.244), COULOMB, "coulomb"),
                 Cause(("joint_coupling",), "joint_5+joint_6", 2.033, "coulomb"),
                 Cause(("joint_coupling",), "joint_5+joint_6", 0.5975, "viscous"),

@@ -303,6 +303,30 @@ def test_a_diagnosis_agrees_with_what_is_published_by_a_stated_rule(published, w
     assert judged(Truth(causes), found) == word
 
 
+@pytest.mark.parametrize(
+    ("size", "parameter", "untested", "word"),
+    [
+        (0.2, "torque", (), "right: 1 of 2 causes, 1 of 1 sizes, 1 below what can be seen"),
+        (0.4, "torque", (), "partly: 1 of 2 causes, 1 of 2 sizes"),
+        (0.2, "ratio", (), "partly: 1 of 2 causes, 1 of 2 sizes"),
+        (0.4, "torque", ("j2",), "right: 1 of 2 causes, 1 of 1 sizes, 1 below what can be seen"),
+        (0.4, "torque", ("j3",), "partly: 1 of 2 causes, 1 of 2 sizes"),
+    ],
+)
+def test_a_cause_below_a_stated_bound_need_not_be_found(size, parameter, untested, word):
+    # Oracle: the rule by hand; the bound on j2 is 0.3 N m, and 0.5 N m are found on j1.
+    from published_truth import Cause, Truth, judged
+
+    found = {
+        **EXPLAINED,
+        "findings": [{**FINDING, "probability": 1.0, "rivals": []}],
+        "bounds": [{"effect": "coulomb_friction", "joint": "j2", "parameter": parameter, "below": 0.3}],
+        "not_testable": [{"effect": "coulomb_friction", "joint": joint, "why": "it rests"} for joint in untested],
+    }
+    causes = tuple(Cause(("coulomb_friction",), joint, s, "coulomb") for joint, s in (("j1", 0.5), ("j2", size)))
+    assert judged(Truth(causes), found) == word
+
+
 def test_a_cause_that_cannot_be_makes_a_diagnosis_wrong_only_if_it_is_stated_as_certain():
     from published_truth import Cause, Truth, judged
 

@@ -21,11 +21,14 @@ from identification.diagnosis.search.search import (
 )
 from phantom_dyn.effects.effect import Effect
 from phantom_dyn.effects.operation import Operation
+from phantom_dyn.model.robot import Robot
 
 Array = np.ndarray
 
 # Standard normal deviate that is exceeded with 95 % power.
 _POWER = 1.645
+# Size in SI units that nothing has: an effect that would have to be so large has columns of rounding errors.
+_BEYOND_ALL = 1e9
 
 
 def smallest_seen(
@@ -36,7 +39,7 @@ def smallest_seen(
     The held-out gain of an effect of size ``s`` is about ``(s sqrt(I) + z)^2`` less the price of its parameters, with
     ``I`` the information that is left on it when the nuisances and the findings are fitted too. It has to be a claim,
     and what it leaves in the judged band has to be visible there, see `_seen`. An effect that would have to be larger
-    than the whole measured torque to be seen is not testable.
+    than the whole measured torque to be seen, or than on any sound device, is not testable.
 
     Args:
         operation: Of all recordings.
@@ -88,16 +91,36 @@ def smallest_seen(
                 why = f"even the largest that was tried leaves less on {joint} than this recording shows"
             hopeless.setdefault(term.place, NotTestable(*term.place, why))
             continue
+        unit = term.effect.probe_unit(robot, term.joint, name)
+        why = None if by_shape else _beyond_sound_devices(robot, term.effect, term.joint, name, float(size))
+        if why is not None:
+            hopeless.setdefault(term.place, NotTestable(*term.place, why))
+            continue
         # Of shapes that are sizes the smallest that is seen counts, of other shapes the one that is seen worst.
         below, better = (term.shape[0], min) if by_shape else (float(size), max)
         if term.place in bounds:
             below = better(below, bounds[term.place].below)
-        unit = term.effect.probe_unit(robot, term.joint, name)
         share = None if by_shape else float(below) * _torque_share(plain.problem, measured, term, direction)
         bounds[term.place] = Bound(*term.place, name, float(below), unit, share)
     left = [value for place, value in hopeless.items() if place not in bounds]
     left += [NotTestable(*place) for place in untestable_places(robot, operation)]
     return tuple(bounds.values()), tuple(left)
+
+
+def _beyond_sound_devices(robot: Robot, effect: Effect, joint: str | None, name: str, size: float) -> str | None:
+    """Why a size cannot be tested for that no sound device has, as far as the effect's file says; None if it can."""
+    limits = [
+        abs(limit)
+        for one in effect.parameters(robot, joint)
+        if one.name == name and one.plausible is not None
+        for limit in one.plausible
+    ]
+    if size > _BEYOND_ALL:
+        return f"the effect leaves no trace on {joint or 'the robot'} in this motion"
+    if limits and size > max(limits):
+        unit = "" if effect.probe_unit(robot, joint, name) == "1" else f" {effect.probe_unit(robot, joint, name)}"
+        return f"it would be seen from a {name} of {size:.3g}{unit} on, which no sound device has"
+    return None
 
 
 def _torque_share(problem: Problem, measured: Float[Array, " nv"], term: Term, direction: Float[Array, " k"]) -> float:

@@ -7,6 +7,7 @@ Structures outside the catalogue then join the set, or take the place of effects
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import replace
 
 from identification.diagnosis import decision_rules as rules
 from identification.diagnosis.model.terms import Term, ordered
@@ -38,6 +39,7 @@ def explain(search: Search, progress: Callable[[str], None], start: frozenset[Te
         chosen = _forward(search, chosen, progress)
         progress("weighing alternatives")
         chosen = simplified(search, swapped(search, dropped(search, chosen)))
+        chosen = _by_single_effects(search, chosen, progress)
         if chosen == before:
             break
     return with_nameless(search, chosen, progress)
@@ -80,6 +82,24 @@ def _forward(search: Search, chosen: frozenset[Term], progress: Callable[[str], 
         if chosen in seen:
             return min(seen[seen.index(chosen) :], key=search.score)
         seen.append(chosen)
+    return chosen
+
+
+def _by_single_effects(search: Search, chosen: frozenset[Term], progress: Callable[[str], None]) -> frozenset[Term]:
+    """The same set with effects of single joints in place of a law with more parameters than the robot has joints.
+
+    Such a law gains most as long as nothing else is found, because it takes up a little of everything: free inertial
+    parameters take up what the inertia of every rotor leaves. No swap of one effect for another leads away from there,
+    so the search is done again without that law.
+    """
+    for term in ordered(chosen):
+        if search.sizes[term] <= len(search.problem.columns.rows):
+            continue
+        others = tuple(other for other in search.terms if other.effect is not term.effect)
+        without = replace(search, terms=others)
+        tried = swapped(without, dropped(without, _forward(without, chosen - {term}, progress)))
+        if search.score(tried) < search.score(chosen):
+            chosen = tried
     return chosen
 
 

@@ -7,6 +7,7 @@ import pytest
 
 from identification.diagnosis.fit.gap import measured_torque, sums
 from identification.diagnosis.judge.bounds import (
+    _beyond_sound_devices,
     _claimable,
     _information,
     _inverse,
@@ -257,6 +258,20 @@ def test_what_would_have_to_exceed_the_measured_torque_cannot_be_tested(quiet, p
     exceeds = "it would have to exceed the torque measured on elbow to be seen in this recording"
     assert why == ([exceeds] if factor < 1.0 else [])
     assert len([b for b in bounds if (b.effect, b.joint) == place]) == (factor > 1.0)
+
+
+@pytest.mark.parametrize(
+    ("effect", "name", "size", "why"),
+    [
+        # Oracle: the ranges that the effects' files state; a torque constant is at most twice its nominal value.
+        ("torque_constant", "ratio", 1.9, None),
+        ("torque_constant", "ratio", 2.1, "it would be seen from a ratio of 2.1 on, which no sound device has"),
+        ("input_delay", "delay", 0.2, "it would be seen from a delay of 0.2 s on, which no sound device has"),
+        ("viscous_friction", "coefficient", 1e10, "the effect leaves no trace on elbow in this motion"),
+    ],
+)
+def test_a_size_that_no_sound_device_has_cannot_be_tested(planar2, effect, name, size, why):
+    assert _beyond_sound_devices(planar2, effect_named(effect), "elbow", name, size) == why
 
 
 @pytest.fixture(scope="module")

@@ -22,6 +22,8 @@ from identification.diagnosis.search.search import (
 )
 from identification.diagnosis.search.stepwise import explain
 from identification.diagnosis.search.swaps import alternatives, replaced
+from phantom_dyn.dynamics.dynamics import inverse_dynamics
+from phantom_dyn.effects.support.changed_robot import with_parameters
 from phantom_dyn.motion import Motion
 
 
@@ -279,3 +281,29 @@ def test_a_coupling_is_compared_with_friction_of_each_of_its_joints(quiet):
     assert frozenset(each[:3]) in sets
     elbow = quiet.term("stribeck_friction", "elbow")
     assert frozenset(each) not in {frozenset(places(group)) for group in alternatives(quiet.search, elbow)}
+
+
+def test_single_effects_take_the_place_of_free_inertias_that_hold_a_little_of_each(lab, arm):
+    # Known truth: heavier rotors on joints that turn, tilt and slide.
+    motion = lab.motion(3, 4)
+    prepared = lab.prepared(arm, (lab.recording(arm, motion, -motion.a * [0.05, 0.03, 0.3]),))
+    whole = frozenset([prepared.term("inertial_parameters", None)])
+    found = stepwise._by_single_effects(prepared.search, whole, silent)
+    assert places(found) == {("rotor_inertia", joint) for joint in arm.joint_names}
+
+
+def test_free_inertias_stay_where_single_effects_explain_less(lab, arm):
+    # Known truth: each link has masses and products of inertia that no other effect makes.
+    motion = lab.motion(3, 4)
+    whole = lab.prepared(arm, (lab.recording(arm, motion),)).term("inertial_parameters", None)
+    robot = with_parameters(arm, np.random.default_rng(1).uniform(0.1, 0.3, arm.model.njoints * 10 - 10))
+    torque = inverse_dynamics(arm, motion) - inverse_dynamics(robot, motion)
+    prepared = lab.prepared(arm, (lab.recording(arm, motion, torque),))
+    chosen = frozenset([prepared.term(*whole.place)])
+    assert stepwise._by_single_effects(prepared.search, chosen, silent) == chosen
+
+
+def test_the_search_tries_single_effects_in_place_of_richer_laws(quiet, monkeypatch):
+    others = frozenset([quiet.term("rotor_inertia", "elbow")])
+    monkeypatch.setattr(stepwise, "_by_single_effects", lambda search, chosen, progress: others)
+    assert explain(quiet.search, silent) == others
