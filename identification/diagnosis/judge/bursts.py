@@ -69,6 +69,37 @@ def bursts_of(problem: Problem, residual: Series, doubt: Series) -> tuple[Burst,
     return tuple(out)
 
 
+def from_quiet(
+    bursts: tuple[Burst, ...], problem: Problem, residual: Series, floor: Float[Array, " nv"]
+) -> tuple[Burst, ...]:
+    """Those bursts that stand out from a quiet rest.
+
+    Where a joint is left with more than noise all the time, the peaks of that are no events; and what such a joint does
+    without being modelled it does to the others too, with no more than its own torque.
+
+    Args:
+        bursts: In all recordings.
+        problem: Columns of these.
+        residual: What the explanation leaves of each log, in the judged band.
+        floor: Noise floor of each joint.
+    """
+    if not bursts:
+        return ()
+    squares, counts = np.zeros(len(floor)), np.zeros(len(floor))
+    for log, left, usable in zip(problem.session.logs, residual, problem.columns.usable, strict=True):
+        t = log.motion.t[log.samples]
+        own = [burst for burst in bursts if burst.file == log.file]
+        loud = np.any([(t > b.start - _MARGIN) & (t < b.stop + _MARGIN) for b in own], axis=0) if own else False
+        use = usable & ~np.broadcast_to(np.asarray(loud)[..., None], usable.shape)
+        squares += np.sum(np.where(use, left, 0.0) ** 2, axis=0)
+        counts += use.sum(axis=0)
+    rest = np.sqrt(squares / np.maximum(counts, 1))
+    loud = rest > rules.FLOORS_LEFT * floor
+    least = max(rest[loud], default=0.0)
+    joints = problem.session.robot.joint_names
+    return tuple(one for one in bursts if not loud[joints.index(one.joint)] and abs(one.torque) > least)
+
+
 def bursts_in(
     t: Float[Array, " n"],
     left: Float[Array, "n nv"],

@@ -12,7 +12,7 @@ from identification.diagnosis.explanation import Explanation
 from identification.diagnosis.fit.gap import Sums, held_out_torque, measured_torque, residual_after, sums
 from identification.diagnosis.fit.problem import Problem
 from identification.diagnosis.judge.bounds import smallest_seen
-from identification.diagnosis.judge.bursts import bursts_of
+from identification.diagnosis.judge.bursts import bursts_of, from_quiet
 from identification.diagnosis.judge.coarse_encoders import findings_of, rounded
 from identification.diagnosis.judge.findings import Claim, Shown, findings_without, remarks, shown_effects
 from identification.diagnosis.judge.floors import Floor, floor_of
@@ -59,7 +59,7 @@ def judged(explanation: Explanation, progress: Callable[[str], None]) -> tuple[J
     findings = tuple(claim.finding for claim in kept)
     after = _less(sums(problem, residual), rounding.total)
     joints = joint_gaps(problem, noise_floor, sums(problem, given), within, after)
-    bursts = bursts_of(problem, whole, doubt)
+    bursts = from_quiet(bursts_of(problem, whole, doubt), problem, whole, judge.floor)
     left_over = _located(unexplained(shown, judge, residual, whole), problem, residual, joints)
     left_over = _timed(left_over, bursts)
     progress("stating what would have been seen")

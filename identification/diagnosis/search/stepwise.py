@@ -98,7 +98,8 @@ def _by_single_effects(search: Search, chosen: frozenset[Term], progress: Callab
         others = tuple(other for other in search.terms if other.effect is not term.effect)
         without = replace(search, terms=others)
         tried = swapped(without, dropped(without, _forward(without, chosen - {term}, progress)))
-        if search.score(tried) < search.score(chosen):
+        # Many sets were tried, so a hair is chance.
+        if search.score(tried) < search.score(chosen) - rules.PARAMETER_PRICE:
             chosen = tried
     return chosen
 

@@ -11,7 +11,7 @@ from scipy.signal import lfilter
 
 from identification.data.joint_torque import external_torque
 from identification.diagnosis.explanation import explained
-from identification.diagnosis.judge.bursts import burst_warnings, bursts_in
+from identification.diagnosis.judge.bursts import burst_warnings, bursts_in, from_quiet
 from identification.diagnosis.judge.judgement import judged
 from identification.diagnosis.model.session import session_of
 from identification.diagnosis.result import Burst, JointGap
@@ -141,3 +141,23 @@ def test_a_judgement_holds_the_bursts(planar2, pushed):
     assert 11.8 < burst.start < 12.1 < 12.4 < burst.stop < 12.7
     given = external_torque(planar2, recording.q, {"lower": force})[:, 0]
     assert burst.torque == pytest.approx(given[np.argmax(np.abs(given))], rel=0.25)
+
+
+@pytest.mark.parametrize(
+    ("elsewhere", "joint", "torque", "told"),
+    [
+        # Oracle: the rule by hand. The floor is 1 N m on both joints; the burst is left out of the rest.
+        (1.0, "elbow", 4.0, True),
+        (1.0, "shoulder", 4.0, True),
+        (3.0, "shoulder", 9.0, False),
+        (3.0, "elbow", 2.9, False),
+        (3.0, "elbow", 3.1, True),
+    ],
+)
+def test_a_burst_stands_out_from_a_quiet_rest(quiet, elsewhere, joint, torque, told):
+    log = quiet.logs[0]
+    residual = np.ones((len(log.samples), 2)) * [elsewhere, 1.0]
+    t = log.motion.t[log.samples]
+    residual[(t > 2.0) & (t < 2.2)] = 50.0
+    burst = Burst(log.file, joint, 2.0, 2.2, torque, 5.0)
+    assert from_quiet((burst,), quiet.problem, (residual,), np.ones(2)) == ((burst,) if told else ())
