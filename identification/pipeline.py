@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable
+from dataclasses import replace
 from uuid import uuid4
 
 from identification.data.changes import Change
@@ -55,7 +56,7 @@ def diagnose(
     judgement, shown = judged(explanation, progress)
     progress("simulating")
     rollout = rollout_of(Explained(shown.problem, shown.named, shown.found))
-    judgement = limited_to_motion(judgement, session.recordings, rollout)
+    judgement = borne_out_by_motion(limited_to_motion(judgement, session.recordings, rollout), rollout)
     proposal = Proposal()
     if session.differences.own:
         # Rivals between recordings are about what changed, which no further motion of one of them separates.
@@ -64,6 +65,14 @@ def diagnose(
         progress("choosing what to record next")
         proposal = proposed(explanation, judgement.findings)
     return _result(session, judgement, rollout, proposal, time.perf_counter() - started)
+
+
+def borne_out_by_motion(judgement: Judgement, rollout: Rollout) -> Judgement:
+    """The same, but a gap of unknown cause where a model whose torque shows none does not move as the robot does."""
+    if judgement.verdict != "no_gap" or not rollout.strays:
+        return judgement
+    joint = max(rollout.strays, key=lambda name: rollout.strays[name])
+    return replace(judgement, verdict="unknown", unexplained=replace(judgement.unexplained, joint=joint))
 
 
 def _result(session: Session, judgement: Judgement, rollout: Rollout, proposal: Proposal, seconds: float) -> Diagnosis:

@@ -15,6 +15,9 @@ def contradiction(diagnosis: dict) -> str | None:
     if verdict == "no_gap":
         if diagnosis["findings"] or left["structured"]:
             return "no_gap, with findings or structure"
+        strays = (diagnosis.get("rollout") or {}).get("strays", {})
+        if strays:
+            return f"no_gap, and {next(iter(strays))} strays further than noise makes it in simulation"
         above = [joint["joint"] for joint in diagnosis["joints"] if joint["rms_after"] > _highest(joint)]
         return f"no_gap, and {above[0]} is above its noise floor" if above else None
     if left["structured"] and left["fraction_of_explainable"] >= LITTLE:

@@ -99,6 +99,8 @@ class Rollout:
         rms_before: Error of the given model by joint [rad or m].
         rms_after: Of the corrected model.
         noise: Deviation of the readings of each joint [rad or m], below which no model can be.
+        strays: Joints that stray further than noise makes them where nothing was found, and how many times as far as
+            the end of its 95 % band.
         recordings: The errors by recording, where there are several.
         engaged: Joint limits that simulated motion runs past.
         warnings: Sentences on joint limits.
@@ -109,6 +111,7 @@ class Rollout:
     rms_before: dict[str, float]
     rms_after: dict[str, float]
     noise: dict[str, float] = field(default_factory=dict)
+    strays: dict[str, float] = field(default_factory=dict)
     recordings: dict[str, tuple[dict[str, float], dict[str, float]]] = field(default_factory=dict)
     engaged: tuple[Engaged, ...] = ()
     warnings: tuple[str, ...] = ()
@@ -122,6 +125,8 @@ class Rollout:
         out: dict = {"horizon_s": self.horizon_s, "rms_before": self.rms_before, "rms_after": self.rms_after}
         if self.noise:
             out["reading_noise"] = self.noise
+        if self.strays:
+            out["strays"] = self.strays
         if self.recordings:
             out["recordings"] = [
                 {"recording": name, "rms_before": before, "rms_after": after}
@@ -178,7 +183,13 @@ def compared(
         for file in (files if len(files) > 1 else [])
     }
     return Rollout(
-        horizon, *_sizes(robot, errors, horizon), read_noise, apart, engaged, limit_warnings(robot, engaged), notes
+        horizon,
+        *_sizes(robot, errors, horizon),
+        noise=read_noise,
+        recordings=apart,
+        engaged=engaged,
+        warnings=limit_warnings(robot, engaged),
+        notes=notes,
     )
 
 

@@ -9,7 +9,7 @@ import numpy as np
 from jaxtyping import Float
 
 from identification.diagnosis.fit.fitting import Fitted
-from identification.diagnosis.fit.gap import judged_blocks
+from identification.diagnosis.fit.gap import held_out_torque, judged_blocks, residual_after
 from identification.diagnosis.fit.problem import Problem
 from identification.diagnosis.model.session import Session
 from identification.diagnosis.model.terms import Term, ordered
@@ -17,6 +17,7 @@ from identification.rollout.compare import HORIZONS, Rollout, Settle, Shoot, com
 from identification.rollout.driven import STEP, given_torque
 from identification.rollout.hidden_states import hides, look_back, tries
 from identification.rollout.joint_limits import recorded_past
+from identification.rollout.noise_band import strays
 from identification.rollout.rollout_starts import Window, states_of, windows_in
 from identification.rollout.shots import Shot, controlled, under_control, under_torque
 from identification.rollout.simulated_models import LEAD, Model, corrected_model, known_causes, model_of
@@ -87,7 +88,44 @@ def rollout_of(explained: Explained) -> Rollout:
         return under_torque(shot, model, torque(shot, model), nudge)
 
     out = _tried(explained, shoot, HORIZONS, "the recorded torque", settle)
+    if not explained.terms and out.horizon_s is not None:
+        out = replace(out, strays=_strays(explained, out.horizon_s))
     return replace(out, warnings=(*past, *out.warnings), notes=(*out.notes, *(() if loop is None else _said(loop))))
+
+
+def _strays(explained: Explained, horizon: float) -> dict[str, float]:
+    """Joints of a model without findings that stray further than noise makes them, and how many times as far."""
+    problem, session = explained.problem, explained.session
+    operations, torque = problem.columns.operations, _torques()
+    known: dict[tuple[int, int], Model] = {}
+
+    def model(window: Window, fold: int) -> Model:
+        key = (window.log, fold)
+        if key not in known:
+            known[key] = corrected_model(
+                session.robot, session.known, (), explained.theta(fold), operations[window.log]
+            )
+        return known[key]
+
+    left = session.in_judged_band(residual_after(problem, held_out_torque(problem, explained.terms, explained.found)))
+    noise = tuple(
+        np.column_stack(
+            [
+                np.interp(log.motion.t, log.motion.t[log.samples], np.where(use, part, 0.0))
+                for part, use in zip(residual.T, usable.T, strict=True)
+            ]
+        )
+        for log, residual, usable in zip(session.logs, left, problem.columns.usable, strict=True)
+    )
+    shots = _shots(explained, HORIZONS[0], STEP, 0)
+    folds = tuple(sorted({int(fold) for fold in problem.grams.fold} - {-1}))
+    if len(folds) < 2 or hides(model(shots[0].window, shots[0].window.fold)):
+        return {}
+    try:
+        over = strays(shots, model, torque, noise, folds, horizon)
+    except (PhantomDynError, np.linalg.LinAlgError):
+        return {}
+    return {joint: float(x) for joint, x in zip(session.robot.joint_names, over, strict=True) if x > 1.0}
 
 
 def _torques() -> Callable[[Shot, Model], Float[Array, "N nv"]]:

@@ -239,7 +239,15 @@ def left_over(diagnosis: Diagnosis) -> str:
             f"something acts on {place('', left.joint)} from {times}{more} that nothing in the motion foretells"
         )
     above = [gap for gap in diagnosis.joints if gap.rms_after > gap.allowed and gap.noise_floor > 0]
-    if left.structured or not (parts or above):
+    strays = {} if diagnosis.verdict != "unknown" else (diagnosis.rollout or {}).get("strays", {})
+    if strays and not above and not left.structured:
+        joint = max(strays, key=lambda name: strays[name])
+        parts.append(
+            f"its torque shows none, but under the recorded torque the simulated motion of joint {joint} strays "
+            f"{strays[joint]:.2g} times as far as noise and the tolerances can make it, as by a torque that is small "
+            "and slow"
+        )
+    elif left.structured or not (parts or above):
         parts.append(unexplained_phrase(left))
     elif above:
         worst = max(above, key=lambda gap: gap.rms_after / gap.noise_floor)

@@ -139,6 +139,22 @@ def test_an_unknown_gap_says_joint_and_regime(made_up):
     assert "mostly at joint j2, at low speed" in words.verdict_sentence(diagnosis)
 
 
+def test_a_model_that_moves_otherwise_than_the_robot_says_which_joint_strays(made_up):
+    quiet = tuple(dataclasses.replace(joint, rms_after=joint.noise_floor) for joint in made_up(findings=0).joints)
+    diagnosis = dataclasses.replace(
+        made_up(findings=0),
+        verdict="unknown",
+        joints=quiet,
+        unexplained=Unexplained(0.0, False, "j2", None),
+        rollout={"horizon_s": 0.5, "rms_before": {}, "rms_after": {}, "strays": {"j1": 1.2, "j2": 1.94}},
+    )
+    sentence = words.verdict_sentence(diagnosis)
+    assert "its torque shows none" in sentence
+    assert (
+        "the simulated motion of joint j2 strays 1.9 times as far as noise and the tolerances can make it" in sentence
+    )
+
+
 def test_many_findings_are_counted_in_the_verdict(made_up):
     sentence = words.verdict_sentence(made_up(findings=15))
     assert sentence.endswith("and 12 more.")

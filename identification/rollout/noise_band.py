@@ -1,0 +1,78 @@
+"""How far simulated motion strays from the recorded one by noise alone, where the model is right.
+
+Three things make it stray: the noise of the state that it starts from, the torque that counts as noise, and what the
+fit leaves open of the moves within the tolerances. Each is put into the simulation of every window once.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+from jaxtyping import Float
+from scipy.stats import f as f_distribution
+
+from identification.rollout.rollout_starts import Window
+from identification.rollout.shots import Shot, under_torque
+from identification.rollout.simulated_models import Model
+from phantom_dyn.random_streams import random_stream
+
+Array = np.ndarray
+
+# Probability that a right model strays further on some joint.
+_LEVEL = 0.05
+
+
+def strays(
+    shots: tuple[Shot, ...],
+    models: Callable[[Window, int], Model],
+    torque: Callable[[Shot, Model], Float[Array, "N nv"]],
+    noise: tuple[Float[Array, "N nv"], ...],
+    folds: tuple[int, ...],
+    horizon: float,
+) -> Float[Array, " nv"]:
+    """How far each joint strays over the end of the 95 % band of what noise makes of it; one is the end.
+
+    Args:
+        shots: Windows.
+        models: Model for a window, by the fit that has not seen a fold.
+        torque: Of the drives over the recording of a window.
+        noise: Torque that counts as noise, of each recording.
+        folds: At least two.
+        horizon: How long windows are compared [s].
+
+    Raises:
+        ParameterError: If a motion leaves all bounds.
+    """
+    rng = random_stream("noise of rollout starts")
+    squares: list[list[Array]] = []
+    for shot in shots:
+        window = shot.window
+        model, other = (models(window, fold) for fold in _two(window.fold, folds))
+        kept = slice(1, int(np.searchsorted(shot.t, horizon + 1e-9)))
+        drive = torque(shot, model)
+        right = under_torque(shot, model, drive)
+        nudge = rng.choice([-1.0, 1.0], right.shape[1:]) * np.array([shot.states.q_std, shot.states.v_std])
+        # Noise of another time has the same size and colour, and nothing to do with this window.
+        pushed = np.roll(noise[window.log], len(drive) // 2, axis=0)
+        # The fits of two folds differ by this much less than a fit and the truth (jackknife).
+        spread = np.sqrt(0.5 * (len(folds) - 1))
+        parts = (
+            right - shot.read,
+            under_torque(shot, model, drive, nudge) - right,
+            under_torque(shot, model, drive + pushed) - right,
+            spread * (under_torque(shot, other, drive) - right),
+            np.broadcast_to(shot.states.scatter, right.shape),
+        )
+        squares.append([np.mean(part[kept] ** 2, axis=0) for part in parts])
+    error, *expected = np.mean(squares, axis=0)
+    count = len(shots)
+    band = np.sqrt(f_distribution.isf(_LEVEL / len(error), count, count))
+    return np.sqrt(error / np.maximum(np.sum(expected, axis=0), 1e-300)) / band
+
+
+def _two(fold: int, folds: tuple[int, ...]) -> tuple[int, int]:
+    """A fold and another one; of a window that no fit has seen the first two."""
+    if fold not in folds:
+        return fold, folds[0]
+    return fold, folds[(folds.index(fold) + 1) % len(folds)]
