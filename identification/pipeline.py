@@ -10,6 +10,7 @@ from uuid import uuid4
 from identification.data.changes import Change
 from identification.data.recording import Recording
 from identification.data.refusal import fault_warnings, require_right, wrong_with
+from identification.diagnosis import decision_rules as rules
 from identification.diagnosis.explanation import explained
 from identification.diagnosis.judge.bursts import burst_warnings
 from identification.diagnosis.judge.judgement import judged
@@ -69,7 +70,7 @@ def diagnose(
 
 def borne_out_by_motion(judgement: Judgement, rollout: Rollout) -> Judgement:
     """The same, but a gap of unknown cause where a model whose torque shows none does not move as the robot does."""
-    if judgement.verdict != "no_gap" or not rollout.strays:
+    if judgement.verdict != "no_gap" or max(rollout.strays.values(), default=0.0) < rules.STRAYS_FAR:
         return judgement
     joint = max(rollout.strays, key=lambda name: rollout.strays[name])
     return replace(judgement, verdict="unknown", unexplained=replace(judgement.unexplained, joint=joint))

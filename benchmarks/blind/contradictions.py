@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-FLOORS, SHARE, LITTLE = 1.5, 0.1, 0.1
+FLOORS, SHARE, LITTLE, FAR = 1.5, 0.1, 0.1, 2.0
 
 
 def contradiction(diagnosis: dict) -> str | None:
@@ -16,8 +16,9 @@ def contradiction(diagnosis: dict) -> str | None:
         if diagnosis["findings"] or left["structured"]:
             return "no_gap, with findings or structure"
         strays = (diagnosis.get("rollout") or {}).get("strays", {})
-        if strays:
-            return f"no_gap, and {next(iter(strays))} strays further than noise makes it in simulation"
+        far = [joint for joint, times in strays.items() if times >= FAR]
+        if far:
+            return f"no_gap, and {far[0]} strays further than noise makes it in simulation"
         above = [joint["joint"] for joint in diagnosis["joints"] if joint["rms_after"] > _highest(joint)]
         return f"no_gap, and {above[0]} is above its noise floor" if above else None
     if left["structured"] and left["fraction_of_explainable"] >= LITTLE:

@@ -100,7 +100,7 @@ class Rollout:
         rms_after: Of the corrected model.
         noise: Deviation of the readings of each joint [rad or m], below which no model can be.
         strays: Joints that stray further than noise makes them where nothing was found, and how many times as far as
-            the end of its 95 % band.
+            the end of its 99 % band.
         recordings: The errors by recording, where there are several.
         engaged: Joint limits that simulated motion runs past.
         warnings: Sentences on joint limits.

@@ -219,6 +219,13 @@ def _reservations(diagnosis: Diagnosis) -> list[str]:
             f"On joint {loudest} {percent(shares[loudest])} of the torque counts as noise, because nothing foretells "
             "it: if its sensors are better than that, an effect hides there, and sizes are less certain than stated."
         )
+    strays = (diagnosis.rollout or {}).get("strays", {})
+    if diagnosis.verdict == "no_gap" and strays:
+        joint = max(strays, key=lambda name: strays[name])
+        out.append(
+            f"In simulation joint {joint} strays {strays[joint]:.2g} times as far as noise and the tolerances can make "
+            "it, so that a torque too small and slow to be seen may act there."
+        )
     creeping = [gap for gap in diagnosis.joints if gap.rms_after > FLOORS_LEFT * gap.noise_floor]
     if diagnosis.verdict == "no_gap" and creeping:
         one = max(creeping, key=lambda gap: gap.rms_after / gap.noise_floor)
