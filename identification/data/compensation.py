@@ -1,18 +1,23 @@
 """What a controller had taken out of the recorded torques, as a column map says: the model's is put back.
 
-Gravity needs the positions alone. Friction needs velocities, and where a joint stands they are noise whose sign changes
-at every sample; so it is put back with the velocities from which the model's friction is computed, and both cancel.
+A low pass is taken back first. Gravity needs the positions alone. Friction needs velocities, and where a joint stands
+they are noise whose sign changes at every sample; so it is put back with the velocities from which the model's friction
+is computed, and both cancel.
 """
 
 from __future__ import annotations
 
+from collections.abc import Iterable
+
 import numpy as np
 from jaxtyping import Float
+from scipy.interpolate import CubicSpline
 
 from identification.data.recording import Recording, Table
 from phantom_dyn.dynamics.dynamics import gravity_torque, own_friction
 from phantom_dyn.errors import LogError, known_names
 from phantom_dyn.model.robot import Robot
+from phantom_dyn.motion import read_only
 
 Array = np.ndarray
 
@@ -23,14 +28,47 @@ def joints_without(table: Table, robot: Robot, part: str) -> tuple[str, ...]:
     Raises:
         LogError: If the column map names a joint that the robot does not have.
     """
-    for joint in table.compensated:
-        if joint and joint not in robot.joint_names:
-            raise LogError(
-                f"{table.file}: the column map says that tau.{joint} is compensated, a joint that {robot.name} does "
-                f"not have: {known_names(joint, robot.joint_names, 'joints')}"
-            )
+    _require_joints(table, robot, table.compensated, "is compensated")
     of_all = table.compensated.get("", ())
     return tuple(joint for joint in robot.joint_names if part in (*of_all, *table.compensated.get(joint, ())))
+
+
+def _require_joints(table: Table, robot: Robot, joints: Iterable[str], what: str) -> None:
+    for joint in joints:
+        if joint and joint not in robot.joint_names:
+            raise LogError(
+                f"{table.file}: the column map says that tau.{joint} {what}, a joint that {robot.name} does "
+                f"not have: {known_names(joint, robot.joint_names, 'joints')}"
+            )
+
+
+def before_low_pass(
+    table: Table, robot: Robot, tau: Float[Array, "N nv"]
+) -> tuple[Float[Array, "N nv"], tuple[str, ...]]:
+    r"""Torques as they were before a low pass of first order, and what was taken back.
+
+    A filter of the time constant T gives :math:`\tau` for :math:`\tau + T \dot\tau`.
+
+    Args:
+        table: Says which torques went through which low pass, as the column map has it.
+        robot: Gives the joints.
+        tau: Drive torques as recorded [N m or N].
+
+    Raises:
+        LogError: If the column map names a joint that the robot does not have.
+    """
+    _require_joints(table, robot, table.low_pass, "went through a low pass")
+    out, said = tau.copy(), []
+    for j, joint in enumerate(robot.joint_names):
+        hertz = table.low_pass.get(joint, table.low_pass.get(""))
+        if hertz is None or np.ptp(tau[:, j]) == 0:
+            continue
+        t = table.columns["t"]
+        out[:, j] += CubicSpline(t, tau[:, j])(t, 1) / (2 * np.pi * hertz)
+        said.append(f"{hertz:g} Hz of {joint}")
+    if not said:
+        return tau, ()
+    return read_only(out), (f"{table.file}: the low pass at {', '.join(said)} was taken back, as the column map says.",)
 
 
 def gravity_taken(robot: Robot, q: Float[Array, "N nv"], joints: tuple[str, ...]) -> Float[Array, "N nv"]:

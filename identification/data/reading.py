@@ -10,7 +10,7 @@ import numpy as np
 
 from identification.data.checks.check_recording import checked
 from identification.data.checks.positions import check_passive
-from identification.data.compensation import gravity_taken, joints_without, put_back_sentences
+from identification.data.compensation import before_low_pass, gravity_taken, joints_without, put_back_sentences
 from identification.data.joint_torque import drive_torque, require_frames, torque_sources
 from identification.data.mending import mended
 from identification.data.readers.contract_columns import column_of
@@ -150,6 +150,9 @@ def recording(
     ]
     q = read_only(np.column_stack([table.columns[f"q.{joint}"] for joint in joints]))
     tau, sentences = drive_torque(table, robot, torque_needed)
+    unfiltered: tuple[str, ...] = ()
+    if tau is not None:
+        tau, unfiltered = before_low_pass(table, robot, tau)
     weightless = joints_without(table, robot, "gravity")
     if tau is not None and weightless:
         tau = read_only(tau + gravity_taken(robot, q, weightless))
@@ -161,7 +164,7 @@ def recording(
         tau=tau,
         forces=forces,
         excluded=_excluded(table, excluded),
-        warnings=(*warnings, *sentences, *(put_back_sentences(table, robot) if tau is not None else ())),
+        warnings=(*warnings, *sentences, *unfiltered, *(put_back_sentences(table, robot) if tau is not None else ())),
         passive_q={
             name: read_only(table.columns[f"q.{name}"]) for name in robot.passive_names if f"q.{name}" in table.columns
         },

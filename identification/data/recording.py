@@ -32,6 +32,8 @@ class RawTable:
         warnings: What was noticed while reading.
         compensated: What a controller had taken out of the torque of a joint, ``gravity``, ``friction`` or both; ``""``
             is all joints.
+        low_pass: Cut-off [Hz] of the low pass of first order that the torque of a joint went through, and the positions
+            did not; ``""`` is all joints.
     """
 
     file: str
@@ -40,6 +42,7 @@ class RawTable:
     place: Callable[[int], str] = row_place
     warnings: tuple[str, ...] = ()
     compensated: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
+    low_pass: Mapping[str, float] = field(default_factory=dict)
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -57,12 +60,15 @@ class Table:
         warnings: What was noticed while reading (dropped repeated rows and the like).
         compensated: What a controller had taken out of the torque of a joint, ``gravity``, ``friction`` or both; ``""``
             is all joints.
+        low_pass: Cut-off [Hz] of the low pass of first order that the torque of a joint went through, and the positions
+            did not; ``""`` is all joints.
     """
 
     file: str
     columns: Mapping[str, Float[Array, " N"]]
     warnings: tuple[str, ...] = ()
     compensated: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
+    low_pass: Mapping[str, float] = field(default_factory=dict)
 
 
 @dataclass(frozen=True)

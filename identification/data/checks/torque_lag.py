@@ -1,6 +1,7 @@
-"""The lag of the torque against the motion, to a fraction of a sample, read where friction cannot feign one.
+"""The lag of the torque against the motion, a shift or a low pass of first order, read where friction cannot feign one.
 
-The torque is shifted until a rigid body with free inertial parameters and free friction leaves the smallest residual.
+The torque is shifted, or the low pass taken back, until a rigid body with free inertial parameters and free friction
+leaves the smallest residual.
 Where a joint turns about or stands, dry friction jumps, and it jumps earlier or later than the velocity changes sign:
 the joint sticks, or bends before it slides. Such a jump would be taken for a torque that is late or early. So only
 samples count whose filter touches no reversal and no stop, and friction may be any function of the velocity.
@@ -33,6 +34,9 @@ _SMALLEST, _SIGNIFICANT = 0.4, 5.0
 # The residual of rigid body and friction must be a small share of the torque's variance, and the shift must have
 # removed a good part of it: with a poor model every lag fits a little better than none.
 _LARGEST_RESIDUAL, _REMOVED = 0.05, 0.4
+# A low pass is what is between where it leaves half of the squares that the best shift leaves, and a shift where it is
+# the other way round; a slow motion tells neither.
+_CLEARLY = 0.5
 # Below this share of its top speed a joint creeps, and so it does this long [s] before and behind a reversal.
 _CREEPING, _CREEPING_TIME = 0.05, 0.05
 # Half lengths of two filters, in periods of the cut-off. Hann's windows end, so that it is known what a sample has
@@ -43,6 +47,7 @@ _TAPS = 5  # of the second filter to either side: its samples lie as close as ha
 _KNOTS = 4
 # Independent samples (two per period of the cut-off) for each column: with fewer, columns that are noise fit any lag.
 _PER_COLUMN = 2.0
+_SAME = 1e-7  # singular value of columns of length one, from which on they are the same
 
 
 @dataclass(frozen=True)
@@ -63,13 +68,47 @@ class Lag:
 
 
 @dataclass(frozen=True)
-class _Fitted:
-    """The fit of a lag: as in `Lag`, and how many columns it has taken."""
+class LowPass:
+    """A low pass of first order that the torque of one joint went through and the positions did not.
 
-    samples: float
+    Attributes:
+        joint: Its name.
+        seconds: Time constant [s].
+        std: Its standard error.
+        removed: Share of the residual's sum of squares that goes when it is taken back.
+        beside_shift: What it leaves over what the best shift leaves, both sums of squares.
+    """
+
+    joint: str
+    seconds: float
     std: float
     removed: float
-    columns: int
+    beside_shift: float
+
+    @property
+    def hertz(self) -> float:
+        """Its cut-off [Hz]."""
+        return 1 / (2 * np.pi * self.seconds)
+
+
+@dataclass(frozen=True)
+class _Clear:
+    """Samples of one joint's torque that touch no reversal and no stop.
+
+    Attributes:
+        joint: Its name.
+        columns: Of its torque.
+        shifted: Torque at each lag, ``(n, lags)``.
+        tau, slope: Torque without a lag and its derivative [per s].
+        independent: How many of the samples are independent.
+    """
+
+    joint: str
+    columns: Float[Array, "n k"]
+    shifted: Float[Array, "n m"]
+    tau: Float[Array, " n"]
+    slope: Float[Array, " n"]
+    independent: float
 
 
 def torque_lags(robot: Robot, recording: Recording, smooth: Smooth) -> tuple[Lag, ...]:
@@ -83,15 +122,32 @@ def torque_lags(robot: Robot, recording: Recording, smooth: Smooth) -> tuple[Lag
         recording: Raw samples; its torque holds that of measured forces.
         smooth: Gives the uniform times, the cut-off and which samples count.
     """
+    lags = _lags(smooth)
+    found = (_lag(clear, lags) for clear in _clear_torques(robot, recording, smooth, lags))
+    return tuple(lag for lag in found if lag is not None)
+
+
+def low_passes(robot: Robot, recording: Recording, smooth: Smooth) -> tuple[LowPass, ...]:
+    """The low pass of first order that fits each torque best; arguments as of `torque_lags`."""
+    found = (_low_pass(clear) for clear in _clear_torques(robot, recording, smooth, _lags(smooth)))
+    return tuple(one for one in found if one is not None)
+
+
+def _lags(smooth: Smooth) -> Float[Array, " m"]:
+    """Lags that are tried [samples], none in the middle."""
+    most = max(2.0, min(_MOST_SAMPLES, np.floor(0.25 / (smooth.cutoff_hz * smooth.step))))
+    return np.arange(-most, most + 0.25, 0.5)
+
+
+def _clear_torques(robot: Robot, recording: Recording, smooth: Smooth, lags: Float[Array, " m"]) -> list[_Clear]:
+    """The clear samples of each joint that has enough of them."""
     if recording.tau is None:
-        return ()
+        return []
     half, reach = (max(1, round(part / (smooth.cutoff_hz * smooth.step))) for part in (_FIRST, _SECOND))
     motion, tau = _lightly_smoothed(recording, recording.tau, smooth, half)
     offsets = np.unique(np.linspace(-reach, reach, 2 * min(_TAPS, reach) + 1).round().astype(int))
     weights = np.cos(0.5 * np.pi * offsets / (reach + 1)) ** 2
     weights /= weights.sum()
-    most = max(2.0, min(_MOST_SAMPLES, np.floor(0.25 / (smooth.cutoff_hz * smooth.step))))
-    lags = np.arange(-most, most + 0.25, 0.5)
     # A held torque acts half a sample later than its time stamp says: that is no error, if the robot states it.
     stated = -0.5 if robot.torque_hold == "zoh" else 0.0
     out = []
@@ -102,13 +158,24 @@ def torque_lags(robot: Robot, recording: Recording, smooth: Smooth) -> tuple[Lag
         rows = at[np.linspace(0, len(at) - 1, min(_ROWS, len(at))).astype(int)]
         needed = rows[:, None] + offsets
         columns = _columns(robot, motion, needed.ravel(), j).reshape(*needed.shape, -1)
-        measured = CubicSpline(motion.t, tau[:, j])
-        shifted = [measured(motion.t[needed] + lag * smooth.step) @ weights for lag in lags + stated]
-        found = _fitted(np.einsum("nmk,m->nk", columns, weights), np.column_stack(shifted), lags)
-        independent = 2 * smooth.cutoff_hz * smooth.step * len(at)
-        if found is not None and independent >= _PER_COLUMN * found.columns:
-            out.append(Lag(joint, found.samples, found.std, found.removed))
-    return tuple(out)
+        measured, t = CubicSpline(motion.t, tau[:, j]), motion.t[needed] + stated * smooth.step
+        clear = _Clear(
+            joint,
+            _of_length_one(np.einsum("nmk,m->nk", columns, weights)),
+            np.column_stack([measured(t + lag * smooth.step) @ weights for lag in lags]),
+            measured(t) @ weights,
+            measured(t, 1) @ weights,
+            2 * smooth.cutoff_hz * smooth.step * len(at),
+        )
+        if clear.independent >= _PER_COLUMN * np.linalg.matrix_rank(clear.columns, tol=_SAME):
+            out.append(clear)
+    return out
+
+
+def _of_length_one(columns: Float[Array, "n k"]) -> Float[Array, "n c"]:
+    """Columns that are not zero, each over its length."""
+    size = np.linalg.norm(columns, axis=0)
+    return columns[:, size > 0] / size[size > 0]
 
 
 def _lightly_smoothed(
@@ -165,39 +232,68 @@ def friction_columns(v: Float[Array, " n"]) -> Float[Array, "n k"]:
     return np.stack(columns, axis=1) if columns else np.zeros((len(v), 0))
 
 
-def _fitted(columns: Float[Array, "n k"], shifted: Float[Array, "n m"], lags: Float[Array, " m"]) -> _Fitted | None:
-    """The lag [samples] at which columns explain the torque best; None where no lag does so clearly.
-
-    Args:
-        columns: Of the torque.
-        shifted: The measured torque at each lag.
-        lags: Equally spaced, none in the middle [samples].
-    """
-    size = np.linalg.norm(columns, axis=0)
-    columns = columns[:, size > 0] / size[size > 0]
-    total, rank = _costs(columns, shifted)
+def _lag(clear: _Clear, lags: Float[Array, " m"]) -> Lag | None:
+    """The lag at which columns explain the torque best; None where no lag does so clearly."""
+    total = _costs(clear.columns, clear.shifted)
     best = int(np.argmin(total))
-    lag = _lowest(total, lags)
-    if np.isnan(lag) or total[best] > _LARGEST_RESIDUAL * np.sum((shifted[:, best] - shifted[:, best].mean()) ** 2):
+    lag, fitted = _lowest(total, lags), clear.shifted[:, best]
+    if np.isnan(lag) or total[best] > _LARGEST_RESIDUAL * np.sum((fitted - fitted.mean()) ** 2):
         return None
-    # Leaving out one block at a time gives the error of the estimate, that of a structured residual included.
-    without = np.empty(_BLOCKS)
-    for k, block in enumerate(np.array_split(np.arange(len(columns)), _BLOCKS)):
-        kept = np.setdiff1d(np.arange(len(columns)), block)
-        without[k] = _lowest(_costs(columns[kept], shifted[kept])[0], lags)
+    without = np.array([_lowest(_costs(clear.columns[kept], clear.shifted[kept]), lags) for kept in _without(clear)])
     if np.isnan(without).any():
         return None
-    # The parabola through the lowest three costs says what is left at a lag between two of the grid.
-    lowest = np.polyval(np.polyfit(lags[best - 1 : best + 2], total[best - 1 : best + 2], 2), lag)
-    removed = 1 - max(float(lowest), 0.0) / float(total[len(lags) // 2])
-    return _Fitted(lag, float(np.sqrt((_BLOCKS - 1) * np.mean((without - without.mean()) ** 2))), removed, rank)
+    return Lag(clear.joint, lag, _jackknife(without), 1 - _least(total, lags) / float(total[len(lags) // 2]))
 
 
-def _costs(columns: Float[Array, "n k"], shifted: Float[Array, "n m"]) -> tuple[Float[Array, " m"], int]:
-    """Sum of squares that columns leave of each shifted torque, and how many of them are independent."""
-    left, values, _ = np.linalg.svd(columns, full_matrices=False)
-    basis = left[:, values > 1e-7 * values[0]]
-    return np.sum((shifted - basis @ (basis.T @ shifted)) ** 2, axis=0), basis.shape[1]
+def _low_pass(clear: _Clear) -> LowPass | None:
+    r"""The time constant T at which columns explain :math:`\tau + T \dot\tau` best; None where it is not positive.
+
+    A low pass of first order gives :math:`\tau` for what it is fed, so that this is what it was fed.
+    """
+
+    def constant(kept: Int[Array, " n"]) -> tuple[float, float, float]:
+        """Time constant, and the sums of squares that are left with and without it."""
+        tau, slope = _left(clear.columns[kept], np.column_stack([clear.tau, clear.slope])[kept]).T
+        seconds = -float(tau @ slope) / max(float(slope @ slope), 1e-300)
+        return seconds, float(np.sum((tau + seconds * slope) ** 2)), float(tau @ tau)
+
+    seconds, left, before = constant(np.arange(len(clear.tau)))
+    fed = clear.tau + seconds * clear.slope
+    if seconds <= 0 or left > _LARGEST_RESIDUAL * np.sum((fed - fed.mean()) ** 2):
+        return None
+    std = _jackknife(np.array([constant(kept)[0] for kept in _without(clear)]))
+    shift = max(float(_costs(clear.columns, clear.shifted).min()), 1e-300)
+    return LowPass(clear.joint, seconds, std, 1 - left / before, left / shift)
+
+
+def _without(clear: _Clear) -> list[Int[Array, " n"]]:
+    """The samples without one block of them, for each block."""
+    every = np.arange(len(clear.tau))
+    return [np.setdiff1d(every, block) for block in np.array_split(every, _BLOCKS)]
+
+
+def _jackknife(without: Float[Array, " b"]) -> float:
+    """Standard error of an estimate from those without one block each; that of a structured residual is in it."""
+    return float(np.sqrt((_BLOCKS - 1) * np.mean((without - without.mean()) ** 2)))
+
+
+def _left(columns: Float[Array, "n k"], series: Float[Array, "n m"]) -> Float[Array, "n m"]:
+    """What columns leave of several series."""
+    basis, values, _ = np.linalg.svd(columns, full_matrices=False)
+    basis = basis[:, values > _SAME]
+    return series - basis @ (basis.T @ series)
+
+
+def _costs(columns: Float[Array, "n k"], shifted: Float[Array, "n m"]) -> Float[Array, " m"]:
+    """Sum of squares that columns leave of each shifted torque."""
+    return np.sum(_left(columns, shifted) ** 2, axis=0)
+
+
+def _least(costs: Float[Array, " k"], lags: Float[Array, " k"]) -> float:
+    """Smallest cost between the lags of a grid, by the parabola through the lowest three."""
+    k = int(np.argmin(costs))
+    near = slice(k - 1, k + 2)
+    return max(float(np.polyval(np.polyfit(lags[near], costs[near], 2), _lowest(costs, lags))), 0.0)
 
 
 def _lowest(costs: Float[Array, " k"], lags: Float[Array, " k"]) -> float:
@@ -218,17 +314,45 @@ def check_lag(recording: Recording, robot: Robot, smooth: Smooth) -> tuple[str, 
         robot: Says how the torque was held.
         smooth: The smoothed copy.
     """
-    out = []
-    for lag in torque_lags(robot, recording, smooth):
-        samples = lag.samples
-        if abs(samples) < max(_SMALLEST, _SIGNIFICANT * lag.std) or lag.removed < _REMOVED:
-            continue
-        word = "late" if samples > 0 else "early"
-        hint = "shift it, or expect it to show as a delay"
-        if robot.torque_hold == "instant" and abs(samples + 0.5) < max(0.25, 3 * lag.std):
-            hint = "torque_hold: zoh in robot.yaml explains half a sample"
-        out.append(
-            f"{recording.file}: the torque of {lag.joint} is {word} against its motion by "
-            f"{1e3 * abs(samples) * smooth.step:.3g} ms ({abs(samples):.2g} samples): {hint}."
-        )
+    lags, out = _lags(smooth), []
+    for clear in _clear_torques(robot, recording, smooth, lags):
+        lag, filtered = _lag(clear, lags), _low_pass(clear)
+        if lag is not None and not _worth_a_sentence(lag.samples, lag.std, lag.removed):
+            lag = None
+        if filtered is not None and not _worth_a_sentence(
+            filtered.seconds / smooth.step, filtered.std / smooth.step, filtered.removed
+        ):
+            filtered = None
+        if filtered is not None and (filtered.beside_shift < _CLEARLY or lag is None):
+            out.append(
+                f"{recording.file}: the torque of {filtered.joint} went through a low pass of first order at "
+                f"{filtered.hertz:.3g} Hz that the positions did not go through: {_entry(filtered)}."
+            )
+        elif lag is not None:
+            out.append(_lag_sentence(recording.file, robot, smooth, lag, filtered))
     return tuple(out)
+
+
+def _worth_a_sentence(samples: float, std: float, removed: float) -> bool:
+    return abs(samples) >= max(_SMALLEST, _SIGNIFICANT * std) and removed >= _REMOVED
+
+
+def _entry(filtered: LowPass) -> str:
+    """What takes a low pass back."""
+    return (
+        f"write tau.{filtered.joint}: {{low_pass: {filtered.hertz:.3g}}} into a column map and give it with --columns"
+    )
+
+
+def _lag_sentence(file: str, robot: Robot, smooth: Smooth, lag: Lag, filtered: LowPass | None) -> str:
+    """The sentence on a torque that is late or early; a low pass may be the reason why it is late."""
+    hint = "shift it, or expect it to show as a delay"
+    if filtered is not None and filtered.beside_shift < 1 / _CLEARLY:
+        hint = f"shift it, or, if it went through a low pass of first order, {_entry(filtered)}"
+    if robot.torque_hold == "instant" and abs(lag.samples + 0.5) < max(0.25, 3 * lag.std):
+        hint = "torque_hold: zoh in robot.yaml explains half a sample"
+    word = "late" if lag.samples > 0 else "early"
+    return (
+        f"{file}: the torque of {lag.joint} is {word} against its motion by "
+        f"{1e3 * abs(lag.samples) * smooth.step:.3g} ms ({abs(lag.samples):.2g} samples): {hint}."
+    )

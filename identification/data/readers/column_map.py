@@ -8,6 +8,7 @@ v: {from: "vel_{joint}", unit: deg/s}  # every column vel_<joint>
 tau.j2: {from: load2, gear: 100}     # on the motor's side of a gear of 100
 tau: {compensated: gravity}          # a controller took gravity out of the torques: the model's is put back
 tau.j3: {compensated: [gravity, friction]}  # of one joint, and its friction too
+tau.j4: {low_pass: 20}               # it went through a low pass of first order at 20 Hz, which is taken back
 ignore: [q.gripper]                  # columns that are left out
 ```
 """
@@ -32,7 +33,8 @@ _PLACE = "{joint}"
 _COMPENSATED = "compensated"
 # What a controller may take out of a torque.
 _PARTS = ("gravity", "friction")
-_KEYS = (_COMPENSATED, "from", "unit", "sign", "counts", "gear")
+_LOW_PASS = "low_pass"
+_KEYS = (_COMPENSATED, _LOW_PASS, "from", "unit", "sign", "counts", "gear")
 # A gear multiplies a torque from the motor's to the joint's side, and divides positions and speeds.
 _THROUGH_GEAR: tuple[Quantity, ...] = ("tau",)
 
@@ -65,12 +67,14 @@ class ColumnMap:
         ignored: Columns of the log to leave out.
         compensated: What a controller had taken out of the torque of a joint, ``gravity``, ``friction`` or both; ``""``
             is all joints.
+        low_pass: Cut-off [Hz] of the low pass of first order that the torque of a joint went through; ``""`` as above.
     """
 
     file: str
     sources: Mapping[str, Source]
     ignored: tuple[str, ...] = ()
     compensated: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
+    low_pass: Mapping[str, float] = field(default_factory=dict)
 
 
 def _factor(where: str, quantity: Quantity, source: _Source) -> float:
@@ -151,9 +155,11 @@ def read_column_map(path: str | Path) -> ColumnMap:
     if not content and not ignored:
         raise LogError(f"{path.name} is empty: a column map needs entries such as t: TIME_COLUMN.")
     entries = {str(key): _without_compensation(path.name, str(key), value) for key, value in content.items()}
-    sources = {key: _source(path.name, key, value) for key, (value, _) in entries.items() if value != {}}
     compensated = {key.partition(".")[2]: taken for key, (_, taken) in entries.items() if taken}
-    return ColumnMap(path.name, sources, tuple(ignored), compensated)
+    rest = {key: _without_low_pass(path.name, key, value) for key, (value, _) in entries.items()}
+    low_pass = {key.partition(".")[2]: hertz for key, (_, hertz) in rest.items() if hertz is not None}
+    sources = {key: _source(path.name, key, value) for key, (value, _) in rest.items() if value != {}}
+    return ColumnMap(path.name, sources, tuple(ignored), compensated, low_pass)
 
 
 def _without_compensation(file: str, key: str, value: Any) -> tuple[Any, tuple[str, ...]]:
@@ -168,6 +174,18 @@ def _without_compensation(file: str, key: str, value: Any) -> tuple[Any, tuple[s
     if not parts or any(part not in _PARTS for part in parts):
         raise LogError(f"{where} is {describe(given)}, wanted {' or '.join(_PARTS)}, or [{', '.join(_PARTS)}].")
     return {name: entry for name, entry in value.items() if name != _COMPENSATED}, tuple(dict.fromkeys(parts))
+
+
+def _without_low_pass(file: str, key: str, value: Any) -> tuple[Any, float | None]:
+    """An entry without what it says of a low pass, and the cut-off of that [Hz]; an entry may say nothing else."""
+    if not isinstance(value, dict) or _LOW_PASS not in value:
+        return value, None
+    where, hertz = f"{file}: {key}.{_LOW_PASS}", value[_LOW_PASS]
+    if key.partition(".")[0] != "tau":
+        raise LogError(f"{where} is for torques: write tau: {{{_LOW_PASS}: 20}}, or tau.<joint>.")
+    if not isinstance(hertz, int | float) or isinstance(hertz, bool) or not 0 < hertz < math.inf:
+        raise LogError(f"{where} is {describe(hertz)}, wanted the cut-off in Hz, above 0.")
+    return {name: entry for name, entry in value.items() if name != _LOW_PASS}, float(hertz)
 
 
 def _expanded(columns: ColumnMap, raw: RawTable) -> dict[str, Source]:
@@ -211,4 +229,4 @@ def mapped(raw: RawTable, columns: ColumnMap) -> RawTable:
             raise LogError(raw.problems[source.name])
         out[key] = raw.columns[source.name] * source.factor
     problems = {name: text for name, text in raw.problems.items() if name not in gone and name not in sources}
-    return RawTable(raw.file, out, problems, raw.place, raw.warnings, columns.compensated)
+    return RawTable(raw.file, out, problems, raw.place, raw.warnings, columns.compensated, columns.low_pass)

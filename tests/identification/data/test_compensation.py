@@ -7,10 +7,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from identification.data.compensation import put_back_sentences
+from identification.data.compensation import before_low_pass, put_back_sentences
 from identification.data.reading import recording
 from identification.data.recording import Recording, Table
 from identification.data.signals import process
+from phantom_dyn.errors import LogError
 from phantom_dyn.model.robot import Robot
 
 
@@ -61,3 +62,25 @@ def test_a_model_without_friction_has_nothing_to_put_back(planar):
     bare = replace(planar, viscous_friction=np.zeros(2), coulomb_friction=np.zeros(2))
     (sentence,) = put_back_sentences(table(planar, {"": ("friction",)}), bare)
     assert "states none of shoulder, elbow: nothing was put back" in sentence
+
+
+@pytest.mark.parametrize(("low_pass", "taken"), [({"": 5.0}, (5.0, 5.0)), ({"": 5.0, "elbow": 20.0}, (5.0, 20.0))])
+def test_a_low_pass_is_taken_back(planar, low_pass, taken):
+    # Closed form: of a sine a low pass of first order leaves 1 / sqrt(1 + (w T)^2), late by atan(w T).
+    t, w = np.arange(5000) / 500.0, 7.0
+    turns = w / (2 * np.pi * np.array(taken))
+    behind = np.sin(w * t[:, None] - np.arctan(turns)) / np.sqrt(1 + turns**2)
+    found, said = before_low_pass(replace(table(planar, {}), columns={"t": t}, low_pass=low_pass), planar, behind)
+    np.testing.assert_allclose(found, np.sin(w * t)[:, None] * np.ones(2), atol=1e-4)
+    assert f"the low pass at {taken[0]:g} Hz of shoulder, {taken[1]:g} Hz of elbow was taken back" in said[0]
+
+
+def test_a_low_pass_of_a_joint_that_the_robot_lacks_is_refused(planar):
+    with pytest.raises(LogError, match=r"tau\.wrist went through a low pass, a joint that .* does not have"):
+        recording(replace(table(planar, {}), low_pass={"wrist": 20.0}), planar)
+
+
+def test_a_recording_has_its_torque_as_it_was_before_the_low_pass(planar):
+    # Closed form: a ramp comes out of a low pass late by its time constant.
+    found = recording(replace(table(planar, {}), low_pass={"elbow": 1 / (2 * np.pi * 0.03)}), planar)
+    np.testing.assert_allclose(found.tau - 0.1 - found.t[:, None], [[0.0, 0.03]] * 60, atol=1e-9)

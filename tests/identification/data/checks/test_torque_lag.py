@@ -2,15 +2,17 @@
 
 from __future__ import annotations
 
+import re
 from dataclasses import replace
 
 import numpy as np
 import pytest
+from scipy.signal import butter, lfilter, lfilter_zi
 
 import phantom_dyn as dyn
 from identification.data.checks.check_recording import check_recording
 from identification.data.checks.smoothed_copy import smoothed
-from identification.data.checks.torque_lag import clear_samples, friction_columns, torque_lags
+from identification.data.checks.torque_lag import clear_samples, friction_columns, low_passes, torque_lags
 from phantom_dyn.model.robot import Robot
 from places import ROBOTS
 
@@ -71,3 +73,38 @@ def test_a_joint_that_turns_about_all_the_time_shows_no_lag(clean, arm):
     q[:, 2] = 0.02 * np.sin(2 * np.pi * 12.0 * recording.t)
     copy = replace(smoothed(recording), cutoff_hz=40.0)
     assert "slide" not in [lag.joint for lag in torque_lags(arm, replace(recording, q=q), copy)]
+
+
+def low_passed(recording, hertz: float) -> np.ndarray:
+    """The torque behind a low pass of first order; scipy's filter, begun in its steady state."""
+    b, a = butter(1, hertz, fs=500.0)
+    tau, _ = lfilter(b, a, recording.tau, axis=0, zi=lfilter_zi(b, a)[:, None] * recording.tau[0])
+    return tau
+
+
+@pytest.mark.parametrize("hertz", [5.0, 20.0, 50.0])
+def test_the_cut_off_of_a_low_pass_is_found(clean, arm, changed, hertz):
+    recording = clean(seconds=40.0)
+    filtered = changed(recording, tau=low_passed(recording, hertz))
+    found = [one.hertz for one in low_passes(arm, filtered, smoothed(filtered))]
+    assert found == pytest.approx([hertz] * 3, rel=0.05)
+
+
+def test_a_low_pass_is_told_with_the_entry_that_takes_it_back(clean, arm, changed):
+    recording = clean(seconds=40.0)
+    told = [text for text in check_recording(changed(recording, tau=low_passed(recording, 5.0)), arm) if "tilt" in text]
+    assert len(told) == 1
+    assert re.search(r"tilt went through a low pass of first order at 5\.?\d* Hz that the positions did not", told[0])
+    assert re.search(r"write tau\.tilt: \{low_pass: 5\.?\d*\} into a column map", told[0])
+
+
+def test_a_low_pass_far_above_the_motion_may_be_a_shift(clean, arm, changed):
+    recording = clean()
+    told = check_recording(changed(recording, tau=low_passed(recording, 50.0)), arm)
+    assert "late against its motion" in told[0]
+    assert "shift it, or, if it went through a low pass of first order, write tau.turn: {low_pass: 5" in told[0]
+
+
+@pytest.mark.parametrize("late", [-0.002, 0.0])
+def test_a_torque_that_is_not_late_went_through_no_low_pass(clean, arm, late):
+    assert not any("low pass" in text for text in check_recording(clean(late=late), arm))

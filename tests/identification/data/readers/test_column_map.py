@@ -165,6 +165,26 @@ def test_a_map_says_what_a_controller_had_taken_out(map_file):
     assert found.sources.keys() == {"tau.j"}
 
 
+def test_a_map_says_which_low_pass_a_torque_went_through(map_file):
+    found = read_column_map(map_file("tau: {low_pass: 20}\ntau.j: {from: a, low_pass: 7.5, compensated: gravity}\n"))
+    assert (found.low_pass, found.compensated) == ({"": 20.0, "j": 7.5}, {"j": ("gravity",)})
+    assert found.sources.keys() == {"tau.j"}
+
+
+@pytest.mark.parametrize(
+    ("entry", "told"),
+    [
+        ("q.j: {low_pass: 20}", r"is for torques: write tau: \{low_pass: 20\}"),
+        ("tau: {low_pass: 0}", "low_pass is 0, wanted the cut-off in Hz, above 0"),
+        ("tau: {low_pass: yes}", "low_pass is true, wanted the cut-off in Hz"),
+        ("tau: {low_pass: fast}", "low_pass is the text 'fast', wanted the cut-off in Hz"),
+    ],
+)
+def test_a_low_pass_that_means_nothing_is_refused(map_file, entry, told):
+    with pytest.raises(LogError, match=told):
+        read_column_map(map_file(entry + "\n"))
+
+
 @pytest.mark.parametrize(
     ("entry", "told"),
     [
