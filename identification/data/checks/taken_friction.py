@@ -11,6 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 from jaxtyping import Float
 
+from identification.data.checks.against_model import model_torque
 from identification.data.checks.smoothed_copy import Smooth
 from identification.data.recording import Recording
 from phantom_dyn.dynamics.dynamics import rigid_body_regressor
@@ -27,6 +28,9 @@ _VISIBLE = 3.0
 # Share of the modelled friction that a compensated torque holds at most, either way: what controllers take out is
 # seldom right to a tenth; what a robot wears off or a warm gear saves is less than the rest.
 _LEFT = 0.3
+# Share of the torque that the links need, below which the joint is driven by something else: torque constants and
+# inertias from a half to twice leave a quarter.
+_DRIVEN = 0.25
 _SIGNIFICANT = 3.0  # standard errors
 
 
@@ -48,7 +52,7 @@ class HeldFriction:
 
 
 def held_friction(robot: Robot, smooth: Smooth) -> tuple[HeldFriction, ...]:
-    """Friction in each torque whose joint has some in the model and whose motion shows it.
+    """Friction in each torque that drives a joint which has some in the model and whose motion shows it.
 
     Args:
         robot: States the friction.
@@ -59,11 +63,12 @@ def held_friction(robot: Robot, smooth: Smooth) -> tuple[HeldFriction, ...]:
         return ()
     independent = 2 * smooth.cutoff_hz * smooth.step * int(smooth.inside.sum())
     bodies = rigid_body_regressor(robot, smooth.motion(rows))
+    driven = smooth.tau[rows].std(axis=0) >= _DRIVEN * model_torque(robot, smooth.motion(rows)).std(axis=0)
     out = []
     for j, joint in enumerate(robot.joint_names):
         v, sign, tau = smooth.v[rows, j], smooth.sign[rows, j], smooth.tau[rows, j]
         modelled = robot.viscous_friction[j] * v + robot.coulomb_friction[j] * sign
-        if not modelled.any() or np.ptp(tau) == 0:
+        if not modelled.any() or not driven[j]:
             continue
         others = np.column_stack([bodies[:, j], smooth.a[rows, j], np.ones(len(rows))])
         friction = np.column_stack([v, sign])

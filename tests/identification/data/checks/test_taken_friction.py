@@ -68,3 +68,9 @@ def test_friction_below_what_the_fit_leaves_is_not_told(taken, arm, changed, rng
     noise = rng.standard_normal(recording.tau.shape) * 6.0 * friction
     noisy = changed(recording, tau=recording.tau + noise)
     assert check_friction_taken(noisy, arm, smoothed(noisy)) == ()
+
+
+def test_a_joint_that_its_drive_does_not_move_lacks_no_friction(taken, arm, changed):
+    recording = taken(EVERY)
+    idle = changed(recording, tau=recording.tau * [1.0, 0.1, 1.0])
+    assert [one.joint for one in held_friction(arm, smoothed(idle))] == ["turn", "slide"]
