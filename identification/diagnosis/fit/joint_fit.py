@@ -2,7 +2,8 @@
 
 The search is a variable projection: it holds shapes on a grid and solves for the coefficients. Here a few Gauss-Newton
 steps move both, and the covariance at the end counts what the search cannot: the correlation of shapes with
-coefficients, the tolerances of the model, and the scatter from block to block where the noise is not as modelled.
+coefficients, the tolerances of the model, the scatter from block to block where the noise is not as modelled, and what
+comes again at the same state where the laws are not exact.
 """
 
 from __future__ import annotations
@@ -10,10 +11,11 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import Float, Int
 
 from identification.diagnosis.fit.fitting import Fitted
 from identification.diagnosis.fit.problem import Problem
+from identification.diagnosis.fit.repeated_error import equations, repeated_variance
 from identification.diagnosis.fit.whole_model import (
     Linearised,
     ModelLayout,
@@ -90,7 +92,8 @@ def joint_fit(problem: Problem, terms: tuple[Term, ...], found: Fitted) -> Joint
         x, model, (a, b, _) = _descended(layout, x, precision, lower, upper)
     # What leaves no trace at all (an inertia of a link that never turns about that axis) stays where it is.
     precision = np.where(np.einsum("bkk->k", a) + precision < _NO_TRACE, 1.0, precision)
-    cov = covariance(a, b, precision, x, (lower, upper))
+    free = free_numbers(b, precision, x, (lower, upper))
+    cov = covariance(a, b, precision, x, free, _repeated(layout, model, a.sum(axis=0) + np.diag(precision), free))
     if layout.of_model:
         cov = cov + _by_model(layout, model, x, cov, a.sum(axis=0) + np.diag(precision))
     cov = within_tolerances(x, cov, problem.nuisances, lower, upper)
@@ -258,28 +261,60 @@ def _products(
     return np.array(a), np.array(b), np.array(c)
 
 
+def _repeated(
+    layout: ModelLayout, model: Linearised, total: Float[Array, "p p"], free: Int[Array, " f"]
+) -> Float[Array, " p"]:
+    """Variance of all numbers by what the residual of each joint repeats at the same state."""
+    given = equations(layout, model)
+    out = np.zeros(len(total))
+    out[free] = repeated_variance(
+        given.slopes[:, free], given.residual, total[np.ix_(free, free)], given.states, given.blocks
+    )
+    return out
+
+
+def free_numbers(
+    b: Float[Array, "B p"],
+    precision: Float[Array, " p"],
+    x: Float[Array, " p"],
+    bounds: tuple[Float[Array, " p"], Float[Array, " p"]],
+) -> Int[Array, " f"]:
+    """Which numbers no bound holds against the data."""
+    gradient = b.sum(axis=0) - precision * x
+    lower, upper = bounds
+    return np.flatnonzero(~(((x <= lower) & (gradient < 0.0)) | ((x >= upper) & (gradient > 0.0))))
+
+
 def covariance(
     a: Float[Array, "B p p"],
     b: Float[Array, "B p"],
     precision: Float[Array, " p"],
     x: Float[Array, " p"],
-    bounds: tuple[Float[Array, " p"], Float[Array, " p"]],
+    free: Int[Array, " f"],
+    repeated: Float[Array, " p"],
 ) -> Float[Array, "p p"]:
-    """The larger of the noise model's covariance and the block jackknife's, priors included.
+    """The larger of the noise model's covariance and the scatter from block to block, priors included.
 
-    The jackknife leaves numbers alone that a bound holds: they do not move when a block is left out, and the pull on
-    them, which is not zero there as it is on the others, is no scatter.
+    The scatter is that of the block jackknife and what all blocks have in common at the same state. It leaves numbers
+    alone that a bound holds: they do not move when a block is left out, and the pull on them, which is not zero there
+    as it is on the others, is no scatter.
+
+    Args:
+        a: Products of slopes of each block.
+        b: Products of slopes and residual of each block.
+        precision: Of what is known of the numbers beforehand.
+        x: The numbers.
+        free: Those that no bound holds.
+        repeated: Variance of each number by what the residual repeats from block to block.
     """
     total = a.sum(axis=0) + np.diag(precision)
     inverse = solve(total, np.eye(len(x)))
     count = len(a)
     gradient = b.sum(axis=0) - precision * x
-    lower, upper = bounds
-    free = np.flatnonzero(~(((x <= lower) & (gradient < 0.0)) | ((x >= upper) & (gradient > 0.0))))
     moved = np.zeros((count, len(x)))
     for k in range(count):
         moved[k, free] = solve((total - a[k])[np.ix_(free, free)], (gradient - b[k])[free])
     moved -= moved.mean(axis=0)
     scatter = (count - 1) / count * moved.T @ moved + inverse @ np.diag(precision) @ inverse
-    larger = np.sqrt(np.maximum(1.0, np.diag(scatter) / np.maximum(np.diag(inverse), 1e-300)))
+    larger = np.sqrt(np.maximum(1.0, (np.diag(scatter) + repeated) / np.maximum(np.diag(inverse), 1e-300)))
     return inverse * np.outer(larger, larger)
