@@ -156,8 +156,13 @@ def gap_closed(finding: Finding) -> str:
 
 
 def share_of_gap(finding: Finding) -> str:
-    """Share of a finding in what all close together; without one, what comes back when it is taken out."""
-    return gap_closed(finding) if finding.share is None else percent(finding.share)
+    """Share of a finding in what all close together; without one, what comes back when it is taken out.
+
+    An effect that only helps beside others has a negative share in the mean over all orders, which says little.
+    """
+    if finding.share is None:
+        return gap_closed(finding)
+    return percent(finding.share) if finding.share >= 0.0 else f"beside the others {percent(finding.gap_closed)}"
 
 
 def verdict_sentence(diagnosis: Diagnosis) -> str:

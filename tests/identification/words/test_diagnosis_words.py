@@ -249,3 +249,8 @@ def test_an_interval_that_says_no_more_than_the_share_is_left_out(made_up):
 def test_the_share_is_told_where_it_is_known(made_up):
     finding = dataclasses.replace(made_up().findings[0], share=0.71)
     assert words.share_of_gap(finding).replace(NO_BREAK, " ") == "71 %"
+
+
+def test_an_effect_that_helps_only_beside_others_has_no_negative_share(made_up):
+    finding = dataclasses.replace(made_up().findings[0], share=-0.09, gap_closed=0.12)
+    assert words.share_of_gap(finding).replace(NO_BREAK, " ") == "beside the others 12 %"

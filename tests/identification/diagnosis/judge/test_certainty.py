@@ -1,0 +1,54 @@
+"""How sure a finding is beside what is left. Oracle: the share that is left, by hand."""
+
+from __future__ import annotations
+
+import pytest
+
+from identification.diagnosis.judge.certainty import beside_what_is_left
+from identification.diagnosis.result import EffectAt, Finding, JointGap, Rival
+
+
+def gap(joint: str, after: float, closed: float | None) -> JointGap:
+    return JointGap(joint, "N m", 10.0, after, 1.0, 100, closed=closed)
+
+
+def finding(joint: str | None, *rivals: tuple[str, float]) -> Finding:
+    others = tuple(Rival((EffectAt(name, joint),), p) for name, p in rivals)
+    own = 1.0 - sum(p for _, p in rivals)
+    return Finding("coulomb_friction", joint, "everywhere", {}, 0.9, (0.8, 1.0), own, others, "supported")
+
+
+@pytest.mark.parametrize(
+    ("joint", "gaps", "own"),
+    [
+        # No more than one and a half floors are left.
+        ("j1", [gap("j1", 1.5, 0.8), gap("j2", 5.0, 0.5)], 1.0),
+        # A fifth of the joint's gap is left.
+        ("j1", [gap("j1", 3.0, 0.8), gap("j2", 1.0, 1.0)], 0.8),
+        # Less than is listed.
+        ("j1", [gap("j1", 2.0, 0.96)], 1.0),
+        # Of two joints the one that is left with more.
+        ("j1+j2", [gap("j1", 3.0, 0.8), gap("j2", 4.0, 0.6)], 0.6),
+        # Of the whole robot the mean.
+        (None, [gap("j1", 3.0, 0.8), gap("j2", 1.0, 1.0)], 0.9),
+        # Findings make the joint worse.
+        ("j1", [gap("j1", 12.0, -0.4)], 0.0),
+        ("j1", [gap("j1", 3.0, None)], 1.0),
+    ],
+)
+def test_what_is_left_of_a_joint_may_have_made_what_a_finding_explains(joint, gaps, own):
+    told = beside_what_is_left(finding(joint), tuple(gaps))
+    assert told.probability == pytest.approx(own)
+    assert [(r.effects[0].effect, r.probability) for r in told.rivals] == (
+        [("unknown", pytest.approx(1.0 - own))] if own < 1.0 else []
+    )
+    assert told.verdict == ("one_of" if own < 1.0 else "supported")
+
+
+def test_rivals_lose_as_much_as_the_finding_and_the_most_probable_stands_first():
+    told = beside_what_is_left(finding("j1", ("presliding_friction", 0.25)), (gap("j1", 3.0, 0.6),))
+    assert told.probability == pytest.approx(0.45)
+    assert [(r.effects[0].effect, pytest.approx(r.probability)) for r in told.rivals] == [
+        ("unknown", 0.4),
+        ("presliding_friction", 0.15),
+    ]
