@@ -131,3 +131,7 @@ def test_a_law_that_is_not_exact_makes_its_size_less_certain(lab, planar2):
     falling = more_of_it(*fitted_as_coulomb(lab, planar2, motion, "stribeck_friction", 0.3, 0.9, 0.3))
     assert exact < 1.0
     assert falling > 5.0 * exact + 1.0
+
+
+def test_a_joint_without_samples_has_no_states():
+    assert same_states(np.zeros(0)).shape == (0,)
