@@ -107,7 +107,8 @@ def report_html(diagnosis: Diagnosis, robot: Robot | None = None) -> str:
     return environment.from_string(source).render(
         diagnosis=diagnosis,
         badge=VERDICTS.get(diagnosis.verdict, diagnosis.verdict.replace("_", " ")),
-        verdict=words.verdict_sentence(diagnosis),
+        verdict=words.headline(diagnosis),
+        reservations=" ".join(words.reservations(diagnosis)),
         bars=bars,
         more_joints=more_joints,
         groups=groups_of(diagnosis),
@@ -146,8 +147,7 @@ def _closed(gap: Gap) -> str:
     """What all findings close together, in a sentence; empty where there is no gap to close."""
     if gap.closed is None or gap.interval is None:
         return ""
-    low, high = (percent(end) for end in gap.interval)
-    return f"All findings together close {percent(gap.closed)} of the gap (95 % interval: {low} to {high})."
+    return f"All findings together close {words.share_words(gap.closed, gap.interval)} of the gap."
 
 
 def _card(diagnosis: Diagnosis, motions: dict[str, JointMotion], index: int) -> Card:

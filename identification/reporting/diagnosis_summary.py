@@ -41,14 +41,11 @@ def _gap_line(diagnosis: Diagnosis) -> list[str]:
     gap = diagnosis.gap
     if gap.closed is None or not diagnosis.findings:
         return []
-    share = percent(gap.closed)
-    if gap.interval is not None and len({share, *map(percent, gap.interval)}) > 1:
-        low, high = map(percent, gap.interval)
-        share += f" ({low.removesuffix(f'{NO_BREAK}%')} to {high})"
+    share = percent(gap.closed) if gap.interval is None else words.share_words(gap.closed, gap.interval)
     worst = max(diagnosis.joints, key=lambda joint: joint.tolerated / joint.noise_floor if joint.noise_floor else 0.0)
-    most = "" if len(diagnosis.joints) == 1 else "most on "
+    where = ("" if len(diagnosis.joints) == 1 else "most on ") + words.joints_words([worst.joint])
     return [
-        f"{words.capital(share)} of the gap is closed, {most}joint {worst.joint}: {number(worst.tolerated)} -> "
+        f"{words.capital(share)} of the gap is closed, {where}: {number(worst.tolerated)} -> "
         f"{number(worst.rms_after)} {worst.unit} (noise floor {number(worst.noise_floor)})."
     ]
 

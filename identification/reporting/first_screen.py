@@ -122,7 +122,7 @@ def _places(found: list[Finding], diagnosis: Diagnosis) -> str:
         return " " + words.joined([words.on_place(one.effect, one.joint) for one in found])
     if len(found) == len(diagnosis.joints) >= _SEVERAL:
         return f" on all {len(found)} joints"
-    return f" on joints {words.joined([str(finding.joint) for finding in found])}"
+    return f" on {words.joints_words([str(finding.joint) for finding in found])}"
 
 
 def _size(findings: tuple[Finding, ...]) -> str:

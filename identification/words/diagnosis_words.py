@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Any
 
 from identification.diagnosis.decision_rules import FLOORS_LEFT, ORDINARY_SHARE
@@ -82,7 +82,7 @@ def on_place(effect: str, joint: str | None) -> str:
     if joint is None:
         return "on the robot as a whole"
     where = place(effect, joint)
-    return f"between {where}" if where.startswith("joints ") else f"on {where}"
+    return f"between {where}" if is_between_joints(effect) else f"on {where}"
 
 
 def _size(finding: Finding) -> str:
@@ -110,8 +110,15 @@ def place(effect: str, joint: str | None) -> str:
         return "the whole robot"
     first, plus, second = joint.partition("+")
     if plus and is_between_joints(effect):
-        return f"joints {first} and {second}"
-    return f"joint {joint}"
+        return joints_words([first, second])
+    return joints_words([joint])
+
+
+def joints_words(names: list[str]) -> str:
+    """``joint j2`` or ``joints j2 and j3``; names that say themselves that they are joints stand alone."""
+    if all("joint" in name.lower() for name in names):
+        return joined(names)
+    return f"joint{'s' * (len(names) > 1)} {joined(names)}"
 
 
 def effect_at(at: EffectAt) -> str:
@@ -148,8 +155,12 @@ def sureness(probability: float) -> str:
 
 def gap_closed(finding: Finding) -> str:
     """Share of the gap that comes back without a finding, with its interval where that says more."""
-    low, high = finding.gap_closed_interval
-    own, least, most = percent(finding.gap_closed), percent(low), percent(high)
+    return share_words(finding.gap_closed, finding.gap_closed_interval)
+
+
+def share_words(share: float, interval: tuple[float, float]) -> str:
+    """A share with its 95 % interval, as in ``83 % (80 to 86 %)``; alone where both ends round to the same."""
+    own, least, most = percent(share), *map(percent, interval)
     if own == least == most:
         return own
     return f"{own} ({least.removesuffix(f'{NO_BREAK}%')} to {most})"
@@ -167,9 +178,13 @@ def share_of_gap(finding: Finding) -> str:
 
 def verdict_sentence(diagnosis: Diagnosis) -> str:
     """The verdict in a sentence or two; it begins with what is wrong where a wrong recording was judged anyway."""
-    if diagnosis.wrong:
-        return f"Judged although {joined(list(diagnosis.wrong))}. {verdict_sentence(replace(diagnosis, wrong=()))}"
-    return " ".join([_verdict_alone(diagnosis), *_reservations(diagnosis)])
+    return " ".join([headline(diagnosis), *reservations(diagnosis)])
+
+
+def headline(diagnosis: Diagnosis) -> str:
+    """The verdict in one sentence, behind what is wrong where a wrong recording was judged anyway."""
+    wrong = f"Judged although {joined(list(diagnosis.wrong))}. " if diagnosis.wrong else ""
+    return wrong + _verdict_alone(diagnosis)
 
 
 def _verdict_alone(diagnosis: Diagnosis) -> str:
@@ -203,7 +218,7 @@ def _named(finding: Finding) -> str:
     return effect_at_finding(finding) + ("" if finding.probability >= UNDECIDED else " (undecided)")
 
 
-def _reservations(diagnosis: Diagnosis) -> list[str]:
+def reservations(diagnosis: Diagnosis) -> list[str]:
     """What a verdict without a gap, or with all of it explained, cannot exclude."""
     if diagnosis.verdict not in ("no_gap", "explained"):
         return []
@@ -221,22 +236,23 @@ def _reservations(diagnosis: Diagnosis) -> list[str]:
     loudest = max(limits_only, key=lambda joint: shares.get(joint, 0.0), default=None)
     if loudest is not None and shares.get(loudest, 0.0) > ORDINARY_SHARE:
         out.append(
-            f"On joint {loudest} {percent(shares[loudest])} of the torque counts as noise, because nothing foretells "
-            "it: if its sensors are better than that, an effect hides there, and sizes are less certain than stated."
+            f"On {joints_words([loudest])} {percent(shares[loudest])} of the torque counts as noise, because nothing "
+            "foretells it: if its sensors are better than that, an effect hides there, and sizes are less certain than "
+            "stated."
         )
     strays = (diagnosis.rollout or {}).get("strays", {})
     if diagnosis.verdict == "no_gap" and strays:
         joint = max(strays, key=lambda name: strays[name])
         out.append(
-            f"In simulation joint {joint} strays {strays[joint]:.2g} times as far as noise and the tolerances can make "
-            "it, so that a torque too small and slow to be seen may act there."
+            f"In simulation {joints_words([joint])} strays {strays[joint]:.2g} times as far as noise and the "
+            "tolerances can make it, so that a torque too small and slow to be seen may act there."
         )
     creeping = [gap for gap in diagnosis.joints if gap.rms_after > FLOORS_LEFT * gap.noise_floor]
     if diagnosis.verdict == "no_gap" and creeping:
         one = max(creeping, key=lambda gap: gap.rms_after / gap.noise_floor)
         out.append(
-            f"Joint {one.joint} has {one.rms_after / one.noise_floor:.1f} times its noise floor left, where joints "
-            "stand, creep or turn about and friction is in doubt."
+            f"On {joints_words([one.joint])} {one.rms_after / one.noise_floor:.1f} times its noise floor is left, "
+            "where joints stand, creep or turn about and friction is in doubt."
         )
     return out
 
@@ -255,16 +271,17 @@ def left_over(diagnosis: Diagnosis) -> str:
     if strays and not above and not left.structured:
         joint = max(strays, key=lambda name: strays[name])
         parts.append(
-            f"its torque shows none, but under the recorded torque the simulated motion of joint {joint} strays "
-            f"{strays[joint]:.2g} times as far as noise and the tolerances can make it, as by a torque that is small "
-            "and slow"
+            "its torque shows none, but under the recorded torque the simulated motion of "
+            f"{joints_words([joint])} strays {strays[joint]:.2g} times as far as noise and the tolerances can make it, "
+            "as by a torque that is small and slow"
         )
     elif left.structured or not (parts or above):
         parts.append(unexplained_phrase(left))
     elif above:
         worst = max(above, key=lambda gap: gap.rms_after / gap.noise_floor)
         floors = f"{worst.rms_after / worst.noise_floor:.2g} times its noise floor"
-        parts.append(f"joint {worst.joint} has {floors} left, without structure that another effect could explain")
+        where = joints_words([worst.joint])
+        parts.append(f"on {where} {floors} is left, without structure that another effect could explain")
     return "; ".join(parts)
 
 

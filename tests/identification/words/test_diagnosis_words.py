@@ -184,7 +184,7 @@ LIMIT = Adjusted("hand mass", -0.1, 0.05, True, "a payload of up to 0.12 kg")
                 "joints": (FLOORS,),
                 "unexplained": Unexplained(0.0, False, "j1", None),
             },
-            "joint j1 has 10 times its noise floor left",
+            "on joint j1 10 times its noise floor is left",
             "fits the robot",
         ),
         (
@@ -204,7 +204,7 @@ LIMIT = Adjusted("hand mass", -0.1, 0.05, True, "a payload of up to 0.12 kg")
         ),
         (
             {"verdict": "no_gap", "findings": (), "joints": (dataclasses.replace(FLOORS, rms_after=0.09),)},
-            "Joint j1 has 3.0 times its noise floor left, where joints stand, creep or turn about",
+            "On joint j1 3.0 times its noise floor is left, where joints stand, creep or turn about",
             "explained",
         ),
         (
@@ -249,6 +249,22 @@ def test_an_interval_that_says_no_more_than_the_share_is_left_out(made_up):
 def test_the_share_is_told_where_it_is_known(made_up):
     finding = dataclasses.replace(made_up().findings[0], share=0.71)
     assert words.share_of_gap(finding).replace(NO_BREAK, " ") == "71 %"
+
+
+@pytest.mark.parametrize(
+    ("names", "said"),
+    [(["j2"], "joint j2"), (["j2", "j3"], "joints j2 and j3"), (["joint_5", "joint_6"], "joint_5 and joint_6")],
+)
+def test_a_name_that_says_it_is_a_joint_stands_alone(names, said):
+    assert words.joints_words(names) == said
+
+
+@pytest.mark.parametrize(
+    ("share", "interval", "said"),
+    [(0.83, (0.8, 0.861), "83 % (80 to 86 %)"), (0.999, (0.998, 0.9995), "over 99 %")],
+)
+def test_an_interval_that_says_no_more_is_left_out(share, interval, said):
+    assert words.share_words(share, interval).replace(NO_BREAK, " ") == said
 
 
 def test_an_effect_that_helps_only_beside_others_has_no_negative_share(made_up):
