@@ -15,7 +15,7 @@ from identification.data.checks.against_model import (
     spread_samples,
 )
 from identification.data.checks.certain_faults import certain_faults
-from identification.data.checks.filtered_torques import check_filtered
+from identification.data.checks.filtered_torques import check_filtered, filtered_joints
 from identification.data.checks.positions import check_coarse_step, check_frozen, check_stillness, check_velocity
 from identification.data.checks.readings import reading_of
 from identification.data.checks.smoothed_copy import Smooth, smoothed
@@ -109,6 +109,6 @@ def _check_against_model(recording: Recording, robot: Robot, smooth: Smooth, fel
     return [
         *check_flipped(recording, data, model),
         *check_unsigned(recording, data, model),
-        *check_lag(felt, robot, smooth),
+        *check_lag(felt, robot, smooth, steep=filtered_joints(recording)),
         *check_friction_taken(recording, robot, smooth),
     ]

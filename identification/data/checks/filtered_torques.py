@@ -35,8 +35,8 @@ def roll_off(x: Float[Array, " N"]) -> float:
     return float(10 * np.log10(max(upper, 1e-300) / max(lower, 1e-300)))
 
 
-def check_filtered(recording: Recording) -> tuple[str, ...]:
-    """A sentence on torques that were filtered otherwise than the positions."""
+def filtered_joints(recording: Recording) -> tuple[str, ...]:
+    """Joints whose torque went through a low pass of second order or more that their position did not go through."""
     if recording.tau is None or len(recording.t) < _FEWEST:
         return ()
     filtered = []
@@ -46,6 +46,12 @@ def check_filtered(recording: Recording) -> tuple[str, ...]:
         of_torque, of_position = roll_off(tau), roll_off(q)
         if of_torque < _FILTERED and of_position > _OPEN and of_position - of_torque > _APART:
             filtered.append(joint)
+    return tuple(filtered)
+
+
+def check_filtered(recording: Recording) -> tuple[str, ...]:
+    """A sentence on torques that were filtered otherwise than the positions."""
+    filtered = filtered_joints(recording)
     if not filtered:
         return ()
     which = "torque" if len(filtered) == 1 else "torques"

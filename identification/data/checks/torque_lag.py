@@ -306,21 +306,23 @@ def _lowest(costs: Float[Array, " k"], lags: Float[Array, " k"]) -> float:
     return float(lags[k] + (0.5 * (left - right) / bend if bend > 0 else 0.0) * (lags[1] - lags[0]))
 
 
-def check_lag(recording: Recording, robot: Robot, smooth: Smooth) -> tuple[str, ...]:
+def check_lag(recording: Recording, robot: Robot, smooth: Smooth, *, steep: tuple[str, ...] = ()) -> tuple[str, ...]:
     """Sentences about torques that are late or early by about half a sample or more.
 
     Args:
         recording: Raw samples; its torque holds that of measured forces.
         robot: Says how the torque was held.
         smooth: The smoothed copy.
+        steep: Joints whose torque went through a low pass of higher order: one of first order would not take it back.
     """
     lags, out = _lags(smooth), []
     for clear in _clear_torques(robot, recording, smooth, lags):
         lag, filtered = _lag(clear, lags), _low_pass(clear)
         if lag is not None and not _worth_a_sentence(lag.samples, lag.std, lag.removed):
             lag = None
-        if filtered is not None and not _worth_a_sentence(
-            filtered.seconds / smooth.step, filtered.std / smooth.step, filtered.removed
+        if filtered is not None and (
+            clear.joint in steep
+            or not _worth_a_sentence(filtered.seconds / smooth.step, filtered.std / smooth.step, filtered.removed)
         ):
             filtered = None
         if filtered is not None and (filtered.beside_shift < _CLEARLY or lag is None):

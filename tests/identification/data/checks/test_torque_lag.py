@@ -108,3 +108,13 @@ def test_a_low_pass_far_above_the_motion_may_be_a_shift(clean, arm, changed):
 @pytest.mark.parametrize("late", [-0.002, 0.0])
 def test_a_torque_that_is_not_late_went_through_no_low_pass(clean, arm, late):
     assert not any("low pass" in text for text in check_recording(clean(late=late), arm))
+
+
+@pytest.mark.parametrize("hertz", [8.0, 20.0])
+def test_a_low_pass_of_second_order_is_not_told_as_one_of_first(clean, arm, changed, hertz):
+    # The noise above the motion tells the order: it falls off twice as steeply.
+    recording = clean(seconds=40.0)
+    tau = lfilter(*butter(2, hertz, fs=500.0), recording.tau - recording.tau[0], axis=0) + recording.tau[0]
+    told = check_recording(changed(recording, tau=tau), arm)
+    assert any("went through a low-pass that the positions did not" in text for text in told)
+    assert not any("first order" in text for text in told)
