@@ -7,6 +7,8 @@ from collections.abc import Callable
 from dataclasses import replace
 from uuid import uuid4
 
+import numpy as np
+
 from identification.data.changes import Change
 from identification.data.recording import Recording
 from identification.data.refusal import fault_warnings, require_right, wrong_with
@@ -56,7 +58,8 @@ def diagnose(
     progress("comparing rivals")
     judgement, shown = judged(explanation, progress)
     progress("simulating")
-    rollout = rollout_of(Explained(shown.problem, shown.named, shown.found))
+    floor = np.array([joint.noise_floor for joint in judgement.joints])
+    rollout = rollout_of(Explained(shown.problem, shown.named, shown.found, floor))
     judgement = borne_out_by_motion(limited_to_motion(judgement, session.recordings, rollout), rollout)
     proposal = Proposal()
     if session.differences.own:

@@ -101,18 +101,12 @@ def _of_oracle(joints: list[dict], oracle: list[dict] | None) -> float:
     return max(0.0, min(1.0, (before - loss(joints, "rms_after", floors)) / most))
 
 
-def is_unknown(rival: dict) -> bool:
-    """True if a rival stands for any cause outside the catalogue."""
-    return any(effect["effect"] == "unknown" for effect in rival["effects"])
-
-
 def candidates(finding: dict) -> list[tuple[frozenset[Claim], float]]:
-    """The finding and its named rivals, each as a set of claims with its stated probability."""
+    """The finding and its rivals, each as a set of claims with its stated probability."""
     own = (frozenset({(finding["effect"], finding["joint"])}), finding.get("probability", nan))
     rivals = [
         (frozenset((e["effect"], e["joint"]) for e in rival["effects"]), rival["probability"])
         for rival in finding["rivals"]
-        if not is_unknown(rival)
     ]
     return [own, *rivals]
 
@@ -137,10 +131,7 @@ def _places_for_all(right: list[Explanation], findings: list[dict]) -> bool:
 
 
 def _stated(right: list[Explanation], findings: list[dict]) -> tuple[tuple[float, bool], ...]:
-    """Probabilities as stated: one entry for all right candidates of a finding together, one for each wrong one.
-
-    That the cause is outside the catalogue is right where no candidate is.
-    """
+    """Probabilities as stated: one entry for all right candidates of a finding together, one for each wrong one."""
     out = []
     for finding in findings:
         hit = 0.0
@@ -153,7 +144,6 @@ def _stated(right: list[Explanation], findings: list[dict]) -> tuple[tuple[float
                 out.append((probability, False))
         if hit:
             out.append((min(hit, 1.0), True))
-        out += [(rival["probability"], hit == 0.0) for rival in finding["rivals"] if is_unknown(rival)]
     return tuple(out)
 
 
@@ -196,7 +186,7 @@ def judged(answer: dict, entry: dict, oracle: dict | None = None) -> Judged:
         all_named=named is not None,
         exact=named is not None and found <= named.needed | named.allowed,
         in_set=in_set,
-        set_size=sum(len(candidates(f)) for f in findings),
+        set_size=sum(1 + len(f["rivals"]) for f in findings),
         joint=named is not None or (bool(true_joints) and true_joints <= said_joints),
         extra=bool(findings) and not _places_for_all(right, findings),
         wrong_but_fits=(verdict == "explained" or (fits and verdict != "unknown")) if outside else fits and not in_set,

@@ -13,6 +13,7 @@ from identification.diagnosis import result as results
 from identification.diagnosis.model.terms import KnownEffect
 from identification.reporting.diagnosis_reader import read_diagnosis
 from identification.reporting.diagnosis_summary import summary
+from identification.words.certainty import as_told
 from identification.words.diagnosis_words import capital, effect_at_finding, joined, share_of_gap, sureness
 from identification.words.numbers_and_names import number, percent, value_words
 from phantom_dyn.errors import UsageError
@@ -109,7 +110,7 @@ class Diagnosis:
                     share_of_gap(finding),
                     sureness(finding.probability),
                 )
-                for finding in self.findings
+                for finding in as_told(self.result).findings
             ]
             parts.append(_table(("finding", "size", "share of the gap", "certainty"), rows))
         else:

@@ -31,6 +31,7 @@ from identification.reporting.report_tables import (
 )
 from identification.reporting.robot_scene import gap_shares, joint_colours, robot_scene
 from identification.words import diagnosis_words as words
+from identification.words.certainty import as_told
 from identification.words.diagnosis_words import FindingWords
 from identification.words.numbers_and_names import percent
 from phantom_dyn.model.robot import Robot
@@ -99,6 +100,7 @@ def report_html(diagnosis: Diagnosis, robot: Robot | None = None) -> str:
         diagnosis: What is shown.
         robot: Drawn in three dimensions if it is given.
     """
+    diagnosis = as_told(diagnosis)
     environment = Environment(autoescape=True, undefined=StrictUndefined, trim_blocks=True, lstrip_blocks=True)
     source = Path(__file__).with_name("diagnosis_report.html.jinja").read_text(encoding="utf-8")
     has_samples = len(diagnosis.evidence.t) > 1

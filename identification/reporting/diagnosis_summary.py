@@ -6,6 +6,7 @@ import textwrap
 
 from identification.diagnosis.result import Diagnosis, Finding, JointGap
 from identification.words import diagnosis_words as words
+from identification.words.certainty import as_told
 from identification.words.diagnosis_words import growth_words
 from identification.words.numbers_and_names import NO_BREAK, cut_name, number, percent, printable, value_words
 
@@ -17,6 +18,7 @@ NAME_WIDTH = 36
 
 def summary(diagnosis: Diagnosis) -> str:
     """Verdict, gap before and after, findings with their sizes, each joint; then what the user should know, shortly."""
+    diagnosis = as_told(diagnosis)
     blocks = [
         _wrapped(words.verdict_sentence(diagnosis)),
         *(_wrapped(line) for line in _gap_line(diagnosis)),
@@ -76,7 +78,8 @@ def _finding_line(finding: Finding) -> str:
     )
     size = (f": {sizes}" if sizes else "") + grown
     sure = f"{words.sureness(finding.probability)}, {words.share_of_gap(finding)} of the gap"
-    rivals = f"; {words.rivals_words(finding.rivals)}" if finding.rivals else ""
+    instead = words.rivals_words(finding)
+    rivals = f"; {instead}" if instead else ""
     return f"{words.capital(words.effect_at_finding(finding))}{size}; {sure}{rivals}"
 
 

@@ -9,7 +9,7 @@ import numpy as np
 from jaxtyping import Float
 
 from identification.diagnosis.fit.fitting import Fitted
-from identification.diagnosis.fit.gap import held_out_torque, judged_blocks, residual_after
+from identification.diagnosis.fit.gap import held_out_torque, judged_blocks, residual_after, sums
 from identification.diagnosis.fit.problem import Problem
 from identification.diagnosis.model.session import Session
 from identification.diagnosis.model.terms import Term, ordered
@@ -42,11 +42,13 @@ class Explained:
         problem: The fits, and the session that they are of.
         terms: Effects that were found.
         found: Their fit, with the fits that have not seen each fold.
+        floor: Noise floor of each joint, ``(nv,)``.
     """
 
     problem: Problem
     terms: frozenset[Term]
     found: Fitted
+    floor: Float[Array, " nv"]
 
     @property
     def session(self) -> Session:
@@ -108,8 +110,11 @@ def _strays(explained: Explained, horizon: float) -> dict[str, float]:
         return known[key]
 
     left = session.in_judged_band(residual_after(problem, held_out_torque(problem, explained.terms, explained.found)))
+    # What a fit has taken of the noise is noise all the same.
+    size = np.maximum(explained.floor / np.maximum(sums(problem, left).rms(), 1e-300), 1.0)
     noise = tuple(
-        np.column_stack(
+        size
+        * np.column_stack(
             [
                 np.interp(log.motion.t, log.motion.t[log.samples], np.where(use, part, 0.0))
                 for part, use in zip(residual.T, usable.T, strict=True)

@@ -6,8 +6,8 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
-from identification.diagnosis.decision_rules import FLOORS_LEFT, ORDINARY_SHARE
-from identification.diagnosis.result import Diagnosis, EffectAt, Finding, Rival, Unexplained
+from identification.diagnosis.decision_rules import FLOORS_LEFT, LISTED, ORDINARY_SHARE
+from identification.diagnosis.result import Diagnosis, EffectAt, Finding, Unexplained
 from identification.words.effect_words import effect_words, is_between_joints, regime_words, shortfall_words, size_words
 from identification.words.numbers_and_names import NO_BREAK, percent, value_words
 
@@ -66,7 +66,7 @@ def finding_words(finding: Finding, next_experiment: Mapping[str, Any] | None = 
         what=capital(f"{head} ({words.meaning})" if words.meaning != words.name else head) + growth_words(finding),
         where=", ".join(filter(None, (where, regime_words(finding.regime)))),
         how_sure=f"{sureness(finding.probability)}; it accounts for {share_of_gap(finding)} of the gap",
-        what_else=rivals_words(finding.rivals),
+        what_else=rivals_words(finding) or NO_RIVAL,
         what_next=lower_first(_next_step(finding, next_experiment or {})),
     )
 
@@ -135,16 +135,20 @@ def effect_at_finding(finding: Finding) -> str:
     return name + in_recording(finding.recording)
 
 
-def rivals_words(rivals: tuple[Rival, ...]) -> str:
-    """What else a finding may be, most probable first."""
-    if not rivals:
-        return NO_RIVAL
-    ranked = sorted(rivals, key=lambda rival: -rival.probability)
-    return "it may instead be " + "; or ".join(
-        f"{joined([effect_at(at) for at in rival.effects])}{' together' if len(rival.effects) > 1 else ''} "
-        f"({percent(rival.probability)})"
-        for rival in ranked
-    )
+def rivals_words(finding: Finding) -> str:
+    """What else a finding may be, most probable first; empty for nothing."""
+    told = [
+        (f"{joined([effect_at(at) for at in rival.effects])}{' together' if len(rival.effects) > 1 else ''}", rival)
+        for rival in finding.rivals
+    ]
+    parts = [(words, rival.probability) for words, rival in told]
+    outside = 1.0 - finding.probability - sum(rival.probability for rival in finding.rivals)
+    if outside >= LISTED:
+        parts.append(("a cause outside the catalogue", outside))
+    if not parts:
+        return ""
+    ranked = sorted(parts, key=lambda part: -part[1])
+    return "it may instead be " + "; or ".join(f"{words} ({percent(probability)})" for words, probability in ranked)
 
 
 def sureness(probability: float) -> str:

@@ -65,10 +65,6 @@ def effect_words(effect: str) -> EffectWords:
     known = known_effect(effect)
     if known is not None:
         return known.words
-    if effect == "unknown":
-        return EffectWords(
-            "a cause outside the catalogue", "what no known effect makes", "Look at what is left, by joint and regime."
-        )
     plain = effect.replace("_", " ")
     return EffectWords(plain, plain, "See what this effect means in its documentation.")
 

@@ -163,15 +163,3 @@ def test_a_rival_and_its_twin_of_the_truth_are_one_answer():
     finding = {"effect": "rotor_inertia", "joint": "j1", "parameters": {}, "gap_closed": 0.9, "probability": 0.5}
     said = {"verdict": "explained", "findings": [{**finding, "rivals": rivals}], "joints": []}
     assert judged(answer, {"diagnosis": said, "seconds": 1.0}).stated == ((0.2, False), (0.8, True))
-
-
-@pytest.mark.parametrize(("named", "stated"), [("rotor_inertia", (0.6, True)), ("cogging", (0.6, False))])
-def test_that_the_cause_is_outside_the_catalogue_is_right_where_no_candidate_is(named, stated):
-    truth = {"effect": "rotor_inertia", "joint": "j1", "parameters": {"inertia": 0.1}}
-    answer = {**NULL, "kind": "single", "effects": [truth], "truth": [truth], "paired_gap": 5.0}
-    unknown = {"effects": [{"effect": "unknown", "joint": "j1"}], "probability": 0.4}
-    finding = {"effect": named, "joint": "j1", "parameters": {}, "gap_closed": 0.9, "probability": 0.6}
-    said = {"verdict": "partly_explained", "findings": [{**finding, "rivals": [unknown]}], "joints": []}
-    found = judged(answer, {"diagnosis": said, "seconds": 1.0})
-    assert found.stated == (stated, (0.4, not stated[1]))
-    assert found.set_size == 1

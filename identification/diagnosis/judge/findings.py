@@ -216,19 +216,11 @@ def _range(parameter: Parameter) -> str:
 
 @dataclass(frozen=True)
 class Claim:
-    """A finding with the torque of the corrected model without it.
-
-    Attributes:
-        finding: As it is told.
-        without: Torque of each log.
-        minor: True if it is too small to matter.
-        read: True if the readings themselves show it, so that no other cause is compared with it.
-    """
+    """A finding, the torque of the corrected model without it, and whether it is too small to matter."""
 
     finding: Finding
     without: Series
     minor: bool = False
-    read: bool = False
 
 
 def findings_without(shown: Shown, judge: Judge, within: Sums) -> tuple[Claim, ...]:

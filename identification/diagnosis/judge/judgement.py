@@ -13,7 +13,6 @@ from identification.diagnosis.fit.gap import Sums, held_out_torque, measured_tor
 from identification.diagnosis.fit.problem import Problem
 from identification.diagnosis.judge.bounds import smallest_seen
 from identification.diagnosis.judge.bursts import bursts_of, from_quiet
-from identification.diagnosis.judge.certainty import beside_what_is_left
 from identification.diagnosis.judge.coarse_encoders import findings_of, rounded
 from identification.diagnosis.judge.findings import Claim, Shown, findings_without, remarks, shown_effects
 from identification.diagnosis.judge.floors import Floor, floor_of
@@ -53,16 +52,13 @@ def judged(explanation: Explanation, progress: Callable[[str], None]) -> tuple[J
     claims = [
         *findings_without(shown, judge, within),
         # Without a coarse reading the model is the same: what it feigns is no torque.
-        *(Claim(finding, torque, read=True) for finding in findings_of(session.robot, rounding, within, judge.floor)),
+        *(Claim(finding, torque) for finding in findings_of(session.robot, rounding, within, judge.floor)),
     ]
     claims.sort(key=lambda claim: -claim.finding.gap_closed)
     kept = [claim for claim in claims if not claim.minor]
+    findings = tuple(claim.finding for claim in kept)
     after = _less(sums(problem, residual), rounding.total)
     joints = joint_gaps(problem, noise_floor, sums(problem, given), within, after)
-    findings, minor = (
-        tuple(one.finding if one.read else beside_what_is_left(one.finding, joints) for one in some)
-        for some in (kept, [claim for claim in claims if claim.minor])
-    )
     bursts = from_quiet(bursts_of(problem, whole, doubt), problem, whole, judge.floor)
     left_over = _located(unexplained(shown, judge, residual, whole), problem, residual, joints)
     left_over = _timed(left_over, bursts)
@@ -80,7 +76,7 @@ def judged(explanation: Explanation, progress: Callable[[str], None]) -> tuple[J
         notes=remarks(shown),
         evidence=evidence_of(judge, given, torque, tuple(claim.without for claim in kept)),
         gap=closed_together(judge, within, after),
-        minor=minor,
+        minor=tuple(claim.finding for claim in claims if claim.minor),
         bursts=bursts,
     )
     return judgement, shown

@@ -75,14 +75,28 @@ def test_a_name_keeps_its_capital_at_the_start_of_a_next_step():
     assert (words.lower_first("J2 first"), words.lower_first("Move")) == ("J2 first", "move")
 
 
-def test_without_rivals_nothing_else_explains_the_data():
-    assert words.rivals_words(()) == "nothing else in the catalogue explains the data as well"
+def test_without_rivals_nothing_else_explains_the_data(made_up):
+    alone = dataclasses.replace(made_up().findings[0], probability=1.0, rivals=())
+    assert words.rivals_words(alone) == ""
+    assert words.finding_words(alone).what_else == "nothing else in the catalogue explains the data as well"
 
 
-def test_rivals_are_named_most_probable_first():
+@pytest.mark.parametrize(
+    ("own", "text"),
+    [
+        (0.6, "it may instead be backlash on joint j1 (30 %); or a payload (10 %)"),
+        # What is missing to one.
+        (
+            0.4,
+            "it may instead be backlash on joint j1 (30 %); or a cause outside the catalogue (20 %); or a payload "
+            "(10 %)",
+        ),
+    ],
+)
+def test_rivals_are_named_most_probable_first(made_up, own, text):
     rivals = (Rival((EffectAt("payload", None),), 0.1), Rival((EffectAt("backlash", "j1"),), 0.3))
-    text = words.rivals_words(rivals).replace(NO_BREAK, " ")
-    assert text == "it may instead be backlash on joint j1 (30 %); or a payload (10 %)"
+    finding = dataclasses.replace(made_up().findings[0], probability=own, rivals=rivals)
+    assert words.rivals_words(finding).replace(NO_BREAK, " ") == text
 
 
 @pytest.mark.parametrize(

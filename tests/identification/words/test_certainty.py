@@ -2,10 +2,14 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import pytest
 
-from identification.diagnosis.judge.certainty import beside_what_is_left
 from identification.diagnosis.result import EffectAt, Finding, JointGap, Rival
+from identification.reporting.diagnosis_report import report_html
+from identification.reporting.diagnosis_summary import summary
+from identification.words.certainty import beside_what_is_left
 
 
 def gap(joint: str, after: float, closed: float | None) -> JointGap:
@@ -39,16 +43,23 @@ def finding(joint: str | None, *rivals: tuple[str, float]) -> Finding:
 def test_what_is_left_of_a_joint_may_have_made_what_a_finding_explains(joint, gaps, own):
     told = beside_what_is_left(finding(joint), tuple(gaps))
     assert told.probability == pytest.approx(own)
-    assert [(r.effects[0].effect, r.probability) for r in told.rivals] == (
-        [("unknown", pytest.approx(1.0 - own))] if own < 1.0 else []
-    )
-    assert told.verdict == ("one_of" if own < 1.0 else "supported")
+    assert told.rivals == ()
 
 
-def test_rivals_lose_as_much_as_the_finding_and_the_most_probable_stands_first():
+def test_rivals_lose_as_much_as_the_finding():
     told = beside_what_is_left(finding("j1", ("presliding_friction", 0.25)), (gap("j1", 3.0, 0.6),))
     assert told.probability == pytest.approx(0.45)
-    assert [(r.effects[0].effect, pytest.approx(r.probability)) for r in told.rivals] == [
-        ("unknown", 0.4),
-        ("presliding_friction", 0.15),
-    ]
+    assert [rival.probability for rival in told.rivals] == [pytest.approx(0.15)]
+
+
+def test_steps_that_the_readings_show_stay_as_certain_as_they_are():
+    steps = replace(finding("j1"), effect="encoder_quantization")
+    assert beside_what_is_left(steps, (gap("j1", 3.0, 0.6),)) == steps
+
+
+def test_terminal_and_report_tell_a_cause_outside_the_catalogue(made_up):
+    made = made_up(findings=1)
+    loud = tuple(replace(joint, rms_after=3.0 * joint.noise_floor, closed=0.6) for joint in made.joints)
+    diagnosis = replace(made, findings=(replace(made.findings[0], probability=1.0, rivals=()),), joints=loud)
+    for text in (summary(diagnosis), report_html(diagnosis)):
+        assert "a cause outside the catalogue (40" in " ".join(text.split())
