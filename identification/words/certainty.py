@@ -7,6 +7,7 @@ from statistics import fmean
 
 from identification.diagnosis import decision_rules as rules
 from identification.diagnosis.result import Diagnosis, Finding, JointGap
+from phantom_dyn.effects.catalogue import known_effect
 
 
 def as_told(diagnosis: Diagnosis) -> Diagnosis:
@@ -34,8 +35,10 @@ def beside_what_is_left(finding: Finding, joints: tuple[JointGap, ...]) -> Findi
     """
     own = [joint for joint in joints if joint.joint in (finding.joint or "").split("+")]
     named = min(map(_named, own)) if own else fmean(map(_named, joints))
-    if finding.effect == "encoder_quantization" or 1.0 - named < rules.LISTED:
-        return finding  # the readings themselves show their steps
+    known = known_effect(finding.effect)
+    # What is noise alone is read off the readings, and compared with nothing.
+    if (known is not None and known.only_noise) or 1.0 - named < rules.LISTED:
+        return finding
     rivals = tuple(replace(rival, probability=named * rival.probability) for rival in finding.rivals)
     return replace(finding, probability=named * finding.probability, rivals=rivals)
 

@@ -218,7 +218,7 @@ def ur10(mirror) -> list[str]:
 
 def test_every_joint_of_the_ur10_has_friction(ur10):
     # Published: refitting friction lowers the error of each joint to a third at most.
-    joints = {line.split()[-1] for line in ur10 if " friction on joint " in line}
+    joints = {line.split()[-1] for line in ur10 if " friction on " in line}
     assert joints == set(load_robot("example:ur10").joint_names)
 
 
@@ -239,7 +239,7 @@ def test_double_pendulum_names_coulomb_friction_where_it_is_not_modelled_and_ine
     plain, wrong = map(
         findings, printed("double_pendulum.py", tmp_path, **mirror).split("== design_C1_identified.urdf")
     )
-    assert {line for line in plain if "Coulomb" in line} == {f"Coulomb friction on joint Joint{k}" for k in (1, 2)}
+    assert {line for line in plain if "Coulomb" in line} == {f"Coulomb friction on Joint{k}" for k in (1, 2)}
     assert any(line.startswith("Wrong inertial parameters") for line in wrong)
     assert not [line for line in wrong if "Coulomb" in line]
 
