@@ -1,6 +1,7 @@
 """Opens diagnoses and answers and says how good the diagnosis is.
 
-Example: ``python benchmarks/blind/score.py --answers DIR --results DIR --out DIR``
+Example: ``python benchmarks/blind/score.py --answers DIR --results DIR --out DIR``; several folders, in the same order,
+are scored together.
 """
 
 from __future__ import annotations
@@ -133,14 +134,19 @@ def write_score(cases: Sequence[Judged], out: Path, baselines: Mapping[str, Sequ
 
 def main(arguments: list[str] | None = None) -> int:
     parser = argparse.ArgumentParser(description="Score the diagnoses of sealed cases.")
-    parser.add_argument("--answers", type=Path, required=True, metavar="DIR")
-    parser.add_argument("--results", type=Path, required=True, metavar="DIR")
+    parser.add_argument("--answers", type=Path, required=True, nargs="+", metavar="DIR")
+    parser.add_argument("--results", type=Path, required=True, nargs="+", metavar="DIR")
     parser.add_argument("--out", type=Path, required=True, metavar="DIR")
     parser.add_argument("--oracle", type=Path, metavar="DIR", help="fits that were told the cause")
     parser.add_argument("--baselines", type=Path, metavar="DIR", help="what the baselines said")
     given = parser.parse_args(arguments)
-    cases = load_pairs(given.answers, given.results, oracle=given.oracle)
-    baselines = load_baselines(given.answers, given.baselines, [x.id for x in cases]) if given.baselines else None
+    if len(given.answers) != len(given.results):
+        parser.error("give one folder of results for each folder of answers")
+    if len(given.answers) > 1 and (given.oracle or given.baselines):
+        parser.error("oracle and baselines belong to one folder of answers")
+    folders = zip(given.answers, given.results, strict=True)
+    cases = [case for answers, results in folders for case in load_pairs(answers, results, oracle=given.oracle)]
+    baselines = load_baselines(given.answers[0], given.baselines, [x.id for x in cases]) if given.baselines else None
     print(write_score(cases, given.out, baselines))
     return 0
 

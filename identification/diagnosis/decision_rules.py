@@ -241,5 +241,6 @@ REST_LISTED = 0.05
 REST_STRUCTURE = 0.1
 
 # times the end of the 99 % band: from which on simulated motion that strays is a gap, though no torque shows it. The
-# band is made from as few windows as it judges, and these magnify noise unequally; 84 sealed nulls reached 1.5.
+# band is made from as few windows as it judges, and these magnify noise unequally: the `rollout.strays` of sealed nulls
+# reached 1.6.
 STRAYS_FAR = 2.0

@@ -122,9 +122,9 @@ def _strays(explained: Explained, horizon: float) -> dict[str, float]:
         )
         for log, residual, usable in zip(session.logs, left, problem.columns.usable, strict=True)
     )
-    shots = _shots(explained, HORIZONS[0], STEP, 0)
+    shots = _shots(explained, horizon, STEP, 0)
     folds = tuple(sorted({int(fold) for fold in problem.grams.fold} - {-1}))
-    if len(folds) < 2 or hides(model(shots[0].window, shots[0].window.fold)):
+    if not shots or len(folds) < 2 or hides(model(shots[0].window, shots[0].window.fold)):
         return {}
     try:
         over = strays(shots, model, torque, noise, folds, horizon)

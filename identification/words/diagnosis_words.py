@@ -137,11 +137,10 @@ def effect_at_finding(finding: Finding) -> str:
 
 def rivals_words(finding: Finding) -> str:
     """What else a finding may be, most probable first; empty for nothing."""
-    told = [
-        (f"{joined([effect_at(at) for at in rival.effects])}{' together' if len(rival.effects) > 1 else ''}", rival)
+    parts = [
+        (joined([effect_at(at) for at in rival.effects]) + " together" * (len(rival.effects) > 1), rival.probability)
         for rival in finding.rivals
     ]
-    parts = [(words, rival.probability) for words, rival in told]
     outside = 1.0 - finding.probability - sum(rival.probability for rival in finding.rivals)
     if outside >= LISTED:
         parts.append(("a cause outside the catalogue", outside))
@@ -272,7 +271,7 @@ def left_over(diagnosis: Diagnosis) -> str:
         )
     above = [gap for gap in diagnosis.joints if gap.rms_after > gap.allowed and gap.noise_floor > 0]
     strays = {} if diagnosis.verdict != "unknown" else (diagnosis.rollout or {}).get("strays", {})
-    if strays and not above and not left.structured:
+    if strays and not (parts or above or left.structured):
         joint = max(strays, key=lambda name: strays[name])
         parts.append(
             "its torque shows none, but under the recorded torque the simulated motion of "

@@ -8,7 +8,7 @@ import re
 import pytest
 from scored_by_hand import FAILED, answer, entry, finding, some_cases
 
-from benchmarks.blind.score import as_json, load_baselines, load_pairs, report, write_score
+from benchmarks.blind.score import as_json, load_baselines, load_pairs, main, report, write_score
 
 
 def test_baselines_are_scored_in_the_true_noise_floors(tmp_path):
@@ -46,3 +46,22 @@ def test_the_report_of_no_case_has_no_numbers():
 def test_a_missing_result_is_told(tmp_path):
     with pytest.raises(SystemExit, match="1 cases lack a result or an answer, first c9"):
         load_pairs(tmp_path, tmp_path, ["c9"])
+
+
+def test_folders_are_scored_together(tmp_path, capsys):
+    folders = {"answers": [], "results": []}
+    said = entry(finding("coulomb_friction"), before=5.0, after=1.0)
+    for name in ("one", "two"):
+        for kind, content in (("answers", answer("coulomb_friction")), ("results", said)):
+            folder = tmp_path / name / kind
+            folder.mkdir(parents=True)
+            (folder / f"{name}.json").write_text(json.dumps(content))
+            folders[kind].append(str(folder))
+    main(["--answers", *folders["answers"], "--results", *folders["results"], "--out", str(tmp_path / "out")])
+    assert "Cases: 2." in capsys.readouterr().out
+
+
+def test_folders_that_do_not_pair_are_refused(tmp_path, capsys):
+    with pytest.raises(SystemExit):
+        main(["--answers", "one", "two", "--results", "one", "--out", str(tmp_path)])
+    assert "one folder of results for each folder of answers" in capsys.readouterr().err

@@ -13,6 +13,7 @@ from jaxtyping import Float
 
 from identification.data.checks.against_model import model_torque
 from identification.data.checks.smoothed_copy import Smooth
+from identification.data.checks.torque_lag import jackknife_error
 from identification.data.recording import Recording
 from phantom_dyn.dynamics.dynamics import rigid_body_regressor
 from phantom_dyn.model.robot import Robot
@@ -79,7 +80,7 @@ def held_friction(robot: Robot, smooth: Smooth) -> tuple[HeldFriction, ...]:
         for k, block in enumerate(np.array_split(np.arange(len(rows)), _BLOCKS)):
             kept = np.setdiff1d(np.arange(len(rows)), block)
             without[k] = _share(others[kept], friction[kept], tau[kept], modelled[kept])[0]
-        std = float(np.sqrt((_BLOCKS - 1) * np.mean((without - without.mean()) ** 2)))
+        std = jackknife_error(without)
         visible = float(np.sqrt(np.mean(modelled**2)) / max(left, 1e-300))
         out.append(HeldFriction(joint, share, std, visible))
     return tuple(out)

@@ -111,11 +111,13 @@ class _Clear:
     independent: float
 
 
-def torque_lags(robot: Robot, recording: Recording, smooth: Smooth) -> tuple[Lag, ...]:
-    """Lag of each joint's torque against the torque that a rigid body and friction need for the motion.
+def lags_and_low_passes(
+    robot: Robot, recording: Recording, smooth: Smooth
+) -> tuple[tuple[Lag | None, LowPass | None], ...]:
+    """Lag of each joint's torque against what a rigid body and friction need, and the low pass that fits it best.
 
-    The inertial parameters and the friction are free, so that a wrong model does not pass for a lag. The standard error
-    is that of a jackknife over blocks of the record. Joints whose lag these samples do not show are left out.
+    The inertial parameters and the friction are free, so that a wrong model does not pass for a lag. Standard errors
+    are those of a jackknife over blocks of the record. None is what these samples do not show.
 
     Args:
         robot: Says how the torque was held.
@@ -123,14 +125,7 @@ def torque_lags(robot: Robot, recording: Recording, smooth: Smooth) -> tuple[Lag
         smooth: Gives the uniform times, the cut-off and which samples count.
     """
     lags = _lags(smooth)
-    found = (_lag(clear, lags) for clear in _clear_torques(robot, recording, smooth, lags))
-    return tuple(lag for lag in found if lag is not None)
-
-
-def low_passes(robot: Robot, recording: Recording, smooth: Smooth) -> tuple[LowPass, ...]:
-    """The low pass of first order that fits each torque best; arguments as of `torque_lags`."""
-    found = (_low_pass(clear) for clear in _clear_torques(robot, recording, smooth, _lags(smooth)))
-    return tuple(one for one in found if one is not None)
+    return tuple((_lag(one, lags), _low_pass(one)) for one in _clear_torques(robot, recording, smooth, lags))
 
 
 def _lags(smooth: Smooth) -> Float[Array, " m"]:
@@ -242,7 +237,7 @@ def _lag(clear: _Clear, lags: Float[Array, " m"]) -> Lag | None:
     without = np.array([_lowest(_costs(clear.columns[kept], clear.shifted[kept]), lags) for kept in _without(clear)])
     if np.isnan(without).any():
         return None
-    return Lag(clear.joint, lag, _jackknife(without), 1 - _least(total, lags) / float(total[len(lags) // 2]))
+    return Lag(clear.joint, lag, jackknife_error(without), 1 - _least(total, lags) / float(total[len(lags) // 2]))
 
 
 def _low_pass(clear: _Clear) -> LowPass | None:
@@ -261,7 +256,7 @@ def _low_pass(clear: _Clear) -> LowPass | None:
     fed = clear.tau + seconds * clear.slope
     if seconds <= 0 or left > _LARGEST_RESIDUAL * np.sum((fed - fed.mean()) ** 2):
         return None
-    std = _jackknife(np.array([constant(kept)[0] for kept in _without(clear)]))
+    std = jackknife_error(np.array([constant(kept)[0] for kept in _without(clear)]))
     shift = max(float(_costs(clear.columns, clear.shifted).min()), 1e-300)
     return LowPass(clear.joint, seconds, std, 1 - left / before, left / shift)
 
@@ -272,9 +267,9 @@ def _without(clear: _Clear) -> list[Int[Array, " n"]]:
     return [np.setdiff1d(every, block) for block in np.array_split(every, _BLOCKS)]
 
 
-def _jackknife(without: Float[Array, " b"]) -> float:
+def jackknife_error(without: Float[Array, " b"]) -> float:
     """Standard error of an estimate from those without one block each; that of a structured residual is in it."""
-    return float(np.sqrt((_BLOCKS - 1) * np.mean((without - without.mean()) ** 2)))
+    return float(np.sqrt((len(without) - 1) * np.mean((without - without.mean()) ** 2)))
 
 
 def _left(columns: Float[Array, "n k"], series: Float[Array, "n m"]) -> Float[Array, "n m"]:
@@ -315,13 +310,12 @@ def check_lag(recording: Recording, robot: Robot, smooth: Smooth, *, steep: tupl
         smooth: The smoothed copy.
         steep: Joints whose torque went through a low pass of higher order: one of first order would not take it back.
     """
-    lags, out = _lags(smooth), []
-    for clear in _clear_torques(robot, recording, smooth, lags):
-        lag, filtered = _lag(clear, lags), _low_pass(clear)
+    out = []
+    for lag, filtered in lags_and_low_passes(robot, recording, smooth):
         if lag is not None and not _worth_a_sentence(lag.samples, lag.std, lag.removed):
             lag = None
         if filtered is not None and (
-            clear.joint in steep
+            filtered.joint in steep
             or not _worth_a_sentence(filtered.seconds / smooth.step, filtered.std / smooth.step, filtered.removed)
         ):
             filtered = None

@@ -87,10 +87,10 @@ def from_quiet(
         return ()
     squares, counts = np.zeros(len(floor)), np.zeros(len(floor))
     for log, left, usable in zip(problem.session.logs, residual, problem.columns.usable, strict=True):
-        t = log.motion.t[log.samples]
-        own = [burst for burst in bursts if burst.file == log.file]
-        loud = np.any([(t > b.start - _MARGIN) & (t < b.stop + _MARGIN) for b in own], axis=0) if own else False
-        use = usable & ~np.broadcast_to(np.asarray(loud)[..., None], usable.shape)
+        t, use = log.motion.t[log.samples], usable.copy()
+        for burst in bursts:
+            if burst.file == log.file:
+                use[(t > burst.start - _MARGIN) & (t < burst.stop + _MARGIN)] = False
         squares += np.sum(np.where(use, left, 0.0) ** 2, axis=0)
         counts += use.sum(axis=0)
     rest = np.sqrt(squares / np.maximum(counts, 1))

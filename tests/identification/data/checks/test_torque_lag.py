@@ -12,13 +12,13 @@ from scipy.signal import butter, lfilter, lfilter_zi
 import phantom_dyn as dyn
 from identification.data.checks.check_recording import check_recording
 from identification.data.checks.smoothed_copy import smoothed
-from identification.data.checks.torque_lag import clear_samples, friction_columns, low_passes, torque_lags
+from identification.data.checks.torque_lag import clear_samples, friction_columns, lags_and_low_passes
 from phantom_dyn.model.robot import Robot
 from places import ROBOTS
 
 
 def lags_of(robot: Robot, recording) -> list[float]:
-    return [lag.samples for lag in torque_lags(robot, recording, smoothed(recording))]
+    return [lag.samples for lag, _ in lags_and_low_passes(robot, recording, smoothed(recording)) if lag]
 
 
 @pytest.mark.parametrize("late", [0.0, 0.003])
@@ -72,7 +72,7 @@ def test_a_joint_that_turns_about_all_the_time_shows_no_lag(clean, arm):
     q = recording.q.copy()
     q[:, 2] = 0.02 * np.sin(2 * np.pi * 12.0 * recording.t)
     copy = replace(smoothed(recording), cutoff_hz=40.0)
-    assert "slide" not in [lag.joint for lag in torque_lags(arm, replace(recording, q=q), copy)]
+    assert "slide" not in [lag.joint for lag, _ in lags_and_low_passes(arm, replace(recording, q=q), copy) if lag]
 
 
 def low_passed(recording, hertz: float) -> np.ndarray:
@@ -86,7 +86,7 @@ def low_passed(recording, hertz: float) -> np.ndarray:
 def test_the_cut_off_of_a_low_pass_is_found(clean, arm, changed, hertz):
     recording = clean(seconds=40.0)
     filtered = changed(recording, tau=low_passed(recording, hertz))
-    found = [one.hertz for one in low_passes(arm, filtered, smoothed(filtered))]
+    found = [one.hertz for _, one in lags_and_low_passes(arm, filtered, smoothed(filtered)) if one]
     assert found == pytest.approx([hertz] * 3, rel=0.05)
 
 
