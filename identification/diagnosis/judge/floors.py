@@ -6,7 +6,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 from jaxtyping import Float
-from scipy.stats import norm
+from scipy.stats import chi2, norm
 
 from identification.diagnosis import decision_rules as rules
 from identification.diagnosis.fit.gap import measured_torque, sums
@@ -59,8 +59,10 @@ def floor_of(
     The value is what no predictor foresees on held-out blocks. It is an upper limit, as an event that nothing foresees
     lies in it too, and its interval is that of a block bootstrap. Where the torque readings show white noise above the
     band that makes as much, the floor is confirmed. Where they show somewhat less, that is the lower end, as a model
-    errs too; where they show several times less, beyond what the method is accurate to, the floor is theirs. Where the
-    motion comes again and what differs between its repetitions is less, the floor is what does not repeat.
+    errs too; where they show several times less, beyond what the method is accurate to, the floor is theirs. Where they
+    show nothing and what no predictor foresees is several times louder at some times than at most, as the impacts of
+    play are, the floor is that of most times. Where the motion comes again and what differs between its repetitions is
+    less, the floor is what does not repeat.
 
     The upper end holds what is left where friction is in doubt, as far as it is in doubt there: flexible predictors
     know how one robot sticks and creeps, a model does not.
@@ -94,6 +96,11 @@ def floor_of(
             low[j], high[j] = least, most
         source.append(ABOVE_BAND if least <= high[j] and most >= low[j] else PREDICTORS)
         low[j] = min(low[j], least)
+    # No sensor is several times louder at some times than at most: that too is a gap that nothing foresees.
+    most = np.sqrt(_at_most_times(problem, noise) ** 2 + encoder_noise**2 + rules.ACCURACY * torque**2)
+    comes_and_goes = (np.array(source) == PREDICTORS) & (np.minimum(low, left) > rules.SENSOR_TIMES * most)
+    quieter = np.where(comes_and_goes, most / value, 1.0)
+    value, low, high = value * quieter, low * quieter, high * quieter
     moving = zip(problem.columns.usable, problem.columns.standing, strict=True)
     for j, seen in enumerate(repeated_noise(session, residual, tuple(use & (held == 0.0) for use, held in moving))):
         if seen is None:
@@ -110,6 +117,19 @@ def floor_of(
     wide = np.maximum(high / value, rules.FLOORS_LEFT)
     more = _left_in_doubt(problem, session.in_judged_band(noise), residual, doubt, value, wide)
     return Floor(value, low, np.sqrt(high**2 + more), tuple(source))
+
+
+def _at_most_times(problem: Problem, noise: Series) -> Float[Array, " nv"]:
+    """Size of each joint's noise in the judged band without what comes and goes: by the median of its squares.
+
+    Of normal noise of one size that is its root mean square.
+    """
+    out = []
+    for j, part in enumerate(zip(*(log.T for log in problem.session.in_judged_band(noise)), strict=True)):
+        used = [own[use[:, j]] for own, use in zip(part, problem.columns.usable, strict=True)]
+        squares = np.concatenate(used) ** 2
+        out.append(np.sqrt(np.median(squares) / chi2.median(1)) if len(squares) else 0.0)
+    return np.array(out)
 
 
 def _left_in_doubt(
