@@ -102,8 +102,44 @@ def motions(case: Case, first: Recording, diagnosis: Diagnosis, seed: int) -> di
     return {"proposed": diagnosis.next_motion, "random": one.motion(rate), "D-optimal": optimal.motion(rate)}
 
 
-def measured(seed: int) -> dict | None:
-    """What each second recording does for the case of a seed; None where there is nothing to part, or no proposal."""
+def decided_by(case: Case, first: Recording, diagnosis: Diagnosis, seed: int, count: int) -> int | None:
+    """Which of several random motions leaves the truth alone, with the noise of two different times; None: no one.
+
+    The second noise is needed because the best of many motions may owe its success to the first one.
+
+    Args:
+        case: The true robot and its model.
+        first: The ordinary recording.
+        diagnosis: Of that alone, with a proposal.
+        seed: Of the motions.
+        count: How many motions are tried.
+    """
+    assert diagnosis.next_motion is not None
+    duration, rate = float(diagnosis.next_motion.t[-1]), case.setup.session.rate
+    limits = safe_limits(case.robot, process_all((first,), case.robot)[0])
+    rng = np.random.default_rng([seed, 709])
+    tried = candidates(design_of(case.robot, limits), duration=duration, count=count, rng=rng)
+    for k, candidate in enumerate(tried):
+        motion = candidate.motion(rate)
+        if all(leaves_alone(case, first, motion, len(motion.t) // part) for part in (2, 3)):
+            return k
+    return None
+
+
+def leaves_alone(case: Case, first: Recording, motion: Motion, later: int) -> bool:
+    """True if the truth is named without a rival once a motion is recorded as well."""
+    second = recorded(case, np.array(motion.q), later=later)
+    changes = (Change("log.csv"), Change("next.csv"))
+    return second is not None and separated(diagnose(case.robot, (first, second), changes=changes), case.truth)
+
+
+def measured(seed: int, best_of: int = 0) -> dict | None:
+    """What each second recording does for the case of a seed; None where there is nothing to separate.
+
+    Args:
+        seed: Of the case.
+        best_of: Random motions that are tried where the proposed one does not decide.
+    """
     case = drawn_case(seed)
     first = recorded(case, case.setup.session.reference)
     if first is None:
@@ -134,6 +170,8 @@ def measured(seed: int) -> dict | None:
         out["sure"][name] = 0.0 if both is None else sure(both, case.truth)
         out["struck"][name] = 0.0 if both is None else struck(diagnosis, both, case.truth)
         out["told"][name] = said(both)
+    if best_of and not out["proposed"]:
+        out["any"] = decided_by(case, first, diagnosis, seed, best_of)
     return out
 
 
@@ -151,19 +189,26 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--seeds", default="0:24", help="FIRST:END, below 1000")
     parser.add_argument("--out", type=Path, help="write what was measured as JSON")
+    parser.add_argument(
+        "--best-of", type=int, default=0, metavar="N", help="try N random motions where the proposal fails"
+    )
     given = parser.parse_args()
     start, end = (int(x) for x in given.seeds.split(":"))
     if not 0 <= start < end <= 1000:
         parser.error(f"--seeds {given.seeds}: give FIRST:END with 0 <= FIRST < END <= 1000")
     rows = []
     for seed in range(start, end):
-        row = measured(seed)
+        row = measured(seed, given.best_of)
         if row is not None:
             rows.append(row)
             print(json.dumps(row), flush=True)
             if given.out:
                 given.out.write_text(json.dumps(rows, indent=1))
     asked = [row for row in rows if row["proposed"] is not None]
+    tried = [row for row in asked if "any" in row]
+    if tried:
+        some = sum(row["any"] is not None for row in tried)
+        print(f"Where the proposed motion does not decide, one of {given.best_of} does in {some} of {len(tried)}.")
     loaded = sum(asked_mass(row["say"]) is not None for row in asked)
     print(
         f"{len(rows)} cases of {end - start} leave a set that holds the truth; a motion is proposed for {len(asked)}, "
