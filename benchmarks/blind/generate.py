@@ -18,7 +18,7 @@ if __package__ in (None, ""):  # called by its path: the checkout is not on the 
     sys.path.insert(0, str(Path(__file__).resolve().parents[2]))
 
 from benchmarks.blind.makes import NAMES as MAKES
-from benchmarks.blind.makes import make_named
+from benchmarks.blind.makes import NoCase, make_named
 
 KINDS = ("mixed", "null", "single", "pair", "outside")
 # Every kind has its own stream, so a seed may serve once for each. Below 1000: development. 1000 to 10999 were opened
@@ -65,7 +65,11 @@ def robot_and_log(case: Path) -> tuple[str, str] | None:
 
 
 def draw(seed: int, kind: str, cases: Path, answers: Path, make: str = FIRST) -> str:
-    """Generates a case and its answer unless both are there; returns its id."""
+    """Generates a case and its answer unless both are there; returns its id.
+
+    Raises:
+        NoCase: If the seed gives none.
+    """
     by = make_named(make)
     name = by.case_id(seed, by.resolved_kind(seed, kind))
     if not (answers / f"{name}.json").is_file() or robot_and_log(cases / name) is None:
@@ -82,12 +86,27 @@ def draw_one(seed: int, folder: Path, answers_folder: Path) -> tuple[Path, Path]
 
 
 def draw_many(seeds: range, kind: str, cases: Path, answers: Path, jobs: int, make: str = FIRST) -> list[str]:
-    """Generates the cases of many seeds, ``jobs`` at a time, skipping those that are there."""
+    """Generates the cases of many seeds, ``jobs`` at a time, skipping those that are there.
+
+    Returns:
+        Their ids. A seed that gives no case is told on the terminal and has none.
+    """
     if jobs == 1 or len(seeds) == 1:
-        return [draw(seed, kind, cases, answers, make) for seed in seeds]
-    with ProcessPoolExecutor(jobs) as pool:
-        waiting = [pool.submit(draw, seed, kind, cases, answers, make) for seed in seeds]
-        return [one.result() for one in waiting]
+        names = [draw_if_any(seed, kind, cases, answers, make) for seed in seeds]
+    else:
+        with ProcessPoolExecutor(jobs) as pool:
+            waiting = [pool.submit(draw_if_any, seed, kind, cases, answers, make) for seed in seeds]
+            names = [one.result() for one in waiting]
+    return [name for name in names if name is not None]
+
+
+def draw_if_any(seed: int, kind: str, cases: Path, answers: Path, make: str) -> str | None:
+    """As `draw`, but says that a seed gives no case in place of raising."""
+    try:
+        return draw(seed, kind, cases, answers, make)
+    except NoCase as reason:
+        print(reason, file=sys.stderr)
+        return None
 
 
 def case_ids(batches: Iterable[tuple[str, range]], make: str = FIRST) -> list[str]:

@@ -68,18 +68,18 @@ def main(arguments: list[str] | None = None) -> int:
         work / name for name in ("cases", "answers", "results", "baselines", "oracle")
     )
     batches = chosen_batches(given)
-    for kind, seeds in batches:
-        draw_many(seeds, kind, cases, answers, given.jobs, given.make)
-    names = case_ids(batches, given.make)
+    drawn = [draw_many(seeds, kind, cases, answers, given.jobs, given.make) for kind, seeds in batches]
+    names = list(dict.fromkeys(name for some in drawn for name in some))
     diagnose_all(names, cases, answers, results, command=default_command(), jobs=given.jobs)
     quick = given.quick or given.make in ALONE
     if not quick:
         first = [(kind, seeds[: given.beside]) for kind, seeds in batches]
-        tried = case_ids(first, given.make)
+        tried = [name for name in case_ids(first, given.make) if name in names]
         with sealed(answers):
             run_all(BASELINES, tried, cases, baselines, jobs=given.jobs, what="baselines")
         # From here on answers are open: every diagnosis is written.
-        inside = case_ids((b for b in first if b[0] in INSIDE), given.make)
+        within = case_ids((b for b in first if b[0] in INSIDE), given.make)
+        inside = [name for name in within if name in names]
         run_all(ORACLE, inside, cases, oracle, jobs=given.jobs, what="told the cause", answers=answers)
     judged = load_pairs(answers, results, names, oracle=oracle)
     beside = None if quick else load_baselines(answers, baselines, names)

@@ -58,6 +58,7 @@ from benchmarks.blind.generator.setup import (
 )
 from benchmarks.blind.generator.simulate import Run
 from benchmarks.blind.generator.sizing import BAND, Ruler, noise_floor, rms, ruler, size_of
+from benchmarks.blind.makes import NoCase
 
 KINDS = tuple(CODES)
 NULL_KINDS = ("normal", "full", "effect_inside")
@@ -199,7 +200,7 @@ def draw_case(seed: int, kind: str = "mixed", *, robot: str | None = None) -> Ca
         case = _null(seed, attempt, robot) if kind == "null" else _gap(seed, kind, attempt, robot)
         if case is not None:
             return case
-    raise RuntimeError(f"Seed {seed} gives no possible case in {ATTEMPTS} draws: use another seed.")
+    raise NoCase(f"Seed {seed} gives no possible case in {ATTEMPTS} draws: use another seed.")
 
 
 def _packed(seed: int, kind: str, setup: Setup, run: Run, figures: dict) -> Case:

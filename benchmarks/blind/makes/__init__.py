@@ -19,6 +19,10 @@ NAMES = tuple(MODULES)
 ALONE = ("real",)  # cases that baselines and oracle cannot read: several logs, and a model with effects
 
 
+class NoCase(Exception):
+    """A seed and a kind that give no possible case."""
+
+
 @dataclass(frozen=True)
 class Make:
     """What every make offers.
@@ -26,7 +30,7 @@ class Make:
     Attributes:
         case_id: Name of the case of a seed and a kind.
         resolved_kind: ``mixed`` made ``null`` or ``single``.
-        draw_case: The case, with its ``answer``.
+        draw_case: The case, with its ``answer``; raises `NoCase` where a seed gives none.
         write_case: Writes what the diagnosis may see.
     """
 

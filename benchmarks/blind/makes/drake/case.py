@@ -14,6 +14,7 @@ from pathlib import Path
 
 import numpy as np
 
+from benchmarks.blind.makes import NoCase
 from benchmarks.blind.makes.drake.files import urdf, write_log, yaml
 from benchmarks.blind.makes.drake.measure import BAND, Ruler, rms, size_of
 from benchmarks.blind.makes.drake.session import LEAD
@@ -153,7 +154,7 @@ def draw_case(seed: int, kind: str = "mixed") -> Case:
         case = _attempt(seed, kind, attempt)
         if case is not None:
             return case
-    raise RuntimeError(f"Seed {seed} gives no possible case in {ATTEMPTS} draws: use another seed.")
+    raise NoCase(f"Seed {seed} gives no possible case in {ATTEMPTS} draws: use another seed.")
 
 
 def write_case(case: Case, cases: Path) -> Path:

@@ -14,6 +14,7 @@ from pathlib import Path
 
 import numpy as np
 
+from benchmarks.blind.makes import NoCase
 from benchmarks.blind.makes.plain_numbers import plain
 from benchmarks.blind.makes.real.body import body
 from benchmarks.blind.makes.real.context import context_of, named, places
@@ -181,7 +182,7 @@ def draw_case(seed: int, kind: str = "mixed") -> Case:
 
     Raises:
         FileNotFoundError: If the recording of the seed is not on this machine; says how to get it.
-        RuntimeError: If no effect fits into its part.
+        NoCase: If no effect fits into its part.
     """
     kind = resolved_kind(seed, kind)
     place, which = seed % len(SOURCES), seed // len(SOURCES)
@@ -201,7 +202,7 @@ def draw_case(seed: int, kind: str = "mixed") -> Case:
         two = one and _drawn(known, seed + which + 1 + int(rng.integers(len(EFFECTS) - 1)), rng, (one.effect,))
         if one and two:
             return _packed(seed, kind, known, _both(known, one, two), (one, two), None)
-    raise RuntimeError(f"Nothing of kind {kind} fits into the recording of seed {seed}: use another seed.")
+    raise NoCase(f"Nothing of kind {kind} fits into the recording of seed {seed}: use another seed.")
 
 
 def write_case(case: Case, cases: Path) -> Path:
