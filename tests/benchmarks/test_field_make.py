@@ -17,6 +17,7 @@ from benchmarks.blind.makes.field import files, gap
 from benchmarks.blind.makes.field.case import STREAMS, _setting, case_id, draw_case
 from benchmarks.blind.makes.field.dynamics import Chain, link_torque, mass_and_bias
 from benchmarks.blind.makes.field.plant import add, put, sound_plant
+from benchmarks.blind.makes.field.records import band_of, torque_noise
 from benchmarks.blind.makes.field.robots import KINDS, draw_robot
 from benchmarks.blind.makes.field.simulate import STEP, Task, run
 from identification.data.reading import read_recording
@@ -247,8 +248,19 @@ def test_the_floor_of_an_even_log_is_the_noise_of_its_sensors_in_the_band(chirpe
     even, all_rows = np.arange(count) / recorder.rate, np.ones(count, dtype=bool)
     clean = replace(recorder, taken=even, stamp=even, kept=all_rows, twice=~all_rows)
     floor = gap.noise_floor(robot, chirped.run, clean, chirped.world.quantum)
-    band = butter(4, gap.band_of(recorder.rate), fs=recorder.rate, output="sos")
-    np.testing.assert_allclose(floor, sosfiltfilt(band, recorder.noise, axis=0).std(axis=0), rtol=0.15)
+    band = butter(4, band_of(recorder.rate), fs=recorder.rate, output="sos")
+    inside = sosfiltfilt(band, recorder.noise, axis=0)
+    for j, moving in enumerate(gap.logged(robot, chirped.run, clean, chirped.world.quantum).moving.T):
+        counts = np.interp(even, np.arange(len(moving)) * gap.GRID, moving) > 0.5
+        np.testing.assert_allclose(floor[j], np.sqrt(np.mean(inside[counts, j] ** 2)), rtol=0.15)
+
+
+def test_the_noise_of_torques_has_one_to_three_percent_of_them_in_the_band():
+    """A low pass of the band takes the rest off; colour above the band costs a fifth at most."""
+    torque = np.array([1.0, 30.0, 0.2])
+    noise = torque_noise(np.random.default_rng(1), 200_000, torque, 500.0, 10.0)
+    inside = sosfiltfilt(butter(4, 10.0, fs=500.0, output="sos"), noise, axis=0).std(axis=0) / torque
+    assert 0.008 < inside.min() <= inside.max() < 0.03
 
 
 def test_a_stop_of_a_sound_robot_costs_half_a_floor_more_than_sliding_at_most(chirped):

@@ -15,7 +15,7 @@ from benchmarks.blind.makes.field.effects import EFFECTS, OF_COMMANDS, TURNING_O
 from benchmarks.blind.makes.field.lookalikes import alike
 from benchmarks.blind.makes.field.motions import draw_motion
 from benchmarks.blind.makes.field.plant import sound_plant
-from benchmarks.blind.makes.field.records import Recorder, coloured, columns, draw_recorder, written
+from benchmarks.blind.makes.field.records import Recorder, band_of, columns, draw_recorder, torque_noise, written
 from benchmarks.blind.makes.field.robots import FINE, KINDS, Robot, draw_robot
 from benchmarks.blind.makes.field.simulate import STEP, Run, Task
 from benchmarks.blind.makes.field.world import Scale, World, moved, scale_of
@@ -84,14 +84,9 @@ def _task(robot: Robot, ref: Array, inertia: Array, rng: Rng) -> Task:
     return Task(ref, speed, feed, kp, kd, np.zeros_like(ref), still)
 
 
-def _hidden(steps: int, torque: Array, rng: Rng) -> Array:
-    """Torque noise of the drives that no log shows: white, held for a millisecond, and coloured; shape ``(K, n)``."""
-    level = torque * np.exp(rng.uniform(np.log(0.004), np.log(0.02), len(torque)))
-    short = -(-steps // 4)
-    corner = np.exp(rng.uniform(np.log(4.0), np.log(40.0)))
-    noise = level * rng.standard_normal((short, len(torque)))
-    noise += coloured(rng, short, level * rng.uniform(0.2, 0.6), corner, 1000.0)
-    return np.repeat(noise, 4, axis=0)[:steps]
+def _hidden(steps: int, torque: Array, band: float, rng: Rng) -> Array:
+    """Torque noise of the drives that no log shows, held for a millisecond, shape ``(K, n)``."""
+    return np.repeat(torque_noise(rng, -(-steps // 4), torque, 1000.0, band), 4, axis=0)[:steps]
 
 
 def _setting(which: int, rng: Rng, *, command: bool) -> Setting:
@@ -111,7 +106,7 @@ def _setting(which: int, rng: Rng, *, command: bool) -> Setting:
     calm = moved(world, task)
     scale = scale_of(calm, inertia, robot.each("speed"))
     recorder = draw_recorder(robot, scale.seconds, scale.torque, in_sensor=in_sensor, rng=rng)
-    hidden = _hidden(len(ref), scale.torque, rng)
+    hidden = _hidden(len(ref), scale.torque, band_of(recorder.rate), rng)
     if not configured:
         recorder = replace(recorder, constants={})
     if not in_sensor:
@@ -260,7 +255,7 @@ def _drawn(
         "gap_in_floors": shares,
         "beyond_tolerance": max((one.beyond for one, _ in parts), default=0.0),
         "noise_floor": setting.floor.tolist(),
-        "band_hz": [0.0, gap.band_of(recorder.rate)],
+        "band_hz": [0.0, band_of(recorder.rate)],
         "rate_hz": recorder.rate,
         "seconds": setting.scale.seconds,
         "log": recorder.ending,

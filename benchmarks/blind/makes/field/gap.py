@@ -15,17 +15,16 @@ from scipy.optimize import lsq_linear
 from scipy.signal import butter, sosfiltfilt
 
 from benchmarks.blind.makes.field.dynamics import Chain, link_torque
-from benchmarks.blind.makes.field.records import LEAD, Recorder, measured
+from benchmarks.blind.makes.field.records import LEAD, Recorder, band_of, measured
 from benchmarks.blind.makes.field.robots import FRICTION, INERTIA, ROTOR, Robot
 from benchmarks.blind.makes.field.simulate import STEP, Run
 
 Array = np.ndarray
-EVERY = 8  # steps of the simulation between two samples of a residual
+EVERY = 4  # steps of the simulation between two samples of a residual: no log has more, so that no noise folds back
 GRID = EVERY * STEP
 SLOW = 0.02  # of its top speed here, or of a third of its usual one: a slower joint counts as standing
 CLEAR = 0.1  # from a stop or reversal to the first sample that counts [s]
 EDGE = 0.3  # of the recording, at both ends: the filter's tails [s]
-HIGHEST = 10.0  # end of the judged band [Hz]: beyond it these motions hold little but noise
 REACHED = 1.0 / 3.0  # of the largest gap: a joint beyond it is one that the effect reaches
 
 
@@ -52,11 +51,6 @@ class View:
     def thin(self, step: int) -> View:
         """Every so many samples."""
         return View(*(getattr(self, name)[::step] for name in ("q", "v", "a", "tau", "sign", "rubbed", "moving")))
-
-
-def band_of(rate: float) -> float:
-    """Highest frequency that is judged [Hz]."""
-    return min(HIGHEST, 0.1 * rate)
 
 
 def _low(x: Array, high: float) -> Array:

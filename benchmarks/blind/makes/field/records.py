@@ -17,6 +17,8 @@ from benchmarks.blind.makes.field.simulate import STEP, Run
 Array = np.ndarray
 Rng = np.random.Generator
 FORMATS = ("csv", "csv", "parquet", "npz")
+NOISE = (0.01, 0.03)  # of the torque of the motion, in the judged band; drawn evenly in the logarithm
+HIGHEST = 10.0  # end of the judged band [Hz]: beyond it these motions hold little but noise
 LEAD = 0.5  # what passes before the recording starts: the robot settles [s]
 
 
@@ -55,6 +57,26 @@ def coloured(rng: Rng, steps: int, level: Array, corner: float, rate: float) -> 
     return level * lfilter([1.0], [1.0, -keep], white, axis=0)
 
 
+def band_of(rate: float) -> float:
+    """Highest frequency that is judged [Hz] in a log of a rate [Hz]."""
+    return min(HIGHEST, 0.1 * rate)
+
+
+def torque_noise(rng: Rng, steps: int, torque: Array, rate: float, band: float) -> Array:
+    """White and coloured noise of drives or sensors, in equal parts within the judged band, shape ``(steps, n)``.
+
+    Args:
+        rng: Source of chance.
+        steps: How many.
+        torque: Root mean square of each joint's torque [N m or N], shape ``(n,)``.
+        rate: Of the steps [Hz].
+        band: Edge of the judged band [Hz].
+    """
+    level = torque * np.exp(rng.uniform(np.log(NOISE[0]), np.log(NOISE[1]), len(torque)))
+    white = np.sqrt(0.5 * rate / (2.0 * band)) * level * rng.standard_normal((steps, len(torque)))
+    return white + coloured(rng, steps, np.sqrt(0.5) * level, np.exp(rng.uniform(np.log(4.0), np.log(40.0))), rate)
+
+
 def draw_recorder(robot: Robot, seconds: float, torque: Array, *, in_sensor: bool, rng: Rng) -> Recorder:
     """Draws how the log is taken.
 
@@ -72,9 +94,7 @@ def draw_recorder(robot: Robot, seconds: float, torque: Array, *, in_sensor: boo
     taken = even + jitter / rate * np.clip(rng.standard_normal(count), -3.0, 3.0)
     stamp = taken + float(rng.choice((0.0, 2e-5, 1e-4))) * np.clip(rng.standard_normal(count), -2.0, 2.0)
     stamp = np.maximum.accumulate(stamp + np.arange(count) * 1e-9)
-    level = torque * np.exp(rng.uniform(np.log(0.004), np.log(0.02), len(torque))) * float(in_sensor)
-    noise = level * rng.standard_normal((count, len(torque)))
-    noise += coloured(rng, count, level * rng.uniform(0.2, 0.6), np.exp(rng.uniform(np.log(4.0), np.log(40.0))), rate)
+    noise = torque_noise(rng, count, torque, rate, band_of(rate)) * float(in_sensor)
     lost = float(rng.choice((0.0, 0.0, 0.002, 0.01)))
     kept, twice = rng.random(count) >= lost, rng.random(count) < float(rng.choice((0.0, 0.0, 0.003)))
     constants = {}
