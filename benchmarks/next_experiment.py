@@ -150,7 +150,7 @@ def measured(seed: int, best_of: int = 0) -> dict | None:
         return None
     experiment = diagnosis.next_experiment
     if experiment is None:
-        return {**entry, "proposed": None, "say": diagnosis.notes[-1]}
+        return {**entry, "proposed": None, "say": " ".join(diagnosis.notes[-1:])}
     asked = asked_mass(experiment["say"])
     out = {
         **entry,

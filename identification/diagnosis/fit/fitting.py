@@ -12,6 +12,7 @@ from functools import cached_property
 import numpy as np
 from jaxtyping import Float, Int
 
+from identification.diagnosis.fit.point_mass import STEPS, load_map, mass_bounds, reduced_load, settled
 from identification.diagnosis.fit.problem import Problem
 from identification.diagnosis.fit.products import Products, Scaling, products_of
 from identification.diagnosis.model.terms import Term
@@ -22,10 +23,6 @@ Array = np.ndarray
 
 # Torque asked for over torque needed below which a row would vanish from a fit.
 _LEAST_GAIN = 0.02
-# A point has no inertia about its centre.
-_POINT = np.zeros(6)
-# Mass [kg] that is none.
-_NO_MASS = 1e-9
 
 
 @dataclass(frozen=True)
@@ -189,15 +186,16 @@ def _point_mass(
 
     The inertia ``(h.h 1 - h h^T) / m`` makes the fit quadratic, so it is linearised about the last estimate, from
     several starts: a fit whose inertia is free, which a load far out needs, one without inertia, and its first moments
-    at distances of 3 cm to 1.5 m.
+    at distances of 3 cm to 1.5 m. All starts are followed with the other columns eliminated; the best one is followed
+    to its end with all bounds.
     """
     first = _fit_linear(problem, active, products, (payload, np.zeros(4)), near)
     moments = first.theta[list(payload.columns[1:4])]
-    best, lowest, found = np.zeros(4), np.inf, first
     far = max(float(np.linalg.norm(moments)), 1e-9)
     # Where no lever shows, the mass does by itself.
     starts = [first.theta[list(payload.columns[:4])]]
-    free = _fit_linear(problem, active, products, None, near).theta[list(payload.columns)]
+    whole = _fit_linear(problem, active, products, None, near)
+    free = whole.theta[list(payload.columns)]
     inertia = float(free[[4, 6, 9]].sum())
     least = payload.effect.lightest(problem.session.robot)
     if inertia != 0 and free[1:4].any():
@@ -210,34 +208,14 @@ def _point_mass(
         # What the model carries and the robot does not, at such distances too.
         missing = (distance for distance in (0.03, 0.08, 0.2, 0.5) if far < -least * distance)
         starts += [np.array([-far / distance, *moments]) for distance in missing]
-    for start in starts:
-        for _ in range(8):
-            last = start
-            found = _fit_linear(problem, active, products, (payload, last), near)
-            start = found.theta[list(payload.columns[:4])]
-            step = start - last
-            if np.abs(step).max() <= 3e-3 * np.abs(last).max():
-                break
-        loss = _exact_loss(problem, active, products, payload, found, start)
-        if loss < lowest:
-            best, lowest = start, loss
-    return best
-
-
-def _exact_loss(
-    problem: Problem,
-    active: Int[Array, " k"],
-    products: Products,
-    payload: Term,
-    found: Fitted,
-    start: Float[Array, " 4"],
-) -> float:
-    """Loss and penalty over all training blocks with the exact inertia of a point mass, up to a constant."""
-    theta = found.theta.copy()
-    jacobian, offset = _point_mass_map_of(problem, payload, start)
-    theta[list(payload.columns)] = jacobian @ start + offset
-    x = theta[active]
-    return float(x @ products.a @ x - 2 * products.b @ x + problem.precision[active] @ x**2)
+    reduced = reduced_load(problem, active, products, payload, whole.theta)
+    start = min((reduced.followed(start) for start in starts), key=reduced.loss)
+    for _ in range(STEPS):
+        last = start
+        start = _fit_linear(problem, active, products, (payload, last), near).theta[list(payload.columns[:4])]
+        if settled(start, last):
+            break
+    return start
 
 
 def _fit_linear(
@@ -247,13 +225,13 @@ def _fit_linear(
     point: tuple[Term, Float[Array, " 4"]] | None,
     near: Near,
 ) -> Fitted:
-    """Fit with every coefficient linear; a payload through `point_mass_map` about the given start."""
+    """Fit with every coefficient linear; a payload through `load_map` about the given start."""
     precision, lower, upper, bound = (x[active] for x in (problem.precision, problem.lower, problem.upper, near.theta))
     expand, shift = None, 0.0
     total_a, total_b, constant = products.a, products.b, products.c
     if point is not None:
         term, start = point
-        jacobian, offset = _point_mass_map_of(problem, term, start)
+        jacobian, offset = load_map(problem, term, start)
         at = np.searchsorted(active, term.columns)
         others = np.setdiff1d(np.arange(len(active)), at)
         expand = np.zeros((len(active), len(others) + 4))
@@ -266,7 +244,7 @@ def _fit_linear(
         total_a = expand.T @ total_a @ expand
         keep = np.concatenate([others, at[:4]])
         precision, lower, upper, bound = precision[keep], lower[keep], upper[keep], bound[keep]
-        lower[len(others)], upper[len(others)] = _mass_bounds(start[0], term.effect.lightest(problem.session.robot))
+        lower[len(others)], upper[len(others)] = mass_bounds(start[0], term.effect.lightest(problem.session.robot))
     with_prior = total_a.copy()
     with_prior.flat[:: len(with_prior) + 1] += precision
     x = bounded_solve(with_prior, total_b, lower, upper, near=bound)
@@ -289,52 +267,3 @@ def _fit_linear(
     fold_theta = np.zeros((len(fold_x), len(theta)))
     fold_theta[:, active] = fold_x
     return Fitted(theta, active, with_prior, expand, penalty, objective, loss, fold_theta)
-
-
-def _point_mass_map_of(
-    problem: Problem, term: Term, start: Float[Array, " 4"]
-) -> tuple[Float[Array, "10 4"], Float[Array, " 10"]]:
-    """`point_mass_map` of what a term may stand for."""
-    return point_mass_map(start, term.effect.own_inertia(problem.session.robot, float(start[0])))
-
-
-def _mass_bounds(start: float, least: float) -> tuple[float, float]:
-    """Between which masses a fit about one moves: linearised, the inertia goes as 1/m, so that it doubles or halves.
-
-    One of zero has no centre and may become any.
-    """
-    if abs(start) <= _NO_MASS:
-        return least, np.inf
-    low, high = sorted((0.5 * start, 2.0 * start))
-    return max(low, least), max(high, least)
-
-
-def point_mass_map(
-    start: Float[Array, " 4"], own: Float[Array, " 6"] = _POINT
-) -> tuple[Float[Array, "10 4"], Float[Array, " 10"]]:
-    """Ten inertial parameters of a point mass from mass and first moments ``(m, h)``, linearised: ``J x + c``.
-
-    The inertia is ``(h.h 1 - h h^T) / m``, negative with a mass that is missing. Without a mass at the start it is left
-    out.
-
-    Args:
-        start: Mass and first moments.
-        own: Inertia about the centre per mass, of a part that is no point.
-    """
-    jacobian = np.zeros((10, 4))
-    jacobian[:4] = np.eye(4)
-    offset = np.zeros(10)
-    m, h = start[0], start[1:]
-    if abs(m) <= _NO_MASS:
-        return jacobian, offset
-    entries = ((0, 0), (0, 1), (1, 1), (0, 2), (1, 2), (2, 2))
-    for k, (i, j) in enumerate(entries):
-        value = ((h @ h) * (i == j) - h[i] * h[j]) / m
-        slope = np.zeros(4)
-        slope[0] = -value / m
-        for axis in range(3):
-            slope[1 + axis] = (2 * h[axis] * (i == j) - (axis == i) * h[j] - h[i] * (axis == j)) / m
-        jacobian[4 + k] = slope
-        offset[4 + k] = value - slope @ start
-    jacobian[4:, 0] += own
-    return jacobian, offset

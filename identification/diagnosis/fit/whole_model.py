@@ -11,7 +11,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 from jaxtyping import Float
 
-from identification.diagnosis.fit.fitting import Fitted, point_mass_map
+from identification.diagnosis.fit.fitting import Fitted
+from identification.diagnosis.fit.point_mass import point_mass_map
 from identification.diagnosis.fit.problem import Problem
 from identification.diagnosis.model.operations import moved_operation, moved_robot
 from identification.diagnosis.model.terms import Term

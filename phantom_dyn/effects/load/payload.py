@@ -52,6 +52,7 @@ class Payload(Effect):
     scope = "robot"
     regime = "posture"
     uses_acceleration = True
+    goes_with_motion = True
     inertial = "point mass"
     words = EffectWords(
         name="a payload",
@@ -187,6 +188,8 @@ def _added(robot: Robot, theta: Float[Array, " 4"]) -> Float[Array, " 10"]:
 
 def _nearest(robot: Robot, mass: float) -> Attached | None:
     """The part on a fixed or locked joint whose mass is nearest to what is missing, within a factor of two."""
+    if mass >= 0.0:
+        return None
     near = [part for part in attached_bodies(robot, payload_body(robot)) if 0.5 * part.mass <= -mass <= 2.0 * part.mass]
     return min(near, key=lambda part: abs(np.log(-mass / part.mass)), default=None)
 

@@ -8,7 +8,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.optimize import lsq_linear
 
-from identification.diagnosis.fit.fitting import active_columns, fit, point_mass_map, predict
+from identification.diagnosis.fit.fitting import active_columns, fit, predict
+from identification.diagnosis.fit.point_mass import point_mass_map
 from identification.diagnosis.numerics.bounded import bounded_solve
 from phantom_dyn.dynamics.dynamics import inverse_dynamics
 from phantom_dyn.model.inertia import point_mass_parameters
