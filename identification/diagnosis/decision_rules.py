@@ -57,6 +57,10 @@ LEAST_TRACE = 10.0
 # ratio: of noise floors, below which an explanation has shown the noise to be smaller than estimated.
 LOWER_NOISE = 0.9
 
+# ratio: of the torque's power density to that of what is left, below which what noise moves, and a controller answers,
+# may look like an inertia or a late torque. At thirty noise can make a thirtieth of the torque.
+MOVED_BY_NOISE = 30.0
+
 # power of the frequency by which the density of a white noise may rise or fall: a first-order filter makes two.
 FLAT_NOISE = 1.0
 

@@ -126,6 +126,8 @@ class Rival(ABC):
         displaces: True if with it the links are elsewhere than the readings say, or feel another gravity, see
             `Effect.true_motion`: what a wrong mass leaves there is another torque.
         rubs: True if it is friction whose torque a joint at standstill may hold.
+        goes_with_motion: What its torque goes with: velocities, or accelerations and rate and peaks of the torque. A
+            joint that noise moves, and a controller that answers it, look like the second.
         tested_against_zero: True if a Wald test against zero decides whether it is kept although its columns have a
             shape or use accelerations; without either it always does.
         other_laws: Other laws of the same parameters that the contract's definition fits as well. No recording
@@ -150,6 +152,7 @@ class Rival(ABC):
     seen_by: Literal["coefficient", "shape", "neither"] = "coefficient"
     displaces: bool = False
     rubs: bool = False
+    goes_with_motion: Literal["velocity", "acceleration"] | None = None
     tested_against_zero: bool = False
     other_laws: tuple[OtherLaw, ...] = ()
 

@@ -14,6 +14,7 @@ from identification.diagnosis.fit.joint_fit import JointFit, joint_fit
 from identification.diagnosis.fit.problem import Problem
 from identification.diagnosis.judge.judged_band import Judge, gap_is_there, visible
 from identification.diagnosis.judge.missing_parts import missing_part_words, named_as_part, part_instead
+from identification.diagnosis.judge.moved_by_noise import shown_by_motion
 from identification.diagnosis.judge.parameters import finding_loadings, finding_parameters
 from identification.diagnosis.judge.shares import gap_of, shares_of
 from identification.diagnosis.model.session import Series
@@ -86,7 +87,8 @@ def shown_effects(search: Search, plain: Search, chosen: frozenset[Term], noise:
     seen, barred, shown = [chosen], NONE_BARRED, []
     again = (plain, with_wide_tolerances(search))
     while True:
-        kept = visible(plain, chosen) if gap_is_there(plain.problem, noise) else frozenset()
+        present = chosen if gap_is_there(plain.problem, noise) else frozenset()
+        kept = visible(plain, shown_by_motion(plain, present, noise))
         kept, settled, fitted, simple = distinct(search, plain, kept, chosen)
         barred = barred | simple
         standings = {term: stand(search, settled, term, barred, again) for term in ordered(kept) if term.named}

@@ -46,6 +46,10 @@ class Floor:
         left = np.sqrt(np.maximum(1.0 - squares / self.value**2, rules.COARSE_REMAINDER**2))
         return replace(self, value=self.value * left, low=self.low * left, high=self.high * left)
 
+    def up_to(self, squares: Float[Array, " nv"]) -> Floor:
+        """The floor whose upper end holds a further mean square."""
+        return replace(self, high=np.sqrt(self.high**2 + squares))
+
 
 def floor_of(
     problem: Problem,

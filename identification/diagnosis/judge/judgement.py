@@ -14,9 +14,16 @@ from identification.diagnosis.fit.problem import Problem
 from identification.diagnosis.judge.bounds import smallest_seen
 from identification.diagnosis.judge.bursts import bursts_of, from_quiet
 from identification.diagnosis.judge.coarse_encoders import findings_of, rounded
-from identification.diagnosis.judge.findings import Claim, Shown, findings_without, remarks, shown_effects
+from identification.diagnosis.judge.findings import (
+    Claim,
+    Shown,
+    findings_without,
+    remarks,
+    shown_effects,
+)
 from identification.diagnosis.judge.floors import Floor, floor_of
 from identification.diagnosis.judge.judged_band import Judge, narrow_search
+from identification.diagnosis.judge.moved_by_noise import foreseen_noise
 from identification.diagnosis.judge.regimes import regime_shares, regime_split
 from identification.diagnosis.judge.shares import closed_together, left_by
 from identification.diagnosis.judge.verdict import adjusted, ordinary_effects_hide, unexplained, verdict
@@ -47,6 +54,8 @@ def judged(explanation: Explanation, progress: Callable[[str], None]) -> tuple[J
     noise_floor = floor_of(problem, noise, whole, doubt, explanation.encoders)
     rounding = rounded(problem, explanation.coarse, noise_floor.value, noise)
     noise_floor = noise_floor.without(rounding.total)
+    left = sums(problem, whole).rms()
+    noise_floor = noise_floor.up_to(foreseen_noise(shown.plain, shown.chosen, noise, left, noise_floor))
     judge = Judge(problem, noise_floor.value, noise_floor.high)
     within = left_by(judge, shown.plain, frozenset())
     claims = [

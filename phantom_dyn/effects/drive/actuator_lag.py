@@ -33,6 +33,7 @@ class ActuatorLag(Effect):
     uses_acceleration = True
     follows_torque = True
     follows_model = True
+    goes_with_motion = "acceleration"
     changes_with = "controller"
     words = EffectWords(
         name="actuator lag",

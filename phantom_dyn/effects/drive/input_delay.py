@@ -40,6 +40,7 @@ class InputDelay(Effect):
     shape_is_estimate = True
     follows_torque = True
     follows_model = True
+    goes_with_motion = "acceleration"
     tested_against_zero = True
     changes_with = "controller"
     words = EffectWords(

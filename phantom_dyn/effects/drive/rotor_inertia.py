@@ -26,6 +26,7 @@ class RotorInertia(Effect):
     name = "rotor_inertia"
     regime = "high_acceleration"
     uses_acceleration = True
+    goes_with_motion = "acceleration"
     words = EffectWords(
         name="rotor inertia",
         meaning="inertia of motor and gear that acts on this joint alone",

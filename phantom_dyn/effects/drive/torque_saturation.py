@@ -55,6 +55,7 @@ class TorqueSaturation(Effect):
     """See the module."""
 
     name = "torque_saturation"
+    goes_with_motion = "acceleration"
     regime = "saturated"
     seen_by = "neither"
     # What the motion needs is without what a drive at its limit lacks.

@@ -37,6 +37,7 @@ class InertialParameters(Effect):
     regime = "posture"
     contains = ("payload",)
     uses_acceleration = True
+    goes_with_motion = "acceleration"
     inertial = "free"
     words = EffectWords(
         name="wrong inertial parameters",

@@ -52,7 +52,7 @@ class Payload(Effect):
     scope = "robot"
     regime = "posture"
     uses_acceleration = True
-    goes_with_motion = True
+    goes_with_motion = "acceleration"
     inertial = "point mass"
     words = EffectWords(
         name="a payload",

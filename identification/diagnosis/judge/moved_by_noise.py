@@ -1,0 +1,161 @@
+"""Effects that go with the motion, judged where the torque is far above the noise.
+
+A disturbance that nobody records moves the joint, and the controller answers. The disturbance is what the model leaves.
+The acceleration that it makes goes with it as too small an inertia would; the answer is in the recorded torque, and as
+damping makes it, its rate goes with the disturbance as a delay of some ten milliseconds would on a soft joint. Where
+the torque of the motion is many times what is left, there is no room for that.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+from jaxtyping import Float
+from scipy.signal import welch
+
+from identification.data.signals import smoothed
+from identification.diagnosis import decision_rules as rules
+from identification.diagnosis.fit.gap import held_out_torque, residual_after, sums
+from identification.diagnosis.fit.problem import set_up
+from identification.diagnosis.judge.floors import Floor
+from identification.diagnosis.model.session import Series
+from identification.diagnosis.model.terms import Term, ordered
+from identification.diagnosis.noise.noise_floor import weights_of
+from identification.diagnosis.search.search import Search, claimed, set_up_search
+
+Array = np.ndarray
+
+# Samples of a spectrum's segment.
+_SEGMENT = 256
+
+
+def shown_by_motion(search: Search, chosen: frozenset[Term], noise: Series) -> frozenset[Term]:
+    """The chosen effects without those that go with the motion and do not show where it is far above the noise.
+
+    Args:
+        search: Plain fits in the judged band.
+        chosen: Effects that explain the recordings together.
+        noise: Of each log's torque.
+    """
+    if not any(_accelerates(term) for term in chosen):
+        return chosen
+    loud = loud_search(search, chosen, noise)
+    while True:
+        motion = [term for term in ordered(chosen) if _accelerates(term)]
+        doubtful = [term for term in motion if not _there(loud, chosen, chosen - {term})]
+        if not doubtful:
+            return chosen
+        chosen = chosen - {min(doubtful, key=lambda term: loud.score(chosen - {term}))}
+
+
+def _accelerates(term: Term) -> bool:
+    return term.effect.goes_with_motion == "acceleration"
+
+
+def foreseen_noise(
+    search: Search, kept: frozenset[Term], noise: Series, left: Float[Array, " nv"], floor: Floor
+) -> Float[Array, " nv"]:
+    """Mean square of the noise of each joint that predictors foresee because it moves the joint.
+
+    Only of joints that have more left than their floor allows: there all effects that go with the motion of the joint
+    are tried. If they do not show where the torque is far above the noise, what they take off is noise.
+
+    Args:
+        search: Plain fits in the judged band.
+        kept: Effects that are shown.
+        noise: Of each log's torque.
+        left: What they leave of each joint, root mean square.
+        floor: Of each joint, without that.
+    """
+    out, joints = np.zeros(len(left)), search.problem.session.robot.joint_names
+    above = [row for row in range(len(left)) if left[row] > floor.high[row]]
+    if not above:
+        return out
+    loud = loud_search(search, kept, noise)
+    for row in above:
+        alike: dict[tuple[str, str | None], Term] = {}
+        for term in search.terms:
+            if term.named and term.effect.goes_with_motion and term.joint == joints[row]:
+                alike.setdefault(term.place, term)
+        every = kept | frozenset(alike.values())
+        if not _there(loud, every, kept):
+            squares = [left_by(search, some)[row] ** 2 for some in (kept, every)]
+            out[row] = max(squares[0] - squares[1], 0.0)
+    # What foresees most of it leaves a floor that is far too low; several times the floor is a gap all the same.
+    return np.minimum(out, ((rules.SENSOR_TIMES * floor.value) ** 2 - floor.high**2).clip(min=0.0))
+
+
+def _there(loud: Search, chosen: frozenset[Term], without: frozenset[Term]) -> bool:
+    """True if effects lower the held-out loss by more than their price, and that from block to block.
+
+    So does what a claim over the whole catalogue would need, which may act in few blocks.
+    """
+    if claimed(loud, chosen, without):
+        return True
+    rich, plain = loud.evaluate(chosen), loud.evaluate(without)
+    gains = plain.loss - rich.loss
+    held_out, in_sample = plain.total - rich.total, plain.objective - rich.objective
+    price = loud.price_of(chosen) - loud.price_of(without)
+    scatter = float(np.sqrt(len(gains)) * gains.std())
+    # In sample a gain can only be larger, unless chance has made the few held-out blocks agree.
+    return held_out > rules.SIGNIFICANT_ERRORS * scatter and min(held_out, in_sample) > price
+
+
+def left_by(search: Search, chosen: frozenset[Term]) -> Float[Array, " nv"]:
+    """What a set leaves of each joint in the judged band, root mean square, on blocks that no fit has seen."""
+    problem = search.problem
+    torque = held_out_torque(problem, chosen, search.evaluate(chosen))
+    return sums(problem, problem.session.in_judged_band(residual_after(problem, torque))).rms()
+
+
+def loud_search(search: Search, chosen: frozenset[Term], noise: Series) -> Search:
+    """The same search by what lies below the frequency up to which the torque of each joint is far above the noise.
+
+    Args:
+        search: Plain fits in the judged band.
+        chosen: What explains the recordings; what it leaves is noise here.
+        noise: Of each log's torque.
+    """
+    problem, session = search.problem, search.problem.session
+    columns = problem.columns
+    left = residual_after(problem, held_out_torque(problem, chosen, search.evaluate(chosen)))
+    rates = [log.band.rate_hz / log.band.step for log in session.logs]
+    edges = np.array(
+        [
+            min(
+                _loud_until(np.where(use[:, row], rest[:, row], 0.0), torque[:, row], rate)
+                for use, rest, torque, rate in zip(columns.usable, left, columns.model_torque, rates, strict=True)
+            )
+            for row in range(len(columns.rows))
+        ]
+    )
+    edges = np.minimum(edges, session.cutoff_hz)
+
+    def below(series: Series) -> Series:
+        return tuple(
+            np.column_stack([smoothed(part[:, row], rate, edge) for row, edge in enumerate(edges)])
+            for part, rate in zip(series, rates, strict=True)
+        )
+
+    narrow = replace(
+        columns,
+        values=tuple(
+            tuple(smoothed(values, rate, edge) for values, edge in zip(rows, edges, strict=True))
+            for rows, rate in zip(columns.values, rates, strict=True)
+        ),
+        residual=below(columns.residual),
+        model_torque=below(columns.model_torque),
+    )
+    plain = set_up(session, columns, narrow, weights_of(narrow, below(noise)))
+    return set_up_search(plain, search.threshold, search.row_thresholds, search.spurious)
+
+
+def _loud_until(rest: Float[Array, " n"], torque: Float[Array, " n"], rate_hz: float) -> float:
+    """Frequency up to which the torque has many times the power of what is left [Hz]."""
+    length = min(_SEGMENT, max(len(rest) // 4, 8), len(rest))
+    f, noise = welch(rest, rate_hz, nperseg=length)
+    _, power = welch(torque, rate_hz, nperseg=length)
+    # The first bin is a constant, which a spectrum takes off.
+    quiet = np.flatnonzero((power < rules.MOVED_BY_NOISE * noise) & (f > 0.0))
+    return float(f[quiet[0]]) if len(quiet) else np.inf

@@ -1,0 +1,86 @@
+"""What noise moves is no effect. Oracle: a simulated swing whose truth is known, and closed forms of spectra."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from scipy.signal import lfilter
+
+from identification.data.recording import Recording
+from identification.diagnosis.judge.floors import Floor
+from identification.diagnosis.judge.moved_by_noise import _loud_until, foreseen_noise
+from identification.pipeline import diagnose
+from phantom_dyn import load_robot
+
+RATE, SECONDS = 1000.0, 15.0
+INERTIA, WEIGHT, VISCOUS, COULOMB = 0.0225, 0.4905, 0.02, 0.01  # about the pin [kg m^2, N m, N m s/rad, N m]
+SWING = """<robot name="swing"><link name="base"/><link name="rod"><inertial><origin xyz="0 0 0.05"/><mass value="1"/>
+<inertia ixx="0.02" ixy="0" ixz="0" iyy="0.02" iyz="0" izz="0.02"/></inertial></link>
+<joint name="pin" type="revolute"><parent link="base"/><child link="rod"/><axis xyz="0 1 0"/>
+<limit lower="-3" upper="3" effort="80" velocity="50"/><dynamics damping="0.02" friction="0.01"/></joint></robot>
+"""
+CONFIG = "torque_source: command\ntorque_hold: zoh\ntolerance: {inertia: 0.05, friction: 0.05, rotor_inertia: 0.1}\n"
+
+
+@pytest.fixture(scope="module")
+def swing(tmp_path_factory):
+    folder = tmp_path_factory.mktemp("swing")
+    (folder / "robot.urdf").write_text(SWING)
+    (folder / "robot.yaml").write_text(CONFIG)
+    return load_robot(folder / "robot.urdf")
+
+
+def swung(seed: int, late: int, disturbance: float) -> Recording:
+    """A soft position loop (3 Hz, critically damped) on a slow sine, its commands so many samples late."""
+    rng, dt = np.random.default_rng(seed), 1.0 / RATE
+    count, natural = int(SECONDS * RATE), 2.0 * np.pi * 3.0
+    keep = np.exp(-2.0 * np.pi * 10.0 * dt)
+    pushes = disturbance * lfilter([np.sqrt(1.0 - keep**2)], [1.0, -keep], rng.standard_normal(count))
+    t = np.arange(count) * dt
+    wanted, speed = 0.8 * np.sin(0.6 * np.pi * t), 0.48 * np.pi * np.cos(0.6 * np.pi * t)
+    q, v, position, asked = 0.0, 0.0, np.zeros(count), np.zeros(count)
+    for k in range(count):
+        position[k] = q
+        asked[k] = INERTIA * (natural**2 * (wanted[k] - q) + 2.0 * natural * (speed[k] - v))
+        acts = asked[k - late] if k >= late else 0.0
+        rubs = VISCOUS * v + COULOMB * np.tanh(v / 0.005)
+        v += dt * (acts + pushes[k] - rubs + WEIGHT * np.sin(q)) / INERTIA
+        q += dt * v
+    q = position + 1e-6 * rng.standard_normal(count)
+    return Recording("log.csv", ("pin",), t, q[:, None], asked[:, None])
+
+
+@pytest.mark.parametrize("seed", [1, 2])
+def test_what_a_disturbance_moves_is_neither_a_delay_nor_an_inertia(swing, seed):
+    # Known truth: the model is exact. The damping of the loop answers the disturbance as a delay of 36 ms would.
+    found = diagnose(swing, (swung(seed, 0, 0.02),))
+    assert (found.verdict, found.findings) == ("no_gap", ())
+
+
+def test_a_delay_that_shows_above_the_noise_is_found(swing):
+    # Known truth: 20 ms, and a fifth of the disturbance.
+    found = diagnose(swing, (swung(1, 20, 0.004),))
+    (delay,) = found.findings
+    assert delay.effect in ("input_delay", "actuator_lag")
+    assert next(iter(delay.parameters.values())).value == pytest.approx(0.02, abs=0.005)
+
+
+def test_a_torque_is_loud_up_to_where_its_power_falls_below_thirty_times_the_noise():
+    # Closed form: white noise of 1 and, below 5 Hz, of 100 times its power, which a steep low pass ends.
+    rng, rate, count = np.random.default_rng(3), 100.0, 60_000
+    spectrum = np.fft.rfft(10.0 * rng.standard_normal(count))
+    spectrum[np.fft.rfftfreq(count, 1.0 / rate) > 5.0] = 0.0
+    edge = _loud_until(rng.standard_normal(count), np.fft.irfft(spectrum, count), rate)
+    assert edge == pytest.approx(5.0, abs=2 * rate / 256)
+
+
+def test_a_torque_far_above_the_noise_everywhere_is_loud_everywhere():
+    x = np.random.default_rng(4).standard_normal(4000)
+    assert _loud_until(0.1 * x, x, 100.0) == np.inf
+
+
+def test_no_joint_within_its_floor_has_noise_that_is_foreseen(quiet):
+    # By hand: 0.9 and 1.9 are left where 1 and 2 are allowed.
+    floor = Floor(np.array([0.8, 1.8]), np.array([0.7, 1.7]), np.array([1.0, 2.0]), ("predictors",) * 2)
+    left = np.array([0.9, 1.9])
+    np.testing.assert_array_equal(foreseen_noise(quiet.search, frozenset(), quiet.noise, left, floor), [0.0, 0.0])
