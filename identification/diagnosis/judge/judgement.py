@@ -54,9 +54,10 @@ def judged(explanation: Explanation, progress: Callable[[str], None]) -> tuple[J
     noise_floor = floor_of(problem, noise, whole, doubt, explanation.encoders)
     rounding = rounded(problem, explanation.coarse, noise_floor.value, noise)
     noise_floor = noise_floor.without(rounding.total)
-    left = sums(problem, whole).rms()
-    noise_floor = noise_floor.up_to(foreseen_noise(shown.plain, shown.chosen, noise, left, noise_floor))
     judge = Judge(problem, noise_floor.value, noise_floor.high)
+    left = sums(problem, whole).rms()
+    noise_floor = noise_floor.up_to(foreseen_noise(judge, shown.plain, shown.chosen, noise, left))
+    judge = replace(judge, highest=noise_floor.high)
     within = left_by(judge, shown.plain, frozenset())
     claims = [
         *findings_without(shown, judge, within),

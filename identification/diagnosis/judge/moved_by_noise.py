@@ -16,9 +16,10 @@ from scipy.signal import welch
 
 from identification.data.signals import smoothed
 from identification.diagnosis import decision_rules as rules
-from identification.diagnosis.fit.gap import held_out_torque, residual_after, sums
+from identification.diagnosis.fit.gap import held_out_torque, residual_after
 from identification.diagnosis.fit.problem import set_up
-from identification.diagnosis.judge.floors import Floor
+from identification.diagnosis.judge.judged_band import Judge
+from identification.diagnosis.judge.shares import left_by
 from identification.diagnosis.model.session import Series
 from identification.diagnosis.model.terms import Term, ordered
 from identification.diagnosis.noise.noise_floor import weights_of
@@ -54,7 +55,7 @@ def _accelerates(term: Term) -> bool:
 
 
 def foreseen_noise(
-    search: Search, kept: frozenset[Term], noise: Series, left: Float[Array, " nv"], floor: Floor
+    judge: Judge, search: Search, kept: frozenset[Term], noise: Series, left: Float[Array, " nv"]
 ) -> Float[Array, " nv"]:
     """Mean square of the noise of each joint that predictors foresee because it moves the joint.
 
@@ -62,14 +63,14 @@ def foreseen_noise(
     are tried. If they do not show where the torque is far above the noise, what they take off is noise.
 
     Args:
+        judge: Noise floor of each joint, without that.
         search: Plain fits in the judged band.
         kept: Effects that are shown.
         noise: Of each log's torque.
-        left: What they leave of each joint, root mean square.
-        floor: Of each joint, without that.
+        left: What the effects leave of each joint, root mean square.
     """
     out, joints = np.zeros(len(left)), search.problem.session.robot.joint_names
-    above = [row for row in range(len(left)) if left[row] > floor.high[row]]
+    above = [row for row in range(len(left)) if left[row] > judge.highest[row]]
     if not above:
         return out
     loud = loud_search(search, kept, noise)
@@ -80,16 +81,16 @@ def foreseen_noise(
                 alike.setdefault(term.place, term)
         every = kept | frozenset(alike.values())
         if not _there(loud, every, kept):
-            squares = [left_by(search, some)[row] ** 2 for some in (kept, every)]
+            squares = [left_by(judge, search, some).rms()[row] ** 2 for some in (kept, every)]
             out[row] = max(squares[0] - squares[1], 0.0)
     # What foresees most of it leaves a floor that is far too low; several times the floor is a gap all the same.
-    return np.minimum(out, ((rules.SENSOR_TIMES * floor.value) ** 2 - floor.high**2).clip(min=0.0))
+    return np.minimum(out, ((rules.SENSOR_TIMES * judge.floor) ** 2 - judge.highest**2).clip(min=0.0))
 
 
 def _there(loud: Search, chosen: frozenset[Term], without: frozenset[Term]) -> bool:
-    """True if effects lower the held-out loss by more than their price, and that from block to block.
+    """True if effects lower the held-out loss by more than their price and than its scatter from block to block.
 
-    So does what a claim over the whole catalogue would need, which may act in few blocks.
+    What acts in few blocks scatters; it is there if the rules of the search would claim it.
     """
     if claimed(loud, chosen, without):
         return True
@@ -100,13 +101,6 @@ def _there(loud: Search, chosen: frozenset[Term], without: frozenset[Term]) -> b
     scatter = float(np.sqrt(len(gains)) * gains.std())
     # In sample a gain can only be larger, unless chance has made the few held-out blocks agree.
     return held_out > rules.SIGNIFICANT_ERRORS * scatter and min(held_out, in_sample) > price
-
-
-def left_by(search: Search, chosen: frozenset[Term]) -> Float[Array, " nv"]:
-    """What a set leaves of each joint in the judged band, root mean square, on blocks that no fit has seen."""
-    problem = search.problem
-    torque = held_out_torque(problem, chosen, search.evaluate(chosen))
-    return sums(problem, problem.session.in_judged_band(residual_after(problem, torque))).rms()
 
 
 def loud_search(search: Search, chosen: frozenset[Term], noise: Series) -> Search:

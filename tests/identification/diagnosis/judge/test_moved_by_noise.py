@@ -7,7 +7,7 @@ import pytest
 from scipy.signal import lfilter
 
 from identification.data.recording import Recording
-from identification.diagnosis.judge.floors import Floor
+from identification.diagnosis.judge.judged_band import Judge
 from identification.diagnosis.judge.moved_by_noise import _loud_until, foreseen_noise
 from identification.pipeline import diagnose
 from phantom_dyn import load_robot
@@ -81,6 +81,6 @@ def test_a_torque_far_above_the_noise_everywhere_is_loud_everywhere():
 
 def test_no_joint_within_its_floor_has_noise_that_is_foreseen(quiet):
     # By hand: 0.9 and 1.9 are left where 1 and 2 are allowed.
-    floor = Floor(np.array([0.8, 1.8]), np.array([0.7, 1.7]), np.array([1.0, 2.0]), ("predictors",) * 2)
+    judge = Judge(quiet.problem, np.array([0.8, 1.8]), np.array([1.0, 2.0]))
     left = np.array([0.9, 1.9])
-    np.testing.assert_array_equal(foreseen_noise(quiet.search, frozenset(), quiet.noise, left, floor), [0.0, 0.0])
+    np.testing.assert_array_equal(foreseen_noise(judge, quiet.search, frozenset(), quiet.noise, left), [0.0, 0.0])
