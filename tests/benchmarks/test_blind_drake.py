@@ -132,3 +132,10 @@ def test_a_case_is_the_same_again_and_the_scorer_reads_it(tmp_path):
     # What bristles and current loops of this null leave is less than half a floor, the loops' part less than a tenth.
     assert max(answer["fine"]) < 0.5
     assert max(answer["loop"]) < 0.1
+
+
+def test_a_motion_that_has_run_away_is_said_before_drake_ends_the_process():
+    # Oracle: the exception that all draws of this make take for an impossible case.
+    robot = drawn_robot(np.random.default_rng(1), "arm2")
+    with pytest.raises(FloatingPointError, match="run away"):
+        Plant(robot).equation(np.full(2, np.nan), np.zeros(2))

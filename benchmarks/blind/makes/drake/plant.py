@@ -40,8 +40,14 @@ class Plant:
         self._no_forces: Any = drake("multibody.tree").MultibodyForces(plant)
 
     def equation(self, q: np.ndarray, v: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Mass matrix M, shape ``(n, n)``, and h of M a + h = torque, shape ``(n,)``."""
+        """Mass matrix M, shape ``(n, n)``, and h of M a + h = torque, shape ``(n,)``.
+
+        Raises:
+            FloatingPointError: If the motion has run away; Drake would end the process.
+        """
         plant, context = self._plant, self._context
+        if not (np.isfinite(q).all() and np.isfinite(v).all()):
+            raise FloatingPointError("The motion has run away.")
         plant.SetPositions(context, q)
         plant.SetVelocities(context, v)
         bias = plant.CalcBiasTerm(context) - plant.CalcGravityGeneralizedForces(context)
