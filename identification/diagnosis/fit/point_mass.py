@@ -38,21 +38,21 @@ class ReducedLoad:
     Attributes:
         a, b: Products of the ten columns of the payload, ``(10, 10)`` and ``(10,)``.
         prior: Precision of mass and first moments, ``(4,)``.
-        own: Inertia about the centre per mass of what a load of some mass may stand for.
+        map: `load_map` of the payload.
         least: Lightest load [kg], negative where the model may carry a part that is missing.
     """
 
     a: Float[Array, "10 10"]
     b: Float[Array, " 10"]
     prior: Float[Array, " 4"]
-    own: Callable[[float], Float[Array, " 6"]]
+    map: Callable[[Float[Array, " 4"]], tuple[Float[Array, "10 4"], Float[Array, " 10"]]]
     least: float
 
     def followed(self, start: Float[Array, " 4"]) -> Float[Array, " 4"]:
         """Mass and first moments to which the steps from a start lead."""
         for _ in range(STEPS):
             last = start
-            jacobian, offset = self._map(last)
+            jacobian, offset = self.map(last)
             a = jacobian.T @ self.a @ jacobian + np.diag(self.prior)
             b = jacobian.T @ (self.b - self.a @ offset)
             start = solve(a, b)
@@ -66,12 +66,9 @@ class ReducedLoad:
 
     def loss(self, x: Float[Array, " 4"]) -> float:
         """Loss of a point mass with its exact inertia, up to a constant."""
-        jacobian, offset = self._map(x)
+        jacobian, offset = self.map(x)
         theta = jacobian @ x + offset
         return float(theta @ self.a @ theta - 2.0 * self.b @ theta + self.prior @ x**2)
-
-    def _map(self, x: Float[Array, " 4"]) -> tuple[Float[Array, "10 4"], Float[Array, " 10"]]:
-        return point_mass_map(x, self.own(float(x[0])))
 
 
 def reduced_load(
@@ -86,7 +83,6 @@ def reduced_load(
         payload: One of the terms.
         theta: All coefficients of a fit with free inertia, which says what is at a bound.
     """
-    robot, effect = problem.session.robot, payload.effect
     at = np.searchsorted(active, payload.columns)
     others = np.setdiff1d(np.arange(len(active)), at)
     x = theta[active]
@@ -100,8 +96,8 @@ def reduced_load(
         a=products.a[np.ix_(at, at)] - cross.T @ made[:, :-1],
         b=b[at] - cross.T @ made[:, -1],
         prior=problem.precision[active[at[:4]]],
-        own=partial(effect.own_inertia, robot),
-        least=effect.lightest(robot),
+        map=partial(load_map, problem, payload),
+        least=payload.effect.lightest(problem.session.robot),
     )
 
 

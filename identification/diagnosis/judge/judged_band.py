@@ -7,6 +7,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from jaxtyping import Float
 
+from identification.data.signals import smoothed
 from identification.diagnosis import decision_rules as rules
 from identification.diagnosis.fit.gap import (
     held_out_torque,
@@ -80,15 +81,36 @@ def narrow_search(search: Search, noise: Series) -> Search:
     Whitened fits tell effects apart best. Once the effects are chosen, the plain fit is the one that closes the gap,
     and its parameters suffer less where a real effect is not quite its law.
     """
+    return search_below(search, noise, np.full(len(search.problem.columns.rows), search.problem.session.cutoff_hz))
+
+
+def search_below(search: Search, noise: Series, edges: Float[Array, " nv"]) -> Search:
+    """The same search with plain fits by what lies below a frequency of each joint.
+
+    Args:
+        search: Rivals.
+        noise: Of each log's torque.
+        edges: Frequencies [Hz].
+    """
     session, columns = search.problem.session, search.problem.columns
+
+    def below(x: Float[Array, "n ..."], log: int, row: int) -> Float[Array, "n ..."]:
+        band = session.logs[log].band
+        return x if edges[row] >= 0.99 * band.cutoff_hz else smoothed(x, band.rate_hz / band.step, edges[row])
+
+    def each(series: Series) -> Series:
+        return tuple(
+            part
+            if (edges >= 0.99 * session.logs[k].band.cutoff_hz).all()
+            else np.column_stack([below(x, k, j) for j, x in enumerate(part.T)])
+            for k, part in enumerate(series)
+        )
+
     narrow = replace(
         columns,
-        values=tuple(
-            tuple(session.log_in_judged_band(row, k) for row in rows) for k, rows in enumerate(columns.values)
-        ),
-        residual=session.in_judged_band(columns.residual),
-        model_torque=session.in_judged_band(columns.model_torque),
+        values=tuple(tuple(below(x, k, j) for j, x in enumerate(rows)) for k, rows in enumerate(columns.values)),
+        residual=each(columns.residual),
+        model_torque=each(columns.model_torque),
     )
-    weights = weights_of(narrow, session.in_judged_band(noise))
-    plain = set_up(session, columns, narrow, weights)
+    plain = set_up(session, columns, narrow, weights_of(narrow, each(noise)))
     return set_up_search(plain, search.threshold, search.row_thresholds, search.spurious)

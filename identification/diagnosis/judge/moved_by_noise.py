@@ -8,22 +8,17 @@ the torque of the motion is many times what is left, there is no room for that.
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 import numpy as np
 from jaxtyping import Float
 from scipy.signal import welch
 
-from identification.data.signals import smoothed
 from identification.diagnosis import decision_rules as rules
 from identification.diagnosis.fit.gap import held_out_torque, residual_after
-from identification.diagnosis.fit.problem import set_up
-from identification.diagnosis.judge.judged_band import Judge
+from identification.diagnosis.judge.judged_band import Judge, search_below
 from identification.diagnosis.judge.shares import left_by
 from identification.diagnosis.model.session import Series
 from identification.diagnosis.model.terms import Term, ordered
-from identification.diagnosis.noise.noise_floor import weights_of
-from identification.diagnosis.search.search import Search, claimed, set_up_search
+from identification.diagnosis.search.search import Search, claimed
 
 Array = np.ndarray
 
@@ -124,25 +119,7 @@ def loud_search(search: Search, chosen: frozenset[Term], noise: Series) -> Searc
             for row in range(len(columns.rows))
         ]
     )
-    edges = np.minimum(edges, session.cutoff_hz)
-
-    def below(series: Series) -> Series:
-        return tuple(
-            np.column_stack([smoothed(part[:, row], rate, edge) for row, edge in enumerate(edges)])
-            for part, rate in zip(series, rates, strict=True)
-        )
-
-    narrow = replace(
-        columns,
-        values=tuple(
-            tuple(smoothed(values, rate, edge) for values, edge in zip(rows, edges, strict=True))
-            for rows, rate in zip(columns.values, rates, strict=True)
-        ),
-        residual=below(columns.residual),
-        model_torque=below(columns.model_torque),
-    )
-    plain = set_up(session, columns, narrow, weights_of(narrow, below(noise)))
-    return set_up_search(plain, search.threshold, search.row_thresholds, search.spurious)
+    return search_below(search, noise, np.minimum(edges, session.cutoff_hz))
 
 
 def _loud_until(rest: Float[Array, " n"], torque: Float[Array, " n"], rate_hz: float) -> float:

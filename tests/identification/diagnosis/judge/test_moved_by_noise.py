@@ -52,7 +52,7 @@ def swung(seed: int, late: int, disturbance: float) -> Recording:
 
 @pytest.mark.parametrize("seed", [1, 2])
 def test_what_a_disturbance_moves_is_neither_a_delay_nor_an_inertia(swing, seed):
-    # Known truth: the model is exact. The damping of the loop answers the disturbance as a delay of 36 ms would.
+    # Known truth: the model is exact. The damping of the loop answers the disturbance as a delay would.
     found = diagnose(swing, (swung(seed, 0, 0.02),))
     assert (found.verdict, found.findings) == ("no_gap", ())
 
