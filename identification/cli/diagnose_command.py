@@ -18,6 +18,7 @@ from identification.cli.arguments import (
     one_blas_thread,
     require_files,
 )
+from identification.cli.percentage import DIAGNOSIS
 from identification.cli.progress import Progress
 from phantom_dyn.errors import UsageError
 
@@ -115,7 +116,7 @@ def _diagnose_together(arguments: argparse.Namespace, excluded: tuple[tuple[floa
     from phantom_dyn.model.loading import load_robot
 
     check_targets(arguments.out, arguments.json)
-    with Progress("reading", sys.stderr) as progress:
+    with Progress("reading", sys.stderr, stages=DIAGNOSIS) as progress:
         robot = load_robot(arguments.robot, config=arguments.robot_config)
         robot = motion_robot(robot) if arguments.motion_only else robot
         known = known_effects(tuple(Path(path) for path in arguments.known), robot)

@@ -1,71 +1,126 @@
-"""What is being done and for how long: a line that moves on a terminal, elsewhere a new line every ten seconds."""
+"""What is being done, for how long and how far: a line that moves on a terminal, elsewhere one every ten seconds."""
 
 from __future__ import annotations
 
 import threading
 import time
+from contextlib import ExitStack
 from types import TracebackType
-from typing import TextIO
+from typing import TYPE_CHECKING, TextIO
 
 from identification.cli.interrupts import end_if_asked
+from identification.cli.percentage import Percentage, Stage
+
+if TYPE_CHECKING:
+    from phantom_dyn._kernels.jit import Compilation
 
 EVERY_S = 10.0
 """Time between two lines where nobody watches a terminal [s]."""
+_REDRAWN_HZ = 4.0
+"""How often the line on a terminal is drawn anew: each time takes about a millisecond of the work."""
 
 
 class Progress:
     """Context that says on ``stream`` what is being done while it is open.
 
     On a terminal a spinner stands before the words. Elsewhere a line is written every ten seconds, so that the log of
-    a long run shows that it goes on; a run that is shorter leaves nothing.
+    a long run shows that it goes on; a run that is shorter leaves nothing. Where the stages of the run are known the
+    part that is done stands before the words, and where functions are compiled, as only a first run does, it says so.
     """
 
-    def __init__(self, words: str, stream: TextIO, *, every: float | None = None):
+    def __init__(
+        self, words: str, stream: TextIO, *, stages: tuple[Stage, ...] = (), every: float | None = None
+    ) -> None:
         self._stream, self._words = stream, words
         self._started = time.monotonic()
         self._every = EVERY_S if every is None else every
+        self._percentage = Percentage(stages) if stages else None
+        self._compilation: Compilation | None = None
+        self._open = ExitStack()
         self._status = None
         self._ended = threading.Event()
-        self._teller = None
+        self._told = False
 
     def __enter__(self) -> Progress:
-        if self._stream.isatty():
-            from rich.console import Console
-            from rich.progress import Progress as Bar
-            from rich.progress import SpinnerColumn, TextColumn, TimeElapsedColumn
+        from phantom_dyn._kernels.jit import watched_compilation
 
-            columns = (SpinnerColumn(), TextColumn("{task.description}"), TimeElapsedColumn())
-            self._status = Bar(*columns, console=Console(file=self._stream), transient=True)
-            try:
-                self._status.start()
-                self._task = self._status.add_task(self._words, total=None)
-            except BaseException:
-                # __exit__ is not called then, and an interrupt would leave the cursor hidden.
-                self._status.stop()
-                raise
+        self._compilation = self._open.enter_context(watched_compilation())
+        self._enter_stage()
+        if self._stream.isatty():
+            self._start_line()
         else:
-            self._teller = threading.Thread(target=self._tell, daemon=True)
-            self._teller.start()
+            threading.Thread(target=self._tell, daemon=True).start()
         return self
 
+    def _start_line(self) -> None:
+        from rich.console import Console
+        from rich.progress import Progress as Bar
+        from rich.progress import ProgressColumn, SpinnerColumn, Task, TimeElapsedColumn
+        from rich.text import Text
+
+        said = self.said
+
+        class Said(ProgressColumn):
+            """The words of the moment: asked for when the line is drawn, so that announcing costs nothing."""
+
+            def render(self, task: Task) -> Text:
+                del task
+                return Text(said())
+
+        console = Console(file=self._stream)
+        columns = (SpinnerColumn(), Said(), TimeElapsedColumn())
+        self._status = Bar(*columns, console=console, transient=True, refresh_per_second=_REDRAWN_HZ)
+        try:
+            self._status.start()
+            self._status.add_task("", total=None)
+        except BaseException:
+            # __exit__ is not called then, and an interrupt would leave the cursor hidden.
+            self._status.stop()
+            self._open.close()
+            raise
+
     def _tell(self) -> None:
-        """Write a line every ten seconds until the end; whoever reads the stream may be gone."""
+        """Write a line every ten seconds until the end."""
         while not self._ended.wait(self._every):
-            try:
-                print(f"{time.monotonic() - self._started:.0f} s: {self._words}", file=self._stream, flush=True)
-            except (OSError, ValueError):
+            if not self._written(self.said()):
                 return
+            self._told = True
+
+    def _written(self, words: str) -> bool:
+        """Write a line; False where whoever reads the stream is gone."""
+        try:
+            print(f"{time.monotonic() - self._started:.0f} s: {words}", file=self._stream, flush=True)
+        except (OSError, ValueError):
+            return False
+        return True
+
+    def said(self) -> str:
+        """How much is done, what is being done, and what is compiled for it."""
+        part = "" if self._percentage is None else f"{int(self._percentage.now()):3d} % "
+        compiled = ""
+        if self._compilation is not None and self._compilation.under_way:
+            compiled = f"; compiling function {self._compilation.functions}, in a first run only"
+        return f"{part}{self._words}{compiled}".strip()
 
     def show(self, words: str) -> None:
         """Show what is being done now; a Ctrl-C that went unheard until here ends the command."""
         end_if_asked()
         self._words = words
-        if self._status is not None:
-            self._status.update(self._task, description=words)
+        self._enter_stage()
+
+    def _enter_stage(self) -> None:
+        if self._percentage is not None:
+            self._percentage.enter(self._words)
 
     def __exit__(
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
         self._ended.set()
+        self._open.close()
+        if kind is None and self._percentage is not None:
+            self._percentage.end()
+            self._words = "done"
+            if self._told:
+                self._written(self.said())
         if self._status is not None:
             self._status.stop()

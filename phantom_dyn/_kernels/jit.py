@@ -7,7 +7,9 @@ from __future__ import annotations
 
 import inspect
 import logging
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass
 from functools import cache
 from typing import Any, TypeVar, cast
 
@@ -15,8 +17,9 @@ F = TypeVar("F", bound=Callable[..., Any])
 
 try:
     from numba import config, njit
+    from numba.core import event as numba_events
 except ImportError:  # numba has no build for this Python: the same functions, uncompiled
-    njit = None
+    njit = numba_events = None
 else:
     # NUMBA_DISABLE_JIT=1: as without numba, so that loops over samples are Pinocchio's.
     if getattr(config, "DISABLE_JIT", 0):
@@ -71,3 +74,38 @@ def within(function: F) -> F:
 def compiles() -> bool:
     """False where numba is absent or off: then a loop over Pinocchio is faster than a compiled loop's own Python."""
     return njit is not None
+
+
+@dataclass
+class Compilation:
+    """What is compiled while it is watched; what is loaded from the disk does not count.
+
+    Attributes:
+        functions: How many were begun.
+        under_way: How many are not finished: more than one where a function calls others that are not compiled yet.
+    """
+
+    functions: int = 0
+    under_way: int = 0
+
+
+@contextmanager
+def watched_compilation() -> Iterator[Compilation]:
+    """A count of the functions that are compiled while the context is open; of none without numba."""
+    count = Compilation()
+    if numba_events is None:
+        yield count
+        return
+
+    class Counting(numba_events.Listener):
+        def on_start(self, event: object) -> None:
+            del event
+            count.functions += 1
+            count.under_way += 1
+
+        def on_end(self, event: object) -> None:
+            del event
+            count.under_way -= 1
+
+    with numba_events.install_listener("numba:compile", Counting()):
+        yield count

@@ -13,12 +13,21 @@ import threading
 import time
 
 import pytest
+from numba import njit
+from numba.extending import overload
 
 from identification.cli.main import main
+from identification.cli.percentage import Stage
 from identification.cli.progress import Progress
 from identification.reporting import diagnosis_files as outputs
+from phantom_dyn._kernels.jit import compiles
 
 pytestmark = pytest.mark.whole
+
+
+def _asked() -> int:
+    """Stands for a compiled function whose compilation says what is shown at that moment."""
+    raise NotImplementedError
 
 
 def watched(words: list[str], interrupt_at: bytes | None = None) -> tuple[int, bytes, bytes]:
@@ -67,6 +76,7 @@ def finished(tmp_path_factory, pendulum, swing, written) -> tuple[int, bytes, by
 def test_progress_is_shown_on_a_terminal(finished):
     code, printed, shown = finished
     assert (code, b"reading" in shown) == (0, True)
+    assert re.search(rb"\d % [a-z]", shown)
     assert b"\x1b" not in printed
 
 
@@ -135,6 +145,48 @@ def test_without_a_terminal_a_line_with_the_stage_is_written_in_equal_times():
     assert all(re.fullmatch(r"\d+ s: \w+", line) for line in lines)
     time.sleep(0.1)
     assert stream.getvalue().splitlines()[len(lines) + 1 :] == []
+
+
+def test_the_percentage_stands_before_the_stage_and_the_last_line_says_a_hundred():
+    # Oracle: the shares of the stages that are given.
+    stream = io.StringIO()
+    with Progress("reading", stream, stages=(Stage("reading", 40.0), Stage("writing", 60.0)), every=0.02) as progress:
+        progress.show("writing")
+        time.sleep(0.1)
+    shown = [line.partition(": ")[2] for line in stream.getvalue().splitlines()]
+    assert all(re.fullmatch(r"[4-9]\d % writing", line) for line in shown[:-1])
+    assert (len(shown) > 1, shown[-1]) == (True, "100 % done")
+
+
+def test_a_run_that_fails_is_never_told_as_done():
+    stream = io.StringIO()
+
+    def fails():
+        with Progress("a", stream, stages=(Stage("a", 100.0),), every=0.01):
+            time.sleep(0.05)
+            raise ValueError("broken")
+
+    with pytest.raises(ValueError, match="broken"):
+        fails()
+    assert "100 %" not in stream.getvalue()
+
+
+@pytest.mark.skipif(not compiles(), reason="numba is off")
+def test_what_is_compiled_is_told_while_it_is_and_not_before_or_after():
+    # Oracle: numba's own compilation of a function that no cache holds; its generated body asks what is said.
+    said = []
+
+    with Progress("filtering", io.StringIO()) as progress:
+
+        @overload(_asked)
+        def compiled():
+            said.append(progress.said())
+            return lambda: 1
+
+        said.append(progress.said())
+        assert njit(lambda: _asked())() == 1
+        said.append(progress.said())
+    assert said == ["filtering", "filtering; compiling function 1, in a first run only", "filtering"]
 
 
 def test_a_short_run_without_a_terminal_writes_nothing():

@@ -1,0 +1,86 @@
+"""How far a run is. Oracle: shares of made-up stages and a clock that the test moves."""
+
+from __future__ import annotations
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from identification.cli.percentage import DIAGNOSIS, Percentage, Stage
+
+STAGES = (Stage("reading", 20.0), Stage("searching", 50.0), Stage("writing", 30.0))
+
+
+class Clock:
+    """A clock that stands until it is moved."""
+
+    def __init__(self):
+        self.time = 0.0
+
+    def __call__(self) -> float:
+        return self.time
+
+
+@pytest.fixture
+def clock() -> Clock:
+    return Clock()
+
+
+def test_a_stage_begins_where_the_shares_of_those_before_it_end(clock):
+    percentage = Percentage(STAGES, clock)
+    percentage.enter("reading log.csv")
+    assert percentage.now() == 0.0
+    percentage.enter("writing")
+    assert percentage.now() == pytest.approx(70.0)
+
+
+def test_the_shares_of_a_diagnosis_are_all_of_it():
+    assert sum(stage.share for stage in DIAGNOSIS) == 100.0
+
+
+def test_a_stage_that_takes_as_long_as_expected_is_two_thirds_done_then(clock):
+    percentage = Percentage(STAGES, clock)
+    percentage.enter("reading")
+    clock.time = 4.0
+    percentage.enter("searching")
+    begun = percentage.now()
+    clock.time += 4.0 / begun * (70.0 - begun)  # as fast as up to here
+    assert (percentage.now() - begun) / (70.0 - begun) == pytest.approx(0.632, abs=1e-3)
+
+
+def test_each_round_of_a_stage_is_worth_a_third_of_what_is_left_of_it(clock):
+    percentage = Percentage(STAGES, clock)
+    for expected in (20.0, 20.0 + 50 / 3, 70.0 - 50 * 4 / 9):
+        percentage.enter("searching")
+        assert percentage.now() == pytest.approx(expected)
+
+
+def test_an_earlier_stage_that_is_announced_again_changes_nothing(clock):
+    percentage = Percentage(STAGES, clock)
+    percentage.enter("writing")
+    percentage.enter("reading")
+    assert percentage.now() == pytest.approx(70.0)
+
+
+def test_the_end_alone_is_a_hundred(clock):
+    percentage = Percentage(STAGES, clock)
+    percentage.enter("writing")
+    clock.time = 20.0
+    assert 70.0 < percentage.now() < 100.0
+    percentage.end()
+    assert percentage.now() == 100.0
+
+
+@given(
+    steps=st.lists(
+        st.tuples(st.sampled_from(["reading", "searching", "writing", "weighing"]), st.floats(0.0, 50.0)), max_size=30
+    )
+)
+def test_the_percentage_never_falls(steps):
+    clock = Clock()
+    percentage, last = Percentage(STAGES, clock), 0.0
+    for words, waited in steps:
+        percentage.enter(words)
+        clock.time += waited
+        assert last <= percentage.now() <= 100.0
+        last = percentage.now()
