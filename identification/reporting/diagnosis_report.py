@@ -30,6 +30,7 @@ from identification.reporting.report_tables import (
     untestable_rows,
 )
 from identification.reporting.robot_scene import gap_shares, joint_colours, robot_scene
+from identification.reporting.time_curves import time_curves
 from identification.words import diagnosis_words as words
 from identification.words.certainty import as_told
 from identification.words.diagnosis_words import FindingWords
@@ -64,7 +65,10 @@ class Card:
 
 @dataclass(frozen=True)
 class JointView:
-    """One joint on the page: name, share of the gap, figures over time and over its own motion, regimes."""
+    """One joint on the page: name, share of the gap, figures over time and over its own motion, regimes.
+
+    ``telling`` is False of a joint without a gap: its residual shows noise and tolerances.
+    """
 
     name: str
     share: str
@@ -72,6 +76,7 @@ class JointView:
     clouds: list[Markup]
     regimes: list[RegimeShare]
     unfolded: bool
+    telling: bool
 
 
 @dataclass(frozen=True)
@@ -93,6 +98,14 @@ class SceneView:
     has_gap: bool
 
 
+@dataclass(frozen=True)
+class CurvesView:
+    """Torque over time on the page: the script that draws it, and the samples as JSON."""
+
+    script: Markup
+    figure: Markup
+
+
 def report_html(diagnosis: Diagnosis, robot: Robot | None = None) -> str:
     """The whole page as text; everything it shows is inside it, and every name is escaped.
 
@@ -105,6 +118,7 @@ def report_html(diagnosis: Diagnosis, robot: Robot | None = None) -> str:
     source = Path(__file__).with_name("diagnosis_report.html.jinja").read_text(encoding="utf-8")
     has_samples = len(diagnosis.evidence.t) > 1
     bars, more_joints = gap_bars_of(diagnosis)
+    views = _joint_views(diagnosis) if has_samples else []
     motions = joint_motions(robot, diagnosis) if has_samples else {}
     return environment.from_string(source).render(
         diagnosis=diagnosis,
@@ -121,7 +135,8 @@ def report_html(diagnosis: Diagnosis, robot: Robot | None = None) -> str:
         proposal=(diagnosis.next_experiment or {}).get("say"),
         scene=None if robot is None else _scene(robot, diagnosis),
         gaps=[gap_row(joint) for joint in diagnosis.joints],
-        joints=_joint_views(diagnosis) if has_samples else [],
+        joints=views,
+        curves=_curves(diagnosis, [k for k, view in enumerate(views) if view.torque]),
         has_times=bool(diagnosis.evidence.regime_times),
         rollout=rollout_rows(diagnosis),
         closed=_closed(diagnosis.gap),
@@ -164,7 +179,8 @@ def _card(diagnosis: Diagnosis, motions: dict[str, JointMotion], index: int) -> 
 
 
 def _title(finding: Finding) -> str:
-    return f"{words.capital(words.finding_name(finding))} {words.on_place(finding.effect, finding.joint)}"
+    where = "" if finding.joint is None else f" {words.on_place(finding.effect, finding.joint)}"
+    return words.capital(words.finding_name(finding)) + where
 
 
 def _joint_views(diagnosis: Diagnosis) -> list[JointView]:
@@ -179,10 +195,15 @@ def _joint_views(diagnosis: Diagnosis) -> list[JointView]:
             torque=Markup(torque_figure(diagnosis, k) if k in ranked[:_CURVES] else ""),
             clouds=[Markup(f(diagnosis, k)) for f in (residual_over_velocity, residual_over_position) if k in telling],
             regimes=regime_table(diagnosis, k),
-            unfolded=k in ranked[:_OPEN_JOINTS],
+            unfolded=k == ranked[0] or (k in ranked[:_OPEN_JOINTS] and shares[k] > _SOME),
+            telling=bool(shares[k] > _SOME or k == ranked[0]),
         )
         for k, gap in enumerate(diagnosis.joints)
     ]
+
+
+def _curves(diagnosis: Diagnosis, joints: list[int]) -> CurvesView | None:
+    return CurvesView(_script("curve_viewer.js"), _inside_script(time_curves(diagnosis, joints))) if joints else None
 
 
 def _unexplained_figure(diagnosis: Diagnosis, motions: dict[str, JointMotion]) -> Markup:
@@ -199,6 +220,14 @@ def _scene(robot: Robot, diagnosis: Diagnosis) -> SceneView:
         (gap.joint, percent(float(share)), colour)
         for gap, share, colour in zip(diagnosis.joints, shares, joint_colours(shares), strict=True)
     ]
-    figure = scene.figure.replace("<", "\\u003c").replace("\u2028", "\\u2028").replace("\u2029", "\\u2029")
-    viewer = Path(__file__).with_name("robot_viewer.js").read_text(encoding="utf-8")
-    return SceneView(Markup(viewer), Markup(figure), legend, scene.from_meshes, bool(shares.any()))
+    figure = _inside_script(scene.figure)
+    return SceneView(_script("robot_viewer.js"), figure, legend, scene.from_meshes, bool(shares.any()))
+
+
+def _script(name: str) -> Markup:
+    return Markup(Path(__file__).with_name(name).read_text(encoding="utf-8"))
+
+
+def _inside_script(json_text: str) -> Markup:
+    """JSON that may stand in a script element, whatever names it holds."""
+    return Markup(json_text.replace("<", "\\u003c").replace("\u2028", "\\u2028").replace("\u2029", "\\u2029"))

@@ -74,9 +74,9 @@ def _bar(gap: JointGap, largest: float) -> Bar:
     sizes = (gap.tolerated, gap.rms_after, gap.noise_floor)
     before, after, floor = (100 * _floors(gap, size) / largest for size in sizes)
     text = f"{number(gap.tolerated)} → {with_unit(number(gap.rms_after), gap.unit)}".replace(" ", NO_BREAK)
-    return Bar(
-        gap.joint, before, after, floor, text, "no gap" if gap.closed is None else f"{percent(gap.closed)} closed"
-    )
+    # What the correction takes away below the noise floor is no part of the gap.
+    closed = "no gap" if gap.closed is None else f"{percent(min(gap.closed, 1.0))} closed"
+    return Bar(gap.joint, before, after, floor, text, closed)
 
 
 def groups_of(diagnosis: Diagnosis) -> list[Group]:

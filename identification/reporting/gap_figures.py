@@ -25,7 +25,7 @@ FINER_FROM = 3.0  # ratio of residuals from which the corrected model's panel ha
 def torque_figure(diagnosis: Diagnosis, joint: int) -> str:
     """Torque measured and modelled over a stretch that shows something, and the residuals below it."""
     evidence, gap = diagnosis.evidence, diagnosis.joints[joint]
-    rows = eventful_stretch(evidence.t, residual(evidence.tau_before, evidence, joint), STRETCH_S)
+    rows = shown_stretch(evidence, joint)
     t = evidence.t[rows]
 
     def draw(figure: Figure) -> None:
@@ -36,8 +36,7 @@ def torque_figure(diagnosis: Diagnosis, joint: int) -> str:
         draw_curve(bottom, t, residual(evidence.tau_before, evidence, joint)[rows], BEFORE, "", 0.9)
         draw_curve(bottom, t, residual(evidence.tau_after, evidence, joint)[rows], AFTER, "", 0.9)
         _noise_band(bottom, gap.noise_floor)
-        what = "error" if diagnosis.at_rest else "force" if gap.unit == "N" else "torque"
-        top.set_ylabel(f"{what} [{gap.unit}]")
+        top.set_ylabel(torque_label(diagnosis, joint))
         bottom.set_ylabel(f"residual [{gap.unit}]")
         bottom.set_xlabel("time [s]")
         draw_legend(figure, top)
@@ -46,6 +45,17 @@ def torque_figure(diagnosis: Diagnosis, joint: int) -> str:
     return drawn_svg(
         draw, f"torque{joint}", (11.5, 4.2), f"Measured and modelled torque of joint {gap.joint} over time"
     )
+
+
+def shown_stretch(evidence: Evidence, joint: int) -> slice:
+    """Rows of the stretch of ten seconds whose residual of the given model is largest: what is seen first."""
+    return eventful_stretch(evidence.t, residual(evidence.tau_before, evidence, joint), STRETCH_S)
+
+
+def torque_label(diagnosis: Diagnosis, joint: int) -> str:
+    """Label of an axis over which torque is drawn, force of a linear joint, position where it is judged at rest."""
+    unit = diagnosis.joints[joint].unit
+    return f"{'error' if diagnosis.at_rest else 'force' if unit == 'N' else 'torque'} [{unit}]"
 
 
 def residual_over_velocity(diagnosis: Diagnosis, joint: int) -> str:

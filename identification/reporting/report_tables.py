@@ -15,7 +15,7 @@ from identification.words.effect_words import (
     report_order,
     value_cell,
 )
-from identification.words.numbers_and_names import number, percent, with_unit
+from identification.words.numbers_and_names import NO_BREAK, number, percent, with_unit
 
 Row = tuple[str, ...]
 
@@ -60,7 +60,8 @@ def gap_row(joint: JointGap) -> Row:
     after, floor = number(joint.rms_after), number(joint.noise_floor)
     if joint.noise_floor_interval is not None:
         low, high = (number(end) for end in joint.noise_floor_interval)
-        floor = f"{floor} ({low} to {high})"
+        # One line is as wide as this interval at least, and a line may end before it.
+        floor = f"{floor} ({low} to {high})".replace(" to ", f"{NO_BREAK}to{NO_BREAK}")
     return (joint.joint, number(joint.rms_before), within, after, floor, joint.unit, str(joint.hold_out_samples))
 
 

@@ -86,6 +86,7 @@
       if (x + long * side < 0 || x + long * side > width) side = -side;
       let level = y - 26;
       while (taken.some(([tx, ty, ts]) => ts === side && Math.abs(tx - x) < long && Math.abs(ty - level) < 14)) level -= 14;
+      level = Math.max(level, 12);
       taken.push([x, level, side]);
       pen.beginPath();
       pen.moveTo(x, y);

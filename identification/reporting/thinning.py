@@ -11,7 +11,7 @@ from phantom_dyn.random_streams import random_stream
 
 Array = np.ndarray
 
-CURVE_POINTS = 1000
+CURVE_POINTS = 500
 CLOUD_POINTS = 3000
 BINS = 48
 LEAST_BINS = 8

@@ -7,14 +7,22 @@ from dataclasses import dataclass
 from typing import Any
 
 from identification.diagnosis.decision_rules import FLOORS_LEFT, LISTED, ORDINARY_SHARE
-from identification.diagnosis.result import Diagnosis, EffectAt, Finding, Unexplained
-from identification.words.effect_words import effect_words, is_between_joints, regime_words, shortfall_words, size_words
+from identification.diagnosis.result import Adjusted, Diagnosis, EffectAt, Finding, Unexplained
+from identification.words.effect_words import (
+    effect_words,
+    is_between_joints,
+    regime_sentence,
+    regime_words,
+    shortfall_words,
+    size_words,
+)
 from identification.words.numbers_and_names import NO_BREAK, percent, value_words
 
 UNDECIDED = 0.5  # probability below which a finding is told as undecided
 _TIMES = 3  # stretches that a sentence names
 
 SURENESS = ((0.99, "practically certain"), (0.9, "very likely"), (0.7, "likely"), (0.5, "more likely than not"))
+PROPOSED = "Record the next experiment that is proposed below: it separates the causes that are left."
 NO_RIVAL = "nothing else in the catalogue explains the data as well"
 
 
@@ -35,14 +43,14 @@ def growth_words(finding: Finding) -> str:
 
 @dataclass(frozen=True)
 class FindingWords:
-    """One finding in five parts, each without its punctuation.
+    """One finding in whole sentences.
 
     Attributes:
-        what: The effect, its size and what it is.
-        where: Joint and part of the motion.
+        what: The effect, its size, its place and what it is.
+        where: In which part of the motion it shows.
         how_sure: Probability and share of the gap.
         what_else: Rivals.
-        what_next: What to do, with a full stop and a small first letter.
+        what_next: What to do.
     """
 
     what: str
@@ -53,22 +61,33 @@ class FindingWords:
 
 
 def finding_words(finding: Finding, next_experiment: Mapping[str, Any] | None = None) -> FindingWords:
-    """The parts of one finding in words.
+    """One finding in sentences.
 
     Args:
         finding: What was found.
         next_experiment: That of the diagnosis; it is the next step of the findings that it separates.
     """
-    words = effect_words(finding.effect)
-    head = " ".join(part for part in (finding_name(finding), _size(finding)) if part).replace(" :", ":")
-    where = on_place(finding.effect, finding.joint) + in_recording(finding.recording)
+    rivals = rivals_words(finding) or NO_RIVAL
     return FindingWords(
-        what=capital(f"{head} ({words.meaning})" if words.meaning != words.name else head) + growth_words(finding),
-        where=", ".join(filter(None, (where, regime_words(finding.regime)))),
-        how_sure=f"{sureness(finding.probability)}; it accounts for {share_of_gap(finding)} of the gap",
-        what_else=rivals_words(finding) or NO_RIVAL,
-        what_next=lower_first(_next_step(finding, next_experiment or {})),
+        what=f"The recording shows {_shown(finding)}.",
+        where=regime_sentence(finding.regime),
+        how_sure=f"This is {sureness(finding.probability)}; it accounts for {share_of_gap(finding)} of the gap.",
+        what_else=f"{capital(rivals)}.",
+        what_next=_next_step(finding, next_experiment or {}),
     )
+
+
+def _shown(finding: Finding) -> str:
+    """Effect, size, place and meaning, as in ``a payload of 2 kg: a mass that the model does not carry``."""
+    words, size = effect_words(finding.effect), _size(finding)
+    where = f" {on_place(finding.effect, finding.joint)}" if finding.joint is not None else ""
+    where += in_recording(finding.recording) + growth_words(finding)
+    if _is_less(finding):
+        return f"{words.less}{where}, {size}"
+    if size.startswith(":"):  # the size is a sentence of its own
+        return f"{words.name}{where}{size}"
+    head = f"{words.name} {size}".rstrip()
+    return f"{head}{where}" + (f": {words.meaning}" if words.meaning != words.name else "")
 
 
 def finding_name(finding: Finding) -> str:
@@ -100,7 +119,7 @@ def _is_less(finding: Finding) -> bool:
 def _next_step(finding: Finding, experiment: Mapping[str, Any]) -> str:
     separated = [tuple(entry) for entry in experiment.get("separates") or ()]
     if experiment.get("say") and (finding.effect, finding.joint) in separated:
-        return str(experiment["say"])
+        return PROPOSED
     return effect_words(finding.effect).next_step
 
 
@@ -147,7 +166,7 @@ def rivals_words(finding: Finding) -> str:
     if not parts:
         return ""
     ranked = sorted(parts, key=lambda part: -part[1])
-    return "it may instead be " + "; or ".join(f"{words} ({percent(probability)})" for words, probability in ranked)
+    return "it may instead be " + ", or ".join(f"{words} ({percent(probability)})" for words, probability in ranked)
 
 
 def sureness(probability: float) -> str:
@@ -225,11 +244,7 @@ def reservations(diagnosis: Diagnosis) -> list[str]:
     """What a verdict without a gap, or with all of it explained, cannot exclude."""
     if diagnosis.verdict not in ("no_gap", "explained"):
         return []
-    out = [
-        f"The move of {move.quantity} ends at the limit of its tolerance; {move.hides} could hide behind it."
-        for move in diagnosis.adjusted
-        if move.at_limit
-    ]
+    out = _at_limits([move for move in diagnosis.adjusted if move.at_limit])
     limits_only = [gap.joint for gap in diagnosis.joints if gap.noise_floor_source == "predictors"]
     if diagnosis.verdict == "no_gap" and limits_only:
         out.append(
@@ -258,6 +273,19 @@ def reservations(diagnosis: Diagnosis) -> list[str]:
             "where joints stand, creep or turn about and friction is in doubt."
         )
     return out
+
+
+def _at_limits(moves: list[Adjusted]) -> list[str]:
+    """What could hide behind moves that end at their limits; of several in one sentence."""
+    if len(moves) < 2:
+        return [
+            f"The move of {move.quantity} ends at the limit of its tolerance; {move.hides} could hide behind it."
+            for move in moves
+        ]
+    plain = [move for move in moves if move.hides.startswith(f"a change of {move.quantity}")]
+    hidden = [move.hides for move in moves if move not in plain] + ["larger changes of these"] * bool(plain)
+    moved = joined([move.quantity for move in moves])
+    return [f"The moves of {moved} end at the limits of their tolerances; {joined(hidden)} could hide behind them."]
 
 
 def left_over(diagnosis: Diagnosis) -> str:
@@ -313,8 +341,3 @@ def joined(parts: list[str], last: str = " and ") -> str:
 def capital(text: str) -> str:
     """The text with a capital first letter."""
     return text[:1].upper() + text[1:]
-
-
-def lower_first(text: str) -> str:
-    """The text with a small first letter; a name such as J2 stays as it is."""
-    return text[:1].lower() + text[1:] if text[1:2].islower() else text

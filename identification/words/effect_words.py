@@ -85,6 +85,14 @@ def regime_words(regime: str | None) -> str:
     return "" if regime is None else REGIMES.get(regime, regime.replace("_", " "))
 
 
+def regime_sentence(regime: str | None) -> str:
+    """``It shows at low speed.``; empty for None."""
+    words = regime_words(regime)
+    verbs = {"repeating": "repeats", "drifting": "drifts"}
+    verb, _, rest = words.partition(" ")
+    return f"It {verbs[verb]} {rest}." if verb in verbs else f"It shows {words}." if words else ""
+
+
 def size_words(finding: Finding) -> str:
     """What follows a finding's name, as in ``of 0.051 N m``; empty where a parameter is missing."""
     template = effect_words(finding.effect).size

@@ -12,7 +12,7 @@ from identification.diagnosis.result import EffectAt, Finding, Rival
 from identification.next_experiment.advise import Proposal, proposed
 from identification.next_experiment.hypotheses import hypotheses_of
 from identification.reporting.diagnosis_files import write_outputs
-from identification.words.diagnosis_words import finding_words
+from identification.words.diagnosis_words import PROPOSED, finding_words
 from phantom_dyn.dynamics.dynamics import inverse_dynamics
 
 
@@ -56,7 +56,7 @@ def test_the_sentence_says_what_to_do_and_what_it_tells(friction):
     assert say.startswith("Record the motion of next.csv")
     assert "Coulomb friction on joint pin from viscous friction on joint pin" in say
     words = finding_words(one_of("coulomb_friction", "viscous_friction", "pin"), friction.experiment)
-    assert words.what_next == say[0].lower() + say[1:]
+    assert words.what_next == PROPOSED
 
 
 def test_the_motion_is_no_faster_and_asks_for_no_more_torque_than_twice_the_recording(friction, lab, pendulum):

@@ -46,8 +46,8 @@ def test_friction_that_grew_is_named_with_its_ratio(grown):
 
 def test_friction_that_grew_is_said_with_its_recording(grown):
     said = finding_words(in_b(grown))
-    assert said.what.endswith("times what it is in the other recordings")
-    assert said.where.startswith("on joint pin in b.csv")
+    assert "times what it is in the other recordings: friction torque" in said.what
+    assert " on joint pin in b.csv, where it is" in said.what
 
 
 def test_only_what_one_recording_has_names_it_in_the_json(grown):

@@ -6,7 +6,7 @@ import pytest
 
 from identification.diagnosis.result import Adjusted, Bound, EffectAt, JointGap, Rival, Unexplained, Value
 from identification.words import diagnosis_words as words
-from identification.words.effect_words import REGIMES, effect_words, regime_words, report_order
+from identification.words.effect_words import REGIMES, effect_words, regime_sentence, regime_words, report_order
 from identification.words.numbers_and_names import NO_BREAK
 from phantom_dyn.effects.catalogue import EFFECTS
 
@@ -38,14 +38,15 @@ def test_an_effect_or_regime_from_elsewhere_is_shown_as_it_is():
     assert (effect_words("belt_slip").name, regime_words("in_water")) == ("belt slip", "in water")
 
 
-def test_a_finding_is_said_in_five_parts(made_up):
+def test_a_finding_is_said_in_whole_sentences(made_up):
     parts = dataclasses.astuple(words.finding_words(made_up(findings=2).findings[1]))
     assert [part.replace(NO_BREAK, " ") for part in parts] == [
-        "Viscous friction of 0.13 N m s/rad (friction torque that grows in proportion to speed)",
-        "on joint j2, at high speed",
-        "very likely (93 %); it accounts for 83 % (80 to 86 %) of the gap",
-        "it may instead be presliding friction on joint j2 and a torque offset on joint j2 together (7 %)",
-        "add the coefficient to the joint's damping in the model, and record once cold and once warm: it changes with "
+        "The recording shows viscous friction of 0.13 N m s/rad on joint j2: friction torque that grows in proportion "
+        "to speed.",
+        "It shows at high speed.",
+        "This is very likely (93 %); it accounts for 83 % (80 to 86 %) of the gap.",
+        "It may instead be presliding friction on joint j2 and a torque offset on joint j2 together (7 %).",
+        "Add the coefficient to the joint's damping in the model, and record once cold and once warm: it changes with "
         "the lubricant's temperature.",
     ]
 
@@ -53,9 +54,9 @@ def test_a_finding_is_said_in_five_parts(made_up):
 def test_the_next_step_of_a_finding_with_rivals_is_the_experiment_that_parts_them(made_up):
     finding = made_up().findings[0]
     experiment = {"separates": [["coulomb_friction", "j1"]], "say": "Move joint j1 slowly."}
-    assert words.finding_words(finding, experiment).what_next == "move joint j1 slowly."
+    assert words.finding_words(finding, experiment).what_next == words.PROPOSED
     other = {"separates": [["coulomb_friction", "j2"]], "say": "Move joint j2 slowly."}
-    assert words.finding_words(finding, other).what_next.startswith("add the torque")
+    assert words.finding_words(finding, other).what_next.startswith("Add the torque")
 
 
 @pytest.mark.parametrize(
@@ -71,24 +72,20 @@ def test_a_place_follows_the_name_of_an_effect(effect, joint, text):
     assert words.on_place(effect, joint) == text
 
 
-def test_a_name_keeps_its_capital_at_the_start_of_a_next_step():
-    assert (words.lower_first("J2 first"), words.lower_first("Move")) == ("J2 first", "move")
-
-
 def test_without_rivals_nothing_else_explains_the_data(made_up):
     alone = dataclasses.replace(made_up().findings[0], probability=1.0, rivals=())
     assert words.rivals_words(alone) == ""
-    assert words.finding_words(alone).what_else == "nothing else in the catalogue explains the data as well"
+    assert words.finding_words(alone).what_else == "Nothing else in the catalogue explains the data as well."
 
 
 @pytest.mark.parametrize(
     ("own", "text"),
     [
-        (0.6, "it may instead be backlash on joint j1 (30 %); or a payload (10 %)"),
+        (0.6, "it may instead be backlash on joint j1 (30 %), or a payload (10 %)"),
         # What is missing to one.
         (
             0.4,
-            "it may instead be backlash on joint j1 (30 %); or a cause outside the catalogue (20 %); or a payload "
+            "it may instead be backlash on joint j1 (30 %), or a cause outside the catalogue (20 %), or a payload "
             "(10 %)",
         ),
     ],
@@ -123,7 +120,29 @@ def test_a_coupling_names_both_joints_and_a_plus_in_a_name_stays():
 def test_a_negative_size_is_named_as_less_than_modelled(made_up):
     finding = dataclasses.replace(made_up().findings[0], parameters={"torque": Value(-0.1, 0.01, "N m")})
     assert words.finding_name(finding) == "less Coulomb friction than modelled"
-    assert words.finding_words(finding).what.startswith("Less Coulomb friction than modelled by 0.1 N m (")
+    said = words.finding_words(finding).what.replace(NO_BREAK, " ")
+    assert said == "The recording shows less Coulomb friction than modelled on joint j1, by 0.1 N m."
+
+
+def test_a_size_that_is_a_sentence_follows_the_place(made_up):
+    parameters = {"ratio": Value(0.9, 0.01, "1")}
+    finding = dataclasses.replace(made_up().findings[0], effect="torque_constant", parameters=parameters)
+    assert words.finding_words(finding).what == (
+        "The recording shows a wrong torque constant on joint j1: the true torque is 0.9 times the recorded one."
+    )
+
+
+@pytest.mark.parametrize(
+    ("regime", "sentence"),
+    [
+        ("low_speed", "It shows at low speed."),
+        ("periodic_in_angle", "It repeats with the joint angle."),
+        ("time_drift", "It drifts over time."),
+        (None, ""),
+    ],
+)
+def test_a_regime_is_a_sentence(regime, sentence):
+    assert regime_sentence(regime) == sentence
 
 
 @pytest.mark.parametrize(
@@ -186,6 +205,7 @@ FLOORS = JointGap("j1", "N m", 1.0, 0.3, 0.03, 100, 2.0, 0.9, (0.028, 0.032), "p
 NO_STRUCTURE = Unexplained(0.0, False, "j1", None)
 WIDE = Bound("coulomb_friction", "j1", "torque", 0.3, "N m", 0.4)
 LIMIT = Adjusted("hand mass", -0.1, 0.05, True, "a payload of up to 0.12 kg")
+OTHER_LIMIT = Adjusted("arm Ixx", 0.1, 0.05, True, "a change of arm Ixx of more than 10 %")
 
 
 @pytest.mark.parametrize(
@@ -209,6 +229,12 @@ LIMIT = Adjusted("hand mass", -0.1, 0.05, True, "a payload of up to 0.12 kg")
         (
             {"verdict": "no_gap", "findings": (), "adjusted": (LIMIT,)},
             "hand mass ends at the limit of its tolerance; a payload of up to 0.12 kg could hide behind it.",
+            "explained",
+        ),
+        (
+            {"verdict": "no_gap", "findings": (), "adjusted": (LIMIT, OTHER_LIMIT)},
+            "The moves of hand mass and arm Ixx end at the limits of their tolerances; a payload of up to 0.12 kg and "
+            "larger changes of these could hide behind them.",
             "explained",
         ),
         (
