@@ -88,7 +88,7 @@ def test_the_extras_are_those_that_sentences_about_missing_libraries_name():
 
 
 # What is declared but imported nowhere: the physically consistent fit and the robot's shapes are to be built on these.
-NOT_YET_IMPORTED = {"cvxpy", "yourdfpy"}
+NOT_YET_IMPORTED = {"yourdfpy"}
 MODULES = {"pin": "pinocchio", "pyyaml": "yaml"}
 
 

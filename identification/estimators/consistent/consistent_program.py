@@ -1,20 +1,18 @@
 # pyright: reportAttributeAccessIssue=false
 """The convex program of physically consistent parameters: what is minimised, and its solution.
 
-Where no constraint is active the solution is a closed form; else Clarabel solves the program, which is built directly,
-as building it through a modelling language would cost more than solving it. The program sees the recording through a
-triangular factor alone, so that its size does not depend on the number of samples.
+Where no constraint is active the solution is a closed form; else cvxpy states the program and Clarabel solves it. The
+program sees the recording through a triangular factor alone, so that its size does not depend on the number of samples.
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+import warnings
 from dataclasses import dataclass, replace
+from typing import Any
 
-import clarabel
 import numpy as np
 from jaxtyping import Float
-from scipy import sparse
 from scipy.linalg import block_diag, null_space, solve_triangular
 
 from identification.estimators.consistent.consistent_bodies import PSEUDO, Reference, Region, pseudo_inertia
@@ -167,7 +165,7 @@ def solve_program(program: Program) -> ProgramSolution:
         solution, status = _attempt(scaled, largest, tolerance)
         if solution is not None:
             return solution
-    if "PrimalInfeasible" in status:
+    if "infeasible" in status:
         raise EstimationError(
             "No physically possible bodies satisfy these equations within their regions and bounds: widen the regions, "
             "or fit with a covariance instead of exactly."
@@ -179,53 +177,78 @@ def _attempt(program: Program, largest: float, tolerance: float) -> tuple[Progra
     p = program.factor.shape[1]
     n = len(program.bodies)
     scale = program.scale
-    entropic = program.prior.kind == "entropic"
     start, back, equations, left = _coordinates(program, largest)
-    if not entropic and is_possible(program, start * scale):
+    if program.prior.kind == "pullback" and is_possible(program, start * scale):
         return ProgramSolution(start * scale), ""
-    d = back.shape[1]
-    width = d + 14 * n * entropic
     own, rows, least = _inequalities(program, scale)
-    cones = [_positive(rows @ back, least - rows @ start, width)]
-    quadratic, linear = np.zeros((width, width)), np.zeros(width)
-    quadratic[:d, :d] = equations.T @ equations if entropic else np.eye(d)
-    linear[:d] = equations.T @ left if entropic else 0.0
-    for body, reference in enumerate(program.bodies):
-        at = slice(10 * body, 10 * body + 10)
-        matrices = np.einsum("kd,kij->dij", back[at], PSEUDO)
-        begun = pseudo_inertia(start[at])
-        cones.append(_semidefinite(np.arange(d), matrices, begun - program.margin * np.eye(4), width))
-        if entropic:
-            weight = 1.0 if program.exact else program.prior.weight
-            first, whitening = d + 14 * body, reference.whitening
-            whitened = whitening @ matrices @ whitening.T
-            cones += _log_determinant(whitened, whitening @ begun @ whitening.T, first, width)
-            linear[:d] += weight * np.einsum("dii->d", whitened)
-            linear[first + 10 : first + 14] = -weight
-    # Cones of bodies come second and, with an entropic prior, every sixth from there.
-    bodies = [1 + (6 if entropic else 1) * at for at in range(n)]
-    change, forces, status = _minimised(quadratic, linear, cones, tolerance)
-    if status not in ("Solved", "AlmostSolved"):
+    cones = _Cones(start, back, equations, left, rows, least)
+    change, forces, pushes, status = _minimised(program, cones, tolerance)
+    if status not in ("optimal", "optimal_inaccurate"):
         return None, status
-    x = start + back @ change[:d]
-    pushed = set(own[(rows @ x - least <= _AT_EDGE) & (forces[0] > _PUSHED)].tolist())
+    x = start + back @ change
+    pushed = set(own[(rows @ x - least <= _AT_EDGE) & (forces > _PUSHED)].tolist())
     eigenvalues = np.linalg.eigvalsh(pseudo_inertia(x[: 10 * n].reshape(n, 10)))[:, 0]
     if n and eigenvalues.min() < 0.5 * program.margin:
         return None, "a body that cannot exist"
     near = eigenvalues <= 10 * program.margin
-    held = [at for at in range(n) if near[at] and np.abs(forces[bodies[at]]).max() > _PUSHED]
+    held = [at for at in range(n) if near[at] and np.abs(pushes[at]).max() > _PUSHED]
     regions = tuple(at for at in range(n) if at in pushed)
     bounds = tuple(at for at in range(p - 10 * n) if n + at in pushed)
     return ProgramSolution(x * scale, tuple(held), regions, bounds), status
 
 
 @dataclass(frozen=True)
-class _Cone:
-    """``offset - rows x`` is in a cone of Clarabel's."""
+class _Cones:
+    """A program in the coordinates of `_coordinates`, with its inequalities ``rows @ x >= least``."""
 
-    rows: sparse.csc_matrix
-    offset: Array
-    kind: object
+    start: Array
+    back: Array
+    equations: Array
+    left: Array
+    rows: Array
+    least: Array
+
+
+def _minimised(program: Program, cones: _Cones, tolerance: float) -> tuple[Array, Array, list[Array], str]:
+    """Coordinates at the minimum, what each inequality and each body pushes with, and the solver's status.
+
+    Clarabel solves it; cvxpy, which takes most of a second to load, turns it into cones.
+    """
+    import cvxpy as cp
+
+    entropic = program.prior.kind == "entropic"
+    u = cp.Variable(cones.back.shape[1])
+
+    def matrix(matrices: Array, constant: Array) -> cp.Expression:
+        return cp.reshape(matrices.reshape(len(matrices), 16).T @ u + constant.ravel(), (4, 4), order="C")
+
+    limits = [cones.rows @ cones.back @ u >= cones.least - cones.rows @ cones.start] if len(cones.least) else []
+    cost: Any = 0.5 * cp.sum_squares(u)
+    if entropic:
+        cost = 0.5 * cp.sum_squares(cones.equations @ u + cones.left) if len(cones.left) else 0.0
+    bodies = []
+    for body, reference in enumerate(program.bodies):
+        at = slice(10 * body, 10 * body + 10)
+        matrices = np.einsum("kd,kij->dij", cones.back[at], PSEUDO)
+        begun = pseudo_inertia(cones.start[at])
+        bodies.append(matrix(matrices, begun - program.margin * np.eye(4)) >> 0)
+        if entropic:
+            white = reference.whitening
+            distance = matrix(white @ matrices @ white.T, white @ begun @ white.T)
+            weight = 1.0 if program.exact else program.prior.weight
+            cost += weight * (cp.trace(distance) - cp.log_det(distance))
+    problem = cp.Problem(cp.Minimize(cost), [*limits, *bodies])
+    with warnings.catch_warnings():
+        # That a solution may be inaccurate is said by its status, which is looked at.
+        warnings.simplefilter("ignore", UserWarning)
+        try:
+            problem.solve(solver=cp.CLARABEL, tol_gap_abs=tolerance, tol_gap_rel=tolerance, tol_feas=tolerance)
+        except cp.SolverError as error:
+            return np.zeros(u.size), np.zeros(0), [], str(error)
+    if u.value is None:
+        return np.zeros(u.size), np.zeros(0), [], str(problem.status)
+    forces = np.array(limits[0].dual_value) if limits else np.zeros(0)
+    return np.array(u.value), forces, [np.array(body.dual_value) for body in bodies], str(problem.status)
 
 
 def _coordinates(program: Program, largest: float) -> tuple[Array, Array, Array, Array]:
@@ -279,62 +302,3 @@ def _inequalities(program: Program, scale: Array) -> tuple[Array, Array, Array]:
         own, rows = [*own, n + at], [*rows, sign * np.eye(p)[10 * n + at]]
         least = [*least, sign * bounds[at] / scale[10 * n + at]]
     return np.concatenate(own), np.concatenate(rows), np.concatenate(least)
-
-
-def _positive(rows: Array, least: Array, width: int) -> _Cone:
-    padded = np.pad(rows, ((0, 0), (0, width - rows.shape[1])))
-    return _Cone(sparse.csc_matrix(-padded), -least, clarabel.NonnegativeConeT(len(least)))
-
-
-def _semidefinite(at: Array, matrices: Array, constant: Array, width: int) -> _Cone:
-    """``sum x[at] matrices + constant`` is positive semidefinite."""
-    size = len(constant)
-    column, row = np.tril_indices(size)  # Clarabel wants the upper triangle column by column
-    weight = np.where(row == column, 1.0, np.sqrt(2.0))
-    entries = matrices[:, row, column] * weight
-    wide = sparse.csc_matrix((-entries.T.ravel(), (np.repeat(np.arange(len(row)), len(at)), np.tile(at, len(row)))),
-                             shape=(len(row), width))  # fmt: skip
-    wide.eliminate_zeros()
-    return _Cone(wide, constant[row, column] * weight, clarabel.PSDTriangleConeT(size))
-
-
-def _log_determinant(matrices: Array, constant: Array, first: int, width: int) -> list[_Cone]:
-    r"""Fourteen more variables from ``first``, the last four of which sum up to at most :math:`\log\det M(x)`.
-
-    With ``Z`` lower triangular: ``[[M, Z], [Z^T, diag Z]]`` is positive and each of the four at most ``log Z_ii``.
-    """
-    i, j = np.tril_indices(4)
-    d = len(matrices)
-    joined, begun = np.zeros((d + 10, 8, 8)), np.zeros((8, 8))
-    begun[:4, :4] = constant
-    joined[:d, :4, :4] = matrices
-    for k, (row, column) in enumerate(zip(i, j, strict=True)):
-        joined[d + k, row, 4 + column] = joined[d + k, 4 + column, row] = 1.0
-        if row == column:
-            joined[d + k, 4 + column, 4 + column] = 1.0
-    cones = [_semidefinite(np.concatenate([np.arange(d), np.arange(first, first + 10)]), joined, begun, width)]
-    for k, entry in enumerate(np.flatnonzero(i == j)):
-        rows = sparse.csc_matrix(([-1.0, -1.0], ([0, 2], [first + 10 + k, first + entry])), shape=(3, width))
-        cones.append(_Cone(rows, np.array([0.0, 1.0, 0.0]), clarabel.ExponentialConeT()))
-    return cones
-
-
-def _minimised(
-    quadratic: Array, linear: Array, cones: Sequence[_Cone], tolerance: float
-) -> tuple[Array, list[Array], str]:
-    """Minimum of ``x^T Q x / 2 + c^T x``, what each cone pushes with, and the solver's status."""
-    used = [cone for cone in cones if len(cone.offset)]
-    settings = clarabel.DefaultSettings()
-    settings.verbose = False
-    settings.tol_gap_abs = settings.tol_gap_rel = settings.tol_feas = tolerance
-    solution = clarabel.DefaultSolver(
-        sparse.csc_matrix(np.triu(quadratic)),
-        linear,
-        sparse.vstack([cone.rows for cone in used], format="csc"),
-        np.concatenate([cone.offset for cone in used]),
-        [cone.kind for cone in used],
-        settings,
-    ).solve()
-    status = str(solution.status)
-    ends = np.cumsum([len(cone.offset) for cone in cones])
-    return np.array(solution.x), np.split(np.array(solution.z), ends[:-1]), status

@@ -63,6 +63,30 @@ def test_the_solution_is_that_of_cvxpy(rng, kind, region):
     np.testing.assert_allclose(solve_program(program).pi, by_cvxpy(program), atol=3e-5)
 
 
+def cost(program, pi):
+    """What is minimised, by its definition: residuals and the distance of the one body from its reference."""
+    (body,) = program.bodies
+    relative = body.whitening @ pseudo_inertia(pi[:10] / body.scale) @ body.whitening.T
+    if program.prior.kind == "entropic":
+        distance = np.trace(relative) - np.linalg.slogdet(relative)[1] - 4
+    else:
+        distance = 0.5 * np.sum((relative - np.eye(4)) ** 2)
+    return 0.5 * np.sum((program.factor @ pi - program.target) ** 2) + program.prior.weight * distance
+
+
+@pytest.mark.parametrize("kind", ["pullback", "entropic"])
+def test_nothing_else_that_is_possible_costs_less(rng, kind):
+    # Oracle: the definition of the cost at possible points on the way to the solution and beside it.
+    program = one_body(rng, prior=Prior(2.0, kind))
+    best = np.r_[
+        (solution := solve_program(program).pi)[:10], np.maximum(solution[10:], 0.0)
+    ]  # the solver's last digit
+    others = [np.r_[CAD * share, 0.0] for share in (0.5, 1.0, 2.0)]
+    tried = [best + part * (other - best) for other in others for part in (1e-3, 1e-2, 0.1, 1.0)]
+    assert all(is_possible(program, pi) for pi in tried)
+    assert min(cost(program, pi) for pi in tried) > cost(program, best)
+
+
 def test_equations_of_an_impossible_body_give_one_that_can_exist(rng):
     # Oracle: eigenvalues of the central inertia's pseudo-inertia, and which law was in the way.
     program = one_body(rng)
