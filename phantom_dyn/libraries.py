@@ -25,6 +25,7 @@ class Library:
 
 OPTIONAL = (
     Library("rosbags", "rosbags", "ros", "Reading a ROS bag or MCAP"),
+    Library("pyarrow", "pyarrow", "parquet", "Reading or writing Parquet"),
     Library("netCDF4", "netcdf4", "maps", "Writing a map as NetCDF"),
     Library("mujoco", "mujoco", "mujoco", "Loading a corrected MJCF again"),
     Library("dask", "dask", "cluster", "Work on a Dask cluster"),

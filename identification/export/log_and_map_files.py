@@ -9,7 +9,8 @@ import numpy as np
 from jaxtyping import Float
 
 from identification.files import require_ending, temporary_beside
-from phantom_dyn.libraries import is_installed
+from phantom_dyn.errors import UsageError
+from phantom_dyn.libraries import is_installed, missing_library
 from phantom_dyn.maps.map_figures import figure
 from phantom_dyn.maps.operational_map import OperationalMap, arrays, dataset
 
@@ -21,9 +22,11 @@ def write_log(path: Path, columns: Mapping[str, Float[Array, " N"]]) -> None:
     """Write a log in one step.
 
     Raises:
-        UsageError: If the ending names no format, or the file cannot be written.
+        UsageError: If the ending names no format, its library is not installed, or the file cannot be written.
     """
     require_ending(path)
+    if path.suffix.lower() == ".parquet" and not is_installed("pyarrow"):
+        raise UsageError(f"{path.name} would be Parquet. {missing_library('pyarrow')}")
     with temporary_beside(path) as temporary:
         if path.suffix.lower() == ".npz":
             with temporary.open("wb") as file:

@@ -10,6 +10,7 @@ import numpy as np
 
 from identification.data.recording import RawTable
 from phantom_dyn.errors import LogError
+from phantom_dyn.libraries import is_installed, missing_library
 
 Array = np.ndarray
 
@@ -72,8 +73,10 @@ def read_parquet(path: Path) -> RawTable:
         Its columns; those that hold no numbers are listed under ``problems``.
 
     Raises:
-        LogError: If a column name stands there twice.
+        LogError: If a column name stands there twice, or the library for Parquet is not installed.
     """
+    if not is_installed("pyarrow"):
+        raise LogError(f"{path.name} is Parquet. {missing_library('pyarrow')}")
     import pyarrow as pa
     import pyarrow.parquet as pq
 

@@ -9,6 +9,7 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 import pytest
 
+from identification.data.readers import array_files
 from identification.data.readers.read_table import read_table
 from phantom_dyn.errors import LogError
 
@@ -119,3 +120,19 @@ def test_a_file_without_permission_is_told(write, lines, monkeypatch):
     monkeypatch.setattr(Path, "open", refuse)
     with pytest.raises(LogError, match="cannot be read: Permission denied"):
         read_table(path)
+
+
+def test_without_its_library_parquet_is_refused_with_the_command_that_installs_it(tmp_path, monkeypatch):
+    path = tmp_path / "log.parquet"
+    pq.write_table(pa.table({"t": [0.0, 1.0]}), path)
+    monkeypatch.setattr(array_files, "is_installed", lambda _: False)
+    wanted = r"log\.parquet is Parquet\. Reading or writing Parquet needs pyarrow.*pip install 'phantom-dyn\[parquet\]'"
+    with pytest.raises(LogError, match=wanted):
+        read_table(path)
+
+
+def test_a_line_with_too_few_values_of_the_same_number_everywhere_is_no_table(tmp_path):
+    # Three names over two columns: NumPy alone would take them.
+    (tmp_path / "log.csv").write_text("t,q.j,tau.j\n0,1\n1,2\n")
+    with pytest.raises(LogError, match="line 2 has 2 values where 3 columns are named"):
+        read_table(tmp_path / "log.csv")
