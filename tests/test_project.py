@@ -87,8 +87,6 @@ def test_the_extras_are_those_that_sentences_about_missing_libraries_name():
     assert named == {extra: names_of(requirements) for extra, requirements in extras.items()}
 
 
-# What is declared but imported nowhere: the physically consistent fit and the robot's shapes are to be built on these.
-NOT_YET_IMPORTED = {"yourdfpy"}
 MODULES = {"pin": "pinocchio", "pyyaml": "yaml"}
 
 
@@ -100,7 +98,7 @@ def test_every_dependency_is_imported_by_the_packages():
     )
     imported = set(re.findall(r"^\s*(?:from|import) (\w+)|import_module\(\"(\w+)\"\)", source, flags=re.MULTILINE))
     imported = {name for pair in imported for name in pair}
-    assert {name for name in declared if MODULES.get(name, name) not in imported} == NOT_YET_IMPORTED
+    assert {name for name in declared if MODULES.get(name, name) not in imported} == set()
 
 
 @pytest.mark.parametrize("kind", [REGISTRY_HOSTS, LOCAL_PLACES], ids=["registry", "machine"])

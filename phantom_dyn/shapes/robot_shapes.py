@@ -4,17 +4,14 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from pathlib import Path
 
-import coal
 import numpy as np
 import pinocchio as pin
-from jaxtyping import Float, Int
+from jaxtyping import Float
 
-from phantom_dyn.errors import RobotError
 from phantom_dyn.model.robot import Robot
-from phantom_dyn.model.robot_files import find_robot
-from phantom_dyn.shapes.meshes import Mesh, ball, box, capsule, cylinder, face_budgets, joined, moved, reduced, surface
+from phantom_dyn.shapes.meshes import Mesh, ball, box, capsule, cylinder, face_budgets, joined, reduced, surface
+from phantom_dyn.shapes.visuals import visuals
 
 Array = np.ndarray
 
@@ -46,7 +43,7 @@ def robot_shapes(robot: Robot, faces: int = FACES) -> Shapes:
 
     A mesh file that is missing, or that cannot be read, takes capsules for the whole robot: half a robot misleads.
     """
-    parts = _visuals(robot)
+    parts = visuals(robot)
     from_meshes = bool(parts)
     if not parts:
         parts = [(joint, mesh) for joint, mesh in enumerate(capsules(robot.model)) if len(mesh.faces)]
@@ -55,11 +52,6 @@ def robot_shapes(robot: Robot, faces: int = FACES) -> Shapes:
     for (joint, mesh), budget in zip(parts, budgets, strict=True):
         links[joint].append(reduced(mesh, budget))
     return Shapes(tuple(joined(meshes) for meshes in links), from_meshes)
-
-
-def package_folders(file: Path) -> list[str]:
-    """Where ``package://`` may lead: the folders above the file; Pinocchio adds those that ROS's variables name."""
-    return [str(folder) for folder in file.resolve().parents]
 
 
 def capsules(model: pin.Model) -> tuple[Mesh, ...]:
@@ -112,50 +104,3 @@ def _ends(model: pin.Model, joint: int) -> list[Float[Array, "3"]]:
     # Many files end with the last joint: the mass then says where the link goes.
     centre = 2 * np.array(model.inertias[joint].lever)
     return [far if np.linalg.norm(far) >= np.linalg.norm(centre) else centre]
-
-
-def _visuals(robot: Robot) -> list[tuple[int, Mesh]]:
-    """Visual shapes of the robot's file: index of the joint that moves each, triangles in that joint's frame."""
-    try:
-        path = find_robot(robot.source)
-        if path.suffix == ".urdf":
-            full = pin.buildModelFromUrdf(str(path))
-            shapes = pin.buildGeomFromUrdf(full, str(path), pin.VISUAL, package_dirs=package_folders(path))
-        else:
-            full = pin.buildModelFromMJCF(str(path))
-            shapes = pin.buildGeomFromMJCF(full, str(path), pin.VISUAL)
-    except (RobotError, ValueError, RuntimeError):  # a picture is never a reason to refuse a diagnosis
-        return []
-    names = list(robot.model.names)
-    out = []
-    for shape in shapes.geometryObjects:
-        joint, placement = shape.parentJoint, shape.placement
-        # Joints that are held fixed are no joints of the robot: their links move with the joint before.
-        while joint and full.names[joint] not in names:
-            placement, joint = full.jointPlacements[joint] * placement, full.parents[joint]
-        mesh = _triangles(shape.geometry)
-        if len(mesh.faces):
-            index = names.index(full.names[joint]) if joint else 0
-            out.append((index, moved(mesh, placement.rotation, placement.translation)))
-    return out
-
-
-def _triangles(geometry: coal.CollisionGeometry) -> Mesh:
-    if isinstance(geometry, coal.BVHModelBase):
-        return Mesh(np.array(geometry.vertices(), dtype=float), _faces(geometry))
-    if isinstance(geometry, coal.Box):
-        x, y, z = 2 * np.array(geometry.halfSide)
-        return box(np.array([0.0, 0.0, 1.0]), z, x, y)
-    if isinstance(geometry, coal.Cylinder):
-        return cylinder(np.array([0.0, 0.0, 1.0]), 2 * geometry.halfLength, geometry.radius)
-    if isinstance(geometry, coal.Capsule):
-        half = np.array([0.0, 0.0, geometry.halfLength])
-        return capsule(-half, half, geometry.radius)
-    if isinstance(geometry, coal.Sphere):
-        return ball(np.zeros(3), geometry.radius)
-    return joined([])
-
-
-def _faces(geometry: coal.BVHModelBase) -> Int[Array, "F 3"]:
-    triangles = (geometry.tri_indices(k) for k in range(geometry.num_tris))
-    return np.array([(t[0], t[1], t[2]) for t in triangles], dtype=int).reshape(-1, 3)

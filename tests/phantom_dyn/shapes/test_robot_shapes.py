@@ -8,7 +8,8 @@ import pinocchio as pin
 import pytest
 
 from phantom_dyn.model.loading import load_robot
-from phantom_dyn.shapes.robot_shapes import capsules, joint_axis, joint_solid, package_folders, robot_shapes
+from phantom_dyn.shapes.robot_shapes import capsules, joint_axis, joint_solid, robot_shapes
+from phantom_dyn.shapes.visuals import package_folders
 from places import ROBOTS
 
 TETRAHEDRON = """solid t
@@ -64,8 +65,10 @@ def test_a_package_is_found_through_the_environment_of_ros(arm, tmp_path, monkey
     assert robot_shapes(load_robot(other)).from_meshes
 
 
-def test_packages_are_looked_for_above_the_file():
-    assert package_folders(Path("/robots/arm/arm.urdf")) == ["/robots/arm", "/robots", "/"]
+def test_packages_are_looked_for_above_the_file(monkeypatch):
+    for variable in ("ROS_PACKAGE_PATH", "AMENT_PREFIX_PATH"):
+        monkeypatch.delenv(variable, raising=False)
+    assert package_folders(Path("/robots/arm/arm.urdf")) == [Path("/robots/arm"), Path("/robots"), Path("/")]
 
 
 def test_a_missing_mesh_gives_capsules_for_the_whole_robot(arm):

@@ -5,11 +5,13 @@ Oracle: the torques of the robot before it was written, by Pinocchio, after load
 
 from __future__ import annotations
 
+import io
 import re
 from xml.etree import ElementTree
 
 import numpy as np
 import pytest
+import yourdfpy
 
 from identification.export.model_files.reload import urdf_difference
 from identification.export.model_files.urdf_file import edited_urdf, new_urdf
@@ -55,6 +57,20 @@ def test_built_in_robots_come_back(name, changed, some, tmp_path):
 def test_a_urdf_written_from_nothing_needs_the_same_torques(name, robots, changed, some):
     robot = changed(load_robot(robots / name))
     assert urdf_difference(new_urdf(robot), robot, some(robot), None) < 1e-12
+
+
+@pytest.mark.parametrize("name", ["arm3.urdf", "planar2.urdf"])
+@pytest.mark.parametrize("edited", [True, False])
+def test_another_reader_of_urdf_finds_no_error_and_the_same_masses(name, edited, robots, changed, tmp_path):
+    # Oracle: yourdfpy, which shares nothing with Pinocchio's reader; the links that one body is made of sum up.
+    given = load_robot(robots / name)
+    robot = changed(given)
+    text = edited_urdf(robot, given, robots / name, tmp_path) if edited else new_urdf(robot)
+    read = yourdfpy.URDF.load(io.BytesIO(text.encode()), load_meshes=False)
+    assert (read.validate(), read.errors) == (True, [])
+    assert set(robot.joint_names) <= set(read.actuated_joint_names)
+    masses = [link.inertial.mass for link in read.robot.links if link.inertial is not None]
+    assert sum(masses) == pytest.approx(sum(body.mass for body in list(robot.model.inertias)[1:]))
 
 
 def test_a_link_fixed_to_another_keeps_what_its_file_states(written, robots):
