@@ -3,6 +3,7 @@
 #   make lint   ruff, pyright, import layers      make bench  benchmarks with timing
 #   make blind  sealed cases, into docs/           make speed  speed beside other tools, into docs/
 #   make lock   renew requirements.txt            make clean  removes the environment and what was built
+#   make wheel  the wheel, checked, and used where nothing else is installed
 #   make docs   the documentation site, into docs/_build/html
 #   make drake  sealed cases of the second make, diagnosed and scored [DRAKE_SEEDS=0:24]
 #   make mutants [SAMPLE=150] [SEED=1] [ONLY=]    how many deliberate mistakes in the code the tests notice; SAMPLE=0: all
@@ -26,7 +27,7 @@ export PIP_DISABLE_PIP_VERSION_CHECK := 1
 export PYRIGHT_PYTHON_IGNORE_WARNINGS := 1
 
 .DEFAULT_GOAL := test
-.PHONY: demo test lint bench blind drake speed mutants docs lock clean setup tools
+.PHONY: demo test lint wheel bench blind drake speed mutants docs lock clean setup tools
 .DELETE_ON_ERROR:
 
 demo: setup
@@ -41,6 +42,9 @@ lint: setup
 	@$(BIN)/ruff format --check .
 	@$(BIN)/pyright
 	@$(BIN)/lint-imports --no-cache
+
+wheel: setup
+	@.ci/wheel
 
 bench: setup
 	@$(BIN)/python -m pytest benchmarks --benchmark-enable -n 0
