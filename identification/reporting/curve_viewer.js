@@ -78,7 +78,7 @@
     const axis = (series, first, last, from, to, unit, floor) => {
       const [low, high] = range(series, first, last);
       const level = (value) => to - ((value - low) / (high - low)) * (to - from);
-      const marks = ticks(low, high, Math.max(2, (to - from) / 40)).map(({ at, text }) =>
+      const marks = ticks(low, high, Math.max(2, (to - from) / 27)).map(({ at, text }) =>
         `<path class="tick" d="M${LEFT - 4} ${level(at)}h4"/><text x="${LEFT - 7}" y="${level(at) + 4}" text-anchor="end">${text}</text>`);
       const ends = [floor, -floor].map((value) => Math.min(Math.max(level(value), from), to));
       const band = floor ? `<rect class="band" x="${LEFT}" y="${ends[0]}" width="${scale()}" height="${ends[1] - ends[0]}"/>` : "";

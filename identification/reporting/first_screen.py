@@ -10,13 +10,12 @@ from matplotlib.figure import Figure
 from identification.diagnosis.result import Diagnosis, Finding, JointGap
 from identification.reporting.svg import AFTER, INK, drawn_svg
 from identification.words import diagnosis_words as words
-from identification.words.effect_words import is_between_joints
 from identification.words.numbers_and_names import NO_BREAK, number, percent, value_words, with_unit
 
 MOST_BARS = 8
 """Joints on the first screen; of more those with the largest gap, as a screen has no room for all."""
-_SEVERAL = 3
-"""Joints from which all of a robot are named by their number."""
+_MOST_SIZES = 4
+"""Parameters of one finding on the first screen; of more its card has the table."""
 
 
 @dataclass(frozen=True)
@@ -81,53 +80,30 @@ def _bar(gap: JointGap, largest: float) -> Bar:
 
 def groups_of(diagnosis: Diagnosis) -> list[Group]:
     """The findings, those of one effect on several joints together, and effects on the very same joints, too."""
-    by_effect: dict[tuple[str, str | None, bool], list[Finding]] = {}
-    for finding in diagnosis.findings:
-        # What has no joint, or two, stands for itself, and so does what is less than modelled.
-        own = finding.joint is None or is_between_joints(finding.effect)
-        key = (words.finding_name(finding), finding.recording, own)
-        by_effect.setdefault(key, []).append(finding)
-    by_place: dict[object, list[list[Finding]]] = {}
-    for number_of, (key, found) in enumerate(by_effect.items()):
-        places = frozenset(finding.joint for finding in found)
-        together = len(places) > 1 and not key[2]
-        by_place.setdefault((places, key[1]) if together else number_of, []).append(found)
-    made = [_group(kinds, diagnosis) for kinds in by_place.values()]
-    return sorted(made, key=lambda group: -group.width)
+    return sorted((_group(kinds, diagnosis) for kinds in words.grouped(diagnosis)), key=lambda group: -group.width)
 
 
 def _group(kinds: list[list[Finding]], diagnosis: Diagnosis) -> Group:
     findings = tuple(finding for found in kinds for finding in found)
     shares = [finding.share for finding in findings]
     known = [share for share in shares if share is not None]
-    share = sum(known) if len(known) == len(shares) else None
-    names = words.joined([words.finding_name(found[0]) for found in kinds])
-    where = _places(kinds[0], diagnosis) + words.in_recording(findings[0].recording)
-    least = min(finding.probability for finding in findings)
+    # What is taken away below the noise floor is no part of the gap.
+    share = min(sum(known), 1.0) if len(known) == len(shares) else None
     return Group(
         findings,
-        f"{words.capital(names)}{where}",
+        words.capital(words.group_name(kinds, diagnosis)),
         _size(findings) if len(kinds) == 1 else "",
         "" if share is None else percent(share),
-        0.0 if share is None else 100 * min(max(share, 0.0), 1.0),
-        words.sureness(least),
+        0.0 if share is None else 100 * max(share, 0.0),
+        words.sureness(min(finding.probability for finding in findings)),
     )
-
-
-def _places(found: list[Finding], diagnosis: Diagnosis) -> str:
-    """Where findings of one effect are, with a space before it; nothing for the whole robot."""
-    if found[0].joint is None:
-        return ""
-    if len(found) == 1 or is_between_joints(found[0].effect):
-        return " " + words.joined([words.on_place(one.effect, one.joint) for one in found])
-    if len(found) == len(diagnosis.joints) >= _SEVERAL:
-        return f" on all {len(found)} joints"
-    return f" on {words.joints_words([str(finding.joint) for finding in found])}"
 
 
 def _size(findings: tuple[Finding, ...]) -> str:
     if len(findings) == 1:
         values = findings[0].parameters
+        if len(values) > _MOST_SIZES:
+            return ""
         alone = len(values) == 1
         return ", ".join(
             value_words(value) if alone else f"{words.parameter_name(name)} {value_words(value)}"

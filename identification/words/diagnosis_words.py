@@ -19,6 +19,7 @@ from identification.words.effect_words import (
 from identification.words.numbers_and_names import NO_BREAK, percent, value_words
 
 UNDECIDED = 0.5  # probability below which a finding is told as undecided
+_SEVERAL = 3  # joints from which all of a robot are named by their number
 _TIMES = 3  # stretches that a sentence names
 
 SURENESS = ((0.99, "practically certain"), (0.9, "very likely"), (0.7, "likely"), (0.5, "more likely than not"))
@@ -181,8 +182,11 @@ def gap_closed(finding: Finding) -> str:
 
 
 def share_words(share: float, interval: tuple[float, float]) -> str:
-    """A share with its 95 % interval, as in ``83 % (80 to 86 %)``; alone where both ends round to the same."""
-    own, least, most = percent(share), *map(percent, interval)
+    """A share with its 95 % interval, as in ``83 % (80 to 86 %)``; alone where both ends round to the same.
+
+    What a correction takes away below the noise floor is no part of the gap, so that nothing is more than all of it.
+    """
+    own, least, most = (percent(min(part, 1.0)) for part in (share, *interval))
     if own == least == most:
         return own
     return f"{own} ({least.removesuffix(f'{NO_BREAK}%')} to {most})"
@@ -195,7 +199,9 @@ def share_of_gap(finding: Finding) -> str:
     """
     if finding.share is None:
         return gap_closed(finding)
-    return percent(finding.share) if finding.share >= 0.0 else f"beside the others {percent(finding.gap_closed)}"
+    return (
+        percent(min(finding.share, 1.0)) if finding.share >= 0.0 else f"beside the others {percent(finding.gap_closed)}"
+    )
 
 
 def verdict_sentence(diagnosis: Diagnosis) -> str:
@@ -210,7 +216,7 @@ def headline(diagnosis: Diagnosis) -> str:
 
 
 def _verdict_alone(diagnosis: Diagnosis) -> str:
-    names = [_named(finding) for finding in diagnosis.findings]
+    names = [_named(kinds, diagnosis) for kinds in grouped(diagnosis)]
     named = joined(names) if len(names) <= 4 else f"{joined(names[:3], last=', ')} and {len(names) - 3} more"
     left = left_over(diagnosis)
     if diagnosis.verdict == "explained":
@@ -235,9 +241,51 @@ def _verdict_alone(diagnosis: Diagnosis) -> str:
     return f"The verdict is {diagnosis.verdict.replace('_', ' ')}."
 
 
-def _named(finding: Finding) -> str:
-    """A finding with its place; one with less than half of the probability is told as undecided."""
-    return effect_at_finding(finding) + ("" if finding.probability >= UNDECIDED else " (undecided)")
+def _named(kinds: list[list[Finding]], diagnosis: Diagnosis) -> str:
+    """A group with its places; what has less than half of the probability is told as undecided."""
+    decided = [finding.probability >= UNDECIDED for found in kinds for finding in found]
+    return group_name(kinds, diagnosis) + (
+        "" if all(decided) else " (in part undecided)" if any(decided) else " (undecided)"
+    )
+
+
+def grouped(diagnosis: Diagnosis) -> list[list[list[Finding]]]:
+    """The findings by kind: one effect on several joints together, and effects on the very same joints, too.
+
+    Returns:
+        Groups in the order of their first findings; of each its effects, and of each effect its findings.
+    """
+    joints = [gap.joint for gap in diagnosis.joints]
+    by_effect: dict[tuple[str, str | None, bool], list[Finding]] = {}
+    for finding in diagnosis.findings:
+        # What has no joint, or two, stands for itself, and so does what is less than modelled.
+        own = finding.joint is None or is_between_joints(finding.effect)
+        by_effect.setdefault((finding_name(finding), finding.recording, own), []).append(finding)
+    by_place: dict[object, list[list[Finding]]] = {}
+    for number_of, (key, found) in enumerate(by_effect.items()):
+        places = frozenset(finding.joint for finding in found)
+        together = len(places) > 1 and not key[2]
+        ordered = sorted(found, key=lambda one: joints.index(one.joint) if one.joint in joints else len(joints))
+        by_place.setdefault((places, key[1]) if together else number_of, []).append(ordered)
+    return list(by_place.values())
+
+
+def group_name(kinds: list[list[Finding]], diagnosis: Diagnosis) -> str:
+    """``Coulomb friction and viscous friction on all 6 joints``."""
+    names = joined([finding_name(found[0]) for found in kinds])
+    return names + _places(kinds[0], diagnosis) + in_recording(kinds[0][0].recording)
+
+
+def _places(found: list[Finding], diagnosis: Diagnosis) -> str:
+    """Where findings of one effect are, with a space before it; nothing for the whole robot."""
+    if found[0].joint is None:
+        return ""
+    if len(found) == 1 or is_between_joints(found[0].effect):
+        return " " + joined([on_place(one.effect, one.joint) for one in found])
+    names = list(dict.fromkeys(str(finding.joint) for finding in found))
+    if len(names) == len(diagnosis.joints) >= _SEVERAL:
+        return f" on all {len(names)} joints"
+    return f" on {joints_words(names)}"
 
 
 def reservations(diagnosis: Diagnosis) -> list[str]:

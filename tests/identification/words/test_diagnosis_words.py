@@ -189,9 +189,30 @@ def test_a_model_that_moves_otherwise_than_the_robot_says_which_joint_strays(mad
 
 
 def test_many_findings_are_counted_in_the_verdict(made_up):
-    sentence = words.verdict_sentence(made_up(findings=15))
-    assert sentence.endswith("and 12 more.")
-    assert sentence.count("friction") == 2
+    made = made_up(findings=6)
+    effects = ("backlash", "cogging", "torque_offset", "rotor_inertia", "input_delay", "coulomb_friction")
+    several = tuple(dataclasses.replace(f, effect=e) for f, e in zip(made.findings, effects, strict=True))
+    sentence = words.verdict_sentence(dataclasses.replace(made, findings=several))
+    assert sentence.endswith("and 3 more.")
+
+
+def test_the_verdict_names_findings_of_one_kind_together_in_the_robots_order(made_up):
+    made = made_up(("j1", "j2", "j3"), findings=3)
+    joints, sure = ("j3", "j1", None), (0.9, 0.3, 0.9)
+    findings = tuple(
+        dataclasses.replace(
+            made.findings[0], effect="payload" if j is None else "coulomb_friction", joint=j, probability=p
+        )
+        for j, p in zip(joints, sure, strict=True)
+    )
+    assert words.headline(dataclasses.replace(made, findings=findings)) == (
+        "The gap between robot and model is explained by Coulomb friction on joints j1 and j3 (in part undecided) and "
+        "a payload."
+    )
+
+
+def test_nothing_is_told_as_more_than_all_of_the_gap():
+    assert words.share_words(1.01, (0.99, 1.05)).replace(NO_BREAK, " ") == "100 % (99 to 100 %)"
 
 
 def test_the_verdict_on_a_wrong_recording_begins_with_what_is_wrong(made_up):
