@@ -13,8 +13,9 @@ from identification.data.checks.positions import check_passive
 from identification.data.compensation import before_low_pass, gravity_taken, joints_without, put_back_sentences
 from identification.data.joint_torque import drive_torque, require_frames, torque_sources
 from identification.data.mending import mended
-from identification.data.readers.contract_columns import column_of
+from identification.data.readers.contract_columns import UnknownNamesError, column_of
 from identification.data.readers.read_table import read_table
+from identification.data.readers.suggested_map import suggested_map
 from identification.data.recording import Recording, Table
 from phantom_dyn.errors import LogError, known_names
 from phantom_dyn.model.robot import Robot
@@ -198,7 +199,13 @@ def read_recording(
     Raises:
         LogError: If the file, a column or a value cannot be used; one sentence says which and what to do.
     """
-    table = read_table(path, columns=columns, topic=topic)
+    try:
+        table = read_table(path, columns=columns, topic=topic)
+    except UnknownNamesError as error:
+        suggested = "" if columns is not None else suggested_map(error.names, robot.joint_names)
+        if not suggested:
+            raise
+        raise LogError(f"{error} A map to begin with, to be checked and saved as columns.yaml:\n{suggested}") from error
     found = recording(table, robot, excluded=excluded, torque_needed=torque_needed)
     found = mended(found, robot.prismatic)
     # Loops first: where they do not close there is no model to check against.

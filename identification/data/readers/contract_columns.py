@@ -109,21 +109,32 @@ def _contract_names(raw: RawTable) -> tuple[dict[str, Column], tuple[str, ...]]:
     return wanted, tuple(name for name in raw.names if name not in wanted)
 
 
+class UnknownNamesError(LogError):
+    """None of a file's columns has the name of a needed one; ``names`` are those that it has."""
+
+    def __init__(self, message: str, names: tuple[str, ...] = ()):
+        super().__init__(message)
+        self.names = names
+
+
 def _require_columns(raw: RawTable, wanted: Mapping[str, Column], others: tuple[str, ...]) -> None:
     if not wanted:
-        raise LogError(
+        raise UnknownNamesError(
             f"{raw.file} has none of a log's columns (t, q.<joint>, tau.<joint>, ...), its columns are "
-            f"{listed(others)}: rename them or map them with --columns."
+            f"{listed(others)}: rename them or map them with --columns.",
+            raw.names,
         )
     if "t" not in wanted:
-        raise LogError(
+        raise UnknownNamesError(
             f"{raw.file} has no column t (time in seconds), its columns are {listed(raw.names)}: add it or map it "
-            "with --columns."
+            "with --columns.",
+            raw.names,
         )
     if not any(column.quantity == "q" for column in wanted.values()):
-        raise LogError(
+        raise UnknownNamesError(
             f"{raw.file} has no column q.<joint> (measured position), its columns are {listed(raw.names)}: add it or "
-            "map it with --columns."
+            "map it with --columns.",
+            raw.names,
         )
 
 

@@ -1,0 +1,122 @@
+"""A column map for names that are not the contract's, guessed from words, numbers and units in them.
+
+Nothing is read by it, as a wrong guess would be a wrong recording: it saves the user from writing a dozen lines.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Sequence
+from typing import cast
+
+from identification.data.readers.contract_columns import UNITS, Quantity
+
+_WORDS: dict[Quantity, frozenset[str]] = {
+    "t": frozenset("t time timestamp stamp sec secs second seconds".split()),
+    "tau": frozenset("tau torque torques effort efforts force forces moment".split()),
+    "i": frozenset("i current currents cur".split()),
+    "u": frozenset("u voltage voltages volt volts".split()),
+    "v": frozenset("v dq qd qdot vel velocity velocities speed speeds".split()),
+    "q": frozenset("q pos position positions angle angles theta".split()),
+}
+_ASKED = frozenset("ref reference target cmd command commanded desired des goal action setpoint sp".split())
+_PLAIN = frozenset("actual measured meas state observation joint joints motor axis feedback fb".split())
+"""Words that say nothing of the quantity."""
+_UNITS = {
+    "degree": "deg",
+    "degrees": "deg",
+    "nm": "Nm",
+    "mnm": "mNm",
+    "nmm": "Nmm",
+    "ncm": "Ncm",
+    "ma": "mA",
+    "mv": "mV",
+}
+_UNITS |= {unit: unit for unit in "ms us ns deg rev mm um rpm".split()}
+"""Units as they stand in names, and as a map writes them."""
+
+
+def suggested_map(names: Sequence[str], joints: Sequence[str]) -> str:
+    """Lines of a column map for these columns and the joints of a robot; empty where too little is recognised.
+
+    Args:
+        names: Columns of the file.
+        joints: Of the robot; columns that are numbered are taken in their order.
+
+    Returns:
+        YAML with one entry a line; a position that no column seems to hold has a line that asks for it.
+    """
+    found: dict[tuple[Quantity, str], str] = {}
+    numbered: dict[Quantity, dict[int, str]] = {}
+    for name in names:
+        joint, words = _without_joint(_parts(name), joints)
+        quantity = _quantity([word for word in words if not word.isdigit()], bool(joint))
+        numbers = [int(word) for word in words if word.isdigit()]
+        if quantity is None:
+            continue
+        if quantity == "t" or joint or (len(joints) == 1 and not numbers):
+            found.setdefault((quantity, "" if quantity == "t" else joint or joints[0]), name)
+        elif len(numbers) == 1:
+            numbered.setdefault(quantity, {}).setdefault(numbers[0], name)
+    for quantity, columns in numbered.items():
+        if len(columns) == len(joints):
+            for joint, number in zip(joints, sorted(columns), strict=True):
+                found.setdefault((quantity, joint), columns[number])
+    if ("t", "") not in found or not any(quantity == "q" for quantity, _ in found):
+        return ""
+    return "\n".join(_lines(found, joints))
+
+
+def _lines(found: dict[tuple[Quantity, str], str], joints: Sequence[str]) -> list[str]:
+    lines = [f"t: {_source('t', found['t', ''])}"]
+    # A torque that is measured needs no current and no voltage beside it.
+    torque = next((one for one in ("tau", "i", "u") if any((one, joint) in found for joint in joints)), "tau")
+    for quantity in cast("tuple[Quantity, ...]", ("q", torque, "q_ref")):
+        for joint in joints:
+            name = found.get((quantity, joint))
+            if name is not None:
+                lines.append(f"{quantity}.{joint}: {_source(quantity, name)}")
+            elif quantity == "q":
+                lines.append(f"# q.{joint}: which column?")
+    return lines
+
+
+def _source(quantity: Quantity, name: str) -> str:
+    unit = next((_UNITS[word] for word in _parts(name) if word in _UNITS), None)
+    quoted = (
+        name if re.fullmatch(r"[A-Za-z_][\w.]*", name) else '"' + name.replace("\\", "\\\\").replace('"', '\\"') + '"'
+    )
+    return f"{{from: {quoted}, unit: {unit}}}" if unit and UNITS[quantity].get(unit, 1.0) != 1.0 else quoted
+
+
+def _parts(name: str) -> list[str]:
+    """Words and numbers of a name in small letters: ``jointPos_1`` is joint, pos and 1."""
+    return [word.lower() for word in re.findall(r"[A-Z]?[a-z]+|[A-Z]+(?![a-z])|\d+", name)]
+
+
+def _without_joint(words: list[str], joints: Sequence[str]) -> tuple[str, list[str]]:
+    """The joint whose name stands in a column's name, the longest where there are two, and the words without it."""
+    best, left = "", words
+    most = 0
+    for joint in joints:
+        whole = _parts(joint)
+        for wanted in (whole, [word for word in whole if word != "joint"]):
+            at = next((k for k in range(len(words)) if wanted and words[k : k + len(wanted)] == wanted), None)
+            if at is not None and len(wanted) > most and not all(word.isdigit() for word in wanted):
+                best, most, left = joint, len(wanted), words[:at] + words[at + len(wanted) :]
+    return best, left
+
+
+def _quantity(words: list[str], has_joint: bool) -> Quantity | None:
+    """What a column holds by the words of its name; None where they do not tell."""
+    said = {word for word in words if word not in _UNITS}
+    asked = bool(said & _ASKED)
+    for quantity, own in _WORDS.items():
+        if said & own:
+            if quantity == "q":
+                return "q_ref" if asked else "q"
+            # What a controller asks of a torque or a speed was not measured.
+            return None if asked else quantity
+    if has_joint and said <= _PLAIN | _ASKED:
+        return "q_ref" if asked else "q"
+    return None
