@@ -30,7 +30,6 @@ class Bar:
     after: float
     floor: float
     text: str
-    closed: str
 
 
 @dataclass(frozen=True)
@@ -74,8 +73,10 @@ def _bar(gap: JointGap, largest: float) -> Bar:
     before, after, floor = (100 * _floors(gap, size) / largest for size in sizes)
     text = f"{number(gap.tolerated)} → {with_unit(number(gap.rms_after), gap.unit)}".replace(" ", NO_BREAK)
     # What the correction takes away below the noise floor is no part of the gap.
-    closed = "no gap" if gap.closed is None else f"{percent(min(gap.closed, 1.0))} closed"
-    return Bar(gap.joint, before, after, floor, text, closed)
+    closed = None if gap.closed is None else f"{percent(min(gap.closed, 1.0))} closed"
+    if closed is None and gap.tolerated <= gap.allowed:
+        closed = "no gap"
+    return Bar(gap.joint, before, after, floor, ", ".join(filter(None, (text, closed))))
 
 
 def groups_of(diagnosis: Diagnosis) -> list[Group]:
@@ -85,7 +86,8 @@ def groups_of(diagnosis: Diagnosis) -> list[Group]:
 
 def _group(kinds: list[list[Finding]], diagnosis: Diagnosis) -> Group:
     findings = tuple(finding for found in kinds for finding in found)
-    shares = [finding.share for finding in findings]
+    # Of a single one without a share, what comes back when it is taken out.
+    shares = [one.gap_closed if one.share is None and len(diagnosis.findings) == 1 else one.share for one in findings]
     known = [share for share in shares if share is not None]
     # What is taken away below the noise floor is no part of the gap.
     share = min(sum(known), 1.0) if len(known) == len(shares) else None

@@ -43,7 +43,8 @@ def _curves(diagnosis: Diagnosis, joint: int, most: int) -> dict[str, Any]:
     evidence, gap = diagnosis.evidence, diagnosis.joints[joint]
     before, after = (residual(tau, evidence, joint) for tau in (evidence.tau_before, evidence.tau_after))
     rows = _kept(evidence, joint, (before, after), most)
-    stretch = evidence.t[shown_stretch(evidence, joint)]
+    # At rest there are few samples, far apart.
+    stretch = evidence.t if diagnosis.at_rest else evidence.t[shown_stretch(evidence, joint)]
     return {
         "id": f"curves-{joint}",
         "torque": torque_label(diagnosis, joint),

@@ -46,15 +46,20 @@ def test_bars_are_in_noise_floors_on_one_scale(made_up):
 
 def test_a_bar_says_the_gap_before_and_after_and_what_is_closed(made_up):
     bar = gap_bars_of(made_up())[0][0]
-    assert (bar.text.replace("\N{NO-BREAK SPACE}", " "), bar.closed) == (
-        "0.24 → 0.031 N m",
-        "99\N{NO-BREAK SPACE}% closed",
-    )
+    assert bar.text.replace("\N{NO-BREAK SPACE}", " ") == "0.24 → 0.031 N m, 99 % closed"
 
 
-def test_a_joint_without_a_gap_says_so(made_up):
+@pytest.mark.parametrize(("within", "said"), [(0.02, "0.02 → 0.031 N m, no gap"), (0.24, "0.24 → 0.031 N m")])
+def test_a_joint_without_a_gap_says_so_and_one_of_unknown_share_says_none(made_up, within, said):
     made = made_up(("j1",))
-    assert gap_bars_of(replace(made, joints=(replace(made.joints[0], closed=None),)))[0][0].closed == "no gap"
+    joint = replace(made.joints[0], closed=None, rms_within_tolerance=within)
+    assert gap_bars_of(replace(made, joints=(joint,)))[0][0].text.replace("\N{NO-BREAK SPACE}", " ") == said
+
+
+def test_a_finding_alone_without_a_share_has_what_comes_back_without_it(made_up):
+    # The made-up finding closes 83 %.
+    (group,) = groups_of(findings(made_up(), "coulomb j1", share=None))
+    assert (group.share, group.width) == ("83\N{NO-BREAK SPACE}%", pytest.approx(83.0))
 
 
 def test_of_many_joints_those_with_the_largest_gap_have_bars_in_the_robots_order(made_up):
