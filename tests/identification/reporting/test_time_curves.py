@@ -45,9 +45,9 @@ def test_of_many_samples_so_many_stay_that_the_page_is_small_and_no_spike_is_los
     torque = diagnosis.evidence.tau_measured.copy()
     torque[31_007, 0] = 50.0
     diagnosis = dataclasses.replace(diagnosis, evidence=dataclasses.replace(diagnosis.evidence, tau_measured=torque))
-    first, second = json.loads(time_curves(diagnosis, [0, 1]))
-    assert len(times(first)) + len(times(second)) <= module.SAMPLES
-    assert unpacked(first["measured"]).max() == pytest.approx(50.0)
+    every = json.loads(time_curves(diagnosis, [0, 1] * 6))
+    assert sum(len(times(entry)) for entry in every) <= module.SAMPLES
+    assert unpacked(every[0]["measured"]).max() == pytest.approx(50.0)
 
 
 def test_samples_that_are_no_numbers_are_left_out(made_up):
@@ -66,6 +66,7 @@ def shown(made_up, tmp_path_factory):
     diagnosis = made_up(("j1",), samples=4000)
     t = np.arange(4000) * 0.01
     wave = np.abs(t % 10.0 - 5.0)[:, None]
+    wave[2003] = 30.0  # a single sample, seen in the whole recording alone
     same = dataclasses.replace(
         diagnosis.evidence, t=t, tau_measured=wave, tau_before=wave - 0.5, tau_after=0 * wave, v=wave, q=wave, a=wave
     )
@@ -106,10 +107,10 @@ def test_a_key_comes_closer_to_half_and_another_moves_by_half_of_that(shown):
     assert whole == [0.0, 10.0, 20.0, 30.0]
 
 
-def test_where_many_samples_share_a_pixel_the_extremes_stay(shown):
-    # Oracle: the largest and smallest sample, in the figure of the whole recording with seven samples a pixel.
-    corners, closer = (points(shown["drawn"][k], "measured", 0)[:, 1] for k in (3, 0))
-    assert [corners.min(), corners.max()] == pytest.approx([closer.min(), closer.max()], abs=0.3)
+def test_where_many_samples_share_a_pixel_a_spike_of_one_of_them_stays(shown):
+    # By hand: the figure of the whole recording has seven samples a pixel, and a margin of a twentieth above the spike.
+    corners = points(shown["drawn"][3], "measured", 0)
+    assert corners[:, 1].min() == pytest.approx(8 + 188 * 0.05 / 1.1, abs=0.3)
 
 
 def test_the_values_under_the_pointer_are_told(shown):

@@ -45,7 +45,7 @@ RTDE = ("target_q", "actual_q", "actual_current", "target_moment")
             ["t: t", 'q.pin: "position[0]"', 'tau.pin: "effort[0]"'],
         ),
         (  # numbers from one on, and names of joints that end in numbers
-            ["Time", "jointPos1", "jointPos2", "jointTorque1", "jointTorque2"],
+            ["Time", "jointPos2", "jointPos1", "jointTorque1", "jointTorque2"],
             ("j1", "j2"),
             ["t: Time", "q.j1: jointPos1", "q.j2: jointPos2", "tau.j1: jointTorque1", "tau.j2: jointTorque2"],
         ),
