@@ -44,7 +44,8 @@ def suggested_map(names: Sequence[str], joints: Sequence[str]) -> str:
         joints: Of the robot; columns that are numbered are taken in their order.
 
     Returns:
-        YAML with one entry a line; a position that no column seems to hold has a line that asks for it.
+        YAML with one entry a line, none for what has the right name; a position that no column seems to hold has a line
+        that asks for it.
     """
     found: dict[tuple[Quantity, str], str] = {}
     numbered: dict[Quantity, dict[int, str]] = {}
@@ -68,15 +69,15 @@ def suggested_map(names: Sequence[str], joints: Sequence[str]) -> str:
 
 
 def _lines(found: dict[tuple[Quantity, str], str], joints: Sequence[str]) -> list[str]:
-    lines = [f"t: {_source('t', found['t', ''])}"]
+    lines = [] if found["t", ""] == "t" else [f"t: {_source('t', found['t', ''])}"]
     # A torque that is measured needs no current and no voltage beside it.
     torque = next((one for one in ("tau", "i", "u") if any((one, joint) in found for joint in joints)), "tau")
     for quantity in cast("tuple[Quantity, ...]", ("q", torque, "q_ref")):
         for joint in joints:
             name = found.get((quantity, joint))
-            if name is not None:
+            if name is not None and name != f"{quantity}.{joint}":
                 lines.append(f"{quantity}.{joint}: {_source(quantity, name)}")
-            elif quantity == "q":
+            elif name is None and quantity == "q":
                 lines.append(f"# q.{joint}: which column?")
     return lines
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable
 from pathlib import Path
 from typing import Annotated, Any, Literal
@@ -234,7 +235,8 @@ def log(tmp_path, swing) -> Path:
 def refusal(tmp_path, capsys) -> Callable[..., str]:
     """Runs diagnose with ``--out``; asserts what holds for every refusal, and returns its sentence.
 
-    Exit code 2, nothing on standard output, one line on standard error, no folder made.
+    Exit code 2, nothing on standard output, one line on standard error, and no folder made. Behind unknown names
+    follows a map to copy, an entry a line.
     """
 
     def refuse(robot: Path | str, *words: object) -> str:
@@ -244,7 +246,9 @@ def refusal(tmp_path, capsys) -> Callable[..., str]:
         assert (code, captured.out) == (2, "")
         assert not out.exists()
         assert captured.err.startswith("phantom-dyn: ")
-        assert captured.err.count("\n") == 1
+        sentence, announced, entries = captured.err.partition(" as columns.yaml:\n")
+        assert sentence.count("\n") == (0 if announced else 1)
+        assert all(re.match(r"(# )?[\w.]+: ", line) for line in entries.splitlines())
         return captured.err.removeprefix("phantom-dyn: ").rstrip("\n")
 
     return refuse

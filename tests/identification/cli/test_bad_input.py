@@ -106,7 +106,9 @@ def test_torque_zero_on_every_joint(pendulum, log, refusal):
 
 def test_no_time(pendulum, log, refusal):
     change_lines(log, lambda lines: ["stamp,q.pin,tau.pin", *lines[1:]])
-    assert re.search(r"log\.csv has no column t .*its columns are stamp, q\.pin, tau\.pin: add", refusal(pendulum, log))
+    sentence = refusal(pendulum, log)
+    assert re.search(r"log\.csv has no column t .*its columns are stamp, q\.pin, tau\.pin: add", sentence)
+    assert sentence.endswith("saved as columns.yaml:\nt: stamp")
 
 
 def test_an_unknown_joint(pendulum, log, refusal):

@@ -42,16 +42,17 @@ RTDE = ("target_q", "actual_q", "actual_current", "target_moment")
         (  # one joint needs no name; signs that YAML reads as its own are quoted
             ["t", "position[0]", "effort[0]"],
             ("pin",),
-            ["t: t", 'q.pin: "position[0]"', 'tau.pin: "effort[0]"'],
+            ['q.pin: "position[0]"', 'tau.pin: "effort[0]"'],
         ),
         (  # numbers from one on, and names of joints that end in numbers
             ["Time", "jointPos2", "jointPos1", "jointTorque1", "jointTorque2"],
             ("j1", "j2"),
             ["t: Time", "q.j1: jointPos1", "q.j2: jointPos2", "tau.j1: jointTorque1", "tau.j2: jointTorque2"],
         ),
+        (["stamp", "q.elbow", "tau.elbow"], ("elbow",), ["t: stamp"]),  # what has the right name needs no entry
         (["time", "pos_elbow"], ("elbow", "wrist"), ["t: time", "q.elbow: pos_elbow", "# q.wrist: which column?"]),
     ],
-    ids=["rtde", "units", "lerobot", "one", "camel", "lacking"],
+    ids=["rtde", "units", "lerobot", "one", "camel", "right", "lacking"],
 )  # fmt: skip
 def test_the_names_of_known_recorders_are_understood(names, joints, lines):
     assert suggested_map(names, joints).splitlines() == lines
