@@ -62,9 +62,9 @@ def test_its_parameter_is_within_its_interval(diagnosis):
 
 def test_the_report_says_it_in_its_words(diagnosis):
     page = report_html(diagnosis)
-    assert "Quadratic drag of 0.4" in page
+    assert "The recording shows quadratic drag of 0.4" in page
     assert "as of a paddle in water" in page
-    assert "look for what the joint moves through" in page
+    assert "Look for what the joint moves through" in page
 
 
 def test_a_model_file_that_cannot_hold_it_says_so(planar2, tmp_path):
