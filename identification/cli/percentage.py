@@ -22,19 +22,20 @@ class Stage:
 
 
 DIAGNOSIS = (
-    Stage("reading", 6.0),
+    Stage("reading", 11.0),
     Stage("filtering", 1.0),
-    Stage("computing regressors", 9.0),
+    Stage("computing regressors", 8.0),
     Stage("estimating the noise", 14.0),
-    Stage("measuring what chance gives", 20.0),
-    Stage("comparing rivals", 16.0),
+    Stage("measuring what chance gives", 17.0),
+    Stage("comparing rivals", 14.0),
     Stage("stating what would have been seen", 1.0),
     Stage("simulating", 3.0),
-    Stage("choosing what to record next", 6.0),
-    Stage("writing", 24.0),
+    Stage("choosing what to record next", 5.0),
+    Stage("writing", 26.0),
 )
-"""Stages of ``phantom-dyn diagnose``. Shares are rounded means over eight recordings of one to seven joints, of which
-each took 3 to 93 s with its report; those of single recordings lie up to a factor of three beside them."""
+"""Stages of ``phantom-dyn diagnose``. Shares are rounded means over eight recordings of one to seven joints, which took
+3 to 93 s each with their reports. On these what is shown is 3 to 19 points beside the time that has passed (root mean
+square of a run), at most 33: rivals take from a twentieth to two fifths of a run."""
 
 _ROUND = 1 / 3
 """Part of what is left of a stage that one more round of it is worth: how many there will be nobody knows."""
