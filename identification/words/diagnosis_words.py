@@ -16,7 +16,7 @@ from identification.words.effect_words import (
     shortfall_words,
     size_words,
 )
-from identification.words.numbers_and_names import NO_BREAK, percent, value_words
+from identification.words.numbers_and_names import NO_BREAK, number, percent, value_words
 
 UNDECIDED = 0.5  # probability below which a finding is told as undecided
 _SEVERAL = 3  # joints from which all of a robot are named by their number
@@ -310,7 +310,7 @@ def reservations(diagnosis: Diagnosis) -> list[str]:
     if diagnosis.verdict == "no_gap" and strays:
         joint = max(strays, key=lambda name: strays[name])
         out.append(
-            f"In simulation {joints_words([joint])} strays {strays[joint]:.2g} times as far as noise and the "
+            f"In simulation {joints_words([joint])} strays {number(strays[joint], 2)} times as far as noise and the "
             "tolerances can make it, so that a torque too small and slow to be seen may act there."
         )
     creeping = [gap for gap in diagnosis.joints if gap.rms_after > FLOORS_LEFT * gap.noise_floor]
@@ -351,14 +351,14 @@ def left_over(diagnosis: Diagnosis) -> str:
         joint = max(strays, key=lambda name: strays[name])
         parts.append(
             "its torque shows none, but under the recorded torque the simulated motion of "
-            f"{joints_words([joint])} strays {strays[joint]:.2g} times as far as noise and the tolerances can make it, "
-            "as by a torque that is small and slow"
+            f"{joints_words([joint])} strays {number(strays[joint], 2)} times as far as noise and the tolerances can "
+            "make it, as by a torque that is small and slow"
         )
     elif left.structured or not (parts or above):
         parts.append(unexplained_phrase(left))
     elif above:
         worst = max(above, key=lambda gap: gap.rms_after / gap.noise_floor)
-        floors = f"{worst.rms_after / worst.noise_floor:.2g} times its noise floor"
+        floors = f"{number(worst.rms_after / worst.noise_floor, 2)} times its noise floor"
         where = joints_words([worst.joint])
         parts.append(f"on {where} {floors} is left, without structure that another effect could explain")
     return "; ".join(parts)

@@ -36,9 +36,12 @@ def with_std(value: float, std: float) -> str:
     return f"({value / scale:.{digits}f} ± {std / scale:.{digits}f})e{exponent}"
 
 
-def number(value: float) -> str:
-    """Three significant digits; a dash where there is no number."""
-    return f"{value:.3g}" if math.isfinite(value) else "–"
+def number(value: float, digits: int = 3) -> str:
+    """Significant digits, below a million without an exponent; a dash where there is no number."""
+    if not math.isfinite(value):
+        return "–"
+    text = f"{value:.{digits}g}"
+    return f"{float(text):.0f}" if "e+" in text and abs(value) < 1e6 else text
 
 
 def percent(share: float) -> str:

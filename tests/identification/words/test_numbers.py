@@ -5,7 +5,7 @@ import math
 import pytest
 
 from identification.diagnosis.result import Value
-from identification.words.numbers_and_names import NO_BREAK, percent, value_words
+from identification.words.numbers_and_names import NO_BREAK, number, percent, value_words
 
 
 @pytest.mark.parametrize(
@@ -31,3 +31,20 @@ def test_a_share_is_never_rounded_to_none_or_all(share, text):
 )
 def test_a_value_is_shown_to_the_second_digit_of_its_deviation(value, text):
     assert value_words(value) == text
+
+
+@pytest.mark.parametrize(
+    ("value", "digits", "text"),
+    [
+        (5873.4, 3, "5870"),
+        (1704.0, 2, "1700"),
+        (123456.0, 3, "123000"),
+        (2.5e7, 3, "2.5e+07"),
+        (0.0607, 2, "0.061"),
+        (6.07e-5, 3, "6.07e-05"),
+        (-1234.5, 3, "-1230"),
+        (float("inf"), 3, "–"),
+    ],
+)
+def test_a_number_has_no_exponent_where_it_reads_better_without(value, digits, text):
+    assert number(value, digits) == text
