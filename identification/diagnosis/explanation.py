@@ -41,7 +41,7 @@ from identification.diagnosis.search.refinement import (
     unchanged,
 )
 from identification.diagnosis.search.rival_sets import settled
-from identification.diagnosis.search.search import Search, Threshold, claimed, set_up_search
+from identification.diagnosis.search.search import RowGaps, Search, Threshold, claimed, set_up_search
 from identification.diagnosis.search.stepwise import best_short, explain
 
 Array = np.ndarray
@@ -129,7 +129,8 @@ def _set_up(session: Session, columns: Columns, noise: Series) -> Search:
     white, white_noise = whitened(columns, noise)
     weights = weights_of(white, white_noise)
     problem = set_up(session, columns, white, weights)
-    return set_up_search(problem, Threshold(0.0, {}), np.zeros(len(columns.rows)), {})
+    none = np.zeros(len(columns.rows))
+    return set_up_search(problem, Threshold(0.0, {}), RowGaps(none, none), {})
 
 
 def _with_thresholds(
@@ -145,7 +146,7 @@ def _with_thresholds(
     given, gap = (
         np.maximum(loss - row_counts(problem), 0.0) for loss in row_losses(problem, search.evaluate(frozenset()))
     )
-    return set_up_search(problem, threshold, rules.LEAST_SHARE_OF_GAP * gap + rules.ACCURACY * given, spurious)
+    return set_up_search(problem, threshold, RowGaps(gap, rules.ACCURACY * given), spurious)
 
 
 def _searched(

@@ -128,6 +128,8 @@ class Rival(ABC):
         rubs: True if it is friction whose torque a joint at standstill may hold.
         goes_with_motion: What its torque goes with: velocities, or accelerations and rate and peaks of the torque. A
             joint that noise moves, and a controller that answers it, look like the second.
+        exact: True if rigid bodies obey its law exactly, so that what is left beside it is not of its own making.
+        acts_at_reversals: True if it differs from dry friction only where a joint creeps or turns about.
         tested_against_zero: True if a Wald test against zero decides whether it is kept although its columns have a
             shape or use accelerations; without either it always does.
         other_laws: Other laws of the same parameters that the contract's definition fits as well. No recording
@@ -153,6 +155,8 @@ class Rival(ABC):
     displaces: bool = False
     rubs: bool = False
     goes_with_motion: Literal["velocity", "acceleration"] | None = None
+    exact: bool = False
+    acts_at_reversals: bool = False
     tested_against_zero: bool = False
     other_laws: tuple[OtherLaw, ...] = ()
 

@@ -17,7 +17,7 @@ from identification.diagnosis.model.session import Session, session_of_logs
 from identification.diagnosis.model.terms import FoundEffect, Term
 from identification.diagnosis.noise.noise_floor import estimate_noise, weights_of
 from identification.diagnosis.noise.whitening import whitened
-from identification.diagnosis.search.search import Search, Threshold, set_up_search
+from identification.diagnosis.search.search import RowGaps, Search, Threshold, set_up_search
 from phantom_dyn.dynamics.dynamics import inverse_dynamics
 from phantom_dyn.effects.catalogue import effect_named
 from phantom_dyn.effects.operation import Operation
@@ -57,7 +57,8 @@ class Prepared:
 
     def searched(self, threshold: float) -> Search:
         """A search that claims a held-out gain of ``threshold``."""
-        return set_up_search(self.problem, Threshold(threshold, {}), np.zeros(len(self.columns.rows)), {})
+        none = np.zeros(len(self.columns.rows))
+        return set_up_search(self.problem, Threshold(threshold, {}), RowGaps(none, none), {})
 
     def term(self, effect: str, joint: str | None) -> Term:
         """The first rival of that effect and joint."""

@@ -57,12 +57,14 @@ class JointFit:
     Attributes:
         places: Where the numbers of each term stand.
         x: All numbers.
-        cov: Their covariance.
+        cov: Their covariance, with what laws differ in that fit a definition as well.
+        by_data: The same without that: which of these laws it is says nothing on whether an effect is there.
     """
 
     places: tuple[Place, ...]
     x: Float[Array, " p"]
     cov: Float[Array, "p p"]
+    by_data: Float[Array, "p p"]
 
     def place(self, term: Term) -> Place:
         """Where the numbers of one term stand."""
@@ -96,14 +98,14 @@ def joint_fit(problem: Problem, terms: tuple[Term, ...], found: Fitted) -> Joint
     cov = covariance(a, b, precision, x, free, _repeated(layout, model, a.sum(axis=0) + np.diag(precision), free))
     if layout.of_model:
         cov = cov + _by_model(layout, model, x, cov, a.sum(axis=0) + np.diag(precision))
-    cov = within_tolerances(x, cov, problem.nuisances, lower, upper)
+    by_data = cov = within_tolerances(x, cov, problem.nuisances, lower, upper)
     for place in layout.places:
         shift = _by_share(place, x)
         cov = cov + np.outer(shift, shift)
         for law in place.term.effect.other_laws:
             shift = _by_law(layout, model, x, place, law, a.sum(axis=0) + np.diag(precision))
             cov = cov + np.outer(shift, shift)
-    return JointFit(layout.places, x, cov)
+    return JointFit(layout.places, x, cov, by_data)
 
 
 def within_tolerances(

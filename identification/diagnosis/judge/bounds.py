@@ -76,10 +76,11 @@ def smallest_seen(
         narrow, _ = _information(plain.problem, term, direction, base, inverse_plain)
         index, parts = np.concatenate([base, term.columns]), np.concatenate([beside, direction])
         by_block = problem.grams.core_a.squares(index, np.tile(parts, (len(problem.blocks), 1)))
+        least = least_gain(search, frozenset([term]), chosen, _energies(problem, index, parts))
         size = max(
             deviations / np.sqrt(held_out * information) if information > 0 else np.inf
             for deviations, information in (
-                (_claimable(search, term, by_block), whole),
+                (_claimable(search, term, by_block, least), whole),
                 (_seen(plain, term, direction), narrow),
             )
         )
@@ -136,9 +137,16 @@ def _torque_share(problem: Problem, measured: Float[Array, " nv"], term: Term, d
     return out
 
 
-def _claimable(search: Search, term: Term, by_block: Float[Array, " B"]) -> float:
-    """Size in standard deviations at which an effect is claimed with 95 % power."""
-    needed = least_gain(search, frozenset([term])) + max(price(search.sizes[term]) - rules.PARAMETER_PRICE, 0.0)
+def _energies(problem: Problem, index: Array, parts: Float[Array, " k"]) -> Float[Array, " nv"]:
+    """Energy on each row of a sum of columns, over the noise there, ``(nv,)``."""
+    theta = np.zeros(len(problem.precision))
+    theta[index] = parts
+    return np.array([float((row.core_a @ theta[row.index] @ theta[row.index]).sum()) for row in problem.grams.rows])
+
+
+def _claimable(search: Search, term: Term, by_block: Float[Array, " B"], least: float) -> float:
+    """Size in standard deviations at which an effect is claimed with 95 % power, of a least gain without its price."""
+    needed = least + max(price(search.sizes[term]) - rules.PARAMETER_PRICE, 0.0)
     return float(np.sqrt(max(needed + 2.0, _lasting(by_block, needed)))) + _POWER
 
 

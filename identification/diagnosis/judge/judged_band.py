@@ -113,4 +113,4 @@ def search_below(search: Search, noise: Series, edges: Float[Array, " nv"]) -> S
         model_torque=each(columns.model_torque),
     )
     plain = set_up(session, columns, narrow, weights_of(narrow, each(noise)))
-    return set_up_search(plain, search.threshold, search.row_thresholds, search.spurious)
+    return set_up_search(plain, search.threshold, search.rows, search.spurious)

@@ -3,17 +3,18 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 from jaxtyping import Float
 
+from identification.diagnosis import decision_rules as rules
 from identification.diagnosis.explanation import Explanation
 from identification.diagnosis.fit.gap import Sums, held_out_torque, measured_torque, residual_after, sums
 from identification.diagnosis.fit.problem import Problem
 from identification.diagnosis.judge.bounds import smallest_seen
 from identification.diagnosis.judge.bursts import bursts_of, from_quiet
-from identification.diagnosis.judge.coarse_encoders import findings_of, rounded
+from identification.diagnosis.judge.coarse_encoders import Rounded, findings_of, rounded
 from identification.diagnosis.judge.findings import (
     Claim,
     Shown,
@@ -23,7 +24,7 @@ from identification.diagnosis.judge.findings import (
 )
 from identification.diagnosis.judge.floors import Floor, floor_of
 from identification.diagnosis.judge.judged_band import Judge, narrow_search
-from identification.diagnosis.judge.moved_by_noise import foreseen_noise
+from identification.diagnosis.judge.moved_by_noise import foreseen_noise, least_above_noise
 from identification.diagnosis.judge.regimes import regime_shares, regime_split
 from identification.diagnosis.judge.shares import closed_together, left_by
 from identification.diagnosis.judge.verdict import adjusted, ordinary_effects_hide, unexplained, verdict
@@ -33,6 +34,7 @@ from identification.diagnosis.model.standstill import open_friction
 from identification.diagnosis.model.terms import merged
 from identification.diagnosis.result import Burst, Evidence, JointGap, Judgement, Unexplained
 from identification.diagnosis.search.refinement import found_effects
+from identification.diagnosis.search.search import Search
 
 Array = np.ndarray
 
@@ -41,23 +43,11 @@ def judged(explanation: Explanation, progress: Callable[[str], None]) -> tuple[J
     """Gap, findings, bounds and verdict of an explanation, and the effects that are shown with their fits."""
     search, noise = explanation.search, explanation.in_band or explanation.noise
     session = search.problem.session
-    shown = shown_effects(search, narrow_search(search, noise), explanation.chosen, noise)
+    seen = _seen(explanation, narrow_search(search, noise), noise)
+    shown, rounding, judge = seen.shown, seen.rounding, seen.judge
+    torque, residual, whole, noise_floor = seen.torque, seen.residual, seen.whole, seen.floor
     problem = shown.problem
     given = session.in_judged_band(problem.columns.residual)
-    torque = held_out_torque(problem, shown.named, shown.found)
-    residual = session.in_judged_band(residual_after(problem, torque))
-    whole = residual
-    if shown.named != shown.chosen:
-        predicted = held_out_torque(problem, shown.chosen, shown.plain.evaluate(shown.chosen))
-        whole = session.in_judged_band(residual_after(problem, predicted))
-    doubt = _open_friction(shown)
-    noise_floor = floor_of(problem, noise, whole, doubt, explanation.encoders)
-    rounding = rounded(problem, explanation.coarse, noise_floor.value, noise)
-    noise_floor = noise_floor.without(rounding.total)
-    judge = Judge(problem, noise_floor.value, noise_floor.high)
-    left = sums(problem, whole).rms()
-    noise_floor = noise_floor.up_to(foreseen_noise(judge, shown.plain, shown.chosen, noise, left))
-    judge = replace(judge, highest=noise_floor.high)
     within = left_by(judge, shown.plain, frozenset())
     claims = [
         *findings_without(shown, judge, within),
@@ -68,10 +58,14 @@ def judged(explanation: Explanation, progress: Callable[[str], None]) -> tuple[J
     kept = [claim for claim in claims if not claim.minor]
     findings = tuple(claim.finding for claim in kept)
     after = _less(sums(problem, residual), rounding.total)
+    bursts = from_quiet(bursts_of(problem, whole, seen.doubt), problem, whole, judge.floor)
+    left_over = unexplained(shown, judge, residual, whole)
+    if not findings and not left_over.structured:
+        # Without a cause or a structure, what the method is accurate to is no gap.
+        measured = sums(problem, measured_torque(problem)).rms()
+        noise_floor = noise_floor.up_to(rules.ACCURACY * measured**2)
     joints = joint_gaps(problem, noise_floor, sums(problem, given), within, after)
-    bursts = from_quiet(bursts_of(problem, whole, doubt), problem, whole, judge.floor)
-    left_over = _located(unexplained(shown, judge, residual, whole), problem, residual, joints)
-    left_over = _timed(left_over, bursts)
+    left_over = _timed(_located(left_over, problem, residual, joints), bursts)
     progress("stating what would have been seen")
     bounds, untested = smallest_seen(merged(problem.columns.operations), search, shown.plain, shown.chosen)
     moved = any(bool(use.any()) for use in problem.columns.usable)
@@ -90,6 +84,63 @@ def judged(explanation: Explanation, progress: Callable[[str], None]) -> tuple[J
         bursts=bursts,
     )
     return judgement, shown
+
+
+@dataclass(frozen=True)
+class _Seen:
+    """What is shown of an explanation, what that leaves of each log's torque, and the floor that it is judged by.
+
+    Attributes:
+        shown: The effects.
+        torque: Of the corrected model for each log.
+        residual: What the named effects leave, in the judged band.
+        whole: What all of them leave, structures without a name too.
+        doubt: Variance of the friction that joints leave open, see `_open_friction`.
+        rounding: What coarse readings feign.
+        floor: Noise floor of each joint.
+        judge: Of the gap.
+    """
+
+    shown: Shown
+    torque: Series
+    residual: Series
+    whole: Series
+    doubt: Series
+    rounding: Rounded
+    floor: Floor
+    judge: Judge
+
+
+def _seen(explanation: Explanation, plain: Search, noise: Series) -> _Seen:
+    """The effects that are shown of an explanation, without those that noise may make on joints within their noise."""
+    chosen = explanation.chosen
+    while True:
+        shown = shown_effects(explanation.search, plain, chosen, noise)
+        seen = _measured(shown, explanation, noise)
+        term = least_above_noise(seen.judge, plain, shown.chosen)
+        if term is None:
+            return seen
+        others = frozenset(other for other in chosen if other.place != term.place)
+        chosen = others if others != chosen else shown.chosen - {term}
+
+
+def _measured(shown: Shown, explanation: Explanation, noise: Series) -> _Seen:
+    """What effects leave, and the noise floor that it is judged by."""
+    problem, session = shown.problem, shown.problem.session
+    torque = held_out_torque(problem, shown.named, shown.found)
+    residual = session.in_judged_band(residual_after(problem, torque))
+    whole = residual
+    if shown.named != shown.chosen:
+        predicted = held_out_torque(problem, shown.chosen, shown.plain.evaluate(shown.chosen))
+        whole = session.in_judged_band(residual_after(problem, predicted))
+    doubt = _open_friction(shown)
+    floor = floor_of(problem, noise, whole, doubt, explanation.encoders)
+    rounding = rounded(problem, explanation.coarse, floor.value, noise)
+    floor = floor.without(rounding.total)
+    judge = Judge(problem, floor.value, floor.high)
+    left = sums(problem, whole).rms()
+    floor = floor.up_to(foreseen_noise(judge, shown.plain, shown.chosen, noise, left))
+    return _Seen(shown, torque, residual, whole, doubt, rounding, floor, replace(judge, highest=floor.high))
 
 
 def _open_friction(shown: Shown) -> Series:

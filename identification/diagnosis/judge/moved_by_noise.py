@@ -82,6 +82,28 @@ def foreseen_noise(
     return np.minimum(out, ((rules.SENSOR_TIMES * judge.floor) ** 2 - judge.highest**2).clip(min=0.0))
 
 
+def least_above_noise(judge: Judge, search: Search, chosen: frozenset[Term]) -> Term | None:
+    """An effect that noise may make and without which no joint has more left than its noise; None if there is none.
+
+    The noise of the floor's upper end moves joints, which looks like an effect that goes with the motion, and leaves
+    friction open where a joint turns about. Of several such effects the one that helps least.
+
+    Args:
+        judge: Upper end of each joint's floor.
+        search: Plain fits in the judged band.
+        chosen: Effects that are shown.
+    """
+    left, helps = left_by(judge, search, chosen).rms(), {}
+    for term in ordered(chosen):
+        if not (term.named and (term.effect.goes_with_motion or term.effect.acts_at_reversals)):
+            continue
+        without = left_by(judge, search, chosen - {term}).rms()
+        growth = (without / np.maximum(left, 1e-300)) ** 2 - 1.0
+        if not np.any((growth > rules.VISIBLE_GROWTH) & (without > judge.highest)):
+            helps[term] = float(growth.max())
+    return min(helps, key=lambda term: helps[term], default=None)
+
+
 def _there(loud: Search, chosen: frozenset[Term], without: frozenset[Term]) -> bool:
     """True if effects lower the held-out loss by more than their price and than its scatter from block to block.
 

@@ -15,6 +15,7 @@ from jaxtyping import Float
 
 from identification.diagnosis import decision_rules as rules
 from identification.diagnosis.fit.fitting import Fitted
+from identification.diagnosis.fit.gap import row_counts, row_losses
 from identification.diagnosis.fit.problem import Problem
 from identification.diagnosis.fit.projection import gain_of
 from identification.diagnosis.model.terms import Term, ordered
@@ -48,6 +49,19 @@ class Threshold:
         return Threshold(min(self.overall, other.overall), joints)
 
 
+@dataclass(frozen=True)
+class RowGaps:
+    """What claims are measured by on each row: squares over the noise, summed over the samples.
+
+    Attributes:
+        gap: What the given model leaves beyond the noise, moved within its tolerances, ``(nv,)``.
+        accuracy: What the method itself may leave, ``(nv,)``.
+    """
+
+    gap: Float[Array, " nv"]
+    accuracy: Float[Array, " nv"]
+
+
 def joint_of(term: Term) -> str | None:
     """The single joint that a term sits on, None if there is none (a coupling sits on two, joined by ``+``)."""
     return None if term.joint is None or "+" in term.joint else term.joint
@@ -74,8 +88,7 @@ class Search:
         displaced: Rivals that give way to one that is added, itself among them, remembered.
         covering: Rivals that one is a special case of, remembered.
         threshold: What chance gives.
-        row_thresholds: The same for the part of the gain on each row, ``(nv,)``: what touches a row with a large gap
-            has to close a fair part of it.
+        rows: Gap of each row: what acts on a row with a large gap has to close a fair part of it.
         spurious: What encoder noise alone lets each effect gain.
     """
 
@@ -86,7 +99,7 @@ class Search:
     displaced: Callable[[Term], frozenset[Term]]
     covering: Callable[[Term], frozenset[Term]]
     threshold: Threshold
-    row_thresholds: Float[Array, " nv"]
+    rows: RowGaps
     spurious: dict[tuple[str, str | None], float]
 
     def evaluate(self, chosen: frozenset[Term]) -> Fitted:
@@ -155,14 +168,14 @@ def rank_of(problem: Problem, term: Term) -> int:
 def set_up_search(
     problem: Problem,
     threshold: Threshold,
-    row_thresholds: Float[Array, " nv"],
+    rows: RowGaps,
     spurious: dict[tuple[str, str | None], float],
 ) -> Search:
     """A search over all terms that leave any trace in the recordings."""
     sizes = {term: rank_of(problem, term) for term in problem.columns.terms}
     terms = tuple(term for term in problem.columns.terms if sizes[term] > 0)
     displaced, covering = relations(problem.columns.terms)
-    return Search(problem, terms, sizes, Fits(problem), displaced, covering, threshold, row_thresholds, spurious)
+    return Search(problem, terms, sizes, Fits(problem), displaced, covering, threshold, rows, spurious)
 
 
 def contains(rich: Term, simple: Term) -> bool:
@@ -216,11 +229,34 @@ def relations(terms: tuple[Term, ...]) -> tuple[Callable[[Term], frozenset[Term]
     return displaced, covering
 
 
-def least_gain(search: Search, terms: frozenset[Term]) -> float:
-    """Held-out gain that a claim of these effects needs: more than chance, and a fair part of the gap it touches."""
-    rows = sorted(set().union(*(rows_of(search.problem, term) for term in terms)))
-    noise = sum(search.spurious.get(term.place, 0.0) for term in terms)
-    return max(search.threshold.of(*terms), float(search.row_thresholds[rows].sum())) + rules.SPURIOUS_FACTOR * noise
+def least_gain(search: Search, terms: frozenset[Term], beside: frozenset[Term], by_row: Float[Array, " nv"]) -> float:
+    """Held-out gain that a claim of these effects needs: more than chance, on joints where it closes a fair part.
+
+    An effect may touch a joint with a large gap and act on another one: its gain counts only where it is a fair part of
+    the gap. Of that gap, laws beside it that rigid bodies obey exactly have taken their part, and leave no more for
+    what resembles them.
+
+    Args:
+        search: Thresholds of chance and gaps of the rows.
+        terms: What is claimed.
+        beside: Effects that are there without the claim.
+        by_row: How the gain is spread over the joints, in any unit, ``(nv,)``.
+    """
+    parts = np.maximum(by_row, 0.0) / max(float(np.maximum(by_row, 0.0).sum()), 1e-300)
+    fair = _fair_part(search, beside) / np.maximum(parts, 1e-12)
+    order = np.argsort(fair)
+    counted = np.maximum(np.cumsum(parts[order]), 1e-12)
+    least = float(np.min(np.maximum(fair[order], search.threshold.of(*terms) / counted)))
+    return least + rules.SPURIOUS_FACTOR * sum(search.spurious.get(term.place, 0.0) for term in terms)
+
+
+def _fair_part(search: Search, beside: frozenset[Term]) -> Float[Array, " nv"]:
+    """Gain on each row that is a fair part of its gap, ``(nv,)``."""
+    gap, exact = search.rows.gap, frozenset(term for term in beside if term.effect.exact)
+    if exact:
+        _, left = row_losses(search.problem, search.evaluate(exact))
+        gap = np.minimum(gap, np.maximum(left - row_counts(search.problem), 0.0))
+    return rules.LEAST_SHARE_OF_GAP * gap + search.rows.accuracy
 
 
 def claimed(search: Search, chosen: frozenset[Term], without: frozenset[Term]) -> bool:
@@ -239,7 +275,8 @@ def claimed(search: Search, chosen: frozenset[Term], without: frozenset[Term]) -
     gain = min(held_out, plain.objective - rich.objective)
     gains = plain.loss - rich.loss
     extra = search.price_of(chosen) - search.price_of(without)
-    needed = least_gain(search, chosen - without) + max(extra - rules.PARAMETER_PRICE, 0.0)
+    by_row = row_losses(search.problem, plain)[1] - row_losses(search.problem, rich)[1]
+    needed = least_gain(search, chosen - without, without, by_row) + max(extra - rules.PARAMETER_PRICE, 0.0)
     error = float(np.sqrt(len(gains)) * gains.std()) + 1e-12
     few = rules.BEST_BLOCKS if any(term.named for term in chosen - without) else rules.BEST_BLOCKS_NAMELESS
     lasting = held_out > rules.SIGNIFICANT_ERRORS * error or held_out - float(np.sort(gains)[-few:].sum()) > needed

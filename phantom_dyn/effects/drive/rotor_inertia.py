@@ -27,6 +27,7 @@ class RotorInertia(Effect):
     regime = "high_acceleration"
     uses_acceleration = True
     goes_with_motion = "acceleration"
+    exact = True
     words = EffectWords(
         name="rotor inertia",
         meaning="inertia of motor and gear that acts on this joint alone",

@@ -27,6 +27,7 @@ class TorqueOffset(Effect):
     name = "torque_offset"
     regime = "everywhere"
     either_sign = True
+    exact = True
     words = EffectWords(
         name="a torque offset",
         meaning="a constant torque that is there in every posture and at every speed",

@@ -38,6 +38,7 @@ class StribeckFriction(Effect):
     name = "stribeck_friction"
     regime = "low_speed"
     rubs = True
+    acts_at_reversals = True
     contains = ("coulomb_friction",)
     words = EffectWords(
         name="Stribeck friction",

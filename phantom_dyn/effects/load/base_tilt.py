@@ -52,6 +52,7 @@ class BaseTilt(Effect):
     follows_model = True
     displaces = True
     either_sign = True
+    exact = True
     words = EffectWords(
         name="a tilted base",
         meaning="gravity has another direction than in the model",

@@ -38,6 +38,7 @@ class InertialParameters(Effect):
     contains = ("payload",)
     uses_acceleration = True
     goes_with_motion = "acceleration"
+    exact = True
     inertial = "free"
     words = EffectWords(
         name="wrong inertial parameters",

@@ -195,7 +195,7 @@ def test_a_bound_is_what_a_claim_or_the_eye_needs_over_the_information_that_is_h
     by_block = np.array(
         [parts @ problem.grams.core_a[k][np.ix_(index, index)] @ parts for k in range(len(quiet.blocks))]
     )
-    needed = max(_claimable(quiet.search, term, by_block), _seen(quiet.search, term, np.ones(1)))
+    needed = max(_claimable(quiet.search, term, by_block, 10.0), _seen(quiet.search, term, np.ones(1)))
     expected = needed / np.sqrt(held_out_share(quiet.blocks) * information)
     assert bounds["viscous_friction", "elbow"] == pytest.approx(expected, rel=1e-6)
 
@@ -206,7 +206,7 @@ def smallest(quiet, term, direction: np.ndarray) -> float:
     information, beside = _information(problem, term, direction, base, _inverse(problem, base))
     index, parts = np.concatenate([base, term.columns]), np.concatenate([beside, direction])
     by_block = np.einsum("i,bij,j->b", parts, problem.grams.core_a[:, index][:, :, index], parts)
-    needed = max(_claimable(quiet.search, term, by_block), _seen(quiet.search, term, direction))
+    needed = max(_claimable(quiet.search, term, by_block, 10.0), _seen(quiet.search, term, direction))
     return needed / np.sqrt(held_out_share(quiet.blocks) * information)
 
 
@@ -296,7 +296,7 @@ def test_what_is_claimed_with_95_per_cent_power_exceeds_what_a_claim_needs(quiet
     # By hand: the search asks for a gain of 10, and 5 for each parameter beyond the first; spread over ten blocks alike
     # the two best are a fifth of it, and a normal number is above -1.645 in 95 of 100 cases.
     term = quiet.term(effect, joint)
-    assert _claimable(quiet.search, term, np.ones(10)) == pytest.approx(
+    assert _claimable(quiet.search, term, np.ones(10), 10.0) == pytest.approx(
         np.sqrt(max(needed + 2.0, min(16.0, needed / 0.8))) + 1.645
     )
 

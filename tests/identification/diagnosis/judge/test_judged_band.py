@@ -10,6 +10,7 @@ import pytest
 from identification.diagnosis.fit.problem import Problem
 from identification.diagnosis.judge.judged_band import Judge, gap_is_there, narrow_search, noise_floor, visible
 from identification.diagnosis.noise.noise_floor import weights_of
+from identification.diagnosis.search.search import RowGaps
 
 
 def unfiltered(problem: Problem) -> Problem:
@@ -69,11 +70,11 @@ def test_nothing_found_is_nothing_visible(rubbing):
 
 
 def test_a_plain_search_keeps_thresholds_and_spurious_gains(rubbing):
-    search = replace(rubbing.search, spurious={("payload", None): 7.0}, row_thresholds=np.array([1.0, 2.0]))
+    search = replace(rubbing.search, spurious={("payload", None): 7.0}, rows=RowGaps(np.array([1.0, 2.0]), np.zeros(2)))
     plain = narrow_search(search, rubbing.noise)
     assert plain.threshold == search.threshold
     assert plain.spurious == search.spurious
-    np.testing.assert_array_equal(plain.row_thresholds, [1.0, 2.0])
+    assert plain.rows is search.rows
 
 
 @pytest.mark.parametrize(("share", "smoothed"), [(0.5, True), (0.98, True), (0.995, False)])

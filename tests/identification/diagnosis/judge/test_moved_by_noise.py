@@ -8,7 +8,8 @@ from scipy.signal import lfilter
 
 from identification.data.recording import Recording
 from identification.diagnosis.judge.judged_band import Judge
-from identification.diagnosis.judge.moved_by_noise import _loud_until, foreseen_noise
+from identification.diagnosis.judge.moved_by_noise import _loud_until, foreseen_noise, least_above_noise
+from identification.diagnosis.judge.shares import left_by
 from identification.pipeline import diagnose
 from phantom_dyn import load_robot
 
@@ -84,3 +85,17 @@ def test_no_joint_within_its_floor_has_noise_that_is_foreseen(quiet):
     judge = Judge(quiet.problem, np.array([0.8, 1.8]), np.array([1.0, 2.0]))
     left = np.array([0.9, 1.9])
     np.testing.assert_array_equal(foreseen_noise(judge, quiet.search, frozenset(), quiet.noise, left), [0.0, 0.0])
+
+
+@pytest.mark.parametrize("name", ["rotor_inertia", "coulomb_friction"])
+@pytest.mark.parametrize(("factor", "hidden"), [(0.9, False), (1.1, True)])
+def test_what_noise_may_make_has_to_lift_a_joint_above_its_noise(lab, planar2, name, factor, hidden):
+    # By hand: the upper end of the floor is just below or above what is left without the effect. Noise makes no dry
+    # friction, so that is shown all the same.
+    motion = lab.motion(2)
+    made = lab.prepared(planar2, (lab.recording(planar2, motion, lab.acting(planar2, motion, name, "elbow", 0.2)),))
+    term, search = made.term(name, "elbow"), made.search
+    floor = np.full(2, 0.01)
+    high = factor * left_by(Judge(made.problem, floor, floor), search, frozenset()).rms()
+    found = least_above_noise(Judge(made.problem, floor, high), search, frozenset([term]))
+    assert found == (term if hidden and name == "rotor_inertia" else None)
