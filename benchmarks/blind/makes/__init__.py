@@ -19,6 +19,15 @@ NAMES = tuple(MODULES)
 ALONE = ("real",)  # cases that baselines and oracle cannot read: several logs, and a model with effects
 
 
+# Of an effect: what the tolerance has to leave of it, as a share or in noise floors, whichever is less.
+SHARE_BEYOND, FLOORS_BEYOND = 0.5, 2.0
+
+
+def enough_beyond(size: float, beyond: float) -> bool:
+    """Whether the tolerance of the model leaves enough of an effect to ask for it [noise floors, both]."""
+    return beyond >= min(SHARE_BEYOND * size, FLOORS_BEYOND)
+
+
 class NoCase(Exception):
     """A seed and a kind that give no possible case."""
 

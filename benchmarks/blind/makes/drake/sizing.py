@@ -6,6 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from benchmarks.blind.makes import enough_beyond
 from benchmarks.blind.makes.drake.causes import drawn_cause
 from benchmarks.blind.makes.drake.departures import Departures, none
 from benchmarks.blind.makes.drake.effects import NAMES, Effect, drawn_effect
@@ -132,6 +133,10 @@ def _hidden(change: np.ndarray, shop: Workshop, columns: Columns) -> bool:
     return size_of(change) < NO_TRACE or beyond_tolerance(change, shop, columns) < NO_TRACE
 
 
+def _enough(change: np.ndarray, shop: Workshop, columns: Columns) -> bool:
+    return enough_beyond(size_of(change), beyond_tolerance(change, shop, columns))
+
+
 def drawn_single(rng: np.random.Generator, seed: int, kind: str, measure: Ruler, shop: Workshop) -> Found | None:
     """One effect or one cause outside, by the seed; larger by four once where the tolerance hides it."""
     outside = kind == "outside"
@@ -148,6 +153,8 @@ def drawn_single(rng: np.random.Generator, seed: int, kind: str, measure: Ruler,
         return None
     magnitude, run, change = found
     no_trace = _hidden(change, shop, columns)
+    if not no_trace and not outside and not _enough(change, shop, columns):
+        return None
     return Found((effect,), (magnitude,), run, change, (change,), wanted, outside, no_trace)
 
 
@@ -174,7 +181,7 @@ def drawn_pair(rng: np.random.Generator, seed: int, measure: Ruler, shop: Worksh
     change = measure.change(run)
     own = (change - found[1][2], change - found[0][2])
     columns = tolerance_columns(shop)
-    if any(size_of(x) < VISIBLE or _hidden(x, shop, columns) for x in own) or _share(*own) > APART:
+    if any(size_of(x) < VISIBLE or not _enough(x, shop, columns) for x in own) or _share(*own) > APART:
         return None
     magnitudes = tuple(one[0] for one in found)
     return Found(tuple(e for e, _ in both), magnitudes, run, change, own, wanted)

@@ -9,6 +9,7 @@ from pathlib import Path
 
 import numpy as np
 
+from benchmarks.blind.makes import enough_beyond
 from benchmarks.blind.makes.field import files, gap, outside
 from benchmarks.blind.makes.field.dynamics import link_torque, mass_and_bias
 from benchmarks.blind.makes.field.effects import EFFECTS, OF_COMMANDS, TURNING_ONLY, Effect, coarse
@@ -26,7 +27,6 @@ Rng = np.random.Generator
 STREAMS = {"null": 1, "single": 2, "pair": 3, "outside": 4}
 SMALLEST, LARGEST = 0.5, 40.0  # sizes that are asked for [noise floors]
 NO_TRACE = 0.2  # noise floors: what leaves less is not there
-LITTLE = 2.0  # noise floors beyond the tolerance that are always enough
 CLOSE = 1.3  # factor within which a size counts as reached
 TRIES = 8  # runs that look for a size
 MOVES = 0.25  # share of the time that a joint with an effect moves at least
@@ -182,13 +182,13 @@ def _sized(setting: Setting, effect: Effect, target: float, *, judged: bool) -> 
         beyond = gap.beyond_tolerance(setting.robot, found) if judged else reached
         best = Sized(effect, size, run, found, beyond)
         wanted = target / reached
-        if judged and beyond < min(0.5 * reached, LITTLE):
+        if judged and not enough_beyond(reached, beyond):
             least = 1.6 * size
         next_size = min(max(size * float(np.clip(wanted, 0.05, 20.0)), least), effect.most)
         if 1.0 / CLOSE < next_size / size < CLOSE:
             break
         size = next_size
-    if best is None or best.trace.gap < NO_TRACE or best.beyond < min(0.3 * best.trace.gap, 0.5 * LITTLE):
+    if best is None or best.trace.gap < NO_TRACE or not enough_beyond(best.trace.gap, best.beyond):
         return None
     return best
 

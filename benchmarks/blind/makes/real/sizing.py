@@ -14,6 +14,7 @@ import numpy as np
 from scipy.interpolate import CubicSpline
 from scipy.optimize import lsq_linear
 
+from benchmarks.blind.makes import enough_beyond
 from benchmarks.blind.makes.real import body
 from benchmarks.blind.makes.real.motion import even, low_passed
 from benchmarks.blind.makes.real.scene import Effect, Rows, Scene
@@ -23,7 +24,6 @@ REACHED = 1.0 / 3.0  # of the largest gap: a joint beyond it is one that the eff
 EDGE = 1.0  # periods of the band's end: left out at both ends of a run, where the filter swings
 SAMPLES = 2000  # of all runs together that fits are made on
 INERTIA = FRICTION = 0.05  # stated tolerances, one sigma
-LITTLE = 2.0  # noise floors beyond the tolerance that are always enough
 LEAST = 1.0  # noise floors: what leaves less is no effect
 CLOSE = 1.1  # factor within which a size counts as reached
 TRIES = 10
@@ -156,12 +156,12 @@ def sized(by: Ruler, effect: Effect, target: float, *, judged: bool = True) -> S
             return None
         beyond = beyond_tolerance(by, changed) if judged else reached
         best = Sized(effect, size, changed, reached, beyond)
-        if judged and beyond < min(0.5 * reached, LITTLE):
+        if judged and not enough_beyond(reached, beyond):
             least = 1.5 * size
         wanted = min(max(size * float(np.clip(target / reached, 0.02, 50.0)), least), effect.most)
         if 1.0 / CLOSE < wanted / size < CLOSE:
             break
         size = wanted
-    if best is None or best.gap < LEAST or best.beyond < min(0.5 * best.gap, LITTLE):
+    if best is None or best.gap < LEAST or not enough_beyond(best.gap, best.beyond):
         return None
     return best
