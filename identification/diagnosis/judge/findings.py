@@ -71,7 +71,9 @@ class Shown:
         return self.plain.evaluate(self.named)
 
 
-def shown_effects(search: Search, plain: Search, chosen: frozenset[Term], noise: Series) -> Shown:
+def shown_effects(
+    search: Search, plain: Search, chosen: frozenset[Term], noise: Series, barred: frozenset[Place] = NONE_BARRED
+) -> Shown:
     """Chosen effects that are visible in the judged band and differ from nothing there; none where there is no gap.
 
     Where a rival has to lead in the place of one of them, it takes that place. No set is taken twice: where each of
@@ -83,8 +85,9 @@ def shown_effects(search: Search, plain: Search, chosen: frozenset[Term], noise:
         plain: The same with plain fits in the judged band.
         chosen: What the search has found.
         noise: Of each log's torque.
+        barred: Effects and joints that are no rivals.
     """
-    seen, barred, shown = [chosen], NONE_BARRED, []
+    seen, shown = [chosen], []
     again = (plain, with_wide_tolerances(search))
     while True:
         present = chosen if gap_is_there(plain.problem, noise) else frozenset()

@@ -34,6 +34,7 @@ from identification.diagnosis.model.standstill import open_friction
 from identification.diagnosis.model.terms import merged
 from identification.diagnosis.result import Burst, Evidence, JointGap, Judgement, Unexplained
 from identification.diagnosis.search.refinement import found_effects
+from identification.diagnosis.search.rival_sets import NONE_BARRED
 from identification.diagnosis.search.search import Search
 
 Array = np.ndarray
@@ -60,10 +61,8 @@ def judged(explanation: Explanation, progress: Callable[[str], None]) -> tuple[J
     after = _less(sums(problem, residual), rounding.total)
     bursts = from_quiet(bursts_of(problem, whole, seen.doubt), problem, whole, judge.floor)
     left_over = unexplained(shown, judge, residual, whole)
-    if not findings and not left_over.structured:
-        # Without a cause or a structure, what the method is accurate to is no gap.
-        measured = sums(problem, measured_torque(problem)).rms()
-        noise_floor = noise_floor.up_to(rules.ACCURACY * measured**2)
+    if not findings:
+        noise_floor = _accurate_to(noise_floor, sums(problem, measured_torque(problem)), left_over)
     joints = joint_gaps(problem, noise_floor, sums(problem, given), within, after)
     left_over = _timed(_located(left_over, problem, residual, joints), bursts)
     progress("stating what would have been seen")
@@ -113,15 +112,16 @@ class _Seen:
 
 def _seen(explanation: Explanation, plain: Search, noise: Series) -> _Seen:
     """The effects that are shown of an explanation, without those that noise may make on joints within their noise."""
-    chosen = explanation.chosen
+    barred = NONE_BARRED
     while True:
-        shown = shown_effects(explanation.search, plain, chosen, noise)
+        chosen = frozenset(term for term in explanation.chosen if term.place not in barred)
+        shown = shown_effects(explanation.search, plain, chosen, noise, barred)
         seen = _measured(shown, explanation, noise)
         term = least_above_noise(seen.judge, plain, shown.chosen)
-        if term is None:
+        # A simpler case of another law may come to a place that is barred.
+        if term is None or term.place in barred:
             return seen
-        others = frozenset(other for other in chosen if other.place != term.place)
-        chosen = others if others != chosen else shown.chosen - {term}
+        barred = barred | {term.place}
 
 
 def _measured(shown: Shown, explanation: Explanation, noise: Series) -> _Seen:
@@ -156,6 +156,11 @@ def _open_friction(shown: Shown) -> Series:
 def _less(found: Sums, square: Float[Array, " nv"]) -> Sums:
     """Squared residuals without a mean square that coarse readings feign."""
     return replace(found, squares=np.maximum(found.squares - square * found.counts, 0.0))
+
+
+def _accurate_to(floor: Floor, torque: Sums, left: Unexplained) -> Floor:
+    """The floor where nothing was found: what the method is accurate to is no gap, unless it has structure."""
+    return floor if left.structured else floor.up_to(rules.ACCURACY * torque.rms() ** 2)
 
 
 def _located(left: Unexplained, problem: Problem, residual: Series, joints: tuple[JointGap, ...]) -> Unexplained:

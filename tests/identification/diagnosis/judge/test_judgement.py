@@ -3,14 +3,16 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
 from identification.diagnosis.fit.gap import Sums
+from identification.diagnosis.judge import judgement
 from identification.diagnosis.judge.floors import Floor
 from identification.diagnosis.judge.judged_band import Judge
-from identification.diagnosis.judge.judgement import _less, _located, _timed, evidence_of, joint_gaps
+from identification.diagnosis.judge.judgement import _accurate_to, _less, _located, _timed, evidence_of, joint_gaps
 from identification.diagnosis.judge.regimes import regime_split
 from identification.diagnosis.result import Burst, JointGap, Unexplained
 
@@ -132,3 +134,31 @@ def test_evidence_splits_the_given_residual_over_regimes(evidence):
 def test_the_sample_period_of_several_recordings_is_that_of_their_median_rate(evidence):
     # By hand: 200 and 100 Hz.
     assert evidence[2].sample_period == pytest.approx(1.0 / 150.0)
+
+
+def test_what_noise_may_make_is_left_out_once_even_if_it_comes_back(quiet, monkeypatch):
+    # By hand: the lag is left out, and comes back as the simpler case of another law; the second time it stays.
+    lag, offset = (quiet.term(name, "elbow") for name in ("actuator_lag", "torque_offset"))
+    asked = []
+
+    def shown(search, plain, chosen, noise, barred):
+        asked.append((chosen, barred))
+        return SimpleNamespace(chosen=frozenset([lag, offset]))
+
+    monkeypatch.setattr(judgement, "shown_effects", shown)
+    monkeypatch.setattr(judgement, "_measured", lambda one, *_: SimpleNamespace(shown=one, judge=None))
+    monkeypatch.setattr(judgement, "least_above_noise", lambda judge, plain, chosen: lag)
+    explanation = SimpleNamespace(search=None, chosen=frozenset([lag, offset]))
+    judgement._seen(explanation, None, ())
+    assert asked == [
+        (frozenset([lag, offset]), frozenset()),
+        (frozenset([offset]), frozenset([lag.place])),
+    ]
+
+
+@pytest.mark.parametrize(("left", "high"), [(CLEAN, 0.5), (HERE, 0.3)])
+def test_what_the_method_is_accurate_to_is_no_gap_where_nothing_has_structure(left, high):
+    # By hand: a torque of 15.12 and an accuracy of 0.0007 of its square make 0.4 more beside 0.3.
+    floor = Floor(np.array([0.2]), np.array([0.1]), np.array([0.3]), ("predictors",))
+    torque = Sums(np.array([[0.16 / 0.0007]]), np.array([[1.0]]))
+    assert _accurate_to(floor, torque, left).high == pytest.approx(high)
