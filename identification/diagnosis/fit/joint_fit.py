@@ -57,18 +57,28 @@ class JointFit:
     Attributes:
         places: Where the numbers of each term stand.
         x: All numbers.
-        cov: Their covariance, with what laws differ in that fit a definition as well.
-        by_data: The same without that: which of these laws it is says nothing on whether an effect is there.
+        cov: Their covariance.
+        by_law: The part of it that comes of the laws of each effect that fit its definition as well, in the order of
+            the places.
     """
 
     places: tuple[Place, ...]
     x: Float[Array, " p"]
     cov: Float[Array, "p p"]
-    by_data: Float[Array, "p p"]
+    by_law: tuple[Float[Array, "p p"], ...]
 
     def place(self, term: Term) -> Place:
         """Where the numbers of one term stand."""
         return next(place for place in self.places if place.term is term)
+
+    def shown_by(self, term: Term) -> Float[Array, "k k"]:
+        """Covariance of the coefficients and the shape of one term as far as it decides whether the term is there.
+
+        Which of several laws of its own it is says nothing on that; which one another effect has does.
+        """
+        place = self.place(term)
+        at = np.r_[place.coefficients, place.shape]
+        return (self.cov - self.by_law[self.places.index(place)])[np.ix_(at, at)]
 
     def coefficients(self, term: Term) -> Float[Array, " k"]:
         """Coefficients of one term."""
@@ -98,14 +108,15 @@ def joint_fit(problem: Problem, terms: tuple[Term, ...], found: Fitted) -> Joint
     cov = covariance(a, b, precision, x, free, _repeated(layout, model, a.sum(axis=0) + np.diag(precision), free))
     if layout.of_model:
         cov = cov + _by_model(layout, model, x, cov, a.sum(axis=0) + np.diag(precision))
-    by_data = cov = within_tolerances(x, cov, problem.nuisances, lower, upper)
+    cov = within_tolerances(x, cov, problem.nuisances, lower, upper)
+    by_law = []
     for place in layout.places:
-        shift = _by_share(place, x)
-        cov = cov + np.outer(shift, shift)
-        for law in place.term.effect.other_laws:
-            shift = _by_law(layout, model, x, place, law, a.sum(axis=0) + np.diag(precision))
-            cov = cov + np.outer(shift, shift)
-    return JointFit(layout.places, x, cov, by_data)
+        laws = (
+            _by_law(layout, model, x, place, law, a.sum(axis=0) + np.diag(precision))
+            for law in place.term.effect.other_laws
+        )
+        by_law.append(sum(np.outer(shift, shift) for shift in (_by_share(place, x), *laws)))
+    return JointFit(layout.places, x, cov + sum(by_law), tuple(by_law))
 
 
 def within_tolerances(

@@ -90,8 +90,7 @@ def shown_effects(
     seen, shown = [chosen], []
     again = (plain, with_wide_tolerances(search))
     while True:
-        present = chosen if gap_is_there(plain.problem, noise) else frozenset()
-        kept = visible(plain, shown_by_motion(plain, present, noise))
+        kept = present_effects(plain, chosen, noise)
         kept, settled, fitted, simple = distinct(search, plain, kept, chosen)
         barred = barred | simple
         standings = {term: stand(search, settled, term, barred, again) for term in ordered(kept) if term.named}
@@ -105,6 +104,12 @@ def shown_effects(
             return replace(least, standings={term: _evened(one) for term, one in least.standings.items()})
         chosen = instead
         seen.append(instead)
+
+
+def present_effects(plain: Search, chosen: frozenset[Term], noise: Series) -> frozenset[Term]:
+    """Effects that show in the judged band, and show there by motion; none where there is no gap."""
+    present = chosen if gap_is_there(plain.problem, noise) else frozenset()
+    return visible(plain, shown_by_motion(plain, present, noise))
 
 
 def _outdone(standing: Standing) -> float:

@@ -8,7 +8,6 @@ from dataclasses import dataclass, replace
 import numpy as np
 from jaxtyping import Float
 
-from identification.diagnosis import decision_rules as rules
 from identification.diagnosis.explanation import Explanation
 from identification.diagnosis.fit.gap import Sums, held_out_torque, measured_torque, residual_after, sums
 from identification.diagnosis.fit.problem import Problem
@@ -19,6 +18,7 @@ from identification.diagnosis.judge.findings import (
     Claim,
     Shown,
     findings_without,
+    present_effects,
     remarks,
     shown_effects,
 )
@@ -31,7 +31,7 @@ from identification.diagnosis.judge.verdict import adjusted, ordinary_effects_hi
 from identification.diagnosis.model.operations import friction_with
 from identification.diagnosis.model.session import Series
 from identification.diagnosis.model.standstill import open_friction
-from identification.diagnosis.model.terms import merged
+from identification.diagnosis.model.terms import Term, merged
 from identification.diagnosis.result import Burst, Evidence, JointGap, Judgement, Unexplained
 from identification.diagnosis.search.refinement import found_effects
 from identification.diagnosis.search.rival_sets import NONE_BARRED
@@ -44,9 +44,8 @@ def judged(explanation: Explanation, progress: Callable[[str], None]) -> tuple[J
     """Gap, findings, bounds and verdict of an explanation, and the effects that are shown with their fits."""
     search, noise = explanation.search, explanation.in_band or explanation.noise
     session = search.problem.session
-    seen = _seen(explanation, narrow_search(search, noise), noise)
-    shown, rounding, judge = seen.shown, seen.rounding, seen.judge
-    torque, residual, whole, noise_floor = seen.torque, seen.residual, seen.whole, seen.floor
+    shown, left = _shown_above_noise(explanation, narrow_search(search, noise), noise)
+    rounding, judge, torque, residual, whole = left.rounding, left.judge, left.torque, left.residual, left.whole
     problem = shown.problem
     given = session.in_judged_band(problem.columns.residual)
     within = left_by(judge, shown.plain, frozenset())
@@ -59,11 +58,9 @@ def judged(explanation: Explanation, progress: Callable[[str], None]) -> tuple[J
     kept = [claim for claim in claims if not claim.minor]
     findings = tuple(claim.finding for claim in kept)
     after = _less(sums(problem, residual), rounding.total)
-    bursts = from_quiet(bursts_of(problem, whole, seen.doubt), problem, whole, judge.floor)
+    bursts = from_quiet(bursts_of(problem, whole, left.doubt), problem, whole, judge.floor)
     left_over = unexplained(shown, judge, residual, whole)
-    if not findings:
-        noise_floor = _accurate_to(noise_floor, sums(problem, measured_torque(problem)), left_over)
-    joints = joint_gaps(problem, noise_floor, sums(problem, given), within, after)
+    joints = joint_gaps(problem, left.floor, sums(problem, given), within, after)
     left_over = _timed(_located(left_over, problem, residual, joints), bursts)
     progress("stating what would have been seen")
     bounds, untested = smallest_seen(merged(problem.columns.operations), search, shown.plain, shown.chosen)
@@ -86,11 +83,10 @@ def judged(explanation: Explanation, progress: Callable[[str], None]) -> tuple[J
 
 
 @dataclass(frozen=True)
-class _Seen:
-    """What is shown of an explanation, what that leaves of each log's torque, and the floor that it is judged by.
+class _Left:
+    """What effects leave of each log's torque, and the noise floor that it is judged by.
 
     Attributes:
-        shown: The effects.
         torque: Of the corrected model for each log.
         residual: What the named effects leave, in the judged band.
         whole: What all of them leave, structures without a name too.
@@ -100,7 +96,6 @@ class _Seen:
         judge: Of the gap.
     """
 
-    shown: Shown
     torque: Series
     residual: Series
     whole: Series
@@ -110,43 +105,45 @@ class _Seen:
     judge: Judge
 
 
-def _seen(explanation: Explanation, plain: Search, noise: Series) -> _Seen:
+def _shown_above_noise(explanation: Explanation, plain: Search, noise: Series) -> tuple[Shown, _Left]:
     """The effects that are shown of an explanation, without those that noise may make on joints within their noise."""
-    barred = NONE_BARRED
+    barred, kept = NONE_BARRED, present_effects(plain, explanation.chosen, noise)
+    # First without rivals, which cost most.
+    while (term := least_above_noise(_left(explanation, plain, kept, noise).judge, plain, kept)) is not None:
+        barred, kept = barred | {term.place}, kept - {term}
     while True:
         chosen = frozenset(term for term in explanation.chosen if term.place not in barred)
         shown = shown_effects(explanation.search, plain, chosen, noise, barred)
-        seen = _measured(shown, explanation, noise)
-        term = least_above_noise(seen.judge, plain, shown.chosen)
+        left = _left(explanation, plain, shown.chosen, noise)
+        term = least_above_noise(left.judge, plain, shown.chosen)
         # A simpler case of another law may come to a place that is barred.
         if term is None or term.place in barred:
-            return seen
+            return shown, left
         barred = barred | {term.place}
 
 
-def _measured(shown: Shown, explanation: Explanation, noise: Series) -> _Seen:
-    """What effects leave, and the noise floor that it is judged by."""
-    problem, session = shown.problem, shown.problem.session
-    torque = held_out_torque(problem, shown.named, shown.found)
+def _left(explanation: Explanation, plain: Search, chosen: frozenset[Term], noise: Series) -> _Left:
+    """What a set of effects leaves, and its noise floor."""
+    problem, session, named = plain.problem, plain.problem.session, frozenset(term for term in chosen if term.named)
+    torque = held_out_torque(problem, named, plain.evaluate(named))
     residual = session.in_judged_band(residual_after(problem, torque))
     whole = residual
-    if shown.named != shown.chosen:
-        predicted = held_out_torque(problem, shown.chosen, shown.plain.evaluate(shown.chosen))
+    if named != chosen:
+        predicted = held_out_torque(problem, chosen, plain.evaluate(chosen))
         whole = session.in_judged_band(residual_after(problem, predicted))
-    doubt = _open_friction(shown)
+    doubt = _open_friction(plain, chosen)
     floor = floor_of(problem, noise, whole, doubt, explanation.encoders)
     rounding = rounded(problem, explanation.coarse, floor.value, noise)
     floor = floor.without(rounding.total)
     judge = Judge(problem, floor.value, floor.high)
-    left = sums(problem, whole).rms()
-    floor = floor.up_to(foreseen_noise(judge, shown.plain, shown.chosen, noise, left))
-    return _Seen(shown, torque, residual, whole, doubt, rounding, floor, replace(judge, highest=floor.high))
+    floor = floor.up_to(foreseen_noise(judge, plain, chosen, noise, sums(problem, whole).rms()))
+    return _Left(torque, residual, whole, doubt, rounding, floor, replace(judge, highest=floor.high))
 
 
-def _open_friction(shown: Shown) -> Series:
+def _open_friction(plain: Search, chosen: frozenset[Term]) -> Series:
     """Variance of the friction torque that joints leave open which stand, creep or turn about, in the band."""
-    columns, session = shown.problem.columns, shown.problem.session
-    found = found_effects(shown.plain.evaluate(shown.chosen), shown.chosen)
+    columns, session = plain.problem.columns, plain.problem.session
+    found = found_effects(plain.evaluate(chosen), chosen)
     return tuple(
         open_friction(session.robot, log, friction_with(operation, found), doubt)
         for log, operation, doubt in zip(session.logs, columns.operations, columns.doubt, strict=True)
@@ -156,11 +153,6 @@ def _open_friction(shown: Shown) -> Series:
 def _less(found: Sums, square: Float[Array, " nv"]) -> Sums:
     """Squared residuals without a mean square that coarse readings feign."""
     return replace(found, squares=np.maximum(found.squares - square * found.counts, 0.0))
-
-
-def _accurate_to(floor: Floor, torque: Sums, left: Unexplained) -> Floor:
-    """The floor where nothing was found: what the method is accurate to is no gap, unless it has structure."""
-    return floor if left.structured else floor.up_to(rules.ACCURACY * torque.rms() ** 2)
 
 
 def _located(left: Unexplained, problem: Problem, residual: Series, joints: tuple[JointGap, ...]) -> Unexplained:

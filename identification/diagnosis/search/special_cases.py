@@ -51,7 +51,7 @@ def simpler(robot: Robot, term: Term, fitted: JointFit) -> tuple[float, tuple[st
         shape = tuple(x[count:].tolist()) or term.shape
         return term.effect.special_cases(robot, term.joint, x[:count], shape)
 
-    return _hardly_more(cases, x, fitted.by_data[np.ix_(at, at)])
+    return _hardly_more(cases, x, fitted.shown_by(term))
 
 
 def places_of(robot: Robot, term: Term, fitted: Fitted) -> tuple[tuple[str, str | None], ...] | None:

@@ -136,8 +136,7 @@ def test_a_gap_of_which_only_a_share_fits_is_known_no_better_than_the_share(lab,
     assert share < 0.95
     assert gap.std > (1.0 - share) * gap.value
     # Which law of a play it is says nothing on whether there is one.
-    at = fitted.place(term).shape
-    assert np.sqrt(fitted.by_data[at, at]) < (1.0 - share) * gap.value
+    assert np.sqrt(fitted.shown_by(term)[-1, -1]) < (1.0 - share) * gap.value
 
 
 @pytest.mark.whole

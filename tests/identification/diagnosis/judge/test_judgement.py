@@ -12,7 +12,7 @@ from identification.diagnosis.fit.gap import Sums
 from identification.diagnosis.judge import judgement
 from identification.diagnosis.judge.floors import Floor
 from identification.diagnosis.judge.judged_band import Judge
-from identification.diagnosis.judge.judgement import _accurate_to, _less, _located, _timed, evidence_of, joint_gaps
+from identification.diagnosis.judge.judgement import _less, _located, _timed, evidence_of, joint_gaps
 from identification.diagnosis.judge.regimes import regime_split
 from identification.diagnosis.result import Burst, JointGap, Unexplained
 
@@ -146,19 +146,12 @@ def test_what_noise_may_make_is_left_out_once_even_if_it_comes_back(quiet, monke
         return SimpleNamespace(chosen=frozenset([lag, offset]))
 
     monkeypatch.setattr(judgement, "shown_effects", shown)
-    monkeypatch.setattr(judgement, "_measured", lambda one, *_: SimpleNamespace(shown=one, judge=None))
-    monkeypatch.setattr(judgement, "least_above_noise", lambda judge, plain, chosen: lag)
+    monkeypatch.setattr(judgement, "present_effects", lambda plain, chosen, noise: frozenset())
+    monkeypatch.setattr(judgement, "_left", lambda *_: SimpleNamespace(judge=None))
+    monkeypatch.setattr(judgement, "least_above_noise", lambda judge, plain, chosen: lag if chosen else None)
     explanation = SimpleNamespace(search=None, chosen=frozenset([lag, offset]))
-    judgement._seen(explanation, None, ())
+    judgement._shown_above_noise(explanation, None, ())
     assert asked == [
         (frozenset([lag, offset]), frozenset()),
         (frozenset([offset]), frozenset([lag.place])),
     ]
-
-
-@pytest.mark.parametrize(("left", "high"), [(CLEAN, 0.5), (HERE, 0.3)])
-def test_what_the_method_is_accurate_to_is_no_gap_where_nothing_has_structure(left, high):
-    # By hand: a torque of 15.12 and an accuracy of 0.0007 of its square make 0.4 more beside 0.3.
-    floor = Floor(np.array([0.2]), np.array([0.1]), np.array([0.3]), ("predictors",))
-    torque = Sums(np.array([[0.16 / 0.0007]]), np.array([[1.0]]))
-    assert _accurate_to(floor, torque, left).high == pytest.approx(high)
