@@ -6,7 +6,7 @@ from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import Bool, Float
 
 from identification.diagnosis.fit.fitting import Fitted
 from identification.diagnosis.fit.gap import held_out_torque, judged_blocks, residual_after, sums
@@ -116,7 +116,7 @@ def _strays(explained: Explained, horizon: float) -> dict[str, float]:
         size
         * np.column_stack(
             [
-                np.interp(log.motion.t, log.motion.t[log.samples], np.where(use, part, 0.0))
+                np.interp(log.motion.t, log.motion.t[log.samples], _everywhere(part, use))
                 for part, use in zip(residual.T, usable.T, strict=True)
             ]
         )
@@ -131,6 +131,14 @@ def _strays(explained: Explained, horizon: float) -> dict[str, float]:
     except (PhantomDynError, np.linalg.LinAlgError):
         return {}
     return {joint: float(x) for joint, x in zip(session.robot.joint_names, over, strict=True) if x > 1.0}
+
+
+def _everywhere(noise: Float[Array, " n"], use: Bool[Array, " n"]) -> Float[Array, " n"]:
+    """Noise of all samples: where a joint stands, or nothing is judged, that of other times stands in for it."""
+    out = np.where(use, noise, 0.0)
+    if use.any():
+        out[~use] = np.resize(noise[use], np.count_nonzero(~use))
+    return out
 
 
 def _torques() -> Callable[[Shot, Model], Float[Array, "N nv"]]:

@@ -129,7 +129,7 @@ class Rival(ABC):
         goes_with_motion: What its torque goes with: velocities, or accelerations and rate and peaks of the torque. A
             joint that noise moves, and a controller that answers it, look like the second.
         exact: True if rigid bodies obey its law exactly, so that what is left beside it is not of its own making.
-        acts_at_reversals: True if it differs from dry friction only where a joint creeps or turns about.
+        acts_when_slow: True if it may act where a joint creeps or turns about, and nowhere else.
         tested_against_zero: True if a Wald test against zero decides whether it is kept although its columns have a
             shape or use accelerations; without either it always does.
         other_laws: Other laws of the same parameters that the contract's definition fits as well. No recording
@@ -156,7 +156,7 @@ class Rival(ABC):
     rubs: bool = False
     goes_with_motion: Literal["velocity", "acceleration"] | None = None
     exact: bool = False
-    acts_at_reversals: bool = False
+    acts_when_slow: bool = False
     tested_against_zero: bool = False
     other_laws: tuple[OtherLaw, ...] = ()
 

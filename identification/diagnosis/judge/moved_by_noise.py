@@ -95,7 +95,7 @@ def least_above_noise(judge: Judge, search: Search, chosen: frozenset[Term]) -> 
     """
     left, helps = left_by(judge, search, chosen).rms(), {}
     for term in ordered(chosen):
-        if not (term.named and (term.effect.goes_with_motion or term.effect.acts_at_reversals)):
+        if not (term.named and (term.effect.goes_with_motion or term.effect.acts_when_slow)):
             continue
         without = left_by(judge, search, chosen - {term}).rms()
         growth = (without / np.maximum(left, 1e-300)) ** 2 - 1.0

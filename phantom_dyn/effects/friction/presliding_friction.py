@@ -76,7 +76,6 @@ class PreslidingFriction(Effect):
     name = "presliding_friction"
     regime = "velocity_reversal"
     rubs = True
-    acts_at_reversals = True
     contains = ("coulomb_friction",)
     other_laws = (yielding,)
     words = EffectWords(

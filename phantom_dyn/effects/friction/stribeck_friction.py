@@ -38,7 +38,7 @@ class StribeckFriction(Effect):
     name = "stribeck_friction"
     regime = "low_speed"
     rubs = True
-    acts_at_reversals = True
+    acts_when_slow = True
     contains = ("coulomb_friction",)
     words = EffectWords(
         name="Stribeck friction",
