@@ -22,6 +22,7 @@ from identification.data.log import Band, Log
 from identification.data.recording import Recording
 from phantom_dyn._kernels.fir import filtered
 from phantom_dyn.dynamics.dynamics import inverse_dynamics
+from phantom_dyn.effects.support.encoder_lattice import step_of
 from phantom_dyn.errors import LogError
 from phantom_dyn.model.robot import Robot
 from phantom_dyn.motion import Motion
@@ -277,7 +278,10 @@ def process(recording: Recording, robot: Robot, *, cutoff_hz: float | None = Non
     wanted = None if recording.q_ref is None else _on_grid(recording.t, recording.q_ref, t)
     forces = {frame: _on_grid(recording.t, force, t) for frame, force in recording.forces.items()}
     external = external_torque(robot, smooth, forces) if forces else None
-    return Log(recording.file, recording.joint_names, Motion(t, smooth, v, a), tau, band, valid, q, wanted, external)
+    # Of the rows as they are: readings at uneven times, made even, lie on no lattice any more.
+    steps = tuple(step_of(column) or 0.0 for column in recording.q.T)
+    motion = Motion(t, smooth, v, a)
+    return Log(recording.file, recording.joint_names, motion, tau, band, valid, q, wanted, external, steps)
 
 
 def _on_grid(t: Array, columns: Array, grid: Array) -> Array:

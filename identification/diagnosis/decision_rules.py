@@ -207,6 +207,9 @@ STANDING_COUNTS = 2
 # share: of the joint's usual speed, above which so few counts in that time are its way of moving, not a standstill.
 STANDING_SPEED = 0.25
 
+# s: over which a coarse encoder may have to stay for that; no joint that stops between moves stands for much less.
+STANDING_LONGEST = 0.3
+
 # share: of a joint's top speed, below which it creeps.
 CREEPING_SPEED = 0.05
 

@@ -76,9 +76,9 @@ def shown_effects(
 ) -> Shown:
     """Chosen effects that are visible in the judged band and differ from nothing there; none where there is no gap.
 
-    Where a rival has to lead in the place of one of them, it takes that place. No set is taken twice: where each of
-    several sets says that another one should lead, that one is shown whose findings are outdone least, and a finding
-    and the rival that outdoes it share what both have.
+    Where a rival has to lead in the place of one of them, it takes that place. What was outdone once does not come
+    back: where each of several sets says that another one should lead, that one is shown whose findings are outdone
+    least, and a finding and the rival that outdoes it share what both have.
 
     Args:
         search: Rivals, with fits to white noise.
@@ -87,7 +87,8 @@ def shown_effects(
         noise: Of each log's torque.
         barred: Effects and joints that are no rivals.
     """
-    seen, shown = [chosen], []
+    outdone: set[Place] = set()
+    shown = []
     again = (plain, with_wide_tolerances(search))
     while True:
         kept = present_effects(plain, chosen, noise)
@@ -96,14 +97,28 @@ def shown_effects(
         standings = {term: stand(search, settled, term, barred, again) for term in ordered(kept) if term.named}
         shown.append(Shown(plain, kept, fitted, standings))
         ways = [standing.instead for standing in standings.values() if standing.instead is not None]
-        instead = next((way for way in ways if way not in seen), None)
         if not ways:
             return shown[-1]
-        if instead is None:
+        instead = _together(settled, ways, outdone)
+        if instead == settled:
             least = min(shown, key=lambda one: max(map(_outdone, one.standings.values()), default=0.0))
             return replace(least, standings={term: _evened(one) for term, one in least.standings.items()})
+        outdone.update(term.place for term in settled - instead)
         chosen = instead
-        seen.append(instead)
+
+
+def _together(chosen: frozenset[Term], ways: list[frozenset[Term]], outdone: set[Place]) -> frozenset[Term]:
+    """A set with all changes that lead to others of which each concerns other joints, and brings back nothing outdone.
+
+    Two changes on one joint are not made at once: the second one is looked at again beside the first.
+    """
+    out, moved = chosen, set[str | None]()
+    for way in ways:
+        joints = {term.joint for term in chosen ^ way}
+        alone = joints.isdisjoint(moved) and None not in moved and (None not in joints or not moved)
+        if alone and outdone.isdisjoint(term.place for term in way - chosen):
+            out, moved = (out - (chosen - way)) | (way - chosen), moved | joints
+    return out
 
 
 def present_effects(plain: Search, chosen: frozenset[Term], noise: Series) -> frozenset[Term]:

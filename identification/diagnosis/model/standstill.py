@@ -23,6 +23,9 @@ from phantom_dyn.model.robot import Robot
 
 Array = np.ndarray
 
+# Counts: by which splines through rounded readings at uneven times swing over.
+_SWING = 0.2
+
 
 def moving_joints(log: Log) -> Bool[Array, " nv"]:
     """False for joints whose whole motion is rounding: less than a millionth of a radian or metre."""
@@ -99,19 +102,23 @@ def encoder_stands(robot: Robot, log: Log) -> Bool[Array, "N nv"]:
     joint whose encoder is so coarse that it often moves as slowly as that on its way, or has no counts to tell.
     """
     readings = log.motion.q if log.raw_q is None else log.raw_q
-    width = max(3, 2 * round(0.5 * rules.STANDING_TIME * log.band.rate_hz) + 1)
-    seconds = (width - 1) / log.band.rate_hz
+    rate = log.band.rate_hz
     out = np.zeros(readings.shape, dtype=bool)
     for j in range(readings.shape[1]):
-        known = [step for step in (step_of(readings[:, j]), stated_step(robot, j)) if step is not None]
-        # A hair more than two counts: readings are rounded numbers. Where no count is known, because uneven times were
-        # made even, a reading that does not change at all stands.
-        most = rules.STANDING_COUNTS * 1.01 * max(known, default=0.0)
+        seen = log.reading_steps[j] if log.reading_steps else step_of(readings[:, j]) or 0.0
+        # A little more than two counts: between readings at uneven times splines swing over by a part of a count. Where
+        # no count is known, a reading that does not change at all stands.
+        most = (rules.STANDING_COUNTS + _SWING) * max(seen, stated_step(robot, j) or 0.0)
         speed = np.abs(log.motion.v[:, j])
         # On its way: many joints stand for most of a recording.
         usual = float(np.median(speed[speed >= rules.CREEPING_SPEED * np.percentile(speed, 99)]))
-        if usual == 0.0 or most / seconds > rules.STANDING_SPEED * usual:
+        if usual == 0.0:
             continue
+        # The coarser the encoder, the longer a reading has to stay until it shows more than slow motion.
+        seconds = max(rules.STANDING_TIME, most / (rules.STANDING_SPEED * usual))
+        if seconds > rules.STANDING_LONGEST:
+            continue
+        width = max(3, 2 * round(0.5 * seconds * rate) + 1)
         travel = maximum_filter1d(readings[:, j], width) - minimum_filter1d(readings[:, j], width)
         # All samples of a window in which it stands.
         out[:, j] = maximum_filter1d((travel <= most).astype(np.uint8), width) > 0

@@ -12,6 +12,7 @@ from identification.pipeline import diagnose
 from identification.rollout.compare import Errors, horizon_of
 from identification.rollout.driven import given_torque
 from identification.rollout.joint_limits import Simulated, limit_warnings, limits_engaged, recorded_past
+from identification.rollout.rollout import _everywhere
 from identification.rollout.rollout_starts import States, states_of, true_state
 from identification.rollout.shots import under_torque
 from identification.rollout.simulated_models import loaded, model_of
@@ -209,3 +210,10 @@ def test_a_load_is_simulated_with_the_inertia_that_its_fit_has_seen(pendulum):
     more = inverse_dynamics(robot, motion) - inverse_dynamics(pendulum, motion)
     wanted = rigid_body_regressor(pendulum, motion)[0] @ seen
     np.testing.assert_allclose(more[0], wanted, atol=1e-9)
+
+
+def test_where_a_joint_stands_the_noise_of_other_times_stands_in():
+    # By hand: two used samples, repeated over the three that are not.
+    out = _everywhere(np.array([9.0, 1.0, 9.0, 2.0, 9.0]), np.array([False, True, False, True, False]))
+    np.testing.assert_array_equal(out, [1.0, 1.0, 2.0, 2.0, 1.0])
+    np.testing.assert_array_equal(_everywhere(np.ones(3), np.zeros(3, dtype=bool)), np.zeros(3))

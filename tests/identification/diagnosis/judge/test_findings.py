@@ -1,11 +1,11 @@
 from __future__ import annotations
 
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 import pytest
 
-from identification.diagnosis.judge.findings import _evened, distinct
+from identification.diagnosis.judge.findings import _evened, _together, distinct
 from identification.diagnosis.judge.judged_band import narrow_search
 from identification.diagnosis.result import EffectAt, Rival
 from identification.diagnosis.search.rival_sets import Standing
@@ -86,3 +86,33 @@ def test_a_finding_and_the_rivals_that_outdo_it_share_what_they_have(own, rivals
 def test_a_finding_that_leads_keeps_its_share():
     rival = Rival((EffectAt("viscous_friction", "j1"),), 0.6)
     assert _evened(Standing(0.4, (rival,))) == Standing(0.4, (rival,))
+
+
+@dataclass(frozen=True)
+class Named:
+    """What a set of effects asks of one."""
+
+    name: str
+    joint: str | None
+
+    @property
+    def place(self) -> tuple[str, str | None]:
+        return self.name, self.joint
+
+
+@pytest.mark.parametrize(
+    ("ways", "outdone", "expected"),
+    [
+        # By hand: one change on each joint at once; the second on a joint waits, one of the whole robot stands alone.
+        ([("coulomb", "viscous", "elbow"), ("offset", "spring", "shoulder")], (), {"viscous", "spring"}),
+        ([("coulomb", "viscous", "elbow"), ("offset", "spring", "elbow")], (), {"viscous", "offset"}),
+        ([("coulomb", "viscous", "elbow"), ("offset", "tilt", None)], (), {"viscous", "offset"}),
+        ([("offset", "tilt", None), ("coulomb", "viscous", "elbow")], (), {"coulomb", "tilt"}),
+        ([("coulomb", "viscous", "elbow")], (("viscous", "elbow"),), {"coulomb", "offset"}),
+    ],
+)
+def test_rivals_on_different_joints_take_their_places_at_once(ways, outdone, expected):
+    gone = {old: joint or "elbow" for old, _, joint in ways}
+    chosen = frozenset(Named(name, gone.get(name, "elbow")) for name in ("coulomb", "offset"))
+    sets = [frozenset(one for one in chosen if one.name != old) | {Named(new, joint)} for old, new, joint in ways]
+    assert {one.name for one in _together(chosen, sets, set(outdone))} == expected
