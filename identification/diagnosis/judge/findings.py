@@ -30,6 +30,7 @@ from identification.diagnosis.search.rival_sets import (
 )
 from identification.diagnosis.search.search import Search, possible, with_term
 from identification.diagnosis.search.special_cases import implausible, places_of, simpler
+from identification.diagnosis.search.stepwise import forward
 from identification.diagnosis.search.swaps import replaced
 from phantom_dyn.effects.effect import Effect, Parameter
 from phantom_dyn.model.robot import Robot
@@ -91,9 +92,14 @@ def shown_effects(
     shown = []
     again = (plain, with_wide_tolerances(search))
     while True:
-        kept = present_effects(plain, chosen, noise)
-        kept, settled, fitted, simple = distinct(search, plain, kept, chosen)
+        present = present_effects(plain, chosen, noise)
+        kept, settled, fitted, simple = distinct(search, plain, present, chosen)
         barred = barred | simple
+        uncertain = frozenset(term for term in present & settled if term.named and term not in kept)
+        instead = _instead_of(plain, uncertain, kept, barred)
+        if instead:
+            chosen, barred = (settled - uncertain) | instead, barred | {term.place for term in uncertain}
+            continue
         standings = {term: stand(search, settled, term, barred, again) for term in ordered(kept) if term.named}
         shown.append(Shown(plain, kept, fitted, standings))
         ways = [standing.instead for standing in standings.values() if standing.instead is not None]
@@ -105,6 +111,17 @@ def shown_effects(
             return replace(least, standings={term: _evened(one) for term, one in least.standings.items()})
         outdone.update(term.place for term in settled - instead)
         chosen = instead
+
+
+def _instead_of(
+    plain: Search, uncertain: frozenset[Term], kept: frozenset[Term], barred: frozenset[Place]
+) -> frozenset[Term]:
+    """Effects that explain what is left where others turn out to be no more than nothing; none if nothing does."""
+    if not uncertain:
+        return frozenset()
+    gone = barred | {term.place for term in uncertain}
+    others = replace(plain, terms=tuple(term for term in plain.terms if term.place not in gone))
+    return forward(others, kept, lambda _: None) - kept
 
 
 def _together(chosen: frozenset[Term], ways: list[frozenset[Term]], outdone: set[Place]) -> frozenset[Term]:

@@ -36,7 +36,7 @@ def explain(search: Search, progress: Callable[[str], None], start: frozenset[Te
     chosen = dropped(search, frozenset(term for term in start if term.named))
     for _ in range(4):
         before = chosen
-        chosen = _forward(search, chosen, progress)
+        chosen = forward(search, chosen, progress)
         progress("weighing alternatives")
         chosen = simplified(search, swapped(search, dropped(search, chosen)))
         chosen = _by_single_effects(search, chosen, progress)
@@ -54,7 +54,7 @@ def best_short(search: Search, chosen: frozenset[Term]) -> frozenset[Term] | Non
     return tried if tried is not None and search.score(tried) < search.score(chosen) else None
 
 
-def _forward(search: Search, chosen: frozenset[Term], progress: Callable[[str], None]) -> frozenset[Term]:
+def forward(search: Search, chosen: frozenset[Term], progress: Callable[[str], None]) -> frozenset[Term]:
     """Forward selection: add the effect with the largest held-out gain until none gains more than chance.
 
     In sample a gain is larger than on held-out data, so rivals are judged there in the order of their gains in sample
@@ -97,7 +97,7 @@ def _by_single_effects(search: Search, chosen: frozenset[Term], progress: Callab
             continue
         others = tuple(other for other in search.terms if other.effect is not term.effect)
         without = replace(search, terms=others)
-        tried = swapped(without, dropped(without, _forward(without, chosen - {term}, progress)))
+        tried = swapped(without, dropped(without, forward(without, chosen - {term}, progress)))
         # Many sets were tried, so a hair is chance.
         if search.score(tried) < search.score(chosen) - rules.PARAMETER_PRICE:
             chosen = tried

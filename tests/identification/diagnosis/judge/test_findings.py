@@ -5,7 +5,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 import pytest
 
-from identification.diagnosis.judge.findings import _evened, _together, distinct
+from identification.diagnosis.judge.findings import _evened, _instead_of, _together, distinct
 from identification.diagnosis.judge.judged_band import narrow_search
 from identification.diagnosis.result import EffectAt, Rival
 from identification.diagnosis.search.rival_sets import Standing
@@ -36,6 +36,15 @@ def test_a_torque_constant_of_one_is_no_finding(rubbing):
     friction, ratio = rubbing.term("coulomb_friction", "elbow"), rubbing.term("torque_constant", "elbow")
     found = frozenset([friction, ratio])
     assert distinct(rubbing.search, plain, found, found)[0] == {friction}
+
+
+def test_what_an_uncertain_effect_leaves_is_left_to_others(rubbing):
+    # Known truth: Coulomb friction; nothing is looked for where nothing was left out, nor what is barred.
+    plain = narrow_search(rubbing.search, rubbing.noise)
+    friction, offset = rubbing.term("coulomb_friction", "elbow"), frozenset([rubbing.term("torque_offset", "elbow")])
+    assert _instead_of(plain, offset, frozenset(), frozenset()) == {friction}
+    assert _instead_of(plain, frozenset(), frozenset(), frozenset()) == frozenset()
+    assert friction not in _instead_of(plain, offset, frozenset(), frozenset([friction.place]))
 
 
 def test_stribeck_friction_of_equal_levels_is_named_coulomb_friction(rubbing):

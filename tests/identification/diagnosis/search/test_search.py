@@ -300,7 +300,7 @@ def test_a_search_that_goes_in_a_circle_ends_with_the_best_set_of_it(lab, planar
         return visited[-1]
 
     monkeypatch.setattr(stepwise, "dropped", all_or_nothing)
-    found = stepwise._forward(prepared.search, frozenset(), silent)
+    found = stepwise.forward(prepared.search, frozenset(), silent)
     assert found == min(visited, key=prepared.search.score)
 
 
