@@ -96,7 +96,7 @@ def row_losses(problem: Problem, found: Fitted) -> tuple[Float[Array, " nv"], Fl
     """Weighted squared residual of each row over the cores: with the given model, and with a linear fit."""
     given, fitted = [], []
     for row in problem.grams.rows:
-        theta = found.theta[row.index]
-        given.append(row.core_c.sum())
-        fitted.append((row.core_c - 2 * row.core_b @ theta + (row.core_a @ theta) @ theta).sum())
+        theta, (a, b, c) = found.theta[row.index], row.core_total
+        given.append(c)
+        fitted.append(c - 2 * b @ theta + theta @ a @ theta)
     return np.array(given), np.array(fitted)

@@ -56,6 +56,11 @@ class RowGrams:
     core_c: Float[Array, " B"]
     count: Float[Array, " B"]
 
+    @cached_property
+    def core_total(self) -> tuple[Float[Array, "k k"], Float[Array, " k"], float]:
+        """Products of all cores together."""
+        return self.core_a.sum(axis=0), self.core_b.sum(axis=0), float(self.core_c.sum())
+
 
 @dataclass(frozen=True)
 class Grams:

@@ -141,7 +141,7 @@ def _energies(problem: Problem, index: Array, parts: Float[Array, " k"]) -> Floa
     """Energy on each row of a sum of columns, over the noise there, ``(nv,)``."""
     theta = np.zeros(len(problem.precision))
     theta[index] = parts
-    return np.array([float((row.core_a @ theta[row.index] @ theta[row.index]).sum()) for row in problem.grams.rows])
+    return np.array([theta[row.index] @ row.core_total[0] @ theta[row.index] for row in problem.grams.rows])
 
 
 def _claimable(search: Search, term: Term, by_block: Float[Array, " B"], least: float) -> float:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -73,7 +74,11 @@ class Shown:
 
 
 def shown_effects(
-    search: Search, plain: Search, chosen: frozenset[Term], noise: Series, barred: frozenset[Place] = NONE_BARRED
+    search: Search,
+    plain: Search,
+    chosen: frozenset[Term],
+    present_of: Callable[[frozenset[Term]], frozenset[Term]],
+    barred: frozenset[Place] = NONE_BARRED,
 ) -> Shown:
     """Chosen effects that are visible in the judged band and differ from nothing there; none where there is no gap.
 
@@ -85,14 +90,14 @@ def shown_effects(
         search: Rivals, with fits to white noise.
         plain: The same with plain fits in the judged band.
         chosen: What the search has found.
-        noise: Of each log's torque.
+        present_of: Those of a set that are present, see `present_effects`.
         barred: Effects and joints that are no rivals.
     """
     outdone: set[Place] = set()
     shown = []
     again = (plain, with_wide_tolerances(search))
     while True:
-        present = present_effects(plain, chosen, noise)
+        present = present_of(chosen)
         kept, settled, fitted, simple = distinct(search, plain, present, chosen)
         barred = barred | simple
         uncertain = frozenset(term for term in present & settled if term.named and term not in kept)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
+from functools import cache
 
 import numpy as np
 from jaxtyping import Float
@@ -107,14 +108,23 @@ class _Left:
 
 def _shown_above_noise(explanation: Explanation, plain: Search, noise: Series) -> tuple[Shown, _Left]:
     """The effects that are shown of an explanation, without those that noise may make on joints within their noise."""
-    barred, kept = NONE_BARRED, present_effects(plain, explanation.chosen, noise)
+
+    @cache
+    def present_of(chosen: frozenset[Term]) -> frozenset[Term]:
+        return present_effects(plain, chosen, noise)
+
+    @cache
+    def left_by_all(chosen: frozenset[Term]) -> _Left:
+        return _left(explanation, plain, chosen, noise)
+
+    barred, kept = NONE_BARRED, present_of(explanation.chosen)
     # First without rivals, which cost most.
-    while (term := least_above_noise(_left(explanation, plain, kept, noise).judge, plain, kept)) is not None:
+    while (term := least_above_noise(left_by_all(kept).judge, plain, kept)) is not None:
         barred, kept = barred | {term.place}, kept - {term}
     while True:
         chosen = frozenset(term for term in explanation.chosen if term.place not in barred)
-        shown = shown_effects(explanation.search, plain, chosen, noise, barred)
-        left = _left(explanation, plain, shown.chosen, noise)
+        shown = shown_effects(explanation.search, plain, chosen, present_of, barred)
+        left = left_by_all(shown.chosen)
         term = least_above_noise(left.judge, plain, shown.chosen)
         # A simpler case of another law may come to a place that is barred.
         if term is None or term.place in barred:

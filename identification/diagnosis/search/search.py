@@ -273,6 +273,8 @@ def claimed(search: Search, chosen: frozenset[Term], without: frozenset[Term]) -
     # In sample a gain can only be larger, unless chance has made the few held-out blocks agree.
     held_out = plain.total - rich.total
     gain = min(held_out, plain.objective - rich.objective)
+    if gain <= search.threshold.of(*(chosen - without)):
+        return False
     gains = plain.loss - rich.loss
     extra = search.price_of(chosen) - search.price_of(without)
     by_row = row_losses(search.problem, plain)[1] - row_losses(search.problem, rich)[1]
