@@ -39,6 +39,9 @@ from phantom_dyn.random_streams import random_stream
 
 Array = np.ndarray
 
+# Sets of effects of which each names another one as its leader, before that with the least doubt is shown.
+_MOST_LEADERS = 8
+
 
 @dataclass(frozen=True)
 class Shown:
@@ -94,15 +97,16 @@ def shown_effects(
         barred: Effects and joints that are no rivals.
     """
     outdone: set[Place] = set()
-    shown = []
-    again = (plain, with_wide_tolerances(search))
+    shown: list[Shown] = []
+    again, retried = (plain, with_wide_tolerances(search)), False
     while True:
         present = present_of(chosen)
         kept, settled, fitted, simple = distinct(search, plain, present, chosen)
         barred = barred | simple
         uncertain = frozenset(term for term in present & settled if term.named and term not in kept)
-        instead = _instead_of(plain, uncertain, kept, barred)
+        instead = frozenset() if retried else _instead_of(plain, uncertain, kept, barred)
         if instead:
+            retried = True
             chosen, barred = (settled - uncertain) | instead, barred | {term.place for term in uncertain}
             continue
         standings = {term: stand(search, settled, term, barred, again) for term in ordered(kept) if term.named}
@@ -111,7 +115,7 @@ def shown_effects(
         if not ways:
             return shown[-1]
         instead = _together(settled, ways, outdone)
-        if instead == settled:
+        if instead == settled or len(shown) == _MOST_LEADERS:
             least = min(shown, key=lambda one: max(map(_outdone, one.standings.values()), default=0.0))
             return replace(least, standings={term: _evened(one) for term, one in least.standings.items()})
         outdone.update(term.place for term in settled - instead)

@@ -9,7 +9,14 @@ import pytest
 
 from identification.diagnosis import decision_rules as rules
 from identification.diagnosis.fit.gap import held_out_torque, residual_after, sums
-from identification.diagnosis.judge.findings import _range, _sized, findings_without, remarks, shown_effects
+from identification.diagnosis.judge.findings import (
+    _range,
+    _sized,
+    findings_without,
+    present_effects,
+    remarks,
+    shown_effects,
+)
 from identification.diagnosis.judge.judged_band import Judge, narrow_search, noise_floor
 from identification.diagnosis.judge.shares import left_by
 from phantom_dyn.effects.effect import Parameter
@@ -23,7 +30,7 @@ def judged(lab, planar2):
     prepared = lab.prepared(planar2, (lab.recording(planar2, motion, torque),))
     plain = narrow_search(prepared.search, prepared.noise)
     chosen = frozenset([prepared.term("coulomb_friction", "elbow"), prepared.term("torque_offset", "shoulder")])
-    shown = shown_effects(prepared.search, plain, chosen, prepared.noise)
+    shown = shown_effects(prepared.search, plain, chosen, lambda some: present_effects(plain, some, prepared.noise))
     floor = noise_floor(prepared.session, prepared.columns, prepared.noise)
     judge = Judge(plain.problem, floor, floor)
     return shown, judge, left_by(judge, plain, frozenset())
@@ -95,7 +102,7 @@ def test_a_finding_is_minor_that_closes_little_and_raises_no_joint(judged, monke
 def test_without_a_gap_nothing_is_shown(judged):
     shown, _, _ = judged
     loud = tuple(1e3 * np.ones_like(part) for part in shown.problem.columns.residual)
-    assert shown_effects(shown.plain, shown.plain, shown.chosen, loud).chosen == frozenset()
+    assert present_effects(shown.plain, shown.chosen, loud) == frozenset()
 
 
 def test_sizes_of_a_sound_robot_are_not_doubted(judged):
