@@ -1,14 +1,17 @@
 """Does the proposed experiment separate the rivals more often than a random safe motion, and than a D-optimal one?
 
-    python -m benchmarks.next_experiment                  # seeds 0 to 23: ten seconds for each one with rivals
-    python -m benchmarks.next_experiment --seeds 0:6 --out table.json
+    python -m benchmarks.next_experiment                  # own make, seeds 0 to 23
+    python -m benchmarks.next_experiment --make field --seeds 0:60 --most-joints 5 --out field.json
+    DRAKE_FOLDER=.venv-drake python -m benchmarks.next_experiment --make drake --best-of 8
+    python -m benchmarks.next_experiment --read own.json field.json drake.json
 
-Robots, truth within the tolerances, controller and noise are those of the sealed cases (development seeds only), and so
-is the engine: MuJoCo moves the true robot in closed loop. The first recording is a sum of small sines of every joint,
-an ordinary motion that leaves rivals. Where its diagnosis is a set that holds the truth, three second recordings of one
-length are made within the same limits, with the same effect in the robot: the proposed one, with the known mass that it
-may ask for; a random one of the kinds that the proposal chooses from; and the motion with the smallest volume of the
-uncertainty of the inertial parameters (D-optimal). Each is diagnosed together with the first one. The rivals are
+A minute or two for each case that leaves rivals, ten seconds for each other one. Cases are development cases of three
+makes, each with its own engine. Own robots, of which MuJoCo moves the true one, record a sum of small sines of every
+joint, an ordinary motion that leaves rivals; robots of the makes field and drake record what the sealed cases of these
+makes record. Where the first diagnosis is a set that holds the truth, three second recordings of one length are made
+within the same limits, with the same effect in the robot and noise drawn anew: the proposed one, with the known mass
+that it may ask for; a random one of the kinds that the proposal chooses from; and the motion with the smallest volume
+of the uncertainty of the inertial parameters (D-optimal). Each is diagnosed together with the first one. The rivals are
 separated if the truth is named and no rival is left beside it; the share of the rivals that are struck off counts them
 singly.
 """
@@ -22,19 +25,28 @@ from pathlib import Path
 
 import numpy as np
 
-from benchmarks.next_experiment_cases import Case, Place, drawn_case, recorded
+from benchmarks.next_experiment_figures import table_of
+from benchmarks.next_experiment_makes import MODULES, Case, Place, cases_of
 from identification.data.changes import Change, KnownPayload
-from identification.data.recording import Recording
+from identification.data.log import Log
 from identification.data.signals import process_all
 from identification.diagnosis.result import Diagnosis
 from identification.excitation.criteria import DOptimality
+from identification.excitation.design_problem import DesignProblem
 from identification.excitation.excite import PlannedRecording, excite
 from identification.excitation.motion_shapes import FourierSeries
-from identification.next_experiment.candidates import candidates, design_of, safe_limits
+from identification.next_experiment.advise import length_of
+from identification.next_experiment.candidates import Candidate, candidates, design_of, safe_limits
 from identification.pipeline import diagnose
+from phantom_dyn.errors import LogError, ParameterError, RobotError
 from phantom_dyn.motion import Motion
 
-CHOICES = ("proposed", "random", "D-optimal")
+# How a note begins that says which rivals no safe motion separates.
+LEFT_OPEN = "No safe motion"
+# Draws of motions before a robot counts as one that no motion of these kinds suits.
+_TRIES = 20
+# Steps per second of a random motion, where no proposal gives them.
+_RATE_HZ = 200.0
 
 
 def asked_mass(say: str) -> KnownPayload | None:
@@ -85,93 +97,94 @@ def struck(before: Diagnosis, after: Diagnosis, truth: Place) -> float:
     return len(rivals - set().union(*left)) / len(rivals) if left else 0.0
 
 
-def motions(case: Case, first: Recording, diagnosis: Diagnosis, seed: int) -> dict[str, Motion]:
+def drawn(design: DesignProblem, duration: float, count: int, rng: np.random.Generator) -> list[Candidate]:
+    """Random motions of the kinds that the proposal chooses from; fewer if hardly any suits the robot."""
+    out: list[Candidate] = []
+    for _ in range(_TRIES):
+        out += candidates(design, duration=duration, count=count - len(out), rng=rng)
+        if len(out) == count:
+            break
+    return out
+
+
+def motions(case: Case, logs: tuple[Log, ...], proposed: Motion, seed: int) -> dict[str, Motion]:
     """The three second motions, of one length and within the same limits."""
-    rate = case.setup.session.rate
-    assert diagnosis.next_motion is not None
-    duration = float(diagnosis.next_motion.t[-1])
-    logs, _ = process_all((first,), case.robot)
+    rate, duration = (len(proposed.t) - 1) / float(proposed.t[-1]), float(proposed.t[-1])
     limits = safe_limits(case.robot, logs)
     rng = np.random.default_rng([seed, 708])
-    drawn = candidates(design_of(case.robot, limits), duration=duration, count=4, rng=rng)
-    one = drawn[int(rng.integers(len(drawn)))]
-    series, criterion = FourierSeries(duration, 5), DOptimality()
+    few = drawn(design_of(case.robot, limits), duration, 4, rng)
+    one = few[int(rng.integers(len(few)))]
     optimal = excite(
-        case.robot, series, limits=limits, criterion=criterion, planned=PlannedRecording(rate), starts=4, seed=seed
+        case.robot,
+        FourierSeries(duration, 5),
+        limits=limits,
+        criterion=DOptimality(),
+        planned=PlannedRecording(rate),
+        starts=4,
+        seed=seed,
     )
-    return {"proposed": diagnosis.next_motion, "random": one.motion(rate), "D-optimal": optimal.motion(rate)}
+    return {"proposed": proposed, "random": one.motion(rate), "D-optimal": optimal.motion(rate)}
 
 
-def decided_by(case: Case, first: Recording, diagnosis: Diagnosis, seed: int, count: int) -> int | None:
-    """Which of several random motions leaves the truth alone, with the noise of two different times; None: no one.
+def decided_by(case: Case, logs: tuple[Log, ...], seed: int, count: int) -> int | None:
+    """Which of several random motions leaves the truth alone, with two noises; None: no one.
 
     The second noise is needed because the best of many motions may owe its success to the first one.
-
-    Args:
-        case: The true robot and its model.
-        first: The ordinary recording.
-        diagnosis: Of that alone, with a proposal.
-        seed: Of the motions.
-        count: How many motions are tried.
     """
-    assert diagnosis.next_motion is not None
-    duration, rate = float(diagnosis.next_motion.t[-1]), case.setup.session.rate
-    limits = safe_limits(case.robot, process_all((first,), case.robot)[0])
-    rng = np.random.default_rng([seed, 709])
-    tried = candidates(design_of(case.robot, limits), duration=duration, count=count, rng=rng)
+    design = design_of(case.robot, safe_limits(case.robot, logs))
+    tried = drawn(design, length_of(logs), count, np.random.default_rng([seed, 709]))
     for k, candidate in enumerate(tried):
-        motion = candidate.motion(rate)
-        if all(leaves_alone(case, first, motion, len(motion.t) // part) for part in (2, 3)):
+        motion = candidate.motion(_RATE_HZ)
+        if all(decides(case, motion, noise) for noise in (2, 3)):
             return k
     return None
 
 
-def leaves_alone(case: Case, first: Recording, motion: Motion, later: int) -> bool:
+def decides(case: Case, motion: Motion, noise: int) -> bool:
     """True if the truth is named without a rival once a motion is recorded as well."""
-    second = recorded(case, np.array(motion.q), later=later)
-    changes = (Change("log.csv"), Change("next.csv"))
-    return second is not None and separated(diagnose(case.robot, (first, second), changes=changes), case.truth)
+    both = together(case, motion, noise)
+    return both is not None and separated(both, case.truth)
 
 
-def measured(seed: int, best_of: int = 0) -> dict | None:
+def together(case: Case, motion: Motion, noise: int, mass: KnownPayload | None = None) -> Diagnosis | None:
+    """The diagnosis of the first recording and one along a motion; None if the robot does not follow that."""
+    second = case.again(motion, noise, mass)
+    changes = () if mass is None else (Change(case.first.file), Change("next", mass))
+    return None if second is None else diagnose(case.robot, (case.first, second), changes=changes)
+
+
+def measured(make: str, seed: int, best_of: int = 0, most_joints: int | None = None) -> dict | None:
     """What each second recording does for the case of a seed; None where there is nothing to separate.
 
     Args:
+        make: Of the case.
         seed: Of the case.
         best_of: Random motions that are tried where the proposed one does not decide.
+        most_joints: Robots with more are left out; None: none is.
     """
-    case = drawn_case(seed)
-    first = recorded(case, case.setup.session.reference)
-    if first is None:
+    case = cases_of(make)(seed)
+    if case is None or (most_joints is not None and case.robot.nv > most_joints):
         return None
-    diagnosis = diagnose(case.robot, (first,))
-    entry = {"seed": seed, "robot": case.setup.owner.name, "truth": case.truth}
+    diagnosis = diagnose(case.robot, (case.first,))
     if not in_set(diagnosis, case.truth):
         return None
-    experiment = diagnosis.next_experiment
-    if experiment is None:
-        return {**entry, "proposed": None, "say": " ".join(diagnosis.notes[-1:])}
-    asked = asked_mass(experiment["say"])
-    out = {
-        **entry,
-        "expected": experiment["expected_power"],
-        "say": experiment["say"],
-        "told": {},
-        "sure": {},
-        "struck": {},
-    }
-    out["told"]["first"] = said(diagnosis)
-    for name, motion in motions(case, first, diagnosis, seed).items():
-        mass = asked if name == "proposed" else None
-        second = recorded(case, np.array(motion.q), later=len(motion.t) // 2, payload=mass)
-        changes = (Change("log.csv"), Change("next.csv", mass))
-        both = None if second is None else diagnose(case.robot, (first, second), changes=changes)
-        out[name] = both is not None and separated(both, case.truth)
-        out["sure"][name] = 0.0 if both is None else sure(both, case.truth)
-        out["struck"][name] = 0.0 if both is None else struck(diagnosis, both, case.truth)
-        out["told"][name] = said(both)
+    out = {"make": make, "seed": seed, "robot": case.name, "truth": case.truth, "told": {"first": said(diagnosis)}}
+    logs, _ = process_all((case.first,), case.robot)
+    experiment, proposed = diagnosis.next_experiment, diagnosis.next_motion
+    if experiment is None or proposed is None:
+        out |= {"proposed": None, "say": " ".join(diagnosis.notes[-1:])}
+    else:
+        out |= {"expected": experiment["expected_power"], "say": experiment["say"], "sure": {}, "struck": {}}
+        out["left"] = any(note.startswith(LEFT_OPEN) for note in diagnosis.notes)
+        for name, motion in motions(case, logs, proposed, seed).items():
+            mass = asked_mass(experiment["say"]) if name == "proposed" else None
+            both = together(case, motion, 1, mass)
+            out[name] = both is not None and separated(both, case.truth)
+            out["sure"][name] = 0.0 if both is None else sure(both, case.truth)
+            out["struck"][name] = 0.0 if both is None else struck(diagnosis, both, case.truth)
+            out["told"][name] = said(both)
     if best_of and not out["proposed"]:
-        out["any"] = decided_by(case, first, diagnosis, seed, best_of)
+        out["any"] = decided_by(case, logs, seed, best_of)
     return out
 
 
@@ -187,40 +200,48 @@ def said(diagnosis: Diagnosis | None) -> list:
 def main() -> None:
     """Measure and print."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--make", default="own", choices=tuple(MODULES), help="whose cases")
     parser.add_argument("--seeds", default="0:24", help="FIRST:END, below 1000")
+    parser.add_argument("--most-joints", type=int, help="leave out robots with more, whose diagnosis takes long")
+    parser.add_argument("--cases", type=int, help="stop at this many cases with rivals")
     parser.add_argument("--out", type=Path, help="write what was measured as JSON")
     parser.add_argument(
         "--best-of", type=int, default=0, metavar="N", help="try N random motions where the proposal fails"
     )
+    parser.add_argument("--read", type=Path, nargs="+", help="print the table of files that --out has written")
     given = parser.parse_args()
+    if given.read:
+        print(table_of_files(given.read))
+        return
     start, end = (int(x) for x in given.seeds.split(":"))
     if not 0 <= start < end <= 1000:
         parser.error(f"--seeds {given.seeds}: give FIRST:END with 0 <= FIRST < END <= 1000")
-    rows = []
+    rows, opened = [], 0
     for seed in range(start, end):
-        row = measured(seed, given.best_of)
+        try:
+            row = measured(given.make, seed, given.best_of, given.most_joints)
+        except (RobotError, ParameterError, LogError) as error:
+            row = None
+            print(f"seed {seed}: {error}", flush=True)
+        opened += 1
         if row is not None:
             rows.append(row)
             print(json.dumps(row), flush=True)
-            if given.out:
-                given.out.write_text(json.dumps(rows, indent=1))
-    asked = [row for row in rows if row["proposed"] is not None]
-    tried = [row for row in asked if "any" in row]
-    if tried:
-        some = sum(row["any"] is not None for row in tried)
-        print(f"Where the proposed motion does not decide, one of {given.best_of} does in {some} of {len(tried)}.")
-    loaded = sum(asked_mass(row["say"]) is not None for row in asked)
-    print(
-        f"{len(rows)} cases of {end - start} leave a set that holds the truth; a motion is proposed for {len(asked)}, "
-        f"with a known mass for {loaded}; separation was expected of {sum(row['expected'] for row in asked):.1f}."
-    )
-    for name in CHOICES if asked else ():
-        count = sum(row[name] for row in asked)
-        rivals, sure = (100 * np.mean([row[key][name] for row in asked]) for key in ("struck", "sure"))
-        print(
-            f"{name:>10}: the truth alone in {count} of {len(asked)} ({100 * count / len(asked):.0f} %), "
-            f"{rivals:.0f} % of the rivals struck off, probability of the truth {sure:.0f} %"
-        )
+        if given.out:
+            kept = {"make": given.make, "opened": opened, "best_of": given.best_of, "rows": rows}
+            given.out.write_text(json.dumps(kept, indent=1))
+        if given.cases is not None and len(rows) == given.cases:
+            break
+    print(table_of(rows, {given.make: opened}, given.best_of))
+
+
+def table_of_files(files: list[Path]) -> str:
+    """The table of several runs, of one make or several."""
+    runs = [json.loads(file.read_text()) for file in files]
+    opened = dict.fromkeys((run["make"] for run in runs), 0)
+    for run in runs:
+        opened[run["make"]] += run["opened"]
+    return table_of([row for run in runs for row in run["rows"]], opened, max(run["best_of"] for run in runs))
 
 
 if __name__ == "__main__":

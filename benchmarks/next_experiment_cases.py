@@ -7,6 +7,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
+from scipy.interpolate import CubicSpline
 
 from benchmarks.blind.generator.effects import WHOLE, Effect, joint_name
 from benchmarks.blind.generator.files import robot_yaml, urdf_text
@@ -15,10 +16,12 @@ from benchmarks.blind.generator.reference import AMPLITUDES, fourier
 from benchmarks.blind.generator.robots import Table
 from benchmarks.blind.generator.setup import Setup, draw_setup, logged_torque, run_of, tracks
 from benchmarks.blind.generator.simulate import feedforward
+from benchmarks.fresh_noise import fresh_noise
+from benchmarks.next_experiment_makes import Case
 from identification.data.changes import KnownPayload
 from identification.data.recording import Recording
 from phantom_dyn.model.loading import load_robot
-from phantom_dyn.model.robot import Robot
+from phantom_dyn.motion import Motion
 
 ROBOTS = ("pendulum", "planar2", "spatial3")
 EFFECTS = (
@@ -38,22 +41,6 @@ EFFECTS = (
 SECONDS = 10.0
 SMALL = (0.08, 0.2)  # swings of the first recording, of those of the sealed cases
 SIZE = (0.03, 0.15)  # of an effect, as a share of the torque of the motion; noise has 0.01 to 0.03
-
-Place = tuple[str, str | None]
-
-
-@dataclass(frozen=True)
-class Case:
-    """A true robot with an effect, and the model of it."""
-
-    setup: Setup
-    effect: Effect
-    robot: Robot
-
-    @property
-    def truth(self) -> Place:
-        """What a diagnosis has to name."""
-        return self.effect.effect, joint_name(self.effect, self.setup.owner)
 
 
 def rms_torque(table: Table, reference: np.ndarray, rate: float) -> np.ndarray:
@@ -97,8 +84,8 @@ def drawn_effect(name: str, setup: Setup, rng: np.random.Generator) -> Effect:
     return Effect(name, WHOLE if name == "base_tilt" else joint, parameters)
 
 
-def drawn_case(seed: int) -> Case:
-    """The case of a development seed: its own robot, and effects in turn."""
+def drawn_case(seed: int) -> Case | None:
+    """The case of a development seed: its own robot, and effects in turn; None if it does not follow its reference."""
     # Effects take turns with the seed, robots with the effects and from one round of them to the next.
     setup = draw_setup(seed, kind="single", robot=ROBOTS[(seed + seed // len(EFFECTS)) % len(ROBOTS)])
     rng = np.random.default_rng([seed, 707])
@@ -110,7 +97,9 @@ def drawn_case(seed: int) -> Case:
     reference = np.stack(columns, axis=1) + posture
     # Noise has its share of the torque of this motion, not of the larger one that it was drawn for.
     large, small = (rms_torque(table, q, setup.session.rate) for q in (setup.session.reference, reference))
-    setup = recording_of(setup, reference, 0)
+    rows = slice(len(reference))
+    session = replace(setup.session, reference=reference, dither=setup.session.dither[rows])
+    setup = replace(setup, session=replace(session, disturbance=session.disturbance[rows]))
     setup = replace(setup, session=replace(setup.session, disturbance=setup.session.disturbance * small / large))
     effect = drawn_effect(EFFECTS[seed % len(EFFECTS)], setup, rng)
     yaml = robot_yaml(
@@ -122,35 +111,45 @@ def drawn_case(seed: int) -> Case:
     with tempfile.TemporaryDirectory() as folder:
         (Path(folder) / "robot.urdf").write_text(urdf_text(table))
         (Path(folder) / "robot.yaml").write_text(yaml)
-        return Case(setup, effect, load_robot(str(Path(folder) / "robot.urdf")))
+        robot = load_robot(str(Path(folder) / "robot.urdf"))
+    first = recorded(setup, (effect,), "log.csv")
+    truth = (effect.effect, joint_name(effect, table))
+    return None if first is None else Case(table.name, robot, truth, first, Repeated(seed, setup, effect))
 
 
-def recording_of(setup: Setup, reference: np.ndarray, later: int) -> Setup:
-    """The setup along another reference, with the disturbance of another time."""
-    session = setup.session
-    rows = (np.arange(len(reference)) + later) % len(session.disturbance)
-    mirrored = -1.0 if later else 1.0
-    return replace(
-        setup,
-        session=replace(
-            session,
-            reference=reference,
-            disturbance=mirrored * session.disturbance[rows],
-            dither=mirrored * session.dither[rows],
-        ),
-    )
+@dataclass(frozen=True)
+class Repeated:
+    """Records the robot of a case along other motions, with its own controller, drives and encoders.
+
+    Attributes:
+        seed: Of the case.
+        setup: All but the effect.
+        effect: What the model does not have.
+    """
+
+    seed: int
+    setup: Setup
+    effect: Effect
+
+    def __call__(self, motion: Motion, noise: int, payload: KnownPayload | None = None) -> Recording | None:
+        """See `Again`."""
+        rng, session = np.random.default_rng([self.seed, 712, noise]), self.setup.session
+        t = np.arange(round(float(motion.t[-1]) * session.rate) + 1) / session.rate
+        reference = CubicSpline(motion.t, motion.q, bc_type="clamped")(np.clip(t, 0.0, motion.t[-1]))
+        disturbance = fresh_noise(session.disturbance, len(t), rng)
+        dither = session.dither.std() * rng.standard_normal(reference.shape)
+        session = replace(session, reference=reference, disturbance=disturbance, dither=dither)
+        effects = (self.effect, *(() if payload is None else (carried(payload, self.setup),)))
+        return recorded(replace(self.setup, session=session), effects, "next.csv")
 
 
-def recorded(
-    case: Case, reference: np.ndarray, later: int = 0, payload: KnownPayload | None = None
-) -> Recording | None:
-    """What a recording along a reference holds; None if the robot does not follow it."""
-    setup = recording_of(case.setup, reference, later)
-    run = run_of(setup, case.effect, *(() if payload is None else (carried(payload, setup),)))
+def recorded(setup: Setup, effects: tuple[Effect, ...], file: str) -> Recording | None:
+    """What a recording of a setup with effects holds; None if the robot does not follow it."""
+    run = run_of(setup, *effects)
     if not tracks(run, setup):
         return None
     torque = logged_torque(run, setup.torque_hold)
-    return Recording("next.csv" if later else "log.csv", case.robot.joint_names, run.t, run.measured, torque)
+    return Recording(file, setup.owner.joints, run.t, run.measured, torque)
 
 
 def carried(payload: KnownPayload, setup: Setup) -> Effect:

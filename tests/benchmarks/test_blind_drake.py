@@ -48,6 +48,14 @@ def test_a_pendulum_obeys_its_equation_of_motion():
     assert Plant(PENDULUM).torque(q, v, a) == pytest.approx(by_hand, abs=1e-12)
 
 
+def test_a_mass_that_is_carried_beside_a_payload_weighs_as_well():
+    """m g r sin q of each of the two, at rest."""
+    loaded = replace(PENDULUM, payload=(1.0, (0.0, 0.0, -0.2)), carried=(0.5, (0.0, 0.0, -0.4)))
+    q, still = np.array([[0.7]]), np.zeros((1, 1))
+    more = Plant(loaded).torque(q, still, still) - Plant(PENDULUM).torque(q, still, still)
+    assert more[0, 0] == pytest.approx(9.81 * (1.0 * 0.2 + 0.5 * 0.4) * np.sin(0.7), rel=1e-9)
+
+
 def test_a_pendulum_swings_with_its_period():
     """Small swings: 2 pi sqrt((I + m c^2) / (m g c))."""
     run = _released(PENDULUM, np.array([0.02]), 6.0)

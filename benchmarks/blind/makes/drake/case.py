@@ -130,6 +130,11 @@ def _packed(seed: int, kind: str, measure: Ruler, run: Run, figures: dict) -> Ca
     return Case(name, urdf(setup.given), yaml(setup.given, setup.tolerance), setup.given.joints, _log(run), answer)
 
 
+def _found(seed: int, kind: str, attempt: int, measure: Ruler, shop: Workshop) -> Found | None:
+    rng = np.random.default_rng([0xEFFEC7, seed, KINDS.index(kind), attempt])
+    return drawn_pair(rng, seed, measure, shop) if kind == "pair" else drawn_single(rng, seed, kind, measure, shop)
+
+
 def _attempt(seed: int, kind: str, attempt: int) -> Case | None:
     quiet = quiet_setup(seed, KINDS.index(kind), attempt)
     if quiet is None:
@@ -137,15 +142,30 @@ def _attempt(seed: int, kind: str, attempt: int) -> Case | None:
     measure, base = quiet
     if kind == "null":
         return _packed(seed, kind, measure, base, _empty(measure, None))
-    rng = np.random.default_rng([0xEFFEC7, seed, KINDS.index(kind), attempt])
     shop = Workshop(measure)
-    found = drawn_pair(rng, seed, measure, shop) if kind == "pair" else drawn_single(rng, seed, kind, measure, shop)
+    found = _found(seed, kind, attempt, measure, shop)
     if found is None:
         return None
     if found.no_trace:
         drawn_as = {"kind": kind, "effects": [e.name for e in found.effects], "paired_gap": size_of(found.change)}
         return _packed(seed, kind, measure, base, _empty(measure, drawn_as))
     return _packed(seed, kind, measure, found.run, _figures(found, shop))
+
+
+def draw_open(seed: int) -> tuple[Case, Ruler, Found] | None:
+    """A single case with all that it hides, for another recording of the same robot; None if it is a null."""
+    for attempt in range(ATTEMPTS):
+        with suppress(FloatingPointError):
+            quiet = quiet_setup(seed, KINDS.index("single"), attempt)
+            if quiet is None:
+                continue
+            measure, shop = quiet[0], Workshop(quiet[0])
+            found = _found(seed, "single", attempt, measure, shop)
+            if found is not None and found.no_trace:
+                return None
+            if found is not None:
+                return _packed(seed, "single", measure, found.run, _figures(found, shop)), measure, found
+    return None
 
 
 def draw_case(seed: int, kind: str = "mixed") -> Case:

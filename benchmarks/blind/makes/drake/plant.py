@@ -22,11 +22,11 @@ class Plant:
         drake("multibody.parsing").Parser(plant).AddModelsFromString(urdf(robot, friction=False), "urdf")
         plant.WeldFrames(plant.world_frame(), plant.GetFrameByName("base"))
         last = plant.GetBodyByName(f"{robot.parts[-1].joint}_part")
-        if robot.payload is not None:
-            mass, place = robot.payload
+        loads = {"payload": robot.payload, "carried": robot.carried}
+        for name, (mass, place) in ((name, load) for name, load in loads.items() if load is not None):
             tree = drake("multibody.tree")
             point = tree.SpatialInertia(mass, np.zeros(3), tree.UnitInertia.SolidSphere(1e-4))
-            load = plant.AddRigidBody("payload", plant.GetModelInstanceByName(robot.kind), point)
+            load = plant.AddRigidBody(name, plant.GetModelInstanceByName(robot.kind), point)
             pose = drake("math").RigidTransform(np.array(place))
             plant.WeldFrames(last.body_frame(), load.body_frame(), pose)
         plant.mutable_gravity_field().set_gravity_vector(np.array(robot.gravity))

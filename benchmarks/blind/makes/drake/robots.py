@@ -59,12 +59,13 @@ class Part:
 
 @dataclass(frozen=True)
 class Robot:
-    """A chain of parts; ``payload`` is a point mass and its place in the last joint's frame."""
+    """A chain of parts; ``payload`` is a point mass and its place in the last joint's frame, ``carried`` another."""
 
     kind: str
     parts: tuple[Part, ...]
     gravity: tuple[float, float, float] = (0.0, 0.0, -9.81)
     payload: tuple[float, tuple[float, float, float]] | None = None
+    carried: tuple[float, tuple[float, float, float]] | None = None
 
     @property
     def joints(self) -> tuple[str, ...]:

@@ -58,6 +58,14 @@ def _fine(rng: np.random.Generator, robot: Robot) -> Fine:
     )
 
 
+def feedforward(given: Robot, plant: Plant, motion: motions.Motion) -> np.ndarray:
+    """Torque of the given model for a motion [N m], shape ``(N, n)``; ``plant`` is its links in Drake."""
+    dry, wet, rotor = (given.array(name) for name in ("dry", "wet", "rotor"))
+    # Friction of the wanted speed, rounded off where the speed is nearly nothing.
+    torque = plant.torque(motion.q, motion.v, motion.a) + rotor * motion.a + wet * motion.v
+    return torque + dry * np.tanh(motion.v / (0.02 * given.array("speed")))
+
+
 def drawn_setup(seed: int, kind: int, attempt: int) -> Setup:
     """A pure function of its numbers. Robots take turns with the seed."""
     rng = np.random.default_rng([0xD8A6E, seed, kind, attempt])
@@ -73,17 +81,14 @@ def drawn_setup(seed: int, kind: int, attempt: int) -> Setup:
     moved = np.diag(mass)
     given = with_drives(rng, given, moved, np.sqrt((rigid**2).mean(axis=0)))
     truth = true_robot(rng, given, Tolerance(), even=bool(rng.random() < 0.25))
-    dry, wet, rotor = (given.array(name) for name in ("dry", "wet", "rotor"))
-    # Friction of the wanted speed, rounded off where the speed is nearly nothing.
-    feedforward = plant.torque(motion.q, motion.v, motion.a) + rotor * motion.a + wet * motion.v
-    feedforward += dry * np.tanh(motion.v / (0.02 * given.array("speed")))
+    known = feedforward(given, plant, motion)
     # What one joint feels with all others free: gains for more than that would shake a long arm.
-    inertia = 1.0 / np.diag(np.linalg.inv(mass + np.diag(rotor)))
+    inertia = 1.0 / np.diag(np.linalg.inv(mass + np.diag(given.array("rotor"))))
     bandwidth = 2.0 * np.pi * rng.uniform(3.0, 7.0)
-    level = rng.uniform(0.005, 0.03) * np.sqrt((feedforward**2).mean(axis=0))
+    level = rng.uniform(0.005, 0.03) * np.sqrt((known**2).mean(axis=0))
     session = Session(
         motion=motion,
-        feedforward=feedforward,
+        feedforward=known,
         stiffness=inertia * bandwidth**2,
         damping=2.0 * rng.uniform(0.5, 0.9) * inertia * bandwidth,
         noise=coloured(rng, motion.t, level, rate),

@@ -70,7 +70,7 @@ def follows(run: Run, setup: Setup) -> bool:
     return bool(far.max() < 0.25 and fast.max() < 2.0)
 
 
-def _run(setup: Setup, changes: list[tuple[Effect, float]]) -> Run | None:
+def run_with(setup: Setup, changes: list[tuple[Effect, float]]) -> Run | None:
     """A run with these effects; None where the robot does not keep to its reference."""
     robot: Robot = setup.truth
     of: Departures = none(len(robot.parts))
@@ -87,7 +87,7 @@ def quiet_setup(seed: int, kind: int, attempt: int) -> tuple[Ruler, Run] | None:
     """A session whose null is one: bristles and current loops made finer until they leave as little as they may."""
     setup = drawn_setup(seed, kind, attempt)
     for _ in range(4):
-        run = _run(setup, [])
+        run = run_with(setup, [])
         if run is None:
             return None
         measure = ruler(setup, run)
@@ -105,7 +105,7 @@ def _sought(effect: Effect, wanted: float, measure: Ruler) -> tuple[float, Run, 
     best: tuple[float, float, Run, np.ndarray] | None = None
     s, tried = min(effect.start * wanted, effect.most), []
     for _ in range(TRIES):
-        run = _run(measure.setup, [(effect, s)])
+        run = run_with(measure.setup, [(effect, s)])
         if run is None:
             # More than the robot can be moved with.
             s *= 0.5
@@ -129,12 +129,9 @@ def _size(rng: np.random.Generator, low: float = SIZES[0]) -> float:
     return float(np.exp(rng.uniform(np.log(low), np.log(SIZES[1]))))
 
 
-def _hidden(change: np.ndarray, shop: Workshop, columns: Columns) -> bool:
-    return size_of(change) < NO_TRACE or beyond_tolerance(change, shop, columns) < NO_TRACE
-
-
-def _enough(change: np.ndarray, shop: Workshop, columns: Columns) -> bool:
-    return enough_beyond(size_of(change), beyond_tolerance(change, shop, columns))
+def _sizes(change: np.ndarray, shop: Workshop, columns: Columns) -> tuple[float, float]:
+    """What a change is to the torque, and what of that the tolerances cannot explain [noise floors]."""
+    return size_of(change), beyond_tolerance(change, shop, columns)
 
 
 def drawn_single(rng: np.random.Generator, seed: int, kind: str, measure: Ruler, shop: Workshop) -> Found | None:
@@ -146,14 +143,17 @@ def drawn_single(rng: np.random.Generator, seed: int, kind: str, measure: Ruler,
         return None
     wanted, columns = _size(rng), tolerance_columns(shop)
     found = _sought(effect, wanted, measure)
-    if found is not None and _hidden(found[2], shop, columns) and wanted * 4.0 <= SIZES[1]:
-        wanted *= 4.0
-        found = _sought(effect, wanted, measure) or found
     if found is None:
         return None
+    sizes = _sizes(found[2], shop, columns)
+    if min(sizes) < NO_TRACE and wanted * 4.0 <= SIZES[1]:
+        wanted *= 4.0
+        larger = _sought(effect, wanted, measure)
+        if larger is not None:
+            found, sizes = larger, _sizes(larger[2], shop, columns)
     magnitude, run, change = found
-    no_trace = _hidden(change, shop, columns)
-    if not no_trace and not outside and not _enough(change, shop, columns):
+    no_trace = min(sizes) < NO_TRACE
+    if not no_trace and not outside and not enough_beyond(*sizes):
         return None
     return Found((effect,), (magnitude,), run, change, (change,), wanted, outside, no_trace)
 
@@ -175,13 +175,13 @@ def drawn_pair(rng: np.random.Generator, seed: int, measure: Ruler, shop: Worksh
     if len(found) < 2:
         return None
     both = [(e, one[0]) for e, one in zip(effects, found, strict=True) if e is not None]
-    run = _run(measure.setup, both)
+    run = run_with(measure.setup, both)
     if run is None:
         return None
     change = measure.change(run)
     own = (change - found[1][2], change - found[0][2])
     columns = tolerance_columns(shop)
-    if any(size_of(x) < VISIBLE or not _enough(x, shop, columns) for x in own) or _share(*own) > APART:
+    if any(size_of(x) < VISIBLE or not enough_beyond(*_sizes(x, shop, columns)) for x in own) or _share(*own) > APART:
         return None
     magnitudes = tuple(one[0] for one in found)
     return Found(tuple(e for e, _ in both), magnitudes, run, change, own, wanted)

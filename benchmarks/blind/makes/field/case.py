@@ -43,11 +43,15 @@ FRICTION = (
 
 @dataclass(frozen=True)
 class Setting:
-    """Robot, motion, noise and log that every run of a case shares, and its run without any effect."""
+    """Robot, motion, noise and log that every run of a case shares, and its run without any effect.
+
+    ``known`` is what the controller knows of the model, see `feedforward`.
+    """
 
     robot: Robot
     motion: str
     task: Task
+    known: bool | None
     world: World
     recorder: Recorder
     scale: Scale
@@ -65,16 +69,26 @@ def _inertia(robot: Robot) -> Array:
     return np.diag(big) + robot.rotor
 
 
-def _task(robot: Robot, ref: Array, inertia: Array, rng: Rng) -> Task:
-    """Reference, gains of some hertz, and what the controller knows of the model."""
+def feedforward(robot: Robot, ref: Array, known: bool | None) -> tuple[Array, Array]:
+    """Speed of a reference and the torque that the controller adds, each of shape ``(K, n)``.
+
+    Args:
+        robot: With its given model.
+        ref: Reference at every step.
+        known: The controller knows the whole model, or gravity alone; None: nothing of it.
+    """
     speed = np.gradient(ref, STEP, axis=0)
+    if known is None:
+        return speed, np.zeros_like(ref)
     push = np.gradient(speed, STEP, axis=0)
-    feed = np.zeros_like(ref)
-    if robot.kind.feedforward:
-        known = rng.random() < 0.7
-        feed = link_torque(robot.given, ref, speed * known, push * known) + robot.rotor * push * known
-        rubs = robot.coulomb * np.tanh(speed / (0.03 * robot.each("speed"))) + robot.viscous * speed
-        feed += rubs * known
+    feed = link_torque(robot.given, ref, speed * known, push * known) + robot.rotor * push * known
+    rubs = robot.coulomb * np.tanh(speed / (0.03 * robot.each("speed"))) + robot.viscous * speed
+    return speed, feed + rubs * known
+
+
+def _task(robot: Robot, ref: Array, inertia: Array, known: bool | None, rng: Rng) -> Task:
+    """Reference, gains of some hertz, and what the controller knows of the model."""
+    speed, feed = feedforward(robot, ref, known)
     rate = 2.0 * np.pi * rng.uniform(4.0, 9.0)
     # Stiff enough that friction leaves a few percent of the way.
     rubbing = robot.coulomb + robot.viscous * robot.each("speed")
@@ -97,7 +111,8 @@ def _setting(which: int, rng: Rng, *, command: bool) -> Setting:
     motion, ref = draw_motion(robot, int(rng.integers(100)), rng)
     in_sensor = not command and bool(rng.random() < 0.5)
     inertia = _inertia(robot)
-    task = _task(robot, ref, inertia, rng)
+    known = bool(rng.random() < 0.7) if robot.kind.feedforward else None
+    task = _task(robot, ref, inertia, known, rng)
     # Coarse encoders are stated: what is not stated would be a gap.
     counts = robot.kind.counts if configured else max(robot.kind.counts, 4.0 * FINE)
     quantum = np.where(robot.given.linear, 1e-6, 2.0 * np.pi / counts)
@@ -124,7 +139,9 @@ def _setting(which: int, rng: Rng, *, command: bool) -> Setting:
     floor = gap.noise_floor(robot, moved(world, task), recorder, quantum)
     world = replace(world, plant=plain._replace(static=np.minimum(plain.static, 0.5 * floor)))
     base = moved(world, task)
-    return Setting(robot, motion, task, world, recorder, scale, base, gap.seen(robot, base, recorder), floor, said)
+    return Setting(
+        robot, motion, task, known, world, recorder, scale, base, gap.seen(robot, base, recorder), floor, said
+    )
 
 
 def _usable(run: Run, setting: Setting) -> bool:
@@ -267,11 +284,17 @@ def _null(setting: Setting) -> tuple[dict[str, bytes], dict]:
     return _drawn(setting, setting.world, setting.run, (), None)
 
 
-def _single(setting: Setting, seed: int, rng: Rng) -> tuple[dict[str, bytes], dict] | None:
+def _one(setting: Setting, seed: int, rng: Rng) -> Sized | None:
     effect = _effect(setting, seed, rng)
-    one = effect and _sized(setting, effect, _target(rng), judged=True)
-    if not one:
-        return None
+    return effect and _sized(setting, effect, _target(rng), judged=True)
+
+
+def _single(setting: Setting, seed: int, rng: Rng) -> tuple[dict[str, bytes], dict] | None:
+    one = _one(setting, seed, rng)
+    return one and _single_files(setting, one)
+
+
+def _single_files(setting: Setting, one: Sized) -> tuple[dict[str, bytes], dict]:
     return _drawn(setting, one.effect.put(setting.world, one.size), one.run, ((one, one.trace.gap),), None)
 
 
@@ -335,6 +358,19 @@ def resolved_kind(seed: int, kind: str) -> str:
     return kind
 
 
+def _begun(seed: int, kind: str) -> tuple[Setting, Rng]:
+    rng = np.random.default_rng((20261, STREAMS[kind], seed))
+    command = kind == "pair" or (kind == "single" and EFFECTS[seed % len(EFFECTS)] in OF_COMMANDS)
+    return _setting(seed, rng, command=command), rng
+
+
+def draw_open(seed: int) -> tuple[dict[str, bytes], Setting, Sized] | None:
+    """Files of a single case with all that they hide, for another recording of the same robot; None if it is a null."""
+    setting, rng = _begun(seed, "single")
+    one = _one(setting, seed, rng)
+    return None if one is None else (_single_files(setting, one)[0], setting, one)
+
+
 def draw_case(seed: int, kind: str) -> Case:
     """The case of a seed and a kind; an effect that leaves no trace makes a null of it.
 
@@ -345,9 +381,7 @@ def draw_case(seed: int, kind: str) -> Case:
         ValueError: If there is no such kind.
     """
     kind = resolved_kind(seed, kind)
-    rng = np.random.default_rng((20261, STREAMS[kind], seed))
-    command = kind == "pair" or (kind == "single" and EFFECTS[seed % len(EFFECTS)] in OF_COMMANDS)
-    setting = _setting(seed, rng, command=command)
+    setting, rng = _begun(seed, kind)
     made = MAKERS[kind](setting, seed, rng) if kind in MAKERS else None
     written_files, answer = made or _null(setting)
     head = {"schema": "blind-answer/2", "id": case_id(seed, kind), "seed": seed, "make": "field"}

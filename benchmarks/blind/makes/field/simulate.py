@@ -189,6 +189,8 @@ def _settle(a, inv, rhs, jac, reach, lo, hi, lam, new) -> None:
             for p in range(size):
                 w += jac[c, p] * new[p]
                 weight += jac[c, p] * reach[c, p]
+            if weight <= 0.0:  # a motor that is too heavy to be moved, as one that is sought for a large effect may be
+                continue
             change = min(max(lam[c] - w / weight, lo[c]), hi[c]) - lam[c]
             lam[c] += change
             most = max(most, abs(change * weight))
