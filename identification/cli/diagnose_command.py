@@ -18,8 +18,9 @@ from identification.cli.arguments import (
     one_blas_thread,
     require_files,
 )
-from identification.cli.percentage import DIAGNOSIS
-from identification.cli.progress import Progress
+from identification.cli.terminal.percentage import BATCH, DIAGNOSIS
+from identification.cli.terminal.progress import Progress
+from identification.cli.terminal.stage_times import StageTimes
 from phantom_dyn.errors import UsageError
 
 if TYPE_CHECKING:
@@ -59,6 +60,11 @@ def parser() -> argparse.ArgumentParser:
         help="no torque was recorded: take the one that the controllers in robot.yaml ask for at the q_ref. columns",
     )
     out.add_argument(
+        "--profile",
+        action="store_true",
+        help="print at the end how long each stage took, on the clock and of the processor, and the most memory",
+    )
+    out.add_argument(
         "--each",
         action="store_true",
         help="diagnose every LOG by itself; a LOG may be a folder of them. --out gets a folder for each and the table "
@@ -92,6 +98,10 @@ def _refuse_contradictions(arguments: argparse.Namespace) -> None:
     """
     if arguments.jobs is not None and arguments.jobs < 1:
         raise UsageError(f"--jobs {arguments.jobs} was given, wanted a number of processes from 1 on; leave it out")
+    if arguments.profile and arguments.each:
+        raise UsageError(
+            "--profile was given with --each, whose recordings are diagnosed by several processes: profile one of them"
+        )
     if arguments.motion_only and (arguments.each or arguments.recordings is not None):
         raise UsageError("--motion-only does not go with --each or --recordings; diagnose the recordings one by one")
     if arguments.each and arguments.hold_out:
@@ -116,7 +126,8 @@ def _diagnose_together(arguments: argparse.Namespace, excluded: tuple[tuple[floa
     from phantom_dyn.model.loading import load_robot
 
     check_targets(arguments.out, arguments.json)
-    with Progress("reading", sys.stderr, stages=DIAGNOSIS) as progress:
+    times = StageTimes(DIAGNOSIS) if arguments.profile else None
+    with Progress("reading", sys.stderr, stages=DIAGNOSIS, times=times) as progress:
         robot = load_robot(arguments.robot, config=arguments.robot_config)
         robot = motion_robot(robot) if arguments.motion_only else robot
         known = known_effects(tuple(Path(path) for path in arguments.known), robot)
@@ -128,6 +139,8 @@ def _diagnose_together(arguments: argparse.Namespace, excluded: tuple[tuple[floa
         written = write_outputs(
             diagnosis, robot, out=arguments.out, json_file=arguments.json, known=known, config=arguments.robot_config
         )
+    if times is not None:
+        print(times.table(), file=sys.stderr)
     print(summary(diagnosis))
     for path in written:
         print(f"wrote {path}")
@@ -235,7 +248,7 @@ def _diagnose_each(arguments: argparse.Namespace, excluded: tuple[tuple[float, f
     from phantom_dyn.model.loading import load_robot
 
     check_targets(arguments.out, arguments.json)
-    with Progress("loading", sys.stderr) as progress:
+    with Progress("loading", sys.stderr, stages=BATCH) as progress:
         robot = load_robot(arguments.robot, config=arguments.robot_config)
         result = diagnose_each(
             robot,

@@ -8,7 +8,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from identification.cli.arguments import DONE, Parser, add_robot, one_blas_thread
-from identification.cli.progress import Progress
+from identification.cli.terminal.percentage import EXCITATION
+from identification.cli.terminal.progress import Progress
 from identification.files import require_ending, require_writable
 from phantom_dyn.errors import UsageError
 from phantom_dyn.model.robot_files import find_robot
@@ -99,7 +100,7 @@ def _excite(arguments: argparse.Namespace) -> int:
     from identification.export.log_and_map_files import write_log
     from phantom_dyn.model.loading import load_robot
 
-    with Progress("loading", sys.stderr) as progress:
+    with Progress("loading", sys.stderr, stages=EXCITATION) as progress:
         shapes, criterion = _shapes(arguments), _criterion(arguments.criterion)
         boxes = [_box(text) for text in arguments.box]
         robot = load_robot(arguments.robot, config=arguments.robot_config)
@@ -120,6 +121,7 @@ def _excite(arguments: argparse.Namespace) -> int:
             seed=arguments.seed,
             progress=progress.show,
         )
+        progress.show("writing")
         write_log(arguments.out, result.columns(arguments.rate))
     for note in result.notes:
         print(f"note: {note}")

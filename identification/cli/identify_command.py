@@ -17,7 +17,8 @@ from identification.cli.arguments import (
     one_blas_thread,
     require_files,
 )
-from identification.cli.progress import Progress
+from identification.cli.terminal.percentage import IDENTIFICATION
+from identification.cli.terminal.progress import Progress
 
 if TYPE_CHECKING:
     from identification.data.recording import Recording
@@ -77,7 +78,7 @@ def _identify(arguments: argparse.Namespace, excluded: tuple[tuple[float, float]
     from identification.identify.identify import identify, usable_estimator
     from phantom_dyn.model.loading import load_robot
 
-    with Progress("reading", sys.stderr) as progress:
+    with Progress("reading", sys.stderr, stages=IDENTIFICATION) as progress:
         usable_estimator(arguments.estimator)
         friction = friction_terms([word.strip() for word in arguments.friction.split(",")])
         terms = JointTerms(friction, arguments.rotors)

@@ -10,8 +10,8 @@ import sys
 from typing import Protocol, cast
 
 from identification.cli.arguments import BAD_INPUT, DONE, INTERRUPTED
-from identification.cli.completion import complete
-from identification.cli.interrupts import interruptible
+from identification.cli.terminal.completion import complete
+from identification.cli.terminal.interrupts import interruptible
 from phantom_dyn import __version__
 from phantom_dyn.errors import PhantomDynError, UsageError
 

@@ -8,7 +8,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from identification.cli.arguments import DONE, Parser, add_robot, one_blas_thread
-from identification.cli.progress import Progress
+from identification.cli.terminal.percentage import MAP
+from identification.cli.terminal.progress import Progress
 from identification.files import require_writable_folder
 from phantom_dyn.errors import UsageError, known_names
 from phantom_dyn.libraries import missing_library
@@ -76,7 +77,7 @@ def _map(arguments: argparse.Namespace) -> int:
     from phantom_dyn.maps.operational_map import operational_map
     from phantom_dyn.model.loading import load_robot
 
-    with Progress("loading", sys.stderr) as progress:
+    with Progress("loading", sys.stderr, stages=MAP) as progress:
         robot = load_robot(arguments.robot, config=arguments.robot_config)
         model = map_model(
             robot,
@@ -88,7 +89,7 @@ def _map(arguments: argparse.Namespace) -> int:
         names = [name.strip() for name in arguments.quantity.split(",") if name.strip()]
 
         def done(points: int) -> None:
-            progress.show(f"mapping {points} of {grid.size} points, {100 * points // grid.size} %")
+            progress.show(f"mapping {points} of {grid.size} points")
 
         result = operational_map(model, grid, names, jobs=arguments.jobs, progress=done)
         written = write_map(result, arguments.out, progress=progress.show)

@@ -127,6 +127,19 @@ def test_the_summary_is_short_and_plain(log, pendulum, capsys):
     assert "\x1b" not in text
 
 
+def test_a_profile_names_the_stages_and_leaves_the_answer_alone(log, pendulum, capsys):
+    assert main(["diagnose", str(pendulum), str(log), "--profile"]) == 0
+    said = capsys.readouterr()
+    assert said.out.startswith("The gap between robot and model is explained by Coulomb friction on joint pin.\n")
+    names = [line.split("  ")[0] for line in said.err.splitlines()]
+    assert {"reading", "computing regressors", "estimating the noise", "writing", "all"} <= set(names)
+
+
+def test_a_profile_of_several_processes_is_refused(log, pendulum, capsys):
+    assert main(["diagnose", str(pendulum), str(log), "--each", "--profile"]) == 2
+    assert "profile one of them" in capsys.readouterr().err
+
+
 def test_two_runs_say_the_same(log, pendulum, diagnosed, plain):
     assert diagnosed(pendulum, log) == plain
 

@@ -17,8 +17,8 @@ from numba import njit
 from numba.extending import overload
 
 from identification.cli.main import main
-from identification.cli.percentage import Stage
-from identification.cli.progress import Progress
+from identification.cli.terminal.percentage import Stage
+from identification.cli.terminal.progress import Progress
 from identification.reporting import diagnosis_files as outputs
 from phantom_dyn._kernels.jit import compiles
 
@@ -27,7 +27,7 @@ pytestmark = pytest.mark.whole
 
 def _asked() -> int:
     """Stands for a compiled function whose compilation says what is shown at that moment."""
-    raise NotImplementedError
+    return 0
 
 
 def watched(words: list[str], interrupt_at: bytes | None = None) -> tuple[int, bytes, bytes]:

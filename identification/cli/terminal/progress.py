@@ -8,8 +8,9 @@ from contextlib import ExitStack
 from types import TracebackType
 from typing import TYPE_CHECKING, TextIO
 
-from identification.cli.interrupts import end_if_asked
-from identification.cli.percentage import Percentage, Stage
+from identification.cli.terminal.interrupts import end_if_asked
+from identification.cli.terminal.percentage import Percentage, Stage
+from identification.cli.terminal.stage_times import StageTimes
 
 if TYPE_CHECKING:
     from phantom_dyn._kernels.jit import Compilation
@@ -29,12 +30,19 @@ class Progress:
     """
 
     def __init__(
-        self, words: str, stream: TextIO, *, stages: tuple[Stage, ...] = (), every: float | None = None
+        self,
+        words: str,
+        stream: TextIO,
+        *,
+        stages: tuple[Stage, ...] = (),
+        every: float | None = None,
+        times: StageTimes | None = None,
     ) -> None:
         self._stream, self._words = stream, words
         self._started = time.monotonic()
         self._every = EVERY_S if every is None else every
         self._percentage = Percentage(stages) if stages else None
+        self._times = times
         self._compilation: Compilation | None = None
         self._open = ExitStack()
         self._status = None
@@ -111,6 +119,8 @@ class Progress:
     def _enter_stage(self) -> None:
         if self._percentage is not None:
             self._percentage.enter(self._words)
+        if self._times is not None:
+            self._times.enter(self._words)
 
     def __exit__(
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None

@@ -6,7 +6,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from identification.cli.percentage import DIAGNOSIS, Percentage, Stage
+from identification.cli.terminal.percentage import BATCH, DIAGNOSIS, EXCITATION, IDENTIFICATION, MAP, Percentage, Stage
 
 STAGES = (Stage("reading", 20.0), Stage("searching", 50.0), Stage("writing", 30.0))
 
@@ -34,8 +34,16 @@ def test_a_stage_begins_where_the_shares_of_those_before_it_end(clock):
     assert percentage.now() == pytest.approx(70.0)
 
 
-def test_the_shares_of_a_diagnosis_are_all_of_it():
-    assert sum(stage.share for stage in DIAGNOSIS) == 100.0
+@pytest.mark.parametrize("stages", [DIAGNOSIS, IDENTIFICATION, EXCITATION, MAP, BATCH])
+def test_the_shares_of_a_command_are_all_of_it(stages):
+    assert sum(stage.share for stage in stages) == 100.0
+
+
+@pytest.mark.parametrize(("done", "percent"), [(0, 20.0), (10, 32.5), (40, 70.0)])
+def test_parts_that_are_counted_are_that_share_of_their_stage(clock, done, percent):
+    percentage = Percentage(STAGES, clock)
+    percentage.enter(f"searching {done} of 40 places")
+    assert percentage.now() == pytest.approx(percent)
 
 
 def test_a_stage_that_takes_as_long_as_expected_is_two_thirds_done_then(clock):

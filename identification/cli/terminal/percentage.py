@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import re
 import time
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -33,10 +34,40 @@ DIAGNOSIS = (
     Stage("choosing what to record next", 5.0),
     Stage("writing", 26.0),
 )
-"""Stages of ``phantom-dyn diagnose``. Shares are rounded means over eight recordings of one to seven joints, which took
-3 to 93 s each with their reports. On these what is shown is 3 to 19 points beside the time that has passed (root mean
-square of a run), at most 33: rivals take from a twentieth to two fifths of a run."""
+"""Stages of ``phantom-dyn diagnose``. Shares are rounded means over recordings of one to seven joints; on any one
+of them what is shown may be many points beside the time that has passed, as rivals take a small part or a large one
+(`python benchmarks/stage_shares.py` measures both)."""
 
+IDENTIFICATION = (
+    Stage("reading", 25.0),
+    Stage("filtering", 5.0),
+    Stage("looking for what cannot be identified", 8.0),
+    Stage("estimating", 10.0),
+    Stage("predicting held-out samples", 4.0),
+    Stage("choosing possible inertias", 8.0),
+    Stage("writing and loading models", 10.0),
+    Stage("writing", 30.0),
+)
+"""Stages of ``phantom-dyn identify``. A short run takes most of its time to load libraries, a long one to estimate; so
+of the next two."""
+
+EXCITATION = (
+    Stage("loading", 20.0),
+    Stage("looking for postures", 2.0),
+    Stage("trying random motions", 18.0),
+    Stage("round", 58.0),
+    Stage("writing", 2.0),
+)
+"""Stages of ``phantom-dyn excite``."""
+
+MAP = (Stage("loading", 15.0), Stage("mapping", 35.0), Stage("writing", 30.0), Stage("drawing", 20.0))
+"""Stages of ``phantom-dyn map``."""
+
+BATCH = (Stage("loading", 1.0), Stage("diagnos", 98.0), Stage("writing", 1.0))
+"""Stages of ``phantom-dyn diagnose`` with a table of recordings."""
+
+_COUNTED = re.compile(r"(\d+) of (\d+)")
+"""In an announcement: how many parts of a stage are done, of how many."""
 _ROUND = 1 / 3
 """Part of what is left of a stage that one more round of it is worth: how many there will be nobody knows."""
 _LEAST_S = 0.5
@@ -49,8 +80,9 @@ _LAST = 99.0
 class Percentage:
     """Part of a run that is done [%]: never falls, is 100 at the end alone.
 
-    Within a stage it nears the end of that stage, as fast as the run has been up to there: what takes longer than usual
-    makes it slow, never wrong by more than the stage.
+    Where an announcement counts, as in ``mapping 20 of 80 points``, that is the part of its stage that is done.
+    Within a stage it nears the end of that stage, as fast as the run has been up to there: what takes longer than
+    usual makes it slow, never wrong by more than the stage.
     """
 
     def __init__(self, stages: tuple[Stage, ...], clock: Callable[[], float] = time.monotonic):
@@ -66,12 +98,14 @@ class Percentage:
         found = next((k for k, stage in enumerate(self._stages) if words.startswith(stage.words)), -1)
         if found < max(self._at, 0):
             return
-        now = self.now()
-        if found == self._at:
+        now, counted = self.now(), _COUNTED.search(words)
+        if found == self._at and not counted:
             now = max(now, self._low + _ROUND * (self._high - self._low))
         else:
             self._at, begin = found, sum(stage.share for stage in self._stages[:found])
-            now, self._high = max(now, begin), begin + self._stages[found].share
+            done, parts = map(int, counted.groups()) if counted else (0, 1)
+            now = max(now, begin + min(done / max(parts, 1), 1.0) * self._stages[found].share)
+            self._high = begin + self._stages[found].share
         elapsed = self._clock() - self._started
         self._low, self._since = now, self._clock()
         self._expected = max(_LEAST_S, elapsed * (self._high - now) / now if now > 0 else 0.0)

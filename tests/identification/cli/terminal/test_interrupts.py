@@ -10,8 +10,8 @@ import threading
 
 import pytest
 
-from identification.cli.interrupts import Interrupted, end_if_asked, interruptible
-from identification.cli.progress import Progress
+from identification.cli.terminal.interrupts import Interrupted, end_if_asked, interruptible
+from identification.cli.terminal.progress import Progress
 
 # Python remembers a plain KeyboardInterrupt that leaves a string given to exec, and kills the process at its end.
 WITHIN_EXEC = """

@@ -8,8 +8,8 @@ import sys
 
 import pytest
 
-from identification.cli.completion import every_command
 from identification.cli.main import COMMANDS, main
+from identification.cli.terminal.completion import every_command
 
 
 @pytest.mark.parametrize(

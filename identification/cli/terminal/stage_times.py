@@ -1,0 +1,80 @@
+"""Where the time of a run goes: seconds on the clock and of the processor by stage, as ``--profile`` prints them."""
+
+from __future__ import annotations
+
+import sys
+import time
+from collections.abc import Callable
+from dataclasses import dataclass
+from itertools import pairwise
+
+from identification.cli.terminal.percentage import Stage
+
+_BEFORE = "starting and loading"
+"""What a process does before its command: the clock of that time is not known, that of the processor is."""
+
+
+@dataclass(frozen=True)
+class Mark:
+    """When a stage was announced.
+
+    Attributes:
+        words: Of the announcement.
+        clock: Of a clock that runs on [s].
+        busy: Processor time of this process until then [s], of all its threads.
+    """
+
+    words: str
+    clock: float
+    busy: float
+
+
+class StageTimes:
+    """Takes down when the stages of a run are announced.
+
+    Args:
+        stages: What announcements begin with; one that begins with none of them has a row of its own.
+        now: Gives clock and processor time [s].
+    """
+
+    def __init__(
+        self,
+        stages: tuple[Stage, ...],
+        now: Callable[[], tuple[float, float]] = lambda: (time.perf_counter(), time.process_time()),
+    ):
+        self._stages, self._now = stages, now
+        self._marks: list[Mark] = []
+
+    def enter(self, words: str) -> None:
+        """Take note of an announcement."""
+        self._marks.append(Mark(words, *self._now()))
+
+    def rows(self) -> dict[str, tuple[float, float]]:
+        """Seconds on the clock and of the processor by stage up to now, in the order of their first announcement."""
+        out: dict[str, tuple[float, float]] = {}
+        for mark, following in pairwise([*self._marks, Mark("", *self._now())]):
+            name = next((s.words for s in self._stages if mark.words.startswith(s.words)), mark.words.partition(",")[0])
+            clock, busy = out.get(name, (0.0, 0.0))
+            out[name] = clock + following.clock - mark.clock, busy + following.busy - mark.busy
+        return out
+
+    def table(self) -> str:
+        """The rows with their sums, the start of the process, and the most memory that it had."""
+        rows, before = self.rows(), self._marks[0].busy if self._marks else 0.0
+        width = max(len(_BEFORE), *map(len, rows)) if rows else len(_BEFORE)
+        lines = [f"{'stage':<{width}}  seconds  of processor time", f"{_BEFORE:<{width}}           {before:17.2f}"]
+        lines += [f"{name:<{width}}  {clock:7.2f}  {busy:17.2f}" for name, (clock, busy) in rows.items()]
+        clock, busy = (sum(row[k] for row in rows.values()) for k in (0, 1))
+        lines.append(f"{'all':<{width}}  {clock:7.2f}  {before + busy:17.2f}")
+        peak = peak_megabytes()
+        return "\n".join([*lines, f"most memory: {peak:.0f} MB"] if peak is not None else lines)
+
+
+def peak_megabytes() -> float | None:
+    """The most memory that this process has had [MB]; None where the system does not say."""
+    try:
+        import resource
+    except ImportError:  # Windows
+        return None
+    size = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
+    return size / (2**20 if sys.platform == "darwin" else 2**10)
