@@ -60,8 +60,8 @@ class Log:
         raw_q: Positions [rad or m] before they were low-passed, shape ``(N, nv)``; None where nobody kept them.
         q_ref: References of the position controllers at the same instants, shape ``(N, nv)``; None where not recorded.
         external: Torque of the measured external forces on the joints [N m or N], ``(N, nv)``; None where none was.
-        reading_steps: Of the lattice that the readings of each joint lie on, as they were recorded [rad or m]; zero
-            where they lie on none. Empty where nobody looked.
+        reading_steps: Of the lattice that the readings of each joint lie on, as they were recorded [rad or m];
+            None where they lie on none. Empty where nobody looked.
     """
 
     file: str
@@ -73,7 +73,7 @@ class Log:
     raw_q: Float[Array, "N nv"] | None = None
     q_ref: Float[Array, "N nv"] | None = None
     external: Float[Array, "N nv"] | None = None
-    reading_steps: tuple[float, ...] = ()
+    reading_steps: tuple[float | None, ...] = ()
 
     def __post_init__(self):
         object.__setattr__(self, "tau", read_only(self.tau))

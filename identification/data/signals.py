@@ -22,7 +22,7 @@ from identification.data.log import Band, Log
 from identification.data.recording import Recording
 from phantom_dyn._kernels.fir import filtered
 from phantom_dyn.dynamics.dynamics import inverse_dynamics
-from phantom_dyn.effects.support.encoder_lattice import step_of
+from phantom_dyn.effects.support.encoder_lattice import reading_step, stated_step
 from phantom_dyn.errors import LogError
 from phantom_dyn.model.robot import Robot
 from phantom_dyn.motion import Motion
@@ -279,7 +279,7 @@ def process(recording: Recording, robot: Robot, *, cutoff_hz: float | None = Non
     forces = {frame: _on_grid(recording.t, force, t) for frame, force in recording.forces.items()}
     external = external_torque(robot, smooth, forces) if forces else None
     # Of the rows as they are: readings at uneven times, made even, lie on no lattice any more.
-    steps = tuple(step_of(column) or 0.0 for column in recording.q.T)
+    steps = tuple(reading_step(column, stated_step(robot, j)) for j, column in enumerate(recording.q.T))
     motion = Motion(t, smooth, v, a)
     return Log(recording.file, recording.joint_names, motion, tau, band, valid, q, wanted, external, steps)
 

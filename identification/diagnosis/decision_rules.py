@@ -126,6 +126,11 @@ SAME_CAUSE = 0.01
 # share: of the gain of a finding (or of the threshold) from which on a rival's law is taken again about its fit.
 RUNNER_UP = 0.8
 
+# probability: that a further recording strikes off one of two rivals, from which on it is proposed for them; below it
+# the user is told in its place that no safe motion separates them. What is more likely to fail than not is no advice.
+# `benchmarks/next_experiment.py` compares what is proposed with random motions.
+SEPARATED = 0.5
+
 # Structures without a name, and what is left. Shown by `benchmarks/blind/run.py` (`unknown` inside and outside).
 
 # thresholds: by which a structure is better than 0, 1, 2, 3 named effects whose place it takes: several effects

@@ -20,8 +20,8 @@ from identification.diagnosis.noise.encoder_noise import (
     Coarse,
     at_least_encoder_noise,
     coarse_joints,
+    coarsest_steps,
     columns_read_again,
-    reading_steps,
     spurious_gains,
 )
 from identification.diagnosis.noise.noise_floor import (
@@ -88,7 +88,7 @@ def explained(session: Session, progress: Callable[[str], None] = lambda _: None
     at = FitPoint(resonances=resonances(session.robot, session.fitted_logs))
     columns = build_columns(session, at)
     progress("estimating the noise")
-    steps = reading_steps(session.robot, session.recordings)
+    steps = coarsest_steps(session.logs)
     again = columns_read_again(session, columns, steps)
     noise, inside = estimate_noise(session, columns)
     noise = at_least_encoder_noise(noise, again)

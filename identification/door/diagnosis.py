@@ -17,6 +17,7 @@ from identification.words.certainty import as_told
 from identification.words.diagnosis_words import capital, effect_at_finding, joined, share_of_gap, sureness
 from identification.words.numbers_and_names import number, percent, value_words
 from phantom_dyn.errors import UsageError
+from phantom_dyn.libraries import optional_library
 from phantom_dyn.model.robot import Robot
 
 if TYPE_CHECKING:
@@ -126,8 +127,7 @@ class Diagnosis:
 
         Values that are lists (the orders of a cogging) are lists in their cell; what a finding does not have is NaN.
         """
-        import pandas
-
+        pandas = optional_library("pandas")
         rows = []
         for finding in self.findings:
             low, high = finding.gap_closed_interval
@@ -156,10 +156,9 @@ class Diagnosis:
         a fit that has not seen it. Several recordings follow each other with a gap in time.
 
         Raises:
-            UsageError: If the diagnosis was read from a file, which holds no samples.
+            UsageError: If the diagnosis was read from a file, which holds no samples, or xarray is missing.
         """
-        import xarray
-
+        xarray = optional_library("xarray")
         evidence = self._evidence()
         left = np.stack([evidence.tau_measured - tau for tau in (evidence.tau_before, evidence.tau_after)], axis=-1)
         joints = [gap.joint for gap in self.joints]

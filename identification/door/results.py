@@ -19,6 +19,7 @@ from identification.identify.identification import Parameter
 from identification.identify.identification_files import write_outputs
 from identification.identify.identification_words import headline, summary
 from phantom_dyn.errors import UsageError
+from phantom_dyn.libraries import optional_library
 from phantom_dyn.model.robot import Robot
 from phantom_dyn.motion import Motion
 from phantom_dyn.simulation.simulate import Simulation
@@ -63,8 +64,7 @@ class Identification:
 
     def to_dataframe(self) -> pandas.DataFrame:
         """One row a parameter: value, standard deviation, unit, and whether it differs from zero."""
-        import pandas
-
+        pandas = optional_library("pandas")
         names = ("name", "value", "std", "unit", "regroups", "identified", "joint", "effect")
         rows = [{name: getattr(parameter, name) for name in names} for parameter in self.parameters]
         return pandas.DataFrame(rows, columns=list(names))
@@ -113,8 +113,7 @@ class Reference:
 
     def to_dataframe(self) -> pandas.DataFrame:
         """The columns as a table."""
-        import pandas
-
+        pandas = optional_library("pandas")
         return pandas.DataFrame(self.columns())
 
     def save(self, file: str | Path) -> Path:
@@ -155,8 +154,7 @@ class SimulatedRecording:
 
     def to_dataframe(self) -> pandas.DataFrame:
         """The columns as a table."""
-        import pandas
-
+        pandas = optional_library("pandas")
         return pandas.DataFrame(self.columns())
 
     def save(self, file: str | Path) -> Path:

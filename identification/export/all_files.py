@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass, replace
+from functools import cache
 from pathlib import Path
 
 from identification.diagnosis.model.terms import KnownEffect
@@ -153,8 +154,12 @@ def _recorded_motion(diagnosis: Diagnosis) -> Motion:
 def _others(
     diagnosis: Diagnosis, corrected: CorrectedModel, known: tuple[KnownEffect, ...]
 ) -> dict[str, Callable[[], str]]:
+    @cache
+    def code() -> str:
+        return feedforward_code(corrected, diagnosis)
+
     return {
         RANDOMISATION: lambda: randomisation_text(randomisation_of(diagnosis, corrected.base), known),
-        FEEDFORWARD: lambda: feedforward_code(corrected, diagnosis),
-        TABLE: lambda: feedforward_table(corrected, diagnosis),
+        FEEDFORWARD: code,
+        TABLE: lambda: feedforward_table(corrected, diagnosis, code()),
     }

@@ -59,7 +59,7 @@ def write_map(result: OperationalMap, folder: Path, *, progress: Callable[[str],
     progress("writing map.npz")
     with temporary_beside(written[0]) as path, path.open("wb") as file:
         np.savez(file, allow_pickle=False, **arrays(result))
-    if is_installed("netCDF4"):
+    if is_installed("netCDF4") and is_installed("xarray"):
         written.append(folder / NETCDF)
         progress(f"writing {NETCDF}")
         with temporary_beside(written[-1]) as path:

@@ -137,7 +137,7 @@ def _mjcf_left_out(full: FullModel) -> tuple[str, ...]:
     chain = full.robot.chain
     if chain is not None and set(chain.passive) - set(chain.unknowns):
         sentences.append("Joints that follow others by a formula move freely in this file.")
-    return (*sentences, "Shapes and sensors of the given file are not in this one.")
+    return (*sentences, "It lacks shapes and sensors of the given file.")
 
 
 def _left_out(full: FullModel, constant: str) -> list[str]:

@@ -79,8 +79,10 @@ def export_sentence(difference: float, tolerance: float, loaded_with: str) -> st
     """What loading a file again has shown."""
     if not loaded_with:
         return "It was not loaded again."
+    if difference == 0:
+        return f"Loaded again with {loaded_with}, its torques are the same."
     return (
-        f"Loaded again with {loaded_with}, its torques differ by {difference:.1g} of the largest at most "
+        f"Loaded again with {loaded_with}, its torques differ by at most {difference:.1g} of the largest "
         f"(allowed: {tolerance:g})."
     )
 

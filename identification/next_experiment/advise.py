@@ -8,14 +8,15 @@ from itertools import combinations
 import numpy as np
 
 from identification.data.log import Log
+from identification.diagnosis import decision_rules as rules
 from identification.diagnosis.explanation import Explanation
 from identification.diagnosis.result import Finding
 from identification.diagnosis.search.refinement import found_effects
 from identification.next_experiment.candidates import safe_limits
-from identification.next_experiment.hypotheses import Hypothesis, hypotheses_of, union_of
+from identification.next_experiment.hypotheses import Hypothesis, as_told, hypotheses_of, union_of
 from identification.next_experiment.laboratory import laboratory
 from identification.next_experiment.proposal_words import nothing_separates, proposal_words
-from identification.next_experiment.separation import LEAST_POWER, Pair, rivalry_of
+from identification.next_experiment.separation import Pair, rivalry_of
 from identification.next_experiment.trials import Trial, ranked_trials
 from phantom_dyn.errors import ParameterError, RobotError
 from phantom_dyn.motion import Motion
@@ -53,7 +54,8 @@ def proposed(explanation: Explanation, findings: tuple[Finding, ...]) -> Proposa
         explanation: All effects that the search has found, those too that are not shown.
         findings: What is shown.
     """
-    search, chosen = explanation.search, explanation.chosen
+    search = explanation.search
+    chosen = as_told(search, explanation.chosen, findings)
     session = search.problem.session
     groups = tuple(group for finding in findings if (group := hypotheses_of(search, chosen, finding)))
     groups = groups[:_FINDINGS]
@@ -64,7 +66,7 @@ def proposed(explanation: Explanation, findings: tuple[Finding, ...]) -> Proposa
     lab = laboratory(search.problem, explanation.noise, union, found)
     try:
         limits = safe_limits(session.robot, session.logs)
-        trials = ranked_trials(session.robot, limits, lab, rivalry_of(search, groups), _duration(session.logs))
+        trials = ranked_trials(session.robot, limits, lab, rivalry_of(search, groups), length_of(session.logs))
     except (RobotError, ParameterError) as problem:
         return Proposal(notes=(f"No further experiment is proposed: {problem}",))
     except np.linalg.LinAlgError:
@@ -73,7 +75,8 @@ def proposed(explanation: Explanation, findings: tuple[Finding, ...]) -> Proposa
     return _proposal(min(session.logs[0].band.rate_hz, _RATE_HZ), groups, trials)
 
 
-def _duration(logs: tuple[Log, ...]) -> float:
+def length_of(logs: tuple[Log, ...]) -> float:
+    """Length of a recording to be proposed [s]: that of those at hand, neither very short nor very long."""
     seconds = float(np.mean([log.motion.t[-1] - log.motion.t[0] for log in logs]))
     return float(np.clip(round(seconds), _SHORTEST, _LONGEST))
 
@@ -83,12 +86,12 @@ def _proposal(rate_hz: float, groups: tuple[tuple[Hypothesis, ...], ...], trials
     best = trials[0] if trials else None
     if best is None or not best.separates:
         return Proposal(notes=(nothing_separates(pairs),))
-    separated = tuple(pair for pair, power in zip(pairs, best.power, strict=True) if power >= LEAST_POWER)
+    separated = tuple(pair for pair, power in zip(pairs, best.power, strict=True) if power >= rules.SEPARATED)
     left = tuple(pair for pair in pairs if pair not in separated)
     effects = dict.fromkeys(
         (at.effect, at.joint) for pair in separated for one in (pair.one, pair.other) for at in one.effects
     )
-    power = float(best.power[best.power >= LEAST_POWER].min())
+    power = float(best.power[best.power >= rules.SEPARATED].min())
     experiment = {
         "separates": [list(effect) for effect in effects],
         "reference": REFERENCE,

@@ -12,8 +12,9 @@ import numpy as np
 from jaxtyping import Float
 
 from identification.data.log import Log
-from identification.excitation.criteria import ConditionNumber
+from identification.excitation.criteria import ConditionNumber, DOptimality
 from identification.excitation.design_problem import DesignProblem, Grid, joint_sizes
+from identification.excitation.excite import excite
 from identification.excitation.excited_base import base_of
 from identification.excitation.limits import Limits, require_excitable, stated_limits
 from identification.excitation.motion_shapes import FourierSeries, Shapes, Triangle, TrianglesAndSines
@@ -173,13 +174,16 @@ def _product(f: Float[Array, "3 N"], g: Float[Array, "3 N"]) -> Float[Array, "3 
 _SHARES = tuple(np.geomspace(1.0, 0.02, 14).tolist())
 # Periods of slow triangles, which cover their range at little speed: what falls with speed shows there.
 _SLOW = (1, 4)
-# Amplitudes of small reversals, as a share of half the range.
-_SMALL = (0.01, 0.15)
+# Amplitudes of small reversals, as a share of half the range. Of smaller ones a joint with friction follows a part, and
+# stands for the rest: what they would tell by the plan does not come.
+_SMALL = (0.1, 0.5)
 # Deviation of the logarithm of a joint's size from one variation to the next; single shapes vary by a third of it.
 _VARIED = 0.5
 # A motion is left out whose joints have less than three quarters, on average, of this share of their largest speed:
 # joints that creep stick and slip, which no law of friction predicts, and what a plan promises of them does not come.
 _LIVELY, _JOINTS = 0.125, 0.75
+# Of the exciting motion: harmonics, and random motions of which the best one is improved.
+_HARMONICS, _STARTS = 5, 4
 # Draws for each motion that is wanted, as many are not lively.
 _DRAWS = 4
 
@@ -227,6 +231,20 @@ def candidates(
         if len(out) == count:
             break
     return tuple(out)
+
+
+def exciting(robot: Robot, limits: Limits, duration: float) -> tuple[Candidate, ...]:
+    """The motion that tells most of the inertial parameters, which rivals among them differ by; none if none is found.
+
+    Random motions hardly ever come near it: where a base, a load or an inertia is in doubt it separates best.
+    """
+    try:
+        found = excite(
+            robot, FourierSeries(duration, _HARMONICS), limits=limits, criterion=DOptimality(), starts=_STARTS
+        )
+    except ParameterError:
+        return ()
+    return (Candidate("an exciting Fourier series", found.shapes, found.weights),)
 
 
 def design_of(robot: Robot, limits: Limits) -> DesignProblem:

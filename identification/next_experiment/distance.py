@@ -12,6 +12,10 @@ from identification.next_experiment.hypotheses import Model
 
 Array = np.ndarray
 
+# A rival is no longer compared that loses by more than so many standard errors over blocks and so much beyond these, in
+# squared standard deviations of the noise; see `search.rival_sets`.
+_HOPELESS_ERRORS, _HOPELESS_LOSS = 4.0, 4.0
+
 
 def draws_of(model: Model, products: Float[Array, "u u"], normals: Float[Array, "d n"]) -> Float[Array, "e u"]:
     """Coefficients that the recordings leave possible if the model is true: the fit itself, then one per draw.
@@ -69,6 +73,19 @@ def power_of(gain: Float[Array, " d"], head_start: float, before: Float[Array, "
     spread = 2.0 * np.sqrt(np.maximum(gain, 1e-12))
     replicates = 2.0 * np.sqrt(np.maximum(gain + before, 1e-12))
     return ndtr((gain + head_start + ndtri(rules.LISTED) * replicates) / spread)
+
+
+def power_of_hopeless(gain: Float[Array, " d"], lead: float, after: Float[Array, " d"]) -> Float[Array, " d"]:
+    """Probability that a model loses so much, block by block, that it is no longer compared with what is true.
+
+    Args:
+        gain: Expected further held-out loss of the wrong model.
+        lead: What the wrong model has lost so far, its price included; negative if it is ahead.
+        after: Expected held-out loss of the wrong model in everything that is recorded then.
+    """
+    # The loss scatters from block to block as a noncentral chi-squared does.
+    bar = _HOPELESS_ERRORS * 2.0 * np.sqrt(np.maximum(after, 0.0)) + _HOPELESS_LOSS
+    return ndtr((gain + lead - bar) / (2.0 * np.sqrt(np.maximum(gain, 1e-12))))
 
 
 def power_of_simpler(simple: Model, rich: Model, products: Float[Array, "u u"], recorded: Float[Array, "u u"]) -> float:

@@ -11,7 +11,7 @@ from jaxtyping import Float, Int
 from identification.diagnosis.fit.fitting import Fitted
 from identification.diagnosis.model.terms import Term
 from identification.diagnosis.result import EffectAt, Finding
-from identification.diagnosis.search.search import Search, contains
+from identification.diagnosis.search.search import Search, contains, with_term
 from identification.diagnosis.search.swaps import replaced
 
 Array = np.ndarray
@@ -116,6 +116,33 @@ def hypotheses_of(search: Search, chosen: frozenset[Term], finding: Finding) -> 
         if variants:
             out.append(Hypothesis(effects, probability, variants))
     return tuple(out) if len(out) > 1 else ()
+
+
+def as_told(search: Search, chosen: frozenset[Term], findings: tuple[Finding, ...]) -> frozenset[Term]:
+    """The set that the search has found, with every finding that was told in it.
+
+    Where a rival leads in the diagnosis, it was told in the place of what the search had found; without this its own
+    rivals would have no fits to be compared by.
+
+    Args:
+        search: Knows all effects and fits them.
+        chosen: What it has found.
+        findings: What was told.
+    """
+    told = {(finding.effect, finding.joint) for finding in findings}
+    for finding in findings:
+        place = (finding.effect, finding.joint)
+        shapes = [term for term in search.terms if term.named and term.place == place]
+        if not shapes or any(term.place == place for term in chosen):
+            continue
+        rivals = {(at.effect, at.joint) for rival in finding.rivals for at in rival.effects}
+        gone = frozenset(
+            term
+            for term in chosen
+            if term.place not in told and (term.place in rivals or any(contains(term, shape) for shape in shapes))
+        )
+        chosen = min((with_term(chosen - gone, shape) for shape in shapes), key=search.quick)
+    return chosen
 
 
 def union_of(hypotheses: tuple[Hypothesis, ...]) -> Int[Array, " u"]:

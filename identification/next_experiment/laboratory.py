@@ -35,6 +35,8 @@ class Laboratory:
         union: Which of them the products are of.
         band: Filter of a planned motion, with the samples of the recordings' one.
         kernels: Filters that whiten the noise of each row.
+        variance: Of the noise that they leave on each row [torque unit^2], ``(nv,)``.
+        trust: Mean share of the noise in noise and doubt together, on each row of the recordings, ``(nv,)``.
         found: What the diagnosis has found.
     """
 
@@ -43,6 +45,8 @@ class Laboratory:
     union: Int[Array, " u"]
     band: Band
     kernels: tuple[Float[Array, "_"], ...]
+    variance: Float[Array, " nv"]
+    trust: Float[Array, " nv"]
     found: tuple[FoundEffect, ...]
 
     @property
@@ -51,7 +55,10 @@ class Laboratory:
         return self.problem.session.robot
 
     def products(self, motion: Motion, robot: Robot) -> Float[Array, "u u"]:
-        """Weighted products over a motion at the band's rate, of a robot that may carry a known load."""
+        """Weighted products over a motion at the band's rate, of a robot that may carry a known load.
+
+        Samples at which friction is in doubt, as at reversals, count as little as they will in the diagnosis.
+        """
         tau = inverse_dynamics(robot, motion)
         log = Log("next", robot.joint_names, motion, tau, self.band, np.ones(len(motion.t), dtype=bool))
         given = self.problem.session
@@ -64,11 +71,28 @@ class Laboratory:
             places = {column: k for k, column in enumerate(row)}
             here = [(k, places[column]) for k, column in enumerate(self.union.tolist()) if column in places]
             kernel = self.kernels[j]
+            share = self.variance[j] / (self.variance[j] + doubt_of(columns, 0, j, kernel))
             values = filtered(kernel, columns.values[0][j][:, [place for _, place in here]])
+            values *= np.sqrt(share / self.trust[j])[:, None]
             values = values[len(kernel) - 1 :][columns.usable[0][len(kernel) - 1 :, j]]
             at = [k for k, _ in here]
             out[np.ix_(at, at)] += self.problem.weights.per_sample[j] * values.T @ values
         return out
+
+
+def doubt_of(columns: Columns, log: int, row: int, kernel: Float[Array, "_"]) -> Float[Array, " n"]:
+    """Variance of the whitened torque of a row where friction is in doubt: at reversals, and where a joint stands."""
+    shifted = filtered(kernel, columns.doubt[log][:, row])
+    return shifted**2 + filtered(np.abs(kernel), columns.standing[log][:, row]) ** 2
+
+
+def _trusted(columns: Columns, noise: Series, row: int, kernel: Float[Array, "_"]) -> tuple[float, float]:
+    """Variance of a row's white noise in the recordings, and its mean share in noise and doubt together."""
+    use = [part[:, row] for part in columns.usable]
+    white = np.concatenate([filtered(kernel, part[:, row])[u] ** 2 for part, u in zip(noise, use, strict=True)])
+    variance = max(float(np.mean(white)), 1e-300) if len(white) else 1e-300
+    doubt = np.concatenate([doubt_of(columns, log, row, kernel)[u] for log, u in enumerate(use)])
+    return variance, max(float(np.mean(variance / (variance + doubt))), 1e-300) if len(doubt) else 1.0
 
 
 def laboratory(problem: Problem, noise: Series, union: Int[Array, " u"], found: tuple[FoundEffect, ...]) -> Laboratory:
@@ -80,7 +104,10 @@ def laboratory(problem: Problem, noise: Series, union: Int[Array, " u"], found: 
     )
     session = problem.session
     kernels = tuple(noise_filter([part[:, j] for part in noise]) for j in range(session.robot.nv))
-    return Laboratory(problem, replace(columns, local=local), union, coarser(session.logs[0].band), kernels, found)
+    trusted = [_trusted(columns, noise, j, kernel) for j, kernel in enumerate(kernels)]
+    variance, trust = (np.array(values) for values in zip(*trusted, strict=True))
+    like, band = replace(columns, local=local), coarser(session.logs[0].band)
+    return Laboratory(problem, like, union, band, kernels, variance, trust, found)
 
 
 def coarser(band: Band) -> Band:

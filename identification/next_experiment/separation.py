@@ -11,7 +11,7 @@ from jaxtyping import Float, Int
 from identification.diagnosis.model.blocks import held_out_share
 from identification.diagnosis.result import EffectAt
 from identification.diagnosis.search.search import Search
-from identification.next_experiment.distance import distance, draws_of, power_of, power_of_simpler
+from identification.next_experiment.distance import distance, draws_of, power_of, power_of_hopeless, power_of_simpler
 from identification.next_experiment.hypotheses import Hypothesis, Model, model_of, union_of
 from phantom_dyn.random_streams import random_stream
 
@@ -22,8 +22,6 @@ _DRAWS = 7
 # Largest lead in sample of a rival that held-out data have left on the list, in squared standard deviations: any more
 # is noise that its shapes have fitted. A rival that is behind is still on the list.
 _AHEAD = 8.0
-# A pair is separated if a claim is at least this likely.
-LEAST_POWER = 0.5
 
 
 @dataclass(frozen=True)
@@ -91,8 +89,7 @@ def separation(rivalry: Rivalry, planned: Float[Array, "u u"]) -> Separation:
         shares, gains, weights = [], [], []
         for truth, wrong in ((pair.one, pair.other), (pair.other, pair.one)):
             if wrong.contains(truth):
-                simple, rich = rivalry.models[truth.effects][0], rivalry.models[wrong.effects][0]
-                shares.append(power_of_simpler(simple, rich, together, rivalry.recorded))
+                shares.append(_simpler_left(rivalry, truth, wrong, together, rng))
             else:
                 power, gain = _separated(rivalry, truth, wrong, together, rng)
                 shares.append(power)
@@ -125,6 +122,33 @@ def _separated(
         power = np.minimum(power, power_of(more, ahead, before))
         gain = np.minimum(gain, more)
     return float(power.mean()), float(np.median(gain))
+
+
+def _simpler_left(
+    rivalry: Rivalry,
+    truth: Hypothesis,
+    wrong: Hypothesis,
+    together: Float[Array, "u u"],
+    rng: np.random.Generator,
+) -> float:
+    """Mean probability that a richer law is struck off if the simpler one is true.
+
+    It stays on the list as long as any of its shapes may be there. A shape is gone if what it has more would have been
+    seen, or, where the law comes to the simpler one only at the end of its shapes, if it fits too badly.
+    """
+    model = rivalry.models[truth.effects][0]
+    possible = draws_of(model, rivalry.recorded, rng.normal(size=(_DRAWS, model.basis.shape[1])))
+    power = np.full(len(possible), np.inf)
+    for rich in rivalry.models[wrong.effects]:
+        before, after = (
+            rivalry.held_out * distance(possible, rivalry.moves, rich, products)
+            for products in (rivalry.recorded, together)
+        )
+        lead = max(rich.score - model.score, -_AHEAD)
+        worse = power_of_hopeless(np.maximum(after - before, 0.0), lead, after)
+        unseen = power_of_simpler(model, rich, together, rivalry.recorded)
+        power = np.minimum(power, np.maximum(worse, unseen))
+    return float(power.mean())
 
 
 def _rivalry(search: Search, group: tuple[Hypothesis, ...], union: Int[Array, " u"]) -> Rivalry:

@@ -15,11 +15,12 @@ import numpy as np
 from jaxtyping import Float
 
 from identification.data.changes import KnownPayload, with_payload
+from identification.diagnosis import decision_rules as rules
 from identification.excitation.limited_quantities import bounds_of
 from identification.excitation.limits import Limits
-from identification.next_experiment.candidates import Candidate, candidates, design_of, lively, varied
+from identification.next_experiment.candidates import Candidate, candidates, design_of, exciting, lively, varied
 from identification.next_experiment.laboratory import Laboratory
-from identification.next_experiment.separation import LEAST_POWER, Rivalry, separation
+from identification.next_experiment.separation import Rivalry, separation
 from phantom_dyn.dynamics.dynamics import inverse_dynamics
 from phantom_dyn.errors import ParameterError
 from phantom_dyn.model.inertia import payload_body
@@ -122,7 +123,7 @@ class Trial:
     @property
     def separates(self) -> bool:
         """True if it separates any pair."""
-        return bool((self.power >= LEAST_POWER).any())
+        return bool((self.power >= rules.SEPARATED).any())
 
     @property
     def certain(self) -> bool:
@@ -132,7 +133,7 @@ class Trial:
     @property
     def worth(self) -> tuple[bool, float, float]:
         """Sort key: separates a pair, probability that no rival is left, smallest squared distance it separates."""
-        separated = self.gain[self.power >= LEAST_POWER] if self.separates else self.gain
+        separated = self.gain[self.power >= rules.SEPARATED] if self.separates else self.gain
         return (self.separates, min(self.resolved, _SURE), float(separated.min(initial=np.inf)))
 
 
@@ -147,7 +148,7 @@ def ranked_trials(
     rng = random_stream("motions of a next experiment")
     count = int(np.clip(_WORK // robot.nv**2, _FEWEST, _MOST))
     problem = design_of(robot, limits)
-    drawn = candidates(problem, duration=duration, count=count, rng=rng)
+    drawn = (*candidates(problem, duration=duration, count=count, rng=rng), *exciting(robot, limits, duration))
     if not drawn:
         return ()
     trials = [judged(candidate, robot, lab, rivalries) for candidate in drawn]
@@ -157,7 +158,7 @@ def ranked_trials(
         other = judged(candidate, robot, lab, rivalries) if lively(candidate, problem) else trials[0]
         if other.worth > trials[0].worth:
             trials.insert(0, other)
-    if (trials[0].power >= LEAST_POWER).all():
+    if (trials[0].power >= rules.SEPARATED).all():
         return tuple(trials)
     changed = (
         *islice(_there(loaded_trial(trial.candidate, robot, limits, lab, rivalries) for trial in trials), _CHANGED),

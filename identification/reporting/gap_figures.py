@@ -9,7 +9,7 @@ from matplotlib.figure import Figure
 
 from identification.diagnosis.result import Diagnosis, Evidence
 from identification.reporting.explaining import JointMotion, Variable, explaining_variable, joint_of, strongest_variable
-from identification.reporting.svg import AFTER, BEFORE, INK, STRETCH_S, draw_curve, draw_legend, drawn_svg
+from identification.reporting.svg import AFTER, BEFORE, INK, STRETCH_S, Margins, draw_curve, draw_legend, drawn_svg
 from identification.reporting.thinning import binned_median, eventful_stretch, scatter_choice
 
 Array = np.ndarray
@@ -40,11 +40,9 @@ def torque_figure(diagnosis: Diagnosis, joint: int) -> str:
         bottom.set_ylabel(f"residual [{gap.unit}]")
         bottom.set_xlabel("time [s]")
         draw_legend(figure, top)
-        figure.align_ylabels()
 
-    return drawn_svg(
-        draw, f"torque{joint}", (11.5, 4.2), f"Measured and modelled torque of joint {gap.joint} over time"
-    )
+    title = f"Measured and modelled torque of joint {gap.joint} over time"
+    return drawn_svg(draw, f"torque{joint}", (11.5, 4.2), title, Margins(top=0.35, between=0.15))
 
 
 def shown_stretch(evidence: Evidence, joint: int) -> slice:
@@ -132,10 +130,9 @@ def _residual_figure(
             axes.set_ylabel(f"residual [{gap.unit}]")
             axes.set_title(f"{title}: samples and median", loc="left", fontsize=10.5)
         panels[1].set_xlabel(f"{variable.name} [{variable.unit}]")
-        figure.align_ylabels()
 
     title = f"Residual of joint {gap.joint} over {variable.name}"
-    return drawn_svg(draw, f"{key}-{joint}", (5.7, 4.2), title)
+    return drawn_svg(draw, f"{key}-{joint}", (5.7, 4.2), title, Margins())
 
 
 def _cloud(axes: Axes, x: Array, y: Array, groups: Groups, points: str, line: str) -> None:

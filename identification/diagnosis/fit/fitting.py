@@ -12,7 +12,7 @@ from functools import cached_property
 import numpy as np
 from jaxtyping import Float, Int
 
-from identification.diagnosis.fit.point_mass import STEPS, load_map, mass_bounds, reduced_load, settled
+from identification.diagnosis.fit.point_mass import STEPS, FoldedLoad, load_map, mass_bounds, reduced_load, settled
 from identification.diagnosis.fit.problem import Problem
 from identification.diagnosis.fit.products import Products, Scaling, products_of
 from identification.diagnosis.model.terms import Term
@@ -30,35 +30,82 @@ class Fitted:
     """Result of one fit.
 
     Attributes:
+        problem: What was fitted.
+        point: About which coefficients the fit was linear.
         theta: All coefficients, zero where a column is not in the model, ``(K,)``.
         active: Columns in the model.
-        normal: Products of what was fitted, priors counted, ``(n, n)``.
-        expand: Active coefficients that a unit of each number that was fitted moves, None if they are the same.
         penalty: What the moves of the nuisances cost: their squares in sigmas, summed.
         objective: Loss over all training blocks with penalty and priors, in sample, up to a constant.
         loss: Weighted squared residual of each block's core, each predicted by a fit that has not seen it, ``(B,)``.
-        fold_theta: Coefficients of the fit that has not seen each fold, ``(F, K)``.
+        fold_active: Active coefficients of the fit that has not seen each fold, ``(F, k)``.
     """
 
+    problem: Problem
+    point: Point
     theta: Float[Array, " K"]
     active: Int[Array, " k"]
-    normal: Float[Array, "n n"]
-    expand: Float[Array, "k n"] | None
     penalty: float
     objective: float
     loss: Float[Array, " B"]
-    fold_theta: Float[Array, "F K"]
+    fold_active: Float[Array, "F k"]
 
     @property
     def total(self) -> float:
         """Held-out loss over all blocks, and what the moves of the nuisances cost."""
         return float(self.loss.sum()) + self.penalty
 
+    @property
+    def fold_theta(self) -> Float[Array, "F K"]:
+        """All coefficients of the fit that has not seen each fold."""
+        out = np.zeros((len(self.fold_active), len(self.theta)))
+        out[:, self.active] = self.fold_active
+        return out
+
+    @property
+    def expand(self) -> Float[Array, "k n"] | None:
+        """Active coefficients that a unit of each number that was fitted moves, None if they are the same."""
+        return None if self.point.payload is None else _folded_at(self.problem, self.active, self.point.payload).expand
+
     @cached_property
     def cov(self) -> Float[Array, "k k"]:
         """Covariance of the active coefficients with priors; computed on demand, as few fits need it."""
-        inverse = solve(self.normal, np.eye(len(self.normal)))
-        return inverse if self.expand is None else self.expand @ inverse @ self.expand.T
+        a, precision = products_of(self.problem, self.active, self.point.scalings, False).a, self.problem.precision
+        folded = None if self.point.payload is None else _folded_at(self.problem, self.active, self.point.payload)
+        kept = self.active if folded is None else self.active[folded.keep]
+        normal = a if folded is None else folded.square(a)
+        inverse = solve(normal + np.diag(precision[kept]), np.eye(len(kept)))
+        return inverse if folded is None else folded.expand @ inverse @ folded.expand.T
+
+
+@dataclass(frozen=True)
+class Load:
+    """A payload at one estimate.
+
+    Attributes:
+        term: Which effect.
+        start: Mass and first moments about which its inertia is linear, ``(4,)``.
+    """
+
+    term: Term
+    start: Float[Array, " 4"]
+
+
+@dataclass(frozen=True)
+class Point:
+    """About what a fit is linear, where its laws are not.
+
+    Attributes:
+        scalings: Gains of wrong torque constants, each with what is fitted on its row.
+        payload: Its estimate, None without one.
+    """
+
+    scalings: tuple[Scaling, ...] = ()
+    payload: Load | None = None
+
+    @property
+    def moved(self) -> bool:
+        """True if some law is not linear, so that the point had to be sought."""
+        return bool(self.scalings) or self.payload is not None
 
 
 @dataclass(frozen=True)
@@ -94,7 +141,14 @@ def active_columns(problem: Problem, terms: tuple[Term, ...]) -> Int[Array, " k"
     return np.array([*range(problem.nuisances), *chosen], dtype=int)
 
 
-def fit(problem: Problem, terms: tuple[Term, ...], *, held_out: bool = True, near: Near | None = None) -> Fitted:
+def fit(
+    problem: Problem,
+    terms: tuple[Term, ...],
+    *,
+    held_out: bool = True,
+    near: Near | None = None,
+    point: Point | None = None,
+) -> Fitted:
     """Fit nuisances and terms together, on all blocks and once without each fold.
 
     Args:
@@ -102,17 +156,19 @@ def fit(problem: Problem, terms: tuple[Term, ...], *, held_out: bool = True, nea
         terms: The effects in the model.
         held_out: False leaves the fits without folds out; the loss is then that of the one fit, in sample.
         near: A similar fit, to start from.
+        point: That of the same fit, where it is known.
     """
     near = Near.nothing(problem) if near is None else near
     scaled = [term for term in terms if term.effect.scales_joint]
     if not scaled:
-        return _fit_at_point(problem, terms, (), held_out, near)
+        return _fit_at_point(problem, terms, (), held_out, near, None if point is None else point.payload)
     # A torque constant multiplies everything else on its row: refit about the last gain.
     columns = [term.columns[0] for term in scaled]
     rows = [next(j for j, row in enumerate(problem.columns.rows) if column in row) for column in columns]
-    gains, scalings = np.ones(len(scaled)), ()
-    for _ in range(4):
-        found = _fit_at_point(_beyond(problem, columns, gains - 1.0), terms, scalings, False, near)
+    scalings = () if point is None else point.scalings
+    gains = np.array([scaling.gain for scaling in scalings]) if scalings else np.ones(len(scaled))
+    for _ in range(0 if scalings else 4):
+        found = _fit_at_point(_beyond(problem, columns, gains - 1.0), terms, scalings, False, near, None)
         step = found.theta[columns]
         gains = np.maximum(gains + step, _LEAST_GAIN)
         theta = found.theta.copy()
@@ -122,12 +178,12 @@ def fit(problem: Problem, terms: tuple[Term, ...], *, held_out: bool = True, nea
         )
         if np.all(np.abs(step) < 1e-3):
             break
-    found = _fit_at_point(_beyond(problem, columns, gains - 1.0), terms, scalings, held_out, near)
-    theta, fold_theta = found.theta.copy(), found.fold_theta.copy()
+    payload = None if point is None else point.payload
+    found = _fit_at_point(_beyond(problem, columns, gains - 1.0), terms, scalings, held_out, near, payload)
+    theta, fold_active = found.theta.copy(), found.fold_active.copy()
     theta[columns] += gains - 1.0
-    if len(fold_theta):
-        fold_theta[:, columns] += gains - 1.0
-    return replace(found, theta=theta, fold_theta=fold_theta)
+    fold_active[:, np.searchsorted(found.active, columns)] += gains - 1.0
+    return replace(found, problem=problem, theta=theta, fold_active=fold_active)
 
 
 def _beyond(problem: Problem, columns: list[int], part: Float[Array, " k"]) -> Problem:
@@ -164,15 +220,15 @@ def _fit_at_point(
     scalings: tuple[Scaling, ...],
     held_out: bool,
     near: Near,
+    load: Load | None,
 ) -> Fitted:
-    """Fit with the torque constants linear; a payload is linearised about its own last estimate."""
+    """Fit with the torque constants linear; a payload is linearised about its own last estimate, or a known one."""
     payload = next((term for term in terms if term.effect.inertial == "point mass"), None)
     active = active_columns(problem, terms)
     products = products_of(problem, active, scalings, held_out)
-    if payload is None:
-        return _fit_linear(problem, active, products, None, near)
-    start = _point_mass(problem, active, replace(products, held_out=None), payload, near)
-    return _fit_linear(problem, active, products, (payload, start), near)
+    if payload is not None and load is None:
+        load = Load(payload, _point_mass(problem, active, replace(products, held_out=None), payload, near))
+    return _fit_linear(problem, active, products, Point(scalings, load), near)
 
 
 def _point_mass(
@@ -189,12 +245,12 @@ def _point_mass(
     at distances of 3 cm to 1.5 m. All starts are followed with the other columns eliminated; the best one is followed
     to its end with all bounds.
     """
-    first = _fit_linear(problem, active, products, (payload, np.zeros(4)), near)
+    first = _fit_linear(problem, active, products, Point(payload=Load(payload, np.zeros(4))), near)
     moments = first.theta[list(payload.columns[1:4])]
     far = max(float(np.linalg.norm(moments)), 1e-9)
     # Where no lever shows, the mass does by itself.
     starts = [first.theta[list(payload.columns[:4])]]
-    whole = _fit_linear(problem, active, products, None, near)
+    whole = _fit_linear(problem, active, products, Point(), near)
     free = whole.theta[list(payload.columns)]
     inertia = float(free[[4, 6, 9]].sum())
     least = payload.effect.lightest(problem.session.robot)
@@ -212,7 +268,8 @@ def _point_mass(
     start = min((reduced.followed(start) for start in starts), key=reduced.loss)
     for _ in range(STEPS):
         last = start
-        start = _fit_linear(problem, active, products, (payload, last), near).theta[list(payload.columns[:4])]
+        about = Point(payload=Load(payload, last))
+        start = _fit_linear(problem, active, products, about, near).theta[list(payload.columns[:4])]
         if settled(start, last):
             break
     return start
@@ -222,48 +279,42 @@ def _fit_linear(
     problem: Problem,
     active: Int[Array, " k"],
     products: Products,
-    point: tuple[Term, Float[Array, " 4"]] | None,
+    point: Point,
     near: Near,
 ) -> Fitted:
-    """Fit with every coefficient linear; a payload through `load_map` about the given start."""
-    precision, lower, upper, bound = (x[active] for x in (problem.precision, problem.lower, problem.upper, near.theta))
-    expand, shift = None, 0.0
-    total_a, total_b, constant = products.a, products.b, products.c
-    if point is not None:
-        term, start = point
-        jacobian, offset = load_map(problem, term, start)
-        at = np.searchsorted(active, term.columns)
-        others = np.setdiff1d(np.arange(len(active)), at)
-        expand = np.zeros((len(active), len(others) + 4))
-        expand[others, np.arange(len(others))] = 1.0
-        expand[at[:, None], len(others) + np.arange(4)] = jacobian
-        shift = np.zeros(len(active))
-        shift[at] = offset
-        constant += float(shift @ total_a @ shift - 2 * total_b @ shift)
-        total_b = (total_b - total_a @ shift) @ expand
-        total_a = expand.T @ total_a @ expand
-        keep = np.concatenate([others, at[:4]])
-        precision, lower, upper, bound = precision[keep], lower[keep], upper[keep], bound[keep]
-        lower[len(others)], upper[len(others)] = mass_bounds(start[0], term.effect.lightest(problem.session.robot))
+    """Fit with every coefficient linear; a payload through `load_map` about its estimate."""
+    load, folded, kept = point.payload, None, active
+    total_a, total_b = products.a, products.b
+    if load is not None:
+        folded = _folded_at(problem, active, load)
+        kept, total_a, total_b = active[folded.keep], folded.square(total_a), folded.line(total_b)
+    precision, lower, upper, bound = (x[kept] for x in (problem.precision, problem.lower, problem.upper, near.theta))
+    if load is not None:
+        mass = len(kept) - 4
+        lower[mass], upper[mass] = mass_bounds(load.start[0], load.term.effect.lightest(problem.session.robot))
     with_prior = total_a.copy()
     with_prior.flat[:: len(with_prior) + 1] += precision
     x = bounded_solve(with_prior, total_b, lower, upper, near=bound)
     theta = np.zeros(len(problem.precision))
-    theta[active] = x if expand is None else expand @ x + shift
+    theta[active] = x if folded is None else folded.unfolded(x)
     moves = slice(0, problem.nuisances)
     penalty = float(theta[moves] ** 2 @ problem.precision[moves])
-    objective = float(constant - 2 * total_b @ x + x @ total_a @ x + precision @ x**2)
+    objective = float(products.c - 2 * total_b @ x + x @ total_a @ x + precision @ x**2)
     held_out = products.held_out
     if held_out is None:
-        return Fitted(theta, active, with_prior, expand, penalty, objective, np.zeros(0), np.zeros((0, 0)))
+        return Fitted(problem, point, theta, active, penalty, objective, np.zeros(0), np.zeros((0, len(active))))
     less_a, less_b = held_out.a, held_out.b
-    if expand is not None:
-        less_a, less_b = expand.T @ less_a @ expand, (less_b - less_a @ shift) @ expand
+    if folded is not None:
+        less_a, less_b = folded.square(less_a), folded.line(less_b)
     fold_x = bounded_solve_without(with_prior, total_b, less_a, less_b, lower, upper, x)
-    if expand is not None:
-        fold_x = fold_x @ expand.T + shift
+    if folded is not None:
+        fold_x = folded.unfolded(fold_x)
     fold = problem.grams.fold
     loss = held_out.losses(np.where(fold[:, None] >= 0, fold_x[fold], theta[active]))
-    fold_theta = np.zeros((len(fold_x), len(theta)))
-    fold_theta[:, active] = fold_x
-    return Fitted(theta, active, with_prior, expand, penalty, objective, loss, fold_theta)
+    return Fitted(problem, point, theta, active, penalty, objective, loss, fold_x)
+
+
+def _folded_at(problem: Problem, active: Int[Array, " k"], load: Load) -> FoldedLoad:
+    """The active columns with those of a payload folded into four about its estimate."""
+    jacobian = load_map(problem.session.robot, load.term, load.start)
+    return FoldedLoad(np.searchsorted(active, load.term.columns), len(active), jacobian)

@@ -9,6 +9,8 @@ from jaxtyping import Float
 
 from identification.diagnosis.fit.fitting import Fitted, predict
 from identification.diagnosis.fit.problem import Problem
+from identification.diagnosis.model.columns import Columns
+from identification.diagnosis.model.session import Series
 from identification.diagnosis.model.terms import Term, ordered
 
 Array = np.ndarray
@@ -48,9 +50,10 @@ def held_out_torque(problem: Problem, chosen: frozenset[Term], found: Fitted) ->
     """Torque of the corrected model on every log, each block by the fit that has not seen it."""
     terms = ordered(chosen)
     out = [np.array(torque) for torque in problem.columns.model_torque]
+    fold_theta = found.fold_theta
     for block, fold in zip(problem.blocks, problem.grams.fold, strict=True):
         part = slice(block.start, block.stop)
-        theta = found.theta if fold < 0 else found.fold_theta[fold]
+        theta = found.theta if fold < 0 else fold_theta[fold]
         out[block.log][part] = predict(problem, terms, theta, block.log, part)
     return tuple(out)
 
@@ -69,6 +72,19 @@ def sums(problem: Problem, residual: tuple[Float[Array, "n nv"], ...]) -> Sums:
         squares[i] = (residual[block.log][part] ** 2 * use).sum(axis=0)
         counts[i] = use.sum(axis=0)
     return Sums(squares, counts)
+
+
+def judged_noise(problem: Problem, noise: Series) -> Float[Array, " nv"]:
+    """Root mean square of each joint's noise in the judged band, above zero even where nothing was measured.
+
+    Samples count as in all that is judged against it: less where friction holds a joint and may be anything.
+    """
+    return np.maximum(sums(problem, problem.session.in_judged_band(noise)).rms(), least_noise(problem.columns))
+
+
+def least_noise(columns: Columns) -> Float[Array, " nv"]:
+    """Noise of a robot without noise: a millionth of the modelled torque, and above zero."""
+    return np.maximum(1e-6 * np.concatenate(columns.model_torque).std(axis=0), 1e-12)
 
 
 def residual_after(problem: Problem, torque: tuple[Float[Array, "n nv"], ...]) -> tuple[Float[Array, "n nv"], ...]:
@@ -97,6 +113,8 @@ def row_losses(problem: Problem, found: Fitted) -> tuple[Float[Array, " nv"], Fl
     given, fitted = [], []
     for row in problem.grams.rows:
         theta, (a, b, c) = found.theta[row.index], row.core_total
+        used = np.flatnonzero(theta)
+        x = theta[used]
         given.append(c)
-        fitted.append(c - 2 * b @ theta + theta @ a @ theta)
+        fitted.append(c - 2 * b[used] @ x + x @ a[np.ix_(used, used)] @ x)
     return np.array(given), np.array(fitted)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from functools import partial
+from functools import cached_property, partial
 
 import numpy as np
 from jaxtyping import Float, Int
@@ -13,6 +13,7 @@ from identification.diagnosis.fit.problem import Problem
 from identification.diagnosis.fit.products import Products
 from identification.diagnosis.model.terms import Term
 from identification.diagnosis.numerics.bounded import solve
+from phantom_dyn.model.robot import Robot
 
 Array = np.ndarray
 
@@ -22,6 +23,18 @@ STEPS = 8
 _SETTLED = 3e-3
 # A point has no inertia about its centre.
 _POINT = np.zeros(6)
+# Slopes of ``h.h 1 - h h^T`` by ``h``, per component of ``h``: entries xx, xy, yy, xz, yz, zz.
+_INERTIA = np.array(
+    [
+        [[0, 0, 0], [0, 2, 0], [0, 0, 2]],
+        [[0, -1, 0], [-1, 0, 0], [0, 0, 0]],
+        [[2, 0, 0], [0, 0, 0], [0, 0, 2]],
+        [[0, 0, -1], [0, 0, 0], [-1, 0, 0]],
+        [[0, 0, 0], [0, 0, -1], [0, -1, 0]],
+        [[2, 0, 0], [0, 2, 0], [0, 0, 0]],
+    ],
+    dtype=float,
+)
 # Mass [kg] that is none.
 _NO_MASS = 1e-9
 
@@ -45,16 +58,16 @@ class ReducedLoad:
     a: Float[Array, "10 10"]
     b: Float[Array, " 10"]
     prior: Float[Array, " 4"]
-    map: Callable[[Float[Array, " 4"]], tuple[Float[Array, "10 4"], Float[Array, " 10"]]]
+    map: Callable[[Float[Array, " 4"]], Float[Array, "10 4"]]
     least: float
 
     def followed(self, start: Float[Array, " 4"]) -> Float[Array, " 4"]:
         """Mass and first moments to which the steps from a start lead."""
         for _ in range(STEPS):
             last = start
-            jacobian, offset = self.map(last)
+            jacobian = self.map(last)
             a = jacobian.T @ self.a @ jacobian + np.diag(self.prior)
-            b = jacobian.T @ (self.b - self.a @ offset)
+            b = jacobian.T @ self.b
             start = solve(a, b)
             low, high = mass_bounds(last[0], self.least)
             if not low <= start[0] <= high:
@@ -66,8 +79,7 @@ class ReducedLoad:
 
     def loss(self, x: Float[Array, " 4"]) -> float:
         """Loss of a point mass with its exact inertia, up to a constant."""
-        jacobian, offset = self.map(x)
-        theta = jacobian @ x + offset
+        theta = self.map(x) @ x
         return float(theta @ self.a @ theta - 2.0 * self.b @ theta + self.prior @ x**2)
 
 
@@ -84,7 +96,7 @@ def reduced_load(
         theta: All coefficients of a fit with free inertia, which says what is at a bound.
     """
     at = np.searchsorted(active, payload.columns)
-    others = np.setdiff1d(np.arange(len(active)), at)
+    others = without(at, len(active))
     x = theta[active]
     inside = (x[others] > problem.lower[active[others]]) & (x[others] < problem.upper[active[others]])
     free, held = others[inside], others[~inside]
@@ -96,16 +108,73 @@ def reduced_load(
         a=products.a[np.ix_(at, at)] - cross.T @ made[:, :-1],
         b=b[at] - cross.T @ made[:, -1],
         prior=problem.precision[active[at[:4]]],
-        map=partial(load_map, problem, payload),
+        map=partial(load_map, problem.session.robot, payload),
         least=payload.effect.lightest(problem.session.robot),
     )
 
 
-def load_map(
-    problem: Problem, term: Term, start: Float[Array, " 4"]
-) -> tuple[Float[Array, "10 4"], Float[Array, " 10"]]:
+@dataclass(frozen=True)
+class FoldedLoad:
+    """Columns of a fit with the ten of a payload folded into its mass and first moments, which come last.
+
+    Attributes:
+        at: Where the ten stand among the columns, ``(10,)``.
+        count: How many columns there are.
+        jacobian: Ten inertial parameters by mass and first moments, see `load_map`.
+    """
+
+    at: Int[Array, " 10"]
+    count: int
+    jacobian: Float[Array, "10 4"]
+
+    @cached_property
+    def others(self) -> Int[Array, " m"]:
+        """Places of all other columns."""
+        return without(self.at, self.count)
+
+    @property
+    def keep(self) -> Int[Array, " n"]:
+        """Places of the columns whose priors and bounds hold for what is fitted."""
+        return np.concatenate([self.others, self.at[:4]])
+
+    @property
+    def expand(self) -> Float[Array, "k n"]:
+        """Coefficients of all columns that a unit of each number that is fitted moves."""
+        return self.unfolded(np.eye(len(self.others) + 4)).T
+
+    def square(self, a: Float[Array, "*F k k"]) -> Float[Array, "*F n n"]:
+        """Products of the columns, folded."""
+        many, n = self.others, len(self.others)
+        out = np.empty((*a.shape[:-2], n + 4, n + 4))
+        out[..., :n, :n] = a[..., many[:, None], many]
+        cross = a[..., many[:, None], self.at] @ self.jacobian
+        out[..., :n, n:] = cross
+        out[..., n:, :n] = np.swapaxes(cross, -1, -2)
+        out[..., n:, n:] = self.jacobian.T @ a[..., self.at[:, None], self.at] @ self.jacobian
+        return out
+
+    def line(self, b: Float[Array, "*F k"]) -> Float[Array, "*F n"]:
+        """Products of the columns with the residual, folded."""
+        return np.concatenate([b[..., self.others], b[..., self.at] @ self.jacobian], axis=-1)
+
+    def unfolded(self, x: Float[Array, "*F n"]) -> Float[Array, "*F k"]:
+        """Coefficients of all columns."""
+        out = np.empty((*x.shape[:-1], self.count))
+        out[..., self.others] = x[..., :-4]
+        out[..., self.at] = x[..., -4:] @ self.jacobian.T
+        return out
+
+
+def without(at: Int[Array, " m"], count: int) -> Int[Array, " n"]:
+    """Places below ``count`` that are not among some."""
+    rest = np.ones(count, dtype=bool)
+    rest[at] = False
+    return np.flatnonzero(rest)
+
+
+def load_map(robot: Robot, term: Term, start: Float[Array, " 4"]) -> Float[Array, "10 4"]:
     """`point_mass_map` of what a term may stand for."""
-    return point_mass_map(start, term.effect.own_inertia(problem.session.robot, float(start[0])))
+    return point_mass_map(start, term.effect.own_inertia(robot, float(start[0])))
 
 
 def mass_bounds(start: float, least: float) -> tuple[float, float]:
@@ -119,13 +188,12 @@ def mass_bounds(start: float, least: float) -> tuple[float, float]:
     return max(low, least), max(high, least)
 
 
-def point_mass_map(
-    start: Float[Array, " 4"], own: Float[Array, " 6"] = _POINT
-) -> tuple[Float[Array, "10 4"], Float[Array, " 10"]]:
-    """Ten inertial parameters of a point mass from mass and first moments ``(m, h)``, linearised: ``J x + c``.
+def point_mass_map(start: Float[Array, " 4"], own: Float[Array, " 6"] = _POINT) -> Float[Array, "10 4"]:
+    """Slope of the ten inertial parameters of a point mass by its mass and first moments ``(m, h)``.
 
-    The inertia is ``(h.h 1 - h h^T) / m``, negative with a mass that is missing. Without a mass at the start it is left
-    out.
+    The inertia is ``(h.h 1 - h h^T) / m``, negative with a mass that is missing. Twice the mass and moments make twice
+    the inertia, so that the slope times ``(m, h)`` gives the parameters themselves (Euler's theorem). Without a mass at
+    the start the inertia is left out.
 
     Args:
         start: Mass and first moments.
@@ -133,18 +201,10 @@ def point_mass_map(
     """
     jacobian = np.zeros((10, 4))
     jacobian[:4] = np.eye(4)
-    offset = np.zeros(10)
     m, h = start[0], start[1:]
     if abs(m) <= _NO_MASS:
-        return jacobian, offset
-    entries = ((0, 0), (0, 1), (1, 1), (0, 2), (1, 2), (2, 2))
-    for k, (i, j) in enumerate(entries):
-        value = ((h @ h) * (i == j) - h[i] * h[j]) / m
-        slope = np.zeros(4)
-        slope[0] = -value / m
-        for axis in range(3):
-            slope[1 + axis] = (2 * h[axis] * (i == j) - (axis == i) * h[j] - h[i] * (axis == j)) / m
-        jacobian[4 + k] = slope
-        offset[4 + k] = value - slope @ start
-    jacobian[4:, 0] += own
-    return jacobian, offset
+        return jacobian
+    by_moment = _INERTIA @ h / m
+    jacobian[4:, 1:] = by_moment
+    jacobian[4:, 0] = own - 0.5 * (by_moment @ h) / m
+    return jacobian

@@ -14,6 +14,9 @@ from identification.diagnosis.model.session import Session
 
 Array = np.ndarray
 
+# Size of a column beside the others of its effect below which it is rounding.
+_ROUNDING = 1e-9
+
 
 @dataclass(frozen=True)
 class Problem:
@@ -59,8 +62,12 @@ def set_up(session: Session, columns: Columns, white: Columns, weights: Weights)
     grams = build_grams(white, session.blocks, session.folds, weights)
     count = len(columns.names)
     energy = np.diag(grams.a.sum(axis=0))
-    with np.errstate(divide="ignore"):
-        precision = np.where(energy > 0, energy / (900.0 * max(grams.c.sum(), 1e-30)), 1.0)
+    shown = energy > 0
+    for term in columns.terms:
+        own = list(term.columns)
+        # A motion that does not show one number of a law leaves rounding in its column, which nothing would hold down.
+        shown[own] &= energy[own] > _ROUNDING**2 * energy[own].max()
+    precision = np.where(shown, energy / (900.0 * max(grams.c.sum(), 1e-30)), 1.0)
     lower, upper = np.full(count, -np.inf), np.full(count, np.inf)
     for k, nuisance in enumerate(columns.nuisances):
         precision[k] = 1.0 / nuisance.sigma**2

@@ -12,7 +12,7 @@ import numpy as np
 from jaxtyping import Float
 
 from identification.diagnosis.fit.fitting import Fitted
-from identification.diagnosis.fit.point_mass import point_mass_map
+from identification.diagnosis.fit.point_mass import load_map
 from identification.diagnosis.fit.problem import Problem
 from identification.diagnosis.model.operations import moved_operation, moved_robot
 from identification.diagnosis.model.terms import Term
@@ -184,9 +184,8 @@ def _with_slopes(
     effect = place.term.effect
     if effect.inertial == "point mass":
         columns = _columns(layout.problem, place.term.columns, log)
-        robot = layout.problem.session.robot
-        jacobian, offset = point_mass_map(own, effect.own_inertia(robot, float(own[0])))
-        return columns @ (jacobian @ own + offset), columns @ jacobian
+        slope_of_mass = columns @ load_map(layout.problem.session.robot, place.term, own)
+        return slope_of_mass @ own, slope_of_mass
 
     def slope(k: int) -> Float[Array, "n nv"]:
         numbers = np.concatenate([own, shape])

@@ -39,7 +39,7 @@ from phantom_dyn.random_streams import random_stream
 
 Array = np.ndarray
 
-# Sets of effects of which each names another one as its leader, before that with the least doubt is shown.
+# Sets that are looked at where each says that another effect should lead; then the one with the least doubt is shown.
 _MOST_LEADERS = 8
 
 

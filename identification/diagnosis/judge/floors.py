@@ -9,7 +9,7 @@ from jaxtyping import Float
 from scipy.stats import chi2, norm
 
 from identification.diagnosis import decision_rules as rules
-from identification.diagnosis.fit.gap import measured_torque, sums
+from identification.diagnosis.fit.gap import judged_noise, measured_torque, sums
 from identification.diagnosis.fit.problem import Problem
 from identification.diagnosis.model.session import Series, Session
 from identification.diagnosis.noise.noise_floor import noise_floor
@@ -79,8 +79,7 @@ def floor_of(
         encoders: Torque that the noise of the encoders makes in the judged band, ``(nv,)``; None: not known.
     """
     session, robot = problem.session, problem.session.robot
-    value = noise_floor(session, problem.columns, noise)
-    unpredicted = sums(problem, session.in_judged_band(noise))
+    value, unpredicted = noise_floor(session, problem.columns, noise), sums(problem, session.in_judged_band(noise))
     drawn = block_counts(len(unpredicted.counts), random_stream("bootstrap of the noise floor"))
     mean = (drawn @ unpredicted.squares) / np.maximum(drawn @ unpredicted.counts, 1e-12)
     relative = np.sqrt(mean) / np.maximum(unpredicted.rms(), 1e-300)
@@ -120,6 +119,8 @@ def floor_of(
     high = np.hypot(high, rules.MODEL_SHARE * torque)
     wide = np.maximum(high / value, rules.FLOORS_LEFT)
     more = _left_in_doubt(problem, session.in_judged_band(noise), residual, doubt, value, wide)
+    # Where friction holds a joint and may be anything, what nothing foresees need not be noise.
+    low = np.minimum(low, judged_noise(problem, noise))
     return Floor(value, low, np.sqrt(high**2 + more), tuple(source))
 
 

@@ -11,13 +11,14 @@ from identification.data.signals import smoothed
 from identification.diagnosis import decision_rules as rules
 from identification.diagnosis.fit.gap import (
     held_out_torque,
+    judged_noise,
     residual_after,
     sums,
 )
 from identification.diagnosis.fit.problem import Problem, set_up
 from identification.diagnosis.model.session import Series
 from identification.diagnosis.model.terms import Term, ordered
-from identification.diagnosis.noise.noise_floor import noise_floor, weights_of
+from identification.diagnosis.noise.noise_floor import weights_of
 from identification.diagnosis.search.search import Search, set_up_search
 
 Array = np.ndarray
@@ -70,7 +71,7 @@ def visible(search: Search, chosen: frozenset[Term]) -> frozenset[Term]:
 
 def gap_is_there(problem: Problem, noise: Series) -> bool:
     """False if the given model's residual is noise on every joint: then there is nothing to find a cause for."""
-    floor = noise_floor(problem.session, problem.columns, noise)
+    floor = judged_noise(problem, noise)
     given = sums(problem, problem.session.in_judged_band(problem.columns.residual)).rms()
     return bool(np.any(given**2 > (1.0 + rules.VISIBLE_GROWTH) * floor**2))
 

@@ -37,6 +37,7 @@ from identification.diagnosis.result import Burst, Evidence, JointGap, Judgement
 from identification.diagnosis.search.refinement import found_effects
 from identification.diagnosis.search.rival_sets import NONE_BARRED
 from identification.diagnosis.search.search import Search
+from identification.diagnosis.search.stepwise import explain
 
 Array = np.ndarray
 
@@ -117,12 +118,16 @@ def _shown_above_noise(explanation: Explanation, plain: Search, noise: Series) -
     def left_by_all(chosen: frozenset[Term]) -> _Left:
         return _left(explanation, plain, chosen, noise)
 
-    barred, kept = NONE_BARRED, present_of(explanation.chosen)
+    found, barred, kept = explanation.chosen, NONE_BARRED, present_of(explanation.chosen)
+    if not kept and _above_noise(left_by_all(kept)):
+        # What lies above the judged band may hide from the search what there is inside it.
+        found = explain(plain, lambda _: None)
+        kept = present_of(found)
     # First without rivals, which cost most.
     while (term := least_above_noise(left_by_all(kept).judge, plain, kept)) is not None:
         barred, kept = barred | {term.place}, kept - {term}
     while True:
-        chosen = frozenset(term for term in explanation.chosen if term.place not in barred)
+        chosen = frozenset(term for term in found if term.place not in barred)
         shown = shown_effects(explanation.search, plain, chosen, present_of, barred)
         left = left_by_all(shown.chosen)
         term = least_above_noise(left.judge, plain, shown.chosen)
@@ -130,6 +135,11 @@ def _shown_above_noise(explanation: Explanation, plain: Search, noise: Series) -
         if term is None or term.place in barred:
             return shown, left
         barred = barred | {term.place}
+
+
+def _above_noise(left: _Left) -> bool:
+    """True if some joint is left with more than its noise."""
+    return bool(np.any(sums(left.judge.problem, left.whole).rms() > left.floor.high))
 
 
 def _left(explanation: Explanation, plain: Search, chosen: frozenset[Term], noise: Series) -> _Left:

@@ -14,7 +14,7 @@ from identification.diagnosis.model.terms import Term, ordered
 from identification.diagnosis.search.rival_sets import Place
 from identification.diagnosis.search.search import Search
 from identification.diagnosis.search.swaps import replaced
-from phantom_dyn.model.attached import Attached, attached_bodies
+from phantom_dyn.model.attached import Attached
 from phantom_dyn.model.inertia import body_parameters, payload_body
 
 Array = np.ndarray
@@ -37,7 +37,7 @@ def share_without(problem: Problem, term: Term, own: Float[Array, " k"]) -> tupl
     energy = max(float(change @ a @ change), 1e-300)
     found: list[tuple[float, int, Attached]] = []
     for body in range(1, robot.model.njoints):
-        for part in attached_bodies(robot, body):
+        for part in robot.attached[body]:
             left = change.copy()
             left[10 * (body - 1) : 10 * body] += body_parameters(part.mass, part.center, part.inertia)
             found.append((1.0 - float(left @ a @ left) / energy, body, part))

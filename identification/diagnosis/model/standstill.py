@@ -18,7 +18,7 @@ from identification.data.log import Band, Log
 from identification.diagnosis import decision_rules as rules
 from phantom_dyn.dynamics.dynamics import modelled_friction
 from phantom_dyn.effects.operation import Operation
-from phantom_dyn.effects.support.encoder_lattice import stated_step, step_of
+from phantom_dyn.effects.support.encoder_lattice import stated_step
 from phantom_dyn.model.robot import Robot
 
 Array = np.ndarray
@@ -105,7 +105,7 @@ def encoder_stands(robot: Robot, log: Log) -> Bool[Array, "N nv"]:
     rate = log.band.rate_hz
     out = np.zeros(readings.shape, dtype=bool)
     for j in range(readings.shape[1]):
-        seen = log.reading_steps[j] if log.reading_steps else step_of(readings[:, j]) or 0.0
+        seen = (log.reading_steps[j] if log.reading_steps else None) or 0.0
         # A little more than two counts: between readings at uneven times splines swing over by a part of a count. Where
         # no count is known, a reading that does not change at all stands.
         most = (rules.STANDING_COUNTS + _SWING) * max(seen, stated_step(robot, j) or 0.0)

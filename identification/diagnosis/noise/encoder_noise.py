@@ -13,7 +13,6 @@ import numpy as np
 from jaxtyping import Float
 
 from identification.data.log import Log
-from identification.data.recording import Recording
 from identification.data.signals import differentiate, motion_edge
 from identification.diagnosis import decision_rules as rules
 from identification.diagnosis.fit.fitting import fit
@@ -27,8 +26,7 @@ from identification.diagnosis.noise.whitening import whitened
 from identification.diagnosis.search.search import Search
 from phantom_dyn.dynamics.dynamics import inverse_dynamics
 from phantom_dyn.effects.operation import Operation
-from phantom_dyn.effects.support.encoder_lattice import coarse_step, stated_step, step_of
-from phantom_dyn.model.robot import Robot
+from phantom_dyn.effects.support.encoder_lattice import stated_step
 from phantom_dyn.motion import Motion
 from phantom_dyn.random_streams import random_stream
 
@@ -74,23 +72,13 @@ def read_again(log: Log, operation: Operation, steps: tuple[float | None, ...], 
     return replace(log, motion=Motion(motion.t, q, v, a), tau=operation.tau, raw_q=motion.q + noise)
 
 
-def reading_steps(robot: Robot, recordings: tuple[Recording, ...]) -> tuple[float | None, ...]:
-    """Step of each joint's lattice of readings, the coarsest over the recordings; None where there is none."""
+def coarsest_steps(logs: tuple[Log, ...]) -> tuple[float | None, ...]:
+    """Step of each joint's lattice of readings, the coarsest over the logs; None where one log has none."""
     out: list[float | None] = []
-    for j in range(robot.nv):
-        stated = stated_step(robot, j)
-        steps = [_step(recording.q[:, j], stated) for recording in recordings]
+    for steps in zip(*(log.reading_steps for log in logs), strict=True):
         known = [step for step in steps if step is not None]
         out.append(max(known) if len(known) == len(steps) else None)
     return tuple(out)
-
-
-def _step(readings: Float[Array, " N"], stated: float | None) -> float | None:
-    """The coarser of the step of the lattice and the step about which the readings gather."""
-    lattice = step_of(readings, stated)
-    gathered = None if stated is None else coarse_step(readings, stated)
-    known = [step for step in (lattice, gathered) if step is not None]
-    return max(known, default=None)
 
 
 def coarse_joints(session: Session, columns: Columns, steps: tuple[float | None, ...]) -> tuple[Coarse, ...]:
@@ -117,7 +105,7 @@ def columns_read_again(session: Session, columns: Columns, steps: tuple[float | 
     Args:
         session: The recordings.
         columns: Of the recordings.
-        steps: Of the readings, see `reading_steps`.
+        steps: Of the readings, see `coarsest_steps`.
     """
     rng = random_stream("readings with fresh noise")
     again = tuple(read_again(log, o, steps, rng) for log, o in zip(session.logs, columns.operations, strict=True))

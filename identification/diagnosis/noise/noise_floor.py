@@ -8,7 +8,7 @@ import numpy as np
 from jaxtyping import Bool, Float, Int
 
 from identification.diagnosis.fit.flexible import ridge_predictions, state_features
-from identification.diagnosis.fit.gap import held_out_torque, residual_after
+from identification.diagnosis.fit.gap import held_out_torque, least_noise, residual_after
 from identification.diagnosis.fit.grams import Weights
 from identification.diagnosis.model.columns import Columns
 from identification.diagnosis.model.session import Series, Session
@@ -145,18 +145,9 @@ def weights_of(white: Columns, noise: Series) -> Weights:
 
 def noise_floor(session: Session, columns: Columns, noise: Series) -> Float[Array, " nv"]:
     """Noise floor of each joint in the judged band, above zero even where nothing was measured."""
-    narrow = session.in_judged_band(noise)
-    torque = np.concatenate(columns.model_torque)
-    return np.array(
-        [
-            max(
-                rms([e[:, j][u[:, j]] for e, u in zip(narrow, columns.usable, strict=True)]),
-                1e-6 * torque[:, j].std(),
-                1e-12,
-            )
-            for j in range(len(columns.rows))
-        ]
-    )
+    narrow, rows = session.in_judged_band(noise), range(len(columns.rows))
+    own = [rms([e[:, j][u[:, j]] for e, u in zip(narrow, columns.usable, strict=True)]) for j in rows]
+    return np.maximum(own, least_noise(columns))
 
 
 def _used(parts: Sequence[Float[Array, " n"]], use: Sequence[Bool[Array, " n"]]) -> list[Float[Array, " n"]]:

@@ -19,6 +19,7 @@ from identification.diagnosis.numerics.two_threads import in_two_threads
 Array = np.ndarray
 
 _ORDER = 8
+_ROWS = 64
 
 
 def noise_filter(e: list[Float[Array, " n"]]) -> Float[Array, " m"]:
@@ -38,8 +39,12 @@ def noise_filter(e: list[Float[Array, " n"]]) -> Float[Array, " m"]:
 def filtered(kernel: Float[Array, " m"], x: Float[Array, "n ..."]) -> Float[Array, "n ..."]:
     """``x`` through a causal finite filter along time; the first samples see zeros before them."""
     out = kernel[0] * x
-    for lag in range(1, len(kernel)):
-        out[lag:] += kernel[lag] * x[:-lag]
+    # A few rows at a time stay in the processor's cache until all lags are done.
+    for start in range(0, len(x), _ROWS):
+        stop = min(start + _ROWS, len(x))
+        for lag in range(1, min(len(kernel), stop)):
+            first = max(start, lag)
+            out[first:stop] += kernel[lag] * x[first - lag : stop - lag]
     return out
 
 
@@ -58,16 +63,20 @@ def whitened(columns: Columns, noise: Series) -> tuple[Columns, Series]:
     values, residual, torque, usable = [], [], [], []
     for log in range(len(columns.values)):
         own, counts = columns.values[log], trust[log]
-        values.append(
-            tuple(in_two_threads(lambda j, own=own, c=counts: filtered(kernels[j], own[j]) * c[:, j : j + 1], rows))
-        )
+
+        def white(j: int, own: tuple[Array, ...] = own, counts: Array = counts) -> Array:
+            out = filtered(kernels[j], own[j])
+            out *= counts[:, j : j + 1]
+            return out
+
+        values.append(tuple(in_two_threads(white, rows)))
         residual.append(_white(kernels, columns.residual[log]) * counts)
         torque.append(_white(kernels, columns.model_torque[log]) * counts)
         usable.append(np.column_stack([_reached(len(kernels[j]), columns.usable[log][:, j]) for j in rows]))
-    white = replace(
+    made = replace(
         columns, values=tuple(values), residual=tuple(residual), model_torque=tuple(torque), usable=tuple(usable)
     )
-    return white, tuple(_white(kernels, part) * counts for part, counts in zip(noise, trust, strict=True))
+    return made, tuple(_white(kernels, part) * counts for part, counts in zip(noise, trust, strict=True))
 
 
 def whitened_noise(

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from jaxtyping import Bool, Float
 
-from phantom_dyn._kernels.jit import compiles, fused
+from phantom_dyn._kernels.jit import compiles, fused, inlined
 
 Array = np.ndarray
 
@@ -57,7 +57,7 @@ def bounded_solve(
         near: Minimum of a similar problem; the bounds that bind there are tried first. Not a number: none is.
     """
     start = np.full(len(b), np.nan) if near is None else near
-    return _bounded_minimum(np.ascontiguousarray(a), b, lower, upper, start)
+    return _minima_of(a, b, np.zeros((0, len(b), len(b))), np.zeros((0, len(b))), np.stack([lower, upper, start]))[0]
 
 
 def bounded_solve_without(
@@ -70,67 +70,129 @@ def bounded_solve_without(
     near: Float[Array, " k"],
 ) -> Float[Array, "F k"]:
     """As `bounded_solve`, once without each of several parts of ``a`` and ``b``."""
-    out = np.empty((len(less_a), len(b)))
-    _minima_without(a, b, less_a, less_b, lower, upper, near, out)
+    return _minima_of(a, b, less_a, less_b, np.stack([lower, upper, near]))[: len(less_a)]
+
+
+def _minima_of(a: Array, b: Array, less_a: Array, less_b: Array, ends: Array) -> Array:
+    """As `_minima`; of arrays in one form, as a loop is compiled once more for every other one."""
+    k = len(b)
+    out = np.empty((max(len(less_a), 1), k))
+    a, b, less_a, less_b = (np.ascontiguousarray(array, dtype=float) for array in (a, b, less_a, less_b))
+    # Two matrices and some vectors to work in: compiling the allocation of each takes longer than compiling a loop.
+    room = np.empty((2, k, k)), np.empty((6, k)), np.empty((2, k), dtype=bool), np.empty(k, dtype=np.int64)
+    _minima(a, b, less_a, less_b, ends, out, room)
     return out
 
 
 @fused
-def _minima_without(
-    a: Array, b: Array, less_a: Array, less_b: Array, lower: Array, upper: Array, near: Array, out: Array
+def _minima(
+    a: Array,
+    b: Array,
+    less_a: Array,
+    less_b: Array,
+    ends: Array,
+    out: Array,
+    room: tuple[Array, Array, Array, Array],
 ) -> None:
-    """Fill ``out`` with the minimum without each part."""
+    """Fill each row of ``out`` with a minimum within bounds, from the bounds that bind where it begins.
+
+    Loops over numbers, not over arrays: those take several times as long to compile.
+
+    Args:
+        a: Quadratic part.
+        b: Linear part.
+        less_a: What each row leaves out of ``a``; of length 0 for nothing.
+        less_b: The same of ``b``.
+        ends: Lower bounds, upper bounds, and where to begin, ``(3, k)``.
+        out: One row a minimum.
+        room: See `_minima_of`.
+    """
+    k = len(b)
+    matrices, vectors, flags, free = room
+    lower, upper, near = ends[0], ends[1], ends[2]
+    fixed, outside = flags[0], flags[1]
+    right, gradient, x = vectors[0], vectors[1], vectors[2]
     for part in range(len(out)):
-        out[part] = _bounded_minimum(a - less_a[part], b - less_b[part], lower, upper, near)
+        for i in range(k):
+            right[i] = b[i] - less_b[part, i] if len(less_b) else b[i]
+            for j in range(k):
+                matrices[0, i, j] = a[i, j] - less_a[part, i, j] if len(less_a) else a[i, j]
+            fixed[i] = near[i] <= lower[i] or near[i] >= upper[i]
+            x[i] = near[i] if fixed[i] else 0.0
+        for sweep in range(_SWEEPS + 1):
+            _free_minimum(matrices, right, fixed, x, vectors, free)
+            _slope(matrices, right, x, gradient)
+            left, released, worst, largest = 0, 0, 0, -1.0
+            for i in range(k):
+                outside[i] = not fixed[i] and (x[i] < lower[i] or x[i] > upper[i])
+                pulls = fixed[i] and (
+                    (x[i] <= lower[i] and gradient[i] < -_WRONG) or (x[i] >= upper[i] and gradient[i] > _WRONG)
+                )
+                left += outside[i]
+                released += pulls
+                size = abs(gradient[i]) if pulls else -1.0
+                if size > largest:
+                    worst, largest = i, size
+                if pulls and sweep < _AT_ONCE:
+                    fixed[i] = False
+            if left + released == 0 or sweep == _SWEEPS:
+                break
+            if sweep >= _AT_ONCE and left == 0:
+                fixed[worst] = False
+            for i in range(k):
+                if outside[i]:
+                    fixed[i] = True
+                    x[i] = lower[i] if x[i] < lower[i] else upper[i]
+                elif not fixed[i]:
+                    x[i] = 0.0
+        for i in range(k):
+            out[part, i] = min(max(x[i], lower[i]), upper[i])
 
 
-@fused
-def _bounded_minimum(a: Array, b: Array, lower: Array, upper: Array, near: Array) -> Array:
-    """Minimum within bounds from the bounds that bind at ``near``."""
-    fixed = (near <= lower) | (near >= upper)
-    x = _free_minimum(a, b, fixed, np.where(fixed, near, 0.0))
-    for sweep in range(_SWEEPS):
-        gradient = np.dot(a, x) - b
-        below, above = (x < lower) & ~fixed, (x > upper) & ~fixed
-        wrong = fixed & (((x <= lower) & (gradient < -_WRONG)) | ((x >= upper) & (gradient > _WRONG)))
-        outside = below | above
-        if not np.any(outside | wrong):
-            break
-        value = np.where(below, lower, np.where(above, upper, x))
-        if sweep < _AT_ONCE:
-            fixed = fixed & ~wrong
-        elif not np.any(outside):
-            fixed[np.argmax(np.where(wrong, np.abs(gradient), -1.0))] = False
-        fixed = fixed | outside
-        x = _free_minimum(a, b, fixed, np.where(fixed, value, 0.0))
-    return np.minimum(np.maximum(x, lower), upper)
+@inlined
+def _slope(matrices: Array, b: Array, x: Array, out: Array) -> None:
+    """Fill ``out`` with ``a x - b``, with ``a`` the first matrix."""
+    for i in range(len(x)):
+        out[i] = -b[i]
+    # Line by line: a sum over a line would have to keep its order.
+    for j in range(len(x)):
+        if x[j] != 0.0:
+            for i in range(len(x)):
+                out[i] += matrices[0, j, i] * x[j]
 
 
 def _free_minimum_plain(
-    a: Float[Array, "k k"], b: Float[Array, " k"], fixed: Bool[Array, " k"], x: Float[Array, " k"]
-) -> Float[Array, " k"]:
-    """Minimum with some coefficients fixed at their values in ``x``, the others zero there."""
-    free = ~fixed
+    matrices: Float[Array, "2 k k"], b: Float[Array, " k"], fixed: Bool[Array, " k"], x: Float[Array, " k"], *_: Array
+) -> None:
+    """Make ``x`` the minimum with some coefficients fixed at their values in it, the others zero there."""
+    free, a = ~fixed, matrices[0]
     x[free] = solve(a[np.ix_(free, free)], b[free] - a[free] @ x)
-    return x
 
 
-@fused
-def _free_minimum_compiled(a: Array, b: Array, fixed: Array, x: Array) -> Array:
+@inlined
+def _free_minimum_compiled(matrices: Array, b: Array, fixed: Array, x: Array, vectors: Array, free: Array) -> None:
     """The same, by ``L D L^T`` without an order of pivots, which a positive definite matrix does not need."""
-    free = np.flatnonzero(~fixed)
-    count = len(free)
-    scale, right = np.empty(count), np.empty(count)
+    scale, right, moved = vectors[3], vectors[4], vectors[5]
+    _slope(matrices, b, x, moved)
+    count = 0
+    for i in range(len(b)):
+        if not fixed[i]:
+            free[count] = i
+            scale[count] = 1.0 / np.sqrt(max(matrices[0, i, i], 1e-300))
+            right[count] = -moved[i] * scale[count]
+            count += 1
     for i in range(count):
-        scale[i] = 1.0 / np.sqrt(max(a[free[i], free[i]], 1e-300))
-    u = np.empty((count, count))
-    moved = b - np.dot(a, x) if count < len(b) else b
-    for i in range(count):
-        row = a[free[i]]
         for k in range(i, count):
-            u[i, k] = row[free[k]] * scale[i] * scale[k]
-        u[i, i] += _TWINS
-        right[i] = moved[free[i]] * scale[i]
+            matrices[1, i, k] = matrices[0, free[i], free[k]] * scale[i] * scale[k]
+        matrices[1, i, i] += _TWINS
+    _factorised(matrices[1], right, count)
+    for i in range(count):
+        x[free[i]] = right[i] * scale[i]
+
+
+@inlined
+def _factorised(u: Array, right: Array, count: int) -> None:
+    """Solve for the first ``count`` coefficients, into ``right``; of ``u`` the upper triangle is given, and used up."""
     for first in range(0, count, _PANEL):
         last = min(first + _PANEL, count)
         for j in range(first, last):
@@ -153,9 +215,6 @@ def _free_minimum_compiled(a: Array, b: Array, fixed: Array, x: Array) -> Array:
         for k in range(j + 1, count):
             rest -= u[j, k] * right[k]
         right[j] = rest / u[j, j]
-    for i in range(count):
-        x[free[i]] = right[i] * scale[i]
-    return x
 
 
 # Interpreted, the loops of the factorisation would be far slower than LAPACK.

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from functools import cached_property
 
-from identification.diagnosis.fit.fitting import Fitted, Near, fit
+from identification.diagnosis.fit.fitting import Fitted, Near, Point, fit
 from identification.diagnosis.fit.problem import Problem
 from identification.diagnosis.fit.projection import Beside, beside
 from identification.diagnosis.model.terms import Term, ordered
@@ -25,6 +25,7 @@ class Fits:
         self.problem = problem
         self._held_out: dict[Chosen, Fitted] = {}
         self._in_sample: dict[Chosen, float] = {}
+        self._points: dict[Chosen, Point] = {}
         self._besides: dict[Chosen, Beside] = {}
 
     def held_out(self, chosen: Chosen) -> Fitted:
@@ -36,7 +37,8 @@ class Fits:
     def in_sample(self, chosen: Chosen) -> float:
         """Loss of a set in sample: a tenth of the work, by which it is ranked what is worth holding out."""
         if chosen not in self._in_sample:
-            self._in_sample[chosen] = self._fitted(chosen, held_out=False).objective
+            known = self._held_out.get(chosen) or self._fitted(chosen, held_out=False)
+            self._in_sample[chosen] = known.objective
         return self._in_sample[chosen]
 
     def beside(self, chosen: Chosen) -> Beside:
@@ -46,7 +48,12 @@ class Fits:
         return self._besides[chosen]
 
     def _fitted(self, chosen: Chosen, *, held_out: bool) -> Fitted:
-        return fit(self.problem, ordered(chosen), held_out=held_out, near=self._start)
+        # The point about which a fit is linear takes several fits to find, and is the same in sample and held out.
+        point = self._points.get(chosen)
+        found = fit(self.problem, ordered(chosen), held_out=held_out, near=self._start, point=point)
+        if found.point.moved:
+            self._points[chosen] = found.point
+        return found
 
     @cached_property
     def _start(self) -> Near:

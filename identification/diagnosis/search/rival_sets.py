@@ -90,6 +90,11 @@ def stand(
     """
     base = search.evaluate(chosen)
     options, names, richer_laws = _options(search, chosen, term, barred, again)
+    possible = {key for key in names if _sound(search, key, key - chosen)}
+    if possible or _sound(search, chosen, frozenset([term])):
+        # What no robot has is no cause where another one may be.
+        names = {key: others for key, others in names.items() if key in possible}
+        options = {key: loss for key, loss in options.items() if key == chosen or key in names}
     twins = {key for key in names if _same_in_data(search, term, chosen, names[key], key)}
     same = {}
     for others, swapped in _twins(search, chosen, term):
@@ -229,12 +234,6 @@ def _leader(
     places: dict[Chosen, tuple[Place, ...]],
 ) -> Chosen | None:
     """The set with a rival in a finding's place that has to lead, None if the finding leads."""
-    robot = search.problem.session.robot
-
-    def sound(key: Chosen, theirs: Chosen) -> bool:
-        theta = search.evaluate(key).theta
-        return all(implausible(robot, one, theta[list(one.columns)]) is None for one in theirs)
-
     there: dict[tuple[Place, ...], Chosen] = {}
     for key in sorted(places, key=search.score):
         # A law that ends on a special case would lead under the name of another, so that case itself leads.
@@ -244,10 +243,17 @@ def _leader(
             there |= {} if leading is None else {places[key]: leading}
     if not there:
         return None
-    is_sound = {(): sound(chosen, frozenset([term]))} | {at: sound(key, key - chosen) for at, key in there.items()}
+    is_sound = {(): _sound(search, chosen, frozenset([term]))}
+    is_sound |= {at: _sound(search, key, key - chosen) for at, key in there.items()}
     shares = {(): rules.OUTDONE * own} | {at: kept[at] for at in there}
     first = max(shares, key=lambda at: (is_sound[at], shares[at], at == ()))
     return there.get(first)
+
+
+def _sound(search: Search, chosen: Chosen, theirs: Chosen) -> bool:
+    """True if some effects of a set have sizes that a robot may have."""
+    robot, theta = search.problem.session.robot, search.evaluate(chosen).theta
+    return all(implausible(robot, one, theta[list(one.columns)]) is None for one in theirs)
 
 
 def _with_places(search: Search, chosen: Chosen, term: Term, places: tuple[Place, ...]) -> Chosen | None:

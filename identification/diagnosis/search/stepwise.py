@@ -11,7 +11,7 @@ from dataclasses import replace
 
 from identification.diagnosis import decision_rules as rules
 from identification.diagnosis.model.terms import Term, ordered
-from identification.diagnosis.search.search import Search, claimed, dropped, possible, with_term
+from identification.diagnosis.search.search import Search, claimed, dropped, possible, price, with_term
 from identification.diagnosis.search.swaps import simplified, swapped
 
 # Effects of one set at most, far more than any robot of the benchmarks has.
@@ -71,7 +71,8 @@ def forward(search: Search, chosen: frozenset[Term], progress: Callable[[str], N
         for term in sorted(rivals, key=lambda term: -promised[term])[:_MOST_JUDGED]:
             if promised[term] < most:
                 break
-            if promised[term] < search.threshold.of(term):
+            # A claim has to gain what chance gives before its price is paid, see `claimed`.
+            if promised[term] + price(search.sizes[term]) < search.threshold.of(term):
                 continue
             gain = base - search.score(with_term(chosen, term))
             if gain > most and claimed(search, with_term(chosen, term), chosen):

@@ -7,15 +7,14 @@ program sees the recording through a triangular factor alone, so that its size d
 
 from __future__ import annotations
 
-import warnings
 from dataclasses import dataclass, replace
-from typing import Any
 
 import numpy as np
 from jaxtyping import Float
 from scipy.linalg import block_diag, null_space, solve_triangular
 
 from identification.estimators.consistent.consistent_bodies import PSEUDO, Reference, Region, pseudo_inertia
+from identification.estimators.consistent.stated_program import Shape, Values, stated
 from phantom_dyn.errors import EstimationError, ParameterError
 
 Array = np.ndarray
@@ -24,7 +23,7 @@ FREE = 1e-3
 """Prior distance of a coefficient whose torque is as large as that of all bodies together; that of a body as far from
 its reference as the reference is large is 1. Where a recording cannot separate the two, the coefficient gives way."""
 
-_ATTEMPTS = ((1e7, 1e-9), (1e7, 1e-7), (1e5, 1e-7), (1e4, 1e-6), (1e3, 1e-6))
+_ATTEMPTS = ((1e7, 1e-10), (1e7, 1e-9), (1e7, 1e-7), (1e5, 1e-7), (1e4, 1e-6), (1e3, 1e-6))
 """Attempts in turn: the largest root of the information that a recording is taken to have, and Clarabel's tolerance in
 units of the log-likelihood. Without noise the information is 1e9 and more, beside which a solver in double precision
 does not see a prior."""
@@ -210,45 +209,32 @@ class _Cones:
 
 
 def _minimised(program: Program, cones: _Cones, tolerance: float) -> tuple[Array, Array, list[Array], str]:
-    """Coordinates at the minimum, what each inequality and each body pushes with, and the solver's status.
-
-    Clarabel solves it; cvxpy, which takes most of a second to load, turns it into cones.
-    """
-    import cvxpy as cp
-
+    """Coordinates at the minimum, what each inequality and each body pushes with, and the solver's status."""
     entropic = program.prior.kind == "entropic"
-    u = cp.Variable(cones.back.shape[1])
-
-    def matrix(matrices: Array, constant: Array) -> cp.Expression:
-        return cp.reshape(matrices.reshape(len(matrices), 16).T @ u + constant.ravel(), (4, 4), order="C")
-
-    limits = [cones.rows @ cones.back @ u >= cones.least - cones.rows @ cones.start] if len(cones.least) else []
-    cost: Any = 0.5 * cp.sum_squares(u)
-    if entropic:
-        cost = 0.5 * cp.sum_squares(cones.equations @ u + cones.left) if len(cones.left) else 0.0
-    bodies = []
-    for body, reference in enumerate(program.bodies):
+    weight = (1.0 if program.exact else program.prior.weight) if entropic else None
+    # Where no equation is exact, coordinates are those of a triangular factor, and few have to do with the last bodies.
+    first = tuple(0 if program.exact else 10 * body for body in range(len(program.bodies)))
+    shape = Shape(cones.back.shape[1], first, len(cones.least), len(cones.left), weight)
+    # A log-determinant measures in units of its reference; a square knows no reference.
+    units = [reference.whitening if entropic else np.eye(4) for reference in program.bodies]
+    slopes, constants, margins = [np.zeros((0, 16, shape.unknowns))], [np.zeros((0, 4, 4))], [np.zeros((0, 4, 4))]
+    for body, unit in enumerate(units):
         at = slice(10 * body, 10 * body + 10)
-        matrices = np.einsum("kd,kij->dij", cones.back[at], PSEUDO)
-        begun = pseudo_inertia(cones.start[at])
-        bodies.append(matrix(matrices, begun - program.margin * np.eye(4)) >> 0)
-        if entropic:
-            white = reference.whitening
-            distance = matrix(white @ matrices @ white.T, white @ begun @ white.T)
-            weight = 1.0 if program.exact else program.prior.weight
-            cost += weight * (cp.trace(distance) - cp.log_det(distance))
-    problem = cp.Problem(cp.Minimize(cost), [*limits, *bodies])
-    with warnings.catch_warnings():
-        # That a solution may be inaccurate is said by its status, which is looked at.
-        warnings.simplefilter("ignore", UserWarning)
-        try:
-            problem.solve(solver=cp.CLARABEL, tol_gap_abs=tolerance, tol_gap_rel=tolerance, tol_feas=tolerance)
-        except cp.SolverError as error:
-            return np.zeros(u.size), np.zeros(0), [], str(error)
-    if u.value is None:
-        return np.zeros(u.size), np.zeros(0), [], str(problem.status)
-    forces = np.array(limits[0].dual_value) if limits else np.zeros(0)
-    return np.array(u.value), forces, [np.array(body.dual_value) for body in bodies], str(problem.status)
+        matrices = unit @ np.einsum("kd,kij->dij", cones.back[at], PSEUDO) @ unit.T
+        slopes.append(matrices.reshape(-1, 16).T[None])
+        constants.append((unit @ pseudo_inertia(cones.start[at]) @ unit.T)[None])
+        margins.append(program.margin * (unit @ unit.T)[None])
+    values = Values(
+        cones.equations,
+        cones.left,
+        cones.rows @ cones.back,
+        cones.least - cones.rows @ cones.start,
+        np.concatenate(slopes),
+        np.concatenate(constants),
+        np.concatenate(margins),
+    )
+    change, forces, pushes, status = stated(shape).solved(values, tolerance)
+    return change, forces, [unit.T @ push @ unit for unit, push in zip(units, pushes, strict=False)], status
 
 
 def _coordinates(program: Program, largest: float) -> tuple[Array, Array, Array, Array]:

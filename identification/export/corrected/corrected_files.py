@@ -127,8 +127,10 @@ def _checked_file(
     checked = (
         "not loaded again, as MuJoCo is not installed (pip install 'phantom-dyn[mujoco]')"
         if np.isnan(difference)
-        else f"loaded again with {loaded_with}, it needs the same torques (to {difference:.1g} of the largest)"
+        else f"loaded again with {loaded_with}, it needs the same torques"
     )
+    if difference > 0:
+        checked += f": they differ by at most {difference:.1g} of the largest"
     notes = (f"{name}: {checked}.", *(f"{name}: {sentence[:1].lower()}{sentence[1:]}" for sentence in left_out))
     return ModelFile(name, _with_comment(text, left_out), notes)
 
@@ -207,8 +209,10 @@ def mjcf_left_out(corrected: CorrectedModel, file: Path) -> tuple[str, ...]:
     chain = corrected.robot.chain
     if chain is not None and set(chain.passive) - set(chain.unknowns):
         out.append("Joints that follow others by a formula move freely in it.")
-    drives = f"limits of torque and speed that {CONFIG_NAME} does not state" if file.suffix == ".urdf" else "actuators"
-    return (*out, f"Shapes, sensors and {drives} of the given file are not in it: a motor drives each joint.")
+    urdf = file.suffix == ".urdf"
+    drives = "limits of torque and speed" if urdf else "actuators"
+    but = f", but for limits that {CONFIG_NAME} states" if urdf else ""
+    return (*out, f"It lacks shapes, sensors and {drives} of the given file{but}; a motor drives each joint.")
 
 
 def _rotor(corrected: CorrectedModel, joint: str) -> float:

@@ -63,13 +63,15 @@ def loaded(code: str) -> dict[str, Any]:
         return runpy.run_path(str(path))
 
 
-def feedforward_table(corrected: CorrectedModel, diagnosis: Diagnosis) -> str:
+def feedforward_table(corrected: CorrectedModel, diagnosis: Diagnosis, code: str) -> str:
     """The text of ``feedforward.csv``: each joint over its recorded positions and speeds, the others in mid range.
 
-    Raises:
-        ParameterError: If the robot has loops that keep frames together.
+    Args:
+        corrected: The corrected model.
+        diagnosis: Gives the positions and speeds.
+        code: What `feedforward_code` gives of both.
     """
-    law = loaded(feedforward_code(corrected, diagnosis))
+    law = loaded(code)
     q, v = diagnosis.evidence.q, diagnosis.evidence.v
     low, high = (
         (q.min(axis=0), q.max(axis=0)) if len(q) else (np.zeros(corrected.robot.nv), np.zeros(corrected.robot.nv))
@@ -82,19 +84,32 @@ def feedforward_table(corrected: CorrectedModel, diagnosis: Diagnosis) -> str:
     for j, joint in enumerate(corrected.robot.joint_names):
         for place in np.linspace(low[j], high[j], _POSITIONS):
             at = np.where(np.arange(len(middle)) == j, place, middle)
-            table.writerow(["position", joint, *_row(law, j, at, np.zeros(len(at)))])
+            table.writerow(["position", joint, *_row(law, j, at, np.zeros(len(at)), _at_rest(law, at))])
         one = fastest[j] * np.geomspace(1e-3, 1.0, _SPEEDS)
+        still = _at_rest(law, middle)
         for speed in (*-one[::-1], 0.0, *one):
             moving = np.where(np.arange(len(middle)) == j, speed, 0.0)
-            table.writerow(["velocity", joint, *_row(law, j, middle, moving)])
+            table.writerow(["velocity", joint, *_row(law, j, middle, moving, still)])
     return text.getvalue()
 
 
-def _row(law: dict[str, Any], j: int, q: Float[Array, " nv"], v: Float[Array, " nv"]) -> list[float]:
+def _at_rest(law: dict[str, Any], q: Float[Array, " nv"]) -> tuple[list[float], list[float]]:
+    """Gravity and cogging, which do not depend on the velocity."""
+    return law["gravity"](q.tolist()), law["cogging"](q.tolist())
+
+
+def _row(
+    law: dict[str, Any],
+    j: int,
+    q: Float[Array, " nv"],
+    v: Float[Array, " nv"],
+    still: tuple[list[float], list[float]],
+) -> list[float]:
     at, moving, unaccelerated = q.tolist(), v.tolist(), [0.0] * len(q)
-    terms = law["gravity"](at), law["friction"](at, moving), law["cogging"](at)
-    asked = law["torque"](at, moving, unaccelerated), law["headroom"](at, moving, unaccelerated)
-    return [at[j], moving[j], *(float(values[j]) for values in (*terms, *asked))]
+    gravity, cogging = still
+    command = law["torque"](at, moving, unaccelerated)[j]
+    terms = gravity[j], law["friction"](at, moving)[j], cogging[j], command, law["LIMITS"][j] - abs(command)
+    return [at[j], moving[j], *(float(value) for value in terms)]
 
 
 def _constants(corrected: CorrectedModel) -> dict[str, object]:

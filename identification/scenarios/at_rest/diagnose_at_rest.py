@@ -169,7 +169,10 @@ def _told(robot: Robot, row: int, stills: Stills, found: GivingWay) -> list[str]
     )
     if not found.ways:
         return [told]
-    return [told, f"Of {joint} what its controller gives way under load is in it: state its gain kp to part the two."]
+    return [
+        told,
+        f"Of {joint} what its controller gives way under load is in it: state its gain kp to separate the two.",
+    ]
 
 
 def _bound(robot: Robot, row: int, found: GivingWay) -> Bound:

@@ -95,6 +95,18 @@ def test_a_finding_that_was_not_chosen_has_no_hypotheses(quiet):
     assert hypotheses_of(quiet.search, frozenset(), one_of("coulomb_friction", "viscous_friction", "elbow")) == ()
 
 
+def test_a_finding_that_leads_in_the_place_of_what_was_found_gets_a_motion_too(lab, pendulum):
+    # The search has found viscous friction; Coulomb friction was told in its place, with viscous friction as a rival.
+    robot, motion = pendulum, lab.motion(1, swing=0.3)
+    torque = lab.acting(robot, motion, "coulomb_friction", "pin", 0.2)
+    ready = lab.prepared(robot, (lab.recording(robot, motion, torque),))
+    noise = estimate_noise(ready.session, ready.columns)[0]
+    chosen = frozenset([ready.term("viscous_friction", "pin")])
+    out = proposed(Explanation(ready.search, chosen, noise), (one_of("coulomb_friction", "viscous_friction", "pin"),))
+    assert out.experiment is not None
+    assert out.experiment["separates"] == [["coulomb_friction", "pin"], ["viscous_friction", "pin"]]
+
+
 def test_the_motion_is_written_beside_the_diagnosis(friction, made_up, pendulum, tmp_path, monkeypatch):
     # The report has tests of its own, and takes a second.
     monkeypatch.setattr("identification.reporting.diagnosis_files._report", lambda *_: "page")

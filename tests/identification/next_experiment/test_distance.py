@@ -3,7 +3,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from identification.next_experiment.distance import distance, draws_of, power_of, power_of_simpler
+from identification.next_experiment.distance import distance, draws_of, power_of, power_of_hopeless, power_of_simpler
 from identification.next_experiment.hypotheses import Model
 
 
@@ -68,6 +68,16 @@ def test_the_power_is_that_of_losses_drawn_at_random(rng):
 def test_what_the_replicates_of_the_first_recording_scatter_makes_a_rival_harder_to_strike_off():
     alone, beside = (power_of(np.full(1, 30.0), 0.0, np.full(1, before)) for before in (0.0, 30.0))
     assert beside < alone - 0.1
+
+
+@pytest.mark.parametrize("torque", [1.0, 1.3, 1.6])
+def test_a_law_that_fits_badly_is_given_up_as_often_as_losses_drawn_at_random_say(rng, torque):
+    # Oracle: losses by block of sixty blocks with unit noise, and the rule of the search for what is hopeless.
+    noise = rng.standard_normal((4000, 60))
+    worse = (torque + noise) ** 2 - noise**2
+    given_up = worse.sum(axis=1) > 4.0 * np.sqrt(60) * worse.std(axis=1) + 4.0
+    gain = np.full(1, 60 * torque**2)
+    assert power_of_hopeless(gain, 0.0, gain)[0] == pytest.approx(np.mean(given_up), abs=0.06)
 
 
 def test_without_a_difference_nothing_is_claimed():

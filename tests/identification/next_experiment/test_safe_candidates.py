@@ -5,7 +5,7 @@ import pytest
 
 from identification.data.log import Log
 from identification.data.signals import low_pass
-from identification.next_experiment.candidates import candidates, design_of, safe_limits
+from identification.next_experiment.candidates import candidates, design_of, exciting, safe_limits
 from phantom_dyn import load_robot
 from phantom_dyn.dynamics.dynamics import inverse_dynamics
 from phantom_dyn.model.robot import Robot
@@ -49,13 +49,25 @@ def test_every_candidate_keeps_position_speed_and_torque_between_its_samples_too
     limits = safe_limits(arm, (swinging(arm),))
     drawn = candidates(design_of(arm, limits), duration=8.0, count=16, rng=rng)
     assert {one.kind for one in drawn} == KINDS
-    for one in drawn:
+    for one in (*drawn, *exciting(arm, limits, 8.0)):
         motion = one.motion(500.0)
         assert (motion.q < limits.upper + 0.01).all()
         assert (motion.q > limits.lower - 0.01).all()
         assert (np.abs(motion.v) < 1.02 * limits.velocity).all()
         assert (np.abs(inverse_dynamics(arm, motion)) < 1.05 * limits.torque).all()
         np.testing.assert_allclose(motion.v[[0, -1]], 0.0, atol=1e-9)
+
+
+def test_the_exciting_motion_tells_more_of_the_inertial_parameters_than_any_random_one(arm, rng):
+    # Oracle: the volume of their uncertainty, from the regressor of each motion.
+    limits = safe_limits(arm, (swinging(arm),))
+    problem = design_of(arm, limits)
+
+    def told(one):
+        return np.linalg.slogdet(problem.information(problem.regressor(one.motion(100.0))))[1]
+
+    (best,) = exciting(arm, limits, 8.0)
+    assert told(best) > max(told(one) for one in candidates(problem, duration=8.0, count=16, rng=rng))
 
 
 def test_the_same_seed_draws_the_same_motions(arm):

@@ -91,7 +91,7 @@ def test_what_the_files_cannot_say_is_in_the_report(made_up, tmp_path):
     write_outputs(diagnosis(made_up), ROBOT, out=tmp_path, json_file=None)
     page = (tmp_path / "report.html").read_text()
     assert "corrected.xml: loaded again with MuJoCo" in page
-    assert "corrected.xml: shapes, sensors and limits of torque and speed" in page
+    assert "corrected.xml: it lacks shapes, sensors and limits of torque and speed" in page
 
 
 def test_a_model_of_an_earlier_run_that_cannot_be_written_is_removed(made_up, tmp_path):

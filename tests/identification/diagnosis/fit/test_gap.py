@@ -71,7 +71,8 @@ def test_each_block_is_predicted_by_the_fit_without_its_fold(two):
         theta = found.theta if fold < 0 else found.fold_theta[fold]
         part = slice(block.start, block.stop)
         expected = predict(two.problem, (term,), theta, block.log)[part]
-        np.testing.assert_array_equal(torque[block.log][part], expected)
+        # The product of a part of the rows rounds in its last digit as it likes.
+        np.testing.assert_allclose(torque[block.log][part], expected, rtol=1e-12)
 
 
 def test_what_is_left_is_measured_less_predicted(two):

@@ -5,8 +5,10 @@ from dataclasses import dataclass, replace
 import numpy as np
 import pytest
 
-from identification.diagnosis.judge.findings import _evened, _instead_of, _together, distinct
+from identification.diagnosis.judge import findings
+from identification.diagnosis.judge.findings import _evened, _instead_of, _together, distinct, shown_effects
 from identification.diagnosis.judge.judged_band import narrow_search
+from identification.diagnosis.model.terms import Term
 from identification.diagnosis.result import EffectAt, Rival
 from identification.diagnosis.search.rival_sets import Standing
 from identification.pipeline import diagnose
@@ -45,6 +47,28 @@ def test_what_an_uncertain_effect_leaves_is_left_to_others(rubbing):
     assert _instead_of(plain, offset, frozenset(), frozenset()) == {friction}
     assert _instead_of(plain, frozenset(), frozenset(), frozenset()) == frozenset()
     assert friction not in _instead_of(plain, offset, frozenset(), frozenset([friction.place]))
+
+
+def test_the_search_for_a_leader_ends_where_every_set_names_another_one(rubbing, monkeypatch):
+    # By hand: each of the first sets has the next term lead in its place; the rival of the third is outdone least.
+    plain = narrow_search(rubbing.search, rubbing.noise)
+    terms = tuple({term.place: term for term in rubbing.search.terms if term.named}.values())
+    asked: list[Term] = []
+
+    def next_leads(search, chosen, term, barred, again):
+        asked.append(term)
+        following = terms[terms.index(term) + 1]
+        ahead = 0.1 if len(asked) == 3 else 0.4
+        rival = Rival(effects=(EffectAt(*following.place),), probability=0.3 + ahead)
+        return Standing(0.3, (rival,), frozenset([following]))
+
+    monkeypatch.setattr(findings, "stand", next_leads)
+    _, _, fitted, _ = distinct(rubbing.search, plain, frozenset(), frozenset())
+    monkeypatch.setattr(findings, "distinct", lambda search, plain, kept, chosen: (kept, kept, fitted, frozenset()))
+    shown = shown_effects(rubbing.search, plain, frozenset(terms[:1]), lambda chosen: chosen)
+    assert len(asked) == 8
+    assert shown.chosen == {terms[2]}
+    assert shown.standings[terms[2]].probability == pytest.approx(0.35)
 
 
 def test_stribeck_friction_of_equal_levels_is_named_coulomb_friction(rubbing):

@@ -217,3 +217,17 @@ def test_the_interval_holds_what_is_left_where_friction_is_in_doubt(steady, left
     share = problem.columns.usable[0][: len(open_) // 4, 0].sum() / problem.columns.usable[0][:, 0].sum()
     assert wider.high[0] ** 2 - known.high[0] ** 2 == pytest.approx(share * more**2)
     assert (wider.high[1], wider.value[0]) == (known.high[1], known.value[0])
+
+
+def test_the_lower_end_of_a_floor_hardly_counts_what_nothing_foresees_of_a_standing_joint(steady, monkeypatch):
+    # By hand: where friction is open by three times the noise of the fit, a sample counts for a tenth.
+    problem, (series,) = steady
+    seen(monkeypatch, None, None)
+    stands = np.arange(len(series)) % 2 == 0
+    level = 3.0 * problem.weights.floor[0]
+    standing = np.column_stack([np.where(stands, level, 0.0), np.zeros(len(series))])
+    columns = replace(problem.columns, standing=(standing,))
+    noise = np.column_stack([np.where(stands, 0.9, 0.1), series[:, 1]])
+    floor = floor_of(replace(problem, columns=columns), (noise,), like(steady, 9.0, 9.0), sure(steady))
+    assert floor.low[0] == pytest.approx(np.sqrt((0.1 * 0.81 + 0.01) / 1.1), rel=0.01)
+    assert floor.value[0] == pytest.approx(np.sqrt(0.41), rel=0.01)

@@ -56,7 +56,7 @@ def test_a_mass_at_its_limit_could_hide_a_payload_and_others_hide_nothing(quiet)
     theta[mass] = -problem.columns.nuisances[mass].bound
     inside = next(k for k in range(problem.nuisances) if k != mass and problem.columns.nuisances[k].relative)
     theta[inside] = 0.9 * problem.columns.nuisances[inside].bound
-    sure = replace(found, normal=1e12 * np.eye(len(found.normal)))
+    sure = replace(found, problem=replace(problem, precision=np.full(len(theta), 1e12)))
     moves = {move.quantity: move for move in adjusted(problem, replace(sure, theta=theta))}
     assert set(moves) == {names[mass], names[inside]}
     assert moves[names[mass]].at_limit

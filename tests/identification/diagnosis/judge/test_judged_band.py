@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 
 from identification.diagnosis.fit.problem import Problem
-from identification.diagnosis.judge.judged_band import Judge, gap_is_there, narrow_search, noise_floor, visible
-from identification.diagnosis.noise.noise_floor import weights_of
+from identification.diagnosis.judge.judged_band import Judge, gap_is_there, narrow_search, visible
+from identification.diagnosis.noise.noise_floor import noise_floor, weights_of
 from identification.diagnosis.search.search import RowGaps
 
 

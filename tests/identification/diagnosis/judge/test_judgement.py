@@ -148,6 +148,7 @@ def test_what_noise_may_make_is_left_out_once_even_if_it_comes_back(quiet, monke
     monkeypatch.setattr(judgement, "shown_effects", shown)
     monkeypatch.setattr(judgement, "present_effects", lambda plain, chosen, noise: frozenset())
     monkeypatch.setattr(judgement, "_left", lambda *_: SimpleNamespace(judge=None))
+    monkeypatch.setattr(judgement, "_above_noise", lambda left: False)
     monkeypatch.setattr(judgement, "least_above_noise", lambda judge, plain, chosen: lag if chosen else None)
     explanation = SimpleNamespace(search=None, chosen=frozenset([lag, offset]))
     judgement._shown_above_noise(explanation, None, ())
@@ -155,3 +156,22 @@ def test_what_noise_may_make_is_left_out_once_even_if_it_comes_back(quiet, monke
         (frozenset([lag, offset]), frozenset()),
         (frozenset([offset]), frozenset([lag.place])),
     ]
+
+
+@pytest.mark.parametrize(("above", "searched"), [(True, True), (False, False)])
+def test_what_the_judged_band_shows_is_looked_for_there_where_nothing_was_found(quiet, monkeypatch, above, searched):
+    # By hand: the search has found nothing, and finds an offset in the judged band if more than noise is left there.
+    offset, asked = frozenset([quiet.term("torque_offset", "elbow")]), []
+
+    def shown(search, plain, chosen, noise, barred):
+        asked.append(chosen)
+        return SimpleNamespace(chosen=chosen)
+
+    monkeypatch.setattr(judgement, "shown_effects", shown)
+    monkeypatch.setattr(judgement, "present_effects", lambda plain, chosen, noise: chosen)
+    monkeypatch.setattr(judgement, "_left", lambda *_: SimpleNamespace(judge=None))
+    monkeypatch.setattr(judgement, "_above_noise", lambda left: above)
+    monkeypatch.setattr(judgement, "explain", lambda plain, progress: offset)
+    monkeypatch.setattr(judgement, "least_above_noise", lambda *_: None)
+    judgement._shown_above_noise(SimpleNamespace(search=None, chosen=frozenset()), None, ())
+    assert asked == [offset if searched else frozenset()]

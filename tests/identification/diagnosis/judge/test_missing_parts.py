@@ -27,11 +27,11 @@ def parameters(part: Attached) -> np.ndarray:
 
 
 @pytest.fixture
-def handed(planar2, monkeypatch, rng):
+def handed(planar2, rng):
     """Two links with a ring on the first and a hand on the last, and products of their twenty columns."""
-    monkeypatch.setattr(PLACE + "attached_bodies", lambda robot, body: ((), (RING,), (HAND,))[body])
+    robot = SimpleNamespace(model=planar2.model, attached=((), (RING,), (HAND,)))
     root = rng.normal(size=(30, 40))
-    products = SimpleNamespace(session=SimpleNamespace(robot=planar2), nuisances=3, total_a=root @ root.T)
+    products = SimpleNamespace(session=SimpleNamespace(robot=robot), nuisances=3, total_a=root @ root.T)
     everything = SimpleNamespace(columns=tuple(range(3, 23)))
     return products, everything
 
@@ -60,9 +60,9 @@ def test_columns_of_some_links_alone_have_their_own_place(handed):
     assert share_without(problem, last, -parameters(HAND))[0] == pytest.approx(1.0)
 
 
-def test_a_robot_without_such_parts_lacks_none(handed, monkeypatch):
+def test_a_robot_without_such_parts_lacks_none(handed):
     problem, term = handed
-    monkeypatch.setattr(PLACE + "attached_bodies", lambda robot, body: ())
+    problem.session.robot.attached = ((), (), ())
     assert share_without(problem, term, np.ones(20)) is None
     assert missing_part_words(problem, term, np.ones(20)) == []
 

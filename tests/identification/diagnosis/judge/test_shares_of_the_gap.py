@@ -17,8 +17,9 @@ from identification.diagnosis.judge.findings import (
     remarks,
     shown_effects,
 )
-from identification.diagnosis.judge.judged_band import Judge, narrow_search, noise_floor
+from identification.diagnosis.judge.judged_band import Judge, narrow_search
 from identification.diagnosis.judge.shares import left_by
+from identification.diagnosis.noise.noise_floor import noise_floor
 from phantom_dyn.effects.effect import Parameter
 
 

@@ -154,7 +154,9 @@ def test_a_move_is_at_its_limit_a_rounding_short_of_it(quiet, share, at_limit):
     moves = quiet.columns.nuisances
     theta = np.zeros_like(found.theta)
     theta[: len(moves)] = [share * move.bound for move in moves]
-    unsure = replace(found, theta=theta, normal=np.eye(len(found.normal)))
+    none = np.zeros_like(quiet.problem.total_a)
+    flat = replace(quiet.problem, total_a=none, precision=np.ones(len(none)))
+    unsure = replace(found, theta=theta, problem=flat)
     told = adjusted(quiet.problem, unsure)
     assert [move.quantity for move in told] == ([m.name for m in moves if m.relative] if at_limit else [])
     assert all(move.at_limit and move.hides for move in told)

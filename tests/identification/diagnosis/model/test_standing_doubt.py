@@ -35,7 +35,8 @@ def log_of(q: np.ndarray, step: float = STEP) -> Log:
     motion = Motion(T, q, v, np.zeros_like(q))
     band = Band(RATE, 20.0, np.hanning(103)[1:-1] / np.hanning(103).sum(), 5)
     valid = np.ones(len(T), dtype=bool)
-    return Log("a.csv", ("pin",), motion, np.zeros_like(q), band, valid, raw_q=np.round(q / step) * step)
+    read = np.round(q / step) * step
+    return Log("a.csv", ("pin",), motion, np.zeros_like(q), band, valid, raw_q=read, reading_steps=(step,))
 
 
 def stopping() -> np.ndarray:
@@ -65,7 +66,8 @@ def test_an_encoder_too_coarse_to_tell_says_nothing(pendulum):
 def test_positions_without_known_counts_say_nothing(pendulum, rng):
     log = log_of(np.maximum(np.sin(3 * T), 0.3))
     unstated = replace(pendulum, actuators=(replace(pendulum.actuators[0], encoder_counts=None),))
-    assert not encoder_stands(unstated, replace(log, raw_q=log.motion.q + 1e-5 * rng.normal(size=(len(T), 1)))).any()
+    noisy = replace(log, raw_q=log.motion.q + 1e-5 * rng.normal(size=(len(T), 1)), reading_steps=(None,))
+    assert not encoder_stands(unstated, noisy).any()
 
 
 def test_a_joint_that_stands_most_of_the_time_still_has_a_usual_speed(pendulum):

@@ -7,19 +7,20 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from identification.data.signals import process
 from identification.diagnosis.fit.fitting import fit
 from identification.diagnosis.fit.problem import set_up
 from identification.diagnosis.noise.encoder_noise import (
-    _step,
     at_least_encoder_noise,
     coarse_joints,
+    coarsest_steps,
     columns_read_again,
     read_again,
-    reading_steps,
     spurious_gains,
 )
 from identification.diagnosis.noise.noise_floor import rms
 from identification.diagnosis.noise.whitening import whitened
+from phantom_dyn.effects.support.encoder_lattice import reading_step
 
 STEP = 2e-3
 
@@ -63,14 +64,15 @@ def test_a_recording_that_is_read_again_is_driven_by_the_torque_of_the_model(qui
 @pytest.mark.parametrize("times", [1.0, 3.0])
 def test_the_step_of_readings_is_that_of_their_lattice(lab, planar2, times):
     q = lab.motion(2).q[:, 0]
-    assert _step(np.round(q / (times * STEP)) * times * STEP, STEP) == pytest.approx(times * STEP, rel=2e-3)
+    assert reading_step(np.round(q / (times * STEP)) * times * STEP, STEP) == pytest.approx(times * STEP, rel=2e-3)
 
 
 def test_the_step_of_several_recordings_is_the_coarsest_and_none_where_one_has_none(lab, planar2):
     smooth = lab.recording(planar2, lab.motion(2), noise=0.0)
     fine, coarse = (replace(smooth, q=np.round(smooth.q / step) * step) for step in (STEP, 2 * STEP))
-    assert reading_steps(planar2, (fine, coarse)) == pytest.approx((2 * STEP, 2 * STEP), rel=2e-3)
-    assert reading_steps(planar2, (fine, smooth)) == (None, None)
+    logs = {name: process(one, planar2) for name, one in (("fine", fine), ("coarse", coarse), ("smooth", smooth))}
+    assert coarsest_steps((logs["fine"], logs["coarse"])) == pytest.approx((2 * STEP, 2 * STEP), rel=2e-3)
+    assert coarsest_steps((logs["fine"], logs["smooth"])) == (None, None)
 
 
 @pytest.mark.parametrize(

@@ -93,6 +93,18 @@ def test_exact_twins_share_their_wins(heavier):
     assert standing.probability == pytest.approx(0.25, abs=0.02)
 
 
+def test_a_rival_of_a_size_that_no_robot_has_is_none_where_another_may_be(heavier, monkeypatch):
+    # By hand: of four effects that predict the same, one is said to have an impossible size.
+    def impossible(robot, term, theta):
+        return (None, 0.0) if term.effect.name == "torque_constant" else None
+
+    monkeypatch.setattr(rivals, "implausible", impossible)
+    ((place, standing),) = standings(heavier).items()
+    options = {place[0], *(rival.effects[0].effect for rival in standing.rivals)}
+    assert options == {"rotor_inertia", "inertial_parameters", "payload"}
+    assert standing.probability == pytest.approx(1.0 / 3.0, abs=0.02)
+
+
 def test_coulomb_friction_with_an_offset_and_direction_dependent_friction_are_twins(lab, planar2):
     # Closed form: steps of 0.5 and 0.2 are a Coulomb torque of 0.35 and an offset of 0.15.
     motion = lab.motion(2, 3)

@@ -22,7 +22,7 @@ from identification.diagnosis.search.search import (
     relations,
     with_term,
 )
-from identification.diagnosis.search.stepwise import explain
+from identification.diagnosis.search.stepwise import explain, forward
 from identification.diagnosis.search.swaps import alternatives, replaced
 from phantom_dyn.dynamics.dynamics import inverse_dynamics
 from phantom_dyn.effects.support.changed_robot import with_parameters
@@ -270,6 +270,19 @@ def test_a_threshold_that_no_gain_reaches_keeps_every_claim_away(lab, planar2):
     motion = lab.motion(2, 3)
     prepared = lab.prepared(planar2, (lab.recording(planar2, motion, -np.sign(motion.v) * [0.0, 0.3]),))
     assert explain(prepared.searched(1e9), silent) == frozenset()
+
+
+@pytest.mark.parametrize(("above", "found"), [(-1.0, True), (1.0, False)])
+def test_a_gain_is_compared_with_chance_before_its_price_is_paid(lab, planar2, monkeypatch, above, found):
+    # Known truth: friction on the elbow. What gains more than chance in sample is tried, whatever it costs.
+    motion = lab.motion(2, 3)
+    prepared = lab.prepared(planar2, (lab.recording(planar2, motion, -np.sign(motion.v) * [0.0, 0.1]),))
+    term, search = prepared.term("coulomb_friction", "elbow"), prepared.search
+    gain = search.quick(frozenset()) - search.quick(frozenset([term]))
+    asked = []
+    monkeypatch.setattr(stepwise, "claimed", lambda search, rich, plain: asked.extend(rich - plain))
+    forward(prepared.searched(gain + above), frozenset(), silent)
+    assert (term in asked) == found
 
 
 def test_the_search_tells_what_it_does(quiet):

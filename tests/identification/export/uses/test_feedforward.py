@@ -131,7 +131,7 @@ def test_the_docstring_says_what_it_gains_and_lacks(planar, none):
 
 def test_the_table_has_the_torque_of_the_law(planar, none):
     corrected = corrected_model(planar, (KnownEffect("coulomb_friction", "elbow", (0.5,)),))
-    rows = list(csv.DictReader(io.StringIO(feedforward_table(corrected, none))))
+    rows = list(csv.DictReader(io.StringIO(feedforward_table(corrected, none, feedforward_code(corrected, none)))))
     assert tuple(rows[0]) == COLUMNS
     forward = [r for r in rows if r["over"] == "velocity" and r["joint"] == "elbow" and float(r["v"]) > 0]
     assert float(forward[0]["friction"]) == pytest.approx(0.7 + 0.1 * float(forward[0]["v"]))
