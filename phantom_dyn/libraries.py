@@ -3,7 +3,11 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from importlib import import_module
 from importlib.util import find_spec
+from types import ModuleType
+
+from phantom_dyn.errors import UsageError
 
 
 @dataclass(frozen=True)
@@ -26,7 +30,10 @@ class Library:
 OPTIONAL = (
     Library("rosbags", "rosbags", "ros", "Reading a ROS bag or MCAP"),
     Library("pyarrow", "pyarrow", "parquet", "Reading or writing Parquet"),
+    Library("pandas", "pandas", "tables", "A table of findings, parameters or columns"),
+    Library("xarray", "xarray", "tables", "An array with coordinates"),
     Library("netCDF4", "netcdf4", "maps", "Writing a map as NetCDF"),
+    Library("xarray", "xarray", "maps", "Writing a map as NetCDF"),
     Library("mujoco", "mujoco", "mujoco", "Loading a corrected MJCF again"),
     Library("dask", "dask", "cluster", "Work on a Dask cluster"),
     Library("distributed", "distributed", "cluster", "Work on a Dask cluster"),
@@ -38,6 +45,17 @@ OPTIONAL = (
 def is_installed(module: str) -> bool:
     """True if a library can be imported; it is not loaded."""
     return find_spec(module) is not None
+
+
+def optional_library(module: str) -> ModuleType:
+    """A library that only some uses need, loaded.
+
+    Raises:
+        UsageError: If it is not installed; says how to get it.
+    """
+    if not is_installed(module):
+        raise UsageError(missing_library(module))
+    return import_module(module)
 
 
 def missing_library(module: str) -> str:

@@ -110,7 +110,7 @@ def robots() -> Path:
 @pytest.fixture(autouse=True)
 def no_progress(monkeypatch: pytest.MonkeyPatch) -> None:
     """No line of progress, however slow the machine is: what a command prints must not depend on that."""
-    monkeypatch.setattr("identification.cli.progress.EVERY_S", 1e6)
+    monkeypatch.setattr("identification.cli.terminal.progress.EVERY_S", 1e6)
 
 
 @pytest.fixture

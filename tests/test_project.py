@@ -87,7 +87,8 @@ def test_the_extras_are_those_that_sentences_about_missing_libraries_name():
     assert named == {extra: names_of(requirements) for extra, requirements in extras.items()}
 
 
-MODULES = {"pin": "pinocchio", "pyyaml": "yaml"}
+# Clarabel is what cvxpy is told to solve with.
+MODULES = {"pin": "pinocchio", "pyyaml": "yaml", "cvxpy-base": "cvxpy", "clarabel": "cvxpy"}
 
 
 def test_every_dependency_is_imported_by_the_packages():

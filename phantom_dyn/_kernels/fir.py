@@ -3,15 +3,20 @@
 from __future__ import annotations
 
 import numpy as np
-
-from phantom_dyn._kernels.jit import jit
+from numpy.lib.stride_tricks import sliding_window_view
 
 Array = np.ndarray
 
+_AT_ONCE = 32
+"""Most samples of one block: more of them are not faster, and their matrix has more zeros."""
 
-@jit
+
 def filtered(kernel: Array, x: Array, step: int) -> Array:
     """Every ``step``-th sample of ``x`` behind a symmetric kernel, only where the kernel lies inside ``x``.
+
+    A block of samples is the product of a matrix, whose rows are the kernel moved on by a step each, with what lies
+    under it; all blocks of a column are one product. Column by column, so that none depends on which others there are,
+    not even in its last digit.
 
     Args:
         kernel: Of odd length m and symmetric, ``(m,)``.
@@ -24,8 +29,17 @@ def filtered(kernel: Array, x: Array, step: int) -> Array:
     taps = len(kernel)
     count = max(0, -(-(len(x) - taps + 1) // step))
     out = np.empty((count, x.shape[1]))
+    if not count:
+        return out
+    rows = max(1, min(_AT_ONCE, taps // step))
+    under, blocks = (rows - 1) * step + taps, -(-count // rows)
+    moved = np.zeros((under, rows))
+    for row in range(rows):
+        moved[row * step : row * step + taps, row] = kernel
+    # Zeros behind the end fill the last block.
+    samples = np.zeros((blocks - 1) * rows * step + under)
+    parts = sliding_window_view(samples, under)[:: rows * step]
     for column in range(x.shape[1]):
-        samples = x[:, column].copy()
-        for k in range(count):
-            out[k, column] = np.dot(kernel, samples[k * step : k * step + taps])
+        samples[: len(x)] = x[: len(samples), column]
+        out[:, column] = (parts @ moved).ravel()[:count]
     return out

@@ -29,7 +29,9 @@ else:
 def _compiled(function: F, **options: Any) -> F:
     if njit is None:
         return function
-    plain, options = inspect.unwrap(function), {"nogil": True, "error_model": "numpy", **options}
+    # Nobody asks for an address that C could call; making one takes a tenth of a compilation.
+    plain = inspect.unwrap(function)
+    options = {"nogil": True, "error_model": "numpy", "no_cfunc_wrapper": True, **options}
     try:
         return cast(F, njit(cache=True, **options)(plain))
     except RuntimeError:  # neither the folder of the package nor the user's cache can be written to
@@ -63,12 +65,26 @@ def fused(function: F) -> F:
 
 def inlined(function: F) -> F:
     """As `fused`, for a short function that disappears into the compiled functions that call it."""
-    return _compiled(function, fastmath={"contract"}, forceinline=True)
+    return _part(function, fastmath={"contract"})
 
 
 def within(function: F) -> F:
     """As `jit`, for a part of a larger function that disappears into it: as fast as if it were written there."""
-    return _compiled(function, forceinline=True)
+    return _part(function)
+
+
+def _part(function: F, **options: Any) -> F:
+    """The function itself, which compiled functions find compiled.
+
+    What a call from Python needs besides is not compiled, as nothing but tests calls a part.
+    """
+    part: Any = _compiled(function, forceinline=True, no_cpython_wrapper=True, **options)
+    if njit is None:
+        return function
+    plain: Any = inspect.unwrap(function)
+    # Numba asks any object for its type, and that of a compiled function does not keep it alive.
+    plain._numba_type_, plain.compiled = part._numba_type_, part
+    return plain
 
 
 def compiles() -> bool:

@@ -57,11 +57,12 @@ def place(
             c, s = np.cos(q[i, k]), np.sin(q[i, k])
         elif kind == 2:  # continuous
             c, s = q[i, k], q[i, k + 1]
-        elif kind == 3:  # prismatic
-            mx, my, mz = turned(rotations, 3 * j, axes[j, 0], axes[j, 1], axes[j, 2])
-            x, y, z = x + q[i, k] * mx, y + q[i, k] * my, z + q[i, k] * mz
         else:
-            mx, my, mz = turned(rotations, 3 * j, q[i, k], q[i, k + 1], q[i, k + 2])
+            if kind == 3:  # prismatic
+                mx, my, mz = q[i, k] * axes[j, 0], q[i, k] * axes[j, 1], q[i, k] * axes[j, 2]
+            else:
+                mx, my, mz = q[i, k], q[i, k + 1], q[i, k + 2]
+            mx, my, mz = turned(rotations, 3 * j, mx, my, mz)
             x, y, z = x + mx, y + my, z + mz
         x, y, z = turned(R, p, x, y, z)
         o[j, 0], o[j, 1], o[j, 2] = o[p, 0] + x, o[p, 1] + y, o[p, 2] + z
@@ -72,12 +73,11 @@ def place(
             R[j, 0, m], R[j, 1, m], R[j, 2, m] = turned(R, p, x, y, z)
         if kind == 4:
             turn_by_quaternion(R, j, q, i, k + 3)
-        if kind == 3:
-            lin[d, 0], lin[d, 1], lin[d, 2] = turned(R, j, axes[j, 0], axes[j, 1], axes[j, 2])
-            ang[d, 0] = ang[d, 1] = ang[d, 2] = 0.0
-        elif kind < 3:
-            ang[d, 0], ang[d, 1], ang[d, 2] = turned(R, j, axes[j, 0], axes[j, 1], axes[j, 2])
-            lin[d, 0] = lin[d, 1] = lin[d, 2] = 0.0
+        if kind < 4:
+            x, y, z = turned(R, j, axes[j, 0], axes[j, 1], axes[j, 2])
+            slides, turns = (1.0, 0.0) if kind == 3 else (0.0, 1.0)
+            lin[d, 0], lin[d, 1], lin[d, 2] = slides * x, slides * y, slides * z
+            ang[d, 0], ang[d, 1], ang[d, 2] = turns * x, turns * y, turns * z
         else:
             for column in range(3):
                 for row in range(3):

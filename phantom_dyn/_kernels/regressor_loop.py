@@ -15,7 +15,7 @@ from phantom_dyn._kernels.tree_arrays import Kinematics
 
 Array = np.ndarray
 
-_SCATTERED, _NONE = -1, -2
+SCATTERED, NONE = -1, -2
 """Instead of the first column of a joint: its ten columns do not stand side by side, or none of them is wanted."""
 
 
@@ -32,70 +32,58 @@ def regressor_loop(
         v: Velocities of the tree, ``(N, nt)``.
         a: Accelerations of the tree, ``(N, nt)``.
         slope: ``G`` of a closed chain, ``(1 or N, nt, nv)``; of a plain robot ``(0, nt, nt)``.
-        places: Column of each parameter of each joint, -1 for none, strictly ascending where not, ``(n - 1, 10)``.
+        places: Column of each parameter of each joint, -1 for none, strictly ascending where not; before them the
+            first column where the ten stand side by side, else `SCATTERED` or `NONE`, ``(n - 1, 11)``.
         out: Receives the regressor, ``(N, nv, c)``; where it is zero for every motion nothing is written.
     """
     parents, kinds, first_q, first_v, rotations, translations, axes = tree
     n, nt = len(parents), first_v[len(parents)]
     R, o, w, dw, acc = np.zeros((n, 3, 3)), np.zeros((n, 3)), np.zeros((n, 3)), np.zeros((n, 3)), np.zeros((n, 3))
-    lin, ang, J, b, ten = np.empty((nt, 3)), np.empty((nt, 3)), np.empty((nt, 6)), np.empty(30), np.empty((1, 1, 10))
-    first = first_columns(places)
+    lin, ang, J, b, ten = np.empty((nt, 3)), np.empty((nt, 3)), np.empty((nt, 6)), np.empty(30), np.empty(10)
+    moved_by = np.empty(nt, np.int64)
+    closed = len(slope) > 0
     for axis in range(3):
         R[0, axis, axis], acc[0, axis] = 1.0, -gravity[axis]
     for k in range(len(q)):
         place(parents, kinds, first_q, first_v, rotations, translations, axes, q, k, R, o, lin, ang)
         move(parents, first_v, o, lin, ang, v, a, k, w, dw, acc)
         for i in range(1, n):
-            start = first[i]
-            if start == _NONE:
+            start = places[i - 1, 0]
+            if start == NONE:
                 continue
             body_terms(R, i, acc, w, dw, b)
-            if len(slope):
-                J.fill(0.0)
-            j = i
+            # Velocities of the body's origin and frame per velocity of each joint that moves it.
+            count, j = 0, i
             while j > 0:
                 rx, ry, rz = o[i, 0] - o[j, 0], o[i, 1] - o[j, 1], o[i, 2] - o[j, 2]
                 for d in range(first_v[j], first_v[j + 1]):
                     x, y, z = cross(ang[d, 0], ang[d, 1], ang[d, 2], rx, ry, rz)
-                    lx, ly, lz = lin[d, 0] + x, lin[d, 1] + y, lin[d, 2] + z
-                    sx, sy, sz = ang[d, 0], ang[d, 1], ang[d, 2]
-                    if len(slope):
-                        J[d, 0], J[d, 1], J[d, 2], J[d, 3], J[d, 4], J[d, 5] = lx, ly, lz, sx, sy, sz
-                    else:
-                        sx, sy, sz = turned_back(R, i, sx, sy, sz)
-                        if start >= 0:
-                            write_row(lx, ly, lz, sx, sy, sz, b, out, k, d, start)
-                        else:
-                            write_row(lx, ly, lz, sx, sy, sz, b, ten, 0, 0, 0)
-                            copy_row(ten, places, i - 1, out, k, d)
+                    J[count, 0], J[count, 1], J[count, 2] = lin[d, 0] + x, lin[d, 1] + y, lin[d, 2] + z
+                    J[count, 3], J[count, 4], J[count, 5] = ang[d, 0], ang[d, 1], ang[d, 2]
+                    moved_by[count] = d
+                    count += 1
                 j = parents[j]
-            if len(slope):
-                m = k if len(slope) > 1 else 0
-                for r in range(out.shape[1]):
+            for r in range(out.shape[1] if closed else count):
+                row = r
+                if closed:
+                    m = k if len(slope) > 1 else 0
                     lx = ly = lz = sx = sy = sz = 0.0
-                    for d in range(nt):
-                        g = slope[m, d, r]
+                    for d in range(count):
+                        g = slope[m, moved_by[d], r]
                         lx, ly, lz = lx + g * J[d, 0], ly + g * J[d, 1], lz + g * J[d, 2]
                         sx, sy, sz = sx + g * J[d, 3], sy + g * J[d, 4], sz + g * J[d, 5]
-                    sx, sy, sz = turned_back(R, i, sx, sy, sz)
-                    if start >= 0:
-                        write_row(lx, ly, lz, sx, sy, sz, b, out, k, r, start)
-                    else:
-                        write_row(lx, ly, lz, sx, sy, sz, b, ten, 0, 0, 0)
-                        copy_row(ten, places, i - 1, out, k, r)
-
-
-@inlined
-def first_columns(places: Array) -> Array:
-    """Where the ten columns of each joint begin, root first; `_SCATTERED` or `_NONE` where there is no such place."""
-    first = np.full(len(places) + 1, _NONE)
-    for i in range(len(places)):
-        wanted = 0
-        for c in range(10):
-            wanted += places[i, c] >= 0
-        if wanted > 0:
-            first[i + 1] = places[i, 0] if wanted == 10 and places[i, 9] == places[i, 0] + 9 else _SCATTERED
-    return first
+                else:
+                    row = moved_by[r]
+                    lx, ly, lz, sx, sy, sz = J[r, 0], J[r, 1], J[r, 2], J[r, 3], J[r, 4], J[r, 5]
+                sx, sy, sz = turned_back(R, i, sx, sy, sz)
+                write_row(lx, ly, lz, sx, sy, sz, b, ten)
+                if start >= 0:
+                    for c in range(10):
+                        out[k, row, start + c] = ten[c]
+                else:
+                    for c in range(10):
+                        if places[i - 1, 1 + c] >= 0:
+                            out[k, row, places[i - 1, 1 + c]] = ten[c]
 
 
 @inlined
@@ -128,9 +116,7 @@ def body_terms(R: Array, i: int, acc: Array, w: Array, dw: Array, b: Array) -> N
 
 
 @inlined
-def write_row(
-    lx: float, ly: float, lz: float, sx: float, sy: float, sz: float, b: Array, out: Array, k: int, r: int, c: int
-) -> None:
+def write_row(lx: float, ly: float, lz: float, sx: float, sy: float, sz: float, b: Array, ten: Array) -> None:
     """Write the torque per parameter of one body on a motion that moves its frame.
 
     Args:
@@ -141,27 +127,16 @@ def write_row(
         sy: .
         sz: .
         b: As `body_terms` writes it.
-        out: Receives it for each of the ten parameters.
-        k: Sample, with row and first column.
-        r: .
-        c: .
+        ten: Receives it for each of the ten parameters, ``(10,)``.
     """
     kx, ky, kz = cross(b[3], b[4], b[5], sx, sy, sz)
-    out[k, r, c + 0] = dot(lx, ly, lz, b[0], b[1], b[2])
-    out[k, r, c + 1] = kx + dot(lx, ly, lz, b[6], b[7], b[8])
-    out[k, r, c + 2] = ky + dot(lx, ly, lz, b[9], b[10], b[11])
-    out[k, r, c + 3] = kz + dot(lx, ly, lz, b[12], b[13], b[14])
-    out[k, r, c + 4] = sx * b[15] + sy * b[19] - sz * b[18]
-    out[k, r, c + 5] = dot(sx, sy, sz, b[21], b[22], b[23])
-    out[k, r, c + 6] = sy * b[16] + sz * b[18] - sx * b[20]
-    out[k, r, c + 7] = dot(sx, sy, sz, b[24], b[25], b[26])
-    out[k, r, c + 8] = dot(sx, sy, sz, b[27], b[28], b[29])
-    out[k, r, c + 9] = sz * b[17] + sx * b[20] - sy * b[19]
-
-
-@inlined
-def copy_row(ten: Array, places: Array, i: int, out: Array, k: int, r: int) -> None:
-    """Copy the ten numbers of a row to the columns that ``places[i]`` names."""
-    for c in range(10):
-        if places[i, c] >= 0:
-            out[k, r, places[i, c]] = ten[0, 0, c]
+    ten[0] = dot(lx, ly, lz, b[0], b[1], b[2])
+    ten[1] = kx + dot(lx, ly, lz, b[6], b[7], b[8])
+    ten[2] = ky + dot(lx, ly, lz, b[9], b[10], b[11])
+    ten[3] = kz + dot(lx, ly, lz, b[12], b[13], b[14])
+    ten[4] = sx * b[15] + sy * b[19] - sz * b[18]
+    ten[5] = dot(sx, sy, sz, b[21], b[22], b[23])
+    ten[6] = sy * b[16] + sz * b[18] - sx * b[20]
+    ten[7] = dot(sx, sy, sz, b[24], b[25], b[26])
+    ten[8] = dot(sx, sy, sz, b[27], b[28], b[29])
+    ten[9] = sz * b[17] + sx * b[20] - sy * b[19]

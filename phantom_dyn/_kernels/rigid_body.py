@@ -16,7 +16,7 @@ import numpy as np
 import pinocchio as pin
 
 from phantom_dyn._kernels import jit, pinocchio_loops
-from phantom_dyn._kernels.regressor_loop import regressor_loop
+from phantom_dyn._kernels.regressor_loop import NONE, SCATTERED, regressor_loop
 from phantom_dyn._kernels.rigid_body_loops import Frame, FramePoses, frame_loop, mass_loop, torque_loop
 from phantom_dyn._kernels.tree_arrays import TreeArrays
 from phantom_dyn.errors import LogError, ParameterError
@@ -80,8 +80,16 @@ def regressor(
     G = G[:1] if len(G) and G.strides[0] == 0 else G
     samples = ready(q), ready(v), ready(a), ready(G)
     announce(regressor_loop)
-    regressor_loop(arrays.kinematics, _gravity(model), *samples, ready(places.reshape(-1, 10), np.int64), out)
+    regressor_loop(arrays.kinematics, _gravity(model), *samples, _with_first(places.reshape(-1, 10)), out)
     return out
+
+
+def _with_first(places: Array) -> Array:
+    """Columns of each joint's ten parameters behind the first one, as `regressor_loop` takes them."""
+    wanted = (places >= 0).sum(axis=1)
+    together = (wanted == 10) & (places[:, 9] == places[:, 0] + 9)
+    first = np.where(together, places[:, 0], np.where(wanted > 0, SCATTERED, NONE))
+    return ready(np.column_stack([first, places]), np.int64)
 
 
 def _require_motion(model: pin.Model, q: Array, *rates: Array) -> None:

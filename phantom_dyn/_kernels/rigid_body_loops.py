@@ -106,7 +106,9 @@ def mass_loop(tree: Kinematics, inertias: Array, q: Array, out: Array) -> None:
     for k in range(len(q)):
         place(parents, kinds, first_q, first_v, rotations, translations, axes, q, k, R, o, lin, ang)
         for i in range(1, n):
-            carry(inertias, i, R, whole)
+            for c in range(10):
+                whole[i, c] = inertias[i, c]
+            carry(whole, i, R)
         for i in range(n - 1, 0, -1):
             for d in range(first_v[i], first_v[i + 1]):
                 lx, ly, lz, sx, sy, sz = lin[d, 0], lin[d, 1], lin[d, 2], ang[d, 0], ang[d, 1], ang[d, 2]
@@ -176,14 +178,13 @@ def times_inertia(inertias: Array, i: int, x: float, y: float, z: float) -> tupl
 
 
 @inlined
-def carry(inertias: Array, i: int, R: Array, whole: Array) -> None:
-    """Write the ten parameters of body ``i`` in the axes of the root, still about its joint's origin."""
-    whole[i, 0] = inertias[i, 0]
-    whole[i, 1], whole[i, 2], whole[i, 3] = turned(R, i, inertias[i, 1], inertias[i, 2], inertias[i, 3])
+def carry(whole: Array, i: int, R: Array) -> None:
+    """Turn the ten parameters of body ``i`` into the axes of the root, still about its joint's origin."""
+    whole[i, 1], whole[i, 2], whole[i, 3] = turned(R, i, whole[i, 1], whole[i, 2], whole[i, 3])
     # Rows of R I, then R I R^T.
-    ax, ay, az = times_inertia(inertias, i, R[i, 0, 0], R[i, 0, 1], R[i, 0, 2])
-    bx, by, bz = times_inertia(inertias, i, R[i, 1, 0], R[i, 1, 1], R[i, 1, 2])
-    cx, cy, cz = times_inertia(inertias, i, R[i, 2, 0], R[i, 2, 1], R[i, 2, 2])
+    ax, ay, az = times_inertia(whole, i, R[i, 0, 0], R[i, 0, 1], R[i, 0, 2])
+    bx, by, bz = times_inertia(whole, i, R[i, 1, 0], R[i, 1, 1], R[i, 1, 2])
+    cx, cy, cz = times_inertia(whole, i, R[i, 2, 0], R[i, 2, 1], R[i, 2, 2])
     whole[i, 4], whole[i, 5], whole[i, 7] = turned(R, i, ax, ay, az)
     _, whole[i, 6], whole[i, 8] = turned(R, i, bx, by, bz)
     _, _, whole[i, 9] = turned(R, i, cx, cy, cz)

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from phantom_dyn.large_work import spread, starts_processes, worker_count
+from phantom_dyn.libraries import optional_library
 from phantom_dyn.maps.grid import TIP_AXES, Grid
 from phantom_dyn.maps.inverse import Cloud, cloud_of, nearest_branch, require_three_joints
 from phantom_dyn.maps.map_model import MapModel, tip_of, within_limits
@@ -119,10 +120,12 @@ def dataset(result: OperationalMap) -> xarray.Dataset:
     Returns:
         One variable per quantity over the grid's axes, then ``row`` and ``column`` (x, y, z in the root frame) or
         ``joint``.
+
+    Raises:
+        UsageError: If xarray is missing.
     """
     # Imported here, as it takes longer than a small map.
-    import xarray
-
+    xarray = optional_library("xarray")
     model, grid = result.model, result.grid
     coordinates = {
         name: (name, values, {"units": axis_unit(name, grid, model)})

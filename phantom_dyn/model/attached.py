@@ -9,8 +9,6 @@ import numpy as np
 import pinocchio as pin
 from jaxtyping import Float
 
-from phantom_dyn.model.robot import Robot
-
 Array = np.ndarray
 
 
@@ -31,39 +29,49 @@ class Attached:
     inertia: Float[Array, "3 3"]
 
 
-def attached_bodies(robot: Robot, body: int) -> tuple[Attached, ...]:
-    """What hangs on a body by fixed or locked joints, each with all behind it; nothing twice.
+def attached_bodies(model: pin.Model) -> tuple[tuple[Attached, ...], ...]:
+    """What hangs on each body by fixed or locked joints, each with all behind it; nothing twice.
 
     Args:
-        robot: Gives the model.
-        body: Pinocchio's index of the joint that moves the body.
+        model: Its frames say what was fixed where.
+
+    Returns:
+        By Pinocchio's index of the joint that moves the body, that of the world first.
     """
-    frames = robot.model.frames
-    fixed = [k for k, f in enumerate(frames) if f.type == pin.FrameType.FIXED_JOINT and f.parentJoint == body]
+    fixed: list[list[int]] = [[] for _ in range(model.njoints)]
+    for k, frame in enumerate(model.frames):
+        if frame.type == pin.FrameType.FIXED_JOINT:
+            fixed[frame.parentJoint].append(k)
+    return tuple(_attached_to(model, own) for own in fixed)
+
+
+def _attached_to(model: pin.Model, fixed: list[int]) -> tuple[Attached, ...]:
+    """What hangs on one body, whose frames of fixed joints are known."""
+    frames = model.frames
     out: dict[tuple[str, ...], Attached] = {}
     for root in fixed:
-        behind = [k for k in fixed if _hangs_on(robot, k, root) and frames[k].inertia.mass > 0]
+        behind = [k for k in fixed if _hangs_on(model, k, root) and frames[k].inertia.mass > 0]
         if not behind:
             continue
         whole = pin.Inertia.Zero()
         for k in behind:
             whole += frames[k].placement.act(frames[k].inertia)
-        names = tuple(_link_of(robot, k) for k in behind)
+        names = tuple(_link_of(model, k) for k in behind)
         out.setdefault(names, Attached(names, float(whole.mass), np.array(whole.lever), np.array(whole.inertia)))
     return tuple(out.values())
 
 
-def _hangs_on(robot: Robot, frame: int, root: int) -> bool:
+def _hangs_on(model: pin.Model, frame: int, root: int) -> bool:
     """True if a frame is another one, or is behind it."""
     while frame > root:
-        parent = robot.model.frames[frame].parentFrame
+        parent = model.frames[frame].parentFrame
         # A joint that was locked names itself as its parent: it stands behind the link that it hangs on.
         frame = parent if parent < frame else frame - 1
     return frame == root
 
 
-def _link_of(robot: Robot, joint: int) -> str:
+def _link_of(model: pin.Model, joint: int) -> str:
     """Name of the link behind a fixed joint, or of the joint where it has none."""
-    frames = robot.model.frames
+    frames = model.frames
     has_link = joint + 1 < len(frames) and frames[joint + 1].type == pin.FrameType.BODY
     return frames[joint + has_link].name

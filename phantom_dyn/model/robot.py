@@ -16,6 +16,7 @@ from phantom_dyn._kernels.tree_arrays import TreeArrays, tree_arrays
 from phantom_dyn.errors import ChainError
 from phantom_dyn.loops.chain import ClosedChain
 from phantom_dyn.loops.solver import RecentSolutions
+from phantom_dyn.model.attached import Attached, attached_bodies
 from phantom_dyn.motion import configurations, read_only
 
 Array = np.ndarray
@@ -112,6 +113,12 @@ class Robot:
     def arrays(self) -> TreeArrays | None:
         """The model as compiled loops take it, made at the first use; None for joints that they do not know."""
         return tree_arrays(self.model)
+
+    # Cached: a function of the model alone, which never changes.
+    @cached_property
+    def attached(self) -> tuple[tuple[Attached, ...], ...]:
+        """What hangs on each body by fixed or locked joints, by Pinocchio's index of the joint that moves the body."""
+        return attached_bodies(self.model)
 
     # Cached: it keeps solutions that depend on the positions alone, see there, so that no answer depends on it.
     @cached_property

@@ -12,7 +12,7 @@ from __future__ import annotations
 import numpy as np
 from jaxtyping import Float
 
-from phantom_dyn._kernels.jit import jit
+from phantom_dyn._kernels.jit import within
 from phantom_dyn.effects.described import EffectWords, ModelNumbers
 from phantom_dyn.effects.effect import Effect, Parameter, Shape, Signature
 from phantom_dyn.effects.operation import Operation
@@ -152,7 +152,7 @@ def cogging_torque(q, orders, amplitudes, phases):
     return np.dot(np.sin(q * orders + phases), amplitudes)
 
 
-@jit
+@within
 def wave_law(q: float, order: float, amplitude: float, phase: float) -> float:
     """One wave of the law."""
     return amplitude * np.sin(order * q + phase)

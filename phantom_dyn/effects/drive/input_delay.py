@@ -12,7 +12,7 @@ import numpy as np
 from jaxtyping import Float
 from scipy.interpolate import CubicHermiteSpline
 
-from phantom_dyn._kernels.jit import jit
+from phantom_dyn._kernels.jit import within
 from phantom_dyn.effects.described import EffectWords, ModelNumbers
 from phantom_dyn.effects.effect import Effect, Parameter, Shape, Signature, SpecialCase
 from phantom_dyn.effects.operation import Operation
@@ -48,7 +48,7 @@ class InputDelay(Effect):
         meaning="the torque acts later than it is recorded",
         next_step=(
             "Check time stamps and bus cycles, and put the delay into the simulation; record with two controller "
-            "gains to part it from friction."
+            "gains to separate it from friction."
         ),
         size="of {delay}",
         parameters={"delay": "time from the recorded to the acting torque"},
@@ -156,7 +156,7 @@ def _mean_held(history: Float[Array, "n k"], ends: Float[Array, " n"], start: fl
     return lengths @ history[:, 1:] / lengths.sum()
 
 
-@jit
+@within
 def delay_law(
     line: Float[Array, "n 2"], first: int, last: int, delay: float, dt: float, tau: float
 ) -> tuple[int, int, float]:

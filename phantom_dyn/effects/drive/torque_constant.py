@@ -11,7 +11,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from phantom_dyn._kernels.jit import jit
+from phantom_dyn._kernels.jit import within
 from phantom_dyn.effects.described import EffectWords, ModelNumbers
 from phantom_dyn.effects.effect import Effect, Parameter, Shape, Signature, SpecialCase
 from phantom_dyn.effects.operation import Operation
@@ -116,7 +116,7 @@ class TorqueConstant(Effect):
         return ModelNumbers(whole=True, gain=float(theta[0]))
 
 
-@jit
+@within
 def scaled_law(tau: float, ratio: float) -> float:
     """What the drive gives when ``tau`` is asked for."""
     return ratio * tau

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from phantom_dyn._kernels.jit import jit
+from phantom_dyn._kernels.jit import within
 from phantom_dyn.effects.described import EffectWords, ModelNumbers
 from phantom_dyn.effects.effect import Effect, Parameter, Shape, Signature
 from phantom_dyn.effects.operation import Operation
@@ -69,7 +69,7 @@ class TorqueOffset(Effect):
         return ModelNumbers(whole=True, offset=theta.item())
 
 
-@jit
+@within
 def constant_law(torque: float) -> float:
     """The torque itself."""
     return torque

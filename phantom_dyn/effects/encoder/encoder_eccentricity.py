@@ -11,7 +11,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from phantom_dyn._kernels.jit import jit
+from phantom_dyn._kernels.jit import within
 from phantom_dyn.effects.described import EffectWords
 from phantom_dyn.effects.effect import Effect, Parameter, Shape, Signature
 from phantom_dyn.effects.operation import Operation
@@ -150,7 +150,7 @@ def _error(operation: Operation, row: int, phase: float) -> tuple[Array, Array, 
     return sine, cosine * v, cosine * a - sine * v**2
 
 
-@jit
+@within
 def eccentric_law(q: float, amplitude: float, phase: float, order: float) -> float:
     """Reading of a disc off its centre at position ``q``."""
     return q + amplitude * np.sin(order * q + phase)

@@ -11,7 +11,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from phantom_dyn._kernels.jit import jit
+from phantom_dyn._kernels.jit import within
 from phantom_dyn.effects.described import EffectWords, ModelNumbers
 from phantom_dyn.effects.effect import Effect, Parameter, Shape, Signature
 from phantom_dyn.effects.operation import Operation
@@ -116,7 +116,7 @@ class EncoderOffset(Effect):
         return ModelNumbers(whole=True, zero=theta.item())
 
 
-@jit
+@within
 def shifted_law(q: float, offset: float) -> float:
     """Reading of an encoder with a wrong zero at position ``q``."""
     return q + offset

@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from phantom_dyn._kernels.jit import jit
+from phantom_dyn._kernels.jit import within
 from phantom_dyn.effects.described import EffectWords
 from phantom_dyn.effects.effect import Effect, Parameter, Shape, Signature
 from phantom_dyn.effects.operation import Operation
@@ -79,7 +79,7 @@ class EncoderQuantization(Effect):
         )
 
 
-@jit
+@within
 def rounded_law(q: float, step: float) -> float:
     """Reading of a coarse encoder at position ``q``."""
-    return np.round(q / step) * step
+    return np.rint(q / step) * step

@@ -22,7 +22,7 @@ from phantom_dyn.effects.effect import Effect, Parameter, Shape, Signature, Stat
 from phantom_dyn.effects.operation import Operation
 from phantom_dyn.effects.simulated import Simulated
 from phantom_dyn.effects.support.changed_robot import with_parameters
-from phantom_dyn.model.attached import Attached, attached_bodies
+from phantom_dyn.model.attached import Attached
 from phantom_dyn.model.inertia import (
     STANDARD_NAMES,
     STANDARD_UNITS,
@@ -72,7 +72,7 @@ class Payload(Effect):
 
     def parameters(self, robot: Robot, joint: str | None) -> tuple[Parameter, ...]:
         """``mass`` and its place in the frame of the joint that moves the link."""
-        parts = attached_bodies(robot, payload_body(robot))
+        parts = robot.attached[payload_body(robot)]
         least = self.lightest(robot)
         mass = Parameter(
             "mass",
@@ -190,7 +190,7 @@ def _nearest(robot: Robot, mass: float) -> Attached | None:
     """The part on a fixed or locked joint whose mass is nearest to what is missing, within a factor of two."""
     if mass >= 0.0:
         return None
-    near = [part for part in attached_bodies(robot, payload_body(robot)) if 0.5 * part.mass <= -mass <= 2.0 * part.mass]
+    near = [part for part in robot.attached[payload_body(robot)] if 0.5 * part.mass <= -mass <= 2.0 * part.mass]
     return min(near, key=lambda part: abs(np.log(-mass / part.mass)), default=None)
 
 

@@ -33,6 +33,18 @@ def stated_step(robot: Robot, row: int) -> float | None:
     return (1.0 if robot.prismatic[row] else 2.0 * np.pi) / counts
 
 
+def reading_step(readings: Float[Array, " N"], stated: float | None) -> float | None:
+    """The coarser of the step of the lattice of readings and the step about which they gather; None without either.
+
+    Args:
+        readings: Raw positions of one joint, as recorded.
+        stated: Step that they should have, or None.
+    """
+    lattice = step_of(readings, stated)
+    gathered = None if stated is None else coarse_step(readings, stated)
+    return max((step for step in (lattice, gathered) if step is not None), default=None)
+
+
 def step_of(readings: Float[Array, " N"], stated: float | None = None) -> float | None:
     """The largest step such that almost all readings are multiples of it, whatever their zero.
 

@@ -72,9 +72,9 @@ def run_axis(axis: Axis, laws: EffectLaws, control: Control, moving: Moving, pla
         if mode != GIVEN:
             asked = tracked(control, t[k], reading, vm if motor_read else vl)
         rows.q[k, 0], rows.asked[k, 0], rows.given[k, 0] = reading, asked, (asked if np.isnan(given) else given)
-        record_body(rows, k, 0, xl, vl, al)
-        if loose:
-            record_body(rows, k, 1, xm, vm, am)
+        for i in range(2 if loose else 1):
+            rows.x[k, i], rows.v[k, i] = (xl, vl) if i == 0 else (xm, vm)
+            rows.before[k, i] = rows.after[k, i] = al if i == 0 else am
         if counts[k] == 0:
             continue
         h = steps[k]
@@ -93,7 +93,7 @@ def run_axis(axis: Axis, laws: EffectLaws, control: Control, moving: Moving, pla
             drive = given
             for n in range(len(t_codes)):
                 drive += effect_torque(t_codes, t_numbers, t_state, n, y, w, transmitted)
-            weight = weight_at(axis, x)
+            weight = axis.at_zero * np.cos(x) + axis.at_quarter * np.sin(x) if axis.turns else axis.at_zero
             if loose:
                 spring = spring_torque(y - x, w - v, stiffness, damping, gap)
                 new = vl + ease_link * h * (spring - weight)
@@ -125,18 +125,6 @@ def run_axis(axis: Axis, laws: EffectLaws, control: Control, moving: Moving, pla
         moving.x[1], moving.v[1], moving.a[1] = xm, vm, am
     moving.transmitted[0], moving.asked[0], moving.given[0] = transmitted, asked, given
     return broke
-
-
-@within
-def record_body(rows: Rows, k: int, i: int, x: float, v: float, a: float) -> None:
-    """Write the motion of the link (0) or of a loose motor (1) at sample ``k``."""
-    rows.x[k, i], rows.v[k, i], rows.before[k, i], rows.after[k, i] = x, v, a, a
-
-
-@within
-def weight_at(axis: Axis, x: float) -> float:
-    """Torque of gravity on the drive at a position of the link."""
-    return axis.at_zero * np.cos(x) + axis.at_quarter * np.sin(x) if axis.turns else axis.at_zero
 
 
 @within

@@ -4,13 +4,13 @@ from __future__ import annotations
 
 import numpy as np
 
-from phantom_dyn._kernels.jit import jit, within
+from phantom_dyn._kernels.jit import within
 from phantom_dyn.effects.compiled_laws import DELAY, command_of, delay_law, reading_of, torque_of
 
 Array = np.ndarray
 
 
-@jit
+@within
 def read(codes: Array, rows: Array, numbers: Array, j: int, q: float) -> float:
     """Reading of encoder ``j`` at position ``q``."""
     for k in range(len(codes)):
@@ -19,7 +19,7 @@ def read(codes: Array, rows: Array, numbers: Array, j: int, q: float) -> float:
     return q
 
 
-@jit
+@within
 def place_in(times: Array, cursor: Array, t: float) -> float:
     """Share of the way from the table's row ``cursor[0]`` to the next at time ``t``; the ends hold beyond it."""
     k = cursor[0]
@@ -31,13 +31,14 @@ def place_in(times: Array, cursor: Array, t: float) -> float:
     return min(max(float((t - times[k]) / (times[k + 1] - times[k])), 0.0), 1.0)
 
 
-@jit
+@within
 def tracking(tables: Array, limit: float, k: int, share: float, j: int, q: float, v: float) -> float:
     """Torque that a tracking law asks of drive ``j``, see `phantom_dyn.simulation.control`."""
-    a, b = tables[k, j], tables[k + 1, j]
-    rest = 1.0 - share
-    forward, wanted, speed = rest * a[0] + share * b[0], rest * a[1] + share * b[1], rest * a[2] + share * b[2]
-    kp, kd, added = rest * a[3] + share * b[3], rest * a[4] + share * b[4], rest * a[5] + share * b[5]
+    rest, n = 1.0 - share, k + 1
+    forward = rest * tables[k, j, 0] + share * tables[n, j, 0]
+    wanted, speed = rest * tables[k, j, 1] + share * tables[n, j, 1], rest * tables[k, j, 2] + share * tables[n, j, 2]
+    kp, kd = rest * tables[k, j, 3] + share * tables[n, j, 3], rest * tables[k, j, 4] + share * tables[n, j, 4]
+    added = rest * tables[k, j, 5] + share * tables[n, j, 5]
     asked = forward + kp * (wanted - q) + kd * (speed - v)
     return min(max(asked, -limit), limit) + added
 

@@ -13,11 +13,10 @@ import pytest
 
 from phantom_dyn._kernels import jit
 
-# Every third of the samples 0 to 6 behind a kernel of one sample: known in closed form.
-FILTER = """
-import numpy as np
-from phantom_dyn._kernels.fir import filtered
-print(filtered(np.ones(1), np.arange(7.0)[:, None], 3).ravel().tolist(), hasattr(filtered, "signatures"))
+# A spring of 2 N m/rad that is wound up by half a radian: known in closed form.
+SPRING = """
+from phantom_dyn.simulation.compiled.axis_steps import spring_torque
+print(spring_torque(0.5, 0.0, 2.0, 0.0, 0.0), hasattr(spring_torque, "signatures"))
 """
 
 
@@ -25,8 +24,8 @@ def twice(x: float) -> float:
     return 2 * x
 
 
-def filtered_in_a_fresh_process(**environment: str) -> subprocess.CompletedProcess[str]:
-    words = [sys.executable, "-c", FILTER]
+def spring_in_a_fresh_process(**environment: str) -> subprocess.CompletedProcess[str]:
+    words = [sys.executable, "-c", SPRING]
     return subprocess.run(words, env=os.environ | environment, capture_output=True, text=True, check=True)
 
 
@@ -39,7 +38,7 @@ def no_cache(folder: Path) -> dict[str, str]:
     }
 
 
-@pytest.mark.parametrize("decorator", [jit.jit, jit.fused, jit.inlined])
+@pytest.mark.parametrize("decorator", [jit.jit, jit.fused, jit.inlined, jit.within])
 def test_without_numba_a_function_stays_itself(decorator, monkeypatch):
     monkeypatch.setattr(jit, "njit", None)
     assert decorator(twice) is twice
@@ -48,11 +47,11 @@ def test_without_numba_a_function_stays_itself(decorator, monkeypatch):
 @pytest.fixture(scope="module")
 def uncached(tmp_path_factory):
     """What such a process prints."""
-    return filtered_in_a_fresh_process(**no_cache(tmp_path_factory.mktemp("no_cache")))
+    return spring_in_a_fresh_process(**no_cache(tmp_path_factory.mktemp("no_cache")))
 
 
 def test_a_function_is_compiled_where_no_folder_can_be_written_to(uncached):
-    assert uncached.stdout.strip() == "[0.0, 3.0, 6.0] True"
+    assert uncached.stdout.strip() == "1.0 True"
 
 
 def test_one_sentence_says_that_nothing_is_kept(uncached):
@@ -70,8 +69,8 @@ def test_what_has_another_reason_than_the_cache_is_not_hidden(monkeypatch):
 
 
 def test_numba_that_is_off_counts_as_absent():
-    done = filtered_in_a_fresh_process(NUMBA_DISABLE_JIT="1")
-    assert done.stdout.strip() == "[0.0, 3.0, 6.0] False"
+    done = spring_in_a_fresh_process(NUMBA_DISABLE_JIT="1")
+    assert done.stdout.strip() == "1.0 False"
 
 
 def test_threads_may_make_the_first_call_together():
@@ -84,3 +83,15 @@ def test_threads_may_make_the_first_call_together():
 
     with ThreadPoolExecutor(4) as threads:
         assert list(threads.map(call, (1.0, 2.0, 3.0, 4.0))) == [2.0, 4.0, 6.0, 8.0]
+
+
+@pytest.mark.parametrize("decorator", [jit.inlined, jit.within])
+def test_a_part_is_called_by_compiled_functions_and_by_python(decorator):
+    # Oracle: 2 * 3; a part without what Python's call needs would end the process.
+    part = decorator(lambda x: 2 * x)
+
+    @jit.jit
+    def whole(x: float) -> float:
+        return part(x)
+
+    assert (whole(3.0), part(3.0)) == (6.0, 6.0)

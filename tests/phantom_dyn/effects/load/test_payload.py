@@ -9,7 +9,6 @@ import pytest
 from phantom_dyn import load_robot
 from phantom_dyn.effects.load.payload import Payload, most_removed
 from phantom_dyn.effects.operation import Operation
-from phantom_dyn.model.attached import attached_bodies
 from phantom_dyn.model.inertia import payload_body, point_mass_parameters
 from phantom_dyn.model.robot import Robot
 from places import ROBOTS
@@ -140,17 +139,17 @@ def handed(tmp_path_factory) -> Robot:
 
 def test_parts_on_fixed_joints_are_known_with_all_behind_them(handed):
     # By hand: 0.6 kg at -0.45 m and 0.1 kg at -0.5 m.
-    whole, camera = attached_bodies(handed, 2)
+    whole, camera = handed.attached[2]
     assert whole.names == ("hand", "camera")
     assert whole.mass == pytest.approx(0.7)
     np.testing.assert_allclose(whole.center, [0.0, 0.0, -(0.6 * 0.45 + 0.1 * 0.5) / 0.7])
     assert camera.names == ("camera",)
-    assert attached_bodies(handed, 1) == ()
+    assert handed.attached[1] == ()
 
 
 def test_a_part_that_is_missing_goes_with_its_own_inertia(handed):
     # Oracle: the same arm without the parts.
-    part = attached_bodies(handed, 2)[0]
+    part = handed.attached[2][0]
     lighter = Payload().simulated(handed, None, np.array([-part.mass, *part.center])).robot
     bare = load_robot(ROBOTS / "planar2.urdf")
     assert lighter is not None
@@ -162,7 +161,7 @@ def test_a_part_that_is_missing_goes_with_its_own_inertia(handed):
 
 @pytest.mark.parametrize(("mass", "named"), [(-0.7, True), (-0.6, True), (-0.4, False), (0.7, False)])
 def test_a_part_is_named_where_mass_and_moments_are_about_its_own(handed, mass, named):
-    part = attached_bodies(handed, 2)[0]
+    part = handed.attached[2][0]
     remark = Payload().remark(handed, None, np.array([mass, *part.center]))
     assert ("The model carries hand with camera (0.7 kg)" in remark) == named
 
