@@ -113,6 +113,9 @@ OUTDONE = 1.0
 # gain: by which a rival is worse in sample, ten deviations of one parameter: it wins no replicate.
 HOPELESS_LOSS = 100.0
 
+# errors over blocks, and loss beyond these: by which a rival is worse held out: it is no longer compared.
+HOPELESS_ERRORS, HOPELESS_BEYOND = 4.0, 4.0
+
 # share: of the torque that was found which a further parameter of a richer law is expected to carry.
 EXPECTED_SHARE = 0.5
 

@@ -12,10 +12,6 @@ from identification.next_experiment.hypotheses import Model
 
 Array = np.ndarray
 
-# A rival is no longer compared that loses by more than so many standard errors over blocks and so much beyond these, in
-# squared standard deviations of the noise; see `search.rival_sets`.
-_HOPELESS_ERRORS, _HOPELESS_LOSS = 4.0, 4.0
-
 
 def draws_of(model: Model, products: Float[Array, "u u"], normals: Float[Array, "d n"]) -> Float[Array, "e u"]:
     """Coefficients that the recordings leave possible if the model is true: the fit itself, then one per draw.
@@ -84,7 +80,7 @@ def power_of_hopeless(gain: Float[Array, " d"], lead: float, after: Float[Array,
         after: Expected held-out loss of the wrong model in everything that is recorded then.
     """
     # The loss scatters from block to block as a noncentral chi-squared does.
-    bar = _HOPELESS_ERRORS * 2.0 * np.sqrt(np.maximum(after, 0.0)) + _HOPELESS_LOSS
+    bar = rules.HOPELESS_ERRORS * 2.0 * np.sqrt(np.maximum(after, 0.0)) + rules.HOPELESS_BEYOND
     return ndtr((gain + lead - bar) / (2.0 * np.sqrt(np.maximum(gain, 1e-12))))
 
 

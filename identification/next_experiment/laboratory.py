@@ -14,7 +14,7 @@ from identification.diagnosis.model.columns import Columns, columns_like
 from identification.diagnosis.model.own_effects import Differences
 from identification.diagnosis.model.session import Series, session_of_logs
 from identification.diagnosis.model.terms import FoundEffect
-from identification.diagnosis.noise.whitening import filtered, noise_filter
+from identification.diagnosis.noise.whitening import doubt_of, filtered, noise_filter
 from phantom_dyn.dynamics.dynamics import inverse_dynamics
 from phantom_dyn.model.robot import Robot
 from phantom_dyn.motion import Motion
@@ -78,12 +78,6 @@ class Laboratory:
             at = [k for k, _ in here]
             out[np.ix_(at, at)] += self.problem.weights.per_sample[j] * values.T @ values
         return out
-
-
-def doubt_of(columns: Columns, log: int, row: int, kernel: Float[Array, "_"]) -> Float[Array, " n"]:
-    """Variance of the whitened torque of a row where friction is in doubt: at reversals, and where a joint stands."""
-    shifted = filtered(kernel, columns.doubt[log][:, row])
-    return shifted**2 + filtered(np.abs(kernel), columns.standing[log][:, row]) ** 2
 
 
 def _trusted(columns: Columns, noise: Series, row: int, kernel: Float[Array, "_"]) -> tuple[float, float]:

@@ -43,7 +43,7 @@ STYLE = {
 
 @dataclass(frozen=True)
 class Margins:
-    """Room around the axes of a figure [inch], where it is known: to measure every label takes half of the drawing.
+    """Room around the axes of a figure [inch], where it is known: to measure every label takes long.
 
     Attributes:
         left: For labels and numbers of the vertical axes.

@@ -64,17 +64,21 @@ class Fitted:
     @property
     def expand(self) -> Float[Array, "k n"] | None:
         """Active coefficients that a unit of each number that was fitted moves, None if they are the same."""
-        return None if self.point.payload is None else _folded_at(self.problem, self.active, self.point.payload).expand
+        return None if self._folded is None else self._folded.expand
 
     @cached_property
     def cov(self) -> Float[Array, "k k"]:
         """Covariance of the active coefficients with priors; computed on demand, as few fits need it."""
         a, precision = products_of(self.problem, self.active, self.point.scalings, False).a, self.problem.precision
-        folded = None if self.point.payload is None else _folded_at(self.problem, self.active, self.point.payload)
+        folded = self._folded
         kept = self.active if folded is None else self.active[folded.keep]
         normal = a if folded is None else folded.square(a)
         inverse = solve(normal + np.diag(precision[kept]), np.eye(len(kept)))
-        return inverse if folded is None else folded.expand @ inverse @ folded.expand.T
+        return inverse if folded is None else folded.unfolded(folded.unfolded(inverse).T)
+
+    @cached_property
+    def _folded(self) -> FoldedLoad | None:
+        return None if self.point.payload is None else _folded_at(self.problem, self.active, self.point.payload)
 
 
 @dataclass(frozen=True)

@@ -21,11 +21,11 @@ from identification.diagnosis.judge.shares import gap_of, shares_of
 from identification.diagnosis.model.session import Series
 from identification.diagnosis.model.terms import Term, ordered
 from identification.diagnosis.result import Finding
+from identification.diagnosis.search.bootstrap_wins import block_counts
 from identification.diagnosis.search.rival_sets import (
     NONE_BARRED,
     Place,
     Standing,
-    block_counts,
     stand,
     with_wide_tolerances,
 )

@@ -13,7 +13,7 @@ from identification.diagnosis.fit.gap import Sums, held_out_torque, residual_aft
 from identification.diagnosis.judge.judged_band import Judge
 from identification.diagnosis.model.terms import Term, ordered
 from identification.diagnosis.result import Gap
-from identification.diagnosis.search.rival_sets import block_counts
+from identification.diagnosis.search.bootstrap_wins import block_counts
 from identification.diagnosis.search.search import Search
 from phantom_dyn.random_streams import random_stream
 

@@ -99,17 +99,22 @@ def _white(kernels: list[Float[Array, " m"]], series: Float[Array, "n nv"]) -> F
     return np.column_stack([filtered(kernel, series[:, j]) for j, kernel in enumerate(kernels)])
 
 
-def _trust(columns: Columns, kernels: list[Float[Array, " m"]], noise: Series) -> list[Float[Array, "n nv"]]:
-    """Weight of each sample, its noise over noise and doubt together, of mean square one on each row.
+def doubt_of(columns: Columns, log: int, row: int, kernel: Float[Array, " m"]) -> Float[Array, " n"]:
+    """Variance of the whitened torque of a row where friction is in doubt: at reversals, and where a joint stands.
 
     A reversal shifts a step in time, and filters make of it what they make of a step. What a standing joint holds may
     be anything from sample to sample, so it counts at the most that the filter can make of it.
     """
+    shifted = filtered(kernel, columns.doubt[log][:, row])
+    return shifted**2 + filtered(np.abs(kernel), columns.standing[log][:, row]) ** 2
+
+
+def _trust(columns: Columns, kernels: list[Float[Array, " m"]], noise: Series) -> list[Float[Array, "n nv"]]:
+    """Weight of each sample, its noise over noise and doubt together, of mean square one on each row."""
     white = [_white(kernels, part) ** 2 for part in noise]
-    sizes = [np.abs(kernel) for kernel in kernels]
     doubt = [
-        _white(kernels, shifted) ** 2 + _white(sizes, standing) ** 2
-        for shifted, standing in zip(columns.doubt, columns.standing, strict=True)
+        np.column_stack([doubt_of(columns, log, row, kernel) for row, kernel in enumerate(kernels)])
+        for log in range(len(noise))
     ]
     total = sum(np.where(use, w, 0.0).sum(axis=0) for w, use in zip(white, columns.usable, strict=True))
     count = sum(use.sum(axis=0) for use in columns.usable)

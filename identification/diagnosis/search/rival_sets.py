@@ -2,16 +2,23 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from jaxtyping import Float, Int
+from jaxtyping import Float
 
 from identification.diagnosis import decision_rules as rules
 from identification.diagnosis.fit.projection import taken_out
 from identification.diagnosis.model.terms import Term, ordered
 from identification.diagnosis.result import EffectAt, Rival
+from identification.diagnosis.search.bootstrap_wins import (
+    block_counts,
+    costs_of,
+    half_wins,
+    halves,
+    share_of_wins,
+    wins_in,
+)
 from identification.diagnosis.search.fits import Chosen, Fits
 from identification.diagnosis.search.search import Search, contains
 from identification.diagnosis.search.special_cases import implausible, places_of
@@ -24,7 +31,6 @@ Array = np.ndarray
 Place = tuple[str, str | None]
 NONE_BARRED: frozenset[Place] = frozenset()
 
-REPLICATES = 1000
 # Looks at all findings in turn.
 _LOOKS = 3
 
@@ -43,12 +49,6 @@ class Standing:
     probability: float
     rivals: tuple[Rival, ...]
     instead: frozenset[Term] | None = None
-
-
-def block_counts(blocks: int, rng: np.random.Generator) -> Float[Array, "R B"]:
-    """How often each block is drawn in each of a thousand bootstrap replicates."""
-    draws = rng.integers(0, blocks, size=(REPLICATES, blocks))
-    return np.apply_along_axis(np.bincount, 1, draws, minlength=blocks).astype(float)
 
 
 def with_wide_tolerances(search: Search) -> Search:
@@ -107,13 +107,13 @@ def stand(
     losses = counts @ np.array([options[key] for key in keys]).T
     apart = {key for key in names if not _nested(term, names[key])}
     sets = [same.get(key, key) for key in keys]
-    costs = _costs(search, sets, [key in twins for key in keys])
-    costs += _costs(search, sets, [key in twins for key in keys], [key in apart for key in keys])
+    costs = costs_of(search, sets, [key in twins for key in keys])
+    costs += costs_of(search, sets, [key in twins for key in keys], [key in apart for key in keys])
     places = {key: _places(search, chosen, names[key], key, same) for key in keys[1:]}
-    wins = [np.mean([_wins(losses + cost) for cost in costs], axis=0)]
+    wins = [np.mean([share_of_wins(losses + cost) for cost in costs], axis=0)]
     if again:
-        wins += [half_wins(options, keys, half, costs) for half in _halves(len(base.loss))]
-        wins += [_wins_in(other, search, options, keys, same, (twins, apart), counts) for other in again]
+        wins += [half_wins(options, keys, half, costs) for half in halves(len(base.loss))]
+        wins += [wins_in(other, search, options, keys, same, (twins, apart), counts) for other in again]
     shares = _by_place(keys, places, np.mean(wins, axis=0))
     for others, swapped in richer_laws:
         place = _places(search, chosen, others, swapped, same)
@@ -132,43 +132,6 @@ def stand(
         for effects, share in sorted(kept.items(), key=lambda item: -item[1])
     )
     return Standing(own / total, rivals, _leader(search, chosen, term, own, kept, places))
-
-
-def _halves(blocks: int) -> tuple[Int[Array, " h"], ...]:
-    """Blocks of each half of the recordings; none where a half is too short to be judged on its own."""
-    if blocks < 2 * rules.LEAST_BLOCKS:
-        return ()
-    return tuple(np.array_split(np.arange(blocks), 2))
-
-
-def half_wins(
-    options: dict[Chosen, Array], keys: list[Chosen], half: Int[Array, " h"], costs: Sequence[Array]
-) -> Float[Array, " m"]:
-    """How often each set wins if all of the recordings were like one half of them."""
-    losses = np.array([options[key] for key in keys]).T
-    drawn = block_counts(len(half), random_stream("bootstrap of halves")) * (len(losses) / len(half))
-    return np.mean([_wins(drawn @ losses[half] + cost) for cost in costs], axis=0)
-
-
-def _wins_in(
-    other: Search,
-    search: Search,
-    options: dict[Chosen, Array],
-    keys: list[Chosen],
-    same: dict[Chosen, Chosen],
-    free: tuple[set[Chosen], set[Chosen]],
-    counts: Float[Array, "R B"],
-) -> Float[Array, " m"]:
-    """How often each set wins in another search over the same rivals, with the same allowance for richer laws.
-
-    ``free`` are twins of the finding and laws that neither contain it nor are contained in it.
-    """
-    sets = [same.get(key, key) for key in keys]
-    allowance = [options[key] - search.evaluate(one).loss for key, one in zip(keys, sets, strict=True)]
-    losses = np.array([other.evaluate(one).loss + more for one, more in zip(sets, allowance, strict=True)]).T
-    twins, apart = ([key in some for key in keys] for some in free)
-    costs = (*_costs(other, sets, twins), *_costs(other, sets, twins, apart))
-    return np.mean([_wins(counts @ losses + cost) for cost in costs], axis=0)
 
 
 def _options(
@@ -314,38 +277,6 @@ def settled(search: Search, chosen: frozenset[Term]) -> frozenset[Term]:
     return chosen
 
 
-def _costs(
-    search: Search, sets: list[frozenset[Term]], twins: list[bool], free: Sequence[bool] = ()
-) -> tuple[Float[Array, " m"], Float[Array, " m"]]:
-    """Cost of each set in every bootstrap replicate: price plus moves of the model, counted in two fair ways.
-
-    Either all moves count, or those only that cost four more than the first set's (two tolerances of one quantity), or
-    four less: how wrong a model is within its tolerance is not known that well.
-
-    Args:
-        search: Rivals.
-        sets: What is compared, the finding's set first.
-        twins: Those that cost what the first set costs.
-        free: Those whose price does not count either, nor what more numbers save in moves: inertias that are free take
-            over what the model is wrong by within its tolerances. Empty: none.
-    """
-    prices = np.array([search.price_of(chosen) for chosen in sets])
-    dearer = prices - prices[0]
-    prices[twins] = prices[0]
-    moves = np.array([search.evaluate(chosen).penalty for chosen in sets])
-    more = moves - moves[0]
-    if free:
-        prices[list(free)] = prices[0]
-        more = np.where(np.array(free) & (more * dearer < 0.0), 0.0, more)
-    return prices + more, prices + np.sign(more) * np.maximum(np.abs(more) - 4.0, 0.0)
-
-
-def _wins(scores: Float[Array, "R m"]) -> Float[Array, " m"]:
-    """How often each set has the lowest score of a replicate; equal ones share it."""
-    tied = scores <= scores.min(axis=1, keepdims=True) + rules.SAME_PREDICTIONS
-    return (tied / tied.sum(axis=1, keepdims=True)).mean(axis=0)
-
-
 def odds_of_richer(search: Search, chosen: frozenset[Term], rich: frozenset[Term]) -> float:
     """Odds of a richer law of the same kind against what it contains, its further parameters not known beforehand.
 
@@ -391,7 +322,7 @@ def _hopeless(search: Search, chosen: frozenset[Term], swapped: frozenset[Term],
     worse = found.loss - base.loss
     more = search.price_of(swapped) - search.price_of(chosen)
     loss = found.total - base.total + (more if priced else min(more, 0.0))
-    return loss > 4.0 * float(np.sqrt(len(worse)) * worse.std()) + 4.0
+    return loss > rules.HOPELESS_ERRORS * float(np.sqrt(len(worse)) * worse.std()) + rules.HOPELESS_BEYOND
 
 
 def _twins(search: Search, chosen: frozenset[Term], term: Term) -> list[tuple[frozenset[Term], frozenset[Term]]]:

@@ -8,7 +8,7 @@ from identification.next_experiment.laboratory import laboratory
 
 def test_reversals_tell_as_little_of_a_planned_motion_as_of_a_recorded_one(lab, pendulum):
     # Oracle: the products that the diagnosis itself forms of the same motion. Samples at reversals count less there, as
-    # friction is in doubt, and what tells presliding from Coulomb friction lies in them alone.
+    # friction is in doubt, and what separates presliding from Coulomb friction lies in them alone.
     moved = lab.motion(1, seconds=20.0, swing=0.5)
     ready = lab.prepared(pendulum, (lab.recording(pendulum, moved, 0.2 * np.sign(moved.v)),))
     noise = estimate_noise(ready.session, ready.columns)[0]

@@ -9,12 +9,10 @@ import pytest
 from identification.diagnosis.judge import findings
 from identification.diagnosis.result import EffectAt, Rival
 from identification.diagnosis.search import rival_sets as rivals
+from identification.diagnosis.search.bootstrap_wins import REPLICATES, block_counts, costs_of, half_wins
 from identification.diagnosis.search.rival_sets import (
-    REPLICATES,
     Standing,
     _with_places,
-    block_counts,
-    half_wins,
     odds_of_richer,
     settled,
     stand,
@@ -274,7 +272,7 @@ def priced(prices: tuple[float, ...], moves: tuple[float, ...]) -> SimpleNamespa
 def test_a_set_costs_its_price_and_its_moves_counted_in_two_ways(twins, free, whole, beyond):
     # By hand: prices 5, 15, 5; moves 10, 4, 14, which count in full or beyond four.
     search = priced((5.0, 15.0, 5.0), (10.0, 4.0, 14.0))
-    found = rivals._costs(search, [0, 1, 2], list(twins), list(free))
+    found = costs_of(search, [0, 1, 2], list(twins), list(free))
     np.testing.assert_allclose(found[0], whole)
     np.testing.assert_allclose(found[1], beyond)
 
