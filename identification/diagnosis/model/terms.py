@@ -72,6 +72,10 @@ class Term:
     lower: tuple[float, ...]
     upper: tuple[float, ...]
 
+    def __hash__(self) -> int:
+        # Of an object's address, the order of a set of terms would be another one in each run.
+        return self.columns[0]
+
     @property
     def place(self) -> tuple[str, str | None]:
         """Effect and joint, whatever the shape."""

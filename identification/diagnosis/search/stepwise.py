@@ -115,8 +115,8 @@ def with_nameless(search: Search, chosen: frozenset[Term], progress: Callable[[s
     accuracy = rules.NAMELESS_ACCURACY * max(search.score(frozenset()) - search.score(chosen), 0.0)
     nameless = tuple(term for term in search.terms if not term.named)
     for _ in range(_MOST_NAMELESS):
-        best, lowest = None, search.score(chosen)
-        for base in {chosen, frozenset(term for term in chosen if not term.named)}:
+        lowest, better = search.score(chosen), []
+        for base in dict.fromkeys((chosen, frozenset(term for term in chosen if not term.named))):
             promised = search.gains(base, nameless)
             for term in sorted(nameless, key=lambda term: -promised[term])[:_MOST_NAMELESS_JUDGED]:
                 if promised[term] < search.threshold.overall or not possible(base, term):
@@ -128,10 +128,10 @@ def with_nameless(search: Search, chosen: frozenset[Term], progress: Callable[[s
                 )
                 limit -= accuracy if gone == 1 else 0.0
                 if search.score(tried) < limit and claimed(search, tried, tried - {term}):
-                    best, lowest = tried, search.score(tried)
-        if best is None:
+                    better.append(tried)
+        if not better:
             return chosen
-        chosen = best
+        chosen = min(better, key=search.score)
     return chosen
 
 

@@ -351,3 +351,33 @@ def test_the_search_tries_single_effects_in_place_of_richer_laws(quiet, monkeypa
     others = frozenset([quiet.term("rotor_inertia", "elbow")])
     monkeypatch.setattr(stepwise, "_by_single_effects", lambda search, chosen, progress: others)
     assert explain(quiet.search, silent) == others
+
+
+def test_sets_of_the_same_rivals_have_the_same_order_however_often_they_are_made(quiet):
+    # What depends on the order of a set would differ from run to run otherwise.
+    again = [replace(term) for term in quiet.search.terms]
+    first, second = ([(term.place, term.shape) for term in frozenset(terms)] for terms in (quiet.search.terms, again))
+    assert first == second
+
+
+class Outside:
+    """A search whose scores are given: two structures of one shape, of which the second scores better."""
+
+    def __init__(self, terms, scores):
+        self.terms, self.scores = terms, scores
+        self.threshold = search_module.Threshold(5.0, {})
+
+    def score(self, chosen):
+        return self.scores[chosen]
+
+    def gains(self, _, terms):
+        return {term: 100.0 - k for k, term in enumerate(terms)}
+
+
+def test_of_several_structures_without_a_name_the_best_is_taken_and_not_the_first(quiet, monkeypatch):
+    one, other = [term for term in quiet.search.terms if not term.named][:2]
+    nothing, first, best = frozenset(), frozenset([one]), frozenset([other])
+    monkeypatch.setattr(stepwise, "claimed", lambda _, tried, __: tried in (first, best))
+    monkeypatch.setattr(stepwise, "possible", lambda base, _: not base)
+    found = stepwise.with_nameless(Outside((one, other), {nothing: 400.0, first: 300.0, best: 298.0}), nothing, silent)
+    assert found == best
