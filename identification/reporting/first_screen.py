@@ -5,10 +5,10 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from matplotlib.figure import Figure
 
 from identification.diagnosis.result import Diagnosis, Finding, JointGap
-from identification.reporting.svg import AFTER, INK, drawn_svg
+from identification.reporting.chart import AFTER, Panel, chart
+from identification.reporting.chart_marks import Curve
 from identification.words import diagnosis_words as words
 from identification.words.numbers_and_names import NO_BREAK, number, percent, value_words, with_unit
 
@@ -132,14 +132,7 @@ def share_curve(diagnosis: Diagnosis) -> str:
     ranked = np.sort(known)[::-1]
     together = 100 * np.concatenate([[0.0], np.cumsum(ranked)])
 
-    def draw(figure: Figure) -> None:
-        axes = figure.subplots()
-        axes.axhline(100, color=INK, linewidth=0.8, linestyle=(0, (4, 2)))
-        axes.plot(np.arange(len(together)), together, color=AFTER, marker="o", markersize=5)
-        step = max(1, len(ranked) // 12)
-        axes.set_xticks(np.arange(0, len(together), step))
-        axes.set_ylim(0, max(105.0, 1.05 * float(together.max())))
-        axes.set_xlabel("number of effects, the largest first")
-        axes.set_ylabel("gap closed [%]")
-
-    return drawn_svg(draw, "shares", (5.7, 2.6), "Share of the gap that is closed against the number of effects added")
+    curve = Curve(np.arange(len(together)), together, AFTER, 1.5, marked=True)
+    panel = Panel("gap closed [%]", (curve,), rule=100.0, least=(0.0,))
+    title = "Share of the gap that is closed against the number of effects added"
+    return chart((panel,), "number of effects, the largest first", (5.7, 2.6), title)

@@ -4,19 +4,18 @@ from __future__ import annotations
 
 import numpy as np
 from jaxtyping import Bool, Float
-from matplotlib.axes import Axes
-from matplotlib.figure import Figure
 
 from identification.diagnosis.result import Diagnosis, Evidence
+from identification.reporting.chart import AFTER, BEFORE, STRETCH_S, Panel, chart
+from identification.reporting.chart_marks import INK, Cloud, Curve
 from identification.reporting.explaining import JointMotion, Variable, explaining_variable, joint_of, strongest_variable
-from identification.reporting.svg import AFTER, BEFORE, INK, STRETCH_S, Margins, draw_curve, draw_legend, drawn_svg
-from identification.reporting.thinning import binned_median, eventful_stretch, scatter_choice
+from identification.reporting.thinning import binned_median, eventful_stretch, gap_starts, scatter_choice, thinned
 
 Array = np.ndarray
 
 BEFORE_POINTS, AFTER_POINTS = "#eba36f", "#6fb1d8"
 # Samples of which a median is drawn, each with the dashes of its line.
-Groups = tuple[tuple[Bool[Array, " N"], str | tuple[int, tuple[float, ...]]], ...]
+Groups = tuple[tuple[Bool[Array, " N"], str], ...]
 
 FEW_POINTS = 600  # fewer are drawn larger
 FINER_FROM = 3.0  # ratio of residuals from which the corrected model's panel has a scale of its own
@@ -28,21 +27,19 @@ def torque_figure(diagnosis: Diagnosis, joint: int) -> str:
     rows = shown_stretch(evidence, joint)
     t = evidence.t[rows]
 
-    def draw(figure: Figure) -> None:
-        top, bottom = figure.subplots(2, 1, sharex=True, height_ratios=(3, 2))
-        draw_curve(top, t, evidence.tau_measured[rows, joint], INK, "measured", 1.8, 0.55)
-        draw_curve(top, t, evidence.tau_before[rows, joint], BEFORE, "given model", 1.1)
-        draw_curve(top, t, evidence.tau_after[rows, joint], AFTER, "corrected model", 1.1)
-        draw_curve(bottom, t, residual(evidence.tau_before, evidence, joint)[rows], BEFORE, "", 0.9)
-        draw_curve(bottom, t, residual(evidence.tau_after, evidence, joint)[rows], AFTER, "", 0.9)
-        _noise_band(bottom, gap.noise_floor)
-        top.set_ylabel(torque_label(diagnosis, joint))
-        bottom.set_ylabel(f"residual [{gap.unit}]")
-        bottom.set_xlabel("time [s]")
-        draw_legend(figure, top)
-
+    tau = (
+        _over_time(t, evidence.tau_measured[rows, joint], INK, 1.8, "measured", 0.55),
+        _over_time(t, evidence.tau_before[rows, joint], BEFORE, 1.1, "given model"),
+        _over_time(t, evidence.tau_after[rows, joint], AFTER, 1.1, "corrected model"),
+    )
+    left = [
+        _over_time(t, residual(values, evidence, joint)[rows], colour, 0.9)
+        for values, colour in ((evidence.tau_before, BEFORE), (evidence.tau_after, AFTER))
+    ]
+    top = Panel(torque_label(diagnosis, joint), tau, height=3.0)
+    bottom = Panel(f"residual [{gap.unit}]", tuple(left), height=2.0, band=2 * gap.noise_floor, zero=True)
     title = f"Measured and modelled torque of joint {gap.joint} over time"
-    return drawn_svg(draw, f"torque{joint}", (11.5, 4.2), title, Margins(top=0.35, between=0.15))
+    return chart((top, bottom), "time [s]", (11.5, 4.2), title)
 
 
 def shown_stretch(evidence: Evidence, joint: int) -> slice:
@@ -59,7 +56,7 @@ def torque_label(diagnosis: Diagnosis, joint: int) -> str:
 def residual_over_velocity(diagnosis: Diagnosis, joint: int) -> str:
     """Residual over the joint's own velocity, given model above, corrected model below."""
     unit = "m/s" if diagnosis.joints[joint].unit == "N" else "rad/s"
-    return _before_after(diagnosis, joint, Variable("velocity", unit, diagnosis.evidence.v[:, joint]), "velocity")
+    return _before_after(diagnosis, joint, Variable("velocity", unit, diagnosis.evidence.v[:, joint]))
 
 
 def residual_over_position(diagnosis: Diagnosis, joint: int) -> str:
@@ -69,7 +66,7 @@ def residual_over_position(diagnosis: Diagnosis, joint: int) -> str:
     """
     unit = "m" if diagnosis.joints[joint].unit == "N" else "rad"
     q = diagnosis.evidence.q[:, joint]
-    return _before_after(diagnosis, joint, Variable("position", unit, q, by_direction=True), "position")
+    return _before_after(diagnosis, joint, Variable("position", unit, q, by_direction=True))
 
 
 def finding_figure(diagnosis: Diagnosis, motions: dict[str, JointMotion], index: int) -> str:
@@ -81,7 +78,7 @@ def finding_figure(diagnosis: Diagnosis, motions: dict[str, JointMotion], index:
     variable = explaining_variable(diagnosis, motions, finding, before)
     titles = ("without this finding", "with it") if alone else ("given model", "corrected model")
     after = residual(evidence.tau_after, evidence, row)
-    return _residual_figure(diagnosis, row, variable, (before, after), titles, f"finding{index}")
+    return _residual_figure(diagnosis, row, variable, (before, after), titles)
 
 
 def unexplained_figure(diagnosis: Diagnosis, motions: dict[str, JointMotion], joint: str) -> str:
@@ -89,7 +86,7 @@ def unexplained_figure(diagnosis: Diagnosis, motions: dict[str, JointMotion], jo
     evidence, row = diagnosis.evidence, joint_of(diagnosis, joint)
     after = residual(evidence.tau_after, evidence, row)
     variable = strongest_variable(diagnosis, motions, diagnosis.joints[row].joint, after)
-    return _before_after(diagnosis, row, variable, "rest")
+    return _before_after(diagnosis, row, variable)
 
 
 def residual(tau: Float[Array, "N nv"], evidence: Evidence, joint: int) -> Float[Array, " N"]:
@@ -97,10 +94,10 @@ def residual(tau: Float[Array, "N nv"], evidence: Evidence, joint: int) -> Float
     return evidence.tau_measured[:, joint] - tau[:, joint]
 
 
-def _before_after(diagnosis: Diagnosis, joint: int, variable: Variable, key: str) -> str:
+def _before_after(diagnosis: Diagnosis, joint: int, variable: Variable) -> str:
     evidence = diagnosis.evidence
     both = (residual(evidence.tau_before, evidence, joint), residual(evidence.tau_after, evidence, joint))
-    return _residual_figure(diagnosis, joint, variable, both, ("given model", "corrected model"), key)
+    return _residual_figure(diagnosis, joint, variable, both, ("given model", "corrected model"))
 
 
 def _residual_figure(
@@ -109,47 +106,50 @@ def _residual_figure(
     variable: Variable,
     residuals: tuple[Float[Array, " N"], Float[Array, " N"]],
     titles: tuple[str, str],
-    key: str,
 ) -> str:
     gap, v = diagnosis.joints[joint], diagnosis.evidence.v[:, joint]
     within = np.isfinite(variable.x)
     if variable.reach:
         within &= np.abs(variable.x) <= variable.reach
-    groups: Groups = ((v > 0, "-"), (v < 0, (0, (3, 1.5)))) if variable.by_direction else ((within, "-"),)
+    groups: Groups = ((v > 0, ""), (v < 0, "5.4 2.7")) if variable.by_direction else ((within, ""),)
     reach = [max(_reach(values[within]), 3 * np.nan_to_num(gap.noise_floor)) for values in residuals]
     # What is left would be a flat line on the scale of a large gap.
     finer = reach[0] > FINER_FROM * reach[1]
 
-    def draw(figure: Figure) -> None:
-        panels = figure.subplots(2, 1, sharex=True, sharey=not finer)
-        colours = ((BEFORE_POINTS, BEFORE), (AFTER_POINTS, AFTER))
-        named = (titles[0], f"{titles[1]}, finer scale" if finer else titles[1])
-        for axes, values, (points, line), title in zip(panels, residuals, colours, named, strict=True):
-            _cloud(axes, np.where(within, variable.x, np.nan), values, groups, points, line)
-            _noise_band(axes, gap.noise_floor)
-            axes.set_ylabel(f"residual [{gap.unit}]")
-            axes.set_title(f"{title}: samples and median", loc="left", fontsize=10.5)
-        panels[1].set_xlabel(f"{variable.name} [{variable.unit}]")
-
+    colours = ((BEFORE_POINTS, BEFORE), (AFTER_POINTS, AFTER))
+    named = (titles[0], f"{titles[1]}, finer scale" if finer else titles[1])
+    panels = [
+        Panel(
+            f"residual [{gap.unit}]",
+            _medians(np.where(within, variable.x, np.nan), values, groups, line),
+            _cloud(np.where(within, variable.x, np.nan), values, points),
+            title=f"{words}: samples and median",
+            band=2 * gap.noise_floor,
+            zero=True,
+        )
+        for values, (points, line), words in zip(residuals, colours, named, strict=True)
+    ]
     title = f"Residual of joint {gap.joint} over {variable.name}"
-    return drawn_svg(draw, f"{key}-{joint}", (5.7, 4.2), title, Margins())
+    return chart(tuple(panels), f"{variable.name} [{variable.unit}]", (5.7, 4.2), title, same_scale=not finer)
 
 
-def _cloud(axes: Axes, x: Array, y: Array, groups: Groups, points: str, line: str) -> None:
+def _over_time(t: Array, y: Array, colour: str, width: float, label: str = "", opacity: float = 1.0) -> Curve:
+    """A thinned curve over time; between recordings the line is interrupted."""
+    chosen = thinned(y)
+    x, y = t[chosen], np.array(y[chosen], dtype=float)
+    starts = gap_starts(x)
+    return Curve(np.insert(x, starts, np.nan), np.insert(y, starts, np.nan), colour, width, label, opacity)
+
+
+def _cloud(x: Array, y: Array, colour: str) -> Cloud:
+    chosen = scatter_choice(np.isfinite(x) & np.isfinite(y))
+    return Cloud(x[chosen], y[chosen], colour, 1.8 if len(chosen) > FEW_POINTS else 3.0)
+
+
+def _medians(x: Array, y: Array, groups: Groups, colour: str) -> tuple[Curve, ...]:
     finite = np.isfinite(x) & np.isfinite(y)
-    chosen = scatter_choice(finite)
-    # Thousands of markers as vectors would weigh megabytes: the cloud is a picture, the median a curve.
-    size = 3.0 if len(chosen) > FEW_POINTS else 9.0
-    axes.scatter(x[chosen], y[chosen], s=size, color=points, linewidths=0, rasterized=True)
-    for members, dashes in groups:
-        inside = finite & members
-        axes.plot(*binned_median(x[inside], y[inside]), color=line, linewidth=1.8, linestyle=dashes)
-
-
-def _noise_band(axes: Axes, noise_floor: float) -> None:
-    if np.isfinite(noise_floor):
-        axes.axhspan(-2 * noise_floor, 2 * noise_floor, color="#808080", alpha=0.22, linewidth=0, zorder=0)
-    axes.axhline(0.0, color=INK, linewidth=0.5, alpha=0.6)
+    inside = [(finite & members, dashes) for members, dashes in groups]
+    return tuple(Curve(*binned_median(x[rows], y[rows]), colour, 1.8, dashes=dashes) for rows, dashes in inside)
 
 
 def _reach(residual: Float[Array, " N"]) -> float:

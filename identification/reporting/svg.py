@@ -5,7 +5,6 @@ from __future__ import annotations
 import io
 import re
 from collections.abc import Callable
-from dataclasses import dataclass
 from typing import Any
 
 import matplotlib
@@ -18,11 +17,7 @@ from identification.reporting.thinning import gap_starts, thinned
 
 Array = np.ndarray
 
-BEFORE, AFTER = "#d55e00", "#0072b2"  # orange and blue of Okabe and Ito: apart for every kind of colour vision
-STRETCH_S = 10.0  # length of the stretch of a recording that is drawn over time [s]
 INK = "#010203"  # stands for the colour of the page's text until the SVG is written
-_AT_EDGE = 0.17  # from the edge of a figure to the middle of a label [inch]
-_DPI = 90  # of clouds of samples, which are pictures
 STYLE = {
     "svg.fonttype": "none",
     "font.size": 10.5,
@@ -41,44 +36,11 @@ STYLE = {
 }
 
 
-@dataclass(frozen=True)
-class Margins:
-    """Room around the axes of a figure [inch], where it is known: to measure every label takes long.
-
-    Attributes:
-        left: For labels and numbers of the vertical axes.
-        top: For a title or a legend.
-        between: The same between two axes, one above the other.
-    """
-
-    left: float = 0.95
-    right: float = 0.12
-    bottom: float = 0.55
-    top: float = 0.3
-    between: float = 0.45
-
-    def apply(self, figure: Figure) -> None:
-        """Place the axes of a figure, in one column, and the labels of the vertical ones at its edge."""
-        width, height = figure.get_size_inches()
-        for axes in figure.axes:
-            axes.yaxis.set_label_coords(-(self.left - _AT_EDGE) / (width - self.left - self.right), 0.5)
-        rows = max(len(figure.axes), 1)
-        each = (height - self.bottom - self.top - (rows - 1) * self.between) / rows
-        figure.subplots_adjust(
-            left=self.left / width,
-            right=1.0 - self.right / width,
-            bottom=self.bottom / height,
-            top=1.0 - self.top / height,
-            hspace=self.between / each,
-        )
-
-
 def drawn_svg(
     draw: Callable[[Figure], None],
     key: str,
     size: tuple[float, float],
     title: str,
-    margins: Margins | None = None,
 ) -> str:
     """What ``draw`` puts on a figure, as an SVG element.
 
@@ -87,22 +49,18 @@ def drawn_svg(
         key: Marks the ids of this figure, so that no two figures share one.
         size: Width and height [inch].
         title: What the figure shows, for readers who cannot see it.
-        margins: Of axes in one column; None: as wide as the labels need, which are measured.
     """
     style: dict[Any, Any] = {**STYLE, "svg.hashsalt": key}  # matplotlib's own type lists every key there is
     with matplotlib.rc_context(style):
-        figure = Figure(figsize=size, layout="constrained" if margins is None else None, dpi=_DPI)
+        figure = Figure(figsize=size, layout="constrained")
         canvas = FigureCanvasSVG(figure)
         draw(figure)
-        if margins is not None:
-            margins.apply(figure)
         buffer = io.StringIO()
         # Saving draws everything once more, for the layout alone: laid out first, it need not.
         engine = figure.get_layout_engine()
         if engine is not None:
             engine.execute(figure)
             figure.set_layout_engine("none")
-            figure.set_dpi(_DPI)  # measuring text has set another
         for patch in (figure.patch, *(axes.patch for axes in figure.axes)):
             patch.set(facecolor="none", edgecolor="none")
         canvas.print_svg(buffer, metadata=dict.fromkeys(("Creator", "Date", "Format", "Type")))
@@ -155,11 +113,3 @@ def draw_curve(axes: Axes, t: Array, y: Array, colour: str, label: str, width: f
 def draw_legend(figure: Figure, axes: Axes) -> None:
     """Draw the legend of some axes above the figure."""
     figure.legend(*axes.get_legend_handles_labels(), loc="outside upper left", ncols=3, borderaxespad=0.1)
-
-
-def short_name(name: str, length: int = 18) -> str:
-    """A name for an axis: long ones lose their middle."""
-    if len(name) <= length:
-        return name
-    kept = length - 1
-    return f"{name[: kept - kept // 2]}…{name[-(kept // 2) :]}"

@@ -7,6 +7,7 @@ import xml.etree.ElementTree as ET
 import numpy as np
 import pytest
 
+from identification.reporting.chart import short_name
 from identification.reporting.explaining import joint_motions
 from identification.reporting.gap_figures import (
     finding_figure,
@@ -15,7 +16,6 @@ from identification.reporting.gap_figures import (
     torque_figure,
     unexplained_figure,
 )
-from identification.reporting.svg import short_name
 
 SVG = "{http://www.w3.org/2000/svg}"
 

@@ -1,0 +1,161 @@
+"""Charts of the report, written as SVG directly: stacked panels over one axis, with curves, clouds and bands.
+
+A report has dozens of them, and matplotlib takes longer for each than a fit does. Text and axes take the page's colour.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from html import escape
+from itertools import accumulate
+
+import numpy as np
+
+from identification.reporting.chart_marks import (
+    FONT,
+    INK,
+    LEFT,
+    SMALL,
+    TICK,
+    Cloud,
+    Curve,
+    Frame,
+    Range,
+    axes,
+    cloud_svg,
+    curve_svg,
+    legend_svg,
+    line,
+    text,
+)
+
+Array = np.ndarray
+
+BEFORE, AFTER = "#d55e00", "#0072b2"  # orange and blue of Okabe and Ito: apart for every kind of colour vision
+STRETCH_S = 10.0  # length of the stretch of a recording that is drawn over time [s]
+
+_POINTS = 72.0  # per inch
+_RIGHT, _BOTTOM, _TOP = 9.0, 38.0, 21.0  # room around the panels
+_LEGEND, _BETWEEN = 19.0, 32.0
+_PADDING = 0.05  # of the range beyond what is drawn
+
+
+@dataclass(frozen=True)
+class Panel:
+    """Axes with what is drawn on them.
+
+    Attributes:
+        label: Of the vertical axis, with its unit.
+        curves: On top.
+        cloud: Below the curves.
+        title: Above the panel.
+        band: Half the height of a grey band about zero; not finite or zero: none.
+        rule: Where a dashed level line is.
+        zero: True draws a thin line at zero.
+        least: The least range that is shown.
+        height: Relative to the other panels.
+    """
+
+    label: str
+    curves: tuple[Curve, ...]
+    cloud: Cloud | None = None
+    title: str = ""
+    band: float = 0.0
+    rule: float | None = None
+    zero: bool = False
+    least: tuple[float, ...] = ()
+    height: float = 1.0
+
+
+def chart(
+    panels: tuple[Panel, ...], x_label: str, size: tuple[float, float], title: str, *, same_scale: bool = False
+) -> str:
+    """Panels one above the other over one axis, as an SVG element.
+
+    Args:
+        panels: From the top.
+        x_label: Of the horizontal axis, with its unit.
+        size: Width and height [inch].
+        title: What the chart shows, for readers who cannot see it.
+        same_scale: True gives all panels the same vertical range.
+    """
+    width, height = (_POINTS * side for side in size)
+    legend = [curve for curve in panels[0].curves if curve.label]
+    top = _TOP if any(panel.title for panel in panels) else _LEGEND if legend else TICK + SMALL
+    between = _BETWEEN if any(panel.title for panel in panels[1:]) else TICK + SMALL
+    room = height - _BOTTOM - top - between * (len(panels) - 1)
+    heights = [room * panel.height / sum(other.height for other in panels) for panel in panels]
+    starts = accumulate((each + between for each in heights), initial=top)
+    x_range = _padded(_range([x for panel in panels for x, _ in _drawn(panel)]))
+    y_ranges = [_padded(_range([y for _, y in _drawn(panel)], _shown_at_least(panel))) for panel in panels]
+    if same_scale:
+        y_ranges = [(min(low for low, _ in y_ranges), max(high for _, high in y_ranges))] * len(panels)
+    out = [legend_svg(legend)]
+    for k, (panel, start, each, y_range) in enumerate(zip(panels, starts, heights, y_ranges, strict=False)):
+        frame = Frame(x_range, y_range, (LEFT, width - _RIGHT), (start + each, start))
+        out.append(_panel(panel, frame, x_label if k == len(panels) - 1 else ""))
+    return (
+        f'<svg role="img" aria-label="{escape(title)}" xmlns="http://www.w3.org/2000/svg" width="{width:.4g}pt" '
+        f'height="{height:.4g}pt" viewBox="0 0 {width:.4g} {height:.4g}" fill="{INK}" '
+        f'font-family="system-ui, sans-serif" font-size="{FONT}">{"".join(out)}</svg>'
+    )
+
+
+def short_name(name: str, length: int = 18) -> str:
+    """A name for an axis: long ones lose their middle."""
+    if len(name) <= length:
+        return name
+    kept = length - 1
+    return f"{name[: kept - kept // 2]}…{name[-(kept // 2) :]}"
+
+
+def _drawn(panel: Panel) -> list[tuple[Array, Array]]:
+    """Abscissae and ordinates of all that a panel has to hold."""
+    points = [(curve.x, curve.y) for curve in panel.curves]
+    return points if panel.cloud is None else [*points, (panel.cloud.x, panel.cloud.y)]
+
+
+def _shown_at_least(panel: Panel) -> tuple[float, ...]:
+    level = () if panel.rule is None else (panel.rule,)
+    band = (-panel.band, panel.band) if panel.band > 0.0 else ()
+    return (*panel.least, *level, *band)
+
+
+def _range(parts: list[Array], least: tuple[float, ...] = ()) -> Range:
+    finite = [part[np.isfinite(part)] for part in (*parts, np.array(least))]
+    values = np.concatenate(finite)
+    return (float(values.min()), float(values.max())) if len(values) else (0.0, 0.0)
+
+
+def _padded(limits: Range) -> Range:
+    low, high = limits
+    wide = high - low
+    if wide <= 1e-12 * max(abs(low), abs(high)) or wide == 0.0:
+        wide = max(abs(low), abs(high)) or 1.0
+    return low - _PADDING * wide, high + _PADDING * wide
+
+
+def _panel(panel: Panel, frame: Frame, x_label: str) -> str:
+    (left, right), (bottom, top) = frame.across, frame.upwards
+    out = []
+    if np.isfinite(panel.band) and panel.band > 0.0:
+        high, low = np.clip(frame.y(np.array([panel.band, -panel.band])), top, bottom)
+        out.append(f'<path d="M{left:.1f} {high:.1f}H{right:.1f}V{low:.1f}H{left:.1f}z" fill="#808080" opacity=".22"/>')
+    if panel.cloud is not None:
+        out.append(cloud_svg(panel.cloud, frame))
+    if panel.zero and frame.y_range[0] < 0.0 < frame.y_range[1]:
+        out.append(line(f"M{left:.1f} {float(frame.y(np.zeros(1))[0]):.1f}H{right:.1f}", INK, 0.5, ' opacity=".6"'))
+    if panel.rule is not None:
+        level = float(frame.y(np.array([panel.rule]))[0])
+        out.append(line(f"M{left:.1f} {level:.1f}H{right:.1f}", INK, 0.8, ' stroke-dasharray="4 2"'))
+    out += [curve_svg(curve, frame) for curve in panel.curves]
+    out.append(axes(frame, numbered=bool(x_label)))
+    middle = 0.5 * (top + bottom)
+    out.append(
+        f'<text transform="translate(12 {middle:.1f}) rotate(-90)" text-anchor="middle">{escape(panel.label)}</text>'
+    )
+    if panel.title:
+        out.append(text(left, top - 7, panel.title))
+    if x_label:
+        out.append(text(0.5 * (left + right), bottom + 32, x_label, "middle"))
+    return "".join(out)

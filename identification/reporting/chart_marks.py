@@ -1,0 +1,177 @@
+"""Marks of a chart as SVG: curves, clouds, axes with round numbers, legends."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from html import escape
+
+import numpy as np
+from jaxtyping import Float
+
+Array = np.ndarray
+
+INK = "currentColor"
+FONT, SMALL, TICK, LEFT = 10.5, 9.5, 3.5, 64.0
+"""Sizes of text, length of a tick, and room left of the panels [pt]."""
+
+_EACH_X, _EACH_Y = 62.0, 26.0  # room for a tick at least
+_SUPERSCRIPT = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
+Range = tuple[float, float]
+
+
+@dataclass(frozen=True)
+class Curve:
+    """A line through points; values that are not finite interrupt it.
+
+    Attributes:
+        x: Abscissa, ``(n,)``.
+        y: Ordinate, ``(n,)``.
+        colour: Of the line.
+        width: Of the line [pt].
+        label: In the legend; empty: none.
+        opacity: Of the line.
+        dashes: Lengths of dashes and gaps [pt]; empty: a full line.
+        marked: True marks each point.
+    """
+
+    x: Float[Array, " n"]
+    y: Float[Array, " n"]
+    colour: str
+    width: float
+    label: str = ""
+    opacity: float = 1.0
+    dashes: str = ""
+    marked: bool = False
+
+
+@dataclass(frozen=True)
+class Cloud:
+    """Points without a line: abscissa and ordinate ``(n,)``, colour and diameter [pt]."""
+
+    x: Float[Array, " n"]
+    y: Float[Array, " n"]
+    colour: str
+    diameter: float
+
+
+@dataclass(frozen=True)
+class Frame:
+    """Where the values of a panel lie on the page."""
+
+    x_range: Range
+    y_range: Range
+    across: Range
+    upwards: Range
+
+    def x(self, values: Float[Array, " n"]) -> Float[Array, " n"]:
+        """Places on the page from its left edge [pt]."""
+        return _placed(values, self.x_range, self.across)
+
+    def y(self, values: Float[Array, " n"]) -> Float[Array, " n"]:
+        """Places on the page from its top edge [pt]."""
+        return _placed(values, self.y_range, self.upwards)
+
+
+def _placed(values: Float[Array, " n"], of: Range, to: Range) -> Float[Array, " n"]:
+    return to[0] + (np.asarray(values, dtype=float) - of[0]) * ((to[1] - to[0]) / (of[1] - of[0]))
+
+
+def ticks(low: float, high: float, most: int) -> Float[Array, " n"]:
+    """Round numbers within a range, at most so many, and at least two where the range holds them."""
+    rough = (high - low) / max(most, 1)
+    power = 10.0 ** np.floor(np.log10(rough))
+    step = power * next(nice for nice in (1.0, 2.0, 2.5, 5.0, 10.0) if nice * power >= rough * (1 - 1e-9))
+    return step * np.arange(np.ceil(low / step - 1e-9), np.floor(high / step + 1e-9) + 1)
+
+
+def tick_words(values: Float[Array, " n"]) -> tuple[list[str], str]:
+    """Numbers beside an axis, and the power of ten that they are short of, empty if they are not."""
+    largest = float(np.abs(values).max(initial=0.0))
+    power = int(np.floor(np.log10(largest))) if largest > 0.0 else 0
+    power = 0 if -4 < power < 5 else power
+    scaled = values / 10.0**power
+    step = float(np.diff(scaled).min()) if len(scaled) > 1 else 1.0
+    decimals = next((n for n in range(12) if abs(round(step * 10**n) - step * 10**n) < 1e-6 * step * 10**n), 12)
+    words = [f"{value + 0.0:.{decimals}f}".replace("-", "\u2212") for value in np.round(scaled, decimals)]
+    return words, f"×10{str(power).translate(_SUPERSCRIPT)}" if power else ""
+
+
+def axes(frame: Frame, *, numbered: bool) -> str:
+    """Both axes of a panel with round numbers; those of the horizontal one where asked for."""
+    (left, right), (bottom, top) = frame.across, frame.upwards
+    x = ticks(*frame.x_range, int((right - left) / _EACH_X))
+    y = ticks(*frame.y_range, max(2, int((bottom - top) / _EACH_Y)))
+    x_words, x_power = tick_words(x)
+    y_words, y_power = tick_words(y)
+    at_x, at_y = frame.x(x), frame.y(y)
+    lines = [f"M{left:.1f} {top:.1f}V{bottom:.1f}H{right:.1f}"]
+    lines += [f"M{place:.1f} {bottom:.1f}v{TICK}" for place in at_x] + [
+        f"M{left:.1f} {place:.1f}h-{TICK}" for place in at_y
+    ]
+    out = [line("".join(lines), INK, 0.7)]
+    out += [
+        text(left - TICK - 3, place + 0.35 * SMALL, words, "end", SMALL)
+        for place, words in zip(at_y, y_words, strict=True)
+    ]
+    if numbered:
+        out += [
+            text(place, bottom + TICK + 1.15 * SMALL, words, "middle", SMALL)
+            for place, words in zip(at_x, x_words, strict=True)
+        ]
+        out.append(text(right, bottom + 32, x_power, "end", SMALL) if x_power else "")
+    out.append(text(left - TICK - 3, top - 4, y_power, "end", SMALL) if y_power else "")
+    return "".join(out)
+
+
+def curve_svg(curve: Curve, frame: Frame) -> str:
+    """A curve as one path, and its marks as another."""
+    x, y = frame.x(curve.x), frame.y(curve.y)
+    whole = np.isfinite(x) & np.isfinite(y)
+    begins = whole & ~np.concatenate([[False], whole[:-1]])
+    parts = [
+        f"{'M' if first else 'L'}{a:.1f} {b:.1f}"
+        for a, b, first, there in zip(x.tolist(), y.tolist(), begins.tolist(), whole.tolist(), strict=True)
+        if there
+    ]
+    more = f' stroke-dasharray="{curve.dashes}"' if curve.dashes else ""
+    more += f' opacity="{curve.opacity:g}"' if curve.opacity < 1.0 else ""
+    out = line("".join(parts), curve.colour, curve.width, more + ' stroke-linejoin="round"')
+    if curve.marked:
+        dots = "".join(f"M{a:.1f} {b:.1f}h0" for a, b in zip(x[whole].tolist(), y[whole].tolist(), strict=True))
+        out += line(dots, curve.colour, 5.0, ' stroke-linecap="round"')
+    return out
+
+
+def cloud_svg(cloud: Cloud, frame: Frame) -> str:
+    """Dots as one path of relative steps in halves of a point; what lies on the same place is drawn once."""
+    places = np.column_stack([frame.x(cloud.x), frame.y(cloud.y)])
+    places = places[np.isfinite(places).all(axis=1)]
+    if not len(places):
+        return ""
+    unique = np.unique(np.round(2.0 * places).astype(int), axis=0)
+    steps = np.diff(unique, axis=0, prepend=0)
+    path = "".join(f"m{dx} {dy}h0" for dx, dy in steps.tolist()).replace(" -", "-")
+    more = ' transform="scale(.5)" stroke-linecap="round"'
+    return line(path, cloud.colour, 2.0 * cloud.diameter, more)
+
+
+def legend_svg(curves: list[Curve]) -> str:
+    """Lines with their labels, in one row above the panels."""
+    out, left = [], LEFT
+    for curve in curves:
+        out.append(line(f"M{left:.1f} 9h18", curve.colour, curve.width, f' opacity="{curve.opacity:g}"'))
+        out.append(text(left + 23, 12.5, curve.label))
+        left += 45 + 0.55 * FONT * len(curve.label)
+    return "".join(out)
+
+
+def line(path: str, colour: str, width: float, more: str = "") -> str:
+    """A path that is drawn and not filled, with further attributes."""
+    return f'<path d="{path}" fill="none" stroke="{colour}" stroke-width="{width:g}"{more}/>'
+
+
+def text(x: float, y: float, words: str, anchor: str = "start", size: float = FONT) -> str:
+    """Words at a place of the page [pt]."""
+    more = "" if anchor == "start" else f' text-anchor="{anchor}"'
+    more += "" if size == FONT else f' font-size="{size:g}"'
+    return f'<text x="{x:.1f}" y="{y:.1f}"{more}>{escape(words)}</text>'

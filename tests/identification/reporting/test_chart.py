@@ -1,0 +1,99 @@
+"""Charts of the report. Oracle: places and numbers by hand."""
+
+from __future__ import annotations
+
+import re
+import xml.etree.ElementTree as ET
+
+import numpy as np
+import pytest
+
+from identification.reporting.chart import Panel, chart
+from identification.reporting.chart_marks import Cloud, Curve, Frame, cloud_svg, curve_svg, tick_words, ticks
+
+SVG = "{http://www.w3.org/2000/svg}"
+# One unit is ten points to the right and ten upwards, from the lower left corner at (0, 100).
+FRAME = Frame((0.0, 10.0), (0.0, 10.0), (0.0, 100.0), (100.0, 0.0))
+
+
+def line(*points: tuple[float, float], **more) -> Curve:
+    x, y = np.array(points, dtype=float).T
+    return Curve(x, y, "red", 1.0, **more)
+
+
+def texts(svg: str) -> list[str]:
+    return ["".join(element.itertext()) for element in ET.fromstring(svg).iter(f"{SVG}text")]
+
+
+@pytest.mark.parametrize(
+    ("low", "high", "most", "expected"),
+    [
+        (0.0, 10.0, 5, [0, 2, 4, 6, 8, 10]),
+        (-1.1, 1.1, 5, [-1, -0.5, 0, 0.5, 1]),
+        (0.0, 1.0, 4, [0, 0.25, 0.5, 0.75, 1]),
+        (1e-6, 9e-6, 4, [2e-6, 4e-6, 6e-6, 8e-6]),
+    ],
+)
+def test_ticks_are_round_numbers_within_the_range(low, high, most, expected):
+    np.testing.assert_allclose(ticks(low, high, most), expected, atol=1e-12)
+
+
+@pytest.mark.parametrize(
+    ("values", "words", "power"),
+    [
+        ([-0.5, 0.0, 0.5], ["\u22120.5", "0.0", "0.5"], ""),
+        ([0.25, 0.5], ["0.25", "0.50"], ""),
+        ([100, 200], ["100", "200"], ""),
+        ([2e-5, 4e-5], ["2", "4"], "×10⁻⁵"),
+        ([1e6, 2e6], ["1", "2"], "×10⁶"),
+    ],
+)
+def test_numbers_beside_an_axis_have_the_decimals_of_their_step(values, words, power):
+    assert tick_words(np.array(values, dtype=float)) == (words, power)
+
+
+def test_a_curve_goes_through_its_points():
+    assert 'd="M0.0 100.0L50.0 90.0L100.0 0.0"' in curve_svg(line((0, 0), (5, 1), (10, 10)), FRAME)
+
+
+def test_a_value_that_is_not_finite_interrupts_a_curve():
+    assert 'd="M0.0 100.0M20.0 80.0L30.0 70.0"' in curve_svg(line((0, 0), (1, np.nan), (2, 2), (3, 3)), FRAME)
+
+
+def test_points_of_a_cloud_on_one_place_are_drawn_once():
+    # In halves of a point: (20, 180), then 20 to the right and 40 up.
+    x, y = np.array([2.0, 1.0, 1.0, np.nan]), np.array([3.0, 1.0, 1.0, 1.0])
+    assert 'd="m20 180h0m20-40h0"' in cloud_svg(Cloud(x, y, "red", 1.0), FRAME)
+
+
+def numbers(svg: str) -> list[float]:
+    return [float(text.replace("\u2212", "-")) for text in texts(svg) if re.fullmatch(r"\u2212?[\d.]+", text)]
+
+
+def test_panels_of_the_same_scale_show_the_range_of_all():
+    panels = tuple(Panel("y", (line((0, -size), (1, size)),)) for size in (1.0, 4.0))
+    assert numbers(chart(panels, "x", (6.0, 4.0), "two", same_scale=True)).count(2.5) == 2
+    assert numbers(chart(panels, "x", (6.0, 4.0), "two")).count(2.5) == 1
+
+
+def test_the_band_about_zero_is_within_the_range():
+    # Twice as high as the curve, so the curve's axis has numbers beyond it.
+    panel = Panel("y", (line((0, 0), (1, 1)),), band=2.0)
+    assert {-2.0, 2.0} <= set(numbers(chart((panel,), "x", (6.0, 4.0), "one")))
+
+
+def test_names_are_escaped():
+    svg = chart((Panel("<a>", (line((0, 0), (1, 1), label="b & c"),)),), "x", (6.0, 4.0), 'a "title"')
+    assert {"<a>", "b & c"} <= set(texts(svg))
+    assert ET.fromstring(svg).get("aria-label") == 'a "title"'
+
+
+def test_a_constant_has_axes_with_numbers_about_it():
+    found = numbers(chart((Panel("y", (line((0, 3), (1, 3)),)),), "x", (6.0, 4.0), "flat"))
+    assert min(number for number in found if number > 1.0) > 2.5
+    assert 3.0 in found
+
+
+def test_a_chart_of_nothing_is_drawn():
+    empty = Curve(np.zeros(0), np.zeros(0), "red", 1.0)
+    assert re.search(r"<text[^>]*>x</text>", chart((Panel("y", (empty,)),), "x", (6.0, 4.0), "empty"))
