@@ -13,8 +13,8 @@ from jaxtyping import Float
 
 from identification.data.log import Log
 from identification.excitation.criteria import ConditionNumber, DOptimality
+from identification.excitation.descent import descend
 from identification.excitation.design_problem import DesignProblem, Grid, joint_sizes
-from identification.excitation.excite import excite
 from identification.excitation.excited_base import base_of
 from identification.excitation.limits import Limits, require_excitable, stated_limits
 from identification.excitation.motion_shapes import FourierSeries, Shapes, Triangle, TrianglesAndSines
@@ -182,8 +182,8 @@ _VARIED = 0.5
 # A motion is left out whose joints have less than three quarters, on average, of this share of their largest speed:
 # joints that creep stick and slip, which no law of friction predicts, and what a plan promises of them does not come.
 _LIVELY, _JOINTS = 0.125, 0.75
-# Of the exciting motion: harmonics, and random motions of which the best one is improved.
-_HARMONICS, _STARTS = 5, 4
+# Of the exciting motion: harmonics, random motions of which the best one is improved, and rounds and steps of that.
+_HARMONICS, _STARTS, _ROUNDS, _STEPS = 5, 4, 3, 12
 # Draws for each motion that is wanted, as many are not lively.
 _DRAWS = 4
 
@@ -233,18 +233,34 @@ def candidates(
     return tuple(out)
 
 
-def exciting(robot: Robot, limits: Limits, duration: float) -> tuple[Candidate, ...]:
-    """The motion that tells most of the inertial parameters, which rivals among them differ by; none if none is found.
+def exciting(problem: DesignProblem, duration: float, rng: np.random.Generator) -> Candidate:
+    """The motion that tells most of the inertial parameters, which rivals among them differ by.
 
     Random motions hardly ever come near it: where a base, a load or an inertia is in doubt it separates best.
+
+    Args:
+        problem: What moves within which limits.
+        duration: Length [s].
+        rng: Draws the motions of which the best one is improved.
+
+    Raises:
+        ParameterError: If the robot cannot rest anywhere within its limits.
     """
-    try:
-        found = excite(
-            robot, FourierSeries(duration, _HARMONICS), limits=limits, criterion=DOptimality(), starts=_STARTS
-        )
-    except ParameterError:
-        return ()
-    return (Candidate("an exciting Fourier series", found.shapes, found.weights),)
+    shapes = FourierSeries(duration, _HARMONICS)
+    grid, postures = Grid.of(shapes, shapes.samples), feasible_postures(problem, rng)
+    starts = [_random(problem, shapes, postures, rng) for _ in range(_STARTS)]
+    told = [_information(problem, grid, weights) for weights in starts]
+    start = starts[int(np.argmax(told))]
+    better = descend(problem, grid, start, rounds=_ROUNDS, iterations=_STEPS, criterion=DOptimality())
+    posture = grid.motion(start).q.mean(axis=0)
+    kept = largest_within_limits(problem, grid, better, posture, _SHARES)
+    weights = kept if _information(problem, grid, kept) > max(told) else start
+    return Candidate("an exciting Fourier series", shapes, weights)
+
+
+def _information(problem: DesignProblem, grid: Grid, weights: Float[Array, "K nv"]) -> float:
+    """What a motion tells of the inertial parameters: more by so much of its logarithm for each of them."""
+    return -DOptimality().cost(problem.information(problem.regressor(grid.motion(weights))))[0]
 
 
 def design_of(robot: Robot, limits: Limits) -> DesignProblem:

@@ -126,11 +126,6 @@ class Trial:
         return bool((self.power >= rules.SEPARATED).any())
 
     @property
-    def certain(self) -> bool:
-        """True if no other motion can be noticeably better."""
-        return self.resolved >= _SURE
-
-    @property
     def worth(self) -> tuple[bool, float, float]:
         """Sort key: separates a pair, probability that no rival is left, smallest squared distance it separates."""
         separated = self.gain[self.power >= rules.SEPARATED] if self.separates else self.gain
@@ -148,12 +143,11 @@ def ranked_trials(
     rng = random_stream("motions of a next experiment")
     count = int(np.clip(_WORK // robot.nv**2, _FEWEST, _MOST))
     problem = design_of(robot, limits)
-    drawn = (*candidates(problem, duration=duration, count=count, rng=rng), *exciting(robot, limits, duration))
-    if not drawn:
-        return ()
+    drawn = candidates(problem, duration=duration, count=count, rng=rng)
+    drawn = (*drawn, exciting(problem, duration, random_stream("exciting motion of a next experiment")))
     trials = [judged(candidate, robot, lab, rivalries) for candidate in drawn]
     trials.sort(key=lambda trial: trial.worth, reverse=True)
-    for _ in range(0 if trials[0].certain else count):
+    for _ in range(0 if _settled(trials) else count):
         candidate = varied(trials[0].candidate, problem, rng)
         other = judged(candidate, robot, lab, rivalries) if lively(candidate, problem) else trials[0]
         if other.worth > trials[0].worth:
@@ -167,6 +161,12 @@ def ranked_trials(
     # A mass is a burden, and so are other gains: they have to separate more than the best motion without them does.
     more = [trial for trial in changed if trial.separates and trial.resolved > trials[0].resolved + _BURDEN]
     return (*sorted(more, key=lambda trial: trial.worth, reverse=True), *trials)
+
+
+def _settled(trials: list[Trial]) -> bool:
+    """True if no variation of the best motion can be noticeably better: each pair is separated, or by no motion."""
+    never = np.max([trial.power for trial in trials], axis=0) < rules.LISTED
+    return trials[0].resolved >= _SURE or bool((never | (trials[0].power >= _SURE)).all())
 
 
 def loaded_trial(

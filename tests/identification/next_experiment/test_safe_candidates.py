@@ -49,7 +49,7 @@ def test_every_candidate_keeps_position_speed_and_torque_between_its_samples_too
     limits = safe_limits(arm, (swinging(arm),))
     drawn = candidates(design_of(arm, limits), duration=8.0, count=16, rng=rng)
     assert {one.kind for one in drawn} == KINDS
-    for one in (*drawn, *exciting(arm, limits, 8.0)):
+    for one in (*drawn, exciting(design_of(arm, limits), 8.0, rng)):
         motion = one.motion(500.0)
         assert (motion.q < limits.upper + 0.01).all()
         assert (motion.q > limits.lower - 0.01).all()
@@ -66,7 +66,7 @@ def test_the_exciting_motion_tells_more_of_the_inertial_parameters_than_any_rand
     def told(one):
         return np.linalg.slogdet(problem.information(problem.regressor(one.motion(100.0))))[1]
 
-    (best,) = exciting(arm, limits, 8.0)
+    best = exciting(problem, 8.0, rng)
     assert told(best) > max(told(one) for one in candidates(problem, duration=8.0, count=16, rng=rng))
 
 
