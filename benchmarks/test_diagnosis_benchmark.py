@@ -63,7 +63,7 @@ def test_columns_of_every_effect(benchmark, stages):
 
 def test_gram_matrices(benchmark, stages):
     grams = benchmark(build_grams, stages.white, stages.session.blocks, stages.session.folds, stages.weights)
-    assert grams.a.shape == (len(stages.session.blocks), *2 * (len(stages.columns.names),))
+    assert grams.core_a.shape == (len(stages.session.blocks), *2 * (len(stages.columns.names),))
 
 
 def test_one_fit_with_held_out_losses(benchmark, stages):

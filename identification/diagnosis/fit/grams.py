@@ -36,19 +36,20 @@ class Weights:
 
 @dataclass(frozen=True)
 class RowGrams:
-    """Weighted products of one row's columns and residual, block by block.
+    """Weighted products of one row's columns and residual.
 
     Attributes:
         index: Which of all columns, ``(k,)``.
-        a: Columns times columns over whole blocks, ``(B, k, k)``.
-        b: Columns times residual, ``(B, k)``.
+        a: Columns times columns over the whole blocks of each fold, then of those that no fit may see,
+            ``(F + 1, k, k)``: block by block they would take several times the memory.
+        b: Columns times residual over whole blocks, ``(B, k)``.
         c: Residual times residual, ``(B,)``.
-        core_a, core_b, core_c: The same over the cores of blocks.
+        core_a, core_b, core_c: The same over the core of each block, ``(B, k, k)``, ``(B, k)`` and ``(B,)``.
         count: Effective number of samples in each core, ``(B,)``.
     """
 
     index: Int[Array, " k"]
-    a: Float[Array, "B k k"]
+    a: Float[Array, "G k k"]
     b: Float[Array, "B k"]
     c: Float[Array, " B"]
     core_a: Float[Array, "B k k"]
@@ -64,20 +65,22 @@ class RowGrams:
 
 @dataclass(frozen=True)
 class Grams:
-    """Products of all columns and the residual, block by block, rows summed with their weights.
+    """Products of all columns and the residual, rows summed with their weights.
 
     Attributes:
         rows: The rows that were summed.
-        a: Columns times columns over whole blocks, as if ``(B, K, K)``.
-        b: Columns times residual, ``(B, K)``.
+        fold_a: Columns times columns over the whole blocks of each fold, as if ``(F, K, K)``.
+        unseen_a: The same over the blocks that no fit may see, as if ``(1, K, K)``.
+        b: Columns times residual over whole blocks, ``(B, K)``.
         c: Residual times residual, ``(B,)``.
-        core_a, core_b, core_c: The same over the cores of blocks, on which fits of other blocks are judged.
+        core_a, core_b, core_c: The same over the core of each block, on which fits of other blocks are judged.
         fold: Which blocks are held out together, ``(B,)``; -1 for blocks that no fit may see.
         count: Effective number of samples in each core, ``(B,)``.
     """
 
     rows: tuple[RowGrams, ...]
-    a: RowProducts
+    fold_a: RowProducts
+    unseen_a: RowProducts
     b: Float[Array, "B K"]
     c: Float[Array, " B"]
     core_a: RowProducts
@@ -87,46 +90,69 @@ class Grams:
     count: Float[Array, " B"]
 
     @cached_property
-    def fold_a(self) -> RowProducts:
-        """Columns times columns, summed over the blocks of each fold."""
-        return self.a.grouped(self.fold)
+    def total_a(self) -> Float[Array, "K K"]:
+        """Columns times columns over all blocks that train, written out."""
+        return self.fold_a.sum(axis=0)
+
+    @cached_property
+    def everything(self) -> Float[Array, "K K"]:
+        """Columns times columns over all blocks, written out."""
+        return self.total_a if (self.fold >= 0).all() else self.total_a + self.unseen_a.sum(axis=0)
+
+    @cached_property
+    def fold_core_a(self) -> RowProducts:
+        """The same over the cores of the blocks."""
+        return self.core_a.grouped(self.fold)
 
     def by_fold(self, series: Float[Array, "B ..."]) -> Float[Array, "F ..."]:
         """What is known of each block, summed over the blocks of each fold."""
         return np.stack([series[self.fold == fold].sum(axis=0) for fold in range(int(self.fold.max()) + 1)])
 
 
-def row_grams(columns: Columns, blocks: tuple[Block, ...], weights: Weights, row: int) -> RowGrams:
+def row_grams(
+    columns: Columns, blocks: tuple[Block, ...], folds: Int[Array, " B"], weights: Weights, row: int
+) -> RowGrams:
     """Products of one row.
 
     Args:
         columns: All columns.
         blocks: Of the same logs.
+        folds: Which blocks are held out together; -1 for blocks that no fit may see.
         weights: Noise per row.
         row: Which joint's torque.
     """
-    weight = weights.per_sample[row]
-    size = len(columns.rows[row]) + 1
-    whole, core, count = np.empty((len(blocks), size, size)), np.empty((len(blocks), size, size)), np.empty(len(blocks))
+    size, groups = len(columns.rows[row]) + 1, int(folds.max(initial=-1)) + 1
+    core, whole = np.empty((len(blocks), size, size)), np.zeros((groups + 1, size, size))
+    edges: list[list[Array]] = [[] for _ in range(groups + 1)]
+    b, c, count = np.empty((len(blocks), size - 1)), np.empty(len(blocks)), np.empty(len(blocks))
     for k, block in enumerate(blocks):
         part = slice(block.start, block.stop)
         use = columns.usable[block.log][part, row]
         # One product of the columns with the residual beside them gives all three.
         x, residual = columns.values[block.log][row][part], columns.residual[block.log][part, row]
         joined = np.column_stack([x, residual] if use.all() else [x[use], residual[use]])
-        np.matmul(joined.T, joined, out=whole[k])
         # The core is the block less its first few samples.
-        guard = joined[: int(np.searchsorted(np.flatnonzero(use), block.core - block.start))]
-        np.matmul(guard.T, guard, out=core[k])
-        np.subtract(whole[k], core[k], out=core[k])
-        count[k] = (len(joined) - len(guard)) / weights.spread[row]
-    whole *= weight
+        first = int(np.searchsorted(np.flatnonzero(use), block.core - block.start))
+        np.matmul(joined[first:].T, joined[first:], out=core[k])
+        edge = joined[:first]
+        last = core[k, :, -1] + edge.T @ edge[:, -1]
+        b[k], c[k] = last[:-1], last[-1]
+        # Fold -1 comes last.
+        whole[folds[k]] += core[k]
+        edges[folds[k]].append(edge)
+        count[k] = (len(joined) - first) / weights.spread[row]
+    for products, parts in zip(whole, edges, strict=True):
+        if parts:
+            guard = np.concatenate(parts)
+            products += guard.T @ guard
+    weight = weights.per_sample[row]
     core *= weight
+    whole *= weight
     return RowGrams(
         index=np.array(columns.rows[row]),
         a=whole[:, :-1, :-1],
-        b=whole[:, :-1, -1],
-        c=whole[:, -1, -1],
+        b=weight * b,
+        c=weight * c,
         core_a=core[:, :-1, :-1],
         core_b=core[:, :-1, -1],
         core_c=core[:, -1, -1],
@@ -136,14 +162,17 @@ def row_grams(columns: Columns, blocks: tuple[Block, ...], weights: Weights, row
 
 def build_grams(columns: Columns, blocks: tuple[Block, ...], folds: Int[Array, " B"], weights: Weights) -> Grams:
     """Products of all rows, summed."""
-    rows = tuple(in_two_threads(lambda row: row_grams(columns, blocks, weights, row), range(len(columns.rows))))
+    rows = tuple(in_two_threads(lambda row: row_grams(columns, blocks, folds, weights, row), range(len(columns.rows))))
     count, total = len(blocks), len(columns.names)
     index, always = tuple(row.index for row in rows), len(columns.nuisances)
-    a = RowProducts(index, tuple(row.a for row in rows), total, always)
+    fold_a = RowProducts(index, tuple(row.a[:-1] for row in rows), total, always)
+    unseen_a = RowProducts(index, tuple(row.a[-1:] for row in rows), total, always)
     core_a = RowProducts(index, tuple(row.core_a for row in rows), total, always)
     b, core_b = np.zeros((count, total)), np.zeros((count, total))
     for row in rows:
         b[:, row.index] += row.b
         core_b[:, row.index] += row.core_b
     c, core_c, samples = (sum(getattr(row, name) for row in rows) for name in ("c", "core_c", "count"))
-    return Grams(rows, a, b, np.asarray(c), core_a, core_b, np.asarray(core_c), folds, np.asarray(samples))
+    return Grams(
+        rows, fold_a, unseen_a, b, np.asarray(c), core_a, core_b, np.asarray(core_c), folds, np.asarray(samples)
+    )

@@ -61,7 +61,7 @@ def set_up(session: Session, columns: Columns, white: Columns, weights: Weights)
     """
     grams = build_grams(white, session.blocks, session.folds, weights)
     count = len(columns.names)
-    energy = np.diag(grams.a.sum(axis=0))
+    energy = np.diag(grams.everything)
     shown = energy > 0
     for term in columns.terms:
         own = list(term.columns)
@@ -75,10 +75,11 @@ def set_up(session: Session, columns: Columns, white: Columns, weights: Weights)
     for term in columns.terms:
         lower[list(term.columns)] = np.maximum(lower[list(term.columns)], term.lower)
         upper[list(term.columns)] = np.minimum(upper[list(term.columns)], term.upper)
-    touched = tuple(frozenset(j for j, index in enumerate(columns.rows) if k in index) for k in range(count))
+    touched: list[set[int]] = [set() for _ in range(count)]
+    for j, index in enumerate(columns.rows):
+        for k in index:
+            touched[k].add(j)
     train = grams.fold >= 0
-    # Taking blocks out of all is cheaper than copying those that are kept.
-    total_a = grams.a.sum(axis=0) - (grams.a[~train].sum(axis=0) if not train.all() else 0.0)
     total_b = grams.b[train].sum(axis=0)
     return Problem(
         session,
@@ -90,7 +91,7 @@ def set_up(session: Session, columns: Columns, white: Columns, weights: Weights)
         lower,
         upper,
         len(columns.nuisances),
-        total_a,
+        grams.total_a,
         total_b,
-        touched,
+        tuple(frozenset(rows) for rows in touched),
     )

@@ -98,57 +98,57 @@ class FoldProjection:
     """Held-out loss of one fold as a quadratic in the coefficients of any rivals, the nuisances fitted beside them.
 
     Attributes:
-        a: Training products, ``(K, K)``.
-        precision: Priors of all columns, ``(K,)``.
+        problem: What is fitted.
+        fold: Which one is held out; None: none is.
+        lines: Training products of the nuisances with all columns, ``(n, K)``.
+        core: Products of the held-out cores among nuisances, and between them and all columns.
         made: Nuisances that a unit of each column moves, ``(n, K)``.
-        core_a: Products of the held-out cores, ``(K, K)``.
     """
 
-    a: Float[Array, "K K"]
-    precision: Float[Array, " K"]
+    problem: Problem
+    fold: int | None
+    lines: Float[Array, "n K"]
+    core: tuple[Float[Array, "n n"], Float[Array, "n K"]]
     made: Float[Array, "n K"]
-    core_a: Float[Array, "K K"]
 
     @property
     def inner(self) -> Float[Array, "n n"]:
         """Training products of the nuisances with priors."""
         n = len(self.made)
-        return self.a[:n, :n] + np.diag(self.precision[:n])
-
-    @property
-    def core(self) -> tuple[Float[Array, "n n"], Float[Array, "n K"]]:
-        """Products of the held-out cores among nuisances, and between them and all columns."""
-        n = len(self.made)
-        return self.core_a[:n, :n], self.core_a[:n]
+        return self.lines[:, :n] + np.diag(self.problem.precision[:n])
 
     def training(self, columns: Int[Array, "g m"]) -> Float[Array, "g m m"]:
         """Training products among each group of columns with the nuisances taken out, priors included."""
-        made, cross = _each(self.made, columns), _each(self.a[: len(self.made)], columns)
-        return (
-            _square(self.a, columns) - cross.mT @ made + self.precision[columns][:, :, None] * np.eye(columns.shape[1])
-        )
+        made, cross = _each(self.made, columns), _each(self.lines, columns)
+        square = self.problem.total_a[columns[:, :, None], columns[:, None, :]]
+        if self.fold is not None:
+            square = square - self.problem.grams.fold_a.within(self.fold, columns)
+        return square - cross.mT @ made + self.problem.precision[columns][:, :, None] * np.eye(columns.shape[1])
 
     def held_out(self, columns: Int[Array, "g m"]) -> Float[Array, "g m m"]:
         """Products of the held-out cores among each group of columns with the moved nuisances counted."""
         inside, across = self.core
         made = _each(self.made, columns)
         turned = _each(across, columns).mT @ made
-        return _square(self.core_a, columns) - turned - turned.mT + made.mT @ inside @ made
+        square = 0.0 if self.fold is None else self.problem.grams.fold_core_a.within(self.fold, columns)
+        return square - turned - turned.mT + made.mT @ inside @ made
 
 
-def fold_projection(problem: Problem, blocks: Int[Array, " m"]) -> FoldProjection:
-    """The projection of the fold that holds ``blocks`` out."""
+def fold_projections(problem: Problem) -> tuple[FoldProjection, ...]:
+    """The projection of each fold, and last that of the fit that holds nothing out."""
     grams, n = problem.grams, problem.nuisances
-    a = problem.total_a - grams.a.over(blocks)
-    made = solve(a[:n, :n] + np.diag(problem.precision[:n]), a[:n])
-    return FoldProjection(a, problem.precision, made, grams.core_a.over(blocks))
+    nuisances = np.arange(n)
+    less, cores = grams.fold_a[:, nuisances], grams.fold_core_a[:, nuisances]
+    nothing = np.zeros_like(less[0])
+    out = []
+    for fold, (gone, core) in enumerate(zip((*less, nothing), (*cores, nothing), strict=True)):
+        lines = problem.total_a[:n] - gone
+        made = solve(lines[:, :n] + np.diag(problem.precision[:n]), lines)
+        which = fold if fold < len(less) else None
+        out.append(FoldProjection(problem, which, lines, (core[:, :n], core), made))
+    return tuple(out)
 
 
 def _each(rows: Float[Array, "n K"], columns: Int[Array, "g m"]) -> Float[Array, "g n m"]:
     """The columns of each group."""
     return rows[:, columns].transpose(1, 0, 2)
-
-
-def _square(a: Float[Array, "K K"], columns: Int[Array, "g m"]) -> Float[Array, "g m m"]:
-    """The part of a matrix that belongs to each group of columns."""
-    return a[columns[:, :, None], columns[:, None, :]]

@@ -78,6 +78,17 @@ class RowProducts:
             out[np.ix_(index, index)] += _total(values, blocks)
         return out
 
+    def within(self, block: int, groups: Int[Array, "g m"]) -> Float[Array, "g m m"]:
+        """Of one block, the products among the columns of each group."""
+        out = np.zeros((*groups.shape, groups.shape[1]))
+        for place, values in zip(self._places, self.values, strict=True):
+            here = place[groups]
+            there = here >= 0
+            some = np.flatnonzero(there.any(axis=1))
+            inside, at = there[some], np.maximum(here[some], 0)
+            out[some] += values[block][at[:, :, None], at[:, None, :]] * (inside[:, :, None] & inside[:, None, :])
+        return out
+
     def __getitem__(self, key: int | Array | tuple[slice, list[int] | Array]) -> Float[Array, "*B k K"]:
         """Blocks written out: ``[block]``, ``[blocks]`` or, in all blocks, some columns with all: ``[:, columns]``."""
         if isinstance(key, tuple):

@@ -10,7 +10,7 @@ from jaxtyping import Float, Int
 
 from identification.diagnosis import decision_rules as rules
 from identification.diagnosis.fit.problem import Problem
-from identification.diagnosis.fit.projection import fold_projection
+from identification.diagnosis.fit.projection import fold_projections
 from identification.diagnosis.model.session import Series
 from identification.diagnosis.model.terms import Term
 from identification.diagnosis.numerics.bounded import solve, solve_each
@@ -60,11 +60,11 @@ def _exceeded(best: Float[Array, " R"], wrong: float) -> float:
 
 
 def _null_products(problem: Problem, noise: Series, rng: np.random.Generator) -> tuple[Array, Array]:
-    """Products of all columns with null residuals, ``(B, K, R)``, over whole blocks and over cores."""
+    """Products of all columns with null residuals, ``(F, K, R)``, over whole blocks of each fold and cores."""
     columns, blocks, grams = problem.white, problem.blocks, problem.grams
-    count, total = len(blocks), len(columns.names)
-    b, core_b = np.zeros((count, total, _REPLICATES)), np.zeros((count, total, _REPLICATES))
-    signs = rng.choice([-1.0, 1.0], size=(count, _REPLICATES))
+    folds, total = int(grams.fold.max()) + 1, len(columns.names)
+    b, core_b = np.zeros((folds, total, _REPLICATES)), np.zeros((folds, total, _REPLICATES))
+    signs = rng.choice([-1.0, 1.0], size=(len(blocks), _REPLICATES))
     sigma = np.array([n.sigma for n in columns.nuisances])
     bound = np.array([n.bound for n in columns.nuisances])
     moves = np.clip(rng.normal(size=(len(sigma), _REPLICATES)) * sigma[:, None], -bound[:, None], bound[:, None])
@@ -72,30 +72,29 @@ def _null_products(problem: Problem, noise: Series, rng: np.random.Generator) ->
         weight = problem.weights.per_sample[j]
         index = row.index
         for k, block in enumerate(blocks):
+            if grams.fold[k] < 0:
+                continue
             part = slice(block.start, block.stop)
             use = columns.usable[block.log][part, j]
             x, e = columns.values[block.log][j][part][use], noise[block.log][part, j][use]
             inside = np.flatnonzero(use) >= block.core - block.start
-            b[k][index] += weight * np.outer(x.T @ e, signs[k])
-            core_b[k][index] += weight * np.outer(x[inside].T @ e[inside], signs[k])
+            b[grams.fold[k]][index] += weight * np.outer(x.T @ e, signs[k])
+            core_b[grams.fold[k]][index] += weight * np.outer(x[inside].T @ e[inside], signs[k])
     nuisance = np.arange(len(sigma))
-    b += grams.a[:, nuisance].transpose(0, 2, 1) @ moves
-    core_b += grams.core_a[:, nuisance].transpose(0, 2, 1) @ moves
+    b += grams.fold_a[:, nuisance].transpose(0, 2, 1) @ moves
+    core_b += grams.fold_core_a[:, nuisance].transpose(0, 2, 1) @ moves
     return b, core_b
 
 
 def _gains(problem: Problem, terms: tuple[Term, ...], b: Array, core_b: Array) -> Float[Array, "T R"]:
     """Held-out gain of each rival on each null recording beside the nuisances; bounds are left out."""
-    grams, n = problem.grams, problem.nuisances
-    train = grams.fold >= 0
-    right = b[train].sum(axis=0)
+    n = problem.nuisances
+    right = b.sum(axis=0)
     alike = _by_size(terms)
     gains = np.zeros((len(terms), b.shape[2]))
-    for fold in range(int(grams.fold.max()) + 1):
-        mine = np.flatnonzero(grams.fold == fold)
-        part = fold_projection(problem, mine)
-        products = right - b[mine].sum(axis=0)
-        held = core_b[mine].sum(axis=0)
+    *folds, whole = fold_projections(problem)
+    for fold, part in enumerate(folds):
+        products, held = right - b[fold], core_b[fold]
         base = solve(part.inner, products[:n])
         # Products with what the nuisances leave, on the blocks that train and on those that are held out.
         products = products - part.made.T @ products[:n]
@@ -105,7 +104,6 @@ def _gains(problem: Problem, terms: tuple[Term, ...], b: Array, core_b: Array) -
             x = solve_each(part.training(columns), products[columns])
             gains[which] += (x * (2 * held[columns] - part.held_out(columns) @ x)).sum(axis=1)
     # A rival also relieves the nuisances of moves that cost.
-    whole = fold_projection(problem, np.zeros(0, dtype=int))
     base = solve(whole.inner, right[:n])
     products = right - whole.made.T @ right[:n]
     precision = problem.precision[:n, None]

@@ -151,18 +151,24 @@ def price(size: int) -> float:
     return rules.PARAMETER_PRICE * min(size, 4) + max(size - 4, 0)
 
 
-def rank_of(problem: Problem, term: Term) -> int:
-    """Independent directions among a term's columns in these recordings, at most its number of parameters."""
-    index = list(term.columns)
-    a = problem.grams.a.among(np.array(index)).sum(axis=0)
-    scale = np.sqrt(np.diag(a))
-    alive = scale > 1e-9 * max(float(scale.max()), 1e-300)
-    if not alive.any():
-        return 0
-    normal = a[np.ix_(alive, alive)] / np.outer(scale[alive], scale[alive])
-    values = np.linalg.eigvalsh(normal)
-    rank = int(np.sum(values > 1e-7 * values[-1]))
-    return min(rank + (0 if term.effect.shape_is_estimate else len(term.shape)), term.size)
+def ranks_of(problem: Problem, terms: tuple[Term, ...]) -> dict[Term, int]:
+    """Independent directions among the columns of each term in these recordings, at most its number of parameters."""
+    out: dict[Term, int] = {}
+    a = problem.grams.everything
+    for count in {len(term.columns) for term in terms}:
+        alike = [term for term in terms if len(term.columns) == count]
+        index = np.array([term.columns for term in alike])
+        scale = np.sqrt(np.einsum("tkk->tk", a[index[:, :, None], index[:, None, :]]))
+        alive = scale > 1e-9 * np.maximum(scale.max(axis=1, keepdims=True), 1e-300)
+        # A column that is not there leaves a direction of no size.
+        inverse = np.where(alive, 1.0 / np.where(alive, scale, 1.0), 0.0)
+        normal = a[index[:, :, None], index[:, None, :]] * inverse[:, :, None] * inverse[:, None, :]
+        values = np.linalg.eigvalsh(normal)
+        ranks = np.sum(values > 1e-7 * np.maximum(values[:, -1:], 1e-300), axis=1)
+        for term, rank in zip(alike, ranks.tolist(), strict=True):
+            more = 0 if term.effect.shape_is_estimate or not rank else len(term.shape)
+            out[term] = min(rank + more, term.size)
+    return out
 
 
 def set_up_search(
@@ -172,7 +178,7 @@ def set_up_search(
     spurious: dict[tuple[str, str | None], float],
 ) -> Search:
     """A search over all terms that leave any trace in the recordings."""
-    sizes = {term: rank_of(problem, term) for term in problem.columns.terms}
+    sizes = ranks_of(problem, problem.columns.terms)
     terms = tuple(term for term in problem.columns.terms if sizes[term] > 0)
     displaced, covering = relations(problem.columns.terms)
     return Search(problem, terms, sizes, Fits(problem), displaced, covering, threshold, rows, spurious)

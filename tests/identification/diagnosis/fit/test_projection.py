@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from identification.diagnosis.fit.fitting import fit
-from identification.diagnosis.fit.projection import beside, fold_projection, gain_of
+from identification.diagnosis.fit.projection import beside, fold_projections, gain_of
 from identification.diagnosis.numerics.bounded import bounded_solve, solve
 
 
@@ -94,7 +94,7 @@ def sprung(lab, planar2, trusted):
 def test_the_projection_of_a_fold_is_the_fit_without_it(sprung, rival, fold):
     problem, term = sprung.problem, sprung.term(*rival)
     n, own, mine = problem.nuisances, list(term.columns), np.flatnonzero(sprung.folds == fold)
-    part = fold_projection(problem, mine)
+    part = fold_projections(problem)[fold]
     right = problem.total_b - problem.grams.b[mine].sum(axis=0)
     held = problem.grams.core_b[mine].sum(axis=0)
     base = solve(part.inner, right[:n])

@@ -18,7 +18,7 @@ from identification.diagnosis.search.search import (
     least_gain,
     possible,
     price,
-    rank_of,
+    ranks_of,
     relations,
     with_term,
 )
@@ -132,7 +132,8 @@ def test_the_order_of_terms_is_that_of_their_columns(quiet):
     ],
 )
 def test_the_rank_of_an_effect_is_its_number_of_independent_directions(quiet, effect, joint, rank):
-    assert rank_of(quiet.problem, quiet.term(effect, joint)) == rank
+    term = quiet.term(effect, joint)
+    assert ranks_of(quiet.problem, (term,)) == {term: rank}
 
 
 def test_an_effect_of_a_joint_that_rests_is_no_rival(lab, planar2):
@@ -140,7 +141,7 @@ def test_an_effect_of_a_joint_that_rests_is_no_rival(lab, planar2):
     held = Motion(motion.t, motion.q * [1, 0], motion.v * [1, 0], motion.a * [1, 0])
     prepared = lab.prepared(planar2, (replace(lab.recording(planar2, held), q=held.q),))
     at_rest = prepared.term("viscous_friction", "elbow")
-    assert rank_of(prepared.problem, at_rest) == 0
+    assert ranks_of(prepared.problem, (at_rest,)) == {at_rest: 0}
     assert at_rest not in prepared.search.terms
 
 
