@@ -31,7 +31,7 @@ def runners_up(search: Search, chosen: frozenset[Term]) -> tuple[FoundEffect, ..
         remaining = chosen - {finding}
         won = None if finding is None else search.gains(remaining, (finding,))[finding]
         rivals = tuple(term for term in shaped if possible(remaining, term))
-        gains = search.gains(remaining, rivals)
+        gains = search.gains(remaining, rivals, above=0.0)
         best: dict[tuple[str, str | None], Term] = {}
         for term in sorted(rivals, key=lambda term: -gains[term]):
             if (

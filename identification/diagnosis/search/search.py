@@ -121,10 +121,16 @@ class Search:
             return _IMPOSSIBLE
         return found.total + self.price_of(chosen) + 0.02 * sum(term.size for term in chosen)
 
-    def gains(self, chosen: frozenset[Term], terms: tuple[Term, ...]) -> dict[Term, float]:
+    def gains(self, chosen: frozenset[Term], terms: tuple[Term, ...], above: float = -np.inf) -> dict[Term, float]:
         """What each term gains in sample beside a set, less the price of its parameters.
 
-        All are ranked with the bounds that bind the set held; the best of them are then fitted.
+        All are ranked with the bounds that bind the set held; the best of them are then fitted, and those that take the
+        place of others, which gain no more without these than beside them.
+
+        Args:
+            chosen: A set.
+            terms: Rivals.
+            above: A gain that is below this may be larger than stated, yet not above it.
         """
         besides = self.fits.beside(chosen)
         gone = {term: (chosen & self.displaced(term)) - {term} for term in terms}
@@ -133,7 +139,12 @@ class Search:
         ranked = sorted(terms, key=lambda term: -out[term])
         least = _WORTH_FITTING * max(out[ranked[0]], 0.0) if ranked else 0.0
         for k, term in enumerate(ranked):
-            if gone[term] or (out[term] > least and (k < _MOST_FITTED or out[term] > 0.8 * out[ranked[0]])):
+            if gone[term]:
+                # Bounds that are held change a gain by less than as much again.
+                worth = 2.0 * (out[term] + costs[term]) - costs[term] > above
+            else:
+                worth = out[term] > least and (k < _MOST_FITTED or out[term] > 0.8 * out[ranked[0]])
+            if worth:
                 out[term] = self.quick(chosen) - self.quick((chosen - gone[term]) | {term}) - costs[term]
         return out
 

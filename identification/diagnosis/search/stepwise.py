@@ -48,7 +48,7 @@ def explain(search: Search, progress: Callable[[str], None], start: frozenset[Te
 def best_short(search: Search, chosen: frozenset[Term]) -> frozenset[Term] | None:
     """The set with the named effect in it that gains most beside ``chosen``, if it gains more than its price."""
     rivals = tuple(term for term in search.terms if term.named and possible(chosen, term))
-    promised = search.gains(chosen, rivals)
+    promised = search.gains(chosen, rivals, above=0.0)
     best = sorted(rivals, key=lambda term: -promised[term])[:_SHORT_JUDGED]
     tried = min((with_term(chosen, term) for term in best), key=search.score, default=None)
     return tried if tried is not None and search.score(tried) < search.score(chosen) else None
@@ -66,7 +66,7 @@ def forward(search: Search, chosen: frozenset[Term], progress: Callable[[str], N
         progress(f"trying rivals, {len(chosen)} found")
         base = search.score(chosen)
         rivals = [term for term in search.terms if term.named and possible(chosen, term)]
-        promised = search.gains(chosen, tuple(rivals))
+        promised = search.gains(chosen, tuple(rivals), above=0.0)
         best, most = None, 0.0
         for term in sorted(rivals, key=lambda term: -promised[term])[:_MOST_JUDGED]:
             if promised[term] < most:
@@ -117,7 +117,7 @@ def with_nameless(search: Search, chosen: frozenset[Term], progress: Callable[[s
     for _ in range(_MOST_NAMELESS):
         lowest, better = search.score(chosen), []
         for base in dict.fromkeys((chosen, frozenset(term for term in chosen if not term.named))):
-            promised = search.gains(base, nameless)
+            promised = search.gains(base, nameless, above=search.threshold.overall)
             for term in sorted(nameless, key=lambda term: -promised[term])[:_MOST_NAMELESS_JUDGED]:
                 if promised[term] < search.threshold.overall or not possible(base, term):
                     continue

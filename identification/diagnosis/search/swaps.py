@@ -146,9 +146,9 @@ def relevant(search: Search, chosen: frozenset[Term], term: Term, slack: float) 
     ]
     singles = tuple(other for others in near if len(others) == 1 for other in others if other not in remaining)
     lost = explained(search, chosen, term)
-    promised = search.gains(remaining, singles)
     # Promises are to second order, and may be off by a few per cent where a law is not linear.
     least = lost - price(search.sizes[term]) - max(slack, 0.05 * lost)
+    promised = search.gains(remaining, singles, above=least)
     return tuple(others for others in near if len(others) > 1 or promised.get(next(iter(others)), -np.inf) >= least)
 
 

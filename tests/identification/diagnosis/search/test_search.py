@@ -371,7 +371,7 @@ class Outside:
     def score(self, chosen):
         return self.scores[chosen]
 
-    def gains(self, _, terms):
+    def gains(self, _, terms, above=0.0):
         return {term: 100.0 - k for k, term in enumerate(terms)}
 
 
