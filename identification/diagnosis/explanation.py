@@ -9,7 +9,7 @@ import numpy as np
 from jaxtyping import Float
 
 from identification.diagnosis import decision_rules as rules
-from identification.diagnosis.fit.gap import held_out_torque, residual_after, row_counts, row_losses
+from identification.diagnosis.fit.gap import held_out_torque, residual_after, row_counts
 from identification.diagnosis.fit.problem import set_up
 from identification.diagnosis.model.columns import Columns, FitPoint, build_columns
 from identification.diagnosis.model.resonances import resonances
@@ -143,8 +143,9 @@ def _with_thresholds(
     progress("measuring what chance gives")
     problem = search.problem
     threshold = null_threshold(search, whitened_noise(problem.columns, noise), rules.LEAST_GAIN)
+    given = np.array([row.core_c.sum() for row in problem.grams.rows])
     given, gap = (
-        np.maximum(loss - row_counts(problem), 0.0) for loss in row_losses(problem, search.evaluate(frozenset()))
+        np.maximum(loss - row_counts(problem), 0.0) for loss in (given, search.evaluate(frozenset()).row_losses)
     )
     return set_up_search(problem, threshold, RowGaps(gap, rules.ACCURACY * given), spurious)
 

@@ -54,6 +54,17 @@ class Fitted:
         """Held-out loss over all blocks, and what the moves of the nuisances cost."""
         return float(self.loss.sum()) + self.penalty
 
+    @cached_property
+    def row_losses(self) -> Float[Array, " nv"]:
+        """Weighted squared residual of each row over the cores, of the one fit to all blocks that train."""
+        out = []
+        for row in self.problem.grams.rows:
+            theta, (a, b, c) = self.theta[row.index], row.core_total
+            used = np.flatnonzero(theta)
+            x = theta[used]
+            out.append(c - 2 * b[used] @ x + x @ a[used[:, None], used] @ x)
+        return np.array(out)
+
     @property
     def fold_theta(self) -> Float[Array, "F K"]:
         """All coefficients of the fit that has not seen each fold."""

@@ -106,15 +106,3 @@ def measured_torque(problem: Problem) -> tuple[Float[Array, "n nv"], ...]:
 def row_counts(problem: Problem) -> Float[Array, " nv"]:
     """Effective number of samples on each row, over the cores of all blocks."""
     return np.array([row.count.sum() for row in problem.grams.rows])
-
-
-def row_losses(problem: Problem, found: Fitted) -> tuple[Float[Array, " nv"], Float[Array, " nv"]]:
-    """Weighted squared residual of each row over the cores: with the given model, and with a linear fit."""
-    given, fitted = [], []
-    for row in problem.grams.rows:
-        theta, (a, b, c) = found.theta[row.index], row.core_total
-        used = np.flatnonzero(theta)
-        x = theta[used]
-        given.append(c)
-        fitted.append(c - 2 * b[used] @ x + x @ a[np.ix_(used, used)] @ x)
-    return np.array(given), np.array(fitted)

@@ -76,7 +76,7 @@ class Term:
         # Of an object's address, the order of a set of terms would be another one in each run.
         return self.columns[0]
 
-    @property
+    @cached_property
     def place(self) -> tuple[str, str | None]:
         """Effect and joint, whatever the shape."""
         return self.effect.name, self.joint

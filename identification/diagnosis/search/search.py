@@ -8,14 +8,14 @@ from __future__ import annotations
 from collections import defaultdict
 from collections.abc import Callable
 from dataclasses import dataclass
-from functools import cache
+from functools import cache, cached_property
 
 import numpy as np
 from jaxtyping import Float
 
 from identification.diagnosis import decision_rules as rules
 from identification.diagnosis.fit.fitting import Fitted
-from identification.diagnosis.fit.gap import row_counts, row_losses
+from identification.diagnosis.fit.gap import row_counts
 from identification.diagnosis.fit.problem import Problem
 from identification.diagnosis.fit.projection import gain_of
 from identification.diagnosis.model.terms import Term, ordered
@@ -102,6 +102,11 @@ class Search:
     rows: RowGaps
     spurious: dict[tuple[str, str | None], float]
 
+    @cached_property
+    def alone(self) -> dict[Term, frozenset[Term]]:
+        """The set of each rival by itself."""
+        return {term: frozenset([term]) for term in self.terms}
+
     def evaluate(self, chosen: frozenset[Term]) -> Fitted:
         """Fit of a set with its held-out losses."""
         return self.fits.held_out(chosen)
@@ -116,6 +121,15 @@ class Search:
         A hair is added for parameters that add no rank, so that of exact twins the one that says less is named. A
         size that nothing has, at the end of what is possible, is no explanation at all.
         """
+        if chosen not in self._scores:
+            self._scores[chosen] = self._score(chosen)
+        return self._scores[chosen]
+
+    @cached_property
+    def _scores(self) -> dict[frozenset[Term], float]:
+        return {}
+
+    def _score(self, chosen: frozenset[Term]) -> float:
         found = self.evaluate(chosen)
         if any(ends_on_nothing(self.problem.session.robot, term, found.theta[list(term.columns)]) for term in chosen):
             return _IMPOSSIBLE
@@ -271,7 +285,7 @@ def _fair_part(search: Search, beside: frozenset[Term]) -> Float[Array, " nv"]:
     """Gain on each row that is a fair part of its gap, ``(nv,)``."""
     gap, exact = search.rows.gap, frozenset(term for term in beside if term.effect.exact)
     if exact:
-        _, left = row_losses(search.problem, search.evaluate(exact))
+        left = search.evaluate(exact).row_losses
         gap = np.minimum(gap, np.maximum(left - row_counts(search.problem), 0.0))
     return rules.LEAST_SHARE_OF_GAP * gap + search.rows.accuracy
 
@@ -294,7 +308,7 @@ def claimed(search: Search, chosen: frozenset[Term], without: frozenset[Term]) -
         return False
     gains = plain.loss - rich.loss
     extra = search.price_of(chosen) - search.price_of(without)
-    by_row = row_losses(search.problem, plain)[1] - row_losses(search.problem, rich)[1]
+    by_row = plain.row_losses - rich.row_losses
     needed = least_gain(search, chosen - without, without, by_row) + max(extra - rules.PARAMETER_PRICE, 0.0)
     error = float(np.sqrt(len(gains)) * gains.std()) + 1e-12
     few = rules.BEST_BLOCKS if any(term.named for term in chosen - without) else rules.BEST_BLOCKS_NAMELESS

@@ -82,7 +82,7 @@ def alternatives(search: Search, term: Term) -> tuple[frozenset[Term], ...]:
     One effect between two joints costs less than friction of both, and may take their place where they move alike: it
     is compared with all sets of these.
     """
-    single = [frozenset([other]) for other in search.terms if other.named and other.place != term.place]
+    single = [search.alone[other] for other in search.terms if other.named and other.place != term.place]
     parts = [
         other
         for other in search.terms
@@ -90,7 +90,7 @@ def alternatives(search: Search, term: Term) -> tuple[frozenset[Term], ...]:
     ]
     several = [frozenset(group) for size in (2, 3) for group in combinations(parts, size)]
     several += [frozenset(group) for group in _on_each_joint(search, term)]
-    same = [frozenset([other]) for other in search.terms if other.place == term.place and other is not term]
+    same = [search.alone[other] for other in search.terms if other.place == term.place and other is not term]
     return (*single, *several, *same)
 
 
