@@ -38,6 +38,7 @@ OPTIONAL = (
     Library("dask", "dask", "cluster", "Work on a Dask cluster"),
     Library("distributed", "distributed", "cluster", "Work on a Dask cluster"),
     Library("example_robot_data", "example-robot-data", "examples", "A robot of example:NAME"),
+    Library("viser", "viser", "view", "A replay in the browser"),
 )
 """By module; the extras of ``pyproject.toml`` hold the same."""
 

@@ -15,6 +15,7 @@ from phantom_dyn.model.robot_files import find_robot
 
 DONE, BAD_INPUT, INTERRUPTED = 0, 2, 130
 """Exit codes of every command."""
+_LOG_HELP = "CSV, Parquet, NPZ, ROS bag or MCAP"
 EXAMPLES = "examples:"
 """What the examples at the end of a help begin with."""
 
@@ -56,7 +57,17 @@ def add_robot(parser: argparse.ArgumentParser) -> None:
 
 def add_logs(parser: argparse.ArgumentParser) -> None:
     """LOG, once or more, and how recordings are read."""
-    parser.add_argument("logs", metavar="LOG", nargs="+", help="CSV, Parquet, NPZ, ROS bag or MCAP")
+    parser.add_argument("logs", metavar="LOG", nargs="+", help=_LOG_HELP)
+    _add_log_options(parser)
+
+
+def add_log(parser: argparse.ArgumentParser) -> None:
+    """LOG, once, and how it is read."""
+    parser.add_argument("log", metavar="LOG", help=_LOG_HELP)
+    _add_log_options(parser)
+
+
+def _add_log_options(parser: argparse.ArgumentParser) -> None:
     add_reading(parser)
     add_list(parser, "--exclude", metavar="T0:T1", help="stretches of time [s] to leave out")
     parser.add_argument("--anyway", action="store_true", help="judge a recording although it is certainly wrong")

@@ -25,6 +25,7 @@ COMMANDS: dict[str, tuple[str, str]] = {
     ),
     "check": ("identification.cli.check_command", "tell what is wrong with a recording, nothing else"),
     "compare": ("identification.cli.compare_command", "say what changed between diagnoses"),
+    "view": ("identification.cli.view_command", "replay a recording in the browser, beside its simulation"),
     "map": (
         "identification.cli.map_command",
         "map what is felt at the tip over the workspace: mass, friction, stiffness",

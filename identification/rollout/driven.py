@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 from jaxtyping import Float
 
+from identification.data.log import Log
 from identification.rollout.rollout_starts import Start
 from identification.rollout.simulated_models import Model
 from phantom_dyn.dynamics.dynamics import mass_matrix
@@ -15,6 +16,7 @@ from phantom_dyn.simulation.simulate import Cause, Simulation, simulate
 
 Array = np.ndarray
 
+SHORTEST = 2e-5  # [s]: with shorter steps a diagnosis would wait for its rollout
 STEP = 1e-3  # [s], the longest: the midpoint rule has a 20 Hz motion right to 0.2 % of its phase
 # A model with hidden states is pulled along the recording, critically damped [rad/s]: a tenth of a torque that would
 # take a joint a centimetre away in half a second leaves it a micrometre off.
@@ -40,14 +42,22 @@ def given_torque(model: Model, t: Float[Array, " N"], tau: Float[Array, "N nv"])
     return out
 
 
-def simulated(robot: Robot, causes: tuple[Cause, ...], law: Tracking, start: Start) -> Simulation:
-    """A simulation from a start, at the times of its law.
+def acting_torque(model: Model, log: Log) -> Float[Array, "N nv"]:
+    """Torque [N m or N] behind the drives of a model over a recording, and what measured forces add to it."""
+    pushed = 0.0 if log.external is None else log.external
+    return given_torque(model, log.motion.t, log.tau) + pushed
+
+
+def simulated(
+    robot: Robot, causes: tuple[Cause, ...], law: Tracking, start: Start, max_step: float = STEP
+) -> Simulation:
+    """A simulation from a start, at the times of its law, in steps [s] of at most ``max_step``.
 
     Raises:
         ParameterError: If the motion leaves all bounds, or a motor without inertia would have to move by itself.
     """
     motors = start.motor_q, start.motor_v
-    return simulate(robot, causes, law, law.t, start.q, start.v, max_step=STEP, motors=motors)
+    return simulate(robot, causes, law, law.t, start.q, start.v, max_step=max_step, motors=motors)
 
 
 def moved(model: Model, law: Tracking, start: Start) -> Simulation:

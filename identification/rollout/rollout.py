@@ -14,7 +14,7 @@ from identification.diagnosis.fit.problem import Problem
 from identification.diagnosis.model.session import Session
 from identification.diagnosis.model.terms import Term, ordered
 from identification.rollout.compare import HORIZONS, Rollout, Settle, Shoot, compared
-from identification.rollout.driven import STEP, given_torque
+from identification.rollout.driven import SHORTEST, STEP, acting_torque
 from identification.rollout.hidden_states import hides, look_back, tries
 from identification.rollout.joint_limits import recorded_past
 from identification.rollout.noise_band import strays
@@ -27,7 +27,6 @@ from phantom_dyn.errors import ParameterError, PhantomDynError, RobotError
 Array = np.ndarray
 
 _MOST, _FEWEST, _FEWEST_SLOW = 36, 6, 3  # windows
-_SHORTEST = 2e-5  # [s]: with shorter steps a diagnosis would wait for its rollout
 _STEPS = 60_000  # joint steps of one model over all windows: about a third of a second where steps are compiled
 _SLOWER = 40  # how many times as long a step takes where Python has to do it
 _SETTLED = 400  # short simulations that hidden states may take over all windows: about a second
@@ -148,8 +147,7 @@ def _torques() -> Callable[[Shot, Model], Float[Array, "N nv"]]:
     def torque(shot: Shot, model: Model) -> Float[Array, "N nv"]:
         key = (model, shot.window.log)
         if key not in known:
-            pushed = 0.0 if shot.log.external is None else shot.log.external
-            known[key] = given_torque(model, shot.log.motion.t, shot.log.tau) + pushed
+            known[key] = acting_torque(model, shot.log)
         return known[key]
 
     return torque
@@ -203,7 +201,7 @@ def _rolled(explained: Explained, shoot: Shoot, horizons: tuple[float, ...], dri
     operations = explained.problem.columns.operations
     whole = corrected_model(robot, known, terms, explained.found.theta, operations[0])
     step = min(STEP, whole.longest_step(operations[0].q[0]))
-    if step < _SHORTEST:
+    if step < SHORTEST:
         raise RobotError(f"a transmission that was found is so stiff that steps of {step:.2g} s would be needed.")
     shots = _shots(explained, horizons[0], step, tries(whole) if hides(whole) else 0)
     if not shots:

@@ -196,15 +196,17 @@ def windows_in(
         margin = (last - first + 1 - fit * length) // 2
         places += [(block.log, first + margin + i * length, length, int(folds[k])) for i in range(fit)]
     good = [
-        w for w in (_window(logs, at, start, length, fold, lead) for at, start, length, fold in places) if w is not None
+        w
+        for w in (window_at(logs, at, start, length, fold, lead) for at, start, length, fold in places)
+        if w is not None
     ]
     if len(good) <= count:
         return tuple(good)
     return tuple(good[i] for i in np.linspace(0, len(good) - 1, count).round().astype(int))
 
 
-def _window(logs: tuple[Log, ...], at: int, start: int, length: int, fold: int, lead: float) -> Window | None:
-    """The window of a block; None where a sample must not be used."""
+def window_at(logs: tuple[Log, ...], at: int, start: int, length: int, fold: int, lead: float) -> Window | None:
+    """A window of a log with up to ``lead`` seconds before it; None where one of its samples must not be used."""
     valid, rate = logs[at].valid, logs[at].band.rate_hz
     if not valid[start : start + length].all():
         return None

@@ -8,7 +8,7 @@ import numpy as np
 from jaxtyping import Float
 
 from identification.data.log import Log
-from identification.rollout.driven import moved, pull, pulling, simulated
+from identification.rollout.driven import STEP, moved, pull, pulling, simulated
 from identification.rollout.hidden_states import Settled, hides, pulled_to, settled
 from identification.rollout.rollout_starts import Start, States, Window, true_state
 from identification.rollout.simulated_models import Model
@@ -100,13 +100,16 @@ def _nudged(start: Start, nudge: Float[Array, "2 nv"] | None) -> Start:
     return Start(start.q + q, start.v + v, start.motor_q + q, start.motor_v + v)
 
 
-def under_control(shot: Shot, model: Model, nudge: Float[Array, "2 nv"] | None = None) -> Float[Array, "n nv"]:
+def under_control(
+    shot: Shot, model: Model, nudge: Float[Array, "2 nv"] | None = None, *, max_step: float = STEP
+) -> Float[Array, "n nv"]:
     """Readings [rad or m] of the model under the controllers and references of the recording.
 
     Args:
         shot: Where it starts.
         model: What moves; its actuators state the controllers.
         nudge: Added to position and velocity at the start.
+        max_step: Longest step [s].
 
     Raises:
         LogError: If there are no references.
@@ -123,7 +126,8 @@ def under_control(shot: Shot, model: Model, nudge: Float[Array, "2 nv"] | None =
     rows = slice(first, window.stop)
     law = control_law(robot, shot.log.motion.t[rows], shot.log.q_ref[rows])
     causes = (*controller_delays(robot), *model.commands, *model.causes)
-    return np.array(simulated(replace(robot, torque_source="command"), causes, law, start).q[window.start - first :])
+    moving = replace(robot, torque_source="command")
+    return np.array(simulated(moving, causes, law, start, max_step).q[window.start - first :])
 
 
 def controlled(robot: Robot) -> bool:

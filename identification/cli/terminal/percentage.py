@@ -63,6 +63,9 @@ EXCITATION = (
 MAP = (Stage("loading", 15.0), Stage("mapping", 35.0), Stage("writing", 30.0), Stage("drawing", 20.0))
 """Stages of ``phantom-dyn map``."""
 
+VIEW = (Stage("loading", 30.0), Stage("filtering", 10.0), Stage("simulating", 40.0), Stage("placing links", 20.0))
+"""Stages of ``phantom-dyn view``."""
+
 BATCH = (Stage("loading", 1.0), Stage("diagnos", 98.0), Stage("writing", 1.0))
 """Stages of ``phantom-dyn diagnose`` with a table of recordings."""
 

@@ -178,38 +178,48 @@ def known_effects(files: tuple[Path, ...], robot: Robot) -> tuple[KnownEffect, .
     Raises:
         ParameterError: If a file names an unknown effect, joint or parameter, or leaves one out.
     """
-    out = []
-    for file in files:
-        for entry in read_corrected(file).effects:
-            try:
-                effect = effect_named(entry.effect)
-            except PhantomDynError as error:
-                raise ParameterError(f"{file}: {error}") from error
-            places = effect.places(robot)
-            if entry.joint is None and not effect.can_sit(robot, None):
-                raise ParameterError(
-                    f"{file}: effect {entry.effect} has no joint, wanted one of {', '.join(robot.joint_names)}."
-                )
-            # Two joints that are coupled need not be neighbours to be known.
-            apart = entry.joint.split("+") if entry.joint is not None else []
-            if entry.joint not in places and not set(apart) <= set(robot.joint_names):
-                raise ParameterError(
-                    f"{file}: effect {entry.effect} is on joint '{entry.joint}', which this robot does not have: "
-                    f"its joints are {', '.join(robot.joint_names)}."
-                )
-            names = [parameter.name for parameter in effect.parameters(robot, entry.joint)]
-            stated = effect.from_stated(robot, {name: value.value for name, value in entry.parameters.items()})
-            unknown = sorted(set(stated) - set(names))
-            # Inertial parameters that are not named did not move.
-            missing = [] if effect.inertial == "free" else sorted(set(names) - set(stated))
-            if unknown or missing:
-                raise ParameterError(
-                    f"{file}: effect {entry.effect} has parameters {', '.join(entry.parameters)}, wanted "
-                    f"{', '.join(names)}: correct the file or diagnose again."
-                )
-            theta: list[float] = []
-            for name in names:
-                value = stated.get(name, 0.0)
-                theta += [float(x) for x in value] if isinstance(value, list) else [float(value)]
-            out.append(KnownEffect(entry.effect, entry.joint, tuple(theta)))
-    return tuple(out)
+    return tuple(known_effect(entry, robot, file) for file in files for entry in read_corrected(file).effects)
+
+
+def known_effect(entry: CorrectedEffect, robot: Robot, file: Path) -> KnownEffect:
+    """One effect with its parameters in the contract's order, checked against the robot.
+
+    Args:
+        entry: As it was read.
+        robot: What it is to be added to.
+        file: Where it stands, for messages.
+
+    Raises:
+        ParameterError: If the effect, its joint or a parameter is unknown, or one is left out.
+    """
+    try:
+        effect = effect_named(entry.effect)
+    except PhantomDynError as error:
+        raise ParameterError(f"{file}: {error}") from error
+    places = effect.places(robot)
+    if entry.joint is None and not effect.can_sit(robot, None):
+        raise ParameterError(
+            f"{file}: effect {entry.effect} has no joint, wanted one of {', '.join(robot.joint_names)}."
+        )
+    # Two joints that are coupled need not be neighbours to be known.
+    apart = entry.joint.split("+") if entry.joint is not None else []
+    if entry.joint not in places and not set(apart) <= set(robot.joint_names):
+        raise ParameterError(
+            f"{file}: effect {entry.effect} is on joint '{entry.joint}', which this robot does not have: "
+            f"its joints are {', '.join(robot.joint_names)}."
+        )
+    names = [parameter.name for parameter in effect.parameters(robot, entry.joint)]
+    stated = effect.from_stated(robot, {name: value.value for name, value in entry.parameters.items()})
+    unknown = sorted(set(stated) - set(names))
+    # Inertial parameters that are not named did not move.
+    missing = [] if effect.inertial == "free" else sorted(set(names) - set(stated))
+    if unknown or missing:
+        raise ParameterError(
+            f"{file}: effect {entry.effect} has parameters {', '.join(entry.parameters)}, wanted "
+            f"{', '.join(names)}: correct the file or diagnose again."
+        )
+    theta: list[float] = []
+    for name in names:
+        value = stated.get(name, 0.0)
+        theta += [float(x) for x in value] if isinstance(value, list) else [float(value)]
+    return KnownEffect(entry.effect, entry.joint, tuple(theta))

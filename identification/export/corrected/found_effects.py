@@ -15,7 +15,7 @@ from jaxtyping import Float
 from identification.diagnosis.model.nuisances import moves_of
 from identification.diagnosis.model.operations import moved_robot
 from identification.diagnosis.model.terms import KnownEffect
-from identification.diagnosis.result import Diagnosis, Finding
+from identification.diagnosis.result import Adjusted, Diagnosis, Finding
 from identification.estimators.consistent.consistent_bodies import reference_bodies
 from identification.estimators.consistent.consistent_program import Program, solve_program
 from phantom_dyn.dynamics.dynamics import rigid_body_regressor, standard_parameters
@@ -102,7 +102,20 @@ def within_tolerance(robot: Robot, diagnosis: Diagnosis) -> Robot:
     Raises:
         RobotError: If a link would weigh nothing or less.
     """
-    changes = {entry.quantity: entry.change for entry in diagnosis.adjusted}
+    return moved_by(robot, diagnosis.adjusted)
+
+
+def moved_by(robot: Robot, adjusted: tuple[Adjusted, ...]) -> Robot:
+    """The given robot with moves within its tolerances; the very same object where there are none.
+
+    Args:
+        robot: The given model.
+        adjusted: Its moves, as a diagnosis or a ``corrected.yaml`` lists them.
+
+    Raises:
+        RobotError: If a link would weigh nothing or less.
+    """
+    changes = {entry.quantity: entry.change for entry in adjusted}
     values = np.array([changes.get(m.nuisance.name, 0.0) if m.nuisance.relative else 0.0 for m in moves_of(robot)])
     return moved_robot(robot, values) if values.any() else robot
 

@@ -1,0 +1,147 @@
+"""``phantom-dyn view``: a recording replayed in the browser, beside the simulation of the given and corrected model."""
+
+from __future__ import annotations
+
+import argparse
+import os
+import sys
+import webbrowser
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from identification.cli.arguments import (
+    DONE,
+    Parser,
+    add_list,
+    add_log,
+    add_robot,
+    excluded_stretches,
+    one_blas_thread,
+)
+from identification.cli.terminal.percentage import VIEW
+from identification.cli.terminal.progress import Progress
+from identification.files import require_existing, require_not_swapped
+from phantom_dyn.errors import UsageError
+from phantom_dyn.libraries import is_installed, missing_library
+from phantom_dyn.model.robot_files import find_robot
+
+if TYPE_CHECKING:
+    from identification.viewing.replay import Replay
+
+_PORTS = 65_535
+
+
+def parser() -> argparse.ArgumentParser:
+    """The command's arguments."""
+    out = Parser(
+        prog="phantom-dyn view",
+        description="Replay a recording in the browser: the measured motion beside that of the given model and, with "
+        "--diagnosis, of the corrected one, joints coloured by their torque residual, and curves to scrub through. "
+        "Ctrl-C ends it.",
+        examples=(
+            "view robot.urdf log.csv --diagnosis report/",
+            "view example:ur10 log.csv --columns columns.yaml --port 9000 --no-open",
+        ),
+    )
+    add_robot(out)
+    add_log(out)
+    out.add_argument(
+        "--diagnosis",
+        metavar="FILE",
+        type=Path,
+        help="diagnosis.json, the folder of diagnose --out, or a corrected.yaml: what the corrected model has",
+    )
+    add_list(out, "--with", dest="known", metavar="FILE", help="corrected.yaml that belongs to the given model already")
+    out.add_argument(
+        "--motion-only",
+        action="store_true",
+        help="no torque was recorded: take the one that the controllers in robot.yaml ask for at the q_ref. columns",
+    )
+    out.add_argument(
+        "--horizon",
+        metavar="S",
+        type=float,
+        help="seconds after which simulated motion starts again from the recorded one (default: as in the diagnosis, "
+        "else 0.5)",
+    )
+    out.add_argument("--host", default="127.0.0.1", help="address to listen on (default: 127.0.0.1, this machine only)")
+    out.add_argument("--port", metavar="N", type=int, help="port to listen on (default: 8080 or the next that is free)")
+    out.add_argument("--no-open", action="store_true", help="do not open a browser")
+    return out
+
+
+def run(arguments: argparse.Namespace) -> int:
+    """Prepare the replay and serve it until Ctrl-C."""
+    one_blas_thread()
+    excluded = excluded_stretches(arguments)
+    _require_numbers(arguments)
+    require_not_swapped(arguments.robot, [arguments.log])
+    find_robot(arguments.robot)
+    require_existing(arguments.log)
+    if not is_installed("viser"):
+        raise UsageError(missing_library("viser"))
+    from identification.viewing.browser import served
+
+    replay = _replay(arguments, excluded)
+    for note in replay.notes:
+        print(f"note: {note}")
+    with served(replay, host=arguments.host, port=arguments.port) as page:
+        print(f"{replay.file} is replayed at {page.url} (Ctrl-C ends it)", flush=True)
+        if not arguments.no_open and _has_browser():
+            webbrowser.open(page.url)
+        try:
+            page.run()
+        except KeyboardInterrupt:
+            print("\nended")
+    return DONE
+
+
+def _require_numbers(arguments: argparse.Namespace) -> None:
+    """Refuse a port or horizon that cannot be.
+
+    Raises:
+        UsageError: Says what was given and what is wanted.
+    """
+    if arguments.port is not None and not 0 < arguments.port <= _PORTS:
+        raise UsageError(f"--port {arguments.port} was given, wanted a number from 1 to {_PORTS}")
+    if arguments.horizon is not None and not 0 < arguments.horizon < float("inf"):
+        raise UsageError(f"--horizon {arguments.horizon:g} was given, wanted a time in seconds above 0")
+
+
+def _replay(arguments: argparse.Namespace, excluded: tuple[tuple[float, float], ...]) -> Replay:
+    """The replay that the arguments ask for."""
+    with Progress("loading", sys.stderr, stages=VIEW) as progress:
+        from identification.data.reading import read_recording
+        from identification.export.corrected.corrected_yaml import known_effects
+        from identification.scenarios.motion_only import motion_robot, with_commanded_torque
+        from identification.viewing.corrections import read_correction
+        from identification.viewing.replay import replay_of
+        from phantom_dyn.model.loading import load_robot
+
+        robot = load_robot(arguments.robot, config=arguments.robot_config)
+        robot = motion_robot(robot) if arguments.motion_only else robot
+        correction = None if arguments.diagnosis is None else read_correction(arguments.diagnosis, robot)
+        known = known_effects(tuple(Path(path) for path in arguments.known), robot)
+        recording = read_recording(
+            arguments.log,
+            robot,
+            columns=arguments.columns,
+            topic=arguments.topic,
+            excluded=excluded,
+            torque_needed=not arguments.motion_only,
+            anyway=arguments.anyway,
+        )
+        recording = with_commanded_torque(recording, robot) if arguments.motion_only else recording
+        return replay_of(
+            robot,
+            recording,
+            correction=correction,
+            known=known,
+            horizon_s=arguments.horizon,
+            progress=progress.show,
+        )
+
+
+def _has_browser() -> bool:
+    """False where a browser would open in the terminal itself, as on a machine without a screen."""
+    return sys.platform != "linux" or any(os.environ.get(name) for name in ("DISPLAY", "WAYLAND_DISPLAY"))

@@ -1,0 +1,182 @@
+"""All that a replay shows, as arrays: where every link of every copy of the robot is, its colours, and the curves."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+from jaxtyping import Float
+
+from identification.data.recording import Recording
+from identification.data.refusal import fault_warnings, require_right
+from identification.data.signals import process_all
+from identification.diagnosis.model.terms import KnownEffect
+from identification.diagnosis.result import EffectAt
+from identification.export.corrected.found_effects import moved_by
+from identification.rollout.compare import HORIZONS
+from identification.rollout.rollout_starts import states_of
+from identification.rollout.shots import controlled
+from identification.rollout.simulated_models import known_causes, model_of
+from identification.viewing.corrections import Correction
+from identification.viewing.link_poses import link_poses
+from identification.viewing.replayed_motion import replayed_motion
+from identification.viewing.torque_curves import TorqueCurves, full_colour, relative_residuals, torque_curves
+from identification.words.diagnosis_words import effect_at
+from phantom_dyn.model.robot import Robot
+
+Array = np.ndarray
+
+FRAME_HZ = 50.0
+"""Frames per second of the recording at most: more than an eye follows, and than a browser is sent."""
+MOST_FRAMES = 20_000
+"""Frames of a replay at most; a longer recording has fewer a second."""
+
+MEASURED, GIVEN, CORRECTED = "measured", "given model", "corrected model"
+
+
+@dataclass(frozen=True, eq=False)
+class Copy:
+    """One copy of the robot.
+
+    Attributes:
+        name: What moves it.
+        q: Its joint positions [rad or m], ``(n, nv)``; NaN where it was not simulated.
+        poses: Of each joint's frame, see `link_poses`, ``(n, J, 7)``.
+        strength: Colour of each joint, 0 for no residual to 1 for the full colour, ``(n, nv)``.
+    """
+
+    name: str
+    q: Float[Array, "n nv"]
+    poses: Float[Array, "n J 7"]
+    strength: Float[Array, "n nv"]
+
+
+@dataclass(frozen=True, eq=False)
+class Replay:
+    """A recording with the simulated motion beside it, ready to be drawn.
+
+    Attributes:
+        robot: The given model.
+        file: Name of the recording.
+        t: Times of the frames [s], ``(n,)``.
+        copies: The measured one, that of the given model, and that of the corrected one where there is a correction.
+        curves: Torque measured, and of the models in the same order.
+        full: Share of a joint's usual torque that is shown in full colour.
+        horizon_s: Simulated motion starts again from the recorded one this often [s]; None where there is none.
+        corrections: What the corrected model has, in words.
+        notes: Sentences about the recording and the simulation.
+    """
+
+    robot: Robot
+    file: str
+    t: Float[Array, " n"]
+    copies: tuple[Copy, ...]
+    curves: TorqueCurves
+    full: float
+    horizon_s: float | None
+    corrections: tuple[str, ...] = ()
+    notes: tuple[str, ...] = ()
+
+    def frame(self, time: float) -> int:
+        """Index of the frame nearest to a time [s]."""
+        after = int(np.clip(np.searchsorted(self.t, time), 1, len(self.t) - 1))
+        return after if self.t[after] - time < time - self.t[after - 1] else after - 1
+
+    def strongest_joint(self) -> int:
+        """The joint whose given model is wrong for most of the time, relative to its torque."""
+        return int(np.argmax(self.copies[1].strength.mean(axis=0)))
+
+
+def replay_of(
+    robot: Robot,
+    recording: Recording,
+    *,
+    correction: Correction | None = None,
+    known: tuple[KnownEffect, ...] = (),
+    horizon_s: float | None = None,
+    progress: Callable[[str], None] = lambda _: None,
+) -> Replay:
+    """The replay of one recording.
+
+    Args:
+        robot: The given model.
+        recording: With a torque, recorded or asked for by controllers.
+        correction: What a diagnosis adds to the model; None: the given model alone is simulated.
+        known: Effects that belong to the given model already.
+        horizon_s: How long simulated motion is followed [s]; by default as long as the diagnosis did.
+        progress: Told in words what is being done.
+
+    Raises:
+        LogError: If the recording cannot be used, or is certainly wrong and not to be shown anyway.
+        RobotError: If a link of the corrected model would weigh nothing or less.
+    """
+    require_right((recording,))
+    progress("filtering")
+    (log,), cutoff_hz = process_all((recording,), robot)
+    robots = [(robot, known)]
+    if correction is not None:
+        robots.append((moved_by(robot, correction.adjusted), (*known, *correction.effects)))
+    curves = torque_curves(log, cutoff_hz, tuple(robots))
+    states = states_of(log, cutoff_hz)
+    motion = replayed_motion(
+        log,
+        states,
+        {
+            name: model_of(one, known_causes(effects))
+            for name, (one, effects) in zip((GIVEN, CORRECTED), robots, strict=False)
+        },
+        _horizons(horizon_s, correction),
+        controlled=recording.controlled and controlled(robot),
+        progress=progress,
+    )
+    progress("placing links")
+    rows = frame_rows(log.motion.t)
+    shares = relative_residuals(curves)
+    full = full_colour(shares[0])
+    none = np.zeros((len(rows), robot.nv))
+    colours = [none, *(_at(log.motion.t[rows], curves.t, share / full) for share in shares)]
+    names = (MEASURED, GIVEN, CORRECTED)
+    positions = (states.raw, *motion.q)
+    copies = tuple(
+        Copy(name, q[rows], link_poses(robot, q[rows]), colour)
+        for name, q, colour in zip(names, positions, colours, strict=False)
+    )
+    return Replay(
+        robot=robot,
+        file=recording.file,
+        t=np.array(log.motion.t[rows]),
+        copies=copies,
+        curves=curves,
+        full=full,
+        horizon_s=motion.horizon_s,
+        corrections=_corrections(correction),
+        notes=(*fault_warnings((recording,)), *recording.warnings, *motion.notes),
+    )
+
+
+def frame_rows(t: Float[Array, " N"]) -> Array:
+    """Samples that are shown as frames, evenly spread: at most `FRAME_HZ` a second and `MOST_FRAMES` in all."""
+    rate = (len(t) - 1) / (t[-1] - t[0])
+    return np.arange(0, len(t), max(1, round(rate / FRAME_HZ), -(-len(t) // MOST_FRAMES)))
+
+
+def _horizons(wanted: float | None, correction: Correction | None) -> tuple[float, ...]:
+    """Horizons to choose from, the longest first."""
+    stated = None if correction is None else correction.horizon_s
+    first = wanted or stated or HORIZONS[0]
+    return (first, *(horizon for horizon in HORIZONS if horizon < first))
+
+
+def _at(t: Float[Array, " n"], times: Float[Array, " m"], values: Float[Array, "m nv"]) -> Float[Array, "n nv"]:
+    """Values at other times, from 0 to 1; zero outside."""
+    columns = [np.interp(t, times, column, left=0.0, right=0.0) for column in values.T]
+    return np.clip(np.column_stack(columns), 0.0, 1.0)
+
+
+def _corrections(correction: Correction | None) -> tuple[str, ...]:
+    if correction is None:
+        return ()
+    found = [effect_at(EffectAt(effect.effect, effect.joint)) for effect in correction.effects]
+    moves = len(correction.adjusted)
+    return (*found, *([f"{moves} moves within tolerance" if moves > 1 else "1 move within tolerance"] if moves else []))

@@ -1,0 +1,122 @@
+# pyright: reportAttributeAccessIssue=false
+"""What one copy of the robot is drawn with: links, joints, rails of linear joints; and how much room it needs."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import pinocchio as pin
+from jaxtyping import Float
+
+from identification.viewing.replay import Replay
+from phantom_dyn.shapes.meshes import Mesh, capsule, joined, moved
+from phantom_dyn.shapes.robot_shapes import joint_axis, joint_solid, robot_shapes
+
+Array = np.ndarray
+
+_FACES = 12_000
+"""Triangles of the links of one copy."""
+_POSTURES = 60
+"""Frames from which the room that a robot needs is taken."""
+_DRUM = 0.75
+"""Size of a joint, relative to that in the report, where the robot is drawn much smaller."""
+_PASSIVE = 0.8
+"""Size of a passive joint, relative to others: it may stand in the same place as one that has a colour."""
+_RAIL = 0.008
+"""Radius of a rail, relative to its length."""
+_APART, _LEAST_APART = 1.15, 0.3
+"""Distance between copies, relative to a robot's width, and relative to its longest side at least."""
+
+
+@dataclass(frozen=True, eq=False)
+class Solids:
+    """Triangles of one copy, and the room that it takes.
+
+    Attributes:
+        links: In the frame of each joint of Pinocchio's model, the first that of the root; empty where there is none.
+        drums: What shows each joint, in its frame; of the root nothing.
+        rails: In the frame of each joint, the rails on which linear joints behind it run.
+        boxes: Lowest and highest corner [m] of some postures of the measured motion, ``(f, 2, 3)``.
+    """
+
+    links: tuple[Mesh, ...]
+    drums: tuple[Mesh, ...]
+    rails: tuple[Mesh, ...]
+    boxes: Float[Array, "f 2 3"]
+
+    @property
+    def size(self) -> Float[Array, "3"]:
+        """Sides of the largest box around one posture [m]."""
+        return (self.boxes[:, 1] - self.boxes[:, 0]).max(axis=0)
+
+    @property
+    def middle(self) -> Float[Array, "3"]:
+        """Mean of the middles of all postures [m]."""
+        return self.boxes.mean(axis=(0, 1))
+
+    @property
+    def top(self) -> float:
+        """Highest point of any posture [m]."""
+        return float(self.boxes[:, 1, 2].max())
+
+    @property
+    def floor(self) -> float:
+        """Lowest point of what stands still [m]; the height of the root where nothing does."""
+        return float(self.links[0].points[:, 2].min()) if len(self.links[0].faces) else 0.0
+
+    def offsets(self, count: int) -> Float[Array, "count 3"]:
+        """Where copies that move alike stand beside each other: in a row along the narrower side, x or y [m]."""
+        axis = 0 if self.size[0] < self.size[1] else 1
+        out = np.zeros((count, 3))
+        apart = max(_APART * self.size[axis], _LEAST_APART * self.size.max())
+        out[:, axis] = apart * np.arange(count)
+        return out
+
+
+def robot_solids(replay: Replay) -> Solids:
+    """What the robot of a replay is drawn with."""
+    model = replay.robot.model
+    measured = replay.copies[0]
+    known = np.flatnonzero(np.isfinite(measured.poses).all(axis=(1, 2)))
+    poses = measured.poses[known[np.unique(np.linspace(0, len(known) - 1, _POSTURES).astype(int))]]
+    links = robot_shapes(replay.robot, _FACES).links
+    rails = _rails(model, replay)
+    bare = boxes(poses, tuple(joined(pair) for pair in zip(links, rails, strict=True)))
+    size = float((bare[:, 1] - bare[:, 0]).max()) or 0.1
+    active = {model.getJointId(name) for name in replay.robot.joint_names}
+    sizes = [size * _DRUM * (1.0 if k in active else _PASSIVE) for k in range(1, model.njoints)]
+    drums = (joined([]), *(joint_solid(model, k + 1, one) for k, one in enumerate(sizes)))
+    every = tuple(joined(parts) for parts in zip(links, rails, drums, strict=True))
+    return Solids(links, drums, rails, boxes(poses, every))
+
+
+def boxes(poses: Float[Array, "f J 7"], meshes: tuple[Mesh, ...]) -> Float[Array, "f 2 3"]:
+    """Lowest and highest corner [m] of meshes, and of the frames that they are in, at each posture.
+
+    Args:
+        poses: Of `identification.viewing.link_poses.link_poses`.
+        meshes: Triangles in each frame.
+    """
+    out = []
+    for pose in poses:
+        points = [pose[:, :3]]
+        for (x, y, z, *wxyz), mesh in zip(pose, meshes, strict=True):
+            points.append(moved(mesh, pin.Quaternion(*wxyz).matrix(), np.array([x, y, z])).points)
+        every = np.concatenate(points)
+        out.append([every.min(axis=0), every.max(axis=0)])
+    return np.array(out)
+
+
+def _rails(model: pin.Model, replay: Replay) -> tuple[Mesh, ...]:
+    """For each linear joint a thin rod along the way that it went, in the frame that it moves in."""
+    rails: list[list[Mesh]] = [[] for _ in range(model.njoints)]
+    for row, name in enumerate(replay.robot.joint_names):
+        joint, way = model.getJointId(name), replay.copies[0].q[:, row]
+        axis, linear = joint_axis(model, joint)
+        low, high = float(np.nanmin(way)), float(np.nanmax(way))
+        if linear and high > low:
+            place = model.jointPlacements[joint]
+            rod = capsule(low * axis, high * axis, _RAIL * (high - low))
+            rails[model.parents[joint]].append(moved(rod, place.rotation, place.translation))
+    return tuple(joined(one) for one in rails)

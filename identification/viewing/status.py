@@ -1,0 +1,54 @@
+"""What the page of a replay says in words: what is shown, what the colours mean, and the numbers of the moment."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from identification.viewing.replay import Replay
+from identification.words.numbers_and_names import number, percent
+
+
+def legend(replay: Replay) -> str:
+    """What the colour of a joint means."""
+    return (
+        f"Joints are grey without a torque residual and orange where it is {percent(replay.full)} of the joint's usual "
+        "torque or more (root mean square over 0.2 s). Click a joint for its curves."
+    )
+
+
+def summary(replay: Replay) -> str:
+    """What is simulated and how, and what is to be known of the recording."""
+    lines = [f"{replay.robot.name}, {replay.file}, {number(float(replay.t[-1] - replay.t[0]))} s."]
+    if replay.horizon_s is not None:
+        lines.append(f"Simulated motion starts again from the recorded one every {replay.horizon_s:g} s.")
+    if replay.corrections:
+        lines.append(f"The corrected model has {', '.join(replay.corrections)}.")
+    elif len(replay.copies) < 3:
+        lines.append("No diagnosis was given, so there is no corrected model: --diagnosis FILE adds it.")
+    else:
+        lines.append("The diagnosis found nothing, so the corrected model is the given one.")
+    return "\n\n".join([*lines, *replay.notes])
+
+
+def now_table(replay: Replay, moment: float, frame: int) -> str:
+    """Position, torque and residuals of each joint at a moment, as a table in Markdown.
+
+    Args:
+        replay: Holds the curves.
+        moment: Time [s].
+        frame: Index of its frame.
+    """
+    curves, robot = replay.curves, replay.robot
+    row = int(np.argmin(np.abs(curves.t - moment)))
+    models = [curves.residual(k)[row] for k in range(len(curves.modelled))]
+    heads = ["joint", "position", "torque", *("given", "corrected")[: len(models)]]
+    lines = [f"At {moment:.2f} s, with the residual of each model:", "", _row(heads), _row(["---"] * len(heads))]
+    for j, joint in enumerate(robot.joint_names):
+        position = f"{number(float(replay.copies[0].q[frame, j]))} {robot.position_units[j]}"
+        torque = f"{number(float(curves.measured[row, j]))} {robot.torque_units[j]}"
+        lines.append(_row([joint, position, torque, *(number(float(model[j])) for model in models)]))
+    return "\n".join(lines)
+
+
+def _row(cells: list[str]) -> str:
+    return f"| {' | '.join(cells)} |"

@@ -1,0 +1,108 @@
+"""Torque of a recording beside that of models, in the judged band, and how far each joint departs from its model."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from jaxtyping import Float
+
+from identification.data.log import Log
+from identification.data.signals import within_limits
+from identification.diagnosis.model.operations import operate
+from identification.diagnosis.model.session import session_of_logs
+from identification.diagnosis.model.terms import KnownEffect
+from phantom_dyn.model.robot import Robot
+
+Array = np.ndarray
+
+WINDOW_S = 0.2
+"""Time [s] over which a residual is averaged for its colour: at each zero crossing the colour would flicker."""
+LEAST_FULL, MOST_FULL = 0.1, 1.0
+"""Share of a joint's usual torque that has the full colour: from a tenth, as noise alone must not look like a gap, to
+all of it, as no model at all leaves."""
+_PER_PERIOD = 12.0
+"""Samples of a curve within the period of the band's edge at least, where the recording has them."""
+_LARGEST = 99.0
+"""Percentile over time of the largest residual: a single spike does not make all the rest look small."""
+
+
+@dataclass(frozen=True, eq=False)
+class TorqueCurves:
+    """Torque of the drives [N m or N] in the judged band; NaN where a sample must not be used.
+
+    Attributes:
+        t: Times [s], ``(m,)``.
+        measured: What was recorded, ``(m, nv)``.
+        modelled: What each model needs for the recorded motion, ``(m, nv)`` each.
+    """
+
+    t: Float[Array, " m"]
+    measured: Float[Array, "m nv"]
+    modelled: tuple[Float[Array, "m nv"], ...]
+
+    def residual(self, model: int) -> Float[Array, "m nv"]:
+        """Measured less modelled torque."""
+        return self.measured - self.modelled[model]
+
+
+def torque_curves(
+    log: Log, cutoff_hz: float, models: tuple[tuple[Robot, tuple[KnownEffect, ...]], ...]
+) -> TorqueCurves:
+    """Measured and modelled torque along a recording.
+
+    Args:
+        log: The recording.
+        cutoff_hz: Edge of the judged band [Hz].
+        models: A robot with the effects that act beside it, each.
+    """
+    # What is enough for a fit makes a jagged curve.
+    fine = max(1, min(log.band.step, int(log.band.rate_hz / (_PER_PERIOD * cutoff_hz))))
+    drawn = replace(log, band=replace(log.band, step=fine))
+    session = session_of_logs(models[0][0], (drawn,), cutoff_hz)
+
+    def in_band(torque: Float[Array, "N nv"]) -> Float[Array, "m nv"]:
+        judged = session.log_in_judged_band(drawn.band(torque), 0)
+        return np.where(drawn.valid_in_band[:, None], judged, np.nan)
+
+    modelled = tuple(in_band(operate(robot, log, effects, band_hz=cutoff_hz).tau) for robot, effects in models)
+    return TorqueCurves(log.motion.t[drawn.samples], in_band(within_limits(log.tau, models[0][0])), modelled)
+
+
+def relative_residuals(curves: TorqueCurves) -> tuple[Float[Array, "m nv"], ...]:
+    """Residual of each model, root mean square over a short time, as a share of the joint's usual torque.
+
+    The usual torque is the root mean square of the measured one; of a joint without any torque the share is zero.
+    """
+    usual = _root_mean_square(curves.measured)
+    count = max(1, round(WINDOW_S / float(np.median(np.diff(curves.t)))))
+    with np.errstate(divide="ignore", invalid="ignore"):
+        return tuple(
+            np.nan_to_num(_moving_rms(curves.residual(k), count) / usual, nan=0.0, posinf=0.0)
+            for k in range(len(curves.modelled))
+        )
+
+
+def full_colour(given: Float[Array, "m nv"]) -> float:
+    """Share of a joint's usual torque that is shown in full colour: nearly the largest of the given model.
+
+    Args:
+        given: Relative residual of the given model.
+    """
+    return float(np.clip(np.percentile(given, _LARGEST, axis=0).max(), LEAST_FULL, MOST_FULL))
+
+
+def _root_mean_square(x: Float[Array, "m nv"]) -> Float[Array, " nv"]:
+    known = np.isfinite(x)
+    return np.sqrt((np.where(known, x, 0.0) ** 2).sum(axis=0) / np.maximum(known.sum(axis=0), 1))
+
+
+def _moving_rms(x: Float[Array, "m nv"], count: int) -> Float[Array, "m nv"]:
+    """Root mean square over ``count`` samples about each, of those that are numbers; NaN where none is."""
+    kernel = np.ones(min(count, len(x)))
+    known = np.isfinite(x)
+    squares = np.where(known, x, 0.0) ** 2
+    sums = np.column_stack([np.convolve(column, kernel, mode="same") for column in squares.T])
+    counts = np.column_stack([np.convolve(column, kernel, mode="same") for column in known.T.astype(float)])
+    with np.errstate(divide="ignore", invalid="ignore"):
+        return np.sqrt(np.maximum(sums, 0.0) / np.where(counts > 0.5, counts, np.nan))
