@@ -63,7 +63,8 @@ def checked(recording: Recording, robot: Robot | None) -> Checked:
         out += check_coarse_step(recording, smooth, stated)
         out += check_velocity(recording, smooth)
     out += check_clipping(recording)
-    out += check_filtered(recording)
+    filtered = filtered_joints(recording)
+    out += check_filtered(recording, filtered)
     if robot is None:
         return Checked((*out, *check_degrees(recording, robot, None, None)))
     if smooth is None or recording.tau is None:
@@ -79,7 +80,7 @@ def checked(recording: Recording, robot: Robot | None) -> Checked:
     if external is not None and forces is not None and forces.tau is not None and smooth.tau is not None:
         felt = replace(recording, tau=recording.tau + external, forces={})
         smooth = replace(smooth, tau=smooth.tau + forces.tau)
-    return Checked((*out, *_check_against_model(recording, robot, smooth, felt)))
+    return Checked((*out, *_check_against_model(recording, robot, smooth, felt, filtered)))
 
 
 def _external_torque(recording: Recording, robot: Robot) -> Array | None:
@@ -87,7 +88,9 @@ def _external_torque(recording: Recording, robot: Robot) -> Array | None:
     return external_torque(robot, recording.q, recording.forces) if recording.forces else None
 
 
-def _check_against_model(recording: Recording, robot: Robot, smooth: Smooth, felt: Recording) -> list[str]:
+def _check_against_model(
+    recording: Recording, robot: Robot, smooth: Smooth, felt: Recording, filtered: tuple[str, ...]
+) -> list[str]:
     """Checks of the torque against the model; one that finds a misreading ends them, as the next would echo it.
 
     Args:
@@ -95,6 +98,7 @@ def _check_against_model(recording: Recording, robot: Robot, smooth: Smooth, fel
         robot: The given model.
         smooth: The smoothed copy, its torque with that of measured forces.
         felt: Raw samples, their torque with that of measured forces.
+        filtered: Joints whose torque was filtered otherwise than their position.
     """
     data = spread_samples(smooth)
     if data is None:
@@ -109,6 +113,6 @@ def _check_against_model(recording: Recording, robot: Robot, smooth: Smooth, fel
     return [
         *check_flipped(recording, data, model),
         *check_unsigned(recording, data, model),
-        *check_lag(felt, robot, smooth, steep=filtered_joints(recording)),
+        *check_lag(felt, robot, smooth, steep=filtered),
         *check_friction_taken(recording, robot, smooth),
     ]

@@ -22,36 +22,36 @@ _APART = 15.0
 _FEWEST = 500  # samples that the spectrum needs
 
 
-def roll_off(x: Float[Array, " N"]) -> float:
+def roll_off(x: Float[Array, "N k"]) -> Float[Array, " k"]:
     """Power of the upper over that of the lower of two bands above all motion [dB]: 0 for white noise.
 
     Args:
-        x: Samples at a uniform rate.
+        x: Samples at a uniform rate, one series a column.
     """
+    if not x.shape[1]:
+        return np.zeros(0)
     # Differences first, taken back in the spectrum: what is strong at low frequencies must not leak into the bands.
-    f, power = welch(np.diff(x), 1.0, window="blackmanharris", nperseg=min(512, len(x) // 4), detrend="linear")
-    power = power / np.maximum((2 * np.sin(np.pi * f)) ** 2, 1e-12)
-    lower, upper = (float(np.median(power[(f >= a) & (f <= b)])) for a, b in (_LOWER, _UPPER))
-    return float(10 * np.log10(max(upper, 1e-300) / max(lower, 1e-300)))
+    differences, length = np.diff(x, axis=0), min(512, len(x) // 4)
+    f, power = welch(differences, 1.0, window="blackmanharris", nperseg=length, detrend="linear", axis=0)
+    power = power / np.maximum((2 * np.sin(np.pi * f)) ** 2, 1e-12)[:, None]
+    lower, upper = (np.median(power[(f >= a) & (f <= b)], axis=0) for a, b in (_LOWER, _UPPER))
+    return 10 * np.log10(np.maximum(upper, 1e-300) / np.maximum(lower, 1e-300))
 
 
 def filtered_joints(recording: Recording) -> tuple[str, ...]:
     """Joints whose torque went through a low pass of second order or more that their position did not go through."""
     if recording.tau is None or len(recording.t) < _FEWEST:
         return ()
-    filtered = []
-    for joint, q, tau in zip(recording.joint_names, recording.q.T, recording.tau.T, strict=True):
-        if np.ptp(q) == 0 or np.ptp(tau) == 0:
-            continue
-        of_torque, of_position = roll_off(tau), roll_off(q)
-        if of_torque < _FILTERED and of_position > _OPEN and of_position - of_torque > _APART:
-            filtered.append(joint)
-    return tuple(filtered)
+    moves = np.flatnonzero((np.ptp(recording.q, axis=0) > 0) & (np.ptp(recording.tau, axis=0) > 0))
+    of_torque = roll_off(recording.tau[:, moves])
+    suspect, of_torque = moves[of_torque < _FILTERED], of_torque[of_torque < _FILTERED]
+    of_position = roll_off(recording.q[:, suspect])
+    filtered = suspect[(of_position > _OPEN) & (of_position - of_torque > _APART)]
+    return tuple(recording.joint_names[joint] for joint in filtered)
 
 
-def check_filtered(recording: Recording) -> tuple[str, ...]:
-    """A sentence on torques that were filtered otherwise than the positions."""
-    filtered = filtered_joints(recording)
+def check_filtered(recording: Recording, filtered: tuple[str, ...]) -> tuple[str, ...]:
+    """A sentence on torques that were filtered otherwise than the positions, see `filtered_joints`."""
     if not filtered:
         return ()
     which = "torque" if len(filtered) == 1 else "torques"
