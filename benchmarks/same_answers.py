@@ -6,7 +6,7 @@
 
 For a change that is to change nothing. Only the command line is used, as ``python -m identification.cli``, so modules
 may move. The recordings are 28 sealed cases of development seeds and 12 real ones (PHANTOM_DYN_DATA); they are kept in
-a cache folder, so that both sides see the same files. All of a diagnosis is kept but its seconds and its version.
+a cache folder, so that both sides see the same files. All of a diagnosis is kept but its run, its seconds and its version.
 """
 
 from __future__ import annotations
@@ -31,7 +31,7 @@ from benchmarks.same_answers_cases import CHECKOUT, Recording, fingerprint, prep
 CACHE = Path(os.environ.get("XDG_CACHE_HOME", Path.home() / ".cache")) / "phantom-dyn" / "same_answers"
 TIMEOUT = 1200.0  # seconds
 LIMITS = dict.fromkeys(("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "NUMBA_NUM_THREADS"), "1")
-NOT_KEPT = ("seconds", "version")
+NOT_KEPT = ("run", "seconds", "version")
 NAMES = ("quantity", "effect", "joint", "parameter", "recording")  # what tells the entries of a list apart
 SHOWN = 4  # differences a line
 RTOL = 1e-9

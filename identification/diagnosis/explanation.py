@@ -48,6 +48,8 @@ Array = np.ndarray
 
 # Passes that take laws again about what the last one found.
 _REFINEMENTS = 3
+# Times that what is left is weighed by what was left before: each takes a tenth of a search.
+_WEIGHED_AGAIN = 2
 # Effects tested although they gain less than the threshold of chance.
 _PROBATIONS = 3
 
@@ -101,7 +103,7 @@ def explained(session: Session, progress: Callable[[str], None] = lambda _: None
     before: tuple[FoundEffect, ...] = ()
     tried: set[tuple[str, str | None]] = set()
     for _ in range(_REFINEMENTS):
-        noise, ratio = smaller_noise(last.search, last.chosen, last.noise)
+        noise, ratio = _settled_noise(last, columns)
         last = replace(last, noise=noise)
         fitted = last.search.evaluate(last.chosen)
         found = found_effects(fitted, last.chosen)
@@ -122,6 +124,21 @@ def explained(session: Session, progress: Callable[[str], None] = lambda _: None
     coarse = coarse_joints(session, columns, steps)
     quiet = quieter_in_band(session, columns, last.noise, inside, encoders)
     return replace(last, chosen=settled(last.search, last.chosen), in_band=quiet, coarse=coarse, encoders=encoders)
+
+
+def _settled_noise(last: Explanation, columns: Columns) -> tuple[Series, float]:
+    """What the explanation leaves, weighed by itself: a fit that is weighed by too large a noise leaves more.
+
+    Returns:
+        The noise, and the smallest ratio of new to old over the rows.
+    """
+    noise, ratio = smaller_noise(last.search, last.chosen, last.noise)
+    lower = ratio
+    for _ in range(_WEIGHED_AGAIN):
+        if lower >= rules.LOWER_NOISE:
+            break
+        noise, lower = smaller_noise(_set_up(last.search.problem.session, columns, noise), last.chosen, noise)
+    return noise, ratio
 
 
 def _set_up(session: Session, columns: Columns, noise: Series) -> Search:

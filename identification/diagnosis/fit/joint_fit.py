@@ -137,7 +137,9 @@ def within_tolerances(
     correlation = cov / np.outer(std, std)
     exchanged = np.flatnonzero(np.abs(correlation[:moves, moves:]).max(axis=1, initial=0.0) > _EXCHANGED)
     values, vectors = np.linalg.eigh(correlation)
-    drawn = rng.standard_normal((_TRUNCATED, len(x))) @ (vectors * np.sqrt(np.maximum(values, 0.0))).T
+    # The symmetric root: another one would turn with the rounding of the matrix, and the draws with it.
+    root = (vectors * np.sqrt(np.maximum(values, 0.0))) @ vectors.T
+    drawn = rng.standard_normal((_TRUNCATED, len(x))) @ root
     low, high = ((end - x)[exchanged] / std[exchanged] for end in (lower, upper))
     inside = ((drawn[:, exchanged] >= low) & (drawn[:, exchanged] <= high)).all(axis=1)
     if inside.sum() < _LEAST_INSIDE:

@@ -51,7 +51,8 @@ def finding_loadings(robot: Robot, term: Term, fitted: JointFit) -> tuple[tuple[
         fitted: Fit of the whole model.
     """
     squares, axes = np.linalg.eigh(0.5 * (fitted.cov + fitted.cov.T))
-    shared = (axes * np.sqrt(np.maximum(squares, 0.0)))[_numbers(term, fitted)]
+    # The symmetric root, which does not turn with the rounding of the matrix as others do.
+    shared = ((axes * np.sqrt(np.maximum(squares, 0.0))) @ axes.T)[_numbers(term, fitted)]
     slope = _base(robot, term)[1] if term.effect.inertial == "free" else _law(robot, term, fitted)[2]
     return tuple(tuple(row) for row in (slope @ shared).tolist())
 

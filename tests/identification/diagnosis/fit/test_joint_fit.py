@@ -165,6 +165,18 @@ def test_a_size_is_known_better_where_a_tolerance_ends():
     assert np.diag(known)[[0, 2]] == pytest.approx([0.01, 1.0], rel=0.1)
 
 
+def test_rounding_does_not_change_how_well_a_size_is_known():
+    # Three sizes of one deviation, exchanged for one move: two directions have the same scatter, and rounding decides
+    # what is taken for them.
+    cov = np.diag([0.01, 1.0, 1.0, 1.0])
+    cov[0, 1:] = cov[1:, 0] = -0.05
+    x, end = np.array([0.19, 0.3, 5.0, 1.0]), np.array([0.2, np.inf, np.inf, np.inf])
+    rounded = cov.copy()
+    rounded[1, 2] = rounded[2, 1] = 1e-13
+    one, other = (within_tolerances(x, given, 1, -end, end) for given in (cov, rounded))
+    np.testing.assert_allclose(one, other, rtol=1e-9, atol=1e-12)
+
+
 def test_the_pull_on_a_number_that_a_bound_holds_is_no_scatter():
     # A number that may not move does not, however hard the data of each block pull on it.
     rng = np.random.default_rng(0)
