@@ -6,7 +6,7 @@
 
 For a change that is to change nothing. Only the command line is used, as ``python -m identification.cli``, so modules
 may move. The recordings are 28 sealed cases of development seeds and 12 real ones (PHANTOM_DYN_DATA); they are kept in
-a cache folder, so that both sides see the same files. All of a diagnosis is kept but its run, its seconds and its version.
+a cache folder, so that both sides see the same files. Of a diagnosis all is kept but its run, seconds and version.
 """
 
 from __future__ import annotations
