@@ -16,6 +16,7 @@ from identification.diagnosis import decision_rules as rules
 from identification.diagnosis.explanation import explained
 from identification.diagnosis.judge.bursts import burst_warnings
 from identification.diagnosis.judge.judgement import judged
+from identification.diagnosis.judge.user_words import with_user_words
 from identification.diagnosis.model.session import Session, session_of
 from identification.diagnosis.model.terms import KnownEffect
 from identification.diagnosis.result import Diagnosis, Judgement
@@ -64,8 +65,9 @@ def diagnose(
     proposal = Proposal()
     if session.differences.own:
         # Rivals between recordings are about what changed, which no further motion of one of them separates.
-        judgement = named_by_recording(judgement, session)
+        judgement = with_user_words(named_by_recording(judgement, session), robot)
     else:
+        judgement = with_user_words(judgement, robot)
         progress("choosing what to record next")
         proposal = proposed(explanation, judgement.findings)
     return _result(session, judgement, rollout, proposal, time.perf_counter() - started)

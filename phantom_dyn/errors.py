@@ -27,6 +27,10 @@ class ParameterError(PhantomDynError, ValueError):
     """A parameter has the wrong length, is out of bounds or is not physically consistent."""
 
 
+class EffectError(PhantomDynError, ValueError):
+    """An effect that a user brought cannot be used: the text says where it is from, what was wanted and what to do."""
+
+
 class ChainError(PhantomDynError, ValueError):
     """A closed chain cannot be closed, or is singular, where it was asked for: the text names loop and residual."""
 

@@ -79,6 +79,19 @@ def add_list(parser: argparse.ArgumentParser, option: str, *, metavar: str, help
     parser.add_argument(option, dest=dest, metavar=metavar, action="extend", nargs="+", default=[], help=help)
 
 
+def add_effects(parser: argparse.ArgumentParser) -> None:
+    """The option that names files of effects beside the catalogue."""
+    parser.add_argument(
+        "--effects",
+        dest="effect_files",
+        metavar="FILE",
+        type=Path,
+        action="append",
+        default=[],
+        help="Python file with effects of your own, which join the catalogue for this run; it is executed",
+    )
+
+
 def add_reading(parser: argparse.ArgumentParser) -> None:
     """How the columns of a recording are read."""
     parser.add_argument("--columns", metavar="FILE", type=Path, help="YAML that maps other names, units and signs")

@@ -9,7 +9,7 @@ from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from identification.cli.arguments import DONE, Parser, add_reading, add_robot, one_blas_thread
+from identification.cli.arguments import DONE, Parser, add_effects, add_reading, add_robot, one_blas_thread
 from identification.files import require_ending, require_existing, require_not_swapped, require_writable
 from phantom_dyn.errors import UsageError
 from phantom_dyn.model.robot_files import find_robot
@@ -66,6 +66,7 @@ def parser() -> argparse.ArgumentParser:
     add_effect_option("--effect", metavar="NAME", help="what the device gets, such as coulomb_friction")
     add_effect_option("--joint", metavar="J", help="where; J1+J2 for a coupling; none for the whole robot")
     add_effect_option("--set", metavar="NAME=VALUE", nargs="+", help="its parameters; lists are separated by commas")
+    add_effects(out)
     out.add_argument("--out", metavar="LOG2", type=Path, required=True, help="CSV, NPZ or Parquet to write, by ending")
     add_reading(out)
     return out
@@ -92,9 +93,10 @@ def _degrade(arguments: argparse.Namespace) -> int:
     from identification.degrade.degradation import degradation
     from identification.degrade.degraded_log import degrade
     from identification.export.log_and_map_files import write_log
+    from phantom_dyn.effects.user.user_effects import with_user_effects
     from phantom_dyn.model.loading import load_robot
 
-    robot = load_robot(arguments.robot, config=arguments.robot_config)
+    robot = with_user_effects(load_robot(arguments.robot, config=arguments.robot_config), arguments.effect_files)
     faults = tuple(degradation(robot, given.effect, given.joint, given.values) for given in arguments.effects)
     table = read_table(arguments.log, columns=arguments.columns, topic=arguments.topic)
     result = degrade(robot, table, recording(table, robot), faults)

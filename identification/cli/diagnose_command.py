@@ -11,6 +11,7 @@ from identification.cli.arguments import (
     BAD_INPUT,
     DONE,
     Parser,
+    add_effects,
     add_list,
     add_logs,
     add_robot,
@@ -53,6 +54,7 @@ def parser() -> argparse.ArgumentParser:
     out.add_argument("--json", metavar="FILE", type=Path, help="write the diagnosis as JSON to this file")
     add_list(out, "--hold-out", metavar="LOG", help="recordings that no fit may see; all figures are theirs")
     add_list(out, "--with", dest="known", metavar="FILE", help="corrected.yaml of an earlier diagnosis")
+    add_effects(out)
     out.add_argument("--recordings", metavar="FILE", type=Path, help="recordings.yaml: what changed between the LOGs")
     out.add_argument(
         "--motion-only",
@@ -123,12 +125,13 @@ def _diagnose_together(arguments: argparse.Namespace, excluded: tuple[tuple[floa
     from identification.reporting.diagnosis_files import check_targets, write_outputs
     from identification.reporting.diagnosis_summary import summary
     from identification.scenarios.motion_only import motion_robot
+    from phantom_dyn.effects.user.user_effects import with_user_effects
     from phantom_dyn.model.loading import load_robot
 
     check_targets(arguments.out, arguments.json)
     times = StageTimes(DIAGNOSIS) if arguments.profile else None
     with Progress("reading", sys.stderr, stages=DIAGNOSIS, times=times) as progress:
-        robot = load_robot(arguments.robot, config=arguments.robot_config)
+        robot = with_user_effects(load_robot(arguments.robot, config=arguments.robot_config), arguments.effect_files)
         robot = motion_robot(robot) if arguments.motion_only else robot
         known = known_effects(tuple(Path(path) for path in arguments.known), robot)
         if arguments.motion_only:
@@ -245,11 +248,12 @@ def _diagnose_each(arguments: argparse.Namespace, excluded: tuple[tuple[float, f
     from identification.data.reading import ReadOptions
     from identification.export.corrected.corrected_yaml import known_effects
     from identification.reporting.diagnosis_files import check_targets
+    from phantom_dyn.effects.user.user_effects import with_user_effects
     from phantom_dyn.model.loading import load_robot
 
     check_targets(arguments.out, arguments.json)
     with Progress("loading", sys.stderr, stages=BATCH) as progress:
-        robot = load_robot(arguments.robot, config=arguments.robot_config)
+        robot = with_user_effects(load_robot(arguments.robot, config=arguments.robot_config), arguments.effect_files)
         result = diagnose_each(
             robot,
             arguments.logs,

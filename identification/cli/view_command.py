@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING
 from identification.cli.arguments import (
     DONE,
     Parser,
+    add_effects,
     add_list,
     add_log,
     add_robot,
@@ -51,6 +52,7 @@ def parser() -> argparse.ArgumentParser:
         type=Path,
         help="diagnosis.json, the folder of diagnose --out, or a corrected.yaml: what the corrected model has",
     )
+    add_effects(out)
     add_list(out, "--with", dest="known", metavar="FILE", help="corrected.yaml that belongs to the given model already")
     out.add_argument(
         "--motion-only",
@@ -116,9 +118,10 @@ def _replay(arguments: argparse.Namespace, excluded: tuple[tuple[float, float], 
         from identification.scenarios.motion_only import motion_robot, with_commanded_torque
         from identification.viewing.corrections import read_correction
         from identification.viewing.replay import replay_of
+        from phantom_dyn.effects.user.user_effects import with_user_effects
         from phantom_dyn.model.loading import load_robot
 
-        robot = load_robot(arguments.robot, config=arguments.robot_config)
+        robot = with_user_effects(load_robot(arguments.robot, config=arguments.robot_config), arguments.effect_files)
         robot = motion_robot(robot) if arguments.motion_only else robot
         correction = None if arguments.diagnosis is None else read_correction(arguments.diagnosis, robot)
         known = known_effects(tuple(Path(path) for path in arguments.known), robot)

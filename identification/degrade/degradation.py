@@ -43,7 +43,7 @@ def degradation(robot: Robot, effect: str, joint: str | None, values: Values) ->
         ParameterError: If effect, joint or a parameter is unknown, missing or out of bounds; the text lists what there
             is, with units and bounds.
     """
-    found = effect_named(effect)
+    found = effect_named(effect, robot)
     _require_place(robot, found, joint)
     known, optional = found.parameters(robot, joint), found.optional_parameters(robot, joint)
     names = [parameter.name for parameter in (*known, *optional)]

@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 from jaxtyping import Float
 
+from phantom_dyn.effects.described import EffectWords
 from phantom_dyn.motion import Motion
 
 Array = np.ndarray
@@ -23,11 +24,15 @@ class Value:
 
 @dataclass(frozen=True)
 class EffectAt:
-    """An effect and the joint it acts on, None for the whole robot; and the recording, None for all of them."""
+    """An effect and the joint it acts on, None for the whole robot; and the recording, None for all of them.
+
+    ``words`` are those of an effect that a user brought, None for one of the catalogue, here and below.
+    """
 
     effect: str
     joint: str | None
     recording: str | None = None
+    words: EffectWords | None = field(default=None, compare=False, repr=False)
 
 
 @dataclass(frozen=True)
@@ -61,6 +66,7 @@ class Finding:
     recording: str | None = None
     loadings: tuple[tuple[float, ...], ...] = ()
     share: float | None = None
+    words: EffectWords | None = field(default=None, compare=False, repr=False)
 
 
 @dataclass(frozen=True)
@@ -144,6 +150,7 @@ class Bound:
     below: float
     unit: str
     of_torque: float | None = None
+    words: EffectWords | None = field(default=None, compare=False, repr=False)
 
 
 @dataclass(frozen=True)
@@ -153,6 +160,7 @@ class NotTestable:
     effect: str
     joint: str | None
     why: str
+    words: EffectWords | None = field(default=None, compare=False, repr=False)
 
 
 @dataclass(frozen=True)

@@ -26,7 +26,7 @@ from identification.door.results import (
     Reference,
     SimulatedRecording,
 )
-from identification.door.simulated import causes_of, reference_of, tracking
+from identification.door.simulated import causes_of, reference_of, tracking, with_named_effects
 from identification.excitation.excite import PlannedRecording
 from identification.excitation.excite import excite as designed
 from identification.excitation.limits import limits_of
@@ -41,6 +41,8 @@ from identification.reporting.diagnosis_reader import read_diagnosis
 from identification.scenarios.at_rest.diagnose_at_rest import diagnose_at_rest, judged_at_rest
 from identification.scenarios.motion_only import motion_robot, with_commanded_torque
 from identification.scenarios.recordings_file import read_changed, read_changes
+from phantom_dyn.effects.effect import Effect
+from phantom_dyn.effects.user.user_effects import EffectsLike, with_user_effects
 from phantom_dyn.errors import UsageError
 from phantom_dyn.maps.from_robot import map_model
 from phantom_dyn.maps.grid import read_grid
@@ -54,8 +56,8 @@ if TYPE_CHECKING:
 
 Array = np.ndarray
 Paths = str | Path | Iterable[str | Path]
-EffectLike = tuple[str, str | None, Mapping[str, float | Sequence[float]]]
-"""Effect of the catalogue, joint (None: the whole robot) and parameters, as in ``("coulomb_friction", "j1",
+EffectLike = tuple[str | Effect | type[Effect], str | None, Mapping[str, float | Sequence[float]]]
+"""Effect of the catalogue or your own, joint (None: the whole robot) and parameters, as in ``("coulomb_friction", "j1",
 {"torque": 0.3})``."""
 
 
@@ -101,6 +103,7 @@ def diagnose(
     known: Paths = (),
     changes: str | Path | None = None,
     columns: str | Path | None = None,
+    effects: EffectsLike = (),
     motion_only: bool = False,
     progress: Callable[[str], None] = lambda _: None,
 ) -> Diagnosis:
@@ -113,6 +116,8 @@ def diagnose(
         known: ``corrected.yaml`` of earlier diagnoses, whose findings belong to the model already.
         changes: ``recordings.yaml`` that says what was different between the recordings, which are then paths.
         columns: Column map (YAML) of recordings that are paths.
+        effects: Effects of your own beside the catalogue: a Python file, classes or instances, see
+            `docs/how_to/own_effects.md`.
         motion_only: True if no torque was recorded: that of the controllers in ``robot.yaml`` takes its place.
         progress: Told in words what is being done, as in ``progress=print``.
 
@@ -120,24 +125,25 @@ def diagnose(
         UsageError: If an argument is of the wrong kind.
         LogError: If a recording cannot be used, or is certainly wrong.
         RobotError: If the robot cannot be loaded.
+        EffectError: If an effect of your own cannot be used.
     """
-    loaded = robot_of(robot, recordings)
+    loaded = with_user_effects(robot_of(robot, recordings), effects)
     loaded = motion_robot(loaded) if motion_only else loaded
-    effects = known_effects(tuple(Path(file) for file in _paths(known, "known")), loaded)
+    added = known_effects(tuple(Path(file) for file in _paths(known, "known")), loaded)
     if changes is not None:
-        return _diagnosis_of_changes(loaded, recordings, hold_out, effects, changes, columns, progress)
+        return _diagnosis_of_changes(loaded, recordings, hold_out, added, changes, columns, progress)
     held = listed(hold_out)
     fitted = recordings_of(recordings, loaded, columns=columns, torque_needed=not motion_only)
     judged = recordings_of(hold_out, loaded, columns=columns, torque_needed=not motion_only) if held else ()
     if motion_only and judged_at_rest(loaded, (*fitted, *judged)):
-        if effects or judged:
+        if added or judged:
             raise UsageError("known and hold_out do not go with recordings that are judged at rest: leave them out.")
         return Diagnosis(diagnose_at_rest(loaded, fitted), loaded)
     if motion_only:
         fitted = tuple(with_commanded_torque(one, loaded) for one in fitted)
         judged = tuple(with_commanded_torque(one, loaded) for one in judged)
-    found = diagnosed(loaded, fitted, hold_out=judged, known=effects, progress=progress)
-    return Diagnosis(found, loaded, effects)
+    found = diagnosed(loaded, fitted, hold_out=judged, known=added, progress=progress)
+    return Diagnosis(found, loaded, added)
 
 
 def identify(
@@ -282,6 +288,7 @@ def simulate(
     reference: str | Path | Motion | Reference,
     *,
     effects: str | Path | Diagnosis | Iterable[EffectLike] = (),
+    own_effects: EffectsLike = (),
     kp: Float[Array, " nv"] | Sequence[float] | float | None = None,
     kd: Float[Array, " nv"] | Sequence[float] | float | None = None,
 ) -> SimulatedRecording:
@@ -292,6 +299,8 @@ def simulate(
         reference: What `excite` returned, a motion, or a table with ``t`` and ``q_ref.<joint>``.
         effects: What the robot has beside its model: triples of effect, joint and parameters, a diagnosis, or its
             ``corrected.yaml``.
+        own_effects: Effects of your own that ``effects`` names: a Python file, classes or instances. A triple may hold
+            the class itself in the place of the name.
         kp: Position gains [N m/rad or N/m]; None: those of ``robot.yaml``, else such that errors of the model's own
             inertia die out at 5 Hz, critically damped, beside the torque that the model needs for the reference.
         kd: Velocity gains; None: as ``kp``.
@@ -299,10 +308,13 @@ def simulate(
     Raises:
         UsageError: If an argument is of the wrong kind.
         ParameterError: If an effect or gain cannot be, or the motion leaves all bounds.
+        EffectError: If an effect of your own cannot be used.
     """
+    named = effects if isinstance(effects, str | Path | Diagnosis) else listed(effects)
     loaded = robot_of(robot, reference if isinstance(reference, str | Path) else ())
+    loaded = with_named_effects(with_user_effects(loaded, own_effects), named)
     motion = reference_of(loaded, reference)
-    causes = causes_of(loaded, effects)
+    causes = causes_of(loaded, named)
     law = tracking(loaded, motion, kp, kd)
     made = simulation.simulate(loaded, causes, law, motion.t, motion.q[0], motion.v[0])
     return SimulatedRecording(loaded, made)
@@ -344,7 +356,7 @@ def map_workspace(
     return dataset(made)
 
 
-def _diagnosis_of_changes(loaded, recordings, hold_out, effects, changes, columns, progress) -> Diagnosis:
+def _diagnosis_of_changes(loaded, recordings, hold_out, added, changes, columns, progress) -> Diagnosis:
     fitted, judged = _paths(recordings, "recordings"), _paths(hold_out, "hold_out")
     paths = (*fitted, *judged)
     known = read_changes(changes, paths, loaded.joint_names)
@@ -353,11 +365,11 @@ def _diagnosis_of_changes(loaded, recordings, hold_out, effects, changes, column
         loaded,
         read[: len(fitted)],
         hold_out=read[len(fitted) :],
-        known=effects,
+        known=added,
         changes=known,
         progress=progress,
     )
-    return Diagnosis(found, loaded, effects)
+    return Diagnosis(found, loaded, added)
 
 
 def _paths(given: object, name: str) -> tuple[str | Path, ...]:

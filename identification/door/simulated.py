@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import cast
 
 import numpy as np
 from jaxtyping import Float
@@ -17,6 +18,8 @@ from identification.export.corrected.corrected_yaml import known_effects
 from identification.export.corrected.found_effects import effect_of, lasting_findings
 from phantom_dyn.dynamics.dynamics import inverse_dynamics, mass_matrix
 from phantom_dyn.effects.catalogue import effect_named
+from phantom_dyn.effects.effect import Effect
+from phantom_dyn.effects.user.user_effects import with_user_effects
 from phantom_dyn.errors import LogError, ParameterError, UsageError
 from phantom_dyn.model.robot import Robot
 from phantom_dyn.motion import Motion
@@ -69,6 +72,22 @@ def _read(robot: Robot, path: str | Path) -> Motion:
     return Motion(t, q, v, np.gradient(v, t, axis=0))
 
 
+def with_named_effects(robot: Robot, given: object) -> Robot:
+    """The robot with the user's own effects among those that a simulation is given: in triples, or of a diagnosis.
+
+    Raises:
+        EffectError: If one cannot be used.
+    """
+    if isinstance(given, Diagnosis):
+        own = () if given.robot is None else cast("tuple[Effect, ...]", given.robot.user_effects)
+    else:
+        firsts = [one[0] for one in listed(given) if isinstance(one, tuple | list) and one]
+        own = tuple(one for one in firsts if isinstance(one, Effect | type))
+    known = {effect.name for effect in robot.user_effects}
+    new = {getattr(one, "name", ""): one for one in own if getattr(one, "name", "") not in known}
+    return with_user_effects(robot, tuple(new.values()))
+
+
 def causes_of(robot: Robot, given: object) -> tuple[Cause, ...]:
     """The effects that a simulated robot has beside its model.
 
@@ -77,9 +96,9 @@ def causes_of(robot: Robot, given: object) -> tuple[Cause, ...]:
         ParameterError: If an effect, joint or parameter cannot be; the sentence lists what there is.
     """
     if isinstance(given, Diagnosis):
-        return tuple(_cause(effect_of(robot, finding)) for finding in lasting_findings(given.result))
+        return tuple(_cause(robot, effect_of(robot, finding)) for finding in lasting_findings(given.result))
     if isinstance(given, str | Path):
-        return tuple(_cause(known) for known in known_effects((Path(given),), robot))
+        return tuple(_cause(robot, known) for known in known_effects((Path(given),), robot))
     return tuple(_stated(robot, one) for one in listed(given))
 
 
@@ -113,8 +132,8 @@ def _gain(name: str, given: object, nv: int) -> Float[Array, " nv"]:
     return values
 
 
-def _cause(known: KnownEffect) -> Cause:
-    return Cause(effect_named(known.effect), known.joint, np.array(known.theta))
+def _cause(robot: Robot, known: KnownEffect) -> Cause:
+    return Cause(effect_named(known.effect, robot), known.joint, np.array(known.theta))
 
 
 def _stated(robot: Robot, given: object) -> Cause:
@@ -123,5 +142,6 @@ def _stated(robot: Robot, given: object) -> Cause:
         raise UsageError(f"{described(given)} was given as an effect, {wanted}.")
     name, joint, parameters = given
     values = {str(key): tuple(np.atleast_1d(np.asarray(value, dtype=float))) for key, value in parameters.items()}
-    found = degradation(robot, str(name), joint, values)
+    named = name if isinstance(name, str) else getattr(name, "name", repr(name))
+    found = degradation(robot, named, joint, values)
     return Cause(found.effect, found.joint, np.array(found.theta))

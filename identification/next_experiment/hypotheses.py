@@ -108,7 +108,7 @@ def hypotheses_of(search: Search, chosen: frozenset[Term], finding: Finding) -> 
     term = next((other for other in chosen if other.place == place), None)
     if term is None or not finding.rivals:
         return ()
-    told = [((EffectAt(*place),), finding.probability)]
+    told = [((EffectAt(*place, words=finding.words),), finding.probability)]
     told += [(rival.effects, rival.probability) for rival in finding.rivals]
     out = []
     for effects, probability in sorted(told, key=lambda one: -one[1])[:_MOST]:

@@ -10,7 +10,7 @@ from identification.next_experiment.hypotheses import Hypothesis
 from identification.next_experiment.separation import Pair
 from identification.next_experiment.trials import KnownMass, Trial
 from identification.words.diagnosis_words import joined, on_place, percent
-from identification.words.effect_words import effect_words
+from identification.words.effect_words import words_of
 from phantom_dyn.motion import Motion
 
 # Further measurements that separate effects from their twins where no motion does.
@@ -38,8 +38,7 @@ def proposal_words(separated: tuple[Pair, ...], trial: Trial, reference: str, po
 
 def nothing_separates(pairs: tuple[Pair, ...]) -> str:
     """One sentence: which rivals no safe motion separates, and which change would."""
-    effects = {at.effect for pair in pairs for one in (pair.one, pair.other) for at in one.effects}
-    by = {effect_words(effect).separated_by for effect in effects}
+    by = {words_of(at).separated_by for pair in pairs for one in (pair.one, pair.other) for at in one.effects}
     changes = [words for change, words in _CHANGES.items() if change in by]
     advice = (
         f"; what would is {joined(changes, ' or ')}"
@@ -63,7 +62,7 @@ def _pairs_words(pairs: tuple[Pair, ...]) -> str:
 
 
 def _hypothesis_words(one: Hypothesis) -> str:
-    return joined([f"{effect_words(at.effect).name} {on_place(at.effect, at.joint)}" for at in one.effects], " with ")
+    return joined([f"{words_of(at).name} {on_place(at.effect, at.joint)}" for at in one.effects], " with ")
 
 
 def _mass_words(mass: KnownMass) -> str:

@@ -162,7 +162,7 @@ def _require_same_joints(diagnoses: Sequence[Diagnosis], names: Sequence[str]) -
 
 
 def _place(finding: Finding) -> EffectAt:
-    return EffectAt(finding.effect, finding.joint, finding.recording)
+    return EffectAt(finding.effect, finding.joint, finding.recording, finding.words)
 
 
 def _finding_at(diagnosis: Diagnosis, at: EffectAt) -> Finding | None:

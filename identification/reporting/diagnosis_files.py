@@ -14,7 +14,16 @@ from pathlib import Path
 import numpy as np
 
 from identification.diagnosis.model.terms import KnownEffect
-from identification.diagnosis.result import Adjusted, Diagnosis, EffectAt, Finding, Rival, Unexplained
+from identification.diagnosis.result import (
+    Adjusted,
+    Bound,
+    Diagnosis,
+    EffectAt,
+    Finding,
+    NotTestable,
+    Rival,
+    Unexplained,
+)
 from identification.export.all_files import NAMES as MODELS
 from identification.export.all_files import export_texts
 from identification.export.corrected.corrected_yaml import write_corrected
@@ -43,8 +52,8 @@ def to_json(diagnosis: Diagnosis) -> dict[str, Json]:
         "minor": [_finding(finding) for finding in diagnosis.minor],
         "adjusted": [_adjusted(adjusted) for adjusted in diagnosis.adjusted],
         "unexplained": _unexplained(diagnosis.unexplained),
-        "bounds": [_plain(asdict(bound)) for bound in diagnosis.bounds],
-        "not_testable": [_plain(asdict(entry)) for entry in diagnosis.not_testable],
+        "bounds": [_plain(_without_words(bound)) for bound in diagnosis.bounds],
+        "not_testable": [_plain(_without_words(entry)) for entry in diagnosis.not_testable],
         "data_warnings": _plain(diagnosis.data_warnings),
         "next_experiment": _plain(diagnosis.next_experiment),
         "rollout": _plain(diagnosis.rollout),
@@ -71,6 +80,10 @@ def _finding(finding: Finding) -> Json:
         "rivals": [_rival(rival) for rival in finding.rivals],
         "verdict": finding.verdict,
     } | ({} if finding.recording is None else {"recording": finding.recording})
+
+
+def _without_words(entry: Bound | NotTestable) -> dict[str, object]:
+    return {name: value for name, value in vars(entry).items() if name != "words"}
 
 
 def _adjusted(adjusted: Adjusted) -> Json:

@@ -14,7 +14,7 @@ from jaxtyping import Bool, Float
 from identification.diagnosis.fit.flexible import displacement_since_reversal
 from identification.diagnosis.result import Diagnosis, Evidence, Finding
 from identification.reporting.thinning import bin_numbers, gap_starts
-from identification.words.effect_words import effect_words
+from identification.words.effect_words import words_of
 from phantom_dyn.dynamics.tree_motion import tree_motion
 from phantom_dyn.effects.described import ANY_VARIABLE
 from phantom_dyn.model.robot import Robot
@@ -72,7 +72,7 @@ def explaining_variable(
         finding: What explains the residual.
         residual: Of the joint that shows the finding, shape ``(N,)``.
     """
-    names = effect_words(finding.effect).shown_over
+    names = words_of(finding).shown_over
     forward = motions[diagnosis.joints[joint_of(diagnosis, finding.joint)].joint].v > 0
     return _best([_variable(name, diagnosis, motions, finding) for name in names], residual, forward)
 

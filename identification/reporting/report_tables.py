@@ -8,12 +8,12 @@ from identification.diagnosis.result import Adjusted, Bound, Diagnosis, Finding,
 from identification.words import diagnosis_words as words
 from identification.words.effect_words import (
     REGIMES,
-    effect_words,
     is_between_joints,
     meaning_of,
     regime_words,
     report_order,
     value_cell,
+    words_of,
 )
 from identification.words.numbers_and_names import NO_BREAK, number, percent, with_unit
 
@@ -49,7 +49,7 @@ class DetectableSize:
 def parameter_rows(finding: Finding) -> list[Row]:
     """Parameter, value with its standard deviation and unit, and what it means."""
     return [
-        (words.parameter_name(name), value_cell(value), meaning_of(finding.effect, name))
+        (words.parameter_name(name), value_cell(value), meaning_of(finding, name))
         for name, value in finding.parameters.items()
     ]
 
@@ -109,7 +109,7 @@ def detectable_sizes(bounds: tuple[Bound, ...]) -> list[DetectableSize]:
         groups.setdefault((bound.effect, bound.parameter), []).append(bound)
     return [
         DetectableSize(
-            words.capital(effect_words(effect).name),
+            words.capital(words_of(group[0]).name),
             words.parameter_name(parameter),
             "; ".join(_range([b for b in group if b.unit == unit]) for unit in dict.fromkeys(b.unit for b in group)),
             tuple((_bare(effect, b.joint), with_unit(number(b.below), b.unit)) for b in group),
@@ -120,12 +120,13 @@ def detectable_sizes(bounds: tuple[Bound, ...]) -> list[DetectableSize]:
 
 def untestable_rows(entries: tuple[NotTestable, ...], joints: tuple[JointGap, ...]) -> list[Row]:
     """Effects, places and reason, one row for each reason that holds at the same places."""
-    places: dict[tuple[str, str], list[str | None]] = {}
+    places: dict[tuple[str, str], list[NotTestable]] = {}
     for entry in sorted(entries, key=lambda entry: report_order(entry.effect)):
-        places.setdefault((entry.effect, entry.why), []).append(entry.joint)
+        places.setdefault((entry.effect, entry.why), []).append(entry)
     effects: dict[tuple[str, Row], list[str]] = {}
     for (effect, why), at in places.items():
-        effects.setdefault((why, _places(effect, at, joints)), []).append(effect_words(effect).name)
+        where = _places(effect, [entry.joint for entry in at], joints)
+        effects.setdefault((why, where), []).append(words_of(at[0]).name)
     return [
         (words.capital(words.joined(names)), words.joined(list(where)), why) for (why, where), names in effects.items()
     ]

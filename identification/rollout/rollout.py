@@ -213,7 +213,7 @@ def _rolled(explained: Explained, shoot: Shoot, horizons: tuple[float, ...], dri
         if key not in pairs:
             here, theta = operations[window.log], explained.theta(window.fold)
             pairs[key] = (
-                model_of(here.robot, known_causes(known)),
+                model_of(here.robot, known_causes(here.robot, known)),
                 corrected_model(robot, known, terms, theta, here),
             )
         return pairs[key]

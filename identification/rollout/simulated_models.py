@@ -112,9 +112,9 @@ def model_of(robot: Robot, causes: tuple[Cause, ...], *, late: float = 0.0) -> M
     return Model(moved, tuple(commands), tuple(others), late)
 
 
-def known_causes(known: tuple[KnownEffect, ...]) -> tuple[Cause, ...]:
+def known_causes(robot: Robot, known: tuple[KnownEffect, ...]) -> tuple[Cause, ...]:
     """Effects that belong to the given model."""
-    return tuple(Cause(effect_named(one.effect), one.joint, np.array(one.theta)) for one in known)
+    return tuple(Cause(effect_named(one.effect, robot), one.joint, np.array(one.theta)) for one in known)
 
 
 def found_causes(robot: Robot, terms: tuple[Term, ...], theta: Float[Array, " K"], recording: int) -> tuple[Cause, ...]:
@@ -182,6 +182,6 @@ def corrected_model(
     moves = moves_of(given)
     values = theta[: len(moves)]
     late = sum(float(x) for x, move in zip(values, moves, strict=True) if move.place is None)
-    causes = (*known_causes(known), *found_causes(given, terms, theta, operation.recording))
+    causes = (*known_causes(given, known), *found_causes(given, terms, theta, operation.recording))
     robot = loaded(moved_robot(operation.robot, values, given), terms, theta)
     return model_of(robot, causes, late=late)

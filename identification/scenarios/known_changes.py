@@ -91,7 +91,7 @@ def level_elsewhere(
 
 def _shares(robot: Robot, effect: str, joint: str | None, at: int) -> dict[str, float]:
     """How much each parameter of an effect of the catalogue counts as viscous (0) or Coulomb (1) friction."""
-    law = known_effect(effect)
+    law = known_effect(effect, robot)
     if law is None:
         return {}
     names = [parameter.name for parameter in law.parameters(robot, joint)]

@@ -11,6 +11,7 @@ from jaxtyping import Float
 from identification.data.recording import Recording
 from identification.data.refusal import fault_warnings, require_right
 from identification.data.signals import process_all
+from identification.diagnosis.judge.user_words import user_words
 from identification.diagnosis.model.terms import KnownEffect
 from identification.diagnosis.result import EffectAt
 from identification.export.corrected.found_effects import moved_by
@@ -123,7 +124,7 @@ def replay_of(
         log,
         states,
         {
-            name: model_of(one, known_causes(effects))
+            name: model_of(one, known_causes(one, effects))
             for name, (one, effects) in zip((GIVEN, CORRECTED), robots, strict=False)
         },
         _horizons(horizon_s, correction),
@@ -150,7 +151,7 @@ def replay_of(
         curves=curves,
         full=full,
         horizon_s=motion.horizon_s,
-        corrections=_corrections(correction),
+        corrections=_corrections(correction, robot),
         notes=(*fault_warnings((recording,)), *recording.warnings, *motion.notes),
     )
 
@@ -174,9 +175,12 @@ def _at(t: Float[Array, " n"], times: Float[Array, " m"], values: Float[Array, "
     return np.clip(np.column_stack(columns), 0.0, 1.0)
 
 
-def _corrections(correction: Correction | None) -> tuple[str, ...]:
+def _corrections(correction: Correction | None, robot: Robot) -> tuple[str, ...]:
     if correction is None:
         return ()
-    found = [effect_at(EffectAt(effect.effect, effect.joint)) for effect in correction.effects]
+    found = [
+        effect_at(EffectAt(effect.effect, effect.joint, words=user_words(effect.effect, robot)))
+        for effect in correction.effects
+    ]
     moves = len(correction.adjusted)
     return (*found, *([f"{moves} moves within tolerance" if moves > 1 else "1 move within tolerance"] if moves else []))

@@ -9,12 +9,12 @@ from typing import Any
 from identification.diagnosis.decision_rules import FLOORS_LEFT, LISTED, ORDINARY_SHARE
 from identification.diagnosis.result import Adjusted, Diagnosis, EffectAt, Finding, Unexplained
 from identification.words.effect_words import (
-    effect_words,
     is_between_joints,
     regime_sentence,
     regime_words,
     shortfall_words,
     size_words,
+    words_of,
 )
 from identification.words.numbers_and_names import NO_BREAK, number, percent, value_words
 
@@ -35,7 +35,7 @@ def in_recording(recording: str | None) -> str:
 def growth_words(finding: Finding) -> str:
     """``, where it is 2.1 times what it is in the other recordings``; nothing where that is not known."""
     # Where the ratio is a parameter of the effect itself, it compares no recordings.
-    own = "ratio" in effect_words(finding.effect).parameters
+    own = "ratio" in words_of(finding).parameters
     ratio = None if own else finding.parameters.get("ratio")
     if finding.recording is None or ratio is None:
         return ""
@@ -80,7 +80,7 @@ def finding_words(finding: Finding, next_experiment: Mapping[str, Any] | None = 
 
 def _shown(finding: Finding) -> str:
     """Effect, size, place and meaning, as in ``a payload of 2 kg: a mass that the model does not carry``."""
-    words, size = effect_words(finding.effect), _size(finding)
+    words, size = words_of(finding), _size(finding)
     where = f" {on_place(finding.effect, finding.joint)}" if finding.joint is not None else ""
     where += in_recording(finding.recording) + growth_words(finding)
     if _is_less(finding):
@@ -93,7 +93,7 @@ def _shown(finding: Finding) -> str:
 
 def finding_name(finding: Finding) -> str:
     """Plain name of the effect; a negative size is named for what it is: less than modelled."""
-    words = effect_words(finding.effect)
+    words = words_of(finding)
     return words.less if _is_less(finding) else words.name
 
 
@@ -114,14 +114,14 @@ def _size(finding: Finding) -> str:
 def _is_less(finding: Finding) -> bool:
     first = next(iter(finding.parameters.values()), None)
     negative = first is not None and not isinstance(first.value, list) and first.value < 0
-    return negative and bool(effect_words(finding.effect).less)
+    return negative and bool(words_of(finding).less)
 
 
 def _next_step(finding: Finding, experiment: Mapping[str, Any]) -> str:
     separated = [tuple(entry) for entry in experiment.get("separates") or ()]
     if experiment.get("say") and (finding.effect, finding.joint) in separated:
         return PROPOSED
-    return effect_words(finding.effect).next_step
+    return words_of(finding).next_step
 
 
 def place(effect: str, joint: str | None) -> str:
@@ -143,7 +143,7 @@ def joints_words(names: list[str]) -> str:
 
 def effect_at(at: EffectAt) -> str:
     """An effect with its place, as in ``a payload`` or ``Coulomb friction on joint j2``."""
-    name = effect_words(at.effect).name
+    name = words_of(at).name
     name += "" if at.joint is None else f" on {place(at.effect, at.joint)}"
     return name + in_recording(at.recording)
 
@@ -233,7 +233,7 @@ def _verdict_alone(diagnosis: Diagnosis) -> str:
         least = min(known, key=lambda bound: bound.of_torque or 0.0)
         return (
             "This recording cannot show an ordinary gap: nothing was found, but even the effect that shows best, "
-            f"{effect_at(EffectAt(least.effect, least.joint))}, would have been seen only from "
+            f"{effect_at(EffectAt(least.effect, least.joint, words=least.words))}, would have been seen only from "
             f"{percent(least.of_torque or 0.0)} of the torque on. Record faster motion in more postures, or less noise."
         )
     if diagnosis.verdict == "not_testable":

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import string
+from typing import Protocol
 
 from identification.diagnosis.result import Finding, Value
 from identification.words.numbers_and_names import NO_BREAK, number, value_words, with_unit
@@ -60,6 +61,25 @@ INERTIAL: dict[str, str] = {
 }
 
 
+class Named(Protocol):
+    """What names an effect: a finding, a rival's part, a bound, what cannot be tested."""
+
+    @property
+    def effect(self) -> str:
+        """Its name."""
+        ...
+
+    @property
+    def words(self) -> EffectWords | None:
+        """Those of an effect that a user brought; None for one of the catalogue."""
+        ...
+
+
+def words_of(named: Named) -> EffectWords:
+    """Words for an effect: those that its author gave, else those of its name."""
+    return effect_words(named.effect) if named.words is None else named.words
+
+
 def effect_words(effect: str) -> EffectWords:
     """Words for an effect of the catalogue; a name from elsewhere is shown as it is."""
     known = known_effect(effect)
@@ -95,7 +115,7 @@ def regime_sentence(regime: str | None) -> str:
 
 def size_words(finding: Finding) -> str:
     """What follows a finding's name, as in ``of 0.051 N m``; empty where a parameter is missing."""
-    template = effect_words(finding.effect).size
+    template = words_of(finding).size
     fields = [name for _, name, _, _ in string.Formatter().parse(template) if name]
     if not fields or any(name not in finding.parameters for name in fields):
         return ""
@@ -107,10 +127,10 @@ def shortfall_words(value: Value) -> str:
     return f"by {with_unit(number(abs(_listed(value)[0])), value.unit)}"
 
 
-def meaning_of(effect: str, parameter: str) -> str:
+def meaning_of(named: Named, parameter: str) -> str:
     """What a parameter of an effect means; empty where its name says it."""
     _, dot, quantity = parameter.rpartition(".")
-    return INERTIAL.get(quantity, "") if dot else effect_words(effect).parameters.get(parameter, "")
+    return INERTIAL.get(quantity, "") if dot else words_of(named).parameters.get(parameter, "")
 
 
 def value_cell(value: Value) -> str:

@@ -1,6 +1,11 @@
-"""The one list of all effects; adding an effect touches its own file and this list."""
+"""The one list of all effects; adding an effect touches its own file and this list.
+
+What a user brings beside it for one run travels with the robot, see `phantom_dyn.effects.user`.
+"""
 
 from __future__ import annotations
+
+from typing import cast
 
 from phantom_dyn.effects.drive.actuator_lag import ActuatorLag
 from phantom_dyn.effects.drive.cogging import Cogging
@@ -27,6 +32,7 @@ from phantom_dyn.effects.transmission.backlash import Backlash
 from phantom_dyn.effects.transmission.parasitic_spring import ParasiticSpring
 from phantom_dyn.effects.transmission.transmission_compliance import TransmissionCompliance
 from phantom_dyn.errors import ParameterError
+from phantom_dyn.model.robot import Robot
 
 EFFECTS: tuple[Effect, ...] = (
     ViscousFriction(),
@@ -55,19 +61,26 @@ EFFECTS: tuple[Effect, ...] = (
 )
 
 
-def known_effect(name: str) -> Effect | None:
-    """The effect of that name; None if the catalogue has none."""
-    return next((effect for effect in EFFECTS if effect.name == name), None)
+def effects_of(robot: Robot) -> tuple[Effect, ...]:
+    """Every effect that the given robot may have: the catalogue, then what the user brought for it."""
+    return (*EFFECTS, *cast("tuple[Effect, ...]", robot.user_effects))
 
 
-def effect_named(name: str) -> Effect:
-    """The effect of that name.
+def known_effect(name: str, robot: Robot | None = None) -> Effect | None:
+    """The effect of that name, the user's own of the robot included where one is given; None if there is none."""
+    known = EFFECTS if robot is None else effects_of(robot)
+    return next((effect for effect in known if effect.name == name), None)
+
+
+def effect_named(name: str, robot: Robot | None = None) -> Effect:
+    """The effect of that name, the user's own of the robot included where one is given.
 
     Raises:
         ParameterError: If there is none; the text lists the known names.
     """
-    effect = known_effect(name)
+    effect = known_effect(name, robot)
     if effect is not None:
         return effect
-    known = ", ".join(effect.name for effect in EFFECTS)
-    raise ParameterError(f"Unknown effect '{name}': known effects are {known}.")
+    known = ", ".join(effect.name for effect in (EFFECTS if robot is None else effects_of(robot)))
+    own = "" if robot is None else "; one of your own needs its file (--effects FILE.py)"
+    raise ParameterError(f"Unknown effect '{name}': known effects are {known}{own}.")

@@ -43,6 +43,8 @@ class Parameter:
         plausible: Smallest and largest value that a sound device may have; outside it a size asks for a second look.
             None if nothing can be said.
         plausible_because: Where that range is from.
+        tried: Of a law alone, see `phantom_dyn.effects.user.law_effect`: values to try of a parameter that the torque
+            is not linear in; empty where it is linear.
     """
 
     name: str
@@ -53,6 +55,7 @@ class Parameter:
     above_zero: bool = False
     plausible: tuple[float, float] | None = None
     plausible_because: str = ""
+    tried: tuple[float, ...] = ()
 
 
 @dataclass(frozen=True)

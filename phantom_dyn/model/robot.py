@@ -6,7 +6,7 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 from functools import cached_property
 from pathlib import Path
-from typing import Literal
+from typing import Literal, Protocol, runtime_checkable
 
 import numpy as np
 import pinocchio as pin
@@ -57,6 +57,13 @@ class Tolerance:
     rotor_inertia: float = 0.10
 
 
+@runtime_checkable
+class UserEffect(Protocol):
+    """An effect as a robot carries it; what it is to be, `phantom_dyn.effects.effect.Effect` says."""
+
+    name: str
+
+
 @dataclass(frozen=True)
 class Robot:
     """A robot ready for dynamics: fixed base, one velocity per joint.
@@ -82,6 +89,7 @@ class Robot:
         locked: Joints of the file that are held fixed and are no longer in the model.
         chain: How the passive joints of a closed chain follow the active ones, or None.
         config: The ``robot.yaml`` that was named for it; None: the one beside its file, where there is one.
+        user_effects: Effects beside the catalogue that the user brought for it, see `phantom_dyn.effects.user`.
     """
 
     model: pin.Model
@@ -101,6 +109,7 @@ class Robot:
     locked: tuple[str, ...] = ()
     chain: ClosedChain | None = None
     config: Path | None = None
+    user_effects: tuple[UserEffect, ...] = ()
 
     def __post_init__(self):
         object.__setattr__(self, "model", self.model.copy())

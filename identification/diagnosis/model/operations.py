@@ -52,7 +52,7 @@ def operate(
     plain = Operation(motion.t, motion.q, motion.v, motion.a, robot, tau, tau, log.tau, None, recording, band_hz)
     for effect in known:
         # The drive has to give what the model needs less what the effect gives.
-        tau = tau - effect_named(effect.effect).torque(robot, plain, effect.joint, np.array(effect.theta))
+        tau = tau - effect_named(effect.effect, robot).torque(robot, plain, effect.joint, np.array(effect.theta))
     return replace(plain, tau=tau, expected=tau) if known else plain
 
 

@@ -12,7 +12,7 @@ import numpy as np
 from jaxtyping import Float
 
 from identification.data.changes import Change, Kind, robot_in
-from phantom_dyn.effects.catalogue import EFFECTS, effect_named
+from phantom_dyn.effects.catalogue import effects_of
 from phantom_dyn.effects.effect import Effect, Parameter, Shape, Signature
 from phantom_dyn.effects.operation import Operation
 from phantom_dyn.effects.simulated import Simulated
@@ -22,15 +22,11 @@ from phantom_dyn.model.robot import Robot
 Array = np.ndarray
 
 
-def _changing_with(kind: Kind) -> tuple[str, ...]:
-    return tuple(effect.name for effect in EFFECTS if effect.changes_with == kind)
-
-
-# What each kind of change may change; a payload has to be known.
-EFFECTS_OF: dict[Kind, tuple[str, ...]] = {
-    "friction": _changing_with("friction"),
-    "temperature": (*_changing_with("friction"), *_changing_with("temperature")),
-    "controller": _changing_with("controller"),
+# What each kind of change may change, by `Effect.changes_with`; a payload has to be known.
+_CHANGES: dict[Kind, tuple[str, ...]] = {
+    "friction": ("friction",),
+    "temperature": ("friction", "temperature"),
+    "controller": ("controller",),
 }
 
 
@@ -99,9 +95,9 @@ class OwnEffect(Effect):
         return self.inner.simulated(robot, joint, theta)
 
 
-def own_effect(name: str, recording: int, file: str) -> OwnEffect:
-    """An effect of the catalogue that acts in one recording only."""
-    return OwnEffect(effect_named(name), recording, file)
+def changed_effects(kind: Kind, robot: Robot) -> tuple[Effect, ...]:
+    """Effects that a kind of change between two recordings of a robot may change."""
+    return tuple(effect for change in _CHANGES[kind] for effect in effects_of(robot) if effect.changes_with == change)
 
 
 def own_name(name: str, recording: int) -> str:
@@ -172,8 +168,9 @@ def differences_of(changes: tuple[Change, ...], robot: Robot, fitted: int) -> Di
             "changed: give another LOG to compare it with, or leave changed out."
         )
     own = {}
-    for kind, effects in EFFECTS_OF.items():
+    for kind in _CHANGES:
+        effects = changed_effects(kind, robot)
         stated = [k for k, change in enumerate(changes[:fitted]) if kind in change.unknown]
         for k in stated[1:] if len(stated) == fitted else stated:
-            own.update({(name, k): own_effect(name, k, changes[k].file) for name in effects})
+            own.update({(effect.name, k): OwnEffect(effect, k, changes[k].file) for effect in effects})
     return Differences(tuple(robot_in(robot, change) for change in changes), tuple(own.values()))

@@ -14,8 +14,9 @@ from identification.data.signals import process_all, smoothed, within_limits
 from identification.diagnosis import decision_rules as rules
 from identification.diagnosis.model.blocks import Block, assign_folds, split_blocks
 from identification.diagnosis.model.own_effects import ALIKE, Differences, differences_of
+from identification.diagnosis.model.structure import STRUCTURES
 from identification.diagnosis.model.terms import KnownEffect
-from phantom_dyn.errors import LogError
+from phantom_dyn.errors import EffectError, LogError
 from phantom_dyn.model.robot import Robot
 
 Array = np.ndarray
@@ -99,7 +100,9 @@ def session_of(
 
     Raises:
         LogError: If a recording cannot be used, or all together are too short to hold data back.
+        EffectError: If an effect that the user brought has a name that stands for something nameless here.
     """
+    _require_free_names(robot)
     every = (*recordings, *hold_out)
     differences = differences_of(changes, robot, len(recordings))
     logs, cutoff_hz = process_all(every, robot)
@@ -112,3 +115,13 @@ def session_of(
             "record at least ten seconds of motion."
         )
     return replace(session, recordings=every)
+
+
+def _require_free_names(robot: Robot) -> None:
+    taken = {structure.name for structure in STRUCTURES}
+    for effect in robot.user_effects:
+        if effect.name in taken:
+            raise EffectError(
+                f"The effect {effect.name} has a name that a diagnosis uses for gaps of unknown cause "
+                f"({', '.join(sorted(taken))}): give it another name."
+            )

@@ -110,7 +110,7 @@ def shapes_of(
     """
     near = {(point.effect.name, point.joint): point for point in found}
     out = []
-    for effect in (*catalogue.EFFECTS, *own, *STRUCTURES):
+    for effect in (*catalogue.effects_of(robot), *own, *STRUCTURES):
         for joint in effect.places(robot):
             if effect.untestable(robot, operation, joint) is not None:
                 continue
@@ -127,7 +127,7 @@ def shapes_of(
 def untestable_places(robot: Robot, operation: Operation) -> tuple[tuple[str, str | None, str], ...]:
     """Effects and places that a recording like this cannot show, and why, in words."""
     out = []
-    for effect in catalogue.EFFECTS:
+    for effect in catalogue.effects_of(robot):
         for joint in effect.places(robot):
             why = effect.untestable(robot, operation, joint)
             if why is not None:

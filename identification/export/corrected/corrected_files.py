@@ -220,13 +220,13 @@ def _rotor(corrected: CorrectedModel, joint: str) -> float:
 
 
 def _reduced_laws(corrected: CorrectedModel) -> list[str]:
-    words = [(effect_named(effect.effect).words, effect.joint) for effect in corrected.others]
+    words = [(effect_named(effect.effect, corrected.given).words, effect.joint) for effect in corrected.others]
     return [f"It has, {effect_words.kept}: {joint}." for effect_words, joint in words if effect_words.kept]
 
 
 def _lost_effects(corrected: CorrectedModel) -> list[str]:
     out = []
-    for effect in catalogue.EFFECTS:
+    for effect in catalogue.effects_of(corrected.given):
         lost = [other for other in corrected.others if other.effect == effect.name and not effect.words.kept]
         if lost:
             size = effect.parameters(corrected.given, lost[0].joint)[0].name.replace("_", " ")

@@ -88,7 +88,7 @@ def corrected_model(robot: Robot, effects: tuple[KnownEffect, ...]) -> Corrected
 
 def _with_effect(corrected: CorrectedModel, effect: KnownEffect) -> CorrectedModel:
     joint = effect.joint
-    numbers = effect_named(effect.effect).model_numbers(
+    numbers = effect_named(effect.effect, corrected.given).model_numbers(
         corrected.given, joint, _checked_parameters(corrected.given, effect)
     )
     corrected = replace(corrected, robot=_changed_robot(corrected.robot, joint, numbers))
@@ -157,7 +157,7 @@ def _parallel_springs(one: tuple[float, float] | None, stiffness: float, relaxed
 
 
 def _checked_parameters(robot: Robot, effect: KnownEffect) -> Float[Array, " p"]:
-    law = effect_named(effect.effect)
+    law = effect_named(effect.effect, robot)
     theta = np.asarray(effect.theta, dtype=float)
     wanted = len(law.parameters(robot, effect.joint))
     count = len(theta)

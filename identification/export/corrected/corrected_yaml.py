@@ -193,7 +193,7 @@ def known_effect(entry: CorrectedEffect, robot: Robot, file: Path) -> KnownEffec
         ParameterError: If the effect, its joint or a parameter is unknown, or one is left out.
     """
     try:
-        effect = effect_named(entry.effect)
+        effect = effect_named(entry.effect, robot)
     except PhantomDynError as error:
         raise ParameterError(f"{file}: {error}") from error
     places = effect.places(robot)

@@ -45,7 +45,7 @@ def effect_of(robot: Robot, finding: Finding) -> KnownEffect:
         RobotError: If the robot does not have its joint.
     """
     stated = {name: value.value for name, value in finding.parameters.items()}
-    parameters = effect_named(finding.effect).from_stated(robot, stated)
+    parameters = effect_named(finding.effect, robot).from_stated(robot, stated)
     theta: list[float] = []
     for name in _names(robot, finding, parameters):
         value = parameters.get(name, 0.0)
@@ -69,7 +69,7 @@ def loadings_of(robot: Robot, finding: Finding) -> Float[Array, "p k"]:
 
 def _names(robot: Robot, finding: Finding, stated: Collection[str]) -> list[str]:
     """Names of the parameters of a finding in the contract's order, then others that are stated."""
-    effect = effect_named(finding.effect)
+    effect = effect_named(finding.effect, robot)
     known = [parameter.name for parameter in effect.parameters(robot, finding.joint)]
     if effect.inertial == "free":
         return known

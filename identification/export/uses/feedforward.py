@@ -209,7 +209,9 @@ def _docstring(corrected: CorrectedModel, diagnosis: Diagnosis, law: dict[str, A
 
 
 def _missing(corrected: CorrectedModel) -> list[str]:
-    words = ((effect_named(e.effect).words, e.joint) for e in corrected.others if e.effect not in _OWN_LAWS)
+    words = (
+        (effect_named(e.effect, corrected.given).words, e.joint) for e in corrected.others if e.effect not in _OWN_LAWS
+    )
     out = [f"{effect_words.lost or effect_words.name} ({joint})" for effect_words, joint in words]
     out += [f"play ({joint})" for joint in corrected.plays]
     return out + [f"springs of transmissions ({joint})" for joint in corrected.compliances]

@@ -119,13 +119,13 @@ def unseen_effect(randomisation: Randomisation, bound: Bound, share: float) -> K
     """An effect of a share of the size that would have been seen; None where the size alone does not make one."""
     robot, posture = randomisation.robot, randomisation.posture
     posture = np.zeros(robot.nv) if posture is None else posture
-    theta = effect_named(bound.effect).sized(robot, bound.joint, bound.parameter, share * bound.below, posture)
+    theta = effect_named(bound.effect, robot).sized(robot, bound.joint, bound.parameter, share * bound.below, posture)
     return None if theta is None else KnownEffect(bound.effect, bound.joint, theta)
 
 
-def unseen_range(bound: Bound) -> tuple[float, float]:
-    """Range of sizes that would not have been seen."""
-    return (-bound.below if effect_named(bound.effect).either_sign else 0.0, bound.below)
+def unseen_range(robot: Robot, bound: Bound) -> tuple[float, float]:
+    """Range of sizes that would not have been seen on a robot."""
+    return (-bound.below if effect_named(bound.effect, robot).either_sign else 0.0, bound.below)
 
 
 def found_range(randomisation: Randomisation, place: int) -> tuple[float, float]:
@@ -150,7 +150,7 @@ def _bounds(randomisation: Randomisation) -> tuple[Array, Array]:
     """Bounds of all numbers as the effects state them."""
     low, high = [], []
     for effect in randomisation.found:
-        parameters = effect_named(effect.effect).parameters(randomisation.robot, effect.joint)
+        parameters = effect_named(effect.effect, randomisation.robot).parameters(randomisation.robot, effect.joint)
         each = max(len(effect.theta) // len(parameters), 1)
         low += [p.lower for p in parameters for _ in range(each)][: len(effect.theta)]
         high += [p.upper for p in parameters for _ in range(each)][: len(effect.theta)]
@@ -174,7 +174,7 @@ def _hidden(
 ) -> tuple[KnownEffect, ...]:
     out = []
     for place in rng.choice(len(known), count, replace=False) if count else ():
-        low, high = unseen_range(known[place])
+        low, high = unseen_range(randomisation.robot, known[place])
         share = float(rng.uniform(low, high)) / known[place].below
         effect = unseen_effect(randomisation, known[place], share)
         out += [] if effect is None else [effect]

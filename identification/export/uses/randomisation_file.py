@@ -85,7 +85,7 @@ def mjcf_ranges(randomisation: Randomisation, known: tuple[KnownEffect, ...] = (
     high: dict[Field, float] = {}
     needs: dict[Field, dict[str, str]] = {}
     for bound in randomisation.unseen:
-        for size in unseen_range(bound):
+        for size in unseen_range(randomisation.robot, bound):
             effect = unseen_effect(randomisation, bound, size / bound.below) if size else None
             there = None if effect is None else _written(randomisation, known, mean, (effect,))
             for at, change in _changes(there, root).items():
@@ -223,8 +223,8 @@ def randomisation_text(randomisation: Randomisation, known: tuple[KnownEffect, .
                 "joint": bound.joint,
                 "parameter": bound.parameter,
                 "unit": bound.unit,
-                "range": list(unseen_range(bound)),
-                **_steps(randomisation, bound.parameter, *unseen_range(bound)),
+                "range": list(unseen_range(randomisation.robot, bound)),
+                **_steps(randomisation, bound.parameter, *unseen_range(randomisation.robot, bound)),
             }
             for bound in randomisation.unseen
         ],
@@ -237,7 +237,7 @@ def randomisation_text(randomisation: Randomisation, known: tuple[KnownEffect, .
 def _found_entries(randomisation: Randomisation) -> list[dict[str, object]]:
     out, place = [], 0
     for finding, effect in zip(randomisation.findings, randomisation.found, strict=True):
-        parameters = effect_named(effect.effect).parameters(randomisation.robot, effect.joint)
+        parameters = effect_named(effect.effect, randomisation.robot).parameters(randomisation.robot, effect.joint)
         each = max(len(effect.theta) // len(parameters), 1)
         for k in range(len(effect.theta)):
             parameter = parameters[k // each]

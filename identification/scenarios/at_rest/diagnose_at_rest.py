@@ -10,6 +10,7 @@ import numpy as np
 from identification.data.recording import Recording
 from identification.data.refusal import fault_warnings, require_right, wrong_with
 from identification.diagnosis import decision_rules as rules
+from identification.diagnosis.judge.user_words import user_words
 from identification.diagnosis.result import (
     Bound,
     Diagnosis,
@@ -111,10 +112,11 @@ def _why_not(robot: Robot, stills: Stills, row: int) -> str | None:
 
 def _untestable(robot: Robot, why: list[str | None]) -> tuple[NotTestable, ...]:
     out = []
-    for effect in catalogue.EFFECTS:
+    for effect in catalogue.effects_of(robot):
+        words = user_words(effect.name, robot)
         for joint in effect.places(robot):
             reason = why[robot.joint_names.index(joint)] if effect.name in _GIVES and joint is not None else _AT_REST
-            out += [NotTestable(effect.name, joint, reason)] if reason is not None else []
+            out += [NotTestable(effect.name, joint, reason, words)] if reason is not None else []
     return tuple(out)
 
 

@@ -5,17 +5,20 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from identification.diagnosis.model.own_effects import EFFECTS_OF, own_effect
+from identification.diagnosis.model.own_effects import OwnEffect, changed_effects
 from identification.diagnosis.result import Value
 from identification.scenarios.known_changes import growth
-from phantom_dyn.effects.catalogue import effect_named
+from phantom_dyn.effects.catalogue import EFFECTS, effect_named
 from phantom_dyn.effects.operation import Operation
 
+CHANGING = sorted(effect.name for effect in EFFECTS if effect.changes_with is not None)
 
-@pytest.mark.parametrize("name", sorted({name for names in EFFECTS_OF.values() for name in names}))
+
+@pytest.mark.parametrize("name", CHANGING)
 def test_an_effect_of_one_recording_leaves_nothing_in_the_others(pendulum, swing, name):
     # Known truth: the effect itself in its recording, zero elsewhere.
-    effect, inner = own_effect(name, 1, "b.csv"), effect_named(name)
+    inner = effect_named(name)
+    effect = OwnEffect(inner, 1, "b.csv")
     here = replace(Operation.of(pendulum, swing(1)), recording=1)
     shape = inner.shapes(pendulum, here, "pin")[0]
     wanted = inner.signature(pendulum, here, "pin", shape)
@@ -24,7 +27,11 @@ def test_an_effect_of_one_recording_leaves_nothing_in_the_others(pendulum, swing
 
 
 def test_names_of_effects_are_those_of_their_recordings():
-    names = {own_effect(name, k, "x.csv").name for name in ("viscous_friction", "coulomb_friction") for k in (0, 1)}
+    names = {
+        OwnEffect(effect_named(name), k, "x.csv").name
+        for name in ("viscous_friction", "coulomb_friction")
+        for k in (0, 1)
+    }
     assert len(names | {"viscous_friction", "coulomb_friction"}) == 6
 
 
@@ -38,3 +45,11 @@ def test_a_ratio_is_the_level_here_over_that_elsewhere():
 
 def test_nothing_elsewhere_gives_no_ratio():
     assert growth(Value(0.9, 0.1, "N m"), Value(0.0, 0.0, "N m")) is None
+
+
+def test_temperature_changes_friction_too(pendulum):
+    # Oracle: what each effect of the catalogue says of itself.
+    changed = {kind: {one.name for one in changed_effects(kind, pendulum)} for kind in ("friction", "temperature")}
+    said = {effect.name: effect.changes_with for effect in EFFECTS}
+    assert changed["friction"] == {name for name, kind in said.items() if kind == "friction"}
+    assert changed["temperature"] == {name for name, kind in said.items() if kind in ("friction", "temperature")}

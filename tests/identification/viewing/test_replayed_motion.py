@@ -20,7 +20,7 @@ from phantom_dyn.model.robot import Controller
 def models(rubbing, lacking):
     return {
         "given model": model_of(rubbing.robot, ()),
-        "corrected model": model_of(rubbing.robot, known_causes((lacking,))),
+        "corrected model": model_of(rubbing.robot, known_causes(rubbing.robot, (lacking,))),
     }
 
 
@@ -64,7 +64,7 @@ def test_under_the_stated_controllers_no_recorded_torque_is_used(rubbing, models
     log = replace(rubbing.log, tau=np.full_like(rubbing.log.tau, np.nan))
     controller = {"kp": 200.0, "kd": 20.0}
     robot = _with_controllers(rubbing.robot, controller)
-    model = model_of(robot, known_causes(()))
+    model = model_of(robot, known_causes(robot, ()))
     found = replayed_motion(log, rubbing.states, {"given model": model}, (0.5,), controlled=True)
     assert np.isfinite(found.q[0]).all()
 
@@ -90,7 +90,9 @@ def test_a_model_that_cannot_be_simulated_leaves_the_others_as_they_are(rubbing,
 def test_all_models_start_again_as_often_as_the_one_that_runs_away_first_needs(rubbing, models):
     # Closed form: a joint of inertia I with a spring of -k runs away as exp(t sqrt(k / I)): here beyond any speed
     # within half a second, and not within a tenth.
-    pushed = model_of(rubbing.robot, known_causes((KnownEffect("parasitic_spring", "elbow", (-100.0, 0.0)),)))
+    pushed = model_of(
+        rubbing.robot, known_causes(rubbing.robot, (KnownEffect("parasitic_spring", "elbow", (-100.0, 0.0)),))
+    )
     found = replayed_motion(rubbing.log, rubbing.states, {**models, "pushed model": pushed}, (0.5, 0.1))
     assert (found.horizon_s, len(found.notes)) == (0.1, 1)
     assert "every 0.1 s: over 0.5 s it leaves all bounds" in found.notes[0]

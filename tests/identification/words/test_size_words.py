@@ -5,7 +5,7 @@ import string
 
 import pytest
 
-from identification.diagnosis.result import Value
+from identification.diagnosis.result import EffectAt, Value
 from identification.words.effect_words import meaning_of, size_words, value_cell
 from phantom_dyn.effects.catalogue import EFFECTS
 
@@ -19,7 +19,7 @@ def test_every_effect_has_a_phrase_for_its_size():
 def test_every_parameter_of_the_catalogue_has_a_meaning(effect, planar2):
     names = [parameter.name for parameter in effect.parameters(planar2, effect.places(planar2)[0])]
     assert names
-    assert [name for name in names if not meaning_of(effect.name, name)] == []
+    assert [name for name in names if not meaning_of(EffectAt(effect.name, None), name)] == []
 
 
 @pytest.mark.parametrize("effect", EFFECTS, ids=lambda effect: effect.name)
@@ -47,7 +47,10 @@ def test_an_angle_is_shown_in_degrees_too():
 
 
 def test_a_body_parameter_is_told_by_its_quantity():
-    assert meaning_of("inertial_parameters", "wrist.link.mx") == "mass times the place of its centre along x"
+    assert (
+        meaning_of(EffectAt("inertial_parameters", None), "wrist.link.mx")
+        == "mass times the place of its centre along x"
+    )
 
 
 def test_a_number_never_parts_from_its_unit_in_a_table():
