@@ -174,7 +174,8 @@ def _free_minimum_compiled(matrices: Array, b: Array, fixed: Array, x: Array, ve
     """The same, by ``L D L^T`` without an order of pivots, which a positive definite matrix does not need."""
     scale, right, moved = vectors[3], vectors[4], vectors[5]
     _slope(matrices, b, x, moved)
-    count = 0
+    # Not a plain zero: a function that is called with one is compiled for it alone, and once more for any number.
+    count = np.int64(0)
     for i in range(len(b)):
         if not fixed[i]:
             free[count] = i

@@ -115,7 +115,8 @@ def run_arm(arm: Arm, laws: EffectLaws, control: Control, moving: Moving, plan: 
             if not slow:
                 return k
             if step == 0:
-                rows.after[k] = a
+                for i in range(n):
+                    rows.after[k, i] = a[i]
     return -1
 
 
