@@ -47,6 +47,7 @@ def run(arguments: argparse.Namespace) -> int:
         print(f"  {library.distribution:<20} {told:<16} {use}")
     print(f"\nbuilt-in robots: {', '.join(builtin_robots()) or 'MISSING'}")
     print(f"robots of example:NAME: {'here' if examples_folder() else 'not installed'}")
+    print(f"effects of installed packages: {', '.join(plug_ins()) or 'none'}")
     print(f"recordings (PHANTOM_DYN_DATA): {os.environ.get('PHANTOM_DYN_DATA') or 'not set, they are fetched'}")
     if missing:
         print(f"\nMissing: {', '.join(missing)}. Install phantom-dyn again: pip install --force-reinstall phantom-dyn")
@@ -59,6 +60,12 @@ def required(requirements: Iterable[str]) -> tuple[str, ...]:
     """Names of the packages that are required without an extra, as they are written."""
     plain = [requirement for requirement in requirements if "extra ==" not in requirement]
     return tuple(found[0] for line in plain if (found := re.match(r"[\w.\-]+", line)))
+
+
+def plug_ins() -> tuple[str, ...]:
+    """Names of entry points that bring effects, with their packages; nothing of them is loaded."""
+    found = metadata.entry_points(group="phantom_dyn.effects")
+    return tuple(one.name + ("" if one.dist is None else f" ({one.dist.name})") for one in found)
 
 
 def version_of(name: str) -> str | None:

@@ -81,7 +81,7 @@ def test_compare_reads_a_diagnosis_that_names_it(diagnosed, capsys):
     assert "Paddle drag on joint elbow, coefficient" in capsys.readouterr().out
 
 
-@pytest.mark.parametrize("command", ["diagnose", "degrade"])
+@pytest.mark.parametrize("command", ["diagnose", "degrade", "view"])
 @pytest.mark.parametrize(
     ("text", "said"),
     [
@@ -94,6 +94,8 @@ def test_compare_reads_a_diagnosis_that_names_it(diagnosed, capsys):
     ids=["no effect", "no Python", "no file", "taken name", "not finite"],
 )  # fmt: skip
 def test_a_file_that_cannot_be_used_is_refused_in_one_sentence(clean, tmp_path, capsys, command, text, said):
+    if command == "view":
+        pytest.importorskip("viser", reason="viser comes with make setup")
     mine = tmp_path / "mine.py"
     if text is not None:
         mine.write_text(text)
@@ -104,3 +106,28 @@ def test_a_file_that_cannot_be_used_is_refused_in_one_sentence(clean, tmp_path, 
     assert said in err
     assert err.count("\n") == 1
     assert not out.exists()
+
+
+@pytest.fixture
+def broken_package(tmp_path, monkeypatch):
+    """An installed package, as pip leaves it, whose effects cannot be loaded."""
+    info = tmp_path / "site" / "made_up-1.0.dist-info"
+    info.mkdir(parents=True)
+    (info / "METADATA").write_text("Metadata-Version: 2.1\nName: made-up\nVersion: 1.0\n")
+    (info / "entry_points.txt").write_text("[phantom_dyn.effects]\nmine = no_such_module:Drag\n")
+    monkeypatch.syspath_prepend(tmp_path / "site")
+
+
+@pytest.mark.usefixtures("broken_package")
+def test_a_broken_package_stops_the_commands_that_need_effects_alone(clean, capsys):
+    assert main(["diagnose", str(ARM), str(clean)]) == 2
+    said = capsys.readouterr().err
+    assert "The plug-in mine of the package made-up cannot be loaded (ModuleNotFoundError" in said
+    assert said.count("\n") == 1
+    assert main(["check", str(ARM), str(clean)]) == 0
+
+
+@pytest.mark.usefixtures("broken_package")
+def test_doctor_names_packages_that_bring_effects(capsys):
+    assert main(["doctor"]) == 0
+    assert "effects of installed packages: mine (made-up)" in capsys.readouterr().out

@@ -9,9 +9,12 @@ import pinocchio as pin
 import pytest
 
 from identification.data.recording import Fault
+from identification.diagnosis.model.terms import KnownEffect
 from identification.viewing.corrections import Correction
 from identification.viewing.replay import MOST_FRAMES, frame_rows, replay_of
 from identification.viewing.status import legend, now_table, summary
+from phantom_dyn.effects.author import EffectWords, LawEffect, Parameter, row_of, torque_on_joint
+from phantom_dyn.effects.user.user_effects import with_user_effects
 from phantom_dyn.errors import LogError
 
 
@@ -93,3 +96,24 @@ def test_the_table_of_a_moment_holds_the_residuals_of_both_models(replay):
     cells = now_table(replay, 5.0, replay.frame(5.0)).splitlines()[-1].split(" | ")
     wanted = [replay.curves.residual(k)[row, 1] for k in (0, 1)]
     np.testing.assert_allclose([float(cell.strip(" |")) for cell in cells[-2:]], wanted, rtol=0.01)
+
+
+@pytest.mark.whole
+def test_a_correction_by_an_effect_of_the_users_own_is_shown_in_its_words(rubbing, replay):
+    # Known truth: the Coulomb friction that the model lacks, smoothed over a speed that the joint soon has.
+    class OilDrag(LawEffect):
+        name = "oil_drag"
+        words = EffectWords("drag in oil", "drag in oil", "Look for oil.")
+
+        def parameters(self, robot, joint):
+            return (Parameter("torque", "N m", 0.0),)
+
+        def torque(self, robot, operation, joint, theta):
+            v = operation.v[:, row_of(robot, joint)]
+            return torque_on_joint(robot, joint, -theta[0] * np.tanh(v / 0.02))
+
+    carrying = with_user_effects(rubbing.robot, OilDrag)
+    shown = replay_of(carrying, rubbing.recording, correction=Correction((KnownEffect("oil_drag", "elbow", (0.3,)),)))
+    assert shown.corrections == ("drag in oil on joint elbow",)
+    measured, given, corrected = (copy.poses[..., :3] for copy in shown.copies)
+    assert np.abs(corrected - measured).max() < 0.2 * np.abs(given - measured).max()
