@@ -21,7 +21,7 @@ from identification.diagnosis.noise.encoder_noise import (
     at_least_encoder_noise,
     coarse_joints,
     coarsest_steps,
-    columns_read_again,
+    recordings_read_again,
     spurious_gains,
 )
 from identification.diagnosis.noise.noise_floor import (
@@ -91,12 +91,12 @@ def explained(session: Session, progress: Callable[[str], None] = lambda _: None
     columns = build_columns(session, at)
     progress("estimating the noise")
     steps = coarsest_steps(session.logs)
-    again = columns_read_again(session, columns, steps)
+    again = recordings_read_again(session, columns, steps)
     noise, inside = estimate_noise(session, columns)
-    noise = at_least_encoder_noise(noise, again)
+    noise = at_least_encoder_noise(noise, again.residual, columns.usable)
     search = _set_up(session, columns, noise)
     spurious = spurious_gains(search, again, noise)
-    encoders = noise_floor(session, again, again.residual)
+    encoders = noise_floor(session, columns, again.residual)
     del again
     search = _with_thresholds(search, noise, spurious, progress)
     last = _searched(search, noise, progress)

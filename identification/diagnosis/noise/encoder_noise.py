@@ -7,10 +7,11 @@ is taken for the truth, fresh encoder noise of the same kind is laid on it, and 
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import Bool, Float
 
 from identification.data.log import Log
 from identification.data.signals import differentiate, motion_edge
@@ -19,10 +20,11 @@ from identification.diagnosis.fit.fitting import fit
 from identification.diagnosis.fit.problem import set_up
 from identification.diagnosis.fit.projection import beside, gain_of
 from identification.diagnosis.model.columns import Columns, columns_like
+from identification.diagnosis.model.operations import operate
 from identification.diagnosis.model.own_effects import Differences
 from identification.diagnosis.model.session import Series, Session
 from identification.diagnosis.noise.noise_floor import rms
-from identification.diagnosis.noise.whitening import whitened
+from identification.diagnosis.noise.whitening import whitened, whitened_noise
 from identification.diagnosis.search.search import Search
 from phantom_dyn.dynamics.dynamics import inverse_dynamics
 from phantom_dyn.effects.operation import Operation
@@ -99,8 +101,27 @@ def coarse_joints(session: Session, columns: Columns, steps: tuple[float | None,
     return tuple(out)
 
 
-def columns_read_again(session: Session, columns: Columns, steps: tuple[float | None, ...]) -> Columns:
-    """The same columns of a robot without a gap whose encoders are as noisy as these; its residual is their noise.
+@dataclass(frozen=True)
+class ReadAgain:
+    """The recordings of a robot without a gap whose encoders are as noisy as these.
+
+    Attributes:
+        session: With the logs read again.
+        like: Columns of the recordings.
+        residual: Noise of the encoders in the torque, for each log ``(n, nv)``.
+    """
+
+    session: Session
+    like: Columns
+    residual: Series
+
+    def columns(self) -> Columns:
+        """The same columns of these recordings."""
+        return columns_like(self.session, self.like)
+
+
+def recordings_read_again(session: Session, columns: Columns, steps: tuple[float | None, ...]) -> ReadAgain:
+    """The recordings of a robot without a gap whose encoders are as noisy as these.
 
     Args:
         session: The recordings.
@@ -108,39 +129,57 @@ def columns_read_again(session: Session, columns: Columns, steps: tuple[float | 
         steps: Of the readings, see `coarsest_steps`.
     """
     rng = random_stream("readings with fresh noise")
-    again = tuple(read_again(log, o, steps, rng) for log, o in zip(session.logs, columns.operations, strict=True))
+    logs = tuple(read_again(log, o, steps, rng) for log, o in zip(session.logs, columns.operations, strict=True))
     differences = Differences(tuple(operation.robot for operation in columns.operations))
-    return columns_like(replace(session, logs=again, differences=differences), columns)
+    again = replace(session, logs=logs, differences=differences)
+    # Driven by what the model needs for the true motion, and modelled along the one that was read.
+    residual = [
+        log.band(log.tau - operate(operation.robot, log, session.known, k, session.cutoff_hz).tau)
+        for k, (log, operation) in enumerate(zip(logs, columns.operations, strict=True))
+    ]
+    return ReadAgain(again, columns, tuple(residual))
 
 
-def at_least_encoder_noise(noise: Series, again: Columns) -> Series:
+def at_least_encoder_noise(noise: Series, encoders: Series, usable: Sequence[Bool[Array, "n nv"]]) -> Series:
     """Noise of each row, that of the encoders where the estimate is below it.
 
     Free fits explain encoder noise by columns that share it, and so take noise for less than it is.
+
+    Args:
+        noise: The estimate.
+        encoders: What the encoders make of it.
+        usable: Samples that count.
     """
     out = [part.copy() for part in noise]
     for j in range(noise[0].shape[1]):
-        use = [u[:, j] for u in again.usable]
-        encoders = [r[:, j] for r in again.residual]
+        use = [u[:, j] for u in usable]
+        own = [r[:, j] for r in encoders]
         if rms([e[:, j][u] for e, u in zip(noise, use, strict=True)]) < rms(
-            [r[u] for r, u in zip(encoders, use, strict=True)]
+            [r[u] for r, u in zip(own, use, strict=True)]
         ):
-            for k, r in enumerate(encoders):
+            for k, r in enumerate(own):
                 out[k][:, j] = np.where(use[k], r, 0.0)
     return tuple(out)
 
 
-def spurious_gains(search: Search, again: Columns, noise: Series) -> dict[tuple[str, str | None], float]:
-    """What each effect gains, in sample, from encoder noise alone.
+def spurious_gains(search: Search, again: ReadAgain, noise: Series) -> dict[tuple[str, str | None], float]:
+    """What each effect gains, in sample, from encoder noise alone; zero where all of that noise is no matter.
 
     Args:
         search: Rivals, weights and noise of the recordings.
-        again: Of `columns_read_again`.
+        again: The recordings with fresh noise of the encoders.
         noise: Unpredicted residual, which whitens.
     """
     problem = search.problem
-    white, _ = whitened(again, noise)
-    null = set_up(problem.session, again, white, problem.weights)
+    encoders = whitened_noise(problem.columns, again.residual, like=noise)
+    each = [np.where(use, part, 0.0) ** 2 for use, part in zip(problem.columns.usable, encoders, strict=True)]
+    energy = float(sum(part.sum(axis=0) for part in each) @ problem.weights.per_sample)
+    # No effect gains more than all of it, and this is less than any claim has to gain.
+    if energy < rules.LEAST_GAIN:
+        return dict.fromkeys((term.place for term in search.terms), 0.0)
+    columns = again.columns()
+    white, _ = whitened(columns, noise)
+    null = set_up(problem.session, columns, white, problem.weights)
     besides = beside(null, fit(null, (), held_out=False))
     out: dict[tuple[str, str | None], float] = {}
     for term in search.terms:

@@ -192,7 +192,7 @@ def _free_minimum_compiled(matrices: Array, b: Array, fixed: Array, x: Array, ve
 
 
 @inlined
-def _factorised(u: Array, right: Array, count: int) -> None:
+def _factorised(u: Array, right: Array, count: int | np.int64) -> None:
     """Solve for the first ``count`` coefficients, into ``right``; of ``u`` the upper triangle is given, and used up."""
     for first in range(0, count, _PANEL):
         last = min(first + _PANEL, count)

@@ -14,8 +14,8 @@ from identification.diagnosis.noise.encoder_noise import (
     at_least_encoder_noise,
     coarse_joints,
     coarsest_steps,
-    columns_read_again,
     read_again,
+    recordings_read_again,
     spurious_gains,
 )
 from identification.diagnosis.noise.noise_floor import rms
@@ -100,7 +100,7 @@ def test_noise_below_that_of_the_encoders_is_taken_for_theirs(quiet, rng):
     use = quiet.columns.usable
     noise = (np.where(use[0], rng.normal(size=use[0].shape), 0.0),)
     encoders = rng.normal(size=use[0].shape) * [3.0, 1.0 / 3.0]
-    (out,) = at_least_encoder_noise(noise, replace(quiet.columns, residual=(encoders,)))
+    (out,) = at_least_encoder_noise(noise, (encoders,), use)
     np.testing.assert_array_equal(out[:, 0], np.where(use[0][:, 0], encoders[:, 0], 0.0))
     np.testing.assert_array_equal(out[:, 1], noise[0][:, 1])
 
@@ -110,9 +110,11 @@ def test_what_is_read_again_has_no_gap_but_the_noise_of_its_encoders(quiet):
     # three times as much.
     left = []
     for step in (1e-12, STEP, 3 * STEP):
-        again = columns_read_again(quiet.session, quiet.columns, (step, step))
-        left.append(rms([again.residual[0][:, 1][again.usable[0][:, 1]]]))
-        assert again.terms == quiet.columns.terms
+        again = recordings_read_again(quiet.session, quiet.columns, (step, step))
+        left.append(rms([again.residual[0][:, 1][quiet.columns.usable[0][:, 1]]]))
+        columns = again.columns()
+        assert columns.terms == quiet.columns.terms
+        np.testing.assert_allclose(again.residual[0], columns.residual[0], atol=1e-12)
     assert left[0] < 0.05 * left[1]
     assert left[2] / left[1] == pytest.approx(3.0, rel=0.3)
 
@@ -120,9 +122,10 @@ def test_what_is_read_again_has_no_gap_but_the_noise_of_its_encoders(quiet):
 def test_what_encoder_noise_alone_lets_an_effect_gain_is_what_its_fit_takes_off(quiet):
     # The fits of the search on the readings with fresh noise; effects that have one shape and no bounds, so that the
     # gain is a square.
-    again = columns_read_again(quiet.session, quiet.columns, (STEP, STEP))
+    again = recordings_read_again(quiet.session, quiet.columns, (STEP, STEP))
     found = spurious_gains(quiet.search, again, quiet.noise)
-    null = set_up(quiet.session, again, whitened(again, quiet.noise)[0], quiet.weights)
+    columns = again.columns()
+    null = set_up(quiet.session, columns, whitened(columns, quiet.noise)[0], quiet.weights)
     base = fit(null, (), held_out=False).objective
     for joint in ("shoulder", "elbow"):
         alone = fit(null, (quiet.term("torque_offset", joint),), held_out=False).objective
@@ -131,9 +134,19 @@ def test_what_encoder_noise_alone_lets_an_effect_gain_is_what_its_fit_takes_off(
 
 
 def test_an_effect_of_many_shapes_gains_what_the_best_of_them_gains(quiet):
-    again = columns_read_again(quiet.session, quiet.columns, (STEP, STEP))
+    again = recordings_read_again(quiet.session, quiet.columns, (STEP, STEP))
     place = ("stribeck_friction", "elbow")
     shapes = [term for term in quiet.search.terms if term.place == place]
     alone = [spurious_gains(replace(quiet.search, terms=(term,)), again, quiet.noise)[place] for term in shapes]
     assert len(shapes) > 3
     assert spurious_gains(quiet.search, again, quiet.noise)[place] == max(alone) > min(alone)
+
+
+def test_encoders_whose_noise_is_no_matter_let_no_effect_gain(quiet):
+    # Oracle: the gains themselves, which are there where they are computed.
+    fine = recordings_read_again(quiet.session, quiet.columns, (1e-9, 1e-9))
+    found = spurious_gains(quiet.search, fine, quiet.noise)
+    assert set(found) == {term.place for term in quiet.search.terms}
+    assert not any(found.values())
+    coarse = recordings_read_again(quiet.session, quiet.columns, (STEP, STEP))
+    assert max(spurious_gains(quiet.search, coarse, quiet.noise).values()) > 0.0
