@@ -15,7 +15,7 @@ from identification.reporting.robot_scene import share_colour
 from identification.viewing.charts import Chart, charts_of
 from identification.viewing.replay import Copy, Replay
 from identification.viewing.robot_solids import Solids, robot_solids
-from identification.viewing.status import legend, now_table, summary
+from identification.viewing.status import curve_names, legend, now_table, summary
 from phantom_dyn.errors import UsageError
 from phantom_dyn.libraries import optional_library
 from phantom_dyn.shapes.meshes import Mesh
@@ -50,6 +50,7 @@ class _Body:
 
     Attributes:
         root: What all of them hang on.
+        label: Its name above it.
         places: The frame of each joint.
         drums: What shows each joint, None for the root.
     """
@@ -63,7 +64,7 @@ class _Body:
         self._rails = _added_solids(server, name, "rail", solids.rails)
         self.drums = _added_solids(server, name, "joint", solids.drums)
         above = np.array([*solids.middle[:2], solids.top + 0.08 * float(solids.size.max())])
-        scene.add_label(f"/{name}/label", copy.name, position=above, anchor="bottom-center")
+        self.label = scene.add_label(f"/{name}/label", copy.name, position=above, anchor="bottom-center")
         names = list(replay.robot.model.names)
         self._joints = [names.index(joint) for joint in replay.robot.joint_names]
 
@@ -226,7 +227,8 @@ class Page:
     def _arrange(self, together: bool) -> None:
         """Put all copies side by side or in one place, where simulated ones shine through."""
         for k, body in enumerate(self.bodies):
-            body.root.position = (0.0, 0.0, 0.0) if together else self._offsets[k]
+            body.root.position = self._offsets.mean(axis=0) if together else self._offsets[k]
+            body.label.visible = not together
             body.fade(_GHOST if together and k else None)
 
     def _build_charts(self) -> None:
@@ -234,9 +236,11 @@ class Page:
         charts = charts_of(replay, replay.strongest_joint())
         panel = gui.add_panel()
         with panel.add_tab("Torque"):
-            self._charts = [_added(gui, charts[0], named=True), _added(gui, charts[1], named=False)]
+            gui.add_html(curve_names(charts[0]))
+            self._charts = [_added(gui, chart) for chart in charts[:2]]
         with panel.add_tab("Position"):
-            self._charts.append(_added(gui, charts[2], named=True))
+            gui.add_html(curve_names(charts[2]))
+            self._charts.append(_added(gui, charts[2]))
         panel.float(x=_FREE, y=-_FREE, width=_FIRST_WIDTH)
         self._panel, self._panel_width, self._seen_width, self._next_fit = panel, _FIRST_WIDTH, _FIRST_WIDTH, 0.0
 
@@ -332,12 +336,13 @@ def _added_solids(server: viser.ViserServer, copy: str, kind: str, meshes: tuple
 def _series(chart: Chart) -> tuple[Any, ...]:
     named = zip(chart.names, chart.colours, strict=True)
     plain = {"points": {"show": False}}
-    drawn = [{"label": name, "stroke": colour, "width": 1.5, **plain} for name, colour in named]
+    lines = ({"label": name, "stroke": colour, "width": 1.5, **plain} for name, colour in named)
+    drawn = [line for line in lines for _ in range(chart.parts)]
     moment = {"label": "now", "stroke": "#888888", "width": 1.0, "dash": (4.0, 3.0), **plain}
     return ({"label": "t [s]"}, *drawn, moment)
 
 
-def _added(gui: viser.GuiApi, chart: Chart, *, named: bool) -> viser.GuiUplotHandle:
+def _added(gui: viser.GuiApi, chart: Chart) -> viser.GuiUplotHandle:
     middle = float(chart.t[0])
     data = tuple(np.ascontiguousarray(column) for column in chart.about(middle, 5.0).T)
     return gui.add_uplot(
@@ -345,7 +350,7 @@ def _added(gui: viser.GuiApi, chart: Chart, *, named: bool) -> viser.GuiUplotHan
         _series(chart),
         title=chart.title,
         scales=_scales(chart, middle, 5.0),
-        legend={"show": named, "live": False},
+        legend={"show": False},
         height=_CHART,
     )
 

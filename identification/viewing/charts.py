@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import Float, Int
 
 from identification.reporting.chart import AFTER, BEFORE
 from identification.reporting.thinning import thinned
@@ -15,6 +16,8 @@ Array = np.ndarray
 
 MOST_POINTS = 1500
 """Samples of a curve that are sent at once: more than a chart has points."""
+MOST_PARTS = 6
+"""Lines that a curve is drawn with at most, where stretches are left out."""
 _COLOURS = {MEASURED: "#444444", GIVEN: BEFORE, CORRECTED: AFTER}
 _MARGIN = 0.06
 """Of the range of values: what stays free above and below."""
@@ -48,24 +51,42 @@ class Chart:
         free = _MARGIN * (high - low) or max(abs(high), 1e-9)
         return low - free, high + free
 
+    @cached_property
+    def runs(self) -> Int[Array, " m"]:
+        """Which unbroken run each sample is in, from 0 on; -1 where a curve has no value. Empty curves do not count."""
+        finite = np.isfinite(self.values)
+        drawn = finite.any(axis=0)
+        known = np.all(finite[:, drawn], axis=1) if drawn.any() else np.zeros(len(finite), dtype=bool)
+        starts = np.diff(known.astype(int), prepend=0) > 0
+        return np.where(known, np.cumsum(starts) - 1, -1)
+
+    @property
+    def parts(self) -> int:
+        """How many lines a curve is drawn with: one a run, as a chart would draw a line over what is left out."""
+        return int(np.clip(self.runs.max(initial=0) + 1, 1, MOST_PARTS))
+
     def about(self, moment: float, seconds: float) -> Float[Array, "n columns"]:
-        """Time, curves and a vertical line at a moment, as columns that a chart draws.
+        """Time, each curve in all its parts, and a vertical line at a moment, as columns that a chart draws.
 
         Args:
             moment: Time [s] in the middle.
             seconds: Length of what is drawn; infinite for the whole recording.
         """
-        rows = np.flatnonzero(np.abs(self.t - moment) <= seconds / 2)
+        rows = np.flatnonzero((np.abs(self.t - moment) <= seconds / 2) & (self.runs >= 0))
         if len(rows) > MOST_POINTS:
             kept = [thinned(self.values[rows, k], MOST_POINTS // len(self.names)) for k in range(len(self.names))]
             rows = rows[np.unique(np.concatenate(kept))]
-        t, values = self.t[rows], self.values[rows]
-        here = np.array([np.interp(moment, self.t, column, np.nan, np.nan) for column in self.values.T])
-        at = int(np.searchsorted(t, moment))
-        drawn = np.insert(np.column_stack([t, values]), [at, at], np.concatenate([[moment], here]), axis=0)
-        line = np.full(len(drawn), np.nan)
-        line[at : at + 2] = self.limits
-        return np.column_stack([drawn, line])
+        count, parts = len(self.names), self.parts
+        out = np.full((len(rows) + 2, 2 + count * parts), np.nan)
+        at = int(np.searchsorted(self.t[rows], moment))
+        place = np.arange(len(rows)) + 2 * (np.arange(len(rows)) >= at)
+        out[place, 0], out[at : at + 2, 0] = self.t[rows], moment
+        out[at : at + 2, -1] = self.limits
+        # Runs beyond the last part share it.
+        part = np.minimum(np.unique(self.runs[rows], return_inverse=True)[1], parts - 1)
+        for k in range(count):
+            out[place, 1 + k * parts + part] = self.values[rows, k]
+        return out
 
 
 def charts_of(replay: Replay, joint: int) -> tuple[Chart, Chart, Chart]:

@@ -23,7 +23,8 @@ from identification.viewing.corrections import Correction
 from identification.viewing.link_poses import link_poses
 from identification.viewing.replayed_motion import replayed_motion
 from identification.viewing.torque_curves import TorqueCurves, full_colour, relative_residuals, torque_curves
-from identification.words.diagnosis_words import effect_at
+from identification.words.diagnosis_words import effect_at, joints_words
+from identification.words.effect_words import is_between_joints, words_of
 from phantom_dyn.model.robot import Robot
 
 Array = np.ndarray
@@ -178,9 +179,18 @@ def _at(t: Float[Array, " n"], times: Float[Array, " m"], values: Float[Array, "
 def _corrections(correction: Correction | None, robot: Robot) -> tuple[str, ...]:
     if correction is None:
         return ()
-    found = [
-        effect_at(EffectAt(effect.effect, effect.joint, words=user_words(effect.effect, robot)))
-        for effect in correction.effects
-    ]
+    places: dict[str, list[EffectAt]] = {}
+    for one in correction.effects:
+        at = EffectAt(one.effect, one.joint, words=user_words(one.effect, robot))
+        places.setdefault(one.effect, []).append(at)
+    found = [_named(every) for every in places.values()]
     moves = len(correction.adjusted)
     return (*found, *([f"{moves} moves within tolerance" if moves > 1 else "1 move within tolerance"] if moves else []))
+
+
+def _named(places: list[EffectAt]) -> str:
+    """An effect with all its places, as in ``Coulomb friction on joints j1 and j2``."""
+    joints = [at.joint for at in places if at.joint is not None]
+    if len(joints) < 2 or is_between_joints(places[0].effect):
+        return ", ".join(map(effect_at, places))
+    return f"{words_of(places[0]).name} on {joints_words(joints)}"

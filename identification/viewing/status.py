@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from identification.viewing.charts import Chart
 from identification.viewing.replay import Replay
 from identification.words.numbers_and_names import number, percent
 
@@ -14,6 +15,13 @@ def legend(replay: Replay) -> str:
         f"Joints are grey without a torque residual and orange where it is {percent(replay.full)} of the joint's usual "
         "torque or more (root mean square over 0.2 s). Click a joint for its curves."
     )
+
+
+def curve_names(chart: Chart) -> str:
+    """The names of the curves in their colours, as HTML."""
+    named = zip(chart.names, chart.colours, strict=True)
+    words = "".join(f'<span style="color:{colour};margin-right:1.5em">&#9632; {name}</span>' for name, colour in named)
+    return f'<div style="text-align:center;font-size:0.85em">{words}</div>'
 
 
 def summary(replay: Replay) -> str:
@@ -42,11 +50,12 @@ def now_table(replay: Replay, moment: float, frame: int) -> str:
     row = int(np.argmin(np.abs(curves.t - moment)))
     models = [curves.residual(k)[row] for k in range(len(curves.modelled))]
     heads = ["joint", "position", "torque", *("given", "corrected")[: len(models)]]
-    lines = [f"At {moment:.2f} s, with the residual of each model:", "", _row(heads), _row(["---"] * len(heads))]
+    units = ", ".join(dict.fromkeys((*robot.position_units, *robot.torque_units)))
+    lines = [f"At {moment:.2f} s, with the residual of each model [{units}]:", ""]
+    lines += [_row(heads), _row(["---", *["---:"] * (len(heads) - 1)])]
     for j, joint in enumerate(robot.joint_names):
-        position = f"{number(float(replay.copies[0].q[frame, j]))} {robot.position_units[j]}"
-        torque = f"{number(float(curves.measured[row, j]))} {robot.torque_units[j]}"
-        lines.append(_row([joint, position, torque, *(number(float(model[j])) for model in models)]))
+        sizes = (replay.copies[0].q[frame, j], curves.measured[row, j], *(model[j] for model in models))
+        lines.append(_row([joint, *(number(float(x)) for x in sizes)]))
     return "\n".join(lines)
 
 

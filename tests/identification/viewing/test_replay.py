@@ -83,6 +83,12 @@ def test_the_page_says_what_the_corrected_model_has(replay):
     assert "The corrected model has Coulomb friction on joint elbow." in summary(replay)
 
 
+def test_an_effect_on_several_joints_is_named_once(rubbing, lacking):
+    found = (lacking, replace(lacking, joint="shoulder"))
+    both = replay_of(rubbing.robot, rubbing.recording, correction=Correction(found))
+    assert both.corrections == ("Coulomb friction on joints elbow and shoulder",)
+
+
 def test_without_a_diagnosis_the_page_says_how_to_give_one(replay):
     assert "--diagnosis FILE" in summary(replace(replay, copies=replay.copies[:2], corrections=()))
 
