@@ -80,17 +80,20 @@ def ridge_predictions(
     size = np.sqrt(sum((a[m] ** 2).sum(axis=0) for a, m in zip(x, use, strict=True)))
     total = max(sum(int(m.sum()) for m in use), 1)
     scaled = [a / np.where(size > 0, size / np.sqrt(total), 1.0) for a in x]
-    gram, product = np.empty((len(blocks), len(size), len(size))), np.empty((len(blocks), len(size)))
-    for k, block in enumerate(blocks):
+    groups = int(folds.max(initial=-1)) + 1
+    gram, product = np.zeros((groups, len(size), len(size))), np.zeros((groups, len(size)))
+    for fold, block in zip(folds.tolist(), blocks, strict=True):
+        if fold < 0:
+            continue
         part = slice(block.start, block.stop)
         m = use[block.log][part]
         xb = scaled[block.log][part]
         xb = xb if m.all() else xb[m]
-        np.matmul(xb.T, xb, out=gram[k])
-        product[k] = xb.T @ y[block.log][part][m]
+        gram[fold] += xb.T @ xb
+        product[fold] += xb.T @ y[block.log][part][m]
     for count in (*first, len(size)):
         kept = np.flatnonzero(size[:count] > 1e-9 * max(size[:count].max(), 1e-300))
-        sub = np.ascontiguousarray(gram[:, kept[:, None], kept]), product[:, kept]
+        sub = gram[:, kept[:, None], kept], product[:, kept]
         for ridge in _RIDGES:
             yield _judged(scaled, kept, sub, ridge * total * 1e-2, y, use, blocks, folds)
 
@@ -98,23 +101,23 @@ def ridge_predictions(
 def _judged(
     scaled: list[Float[Array, "n k"]],
     kept: Int[Array, " m"],
-    products: tuple[Float[Array, "B m m"], Float[Array, "B m"]],
+    products: tuple[Float[Array, "F m m"], Float[Array, "F m"]],
     ridge: float,
     y: list[Float[Array, " n"]],
     use: list[Array],
     blocks: tuple[Block, ...],
     folds: Int[Array, " B"],
 ) -> tuple[list[Float[Array, " n"]], float]:
-    """Predictions with one ridge from some of the features, and their mean squared error."""
+    """Predictions with one ridge from some of the features, and their mean squared error; products are by fold."""
     gram, product = products
+    whole, everything = gram.sum(axis=0), product.sum(axis=0)
+    whole[np.diag_indices_from(whole)] += ridge
     predicted = [np.zeros_like(v) for v in y]
     squared, samples = 0.0, 0
     for fold in np.unique(folds):
-        train = (folds >= 0) & (folds != fold)
-        a = gram[train].sum(axis=0)
-        a[np.diag_indices_from(a)] += ridge
+        a, b = (whole, everything) if fold < 0 else (whole - gram[fold], everything - product[fold])
         w = np.zeros(scaled[0].shape[1])
-        w[kept] = np.linalg.solve(a, product[train].sum(axis=0))
+        w[kept] = np.linalg.solve(a, b)
         for k in np.flatnonzero(folds == fold):
             block = blocks[k]
             part = slice(block.start, block.stop)
