@@ -7,10 +7,13 @@ of a row.
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 import numpy as np
 
 from phantom_dyn._kernels.jit import fused, inlined
 from phantom_dyn._kernels.poses import cross, dot, move, place, turned_back
+from phantom_dyn._kernels.rigid_body_loops import Room
 from phantom_dyn._kernels.tree_arrays import Kinematics
 
 Array = np.ndarray
@@ -19,15 +22,38 @@ SCATTERED, NONE = -1, -2
 """Instead of the first column of a joint: its ten columns do not stand side by side, or none of them is wanted."""
 
 
+class OwnRoom(NamedTuple):
+    """Arrays of `regressor_loop` alone.
+
+    Attributes:
+        J: Velocities of a body's origin and frame per velocity of each joint that moves it, ``(nt, 6)``.
+        b: Terms of a body, ``(30,)``.
+        ten: Its ten entries of a row, ``(10,)``.
+        moved_by: The degrees of freedom in the order of ``J``, ``(nt,)``.
+    """
+
+    J: Array
+    b: Array
+    ten: Array
+    moved_by: Array
+
+
+def own_room_of(tree: Kinematics) -> OwnRoom:
+    """Room for one body of a tree."""
+    nt = int(tree.first_v[len(tree.parents)])
+    return OwnRoom(np.zeros((nt, 6)), np.zeros(30), np.zeros(10), np.zeros(nt, dtype=np.int64))
+
+
 @fused
 def regressor_loop(
-    tree: Kinematics, gravity: Array, q: Array, v: Array, a: Array, slope: Array, places: Array, out: Array
+    tree: Kinematics, room: Room, own: OwnRoom, q: Array, v: Array, a: Array, slope: Array, places: Array, out: Array
 ) -> None:
     """Write the regressor of N samples.
 
     Args:
         tree: The joints.
-        gravity: In the root frame [m/s2], ``(3,)``.
+        room: See `room_of`.
+        own: See `own_room_of`.
         q: Pinocchio's configurations, ``(N, nq)``.
         v: Velocities of the tree, ``(N, nt)``.
         a: Accelerations of the tree, ``(N, nt)``.
@@ -37,13 +63,9 @@ def regressor_loop(
         out: Receives the regressor, ``(N, nv, c)``; where it is zero for every motion nothing is written.
     """
     parents, kinds, first_q, first_v, rotations, translations, axes = tree
-    n, nt = len(parents), first_v[len(parents)]
-    R, o, w, dw, acc = np.zeros((n, 3, 3)), np.zeros((n, 3)), np.zeros((n, 3)), np.zeros((n, 3)), np.zeros((n, 3))
-    lin, ang, J, b, ten = np.empty((nt, 3)), np.empty((nt, 3)), np.empty((nt, 6)), np.empty(30), np.empty(10)
-    moved_by = np.empty(nt, np.int64)
-    closed = len(slope) > 0
-    for axis in range(3):
-        R[0, axis, axis], acc[0, axis] = 1.0, -gravity[axis]
+    R, o, w, dw, acc, lin, ang, _, _, _ = room
+    J, b, ten, moved_by = own
+    n, closed = len(parents), len(slope) > 0
     for k in range(len(q)):
         place(parents, kinds, first_q, first_v, rotations, translations, axes, q, k, R, o, lin, ang)
         move(parents, first_v, o, lin, ang, v, a, k, w, dw, acc)

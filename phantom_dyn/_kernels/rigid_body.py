@@ -16,8 +16,8 @@ import numpy as np
 import pinocchio as pin
 
 from phantom_dyn._kernels import jit, pinocchio_loops
-from phantom_dyn._kernels.regressor_loop import NONE, SCATTERED, regressor_loop
-from phantom_dyn._kernels.rigid_body_loops import Frame, FramePoses, frame_loop, mass_loop, torque_loop
+from phantom_dyn._kernels.regressor_loop import NONE, SCATTERED, own_room_of, regressor_loop
+from phantom_dyn._kernels.rigid_body_loops import Frame, FramePoses, frame_loop, mass_loop, room_of, torque_loop
 from phantom_dyn._kernels.tree_arrays import TreeArrays
 from phantom_dyn.errors import LogError, ParameterError
 
@@ -80,7 +80,9 @@ def regressor(
     G = G[:1] if len(G) and G.strides[0] == 0 else G
     samples = ready(q), ready(v), ready(a), ready(G)
     announce(regressor_loop)
-    regressor_loop(arrays.kinematics, _gravity(model), *samples, _with_first(places.reshape(-1, 10)), out)
+    tree = arrays.kinematics
+    room = room_of(tree, model.gravity.linear), own_room_of(tree)
+    regressor_loop(tree, *room, *samples, _with_first(places.reshape(-1, 10)), out)
     return out
 
 
@@ -116,7 +118,7 @@ def torque(model: pin.Model, arrays: TreeArrays | None, q: Array, v: Array, a: A
     _require_motion(model, q, v, a)
     if arrays is None or not jit.compiles():
         return pinocchio_loops.torque(model, q, v, a)
-    return _torque(arrays, _gravity(model), q, v, a) + model.armature * a
+    return _torque(arrays, model.gravity.linear, q, v, a) + model.armature * a
 
 
 def weight(model: pin.Model, arrays: TreeArrays | None, q: Array, gravity: Array | None = None) -> Array:
@@ -128,13 +130,14 @@ def weight(model: pin.Model, arrays: TreeArrays | None, q: Array, gravity: Array
     if arrays is None or not jit.compiles():
         return pinocchio_loops.weight(model, q, pull)
     rest = np.zeros((len(q), model.nv))
-    return _torque(arrays, ready(pull), q, rest, rest)
+    return _torque(arrays, pull, q, rest, rest)
 
 
 def _torque(arrays: TreeArrays, gravity: Array, q: Array, v: Array, a: Array) -> Array:
     out = np.empty(v.shape)
     announce(torque_loop)
-    torque_loop(arrays.kinematics, arrays.inertias, gravity, ready(q), ready(v), ready(a), out)
+    room = room_of(arrays.kinematics, gravity)
+    torque_loop(arrays.kinematics, arrays.inertias, room, ready(q), ready(v), ready(a), out)
     return out
 
 
@@ -145,7 +148,7 @@ def mass(model: pin.Model, arrays: TreeArrays | None, q: Array) -> Array:
         return pinocchio_loops.mass(model, q)
     out = np.zeros((len(q), model.nv, model.nv))
     announce(mass_loop)
-    mass_loop(arrays.kinematics, arrays.inertias, ready(q), out)
+    mass_loop(arrays.kinematics, arrays.inertias, room_of(arrays.kinematics, np.zeros(3)), ready(q), out)
     diagonal = np.arange(model.nv)
     out[:, diagonal, diagonal] += model.armature
     return out
@@ -182,12 +185,8 @@ def _frame(model: pin.Model, arrays: TreeArrays, q: Array, frame: int, *, body: 
         np.empty((len(q), 3, 3)), np.empty((len(q), 3)), np.zeros((len(q) if jacobian else 0, 6, model.nv))
     )
     announce(frame_loop)
-    frame_loop(arrays.kinematics, ready(q), given, body, out)
+    frame_loop(arrays.kinematics, room_of(arrays.kinematics, np.zeros(3)), ready(q), given, body, out)
     return out
-
-
-def _gravity(model: pin.Model) -> Array:
-    return ready(model.gravity.linear)
 
 
 def ready(array: Array, kind: type = np.float64) -> Array:

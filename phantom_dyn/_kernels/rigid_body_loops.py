@@ -41,25 +41,60 @@ class FramePoses(NamedTuple):
     jacobian: Array
 
 
+class Room(NamedTuple):
+    """Arrays in which a loop keeps one sample: made outside, as to compile that takes as long as a short loop.
+
+    Attributes:
+        R: Axes of each joint in the root frame, those of the root in the first place, ``(n, 3, 3)``.
+        o: Origins [m], ``(n, 3)``.
+        w: Angular velocities, ``(n, 3)``.
+        dw: Angular accelerations, ``(n, 3)``.
+        acc: Accelerations of the origins, less gravity, ``(n, 3)``.
+        lin, ang: Motion of each degree of freedom at its origin, ``(nt, 3)``.
+        f, m: Forces and moments on the bodies, ``(n, 3)``.
+        whole: Ten inertial parameters of all that a joint carries, ``(n, 10)``.
+    """
+
+    R: Array
+    o: Array
+    w: Array
+    dw: Array
+    acc: Array
+    lin: Array
+    ang: Array
+    f: Array
+    m: Array
+    whole: Array
+
+
+def room_of(tree: Kinematics, gravity: Array) -> Room:
+    """Room for one sample of a tree, its root where it stands and lifted against gravity [m/s2]."""
+    n = len(tree.parents)
+    nt = int(tree.first_v[n])
+    o, w, dw, acc, f, m = np.zeros((6, n, 3))
+    lin, ang = np.zeros((2, nt, 3))
+    room = Room(np.zeros((n, 3, 3)), o, w, dw, acc, lin, ang, f, m, np.zeros((n, 10)))
+    room.R[0] = np.eye(3)
+    room.acc[0] = -gravity
+    return room
+
+
 @fused
-def torque_loop(tree: Kinematics, inertias: Array, gravity: Array, q: Array, v: Array, a: Array, out: Array) -> None:
+def torque_loop(tree: Kinematics, inertias: Array, room: Room, q: Array, v: Array, a: Array, out: Array) -> None:
     """Torque that the links need, without armature: recursive Newton-Euler in the axes of the root.
 
     Args:
         tree: The joints.
         inertias: As of `TreeArrays`.
-        gravity: In the root frame [m/s2], ``(3,)``.
+        room: See `room_of`.
         q: Pinocchio's configurations, ``(N, nq)``.
         v: Velocities, ``(N, nv)``.
         a: Accelerations, ``(N, nv)``.
         out: Receives the torque [N m or N], ``(N, nv)``.
     """
     parents, kinds, first_q, first_v, rotations, translations, axes = tree
-    n, nt = len(parents), first_v[len(parents)]
-    R, o, w, dw, acc = np.zeros((n, 3, 3)), np.zeros((n, 3)), np.zeros((n, 3)), np.zeros((n, 3)), np.zeros((n, 3))
-    lin, ang, f, m = np.empty((nt, 3)), np.empty((nt, 3)), np.empty((n, 3)), np.empty((n, 3))
-    for axis in range(3):
-        R[0, axis, axis], acc[0, axis] = 1.0, -gravity[axis]
+    R, o, w, dw, acc, lin, ang, f, m, _ = room
+    n = len(parents)
     for k in range(len(q)):
         place(parents, kinds, first_q, first_v, rotations, translations, axes, q, k, R, o, lin, ang)
         move(parents, first_v, o, lin, ang, v, a, k, w, dw, acc)
@@ -94,15 +129,12 @@ def torque_loop(tree: Kinematics, inertias: Array, gravity: Array, q: Array, v: 
 
 
 @fused
-def mass_loop(tree: Kinematics, inertias: Array, q: Array, out: Array) -> None:
+def mass_loop(tree: Kinematics, inertias: Array, room: Room, q: Array, out: Array) -> None:
     """Mass matrices without armature by composite bodies; as of `torque_loop`, ``out`` is ``(N, nv, nv)`` and zero."""
     parents, kinds, first_q, first_v, rotations, translations, axes = tree
-    n, nt = len(parents), first_v[len(parents)]
-    R, o, lin, ang = np.zeros((n, 3, 3)), np.zeros((n, 3)), np.empty((nt, 3)), np.empty((nt, 3))
-    for axis in range(3):
-        R[0, axis, axis] = 1.0
-    # Mass, first moment and inertia xx, xy, yy, xz, yz, zz of all that a joint carries, about its origin.
-    whole = np.empty((n, 10))
+    # Mass, first moment and inertia xx, xy, yy, xz, yz, zz of all that a joint carries, about its origin, come last.
+    R, o, _, _, _, lin, ang, _, _, whole = room
+    n = len(parents)
     for k in range(len(q)):
         place(parents, kinds, first_q, first_v, rotations, translations, axes, q, k, R, o, lin, ang)
         for i in range(1, n):
@@ -135,7 +167,7 @@ def mass_loop(tree: Kinematics, inertias: Array, q: Array, out: Array) -> None:
 
 
 @fused
-def frame_loop(tree: Kinematics, q: Array, frame: Frame, body: bool, out: FramePoses) -> None:
+def frame_loop(tree: Kinematics, room: Room, q: Array, frame: Frame, body: bool, out: FramePoses) -> None:
     """Pose and Jacobian of a frame at Pinocchio's configurations ``q``, ``(N, nq)``.
 
     The Jacobian is in the frame's own axes with ``body``, else in those of the root.
@@ -143,10 +175,7 @@ def frame_loop(tree: Kinematics, q: Array, frame: Frame, body: bool, out: FrameP
     joint, turn, offset = frame
     rotation, position, jacobian = out
     parents, kinds, first_q, first_v, rotations, translations, axes = tree
-    n, nt = len(parents), first_v[len(parents)]
-    R, o, lin, ang = np.zeros((n, 3, 3)), np.zeros((n, 3)), np.empty((nt, 3)), np.empty((nt, 3))
-    for axis in range(3):
-        R[0, axis, axis] = 1.0
+    R, o, _, _, _, lin, ang, _, _, _ = room
     for k in range(len(q)):
         place(parents, kinds, first_q, first_v, rotations, translations, axes, q, k, R, o, lin, ang)
         x, y, z = turned(R, joint, offset[0], offset[1], offset[2])
