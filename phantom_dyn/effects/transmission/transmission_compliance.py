@@ -170,7 +170,8 @@ def swing(operation: Operation, row: int, stiffness: float) -> tuple[Array, Arra
     pull = -load / inertia
     spring = np.maximum(stiffness + to_q, 0.1 * stiffness) / inertia
     drag = np.maximum(2.0 * _SMOOTHING * np.sqrt(stiffness * inertia) + to_v, 0.0) / inertia
-    return swing_steps(0.5 * np.diff(operation.t), pull, spring, drag)
+    place, speed, gain = swing_steps(0.5 * np.diff(operation.t), pull, spring, drag)
+    return place, speed, gain
 
 
 def followed_load(operation: Operation, row: int, edges: Edges) -> tuple[Array, Array]:
@@ -192,8 +193,7 @@ def followed_load(operation: Operation, row: int, edges: Edges) -> tuple[Array, 
     return operation.kept[key]
 
 
-@jit
-def swing_steps(half: Array, pull: Array, spring: Array, drag: Array) -> tuple[Array, Array, Array]:
+def swing_steps(half: Array, pull: Array, spring: Array, drag: Array) -> Array:
     """Place, speed and acceleration along all samples of what is pulled, held by a spring and dragged.
 
     Args:
@@ -202,17 +202,23 @@ def swing_steps(half: Array, pull: Array, spring: Array, drag: Array) -> tuple[A
         spring: Acceleration back per unit of place, ``(N,)``.
         drag: Acceleration back per unit of speed, ``(N,)``.
     """
-    places, speeds, gains = np.zeros(len(pull)), np.zeros(len(pull)), np.zeros(len(pull))
-    places[0] = pull[0] / spring[0]
-    place, speed, gain = places[0], 0.0, 0.0
+    out = np.zeros((3, len(pull)))
+    swing_loop(half, pull, spring, drag, out)
+    return out
+
+
+@jit
+def swing_loop(half: Array, pull: Array, spring: Array, drag: Array, out: Array) -> None:
+    """As `swing_steps`, into an array of zeros: compiling an allocation takes longer than the rest."""
+    out[0, 0] = pull[0] / spring[0]
+    place, speed, gain = out[0, 0], 0.0, 0.0
     for k in range(1, len(pull)):
         h = half[k - 1]
         # Place and speed of the next sample are those without its acceleration, plus h^2 and h times it.
         ahead, faster = place + h * (2.0 * speed + h * gain), speed + h * gain
         gain = (pull[k] - drag[k] * faster - spring[k] * ahead) / (1.0 + h * (drag[k] + h * spring[k]))
         place, speed = ahead + h * h * gain, faster + h * gain
-        places[k], speeds[k], gains[k] = place, speed, gain
-    return places, speeds, gains
+        out[0, k], out[1, k], out[2, k] = place, speed, gain
 
 
 def _edge(t: Array, load: Array, inertia: float, step: float | None, edges: Edges) -> float:
