@@ -48,7 +48,7 @@ Array = np.ndarray
 
 # Passes that take laws again about what the last one found.
 _REFINEMENTS = 3
-# Times that what is left is weighed by what was left before: each takes a tenth of a search.
+# Times that what is left is weighed by what was left before: no search is needed for that.
 _WEIGHED_AGAIN = 2
 # Effects tested although they gain less than the threshold of chance.
 _PROBATIONS = 3

@@ -1,6 +1,7 @@
 """Charts of the report, written as SVG directly: stacked panels over one axis, with curves, clouds and bands.
 
-A report has dozens of them, and matplotlib takes longer for each than a fit does. Text and axes take the page's colour.
+A report has dozens of them, and matplotlib builds and measures every label of each. Text and axes take the page's
+colour.
 """
 
 from __future__ import annotations

@@ -36,12 +36,7 @@ STYLE = {
 }
 
 
-def drawn_svg(
-    draw: Callable[[Figure], None],
-    key: str,
-    size: tuple[float, float],
-    title: str,
-) -> str:
+def drawn_svg(draw: Callable[[Figure], None], key: str, size: tuple[float, float], title: str) -> str:
     """What ``draw`` puts on a figure, as an SVG element.
 
     Args:

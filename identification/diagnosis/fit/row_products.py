@@ -69,13 +69,9 @@ class RowProducts:
 
     def sum(self, axis: int = 0) -> Float[Array, "K K"]:  # noqa: ARG002 - asked as an array of all products is
         """Over all blocks, written out; ``axis`` is zero, as of an array."""
-        return self.over(np.arange(self.shape[0]))
-
-    def over(self, blocks: Int[Array, " m"]) -> Float[Array, "K K"]:
-        """Over some blocks, written out."""
         out = np.zeros((self.columns, self.columns))
         for index, values in zip(self.index, self.values, strict=True):
-            out[np.ix_(index, index)] += _total(values, blocks)
+            out[np.ix_(index, index)] += values.sum(axis=0)
         return out
 
     def within(self, block: int, groups: Int[Array, "g m"]) -> Float[Array, "g m m"]:

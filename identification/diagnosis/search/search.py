@@ -154,7 +154,7 @@ class Search:
         least = _WORTH_FITTING * max(out[ranked[0]], 0.0) if ranked else 0.0
         for k, term in enumerate(ranked):
             if gone[term]:
-                # Bounds that are held change a gain by less than as much again.
+                # Bounds that are held change a gain: there is room for as much again.
                 worth = 2.0 * (out[term] + costs[term]) - costs[term] > above
             else:
                 worth = out[term] > least and (k < _MOST_FITTED or out[term] > 0.8 * out[ranked[0]])

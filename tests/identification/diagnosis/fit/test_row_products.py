@@ -51,10 +51,14 @@ def test_products_of_some_columns_with_all(kept, written):
     np.testing.assert_allclose(kept[:, [1, 4, 13]], written[:, [1, 4, 13]], rtol=1e-13)
 
 
-def test_products_over_all_blocks_over_some_and_over_none(kept, written):
+def test_products_over_all_blocks(kept, written):
     np.testing.assert_allclose(kept.sum(axis=0), written.sum(axis=0), rtol=1e-12)
-    np.testing.assert_allclose(kept.over(np.array([1, 4])), written[[1, 4]].sum(axis=0), rtol=1e-12)
-    assert not kept.over(np.zeros(0, dtype=int)).any()
+
+
+def test_products_within_groups_of_columns(kept, written):
+    groups = np.array([[0, 4], [7, 1], [13, 14]])
+    expected = [written[2][np.ix_(own, own)] for own in groups]
+    np.testing.assert_allclose(kept.within(2, groups), expected, rtol=1e-12)
 
 
 def test_the_compiled_sum_is_that_of_the_same_function_in_python(kept, monkeypatch):
