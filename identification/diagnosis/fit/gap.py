@@ -66,12 +66,16 @@ def sums(problem: Problem, residual: tuple[Float[Array, "n nv"], ...]) -> Sums:
     for i, k in enumerate(judged):
         block = problem.blocks[k]
         part = slice(block.core, block.stop)
-        variance = problem.weights.floor**2
-        known = variance / (variance + problem.columns.standing[block.log][part] ** 2)
-        use = problem.columns.usable[block.log][part] * known
+        use = sample_weights(problem, block.log, part)
         squares[i] = (residual[block.log][part] ** 2 * use).sum(axis=0)
         counts[i] = use.sum(axis=0)
     return Sums(squares, counts)
+
+
+def sample_weights(problem: Problem, log: int, part: slice) -> Float[Array, "n nv"]:
+    """What each sample of a part of one log counts: less where friction holds a joint, which may be anything."""
+    variance = problem.weights.floor**2
+    return problem.columns.usable[log][part] * variance / (variance + problem.columns.standing[log][part] ** 2)
 
 
 def judged_noise(problem: Problem, noise: Series) -> Float[Array, " nv"]:

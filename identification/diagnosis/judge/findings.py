@@ -18,6 +18,7 @@ from identification.diagnosis.judge.missing_parts import missing_part_words, nam
 from identification.diagnosis.judge.moved_by_noise import shown_by_motion
 from identification.diagnosis.judge.parameters import finding_loadings, finding_parameters
 from identification.diagnosis.judge.shares import gap_of, shares_of
+from identification.diagnosis.judge.squares_left import squares_left
 from identification.diagnosis.model.session import Series
 from identification.diagnosis.model.terms import Term, ordered
 from identification.diagnosis.result import Finding
@@ -150,7 +151,8 @@ def _together(chosen: frozenset[Term], ways: list[frozenset[Term]], outdone: set
 def present_effects(plain: Search, chosen: frozenset[Term], noise: Series) -> frozenset[Term]:
     """Effects that show in the judged band, and show there by motion; none where there is no gap."""
     present = chosen if gap_is_there(plain.problem, noise) else frozenset()
-    return visible(plain, shown_by_motion(plain, present, noise))
+    present = shown_by_motion(plain, present, noise)
+    return visible(squares_left(plain, present), present)
 
 
 def _outdone(standing: Standing) -> float:
@@ -288,7 +290,7 @@ def findings_without(shown: Shown, judge: Judge, within: Sums) -> tuple[Claim, .
     after = sums(problem, judge.narrow(residual_after(problem, held_out_torque(problem, chosen, found))))
     counts = block_counts(len(within.counts), random_stream("bootstrap of the gap closed"))
     once = np.ones((1, len(within.counts)))
-    shares = shares_of(judge, plain, shown.named, within)
+    shares = shares_of(judge, plain, shown.named)
     out = []
     for term in ordered(chosen):
         if not term.named:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -9,12 +10,7 @@ from jaxtyping import Float
 
 from identification.data.signals import smoothed
 from identification.diagnosis import decision_rules as rules
-from identification.diagnosis.fit.gap import (
-    held_out_torque,
-    judged_noise,
-    residual_after,
-    sums,
-)
+from identification.diagnosis.fit.gap import Sums, judged_noise, sums
 from identification.diagnosis.fit.problem import Problem, set_up
 from identification.diagnosis.model.session import Series
 from identification.diagnosis.model.terms import Term, ordered
@@ -43,23 +39,21 @@ class Judge:
         return self.problem.session.in_judged_band(series)
 
 
-def visible(search: Search, chosen: frozenset[Term]) -> frozenset[Term]:
+def visible(left: Callable[[frozenset[Term]], Sums], chosen: frozenset[Term]) -> frozenset[Term]:
     """Findings whose loss is visible above the noise of the judged band.
 
     Without a finding the squared residual of some joint has to grow by a share of what is left: an effect can be
     significant only above the judged band, where it is of no use and the model of the noise is least known.
+
+    Args:
+        left: What a set of them leaves in the judged band.
+        chosen: The findings.
     """
-    problem = search.problem
-
-    def squares(kept: frozenset[Term]) -> Float[Array, " nv"]:
-        torque = held_out_torque(problem, kept, search.evaluate(kept))
-        return sums(problem, problem.session.in_judged_band(residual_after(problem, torque))).rms() ** 2
-
     while chosen:
-        base = np.maximum(squares(chosen), 1e-300)
+        base = np.maximum(left(chosen).rms() ** 2, 1e-300)
         growth = {}
         for term in ordered(chosen):
-            ratio = squares(chosen - {term}) / base
+            ratio = left(chosen - {term}).rms() ** 2 / base
             # It has to help the worst joint, and not cost the others more than it helps.
             growth[term] = float(np.max(ratio)) - 1.0 if np.mean(ratio) > 1.0 else -1.0
         least = min(growth, key=lambda term: growth[term])

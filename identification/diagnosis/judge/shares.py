@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable
+from functools import cache
 from itertools import combinations
 from math import factorial
 
@@ -11,6 +12,7 @@ from jaxtyping import Float
 
 from identification.diagnosis.fit.gap import Sums, held_out_torque, residual_after, sums
 from identification.diagnosis.judge.judged_band import Judge
+from identification.diagnosis.judge.squares_left import squares_left
 from identification.diagnosis.model.terms import Term, ordered
 from identification.diagnosis.result import Gap
 from identification.diagnosis.search.bootstrap_wins import block_counts
@@ -69,24 +71,22 @@ def closed_together(judge: Judge, within: Sums, after: Sums) -> Gap:
     return Gap(float(closed(once)[0]), (float(low), float(high)))
 
 
-def shares_of(judge: Judge, plain: Search, named: frozenset[Term], within: Sums) -> dict[Term, float]:
+def shares_of(judge: Judge, plain: Search, named: frozenset[Term]) -> dict[Term, float]:
     """Shapley value of each finding in the share of the gap that all close; the moves are refitted in every coalition.
 
     Args:
         judge: Gives the noise floor.
         plain: Fits in the judged band.
         named: The findings.
-        within: What the best moves within the tolerances leave.
     """
+    left = squares_left(plain, named)
+    within, after = left(frozenset()), left(named)
     once = np.ones((1, len(within.counts)))
-    base = float(within.loss(judge.floor, once)[0])
-    gap = float(gap_of(judge, within, left_by(judge, plain, named), once)[0])
-    worth: dict[frozenset[Term], float] = {frozenset(): 0.0}
+    base, gap = within.loss(judge.floor, once)[0], gap_of(judge, within, after, once)[0]
 
+    @cache
     def closed(chosen: frozenset[Term]) -> float:
-        if chosen not in worth:
-            worth[chosen] = (base - float(left_by(judge, plain, chosen).loss(judge.floor, once)[0])) / gap
-        return worth[chosen]
+        return float((base - left(chosen).loss(judge.floor, once)[0]) / gap)
 
     return shapley_values(ordered(named), closed)
 

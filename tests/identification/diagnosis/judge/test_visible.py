@@ -2,36 +2,28 @@
 
 from __future__ import annotations
 
-from types import SimpleNamespace
-
 import numpy as np
 import pytest
 
 from identification.diagnosis.fit.gap import Sums
 from identification.diagnosis.judge.judged_band import visible
-
-PLACE = "identification.diagnosis.judge.judged_band."
+from identification.diagnosis.model.terms import Term
 
 
 @pytest.fixture
-def shown(quiet, monkeypatch):
+def shown(quiet):
     """Names of the effects that stay where each set of them leaves such squares on two joints."""
     friction, offset = quiet.term("coulomb_friction", "elbow"), quiet.term("torque_offset", "elbow")
     names = {friction: "f", offset: "o"}
 
     def kept(**left: tuple[float, float]) -> set[str]:
-        monkeypatch.setattr(PLACE + "held_out_torque", lambda _, chosen, found: chosen)
-        monkeypatch.setattr(PLACE + "residual_after", lambda _, chosen: chosen)
         counts = np.full((1, 2), 8.0)
 
-        def sums(_, chosen):
+        def squares(chosen: frozenset[Term]) -> Sums:
             square = np.array(left["".join(sorted(names[term] for term in chosen)) or "nothing"])
             return Sums(square * counts, counts)
 
-        monkeypatch.setattr(PLACE + "sums", sums)
-        session = SimpleNamespace(in_judged_band=lambda chosen: chosen)
-        search = SimpleNamespace(problem=SimpleNamespace(session=session), evaluate=lambda chosen: None)
-        return {names[term] for term in visible(search, frozenset(names))}
+        return {names[term] for term in visible(squares, frozenset(names))}
 
     return kept
 

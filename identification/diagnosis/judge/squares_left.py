@@ -1,0 +1,88 @@
+"""What any subset of some effects leaves of the gap, from products of their columns that are summed once."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+from jaxtyping import Float, Int
+
+from identification.diagnosis.fit.fitting import Fitted
+from identification.diagnosis.fit.gap import Sums, judged_blocks, sample_weights
+from identification.diagnosis.fit.problem import Problem
+from identification.diagnosis.model.terms import Term
+from identification.diagnosis.search.search import Search
+
+Array = np.ndarray
+
+
+@dataclass(frozen=True)
+class _Row:
+    """Products of one row's columns and residual over the judged blocks.
+
+    Attributes:
+        index: Which of all columns, ``(k,)``.
+        square: Columns and residual times themselves, ``(B, k + 1, k + 1)``.
+        counts: Samples, ``(B,)``.
+    """
+
+    index: Int[Array, " k"]
+    square: Float[Array, "B n n"]
+    counts: Float[Array, " B"]
+
+
+def squares_left(plain: Search, terms: frozenset[Term]) -> Callable[[frozenset[Term]], Sums]:
+    """Squared residuals in the judged band after moves and some of the effects, on blocks held out of their fit.
+
+    The columns are in the judged band already, so that each block is predicted by one fit from end to end. A fit then
+    costs no pass over the samples.
+
+    Args:
+        plain: Fits in the judged band.
+        terms: All effects of which some may be asked for.
+    """
+    problem = plain.problem
+    wanted = {column for term in terms for column in term.columns} | set(range(problem.nuisances))
+    rows = [_row(problem, j, wanted) for j in range(len(problem.white.rows))]
+    counts = np.column_stack([row.counts for row in rows])
+    fold = problem.grams.fold[judged_blocks(problem)]
+
+    def left(chosen: frozenset[Term]) -> Sums:
+        found = plain.evaluate(chosen)
+        scaled = [term.columns[0] for term in chosen if term.effect.scales_joint]
+        theta = _of_blocks(found, fold)
+        return Sums(np.column_stack([_squares(row, theta, scaled) for row in rows]), counts)
+
+    return left
+
+
+def _of_blocks(found: Fitted, fold: Int[Array, " B"]) -> Float[Array, "B K"]:
+    """Coefficients of the fit that has not seen each block."""
+    return np.where((fold < 0)[:, None], found.theta, found.fold_theta[fold])
+
+
+def _row(problem: Problem, j: int, wanted: set[int]) -> _Row:
+    columns = problem.white
+    local = [k for k, column in enumerate(columns.rows[j]) if column in wanted]
+    square, counts = [], []
+    for block in (problem.blocks[k] for k in judged_blocks(problem)):
+        part = slice(block.core, block.stop)
+        weights = sample_weights(problem, block.log, part)[:, j]
+        joined = np.column_stack([columns.values[block.log][j][part][:, local], columns.residual[block.log][part, j]])
+        square.append(joined.T @ (joined * weights[:, None]))
+        counts.append(weights.sum())
+    return _Row(np.array(columns.rows[j])[local], np.array(square), np.array(counts))
+
+
+def _squares(row: _Row, theta: Float[Array, "B K"], scaled: list[int]) -> Float[Array, " B"]:
+    """Sum of squares of one row's residual in each block, for coefficients of its own."""
+    x = theta[:, row.index]
+    own = [k for k, column in enumerate(row.index) if column in scaled]
+    if own:
+        # The gain of a torque constant scales what its column shows of the modelled torque, and all beside it.
+        gains = x[:, own]
+        x = x * (1.0 + gains.sum(axis=1, keepdims=True))
+        x[:, own] = gains
+    with_residual = np.column_stack([-x, np.ones(len(x))])
+    return np.maximum(np.einsum("bi,bij,bj->b", with_residual, row.square, with_residual), 0.0)
