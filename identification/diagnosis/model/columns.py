@@ -12,7 +12,8 @@ from functools import partial
 import numpy as np
 from jaxtyping import Bool, Float
 
-from identification.diagnosis.model.nuisances import Move, Nuisance, move_columns, moves_of
+from identification.data.log import Band
+from identification.diagnosis.model.nuisances import Move, Nuisance, bodies_on, move_columns, moves_of
 from identification.diagnosis.model.operations import expecting, friction_with, operate, where_links_are
 from identification.diagnosis.model.residual_of_moves import residual_of_moves, with_residual_of_fit
 from identification.diagnosis.model.session import Series, Session
@@ -28,8 +29,12 @@ from phantom_dyn.dynamics.dynamics import rigid_body_regressor
 from phantom_dyn.effects.effect import Rival, Shape
 from phantom_dyn.effects.operation import Operation
 from phantom_dyn.model.inertia import parameter_names
+from phantom_dyn.model.robot import Robot
+from phantom_dyn.motion import Motion
 
 Array = np.ndarray
+
+_PIECE = 4096  # samples at the full rate whose regressor is held at once
 
 
 @dataclass(frozen=True)
@@ -198,11 +203,10 @@ def _assembled(
 ) -> Columns:
     """All columns, row by row."""
     robot, moves = session.robot, given.moves
-    first = range(len(moves), len(moves) + len(parameter_names(robot)))
     rows = []
     for j in range(robot.nv):
         mine = [k for k, move in enumerate(moves) if move.touches(robot, j)]
-        mine += first
+        mine += [len(moves) + k for k in _parameters_on(robot, j)]
         for block in local:
             if j in block.rows:
                 mine += range(block.first, block.first + block.count)
@@ -259,11 +263,27 @@ def _plain(
 ) -> list[list[Float[Array, " n"]]]:
     """Columns of the moves and of the rigid-body regressor in the band, row by row."""
     robot, band = session.robot, session.logs[log].band
-    regressor = rigid_body_regressor(*where_links_are(robot, operation, displacing))
     narrow = partial(session.log_in_judged_band, log=log)
-    bodies = np.stack([narrow(band(regressor[:, j, :])) for j in range(robot.nv)])
+    regressor = narrow(_regressor_in_band(*where_links_are(robot, operation, displacing), band))
+    bodies = regressor.transpose(1, 0, 2)
     moved = move_columns(robot, operation, moves, bodies, band, narrow)
-    return [[*moved[j], *bodies[j].T] for j in range(robot.nv)]
+    return [[*moved[j], *bodies[j].T[list(_parameters_on(robot, j))]] for j in range(robot.nv)]
+
+
+def _regressor_in_band(robot: Robot, motion: Motion, band: Band) -> Float[Array, "n nv p"]:
+    """The rigid-body regressor in the band, from pieces of the motion: at the full rate it is large."""
+    inside = band.samples(len(motion.t))
+    parts = []
+    for at in np.array_split(inside, len(motion.t) // _PIECE + 1):
+        rows = slice(at[0] - band.half, at[-1] + band.half + 1)
+        part = Motion(motion.t[rows], motion.q[rows], motion.v[rows], motion.a[rows])
+        parts.append(band(rigid_body_regressor(robot, part)))
+    return np.concatenate(parts)
+
+
+def _parameters_on(robot: Robot, row: int) -> tuple[int, ...]:
+    """Columns of the rigid-body regressor that may move the torque of a joint."""
+    return tuple(10 * (body - 1) + k for body in bodies_on(robot, row) for k in range(10))
 
 
 def _plain_before(before: Columns, log: int) -> list[list[Float[Array, " n"]]]:

@@ -54,7 +54,16 @@ class Move:
 
     def touches(self, robot: Robot, row: int) -> bool:
         """True if the move may change the torque of that joint; a passive joint's may change all."""
+        if isinstance(self.place, int):
+            return self.place in bodies_on(robot, row)
         return self.place not in robot.joint_names or self.place == robot.joint_names[row]
+
+
+def bodies_on(robot: Robot, row: int) -> tuple[int, ...]:
+    """Bodies that the drive of a joint moves, in Pinocchio's order: those behind it, or in closed chains all."""
+    if robot.chain is not None:
+        return tuple(range(1, robot.model.njoints))
+    return tuple(sorted(robot.model.subtrees[robot.model.getJointId(robot.joint_names[row])]))
 
 
 def moves_of(robot: Robot) -> tuple[Move, ...]:
