@@ -69,6 +69,8 @@ def joint_of(term: Term) -> str | None:
 
 Array = np.ndarray
 
+# Effects of a set without which it is fitted, those that it would miss least.
+_MOST_TRIED = 12
 # Rivals that are fitted to know their gains in sample: the best ranked, with at least this share of the best gain.
 _MOST_FITTED = 30
 _WORTH_FITTING = 0.2
@@ -330,13 +332,30 @@ def energy_by_block(problem: Problem, terms: frozenset[Term]) -> Float[Array, " 
 
 
 def dropped(search: Search, chosen: frozenset[Term]) -> frozenset[Term]:
-    """Backward elimination: remove, one by one, effects that are no longer needed."""
+    """Backward elimination: remove, one by one, effects that are no longer needed.
+
+    Of many effects only those are tried that the fit would miss least.
+    """
     while chosen:
-        least = min(ordered(chosen), key=lambda term: search.score(chosen - {term}))
+        least = min(_least_missed(search, chosen), key=lambda term: search.score(chosen - {term}))
         if claimed(search, chosen, chosen - {least}):
             return chosen
         chosen = chosen - {least}
     return chosen
+
+
+def _least_missed(search: Search, chosen: frozenset[Term]) -> tuple[Term, ...]:
+    """Effects of a set by how much the loss in sample grows without each, to second order; of many the first few."""
+    terms = ordered(chosen)
+    if len(terms) <= _MOST_TRIED:
+        return terms
+    found = search.evaluate(chosen)
+    cov, missed = found.cov, {}
+    for term in terms:
+        own = np.searchsorted(found.active, term.columns)
+        x = found.theta[list(term.columns)]
+        missed[term] = float(x @ np.linalg.pinv(cov[np.ix_(own, own)], hermitian=True) @ x)
+    return tuple(sorted(terms, key=lambda term: missed[term])[:_MOST_TRIED])
 
 
 def rows_of(problem: Problem, term: Term) -> frozenset[int]:

@@ -14,8 +14,10 @@ from identification.diagnosis.model.terms import Term, ordered
 from identification.diagnosis.search.search import Search, claimed, dropped, possible, price, with_term
 from identification.diagnosis.search.swaps import simplified, swapped
 
-# Effects of one set at most, far more than any robot of the benchmarks has.
-_MOST_TERMS = 40
+# Effects of one set at most, far more than any robot has: in all, and for each joint.
+_MOST_TERMS, _MOST_TERMS_EACH = 40, 6
+# Joints beyond which effects on different ones are added in one step: one by one takes too long.
+_MANY_JOINTS = 10
 # Rivals that are judged on held-out data in one step, the best in sample.
 _MOST_JUDGED = 24
 # The same for the best effect below the threshold of chance.
@@ -61,14 +63,15 @@ def forward(search: Search, chosen: frozenset[Term], progress: Callable[[str], N
     until none that is left can do better than the best so far. What is added can make earlier effects needless, and
     without them it can be needless itself: where that leads in a circle, the best set of the circle is it.
     """
-    seen = [chosen]
-    while len(chosen) < _MOST_TERMS:
+    seen, rows = [chosen], len(search.problem.columns.rows)
+    while len(chosen) < max(_MOST_TERMS, _MOST_TERMS_EACH * rows):
         progress(f"trying rivals, {len(chosen)} found")
         base = search.score(chosen)
         rivals = [term for term in search.terms if term.named and possible(chosen, term)]
         promised = search.gains(chosen, tuple(rivals), above=0.0)
         best, most = None, 0.0
-        for term in sorted(rivals, key=lambda term: -promised[term])[:_MOST_JUDGED]:
+        ranked = sorted(rivals, key=lambda term: -promised[term])
+        for term in ranked[:_MOST_JUDGED]:
             if promised[term] < most:
                 break
             # A claim has to gain what chance gives before its price is paid, see `claimed`.
@@ -79,10 +82,32 @@ def forward(search: Search, chosen: frozenset[Term], progress: Callable[[str], N
                 best, most = term, gain
         if best is None:
             return chosen
-        chosen = dropped(search, with_term(chosen, best))
+        chosen = with_term(chosen, best)
+        if rows > _MANY_JOINTS:
+            chosen = _with_other_joints(search, chosen, best, ranked)
+        chosen = dropped(search, chosen)
         if chosen in seen:
             return min(seen[seen.index(chosen) :], key=search.score)
         seen.append(chosen)
+    return chosen
+
+
+def _with_other_joints(search: Search, chosen: frozenset[Term], best: Term, ranked: list[Term]) -> frozenset[Term]:
+    """The set with the most promising effects of joints that have not got one in this step, as far as they are needed.
+
+    Args:
+        search: Rivals.
+        chosen: What is there, the best effect of this step among them.
+        best: That effect.
+        ranked: Rivals, the most promising first.
+    """
+    taken = {best.joint}
+    for term in ranked:
+        if term.joint is None or term.joint in taken:
+            continue
+        taken.add(term.joint)
+        if possible(chosen, term) and claimed(search, with_term(chosen, term), chosen):
+            chosen = with_term(chosen, term)
     return chosen
 
 
