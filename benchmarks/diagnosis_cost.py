@@ -52,6 +52,7 @@ class Case:
     robot: str
     config: str
     seconds: float
+    rate_hz: float = RATE_HZ
 
 
 @dataclass(frozen=True)
@@ -74,9 +75,9 @@ def arm_of(joints: int, seconds: float) -> Case:
     return Case("example:ur10", f"lock: [{held}]\n" if held else "", seconds)
 
 
-def sines(robot: Robot, seconds: float, rng: np.random.Generator) -> Motion:
+def sines(robot: Robot, seconds: float, rng: np.random.Generator, rate_hz: float = RATE_HZ) -> Motion:
     """Five sines a joint between 0.1 and 1 Hz, with their derivatives."""
-    t = np.arange(round(seconds * RATE_HZ)) / RATE_HZ
+    t = np.arange(round(seconds * rate_hz)) / rate_hz
     q, v, a = (np.zeros((len(t), robot.nv)) for _ in range(3))
     for joint in range(robot.nv):
         for hz in rng.uniform(0.1, 1.0, 5):
@@ -88,16 +89,21 @@ def sines(robot: Robot, seconds: float, rng: np.random.Generator) -> Motion:
     return Motion(t, q, v, a)
 
 
-def drive_torque(robot: Robot, motion: Motion, rng: np.random.Generator) -> np.ndarray:
-    """Torque of a robot with friction and rotor inertia that the model lacks, ``(N, nv)``, with noise."""
+def drive_torque(
+    robot: Robot, motion: Motion, rng: np.random.Generator, sizes: Sequence[float] | None = None
+) -> np.ndarray:
+    """Torque of a robot with friction and rotor inertia that the model lacks, ``(N, nv)``, with noise.
+
+    Both are in proportion to `sizes`, a torque of each joint; without it, to its greatest torque.
+    """
     operation = Operation.of(robot, motion)
     model = operation.tau
+    scale = np.abs(model).max(axis=0) if sizes is None else np.asarray(sizes)
     tau = model.copy()
     for k, joint in enumerate(robot.joint_names):
-        scale = float(np.abs(model[:, k]).max())
         for name, theta in (("coulomb_friction", 0.1), ("viscous_friction", 0.1), ("rotor_inertia", 0.02)):
-            tau -= effect_named(name).torque(robot, operation, joint, np.array([theta * scale]))
-    return tau + TORQUE_NOISE * np.abs(model).max(axis=0) * rng.standard_normal(tau.shape)
+            tau -= effect_named(name).torque(robot, operation, joint, np.array([theta * scale[k]]))
+    return tau + TORQUE_NOISE * scale * rng.standard_normal(tau.shape)
 
 
 def write_recording(robot: Robot, seconds: float, path: Path) -> None:

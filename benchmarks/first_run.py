@@ -37,15 +37,15 @@ AXIS = """<robot name="axis"><link name="base"/><link name="arm"><inertial><orig
 <limit lower="-3" upper="3" effort="50" velocity="10"/></joint></robot>"""
 
 
-def axis_recording(path: Path) -> None:
+def axis_recording(path: Path, seconds: float = SECONDS, seed: int = 0) -> None:
     """A swinging rod with friction that its model does not have, as CSV."""
-    t = np.arange(int(SECONDS * RATE_HZ)) / RATE_HZ
+    t = np.arange(int(seconds * RATE_HZ)) / RATE_HZ
     hertz, sizes = np.array([0.3, 0.7, 1.1]), np.array([0.6, 0.25, 0.12])
     w = 2 * np.pi * hertz
     q = np.sin(np.outer(t, w)) @ sizes
     v, a = np.cos(np.outer(t, w)) @ (sizes * w), -np.sin(np.outer(t, w)) @ (sizes * w**2)
     tau = 0.24 * a + 2 * 9.81 * 0.3 * np.sin(q) + 0.4 * np.sign(v)
-    tau += 0.01 * np.random.default_rng(0).standard_normal(len(t))
+    tau += 0.01 * np.random.default_rng(seed).standard_normal(len(t))
     np.savetxt(path, np.column_stack([t, q, tau]), delimiter=",", header="t,q.pin,tau.pin", comments="", fmt="%.9g")
 
 

@@ -12,6 +12,7 @@ import numpy as np
 from identification.data.changes import Change
 from identification.data.recording import Recording
 from identification.data.refusal import fault_warnings, require_right, wrong_with
+from identification.data.stretches import is_long, note_on_length, stretches
 from identification.diagnosis import decision_rules as rules
 from identification.diagnosis.explanation import explained
 from identification.diagnosis.judge.bursts import burst_warnings
@@ -54,7 +55,9 @@ def diagnose(
     started = time.perf_counter()
     require_right((*recordings, *hold_out))
     progress("filtering")
-    session = session_of(robot, recordings, hold_out, known=known, changes=changes)
+    # What changed is known of whole recordings.
+    seen, unseen = (recordings, hold_out) if changes else (_stretches(recordings), _stretches(hold_out))
+    session = session_of(robot, seen, unseen, known=known, changes=changes)
     explanation = explained(session, progress)
     progress("comparing rivals")
     judgement, shown = judged(explanation, progress)
@@ -70,7 +73,14 @@ def diagnose(
         judgement = with_user_words(judgement, robot)
         progress("choosing what to record next")
         proposal = proposed(explanation, judgement.findings)
-    return _result(session, judgement, rollout, proposal, time.perf_counter() - started)
+    long = () if changes else tuple(note_on_length(one) for one in (*recordings, *hold_out) if is_long(one))
+    judgement = replace(judgement, notes=(*long, *judgement.notes))
+    files = tuple(recording.file for recording in (*recordings, *hold_out))
+    return _result(session, files, judgement, rollout, proposal, time.perf_counter() - started)
+
+
+def _stretches(recordings: tuple[Recording, ...]) -> tuple[Recording, ...]:
+    return tuple(part for recording in recordings for part in stretches(recording))
 
 
 def borne_out_by_motion(judgement: Judgement, rollout: Rollout) -> Judgement:
@@ -81,12 +91,19 @@ def borne_out_by_motion(judgement: Judgement, rollout: Rollout) -> Judgement:
     return replace(judgement, verdict="unknown", unexplained=replace(judgement.unexplained, joint=joint))
 
 
-def _result(session: Session, judgement: Judgement, rollout: Rollout, proposal: Proposal, seconds: float) -> Diagnosis:
+def _result(
+    session: Session,
+    files: tuple[str, ...],
+    judgement: Judgement,
+    rollout: Rollout,
+    proposal: Proposal,
+    seconds: float,
+) -> Diagnosis:
     """Everything that the stages have found, in the shape of the contract."""
     return Diagnosis(
         verdict=judgement.verdict,
         robot=session.robot.name,
-        recordings=tuple(recording.file for recording in session.recordings),
+        recordings=files,
         joints=judgement.joints,
         band_hz=(0.0, float(session.cutoff_hz)),
         findings=judgement.findings,

@@ -207,6 +207,8 @@ def read_recording(
             raise
         raise LogError(f"{error} A map to begin with, to be checked and saved as columns.yaml:\n{suggested}") from error
     found = recording(table, robot, excluded=excluded, torque_needed=torque_needed)
+    # An hour of samples is hundreds of megabytes, and the checks need room.
+    del table
     found = mended(found, robot.prismatic)
     # Loops first: where they do not close there is no model to check against.
     passive, rest = check_passive(found, robot), checked(found, robot)

@@ -24,6 +24,7 @@ from identification.data.checks.times_and_torques import check_clipping, check_t
 from identification.data.checks.torque_lag import check_lag
 from identification.data.joint_torque import external_torque
 from identification.data.recording import Fault, Recording
+from identification.data.stretches import busiest
 from phantom_dyn.model.robot import Robot
 
 Array = np.ndarray
@@ -50,9 +51,12 @@ def checked(recording: Recording, robot: Robot | None) -> Checked:
         robot: Without it only what needs no model is checked, and nothing is certain.
 
     Returns:
-        Warnings of one sentence each; a good recording gives none.
+        Warnings of one sentence each; a good recording gives none. Of a long one, what takes a comparison of columns
+        is looked for in the five minutes with most motion.
     """
     out = [*check_timing(recording), *check_stillness(recording, None if robot is None else robot.prismatic)]
+    out += check_clipping(recording)
+    recording = busiest(recording)
     smooth = smoothed(recording)
     if smooth is not None and smooth.inside.any():
         stated = tuple(
@@ -62,7 +66,6 @@ def checked(recording: Recording, robot: Robot | None) -> Checked:
         out += check_frozen(recording, smooth)
         out += check_coarse_step(recording, smooth, stated)
         out += check_velocity(recording, smooth)
-    out += check_clipping(recording)
     filtered = filtered_joints(recording)
     out += check_filtered(recording, filtered)
     if robot is None:

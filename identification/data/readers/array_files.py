@@ -57,7 +57,7 @@ def read_npz(path: Path) -> RawTable:
                 continue
             sentence = _problem(path.name, name, array)
             if sentence is None:
-                columns[name] = array.astype(float)
+                columns[name] = array.astype(float, copy=False)
             else:
                 problems[name] = sentence
     return RawTable(path.name, columns, problems)

@@ -1,0 +1,100 @@
+"""Long recordings: stretches that stand for the whole, so that the cost does not grow with the hours recorded."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from itertools import pairwise
+
+import numpy as np
+from jaxtyping import Float
+
+from identification.data.recording import Recording
+from phantom_dyn.motion import read_only
+
+Array = np.ndarray
+
+LONGEST = 600.0
+"""Seconds up to which a recording is used from end to end."""
+_STRETCH, _COUNT = 20.0, 15  # seconds of each stretch of a longer one, and how many there are
+
+
+def stretches(recording: Recording) -> tuple[Recording, ...]:
+    """The recording, or if it is long, stretches of it from its beginning to its end, five minutes together.
+
+    The recording is cut into as many equal parts as there are stretches; of each part the stretch is taken in which the
+    joints move most. What a joint does counts relative to what it does in all, so that one that seldom moves is seen.
+
+    Args:
+        recording: Raw samples. Its warnings stay with the first stretch.
+    """
+    if not is_long(recording):
+        return (recording,)
+    windows = _windows(recording)
+    moved = _movement(recording, windows)
+    best = [few[np.argmax(moved[few])] for few in np.array_split(np.arange(len(windows)), _COUNT) if len(few)]
+    parts = [part_of(recording, slice(*windows[k])) for k in best]
+    return (parts[0], *(replace(part, warnings=(), wrong=()) for part in parts[1:]))
+
+
+def busiest(recording: Recording) -> Recording:
+    """The recording, or if it is long, the five minutes in a row in which its joints move most."""
+    if not is_long(recording):
+        return recording
+    windows = _windows(recording)
+    together = min(_COUNT, len(windows))
+    k = int(np.argmax(np.convolve(_movement(recording, windows), np.ones(together), "valid")))
+    return part_of(recording, slice(windows[k][0], windows[k + together - 1][1]))
+
+
+def is_long(recording: Recording) -> bool:
+    """True if only stretches of the recording are used."""
+    return bool(recording.t[-1] - recording.t[0] > LONGEST) and len(_windows(recording)) > _COUNT
+
+
+def note_on_length(recording: Recording) -> str:
+    """A sentence on what is used of a long recording."""
+    return (
+        f"{recording.file} lasts {recording.t[-1] - recording.t[0]:.0f} s: fits and figures are of {_COUNT} stretches "
+        f"of {_STRETCH:g} s from its beginning to its end, those in which the joints move most."
+    )
+
+
+def part_of(recording: Recording, rows: slice) -> Recording:
+    """Some rows of a recording."""
+
+    def some(x: Array | None) -> Array | None:
+        return None if x is None else read_only(x[rows])
+
+    return replace(
+        recording,
+        t=read_only(recording.t[rows]),
+        q=read_only(recording.q[rows]),
+        tau=some(recording.tau),
+        v=some(recording.v),
+        current=some(recording.current),
+        voltage=some(recording.voltage),
+        q_ref=some(recording.q_ref),
+        x=some(recording.x),
+        forces={frame: read_only(force[rows]) for frame, force in recording.forces.items()},
+        passive_q={joint: read_only(q[rows]) for joint, q in recording.passive_q.items()},
+    )
+
+
+def _windows(recording: Recording) -> list[tuple[int, int]]:
+    """First row and one after the last of each stretch, those left out that a gap leaves less than half of."""
+    t = recording.t
+    starts = np.append(np.searchsorted(t, np.arange(t[0], t[-1], _STRETCH)), len(t)).tolist()
+    return [(a, b) for a, b in pairwise(starts) if b > a and t[b - 1] - t[a] > 0.5 * _STRETCH]
+
+
+def _movement(recording: Recording, windows: list[tuple[int, int]]) -> Float[Array, " w"]:
+    """How much the joints move in each window: of each the share of its way in all, summed over the joints."""
+    used = np.ones(len(recording.t))
+    for start, stop in recording.excluded:
+        used[(recording.t >= start) & (recording.t <= stop)] = 0.0
+    out = np.zeros(len(windows))
+    for column in recording.q.T:
+        steps = used * np.abs(np.diff(column, append=column[-1]))
+        way = np.array([steps[slice(*window)].sum() for window in windows])
+        out += way / max(float(way.sum()), 1e-300)
+    return out
