@@ -6,6 +6,7 @@
 #   make wheel  the wheel, checked, and used where nothing else is installed
 #   make docs   the documentation site, into docs/_build/html
 #   make drake  sealed cases of the second make, diagnosed and scored [DRAKE_SEEDS=0:24]
+#   make fuzz [MINUTES=10] [SEED=1] [ONLY=]       hostile files until the time is over; failures go to fuzz_failures/
 #   make mutants [SAMPLE=150] [SEED=1] [ONLY=]    how many deliberate mistakes in the code the tests notice; SAMPLE=0: all
 
 PYTHON ?= python3
@@ -16,6 +17,7 @@ MUTANTS := .venv-mutants
 DRAKE := .venv-drake
 DRAKE_SEEDS ?= 0:24
 SAMPLE ?= 150
+MINUTES ?= 10
 SEED ?= 1
 ONLY ?=
 
@@ -27,7 +29,7 @@ export PIP_DISABLE_PIP_VERSION_CHECK := 1
 export PYRIGHT_PYTHON_IGNORE_WARNINGS := 1
 
 .DEFAULT_GOAL := test
-.PHONY: demo test lint wheel bench blind drake speed mutants docs lock clean setup tools
+.PHONY: demo test lint wheel bench blind drake speed mutants fuzz docs lock clean setup tools
 .DELETE_ON_ERROR:
 
 demo: setup
@@ -66,6 +68,9 @@ mutants: setup
 	@test -d $(MUTANTS) || $(BIN)/python -m pip install -qq --target $(MUTANTS) "cosmic-ray>=8.4,<9"
 	@PYTHONPATH=$(MUTANTS) $(BIN)/python benchmarks/mutants.py --sample $(SAMPLE) --seed $(SEED) --only "$(ONLY)"
 
+fuzz: setup
+	@PYTHONPATH=tests/common $(BIN)/python tests/fuzz/run.py --minutes $(MINUTES) --seed $(SEED) --only "$(ONLY)"
+
 # Any warning fails, and nothing is fetched.
 docs: setup
 	@$(BIN)/python -m sphinx -q -W --keep-going -b html docs docs/_build/html
@@ -100,5 +105,5 @@ lock: tools
 	  --no-header --no-annotate --upgrade --quiet --output-file requirements.txt
 
 clean:
-	rm -rf $(VENV) $(MUTANTS) $(DRAKE) build dist demo docs/_build docs/generated .pytest_cache .ruff_cache .hypothesis .benchmarks
+	rm -rf $(VENV) $(MUTANTS) $(DRAKE) fuzz_failures build dist demo docs/_build docs/generated .pytest_cache .ruff_cache .hypothesis .benchmarks
 	find . -name __pycache__ -type d -prune -exec rm -rf {} +

@@ -1,4 +1,4 @@
-"""The exceptions of both packages, and the end of a sentence that helps who wrote a name that does not exist."""
+"""The exceptions of both packages, and parts of their sentences: names that exist, values cut and made printable."""
 
 from __future__ import annotations
 
@@ -63,7 +63,9 @@ def known_names(name: str, known: Iterable[str], what: str) -> str:
         return f"there are no {what}."
     more = f" and {len(names) - _LISTED} more" if len(names) > _LISTED else ""
     guess = nearest(name, names)
-    return f"the {what} are {', '.join(names[:_LISTED])}{more}" + (f"; did you mean {guess}?" if guess else ".")
+    told = ", ".join(map(shortened, names[:_LISTED]))
+    meant = f"did you mean {shortened(guess)}?" if guess else f"give one of these {what}."
+    return f"the {what} are {told}{more}; {meant}"
 
 
 def nearest(name: str, known: Iterable[str]) -> str | None:
@@ -75,7 +77,18 @@ def nearest(name: str, known: Iterable[str]) -> str | None:
 
 def listed(names: Iterable[object], limit: int = 12) -> str:
     """Names for a message, the first ``limit`` of them."""
-    words = [str(name) for name in names]
+    words = [shortened(str(name)) for name in names]
     if not words:
         return "none"
     return ", ".join(words[:limit]) + (f" and {len(words) - limit} more" if len(words) > limit else "")
+
+
+def shortened(text: str, most: int = 80) -> str:
+    """A name or value for a message: on one line, and cut where it is longer than ``most`` letters."""
+    text = printable(text)
+    return text if len(text) <= most else f"{text[: most - 1]}…"
+
+
+def printable(text: str) -> str:
+    """Text without control characters, as the name of a file or joint may hold some that must not reach a terminal."""
+    return "".join(c if c.isprintable() or c == "\N{NO-BREAK SPACE}" else " " for c in text)

@@ -12,10 +12,12 @@ from pathlib import Path
 from typing import Any
 
 from identification.batch.diagnose_each import REFUSED, TABLES, DiagnosedRecording, DiagnosedRecordings
+from identification.csv_cells import text_cell
 from identification.files import temporary_beside
 from identification.words.diagnosis_words import joined
-from identification.words.numbers_and_names import NO_BREAK, cut_name, printable
+from identification.words.numbers_and_names import NO_BREAK, cut_name
 from phantom_dyn import __version__
+from phantom_dyn.errors import printable
 
 SCHEMA = "gap-diagnoses/1"
 WIDTH = 100
@@ -93,7 +95,8 @@ def write_tables(
 
 
 def _csv_row(row: DiagnosedRecording) -> dict[str, Any]:
-    out: dict[str, Any] = {"log": row.log, "folder": row.folder, "verdict": row.verdict, "refusal": row.refusal}
+    texts = {"log": row.log, "folder": row.folder, "verdict": row.verdict, "refusal": row.refusal}
+    out: dict[str, Any] = {name: text_cell(text) for name, text in texts.items()}
     document: Any = row.document
     if document is None:
         return out

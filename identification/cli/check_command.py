@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from identification.cli.arguments import DONE, Parser, add_reading
+from identification.cli.terminal.printed import say
 from identification.files import looks_like_log, require_existing, require_not_swapped
 from phantom_dyn.errors import UsageError
 from phantom_dyn.model.robot_files import looks_like_robot
@@ -46,7 +47,7 @@ def run(arguments: argparse.Namespace) -> int:
 
     robot = None if robot_file is None else _robot(robot_file, arguments)
     for log in logs:
-        print(checked_file(log, robot, columns=arguments.columns, topic=arguments.topic))
+        say(checked_file(log, robot, columns=arguments.columns, topic=arguments.topic))
     return DONE
 
 

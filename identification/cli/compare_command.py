@@ -5,6 +5,7 @@ from __future__ import annotations
 import argparse
 
 from identification.cli.arguments import DONE, Parser, one_blas_thread
+from identification.cli.terminal.printed import say
 from phantom_dyn.errors import UsageError
 
 
@@ -34,5 +35,5 @@ def run(arguments: argparse.Namespace) -> int:
     from identification.reporting.diagnosis_reader import read_diagnosis
 
     found = [read_diagnosis(path) for path in arguments.diagnoses]
-    print(compare(found, distinct_names(arguments.diagnoses)))
+    say(compare(found, distinct_names(arguments.diagnoses)))
     return DONE

@@ -5,6 +5,7 @@ from __future__ import annotations
 import argparse
 
 from identification.cli.arguments import Parser
+from identification.cli.terminal.printed import say
 from identification.data import datasets
 from phantom_dyn.errors import LogError, UsageError
 
@@ -27,11 +28,11 @@ def run(arguments: argparse.Namespace) -> int:
     if arguments.action == "fetch":
         if arguments.name is None:
             raise UsageError(f"fetch needs a name, one of {', '.join(datasets.NAMES)}")
-        print(datasets.fetch(arguments.name))
+        say(datasets.fetch(arguments.name))
         return 0
     if arguments.name is not None:
         raise UsageError(f"list takes no name, {arguments.name!r} was given; see phantom-dyn datasets --help")
-    print("\n\n".join(_entry(dataset) for dataset in datasets.DATASETS))
+    say("\n\n".join(_entry(dataset) for dataset in datasets.DATASETS))
     return 0
 
 

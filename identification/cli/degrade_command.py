@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from identification.cli.arguments import DONE, Parser, add_effects, add_reading, add_robot, one_blas_thread
+from identification.cli.terminal.printed import say
 from identification.files import require_ending, require_existing, require_not_swapped, require_writable
 from phantom_dyn.errors import UsageError
 from phantom_dyn.model.robot_files import find_robot
@@ -102,10 +103,10 @@ def _degrade(arguments: argparse.Namespace) -> int:
     result = degrade(robot, table, recording(table, robot), faults)
     write_log(arguments.out, result.columns)
     for note in (*table.warnings, *result.notes):
-        print(f"note: {note}")
+        say(f"note: {note}")
     for line in _changes(table.columns, result.columns):
-        print(line)
-    print(f"wrote {arguments.out}")
+        say(line)
+    say(f"wrote {arguments.out}")
     return DONE
 
 

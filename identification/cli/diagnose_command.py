@@ -20,6 +20,7 @@ from identification.cli.arguments import (
     require_files,
 )
 from identification.cli.terminal.percentage import BATCH, DIAGNOSIS
+from identification.cli.terminal.printed import say
 from identification.cli.terminal.progress import Progress
 from identification.cli.terminal.stage_times import StageTimes
 from phantom_dyn.errors import UsageError
@@ -143,12 +144,12 @@ def _diagnose_together(arguments: argparse.Namespace, excluded: tuple[tuple[floa
             diagnosis, robot, out=arguments.out, json_file=arguments.json, known=known, config=arguments.robot_config
         )
     if times is not None:
-        print(times.table(), file=sys.stderr)
-    print(summary(diagnosis))
+        say(times.table(), file=sys.stderr)
+    say(summary(diagnosis))
     for path in written:
-        print(f"wrote {path}")
+        say(f"wrote {path}")
     if arguments.out is not None and (lacking := not_written(arguments.out, written)):
-        print(f"not written: {', '.join(lacking)}; see {arguments.out / 'report.html'}")
+        say(f"not written: {', '.join(lacking)}; see {arguments.out / 'report.html'}")
     return DONE
 
 
@@ -264,16 +265,16 @@ def _diagnose_each(arguments: argparse.Namespace, excluded: tuple[tuple[float, f
             progress=progress.show,
         )
         written = write_tables(result, out=arguments.out, json_file=arguments.json)
-    print(table(result))
+    say(table(result))
     for path in written:
-        print(f"wrote {path}")
+        say(f"wrote {path}")
     if arguments.out is not None:
-        print(f"wrote {len(result.rows) - len(result.refused)} folders in {arguments.out}")
+        say(f"wrote {len(result.rows) - len(result.refused)} folders in {arguments.out}")
     if not result.refused:
         return DONE
     sys.stdout.flush()
     count = len(result.refused)
-    print(
+    say(
         f"phantom-dyn: {count} of {len(result.rows)} recordings {'was' if count == 1 else 'were'} refused; the table "
         "says why",
         file=sys.stderr,

@@ -11,6 +11,7 @@ from collections.abc import Iterable
 from importlib import metadata
 
 from identification.cli.arguments import DONE, Parser
+from identification.cli.terminal.printed import say
 from phantom_dyn import __version__
 from phantom_dyn.libraries import OPTIONAL
 from phantom_dyn.model.robot_files import builtin_robots, examples_folder
@@ -29,30 +30,30 @@ def parser() -> argparse.ArgumentParser:
 def run(arguments: argparse.Namespace) -> int:
     """Print the versions; 0 whatever is missing."""
     del arguments
-    print(f"phantom-dyn {__version__}")
-    print(f"Python {platform.python_version()} at {sys.executable}")
-    print(f"{platform.platform()}, {os.cpu_count()} processor cores")
-    print("\nlibraries:")
+    say(f"phantom-dyn {__version__}")
+    say(f"Python {platform.python_version()} at {sys.executable}")
+    say(f"{platform.platform()}, {os.cpu_count()} processor cores")
+    say("\nlibraries:")
     optional = {library.distribution: library for library in OPTIONAL}
     missing = []
     for name in required(metadata.requires("phantom-dyn") or ()):
         if name not in optional:
-            print(f"  {name:<20} {version_of(name) or 'MISSING'}")
+            say(f"  {name:<20} {version_of(name) or 'MISSING'}")
             missing += [] if version_of(name) else [name]
-    print("\nfor some uses only:")
+    say("\nfor some uses only:")
     for library in OPTIONAL:
         found = version_of(library.distribution)
         told = found or f"missing: pip install 'phantom-dyn[{library.extra}]'"
         use = library.use[0].lower() + library.use[1:]
-        print(f"  {library.distribution:<20} {told:<16} {use}")
-    print(f"\nbuilt-in robots: {', '.join(builtin_robots()) or 'MISSING'}")
-    print(f"robots of example:NAME: {'here' if examples_folder() else 'not installed'}")
-    print(f"effects of installed packages: {', '.join(plug_ins()) or 'none'}")
-    print(f"recordings (PHANTOM_DYN_DATA): {os.environ.get('PHANTOM_DYN_DATA') or 'not set, they are fetched'}")
+        say(f"  {library.distribution:<20} {told:<16} {use}")
+    say(f"\nbuilt-in robots: {', '.join(builtin_robots()) or 'MISSING'}")
+    say(f"robots of example:NAME: {'here' if examples_folder() else 'not installed'}")
+    say(f"effects of installed packages: {', '.join(plug_ins()) or 'none'}")
+    say(f"recordings (PHANTOM_DYN_DATA): {os.environ.get('PHANTOM_DYN_DATA') or 'not set, they are fetched'}")
     if missing:
-        print(f"\nMissing: {', '.join(missing)}. Install phantom-dyn again: pip install --force-reinstall phantom-dyn")
+        say(f"\nMissing: {', '.join(missing)}. Install phantom-dyn again: pip install --force-reinstall phantom-dyn")
     else:
-        print("\nNothing that every use needs is missing.")
+        say("\nNothing that every use needs is missing.")
     return DONE
 
 

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 
 from identification.cli.arguments import DONE, Parser, add_robot, one_blas_thread
 from identification.cli.terminal.percentage import EXCITATION
+from identification.cli.terminal.printed import say
 from identification.cli.terminal.progress import Progress
 from identification.files import require_ending, require_writable
 from phantom_dyn.errors import UsageError
@@ -124,9 +125,9 @@ def _excite(arguments: argparse.Namespace) -> int:
         progress.show("writing")
         write_log(arguments.out, result.columns(arguments.rate))
     for note in result.notes:
-        print(f"note: {note}")
-    print(result.summary())
-    print(f"wrote {arguments.out}")
+        say(f"note: {note}")
+    say(result.summary())
+    say(f"wrote {arguments.out}")
     return DONE
 
 

@@ -18,6 +18,7 @@ from identification.cli.arguments import (
     require_files,
 )
 from identification.cli.terminal.percentage import IDENTIFICATION
+from identification.cli.terminal.printed import say
 from identification.cli.terminal.progress import Progress
 
 if TYPE_CHECKING:
@@ -108,7 +109,7 @@ def _identify(arguments: argparse.Namespace, excluded: tuple[tuple[float, float]
         )
         progress.show("writing")
         written = write_outputs(found, arguments.out)
-    print(summary(found))
+    say(summary(found))
     for path in written:
-        print(f"wrote {path}")
+        say(f"wrote {path}")
     return DONE

@@ -12,6 +12,7 @@ from typing import Protocol, cast
 from identification.cli.arguments import BAD_INPUT, DONE, INTERRUPTED
 from identification.cli.terminal.completion import complete
 from identification.cli.terminal.interrupts import interruptible
+from identification.cli.terminal.printed import say
 from phantom_dyn import __version__
 from phantom_dyn.errors import PhantomDynError, UsageError
 
@@ -65,7 +66,7 @@ def main(argv: list[str] | None = None) -> int:
             code = _dispatch(sys.argv[1:] if argv is None else list(argv))
         sys.stdout.flush()
     except PhantomDynError as error:
-        print(f"phantom-dyn: {error}", file=sys.stderr)
+        say(f"phantom-dyn: {error}", file=sys.stderr)
         return BAD_INPUT
     except KeyboardInterrupt:
         print("phantom-dyn: interrupted", file=sys.stderr)

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 
 from identification.cli.arguments import DONE, Parser, add_robot, one_blas_thread
 from identification.cli.terminal.percentage import MAP
+from identification.cli.terminal.printed import say
 from identification.cli.terminal.progress import Progress
 from identification.files import require_writable_folder
 from phantom_dyn.errors import UsageError, known_names
@@ -94,11 +95,11 @@ def _map(arguments: argparse.Namespace) -> int:
         result = operational_map(model, grid, names, jobs=arguments.jobs, progress=done)
         written = write_map(result, arguments.out, progress=progress.show)
     for line in _summary(result):
-        print(line)
+        say(line)
     for path in written:
-        print(f"wrote {path}")
+        say(f"wrote {path}")
     if not any(path.name == NETCDF for path in written):
-        print(f"note: {NETCDF} was not written. {missing_library('netCDF4')}")
+        say(f"note: {NETCDF} was not written. {missing_library('netCDF4')}")
     return DONE
 
 

@@ -20,6 +20,7 @@ from identification.cli.arguments import (
     one_blas_thread,
 )
 from identification.cli.terminal.percentage import VIEW
+from identification.cli.terminal.printed import say
 from identification.cli.terminal.progress import Progress
 from identification.files import require_existing, require_not_swapped
 from phantom_dyn.errors import UsageError
@@ -86,15 +87,15 @@ def run(arguments: argparse.Namespace) -> int:
 
     replay = _replay(arguments, excluded)
     for note in replay.notes:
-        print(f"note: {note}")
+        say(f"note: {note}")
     with served(replay, host=arguments.host, port=arguments.port) as page:
-        print(f"{replay.file} is replayed at {page.url} (Ctrl-C ends it)", flush=True)
+        say(f"{replay.file} is replayed at {page.url} (Ctrl-C ends it)", flush=True)
         if not arguments.no_open and _has_browser():
             webbrowser.open(page.url)
         try:
             page.run()
         except KeyboardInterrupt:
-            print("\nended")
+            say("\nended")
     return DONE
 
 

@@ -8,6 +8,7 @@ from pathlib import Path
 import numpy as np
 from jaxtyping import Float
 
+from identification.csv_cells import header_line
 from identification.files import require_ending, temporary_beside
 from phantom_dyn.errors import UsageError
 from phantom_dyn.libraries import is_installed, missing_library
@@ -38,7 +39,7 @@ def write_log(path: Path, columns: Mapping[str, Float[Array, " N"]]) -> None:
             pq.write_table(pa.table(dict(columns)), temporary)
         else:
             rows = np.column_stack(list(columns.values()))
-            np.savetxt(temporary, rows, delimiter=",", header=",".join(columns), comments="", fmt="%.17g")
+            np.savetxt(temporary, rows, delimiter=",", header=header_line(columns), comments="", fmt="%.17g")
 
 
 def write_map(result: OperationalMap, folder: Path, *, progress: Callable[[str], None] = lambda _: None) -> list[Path]:

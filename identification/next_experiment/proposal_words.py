@@ -6,6 +6,7 @@ import io
 
 import numpy as np
 
+from identification.csv_cells import header_line
 from identification.next_experiment.hypotheses import Hypothesis
 from identification.next_experiment.separation import Pair
 from identification.next_experiment.trials import KnownMass, Trial
@@ -77,5 +78,5 @@ def reference_text(motion: Motion, joint_names: tuple[str, ...]) -> str:
     names = ["t", *(f"{kind}.{joint}" for kind in ("q_ref", "v_ref", "a_ref") for joint in joint_names)]
     rows = np.column_stack([motion.t, motion.q, motion.v, motion.a])
     out = io.StringIO()
-    np.savetxt(out, rows, delimiter=",", header=",".join(names), comments="", fmt="%.17g")
+    np.savetxt(out, rows, delimiter=",", header=header_line(names), comments="", fmt="%.17g")
     return out.getvalue()

@@ -14,8 +14,8 @@ from identification.diagnosis.decision_rules import SIZES_DIFFER
 from identification.diagnosis.result import Diagnosis, EffectAt, Finding, Gap, Value
 from identification.reporting.diagnosis_reader import FILE
 from identification.words.diagnosis_words import capital, effect_at, effect_at_finding, joined, parameter_name
-from identification.words.numbers_and_names import NO_BREAK, cut_name, number, percent, printable, with_unit
-from phantom_dyn.errors import ParameterError
+from identification.words.numbers_and_names import NO_BREAK, cut_name, number, percent, with_unit
+from phantom_dyn.errors import ParameterError, printable
 
 WIDTH = 100
 _NAME_WIDTH = 24

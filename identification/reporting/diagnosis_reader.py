@@ -25,7 +25,9 @@ from identification.diagnosis.result import (
     Value,
 )
 from identification.reporting.diagnosis_files import NAMES, SCHEMA
-from phantom_dyn.errors import LogError
+from identification.reporting.diagnosis_schema import require_document
+from phantom_dyn.errors import LogError, shortened
+from phantom_dyn.model.plain_file import require_plain_file
 
 FILE = NAMES[0]
 
@@ -44,24 +46,25 @@ def read_diagnosis(path: str | Path) -> Diagnosis:
     """
     path = Path(path)
     path = path / FILE if path.is_dir() else path
+    require_plain_file(path, LogError, f"a {FILE}")
     try:
         content = json.loads(path.read_bytes())
     except OSError as error:
         raise LogError(
             f"{path} cannot be read ({error.strerror}): give a {FILE}, or the folder that diagnose --out wrote."
         ) from error
-    except ValueError as error:
+    except (ValueError, RecursionError) as error:  # the second for lists in one another without end
         raise LogError(f"{path} is no JSON ({error}): give a {FILE} that phantom-dyn diagnose wrote.") from error
     schema = content.get("schema") if isinstance(content, dict) else None
     if schema != SCHEMA:
-        told = f"has the schema {schema}" if schema else "is no diagnosis"
+        told = f"has the schema {shortened(str(schema))}" if schema else "is no diagnosis"
         raise LogError(f"{path} {told}, wanted {SCHEMA}: diagnose the recording again with this version.")
     try:
+        require_document(content)
         return _diagnosis(content)
-    except (KeyError, TypeError, ValueError, AttributeError) as error:
-        raise LogError(
-            f"{path} is not a whole {SCHEMA} ({type(error).__name__}: {error}): diagnose the recording again."
-        ) from error
+    except (KeyError, TypeError, ValueError, AttributeError, OverflowError) as error:
+        reason = shortened(str(error).replace("`", ""), 200)
+        raise LogError(f"{path} is not a whole {SCHEMA} ({reason}): diagnose the recording again.") from error
 
 
 def _diagnosis(content: Mapping[str, Any]) -> Diagnosis:

@@ -8,7 +8,8 @@ from identification.diagnosis.result import Diagnosis, Finding, JointGap
 from identification.words import diagnosis_words as words
 from identification.words.certainty import as_told
 from identification.words.diagnosis_words import growth_words
-from identification.words.numbers_and_names import NO_BREAK, cut_name, number, percent, printable, value_words
+from identification.words.numbers_and_names import NO_BREAK, cut_name, number, percent, value_words
+from phantom_dyn.errors import printable
 
 WIDTH = 100
 NOTES = 5

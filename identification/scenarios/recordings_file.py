@@ -12,9 +12,9 @@ from identification.data.changes import KINDS, Change, Kind, KnownPayload, robot
 from identification.data.reading import read_recording
 from identification.data.recording import Recording
 from identification.scenarios.motion_only import states_controllers, with_asked_torque
-from phantom_dyn.errors import ParameterError, known_names
+from phantom_dyn.errors import ParameterError, known_names, shortened
 from phantom_dyn.model.robot import Controller, Robot
-from phantom_dyn.model.settings_file import describe, list_at, load_mapping, number_at, text_at
+from phantom_dyn.model.settings_file import LARGEST, describe, list_at, load_mapping, number_at, text_at
 
 _KEYS = ("file", "payload", "controller", "changed", "exclude")
 _PAYLOAD_KEYS = ("mass", "center")
@@ -51,7 +51,7 @@ def read_changes(path: str | Path, logs: Sequence[str | Path], joints: Sequence[
         at = _which(change.file, path, key, logs)
         if at in seen:
             raise ParameterError(
-                f"{path}: {key}.file is {change.file}, which {seen[at]} has said already: join the two."
+                f"{path}: {key}.file is {shortened(change.file)}, which {seen[at]} has said already: join the two."
             )
         seen[at] = key
         out[at] = replace(change, file=out[at].file)
@@ -67,10 +67,10 @@ def _which(file: str, path: Path, key: str, logs: Sequence[str | Path]) -> int:
         return found[0]
     if found:
         raise ParameterError(
-            f"{path}: {key}.file is {file}, and {len(found)} recordings have that name: give its path."
+            f"{path}: {key}.file is {shortened(file)}, and {len(found)} recordings have that name: give its path."
         )
     raise ParameterError(
-        f"{path}: {key}.file is {file}, which is not among the recordings that were given: "
+        f"{path}: {key}.file is {shortened(file)}, which is not among the recordings that were given: "
         f"{known_names(file, [Path(log).name for log in logs], 'recordings')}"
     )
 
@@ -105,7 +105,7 @@ def _payload(entry: Any, file: str, key: str) -> KnownPayload:
     center = list_at(entry["center"], file, f"{key}.center")
     if len(center) != 3:
         raise ParameterError(f"{file}: {key}.center has {len(center)} numbers, wanted three [m] such as [0, 0, 0.1].")
-    x, y, z = (number_at(value, file, f"{key}.center[{k}]") for k, value in enumerate(center))
+    x, y, z = (number_at(value, file, f"{key}.center[{k}]", most=LARGEST) for k, value in enumerate(center))
     return KnownPayload(mass, (x, y, z))
 
 
@@ -138,7 +138,7 @@ def _changed(entry: Any, file: str, key: str) -> tuple[Kind, ...]:
     names = [text_at(name, file, f"{key}[{k}]") for k, name in enumerate(entry)]
     for name in names:
         if name not in KINDS:
-            raise ParameterError(f"{file}: {key} has {name}, {known_names(name, KINDS, 'kinds of change')}")
+            raise ParameterError(f"{file}: {key} has {shortened(name)}, {known_names(name, KINDS, 'kinds of change')}")
     twice = [name for name, count in Counter(names).items() if count > 1]
     if twice:
         raise ParameterError(f"{file}: {key} has {twice[0]} twice: say it once.")
@@ -148,7 +148,10 @@ def _changed(entry: Any, file: str, key: str) -> tuple[Kind, ...]:
 def _stretches(entry: Any, file: str, key: str) -> tuple[tuple[float, float], ...]:
     out = []
     for k, pair in enumerate(list_at(entry, file, key)):
-        times = [number_at(time, file, f"{key}[{k}][{i}]") for i, time in enumerate(list_at(pair, file, f"{key}[{k}]"))]
+        times = [
+            number_at(time, file, f"{key}[{k}][{i}]", most=LARGEST)
+            for i, time in enumerate(list_at(pair, file, f"{key}[{k}]"))
+        ]
         if len(times) != 2 or not times[0] < times[1]:
             raise ParameterError(f"{file}: {key}[{k}] is {describe(pair)}, wanted two times [s] such as [2.5, 4].")
         out.append((times[0], times[1]))
@@ -156,7 +159,7 @@ def _stretches(entry: Any, file: str, key: str) -> tuple[tuple[float, float], ..
 
 
 def _not_negative(value: Any, file: str, key: str) -> float:
-    number = number_at(value, file, key)
+    number = number_at(value, file, key, most=LARGEST)
     if number < 0:
         raise ParameterError(f"{file}: {key} is {describe(value)}, wanted a number of 0 or more.")
     return number
@@ -167,7 +170,9 @@ def _known_keys(entry: Mapping[Any, Any], file: str, key: str, wanted: tuple[str
         if name not in wanted:
             place = f" in {key}" if key else ""
             kind = "joint" if what == "joints" else "key"
-            raise ParameterError(f"{file}: there is no {kind} {name}{place}, {known_names(str(name), wanted, what)}")
+            raise ParameterError(
+                f"{file}: there is no {kind} {shortened(str(name))}{place}, {known_names(str(name), wanted, what)}"
+            )
 
 
 def read_changed(

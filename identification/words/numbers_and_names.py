@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 
 from identification.diagnosis.result import Value
+from phantom_dyn.errors import printable
 
 NO_BREAK = "\N{NO-BREAK SPACE}"  # a number never parts from its unit at the end of a line
 
@@ -53,11 +54,6 @@ def percent(share: float) -> str:
     if 0.995 <= share < 1:
         return f"over 99{NO_BREAK}%"
     return f"{100 * share:.0f}{NO_BREAK}%"
-
-
-def printable(text: str) -> str:
-    """Text without control characters, as the name of a file or joint may hold some that must not reach a terminal."""
-    return "".join(c if c.isprintable() or c == NO_BREAK else " " for c in text)
 
 
 def cut_name(name: str, width: int) -> str:

@@ -12,8 +12,13 @@ from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 
-from phantom_dyn.errors import RobotError
+from phantom_dyn.errors import RobotError, shortened
 from phantom_dyn.model.robot_config import LinearLoop
+
+_LONGEST = 400
+"""Letters of an expression; each may be a call in the one before."""
+_LARGEST = 1e6
+"""Constant [rad or m] and factors: more is no joint."""
 
 
 @dataclass(frozen=True)
@@ -67,12 +72,17 @@ def linear_expression(text: str, joints: Sequence[str]) -> LinearExpression:
     Raises:
         ValueError: If it is anything else; the text says which part, as the end of a sentence.
     """
+    if len(text) > _LONGEST:
+        raise ValueError(f"it has more than {_LONGEST} letters")
     coded, names = _coded(text, joints)
     try:
         tree = ast.parse(coded.strip(), mode="eval").body
-    except (SyntaxError, ValueError, RecursionError):
+    except (SyntaxError, ValueError, RecursionError, MemoryError):  # the last for brackets in one another
         raise ValueError("it cannot be read") from None
-    return _read(tree, names)
+    found = _read(tree, names)
+    if not all(abs(value) <= _LARGEST for value in (found.constant, *found.factors.values())):
+        raise ValueError(f"its numbers are beyond {_LARGEST:g}")
+    return found
 
 
 def _stated_expression(text: str, active: list[str], place: str) -> LinearExpression:
@@ -80,8 +90,8 @@ def _stated_expression(text: str, active: list[str], place: str) -> LinearExpres
         return linear_expression(text, active)
     except ValueError as problem:
         raise RobotError(
-            f"{place} is {text!r}, and {problem}: wanted a sum of numbers, pi and multiples of the loop's active "
-            "joints, such as 'pi/2 - 2*j5'."
+            f"{place} is {shortened(text)!r}, and {problem}: wanted a sum of numbers, pi and multiples of the loop's "
+            "active joints, such as 'pi/2 - 2*j5'."
         ) from None
 
 
@@ -109,7 +119,7 @@ def _coded(text: str, joints: Sequence[str]) -> tuple[str, dict[str, str]]:
 
 def _read(node: ast.expr, names: dict[str, str]) -> LinearExpression:
     match node:
-        case ast.Constant(value=int() | float() as value) if not isinstance(value, bool) and math.isfinite(value):
+        case ast.Constant(value=int() | float() as value) if not isinstance(value, bool) and abs(value) <= _LARGEST:
             return LinearExpression(float(value))
         case ast.Name(id=name) if name in names:
             return LinearExpression(0.0, {names[name]: 1.0})

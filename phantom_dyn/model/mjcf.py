@@ -14,14 +14,26 @@ from typing import Literal
 import numpy as np
 import pinocchio as pin
 
-from phantom_dyn.errors import RobotError, known_names
+from phantom_dyn.errors import RobotError, known_names, shortened
 from phantom_dyn.model.robot_config import FrameLoop, PointLoop
-from phantom_dyn.model.robot_xml import Body, Element, MjcfLoop, RobotXml, numbers, require_not_negative, symmetric
+from phantom_dyn.model.robot_xml import (
+    Body,
+    Element,
+    MjcfLoop,
+    RobotXml,
+    numbers,
+    require_not_negative,
+    require_once,
+    require_order,
+    symmetric,
+)
 from phantom_dyn.model.stated_loops import frame_index
 
 Array = np.ndarray
 
 
+_POSES = (("pos", 3), ("quat", 4), ("euler", 3), ("axisangle", 4), ("xyaxes", 6), ("zaxis", 3))
+"""Attributes that place a body, and how many numbers each has."""
 _STRUCTURE = ("include", "frame", "replicate", "attach", "composite", "flexcomp")
 """Elements that change the tree of bodies when MuJoCo compiles the file; Pinocchio does not compile it."""
 _LEFT_OUT = (
@@ -58,9 +70,12 @@ def mjcf_facts(root: Element, sha256: str, path: Path) -> RobotXml:
     bodies = [body for element in root.iter("body") if (body := _body(element, root, path)) is not None]
     for joint in root.iter("joint"):
         owner = f"joint {joint.get('name', '(default)')}"
-        for attribute in ("pos", "axis", "ref"):
-            numbers(joint, attribute, owner, path)
-        require_not_negative(joint, ("damping", "frictionloss", "armature"), owner, path)
+        for attribute, count in (("pos", 3), ("axis", 3), ("ref", 1)):
+            numbers(joint, attribute, owner, path, count=count)
+        require_not_negative(joint, ("damping", "frictionloss", "armature"), owner, path, count=1)
+        ends = numbers(joint, "range", owner, path, count=2, most=np.inf)
+        if ends:
+            require_order(ends[0], ends[1], "range", owner, path)
     option = root.find("option")
     gravity = numbers(option, "gravity", "the file", path) if option is not None else []
     if len(gravity) not in (0, 3):
@@ -120,8 +135,9 @@ def add_loop_frames(model: pin.Model, loops: tuple[MjcfLoop, ...], path: Path) -
 def _body(element: Element, root: Element, path: Path) -> Body | None:
     """Stated inertia of a body; None where MuJoCo takes it from the geoms."""
     name = f"body {element.get('name', '(without a name)')}"
-    for attribute in ("pos", "quat", "euler", "axisangle", "xyaxes", "zaxis"):
-        numbers(element, attribute, name, path)
+    for attribute, count in _POSES:
+        numbers(element, attribute, name, path, count=count)
+    require_once(element, ("inertial",), name, path)
     inertial = element.find("inertial")
     if inertial is None:
         for geom in element.findall("geom"):
@@ -131,13 +147,15 @@ def _body(element: Element, root: Element, path: Path) -> Body | None:
                     f"{path}: the inertia of {name} comes from a mesh, and meshes are not read: give it an <inertial>."
                 )
         return None
-    for attribute in ("pos", "quat", "euler", "axisangle", "xyaxes", "zaxis"):
-        numbers(inertial, attribute, name, path)
+    for attribute, count in _POSES:
+        numbers(inertial, attribute, name, path, count=count)
     mass = numbers(inertial, "mass", name, path)
     diagonal = numbers(inertial, "diaginertia", name, path)
     full = numbers(inertial, "fullinertia", name, path)
     if len(mass) != 1 or (len(diagonal), len(full)) not in ((3, 0), (0, 6)):
-        raise RobotError(f"{path}: the <inertial> of {name} needs mass and diaginertia (3) or fullinertia (6 numbers).")
+        raise RobotError(
+            f"{path}: the <inertial> of {name} needs mass and diaginertia (3) or fullinertia (6 numbers): add them."
+        )
     return Body(name, mass[0], symmetric(*full) if full else np.diag(diagonal))
 
 
@@ -148,9 +166,15 @@ def _geoms_have_mass(root: Element) -> bool:
 
 def _followers(root: Element, path: Path) -> dict[str, tuple[str, float]]:
     followers = {}
+    names = [joint.get("name", "") for body in root.iter("body") for joint in body.findall("joint")]
     for constraint in (element for group in root.iter("equality") for element in group):
         if constraint.tag == "joint" and constraint.get("active", "true") != "false":
             name = constraint.get("joint1", "")
+            for attribute in ("joint1", "joint2"):
+                given = constraint.get(attribute)
+                if given is not None and given not in names:
+                    known = known_names(given, names, "joints")
+                    raise RobotError(f"{path}: <equality> names the joint {shortened(given)!r}, {known}")
             offset = numbers(constraint, "polycoef", f"the equality of joint {name}", path) or [0.0]
             followers[name] = (constraint.get("joint2", "nothing"), offset[0])
     return followers

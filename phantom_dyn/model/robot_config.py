@@ -10,14 +10,21 @@ from typing import Annotated, Any, Literal, TypeVar, Union, get_args, get_origin
 import msgspec
 from msgspec import Meta
 
-from phantom_dyn.errors import RobotError, known_names
+from phantom_dyn.errors import RobotError, known_names, shortened
 from phantom_dyn.model.settings_file import describe, read_settings
 
-NonNegative = Annotated[float, Meta(ge=0, description="a number of 0 or more")]
-Positive = Annotated[float, Meta(gt=0, description="a number above 0")]
-Vector = Annotated[tuple[float, float, float], Meta(description="three numbers such as [0, 0, -9.81]")]
+# The ends are far beyond any robot in SI units, and leave room for squares and quotients in a float.
+NonNegative = Annotated[float, Meta(ge=0, le=1e12, description="a number of 0 or more, at most 1e12")]
+Positive = Annotated[float, Meta(ge=1e-12, le=1e12, description="a number above 0, from 1e-12 to 1e12")]
+Share = Annotated[float, Meta(ge=0, le=100, description="a number of 0 or more, at most 100")]
+Delay = Annotated[float, Meta(ge=0, le=10, description="a number of 0 or more, at most 10 s")]
+Ratio = Annotated[float, Meta(ge=-1e6, le=1e6, description="a number other than 0, from -1e6 to 1e6")]
+Place = Annotated[float, Meta(ge=-1e6, le=1e6)]
+Vector = Annotated[tuple[Place, Place, Place], Meta(description="three numbers such as [0, 0, -9.81], none beyond 1e6")]
 Names = Annotated[list[str], Meta(description="a list of joint names")]
 Table = Annotated[dict[str, dict[str, Any]], Meta(description="joint names, each with its keys")]
+_LEAST_RATIO = 1e-6
+"""Of a gear: a smaller one would take a turn of the motor for none of the joint."""
 _S = TypeVar("_S", bound=msgspec.Struct)
 
 
@@ -31,14 +38,14 @@ class ControllerConfig(_Strict, frozen=True):
     kind: Literal["pd"] = "pd"
     kp: NonNegative = 0.0
     kd: NonNegative = 0.0
-    delay: NonNegative = 0.0
+    delay: Delay = 0.0
 
 
 class JointConfig(_Strict, frozen=True):
     """Drive of a joint; None where the file says nothing."""
 
     rotor_inertia: NonNegative | None = None
-    gear_ratio: Annotated[float, Meta(description="a number other than 0")] = 1.0
+    gear_ratio: Ratio = 1.0
     torque_constant: Positive | None = None
     torque_limit: Positive | None = None
     encoder_counts: Positive | None = None
@@ -52,9 +59,9 @@ class JointConfig(_Strict, frozen=True):
 class ToleranceConfig(_Strict, frozen=True):
     """Relative one-sigma trust in the model; 0 is trusted exactly."""
 
-    inertia: NonNegative = 0.05
-    friction: NonNegative = 0.05
-    rotor_inertia: NonNegative = 0.10
+    inertia: Share = 0.05
+    friction: Share = 0.05
+    rotor_inertia: Share = 0.10
 
 
 class LinearLoop(_Strict, frozen=True):
@@ -75,7 +82,7 @@ class _AnchorLoop(_Strict, frozen=True):
     frame_a: Annotated[str, Meta(description="the name of a frame")]
     frame_b: Annotated[str, Meta(description="the name of a frame")]
     active: Names | None = None
-    start: Annotated[dict[str, float], Meta(description="joint names, each with a position")] | None = None
+    start: Annotated[dict[str, Place], Meta(description="joint names, each with a position")] | None = None
 
 
 class PointLoop(_AnchorLoop, frozen=True, kw_only=True):
@@ -120,8 +127,9 @@ def read_robot_config(path: Path) -> RobotConfig:
     content = _convert(raw, _File, path, "")
     joints = {name: _convert(keys, JointConfig, path, f"joints.{name}.") for name, keys in content.joints.items()}
     for name, joint in joints.items():
-        if joint.gear_ratio == 0:
-            raise RobotError(f"{path}: joints.{name}.gear_ratio is 0, wanted {_wanted(JointConfig, ['gear_ratio'])}.")
+        if abs(joint.gear_ratio) < _LEAST_RATIO:
+            wanted = _wanted(JointConfig, ["gear_ratio"])
+            raise RobotError(f"{path}: joints.{name}.gear_ratio is {joint.gear_ratio:g}, wanted {wanted}.")
     loops = [_loop(loop, path, f"loops[{index}].") for index, loop in enumerate(content.loops)]
     values = {field: getattr(content, field) for field in content.__struct_fields__}
     return RobotConfig(**(values | {"joints": joints, "loops": loops}))
@@ -130,7 +138,7 @@ def read_robot_config(path: Path) -> RobotConfig:
 def _loop(raw: dict[str, Any], path: Path, prefix: str) -> LinearLoop | PointLoop | FrameLoop:
     kinds = {"linear": LinearLoop, "point": PointLoop, "frame": FrameLoop}
     kind = raw.get("kind")
-    if kind not in kinds:
+    if not isinstance(kind, str) or kind not in kinds:
         raise RobotError(f"{path}: {prefix}kind is {describe(kind)}, wanted one of {', '.join(kinds)}.")
     return _convert(raw, kinds[kind], path, prefix)
 
@@ -154,7 +162,7 @@ def _refusal(
         kind, name = field
         full = prefix + ".".join([*keys, name])
         if kind == "unknown":
-            return f"there is no key {full}, {known_names(name, _fields(struct, keys), 'keys')}"
+            return f"there is no key {shortened(full)}, {known_names(name, _fields(struct, keys), 'keys')}"
         return f"{full} is missing, wanted {_wanted(struct, [*keys, name])}."
     value = raw
     for key in keys:

@@ -11,10 +11,19 @@ from xml.etree import ElementTree
 import numpy as np
 from jaxtyping import Float
 
-from phantom_dyn.errors import RobotError
+from phantom_dyn.errors import RobotError, known_names, shortened
+from phantom_dyn.model.plain_file import require_plain_file
 
 Array = np.ndarray
 Element = ElementTree.Element
+
+LARGEST = 1e9
+"""Larger than any number of a robot in SI units; its square is far from the end of the floats."""
+_DEEPEST = 200
+"""Elements in one another: twice those of the longest chain of bodies, and the parsers behind call themselves."""
+_SHORTEST = 1e-6
+"""An axis this short has lost the digits of its direction."""
+_ONCE_IN_JOINT = ("origin", "parent", "child", "axis", "limit", "dynamics", "mimic")
 
 
 @dataclass(frozen=True)
@@ -83,6 +92,7 @@ def read_root(path: Path) -> tuple[Element, str]:
     Raises:
         RobotError: If the file cannot be read, is no XML, or describes no robot in URDF or MJCF.
     """
+    require_plain_file(path, RobotError, "a URDF or MJCF file")
     try:
         content = path.read_bytes()
     except OSError as problem:
@@ -95,6 +105,10 @@ def read_root(path: Path) -> tuple[Element, str]:
         raise RobotError(f"{path} is not valid XML, or is cut off ({problem}): give a whole URDF or MJCF file.") from (
             problem
         )
+    if b"<!ENTITY" in content:
+        raise RobotError(f"{path} defines entities, which no robot file needs: write out what they stand for.")
+    if _depth(root) > _DEEPEST:
+        raise RobotError(f"{path} has more than {_DEEPEST} elements in one another: give the file of one robot.")
     if any("xacro" in str(element.tag) for element in root.iter()):
         raise RobotError(f"{path} is a xacro source: expand it with `xacro FILE > robot.urdf` and give the result.")
     if root.tag == "sdf":
@@ -106,31 +120,71 @@ def read_root(path: Path) -> tuple[Element, str]:
     return root, hashlib.sha256(content).hexdigest()
 
 
-def numbers(element: Element, attribute: str, owner: str, path: Path) -> list[float]:
+def _depth(root: Element) -> int:
+    """How many elements are in one another, found without calls in one another."""
+    depth, row = 0, [root]
+    while row:
+        depth, row = depth + 1, [child for element in row for child in element]
+    return depth
+
+
+def numbers(
+    element: Element, attribute: str, owner: str, path: Path, *, count: int | None = None, most: float = LARGEST
+) -> list[float]:
     """Finite numbers of an attribute, empty where it is not there.
 
     Both parsers take text for zero without a word, so numbers are checked here.
 
+    Args:
+        element: Has the attribute.
+        attribute: Its name.
+        owner: Whose it is, for messages.
+        path: The file, for messages.
+        count: How many there must be; None: one or more.
+        most: The largest magnitude.
+
     Raises:
-        RobotError: If one of them is no finite number.
+        RobotError: If one of them is no finite number or larger, or there are more or fewer.
     """
     text = element.get(attribute)
     if text is None:
         return []
     try:
-        values = [float(word) for word in text.split()]
+        # Python reads 1_000 and digits of other scripts, the parsers behind do not.
+        values = [float(word) for word in text.split()] if text.isascii() and "_" not in text else []
     except ValueError:
         values = []
+    where = f"{path}: {attribute}={shortened(text)!r} in <{element.tag}> of {owner}"
     if not values or not np.isfinite(values).all():
-        raise RobotError(f"{path}: {attribute}={text!r} in <{element.tag}> of {owner} must be finite numbers.")
+        raise RobotError(f"{where} must be finite numbers: correct it.")
+    if count is not None and len(values) != count:
+        raise RobotError(f"{where} has {len(values)} numbers, wanted {count}: correct it.")
+    if max(map(abs, values)) > most:
+        raise RobotError(f"{where} is beyond {most:g}, which no robot has: give SI units.")
     return values
 
 
-def require_not_negative(element: Element, attributes: tuple[str, ...], owner: str, path: Path) -> None:
+def require_once(parent: Element, tags: tuple[str, ...], owner: str, path: Path) -> None:
+    """Refuse an element that stands twice where the parsers take the first or the last without a word."""
+    for tag in tags:
+        found = len(parent.findall(tag))
+        if found > 1:
+            raise RobotError(f"{path}: {owner} has <{tag}> {found} times, wanted one: remove the others.")
+
+
+def require_order(low: float, high: float, what: str, owner: str, path: Path) -> None:
+    """Refuse limits whose lower one is above the upper one."""
+    if low > high:
+        raise RobotError(f"{path}: {what} of {owner} goes from {low:g} to {high:g}: turn the two round.")
+
+
+def require_not_negative(
+    element: Element, attributes: tuple[str, ...], owner: str, path: Path, *, count: int | None = None
+) -> None:
     """Refuse a negative number among the attributes of an element, with a sentence."""
     for attribute in attributes:
-        if any(value < 0 for value in numbers(element, attribute, owner, path)):
-            text = f"{attribute}={element.get(attribute)!r} in <{element.tag}> of {owner}"
+        if any(value < 0 for value in numbers(element, attribute, owner, path, count=count)):
+            text = f"{attribute}={shortened(element.get(attribute, ''))!r} in <{element.tag}> of {owner}"
             raise RobotError(f"{path}: {text} is below zero, which no robot can have: correct it.")
 
 
@@ -143,27 +197,61 @@ def urdf_facts(root: Element, sha256: str, path: Path) -> RobotXml:
     """Facts of a URDF.
 
     Raises:
-        RobotError: If a number is none, an axis is zero, or friction is negative.
+        RobotError: If a number is none, an axis is zero, friction is negative, limits are swapped, an element that
+            there can be one of stands twice, or a joint mimics one that is not there.
     """
+    for link in root.findall("link"):
+        require_once(link, ("inertial",), f"link {link.get('name')}", path)
     bodies = [_urdf_body(link, path) for link in root.findall("link") if link.find("inertial") is not None]
+    joints = root.findall("joint")
+    for joint in joints:
+        _check_urdf_joint(joint, path)
+    names = [joint.get("name", "") for joint in joints]
     followers = {}
-    for joint in root.findall("joint"):
-        owner = f"joint {joint.get('name')}"
-        for tag, attributes in (("origin", ("xyz", "rpy")), ("axis", ("xyz",)), ("mimic", ("multiplier", "offset"))):
-            for element in joint.findall(tag):
-                for attribute in attributes:
-                    numbers(element, attribute, owner, path)
-        for element in joint.findall("dynamics"):
-            require_not_negative(element, ("damping", "friction"), owner, path)
-        axis = joint.find("axis")
-        fixed = axis is None or joint.get("type") in ("fixed", "floating")
-        if axis is not None and not fixed and not any(numbers(axis, "xyz", owner, path) or [1.0]):
-            raise RobotError(f"{path}: the axis of {owner} is zero: give its direction.")
+    for joint in joints:
         mimic = joint.find("mimic")
         if mimic is not None:
-            offset = numbers(mimic, "offset", owner, path) or [0.0]
-            followers[joint.get("name", "")] = (mimic.get("joint", ""), offset[0])
+            followers[joint.get("name", "")] = _followed(joint, mimic, names, path)
     return RobotXml("urdf", root.get("name", ""), sha256, tuple(bodies), followers)
+
+
+def _check_urdf_joint(joint: Element, path: Path) -> None:
+    owner, kind = f"joint {joint.get('name')}", joint.get("type")
+    require_once(joint, _ONCE_IN_JOINT, owner, path)
+    for tag, attributes, count in (("origin", ("xyz", "rpy"), 3), ("mimic", ("multiplier", "offset"), 1)):
+        for element in joint.findall(tag):
+            for attribute in attributes:
+                numbers(element, attribute, owner, path, count=count)
+    for element in joint.findall("dynamics"):
+        require_not_negative(element, ("damping", "friction"), owner, path, count=1)
+    axis = joint.find("axis")
+    if axis is not None:
+        along = numbers(axis, "xyz", owner, path, count=3) or [1.0]
+        if kind not in ("fixed", "floating") and float(np.linalg.norm(along)) < _SHORTEST:
+            raise RobotError(f"{path}: the axis of {owner} is zero: give its direction.")
+    limit = joint.find("limit")
+    if limit is not None:
+        # Without a limit in truth the largest float stands in some files.
+        ends = [numbers(limit, end, owner, path, count=1, most=np.inf) or [0.0] for end in ("lower", "upper")]
+        for attribute in ("effort", "velocity"):
+            given = numbers(limit, attribute, owner, path, count=1, most=np.inf)
+            if given and given[0] < 0:
+                raise RobotError(f"{path}: {attribute}={given[0]:g} in <limit> of {owner} is below zero: correct it.")
+        if kind in ("revolute", "prismatic"):
+            require_order(ends[0][0], ends[1][0], "<limit>", owner, path)
+
+
+def _followed(joint: Element, mimic: Element, names: list[str], path: Path) -> tuple[str, float]:
+    """The joint that another one copies, and the position of that one where it is at zero."""
+    name, leader = joint.get("name", ""), mimic.get("joint", "")
+    if leader not in names:
+        raise RobotError(
+            f"{path}: joint {shortened(name)} mimics {shortened(leader)!r}, {known_names(leader, names, 'joints')}"
+        )
+    if leader == name:
+        raise RobotError(f"{path}: joint {shortened(name)} mimics itself: name the joint that it follows.")
+    offset = numbers(mimic, "offset", f"joint {name}", path) or [0.0]
+    return leader, offset[0]
 
 
 def _urdf_body(link: Element, path: Path) -> Body:
@@ -171,9 +259,10 @@ def _urdf_body(link: Element, path: Path) -> Body:
     owner = f"link {name}"
     inertial = link.find("inertial")
     assert inertial is not None
+    require_once(inertial, ("origin", "mass", "inertia"), f"the <inertial> of {owner}", path)
     for element in inertial.findall("origin"):
         for attribute in ("xyz", "rpy"):
-            numbers(element, attribute, owner, path)
+            numbers(element, attribute, owner, path, count=3)
     mass, inertia = inertial.find("mass"), inertial.find("inertia")
     if mass is None or mass.get("value") is None:
         raise RobotError(f"{path}: the <inertial> of {owner} has no mass: give <mass value=.../> or leave it out.")
@@ -183,5 +272,5 @@ def _urdf_body(link: Element, path: Path) -> Body:
     missing = [entry for entry in names if inertia.get(entry) is None]
     if missing:
         raise RobotError(f"{path}: the <inertia> of {owner} lacks {', '.join(missing)}: give all six entries.")
-    entries = [numbers(inertia, entry, owner, path)[0] for entry in names]
-    return Body(owner, numbers(mass, "value", owner, path)[0], symmetric(*entries))
+    entries = [numbers(inertia, entry, owner, path, count=1)[0] for entry in names]
+    return Body(owner, numbers(mass, "value", owner, path, count=1)[0], symmetric(*entries))

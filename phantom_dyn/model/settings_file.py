@@ -3,52 +3,21 @@
 from __future__ import annotations
 
 import math
-import re
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
 import yaml
+from yaml.reader import ReaderError
 
-from phantom_dyn.errors import ParameterError, PhantomDynError, known_names
+from phantom_dyn.errors import ParameterError, PhantomDynError, known_names, shortened
+from phantom_dyn.model.plain_file import require_plain_file
+from phantom_dyn.model.strict_yaml import load_yaml
 
-
-class _Loader(yaml.SafeLoader):
-    """YAML as users mean it: ``1e-3`` is a number, and a key given twice is a mistake."""
-
-    def construct_mapping(self, node: yaml.MappingNode, deep: bool = False) -> dict[Any, Any]:
-        seen: set[str] = set()
-        for key, _ in node.value:
-            if not isinstance(key, yaml.ScalarNode):
-                continue
-            if key.value in seen:
-                raise yaml.MarkedYAMLError(problem=f"the key {key.value} is given twice", problem_mark=key.start_mark)
-            seen.add(key.value)
-        return super().construct_mapping(node, deep)
-
-
-class _Dumper(yaml.SafeDumper):
-    """Quotes a text that the loader would take for a number, or whose line breaks it would fold."""
-
-
-def _text_node(dumper: yaml.SafeDumper, text: str) -> yaml.ScalarNode:
-    # PyYAML writes the rarer line breaks as they are, and reads them back as spaces or more breaks.
-    return dumper.represent_scalar("tag:yaml.org,2002:str", text, style='"' if _RARE_BREAKS & set(text) else None)
-
-
-_RARE_BREAKS = set("\x85\u2028\u2029")
-_Dumper.add_representer(str, _text_node)
-
-# PyYAML follows YAML 1.1, where a number with an exponent needs a point: 1e-3 would be text.
-for _side in (_Loader, _Dumper):
-    _side.add_implicit_resolver(
-        "tag:yaml.org,2002:float", re.compile(r"^[-+]?\d+(?:\.\d*)?[eE][-+]?\d+$"), list("-+0123456789")
-    )
-
-
-def settings_text(content: dict[str, Any]) -> str:
-    """Plain values as YAML that `load_mapping` reads back unchanged, keys in their order."""
-    return yaml.dump(content, Dumper=_Dumper, sort_keys=False, allow_unicode=True, width=120)
+LARGEST = 1e12
+"""Of a number in SI units: far beyond any robot, and its square far from the end of the floats."""
+_LARGEST = 5_000_000
+"""Of a settings file [bytes]: a hundred times those of the largest robot, and half a minute of reading."""
 
 
 def read_settings(path: Path, error: type[PhantomDynError]) -> dict[str, Any]:
@@ -73,15 +42,18 @@ def load_mapping(path: Path, error: type[PhantomDynError]) -> dict[str, Any]:
     Raises:
         PhantomDynError: Of the type ``error``, where the file cannot be read, is broken, or holds no mapping.
     """
+    require_plain_file(path, error, "a YAML file")
     try:
+        size = path.stat().st_size
+        if size > _LARGEST:
+            raise error(f"{path} has {size / 1e6:.0f} MB, wanted a YAML file of at most {_LARGEST / 1e6:.0f} MB.")
         text = path.read_text(encoding="utf-8")
     except OSError as problem:
         raise error(f"{path} cannot be read ({problem.strerror}): give a YAML file.") from problem
     except UnicodeDecodeError as problem:
         raise error(f"{path} is not a text file: give a YAML file in UTF-8.") from problem
     try:
-        # _Loader derives from SafeLoader: it builds plain values only.
-        content = yaml.load(text, Loader=_Loader)
+        content = load_yaml(text)
     except yaml.YAMLError as problem:
         raise error(f"{path} is not valid YAML{_place(problem)}: correct it there.") from problem
     if content is None:
@@ -92,15 +64,18 @@ def load_mapping(path: Path, error: type[PhantomDynError]) -> dict[str, Any]:
 
 
 def describe(value: Any) -> str:
-    """A value as a message shows it, with the YAML word for its kind where that helps."""
+    """A value as a message shows it, with the YAML word for its kind where that helps; cut where it is long."""
     if isinstance(value, str):
-        return f"the text {value!r}"
+        return f"the text {shortened(value)!r}"
     if isinstance(value, bool):
         return "true" if value else "false"
-    return f"the list {value}" if isinstance(value, list) else f"{value}"
+    return f"the list {shortened(str(value))}" if isinstance(value, list) else shortened(str(value))
 
 
 def _place(problem: yaml.YAMLError) -> str:
+    if isinstance(problem, ReaderError):
+        letter = problem.character if isinstance(problem.character, int) else ord(problem.character)
+        return f" at character {problem.position + 1} (U+{letter:04X}, which no text holds)"
     if not isinstance(problem, yaml.MarkedYAMLError) or problem.problem_mark is None:
         return ""
     return f" at line {problem.problem_mark.line + 1} ({problem.problem})"
@@ -130,7 +105,9 @@ def mapping_at(value: Any, file: str, key: str, wanted: tuple[str, ...] | None) 
         raise ParameterError(f"{file}: {key} is {describe(value)}, wanted a mapping{known}.")
     for name in value:
         if not isinstance(name, str):
-            raise ParameterError(f"{file}: the key {name} in {key or 'the file'} is no text: put it in quotes.")
+            raise ParameterError(
+                f"{file}: the key {shortened(str(name))} in {key or 'the file'} is no text: put it in quotes."
+            )
     if wanted is not None:
         _check_keys(value, file, key, wanted)
     return value
@@ -140,7 +117,9 @@ def _check_keys(value: Mapping[str, Any], file: str, key: str, wanted: tuple[str
     place = f" in {key}" if key else ""
     for name in value:
         if name not in wanted:
-            raise ParameterError(f"{file}: there is no key {name}{place}, {known_names(name, wanted, 'keys')}")
+            raise ParameterError(
+                f"{file}: there is no key {shortened(name)}{place}, {known_names(name, wanted, 'keys')}"
+            )
     for name in wanted:
         if name not in value:
             raise ParameterError(f"{file}: the key {name} is missing{place}, wanted {', '.join(wanted)}.")
@@ -168,8 +147,8 @@ def text_at(value: Any, file: str, key: str) -> str:
     return value
 
 
-def number_at(value: Any, file: str, key: str, *, unknown: bool = False) -> float:
-    """A finite number; with `unknown` also null, which is read as NaN.
+def number_at(value: Any, file: str, key: str, *, unknown: bool = False, most: float = math.inf) -> float:
+    """A finite number, at most `most` in size; with `unknown` also null, which is read as NaN.
 
     Raises:
         ParameterError: If the value is something else.
@@ -177,5 +156,7 @@ def number_at(value: Any, file: str, key: str, *, unknown: bool = False) -> floa
     if value is None and unknown:
         return math.nan
     if isinstance(value, int | float) and not isinstance(value, bool) and math.isfinite(value):
+        if abs(value) > most:
+            raise ParameterError(f"{file}: {key} is {describe(value)}, wanted a number within {most:g}: use SI units.")
         return float(value)
     raise ParameterError(f"{file}: {key} is {describe(value)}, wanted a finite number{' or null' if unknown else ''}.")

@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, TextIO
 from identification.cli.terminal.interrupts import end_if_asked
 from identification.cli.terminal.percentage import Percentage, Stage
 from identification.cli.terminal.stage_times import StageTimes
+from phantom_dyn.errors import printable
 
 if TYPE_CHECKING:
     from phantom_dyn._kernels.jit import Compilation
@@ -108,7 +109,7 @@ class Progress:
         compiled = ""
         if self._compilation is not None and self._compilation.under_way:
             compiled = f"; compiling function {self._compilation.functions}, in a first run only"
-        return f"{part}{self._words}{compiled}".strip()
+        return printable(f"{part}{self._words}{compiled}".strip())
 
     def show(self, words: str) -> None:
         """Show what is being done now; a Ctrl-C that went unheard until here ends the command."""

@@ -233,7 +233,8 @@ def check_degrees(
         before = unexplained_shares(data, model)
         changed = _in_degrees(data, revolute)
         after = unexplained_shares(changed, model_torque(robot, changed.motion))
-        if np.nanmean(before) > 0.3 and np.nanmean(after) < 0.3 * np.nanmean(before):
+        known = np.isfinite(before).any() and np.isfinite(after).any()
+        if known and np.nanmean(before) > 0.3 and np.nanmean(after) < 0.3 * np.nanmean(before):
             suspects = revolute & (np.abs(q).max(axis=0) > np.pi)
     if not suspects.any():
         return ()

@@ -117,7 +117,8 @@ def is_certain(found: Compared) -> bool:
     if np.nanmin(gains, initial=0.0) < -_WORSE:
         return False
     if found.suspect.expected:
-        return float(np.nansum(gains)) >= 0 and float(np.nanmedian(found.left)) <= _RIGHT
+        left = found.left[~np.isnan(found.left)]
+        return float(np.nansum(gains)) >= 0 and len(left) > 0 and float(np.median(left)) <= _RIGHT
     worst = np.array([np.nanmax(column) if not np.isnan(column).all() else np.nan for column in found.left.T])
     mended = (own >= _FAR_BETTER) & (worst[list(found.suspect.joints)] <= _RIGHT)
     if found.suspect.kind == "order":

@@ -56,9 +56,9 @@ def _clipped(tau: Float[Array, " N"]) -> tuple[float, float, int] | None:
     """Extreme value, share of samples at it and longest run, if the upper end of ``tau`` is clipped."""
     extent = np.ptp(tau)
     top = float(np.max(tau))
-    levels = np.unique(tau[tau > top - 0.1 * extent])
+    levels = np.unique(tau[tau >= top - 0.1 * extent])
     # Levels closer than the numbers' own rounding are one.
-    levels = levels[np.concatenate([[True], np.diff(levels) > 1e-9 * extent])] if len(levels) else levels
+    levels = levels[np.concatenate([[True], np.diff(levels) > 1e-9 * extent])]
     step = max(float(top - levels[-2]) if len(levels) > 1 and len(levels) < 50 else 0.0, 2e-3 * extent)
     at_top = tau >= top - 1e-9 * max(extent, abs(top))
     below = (tau < top) & ~at_top & (tau >= top - 1.5 * step)

@@ -4,10 +4,13 @@
 from __future__ import annotations
 
 from collections import Counter
+from collections.abc import Iterable
 from pathlib import Path
+from typing import Any, BinaryIO
 
 import numpy as np
 
+from identification.data.readers.unpacked_size import require_small_npz, require_small_parquet
 from identification.data.recording import RawTable
 from phantom_dyn.errors import LogError
 from phantom_dyn.libraries import is_installed, missing_library
@@ -39,11 +42,19 @@ def read_npz(path: Path) -> RawTable:
     Raises:
         LogError: If it holds no arrays, or Python objects (those are never loaded).
     """
-    columns, problems = {}, {}
     # Opened here, as NumPy leaves a file open that it cannot read.
-    with path.open("rb") as file, np.load(file, allow_pickle=False) as archive:
+    with path.open("rb") as file:
+        require_small_npz(path, file)
+        return _arrays(path, file)
+
+
+def _arrays(path: Path, file: BinaryIO) -> RawTable:
+    """Columns of an open NPZ file that is known to be of a reasonable size."""
+    columns, problems = {}, {}
+    with np.load(file, allow_pickle=False) as archive:
         if not archive.files:
             raise LogError(f"{path.name} is empty: an NPZ log needs one array per column.")
+        _require_unique(path, [name.removesuffix(".npy") for name in archive.zip.namelist()])
         for name in archive.files:
             try:
                 array = archive[name]
@@ -63,6 +74,19 @@ def read_npz(path: Path) -> RawTable:
     return RawTable(path.name, columns, problems)
 
 
+def _require_unique(path: Path, names: Iterable[str]) -> None:
+    twice = [name for name, count in Counter(names).items() if count > 1]
+    if twice:
+        raise LogError(f"{path.name}: the column name {twice[0]} stands there twice: give every column its own name.")
+
+
+def _holds_numbers(kind: Any) -> bool:
+    """True for a type of Arrow that becomes floats."""
+    import pyarrow as pa
+
+    return pa.types.is_integer(kind) or pa.types.is_floating(kind) or pa.types.is_decimal(kind)
+
+
 def read_parquet(path: Path) -> RawTable:
     """Columns of a Parquet file under the file's own names; a missing value becomes NaN.
 
@@ -80,13 +104,15 @@ def read_parquet(path: Path) -> RawTable:
     import pyarrow as pa
     import pyarrow.parquet as pq
 
-    table = pq.ParquetFile(path).read()
-    twice = [name for name, count in Counter(table.column_names).items() if count > 1]
-    if twice:
-        raise LogError(f"{path.name}: the column name {twice[0]} stands there twice: give every column its own name.")
+    file = pq.ParquetFile(path)
+    require_small_parquet(path, file.metadata)
+    kinds = dict(zip(file.schema_arrow.names, file.schema_arrow.types, strict=True))
+    _require_unique(path, file.schema_arrow.names)
+    # Nothing but numbers is read: texts may be of any size.
+    table = file.read(columns=[name for name, kind in kinds.items() if _holds_numbers(kind)])
     columns, problems = {}, {}
-    for name, kind in zip(table.column_names, table.schema.types, strict=True):
-        if pa.types.is_integer(kind) or pa.types.is_floating(kind) or pa.types.is_decimal(kind):
+    for name, kind in kinds.items():
+        if _holds_numbers(kind):
             # Arrow's own `to_numpy` imports pandas, which takes longer than the reading and swallows a Ctrl-C.
             numbers = table.column(name).cast(pa.float64()).fill_null(float("nan"))
             columns[name] = np.concatenate([np.empty(0), *map(np.from_dlpack, numbers.chunks)])

@@ -26,7 +26,7 @@ import msgspec
 
 from identification.data.readers.contract_columns import COUNTED, JOINT_QUANTITIES, UNITS, Quantity, column_of
 from identification.data.recording import RawTable
-from phantom_dyn.errors import LogError, known_names, listed
+from phantom_dyn.errors import LogError, known_names, listed, shortened
 from phantom_dyn.model.settings_file import describe, read_settings
 
 _PLACE = "{joint}"
@@ -34,6 +34,8 @@ _COMPENSATED = "compensated"
 # What a controller may take out of a torque.
 _PARTS = ("gravity", "friction")
 _LOW_PASS = "low_pass"
+# Of gears, counts and cut-offs; beyond, a product of two leaves the floats.
+_LEAST, _MOST = 1e-6, 1e12
 _KEYS = (_COMPENSATED, _LOW_PASS, "from", "unit", "sign", "counts", "gear")
 # A gear multiplies a torque from the motor's to the joint's side, and divides positions and speeds.
 _THROUGH_GEAR: tuple[Quantity, ...] = ("tau",)
@@ -80,9 +82,9 @@ class ColumnMap:
 def _factor(where: str, quantity: Quantity, source: _Source) -> float:
     """Factor to SI on the joint's side."""
     if source.sign not in (1, -1):
-        raise LogError(f"{where}.sign is {source.sign}, wanted 1 or -1.")
-    if not 0 < source.gear < math.inf:
-        raise LogError(f"{where}.gear is {source.gear:g}, wanted the ratio of the gear, above 0.")
+        raise LogError(f"{where}.sign is {shortened(str(source.sign))}, wanted 1 or -1.")
+    if not _LEAST <= source.gear <= _MOST:
+        raise LogError(f"{where}.gear is {source.gear:g}, wanted the ratio of the gear, above 0 (1e-6 to 1e12).")
     if source.gear != 1 and quantity not in (*_THROUGH_GEAR, *COUNTED):
         wanted = listed((*_THROUGH_GEAR, *COUNTED))
         raise LogError(f"{where}.gear is for what has a motor's side ({wanted}): leave it out.")
@@ -97,14 +99,16 @@ def _plain_factor(where: str, quantity: Quantity, source: _Source) -> float:
             raise LogError(f"{where} has both unit and counts: give one of them.")
         if quantity not in COUNTED:
             raise LogError(f"{where}.counts is for positions and speeds ({', '.join(COUNTED)}): give a unit instead.")
-        if not source.counts > 0:
-            raise LogError(f"{where}.counts is {source.counts:g}, wanted the counts per revolution, above 0.")
+        if not _LEAST <= source.counts <= _MOST:
+            raise LogError(f"{where}.counts is {source.counts:g}, wanted the counts per revolution, above 0, to 1e12.")
         return source.sign * 2 * math.pi / source.counts
     if source.unit is None:
         return float(source.sign)
     units = UNITS[quantity]
     if source.unit not in units:
-        raise LogError(f"{where}.unit is {source.unit!r}: {known_names(source.unit, units, 'units of ' + quantity)}")
+        raise LogError(
+            f"{where}.unit is {shortened(source.unit)!r}: {known_names(source.unit, units, 'units of ' + quantity)}"
+        )
     return source.sign * units[source.unit]
 
 
@@ -115,18 +119,19 @@ def _source(file: str, key: str, value: Any) -> Source:
         raise LogError(f"{where} is {describe(value)}, wanted a column name or {{from: NAME, unit: UNIT}}.")
     unknown = [str(name) for name in given if name not in _KEYS]
     if unknown:
-        raise LogError(f"{where} has the unknown key {unknown[0]}: {known_names(unknown[0], _KEYS, 'keys')}")
+        raise LogError(f"{where} has the unknown key {shortened(unknown[0])}: {known_names(unknown[0], _KEYS, 'keys')}")
     if "from" not in given:
         raise LogError(f"{where} does not say which column it is: add from: NAME.")
     try:
         source = msgspec.convert(given, _Source)
     except msgspec.ValidationError as error:
-        raise LogError(f"{where}: {str(error).replace('`', '')}.") from error
+        reason = str(error).replace("`", "")
+        raise LogError(f"{where}: {reason}: correct it, as in {{from: NAME, unit: UNIT}}.") from error
     column = column_of(key)
     if column is None and key in JOINT_QUANTITIES:
         if source.name.count(_PLACE) != 1:
             raise LogError(
-                f"{where} is meant for every joint, but from is {source.name!r}: put {_PLACE} into it once, "
+                f"{where} is meant for every joint, but from is {shortened(source.name)!r}: put {_PLACE} into it once, "
                 f"or write {key}.<joint>."
             )
         return Source(source.name, _factor(where, cast("Quantity", key), source))
@@ -183,8 +188,8 @@ def _without_low_pass(file: str, key: str, value: Any) -> tuple[Any, float | Non
     where, hertz = f"{file}: {key}.{_LOW_PASS}", value[_LOW_PASS]
     if key.partition(".")[0] != "tau":
         raise LogError(f"{where} is for torques: write tau: {{{_LOW_PASS}: 20}}, or tau.<joint>.")
-    if not isinstance(hertz, int | float) or isinstance(hertz, bool) or not 0 < hertz < math.inf:
-        raise LogError(f"{where} is {describe(hertz)}, wanted the cut-off in Hz, above 0.")
+    if not isinstance(hertz, int | float) or isinstance(hertz, bool) or not _LEAST <= hertz <= _MOST:
+        raise LogError(f"{where} is {describe(hertz)}, wanted the cut-off in Hz, above 0 (1e-6 to 1e12).")
     return {name: entry for name, entry in value.items() if name != _LOW_PASS}, float(hertz)
 
 
@@ -199,7 +204,7 @@ def _expanded(columns: ColumnMap, raw: RawTable) -> dict[str, Source]:
         found = {m.group(1): m.group(0) for name in raw.names if (m := pattern.fullmatch(name))}
         if not found:
             raise LogError(
-                f"{columns.file}: {key} takes {source.name}, but no column of {raw.file} looks so: "
+                f"{columns.file}: {key} takes {shortened(source.name)}, but no column of {raw.file} looks so: "
                 f"{known_names(source.name, raw.names, 'columns')}"
             )
         out |= {f"{key}.{joint}": Source(name, source.factor) for joint, name in found.items()}
@@ -220,7 +225,7 @@ def mapped(raw: RawTable, columns: ColumnMap) -> RawTable:
     for name in [*(source.name for source in sources.values()), *columns.ignored]:
         if name not in raw.names:
             raise LogError(
-                f"{columns.file}: {raw.file} has no column {name}: {known_names(name, raw.names, 'columns')}"
+                f"{columns.file}: {raw.file} has no column {shortened(name)}: {known_names(name, raw.names, 'columns')}"
             )
     gone = {source.name for source in sources.values()} | set(columns.ignored)
     out = {name: values for name, values in raw.columns.items() if name not in gone}

@@ -59,6 +59,9 @@ COUNTED: tuple[Quantity, ...] = ("q", "q_ref", "x", "v")
 
 FEWEST_ROWS = 50
 
+SHORTEST_STEP, LONGEST_STEP = 1e-5, 100.0
+"""Median time between two samples [s]: no robot is recorded faster, and no motion shows at less."""
+
 
 @dataclass(frozen=True)
 class Column:
@@ -147,10 +150,11 @@ def _readable(raw: RawTable, wanted: Mapping[str, Column]) -> dict[str, Array]:
     for name, values in columns.items():
         if len(values) != n:
             raise LogError(
-                f"{raw.file}: column {name} has {len(values)} rows and t has {n}: every column needs one value a row."
+                f"{raw.file}: column {name} has {len(values)} rows and t has {n}: every column needs one value a row; "
+                "write them again."
             )
     if n == 0:
-        raise LogError(f"{raw.file} has no rows: its columns are there but empty.")
+        raise LogError(f"{raw.file} has no rows: its columns are there but empty; record it again.")
     return columns
 
 
@@ -195,6 +199,16 @@ def _kept_rows(raw: RawTable, columns: Mapping[str, Array]) -> Array:
     )
 
 
+def _require_rate(raw: RawTable, t: Array) -> None:
+    """Refuse times whose unit must be another one: at that rate nobody samples."""
+    step = float(np.median(np.diff(t)))
+    if not SHORTEST_STEP * (1 - 1e-6) <= step <= LONGEST_STEP:
+        raise LogError(
+            f"{raw.file}: the time steps by {step:.3g} s (median), wanted {SHORTEST_STEP:g} to {LONGEST_STEP:g} s: "
+            "give the time in seconds, or say its unit in a column map (--columns), as in t: {from: t, unit: ms}."
+        )
+
+
 def contract_table(raw: RawTable) -> Table:
     """The contract's columns of a file, checked.
 
@@ -220,6 +234,7 @@ def contract_table(raw: RawTable) -> Table:
             f"{raw.file} has {rows} rows, too few to tell anything: record at least {FEWEST_ROWS}, "
             "better several seconds of motion."
         )
+    _require_rate(raw, columns["t"][kept])
     warnings = raw.warnings
     dropped = len(kept) - rows
     if dropped:

@@ -16,7 +16,7 @@ import numpy as np
 
 from identification.data.readers.contract_columns import column_of
 from identification.data.recording import RawTable
-from phantom_dyn.errors import LogError, listed
+from phantom_dyn.errors import LogError, listed, shortened
 
 Array = np.ndarray
 
@@ -34,7 +34,9 @@ def _text(path: Path) -> bytes:
             f"{path.name} is no log: give CSV, NPZ, Parquet, a ROS 1 or ROS 2 bag (.bag, .db3) or MCAP file."
         )
     if not data.strip():
-        raise LogError(f"{path.name} is empty: a log needs a line of column names and rows of numbers.")
+        raise LogError(
+            f"{path.name} is empty: a log needs a line of column names and rows of numbers; record it again."
+        )
     if data.lstrip()[:1] in (b"<", b"{", b"["):
         raise LogError(f"{path.name} is no log (it looks like XML or JSON): give CSV, NPZ, Parquet, a bag or MCAP.")
     if b"\r" in data and b"\n" not in data:
@@ -84,7 +86,7 @@ def _header(file: str, data: bytes) -> tuple[list[str], str, bool]:
     """Column names, separator, and whether the names stand on a line of their own (not in a comment)."""
     first = next(_data_lines(data), None)
     if first is None:
-        raise LogError(f"{file} has only comments: a log needs a line of column names and rows of numbers.")
+        raise LogError(f"{file} has only comments: a log needs a line of column names and rows of numbers; add them.")
     number, line = first
     separator = _separator(line)
     cells = _cells(line, separator)
@@ -144,10 +146,11 @@ def _column_or_problem(file: str, name: str, cells: list[str], lines: list[int])
     for k, cell in enumerate(cells):
         value = _number(cell)
         if value is None:
+            where = f"{file}, line {lines[k]}, column {shortened(name)}"
             if not cell:
-                return f"{file}, line {lines[k]}, column {name} is empty: a number is needed there."
+                return f"{where} is empty: a number is needed there; write it or delete the row."
             wanted = "the decimal point as a point" if _number(cell.replace(",", ".", 1)) is not None else "a number"
-            return f"{file}, line {lines[k]}, column {name} holds {cell!r} where a number should be: write {wanted}."
+            return f"{where} holds {shortened(cell)!r} where a number should be: write {wanted}."
         values[k] = value
     return values
 
@@ -194,7 +197,9 @@ def read_delimited(path: Path) -> RawTable:
     if own_line:
         body = body[body.index(b"\n") + 1 :]
     if not body:
-        raise LogError(f"{path.name} has no rows: there is nothing below its column names {listed(names)}.")
+        raise LogError(
+            f"{path.name} has no rows: there is nothing below its column names {listed(names)}; record it again."
+        )
     if separator == " ":
         body = re.sub(rb"[ \t]+", b" ", re.sub(rb"(?m)^[ \t]+|[ \t\r]+$", b"", body))
     arrays = _as_numbers(body, names, separator)

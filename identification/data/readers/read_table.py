@@ -16,6 +16,7 @@ from identification.data.readers.rosbag import read_ros1_bag, read_ros2_bag
 from identification.data.recording import RawTable, Table
 from identification.files import LOG_FORMATS, require_existing
 from phantom_dyn.errors import LogError, PhantomDynError
+from phantom_dyn.model.plain_file import require_plain_file
 
 
 def _read(path: Path, topic: str | None) -> RawTable:
@@ -25,10 +26,11 @@ def _read(path: Path, topic: str | None) -> RawTable:
             raise LogError(f"{path} is a folder without metadata.yaml, so no ROS 2 bag: give a file ({LOG_FORMATS}).")
 
         return read_ros2_bag(path, topic)
+    require_plain_file(path, LogError, f"a log ({LOG_FORMATS})")
     with path.open("rb") as file:
         start = file.read(16)
     if not start:
-        raise LogError(f"{path.name} is empty: a log needs rows of numbers.")
+        raise LogError(f"{path.name} is empty: a log needs rows of numbers; record it again.")
     if start.startswith(b"#ROSBAG V"):
         return read_ros1_bag(path, topic)
     if start.startswith((b"SQLite format 3", b"\x89MCAP")):

@@ -11,6 +11,7 @@ from typing import Any
 
 import numpy as np
 
+from identification.data.readers.unpacked_size import require_small_bag, require_small_mcap
 from identification.data.recording import RawTable
 from phantom_dyn.errors import LogError, known_names, listed
 from phantom_dyn.libraries import is_installed, missing_library
@@ -68,6 +69,7 @@ def _open_ros1(path: Path, topic: str | None) -> tuple[str, list[_Message]]:
     from rosbags.rosbag1 import Reader
     from rosbags.typesys import Stores, get_typestore
 
+    require_small_bag(path)
     decode = get_typestore(Stores.ROS1_NOETIC).deserialize_ros1
     with Reader(path) as reader:
         connections = _choose_topic(path.name, list(reader.connections), topic)
@@ -79,6 +81,9 @@ def _open_ros2(path: Path, topic: str | None) -> tuple[str, list[_Message]]:
     from rosbags.rosbag2 import Reader
     from rosbags.typesys import Stores, get_typestore
 
+    for file in [path] if path.is_file() else path.glob("*.mcap"):
+        if file.suffix == ".mcap":
+            require_small_mcap(file)
     decode = get_typestore(Stores.ROS2_HUMBLE).deserialize_cdr
     with Reader(path) as reader:
         connections = _choose_topic(path.name, list(reader.connections), topic)

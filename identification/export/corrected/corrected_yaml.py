@@ -11,22 +11,26 @@ from typing import Any
 from identification.diagnosis.model.terms import KnownEffect
 from identification.diagnosis.result import Adjusted, Diagnosis, Value
 from phantom_dyn.effects.catalogue import effect_named
-from phantom_dyn.errors import ParameterError, PhantomDynError, RobotError
+from phantom_dyn.effects.effect import Effect, Parameter
+from phantom_dyn.errors import ParameterError, PhantomDynError, RobotError, known_names
 from phantom_dyn.model.robot import Robot
 from phantom_dyn.model.settings_file import (
+    LARGEST,
     describe,
     list_at,
     load_mapping,
     mapping_at,
     number_at,
-    settings_text,
     text_at,
 )
+from phantom_dyn.model.strict_yaml import settings_text
 
 SCHEMA = "phantom-dyn-model/1"
 ROBOT_KEYS = ("source", "sha256")
 EFFECT_KEYS = ("effect", "joint", "parameters", "gap_closed")
 VALUE_KEYS = ("value", "std", "unit")
+_ROUNDING = 1e-9
+"""How far a value that was found at its end may be beyond it, relative to the end."""
 ADJUSTED_KEYS = ("quantity", "change", "tolerance")
 
 
@@ -206,9 +210,10 @@ def known_effect(entry: CorrectedEffect, robot: Robot, file: Path) -> KnownEffec
     if entry.joint not in places and not set(apart) <= set(robot.joint_names):
         raise ParameterError(
             f"{file}: effect {entry.effect} is on joint '{entry.joint}', which this robot does not have: "
-            f"its joints are {', '.join(robot.joint_names)}."
+            f"{known_names(entry.joint or '', robot.joint_names, 'joints')}"
         )
     names = [parameter.name for parameter in effect.parameters(robot, entry.joint)]
+    _require_lengths(effect, entry, file)
     stated = effect.from_stated(robot, {name: value.value for name, value in entry.parameters.items()})
     unknown = sorted(set(stated) - set(names))
     # Inertial parameters that are not named did not move.
@@ -219,7 +224,43 @@ def known_effect(entry: CorrectedEffect, robot: Robot, file: Path) -> KnownEffec
             f"{', '.join(names)}: correct the file or diagnose again."
         )
     theta: list[float] = []
-    for name in names:
-        value = stated.get(name, 0.0)
-        theta += [float(x) for x in value] if isinstance(value, list) else [float(value)]
+    for parameter in effect.parameters(robot, entry.joint):
+        value = stated.get(parameter.name, 0.0)
+        numbers = [float(x) for x in value] if isinstance(value, list) else [float(value)]
+        _require_possible(parameter, numbers, f"{file}: {parameter.name} of {entry.effect}")
+        theta += numbers
     return KnownEffect(entry.effect, entry.joint, tuple(theta))
+
+
+def _require_lengths(effect: Effect, entry: CorrectedEffect, file: Path) -> None:
+    """Refuse lists of an effect that takes numbers, and lists of unequal length of one that takes lists."""
+    lengths = {name: _length(value.value) for name, value in entry.parameters.items()}
+    if not effect.takes_lists:
+        wrong = [name for name, length in lengths.items() if length is not None]
+        if wrong:
+            raise ParameterError(f"{file}: {wrong[0]} of {entry.effect} is a list, wanted a number: give one.")
+        return
+    if len(set(lengths.values())) > 1 or not all(lengths.values()):
+        told = ", ".join(f"{name} {'one number' if n is None else f'{n} numbers'}" for name, n in lengths.items())
+        raise ParameterError(
+            f"{file}: {entry.effect} has {told}, wanted lists of one length, an entry for each wave: correct them."
+        )
+
+
+def _length(value: float | list[float]) -> int | None:
+    """Of a list; None for a number."""
+    return len(value) if isinstance(value, list) else None
+
+
+def _require_possible(parameter: Parameter, numbers: list[float], where: str) -> None:
+    """Refuse a value of which the law makes no sense."""
+    lower, upper = parameter.lower, parameter.upper
+    for number in numbers:
+        if not abs(number) <= LARGEST:
+            raise ParameterError(f"{where} is {number:g} {parameter.unit}, wanted at most {LARGEST:g}: correct it.")
+        low, high = (end + sign * _ROUNDING * max(1.0, abs(end)) for sign, end in ((-1, lower), (1, upper)))
+        if not low <= number <= high or (parameter.above_zero and number == 0):
+            raise ParameterError(
+                f"{where} is {number:g} {parameter.unit}, wanted a value from {lower:g} to "
+                f"{upper:g}{', not 0' if parameter.above_zero else ''}: correct the file."
+            )

@@ -19,6 +19,7 @@ import numpy as np
 import pinocchio as pin
 from jaxtyping import Float
 
+from identification.csv_cells import text_cell
 from identification.diagnosis.result import Diagnosis
 from identification.export.corrected.corrected_model import CorrectedModel
 from identification.export.model_files.tree import bodies
@@ -82,14 +83,15 @@ def feedforward_table(corrected: CorrectedModel, diagnosis: Diagnosis, code: str
     table = csv.writer(text, lineterminator="\n")
     table.writerow(COLUMNS)
     for j, joint in enumerate(corrected.robot.joint_names):
+        name = text_cell(joint)
         for place in np.linspace(low[j], high[j], _POSITIONS):
             at = np.where(np.arange(len(middle)) == j, place, middle)
-            table.writerow(["position", joint, *_row(law, j, at, np.zeros(len(at)), _at_rest(law, at))])
+            table.writerow(["position", name, *_row(law, j, at, np.zeros(len(at)), _at_rest(law, at))])
         one = fastest[j] * np.geomspace(1e-3, 1.0, _SPEEDS)
         still = _at_rest(law, middle)
         for speed in (*-one[::-1], 0.0, *one):
             moving = np.where(np.arange(len(middle)) == j, speed, 0.0)
-            table.writerow(["velocity", joint, *_row(law, j, middle, moving, still)])
+            table.writerow(["velocity", name, *_row(law, j, middle, moving, still)])
     return text.getvalue()
 
 
@@ -104,12 +106,14 @@ def _row(
     q: Float[Array, " nv"],
     v: Float[Array, " nv"],
     still: tuple[list[float], list[float]],
-) -> list[float]:
+) -> list[float | str]:
+    """Numbers of a row; without a limit of the torque the headroom is an empty cell."""
     at, moving, unaccelerated = q.tolist(), v.tolist(), [0.0] * len(q)
     gravity, cogging = still
     command = law["torque"](at, moving, unaccelerated)[j]
-    terms = gravity[j], law["friction"](at, moving)[j], cogging[j], command, law["LIMITS"][j] - abs(command)
-    return [at[j], moving[j], *(float(value) for value in terms)]
+    terms = gravity[j], law["friction"](at, moving)[j], cogging[j], command
+    headroom = float(law["LIMITS"][j] - abs(command))
+    return [at[j], moving[j], *(float(value) for value in terms), headroom if np.isfinite(headroom) else ""]
 
 
 def _constants(corrected: CorrectedModel) -> dict[str, object]:

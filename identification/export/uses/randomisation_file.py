@@ -20,7 +20,7 @@ from identification.export.corrected.corrected_model import corrected_model
 from identification.export.uses.randomisation import SIGMAS, Randomisation, found_range, unseen_effect, unseen_range
 from phantom_dyn.effects.catalogue import effect_named
 from phantom_dyn.errors import PhantomDynError
-from phantom_dyn.model.settings_file import settings_text
+from phantom_dyn.model.strict_yaml import settings_text
 
 Array = np.ndarray
 

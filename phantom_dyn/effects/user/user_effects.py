@@ -20,6 +20,7 @@ from phantom_dyn.effects.catalogue import EFFECTS
 from phantom_dyn.effects.effect import Effect
 from phantom_dyn.effects.user.trial import tried
 from phantom_dyn.errors import EffectError
+from phantom_dyn.model.plain_file import require_plain_file
 from phantom_dyn.model.robot import Robot
 
 GROUP = "phantom_dyn.effects"
@@ -64,6 +65,7 @@ def effects_in(path: str | Path) -> tuple[_Offered, ...]:
         EffectError: If the file cannot be read or run, or defines no effect.
     """
     file = Path(path)
+    require_plain_file(file, EffectError, "a Python file with classes of effects")
     try:
         code = compile(file.read_bytes(), str(file), "exec")
     except OSError as error:

@@ -125,3 +125,17 @@ def test_too_few_rows_are_told(columns):
 def test_no_rows_are_told(columns):
     with pytest.raises(LogError, match="has no rows"):
         contract_table(RawTable("log.csv", {name: values[:0] for name, values in columns.items()}))
+
+
+@pytest.mark.parametrize("step", [1e-6, 2e-9, 1e3, 1e-300])
+def test_times_in_another_unit_are_refused(step):
+    n = np.arange(60.0)
+    raw = RawTable("log.csv", {"t": step * n, "q.a": n, "tau.a": n})
+    with pytest.raises(LogError, match=r"log\.csv: the time steps by .* s \(median\), wanted 1e-05 to 100 s: give the"):
+        contract_table(raw)
+
+
+@pytest.mark.parametrize("step", [1e-5, 1e-3, 100.0])
+def test_times_of_every_recorder_are_taken(step):
+    n = np.arange(60.0)
+    assert len(contract_table(RawTable("log.csv", {"t": step * n, "q.a": n, "tau.a": n})).columns["t"]) == 60

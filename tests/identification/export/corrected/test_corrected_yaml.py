@@ -11,10 +11,12 @@ from identification.export.corrected.corrected_yaml import (
     Corrected,
     CorrectedEffect,
     corrected_text,
+    known_effects,
     read_corrected,
     write_corrected,
 )
 from phantom_dyn.errors import ParameterError, RobotError
+from phantom_dyn.model.loading import load_robot
 
 GOOD = """\
 schema: phantom-dyn-model/1
@@ -141,3 +143,56 @@ def test_a_value_that_is_not_finite_is_not_written():
     bad = CorrectedEffect("cogging", "j1", {"order": Value([1.0, math.nan], [0.0, 0.0], "1")}, 0.5)
     with pytest.raises(ParameterError, match=r"order of cogging is \[1.0, nan\], wanted a finite number"):
         corrected_text(Corrected("a", "b", (bad,), ()))
+
+
+COGGING = """\
+schema: phantom-dyn-model/1
+robot: {source: pendulum.urdf, sha256: abc}
+effects:
+- effect: cogging
+  joint: pin
+  parameters:
+    order: {value: [3.0, 5.0], std: [0.0, 0.0], unit: '1'}
+    amplitude: {value: [0.1, 0.05], std: [0.01, 0.01], unit: N m}
+    phase: {value: [0.2, 0.1], std: [0.01, null], unit: rad}
+  gap_closed: null
+- effect: payload
+  joint: pin
+  parameters:
+    mass: {value: 0.2, std: 0.01, unit: kg}
+    center_x: {value: 0.0, std: 0.01, unit: m}
+    center_y: {value: 0.0, std: 0.01, unit: m}
+    center_z: {value: -0.5, std: 0.01, unit: m}
+  gap_closed: 0.1
+- effect: coulomb_friction
+  joint: pin
+  parameters: {torque: {value: 0.3, std: 0.01, unit: N m}}
+  gap_closed: 0.8
+adjusted: []
+"""
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "message"),
+    [
+        ("value: [3.0, 5.0], std: [0.0, 0.0]", "value: [3.0], std: [0.0]", "cogging has order 1 numbers, amplitude 2"),
+        ("value: [3.0, 5.0], std: [0.0, 0.0]", "value: 3.0, std: 0.0", "cogging has order one number, amplitude 2"),
+        ("value: 0.3, std: 0.01", "value: [0.3], std: [0.01]", "torque of coulomb_friction is a list, wanted a number"),
+        (
+            "center_z: {value: -0.5",
+            "center_z: {value: 1.0e+307",
+            "center_z of payload is 1e.307 m, wanted at most 1e.12",
+        ),
+        ("value: 0.3", "value: -0.8", "torque of coulomb_friction is -0.8 N m, wanted a value from -0.7 to inf"),
+        ("joint: pin\n  parameters: {torque", "joint: pun\n  parameters: {torque", "did you mean pin"),
+    ],
+)
+def test_a_known_effect_that_cannot_be_is_refused(tmp_path, robots, old, new, message):
+    robot = load_robot(robots / "pendulum.urdf")
+    path = tmp_path / "corrected.yaml"
+    path.write_text(COGGING)
+    assert len(known_effects((path,), robot)) == 3
+    assert old in COGGING
+    path.write_text(COGGING.replace(old, new, 1))
+    with pytest.raises(ParameterError, match=message):
+        known_effects((path,), robot)

@@ -1,0 +1,213 @@
+"""How much a packed log unpacks to, found before it is read: a small file may hold thousands of times its size.
+
+The readers behind the formats unpack a piece as a whole, whatever it declares. So the declared sizes are added up, and
+pieces whose packing does not bound them are unpacked once in small steps that are thrown away.
+"""
+
+from __future__ import annotations
+
+import bz2
+import struct
+import sys
+import zipfile
+from collections.abc import Iterator
+from dataclasses import dataclass
+from importlib import import_module
+from pathlib import Path
+from typing import Any, BinaryIO
+
+import numpy as np
+
+from phantom_dyn.errors import LogError
+
+_ALWAYS = 200_000_000
+"""What any log may unpack to [bytes]: an hour of seven joints at 1 kHz, position and torque."""
+_TIMES = 50
+"""Beyond that, how many times its own size: measured numbers do not pack better than ten times."""
+_STEP = 1_000_000
+_SAMPLE = 8  # bytes of a number once it is read
+
+
+class DamagedError(ValueError):
+    """The structure of a packed file contradicts itself."""
+
+
+def require_unpacked_size(path: Path, size: int) -> None:
+    """Refuse a log that unpacks to more than a log of its size can hold.
+
+    Args:
+        path: The file.
+        size: What it unpacks to [bytes].
+
+    Raises:
+        LogError: With both sizes.
+    """
+    packed = path.stat().st_size
+    if size > max(_ALWAYS, _TIMES * packed):
+        raise LogError(
+            f"{path.name} has {packed / 1e6:.3g} MB and unpacks to {size / 1e6:.3g} MB or more, which no recording "
+            "does: record it again, or write it without packing."
+        )
+
+
+def require_small_npz(path: Path, file: BinaryIO) -> None:
+    """Refuse an NPZ file whose arrays declare more numbers than a file of its size can hold."""
+    with zipfile.ZipFile(file) as archive:
+        numbers = 0
+        for entry in archive.infolist():
+            require_unpacked_size(path, entry.file_size)
+            if entry.filename.endswith(".npy"):
+                with archive.open(entry) as array:
+                    numbers += _declared_numbers(array)
+        require_unpacked_size(path, _SAMPLE * numbers)
+    file.seek(0)
+
+
+def _declared_numbers(array: Any) -> int:
+    """Numbers that the head of an array file declares; 0 where it is no array file."""
+    try:
+        version = np.lib.format.read_magic(array)
+        read = np.lib.format.read_array_header_1_0 if version == (1, 0) else np.lib.format.read_array_header_2_0
+        shape, _, kind = read(array)
+    except ValueError:
+        return 0
+    count = 1
+    for length in shape:
+        count *= max(int(length), 0)
+    return count * max(1, kind.itemsize // _SAMPLE)
+
+
+def require_small_parquet(path: Path, metadata: Any) -> None:
+    """Refuse a Parquet file that declares more numbers, or larger pages, than a file of its size can hold."""
+    require_unpacked_size(path, _SAMPLE * metadata.num_rows * max(1, metadata.num_columns))
+    groups = (metadata.row_group(k) for k in range(metadata.num_row_groups))
+    columns = (group.column(k) for group in groups for k in range(group.num_columns))
+    require_unpacked_size(path, sum(max(0, column.total_uncompressed_size) for column in columns))
+
+
+@dataclass(frozen=True)
+class _Chunk:
+    """Packed piece of a bag: how it is packed, where its bytes are, what it declares to unpack to."""
+
+    packing: str
+    start: int
+    packed: int
+    declared: int
+
+
+def require_small_mcap(path: Path) -> None:
+    """Refuse an MCAP file whose chunks unpack to more than a file of its size can hold, or than they declare.
+
+    Raises:
+        LogError: If they do.
+        DamagedError: If its index points at what is no chunk.
+    """
+    with path.open("rb") as file:
+        file.seek(8)
+        starts, chunks, indexed = set(), [], set()
+        for start, kind, length in _mcap_records(file, path.stat().st_size):
+            starts.add(start)
+            if kind == 6:
+                *_, declared, _, name = struct.unpack("<QQQII", file.read(32))
+                packing = file.read(name).decode()
+                (packed,) = struct.unpack("<Q", file.read(8))
+                chunks.append((start, _Chunk(packing, file.tell(), min(packed, length), declared)))
+            elif kind == 8:
+                indexed.add(struct.unpack("<QQQ", file.read(24))[2])
+            elif kind == 2:
+                summary = struct.unpack("<Q", file.read(8))[0]
+                if summary and summary not in starts:
+                    raise DamagedError("its summary is not where it should be")
+        if indexed - {start for start, _ in chunks}:
+            raise DamagedError("its index points at what is no chunk")
+        _require_small_chunks(path, file, [chunk for _, chunk in chunks])
+
+
+def _mcap_records(file: BinaryIO, size: int) -> Iterator[tuple[int, int, int]]:
+    """Start, kind and length of every record; the file stands behind the length when it is handed out."""
+    start = file.tell()
+    while start + 9 <= size:
+        file.seek(start)
+        kind, length = struct.unpack("<BQ", file.read(9))
+        yield start, kind, length
+        if kind == 2:  # the footer, the last one
+            return
+        start += 9 + length
+
+
+def require_small_bag(path: Path) -> None:
+    """Refuse a ROS 1 bag whose chunks unpack to more than a file of its size can hold, or than they declare.
+
+    Raises:
+        LogError: If they do.
+        DamagedError: If its index points at what is no chunk.
+    """
+    size = path.stat().st_size
+    with path.open("rb") as file:
+        file.readline()
+        chunks, indexed, start = [], set(), file.tell()
+        while start + 8 <= size:
+            file.seek(start)
+            (head,) = struct.unpack("<I", file.read(4))
+            fields = _bag_fields(file.read(min(head, size)))
+            (length,) = struct.unpack("<I", file.read(4))
+            kind = fields.get(b"op", b"")
+            if kind == b"\5":
+                declared = int.from_bytes(fields.get(b"size", b""), "little")
+                chunks.append((start, _Chunk(fields.get(b"compression", b"").decode(), file.tell(), length, declared)))
+            elif kind == b"\6":
+                indexed.add(int.from_bytes(fields.get(b"chunk_pos", b""), "little"))
+            start += 8 + head + length
+        if indexed - {place for place, _ in chunks}:
+            raise DamagedError("its index points at what is no chunk")
+        _require_small_chunks(path, file, [chunk for _, chunk in chunks])
+
+
+def _bag_fields(head: bytes) -> dict[bytes, bytes]:
+    """Fields of the head of a record of a ROS 1 bag."""
+    out, at = {}, 0
+    while at + 4 <= len(head):
+        (length,) = struct.unpack_from("<I", head, at)
+        name, _, value = head[at + 4 : at + 4 + length].partition(b"=")
+        out[name] = value
+        at += 4 + length
+    return out
+
+
+def _require_small_chunks(path: Path, file: BinaryIO, chunks: list[_Chunk]) -> None:
+    require_unpacked_size(path, sum(chunk.declared for chunk in chunks))
+    for chunk in chunks:
+        if chunk.packing in _OPENERS:
+            file.seek(chunk.start)
+            _require_declared(file.read(chunk.packed), chunk)
+
+
+def _require_declared(data: bytes, chunk: _Chunk) -> None:
+    """Unpack a chunk in small steps, none of which is kept; refuse one that goes on beyond what it declares."""
+    size = 0
+    while data:
+        one = _OPENERS[chunk.packing]()
+        while not one.eof:
+            step = one.decompress(data, max_length=_STEP)
+            data = b""
+            size += len(step)
+            if size > chunk.declared:
+                raise DamagedError("a chunk unpacks to more than it declares")
+            if not step and one.needs_input:
+                raise DamagedError("a chunk is cut off")
+        data = one.unused_data or b""
+
+
+def _lz4() -> Any:
+    from lz4.frame import LZ4FrameDecompressor
+
+    return LZ4FrameDecompressor()
+
+
+def _zstd() -> Any:
+    # In Python's own library from 3.14 on; rosbags brings the other.
+    zstd = import_module("compression.zstd" if sys.version_info >= (3, 14) else "backports.zstd")
+    return zstd.ZstdDecompressor()
+
+
+_OPENERS = {"bz2": bz2.BZ2Decompressor, "lz4": _lz4, "zstd": _zstd}

@@ -1,0 +1,163 @@
+"""The kinds of value in ``diagnosis.json`` (schema ``gap-diagnosis/2``), so that a damaged file is refused at once."""
+
+from __future__ import annotations
+
+from typing import Annotated, Any
+
+import msgspec
+from msgspec import Meta
+
+_LARGEST = 1e150  # the square of a number is taken for its interval
+Number = Annotated[float, Meta(ge=-_LARGEST, le=_LARGEST)]
+Pair = tuple[Number | None, Number | None]
+
+
+class _Part(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
+    """An unknown key is of another version."""
+
+
+class ValuePart(_Part, frozen=True):
+    """An estimate."""
+
+    value: Number | list[Number | None] | None
+    std: Number | list[Number | None] | None
+    unit: str
+
+
+class EffectPart(_Part, frozen=True):
+    """An effect and where it acts."""
+
+    effect: str
+    joint: str | None
+    recording: str | None = None
+
+
+class RivalPart(_Part, frozen=True):
+    """What explains the same."""
+
+    effects: list[EffectPart]
+    probability: Number | None
+
+
+class FindingPart(_Part, frozen=True):
+    """A named cause."""
+
+    effect: str
+    joint: str | None
+    regime: str
+    parameters: dict[str, ValuePart]
+    share: Number | None
+    gap_closed: Number | None
+    gap_closed_interval: Pair
+    probability: Number | None
+    rivals: list[RivalPart]
+    verdict: str
+    recording: str | None = None
+
+
+class JointPart(_Part, frozen=True):
+    """Gap of a joint."""
+
+    joint: str
+    unit: str
+    rms_before: Number | None
+    rms_after: Number | None
+    noise_floor: Number | None
+    hold_out_samples: int
+    rms_torque: Number | None
+    rms_within_tolerance: Number | None
+    noise_floor_interval: Pair | None
+    noise_floor_source: str | None
+    closed: Number | None
+
+
+class GapPart(_Part, frozen=True):
+    """What all findings close."""
+
+    closed: Number | None
+    interval: Pair | None
+
+
+class AdjustedPart(_Part, frozen=True):
+    """A move within tolerance."""
+
+    quantity: str
+    change: Number | None
+    tolerance: Number | None
+    at_limit: bool
+
+
+class WherePart(_Part, frozen=True):
+    """Where something is left."""
+
+    joint: str | None
+    regime: str | None
+    times: list[tuple[Number, Number]]
+
+
+class UnexplainedPart(_Part, frozen=True):
+    """What is left."""
+
+    fraction_of_explainable: Number | None
+    structured: bool
+    where: WherePart
+    law: None
+
+
+class BoundPart(_Part, frozen=True):
+    """What would have been seen."""
+
+    effect: str
+    joint: str | None
+    parameter: str
+    below: Number | None
+    unit: str
+    of_torque: Number | None
+
+
+class NotTestablePart(_Part, frozen=True):
+    """What this recording cannot show."""
+
+    effect: str
+    joint: str | None
+    why: str
+
+
+class Document(_Part, frozen=True):
+    """The whole file."""
+
+    schema: str
+    verdict: str
+    run: str
+    gap: GapPart
+    joints: list[JointPart]
+    band_hz: tuple[Number, Number]
+    findings: list[FindingPart]
+    minor: list[FindingPart]
+    adjusted: list[AdjustedPart]
+    unexplained: UnexplainedPart
+    bounds: list[BoundPart]
+    not_testable: list[NotTestablePart]
+    data_warnings: list[str]
+    next_experiment: dict[str, Any] | None
+    rollout: dict[str, Any] | None
+    seconds: Number | None
+    version: str
+
+
+def require_document(content: dict[str, Any]) -> None:
+    """Refuse content that is not of the schema.
+
+    Raises:
+        ValueError: The text says which value is wrong and what was wanted, and where.
+    """
+    found = msgspec.convert(content, Document)
+    for finding in (*found.findings, *found.minor):
+        for name, value in finding.parameters.items():
+            if _length(value.value) != _length(value.std):
+                raise ValueError(f"{name} of {finding.effect} has not as many deviations as values")
+
+
+def _length(value: float | list[float | None] | None) -> int | None:
+    """Of a list; None for a number."""
+    return len(value) if isinstance(value, list) else None

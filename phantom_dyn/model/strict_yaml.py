@@ -1,0 +1,161 @@
+"""YAML as users mean it: plain values alone, and no file that takes more time or memory than its length says.
+
+``1e-3`` is a number and ``2024-01-31`` a text, a key given twice is a mistake, and so is a tag, a value that its tag
+does not allow, a number too large for a float, deep nesting, and an alias that stands for itself or for very much.
+"""
+
+from __future__ import annotations
+
+import re
+from typing import Any
+
+import yaml
+
+_DEEPEST = 100
+"""Lists and mappings in one another; the files of this project need six, and Python stands a thousand calls."""
+_TOO_DEEP = f"more than {_DEEPEST} lists and mappings in one another"
+_LARGEST = 1_000_000
+"""Values of a file once its aliases are followed: a hundred times those of the largest robot."""
+_TAG = "tag:yaml.org,2002:"
+_NUMBERS = (_TAG + "int", _TAG + "float")
+_PLAIN = tuple(_TAG + kind for kind in ("null", "bool", "int", "float", "str", "seq", "map"))
+
+
+def load_yaml(text: str) -> Any:
+    """The plain values of a YAML text: mappings, lists, texts, numbers, true and false, None.
+
+    Raises:
+        yaml.YAMLError: If it is broken, or no plain values; where it can be told, with its place.
+    """
+    # _Loader derives from SafeLoader: it builds plain values only.
+    return yaml.load(text, Loader=_Loader)
+
+
+def _wrong(problem: str, node: yaml.Node | yaml.Event) -> yaml.MarkedYAMLError:
+    return yaml.MarkedYAMLError(problem=problem, problem_mark=node.start_mark)
+
+
+class _Loader(yaml.SafeLoader):
+    """Builds plain values and refuses everything else, with its place."""
+
+    _depth = 0
+
+    def compose_node(self, parent: yaml.Node | None, index: Any) -> yaml.Node | None:
+        event = self.peek_event()
+        if self._depth >= _DEEPEST:
+            raise _wrong(_TOO_DEEP, event)
+        self._depth += 1
+        node = super().compose_node(parent, index)
+        self._depth -= 1
+        return node
+
+    def get_single_node(self) -> yaml.Node | None:
+        node = super().get_single_node()
+        if node is not None:
+            _require_small(node)
+        return node
+
+    def resolve(self, kind: type[yaml.Node], value: Any, implicit: Any) -> str:
+        tag = super().resolve(kind, value, implicit)
+        # YAML 1.1 takes 1:30 for 90.
+        return _TAG + "str" if tag in _NUMBERS and ":" in value else tag
+
+    def construct_object(self, node: yaml.Node, deep: bool = False) -> Any:
+        try:
+            value = super().construct_object(node, deep)
+        # What Python's own int(), float() and its tables of words raise.
+        except (ValueError, KeyError, TypeError, AttributeError, IndexError) as error:
+            kind = node.tag.removeprefix(_TAG)
+            raise _wrong(f"{_cut(node)} cannot be read as !!{kind}", node) from error
+        if isinstance(value, int) and not isinstance(value, bool) and abs(value) > _GREATEST:
+            raise _wrong(f"the number {_cut(node)} is too large", node)
+        if isinstance(value, str) and any("\ud800" <= letter <= "\udfff" for letter in value):
+            raise _wrong("half of a letter of UTF-16, which is no text", node)
+        return value
+
+    def construct_mapping(self, node: yaml.Node, deep: bool = False) -> dict[Any, Any]:
+        if not isinstance(node, yaml.MappingNode):
+            raise _wrong("a mapping was wanted", node)
+        seen: set[str] = set()
+        for key, _ in node.value:
+            if not isinstance(key, yaml.ScalarNode):
+                continue
+            if key.value in seen:
+                raise _wrong(f"the key {_cut(key)} is given twice", key)
+            seen.add(key.value)
+        return super().construct_mapping(node, deep)
+
+    def no_such_tag(self, node: yaml.Node) -> Any:
+        """Refuse what is no plain value."""
+        tag = node.tag.replace(_TAG, "!!")
+        raise _wrong(f"the tag {tag[:40]} is not read, plain values alone are", node)
+
+
+_GREATEST = int(1.7976931348623157e308)
+
+
+def _cut(node: yaml.Node) -> str:
+    """What a node says, for a message."""
+    text = node.value if isinstance(node, yaml.ScalarNode) else "a list or mapping"
+    return text if len(text) <= 40 else f"{text[:40]}…"
+
+
+def _require_small(root: yaml.Node) -> None:
+    """Refuse a node that holds itself, or very many values or levels once its aliases are followed."""
+    known: dict[int, tuple[int, int]] = {}
+    open_nodes: set[int] = set()
+
+    def size_and_depth(node: yaml.Node) -> tuple[int, int]:
+        if id(node) in open_nodes:
+            raise _wrong("an alias stands for what it is a part of", node)
+        if id(node) not in known:
+            open_nodes.add(id(node))
+            parts = [size_and_depth(part) for part in _parts(node)]
+            open_nodes.discard(id(node))
+            known[id(node)] = 1 + sum(size for size, _ in parts), 1 + max((depth for _, depth in parts), default=0)
+        size, depth = known[id(node)]
+        if size > _LARGEST:
+            raise _wrong(f"its aliases stand for more than {_LARGEST} values", node)
+        if depth > _DEEPEST:
+            raise _wrong(_TOO_DEEP, node)
+        return size, depth
+
+    size_and_depth(root)
+
+
+def _parts(node: yaml.Node) -> list[yaml.Node]:
+    """Entries of a list, keys and values of a mapping."""
+    if isinstance(node, yaml.MappingNode):
+        return [part for pair in node.value for part in pair]
+    return list(node.value) if isinstance(node, yaml.SequenceNode) else []
+
+
+_Loader.yaml_constructors = {tag: make for tag, make in _Loader.yaml_constructors.items() if tag in _PLAIN}
+_Loader.yaml_constructors[None] = _Loader.no_such_tag
+# A date is a text here, as no key takes one, and PyYAML refuses impossible ones in words of its own.
+_Loader.yaml_implicit_resolvers = {
+    first: [(tag, pattern) for tag, pattern in resolvers if tag != _TAG + "timestamp"]
+    for first, resolvers in _Loader.yaml_implicit_resolvers.items()
+}
+
+
+class _Dumper(yaml.SafeDumper):
+    """Quotes a text that the loader would take for a number, or whose line breaks it would fold."""
+
+
+def _text_node(dumper: yaml.SafeDumper, text: str) -> yaml.ScalarNode:
+    # PyYAML writes the rarer line breaks as they are, and reads them back as spaces or more breaks.
+    return dumper.represent_scalar(_TAG + "str", text, style='"' if _RARE_BREAKS & set(text) else None)
+
+
+_RARE_BREAKS = set("\x85\u2028\u2029")
+_Dumper.add_representer(str, _text_node)
+
+# PyYAML follows YAML 1.1, where a number with an exponent needs a point: 1e-3 would be text.
+for _side in (_Loader, _Dumper):
+    _side.add_implicit_resolver(_TAG + "float", re.compile(r"^[-+]?\d+(?:\.\d*)?[eE][-+]?\d+$"), list("-+0123456789"))
+
+
+def settings_text(content: dict[str, Any]) -> str:
+    """Plain values as YAML that `load_yaml` reads back unchanged, keys in their order."""
+    return yaml.dump(content, Dumper=_Dumper, sort_keys=False, allow_unicode=True, width=120)

@@ -1,0 +1,139 @@
+"""Small files that unpack to gigabytes: refused before anything is unpacked. The formats' libraries make them."""
+
+from __future__ import annotations
+
+import bz2
+import io
+import struct
+import tracemalloc
+import zipfile
+from importlib import import_module
+
+import numpy as np
+import pyarrow as pa
+import pyarrow.parquet as pq
+import pytest
+from lz4 import frame
+
+from identification.data.readers.read_table import read_raw
+from identification.data.readers.unpacked_size import DamagedError, require_small_bag, require_small_mcap
+from phantom_dyn.errors import LogError
+
+GIGABYTE = 10**9
+zstd = pytest.importorskip("backports.zstd")
+
+
+def refused(path, message) -> None:
+    """Assert that a file is refused without its content being unpacked as a whole."""
+    tracemalloc.start()
+    try:
+        with pytest.raises(LogError, match=message):
+            read_raw(path)
+        assert tracemalloc.get_traced_memory()[1] < 50e6
+    finally:
+        tracemalloc.stop()
+
+
+def npy_head(shape) -> bytes:
+    sink = io.BytesIO()
+    np.lib.format.write_array_header_1_0(sink, {"descr": "<f8", "fortran_order": False, "shape": shape})
+    return sink.getvalue()
+
+
+def test_zeros_in_an_npz_that_unpack_to_gigabytes(tmp_path):
+    path = tmp_path / "log.npz"
+    with zipfile.ZipFile(path, "w", zipfile.ZIP_DEFLATED) as archive, archive.open("t.npy", "w", force_zip64=True) as t:
+        t.write(npy_head((10**8,)))
+        for _ in range(300):
+            t.write(bytes(10**6))
+    assert path.stat().st_size < 1e6
+    refused(path, r"unpacks to 300 MB or more, which no recording does: record it again")
+
+
+def test_an_array_that_declares_more_than_follows(tmp_path):
+    path = tmp_path / "log.npz"
+    with zipfile.ZipFile(path, "w") as archive:
+        archive.writestr("t.npy", npy_head((2**50,)) + bytes(800))
+    refused(path, "unpacks to .* MB or more")
+
+
+def test_parquet_of_one_value_repeated(tmp_path):
+    path = tmp_path / "log.parquet"
+    rows = 4 * 10**6
+    column = pa.DictionaryArray.from_arrays(pa.array(np.zeros(rows, dtype=np.int8)), pa.array([1.0]))
+    table = pa.table({f"q.{k}": column for k in range(12)})
+    pq.write_table(table, path, compression="zstd", store_schema=False)
+    assert path.stat().st_size < 1e6
+    refused(path, "unpacks to 384 MB or more")
+
+
+def test_texts_of_a_parquet_file_are_not_read(tmp_path):
+    path = tmp_path / "log.parquet"
+    note = pa.array(["x" * 100_000] * 1000).dictionary_encode()
+    pq.write_table(pa.table({"t": np.arange(1000.0), "note": note}), path)
+    raw = read_raw(path)
+    assert list(raw.columns) == ["t"]
+    assert "column note holds" in raw.problems["note"]
+
+
+def mcap(tmp_path, packing: str, packed: bytes, declared: int, index_at: int | None = None):
+    """An MCAP file of one chunk, written from the format's specification."""
+    name = packing.encode()
+    body = struct.pack("<QQQI", 0, 1, declared, 0) + struct.pack("<I", len(name)) + name
+    body += struct.pack("<Q", len(packed)) + packed
+    out = b"\x89MCAP0\r\n" + b"\x01" + struct.pack("<Q", 12) + struct.pack("<I", 4) + b"ros2" + struct.pack("<I", 0)
+    chunk_at = len(out)
+    out += b"\x06" + struct.pack("<Q", len(body)) + body
+    summary_at = len(out)
+    place = chunk_at if index_at is None else index_at
+    entry = struct.pack("<QQQQ", 0, 1, place, len(body) + 9) + struct.pack("<I", 0) + struct.pack("<Q", 0)
+    entry += struct.pack("<I", len(name)) + name + struct.pack("<QQ", len(packed), declared)
+    out += b"\x08" + struct.pack("<Q", len(entry)) + entry
+    out += b"\x02" + struct.pack("<Q", 20) + struct.pack("<QQI", summary_at, 0, 0) + b"\x89MCAP0\r\n"
+    path = tmp_path / "log.mcap"
+    path.write_bytes(out)
+    return path
+
+
+@pytest.mark.parametrize("packing", ["zstd", "lz4"])
+def test_a_chunk_of_an_mcap_that_declares_gigabytes(tmp_path, packing):
+    refused(mcap(tmp_path, packing, b"1234", 3 * GIGABYTE), "unpacks to 3e\\+03 MB or more")
+
+
+@pytest.mark.parametrize("packing", ["zstd", "lz4"])
+def test_a_chunk_of_an_mcap_that_unpacks_to_more_than_it_declares(tmp_path, packing):
+    packed = (zstd.compress if packing == "zstd" else frame.compress)(bytes(60_000_000))
+    refused(mcap(tmp_path, packing, packed, 1000), "a chunk unpacks to more than it declares")
+
+
+def test_an_index_that_points_beside_the_chunks(tmp_path):
+    path = mcap(tmp_path, "zstd", zstd.compress(b"x"), 1, index_at=40)
+    with pytest.raises(DamagedError, match="its index points at what is no chunk"):
+        require_small_mcap(path)
+
+
+def bag_record(head: dict[bytes, bytes], data: bytes) -> bytes:
+    fields = b"".join(struct.pack("<I", len(k) + 1 + len(v)) + k + b"=" + v for k, v in head.items())
+    return struct.pack("<I", len(fields)) + fields + struct.pack("<I", len(data)) + data
+
+
+@pytest.mark.parametrize(("size", "message"), [(3 * GIGABYTE, "unpacks to 3e"), (1000, "more than it declares")])
+def test_a_chunk_of_a_ros1_bag_that_unpacks_to_gigabytes(tmp_path, size, message):
+    packed = bz2.compress(bytes(60_000_000))
+    head = {b"op": b"\x05", b"compression": b"bz2", b"size": struct.pack("<I", size)}
+    path = tmp_path / "log.bag"
+    path.write_bytes(b"#ROSBAG V2.0\n" + bag_record(head, packed))
+    refused(path, message)
+
+
+def test_a_chunk_that_is_cut_off_is_damaged(tmp_path):
+    head = {b"op": b"\x05", b"compression": b"bz2", b"size": struct.pack("<I", 10**6)}
+    path = tmp_path / "log.bag"
+    path.write_bytes(b"#ROSBAG V2.0\n" + bag_record(head, bz2.compress(bytes(10**6))[:-20]))
+    with pytest.raises(DamagedError, match="a chunk is cut off"):
+        require_small_bag(path)
+
+
+def test_the_library_of_zstd_is_that_of_the_reader():
+    # Oracle: rosbags, which brings it.
+    assert import_module("rosbags.rosbag2.storage_mcap").zstd.__name__ in ("backports.zstd", "compression.zstd")
