@@ -105,10 +105,9 @@ def laboratory(problem: Problem, noise: Series, union: Int[Array, " u"], found: 
 
 
 def coarser(band: Band) -> Band:
-    """A filter for motions without noise: fewer samples go in, the same come out."""
-    parts = [m for m in range(1, band.step + 1) if band.step % m == 0]
-    fair = [m for m in parts if band.rate_hz / m >= _SAMPLES * band.cutoff_hz]
-    m = max(fair, default=1)
-    if m == 1:
+    """A filter for motions without noise: fewer samples go in, at the same rate they come out."""
+    rate = band.rate_hz / band.step
+    step = int(np.ceil(_SAMPLES * band.cutoff_hz / rate))
+    if step >= band.step or len(band.kernel) == 1:
         return band
-    return replace(low_pass(band.cutoff_hz, band.rate_hz / m), step=band.step // m)
+    return replace(low_pass(band.cutoff_hz, step * rate), step=step)

@@ -1,9 +1,11 @@
 from __future__ import annotations
 
 import numpy as np
+import pytest
 
+from identification.data.signals import low_pass
 from identification.diagnosis.noise.noise_floor import estimate_noise
-from identification.next_experiment.laboratory import laboratory
+from identification.next_experiment.laboratory import coarser, laboratory
 
 
 def test_reversals_tell_as_little_of_a_planned_motion_as_of_a_recorded_one(lab, pendulum):
@@ -28,3 +30,14 @@ def test_reversals_tell_as_little_of_a_planned_motion_as_of_a_recorded_one(lab, 
         return apart @ products @ apart / products[at, at]
 
     assert abs(told(planned) / told(recorded) - 1.0) < 0.25
+
+
+@pytest.mark.parametrize("step", [1, 3, 19, 26, 400])
+def test_a_planned_motion_comes_out_of_the_filter_at_the_rate_of_the_recordings(step):
+    # By the definition of the filter: 2.5 samples come out per period of its edge, and at least four go in.
+    cutoff = 1000.0 / (2.5 * step) if step > 1 else 450.0
+    band = low_pass(cutoff, 1000.0)
+    fewer = coarser(band)
+    assert fewer.rate_hz / fewer.step == pytest.approx(band.rate_hz / band.step)
+    assert min(4.0 * band.cutoff_hz, band.rate_hz) <= fewer.rate_hz <= band.rate_hz
+    assert fewer.rate_hz <= 8.0 * band.cutoff_hz or fewer is band
