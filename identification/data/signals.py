@@ -48,6 +48,8 @@ _HIGHEST = 0.06
 _WIDEST_HZ = 50.0
 # Samples in the band per period of its edge: the least that loses nothing to aliasing.
 _SAMPLES_PER_PERIOD = 2.5
+# Samples in the band below which nothing can be fitted.
+_FEWEST = 20
 
 
 def _welch(x: Float[Array, " N"], rate_hz: float) -> tuple[Array, Array, int]:
@@ -267,10 +269,11 @@ def process(recording: Recording, robot: Robot, *, cutoff_hz: float | None = Non
     if cutoff_hz is None:
         cutoff_hz = choose_cutoff([(q, tau, rate)])
     band = low_pass(cutoff_hz, rate)
-    if len(band.samples(len(t))) < 20:
+    if len(band.samples(len(t))) < _FEWEST:
+        wanted = max(10.0, (_FEWEST * band.step + 2 * band.half) / rate)
         raise LogError(
-            f"{recording.file} lasts {t[-1] - t[0]:.2f} s, too short for a band of {band.cutoff_hz:.1f} Hz: "
-            "record at least ten seconds of motion."
+            f"{recording.file} lasts {t[-1] - t[0]:.2f} s, too short for a band of {band.cutoff_hz:.2g} Hz, where a "
+            f"sample comes every {1 / rate:.3g} s: record at least {wanted:.2g} s of motion, or at a higher rate."
         )
     smooth, v, a = differentiate(q, rate, motion_edge(band))
     if recording.friction_taken:

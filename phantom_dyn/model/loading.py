@@ -23,7 +23,7 @@ import pinocchio as pin
 from phantom_dyn.errors import RobotError, known_names
 from phantom_dyn.loops.chain import ClosedChain
 from phantom_dyn.model.inertia import breaks_triangle, impossible_because
-from phantom_dyn.model.mjcf import add_loop_frames, mjcf_facts
+from phantom_dyn.model.mjcf import add_loop_frames, drawn_configuration, mjcf_facts
 from phantom_dyn.model.robot import Actuator, Controller, Robot, Tolerance
 from phantom_dyn.model.robot_config import JointConfig, LinearLoop, RobotConfig, read_robot_config
 from phantom_dyn.model.robot_files import find_robot
@@ -36,12 +36,13 @@ _AT_REST = "world_at_rest"
 """Name of the body that is added so that every body of an MJCF world hangs on one."""
 _POSE = ("pos", "quat", "axisangle", "xyaxes", "zaxis", "euler")
 """Attributes that place a body of MJCF."""
+_SEVERAL = "several joints on one body"
 _KINDS = {
     "JointModelFreeFlyer": "a floating base",
     "JointModelPlanar": "a planar joint",
     "JointModelSpherical": "a ball joint",
     "JointModelSphericalZYX": "a ball joint",
-    "JointModelComposite": "several joints on one body",
+    "JointModelComposite": _SEVERAL,
 }
 """What Pinocchio's joints of more than one velocity are called in a message."""
 _DRIVE = (
@@ -211,27 +212,47 @@ def _hold(model: pin.Model, stated: RobotConfig, facts: RobotXml) -> tuple[pin.M
     """Model without its locked and following joints, and their names."""
     in_loops = {name for loop in stated.loops if isinstance(loop, LinearLoop) for name in (*loop.active, *loop.passive)}
     following = facts.followers.keys() - in_loops
-    held = [name for name in list(model.names)[1:] if name in stated.lock or name in following]
+    base = _moving_bases(model) if stated.base == "fixed" else frozenset()
+    held = [name for name in list(model.names)[1:] if name in base or name in stated.lock or name in following]
     if not held:
         return model, ()
-    q = pin.neutral(model)
+    q, drawn = pin.neutral(model), drawn_configuration(model)
     for name in held:
         joint = model.joints[model.getJointId(name)]
-        if joint.nq == 1 and name not in stated.lock:
+        if joint.nv > 1:
+            q[joint.idx_q : joint.idx_q + joint.nq] = drawn[joint.idx_q : joint.idx_q + joint.nq]
+        elif joint.nq == 1 and name not in stated.lock:
             q[joint.idx_q] = facts.followers[name][1]
     return pin.buildReducedModel(model, [model.getJointId(name) for name in held], q), tuple(held)
+
+
+def _moving_bases(model: pin.Model) -> frozenset[str]:
+    """Joints of more than one velocity that hang on the world."""
+    joints = zip(list(model.names)[1:], list(model.joints)[1:], list(model.parents)[1:], strict=True)
+    return frozenset(name for name, joint, parent in joints if parent == 0 and joint.nv > 1)
 
 
 def _require_simple_joints(model: pin.Model, path: Path) -> None:
     if model.njoints == 1:
         raise RobotError(f"{path} has no joint that moves: give a robot with at least one revolute or linear joint.")
+    bases = _moving_bases(model)
     for name, joint in zip(list(model.names)[1:], list(model.joints)[1:], strict=True):
-        if joint.nv != 1:
-            kind = _KINDS.get(joint.shortname(), joint.shortname())
+        if joint.nv == 1:
+            continue
+        kind = _KINDS.get(joint.shortname(), joint.shortname())
+        fixed = f"write base: fixed into {CONFIG_NAME}"
+        if name in bases and kind != _SEVERAL:
             raise RobotError(
-                f"{path}: {name} is {kind}, and only revolute, continuous and linear joints on a fixed base are "
-                f"taken: give it one joint per body, or hold it with lock: [{name}] in {CONFIG_NAME}."
+                f"{path}: {name} is {kind}, and only robots on a fixed base are taken: if the robot hangs on a rig, or "
+                f"its base is held otherwise, {fixed}."
             )
+        held = (
+            f"{fixed} if the robot is held there" if name in bases else f"hold it with lock: [{name}] in {CONFIG_NAME}"
+        )
+        raise RobotError(
+            f"{path}: {name} is {kind}, and only revolute, continuous and linear joints are taken: give it one joint "
+            f"per body, or {held}."
+        )
     inertias = [inertia.toDynamicParameters() for inertia in model.inertias]
     placements = [placement.homogeneous for placement in model.jointPlacements]
     if not (np.isfinite(inertias).all() and np.isfinite(placements).all()):
@@ -269,7 +290,11 @@ def _warnings(
             f"{path}: no rigid body has the inertia of {', '.join(broken)}, where one principal value exceeds "
             "the sum of the others; it is used as it is."
         )
-    following = [f"{name} (follows {facts.followers[name][0]})" for name in locked if name not in stated.lock]
+    following = [
+        f"{name} (follows {facts.followers[name][0]})"
+        for name in locked
+        if name in facts.followers and name not in stated.lock
+    ]
     if following:
         sentences.append(f"{path}: joints that follow another are held fixed: {', '.join(following)}.")
     unused = [name for name in locked if name in stated.joints]

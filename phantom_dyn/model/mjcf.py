@@ -106,7 +106,7 @@ def add_loop_frames(model: pin.Model, loops: tuple[MjcfLoop, ...], path: Path) -
         RobotError: If a body or site of a loop is not in the model.
     """
     names = dict.fromkeys(frame.name for frame in model.frames)
-    home = _home(model)
+    home = drawn_configuration(model)
     data = model.createData()
     pin.framesForwardKinematics(model, data, home)
     start = {
@@ -227,8 +227,8 @@ def _warnings(root: Element, path: Path) -> tuple[str, ...]:
     return (f"{path} states {', '.join(found)}, which the model leaves out: a gap may come from it.",)
 
 
-def _home(model: pin.Model) -> Array:
-    """Configuration in which the file draws the robot; it differs from zero where joints have a ``ref``."""
+def drawn_configuration(model: pin.Model) -> Array:
+    """Configuration in which a file draws the robot; not zero where MJCF joints have a ``ref`` or are free."""
     drawn = {entry.key(): entry.data() for entry in model.referenceConfigurations}
     return drawn.get("qpos0", pin.neutral(model))
 

@@ -26,6 +26,10 @@ _SHORTEST = 1e-6
 _ONCE_IN_JOINT = ("origin", "parent", "child", "axis", "limit", "dynamics", "mimic")
 
 
+_JOINT_TYPES = ("revolute", "continuous", "prismatic", "fixed", "floating", "planar")
+"""Types of joints that URDF has."""
+
+
 @dataclass(frozen=True)
 class Body:
     """Link as the file states it: mass [kg] and inertia about its centre of mass [kg m^2]."""
@@ -216,7 +220,12 @@ def urdf_facts(root: Element, sha256: str, path: Path) -> RobotXml:
 
 
 def _check_urdf_joint(joint: Element, path: Path) -> None:
-    owner, kind = f"joint {joint.get('name')}", joint.get("type")
+    owner, kind = f"joint {joint.get('name')}", joint.get("type", "")
+    if kind not in _JOINT_TYPES:
+        raise RobotError(
+            f"{path}: {owner} is of the type {kind!r}, which URDF does not have: write one of "
+            f"{', '.join(_JOINT_TYPES)}; a ball joint is three revolute joints in a row, or fixed where it is held."
+        )
     require_once(joint, _ONCE_IN_JOINT, owner, path)
     for tag, attributes, count in (("origin", ("xyz", "rpy"), 3), ("mimic", ("multiplier", "offset"), 1)):
         for element in joint.findall(tag):

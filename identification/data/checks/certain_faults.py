@@ -17,6 +17,7 @@ from scipy.optimize import nnls
 
 from identification.data.checks import suspects as other
 from identification.data.checks.against_model import Sample, regress_joints
+from identification.data.checks.model_units import wrong_units
 from identification.data.checks.plausible_fit import unexplained
 from identification.data.checks.readings import Reading
 from identification.data.checks.suspects import Suspect
@@ -123,7 +124,8 @@ def is_certain(found: Compared) -> bool:
     mended = (own >= _FAR_BETTER) & (worst[list(found.suspect.joints)] <= _RIGHT)
     if found.suspect.kind == "order":
         return bool(mended.any() and np.all(own >= _WORSE))
-    if found.suspect.says == "offer":
+    # Travels that nobody would ask about unless they were absurd need one witness.
+    if found.suspect.says == "offer" or found.suspect.kind == "length":
         return bool(mended.any())
     if found.suspect.kind == "torque":
         return int(mended.sum()) >= 2
@@ -140,12 +142,12 @@ def certain_faults(
         robot: The given model.
         reading: Some of its samples, smoothed; None where there is no torque to compare with the model.
     """
-    massless = massless_model(robot)
-    if massless or reading is None or robot.nv > _MOST_JOINTS:
-        return massless, ()
+    of_model = massless_model(robot) or wrong_units(robot)
+    if of_model or reading is None or robot.nv > _MOST_JOINTS:
+        return of_model, ()
     step = float(np.median(np.diff(recording.t)))
     found = better_readings(robot, reading, step)
-    wrong = tuple(_fault(recording, robot, one) for one in found if one.suspect.says == "wrong")
+    wrong = tuple(_fault(recording, robot, reading, one) for one in found if one.suspect.says == "wrong")
     return wrong, tuple(_offer(recording, one) for one in found if one.suspect.says == "offer")
 
 
@@ -157,11 +159,15 @@ def _offer(recording: Recording, found: Compared) -> str:
     )
 
 
-def _fault(recording: Recording, robot: Robot, found: Compared) -> Fault:
+def _fault(recording: Recording, robot: Robot, reading: Reading, found: Compared) -> Fault:
     """The sentence on a reading that is better than the data as they stand."""
     if found.suspect.expected:
-        step = float(np.median(np.diff(recording.t)))
-        why = f"as it stands a sample comes every {step:.3g} s, and so slow a motion would show no inertia"
+        step, speed = float(np.median(np.diff(recording.t))), other.highest_speed(robot, reading)
+        why = (
+            f"as it stands a joint moves at up to {speed:.3g} m/s"
+            if found.suspect.kind == "length"
+            else f"as it stands a sample comes every {step:.3g} s, and so slow a motion would show no inertia"
+        )
         return Fault(found.suspect.what, why, _mend(recording, found.suspect))
     j = int(np.nanargmax(found.of_joints))
     after, gain = np.nanmax(found.left[:, j]), found.of_joints[j]
@@ -202,10 +208,11 @@ def better_readings(robot: Robot, reading: Reading, step: float) -> list[Compare
     out: list[Compared] = []
     for _ in range(_MOST_FAULTS):
         before = unexplained(robot, reading)
-        poor, timed = _poor(before), other.time_suspects(robot, step)
-        if not poor and not any(suspect.expected for suspect in timed):
+        units = [*other.time_suspects(robot, step), *other.length_suspects(robot, reading)]
+        poor = _poor(before)
+        if not poor and not any(suspect.expected for suspect in units):
             return out
-        tried = [compared(robot, before, reading, suspect) for suspect in (*timed, *_suspects(robot, reading, poor))]
+        tried = [compared(robot, before, reading, suspect) for suspect in (*units, *_suspects(robot, reading, poor))]
         certain = [one for one in tried if is_certain(one)]
         if not certain:
             return out
@@ -230,7 +237,7 @@ def _poor(before: Float[Array, "2 nv"]) -> list[int]:
 
 
 def _suspects(robot: Robot, reading: Reading, poor: Sequence[int]) -> list[Suspect]:
-    """All readings but those of time."""
+    """All readings but those of times and lengths."""
     if not poor:
         return []
     driven = _driven(robot, reading)

@@ -16,7 +16,13 @@ from identification.data.checks.against_model import (
 )
 from identification.data.checks.certain_faults import certain_faults
 from identification.data.checks.filtered_torques import check_filtered, filtered_joints
-from identification.data.checks.positions import check_coarse_step, check_frozen, check_stillness, check_velocity
+from identification.data.checks.positions import (
+    check_coarse_step,
+    check_frozen,
+    check_sampling,
+    check_stillness,
+    check_velocity,
+)
 from identification.data.checks.readings import reading_of
 from identification.data.checks.smoothed_copy import Smooth, smoothed
 from identification.data.checks.taken_friction import check_friction_taken
@@ -54,7 +60,8 @@ def checked(recording: Recording, robot: Robot | None) -> Checked:
         Warnings of one sentence each; a good recording gives none. Of a long one, what takes a comparison of columns
         is looked for in the five minutes with most motion.
     """
-    out = [*check_timing(recording), *check_stillness(recording, None if robot is None else robot.prismatic)]
+    prismatic = None if robot is None else robot.prismatic
+    out = [*check_timing(recording), *check_sampling(recording, prismatic), *check_stillness(recording, prismatic)]
     out += check_clipping(recording)
     recording = busiest(recording)
     smooth = smoothed(recording)

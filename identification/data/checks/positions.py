@@ -7,12 +7,14 @@ from jaxtyping import Bool, Float
 
 from identification.data.checks.smoothed_copy import Smooth, included
 from identification.data.recording import Recording
-from phantom_dyn.errors import ChainError, LogError
+from phantom_dyn.errors import ChainError, LogError, listed
 from phantom_dyn.model.robot import Robot
 from phantom_dyn.motion import linear_joints
 
 Array = np.ndarray
 
+# No encoder is as noisy as this [rad or m]: what looks like more noise is motion that is sampled too slowly.
+_NOISIEST_ANGLE, _NOISIEST_LENGTH = 0.02, 0.005
 # Share of moving samples that repeat the one before, and run length, from which repeats are worth a warning.
 _FROZEN_SHARE, _FROZEN_RUN = 0.005, 5
 # A tail counts as standing still if it lasts this share of the record, and this long [s].
@@ -55,9 +57,29 @@ def _noise(q: Float[Array, " N"]) -> float:
     return float(1.4826 * np.median(np.abs(third)) / np.sqrt(20))
 
 
-def _wander(recording: Recording) -> Float[Array, " nv"]:
+def _wander(recording: Recording, prismatic: Bool[Array, " nv"] | None) -> Float[Array, " nv"]:
     """Wander of each joint at standstill by its noise and encoder steps [rad or m], shape ``(nv,)``."""
-    return np.array([5 * _noise(q) + 2 * quantum(q) + 1e-4 * np.ptp(q) for q in recording.q.T])
+    noise = np.minimum([_noise(q) for q in recording.q.T], _noisiest(recording, prismatic))
+    return 5 * noise + np.array([2 * quantum(q) + 1e-4 * np.ptp(q) for q in recording.q.T])
+
+
+def _noisiest(recording: Recording, prismatic: Bool[Array, " nv"] | None) -> Float[Array, " nv"]:
+    """The most that the noise of each joint's encoder may be [rad or m], shape ``(nv,)``."""
+    linear = np.zeros(recording.q.shape[1], dtype=bool) if prismatic is None else prismatic
+    return np.where(linear, _NOISIEST_LENGTH, _NOISIEST_ANGLE)
+
+
+def check_sampling(recording: Recording, prismatic: Bool[Array, " nv"] | None) -> tuple[str, ...]:
+    """Joints that swing faster than they are sampled, so that their positions look like noise."""
+    fast = np.array([_noise(q) for q in recording.q.T]) > _noisiest(recording, prismatic)
+    if not fast.any():
+        return ()
+    joints = listed([joint for joint, one in zip(recording.joint_names, fast, strict=True) if one])
+    rate = 1 / float(np.median(np.diff(recording.t)))
+    return (
+        f"{recording.file}: the positions of {joints} jump about from sample to sample, so that neither speeds nor "
+        f"accelerations can be had from them: record with far more than {rate:.3g} Hz, or move more slowly.",
+    )
 
 
 def _runs(mask: Array) -> list[tuple[int, int]]:
@@ -126,7 +148,7 @@ def still_joints(recording: Recording, prismatic: Bool[Array, " nv"] | None) -> 
     if len(q) < 20:
         return np.zeros(q.shape[1], dtype=bool)
     least_motion = _least_motion(recording, prismatic)
-    return np.ptp(q, axis=0) <= np.maximum(least_motion, 2 * _tolerance(recording, least_motion))
+    return np.ptp(q, axis=0) <= np.maximum(least_motion, 2 * _tolerance(recording, prismatic))
 
 
 def _least_motion(recording: Recording, prismatic: Bool[Array, " nv"] | None) -> Float[Array, " nv"]:
@@ -134,9 +156,10 @@ def _least_motion(recording: Recording, prismatic: Bool[Array, " nv"] | None) ->
     return np.where(prismatic, 1e-5, 1e-3) if prismatic is not None else np.full(recording.q.shape[1], 1e-5)
 
 
-def _tolerance(recording: Recording, least_motion: Float[Array, " nv"]) -> Float[Array, " nv"]:
+def _tolerance(recording: Recording, prismatic: Bool[Array, " nv"] | None) -> Float[Array, " nv"]:
     """How far each joint may be from where it stands and still stand there [rad or m], shape ``(nv,)``."""
-    return np.maximum(_wander(recording), 0.1 * least_motion)
+    least_motion = _least_motion(recording, prismatic)
+    return np.maximum(_wander(recording, prismatic), 0.1 * least_motion)
 
 
 def check_stillness(recording: Recording, prismatic: Array | None) -> tuple[str, ...]:
@@ -146,7 +169,7 @@ def check_stillness(recording: Recording, prismatic: Array | None) -> tuple[str,
     t = recording.t[included(recording)]
     if len(q) < 20:
         return ()
-    tolerance = _tolerance(recording, _least_motion(recording, prismatic))
+    tolerance = _tolerance(recording, prismatic)
     still = still_joints(recording, prismatic)
     for joint in np.array(recording.joint_names)[still]:
         out.append(f"{recording.file}: {joint} never moves, so nothing can be told about it from this recording.")

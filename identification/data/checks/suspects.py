@@ -29,8 +29,11 @@ from phantom_dyn.model.robot import Robot
 Array = np.ndarray
 
 _DEGREE = np.pi / 180  # [rad]
+_MILLIMETRE = 1e-3  # [m]
 # Times between samples [s] that recorders of robots have.
 _FASTEST, _SLOWEST = 2e-5, 0.2
+# Travel [m] and speed [m/s] that no linear axis has: in mm, they are 20 mm and 50 mm/s.
+_FARTHEST, _FASTEST_AXIS = 20.0, 50.0
 # Nobody records motion more slowly than this [s], save motion so slow that its inertia would show in another unit.
 _PATIENT = 1.0
 # The same for all joints together, whose median is what names the unit: a tenth lies between two of them.
@@ -46,9 +49,10 @@ _QUARTERS = (np.pi / 2, np.pi, -np.pi / 2)
 _TIMES = {"ms": 1e-3, "us": 1e-6, "ns": 1e-9}
 # Logarithm of a ratio of torques that wrong inertias and torque constants may still add to that of a unit.
 _SAME_UNIT = float(np.log(4.0))
+_OR_GRAMS = ", or the masses of the model in g and not in kg"
 _TORQUES = {"Nmm": 1e-3, "Ncm": 1e-2, "kNm": 1e3}
 
-Kind = Literal["time", "degrees", "sign", "order", "torque", "gravity"]
+Kind = Literal["time", "degrees", "length", "sign", "order", "torque", "gravity"]
 
 
 @dataclass(frozen=True)
@@ -110,6 +114,30 @@ def degree_suspects(robot: Robot) -> list[Suspect]:
             f"the positions of {names(robot, joints)} are in degrees and not in rad",
             entries(robot, "q", joints, "unit: deg"),
             lambda reading: with_positions_times(reading, factor),
+        )
+    ]
+
+
+def highest_speed(robot: Robot, reading: Reading) -> float:
+    """Highest speed of a linear joint [m/s]; 0 where there is none."""
+    return float(np.abs(reading.motion.v[:, robot.prismatic]).max(initial=0.0))
+
+
+def length_suspects(robot: Robot, reading: Reading) -> list[Suspect]:
+    """Positions of all linear joints in mm, where they travel as far as no axis does."""
+    joints = tuple(np.flatnonzero(robot.prismatic).tolist())
+    if not joints or np.ptp(reading.motion.q[:, joints], axis=0).max() < _FARTHEST:
+        return []
+    factor = np.where(robot.prismatic, _MILLIMETRE, 1.0)
+    # What slides far out is heavy for the joints before it, too.
+    return [
+        Suspect(
+            "length",
+            tuple(range(robot.nv)),
+            f"the positions of {names(robot, joints)} are in mm and not in m",
+            entries(robot, "q", joints, "unit: mm"),
+            lambda reading: with_positions_times(reading, factor),
+            expected=highest_speed(robot, reading) > _FASTEST_AXIS,
         )
     ]
 
@@ -250,7 +278,7 @@ def torque_suspects(robot: Robot, ratio: float | None) -> list[Suspect]:
             continue
         factors.append(
             (
-                f"the torques are in {unit} and not in N m",
+                f"the torques are in {unit} and not in N m{_OR_GRAMS if unit == 'kNm' else ''}",
                 entries(robot, "tau", every, f"unit: {unit}"),
                 np.full(robot.nv, factor),
             )

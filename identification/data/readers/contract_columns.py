@@ -230,9 +230,10 @@ def contract_table(raw: RawTable) -> Table:
     kept = _kept_rows(raw, columns)
     rows = int(kept.sum())
     if rows < FEWEST_ROWS:
+        counted = "1 row" if rows == 1 else f"{rows} rows"
         raise LogError(
-            f"{raw.file} has {rows} rows, too few to tell anything: record at least {FEWEST_ROWS}, "
-            "better several seconds of motion."
+            f"{raw.file} has {counted}, too few to tell anything: record at least {FEWEST_ROWS}, better several "
+            "seconds of motion."
         )
     _require_rate(raw, columns["t"][kept])
     warnings = raw.warnings

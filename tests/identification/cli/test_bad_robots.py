@@ -32,7 +32,7 @@ def test_a_folder_for_a_robot(pendulum, tmp_path, log, refusal):
         ('<mass value="2"/>', '<mass value="-2"/>', r"link rod cannot exist, its mass is -2 kg, below zero: correct"),
         ('izz="0.01"', 'izz="-0.01"', r"link rod cannot exist, its smallest principal inertia is -0\.01.*: correct"),
         ('<axis xyz="0 1 0"/>', '<axis xyz="0 0 0"/>', r"the axis of joint pin is zero: give its direction"),
-        ('type="revolute"', 'type="floating"', r"pin is a floating base, and only revolute"),
+        ('type="revolute"', 'type="floating"', r"pin is a floating base, .*write base: fixed"),
     ],
 )
 def test_an_impossible_robot(pendulum, tmp_path, log, refusal, old, new, message):

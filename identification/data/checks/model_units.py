@@ -1,0 +1,126 @@
+# pyright: reportAttributeAccessIssue=false
+"""Whether the numbers of a robot file can be metres and kilograms: exporters of drawings write millimetres and grams.
+
+Nothing of the recording is needed. Lengths in mm make a robot of hundreds of metres that is thinner than air; masses in
+g make bodies that are denser than any metal. Both are certain only where no robot, crane or antenna is like that.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from identification.data.recording import Fault
+from phantom_dyn.model.inertia import body_name
+from phantom_dyn.model.robot import Robot
+
+# Lengths from here on are suspect [m]: the small joints of a hand are 20 mm apart, robots of 20 m are rare.
+_LONG = 20.0
+# Mass over the cube of the greatest length [kg/m^3]: a hundredth of the density of air. Of cranes it is a hundred times
+# as much; of arms in mm at most this, whether their masses are in kg or g.
+_THIN = 0.01
+# Density of osmium, the densest of metals [kg/m^3].
+_DENSEST = 22.6e3
+# Densities that the same bodies then have in grams read as such [kg/m^3]: from foam to lead.
+_LIGHTEST, _USUAL = 10.0, 11.5e3
+# Lighter robots may well be of lead and tungsten, as far as their files state inertias at all [kg].
+_HEAVY = 100.0
+# A radius of gyration [m] below which a body stands for a point mass.
+_POINT = 1e-3
+_GRAM = 1e-3
+_SI = "lengths in m, masses in kg and inertias in kg m^2"
+
+
+@dataclass(frozen=True)
+class _Length:
+    """A length of the model [m], and what it is, as in ``the joint j2 lies 300 m from the joint before it``."""
+
+    metres: float
+    words: str
+
+
+@dataclass(frozen=True)
+class _Extended:
+    """A body that has a size: its name, mass [kg], and the least density [kg/m^3] that its inertia allows."""
+
+    name: str
+    mass: float
+    density: float
+
+
+def wrong_units(robot: Robot) -> tuple[Fault, ...]:
+    """The fault of a model whose lengths or inertias are in mm, or whose masses are in g; empty where it may be right.
+
+    Args:
+        robot: The given model.
+    """
+    bodies = list(robot.model.inertias)[1:]
+    mass = sum(body.mass for body in bodies)
+    if mass <= 0:
+        return ()
+    name = Path(robot.source).name if robot.source else robot.name
+    longest = max(_lengths(robot), key=lambda length: length.metres)
+    if longest.metres > _LONG and mass < _THIN * longest.metres**3:
+        return (
+            Fault(
+                f"the lengths or inertias of {name} are in mm and not in m",
+                f"{longest.words} on a robot of {mass:.3g} kg in all, which would be thinner than air",
+                f"correct {name}: {_SI}",
+            ),
+        )
+    extended = _extended(robot)
+    if mass > _HEAVY and extended and all(_in_grams(body) for body in extended):
+        heaviest = max(extended, key=lambda body: body.mass)
+        return (
+            Fault(
+                f"the masses of {name} are in g and not in kg",
+                f"{heaviest.name} has {heaviest.mass:.4g} kg and an inertia that only a body of "
+                f"{heaviest.density:.2g} kg/m^3 or more has, where the densest metal has {_DENSEST:.3g}",
+                f"correct {name}: {_SI}",
+            ),
+        )
+    return ()
+
+
+def _lengths(robot: Robot) -> list[_Length]:
+    """Distances between joints, of centres of mass from their joints, and radii of gyration."""
+    out = []
+    names, placements = list(robot.model.names), list(robot.model.jointPlacements)
+    for j in range(1, robot.model.njoints):
+        body, inertia = body_name(robot, j), robot.model.inertias[j]
+        apart = float(np.linalg.norm(placements[j].translation))
+        out.append(_Length(apart, f"the joint {names[j]} lies {apart:.3g} m from the one before it"))
+        if inertia.mass > 0:
+            far = float(np.linalg.norm(inertia.lever))
+            out.append(_Length(far, f"the centre of mass of {body} lies {far:.3g} m from its joint"))
+            wide = _gyration(inertia)
+            out.append(_Length(wide, f"the inertia of {body} is that of a body {2 * wide:.3g} m wide"))
+    return out
+
+
+def _gyration(inertia) -> float:
+    """Radius of gyration [m] of a body about the axis about which it is largest."""
+    return float(np.sqrt(max(float(np.linalg.eigvalsh(inertia.inertia)[-1]), 0.0) / inertia.mass))
+
+
+def _extended(robot: Robot) -> list[_Extended]:
+    """Bodies that are no point masses.
+
+    Of all bodies of a mass and a largest radius of gyration a ball is the least dense: two fifths of the square of its
+    radius are the square of that.
+    """
+    out = []
+    for j in range(1, robot.model.njoints):
+        inertia = robot.model.inertias[j]
+        if inertia.mass > 0 and (wide := _gyration(inertia)) > _POINT:
+            radius = float(np.sqrt(2.5) * wide)
+            out.append(_Extended(body_name(robot, j), inertia.mass, inertia.mass / (4 / 3 * math.pi * radius**3)))
+    return out
+
+
+def _in_grams(body: _Extended) -> bool:
+    """True for a body that is denser than any metal in kg, and of usual stuff in g."""
+    return body.density > _DENSEST and _LIGHTEST < body.density * _GRAM < _USUAL

@@ -1,0 +1,101 @@
+"""Robots whose base could move: refused with the advice, or held with ``base: fixed``.
+
+Oracles: the same file with a fixed joint in the place of the moving one, and MuJoCo.
+"""
+
+from __future__ import annotations
+
+import mujoco
+import numpy as np
+import pytest
+
+from phantom_dyn.dynamics.dynamics import gravity_torque
+from phantom_dyn.errors import RobotError
+from phantom_dyn.model.loading import load_robot
+
+BODY = """<inertial><origin xyz="0.02 0 -0.1"/><mass value="1"/>
+<inertia ixx="0.01" iyy="0.01" izz="0.01" ixy="0" ixz="0" iyz="0"/></inertial>"""
+URDF = f"""<robot name="leg"><link name="world"/><link name="trunk">{BODY}</link><link name="thigh">{BODY}</link>
+<joint name="root" type="KIND"><parent link="world"/><child link="trunk"/><origin xyz="0 0 1" rpy="0.4 0.2 0"/>
+  <axis xyz="0 0 1"/></joint>
+<joint name="hip" type="revolute"><parent link="trunk"/><child link="thigh"/><axis xyz="0 1 0"/>
+  <limit lower="-3" upper="3" effort="9" velocity="9"/></joint></robot>"""
+MJCF = """<mujoco><worldbody><body name="trunk" pos="0 0 1" euler="40 0 20">ROOT
+<geom type="sphere" size=".1" mass="1"/><body name="thigh" pos="0 0 .1"><joint name="hip" axis="0 1 0"/>
+<geom type="capsule" fromto="0 0 0 .1 0 -.3" size=".02" mass="1"/></body></body></worldbody></mujoco>"""
+FREE = '<freejoint name="root"/>'
+AT = np.array([[0.0], [0.7], [-1.9]])
+
+
+def written(folder, name: str, text: str, config: str | None = None):
+    folder.mkdir(exist_ok=True)
+    (folder / name).write_text(text)
+    if config is not None:
+        (folder / "robot.yaml").write_text(config)
+    return folder / name
+
+
+@pytest.mark.parametrize(("kind", "word"), [("floating", "a floating base"), ("planar", "a planar joint")])
+def test_a_moving_base_is_refused_with_the_advice(tmp_path, kind, word):
+    file = written(tmp_path, "robot.urdf", URDF.replace("KIND", kind))
+    told = (
+        rf"robot\.urdf: root is {word}, and only robots on a fixed base are taken: if the robot hangs on a rig, or its "
+        r"base is held otherwise, write base: fixed into robot\.yaml\.$"
+    )
+    with pytest.raises(RobotError, match=told):
+        load_robot(file)
+
+
+@pytest.mark.parametrize("kind", ["floating", "planar"])
+def test_a_held_base_of_a_urdf_is_a_fixed_one(tmp_path, kind):
+    held = load_robot(written(tmp_path / "held", "robot.urdf", URDF.replace("KIND", kind), "base: fixed"))
+    fixed = load_robot(written(tmp_path / "fixed", "robot.urdf", URDF.replace("KIND", "fixed")))
+    assert (held.joint_names, held.locked, held.warnings) == (("hip",), ("root",), ())
+    np.testing.assert_allclose(gravity_torque(held, AT), gravity_torque(fixed, AT), rtol=1e-12)
+
+
+@pytest.mark.parametrize("root", [FREE, '<joint name="root" type="ball"/>'])
+@pytest.mark.parametrize("config", ["base: fixed", "lock: [root]"])
+def test_a_held_base_of_mjcf_stays_as_the_file_draws_it(tmp_path, root, config):
+    held = load_robot(written(tmp_path, "robot.xml", MJCF.replace("ROOT", root), config))
+    model = mujoco.MjModel.from_xml_string(MJCF.replace("ROOT", ""))
+    data = mujoco.MjData(model)
+    expected = []
+    for q in AT:
+        data.qpos[:] = q
+        mujoco.mj_forward(model, data)
+        expected.append(data.qfrc_bias.copy())
+    np.testing.assert_allclose(gravity_torque(held, AT), expected, rtol=1e-9)
+
+
+def test_several_joints_on_the_base_can_be_held_or_written_one_by_one(tmp_path):
+    joints = '<joint name="x" type="slide" axis="1 0 0"/><joint name="z" type="slide" axis="0 0 1"/>'
+    file = written(tmp_path, "robot.xml", MJCF.replace("ROOT", joints))
+    with pytest.raises(RobotError, match=r"several joints on one body, .*: give it one joint per body, or write base:"):
+        load_robot(file)
+    written(tmp_path, "robot.xml", MJCF.replace("ROOT", joints), "base: fixed")
+    assert load_robot(file).joint_names == ("hip",)
+
+
+def test_a_ball_joint_behind_another_joint_is_refused_with_the_advice_to_lock_it(tmp_path):
+    inner = MJCF.replace("ROOT", '<joint name="turn" axis="0 0 1"/>').replace('axis="0 1 0"', 'type="ball"')
+    told = r"hip is a ball joint, .*: give it one joint per body, or hold it with lock: \[hip\] in robot\.yaml\.$"
+    with pytest.raises(RobotError, match=told):
+        load_robot(written(tmp_path, "robot.xml", inner, "base: fixed"))
+
+
+def test_a_ball_joint_of_a_urdf_gets_a_sentence_of_its_own(tmp_path):
+    file = written(tmp_path, "robot.urdf", URDF.replace("KIND", "spherical"))
+    with pytest.raises(RobotError, match=r"joint root is of the type 'spherical', which URDF does not have: write one"):
+        load_robot(file)
+
+
+def test_a_base_that_is_fixed_may_be_called_fixed(tmp_path):
+    text = URDF.replace("KIND", "fixed")
+    assert load_robot(written(tmp_path, "robot.urdf", text, "base: fixed")).joint_names == ("hip",)
+
+
+def test_a_base_that_is_called_otherwise_is_refused(tmp_path):
+    file = written(tmp_path, "robot.urdf", URDF.replace("KIND", "floating"), "base: rig")
+    with pytest.raises(RobotError, match=r"robot\.yaml: base is the text 'rig', wanted one of fixed"):
+        load_robot(file)
