@@ -27,6 +27,7 @@ from identification.identify.identified_model import (
     model_torque,
     without_estimated,
 )
+from identification.identify.missed_joints import missed_sentences, shared_effects
 from identification.regression.regressor import Regressor, torque_regressor
 from phantom_dyn import __version__
 from phantom_dyn.errors import ParameterError
@@ -85,6 +86,8 @@ def identify(
     bias = hausman_test(torque_regressor(fitted, split.train, effects)).sentence() if estimator == "iv" else ""
     progress("predicting held-out samples")
     evidence = held_out_evidence(robot, fitted, fit, split.test)
+    errors = joint_errors(robot, evidence.measured, evidence.predicted, evidence.given, fit.relative_error)
+    shared = shared_effects(fitted, split, effects, errors)
     progress("choosing possible inertias")
     full = full_model(robot, fitted, fit)
     progress("writing and loading models")
@@ -108,7 +111,7 @@ def identify(
         unidentified=unidentified(fit.base, excited),
         bodies=body_table(fitted, fit.base, excited),
         held_out=split.words,
-        joints=joint_errors(robot, evidence.measured, evidence.predicted, evidence.given, fit.relative_error),
+        joints=errors,
         departure=tuple(_departure(full, fitted, fit, split.test).tolist()),
         full_words=full.words,
         exports=files,
@@ -116,6 +119,7 @@ def identify(
             dict.fromkeys(
                 (
                     *fault_warnings(every),
+                    *missed_sentences(errors, shared),
                     *robot.warnings,
                     *(warning for recording in every for warning in recording.warnings),
                     *_lacking_excitation(fit, excited.rank, lacking),
@@ -161,8 +165,8 @@ def _lacking_excitation(fit: Fit, excitable: int, lacking: tuple[str, ...]) -> t
         return ()
     some = ", ".join(lacking[:_SHOWN]) + (", ..." if len(lacking) > _SHOWN else "")
     return (
-        f"The recording parts {fit.rank} of the {excitable} parameters that this robot's motion can part; it lacks "
-        f"{some}: record a motion that moves every joint, in several postures.",
+        f"The recording separates {fit.rank} of the {excitable} parameters that motion of this robot can separate; it "
+        f"lacks {some}: record a motion that moves every joint, in several postures.",
     )
 
 

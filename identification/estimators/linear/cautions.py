@@ -133,8 +133,10 @@ def _at_stops(regressor: Regressor) -> Iterator[str]:
         if not len(q):
             continue
         standstill = np.abs(v) < _STANDSTILL * np.abs(v).max(axis=0)
+        # A joint without limits has no stop to lean on.
+        near = np.where(np.isfinite(limits[0]) & np.isfinite(limits[1]), _NEAR * (limits[1] - limits[0]), -np.inf)
         for side, bound, gap in (("lower", limits[0], q - limits[0]), ("upper", limits[1], limits[1] - q)):
-            share = np.mean(standstill & (gap <= _NEAR * (limits[1] - limits[0])), axis=0)
+            share = np.mean(standstill & (gap <= near), axis=0)
             for j in np.flatnonzero(share > _OFTEN):
                 yield (
                     f"{log.file}: {log.joint_names[j]} rests at its {side} limit of {bound[j]:.4g} {units[j]} in "

@@ -11,8 +11,10 @@ from identification.estimators.weighted_least_squares import fit_ols, fit_wls, o
 from identification.regression.regressor import gap_regressor
 from phantom_dyn.dynamics.dynamics import inverse_dynamics
 from phantom_dyn.effects.catalogue import effect_named
+from phantom_dyn.model.loading import load_robot
 from phantom_dyn.model.robot import position_limits
 from phantom_dyn.motion import Motion
+from places import ROBOTS
 
 VISCOUS, COULOMB, OFFSET = (
     effect_named(f"{name}") for name in ("viscous_friction", "coulomb_friction", "torque_offset")
@@ -86,6 +88,17 @@ def test_a_joint_that_passes_close_to_its_stop_is_not_named(pendulum, swing, mak
     scaled = Motion(motion.t, motion.q * stop / motion.q.max(), motion.v, motion.a)
     log = make_log(pendulum, scaled, inverse_dynamics(pendulum, scaled) + 0.4 * motion.v)
     assert not any("rests at" in said for said in friction_fit(pendulum, log, VISCOUS).warnings)
+
+
+def test_a_joint_without_limits_has_no_stop_to_rest_at(pendulum, swing, make_log, tmp_path):
+    (tmp_path / "robot.urdf").write_text((ROBOTS / "pendulum.urdf").read_text().replace("revolute", "continuous"))
+    endless = load_robot(tmp_path / "robot.urdf")
+    motion = swing(pendulum, 400)
+    q, v, a = (np.array(x) for x in (motion.q, motion.v, motion.a))
+    q[300:], v[300:], a[300:] = q[300], 0.0, 0.0
+    resting = Motion(motion.t, q, v, a)
+    log = make_log(endless, resting, inverse_dynamics(endless, resting) + v)
+    assert not any("rests at" in said for said in friction_fit(endless, log, VISCOUS).warnings)
 
 
 def test_a_drive_at_its_limit_is_named(pendulum, rubbing_by):
