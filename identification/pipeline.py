@@ -22,6 +22,7 @@ from identification.diagnosis.model.session import Session, session_of
 from identification.diagnosis.model.terms import KnownEffect
 from identification.diagnosis.result import Diagnosis, Judgement
 from identification.next_experiment.advise import Proposal, proposed
+from identification.regression.triangular import one_blas_thread
 from identification.rollout.compare import Rollout
 from identification.rollout.rollout import Explained, rollout_of
 from identification.scenarios.known_changes import named_by_recording
@@ -30,6 +31,8 @@ from phantom_dyn import __version__
 from phantom_dyn.model.robot import Robot
 
 
+# With more threads sums come in another order, and the last digits would depend on the machine.
+@one_blas_thread()
 def diagnose(
     robot: Robot,
     recordings: tuple[Recording, ...],

@@ -132,6 +132,10 @@ def _stretch(text: str) -> tuple[float, float]:
 
 
 def one_blas_thread() -> None:
-    """One thread of linear algebra, if NumPy is not loaded yet: matrices are small, and threads wait for each other."""
+    """One thread of linear algebra, if NumPy is not loaded yet, whatever the environment says.
+
+    Matrices are small and threads wait for each other; and with more of them sums come in another order, so that the
+    same recording would give other last digits on another machine.
+    """
     for name in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"):
-        os.environ.setdefault(name, "1")
+        os.environ[name] = "1"

@@ -6,7 +6,7 @@ import argparse
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from identification.cli.arguments import DONE, Parser, add_reading
+from identification.cli.arguments import DONE, Parser, add_reading, one_blas_thread
 from identification.cli.terminal.printed import say
 from identification.files import looks_like_log, require_existing, require_not_swapped
 from phantom_dyn.errors import UsageError
@@ -38,6 +38,7 @@ def parser() -> argparse.ArgumentParser:
 
 def run(arguments: argparse.Namespace) -> int:
     """Print what each recording is and what is wrong with it."""
+    one_blas_thread()
     robot_file, logs = _robot_and_logs(arguments)
     if arguments.robot_config is not None and robot_file is None:
         raise UsageError("--robot-config was given without a robot: name the robot that it belongs to.")

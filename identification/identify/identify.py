@@ -29,6 +29,7 @@ from identification.identify.identified_model import (
 )
 from identification.identify.missed_joints import missed_sentences, shared_effects
 from identification.regression.regressor import Regressor, torque_regressor
+from identification.regression.triangular import one_blas_thread
 from phantom_dyn import __version__
 from phantom_dyn.errors import ParameterError
 from phantom_dyn.model.robot import Robot
@@ -39,6 +40,7 @@ _SHOWN = 6  # names in a warning
 _FAR = 2.0  # standard deviations: a warning says if a base parameter was moved further to make bodies possible
 
 
+@one_blas_thread()  # with more, the last digits would depend on the machine
 def identify(
     robot: Robot,
     recordings: tuple[Recording, ...],

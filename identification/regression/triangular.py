@@ -22,7 +22,7 @@ _PANEL = 8  # columns that are eliminated together before the others follow as o
 
 @contextmanager
 def one_blas_thread() -> Iterator[None]:
-    """One thread in the linear algebra: at 50 columns, threads cost more to start than they save."""
+    """One thread in the linear algebra: sums come in one order, and at 50 columns threads cost more than they save."""
     with ThreadpoolController().limit(limits=1, user_api="blas"):
         yield
 
