@@ -22,7 +22,8 @@ if TYPE_CHECKING:
     from phantom_dyn.maps.operational_map import OperationalMap
 
 _QUANTITIES = (
-    "manipulability, apparent_mass, apparent_mass_matrix, stiffness, viscous_friction, coulomb_friction, gravity_force"
+    "manipulability, apparent_mass, apparent_mass_matrix, stiffness, viscous_friction, coulomb_friction, "
+    "coulomb_force, gravity_force"
 )
 
 

@@ -42,17 +42,25 @@ class Cloud:
     tip: Array
 
 
-def require_three_joints(model: MapModel) -> None:
+def require_determined(model: MapModel, axes: tuple[str, ...]) -> None:
     """Refuse a grid over the tip where a point leaves joints free or cannot be reached in general.
+
+    Args:
+        model: The robot.
+        axes: Of the grid, some of x, y and z.
 
     Raises:
         ParameterError: In a sentence.
     """
-    if model.nv != 3:
-        many = "a tip position does not determine them" if model.nv > 3 else "they cannot follow a tip position"
+    joint = f"q.{model.joint_names[0]}=-1:1:21"
+    if model.nv not in (2, 3):
+        many = "a tip position does not determine them" if model.nv > 3 else "it cannot follow a tip position"
+        joints = f"{model.nv} active joints" if model.nv > 1 else "one active joint"
+        raise ParameterError(f"{model.name} has {joints}, and {many}: give a grid over joints, such as {joint}.")
+    if model.nv == 2 and len(axes) != 2:
         raise ParameterError(
-            f"{model.name} has {model.nv} active joints, and {many}: give a grid over joints, such as "
-            f"q.{model.joint_names[0]}=-1:1:21."
+            f"The grid is over {', '.join(axes)}, and the tip of {model.name}, which has two active joints, moves on "
+            f"a surface: give the two of x, y and z in which it moves, or a grid over joints, such as {joint}."
         )
 
 
@@ -73,29 +81,30 @@ def cloud_of(model: MapModel) -> Cloud | None:
     return Cloud(q, tip_of(model, q)[0])
 
 
-def nearest_branch(model: MapModel, points: Array, cloud: Cloud | None) -> Array:
+def nearest_branch(model: MapModel, points: Array, cloud: Cloud | None, axes: tuple[int, ...] = (0, 1, 2)) -> Array:
     """Joint positions for tip positions.
 
     Args:
-        model: With three active joints.
+        model: With three active joints, or two.
         points: In the root frame [m], shape ``(N, 3)``.
         cloud: From `cloud_of`.
+        axes: Which coordinates of the points count: as many as there are active joints.
 
     Returns:
-        Active positions, shape ``(N, 3)``: of all branches within the limits the nearest to ``model.posture``; a row
+        Active positions, shape ``(N, nv)``: of all branches within the limits the nearest to ``model.posture``; a row
         of NaN where there is none.
     """
     if model.branches is not None:
         candidates = model.branches(points)
     else:
         assert cloud is not None
-        candidates = _searched(model, points, cloud)
+        candidates = _searched(model, points, cloud, list(axes))
     best, least = np.full((len(points), model.nv), np.nan), np.full(len(points), np.inf)
     for q in candidates:
         q = _near_posture(model, q)
         rows = np.flatnonzero(np.isfinite(q).all(axis=1))
         rows = rows[within_limits(model, q[rows])]
-        rows = rows[np.linalg.norm(tip_of(model, q[rows])[0] - points[rows], axis=1) < CLOSE]
+        rows = rows[np.linalg.norm((tip_of(model, q[rows])[0] - points[rows])[:, list(axes)], axis=1) < CLOSE]
         distance = np.full(len(q), np.inf)
         distance[rows] = np.linalg.norm(q[rows] - model.posture, axis=1)
         nearer = distance < least
@@ -112,16 +121,16 @@ def _near_posture(model: MapModel, q: Array) -> Array:
     return q - turns * (q > model.upper[active] + 1e-9)
 
 
-def _searched(model: MapModel, points: Array, cloud: Cloud) -> Array:
+def _searched(model: MapModel, points: Array, cloud: Cloud, axes: list[int]) -> Array:
     """Candidates ``(starts, N, nv)`` by Newton from configurations whose tips are close, from every branch."""
     # Imported here: only points without a closed form need it, and it takes longer to import than many maps.
     from scipy.spatial import KDTree
 
     if not len(cloud.q):
         return np.full((1, len(points), model.nv), np.nan)
-    _, index = KDTree(cloud.tip).query(points, k=min(_NEAR, len(cloud.q)))
+    _, index = KDTree(cloud.tip[:, axes]).query(points[:, axes], k=min(_NEAR, len(cloud.q)))
     near = cloud.q[index.reshape(len(points), -1)]
-    return np.stack([_newton(model, points, start) for start in _distinct(model, near)])
+    return np.stack([_newton(model, points, start, axes) for start in _distinct(model, near)])
 
 
 def _distinct(model: MapModel, near: Array) -> list[Array]:
@@ -138,7 +147,7 @@ def _distinct(model: MapModel, near: Array) -> list[Array]:
     return starts
 
 
-def _newton(model: MapModel, points: Array, start: Array) -> Array:
+def _newton(model: MapModel, points: Array, start: Array, axes: list[int]) -> Array:
     """Joint positions by damped Newton; NaN where it does not arrive."""
     q = start.copy()
     left = np.flatnonzero(np.isfinite(q).all(axis=1))
@@ -146,9 +155,9 @@ def _newton(model: MapModel, points: Array, start: Array) -> Array:
         if not len(left):
             break
         tip, J = tip_of(model, q[left])
-        gap = points[left] - tip
+        gap, J = (points[left] - tip)[:, axes], J[:, axes]
         # Damping that vanishes with the gap: safe far away, quadratic close by.
-        damping = np.sum(gap**2, axis=1)[:, None, None] * np.eye(3) + 1e-14 * np.eye(3)
+        damping = (np.sum(gap**2, axis=1)[:, None, None] + 1e-14) * np.eye(len(axes))
         step = np.einsum("nji,nj->ni", J, np.linalg.solve(J @ np.swapaxes(J, 1, 2) + damping, gap[..., None])[..., 0])
         q[left] += step * np.minimum(1, 0.5 / np.maximum(np.abs(step).max(axis=1), 1e-12))[:, None]
         moving = np.abs(step).max(axis=1) > 1e-13
@@ -176,5 +185,6 @@ def inverse_kinematics(
     """
     frame_index(robot, frame)
     model = replace(map_model(robot, frame=frame, posture=near), branches=None)
-    require_three_joints(model)
+    if model.nv != 3:
+        raise ParameterError(f"{model.name} has {model.nv} active joints, wanted 3: a tip position fixes no others.")
     return nearest_branch(model, points, cloud_of(model))

@@ -1,4 +1,8 @@
-"""Figures of maps: curves, sections with lines of equal value, and sections in space; NaN stays white."""
+"""Figures of maps: curves, sections with lines of equal value, and sections in space; NaN stays white.
+
+Scalars and vectors are shown as they are, matrices over like axes by their diagonal, and a matrix whose columns are
+joints by the norms of its rows: what all joints together can do along x, y and z.
+"""
 
 from __future__ import annotations
 
@@ -8,9 +12,9 @@ from dataclasses import dataclass
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.cm import ScalarMappable
-from matplotlib.colors import Normalize
+from matplotlib.colors import LogNorm, Normalize
 from matplotlib.figure import Figure
-from matplotlib.ticker import MaxNLocator
+from matplotlib.ticker import LogLocator, MaxNLocator
 from mpl_toolkits.mplot3d import Axes3D
 
 from phantom_dyn.maps.operational_map import OperationalMap, axis_unit
@@ -20,6 +24,11 @@ Array = np.ndarray
 _LEVELS = 12
 """Lines of equal value at most."""
 _COLORS = "viridis"
+_DPI = 200
+_ROUNDING = 1e-9
+"""Largest value of a panel over that of the figure at which it holds rounding alone, and is left out."""
+_DECADE, _DECADES = 10.0, 1e4
+"""Largest over smallest value beyond which levels are logarithmic, and how far below the largest they begin."""
 
 
 @dataclass(frozen=True)
@@ -33,7 +42,7 @@ def figure(result: OperationalMap, name: str) -> Figure:
 
     Args:
         result: The map.
-        name: Of a quantity in it. Of matrices the diagonal is shown.
+        name: Of a quantity in it.
 
     Returns:
         A curve over one axis; over two a section with lines of equal value; over three the middle sections in space
@@ -42,7 +51,7 @@ def figure(result: OperationalMap, name: str) -> Figure:
     axes, panels = _panels(result, name)
     space = 2 if len(axes) == 3 else 1
     size = (1.2 + 4.2 * len(panels), 0.9 + 3.6 * space)
-    out = Figure(figsize=size, dpi=110, layout="constrained")
+    out = Figure(figsize=size, dpi=_DPI, layout="constrained")
     for column, panel in enumerate(panels):
         for row in range(space):
             place = (space, len(panels), row * len(panels) + column + 1)
@@ -65,11 +74,21 @@ def _panels(result: OperationalMap, name: str) -> tuple[list[int], list[_Panel]]
     if quantity.kind == "scalar":
         return kept, [_Panel(f"{quantity.title}{unit}", values)]
     if quantity.kind == "vector":
-        return kept, [_Panel(f"{quantity.title}, {axis}{unit}", values[..., k]) for k, axis in enumerate("xyz")]
-    if values.shape[-1] != 3:  # friction of other than three joints: all that acts along each direction
+        panels = [_Panel(f"{quantity.title}, {axis}{unit}", values[..., k]) for k, axis in enumerate("xyz")]
+        return kept, _beyond_rounding(panels)
+    if quantity.columns == "joints":
         along = np.linalg.norm(values, axis=-1)
-        return kept, [_Panel(f"{quantity.title}, {axis}{unit}", along[..., k]) for k, axis in enumerate("xyz")]
-    return kept, [_Panel(f"{quantity.title}, {axis * 2}{unit}", values[..., k, k]) for k, axis in enumerate("xyz")]
+        panels = [_Panel(f"{quantity.title}, along {axis}{unit}", along[..., k]) for k, axis in enumerate("xyz")]
+    else:
+        panels = [_Panel(f"{quantity.title}, {axis * 2}{unit}", values[..., k, k]) for k, axis in enumerate("xyz")]
+    return kept, _beyond_rounding(panels)
+
+
+def _beyond_rounding(panels: list[_Panel]) -> list[_Panel]:
+    """Panels without those that hold nothing but rounding; the first one where all do."""
+    sizes = [float(np.nanmax(np.abs(panel.values))) if np.isfinite(panel.values).any() else 0.0 for panel in panels]
+    kept = [panel for panel, size in zip(panels, sizes, strict=True) if size > _ROUNDING * max(sizes)]
+    return kept or panels[:1]
 
 
 def _label(result: OperationalMap, axis: int) -> str:
@@ -82,6 +101,8 @@ def _scale(values: Array) -> Normalize:
     finite = values[np.isfinite(values)]
     if not len(finite):
         return Normalize(0, 1)
+    if finite.max() > _DECADE * max(finite.min(), 0.0) and finite.min() >= 0.0 and finite.max() > 0.0:
+        return LogNorm(max(finite.min(), finite.max() / _DECADES), finite.max())
     # Towards a singularity masses grow without bound, which must not take all the colours: the usual fence of a box
     # plot, three times the middle half beyond it.
     quarter, three = np.percentile(finite, [25, 75])
@@ -114,18 +135,46 @@ def _draw(out: Figure, ax: Axes, panel: _Panel, axes: list[int], result: Operati
     if min(values.shape) < 2 or not np.isfinite(values).any():
         ax.text(0.5, 0.5, "no point can be reached", ha="center", transform=ax.transAxes)
         return
-    levels = MaxNLocator(_LEVELS).tick_values(scale.vmin or 0.0, scale.vmax or 0.0)
+    levels = _levels(scale)
     beyond = bool(np.nanmin(values) < levels[0]), bool(np.nanmax(values) > levels[-1])
     extend = {(False, False): "neither", (True, False): "min", (False, True): "max", (True, True): "both"}[beyond]
-    shown = ax.contourf(grid.values[across], grid.values[up], values, levels, cmap=_COLORS, extend=extend)
+    shown = ax.contourf(
+        grid.values[across],
+        grid.values[up],
+        values,
+        levels,
+        cmap=_COLORS,
+        norm=type(scale)(*levels[[0, -1]]),
+        extend=extend,
+    )
     if ((levels > np.nanmin(values)) & (levels < np.nanmax(values))).any():
         lines = ax.contour(grid.values[across], grid.values[up], values, levels, colors="k", linewidths=0.4)
-        ax.clabel(lines, fontsize=6)
-    out.colorbar(shown, ax=ax, shrink=0.9)
+        ax.clabel(lines, fontsize=6, fmt="%g")
+    out.colorbar(shown, ax=ax, shrink=0.9, format="%g")
+    _mark(ax, grid.values[across], grid.values[up], values)
     ax.set_xlabel(_label(result, across))
     ax.set_ylabel(_label(result, up))
     if grid.cartesian:
         ax.set_aspect("equal")
+
+
+def _levels(scale: Normalize) -> Array:
+    """Values at which lines are drawn, round numbers that hold the range."""
+    low, high = float(scale.vmin or 0.0), float(scale.vmax or 0.0)
+    if not isinstance(scale, LogNorm):
+        return np.asarray(MaxNLocator(_LEVELS).tick_values(low, high))
+    ticks = np.asarray(LogLocator(subs=(1.0, 2.0, 5.0), numticks=99).tick_values(low, high))
+    return ticks[max(np.searchsorted(ticks, low, "right") - 1, 0) : np.searchsorted(ticks, high) + 1]
+
+
+def _mark(ax: Axes, across: Array, up: Array, values: Array) -> None:
+    """A cross at the largest value of the section, and a plus at the origin where that lies in it."""
+    row, column = np.unravel_index(np.nanargmax(values), values.shape)
+    largest = f"largest: {values[row, column]:.4g}"
+    ax.plot(across[column], up[row], "x", color="w", mec="r", ms=7, mew=1.5, label=largest, clip_on=False)
+    if across[0] <= 0 <= across[-1] and up[0] <= 0 <= up[-1]:
+        ax.plot(0.0, 0.0, "+", color="r", ms=9, mew=1.2, label="origin")
+    ax.legend(fontsize=6, loc="best", framealpha=0.8)
 
 
 def _draw_space(out: Figure, ax: Axes3D, panel: _Panel, axes: list[int], result: OperationalMap) -> None:
@@ -167,8 +216,16 @@ def _caption(result: OperationalMap, name: str, axes: Sequence[int]) -> str:
     ]
     section = f", section at {', '.join(fixed)}" if fixed else ""
     lines = [f"{model.name}, frame {model.frame}{section}; root frame"]
-    if result.unreachable or result.singular:
-        lines.append(f"{grid.size} points, {result.unreachable} out of reach, {result.singular} singular (blank)")
+    counts = (
+        (result.unreachable, "out of reach"),
+        (result.singular, "singular, where the tip cannot move in some direction"),
+    )
+    if any(count for count, _ in counts):
+        blank = ", ".join(f"{count} {words}" for count, words in counts if count)
+        lines.append(f"blank: {blank}, of {grid.size} points")
+    if grid.cartesian:
+        near = ", ".join(f"{joint} = {q:.3g}" for joint, q in zip(model.joint_names, model.posture, strict=True))
+        lines.append(f"of several postures that reach a point the one nearest to {near}")
     if name == "stiffness":
         lines.append(model.stiffness_note)
     return "\n".join(lines)

@@ -11,7 +11,7 @@ import numpy as np
 from phantom_dyn.large_work import spread, starts_processes, worker_count
 from phantom_dyn.libraries import optional_library
 from phantom_dyn.maps.grid import TIP_AXES, Grid
-from phantom_dyn.maps.inverse import Cloud, cloud_of, nearest_branch, require_three_joints
+from phantom_dyn.maps.inverse import Cloud, cloud_of, nearest_branch, require_determined
 from phantom_dyn.maps.map_model import MapModel, tip_of, within_limits
 from phantom_dyn.maps.quantities import QUANTITIES, felt_at, require_quantities, shape_of
 
@@ -68,14 +68,14 @@ def operational_map(
         progress: Called with the number of points that are done.
 
     Raises:
-        ParameterError: If a quantity is unknown or nothing states it, or a grid over the tip is asked of a robot
-            without exactly three active joints, or ``jobs`` is below one.
+        ParameterError: If a quantity is unknown or nothing states it, or a grid over the tip does not determine the
+            active joints, or ``jobs`` is below one.
         WorkerLostError: If the processes that compute end again and again.
     """
     names = tuple(dict.fromkeys(names))
     require_quantities(names, model)
     if grid.cartesian:
-        require_three_joints(model)
+        require_determined(model, grid.names)
     job = _Job(model, grid, names, cloud_of(model) if grid.cartesian else None)
     values = {name: np.empty((grid.size, *shape_of(name, model.nv))) for name in names}
     done = unreachable = singular = 0
@@ -100,7 +100,7 @@ def components(name: str) -> tuple[str, ...]:
     """Names of the dimensions of one value of a quantity."""
     kind = QUANTITIES[name].kind
     if kind == "matrix":
-        return ("row", "joint") if name == "coulomb_friction" else ("row", "column")
+        return ("row", "joint") if QUANTITIES[name].columns == "joints" else ("row", "column")
     return ("row",) if kind == "vector" else ()
 
 
@@ -214,8 +214,9 @@ def _joint_positions(job: _Job, start: int, stop: int) -> Array:
     model, points = job.model, job.grid.points(start, stop)
     if job.grid.cartesian:
         tip = np.repeat(tip_of(model, model.posture[None])[0], len(points), axis=0)
-        tip[:, [TIP_AXES.index(name) for name in job.grid.names]] = points
-        return nearest_branch(model, tip, job.cloud)
+        axes = tuple(TIP_AXES.index(name) for name in job.grid.names)
+        tip[:, list(axes)] = points
+        return nearest_branch(model, tip, job.cloud, axes if model.nv == 2 else (0, 1, 2))
     q = np.repeat(model.posture[None], len(points), axis=0)
     q[:, [model.joint_names.index(name.removeprefix("q.")) for name in job.grid.names]] = points
     return q

@@ -2,7 +2,8 @@ r"""Quantities that a hand feels at the tip: mass, friction, stiffness, weight, 
 
 With the translational Jacobian J of the tip and ``A = J^+``, a velocity of the tip becomes joint velocities:
 :math:`M_{op} = A^T M A`, :math:`B_{op} = A^T F_v A`, :math:`K_{op} = A^T K A`, :math:`F_{cop} = A^T F_c`, weight
-:math:`A^T g`. For three active joints A is the inverse of J, and these are (18) of the source. With more joints A is
+:math:`A^T g`. The largest singular value of :math:`F_{cop}` is the largest force of Coulomb friction that a hand may
+feel. For three active joints A is the inverse of J, and these are (18) of the source. With more joints A is
 the inverse that costs least: least kinetic energy for masses, friction and weight, so that
 :math:`M_{op} = (J M^{-1} J^T)^{-1}`, and least elastic energy for the stiffness. With fewer joints A is the
 pseudo-inverse, and what is felt in a direction in which the tip cannot move is zero.
@@ -43,13 +44,15 @@ class Quantity:
         name: As on the command line and in the files.
         title: In words.
         unit: Of the values; empty for a ratio.
-        kind: ``scalar``, ``vector`` (x, y, z) or ``matrix`` (x, y, z twice; of friction, x, y, z by joint).
+        kind: ``scalar``, ``vector`` (x, y, z) or ``matrix`` (x, y, z by the columns).
+        columns: Of a matrix: ``axes``, x, y, z again, or ``joints``.
     """
 
     name: str
     title: str
     unit: str
     kind: str
+    columns: str = "axes"
 
 
 _LIST = (
@@ -58,7 +61,8 @@ _LIST = (
     Quantity("apparent_mass_matrix", "apparent mass", "kg", "matrix"),
     Quantity("stiffness", "stiffness", "N/m", "matrix"),
     Quantity("viscous_friction", "viscous friction", "N s/m", "matrix"),
-    Quantity("coulomb_friction", "Coulomb friction", "N", "matrix"),
+    Quantity("coulomb_friction", "Coulomb friction", "N", "matrix", columns="joints"),
+    Quantity("coulomb_force", "Coulomb friction, largest force at the tip", "N", "scalar"),
     Quantity("gravity_force", "force that holds the weight", "N", "vector"),
 )
 QUANTITIES = {quantity.name: quantity for quantity in _LIST}
@@ -87,7 +91,7 @@ def shape_of(name: str, nv: int) -> tuple[int, ...]:
     """Shape of one value of a quantity."""
     kind = QUANTITIES[name].kind
     if kind == "matrix":
-        return (3, nv) if name == "coulomb_friction" else (3, 3)
+        return (3, nv) if QUANTITIES[name].columns == "joints" else (3, 3)
     return (3,) if kind == "vector" else ()
 
 
@@ -159,8 +163,10 @@ def _felt(model: MapModel, space: JointSpace, rows: Array, names: list[str]) -> 
             out["apparent_mass"] = np.linalg.eigvalsh(mass)[:, -1]
     if "viscous_friction" in names:
         out["viscous_friction"] = _symmetric(_times_transposed(A, viscous[rows]) @ A)
-    if "coulomb_friction" in names:
+    if {"coulomb_friction", "coulomb_force"} & set(names):
         out["coulomb_friction"] = np.swapaxes(A, 1, 2) * coulomb[rows, None, :]
+        if "coulomb_force" in names:
+            out["coulomb_force"] = _largest_singular_value(out["coulomb_friction"])
     if "gravity_force" in names:
         out["gravity_force"] = np.einsum("nji,nj->ni", A, space.weight[rows])
     if "stiffness" in names and model.stiffness is not None:
@@ -178,6 +184,11 @@ def _cheapest_inverse(J: Array, W: Array) -> Array:
         return np.linalg.pinv(J)
     back = np.linalg.solve(W, np.swapaxes(J, 1, 2))
     return back @ np.linalg.inv(J @ back)
+
+
+def _largest_singular_value(matrices: Array) -> Float[Array, " N"]:
+    """Of each matrix ``(3, nv)``, by the eigenvalues of its square, which are several times quicker to find."""
+    return np.sqrt(np.maximum(np.linalg.eigvalsh(matrices @ np.swapaxes(matrices, 1, 2))[:, -1], 0.0))
 
 
 def _times_transposed(A: Array, B: Array) -> Array:

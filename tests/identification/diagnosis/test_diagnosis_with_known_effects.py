@@ -65,7 +65,7 @@ def test_inertial_parameters_that_are_not_named_did_not_move(planar2, tmp_path):
 def test_an_unknown_joint_is_refused(planar2, tmp_path):
     file = corrected(tmp_path, {**COULOMB, "joint": "knee"})
     with pytest.raises(ParameterError, match=r"corrected\.yaml: effect coulomb_friction is on joint 'knee', which this "
-                       r"robot does not have: its joints are shoulder, elbow\."):  # fmt: skip
+                       r"robot does not have: the joints are shoulder, elbow;"):  # fmt: skip
         known_effects((file,), planar2)
 
 

@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from io import BytesIO
 
 import matplotlib.image
 import numpy as np
 import pytest
+from matplotlib.colors import LogNorm, Normalize
 
 from phantom_dyn import load_robot
 from phantom_dyn.maps.from_robot import map_model
@@ -109,7 +111,7 @@ def test_the_caption_says_where_the_section_is_and_what_is_blank():
     result = operational_map(model, read_grid("x=0.05:0.05:1,y=0:0.5:4,z=0:0.5:4", model.joint_names), NAMES[:1])
     caption = figure(result, "manipulability").get_suptitle()
     assert "section at x = 0.05" in caption
-    assert f"16 points, {result.unreachable} out of reach, 0 singular (blank)" in caption
+    assert f"blank: {result.unreachable} out of reach, of 16 points" in caption
 
 
 def test_a_field_that_is_the_same_everywhere_is_drawn(phantom, recwarn):
@@ -119,3 +121,49 @@ def test_a_field_that_is_the_same_everywhere_is_drawn(phantom, recwarn):
     assert pixels(result, "viscous_friction").shape[2] == 4
     assert np.nanmax(np.abs(result.values["viscous_friction"])) == 0
     assert [str(warning.message) for warning in recwarn] == []
+
+
+def titles(result, name) -> list[str]:
+    return [ax.get_title() for ax in figure(result, name).axes if ax.get_title()]
+
+
+def test_friction_of_all_joints_is_drawn_along_each_axis(result):
+    # Known truth: by its symmetry q1 alone acts along y in the plane y = 0, 0.12 N m over the distance to its axis.
+    assert titles(result, "coulomb_friction") == [f"Coulomb friction, along {axis} [N]" for axis in "xyz"]
+    along_y = np.linalg.norm(result.values["coulomb_friction"], axis=-1)[..., 1]
+    x = np.broadcast_to(result.grid.values[0][:, None], along_y.shape)
+    torque = load_robot("cea_branch").coulomb_friction[0]
+    reached = np.isfinite(along_y)
+    np.testing.assert_allclose(along_y[reached], torque / x[reached], rtol=1e-6)
+
+
+def test_a_panel_that_holds_rounding_alone_is_left_out(result):
+    # Made by hand: along y there is nothing but rounding.
+    weight = np.ones((4, 3, 3)) * np.array([1.0, 1e-16, 2.0])
+    made = replace(result, values={"gravity_force": weight})
+    assert titles(made, "gravity_force") == [f"force that holds the weight, {axis} [N]" for axis in "xz"]
+
+
+def test_levels_are_logarithmic_beyond_a_decade(result):
+    # Known truth: a map made by hand whose values span two decades, and one whose values span half of one.
+    for values, kind in ((np.geomspace(1.0, 100.0, 12), LogNorm), (np.linspace(1.0, 5.0, 12), Normalize)):
+        made = replace(result, values={"manipulability": values.reshape(4, 3)})
+        (shown, *_) = [ax.collections[0] for ax in figure(made, "manipulability").axes if ax.get_title()]
+        assert type(shown.norm) is kind
+
+
+def test_the_largest_value_and_the_origin_are_marked():
+    model = map_model(load_robot("cea_branch"))
+    found = operational_map(model, read_grid("x=-0.5:0.5:5,z=-0.4:0.1:6", model.joint_names), ["apparent_mass"])
+    (ax, *_) = [ax for ax in figure(found, "apparent_mass").axes if ax.get_title()]
+    legend = [text.get_text() for text in ax.get_legend().get_texts()]
+    assert legend == [f"largest: {np.nanmax(found.values['apparent_mass']):.4g}", "origin"]
+
+
+def test_the_caption_says_why_points_are_blank():
+    model = map_model(load_robot("cea_branch"))
+    found = operational_map(model, read_grid("x=-0.2:0.2:3,z=-0.4:0.1:6", model.joint_names), ["apparent_mass"])
+    caption = figure(found, "apparent_mass").get_suptitle()
+    assert found.singular
+    assert f"{found.singular} singular, where the tip cannot move in some direction" in caption
+    assert "of several postures that reach a point the one nearest to q1 = 0, q2 = -0.785, q5 = 0.785" in caption

@@ -181,6 +181,29 @@ def test_a_grid_over_the_tip_of_a_six_joint_arm_is_refused():
         operational_map(model, read_grid("x=0:1:3", model.joint_names), ["manipulability"])
 
 
+@pytest.fixture
+def two_joints(tmp_path):
+    """A UR10 of which shoulder and elbow move, in the plane of x and z."""
+    held = "shoulder_pan_joint, wrist_1_joint, wrist_2_joint, wrist_3_joint"
+    (tmp_path / "robot.yaml").write_text(f"lock: [{held}]")
+    return map_model(load_robot("example:ur10", config=tmp_path / "robot.yaml"), posture=np.array([-0.7, 1.2]))
+
+
+def test_two_joints_have_a_map_over_the_plane_of_the_tip(two_joints):
+    # Known truth: the configuration that a corner was made from, and numpy's singular values there.
+    tip, J = tip_of(two_joints, np.array([[-0.8, 1.1]]))
+    text = ",".join(f"{axis}={tip[0, k]:.17g}:{tip[0, k] + 0.01:.17g}:2" for k, axis in ((0, "x"), (2, "z")))
+    found = operational_map(two_joints, read_grid(text, two_joints.joint_names), ["manipulability"])
+    sigma = np.linalg.svd(J[0], compute_uv=False)
+    assert found.unreachable == 0
+    np.testing.assert_allclose(found.values["manipulability"][0, 0], sigma[1] / sigma[0], rtol=1e-7)
+
+
+def test_a_grid_over_three_axes_of_a_robot_of_two_joints_is_refused(two_joints):
+    with pytest.raises(ParameterError, match="moves on a surface: give the two of x, y and z in which it moves"):
+        operational_map(two_joints, read_grid("x=0:1:3,y=0:1:3,z=0:1:3", two_joints.joint_names), ["manipulability"])
+
+
 def test_a_map_over_joints_of_a_six_joint_arm(configurations):
     # Oracle: numpy's singular values of Pinocchio's Jacobian.
     from phantom_dyn.dynamics.kinematics import frame_jacobian

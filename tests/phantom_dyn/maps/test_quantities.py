@@ -70,6 +70,14 @@ def test_coulomb_friction_is_the_force_that_the_joint_torques_make(arm, configur
     np.testing.assert_allclose(torque, np.broadcast_to(np.diag(T), torque.shape), rtol=0, atol=1e-12)
 
 
+def test_the_largest_force_of_coulomb_friction_is_the_largest_singular_value(arm, configurations):
+    # Oracle: numpy's singular values.
+    q = configurations(arm)
+    model = map_model(replace(arm, coulomb_friction=np.array([0.3, 0.2, 4.0])))
+    sigma = np.linalg.svd(felt(model, q, "coulomb_friction"), compute_uv=False)
+    np.testing.assert_allclose(felt(model, q, "coulomb_force"), sigma[:, 0], rtol=1e-9)
+
+
 def test_friction_of_a_passive_joint_reaches_the_active_ones(phantom, configurations):
     # Closed form: the elbow turns by theta3 - theta2, so that c shows as c [[1, -1], [-1, 1]] on theta2 and theta3.
     q = configurations(phantom)
@@ -182,5 +190,6 @@ def test_the_quantities_are_those_of_the_contract():
         "stiffness",
         "viscous_friction",
         "coulomb_friction",
+        "coulomb_force",
         "gravity_force",
     }

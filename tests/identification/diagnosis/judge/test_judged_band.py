@@ -9,6 +9,7 @@ import pytest
 
 from identification.diagnosis.fit.problem import Problem
 from identification.diagnosis.judge.judged_band import Judge, gap_is_there, narrow_search, visible
+from identification.diagnosis.judge.squares_left import squares_left
 from identification.diagnosis.noise.noise_floor import noise_floor, weights_of
 from identification.diagnosis.search.search import RowGaps
 
@@ -60,9 +61,11 @@ def test_what_is_not_visible_without_is_no_finding(rubbing):
     # Known truth: friction on the elbow, and nothing else.
     friction = rubbing.term("coulomb_friction", "elbow")
     others = {rubbing.term("torque_offset", joint) for joint in ("shoulder", "elbow")}
-    assert visible(rubbing.search, frozenset([friction, *others])) == frozenset([friction])
+    chosen = frozenset([friction, *others])
+    left = squares_left(narrow_search(rubbing.search, rubbing.noise), chosen)
+    assert visible(left, chosen) == frozenset([friction])
     alone = frozenset(rubbing.term(name, "shoulder") for name in ("torque_offset", "viscous_friction"))
-    assert visible(rubbing.search, alone) == frozenset()
+    assert visible(squares_left(narrow_search(rubbing.search, rubbing.noise), alone), alone) == frozenset()
 
 
 def test_nothing_found_is_nothing_visible(rubbing):
