@@ -5,6 +5,7 @@ Nothing heavy is imported here, so that a command can refuse a wrong path at onc
 
 from __future__ import annotations
 
+import errno
 import os
 import secrets
 from collections.abc import Iterable, Iterator, Sequence
@@ -159,3 +160,14 @@ def require_not_swapped(robot: str | Path, logs: Sequence[str | Path]) -> None:
         f"{robot} was given as the robot and looks like a recording: give the robot first (URDF, MJCF, example:NAME or "
         "a built-in name), then the recordings"
     )
+
+
+def is_full(error: BaseException) -> bool:
+    """True for the error of a disk, quota or file that takes no more."""
+    return isinstance(error, OSError) and error.errno in (errno.ENOSPC, errno.EFBIG, errno.EDQUOT)
+
+
+def full_words(error: OSError) -> str:
+    """What to do about such an error, in one sentence."""
+    reason = (error.strerror or str(error)).lower()
+    return f"nothing more can be written ({reason}): free some space, or name a place with more, TMPDIR included"

@@ -16,7 +16,7 @@ from pathlib import Path
 from identification.data.readers.column_map import read_column_map
 from identification.data.reading import ReadOptions, read_recording
 from identification.diagnosis.model.terms import KnownEffect
-from identification.files import require_existing
+from identification.files import full_words, is_full, require_existing
 from identification.pipeline import diagnose
 from identification.reporting.diagnosis_files import Json, check_targets, to_json, write_outputs
 from identification.words.diagnosis_words import effect_at_finding
@@ -269,6 +269,8 @@ def _diagnosed(
         return replace(row, refusal=str(refusal))
     # Days of work on other recordings must not end here; the row says what happened.
     except Exception as fault:
+        if isinstance(fault, OSError) and is_full(fault):
+            return replace(row, refusal=f"{log.name}: {full_words(fault)}.")
         reason = " ".join(str(fault).split())[:160]
         return replace(row, refusal=_FAULT.format(log.name, type(fault).__name__, reason))
     causes = tuple(effect_at_finding(finding) for finding in diagnosis.findings)

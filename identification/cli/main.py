@@ -13,6 +13,7 @@ from identification.cli.arguments import BAD_INPUT, DONE, INTERRUPTED
 from identification.cli.terminal.completion import complete
 from identification.cli.terminal.interrupts import interruptible
 from identification.cli.terminal.printed import say
+from identification.files import full_words, is_full
 from phantom_dyn import __version__
 from phantom_dyn.errors import PhantomDynError, UsageError
 
@@ -75,6 +76,11 @@ def main(argv: list[str] | None = None) -> int:
         # The reader (head, less) left early. Python flushes once more at exit: give it a place to write to.
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         return DONE
+    except OSError as error:
+        if not is_full(error):
+            raise
+        say(f"phantom-dyn: {full_words(error)}", file=sys.stderr)
+        return BAD_INPUT
     return code
 
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
 from jaxtyping import Float
@@ -14,6 +15,9 @@ from phantom_dyn.errors import UsageError
 from phantom_dyn.libraries import is_installed, missing_library
 from phantom_dyn.maps.map_figures import figure
 from phantom_dyn.maps.operational_map import OperationalMap, arrays, dataset
+
+if TYPE_CHECKING:
+    from xarray import Dataset
 
 Array = np.ndarray
 NETCDF = "map.nc"
@@ -64,10 +68,18 @@ def write_map(result: OperationalMap, folder: Path, *, progress: Callable[[str],
         written.append(folder / NETCDF)
         progress(f"writing {NETCDF}")
         with temporary_beside(written[-1]) as path:
-            dataset(result).to_netcdf(path, format="NETCDF4", engine="netcdf4")
+            _write_netcdf(dataset(result), path)
     for name in result.values:
         written.append(folder / f"{name}.png")
         progress(f"drawing {name}")
         with temporary_beside(written[-1]) as path:
             figure(result, name).savefig(path)
     return written
+
+
+def _write_netcdf(data: Dataset, path: Path) -> None:
+    """Write a data set; that the disk is full is an error of the library's own, which does not say it."""
+    try:
+        data.to_netcdf(path, format="NETCDF4", engine="netcdf4")
+    except RuntimeError as error:
+        raise OSError(None, f"{error}, as on a full disk") from error
