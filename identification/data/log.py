@@ -62,6 +62,7 @@ class Log:
         external: Torque of the measured external forces on the joints [N m or N], ``(N, nv)``; None where none was.
         reading_steps: Of the lattice that the readings of each joint lie on, as they were recorded [rad or m];
             None where they lie on none. Empty where nobody looked.
+        temperature: Of the drives [deg C] at the same instants, ``(N, nv)``, NaN for joints without; None if all are.
     """
 
     file: str
@@ -74,6 +75,7 @@ class Log:
     q_ref: Float[Array, "N nv"] | None = None
     external: Float[Array, "N nv"] | None = None
     reading_steps: tuple[float | None, ...] = ()
+    temperature: Float[Array, "N nv"] | None = None
 
     def __post_init__(self):
         object.__setattr__(self, "tau", read_only(self.tau))

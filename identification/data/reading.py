@@ -93,14 +93,18 @@ def _excluded(table: Table, excluded: Sequence[tuple[float, float]]) -> tuple[tu
 
 
 def _require_joints(table: Table, robot: Robot) -> tuple[str, ...]:
-    """Refuse a column of an unknown joint and a joint without position; returns warnings about locked joints."""
+    """Refuse a column of an unknown joint and a joint without position; returns warnings about unused columns."""
     locked: dict[str, None] = {}
+    elsewhere: list[str] = []
     for name in table.columns:
         column = column_of(name)
         if column is None or column.quantity in ("t", "f") or column.of in (*robot.joint_names, *robot.passive_names):
             continue
         if column.of in robot.locked:
             locked[column.of] = None
+            continue
+        if column.quantity == "temp":
+            elsewhere.append(name)
             continue
         raise LogError(
             f"{table.file}: column {name} is of the joint {column.of}, which {robot.name} does not have: "
@@ -112,9 +116,12 @@ def _require_joints(table: Table, robot: Robot) -> tuple[str, ...]:
                 f"{table.file} has no column q.{joint}, but {robot.name} has the joint {joint}: add its position, map "
                 "it with --columns, or hold the joint fixed under lock in robot.yaml."
             )
-    if not locked:
-        return ()
-    return (f"{table.file}: the columns of {', '.join(locked)} are not used, as the robot holds it fixed.",)
+    out = ()
+    if locked:
+        out += (f"{table.file}: the columns of {', '.join(locked)} are not used, as the robot holds it fixed.",)
+    if elsewhere:
+        out += (f"{table.file}: {', '.join(elsewhere)} not used: a temperature of something that is no joint.",)
+    return out
 
 
 def recording(
@@ -171,6 +178,7 @@ def recording(
         },
         torque_from=torque_sources(table, joints),
         friction_taken=joints_without(table, robot, "friction"),
+        temperature=_per_joint(table, "temp", joints),
         **optional,
     )
 

@@ -101,6 +101,7 @@ class Recording:
         voltage: Motor voltages [V].
         q_ref: References of the position controllers.
         x: Link-side positions of a second encoder.
+        temperature: Of the drives [deg C], NaN for joints without a column.
         forces: Measured external forces [N] by frame, world axes, each ``(N, 3)``.
         excluded: Stretches of time [s] that are left out of every fit.
         warnings: Sentences about the data.
@@ -123,6 +124,7 @@ class Recording:
     voltage: Float[Array, "N nv"] | None = None
     q_ref: Float[Array, "N nv"] | None = None
     x: Float[Array, "N nv"] | None = None
+    temperature: Float[Array, "N nv"] | None = None
     forces: Mapping[str, Float[Array, "N 3"]] = field(default_factory=dict)
     excluded: tuple[tuple[float, float], ...] = ()
     warnings: tuple[str, ...] = ()

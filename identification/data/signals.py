@@ -279,16 +279,18 @@ def process(recording: Recording, robot: Robot, *, cutoff_hz: float | None = Non
     if recording.friction_taken:
         tau = tau + friction_taken(robot, recording, v)
     wanted = None if recording.q_ref is None else _on_grid(recording.t, recording.q_ref, t)
+    temperature = None if recording.temperature is None else _on_grid(recording.t, recording.temperature, t)
     forces = {frame: _on_grid(recording.t, force, t) for frame, force in recording.forces.items()}
     external = external_torque(robot, smooth, forces) if forces else None
     # Of the rows as they are: readings at uneven times, made even, lie on no lattice any more.
     steps = tuple(reading_step(column, stated_step(robot, j)) for j, column in enumerate(recording.q.T))
     motion = Motion(t, smooth, v, a)
-    return Log(recording.file, recording.joint_names, motion, tau, band, valid, q, wanted, external, steps)
+    found = (q, wanted, external, steps, temperature)
+    return Log(recording.file, recording.joint_names, motion, tau, band, valid, *found)
 
 
 def _on_grid(t: Array, columns: Array, grid: Array) -> Array:
-    """Linear interpolation of references, which are no smoother than their generator left them."""
+    """Linear interpolation of references and the like, which are no smoother than their generator left them."""
     if grid is t:
         return columns
     return np.column_stack([np.interp(grid, t, column) for column in columns.T])

@@ -75,6 +75,7 @@ def part_of(recording: Recording, rows: slice) -> Recording:
         voltage=some(recording.voltage),
         q_ref=some(recording.q_ref),
         x=some(recording.x),
+        temperature=some(recording.temperature),
         forces={frame: read_only(force[rows]) for frame, force in recording.forces.items()},
         passive_q={joint: read_only(q[rows]) for joint, q in recording.passive_q.items()},
     )

@@ -137,7 +137,7 @@ def _motion_kept(
 ) -> tuple[_Change, tuple[str, ...]]:
     """Additional torque that the recorded motion takes with the faults, and link positions ahead of the motors."""
     still = np.zeros_like(log.tau)
-    model, tau, x = Operation.of(robot, log.motion, log.tau), still.copy(), still.copy()
+    model, tau, x = Operation.of(robot, log.motion, log.tau, log.temperature), still.copy(), still.copy()
     notes = []
     pairs = list(zip(faults, laws, strict=True))
     for fault, law in pairs:

@@ -201,7 +201,7 @@ class Regressor:
     def _effects_on(self, log: Log) -> tuple[BandedEffect, ...]:
         if not self.terms:
             return ()
-        operation = Operation.of(self.robot, log.motion, log.tau)
+        operation = Operation.of(self.robot, log.motion, log.tau, log.temperature)
         return banded(
             log, (term.effect.signature(self.robot, operation, term.joint, term.shape) for term in self.terms)
         )
@@ -265,7 +265,7 @@ def _regressor(robot: Robot, logs: Log | Sequence[Log], effects: Sequence[Effect
     log = next(log for log in several if log.valid_in_band.any())
     signatures = []
     if effects:
-        operation = Operation.of(robot, log.motion, log.tau)
+        operation = Operation.of(robot, log.motion, log.tau, log.temperature)
         start = Operation.of(robot, motion_slice(log.motion, 0, _FEW), log.tau[:_FEW])
         terms = (term_of(robot, operation, given) for given in effects)
         signatures = [(term, term.effect.signature(robot, start, term.joint, term.shape)) for term in terms]

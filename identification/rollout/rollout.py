@@ -20,8 +20,9 @@ from identification.rollout.joint_limits import recorded_past
 from identification.rollout.noise_band import strays
 from identification.rollout.rollout_starts import Window, states_of, windows_in
 from identification.rollout.shots import Shot, controlled, under_control, under_torque
-from identification.rollout.simulated_models import LEAD, Model, corrected_model, known_causes, model_of
+from identification.rollout.simulated_models import LEAD, Model, at_work, corrected_model, known_causes, model_of
 from phantom_dyn._kernels.jit import compiles
+from phantom_dyn.effects.operation import Operation
 from phantom_dyn.errors import ParameterError, PhantomDynError, RobotError
 
 Array = np.ndarray
@@ -98,14 +99,14 @@ def _strays(explained: Explained, horizon: float) -> dict[str, float]:
     """Joints of a model without findings that stray further than noise makes them, and how many times as far."""
     problem, session = explained.problem, explained.session
     operations, torque = problem.columns.operations, _torques()
-    known: dict[tuple[int, int], Model] = {}
+    known: dict[tuple[int, int, int], Model] = {}
 
     def model(window: Window, fold: int) -> Model:
-        key = (window.log, fold)
+        here = operations[window.log]
+        key = (window.log, fold, _moment(window, here))
         if key not in known:
-            known[key] = corrected_model(
-                session.robot, session.known, (), explained.theta(fold), operations[window.log]
-            )
+            here = _during(window, here)
+            known[key] = corrected_model(session.robot, session.known, (), explained.theta(fold), here)
         return known[key]
 
     left = session.in_judged_band(residual_after(problem, held_out_torque(problem, explained.terms, explained.found)))
@@ -206,19 +207,33 @@ def _rolled(explained: Explained, shoot: Shoot, horizons: tuple[float, ...], dri
     shots = _shots(explained, horizons[0], step, tries(whole) if hides(whole) else 0)
     if not shots:
         raise ParameterError("there is no stretch of valid samples long enough.")
-    pairs: dict[tuple[int, int], tuple[Model, Model]] = {}
+    pairs: dict[tuple[int, int, int], tuple[Model, Model]] = {}
 
     def models(window: Window) -> tuple[Model, Model]:
-        key = (window.log, window.fold)
+        here = operations[window.log]
+        key = (window.log, window.fold, _moment(window, here))
         if key not in pairs:
-            here, theta = operations[window.log], explained.theta(window.fold)
+            here, theta = _during(window, here), explained.theta(window.fold)
             pairs[key] = (
-                model_of(here.robot, known_causes(here.robot, known)),
+                model_of(here.robot, at_work(known_causes(here.robot, known), here)),
                 corrected_model(robot, known, terms, theta, here),
             )
         return pairs[key]
 
     return compared(robot, models, shots, shoot, horizons, drive, settle)
+
+
+def _moment(window: Window, operation: Operation) -> int:
+    """What sets models of one recording and one fit apart: the windows, where temperatures change."""
+    return 0 if operation.temperature is None else window.start
+
+
+def _during(window: Window, operation: Operation) -> Operation:
+    """The operation at the mean temperatures of a window."""
+    if operation.temperature is None:
+        return operation
+    mean = operation.temperature[window.start : window.stop].mean(axis=0)
+    return replace(operation, temperature=np.broadcast_to(mean, operation.q.shape))
 
 
 def _shots(explained: Explained, seconds: float, step: float, tries: int) -> tuple[Shot, ...]:

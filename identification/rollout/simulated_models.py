@@ -184,4 +184,9 @@ def corrected_model(
     late = sum(float(x) for x, move in zip(values, moves, strict=True) if move.place is None)
     causes = (*known_causes(given, known), *found_causes(given, terms, theta, operation.recording))
     robot = loaded(moved_robot(operation.robot, values, given), terms, theta)
-    return model_of(robot, causes, late=late)
+    return model_of(robot, at_work(causes, operation), late=late)
+
+
+def at_work(causes: tuple[Cause, ...], operation: Operation) -> tuple[Cause, ...]:
+    """The causes with their parameters as they are on average in an operation, where it moves them slowly."""
+    return tuple(replace(one, theta=one.effect.at_work(operation, one.joint, one.theta)) for one in causes)

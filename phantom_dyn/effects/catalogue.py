@@ -24,6 +24,7 @@ from phantom_dyn.effects.friction.joint_coupling import JointCoupling
 from phantom_dyn.effects.friction.load_dependent_friction import LoadDependentFriction
 from phantom_dyn.effects.friction.presliding_friction import PreslidingFriction
 from phantom_dyn.effects.friction.stribeck_friction import StribeckFriction
+from phantom_dyn.effects.friction.temperature_dependent_friction import TemperatureDependentFriction
 from phantom_dyn.effects.friction.viscous_friction import ViscousFriction
 from phantom_dyn.effects.load.base_tilt import BaseTilt
 from phantom_dyn.effects.load.inertial_parameters import InertialParameters
@@ -47,6 +48,7 @@ EFFECTS: tuple[Effect, ...] = (
     ParasiticSpring(),
     PreslidingFriction(),
     LoadDependentFriction(),
+    TemperatureDependentFriction(),
     JointCoupling(),
     Cogging(),
     TorqueSaturation(),

@@ -344,6 +344,10 @@ class Effect(Rival):
         """The robot in the gravity that it truly feels, and the motion of its links; as given by default."""
         return robot, motion
 
+    def at_work(self, operation: Operation, joint: str | None, theta: Float[Array, " p"]) -> Float[Array, " p"]:
+        """The parameters as a simulation of that operation takes them, where something in it moves them slowly."""
+        return theta
+
     @abstractmethod
     def simulated(self, robot: Robot, joint: str | None, theta: Float[Array, " p"]) -> Simulated:
         """How it enters a simulation, with the contract's parameters."""

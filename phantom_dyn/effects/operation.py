@@ -38,6 +38,7 @@ class Operation(Motion):
             first fit.
         recording: Which of several recordings it is of, for effects that act in some of them only.
         band_hz: Edge [Hz] of the band in which torques are judged.
+        temperature: Of the drives [deg C], shape ``(N, nv)``, NaN for joints without; None where no joint has one.
     """
 
     robot: Robot = field(repr=False)
@@ -47,19 +48,28 @@ class Operation(Motion):
     residual_of_fit: Float[Array, "N nv"] | None = None
     recording: int = 0
     band_hz: float = np.inf
+    temperature: Float[Array, "N nv"] | None = None
 
     def __post_init__(self):
         super().__post_init__()
         for name in ("tau", "expected", "logged"):
             object.__setattr__(self, name, read_only(getattr(self, name)))
-        if self.residual_of_fit is not None:
-            object.__setattr__(self, "residual_of_fit", read_only(self.residual_of_fit))
+        for name in ("residual_of_fit", "temperature"):
+            if getattr(self, name) is not None:
+                object.__setattr__(self, name, read_only(getattr(self, name)))
 
     @classmethod
-    def of(cls, robot: Robot, motion: Motion, logged: Float[Array, "N nv"] | None = None) -> Operation:
-        """``motion`` with the torque of the given model, and the recorded one if it is given."""
+    def of(
+        cls,
+        robot: Robot,
+        motion: Motion,
+        logged: Float[Array, "N nv"] | None = None,
+        temperature: Float[Array, "N nv"] | None = None,
+    ) -> Operation:
+        """``motion`` with the torque of the given model, and the recorded torque and temperature if they are given."""
         tau = inverse_dynamics(robot, motion)
-        return cls(motion.t, motion.q, motion.v, motion.a, robot, tau, tau, tau if logged is None else logged)
+        plain = cls(motion.t, motion.q, motion.v, motion.a, robot, tau, tau, tau if logged is None else logged)
+        return plain if temperature is None else replace(plain, temperature=temperature)
 
     def again(self, expected: Float[Array, "N nv"], residual_of_fit: Float[Array, "N nv"] | None = None) -> Operation:
         """The same motion after another fit; what was computed of motion and model is kept."""

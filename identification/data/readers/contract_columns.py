@@ -19,9 +19,9 @@ from phantom_dyn.motion import read_only
 
 Array = np.ndarray
 
-Quantity = Literal["t", "q", "tau", "v", "i", "u", "q_ref", "x", "f"]
+Quantity = Literal["t", "q", "tau", "v", "i", "u", "q_ref", "x", "temp", "f"]
 
-JOINT_QUANTITIES: tuple[Quantity, ...] = ("q", "tau", "v", "i", "u", "q_ref", "x")
+JOINT_QUANTITIES: tuple[Quantity, ...] = ("q", "tau", "v", "i", "u", "q_ref", "x", "temp")
 
 # Larger than anything a sensor gives, in SI units: such a value is a broken sample or a wrong unit.
 LARGEST: dict[Quantity, float] = {
@@ -33,6 +33,7 @@ LARGEST: dict[Quantity, float] = {
     "u": 1e6,
     "q_ref": 1e6,
     "x": 1e6,
+    "temp": 2e3,
     "f": 1e9,
 }
 
@@ -51,6 +52,7 @@ UNITS: dict[Quantity, dict[str, float]] = {
     "tau": {**_TORQUE, **_FORCE},
     "i": {"A": 1.0, "mA": 1e-3},
     "u": {"V": 1.0, "mV": 1e-3},
+    "temp": {"degC": 1.0},
     "f": _FORCE,
 }
 
@@ -93,7 +95,7 @@ def name_problem(name: str) -> str | None:
         return None
     if prefix == "f" and dot:
         return f"a force is written f.<frame>.x, f.<frame>.y or f.<frame>.z, not {name}"
-    if folded in JOINT_QUANTITIES and (dot or folded != "i"):
+    if folded in JOINT_QUANTITIES and (dot or folded not in ("i", "temp")):
         return f"a column of a joint is written {folded}.<joint>, not {name}"
     if folded == "t" and (dot or prefix == "T"):
         return f"the time is written t, not {name}"

@@ -350,7 +350,8 @@ def _lay_out(
 def _first(operation: Operation) -> Operation:
     """A few samples, enough to see how many columns a signature has."""
     t, q, v, a, tau, expected, logged = (getattr(operation, name)[:8] for name in SERIES)
-    return Operation(t, q, v, a, operation.robot, tau, expected, logged)
+    few = Operation(t, q, v, a, operation.robot, tau, expected, logged)
+    return few if operation.temperature is None else replace(few, temperature=operation.temperature[:8])
 
 
 def _values(

@@ -49,7 +49,8 @@ def operate(
     tau = inverse_dynamics(robot, motion)
     # What pushes from outside, the drive need not give.
     tau = tau if log.external is None else tau - log.external
-    plain = Operation(motion.t, motion.q, motion.v, motion.a, robot, tau, tau, log.tau, None, recording, band_hz)
+    state = (motion.t, motion.q, motion.v, motion.a)
+    plain = Operation(*state, robot, tau, tau, log.tau, None, recording, band_hz, log.temperature)
     for effect in known:
         # The drive has to give what the model needs less what the effect gives.
         tau = tau - effect_named(effect.effect, robot).torque(robot, plain, effect.joint, np.array(effect.theta))

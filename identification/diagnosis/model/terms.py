@@ -146,7 +146,15 @@ def merged(operations: tuple[Operation, ...]) -> Operation:
     q, v, a, tau, expected, logged = (np.concatenate([getattr(o, name) for o in operations]) for name in SERIES[1:])
     residual = np.concatenate([o.residual for o in operations])
     plain = Operation(np.concatenate(times), q, v, a, operations[0].robot, tau, expected, logged, residual)
-    return replace(plain, band_hz=operations[0].band_hz)
+    return replace(plain, band_hz=operations[0].band_hz, temperature=_temperatures(operations))
+
+
+def _temperatures(operations: tuple[Operation, ...]) -> Float[Array, "N nv"] | None:
+    """Those of all operations one after the other, NaN where one has none; None where none has any."""
+    if all(operation.temperature is None for operation in operations):
+        return None
+    known = [(np.full_like(o.q, np.nan) if o.temperature is None else o.temperature) for o in operations]
+    return np.concatenate(known)
 
 
 def ordered(terms: Iterable[Term]) -> tuple[Term, ...]:

@@ -50,6 +50,23 @@ def test_what_was_not_recorded_is_none(arm):
     assert (found.v, found.current, found.voltage, found.q_ref, found.x) == (None,) * 5
 
 
+def test_temperatures_stand_in_the_order_of_the_robot_and_some_joints_may_have_none(arm):
+    found = recording(table(temp__slide=30.0 + T, temp__turn=40.0 + T), arm)
+    np.testing.assert_array_equal(found.temperature[:, [0, 2]], np.column_stack([40.0 + T, 30.0 + T]))
+    assert np.isnan(found.temperature[:, 1]).all()
+    assert found.warnings == ()
+
+
+def test_without_a_column_there_is_no_temperature(arm):
+    assert recording(table(), arm).temperature is None
+
+
+def test_the_temperature_of_something_else_than_a_joint_is_left_out_with_a_warning(arm):
+    found = recording(table(temp__case=30.0 + T), arm)
+    assert found.temperature is None
+    assert found.warnings == ("log.csv: temp.case not used: a temperature of something that is no joint.",)
+
+
 def test_forces_are_collected_by_frame(arm):
     found = recording(table(f__tool__x=T, f__tool__y=2 * T, f__tool__z=3 * T), arm)
     np.testing.assert_array_equal(found.forces["tool"], np.column_stack([T, 2 * T, 3 * T]))

@@ -246,6 +246,16 @@ def test_references_are_brought_to_the_same_instants(slide):
     assert process(even, slide, cutoff_hz=10.0).q_ref is even.q_ref
 
 
+def test_temperatures_are_brought_to_the_same_instants(slide):
+    # Closed form: a ramp lies on itself wherever it is asked for.
+    times = T.copy()
+    times[1:-1] += 0.3 / RATE * np.sin(np.arange(len(T) - 2))
+    warming = replace(recording(times, *swing(times)), temperature=(30.0 + times)[:, None])
+    log = process(warming, slide, cutoff_hz=10.0)
+    np.testing.assert_allclose(log.temperature[:, 0], 30.0 + log.motion.t, atol=1e-12)
+    assert process(recording(T, *swing(T)), slide, cutoff_hz=10.0).temperature is None
+
+
 def test_a_recording_without_torque_is_refused(slide):
     q, tau = swing(T)
     with pytest.raises(LogError, match=r"swing\.csv has no torque, current or voltage: record one, or see --motion-"):

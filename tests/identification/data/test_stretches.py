@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -37,6 +39,13 @@ def test_two_hours_become_fifteen_stretches_from_beginning_to_end():
 def test_a_joint_that_moves_once_in_two_hours_is_in_a_stretch():
     parts = stretches(made(7200.0, ((3000.0, 3020.0),)))
     assert max(float(np.ptp(part.q[:, 1])) for part in parts) > 1.9
+
+
+def test_a_stretch_has_the_temperatures_of_its_own_rows():
+    whole = made(7200.0, ())
+    warming = replace(whole, temperature=np.column_stack([whole.t, 2.0 * whole.t]))
+    for part in stretches(warming):
+        np.testing.assert_array_equal(part.temperature, np.column_stack([part.t, 2.0 * part.t]))
 
 
 def test_every_stretch_is_one_in_which_a_joint_moves():

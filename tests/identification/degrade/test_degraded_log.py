@@ -39,6 +39,7 @@ SIZES = {
     "parasitic_spring": {"stiffness": 3.0, "rest_position": 0.2},
     "presliding_friction": {"torque": 0.3, "displacement": 0.02},
     "load_dependent_friction": {"ratio": 0.1},
+    "temperature_dependent_friction": {"coulomb_torque": 0.3, "coefficient": 0.1, "torque_slope": -0.01},
     "joint_coupling": {"ratio": 1.0, "coulomb_torque": 0.3, "coefficient": 0.1, "inertia": 0.01},
     "cogging": {"order": 12.0, "amplitude": 0.2, "phase": 0.3},
     "torque_saturation": {"limit": 2.0},
@@ -120,6 +121,19 @@ def test_the_motion_is_kept_and_the_drive_makes_up_for_the_effect(arm, clean, ef
     error = np.abs(changed + law)[250:-250]
     assert np.abs(changed).max() > 0.01
     assert np.quantile(error, 0.8) < 0.02 * np.abs(law).max()
+
+
+def test_friction_follows_the_temperature_of_the_recording(arm, clean):
+    # Closed form: (T + kT d) s + (c + kc d) v more, d from the reference of 25 degrees on; samples of a reversal aside.
+    motion, table = clean
+    warm = table_of(arm, motion, inverse_dynamics(arm, motion), temp=np.outer(30.0 + motion.t, [1.0, 1.0]))
+    columns = degraded(arm, warm, fault(arm, "temperature_dependent_friction")).columns
+    v = motion.v[:, 1]
+    wanted = (0.3 - 0.01 * (5.0 + motion.t)) * np.sign(v) + 0.1 * v
+    found = columns["tau.elbow"] - table.columns["tau.elbow"]
+    moving = np.abs(v) > 0.05
+    np.testing.assert_allclose(found[moving], wanted[moving], atol=1e-3)
+    np.testing.assert_array_equal(columns["temp.elbow"], warm.columns["temp.elbow"])
 
 
 def test_a_delayed_drive_has_to_be_asked_earlier(arm, clean):

@@ -43,6 +43,7 @@ def test_every_effect_has_a_variable_of_as_many_samples_as_there_are(shown, effe
     ("effect", "name"),
     [
         ("stribeck_friction", "velocity"),
+        ("temperature_dependent_friction", "velocity"),
         ("presliding_friction", "displacement since reversal"),
         ("load_dependent_friction", "torque that the transmission passes on"),
         ("input_delay", "rate of change of the torque"),

@@ -15,20 +15,22 @@ from phantom_dyn.motion import Motion
 
 @pytest.fixture
 def operation(arm: Robot, rng: np.random.Generator) -> Operation:
-    """Forty random states of the arm under the torque that they need; joint 0 is at rest in the first."""
+    """Forty random states of the arm, warm or not, under the torque that they need; joint 0 is at rest in the first."""
     q, v, a = rng.uniform(-1.5, 1.5, (3, 40, 3))
     v[0, 0] = 0.0
-    return Operation.of(arm, Motion(np.arange(40) / 100.0, q, v, a))
+    warm = rng.uniform(30.0, 50.0, (40, 3))
+    return Operation.of(arm, Motion(np.arange(40) / 100.0, q, v, a), temperature=warm)
 
 
 @pytest.fixture(scope="package")
 def smooth(arm: Robot) -> Operation:
-    """Four seconds of sines at 500 Hz, in and out of phase, under the torque that they need."""
+    """Four seconds of sines at 500 Hz, in and out of phase, under the torque that they need; its drives warm up."""
     t = np.arange(2000) / 500.0
     w, amplitude = np.array([3.0, 5.0, 4.0]), np.array([0.9, 0.7, 0.2])
     phase = np.outer(t, w) + np.array([0.0, 0.4, 1.1])
     v, a = amplitude * w * np.cos(phase), -amplitude * w**2 * np.sin(phase)
-    return Operation.of(arm, Motion(t, amplitude * np.sin(phase), v, a))
+    warm = 30.0 + np.outer(2.0 * t, [1.0, 2.0, 3.0])
+    return Operation.of(arm, Motion(t, amplitude * np.sin(phase), v, a), temperature=warm)
 
 
 @pytest.fixture(scope="package")

@@ -14,13 +14,13 @@ from phantom_dyn.effects.support.changed_robot import with_parameters
 from phantom_dyn.errors import ParameterError, RobotError
 from phantom_dyn.motion import Motion
 
-# The 23 names of the contract.
+# The names of the contract.
 CONTRACT = {
     "viscous_friction", "coulomb_friction", "direction_dependent_friction", "stribeck_friction",
-    "presliding_friction", "load_dependent_friction", "backlash", "transmission_compliance", "joint_coupling",
-    "cogging", "torque_saturation", "torque_constant", "torque_offset", "input_delay", "actuator_lag",
-    "rotor_inertia", "payload", "inertial_parameters", "base_tilt", "parasitic_spring", "encoder_offset",
-    "encoder_eccentricity", "encoder_quantization",
+    "presliding_friction", "load_dependent_friction", "temperature_dependent_friction", "backlash",
+    "transmission_compliance", "joint_coupling", "cogging", "torque_saturation", "torque_constant", "torque_offset",
+    "input_delay", "actuator_lag", "rotor_inertia", "payload", "inertial_parameters", "base_tilt", "parasitic_spring",
+    "encoder_offset", "encoder_eccentricity", "encoder_quantization",
 }  # fmt: skip
 REGIMES = {
     "velocity_reversal", "low_speed", "high_speed", "high_load", "high_acceleration", "one_direction",
@@ -43,6 +43,13 @@ PARAMETERS = {
     },
     "presliding_friction": {"torque": ("N m", "N"), "displacement": ("rad", "m")},
     "load_dependent_friction": {"ratio": ("1", "1")},
+    "temperature_dependent_friction": {
+        "coulomb_torque": ("N m", "N"),
+        "coefficient": ("N m s/rad", "N s/m"),
+        "torque_slope": ("N m/°C", "N/°C"),
+        "coefficient_slope": ("N m s/(rad °C)", "N s/(m °C)"),
+        "reference_temperature": ("°C", "°C"),
+    },
     "cogging": {"order": ("1", "rad/m"), "amplitude": ("N m", "N"), "phase": ("rad", "rad")},
     "torque_saturation": {"limit": ("N m", "N")},
     "input_delay": {"delay": ("s", "s")},
@@ -203,7 +210,7 @@ def test_columns_move_with_the_inertias_of_the_model_where_the_effect_says_so(ar
     joint = effect.places(arm)[-1]
     shape = first_shape(effect, arm, smooth, joint)
     heavier = with_parameters(arm, 0.2 * standard_parameters(arm))
-    other = Operation.of(heavier, smooth, smooth.logged)
+    other = Operation.of(heavier, smooth, smooth.logged, smooth.temperature)
     one, two = (effect.signature(o.robot, o, joint, shape).columns for o in (smooth, other))
     assert bool(np.any(np.abs(one - two) > 1e-9)) == effect.follows_model
 
@@ -312,16 +319,17 @@ def test_a_law_agrees_with_its_coefficients_at_its_shape_or_at_the_last_estimate
 
 
 # What sets single effects apart, by their laws: a gain of the whole torque; lists of waves, whose orders the positions
-# tell; a column that is the first order of a sine of the true angle; a delay, which a lag or friction looks like.
+# tell, and a reference temperature; a column that is the first order of a sine of the true angle; a delay, which a lag
+# or friction looks like.
 APART = {
     "scales_joint": {"torque_constant"},
     "takes_lists": {"cogging"},
-    "shape_held": {"cogging"},
+    "shape_held": {"cogging", "temperature_dependent_friction"},
     "first_order": {"encoder_eccentricity"},
     "tested_against_zero": {"input_delay"},
     "rubs": {
         "coulomb_friction", "direction_dependent_friction", "stribeck_friction", "presliding_friction",
-        "load_dependent_friction",
+        "load_dependent_friction", "temperature_dependent_friction",
     },
 }  # fmt: skip
 
@@ -339,7 +347,8 @@ SMOOTHED = {"backlash", "torque_saturation"}
 def test_columns_move_with_accelerations_where_the_effect_says_so(arm, smooth, effect):
     joint = effect.places(arm)[-1]
     shape = (6.0,) if effect.takes_lists else effect.shapes(arm, smooth, joint)[0]
-    other = Operation.of(arm, Motion(smooth.t, smooth.q, smooth.v, 1.3 * smooth.a))
+    faster = Motion(smooth.t, smooth.q, smooth.v, 1.3 * smooth.a)
+    other = Operation.of(arm, faster, temperature=smooth.temperature)
     one, two = (effect.signature(arm, o, joint, shape).columns for o in (smooth, other))
     assert bool(np.any(np.abs(one - two) > 1e-9)) == effect.uses_acceleration
 

@@ -19,6 +19,11 @@ NUMBERS = {
     "stribeck_friction": ("tilt", (0.5, 0.9, 0.1), ModelNumbers(coulomb=0.5)),
     "presliding_friction": ("tilt", (0.5, 0.9), ModelNumbers(coulomb=0.5)),
     "load_dependent_friction": ("tilt", (0.5,), ModelNumbers()),
+    "temperature_dependent_friction": (
+        "tilt",
+        (0.5, 0.25, -0.02, -0.01, 40.0),
+        ModelNumbers(coulomb=0.5, viscous=0.25),
+    ),
     "joint_coupling": (
         "turn+slide",
         (0.5, 0.3, 0.2, 0.1),

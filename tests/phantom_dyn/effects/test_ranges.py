@@ -34,6 +34,13 @@ PLAUSIBLE = {
         "stick_velocity": (0.0, 0.1),
     },
     "load_dependent_friction": {"ratio": (0.0, 0.5)},
+    "temperature_dependent_friction": {
+        "coulomb_torque": DRIVEN,
+        "coefficient": POSITIVE,
+        "torque_slope": (-LIMIT / 10, LIMIT / 10),
+        "coefficient_slope": ALL,
+        "reference_temperature": (-60.0, 200.0),
+    },
     "torque_offset": {"torque": (-LIMIT, LIMIT)},
     "torque_constant": {"ratio": (0.5, 2.0)},
     "torque_saturation": {"limit": (0.05 * LIMIT, 1.5 * LIMIT)},
@@ -158,6 +165,11 @@ def test_special_cases_of_friction_are_differences_of_its_numbers(arm):
     assert plain.names == (*dry.names, *viscous.names)
     stribeck = effect_named("stribeck_friction").special_cases(arm, "tilt", np.array([0.4, 0.7]), (0.1,))
     np.testing.assert_allclose(stribeck[-1].numbers, [0.7])
+    warm = effect_named("temperature_dependent_friction").special_cases(
+        arm, "tilt", np.array([0.4, 0.3, -0.02, -0.01]), (40.0,)
+    )
+    assert [case.numbers.tolist() for case in warm] == [[0.3, -0.02, -0.01], [0.4, -0.02, -0.01], [-0.02, -0.01]]
+    assert warm[2].names == ("coulomb_friction", "viscous_friction")
     nothing, coulomb = effect_named("presliding_friction").special_cases(arm, "tilt", np.array([0.4]), (0.02,))
     np.testing.assert_allclose([nothing.numbers.item(), coulomb.numbers.item()], [0.4, 0.02])
 
@@ -183,6 +195,9 @@ POSSIBLE = {
     ("parasitic_spring", "rest_position"): ALL,
     ("presliding_friction", "static_ratio"): (1.0, np.inf),
     ("load_dependent_friction", "ratio"): (0.0, 1.0),
+    ("temperature_dependent_friction", "torque_slope"): ALL,
+    ("temperature_dependent_friction", "coefficient_slope"): ALL,
+    ("temperature_dependent_friction", "reference_temperature"): (-60.0, 200.0),
     ("joint_coupling", "ratio"): ALL,
     ("cogging", "phase"): TURN,
     ("base_tilt", "roll"): (-0.5 * np.pi, 0.5 * np.pi),

@@ -54,6 +54,7 @@ MOVED = {
     "coulomb_friction": ("slide", (0.4,)),
     "direction_dependent_friction": ("tilt", (0.5, 0.3, 0.11, 0.23)),
     "stribeck_friction": ("tilt", (0.4, 0.9, 0.2)),
+    "temperature_dependent_friction": ("tilt", (0.4, 0.2, 0.0, 0.0, 25.0)),
     "load_dependent_friction": ("tilt", (0.15,)),
     "torque_offset": ("tilt", (-0.7,)),
     "rotor_inertia": ("slide", (0.3,)),

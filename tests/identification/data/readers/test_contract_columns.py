@@ -32,9 +32,11 @@ def test_a_good_log_gives_no_warning(columns):
         ("t", Column("t")),
         ("q.j1", Column("q", "j1")),
         ("q_ref.arm.j1", Column("q_ref", "arm.j1")),
+        ("temp.j1", Column("temp", "j1")),
         ("f.tool0.x", Column("f", "tool0", "x")),
         ("f.a.b.z", Column("f", "a.b", "z")),
         ("time", None),
+        ("temp", None),
         ("q.", None),
         ("f.tool0", None),
         ("f.tool0.w", None),
@@ -43,6 +45,16 @@ def test_a_good_log_gives_no_warning(columns):
 )
 def test_the_meaning_of_a_name(name, column):
     assert column_of(name) == column
+
+
+def test_a_temperature_that_is_of_no_joint_stops_no_log(columns):
+    # Other quantities without a joint are refused as misnamed.
+    assert table(columns, temp=columns["t"]).warnings == ("log.csv: column temp not used: no name of a log's columns.",)
+
+
+def test_a_temperature_that_no_drive_has_is_refused(columns):
+    with pytest.raises(LogError, match=r"column temp\.a is 3000, which no sensor gives \(limit 2000\)"):
+        table(columns, **{"temp.a": put(np.full(len(columns["t"]), 40.0), 3, 3000.0)})
 
 
 def test_a_log_without_time_lists_its_columns(columns):

@@ -115,7 +115,8 @@ def test_a_step_of_torque_is_left_exponentially(now, asked, dt, time_constant, a
 
 
 def test_a_single_sample_has_no_slope(arm, sine):
-    one = replace(sine, **{name: getattr(sine, name)[:1] for name in ("t", "q", "v", "a", "tau", "expected", "logged")})
+    series = ("t", "q", "v", "a", "tau", "expected", "logged", "temperature")
+    one = replace(sine, **{name: getattr(sine, name)[:1] for name in series})
     assert not EFFECT.torque(arm, one, None, THETA).any()
 
 

@@ -140,7 +140,8 @@ def test_behind_the_end_the_last_torque_is_held(arm, sine):
 
 
 def test_a_single_sample_is_not_ahead(arm, sine):
-    one = replace(sine, **{name: getattr(sine, name)[:1] for name in ("t", "q", "v", "a", "tau", "expected", "logged")})
+    series = ("t", "q", "v", "a", "tau", "expected", "logged", "temperature")
+    one = replace(sine, **{name: getattr(sine, name)[:1] for name in series})
     assert not EFFECT.torque(arm, one, None, np.array([0.01])).any()
 
 
