@@ -33,6 +33,10 @@ COMMANDS: dict[str, tuple[str, str]] = {
         "map what is felt at the tip over the workspace: mass, friction, stiffness",
     ),
     "excite": ("identification.cli.excite_command", "design a motion that makes a robot's inertias visible"),
+    "experiment": (
+        "identification.cli.experiment_command",
+        "fit a friction test at constant speeds, or the stiffness of a held transmission",
+    ),
     "degrade": ("identification.cli.degrade_command", "write the log that a cheaper device would have given"),
     "doctor": ("identification.cli.doctor_command", "print versions, and what is missing"),
     "datasets": ("identification.cli.datasets_command", "list and fetch recordings of real robots"),

@@ -22,7 +22,8 @@ import numpy as np
 from jaxtyping import Float
 
 from identification.excitation.motion_shapes import Triangle
-from identification.experiments.linear_fit import LinearFit, fit_linear, without_nuisance
+from identification.experiments.friction_test import fit_steady
+from identification.experiments.linear_fit import LinearFit
 from phantom_dyn.errors import LogError, ParameterError
 from phantom_dyn.motion import Motion
 
@@ -31,7 +32,7 @@ Array = np.ndarray
 MOVING: Mapping[str, tuple[int, ...]] = {"t1": (1, 2), "t2": (1,), "t3": (2,)}
 """Numbers of the active joints (q1, q2, q5) that move in each test, and whose torque tells something."""
 
-_STEADY = 1.0  # 1/s: a speed is constant where its acceleration would change it by less than 1 % in 10 ms
+_STILL = 0.1  # of the joint that moves most: one whose speed is less holds still
 
 
 @dataclass(frozen=True)
@@ -147,11 +148,26 @@ def _moving(test: str) -> tuple[int, ...]:
 
 def _fit_joint(test: str, joint: int, motion: Motion, tau: Array) -> LinearFit:
     name = f"{2 if joint == 1 else 5}{test}"
-    q, v, a = motion.q[:, joint], motion.v[:, joint], motion.a[:, joint]
-    steady = np.abs(a) < _STEADY * np.abs(v)
-    if not steady.any():
-        raise LogError(f"Joint {name[0]} has no constant speed in test {test}: move it in triangles of several speeds.")
-    q, v, a, tau = q[steady], v[steady], a[steady], tau[steady]
-    nuisance = np.stack([np.ones_like(q), np.cos(q), np.sin(q), v**2, a], axis=1)
-    free = without_nuisance(np.stack([v, np.sign(v), tau], axis=1), nuisance)
-    return fit_linear(free[:, :2], free[:, 2], (f"FV{name}", f"FC{name}"), ("N m s/rad", "N m"))
+    try:
+        names, units = (f"FV{name}", f"FC{name}"), ("N m s/rad", "N m")
+        return fit_steady(motion.q[:, joint], motion.v[:, joint], motion.a[:, joint], tau, names, units)[0]
+    except LogError as error:
+        raise LogError(f"Joint {name[0]} in test {test}: {error}") from error
+
+
+def test_of(motion: Motion) -> str:
+    """Which friction test a recording of q1, q2, q5 is, by the joints that move.
+
+    Raises:
+        LogError: If it is none of the three.
+    """
+    v2, v5 = motion.v[:, 1], motion.v[:, 2]
+    size = max(float(np.std(v2)), float(np.std(v5)), 1e-12)
+    moves = [float(np.std(x)) > _STILL * size for x in (v2, v5, v2 - v5)]
+    for test, expected in (("t1", [True, True, False]), ("t2", [True, False, True]), ("t3", [False, True, True])):
+        if moves == expected:
+            return test
+    raise LogError(
+        "q2 and q5 move, but neither together nor one alone: record q2 and q5 at one speed (t1), q2 alone (t2) and "
+        "q5 alone (t3)."
+    )

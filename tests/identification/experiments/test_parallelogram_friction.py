@@ -146,7 +146,7 @@ def test_one_speed_hardly_parts_viscous_from_coulomb_friction(rng):
 
 def test_a_joint_that_does_not_move_is_refused():
     motion = friction_test_motion("t2")
-    with pytest.raises(LogError, match="Joint 5 has no constant speed in test t3: move it in triangles"):
+    with pytest.raises(LogError, match="Joint 5 in test t3: no constant speed was recorded: move the joint"):
         fit_friction_test("t3", motion, np.zeros(motion.q.shape))
 
 

@@ -1,0 +1,163 @@
+"""``phantom-dyn experiment``: friction from constant speeds, and the stiffness of a transmission from a held arm."""
+
+from __future__ import annotations
+
+import argparse
+import json
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from identification.cli.arguments import DONE, Parser, add_logs, add_robot, one_blas_thread
+from identification.cli.terminal.printed import say
+from identification.files import require_existing, require_writable_folder, temporary_beside
+from phantom_dyn.errors import LogError, UsageError, known_names
+from phantom_dyn.model.robot_files import find_robot
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+    from identification.data.recording import Recording
+    from identification.experiments.linear_fit import LinearFit
+    from phantom_dyn.model.robot import Robot
+
+
+def parser() -> argparse.ArgumentParser:
+    """Arguments of the command."""
+    out = Parser(
+        prog="phantom-dyn experiment",
+        description="friction: viscous and Coulomb friction of each joint that moves at constant speeds (triangles of "
+        "several speeds), without a model of the masses; of the CEA branch the passive joints too, from three tests. "
+        "stiffness: stiffness, damping and dry friction of a transmission, from the torque and position of its motor "
+        "while the arm is held and the torque goes up and down; give recordings of several rates.",
+        examples=(
+            "experiment friction robot.urdf triangles.csv --out friction/",
+            "experiment stiffness robot.urdf slow.csv fast.csv --joint j1 --out stiffness/",
+        ),
+    )
+    out.add_argument("test", metavar="TEST", choices=("friction", "stiffness"), help="friction or stiffness")
+    add_robot(out)
+    add_logs(out)
+    out.add_argument(
+        "--joint", metavar="NAME", help="of a stiffness test: the motor that pushed (default: it is found)"
+    )
+    out.add_argument("--out", metavar="DIR", type=Path, help="write experiment.json and a figure there")
+    return out
+
+
+def run(arguments: argparse.Namespace) -> int:
+    """Fit the test, print what it gives, and write the files."""
+    one_blas_thread()
+    if arguments.joint is not None and arguments.test == "friction":
+        raise UsageError("--joint was given with friction, which takes every joint that moves: leave it out.")
+    find_robot(arguments.robot)
+    for log in arguments.logs:
+        require_existing(log)
+    picture = f"{arguments.test}.png"
+    if arguments.out is not None:
+        require_writable_folder(arguments.out, ("experiment.json", picture))
+    from identification.cli.arguments import excluded_stretches
+    from identification.data.reading import read_recording
+    from phantom_dyn.model.loading import load_robot
+
+    robot = load_robot(arguments.robot, config=arguments.robot_config)
+    # Against a held arm a joint hardly moves, which no check of a recording of a moving robot would let pass.
+    held = arguments.test == "stiffness"
+    recordings = tuple(
+        read_recording(
+            log,
+            robot,
+            columns=arguments.columns,
+            topic=arguments.topic,
+            excluded=excluded_stretches(arguments),
+            anyway=arguments.anyway or held,
+        )
+        for log in arguments.logs
+    )
+    if not held:
+        from identification.data.refusal import require_right
+
+        require_right(recordings)
+    entries, figure = (_stiffness if held else _friction)(robot, recordings, arguments.joint)
+    if arguments.out is not None:
+        text = json.dumps({"test": arguments.test, "robot": robot.name, "results": entries}, indent=1) + "\n"
+        with temporary_beside(arguments.out / "experiment.json") as path:
+            path.write_text(text, encoding="utf-8")
+        with temporary_beside(arguments.out / picture) as path:
+            figure.savefig(path)
+        for name in ("experiment.json", picture):
+            say(f"wrote {arguments.out / name}")
+    return DONE
+
+
+def _friction(robot: Robot, recordings: tuple[Recording, ...], _: str | None) -> tuple[list[dict], Figure]:
+    from identification.data.signals import process
+    from identification.experiments.friction_test import friction_tests
+    from identification.reporting.experiment_figures import friction_figure
+
+    logs = [process(recording, robot) for recording in recordings]
+    tests = [test for log in logs for test in friction_tests(log, robot.torque_units)]
+    for test in tests:
+        say(f"{test.file}, {test.joint}: {_words(test.fit)}")
+    entries = [{"recording": test.file, "joint": test.joint, "parameters": _numbers(test.fit)} for test in tests]
+    if robot.source == "cea_branch" and len(logs) > 1:
+        entries += _passive(logs)
+    return entries, friction_figure(tests)
+
+
+def _passive(logs: list) -> list[dict]:
+    """Friction of the passive joints of the CEA branch, from three tests."""
+    from identification.experiments.parallelogram_friction import MOVING, fit_friction_test, passive_friction, test_of
+
+    named = {test_of(log.motion): log for log in logs}
+    if missing := [name for name in MOVING if name not in named]:
+        raise LogError(
+            f"The recordings lack test {', '.join(missing)}: record q2 and q5 at one speed (t1), q2 alone (t2) and q5 "
+            "alone (t3)."
+        )
+    found = passive_friction({name: fit_friction_test(name, log.motion, log.tau) for name, log in named.items()})
+    units = {"FV3R": ("viscous", "N m s/rad"), "FC3R": ("coulomb", "N m")}
+    parts = [f"{units[name][0]} {value:.4g} ± {std:.2g} {units[name][1]}" for name, (value, std) in found.items()]
+    say(f"passive joints together: {', '.join(parts)}")
+    numbers = {
+        units[name][0]: {"value": value, "std": std, "unit": units[name][1]} for name, (value, std) in found.items()
+    }
+    return [{"recording": None, "joint": "passive joints", "parameters": numbers}]
+
+
+def _stiffness(robot: Robot, recordings: tuple[Recording, ...], joint: str | None) -> tuple[list[dict], Figure]:
+    from dataclasses import replace
+
+    from identification.experiments.blocked_arm import cutoff_of, loop_of, moving_joint
+    from identification.experiments.transmission import fit_transmission
+    from identification.reporting.experiment_figures import stiffness_figure
+
+    if joint is not None and joint not in robot.joint_names:
+        raise UsageError(
+            f"--joint names the unknown joint {joint!r}, {known_names(joint, robot.joint_names, 'joints')}"
+        )
+    joint = moving_joint(recordings) if joint is None else joint
+    loops = tuple(loop_of(recording, joint) for recording in recordings)
+    fit = fit_transmission(loops, cutoff_hz=cutoff_of(loops))
+    if robot.torque_units[robot.joint_names.index(joint)] == "N":
+        fit = replace(fit, units=("N/m", "N s/m", "N", "N"))
+    say(f"{joint}: {_words(fit)}")
+    if len(loops) == 1:
+        say("note: one recording hardly separates damping from dry friction; record loops of several rates.")
+    entries = [{"recording": [one.file for one in recordings], "joint": joint, "parameters": _numbers(fit)}]
+    return entries, stiffness_figure(joint, loops, fit)
+
+
+_NAMES = {"K": "stiffness", "B": "damping", "C": "dry friction", "offset": "offset"}
+
+
+def _words(fit: LinearFit) -> str:
+    parts = zip(fit.names, fit.theta, fit.std(), fit.units, strict=True)
+    return ", ".join(f"{_NAMES.get(name, name)} {value:.4g} ± {std:.2g} {unit}" for name, value, std, unit in parts)
+
+
+def _numbers(fit: LinearFit) -> dict[str, dict[str, float | str]]:
+    parts = zip(fit.names, fit.theta, fit.std(), fit.units, strict=True)
+    return {
+        _NAMES.get(name, name): {"value": float(value), "std": float(std), "unit": unit}
+        for name, value, std, unit in parts
+    }

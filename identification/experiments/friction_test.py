@@ -1,0 +1,106 @@
+"""Friction of joints that move at constant speeds: viscous and Coulomb part, without a model of the robot.
+
+Triangles of several speeds have long straight parts. There, offset, gravity (a sine of the joint's position),
+centrifugal torque (the square of its speed) and what is left of inertia are nuisances, and the rest is friction.
+
+References:
+    A. Janot et al., *Modeling and Identification of a 3 DOF Haptic Interface*, ICRA 2007, the friction tests.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from jaxtyping import Float
+
+from identification.data.log import Log
+from identification.experiments.linear_fit import LinearFit, fit_linear, without_nuisance
+from phantom_dyn.errors import LogError
+
+Array = np.ndarray
+
+_STEADY = 1.0  # 1/s: a speed is constant where its acceleration would change it by less than 1 % in 10 ms
+_MOVES = 0.05  # of the fastest joint's speed: one that is slower holds still
+
+
+@dataclass(frozen=True)
+class FrictionTest:
+    """Friction of one joint in one recording.
+
+    Attributes:
+        joint: Its name.
+        file: Name of the recording.
+        fit: Unknowns ``viscous`` and ``coulomb``; its condition is that of velocity and sign, nuisances taken out.
+        v: Speeds at the samples of constant speed [rad/s or m/s], ``(n,)``.
+        torque: Friction torque there, what else acts taken off by the fit [N m or N], ``(n,)``.
+    """
+
+    joint: str
+    file: str
+    fit: LinearFit
+    v: Float[Array, " n"]
+    torque: Float[Array, " n"]
+
+
+def fit_steady(
+    q: Float[Array, " N"],
+    v: Float[Array, " N"],
+    a: Float[Array, " N"],
+    tau: Float[Array, " N"],
+    names: tuple[str, str],
+    units: tuple[str, str],
+) -> tuple[LinearFit, Float[Array, " n"], Float[Array, " n"]]:
+    """Viscous and Coulomb friction of one joint from its stretches of constant speed.
+
+    Args:
+        q: Positions [rad or m].
+        v: Velocities.
+        a: Accelerations.
+        tau: Drive torque [N m or N].
+        names: Of the two unknowns.
+        units: Of the two unknowns.
+
+    Returns:
+        The fit, the speeds of the samples that were used, and the friction torque at them.
+
+    Raises:
+        LogError: If the joint is never at a constant speed.
+        IdentifiabilityError: If its speeds do not separate the two unknowns.
+    """
+    steady = np.abs(a) < _STEADY * np.abs(v)
+    if not steady.any():
+        raise LogError("no constant speed was recorded: move the joint in triangles of several speeds.")
+    q, v, a, tau = q[steady], v[steady], a[steady], tau[steady]
+    nuisance = np.stack([np.ones_like(q), np.cos(q), np.sin(q), v**2, a], axis=1)
+    law = np.stack([v, np.sign(v)], axis=1)
+    free = without_nuisance(np.column_stack([law, tau]), nuisance)
+    fit = fit_linear(free[:, :2], free[:, 2], names, units)
+    return fit, v, law @ fit.theta + free[:, 2] - free[:, :2] @ fit.theta
+
+
+def friction_tests(log: Log, units: tuple[str, ...]) -> tuple[FrictionTest, ...]:
+    """Friction of every joint that moves in a recording.
+
+    Args:
+        log: Motion and torque.
+        units: Of each joint's torque, ``N m`` or ``N``.
+
+    Raises:
+        LogError: If no joint moves, or one that moves is never at a constant speed.
+    """
+    motion, out = log.motion, []
+    fastest = np.abs(motion.v).max(axis=0)
+    for j in np.flatnonzero(fastest > _MOVES * max(float(fastest.max()), 1e-9)):
+        use = log.valid
+        q, v, a, tau = (x[use, j] for x in (motion.q, motion.v, motion.a, log.tau))
+        joint, unit = log.joint_names[j], units[j]
+        speed = "N m s/rad" if unit == "N m" else "N s/m"
+        try:
+            fit, at, torque = fit_steady(q, v, a, tau, ("viscous", "coulomb"), (speed, unit))
+        except LogError as error:
+            raise LogError(f"{log.file}, {joint}: {error}") from error
+        out.append(FrictionTest(joint, log.file, fit, at, torque))
+    if not out:
+        raise LogError(f"{log.file}: no joint moves; record triangles of several speeds.")
+    return tuple(out)

@@ -1,0 +1,61 @@
+"""Figures of the friction and stiffness tests: friction over speed, and the hysteresis loops of a blocked arm."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+from matplotlib.figure import Figure
+
+from identification.experiments.friction_test import FrictionTest
+from identification.experiments.linear_fit import LinearFit
+from identification.experiments.transmission import Loop
+from phantom_dyn.haptics.figures.canvas import COLORS, key, panels
+
+_POINTS = 2000  # drawn of a test
+
+
+def friction_figure(tests: Sequence[FrictionTest]) -> Figure:
+    """Friction torque over speed of each joint, measured and by the fitted law; one panel for each joint.
+
+    Args:
+        tests: At least one.
+    """
+    joints = list(dict.fromkeys(test.joint for test in tests))
+    out, (row,) = panels(1, len(joints), title="Friction at constant speeds", width=1.5 + 4.5 * len(joints), height=3.6)
+    for joint, ax in zip(joints, row, strict=True):
+        for k, test in enumerate(test for test in tests if test.joint == joint):
+            few = slice(None, None, max(1, len(test.v) // _POINTS))
+            color = COLORS[k % len(COLORS)]
+            ax.plot(test.v[few], test.torque[few], ".", ms=2, alpha=0.3, color=color)
+            for side in (-1.0, 1.0):
+                speed = np.array([0.0, side * float(np.abs(test.v).max())])
+                torque = test.fit.theta[0] * speed + side * test.fit.theta[1]
+                ax.plot(speed, torque, lw=1.5, color=color, label=test.file if side > 0 else None)
+        ax.set_title(joint, fontsize=9)
+        ax.set_xlabel(f"speed [{'m/s' if tests[0].fit.units[1] == 'N' else 'rad/s'}]")
+        ax.set_ylabel(f"friction torque [{tests[0].fit.units[1]}]")
+        key(ax)
+    return out
+
+
+def stiffness_figure(joint: str, loops: Sequence[Loop], fit: LinearFit) -> Figure:
+    """Torque of the motor over its position against a held arm, and the fitted stiffness.
+
+    Args:
+        joint: Its name.
+        loops: As recorded.
+        fit: Of `identification.experiments.transmission.fit_transmission`.
+    """
+    out, ((ax,),) = panels(1, 1, title=f"{joint} against a held arm", width=7, height=4.5)
+    for k, loop in enumerate(loops):
+        color = COLORS[k % len(COLORS)]
+        ax.plot(1e3 * loop.position, loop.torque, lw=0.8, color=color, label=f"recording {k + 1}")
+    ends = np.array([min(loop.position.min() for loop in loops), max(loop.position.max() for loop in loops)])
+    (stiffness, _), (offset, _) = fit.value("K"), fit.value("offset")
+    ax.plot(1e3 * ends, stiffness * ends + offset, "k--", lw=1.2, label=f"{stiffness:.4g} {fit.units[0]}")
+    linear = fit.units[0] == "N/m"
+    ax.set_xlabel(f"position of the motor [{'mm' if linear else 'mrad'}]")
+    ax.set_ylabel(f"torque of the motor [{'N' if linear else 'N m'}]")
+    key(ax)
+    return out
