@@ -140,14 +140,23 @@ def _diagnose_together(arguments: argparse.Namespace, excluded: tuple[tuple[floa
         else:
             diagnosis = _diagnosis_of_torque(arguments, robot, known, excluded, progress)
         progress.show("writing")
+        not_held: list[str] = []
         written = write_outputs(
-            diagnosis, robot, out=arguments.out, json_file=arguments.json, known=known, config=arguments.robot_config
+            diagnosis,
+            robot,
+            out=arguments.out,
+            json_file=arguments.json,
+            known=known,
+            config=arguments.robot_config,
+            tell=not_held.append,
         )
     if times is not None:
         say(times.table(), file=sys.stderr)
     say(summary(diagnosis))
     for path in written:
         say(f"wrote {path}")
+    for sentence in not_held:
+        say(sentence)
     if arguments.out is not None and (lacking := not_written(arguments.out, written)):
         say(f"not written: {', '.join(lacking)}; see {arguments.out / 'report.html'}")
     return DONE

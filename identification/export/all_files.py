@@ -17,6 +17,7 @@ from identification.export.corrected.found_effects import (
     possible_within_tolerance,
     within_tolerance,
 )
+from identification.export.corrected.nearest_bodies import with_nearest_bodies
 from identification.export.uses.feedforward import feedforward_code, feedforward_table
 from identification.export.uses.randomisation import randomisation_of
 from identification.export.uses.randomisation_file import randomisation_text
@@ -40,6 +41,16 @@ def not_written(out: Path, paths: Iterable[Path]) -> tuple[str, ...]:
     """
     there = set(paths)
     return tuple(name for name in NAMES if out / name not in there)
+
+
+def not_held(notes: Iterable[str]) -> tuple[str, ...]:
+    """Notes on files that were not written, and on findings that a model file does not hold.
+
+    Args:
+        notes: That `export_texts` added.
+    """
+    said = (" not written: ", "no place for", "given file is not in it", "No body can have")
+    return tuple(note for note in notes if any(words in note for words in said))
 
 
 def export_texts(
@@ -111,10 +122,14 @@ def _models(
     """
     motion = _recorded_motion(diagnosis)
 
-    def models_on(base: Robot) -> _Models:
+    def models_on(base: Robot, *, nearest: bool = False) -> _Models:
         corrected = replace(corrected_model(base, effects), given=robot, base=base)
+        told: tuple[str, ...] = ()
+        if nearest:
+            possible, told = with_nearest_bodies(corrected.robot, robot)
+            corrected = replace(corrected, robot=possible)
         try:
-            return _Models(corrected, model_files(corrected, motion, folder=folder, config=config))
+            return _Models(corrected, model_files(corrected, motion, folder=folder, config=config), told)
         except PhantomDynError as error:
             return _Models(corrected, (), (f"{URDF} and {MJCF} were not written: {error}",))
 
@@ -126,7 +141,7 @@ def _models(
         except PhantomDynError:
             continue
         if base is robot:
-            return found, ()
+            return (found if found.count == _COMPLETE else _better(found, lambda: models_on(robot, nearest=True))), ()
         if found.count > (0 if best is None else best.count):
             best = found
         if found.count == _COMPLETE:
@@ -140,9 +155,20 @@ def _models(
     if best is not None and best.count == _COMPLETE:
         return best, (f"{moved} in the corrected files.",)
     plain = models_on(robot)
+    if plain.count < _COMPLETE:
+        plain = _better(plain, lambda: models_on(robot, nearest=True))
     if best is not None and best.count >= plain.count:
         return best, (f"{moved} in the corrected files.",)
     return plain, (f"{moved} not in the corrected files: no body can be so.",)
+
+
+def _better(one: _Models, make: Callable[[], _Models]) -> _Models:
+    """Models with more files where there are any, else those that are there."""
+    try:
+        other = make()
+    except PhantomDynError:
+        return one
+    return other if other.count > one.count else one
 
 
 def _recorded_motion(diagnosis: Diagnosis) -> Motion:

@@ -6,7 +6,7 @@ All of them are written, or none where one of them could not be written.
 from __future__ import annotations
 
 import json
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from contextlib import ExitStack
 from dataclasses import asdict
 from pathlib import Path
@@ -25,7 +25,7 @@ from identification.diagnosis.result import (
     Unexplained,
 )
 from identification.export.all_files import NAMES as MODELS
-from identification.export.all_files import export_texts
+from identification.export.all_files import export_texts, not_held
 from identification.export.corrected.corrected_yaml import write_corrected
 from identification.files import require_writable, require_writable_folder, temporary_beside
 from identification.next_experiment.proposal_words import reference_text
@@ -144,6 +144,7 @@ def write_outputs(
     json_file: Path | None,
     known: tuple[KnownEffect, ...] = (),
     config: Path | None = None,
+    tell: Callable[[str], None] | None = None,
 ) -> tuple[Path, ...]:
     """Write ``diagnosis.json``, ``report.html`` and ``corrected.yaml`` into a folder, and the JSON to a file.
 
@@ -158,6 +159,7 @@ def write_outputs(
         json_file: Another place for the JSON. None: nowhere.
         known: Effects that belong to the given model already.
         config: The ``robot.yaml`` that was given, None for the one beside the robot's file.
+        tell: Is told in a sentence each which files could not be written, and what model files do not hold.
 
     Returns:
         The files written.
@@ -170,7 +172,11 @@ def write_outputs(
     contents: dict[Path, str] = {}
     if out is not None:
         corrected = write_corrected(diagnosis, robot.source, robot.sha256)
+        before = len(diagnosis.notes)
         models, diagnosis = export_texts(diagnosis, robot, folder=out, known=known, config=config)
+        if tell is not None:
+            for sentence in not_held(diagnosis.notes[before:]):
+                tell(sentence)
         texts = (json_text(diagnosis), _report(diagnosis, robot), corrected)
         contents = {out / name: text for name, text in zip(NAMES, texts, strict=True)}
         contents |= {out / name: text for name, text in models.items()}

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from importlib.util import find_spec
 from pathlib import Path
 
 import numpy as np
@@ -18,12 +17,14 @@ from identification.export.corrected.corrected_mjcf import (
 )
 from identification.export.corrected.corrected_model import CorrectedModel
 from identification.export.corrected.corrected_urdf import corrected_urdf, robot_of_urdf
-from identification.export.corrected.reload_in_mujoco import rollout_errors, torque_difference
+from identification.export.corrected.made_mjcf import made_mjcf
+from identification.export.corrected.reload_in_mujoco import rollout_errors
 from identification.export.model_files.mjcf_file import mjcf_text
+from identification.export.model_files.mujoco_library import mujoco_problem
 from identification.export.model_files.reload import TOLERANCE, some_motion, urdf_difference, versions
 from phantom_dyn.effects import catalogue
 from phantom_dyn.effects.catalogue import effect_named
-from phantom_dyn.errors import EstimationError, PhantomDynError
+from phantom_dyn.errors import PhantomDynError
 from phantom_dyn.model.loading import CONFIG_NAME
 from phantom_dyn.model.robot_files import find_robot
 from phantom_dyn.motion import Motion
@@ -62,8 +63,6 @@ def model_files(
         folder: Where the files will lie.
         config: The ``robot.yaml`` that was given, None for the one beside the robot's file.
 
-    Raises:
-        EstimationError: If a file that was written says something else than the model.
     """
     file = find_robot(corrected.given.source)
     beside = file.with_name(CONFIG_NAME)
@@ -74,13 +73,20 @@ def model_files(
         text = corrected_urdf(corrected, file, folder)
         return text, urdf_difference(text, robot_of_urdf(corrected), few, stated)
 
-    def mjcf() -> tuple[str, float]:
-        text = corrected_mjcf(corrected)
-        return text, torque_difference(text, corrected, few)
-
     return (
         _checked_file(URDF, urdf, versions().get("urdf", ""), urdf_left_out(corrected, file)),
-        _checked_file(MJCF, mjcf, versions().get("mjcf", ""), mjcf_left_out(corrected, file)),
+        _mjcf_file(corrected, few, file, folder),
+    )
+
+
+def _mjcf_file(corrected: CorrectedModel, motion: Motion, file: Path, folder: Path) -> ModelFile:
+    try:
+        made = made_mjcf(corrected, motion, file=file, folder=folder)
+    except PhantomDynError as error:
+        return ModelFile(MJCF, "", (f"{MJCF} was not written: {error}",))
+    left_out = (*mjcf_left_out(corrected, file, edited=made.edited), *made.left_out)
+    return _checked_file(
+        MJCF, lambda: (made.text, made.difference), versions().get("mjcf", ""), left_out, unchecked=made.unchecked
     )
 
 
@@ -89,17 +95,20 @@ def rollout_note(corrected: CorrectedModel, text: str, motion: Motion, tau: Floa
 
     Args:
         corrected: The model.
-        text: Its MJCF.
+        text: Its MJCF, empty if there is none.
         motion: Of the recordings.
         tau: Logged torque at the same times.
 
     Returns:
-        The sentence; nothing without MuJoCo, or where the motion is too short or the loops are not in the file.
+        The sentence; nothing without MuJoCo, or where the motion is too short.
     """
-    chain = corrected.robot.chain
-    if find_spec("mujoco") is None or not text or (chain is not None and set(chain.passive) - set(chain.unknowns)):
+    if not text:
         return ()
     try:
+        # The file that is written may hold servos: here the logged torque drives the joints.
+        text = corrected_mjcf(corrected)
+        if mujoco_problem(text) is not None:
+            return ()
         before = rollout_errors(mjcf_text(corrected.given), corrected.given, motion, tau, horizon=_HORIZON)
         after = rollout_errors(text, corrected.given, motion, tau, horizon=_HORIZON)
     except PhantomDynError:
@@ -113,19 +122,25 @@ def rollout_note(corrected: CorrectedModel, text: str, motion: Motion, tau: Floa
 
 
 def _checked_file(
-    name: str, make: Callable[[], tuple[str, float]], loaded_with: str, left_out: tuple[str, ...]
+    name: str,
+    make: Callable[[], tuple[str, float]],
+    loaded_with: str,
+    left_out: tuple[str, ...],
+    *,
+    unchecked: str = "",
 ) -> ModelFile:
     try:
         text, difference = make()
     except PhantomDynError as error:
         return ModelFile(name, "", (f"{name} was not written: {error}",))
     if difference > TOLERANCE:
-        raise EstimationError(
-            f"{name}, loaded again with {loaded_with}, needs torques that differ by {difference:.2g} of the largest "
-            "from the corrected model's: this is an error of phantom-dyn, so nothing is written."
+        reason = (
+            f"{name} was not written: loaded again with {loaded_with}, it needs torques that differ by "
+            f"{difference:.2g} of the largest from the corrected model's, which is an error of phantom-dyn."
         )
+        return ModelFile(name, "", (reason,))
     checked = (
-        "not loaded again, as MuJoCo is not installed (pip install 'phantom-dyn[mujoco]')"
+        f"not loaded again, as {unchecked}"
         if np.isnan(difference)
         else f"loaded again with {loaded_with}, it needs the same torques"
     )
@@ -185,12 +200,13 @@ def urdf_left_out(corrected: CorrectedModel, file: Path) -> tuple[str, ...]:
     return tuple(out)
 
 
-def mjcf_left_out(corrected: CorrectedModel, file: Path) -> tuple[str, ...]:
+def mjcf_left_out(corrected: CorrectedModel, file: Path, *, edited: bool = False) -> tuple[str, ...]:
     """Sentences on what the MJCF file lacks.
 
     Args:
         corrected: The corrected model.
         file: The robot's file.
+        edited: True if it is the given file with the findings.
     """
     out = [*_reduced_laws(corrected), *_lost_effects(corrected)]
     behind = {name: k for name, k in corrected.compliances.items() if name not in compliances_in_mjcf(corrected)}
@@ -206,9 +222,8 @@ def mjcf_left_out(corrected: CorrectedModel, file: Path) -> tuple[str, ...]:
         out.append("Delays and cogging (dcmotor) need MuJoCo 4.0 or newer; cogging takes no command: leave ctrl at 0.")
     if late:
         out.append(f"Its delays are cut short where the timestep is below {SHORTEST_STEP:g} s: raise nsample there.")
-    chain = corrected.robot.chain
-    if chain is not None and set(chain.passive) - set(chain.unknowns):
-        out.append("Joints that follow others by a formula move freely in it.")
+    if edited:
+        return tuple(out)
     urdf = file.suffix == ".urdf"
     drives = "limits of torque and speed" if urdf else "actuators"
     but = f", but for limits that {CONFIG_NAME} states" if urdf else ""

@@ -50,8 +50,8 @@ def corrected_mjcf(corrected: CorrectedModel) -> str:
         _second_joint(bodies[name], joints[name], corrected, name)
     for motor in root.findall("actuator/motor"):
         _drive(motor, corrected, str(motor.get("joint")))
-    _cogging(root, corrected)
-    _couplings(root, corrected)
+    add_cogging(root, corrected)
+    add_couplings(root, corrected)
     ElementTree.indent(root)
     return ElementTree.tostring(root, encoding="unicode") + "\n"
 
@@ -87,20 +87,27 @@ def _move_zero(joint: Element, zero: float) -> None:
 
 
 def _second_joint(body: Element, joint: Element, corrected: CorrectedModel, name: str) -> None:
-    """A joint on the same axis, between motor and link: with ends if there is play, with a spring if it gives way."""
-    rotor = rotor_of(corrected, name)
-    joint.set("armature", repr(rotor))
-    kind, axis = str(joint.get("type")), str(joint.get("axis"))
+    """A joint on the same axis, between motor and link."""
+    joint.set("armature", repr(rotor_of(corrected, name)))
+    place = {"type": str(joint.get("type")), "axis": str(joint.get("axis"))}
+    element = ElementTree.Element("joint", second_joint(corrected, name) | place)
+    body.insert(list(body).index(joint) + 1, element)
+
+
+def second_joint(corrected: CorrectedModel, name: str) -> dict[str, str]:
+    """Attributes of the joint between motor and link: with ends if there is play, with a spring if it gives way.
+
+    Args:
+        corrected: The corrected model.
+        name: Of the joint that has a play or a spring.
+    """
     if name in corrected.plays:
         half = 0.5 * corrected.plays[name]
-        own = {"name": PLAY.format(name), "range": attribute_text([-half, half]), "solreflimit": f"{_STOP} 1"}
-    else:
-        stiffness = corrected.compliances[name]
-        link = _moved_inertia(corrected, row_of(corrected.robot, name))
-        damping = 2.0 * SPRING_DAMPING * np.sqrt(stiffness * rotor * link / (rotor + link))
-        own = {"name": SPRING.format(name), "stiffness": repr(stiffness), "damping": repr(float(damping))}
-    element = ElementTree.Element("joint", {**own, "type": kind, "axis": axis})
-    body.insert(list(body).index(joint) + 1, element)
+        return {"name": PLAY.format(name), "range": attribute_text([-half, half]), "solreflimit": f"{_STOP} 1"}
+    stiffness, rotor = corrected.compliances[name], rotor_of(corrected, name)
+    link = _moved_inertia(corrected, row_of(corrected.robot, name))
+    damping = 2.0 * SPRING_DAMPING * np.sqrt(stiffness * rotor * link / (rotor + link))
+    return {"name": SPRING.format(name), "stiffness": repr(stiffness), "damping": repr(float(damping))}
 
 
 def _drive(motor: Element, corrected: CorrectedModel, name: str) -> None:
@@ -125,9 +132,17 @@ def _drive(motor: Element, corrected: CorrectedModel, name: str) -> None:
         motor.set("interp", "linear")
 
 
-def _cogging(root: Element, corrected: CorrectedModel) -> None:
-    actuators = root.find("actuator")
-    assert actuators is not None
+def add_cogging(root: Element, corrected: CorrectedModel) -> None:
+    """Add an actuator that takes no command for each wave, behind all others.
+
+    Args:
+        root: Of the MJCF; changed.
+        corrected: The corrected model.
+    """
+    if not corrected.cogging:
+        return
+    groups = root.findall("actuator")
+    actuators = groups[-1] if groups else ElementTree.SubElement(root, "actuator")
     for name, waves in corrected.cogging.items():
         for k, wave in enumerate(waves):
             own = {
@@ -139,7 +154,13 @@ def _cogging(root: Element, corrected: CorrectedModel) -> None:
             ElementTree.SubElement(actuators, "dcmotor", own | no_command)
 
 
-def _couplings(root: Element, corrected: CorrectedModel) -> None:
+def add_couplings(root: Element, corrected: CorrectedModel) -> None:
+    """Add a tendon for each coupling of two joints.
+
+    Args:
+        root: Of the MJCF; changed.
+        corrected: The corrected model.
+    """
     if not corrected.couplings:
         return
     tendons = ElementTree.SubElement(root, "tendon")

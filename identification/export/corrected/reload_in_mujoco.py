@@ -3,15 +3,28 @@
 
 from __future__ import annotations
 
-from importlib.util import find_spec
+from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
 from jaxtyping import Float, Int
 
-from identification.export.corrected.corrected_mjcf import compliances_in_mjcf, rotor_of, zeros_in_file
+from identification.export.corrected.corrected_mjcf import (
+    COUPLING,
+    SPRING,
+    compliances_in_mjcf,
+    rotor_of,
+    zeros_in_file,
+)
 from identification.export.corrected.corrected_model import CorrectedModel, with_zeros_moved
-from identification.export.model_files.reload import load_mujoco, mujoco_joints, mujoco_torque, relative_difference
+from identification.export.model_files.mujoco_library import mujoco_problem
+from identification.export.model_files.reload import (
+    load_mujoco,
+    mujoco_joints,
+    mujoco_torque,
+    relative_difference,
+    torque_of_mujoco,
+)
 from identification.export.model_files.tree import tree_torque
 from phantom_dyn.dynamics.tree_motion import TreeMotion, tree_motion
 from phantom_dyn.effects.support.changed_robot import with_rotor_inertia
@@ -63,10 +76,46 @@ def torque_difference(text: str, corrected: CorrectedModel, motion: Motion) -> f
     Raises:
         RobotError: If MuJoCo refuses the text.
     """
-    if find_spec("mujoco") is None:
+    if mujoco_problem(text) is not None:
         return float("nan")
     tree = tree_motion(corrected.robot, motion)
     found = mujoco_torque(text, corrected.robot, tree) + _tendon_friction(corrected, tree)
+    return relative_difference(found, needed_torque(corrected, motion))
+
+
+def edited_difference(text: str, corrected: CorrectedModel, motion: Motion, held: Mapping[str, float]) -> float:
+    """As `torque_difference`, of a file that was given, without what the model leaves out of it.
+
+    Left out are springs, weights that are carried, servos and the medium, as far as no finding is about them.
+
+    Args:
+        text: Of the MJCF, with its meshes where MuJoCo finds them.
+        corrected: The model that the file holds.
+        motion: N samples of the active joints.
+        held: Positions of joints that the robot does not have, where they are not zero.
+
+    Raises:
+        RobotError: If MuJoCo refuses the text.
+    """
+    import mujoco
+
+    model = load_mujoco(text)
+    tree = tree_motion(corrected.robot, motion)
+    servos = model.actuator_biastype == mujoco.mjtBias.mjBIAS_AFFINE
+    model.actuator_biasprm[servos, 1:] = 0.0
+    model.body_gravcomp[:] = 0.0
+    model.opt.density, model.opt.viscosity = 0.0, 0.0
+    model.tendon_stiffness[:] = 0.0
+    named = {mujoco.mj_id2name(model, mujoco.mjtObj.mjOBJ_JOINT, k): k for k in range(model.njnt)}
+    found_springs = {*corrected.springs, *(SPRING.format(name) for name in corrected.compliances)}
+    for name, k in named.items():
+        if name not in found_springs:
+            model.jnt_stiffness[k] = 0.0
+    coupled = {COUPLING.format(c.first, c.second) for c in corrected.couplings}
+    for k in range(model.ntendon):
+        if mujoco.mj_id2name(model, mujoco.mjtObj.mjOBJ_TENDON, k) not in coupled:
+            model.tendon_damping[k] = 0.0
+    found = torque_of_mujoco(model, corrected.robot, tree, held) + _tendon_friction(corrected, tree)
     return relative_difference(found, needed_torque(corrected, motion))
 
 
@@ -97,7 +146,7 @@ def rollout_errors(
     data = mujoco.MjData(model)
     tree = tree_motion(robot, motion)
     order, active = mujoco_joints(model, robot), list(robot.tree_rows)
-    hidden = model.nq > len(order) or model.na > 0 or bool(model.actuator_history[:, 0].any())
+    hidden = model.nq > len(order) or model.na > 0 or bool(_histories(model).any())
     lead, count = _LEAD if hidden else 0, round(horizon / _STEP)
     chosen = _starts(motion.t, lead * _STEP, count * _STEP, starts)
     errors = np.empty((len(chosen), robot.nv))
@@ -140,10 +189,15 @@ def _set_drives(model: Any, data: Any, start: float, asked: Float[Array, " nv"])
     for j, torque in enumerate(asked):
         if model.actuator_actnum[j]:
             data.act[model.actuator_actadr[j]] = torque
-        count = int(model.actuator_history[j, 0])
+        count = int(_histories(model)[j])
         if count:
             times = start - _STEP * np.arange(count, 0, -1)
             mujoco.mj_initCtrlHistory(model, data, j, times, np.full((count, 1), torque))
+
+
+def _histories(model: Any) -> Int[Array, " nu"]:
+    """Number of commands that each actuator keeps for its delay; older versions know no delays."""
+    return np.array(model.actuator_history[:, 0]) if hasattr(model, "actuator_history") else np.zeros(model.nu, int)
 
 
 def _with_rotors(corrected: CorrectedModel) -> Robot:

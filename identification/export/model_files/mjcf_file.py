@@ -1,5 +1,5 @@
 # pyright: reportAttributeAccessIssue=false
-"""A robot as MJCF: tree, inertias, damping, dry friction, rotor inertias and point loops; no shapes."""
+"""A robot as MJCF: tree, inertias, damping, dry friction, rotor inertias and loops; no shapes."""
 
 from __future__ import annotations
 
@@ -9,6 +9,7 @@ import numpy as np
 import pinocchio as pin
 from jaxtyping import Float
 
+from identification.export.model_files.mjcf_loops import add_followers
 from identification.export.model_files.tree import TreeBody, TreeFrame, bodies, frames
 from identification.export.model_files.urdf_file import attribute_text
 from phantom_dyn.errors import ParameterError
@@ -42,6 +43,7 @@ def mjcf_text(robot: Robot) -> str:
     for site in frames(robot):
         _site(elements[site.body] if site.body >= 0 else world, site)
     _loops(root, robot, [*elements, world])
+    add_followers(root, robot)
     actuators = ElementTree.SubElement(root, "actuator")
     for joint, actuator in zip(robot.joint_names, robot.actuators, strict=True):
         if actuator.actuated:
@@ -86,7 +88,7 @@ def _site(parent: Element, site: TreeFrame) -> None:
 
 
 def _loops(root: Element, robot: Robot, owners: list[Element]) -> None:
-    """Loops that keep two frames together, between sites; linear ones have no word in MJCF for several joints."""
+    """Loops that keep two frames together, between sites."""
     if robot.chain is None or not robot.chain.anchors:
         return
     group = ElementTree.SubElement(root, "equality")

@@ -4,8 +4,8 @@
 from __future__ import annotations
 
 import tempfile
+from collections.abc import Mapping
 from dataclasses import replace
-from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
 
@@ -13,6 +13,7 @@ import numpy as np
 import pinocchio as pin
 from jaxtyping import Float
 
+from identification.export.model_files.mujoco_library import mujoco_problem
 from identification.export.model_files.tree import tree_torque
 from phantom_dyn.dynamics.tree_motion import TreeMotion, tree_motion
 from phantom_dyn.errors import PhantomDynError, RobotError
@@ -70,7 +71,7 @@ def mujoco_difference(text: str, robot: Robot, motion: Motion) -> float:
     Raises:
         RobotError: If MuJoCo refuses the text.
     """
-    if find_spec("mujoco") is None:
+    if mujoco_problem(text) is not None:
         return float("nan")
     tree = tree_motion(robot, motion)
     return relative_difference(mujoco_torque(text, robot, tree), tree_torque(robot, tree))
@@ -87,9 +88,20 @@ def mujoco_torque(text: str, robot: Robot, tree: TreeMotion) -> Float[Array, "N 
     Raises:
         RobotError: If MuJoCo refuses the text.
     """
+    return torque_of_mujoco(load_mujoco(text), robot, tree, {})
+
+
+def torque_of_mujoco(model: Any, robot: Robot, tree: TreeMotion, held: Mapping[str, float]) -> Float[Array, "N nt"]:
+    """As `mujoco_torque`, of a model that is loaded; its constraints are switched off.
+
+    Args:
+        model: MuJoCo's.
+        robot: Gives the joints.
+        tree: N samples.
+        held: Positions of joints that the robot does not have, where they are not zero.
+    """
     import mujoco
 
-    model = load_mujoco(text)
     # Loops and dry friction are constraints: without them the torque is that of the tree, and friction is added.
     model.opt.disableflags |= mujoco.mjtDisableBit.mjDSBL_CONSTRAINT
     data = mujoco.MjData(model)
@@ -99,6 +111,8 @@ def mujoco_torque(text: str, robot: Robot, tree: TreeMotion) -> Float[Array, "N 
         for values, own in ((data.qpos, q), (data.qvel, v), (data.qacc, a)):
             values[:] = 0.0
             values[order] = own
+        for name, position in held.items():
+            data.qpos[model.joint(name).qposadr[0]] = position
         mujoco.mj_inverse(model, data)
         out[k] = data.qfrc_inverse[order]
         data.ctrl[:] = 0.0
@@ -138,7 +152,7 @@ def some_motion(motion: Motion, most: int = 200) -> Motion:
 def versions() -> dict[str, str]:
     """What loads the files again: name and version of Pinocchio, and of MuJoCo where it is installed."""
     out = {"urdf": f"Pinocchio {pin.__version__}"}
-    if find_spec("mujoco") is not None:
+    if mujoco_problem() is None:
         import mujoco
 
         out["mjcf"] = f"MuJoCo {mujoco.__version__}"

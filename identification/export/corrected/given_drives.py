@@ -1,0 +1,122 @@
+"""What was found of drives, put into the actuators that an MJCF has already.
+
+An actuator whose torque is its command times its gear (``motor``, or ``general`` without a bias) holds all of it. Of a
+servo only the limit is: what its feedback does would change with the rest.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from identification.export.corrected.corrected_mjcf import SHORTEST_STEP
+from identification.export.corrected.corrected_model import CorrectedModel
+from identification.export.corrected.mjcf_defaults import GivenMjcf
+from identification.export.model_files.urdf_file import attribute_text
+from phantom_dyn.model.robot_xml import Element
+
+
+def set_drives(given: GivenMjcf, corrected: CorrectedModel) -> dict[str, str]:
+    """Torque constants, limits, constant torques, lags and delays, in the actuators of the file.
+
+    Args:
+        given: The file; changed.
+        corrected: The corrected model.
+
+    Returns:
+        By joint a sentence on the numbers that have no place.
+    """
+    out: dict[str, str] = {}
+    for name in corrected.robot.joint_names:
+        found = _numbers_of(corrected, name)
+        if not found:
+            continue
+        own = [
+            actuator
+            for group in given.root.iter("actuator")
+            for actuator in group
+            if name in (actuator.get("joint"), actuator.get("jointinparent"))
+        ]
+        told = ", ".join(f"{what} {value:.4g}" for what, value in found.items())
+        if len(own) != 1:
+            count = "no actuator" if not own else "several actuators"
+            out[name] = (
+                f"It has no place for what was found of the drive of {name} ({told}): the file has {count} there."
+            )
+        elif _plain(given, own[0]):
+            _set_plain(given, own[0], corrected, name)
+        else:
+            limit = found.pop("limit", None)
+            if limit is not None:
+                _set_limit(given, own[0], limit, 0.0)
+            told = ", ".join(f"{what} {value:.4g}" for what, value in found.items())
+            if told:
+                out[name] = (
+                    f"It has no place for what was found of the drive of {name} ({told}): its actuator is "
+                    f"<{own[0].tag}>, whose feedback would change too. A <motor> has one."
+                )
+    return out
+
+
+def _numbers_of(corrected: CorrectedModel, name: str) -> dict[str, float]:
+    """What differs from the drive that was given, by name."""
+    stated = corrected.given.actuators[corrected.given.joint_names.index(name)].torque_limit
+    limit = corrected.limits.get(name)
+    numbers = {
+        "torque constant": corrected.gains.get(name, 1.0) - 1.0 and corrected.gains.get(name, 1.0),
+        "limit": None if limit is None or limit == stated else limit,
+        "constant torque": corrected.offsets.get(name),
+        "lag": corrected.lags.get(name),
+        "delay": corrected.delays.get(name),
+    }
+    return {what: value for what, value in numbers.items() if value}
+
+
+def _plain(given: GivenMjcf, actuator: Element) -> bool:
+    """True if the torque is command times gear, and nothing else."""
+    if actuator.tag == "motor":
+        return True
+    usual = (("gaintype", "fixed"), ("biastype", "none"), ("dyntype", "none"))
+    return actuator.tag == "general" and all(given.attribute(actuator, key) in (None, word) for key, word in usual)
+
+
+def _gear(given: GivenMjcf, actuator: Element) -> list[float]:
+    return [float(x) for x in (given.attribute(actuator, "gear") or "1").split()]
+
+
+def _set_limit(given: GivenMjcf, actuator: Element, limit: float, bias: float) -> None:
+    """The largest torque, on the actuator's side of its gear."""
+    force = limit / abs(_gear(given, actuator)[0])
+    actuator.set("forcerange", attribute_text([bias - force, bias + force]))
+    actuator.set("forcelimited", "true")
+
+
+def _set_plain(given: GivenMjcf, actuator: Element, corrected: CorrectedModel, name: str) -> None:
+    found, gear = _numbers_of(corrected, name), _gear(given, actuator)
+    gain = corrected.gains.get(name, 1.0)
+    bias = corrected.offsets.get(name, 0.0) / (gear[0] * gain) if gain * gear[0] else 0.0
+    if "limit" in found:
+        _set_limit(given, actuator, found["limit"], bias)
+    if gain != 1.0:
+        actuator.set("gear", attribute_text([gear[0] * gain, *gear[1:]]))
+    if bias or found.get("lag"):
+        _as_general(given, actuator)
+    if bias:
+        actuator.set("biastype", "affine")
+        actuator.set("biasprm", repr(bias))
+    if found.get("lag"):
+        actuator.set("dyntype", "filterexact")
+        actuator.set("dynprm", repr(found["lag"]))
+    if found.get("delay"):
+        actuator.set("delay", repr(found["delay"]))
+        actuator.set("nsample", str(int(np.ceil(found["delay"] / SHORTEST_STEP)) + 2))
+        actuator.set("interp", "linear")
+
+
+def _as_general(given: GivenMjcf, actuator: Element) -> None:
+    """A motor in the words of ``general``, free of what a default class says of other actuators."""
+    if actuator.tag != "motor":
+        return
+    kept = {key: text for key in ("ctrlrange", "forcerange") if (text := given.attribute(actuator, key)) is not None}
+    actuator.tag = "general"
+    for key, word in ({"gaintype": "fixed", "gainprm": "1", "biastype": "none", "dyntype": "none"} | kept).items():
+        actuator.set(key, word)

@@ -1,0 +1,241 @@
+# pyright: reportAttributeAccessIssue=false
+"""The MJCF that was given with what was found: all that the findings do not touch stays, shapes and sensors included.
+
+Links, damping, dry friction, rotors and gravity are replaced where they differ. Numbers of drives go into the actuator
+that the file has for the joint, see `identification.export.corrected.given_drives`.
+"""
+
+from __future__ import annotations
+
+import os
+from pathlib import Path
+from xml.etree import ElementTree
+
+import numpy as np
+import pinocchio as pin
+
+from identification.export.corrected.corrected_mjcf import (
+    add_cogging,
+    add_couplings,
+    compliances_in_mjcf,
+    rotor_of,
+    second_joint,
+    zeros_in_file,
+)
+from identification.export.corrected.corrected_model import CorrectedModel
+from identification.export.corrected.given_drives import set_drives
+from identification.export.corrected.mjcf_defaults import GivenMjcf, given_mjcf
+from identification.export.model_files.mjcf_loops import add_followers
+from identification.export.model_files.tree import LinkInertia
+from identification.export.model_files.urdf_file import attribute_text, own_inertia
+from phantom_dyn.dynamics.tree_motion import tree_friction
+from phantom_dyn.errors import RobotError
+from phantom_dyn.model.inertia import body_name, breaks_triangle
+from phantom_dyn.model.robot import Robot
+from phantom_dyn.model.robot_xml import Element
+
+_REWRITES = ("settotalmass", "boundmass", "boundinertia", "balanceinertia", "inertiafromgeom")
+"""Words of <compiler> by which MuJoCo changes inertias after it has read them."""
+_PLACES = ("meshdir", "texturedir")
+_SAME = 1e-12
+"""Relative difference of a number that is the same but for its way through a file."""
+
+
+def edited_mjcf(corrected: CorrectedModel, file: Path, folder: Path | None) -> tuple[str, dict[str, str]]:
+    """The text of the given MJCF with the findings, and by joint a sentence on what its actuator has no place for.
+
+    Args:
+        corrected: The corrected model.
+        file: The MJCF that was given.
+        folder: Where the text will lie: files of meshes are named relative to it; None: by their whole path.
+
+    Raises:
+        RobotError: If the file says something by which the findings would have another meaning.
+        ParameterError: If no body can have the inertia that is left for a link.
+    """
+    parser = ElementTree.XMLParser(target=ElementTree.TreeBuilder(insert_comments=True))
+    given = given_mjcf(ElementTree.parse(file, parser).getroot())
+    _require_plain(given, corrected, file)
+    _set_inertias(given, corrected, file)
+    _set_joints(given, corrected)
+    gravity = corrected.robot.model.gravity.linear
+    if not np.array_equal(gravity, _gravity(given.root)):
+        _option(given.root).set("gravity", attribute_text(gravity))
+    _set_springs(given, corrected)
+    for name, zero in zeros_in_file(corrected).items():
+        _move_zero(given, name, zero)
+    for name in (*corrected.plays, *compliances_in_mjcf(corrected)):
+        _add_joint(given, corrected, name)
+    left_out = set_drives(given, corrected)
+    add_cogging(given.root, corrected)
+    waves = sum(len(waves) for waves in corrected.cogging.values())
+    for key in _keys(given, "ctrl") if waves else ():
+        key.set("ctrl", str(key.get("ctrl")) + " 0" * waves)
+    add_couplings(given.root, corrected)
+    if not any(True for _ in given.root.iter("equality")):
+        add_followers(given.root, corrected.robot)
+    _relocate(given.root, file.resolve().parent, folder)
+    ElementTree.indent(given.root)
+    return ElementTree.tostring(given.root, encoding="unicode") + "\n", left_out
+
+
+def _require_plain(given: GivenMjcf, corrected: CorrectedModel, file: Path) -> None:
+    """Refuse files whose compiler changes inertias again, whose joints have no names, or whose loops are elsewhere."""
+    for compiler in given.root.iter("compiler"):
+        for word in _REWRITES:
+            if compiler.get(word, "auto").strip(" 0.") not in ("", "auto", "false", "-1"):
+                raise RobotError(f"{word} of <compiler> in {file.name} changes inertias again: take it out.")
+    names = list(corrected.given.model.names)[1:]
+    unnamed = [name for name in names if name not in given.joints]
+    if unnamed:
+        raise RobotError(f"{file.name} has a joint without a name ({unnamed[0]}): name it.")
+    chain = corrected.given.chain
+    if chain is not None and any(not anchor.label.startswith("<") for anchor in chain.anchors):
+        raise RobotError(f"robot.yaml closes loops of {file.name} between frames: state them as <equality> in it.")
+
+
+def _set_inertias(given: GivenMjcf, corrected: CorrectedModel, file: Path) -> None:
+    robot, before = corrected.robot, corrected.given
+    for body in range(1, robot.model.njoints):
+        if robot.model.inertias[body] == before.model.inertias[body]:
+            continue
+        element = given.owners[given.joints[robot.model.names[body]]]
+        inertia, losing = own_inertia(robot, body, _fixed_bodies(before, body), _held_bodies(element))
+        inertia = _in_axes_of_link(robot, body, inertia)
+        if breaks_triangle(inertia.inertia):
+            raise RobotError(f"MuJoCo takes no body with the inertia of {body_name(robot, body)} in {file.name}.")
+        _set_inertia(element, inertia)
+        for name in losing:
+            fixed = next((e for e in element.iter("body") if e.get("name") == name), None)
+            if fixed is None:
+                raise RobotError(f"{file.name} has no body {name} on {element.get('name')}.")
+            _set_inertia(fixed, LinkInertia(0.0, np.zeros(3), np.zeros((3, 3))))
+
+
+def _fixed_bodies(robot: Robot, body: int) -> dict[str, np.ndarray]:
+    """Standard parameters, about the joint, of the bodies that are fixed to a link, or are held there."""
+    out: dict[str, np.ndarray] = {}
+    frames = list(robot.model.frames)
+    for k, frame in enumerate(frames):
+        if frame.type == pin.FrameType.FIXED_JOINT and frame.parentJoint == body and frame.inertia.mass > 0:
+            behind = frames[k + 1] if k + 1 < len(frames) and frames[k + 1].type == pin.FrameType.BODY else frame
+            out[behind.name] = frame.placement.act(frame.inertia).toDynamicParameters()
+    return out
+
+
+def _held_bodies(link: Element) -> frozenset[str]:
+    """Bodies behind joints that the model holds fixed: in the file they move, so they keep their inertia."""
+    out: set[str] = set()
+    todo = [(body, False) for body in link.findall("body")]
+    while todo:
+        body, moves = todo.pop()
+        moves = moves or body.find("joint") is not None
+        out |= {str(body.get("name"))} if moves else set()
+        todo += [(child, moves) for child in body.findall("body")]
+    return frozenset(out)
+
+
+def _in_axes_of_link(robot: Robot, body: int, inertia: LinkInertia) -> LinkInertia:
+    """An inertia that is stated in the axes of a joint, in those of its body, from which the joint may be away."""
+    name = body_name(robot, body)
+    frame = robot.model.frames[robot.model.getFrameId(name, pin.FrameType.BODY)]
+    moved = frame.placement.actInv(pin.Inertia(inertia.mass, inertia.center, inertia.inertia))
+    return LinkInertia(float(moved.mass), np.array(moved.lever), np.array(moved.inertia))
+
+
+def _set_inertia(body: Element, inertia: LinkInertia) -> None:
+    for old in body.findall("inertial"):
+        body.remove(old)
+    matrix = inertia.inertia
+    own = {"pos": attribute_text(inertia.center), "mass": repr(float(inertia.mass))}
+    if inertia.mass == 0:
+        own["diaginertia"] = "0 0 0"
+    else:
+        own["fullinertia"] = attribute_text([matrix[i, j] for i, j in ((0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2))])
+    body.insert(0, ElementTree.Element("inertial", own))
+
+
+def _set_joints(given: GivenMjcf, corrected: CorrectedModel) -> None:
+    """Damping, dry friction and rotors, where the file with its defaults says another number."""
+    robot = corrected.robot
+    viscous, coulomb = tree_friction(robot)
+    for k, name in enumerate(list(robot.model.names)[1:]):
+        joint = given.joints[name]
+        wanted = (("damping", viscous[k]), ("frictionloss", coulomb[k]), ("armature", robot.model.armature[k]))
+        for attribute, value in wanted:
+            stated = float((given.attribute(joint, attribute) or "0").split()[0])
+            if abs(stated - value) > _SAME * abs(value):
+                joint.set(attribute, repr(float(value)))
+
+
+def _set_springs(given: GivenMjcf, corrected: CorrectedModel) -> None:
+    for name, (stiffness, rest) in corrected.springs.items():
+        joint = given.joints[name]
+        joint.set("stiffness", repr(stiffness))
+        joint.set("springref", repr(given.angle(joint, rest)))
+
+
+def _move_zero(given: GivenMjcf, name: str, zero: float) -> None:
+    """Positions of a joint as its encoder reads them: those that the file draws, its range, springs and keyframes."""
+    joint = given.joints[name]
+    more = given.angle(joint, zero)
+    joint.set("ref", repr(float(given.attribute(joint, "ref") or 0.0) + more))
+    for attribute in ("range", "springref"):
+        stated = given.attribute(joint, attribute)
+        if stated:
+            joint.set(attribute, attribute_text([float(x) + more for x in stated.split()]))
+    place = _joint_names(given).index(name)
+    for key in _keys(given, "qpos"):
+        numbers = [float(x) for x in str(key.get("qpos")).split()]
+        numbers[place] += zero
+        key.set("qpos", attribute_text(numbers))
+
+
+def _add_joint(given: GivenMjcf, corrected: CorrectedModel, name: str) -> None:
+    """A second joint behind a joint, without what default classes would give it."""
+    joint = given.joints[name]
+    joint.set("armature", repr(rotor_of(corrected, name)))
+    own = second_joint(corrected, name)
+    if "range" in own:
+        own["range"] = attribute_text([given.angle(joint, float(x)) for x in own["range"].split()])
+    place = {key: text for key in ("type", "axis", "pos") if (text := given.attribute(joint, key)) is not None}
+    none = dict.fromkeys(("damping", "frictionloss", "armature", "stiffness", "ref", "springref"), "0")
+    element = ElementTree.Element("joint", none | own | place | {"limited": "true" if "range" in own else "false"})
+    body = given.owners[joint]
+    body.insert(list(body).index(joint) + 1, element)
+    at = _joint_names(given).index(own["name"])
+    for attribute in ("qpos", "qvel"):
+        for key in _keys(given, attribute):
+            words = str(key.get(attribute)).split()
+            key.set(attribute, " ".join([*words[:at], "0", *words[at:]]))
+
+
+def _joint_names(given: GivenMjcf) -> list[str | None]:
+    """Joints in MuJoCo's order."""
+    return [joint.get("name") for world in given.root.iter("worldbody") for joint in world.iter("joint")]
+
+
+def _keys(given: GivenMjcf, attribute: str) -> list[Element]:
+    return [key for group in given.root.iter("keyframe") for key in group.findall("key") if key.get(attribute)]
+
+
+def _gravity(root: Element) -> np.ndarray:
+    stated = [option.get("gravity") for option in root.iter("option") if option.get("gravity")]
+    return np.array([float(x) for x in str(stated[-1] if stated else "0 0 -9.81").split()])
+
+
+def _option(root: Element) -> Element:
+    found = root.findall("option")
+    return found[-1] if found else ElementTree.SubElement(root, "option")
+
+
+def _relocate(root: Element, source: Path, folder: Path | None) -> None:
+    """Folders of meshes and textures as seen from another folder."""
+    if not any(element.get("file") for element in root.iter() if isinstance(element.tag, str)):
+        return
+    compilers = root.findall("compiler") or [ElementTree.SubElement(root, "compiler")]
+    for attribute in _PLACES:
+        stated = [c.get(attribute) or c.get("assetdir") for c in compilers if c.get(attribute) or c.get("assetdir")]
+        place = (source / (stated[-1] or "")) if stated else source
+        text = str(place) if folder is None else os.path.relpath(place, folder.resolve())
+        compilers[-1].set(attribute, Path(text).as_posix())

@@ -1,0 +1,115 @@
+# pyright: reportAttributeAccessIssue=false
+"""``corrected.xml`` and how it was checked: the given MJCF with the findings, or one that is made from the model.
+
+One is made where the robot's file is a URDF, and where the given MJCF says something by which the findings would have
+another meaning; the reason is told.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+from identification.export.corrected.corrected_mjcf import corrected_mjcf
+from identification.export.corrected.corrected_model import CorrectedModel
+from identification.export.corrected.given_mjcf import edited_mjcf
+from identification.export.corrected.reload_in_mujoco import edited_difference, torque_difference
+from identification.export.model_files.followers import with_followers
+from identification.export.model_files.mujoco_library import mujoco_problem
+from identification.export.model_files.reload import TOLERANCE
+from phantom_dyn.errors import EstimationError, PhantomDynError, RobotError
+from phantom_dyn.model.mjcf import mjcf_facts
+from phantom_dyn.model.robot_xml import read_root
+from phantom_dyn.motion import Motion
+
+
+@dataclass(frozen=True)
+class MadeMjcf:
+    """Text of an MJCF with what is to be said of it.
+
+    Attributes:
+        text: Of the file.
+        difference: Of its torques in MuJoCo from the corrected model's, over the largest; NaN if it was not loaded.
+        unchecked: Why it was not loaded again, as the end of a sentence; empty if it was.
+        edited: True if it is the given file with the findings.
+        left_out: Sentences on what its drives have no place for, and on why the given file is not in it.
+    """
+
+    text: str
+    difference: float
+    unchecked: str
+    edited: bool
+    left_out: tuple[str, ...] = ()
+
+
+def made_mjcf(corrected: CorrectedModel, motion: Motion, *, file: Path, folder: Path) -> MadeMjcf:
+    """The MJCF of a corrected model.
+
+    Args:
+        corrected: The model.
+        motion: On which torques are compared.
+        file: The robot's file.
+        folder: Where the text will lie.
+
+    Raises:
+        ParameterError: If a body cannot exist, or not in MuJoCo.
+        RobotError: If MuJoCo refuses the text.
+        EstimationError: If the file says something else than the model.
+    """
+    if file.suffix == ".urdf":
+        return _new(corrected, motion, file, ())
+    try:
+        return _edited(corrected, motion, file, folder)
+    except PhantomDynError as error:
+        reason = f"The given file is not in it, so it has no shapes, sensors and actuators of that one: {error}"
+        return _new(corrected, motion, file, (reason,))
+
+
+def _new(corrected: CorrectedModel, motion: Motion, file: Path, left_out: tuple[str, ...]) -> MadeMjcf:
+    whole = corrected
+    if not corrected.zeros:
+        # The numbers of a closed chain's encoders have no place: with them, joints that follow stay held.
+        robot = with_followers(corrected.robot, corrected.given, file)
+        if robot is not corrected.robot:
+            whole = replace(
+                corrected, robot=robot, base=robot, given=with_followers(corrected.given, corrected.given, file)
+            )
+    text = corrected_mjcf(whole)
+    problem = mujoco_problem(text)
+    return MadeMjcf(text, torque_difference(text, whole, motion), problem or "", False, left_out)
+
+
+def _edited(corrected: CorrectedModel, motion: Motion, file: Path, folder: Path) -> MadeMjcf:
+    text, left_out = edited_mjcf(corrected, file, folder)
+    problem = mujoco_problem(text) or _refused(file)
+    if problem:
+        return MadeMjcf(text, float("nan"), problem, True, tuple(left_out.values()))
+    # With the whole paths of meshes, as the folder may not be there yet.
+    held = replace(corrected, offsets={name: x for name, x in corrected.offsets.items() if name not in left_out})
+    difference = edited_difference(edited_mjcf(corrected, file, None)[0], held, motion, _held(file))
+    if difference > TOLERANCE:
+        raise EstimationError(
+            f"with the findings in it, MuJoCo needs torques that differ by {difference:.2g} of the largest from the "
+            "corrected model's, as it holds more than the model was read from."
+        )
+    return MadeMjcf(text, difference, "", True, tuple(left_out.values()))
+
+
+def _refused(file: Path) -> str:
+    """Why MuJoCo refuses the file that was given, as where its meshes are missing; empty if it does not."""
+    import mujoco
+
+    try:
+        mujoco.MjModel.from_xml_path(str(file))
+    except ValueError as error:
+        return f"MuJoCo refuses the given file as well ({' '.join(str(error).split())})"
+    return ""
+
+
+def _held(file: Path) -> dict[str, float]:
+    """Positions at which joints that follow others are held."""
+    try:
+        root, sha256 = read_root(file)
+        return {name: offset for name, (_, offset) in mjcf_facts(root, sha256, file).followers.items()}
+    except RobotError:
+        return {}

@@ -1,0 +1,79 @@
+"""What an element of an MJCF says once its default classes are counted in."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from math import degrees
+
+from phantom_dyn.model.robot_xml import Element
+
+ACTUATORS = ("general", "motor", "position", "velocity", "intvelocity", "damper", "cylinder", "muscle", "adhesion")
+"""Elements of one default: whatever their tag, a class states them together."""
+
+
+@dataclass(frozen=True)
+class GivenMjcf:
+    """The elements of an MJCF by name, and how its defaults and its unit of angles are read.
+
+    Attributes:
+        root: Of the file.
+        owners: The element around each element.
+        joints: Joints of bodies by name.
+    """
+
+    root: Element
+    owners: dict[Element, Element]
+    joints: dict[str, Element]
+
+    @property
+    def degrees(self) -> bool:
+        """True if angles of hinges are in degrees, as they are where the file does not say otherwise."""
+        stated = [compiler.get("angle") for compiler in self.root.iter("compiler") if compiler.get("angle")]
+        return not stated or stated[-1] != "radian"
+
+    def angle(self, joint: Element, value: float) -> float:
+        """A position of a joint [rad or m] in the unit of the file."""
+        hinge = self.attribute(joint, "type") in (None, "hinge")
+        return degrees(value) if hinge and self.degrees else value
+
+    def attribute(self, element: Element, name: str) -> str | None:
+        """An attribute of an element, else of its class, else of the class of the bodies around it."""
+        if element.get(name) is not None:
+            return element.get(name)
+        tags = ACTUATORS if element.tag in ACTUATORS else (str(element.tag),)
+        for default in self._defaults(element.get("class") or self._class_around(element)):
+            for own in default:
+                if own.tag in tags and own.get(name) is not None:
+                    return own.get(name)
+        return None
+
+    def _class_around(self, element: Element) -> str | None:
+        owner = self.owners.get(element)
+        while owner is not None:
+            if owner.tag == "body" and owner.get("childclass"):
+                return owner.get("childclass")
+            owner = self.owners.get(owner)
+        return None
+
+    def _defaults(self, name: str | None) -> list[Element]:
+        """The default of a class and those that it is in, the innermost first; without a class the outermost."""
+        outer = [default for group in self.root.findall("default") for default in (group,)]
+        if name is None:
+            return outer
+        found = next((default for default in self.root.iter("default") if default.get("class") == name), None)
+        out: list[Element] = []
+        while found is not None and found.tag == "default":
+            out.append(found)
+            found = self.owners.get(found)
+        return out or outer
+
+
+def given_mjcf(root: Element) -> GivenMjcf:
+    """An MJCF whose elements are known by name.
+
+    Args:
+        root: Of the file.
+    """
+    owners = {child: element for element in root.iter() for child in element}
+    joints = {str(j.get("name")): j for world in root.iter("worldbody") for j in world.iter("joint") if j.get("name")}
+    return GivenMjcf(root, owners, joints)

@@ -1,0 +1,88 @@
+# pyright: reportAttributeAccessIssue=false
+"""The nearest possible bodies to those of a model, where an estimate belongs to no body.
+
+A body is possible if its pseudo-inertia, the four by four matrix of its moments of order zero to two, has no negative
+eigenvalue [Wensing]_. The nearest one takes the negative eigenvalues away, after lengths are counted in the body's
+own radius of gyration, so that kilograms and metres weigh alike.
+
+References:
+    .. [Wensing] P. M. Wensing, S. Kim, J.-J. E. Slotine, Linear matrix inequalities for physically consistent inertial
+       parameter identification, IEEE Robotics and Automation Letters 3(1), 2018.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pinocchio as pin
+from jaxtyping import Float
+
+from identification.estimators.consistent.consistent_bodies import pseudo_inertia, standard_of
+from phantom_dyn.errors import ParameterError
+from phantom_dyn.model.inertia import body_name, breaks_triangle, central_parameters, impossible_because
+from phantom_dyn.model.robot import Robot
+
+Array = np.ndarray
+
+_LEAST = 1e-6
+"""Least eigenvalue, as a share of the largest: files and MuJoCo take no body that is only just possible."""
+
+
+def with_nearest_bodies(robot: Robot, given: Robot) -> tuple[Robot, tuple[str, ...]]:
+    """The robot with possible bodies in the place of those that cannot be, and a sentence on each.
+
+    Bodies that are as they were given stay, possible or not.
+
+    Args:
+        robot: With estimated bodies.
+        given: As its file states it; its bodies give the lengths.
+
+    Raises:
+        ParameterError: If a body weighs nothing or less.
+    """
+    model = robot.model.copy()
+    told = []
+    for body in range(1, model.njoints):
+        standard = model.inertias[body].toDynamicParameters()
+        mass, _, inertia = central_parameters(standard)
+        if model.inertias[body] == given.model.inertias[body]:
+            continue
+        if impossible_because(mass, inertia) is None and not breaks_triangle(inertia):
+            continue
+        name = body_name(robot, body)
+        if mass <= 0:
+            raise ParameterError(f"The link {name} would weigh {mass:.3g} kg: record more motion.")
+        reference = pseudo_inertia(given.model.inertias[body].toDynamicParameters())
+        found, distance = nearest_possible(standard, _length(reference, pseudo_inertia(standard)))
+        model.inertias[body] = pin.Inertia.FromDynamicParameters(found)
+        told.append(
+            f"No body can have the inertia that was found for {name}: the corrected files have the nearest possible "
+            f"one, {100 * distance:.2g} % away (mass {found[0]:.4g} kg for {mass:.4g} kg)."
+        )
+    return (replace(robot, model=model), tuple(told)) if told else (robot, ())
+
+
+def nearest_possible(standard: Float[Array, " 10"], length: float) -> tuple[Float[Array, " 10"], float]:
+    """The nearest parameters that a body can have, and how far they are relative to their size.
+
+    Args:
+        standard: Ten standard parameters.
+        length: In which lengths are counted [m].
+    """
+    scale = np.array([length, length, length, 1.0])
+    matrix = pseudo_inertia(standard) / np.outer(scale, scale)
+    values, vectors = np.linalg.eigh(matrix)
+    raised = np.maximum(values, _LEAST * values.max())
+    found = (vectors * raised) @ vectors.T
+    distance = float(np.linalg.norm(found - matrix) / np.linalg.norm(matrix))
+    return standard_of(found * np.outer(scale, scale)), distance
+
+
+def _length(*bodies: Float[Array, "4 4"]) -> float:
+    """Radius of gyration [m] of the first body that has one."""
+    for body in bodies:
+        trace = float(np.trace(body[:3, :3]))
+        if body[3, 3] > 0 and trace > 0:
+            return float(np.sqrt(trace / body[3, 3]))
+    return 1.0

@@ -1,0 +1,50 @@
+# pyright: reportAttributeAccessIssue=false
+"""Whether the MuJoCo that is installed can be used; one that is missing, broken or too old is treated as absent."""
+
+from __future__ import annotations
+
+from importlib.util import find_spec
+
+OLDEST = (3, 2)
+"""Older ones lack functions that reading a file again takes."""
+
+_JOINT = '<worldbody><body><joint name="j"/><geom size="1"/></body></worldbody>'
+_NEWER = (
+    (
+        "<dcmotor",
+        '<dcmotor joint="j" motorconst="1e-9 0" resistance="1" cogging="0 1 0" ctrlrange="0 0"/>',
+        "<dcmotor>",
+    ),
+    (" delay=", '<motor joint="j" delay="0.01" nsample="12" interp="linear"/>', "delay of an actuator"),
+)
+"""What newer versions brought: the words of a text that uses it, an actuator that has it, and its name."""
+
+
+def mujoco_problem(text: str = "") -> str | None:
+    """Why MuJoCo cannot load a file again, as the end of a sentence; None if it can.
+
+    Args:
+        text: Of the MJCF, which may use what only newer versions know.
+    """
+    if find_spec("mujoco") is None:
+        return "MuJoCo is not installed (pip install 'phantom-dyn[mujoco]')"
+    try:
+        import mujoco
+    except Exception as error:  # a library of the system that is missing raises OSError, a half installation anything
+        return f"MuJoCo cannot be imported ({' '.join(str(error).split())})"
+    version = str(getattr(mujoco, "__version__", "0"))
+    if not hasattr(mujoco, "MjModel") or _numbers(version) < OLDEST:
+        return f"MuJoCo {version} is older than 3.2 (pip install --upgrade mujoco)"
+    for words, actuator, name in _NEWER:
+        if words in text:
+            try:
+                mujoco.MjModel.from_xml_string(f"<mujoco>{_JOINT}<actuator>{actuator}</actuator></mujoco>")
+            except ValueError:
+                return f"MuJoCo {version} does not know the {name} in it (pip install --upgrade mujoco)"
+    return None
+
+
+def _numbers(version: str) -> tuple[int, ...]:
+    """The first two numbers of a version."""
+    parts = [*version.split("."), "0"][:2]
+    return tuple(int(part) if part.isdigit() else 0 for part in parts)
