@@ -19,7 +19,8 @@ import numpy as np
 from identification.data.recording import Recording
 from identification.diagnosis.result import Diagnosis
 from identification.pipeline import diagnose
-from identification.scenarios.motion_only import motion_robot, suggested_gains, with_commanded_torque
+from identification.scenarios.motion_only import motion_robot, with_commanded_torque
+from identification.scenarios.torque_or_motion import moved_by_controllers
 from phantom_dyn import load_robot
 from phantom_dyn.effects.catalogue import effect_named
 from phantom_dyn.model.robot import Actuator, Controller, Robot
@@ -96,10 +97,11 @@ def case(truth: str, rng: np.random.Generator) -> Case:
 
 
 def diagnosed(one: Case, gains: str) -> Diagnosis:
-    """Of positions and references alone; gains as they are, a tenth too high, or those that the model suggests."""
+    """Of positions and references alone; gains as they are, a tenth too high, or estimated."""
     controller = Controller(kp=1.1 * _GAIN if gains == "off" else _GAIN)
     if gains == "identified":
-        controller = Controller("pd", *suggested_gains(one.recording, one.robot)[:, 0].tolist())
+        silent = motion_robot(replace(one.robot, actuators=(Actuator(),)))
+        return diagnose(*moved_by_controllers(silent, (one.recording,)))
     robot = motion_robot(replace(one.robot, actuators=(Actuator(controller=controller),)))
     return diagnose(robot, (with_commanded_torque(one.recording, robot),))
 

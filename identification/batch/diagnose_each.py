@@ -15,10 +15,13 @@ from pathlib import Path
 
 from identification.data.readers.column_map import read_column_map
 from identification.data.reading import ReadOptions, read_recording
+from identification.data.recording import Recording
 from identification.diagnosis.model.terms import KnownEffect
+from identification.diagnosis.result import Diagnosis
 from identification.files import full_words, is_full, require_existing
 from identification.pipeline import diagnose
 from identification.reporting.diagnosis_files import Json, check_targets, to_json, write_outputs
+from identification.scenarios.torque_or_motion import moved_by_controllers, torque_or_motion
 from identification.words.diagnosis_words import effect_at_finding
 from phantom_dyn.errors import LogError, PhantomDynError, UsageError
 from phantom_dyn.large_work import WorkerLostError, spread
@@ -241,6 +244,26 @@ def _with_absolute_source(robot: Robot) -> Robot:
     return replace(robot, source=str(file.absolute())) if file.is_file() and find_robot(robot.source) == file else robot
 
 
+def _of_torque_or_motion(robot: Robot, known: tuple[KnownEffect, ...], reading: ReadOptions, log: Path) -> Diagnosis:
+    """Diagnosis of one recording by its torque, or without one by that of its controllers."""
+
+    def read(torque_needed: bool) -> tuple[Recording, ...]:
+        one = read_recording(
+            log,
+            robot,
+            columns=reading.columns,
+            topic=reading.topic,
+            excluded=reading.excluded,
+            torque_needed=torque_needed,
+            anyway=reading.anyway,
+        )
+        return (one,)
+
+    driven, recordings, motion = torque_or_motion(robot, read)
+    driven, recordings = moved_by_controllers(driven, recordings) if motion else (driven, recordings)
+    return diagnose(driven, recordings, known=known)
+
+
 def _diagnosed(
     robot: Robot,
     known: tuple[KnownEffect, ...],
@@ -253,15 +276,7 @@ def _diagnosed(
     # Its own copy: a closed chain remembers what it solved last, and nothing may depend on the recordings before.
     robot = copy.deepcopy(robot)
     try:
-        found = read_recording(
-            log,
-            robot,
-            columns=reading.columns,
-            topic=reading.topic,
-            excluded=reading.excluded,
-            anyway=reading.anyway,
-        )
-        diagnosis = diagnose(robot, (found,), known=known)
+        diagnosis = _of_torque_or_motion(robot, known, reading, log)
         if folder is not None:
             with _WRITING:
                 write_outputs(diagnosis, robot, out=folder, json_file=None, known=known)

@@ -60,7 +60,8 @@ def parser() -> argparse.ArgumentParser:
     out.add_argument(
         "--motion-only",
         action="store_true",
-        help="no torque was recorded: take the one that the controllers in robot.yaml ask for at the q_ref. columns",
+        help="leave recorded torques aside, and take what the controllers ask for at the q_ref. columns; a LOG "
+        "without torque is diagnosed so by itself",
     )
     out.add_argument(
         "--profile",
@@ -125,7 +126,6 @@ def _diagnose_together(arguments: argparse.Namespace, excluded: tuple[tuple[floa
     from identification.export.corrected.corrected_yaml import known_effects
     from identification.reporting.diagnosis_files import check_targets, write_outputs
     from identification.reporting.diagnosis_summary import summary
-    from identification.scenarios.motion_only import motion_robot
     from phantom_dyn.effects.user.user_effects import with_user_effects
     from phantom_dyn.model.loading import load_robot
 
@@ -133,12 +133,11 @@ def _diagnose_together(arguments: argparse.Namespace, excluded: tuple[tuple[floa
     times = StageTimes(DIAGNOSIS) if arguments.profile else None
     with Progress("reading", sys.stderr, stages=DIAGNOSIS, times=times) as progress:
         robot = with_user_effects(load_robot(arguments.robot, config=arguments.robot_config), arguments.effect_files)
-        robot = motion_robot(robot) if arguments.motion_only else robot
         known = known_effects(tuple(Path(path) for path in arguments.known), robot)
-        if arguments.motion_only:
-            diagnosis = _diagnosis_of_motion(arguments, robot, known, excluded, progress)
+        if arguments.recordings is None:
+            diagnosis = _diagnosis_of_logs(arguments, robot, known, excluded, progress)
         else:
-            diagnosis = _diagnosis_of_torque(arguments, robot, known, excluded, progress)
+            diagnosis = _diagnosis_of_changes(arguments, robot, known, excluded, progress)
         progress.show("writing")
         not_held: list[str] = []
         written = write_outputs(
@@ -162,21 +161,20 @@ def _diagnose_together(arguments: argparse.Namespace, excluded: tuple[tuple[floa
     return DONE
 
 
-def _diagnosis_of_torque(
+def _diagnosis_of_changes(
     arguments: argparse.Namespace,
     robot: Robot,
     known: tuple[KnownEffect, ...],
     excluded: tuple[tuple[float, float], ...],
     progress: Progress,
 ) -> Diagnosis:
-    """Diagnosis of recordings with torque, each read with what ``--recordings`` says of it."""
+    """Diagnosis of recordings, each read with what ``--recordings`` says of it."""
     from identification.data.changes import Change
     from identification.pipeline import diagnose
     from identification.scenarios.recordings_file import read_changed, read_changes
 
     paths = (*arguments.logs, *arguments.hold_out)
-    stated = arguments.recordings is not None
-    changes = read_changes(arguments.recordings, paths, robot.joint_names) if stated else ()
+    changes = read_changes(arguments.recordings, paths, robot.joint_names)
 
     def read(path: str, change: Change) -> Recording:
         progress.show(f"reading {Path(path).name}")
@@ -190,26 +188,25 @@ def _diagnosis_of_torque(
             anyway=arguments.anyway,
         )
 
-    unchanged = tuple(Change(Path(path).name) for path in paths)
-    recordings = tuple(read(path, change) for path, change in zip(paths, changes or unchanged, strict=True))
+    recordings = tuple(read(path, change) for path, change in zip(paths, changes, strict=True))
     fitted, hold_out = recordings[: len(arguments.logs)], recordings[len(arguments.logs) :]
     return diagnose(robot, fitted, hold_out=hold_out, known=known, changes=changes, progress=progress.show)
 
 
-def _diagnosis_of_motion(
+def _diagnosis_of_logs(
     arguments: argparse.Namespace,
     robot: Robot,
     known: tuple[KnownEffect, ...],
     excluded: tuple[tuple[float, float], ...],
     progress: Progress,
 ) -> Diagnosis:
-    """Diagnosis of recordings without torque: with that of the stated controllers, else in positions at standstill."""
+    """Diagnosis of recordings by their torque; without one by that of the controllers, or in positions at rest."""
     from identification.data.reading import read_recording
     from identification.pipeline import diagnose
     from identification.scenarios.at_rest.diagnose_at_rest import diagnose_at_rest, judged_at_rest
-    from identification.scenarios.motion_only import with_commanded_torque
+    from identification.scenarios.torque_or_motion import moved_by_controllers, torque_or_motion
 
-    def read(path: str) -> Recording:
+    def read(path: str, torque_needed: bool) -> Recording:
         progress.show(f"reading {Path(path).name}")
         return read_recording(
             path,
@@ -217,19 +214,22 @@ def _diagnosis_of_motion(
             columns=arguments.columns,
             topic=arguments.topic,
             excluded=excluded,
-            torque_needed=False,
+            torque_needed=torque_needed,
             anyway=arguments.anyway,
         )
 
-    recordings = tuple(read(path) for path in (*arguments.logs, *arguments.hold_out))
-    if judged_at_rest(robot, recordings):
+    def read_all(torque_needed: bool) -> tuple[Recording, ...]:
+        return tuple(read(path, torque_needed) for path in (*arguments.logs, *arguments.hold_out))
+
+    robot, recordings, motion = torque_or_motion(robot, read_all, motion_only=arguments.motion_only)
+    if motion and judged_at_rest(robot, recordings):
         if known or arguments.hold_out:
             raise UsageError(
                 "--with and --hold-out do not go with recordings that are judged at rest, where every rest is held "
                 "out in turn; leave them out"
             )
         return diagnose_at_rest(robot, recordings)
-    recordings = tuple(with_commanded_torque(recording, robot) for recording in recordings)
+    robot, recordings = moved_by_controllers(robot, recordings) if motion else (robot, recordings)
     fitted, hold_out = recordings[: len(arguments.logs)], recordings[len(arguments.logs) :]
     return diagnose(robot, fitted, hold_out=hold_out, known=known, progress=progress.show)
 

@@ -17,6 +17,10 @@ from phantom_dyn.motion import read_only
 Array = np.ndarray
 
 
+class NoTorqueError(LogError):
+    """No joint has a torque, or a current or voltage in its place."""
+
+
 def _constant(table: Table, joint: str, actuator: Actuator, column: str) -> float:
     """Torque on the joint side per ampere [N m/A]."""
     if actuator.torque_constant is None:
@@ -61,9 +65,10 @@ def _one_joint(table: Table, joint: str, actuator: Actuator) -> Float[Array, " N
 def _missing(table: Table, joints: list[str], all_missing: bool) -> str:
     what = "no torque: there is no column" if all_missing else "no torque of"
     names = ", ".join(f"tau.{joint}" for joint in joints) if all_missing else ", ".join(joints)
+    instead = ", or the references q_ref.<joint> of its position controllers, so that motion alone can be judged"
     return (
         f"{table.file} has {what} {names}: add tau.<joint>, or the motor current i.<joint> with torque_constant in "
-        "robot.yaml, or say actuated: false there for a joint without a drive."
+        f"robot.yaml, or say actuated: false there for a joint without a drive{instead if all_missing else ''}."
     )
 
 
@@ -85,7 +90,8 @@ def drive_torque(
     found = {joint: _one_joint(table, joint, actuator) for joint, actuator in pairs}
     missing = [joint for joint, values in found.items() if values is None]
     if missing and torque_needed:
-        raise LogError(_missing(table, missing, all_missing=len(missing) == len(found)))
+        kind = LogError if torque_sources(table, robot.joint_names) else NoTorqueError
+        raise kind(_missing(table, missing, all_missing=len(missing) == len(found)))
     if missing:
         sentence = f"{table.file}: without torque of {', '.join(missing)}, the torque is not used."
         return None, (sentence,) if len(missing) < len(found) else ()

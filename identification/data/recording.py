@@ -107,6 +107,7 @@ class Recording:
         warnings: Sentences about the data.
         passive_q: Measured positions [rad or m] of passive joints of a closed chain by joint, each ``(N,)``.
         controlled: True if no torque was recorded, and ``tau`` is what the stated controllers ask for.
+        gains_estimated: Joints whose controller nobody has stated, so that its gains were estimated from the motion.
         torque_from: The quantity that gave the torque of each joint: ``tau``, ``i`` or ``u``; empty where not known.
         friction_taken: Joints from whose torque a controller had taken friction: the model's is put back once the
             velocities are known.
@@ -130,6 +131,7 @@ class Recording:
     warnings: tuple[str, ...] = ()
     passive_q: Mapping[str, Float[Array, " N"]] = field(default_factory=dict)
     controlled: bool = False
+    gains_estimated: tuple[str, ...] = ()
     torque_from: Mapping[str, str] = field(default_factory=dict)
     friction_taken: tuple[str, ...] = ()
     wrong: tuple[Fault, ...] = ()

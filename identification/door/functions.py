@@ -39,8 +39,8 @@ from identification.pipeline import diagnose as diagnosed
 from identification.reporting import comparison
 from identification.reporting.diagnosis_reader import read_diagnosis
 from identification.scenarios.at_rest.diagnose_at_rest import diagnose_at_rest, judged_at_rest
-from identification.scenarios.motion_only import motion_robot, with_commanded_torque
 from identification.scenarios.recordings_file import read_changed, read_changes
+from identification.scenarios.torque_or_motion import moved_by_controllers, torque_or_motion
 from phantom_dyn.effects.effect import Effect
 from phantom_dyn.effects.user.user_effects import EffectsLike, with_user_effects
 from phantom_dyn.errors import UsageError
@@ -118,7 +118,8 @@ def diagnose(
         columns: Column map (YAML) of recordings that are paths.
         effects: Effects of your own beside the catalogue: a Python file, classes or instances, see
             `docs/how_to/own_effects.md`.
-        motion_only: True if no torque was recorded: that of the controllers in ``robot.yaml`` takes its place.
+        motion_only: True if a torque that was recorded is not to be used, but that which the controllers ask for;
+            where none was recorded it is so anyway.
         progress: Told in words what is being done, as in ``progress=print``.
 
     Raises:
@@ -128,22 +129,27 @@ def diagnose(
         EffectError: If an effect of your own cannot be used.
     """
     loaded = with_user_effects(robot_of(robot, recordings), effects)
-    loaded = motion_robot(loaded) if motion_only else loaded
     added = known_effects(tuple(Path(file) for file in _paths(known, "known")), loaded)
     if changes is not None:
         return _diagnosis_of_changes(loaded, recordings, hold_out, added, changes, columns, progress)
     held = listed(hold_out)
-    fitted = recordings_of(recordings, loaded, columns=columns, torque_needed=not motion_only)
-    judged = recordings_of(hold_out, loaded, columns=columns, torque_needed=not motion_only) if held else ()
-    if motion_only and judged_at_rest(loaded, (*fitted, *judged)):
-        if added or judged:
+
+    def read(torque_needed: bool) -> tuple[Recording, ...]:
+        fitted = recordings_of(recordings, loaded, columns=columns, torque_needed=torque_needed)
+        return (
+            *fitted,
+            *(recordings_of(hold_out, loaded, columns=columns, torque_needed=torque_needed) if held else ()),
+        )
+
+    driven, every, motion = torque_or_motion(loaded, read, motion_only=motion_only)
+    if motion and judged_at_rest(driven, every):
+        if added or held:
             raise UsageError("known and hold_out do not go with recordings that are judged at rest: leave them out.")
-        return Diagnosis(diagnose_at_rest(loaded, fitted), loaded)
-    if motion_only:
-        fitted = tuple(with_commanded_torque(one, loaded) for one in fitted)
-        judged = tuple(with_commanded_torque(one, loaded) for one in judged)
-    found = diagnosed(loaded, fitted, hold_out=judged, known=added, progress=progress)
-    return Diagnosis(found, loaded, added)
+        return Diagnosis(diagnose_at_rest(driven, every), driven)
+    driven, every = moved_by_controllers(driven, every) if motion else (driven, every)
+    count = len(every) - len(held)
+    found = diagnosed(driven, every[:count], hold_out=every[count:], known=added, progress=progress)
+    return Diagnosis(found, driven, added)
 
 
 def identify(

@@ -18,13 +18,17 @@ _TWIN = (
     "positions tell only the product of torque constant and controller gain: measure the current or torque, or hang "
     "a known mass on the robot"
 )
+_DAMPING = (
+    "the gain kd of its controller was estimated from the same positions and holds it: state the controller in "
+    "robot.yaml, or measure the current or torque"
+)
 
 
 def limited_to_motion(judgement: Judgement, recordings: tuple[Recording, ...], rollout: Rollout) -> Judgement:
     """The judgement without claims on torque constants, which a controller's gain would explain as well.
 
     A ratio within two tolerances of the gains is no gap and is listed as adjusted; a larger one stays a finding, of
-    the product of both, and a warning says so.
+    the product of both, and a warning says so. Gains that were estimated take up any ratio, and viscous friction.
 
     Args:
         judgement: Of the torque that controllers ask for.
@@ -33,18 +37,28 @@ def limited_to_motion(judgement: Judgement, recordings: tuple[Recording, ...], r
     """
     if not any(recording.controlled for recording in recordings):
         return judgement
+    estimated = {joint for recording in recordings for joint in recording.gains_estimated}
     constants = [finding for finding in judgement.findings if finding.effect == "torque_constant"]
-    small = [finding for finding in constants if abs(_excess(finding)) <= 2 * GAIN_TOLERANCE]
+    small = [one for one in constants if one.joint in estimated or abs(_excess(one)) <= 2 * GAIN_TOLERANCE]
     large = [finding for finding in constants if finding not in small]
+    # Of a gain that was estimated kd has taken up what viscous friction there is, and may have to give some back.
+    damping = [one for one in judgement.findings if one.effect == "viscous_friction" and one.joint in estimated]
+    small += damping
     findings = tuple(finding for finding in judgement.findings if finding not in small)
     claimed = {finding.joint for finding in large}
     twins = tuple(
         NotTestable("torque_constant", gap.joint, _TWIN) for gap in judgement.joints if gap.joint not in claimed
     )
-    others = tuple(entry for entry in judgement.not_testable if entry.effect != "torque_constant")
+    twins += tuple(NotTestable("viscous_friction", g.joint, _DAMPING) for g in judgement.joints if g.joint in estimated)
+
+    def hidden(effect: str, joint: str | None) -> bool:
+        return effect == "torque_constant" or (effect == "viscous_friction" and joint in estimated)
+
+    others = tuple(entry for entry in judgement.not_testable if not hidden(entry.effect, entry.joint))
     moved = tuple(
         Adjusted(f"{finding.joint} torque constant times controller gain", _excess(finding), GAIN_TOLERANCE)
         for finding in small
+        if finding not in damping
     )
     warned = tuple(
         f"The torque constant of {finding.joint} and the gain of its controller cannot be separated by positions: the "
@@ -60,7 +74,7 @@ def limited_to_motion(judgement: Judgement, recordings: tuple[Recording, ...], r
         findings=findings,
         verdict=verdict,
         adjusted=(*judgement.adjusted, *moved),
-        bounds=tuple(bound for bound in judgement.bounds if bound.effect != "torque_constant"),
+        bounds=tuple(bound for bound in judgement.bounds if not hidden(bound.effect, bound.joint)),
         not_testable=(*others, *twins),
         warnings=(*judgement.warnings, *warned),
         evidence=replace(judgement.evidence, tau_without=shown),

@@ -1,7 +1,6 @@
-"""Recordings without torque: the torque that the stated position controllers ask for takes its place.
+"""Recordings without torque: the torque that the position controllers ask for takes its place.
 
-It follows from references, positions and gains. Where nobody has stated the gains, least squares under the given model
-suggests some.
+It follows from references, positions and gains; see `identification.scenarios.gains` where nobody has stated these.
 """
 
 from __future__ import annotations
@@ -12,9 +11,7 @@ import numpy as np
 from jaxtyping import Float
 
 from identification.data.recording import Recording
-from identification.data.signals import process_all
-from phantom_dyn.dynamics.dynamics import inverse_dynamics
-from phantom_dyn.errors import LogError, PhantomDynError
+from phantom_dyn.errors import LogError
 from phantom_dyn.model.robot import Robot
 from phantom_dyn.motion import read_only
 
@@ -72,45 +69,6 @@ def asked_torque(recording: Recording, robot: Robot) -> Float[Array, "N nv"]:
     return out
 
 
-_FEWEST = 100  # rows
-_LEAST = 1e-9  # [rad or m]: a reference that is nearer is the reading itself
-
-
-def suggested_gains(recording: Recording, robot: Robot) -> Float[Array, "2 nv"]:
-    """Gains kp and kd [N m/rad, N m s/rad; N/m, N s/m] under which the given model moves most like the recording.
-
-    They are as wrong as the masses of the model: positions tell only the ratio of both. Dry friction and a constant
-    torque that the model lacks are fitted besides, as they would be taken for gains. NaN for a joint whose motion tells
-    none, or whose reference never leaves it.
-
-    Args:
-        recording: With references.
-        robot: The given model.
-
-    Raises:
-        LogError: If there are no references, one is not finite, or the recording is too short.
-    """
-    if recording.q_ref is None:
-        raise LogError(f"{recording.file} has no q_ref.<joint> of every joint, so nothing tells the gains.")
-    if len(recording.t) < _FEWEST or not np.isfinite(recording.q_ref).all():
-        raise LogError(f"{recording.file} is too short, or a reference is no number, so nothing tells the gains.")
-    (log,), _ = process_all((replace(recording, tau=np.zeros_like(recording.q), controlled=True),), robot)
-    motion, rows, q_ref = log.motion, log.valid_in_band, log.q_ref
-    assert q_ref is not None
-    needed = log.band(inverse_dynamics(robot, motion))[rows]
-    out = np.full((2, robot.nv), np.nan)
-    for j in range(robot.nv):
-        v = motion.v[:, j]
-        asked = (q_ref[:, j] - motion.q[:, j], -v, -np.sign(v), np.ones_like(v))
-        columns = log.band(np.column_stack(asked))[rows]
-        if np.ptp(recording.q_ref[:, j] - recording.q[:, j]) < _LEAST or len(columns) < 2 * len(asked):
-            continue
-        kp, kd, *_ = np.linalg.lstsq(columns, needed[:, j])[0]
-        if kp > 0:
-            out[:, j] = kp, max(kd, 0.0)
-    return out
-
-
 _LEAST_ROWS = 20
 
 
@@ -137,8 +95,8 @@ def with_commanded_torque(recording: Recording, robot: Robot) -> Recording:
     if recording.q_ref is not None and not lacking:
         used = " The torque of the log is not used." if recording.tau is not None else ""
         sentence = (
-            f"{recording.file}: the torque is what the controllers of robot.yaml ask for at the recorded motion: "
-            f"findings are as good as these gains.{used}"
+            f"{recording.file}: positions and references only: the torque is what the controllers ask for at the "
+            f"recorded motion, so that findings are as good as their gains.{used}"
         )
         tau = commanded_torque(recording, robot)
         return replace(recording, tau=tau, controlled=True, warnings=(*recording.warnings, sentence))
@@ -153,24 +111,10 @@ def with_commanded_torque(recording: Recording, robot: Robot) -> Recording:
         f"{recording.file}: robot.yaml states no controller with a gain kp of {', '.join(lacking)}: --motion-only "
         "needs it to know the torque, as positions alone do not separate a gain from the inertia that it moves. Add "
         "controller: {kind: pd, kp: ..., kd: ..., delay: ...} under joints, in N m/rad and N m s/rad at the "
-        f"joint.{_guess(recording, robot, lacking)} "
+        "joint. "
         "Without a gain, only joints that rest under loads of either sign (weight or f. columns), with encoder_side: "
         "link, can be judged."
     )
-
-
-def _guess(recording: Recording, robot: Robot, lacking: list[str]) -> str:
-    """Gains that fit the masses of the model, for who trusts these; empty where the motion determines none."""
-    try:
-        kp, kd = suggested_gains(recording, robot)
-    except PhantomDynError:
-        return ""
-    words = ", ".join(
-        f"kp {kp[j]:.3g} and kd {kd[j]:.2g} of {joint}"
-        for j, joint in enumerate(robot.joint_names)
-        if joint in lacking and np.isfinite(kp[j])
-    )
-    return f" If its masses are right, the model says {words}." if words else ""
 
 
 def commanded_torque(recording: Recording, robot: Robot) -> Float[Array, "N nv"]:

@@ -48,20 +48,56 @@ def test_positions_and_references_are_enough(log, capsys):
     assert "torque_constant" in {entry["effect"] for entry in document["not_testable"]}
 
 
-def test_without_a_gain_the_command_says_what_is_needed(log, capsys):
-    code, out = diagnosed(log, "joints: {pin: {}}\n", "--motion-only")
+def test_a_log_of_positions_and_references_needs_no_option(log, capsys):
+    code, out = diagnosed(log, CONTROLLER)
+    said = capsys.readouterr()
+    assert code == 0, said.err
+    document, with_option = json.loads(out.read_text()), diagnosed(log, CONTROLLER, "--motion-only")[1]
+    assert "positions and references only" in " ".join(document["data_warnings"])
+    assert document["findings"] == json.loads(with_option.read_text())["findings"] != []
+
+
+def test_gains_that_nobody_states_are_estimated(log, capsys):
+    code, out = diagnosed(log, "joints: {pin: {}}\n")
+    said = capsys.readouterr()
+    assert code == 0, said.err
+    document = json.loads(out.read_text())
+    assert "No gains of pin are stated: kp = 60" in " ".join(document["data_warnings"])
+    assert {"torque_constant", "viscous_friction"} <= {entry["effect"] for entry in document["not_testable"]}
+    assert {finding["effect"] for finding in document["findings"]} <= {"coulomb_friction", "stribeck_friction"}
+
+
+def test_a_log_of_positions_alone_is_refused_in_a_sentence(log, capsys):
+    t, q, _ = np.loadtxt(log, delimiter=",", skiprows=1, unpack=True)
+    np.savetxt(log, np.column_stack([t, q]), delimiter=",", header="t,q.pin", comments="")
+    code, out = diagnosed(log, "joints: {pin: {}}\n")
+    words = capsys.readouterr().err
     assert code == 2
-    assert "states no controller with a gain kp of pin: --motion-only needs it" in capsys.readouterr().err
+    assert "log.csv has no torque: there is no column tau.pin" in words
+    assert "or the references q_ref.<joint> of its position controllers" in words
     assert not out.exists()
 
 
-def test_without_the_option_a_log_without_torque_is_refused(log, capsys):
-    code, _ = diagnosed(log, CONTROLLER)
+def test_logs_with_and_without_torque_do_not_go_together(log, capsys):
+    other = log.with_name("other.csv")
+    t, q, q_ref = np.loadtxt(log, delimiter=",", skiprows=1, unpack=True)
+    table = np.column_stack([t, q, q_ref, np.cos(t)])
+    np.savetxt(other, table, delimiter=",", header="t,q.pin,q_ref.pin,tau.pin", comments="")
+    code, _ = diagnosed(log, CONTROLLER, "--hold-out", str(other))
     assert code == 2
-    assert "no torque" in capsys.readouterr().err
+    assert "other.csv has one: diagnose them apart" in capsys.readouterr().err
 
 
 def test_the_option_does_not_go_with_each(log, capsys):
     code, _ = diagnosed(log, CONTROLLER, "--motion-only", "--each")
     assert code == 2
     assert "--motion-only does not go with --each" in capsys.readouterr().err
+
+
+def test_each_diagnoses_logs_without_torque_too(log, capsys):
+    config = log.with_name("robot.yaml")
+    config.write_text("joints: {pin: {}}\n")
+    code = main(["diagnose", str(PENDULUM), str(log), "--robot-config", str(config), "--each", "--jobs", "1"])
+    said = capsys.readouterr()
+    assert code == 0, said.err
+    assert "friction" in said.out

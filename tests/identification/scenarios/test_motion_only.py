@@ -13,8 +13,9 @@ from identification.diagnosis.model.standstill import usable_samples
 from identification.diagnosis.result import Judgement
 from identification.pipeline import diagnose
 from identification.rollout.compare import Rollout
+from identification.scenarios.gains import suggested_gains
 from identification.scenarios.motion_limits import limited_to_motion
-from identification.scenarios.motion_only import commanded_torque, motion_robot, suggested_gains, with_commanded_torque
+from identification.scenarios.motion_only import commanded_torque, motion_robot, with_commanded_torque
 from phantom_dyn import load_robot
 from phantom_dyn.effects.catalogue import effect_named
 from phantom_dyn.errors import LogError
@@ -120,15 +121,6 @@ def test_the_gains_that_moved_the_true_model_are_suggested(pendulum):
     kp, kd = suggested_gains(recording, replace(pendulum, actuators=(Actuator(),)))[:, 0]
     assert kp == pytest.approx(KP, rel=0.02)
     assert kd == pytest.approx(KD, rel=0.05)
-
-
-def test_the_refusal_says_which_gains_go_with_the_masses_of_the_model(pendulum):
-    recording, _ = moved(pendulum)
-    silent = replace(pendulum, actuators=(Actuator(),))
-    with pytest.raises(
-        LogError, match=r"If its masses are right, the model says kp 60(\.\d+)? and kd 6(\.\d+)? of pin\."
-    ):
-        with_commanded_torque(recording, silent)
 
 
 def test_gains_of_a_recording_of_a_few_rows_are_not_suggested(pendulum):

@@ -1,0 +1,207 @@
+"""Gains of position controllers that nobody has stated, from references and positions: least squares under the model.
+
+A controller asks for ``kp (q_ref - q) - kd v``, and the robot needs what its model says, less dry friction and a
+constant torque that the model lacks. Positions alone tell only ratios to ``kp``: as the scale of all torques it follows
+from what the model says of gravity and inertia, and is as wrong as these. Viscous friction that the model lacks is part
+of ``kd``.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from jaxtyping import Float
+
+from identification.data.recording import Recording
+from identification.data.signals import process_all
+from phantom_dyn.dynamics.dynamics import gravity_torque, inverse_dynamics, modelled_friction
+from phantom_dyn.effects.support.rows import damping_unit, stiffness_unit
+from phantom_dyn.errors import LogError
+from phantom_dyn.model.robot import Controller, Robot
+
+Array = np.ndarray
+
+_FEWEST = 100  # rows
+_LEAST = 1e-9  # [rad or m]: a reference that is nearer is the reading itself
+# Stretches of time of which each is left out in turn (jackknife): neighbouring samples are not independent.
+_STRETCHES = 10
+# Relative deviation up to which a gain counts as known: findings are no better than it.
+_KNOWN = 0.1
+# Share of what the model needs, beyond what friction could be, from which on a gain rests on gravity or on inertia.
+_RESTS_ON = 0.25
+
+
+@dataclass(frozen=True)
+class Gains:
+    """Estimated gains of one joint; NaN where nothing tells them.
+
+    Attributes:
+        joint: Its name.
+        kp: Proportional gain [N m/rad or N/m], with the masses of the model.
+        kp_std: Its deviation, that of the model not included.
+        kd: Damping gain [N m s/rad or N s/m], with viscous friction that the model lacks.
+        kd_std: Its deviation.
+        ratio: ``kd / kp`` [s], which needs no model where its own friction is small.
+        ratio_std: Its deviation.
+        rests_on: What of the model sets the scale: gravity, inertia or both.
+    """
+
+    joint: str
+    kp: float
+    kp_std: float
+    kd: float
+    kd_std: float
+    ratio: float
+    ratio_std: float
+    rests_on: tuple[str, ...]
+
+    @property
+    def known(self) -> bool:
+        """True if the motion tells the gain to a tenth."""
+        return self.kp > 0 and self.kp_std <= _KNOWN * self.kp
+
+
+def unstated(robot: Robot) -> tuple[str, ...]:
+    """Driven joints whose controller robot.yaml does not state, or not its gain."""
+    pairs = zip(robot.joint_names, robot.actuators, strict=True)
+    return tuple(joint for joint, a in pairs if a.actuated and (a.controller is None or a.controller.kp <= 0))
+
+
+def estimated_gains(recordings: Sequence[Recording], robot: Robot) -> tuple[Gains, ...]:
+    """Gains of every joint under which the given model moves most like the recordings.
+
+    Args:
+        recordings: With references.
+        robot: The given model.
+
+    Raises:
+        LogError: If there are no references, one is not finite, or a recording is too short.
+    """
+    for one in recordings:
+        _require_references(one)
+    silent = tuple(replace(one, tau=np.zeros_like(one.q), controlled=True) for one in recordings)
+    logs, _ = process_all(silent, robot)
+    rows = [log.valid_in_band for log in logs]
+    parts = []
+    for log, use in zip(logs, rows, strict=True):
+        motion, wanted = log.motion, log.q_ref
+        assert wanted is not None
+        needed, weight = inverse_dynamics(robot, motion), gravity_torque(robot, motion.q)
+        inertia = needed - weight - modelled_friction(robot, motion)
+        v = motion.v
+        asked = np.stack([wanted - motion.q, -v, -np.sign(v), np.ones_like(v), needed, weight, inertia], axis=-1)
+        parts.append(log.band(asked)[use])
+    samples = np.concatenate(parts)
+    away = np.max([np.ptp(one.q_ref - one.q, axis=0) for one in recordings if one.q_ref is not None], axis=0)
+    return tuple(_of_joint(robot, j, samples[:, j], float(away[j])) for j in range(robot.nv))
+
+
+def suggested_gains(recording: Recording, robot: Robot) -> Float[Array, "2 nv"]:
+    """Gains kp and kd [N m/rad, N m s/rad; N/m, N s/m] of `estimated_gains`; NaN for a joint whose motion tells none.
+
+    Args:
+        recording: With references.
+        robot: The given model.
+
+    Raises:
+        LogError: If there are no references, one is not finite, or the recording is too short.
+    """
+    return np.array([(one.kp, one.kd) for one in estimated_gains((recording,), robot)]).T
+
+
+def with_estimated_gains(robot: Robot, recordings: tuple[Recording, ...]) -> tuple[Robot, tuple[Recording, ...]]:
+    """The robot with controllers where it states none, and recordings whose warnings say what was estimated.
+
+    Args:
+        robot: The given model.
+        recordings: With references.
+
+    Raises:
+        LogError: If the motion does not tell the gain of a joint; it says what it does tell.
+    """
+    lacking = unstated(robot)
+    if not lacking:
+        return robot, recordings
+    found = [one for one in estimated_gains(recordings, robot) if one.joint in lacking]
+    unknown = [one for one in found if not one.known]
+    if unknown:
+        raise LogError(_refusal(recordings[0].file, robot, unknown))
+    gains = {one.joint: Controller("pd", one.kp, one.kd) for one in found}
+    actuators = tuple(
+        replace(actuator, controller=gains[joint]) if joint in gains else actuator
+        for joint, actuator in zip(robot.joint_names, robot.actuators, strict=True)
+    )
+    sentences = tuple(_sentence(robot, one) for one in found)
+    first = replace(recordings[0], warnings=(*recordings[0].warnings, *sentences))
+    marked = tuple(replace(one, gains_estimated=lacking) for one in (first, *recordings[1:]))
+    return replace(robot, actuators=actuators), marked
+
+
+def _require_references(recording: Recording) -> None:
+    if recording.q_ref is None:
+        raise LogError(f"{recording.file} has no q_ref.<joint> of every joint, so nothing tells the gains.")
+    if len(recording.t) < _FEWEST or not np.isfinite(recording.q_ref).all():
+        raise LogError(f"{recording.file} is too short, or a reference is no number, so nothing tells the gains.")
+
+
+def _of_joint(robot: Robot, j: int, samples: Float[Array, "n 7"], away: float) -> Gains:
+    """Gains of one joint from its samples: error, -v, -sign(v), 1, needed torque, and its parts."""
+    joint, columns, needed = robot.joint_names[j], samples[:, :4], samples[:, 4]
+    if away < _LEAST or len(samples) < 2 * columns.shape[1]:
+        return _nothing(joint)
+    best = _fitted(columns, needed)
+    if not best[0] > 0:
+        return _nothing(joint)
+    stretch = np.arange(len(samples)) * _STRETCHES // len(samples)
+    others = np.array([_fitted(columns[stretch != k], needed[stretch != k]) for k in range(_STRETCHES)])
+    std = np.sqrt((_STRETCHES - 1) * others.var(axis=0)).tolist()
+    free = np.linalg.qr(columns[:, 1:])[0]
+    size = [float(np.linalg.norm(part - free @ (free.T @ part))) ** 2 for part in samples[:, 5:].T]
+    told = zip(("gravity", "inertia"), size, strict=True)
+    rests = tuple(name for name, square in told if square > _RESTS_ON**2 * max(sum(size), 1e-300))
+    return Gains(joint, best[0], std[0], best[1], std[1], best[2], std[2], rests)
+
+
+def _nothing(joint: str) -> Gains:
+    """Gains of a joint whose motion tells none."""
+    none = float("nan")
+    return Gains(joint, none, none, none, none, none, none, ())
+
+
+def _fitted(columns: Float[Array, "n 4"], needed: Float[Array, " n"]) -> tuple[float, float, float]:
+    """Proportional gain, damping gain that is not negative, and their ratio."""
+    scale = np.maximum(np.linalg.norm(columns, axis=0), 1e-300)
+    kp, kd = (np.linalg.lstsq(columns / scale, needed)[0] / scale)[:2].tolist()
+    return kp, max(kd, 0.0), max(kd, 0.0) / kp if kp > 0 else float("nan")
+
+
+def _sentence(robot: Robot, one: Gains) -> str:
+    """What was estimated of one joint, on what it rests, and what the positions tell without it."""
+    tolerance = robot.tolerance.inertia * one.kp
+    stiff, damped = stiffness_unit(robot, one.joint), damping_unit(robot, one.joint)
+    return (
+        f"No gains of {one.joint} are stated: kp = {one.kp:.3g} ± {np.hypot(one.kp_std, tolerance):.2g} {stiff} and "
+        f"kd = {one.kd:.3g} ± {np.hypot(one.kd_std, tolerance * one.ratio):.2g} {damped} were estimated from its "
+        f"motion. They are as right as the {' and the '.join(one.rests_on)} of the model, and kd holds viscous "
+        f"friction that the model lacks; positions alone tell kd/kp = {one.ratio:.3g} ± {one.ratio_std:.2g} s. State "
+        f"controller: {{kind: pd, kp: ..., kd: ...}} of {one.joint} in robot.yaml if you know them."
+    )
+
+
+def _refusal(file: str, robot: Robot, unknown: Sequence[Gains]) -> str:
+    """Why the gains of some joints cannot be used."""
+    names = ", ".join(one.joint for one in unknown)
+    told = [
+        f"kp of {one.joint} is {one.kp:.2g} ± {one.kp_std:.2g} {stiffness_unit(robot, one.joint)}"
+        for one in unknown
+        if np.isfinite(one.kp)
+    ]
+    return (
+        f"{file}: positions and references only, and neither gravity nor inertia tells the gain kp of {names} in this "
+        f"motion{' (' + ', '.join(told) + ')' if told else ''}: state controller: {{kind: pd, kp: ..., kd: ...}} under "
+        "joints in robot.yaml, in N m/rad and N m s/rad at the joint, or record a faster motion with wide postures. "
+        "Without a gain, only joints that rest under loads of either sign (weight or f. columns), with encoder_side: "
+        "link, can be judged."
+    )

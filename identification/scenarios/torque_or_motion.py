@@ -1,0 +1,54 @@
+"""Recordings with torque, or those of positions and references alone: which way a diagnosis goes."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+from identification.data.joint_torque import NoTorqueError
+from identification.data.recording import Recording
+from identification.scenarios.gains import with_estimated_gains
+from identification.scenarios.motion_only import motion_robot, with_commanded_torque
+from phantom_dyn.errors import LogError
+from phantom_dyn.model.robot import Robot
+
+
+def torque_or_motion(
+    robot: Robot, read: Callable[[bool], tuple[Recording, ...]], *, motion_only: bool = False
+) -> tuple[Robot, tuple[Recording, ...], bool]:
+    """The robot and its recordings, and whether motion alone is judged.
+
+    Args:
+        robot: The given model.
+        read: The recordings, by whether a torque is needed.
+        motion_only: True if a torque that was recorded is not to be used.
+
+    Raises:
+        LogError: If a recording has neither torque nor references, or some have a torque and others none.
+    """
+    if motion_only:
+        return motion_robot(robot), read(False), True
+    try:
+        return robot, read(True), False
+    except NoTorqueError as refusal:
+        recordings = read(False)
+        if any(one.q_ref is None for one in recordings):
+            raise
+        measured = [one.file for one in recordings if one.tau is not None]
+        if measured:
+            raise LogError(f"{refusal} {measured[0]} has one: diagnose them apart.") from refusal
+        return motion_robot(robot), recordings, True
+
+
+def moved_by_controllers(robot: Robot, recordings: tuple[Recording, ...]) -> tuple[Robot, tuple[Recording, ...]]:
+    """The robot with gains of all its controllers, and recordings with the torque that these ask for.
+
+    Args:
+        robot: The given model; gains that it does not state are estimated.
+        recordings: With references, or with voltages that give a torque.
+
+    Raises:
+        LogError: If references are missing, or the motion does not tell a gain.
+    """
+    if all(one.q_ref is not None for one in recordings):
+        robot, recordings = with_estimated_gains(robot, recordings)
+    return robot, tuple(with_commanded_torque(one, robot) for one in recordings)

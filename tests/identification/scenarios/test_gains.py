@@ -1,0 +1,170 @@
+"""Gains that nobody has stated, from positions and references. Oracle: the controller that moved the robot."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from identification.data.recording import Recording
+from identification.pipeline import diagnose
+from identification.scenarios.gains import Gains, estimated_gains, unstated, with_estimated_gains
+from identification.scenarios.torque_or_motion import moved_by_controllers, torque_or_motion
+from phantom_dyn import load_robot
+from phantom_dyn.dynamics.dynamics import standard_parameters
+from phantom_dyn.effects.catalogue import effect_named
+from phantom_dyn.effects.support.changed_robot import with_gravity, with_parameters
+from phantom_dyn.errors import LogError
+from phantom_dyn.model.robot import Actuator, Controller, Robot
+from phantom_dyn.simulation.control import position_control
+from phantom_dyn.simulation.simulate import Cause, simulate
+from places import ROBOTS
+
+KP, KD = np.array([60.0, 25.0]), np.array([6.0, 1.5])
+
+
+@pytest.fixture(scope="module")
+def pendulum() -> Robot:
+    """A rod on joint pin; nobody states its controller."""
+    return load_robot(ROBOTS / "pendulum.urdf")
+
+
+@pytest.fixture(scope="module")
+def planar() -> Robot:
+    """Two links on shoulder and elbow."""
+    return load_robot(ROBOTS / "planar2.urdf")
+
+
+def moved(robot: Robot, *causes: Cause, slower: float = 1.0, file: str = "moved.csv") -> Recording:
+    """15 s at 200 Hz of references and positions, no torque."""
+    rng = np.random.default_rng(3)
+    t, n = np.arange(3000) / 200.0, robot.nv
+    w = 2 * np.pi / slower * np.array([[0.21, 0.53, 1.1], [0.27, 0.71, 1.3]])[:n]
+    phase = np.array([[0.3, 1.2, 2.5], [1.0, 0.1, 0.7]])[:n]
+    q_ref = (np.array([0.6, 0.4, 0.25]) * np.sin(t[:, None, None] * w + phase)).sum(axis=2)
+    law = position_control(t, q_ref, np.zeros_like(q_ref), kp=KP[:n], kd=KD[:n])
+    q = simulate(robot, causes, law, t, q_ref[0]).q + 1e-5 * rng.standard_normal(q_ref.shape)
+    return Recording(file, robot.joint_names, t, q, None, q_ref=q_ref)
+
+
+def cause(effect: str, joint: str | None, *theta: float) -> Cause:
+    return Cause(effect_named(effect), joint, np.array(theta))
+
+
+def read(*recordings: Recording) -> Callable[[bool], tuple[Recording, ...]]:
+    return lambda torque_needed: recordings
+
+
+@pytest.fixture(scope="module")
+def swung(pendulum) -> Recording:
+    return moved(pendulum)
+
+
+@pytest.fixture(scope="module")
+def of_both(planar) -> tuple[Gains, ...]:
+    return estimated_gains((moved(planar),), planar)
+
+
+@pytest.mark.parametrize("j", [0, 1])
+def test_gains_of_both_joints_are_those_that_moved_the_arm(of_both, j):
+    assert of_both[j].known
+    assert of_both[j].kp == pytest.approx(KP[j], rel=0.02)
+    assert of_both[j].kd == pytest.approx(KD[j], rel=0.05)
+    assert of_both[j].kp_std < 0.02 * KP[j]
+
+
+def test_friction_that_the_model_lacks_is_not_taken_for_a_gain(pendulum):
+    (found,) = estimated_gains((moved(pendulum, cause("coulomb_friction", "pin", 1.0)),), pendulum)
+    assert found.kp == pytest.approx(KP[0], rel=0.02)
+
+
+def test_viscous_friction_that_the_model_lacks_is_part_of_the_damping_gain(pendulum):
+    # Closed form: both are torques of -c v.
+    (found,) = estimated_gains((moved(pendulum, cause("viscous_friction", "pin", 2.0)),), pendulum)
+    assert found.kd == pytest.approx(KD[0] + 2.0, rel=0.05)
+
+
+def test_positions_alone_tell_the_ratio_of_the_gains(pendulum):
+    # Closed form: without friction, twice the masses need twice the gains for the same motion.
+    free = replace(pendulum, viscous_friction=np.zeros(1), coulomb_friction=np.zeros(1))
+    recording = moved(free)
+    (one,) = estimated_gains((recording,), free)
+    (twice,) = estimated_gains((recording,), with_parameters(free, standard_parameters(free)))
+    assert twice.kp == pytest.approx(2.0 * one.kp, rel=1e-6)
+    assert twice.ratio == pytest.approx(one.ratio, rel=1e-6)
+    assert one.ratio == pytest.approx(0.1, rel=0.03)
+
+
+@pytest.mark.parametrize(("weightless", "slower", "rests_on"), [(False, 3.0, ("gravity",)), (True, 1.0, ("inertia",))])
+def test_it_is_said_what_of_the_model_sets_the_scale(pendulum, weightless, slower, rests_on):
+    # By hand: a slow pendulum is moved against its weight, one without weight against its inertia.
+    robot = with_gravity(pendulum, np.zeros(3)) if weightless else pendulum
+    (found,) = estimated_gains((moved(robot, slower=slower),), robot)
+    assert found.rests_on == rests_on
+
+
+def test_several_recordings_give_one_gain(pendulum, swung):
+    other = moved(pendulum, slower=2.0, file="other.csv")
+    (found,) = estimated_gains((swung, other), pendulum)
+    assert found.kp == pytest.approx(KP[0], rel=0.02)
+
+
+def test_a_stated_gain_is_kept(planar):
+    stated = Controller("pd", 61.0, 6.0)
+    some = replace(planar, actuators=(Actuator(controller=stated), Actuator()))
+    assert unstated(some) == ("elbow",)
+    robot, (recording,) = with_estimated_gains(some, (moved(planar),))
+    assert robot.actuators[0].controller is stated
+    assert robot.actuators[1].controller.kp == pytest.approx(KP[1], rel=0.02)
+    assert recording.gains_estimated == ("elbow",)
+
+
+def test_the_warning_says_what_was_estimated_and_what_it_rests_on(pendulum, swung):
+    _, (recording,) = with_estimated_gains(pendulum, (swung,))
+    (words,) = recording.warnings
+    assert words.startswith("No gains of pin are stated: kp = 60")
+    assert "as right as the gravity and the inertia of the model" in words
+    assert "positions alone tell kd/kp = 0.1" in words
+
+
+def test_a_joint_that_needs_next_to_no_torque_tells_no_gain(pendulum):
+    # Without weight and at a tenth of the speed inertia is a hundredth: friction is all that is felt.
+    floating = with_gravity(pendulum, np.zeros(3))
+    recording = moved(floating, slower=20.0)
+    with pytest.raises(LogError, match=r"^moved\.csv: positions and references only, and neither gravity nor inertia "):
+        with_estimated_gains(floating, (recording,))
+
+
+@pytest.fixture(scope="module")
+def rubbing(pendulum):
+    """Diagnosis of a pendulum with 1 N m more Coulomb friction than modelled, its gains unknown."""
+    recording = moved(pendulum, cause("coulomb_friction", "pin", 1.0))
+    robot, recordings, motion = torque_or_motion(pendulum, read(recording), motion_only=True)
+    assert motion
+    return diagnose(*moved_by_controllers(robot, recordings))
+
+
+def test_friction_is_found_without_gains(rubbing):
+    (finding,) = rubbing.findings
+    assert finding.effect in ("coulomb_friction", "stribeck_friction", "presliding_friction")
+    size = finding.parameters["coulomb_torque" if finding.effect == "stribeck_friction" else "torque"]
+    assert size.value == pytest.approx(1.0, rel=0.15)
+
+
+@pytest.mark.parametrize("effect", ["torque_constant", "viscous_friction"])
+def test_what_the_gains_take_up_cannot_be_tested(rubbing, effect):
+    (entry,) = (entry for entry in rubbing.not_testable if entry.effect == effect)
+    assert "gain" in entry.why
+    assert not [bound for bound in rubbing.bounds if bound.effect == effect]
+
+
+def test_without_a_gap_and_without_gains_nothing_is_found(pendulum, swung):
+    diagnosis = diagnose(*moved_by_controllers(pendulum, (swung,)))
+    assert (diagnosis.verdict, diagnosis.findings) == ("no_gap", ())
+
+
+def test_viscous_friction_without_gains_is_no_finding(pendulum):
+    diagnosis = diagnose(*moved_by_controllers(pendulum, (moved(pendulum, cause("viscous_friction", "pin", 2.0)),)))
+    assert diagnosis.findings == ()
