@@ -21,12 +21,13 @@ from identification.export.corrected.nearest_bodies import with_nearest_bodies
 from identification.export.uses.feedforward import feedforward_code, feedforward_table
 from identification.export.uses.randomisation import randomisation_of
 from identification.export.uses.randomisation_file import randomisation_text
+from identification.export.uses.simulator_files import ISAAC, SIMULATORS, isaac_lab_text, simulators_text
 from phantom_dyn.errors import PhantomDynError
 from phantom_dyn.model.robot import Robot
 from phantom_dyn.motion import Motion
 
 RANDOMISATION, FEEDFORWARD, TABLE = "randomisation.yaml", "feedforward.py", "feedforward.csv"
-NAMES = (URDF, MJCF, RANDOMISATION, FEEDFORWARD, TABLE)
+NAMES = (URDF, MJCF, RANDOMISATION, FEEDFORWARD, TABLE, ISAAC, SIMULATORS)
 """Files beside ``corrected.yaml``."""
 
 _COMPLETE = 2  # model files: URDF and MJCF
@@ -188,4 +189,6 @@ def _others(
         RANDOMISATION: lambda: randomisation_text(randomisation_of(diagnosis, corrected.base), known),
         FEEDFORWARD: code,
         TABLE: lambda: feedforward_table(corrected, diagnosis, code()),
+        ISAAC: lambda: isaac_lab_text(corrected, corrected.given.name),
+        SIMULATORS: lambda: simulators_text(corrected, corrected.given.name),
     }

@@ -59,5 +59,8 @@ def test_what_the_mjcf_drops_depends_on_the_given_file(tmp_path):
 
 
 def test_files_that_could_not_be_written_are_named(tmp_path):
-    paths = [tmp_path / name for name in ("corrected.urdf", "corrected.xml", "randomisation.yaml", "report.html")]
+    paths = [
+        tmp_path / name
+        for name in ("corrected.urdf", "corrected.xml", "randomisation.yaml", "isaac_lab.py", "simulators.yaml")
+    ]
     assert not_written(tmp_path, paths) == ("feedforward.py", "feedforward.csv")
