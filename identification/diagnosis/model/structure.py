@@ -16,7 +16,7 @@ from scipy.signal import lfilter
 
 from phantom_dyn.effects.effect import Rival, Shape, Signature
 from phantom_dyn.effects.operation import Operation
-from phantom_dyn.effects.support.rows import row_of
+from phantom_dyn.effects.support.rows import branch_rows, row_of
 from phantom_dyn.model.robot import Robot
 
 Array = np.ndarray
@@ -89,7 +89,7 @@ class Rhythm(Rival):
 
 
 class Field(Rival):
-    """A force on one joint that depends on the positions of all: a contact, a cable that catches."""
+    """A force on one joint that depends on the positions of all of its branch: a contact, a cable that catches."""
 
     name = "field"
     regime = "posture"
@@ -98,7 +98,7 @@ class Field(Rival):
     def signature(self, robot: Robot, operation: Operation, joint: str | None, shape: Shape) -> Signature:
         """Hinge functions of each position, which a contact that starts somewhere leaves."""
         columns = [np.ones(len(operation.t))]
-        for k in range(robot.nv):
+        for k in branch_rows(robot, joint):
             q = operation.q[:, k]
             low, high = np.percentile(q, [2, 98])
             x = (q - low) / max(high - low, 1e-3)

@@ -17,7 +17,7 @@ from phantom_dyn.effects.effect import Effect, Parameter, Shape, Signature
 from phantom_dyn.effects.operation import Operation
 from phantom_dyn.effects.simulated import Law, Simulated
 from phantom_dyn.effects.support.displaced import change_by_reading, displaced, exact_change_by_reading
-from phantom_dyn.effects.support.rows import row_of
+from phantom_dyn.effects.support.rows import branch_rows, row_of
 from phantom_dyn.model.robot import Robot
 from phantom_dyn.motion import Motion
 
@@ -91,7 +91,9 @@ class EncoderEccentricity(Effect):
         row = row_of(robot, joint)
         unit = robot.position_units[row]
         columns = [change_by_reading(operation, row, *_error(operation, row, phase)) for phase in (0.0, 0.5 * np.pi)]
-        return Signature(tuple(range(robot.nv)), -np.stack(columns, axis=-1), ("sine", "cosine"), (unit, unit))
+        rows = branch_rows(robot, joint)
+        values = -np.stack(columns, axis=-1)[:, list(rows)]
+        return Signature(rows, values, ("sine", "cosine"), (unit, unit))
 
     def from_coefficients(self, robot: Robot, joint: str | None, coefficients: Array, shape: Shape) -> Array:
         """Amplitude and phase of the two."""

@@ -17,7 +17,7 @@ from phantom_dyn.effects.effect import Effect, Parameter, Shape, Signature
 from phantom_dyn.effects.operation import Operation
 from phantom_dyn.effects.simulated import Law, Simulated
 from phantom_dyn.effects.support.displaced import change_by_reading, displaced, exact_change_by_reading
-from phantom_dyn.effects.support.rows import row_of, secant
+from phantom_dyn.effects.support.rows import branch_rows, row_of, secant
 from phantom_dyn.model.robot import Robot
 from phantom_dyn.motion import Motion
 
@@ -81,7 +81,8 @@ class EncoderOffset(Effect):
             change = change_by_reading(operation, row, none - 1.0, none, none)
         else:
             change = exact_change_by_reading(robot, operation, row, none - step, none, none) / step
-        return Signature(tuple(range(robot.nv)), change[:, :, None], ("offset",), (robot.position_units[row],))
+        rows = branch_rows(robot, joint)
+        return Signature(rows, change[:, list(rows), None], ("offset",), (robot.position_units[row],))
 
     def coefficient_bounds(self, robot: Robot, joint: str | None, shape: Shape) -> tuple[tuple[float, float], ...]:
         """A hinge comes round after half a turn."""

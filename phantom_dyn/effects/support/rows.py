@@ -133,6 +133,15 @@ def driven_rows(robot: Robot, joint: str | None) -> tuple[int, ...]:
     return tuple(range(robot.nv)) if joint is None else (row_of(robot, joint),)
 
 
+def branch_rows(robot: Robot, joint: str | None) -> tuple[int, ...]:
+    """Rows whose torque depends on where a joint is: those before and behind it; in closed chains all."""
+    if robot.chain is not None or joint is None:
+        return tuple(range(robot.nv))
+    before, behind = (kin[robot.model.getJointId(joint)] for kin in (robot.model.supports, robot.model.subtrees))
+    near = {*before, *behind}
+    return tuple(k for k, name in enumerate(robot.joint_names) if robot.model.getJointId(name) in near)
+
+
 def torque_on_rows(robot: Robot, rows: tuple[int, ...], values: Float[Array, "N m"]) -> Float[Array, "N nv"]:
     """Joint torques that are ``values`` on some rows and zero on the others."""
     out = np.zeros((len(values), robot.nv))

@@ -22,7 +22,7 @@ from phantom_dyn.effects.effect import Effect, Parameter, Shape, Signature
 from phantom_dyn.effects.operation import Operation
 from phantom_dyn.effects.simulated import Simulated, Transmission
 from phantom_dyn.effects.support.displaced import behind_encoder, change_by_link, link_load, load_and_inertia
-from phantom_dyn.effects.support.rows import row_of
+from phantom_dyn.effects.support.rows import branch_rows, row_of
 from phantom_dyn.effects.transmission.transmission_compliance import followed_load, moving_mass
 from phantom_dyn.model.robot import Robot
 
@@ -93,7 +93,8 @@ class Backlash(Effect):
         """Drive torque more with a gap of ``shape``: less the load in flight, impacts, and what other joints feel."""
         row = row_of(robot, joint)
         values = _change(operation, row, shape[0])
-        return Signature(tuple(range(robot.nv)), values[:, :, None], ("share",), ("1",))
+        rows = branch_rows(robot, joint)
+        return Signature(rows, values[:, list(rows), None], ("share",), ("1",))
 
     def coefficient_bounds(self, robot: Robot, joint: str | None, shape: Shape) -> tuple[tuple[float, float], ...]:
         """The load is known, so the share is one, but for what is known worse of flights and impacts."""

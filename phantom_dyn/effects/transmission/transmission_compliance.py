@@ -21,7 +21,7 @@ from phantom_dyn.effects.operation import Operation
 from phantom_dyn.effects.simulated import SPRING_DAMPING, Simulated, Transmission
 from phantom_dyn.effects.support.displaced import behind_encoder, change_by_link, exact_change_by_link, load_and_inertia
 from phantom_dyn.effects.support.encoder_lattice import stated_step
-from phantom_dyn.effects.support.rows import row_of, stiffness_unit
+from phantom_dyn.effects.support.rows import branch_rows, row_of, stiffness_unit
 from phantom_dyn.model.robot import Robot
 
 Array = np.ndarray
@@ -96,7 +96,8 @@ class TransmissionCompliance(Effect):
         row = row_of(robot, joint)
         change = change_by_link(operation, row, *swing(operation, row, 1.0 / shape[0])) / shape[0]
         unit = self.probe_unit(robot, joint, "compliance")
-        return Signature(tuple(range(robot.nv)), change[:, :, None], ("compliance",), (unit,))
+        rows = branch_rows(robot, joint)
+        return Signature(rows, change[:, list(rows), None], ("compliance",), (unit,))
 
     def coefficient_bounds(self, robot: Robot, joint: str | None, shape: Shape) -> tuple[tuple[float, float], ...]:
         """Near the shape, as the frequency of the swing is the shape's."""
