@@ -12,6 +12,7 @@ from pathlib import Path
 from typing import Any
 
 from identification.batch.diagnose_each import REFUSED, TABLES, DiagnosedRecording, DiagnosedRecordings
+from identification.batch.fleet_page import fleet_lines, fleet_page
 from identification.csv_cells import text_cell
 from identification.files import temporary_beside
 from identification.words.diagnosis_words import joined
@@ -35,7 +36,7 @@ def table(result: DiagnosedRecordings) -> str:
         lines.append(
             textwrap.fill(head + printable(_cause_words(row)), WIDTH, subsequent_indent=" " * len(head)).rstrip()
         )
-    return "\n".join([*lines, "", counts(result)]).replace(NO_BREAK, " ")
+    return "\n".join([*lines, "", counts(result), *map(printable, fleet_lines(result))]).replace(NO_BREAK, " ")
 
 
 def counts(result: DiagnosedRecordings) -> str:
@@ -75,7 +76,7 @@ def json_text(result: DiagnosedRecordings) -> str:
 def write_tables(
     result: DiagnosedRecordings, *, out: str | Path | None = None, json_file: str | Path | None = None
 ) -> tuple[Path, ...]:
-    """Write ``diagnoses.json`` and ``diagnoses.csv`` into a folder, and the JSON to a file; both may be None.
+    """Write the tables as JSON and CSV and ``fleet.html`` into a folder, and the JSON to a file; both may be None.
 
     Returns:
         The files written.
@@ -85,7 +86,8 @@ def write_tables(
     """
     contents: dict[Path, str] = {}
     if out is not None:
-        contents = dict(zip((Path(out) / name for name in TABLES), (json_text(result), csv_text(result)), strict=True))
+        texts = (json_text(result), csv_text(result), fleet_page(result))
+        contents = dict(zip((Path(out) / name for name in TABLES), texts, strict=True))
     if json_file is not None:
         contents[Path(json_file)] = json_text(result)
     with ExitStack() as renamed_together:

@@ -28,7 +28,7 @@ from phantom_dyn.large_work import WorkerLostError, spread
 from phantom_dyn.model.robot import Robot
 from phantom_dyn.model.robot_files import find_robot
 
-TABLES = ("diagnoses.json", "diagnoses.csv")
+TABLES = ("diagnoses.json", "diagnoses.csv", "fleet.html")
 """Files beside the folders, one row per recording."""
 ENDINGS = (".csv", ".npz", ".parquet", ".bag", ".db3", ".mcap")
 """Endings of the files in a folder that are taken for recordings; a file that is named may end in anything."""
@@ -48,7 +48,9 @@ _FAULT = "{}: the diagnosis itself failed ({}: {}): please report this with the 
 
 
 def logs_in(path: str) -> list[str]:
-    """The recordings of a folder by name, those of its folders left out; of a file or a ROS 2 bag the path itself.
+    """The recordings of a folder by name; of a file or a ROS 2 bag the path itself.
+
+    Those of its folders are left out, unless it has none of its own: then it is a fleet's, with a folder a robot.
 
     Raises:
         LogError: If there is no recording in the folder.
@@ -57,6 +59,9 @@ def logs_in(path: str) -> list[str]:
     if not folder.is_dir() or (folder / _BAG).exists():
         return [path]
     found = [entry for entry in sorted(folder.iterdir()) if _is_log(entry)]
+    if not found:
+        robots = [entry for entry in sorted(folder.iterdir()) if entry.is_dir() and not entry.name.startswith(".")]
+        found = [entry for robot in robots for entry in sorted(robot.iterdir()) if _is_log(entry)]
     if not found:
         raise LogError(
             f"{path} holds no recording: wanted files that end in {', '.join(ENDINGS)}, or ROS 2 bags; name another "

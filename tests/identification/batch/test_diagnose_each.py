@@ -56,7 +56,10 @@ def found(pendulum, logs) -> DiagnosedRecordings:
 def rows() -> DiagnosedRecordings:
     """A table that was not computed."""
     document = {
-        "findings": [{"effect": "coulomb_friction", "joint": "j1"}, {"effect": "payload", "joint": None}],
+        "findings": [
+            {"effect": "coulomb_friction", "joint": "j1", "parameters": {}},
+            {"effect": "payload", "joint": None, "parameters": {}},
+        ],
         "unexplained": {"fraction_of_explainable": 0.25},
         "joints": [{"joint": "j2", "rms_before": 2.0, "rms_after": 1.0}],
         "seconds": 3.5,
@@ -193,6 +196,15 @@ def test_the_logs_of_a_folder_are_its_recordings_by_name(tmp_path):
     assert [Path(log).name for log in logs_in(str(tmp_path))] == ["a.MCAP", "b.csv", "bag"]
 
 
+def test_a_folder_of_folders_is_a_fleet(tmp_path):
+    for name in ("two/b.csv", "one/c.csv", "one/a.csv", "notes.txt", ".git/d.csv"):
+        (tmp_path / name).parent.mkdir(exist_ok=True)
+        (tmp_path / name).touch()
+    assert [Path(log).relative_to(tmp_path).as_posix() for log in logs_in(str(tmp_path))] == [
+        "one/a.csv", "one/c.csv", "two/b.csv",
+    ]  # fmt: skip
+
+
 def test_a_file_and_a_bag_stand_for_themselves(tmp_path):
     (tmp_path / "metadata.yaml").touch()
     assert logs_in(str(tmp_path)) == [str(tmp_path)]
@@ -245,8 +257,8 @@ def test_the_table_as_json_holds_every_document(rows):
 
 def test_tables_are_written_beside_the_folders(rows, tmp_path):
     written = write_tables(rows, out=tmp_path, json_file=tmp_path / "one.json")
-    assert [path.name for path in written] == ["diagnoses.json", "diagnoses.csv", "one.json"]
-    assert written[0].read_text() == written[2].read_text() == json_text(rows)
+    assert [path.name for path in written] == ["diagnoses.json", "diagnoses.csv", "fleet.html", "one.json"]
+    assert written[0].read_text() == written[3].read_text() == json_text(rows)
     assert written[1].read_text() == csv_text(rows)
 
 

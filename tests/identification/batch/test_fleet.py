@@ -1,0 +1,94 @@
+"""Who is out of line and what changed in a fleet. Oracles: known truth of made-up sizes, and the level of the tests."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from identification.batch.diagnose_each import DiagnosedRecording, DiagnosedRecordings
+from identification.batch.fleet import change_point, changes, out_of_line, series_of
+from identification.batch.fleet_page import fleet_lines, fleet_page
+
+
+def recording(robot: str, day: int, size: float | None, std: float = 0.02) -> DiagnosedRecording:
+    """One row of a table whose only finding is Coulomb friction of j1."""
+    parameters = {"torque": {"value": size, "std": std, "unit": "N m"}}
+    finding = {"effect": "coulomb_friction", "joint": "j1", "parameters": parameters}
+    document = {"findings": [] if size is None else [finding]}
+    return DiagnosedRecording(f"/fleet/{robot}/day{day:02}.csv", f"{robot}{day}", "explained", (), document)  # pyright: ignore[reportArgumentType]
+
+
+def fleet(*rows: DiagnosedRecording) -> DiagnosedRecordings:
+    return DiagnosedRecordings("arm", ("j1",), rows)
+
+
+@pytest.fixture
+def six(rng) -> list[DiagnosedRecording]:
+    """Six robots with ten days each, alike but for their own level."""
+    return [
+        recording(f"r{k}", day, 0.5 + 0.02 * level + 0.02 * rng.standard_normal())
+        for k, level in enumerate(rng.standard_normal(6))
+        for day in range(10)
+    ]
+
+
+def test_a_robot_with_three_times_the_friction_is_out_of_line(six, rng):
+    rows = [row for row in six if "/r3/" not in row.log]
+    rows += [recording("r3", day, 1.5 + 0.02 * rng.standard_normal()) for day in range(10)]
+    found = out_of_line(series_of(fleet(*rows)))
+    assert [one.robot for one in found] == ["r3"]
+    assert found[0].value == pytest.approx(1.5, abs=0.03)
+    assert found[0].others == pytest.approx(0.5, abs=0.05)
+
+
+def test_a_robot_that_alone_lacks_a_finding_is_out_of_line(six):
+    rows = [row for row in six if "/r2/" not in row.log] + [recording("r2", day, None) for day in range(10)]
+    assert [one.robot for one in out_of_line(series_of(fleet(*rows)))] == ["r2"]
+
+
+def test_a_step_is_found_at_its_recording(six, rng):
+    rows = [row for row in six if "/r1/" not in row.log]
+    rows += [recording("r1", day, (0.5 if day < 6 else 0.62) + 0.02 * rng.standard_normal()) for day in range(10)]
+    found = changes(series_of(fleet(*rows)))
+    assert [(one.robot, one.since) for one in found] == [("r1", "day06.csv")]
+    assert found[0].after - found[0].before == pytest.approx(0.12, abs=0.04)
+
+
+def test_a_slow_drift_is_a_change(rng):
+    rows = [recording("r", day, 0.5 + 0.02 * day + 0.01 * rng.standard_normal()) for day in range(10)]
+    assert [one.robot for one in changes(series_of(fleet(*rows)))] == ["r"]
+
+
+def test_chance_is_called_a_change_as_rarely_as_stated(rng):
+    p = np.array([change_point(rng.standard_normal(9), np.ones(9))[1] for _ in range(200)])
+    # Binomial: at 5 % of 200, more than 20 are one in a thousand.
+    assert np.sum(p <= 0.05) <= 20
+    assert np.mean(p) == pytest.approx(0.5, abs=0.08)
+
+
+def test_chance_is_called_out_of_line_as_rarely_as_stated(rng):
+    alarms = 0
+    for _ in range(200):
+        rows = [recording(f"r{k}", 0, 0.5 + 0.1 * rng.standard_normal(), std=1e-4) for k in range(6)]
+        alarms += bool(out_of_line(series_of(fleet(*rows))))
+    assert alarms <= 20
+
+
+def test_three_robots_are_too_few_to_judge_one():
+    rows = [recording(f"r{k}", 0, size) for k, size in enumerate((0.5, 0.5, 5.0))]
+    assert out_of_line(series_of(fleet(*rows))) == ()
+
+
+def test_the_page_says_what_the_lines_say_and_runs_nothing(six, rng):
+    rows = [*six, *(recording("<b>", day, 3.0 + 0.02 * rng.standard_normal()) for day in range(10))]
+    page = fleet_page(fleet(*rows))
+    lines = fleet_lines(fleet(*rows))
+    assert any(line.startswith("<b> is out of line: coulomb friction j1 torque 3") for line in lines)
+    assert "<td>&lt;b&gt;</td>" in page
+    assert "<b>" not in page
+    assert "<script" not in page
+    assert page.count("<circle") == 70
+
+
+def test_a_page_without_findings_says_so():
+    assert "No recording has a finding" in fleet_page(fleet(recording("a", 0, None)))
