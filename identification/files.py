@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import errno
 import os
+import re
 import secrets
 from collections.abc import Iterable, Iterator, Sequence
 from contextlib import contextmanager
@@ -18,8 +19,27 @@ from phantom_dyn.model.robot_files import looks_like_robot
 LOG_ENDINGS = (".csv", ".npz", ".parquet")
 """Endings of the formats that a log is written in."""
 _BAG_ENDINGS = (".bag", ".db3", ".mcap")
-LOG_FORMATS = "CSV, NPZ, Parquet, a ROS 1 or ROS 2 bag (.bag, .db3 or its folder) or MCAP"
+LOG_FORMATS = "CSV, NPZ, Parquet, a ROS 1 or ROS 2 bag (.bag, .db3 or its folder), MCAP or a LeRobot folder"
 """Formats of a recording that are read, for sentences."""
+
+LEROBOT_INFO = Path("meta", "info.json")
+"""What makes a folder a LeRobot dataset."""
+EPISODE = "episode_{:06d}"
+"""Name of an episode of a LeRobot dataset behind the folder's; there may or may not be a file of that name."""
+
+
+def is_lerobot(path: Path) -> bool:
+    """True for the folder of a LeRobot dataset."""
+    return (path / LEROBOT_INFO).is_file()
+
+
+def lerobot_episode(path: Path) -> tuple[Path, int] | None:
+    """Folder and number of an episode that a path names: ``dataset/episode_3``, or its file in a dataset of v2.1."""
+    found = re.fullmatch(r"episode_(\d{1,7})(\.parquet)?", path.name)
+    if found is None:
+        return None
+    folder = path.parent.parent.parent if found.group(2) else path.parent
+    return (folder, int(found.group(1))) if is_lerobot(folder) else None
 
 
 def require_existing(path: str | Path) -> None:
@@ -29,7 +49,7 @@ def require_existing(path: str | Path) -> None:
         LogError: If there is no such file or folder.
     """
     path = Path(path)
-    if path.exists():
+    if path.exists() or lerobot_episode(path) is not None:
         return
     folder = path.parent
     if not folder.is_dir():

@@ -13,7 +13,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
-from identification.data.readers.column_map import read_column_map
+from identification.data.readers.presets import usable_columns
 from identification.data.reading import ReadOptions, read_recording
 from identification.data.recording import Recording
 from identification.diagnosis.model.terms import KnownEffect
@@ -222,8 +222,7 @@ def diagnose_each(
         check_folders(Path(out), names)
     reading = ReadOptions() if reading is None else reading
     if reading.columns is not None:
-        read_column_map(reading.columns)
-        reading = replace(reading, columns=Path(reading.columns).absolute())
+        reading = replace(reading, columns=usable_columns(reading.columns))
     given = _with_absolute_source(robot)
     rows = [
         DiagnosedRecording(str(log), name, REFUSED, refusal=_LOST.format(Path(log).name))
@@ -258,6 +257,7 @@ def _of_torque_or_motion(robot: Robot, known: tuple[KnownEffect, ...], reading: 
             robot,
             columns=reading.columns,
             topic=reading.topic,
+            ref_topic=reading.ref_topic,
             excluded=reading.excluded,
             torque_needed=torque_needed,
             anyway=reading.anyway,

@@ -9,13 +9,13 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import NoReturn
 
-from identification.files import require_existing, require_not_swapped
+from identification.files import is_lerobot, require_existing, require_not_swapped
 from phantom_dyn.errors import UsageError
 from phantom_dyn.model.robot_files import find_robot
 
 DONE, BAD_INPUT, INTERRUPTED = 0, 2, 130
 """Exit codes of every command."""
-_LOG_HELP = "CSV, Parquet, NPZ, ROS bag or MCAP"
+_LOG_HELP = "CSV, Parquet, NPZ, ROS bag, MCAP or the folder of a LeRobot dataset"
 EXAMPLES = "examples:"
 """What the examples at the end of a help begin with."""
 
@@ -94,8 +94,49 @@ def add_effects(parser: argparse.ArgumentParser) -> None:
 
 def add_reading(parser: argparse.ArgumentParser) -> None:
     """How the columns of a recording are read."""
-    parser.add_argument("--columns", metavar="FILE", type=Path, help="YAML that maps other names, units and signs")
-    parser.add_argument("--topic", metavar="NAME", help="JointState topic of a bag that has several")
+    parser.add_argument(
+        "--columns",
+        metavar="FILE|PRESET",
+        type=Path,
+        help="YAML that maps other names, units and signs, or the name of a map that is shipped: ur_rtde, libfranka, "
+        "plotjuggler, lowstate, bam, sage, mujoco, isaac_lab",
+    )
+    parser.add_argument("--topic", metavar="NAME", help="topic of joint states in a bag that has several")
+    parser.add_argument(
+        "--ref-topic", metavar="NAME", help="topic of a bag that has the references, where another one has them"
+    )
+    parser.add_argument(
+        "--episodes",
+        metavar="A:B",
+        help="episodes of a LeRobot dataset, each a recording: 0:5 are the first five, 3 is one (default: all)",
+    )
+
+
+def expand_episodes(arguments: argparse.Namespace) -> None:
+    """Put the episodes of LeRobot datasets in the place of their folders."""
+    hold_out = getattr(arguments, "hold_out", [])
+    if arguments.episodes is None and not any(map(is_lerobot, map(Path, (*arguments.logs, *hold_out)))):
+        return
+    from identification.data.readers.lerobot import with_episodes
+
+    arguments.logs = with_episodes(arguments.logs, arguments.episodes)
+    arguments.hold_out = with_episodes(hold_out, None)
+
+
+def expand_one_episode(arguments: argparse.Namespace) -> None:
+    """Put the episode of a LeRobot dataset that is meant in the place of its folder.
+
+    Raises:
+        UsageError: If several are meant.
+    """
+    if arguments.episodes is None and not is_lerobot(Path(arguments.log)):
+        return
+    from identification.data.readers.lerobot import with_episodes
+
+    meant = with_episodes([arguments.log], arguments.episodes)
+    if len(meant) > 1:
+        raise UsageError(f"{arguments.log} has {len(meant)} episodes, wanted one: choose it, as in --episodes 0")
+    arguments.log = meant[0]
 
 
 def require_files(arguments: argparse.Namespace) -> None:

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 from identification.cli.arguments import DONE, Parser, add_reading, one_blas_thread
 from identification.cli.terminal.printed import say
-from identification.files import looks_like_log, require_existing, require_not_swapped
+from identification.files import is_lerobot, looks_like_log, require_existing, require_not_swapped
 from phantom_dyn.errors import UsageError
 from phantom_dyn.model.robot_files import looks_like_robot
 
@@ -44,11 +44,15 @@ def run(arguments: argparse.Namespace) -> int:
         raise UsageError("--robot-config was given without a robot: name the robot that it belongs to.")
     for log in logs:
         require_existing(log)
+    if arguments.episodes is not None or any(map(is_lerobot, map(Path, logs))):
+        from identification.data.readers.lerobot import with_episodes
+
+        logs = with_episodes(logs, arguments.episodes)
     from identification.data.checked_file import checked_file
 
     robot = None if robot_file is None else _robot(robot_file, arguments)
     for log in logs:
-        say(checked_file(log, robot, columns=arguments.columns, topic=arguments.topic))
+        say(checked_file(log, robot, columns=arguments.columns, topic=arguments.topic, ref_topic=arguments.ref_topic))
     return DONE
 
 

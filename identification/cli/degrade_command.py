@@ -9,7 +9,15 @@ from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from identification.cli.arguments import DONE, Parser, add_effects, add_reading, add_robot, one_blas_thread
+from identification.cli.arguments import (
+    DONE,
+    Parser,
+    add_effects,
+    add_reading,
+    add_robot,
+    expand_one_episode,
+    one_blas_thread,
+)
 from identification.cli.terminal.printed import say
 from identification.files import require_ending, require_existing, require_not_swapped, require_writable
 from phantom_dyn.errors import UsageError
@@ -81,7 +89,8 @@ def run(arguments: argparse.Namespace) -> int:
     require_not_swapped(arguments.robot, [arguments.log])
     find_robot(arguments.robot)
     require_existing(arguments.log)
-    if arguments.out.exists() and arguments.out.samefile(arguments.log):
+    expand_one_episode(arguments)
+    if arguments.out.exists() and Path(arguments.log).exists() and arguments.out.samefile(arguments.log):
         raise UsageError(f"--out {arguments.out} is the LOG itself: name another file, the recording stays")
     require_ending(arguments.out)
     require_writable(arguments.out, "--out")
@@ -99,7 +108,13 @@ def _degrade(arguments: argparse.Namespace) -> int:
 
     robot = with_user_effects(load_robot(arguments.robot, config=arguments.robot_config), arguments.effect_files)
     faults = tuple(degradation(robot, given.effect, given.joint, given.values) for given in arguments.effects)
-    table = read_table(arguments.log, columns=arguments.columns, topic=arguments.topic)
+    table = read_table(
+        arguments.log,
+        columns=arguments.columns,
+        topic=arguments.topic,
+        ref_topic=arguments.ref_topic,
+        joints=robot.joint_names,
+    )
     result = degrade(robot, table, recording(table, robot), faults)
     write_log(arguments.out, result.columns)
     for note in (*table.warnings, *result.notes):

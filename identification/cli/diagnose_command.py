@@ -16,6 +16,7 @@ from identification.cli.arguments import (
     add_logs,
     add_robot,
     excluded_stretches,
+    expand_episodes,
     one_blas_thread,
     require_files,
 )
@@ -88,6 +89,7 @@ def run(arguments: argparse.Namespace) -> int:
     one_blas_thread()
     excluded = excluded_stretches(arguments)
     _refuse_contradictions(arguments)
+    expand_episodes(arguments)
     if arguments.each:
         arguments.logs = _logs_of_folders(arguments.logs)
     require_files(arguments)
@@ -184,6 +186,7 @@ def _diagnosis_of_changes(
             change,
             columns=arguments.columns,
             topic=arguments.topic,
+            ref_topic=arguments.ref_topic,
             excluded=excluded,
             anyway=arguments.anyway,
         )
@@ -213,6 +216,7 @@ def _diagnosis_of_logs(
             robot,
             columns=arguments.columns,
             topic=arguments.topic,
+            ref_topic=arguments.ref_topic,
             excluded=excluded,
             torque_needed=torque_needed,
             anyway=arguments.anyway,
@@ -268,7 +272,7 @@ def _diagnose_each(arguments: argparse.Namespace, excluded: tuple[tuple[float, f
             robot,
             arguments.logs,
             known=known_effects(tuple(Path(path) for path in arguments.known), robot),
-            reading=ReadOptions(arguments.columns, arguments.topic, excluded, arguments.anyway),
+            reading=ReadOptions(arguments.columns, arguments.topic, arguments.ref_topic, excluded, arguments.anyway),
             out=arguments.out,
             jobs=arguments.jobs,
             progress=progress.show,

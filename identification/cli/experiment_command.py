@@ -7,7 +7,7 @@ import json
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from identification.cli.arguments import DONE, Parser, add_logs, add_robot, one_blas_thread
+from identification.cli.arguments import DONE, Parser, add_logs, add_robot, expand_episodes, one_blas_thread
 from identification.cli.terminal.printed import say
 from identification.files import require_existing, require_writable_folder, temporary_beside
 from phantom_dyn.errors import LogError, UsageError, known_names
@@ -50,6 +50,7 @@ def run(arguments: argparse.Namespace) -> int:
     if arguments.joint is not None and arguments.test == "friction":
         raise UsageError("--joint was given with friction, which takes every joint that moves: leave it out.")
     find_robot(arguments.robot)
+    expand_episodes(arguments)
     for log in arguments.logs:
         require_existing(log)
     picture = f"{arguments.test}.png"
@@ -68,6 +69,7 @@ def run(arguments: argparse.Namespace) -> int:
             robot,
             columns=arguments.columns,
             topic=arguments.topic,
+            ref_topic=arguments.ref_topic,
             excluded=excluded_stretches(arguments),
             anyway=arguments.anyway or held,
         )

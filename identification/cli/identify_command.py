@@ -14,6 +14,7 @@ from identification.cli.arguments import (
     add_logs,
     add_robot,
     excluded_stretches,
+    expand_episodes,
     one_blas_thread,
     require_files,
 )
@@ -67,6 +68,7 @@ def run(arguments: argparse.Namespace) -> int:
     """Identify, write the files and print a summary."""
     one_blas_thread()
     excluded = excluded_stretches(arguments)
+    expand_episodes(arguments)
     require_files(arguments)
     return _identify(arguments, excluded)
 
@@ -93,6 +95,7 @@ def _identify(arguments: argparse.Namespace, excluded: tuple[tuple[float, float]
                 robot,
                 columns=arguments.columns,
                 topic=arguments.topic,
+                ref_topic=arguments.ref_topic,
                 excluded=excluded,
                 anyway=arguments.anyway,
             )

@@ -17,6 +17,7 @@ from identification.cli.arguments import (
     add_log,
     add_robot,
     excluded_stretches,
+    expand_one_episode,
     one_blas_thread,
 )
 from identification.cli.terminal.percentage import VIEW
@@ -81,6 +82,7 @@ def run(arguments: argparse.Namespace) -> int:
     require_not_swapped(arguments.robot, [arguments.log])
     find_robot(arguments.robot)
     require_existing(arguments.log)
+    expand_one_episode(arguments)
     if not is_installed("viser"):
         raise UsageError(missing_library("viser"))
     from identification.viewing.browser import served
@@ -131,6 +133,7 @@ def _replay(arguments: argparse.Namespace, excluded: tuple[tuple[float, float], 
             robot,
             columns=arguments.columns,
             topic=arguments.topic,
+            ref_topic=arguments.ref_topic,
             excluded=excluded,
             torque_needed=not arguments.motion_only,
             anyway=arguments.anyway,

@@ -62,23 +62,29 @@ def checked_recording(found: Recording, *, with_robot: bool) -> CheckedRecording
 
 
 def checked_file(
-    path: str | Path, robot: Robot | None, *, columns: str | Path | None = None, topic: str | None = None
+    path: str | Path,
+    robot: Robot | None,
+    *,
+    columns: str | Path | None = None,
+    topic: str | None = None,
+    ref_topic: str | None = None,
 ) -> CheckedRecording:
     """What is wrong with the recording in a file.
 
     Args:
         path: See `read_recording`.
         robot: The robot that was recorded; None: only what needs no model is checked.
-        columns: Column map (YAML), if the columns have other names or units.
+        columns: Column map (YAML) or the name of one that is shipped, if the columns have other names or units.
         topic: Topic of a bag that has several.
+        ref_topic: Topic of a bag that has the references, where another one has them.
 
     Raises:
         LogError: If the file is no recording at all.
     """
     if robot is None:
-        found = unassigned_recording(read_table(path, columns=columns, topic=topic))
+        found = unassigned_recording(read_table(path, columns=columns, topic=topic, ref_topic=ref_topic))
         warnings = (*found.warnings, *check_recording(found, None))
     else:
-        found = read_recording(path, robot, columns=columns, topic=topic)
+        found = read_recording(path, robot, columns=columns, topic=topic, ref_topic=ref_topic)
         warnings = (*robot.warnings, *found.warnings)
     return checked_recording(replace(found, warnings=warnings), with_robot=robot is not None)

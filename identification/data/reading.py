@@ -14,6 +14,7 @@ from identification.data.compensation import before_low_pass, gravity_taken, joi
 from identification.data.joint_torque import drive_torque, require_frames, torque_sources
 from identification.data.mending import mended
 from identification.data.readers.contract_columns import UnknownNamesError, column_of
+from identification.data.readers.presets import fitting_presets
 from identification.data.readers.read_table import read_table
 from identification.data.readers.suggested_map import suggested_map
 from identification.data.recording import Recording, Table
@@ -29,14 +30,16 @@ class ReadOptions:
     """How the files of recordings are read, see `read_recording`.
 
     Attributes:
-        columns: Column map (YAML), if the columns have other names or units.
-        topic: Topic of sensor_msgs/JointState in a bag that has several.
+        columns: Column map (YAML) or the name of one that is shipped, if the columns have other names or units.
+        topic: Topic of joint states in a bag that has several.
+        ref_topic: Topic of a bag that has the references, where another one has them.
         excluded: Stretches of time [s] to leave out of every fit.
         anyway: Judge a recording although it is certainly wrong.
     """
 
     columns: str | Path | None = None
     topic: str | None = None
+    ref_topic: str | None = None
     excluded: tuple[tuple[float, float], ...] = ()
     anyway: bool = False
 
@@ -189,6 +192,7 @@ def read_recording(
     *,
     columns: str | Path | None = None,
     topic: str | None = None,
+    ref_topic: str | None = None,
     excluded: Sequence[tuple[float, float]] = (),
     torque_needed: bool = True,
     anyway: bool = False,
@@ -196,10 +200,11 @@ def read_recording(
     """A recording from a file, checked: its warnings say what may be wrong with it, ``wrong`` what certainly is.
 
     Args:
-        path: CSV, NPZ, Parquet, ROS 1 or ROS 2 bag, or MCAP.
+        path: CSV, NPZ, Parquet, ROS 1 or ROS 2 bag, MCAP, or an episode of a LeRobot dataset.
         robot: The robot that was recorded.
-        columns: Column map (YAML), if the columns have other names or units.
-        topic: Topic of sensor_msgs/JointState in a bag that has several.
+        columns: Column map (YAML) or the name of one that is shipped, if the columns have other names or units.
+        topic: Topic of joint states in a bag that has several.
+        ref_topic: Topic of a bag that has the references, where another one has them.
         excluded: Stretches of time [s] to leave out of every fit.
         torque_needed: False for work on motion alone.
         anyway: Let it be judged although it is certainly wrong.
@@ -208,12 +213,11 @@ def read_recording(
         LogError: If the file, a column or a value cannot be used; one sentence says which and what to do.
     """
     try:
-        table = read_table(path, columns=columns, topic=topic)
+        table = read_table(path, columns=columns, topic=topic, ref_topic=ref_topic, joints=robot.joint_names)
     except UnknownNamesError as error:
-        suggested = "" if columns is not None else suggested_map(error.names, robot.joint_names)
-        if not suggested:
+        if columns is not None:
             raise
-        raise LogError(f"{error} A map to begin with, to be checked and saved as columns.yaml:\n{suggested}") from error
+        raise LogError(f"{error}{_advice(error.names, robot)}") from error
     found = recording(table, robot, excluded=excluded, torque_needed=torque_needed)
     # An hour of samples is hundreds of megabytes, and the checks need room.
     del table
@@ -221,6 +225,15 @@ def read_recording(
     # Loops first: where they do not close there is no model to check against.
     passive, rest = check_passive(found, robot), checked(found, robot)
     return replace(found, warnings=(*found.warnings, *passive, *rest.warnings), wrong=rest.wrong, anyway=anyway)
+
+
+def _advice(names: tuple[str, ...], robot: Robot) -> str:
+    """What may help with columns of other names: a map that is shipped, and one to begin with; empty where nothing."""
+    fitting = fitting_presets(names)
+    preset = f" The columns look like those of --columns {fitting[0]}." if len(fitting) == 1 else ""
+    suggested = suggested_map(names, robot.joint_names)
+    own = f" A map to begin with, to be checked and saved as columns.yaml:\n{suggested}" if suggested else ""
+    return preset + own
 
 
 def unassigned_recording(table: Table) -> Recording:

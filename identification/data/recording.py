@@ -34,6 +34,11 @@ class RawTable:
             is all joints.
         low_pass: Cut-off [Hz] of the low pass of first order that the torque of a joint went through, and the positions
             did not; ``""`` is all joints.
+        joint_names: Of the joints that columns number, as in ``q[0]``, where the file states them.
+        numbered: True for a format that says what its numbered columns ``q[0]``, ``tau[0]``, ... are, so that no map is
+            needed.
+        asks_units: True for a format that does not say in which units its joints are, so that a map has to.
+        motor_orders: Orders of joint names that the format's documentation gives for its numbers, if it does.
     """
 
     file: str
@@ -43,6 +48,10 @@ class RawTable:
     warnings: tuple[str, ...] = ()
     compensated: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
     low_pass: Mapping[str, float] = field(default_factory=dict)
+    joint_names: tuple[str, ...] = ()
+    numbered: bool = False
+    asks_units: bool = False
+    motor_orders: tuple[tuple[str, ...], ...] = ()
 
     @property
     def names(self) -> tuple[str, ...]:

@@ -67,6 +67,7 @@ def read_recording(
     *,
     columns: str | Path | None = None,
     topic: str | None = None,
+    ref_topic: str | None = None,
     exclude: Sequence[tuple[float, float]] = (),
     torque_needed: bool = True,
     anyway: bool = False,
@@ -74,10 +75,13 @@ def read_recording(
     """A recording of a robot from a file, checked; its ``warnings`` say what may be wrong with it.
 
     Args:
-        path: CSV, Parquet, NPZ, ROS 1 or ROS 2 bag, or MCAP.
+        path: CSV, Parquet, NPZ, ROS 1 or ROS 2 bag, MCAP, or an episode of a LeRobot dataset, as in
+            ``dataset/episode_000003``.
         robot: File, ``example:NAME``, built-in name, or what `load_robot` returned.
-        columns: Column map (YAML), where the columns have other names or units.
+        columns: Column map (YAML) or the name of one that is shipped, such as ``ur_rtde``, where the columns have other
+            names or units.
         topic: Topic of a bag that has several.
+        ref_topic: Topic of a bag that has the references, where another one has them.
         exclude: Stretches of time [s] to leave out of every fit, as in ``[(0, 1.5)]``.
         torque_needed: False for work on motion alone.
         anyway: Let it be judged although it is certainly wrong.
@@ -91,7 +95,14 @@ def read_recording(
         raise UsageError(f"{path} was given as a recording and is a robot: give the path of the log, then the robot.")
     loaded = robot_of(robot)
     return reading.read_recording(
-        path, loaded, columns=columns, topic=topic, excluded=exclude, torque_needed=torque_needed, anyway=anyway
+        path,
+        loaded,
+        columns=columns,
+        topic=topic,
+        ref_topic=ref_topic,
+        excluded=exclude,
+        torque_needed=torque_needed,
+        anyway=anyway,
     )
 
 
@@ -241,14 +252,16 @@ def check(
     *,
     columns: str | Path | None = None,
     topic: str | None = None,
+    ref_topic: str | None = None,
 ) -> CheckedRecording:
     """Say what is wrong with a recording: what certainly is, and what may be; ``print`` shows it.
 
     Args:
         robot: The robot that was recorded. It may be left out, as in ``check("log.csv")``: then less is checked.
         recording: A path, or what `read_recording` returned.
-        columns: Column map (YAML), where the columns have other names or units.
+        columns: Column map (YAML) or the name of one that is shipped, where the columns have other names or units.
         topic: Topic of a bag that has several.
+        ref_topic: Topic of a bag that has the references, where another one has them.
 
     Raises:
         UsageError: If an argument is of the wrong kind.
@@ -261,7 +274,7 @@ def check(
     if not isinstance(given, str | Path) or (looks_like_robot(str(given)) and alone):
         raise UsageError(f"{described(given)} was given as a recording, wanted a path or a recording.")
     loaded = None if alone or isinstance(robot, Recording) else robot_of(robot, given)
-    return checked_file(given, loaded, columns=columns, topic=topic)
+    return checked_file(given, loaded, columns=columns, topic=topic, ref_topic=ref_topic)
 
 
 def compare(*diagnoses: Diagnosis | str | Path) -> comparison.Comparison:

@@ -5,9 +5,10 @@ from __future__ import annotations
 from collections.abc import Iterable
 from pathlib import Path
 
+from identification.data.readers.lerobot import with_episodes
 from identification.data.reading import read_recording
 from identification.data.recording import Recording
-from identification.files import looks_like_log, require_not_swapped
+from identification.files import is_lerobot, looks_like_log, require_not_swapped
 from phantom_dyn.errors import UsageError
 from phantom_dyn.model.loading import load_robot
 from phantom_dyn.model.robot import Robot
@@ -61,10 +62,17 @@ def recordings_of(
         UsageError: If there is none, or one is no recording; the sentence says what was given and what is wanted.
         LogError: If a file cannot be read.
     """
-    several = listed(given)
+    several = tuple(part for one in listed(given) for part in _episodes(one))
     if not several:
         raise UsageError(f"No recording was given, {_LOG_WANTED}.")
     return tuple(_recording(one, robot, columns, torque_needed) for one in several)
+
+
+def _episodes(given: object) -> list[object]:
+    """The episodes of a LeRobot dataset, where the folder of one is given; else what was given."""
+    if not isinstance(given, str | Path) or not is_lerobot(Path(given)):
+        return [given]
+    return list(with_episodes([str(given)], None))
 
 
 def listed(given: object) -> tuple[object, ...]:

@@ -182,6 +182,7 @@ def read_changed(
     *,
     columns: str | Path | None = None,
     topic: str | None = None,
+    ref_topic: str | None = None,
     excluded: Sequence[tuple[float, float]] = (),
     anyway: bool = False,
 ) -> Recording:
@@ -193,8 +194,9 @@ def read_changed(
         path: CSV, NPZ, Parquet, ROS 1 or ROS 2 bag, or MCAP.
         robot: The given model.
         change: What is known of this recording.
-        columns: Column map (YAML), if the columns have other names or units.
-        topic: Topic of sensor_msgs/JointState in a bag that has several.
+        columns: Column map (YAML) or the name of one that is shipped, if the columns have other names or units.
+        topic: Topic of joint states in a bag that has several.
+        ref_topic: Topic of a bag that has the references, where another one has them.
         excluded: Stretches of time [s] to leave out of every fit, besides those of ``change``.
         anyway: Let it be judged although it is certainly wrong.
 
@@ -205,6 +207,13 @@ def read_changed(
     asked = bool(change.controllers) and states_controllers(there)
     left_out = (*excluded, *change.exclude)
     found = read_recording(
-        path, there, columns=columns, topic=topic, excluded=left_out, torque_needed=not asked, anyway=anyway
+        path,
+        there,
+        columns=columns,
+        topic=topic,
+        ref_topic=ref_topic,
+        excluded=left_out,
+        torque_needed=not asked,
+        anyway=anyway,
     )
     return with_asked_torque(found, there) if asked else found

@@ -10,6 +10,7 @@ from typing import Any, BinaryIO
 
 import numpy as np
 
+from identification.data.readers.contract_columns import column_of
 from identification.data.readers.unpacked_size import require_small_npz, require_small_parquet
 from identification.data.recording import RawTable
 from phantom_dyn.errors import LogError
@@ -17,10 +18,22 @@ from phantom_dyn.libraries import is_installed, missing_library
 
 Array = np.ndarray
 
+MOST_IN_LIST = 256
+"""Numbers of a list in a column; more are no joints of one robot but an image or a point cloud."""
+_NAMES = ("joint_names", "joints", "joint_sequence", "names")
+"""Arrays of texts that name the joints."""
+
+
+def numbered(name: str, values: Array) -> dict[str, Array]:
+    """One column per place of a list, as ``q[0]``, from an array ``(N, n)``; an array ``(N,)`` stays as it is."""
+    if values.ndim == 1:
+        return {name: values}
+    return {f"{name}[{k}]": values[:, k] for k in range(values.shape[1])}
+
 
 def _problem(file: str, name: str, array: Array) -> str | None:
-    """Why an array cannot be a column, or None if it can."""
-    if array.ndim != 1:
+    """Why an array cannot be a column or several, or None if it can."""
+    if array.ndim != 1 and not (array.ndim == 2 and array.shape[1] <= MOST_IN_LIST and column_of(name) is None):
         return (
             f"{file}: array {name} has the shape {array.shape}: write one 1-D array per column, "
             f"named as {name}.<joint> where it belongs to a joint."
@@ -51,6 +64,7 @@ def read_npz(path: Path) -> RawTable:
 def _arrays(path: Path, file: BinaryIO) -> RawTable:
     """Columns of an open NPZ file that is known to be of a reasonable size."""
     columns, problems = {}, {}
+    names: tuple[str, ...] = ()
     with np.load(file, allow_pickle=False) as archive:
         if not archive.files:
             raise LogError(f"{path.name} is empty: an NPZ log needs one array per column.")
@@ -66,12 +80,15 @@ def _arrays(path: Path, file: BinaryIO) -> RawTable:
                     "code: write it as an array of floats."
                 )
                 continue
+            if name in _NAMES and array.ndim == 1 and array.dtype.kind == "U":
+                names = tuple(str(joint) for joint in array)
+                continue
             sentence = _problem(path.name, name, array)
             if sentence is None:
-                columns[name] = array.astype(float, copy=False)
+                columns |= numbered(name, array.astype(float, copy=False))
             else:
                 problems[name] = sentence
-    return RawTable(path.name, columns, problems)
+    return RawTable(path.name, columns, problems, joint_names=names)
 
 
 def _require_unique(path: Path, names: Iterable[str]) -> None:
@@ -87,6 +104,70 @@ def _holds_numbers(kind: Any) -> bool:
     return pa.types.is_integer(kind) or pa.types.is_floating(kind) or pa.types.is_decimal(kind)
 
 
+def _holds_lists(kind: Any) -> bool:
+    """True for a type of Arrow that becomes a list of floats."""
+    import pyarrow as pa
+
+    lists = pa.types.is_list(kind) or pa.types.is_large_list(kind) or pa.types.is_fixed_size_list(kind)
+    return lists and _holds_numbers(kind.value_type)
+
+
+def _floats(chunks: Any) -> Array:
+    """A column of numbers as floats; a missing value becomes NaN."""
+    import pyarrow as pa
+
+    # Arrow's own `to_numpy` imports pandas, which takes longer than the reading and swallows a Ctrl-C.
+    values = chunks.cast(pa.float64()).fill_null(float("nan"))
+    return np.concatenate([np.empty(0), *map(np.from_dlpack, values.chunks)])
+
+
+def _lists(file: str, name: str, chunks: Any) -> Array | str:
+    """A column of lists as an array ``(N, n)``, or the sentence on why it cannot be one."""
+    import pyarrow as pa
+    import pyarrow.compute as pc
+
+    lengths = _floats(pc.list_value_length(chunks))
+    if not len(lengths):
+        return np.empty((0, 0))
+    if not np.all(lengths == lengths[0]) or lengths[0] > MOST_IN_LIST:
+        row = int(np.argmax(lengths != lengths[0]))
+        return (
+            f"{file}: column {name} holds lists of {lengths[0]:g} numbers in row 1 and {lengths[row]:g} in row "
+            f"{row + 1}, wanted one number per joint in every row, at most {MOST_IN_LIST}."
+        )
+    flat = pc.list_flatten(chunks)
+    return _floats(flat if isinstance(flat, pa.ChunkedArray) else pa.chunked_array([flat])).reshape(len(lengths), -1)
+
+
+def parquet_columns(file: str, table: Any) -> tuple[dict[str, Array], dict[str, str]]:
+    """Columns of a table of Arrow, lists as one column per place, and a sentence for each that holds no numbers."""
+    columns: dict[str, Array] = {}
+    problems: dict[str, str] = {}
+    for name, kind in zip(table.schema.names, table.schema.types, strict=True):
+        values = _lists(file, name, table.column(name)) if _holds_lists(kind) else _floats(table.column(name))
+        if isinstance(values, str):
+            problems[name] = values
+        else:
+            columns |= numbered(name, values)
+    return columns, problems
+
+
+def open_parquet(path: Path) -> Any:
+    """A Parquet file that holds no more than a file of its size can.
+
+    Raises:
+        LogError: If it declares more, a column name stands there twice, or the library is not installed.
+    """
+    if not is_installed("pyarrow"):
+        raise LogError(f"{path.name} is Parquet. {missing_library('pyarrow')}")
+    import pyarrow.parquet as pq
+
+    file = pq.ParquetFile(path)
+    require_small_parquet(path, file.metadata)
+    _require_unique(path, file.schema_arrow.names)
+    return file
+
+
 def read_parquet(path: Path) -> RawTable:
     """Columns of a Parquet file under the file's own names; a missing value becomes NaN.
 
@@ -99,23 +180,14 @@ def read_parquet(path: Path) -> RawTable:
     Raises:
         LogError: If a column name stands there twice, or the library for Parquet is not installed.
     """
-    if not is_installed("pyarrow"):
-        raise LogError(f"{path.name} is Parquet. {missing_library('pyarrow')}")
-    import pyarrow as pa
-    import pyarrow.parquet as pq
-
-    file = pq.ParquetFile(path)
-    require_small_parquet(path, file.metadata)
+    file = open_parquet(path)
     kinds = dict(zip(file.schema_arrow.names, file.schema_arrow.types, strict=True))
-    _require_unique(path, file.schema_arrow.names)
     # Nothing but numbers is read: texts may be of any size.
-    table = file.read(columns=[name for name, kind in kinds.items() if _holds_numbers(kind)])
-    columns, problems = {}, {}
-    for name, kind in kinds.items():
-        if _holds_numbers(kind):
-            # Arrow's own `to_numpy` imports pandas, which takes longer than the reading and swallows a Ctrl-C.
-            numbers = table.column(name).cast(pa.float64()).fill_null(float("nan"))
-            columns[name] = np.concatenate([np.empty(0), *map(np.from_dlpack, numbers.chunks)])
-        else:
-            problems[name] = f"{path.name}: column {name} holds {kind} where numbers should be: write floats."
+    wanted = [name for name, kind in kinds.items() if _holds_numbers(kind) or _holds_lists(kind)]
+    columns, problems = parquet_columns(path.name, file.read(columns=wanted))
+    problems |= {
+        name: f"{path.name}: column {name} holds {kind} where numbers should be: write floats."
+        for name, kind in kinds.items()
+        if name not in wanted
+    }
     return RawTable(path.name, columns, problems)

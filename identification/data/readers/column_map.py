@@ -5,6 +5,7 @@ t: {from: time_ms, unit: ms}
 q.j1: {from: enc1, counts: 8192}     # counts per revolution of the joint
 tau.j1: {from: load1, unit: Nmm, sign: -1}
 v: {from: "vel_{joint}", unit: deg/s}  # every column vel_<joint>
+x: "enc[{number}]"                   # enc[0], enc[1], ...: the joints in the robot's order
 tau.j2: {from: load2, gear: 100}     # on the motor's side of a gear of 100
 tau: {compensated: gravity}          # a controller took gravity out of the torques: the model's is put back
 tau.j3: {compensated: [gravity, friction]}  # of one joint, and its friction too
@@ -17,7 +18,7 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, cast
@@ -25,11 +26,13 @@ from typing import Any, cast
 import msgspec
 
 from identification.data.readers.contract_columns import COUNTED, JOINT_QUANTITIES, UNITS, Quantity, column_of
+from identification.data.readers.numbered_joints import joints_of_numbers
 from identification.data.recording import RawTable
 from phantom_dyn.errors import LogError, known_names, listed, shortened
 from phantom_dyn.model.settings_file import describe, read_settings
 
 _PLACE = "{joint}"
+_NUMBER = "{number}"
 _COMPENSATED = "compensated"
 # What a controller may take out of a torque.
 _PARTS = ("gravity", "friction")
@@ -53,7 +56,10 @@ class _Source(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
 
 @dataclass(frozen=True)
 class Source:
-    """Column of the file that an entry takes, and the factor to SI; ``{joint}`` in the name stands for any joint."""
+    """Column of the file that an entry takes, and the factor to SI.
+
+    ``{joint}`` in the name stands for the name of any joint, ``{number}`` for the number of any joint.
+    """
 
     name: str
     factor: float
@@ -112,7 +118,17 @@ def _plain_factor(where: str, quantity: Quantity, source: _Source) -> float:
     return source.sign * units[source.unit]
 
 
-def _source(file: str, key: str, value: Any) -> Source:
+def source_of(file: str, key: str, value: Any) -> Source:
+    """The column that an entry of a map takes.
+
+    Args:
+        file: Name of the map, for messages.
+        key: The contract's name, or a quantity for all joints.
+        value: The entry as it was written.
+
+    Raises:
+        LogError: If it means nothing; one sentence says why.
+    """
     where = f"{file}: {key}"
     given = {"from": value} if isinstance(value, str) else value
     if not isinstance(given, dict):
@@ -129,10 +145,10 @@ def _source(file: str, key: str, value: Any) -> Source:
         raise LogError(f"{where}: {reason}: correct it, as in {{from: NAME, unit: UNIT}}.") from error
     column = column_of(key)
     if column is None and key in JOINT_QUANTITIES:
-        if source.name.count(_PLACE) != 1:
+        if source.name.count(_PLACE) + source.name.count(_NUMBER) != 1:
             raise LogError(
                 f"{where} is meant for every joint, but from is {shortened(source.name)!r}: put {_PLACE} into it once, "
-                f"or write {key}.<joint>."
+                f"or {_NUMBER}, or write {key}.<joint>."
             )
         return Source(source.name, _factor(where, cast("Quantity", key), source))
     if column is None:
@@ -163,7 +179,7 @@ def read_column_map(path: str | Path) -> ColumnMap:
     compensated = {key.partition(".")[2]: taken for key, (_, taken) in entries.items() if taken}
     rest = {key: _without_low_pass(path.name, key, value) for key, (value, _) in entries.items()}
     low_pass = {key.partition(".")[2]: hertz for key, (_, hertz) in rest.items() if hertz is not None}
-    sources = {key: _source(path.name, key, value) for key, (value, _) in rest.items() if value != {}}
+    sources = {key: source_of(path.name, key, value) for key, (value, _) in rest.items() if value != {}}
     return ColumnMap(path.name, sources, tuple(ignored), compensated, low_pass)
 
 
@@ -193,45 +209,79 @@ def _without_low_pass(file: str, key: str, value: Any) -> tuple[Any, float | Non
     return {name: entry for name, entry in value.items() if name != _LOW_PASS}, float(hertz)
 
 
-def _expanded(columns: ColumnMap, raw: RawTable) -> dict[str, Source]:
-    """Sources with every ``{joint}`` replaced by what it matches; entries written out win."""
+def matching(name: str, names: Sequence[str]) -> dict[str, str]:
+    """Columns that a name with ``{joint}`` or ``{number}`` in it means, by what stands in that place."""
+    place, inside = (_NUMBER, "([0-9]{1,4})") if _NUMBER in name else (_PLACE, "(.+)")
+    before, after = name.split(place)
+    pattern = re.compile(re.escape(before) + inside + re.escape(after))
+    return {m.group(1): m.group(0) for column in names if (m := pattern.fullmatch(column))}
+
+
+def _expanded(
+    columns: ColumnMap, raw: RawTable, joints: Sequence[str] | None
+) -> tuple[dict[str, Source], tuple[str, ...]]:
+    """Sources with every place replaced by what it matches, and what to tell of it; entries written out win."""
     out: dict[str, Source] = {}
+    numbered: dict[str, dict[int, str]] = {}
     for key, source in columns.sources.items():
         if column_of(key) is not None:
             continue
-        before, after = source.name.split(_PLACE)
-        pattern = re.compile(re.escape(before) + "(.+)" + re.escape(after))
-        found = {m.group(1): m.group(0) for name in raw.names if (m := pattern.fullmatch(name))}
+        found = matching(source.name, raw.names)
         if not found:
             raise LogError(
                 f"{columns.file}: {key} takes {shortened(source.name)}, but no column of {raw.file} looks so: "
                 f"{known_names(source.name, raw.names, 'columns')}"
             )
-        out |= {f"{key}.{joint}": Source(name, source.factor) for joint, name in found.items()}
-    return out | {key: source for key, source in columns.sources.items() if column_of(key) is not None}
+        if _NUMBER in source.name:
+            numbered[key] = {int(number): name for number, name in found.items()}
+        else:
+            out |= {f"{key}.{joint}": Source(name, source.factor) for joint, name in found.items()}
+    told: tuple[str, ...] = ()
+    if numbered:
+        positions = numbered.get("q") or next(iter(numbered.values()))
+        taken, told = joints_of_numbers(raw, positions, joints)
+        for key, found in numbered.items():
+            strange = sorted(set(found) - set(positions))
+            if strange:
+                raise LogError(
+                    f"{columns.file}: {raw.file} has {shortened(found[strange[0]])}, and no position has that number: "
+                    "say in the map which column belongs to which joint."
+                )
+            factor = columns.sources[key].factor
+            out |= {
+                f"{key}.{taken[number]}": Source(found[number], factor) for number in sorted(found) if number in taken
+            }
+    out |= {key: source for key, source in columns.sources.items() if column_of(key) is not None}
+    return out, told
 
 
-def mapped(raw: RawTable, columns: ColumnMap) -> RawTable:
+def mapped(raw: RawTable, columns: ColumnMap, joints: Sequence[str] | None = None) -> RawTable:
     """The columns of a file under the contract's names and in SI units; columns that the map does not name stay.
 
     Args:
         raw: Columns as the file names them.
         columns: What they are.
+        joints: Of the robot, in the order in which a file may number them; None where there is no robot.
 
     Raises:
         LogError: If the map names a column that the file does not have, or one that holds no numbers.
     """
-    sources = _expanded(columns, raw)
+    sources, told = _expanded(columns, raw, joints)
     for name in [*(source.name for source in sources.values()), *columns.ignored]:
         if name not in raw.names:
             raise LogError(
                 f"{columns.file}: {raw.file} has no column {shortened(name)}: {known_names(name, raw.names, 'columns')}"
             )
     gone = {source.name for source in sources.values()} | set(columns.ignored)
+    # Numbers that are no joint of the robot are left out with the others.
+    for source in columns.sources.values():
+        if _NUMBER in source.name:
+            gone |= set(matching(source.name, raw.names).values())
     out = {name: values for name, values in raw.columns.items() if name not in gone}
     for key, source in sources.items():
         if source.name in raw.problems:
             raise LogError(raw.problems[source.name])
         out[key] = raw.columns[source.name] * source.factor
     problems = {name: text for name, text in raw.problems.items() if name not in gone and name not in sources}
-    return RawTable(raw.file, out, problems, raw.place, raw.warnings, columns.compensated, columns.low_pass)
+    warnings = (*raw.warnings, *told)
+    return RawTable(raw.file, out, problems, raw.place, warnings, columns.compensated, columns.low_pass)

@@ -14,12 +14,15 @@ from pathlib import Path
 
 import numpy as np
 
+from identification.data.readers.array_files import MOST_IN_LIST, numbered
 from identification.data.readers.contract_columns import column_of
 from identification.data.recording import RawTable
 from phantom_dyn.errors import LogError, listed, shortened
 
 Array = np.ndarray
 
+# A list in a cell; what holds no number is found where its parts are read.
+_LIST = re.compile(r"\[([^\[\]]*)\]", re.DOTALL)
 _SKIPPED = re.compile(rb"(?m)^[ \t\r]*(?:#[^\n]*)?\n")
 
 
@@ -165,12 +168,34 @@ def _line_by_line(
     rows = [_cells(line, separator) for _, line in numbered]
     columns, problems = {}, {}
     for k, name in enumerate(names):
-        result = _column_or_problem(file, name, [row[k] for row in rows], lines)
+        cells = [row[k] for row in rows]
+        read = _list_columns if cells[:1] and _LIST.fullmatch(cells[0]) and column_of(name) is None else _own_column
+        result = read(file, name, cells, lines)
         if isinstance(result, str):
             problems[name] = result
         else:
-            columns[name] = result
+            columns |= result
     return columns, problems
+
+
+def _own_column(file: str, name: str, cells: list[str], lines: list[int]) -> dict[str, Array] | str:
+    """The one column that a column of numbers is, or the sentence about its first value that is none."""
+    result = _column_or_problem(file, name, cells, lines)
+    return result if isinstance(result, str) else {name: result}
+
+
+def _list_columns(file: str, name: str, cells: list[str], lines: list[int]) -> dict[str, Array] | str:
+    """One column per place of lists such as ``[0.1, 0.2]``, as ``q[0]``, or the sentence about the first bad one."""
+    rows: list[list[float]] = []
+    for k, cell in enumerate(cells):
+        inside = _LIST.fullmatch(cell)
+        numbers = [_number(word) for word in re.split(r"[,\s]+", inside.group(1).strip())] if inside else [None]
+        kept = [number for number in numbers if number is not None]
+        if len(kept) != len(numbers) or (rows and len(kept) != len(rows[0])) or len(kept) > MOST_IN_LIST:
+            wanted = f"a list of {len(rows[0])} numbers" if rows else f"a list of at most {MOST_IN_LIST} numbers"
+            return f"{file}, line {lines[k]}, column {shortened(name)} holds {shortened(cell)!r}, wanted {wanted}."
+        rows.append(kept)
+    return numbered(name, np.array(rows))
 
 
 def _line_of(data: bytes, own_line: bool, row: int) -> str:

@@ -6,35 +6,50 @@ those of its own format alone.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
 
 from identification.data.readers.array_files import read_npz, read_parquet
-from identification.data.readers.column_map import mapped, read_column_map
-from identification.data.readers.contract_columns import contract_table
+from identification.data.readers.column_map import ColumnMap, Source, mapped, matching, read_column_map
+from identification.data.readers.contract_columns import JOINT_QUANTITIES, contract_table
 from identification.data.readers.delimited import read_delimited
+from identification.data.readers.lerobot import read_dataset, read_episode, units_question
+from identification.data.readers.presets import map_of, preset_of
 from identification.data.readers.rosbag import read_ros1_bag, read_ros2_bag
+from identification.data.readers.sage import with_neighbours
 from identification.data.recording import RawTable, Table
-from identification.files import LOG_FORMATS, require_existing
+from identification.files import LOG_FORMATS, is_lerobot, lerobot_episode, require_existing
 from phantom_dyn.errors import LogError, PhantomDynError
 from phantom_dyn.model.plain_file import require_plain_file
 
 
-def _read(path: Path, topic: str | None) -> RawTable:
+def _read(path: Path, topic: str | None, ref_topic: str | None) -> RawTable:
     """The reader that fits the content."""
+    episode = lerobot_episode(path)
+    if episode is not None:
+        return read_episode(*episode)
     if path.is_dir():
+        if is_lerobot(path):
+            return read_dataset(path)
         if not (path / "metadata.yaml").exists():
-            raise LogError(f"{path} is a folder without metadata.yaml, so no ROS 2 bag: give a file ({LOG_FORMATS}).")
+            raise LogError(
+                f"{path} is a folder without metadata.yaml, so no ROS 2 bag, and without meta/info.json, so no LeRobot "
+                f"dataset: give a file ({LOG_FORMATS})."
+            )
 
-        return read_ros2_bag(path, topic)
+        return read_ros2_bag(path, topic, ref_topic)
     require_plain_file(path, LogError, f"a log ({LOG_FORMATS})")
     with path.open("rb") as file:
         start = file.read(16)
     if not start:
         raise LogError(f"{path.name} is empty: a log needs rows of numbers; record it again.")
     if start.startswith(b"#ROSBAG V"):
-        return read_ros1_bag(path, topic)
+        return read_ros1_bag(path, topic, ref_topic)
     if start.startswith((b"SQLite format 3", b"\x89MCAP")):
-        return read_ros2_bag(path, topic)
+        return read_ros2_bag(path, topic, ref_topic)
+    if ref_topic is not None:
+        raise LogError(f"{path.name} is no bag, so it has no topic {ref_topic}: leave --ref-topic out.")
     if start.startswith(b"PK\x03\x04") or start.startswith(b"PK\x05\x06"):
         return read_npz(path)
     if start.startswith(b"PAR1"):
@@ -43,12 +58,13 @@ def _read(path: Path, topic: str | None) -> RawTable:
     return read_delimited(path)
 
 
-def read_raw(path: str | Path, *, topic: str | None = None) -> RawTable:
+def read_raw(path: str | Path, *, topic: str | None = None, ref_topic: str | None = None) -> RawTable:
     """Columns of a file under the file's own names.
 
     Args:
         path: CSV, NPZ, Parquet, ROS 1 or ROS 2 bag, or MCAP; recognised by its content, not by its ending.
-        topic: Topic of sensor_msgs/JointState in a bag that has several.
+        topic: Topic of joint states in a bag that has several.
+        ref_topic: Topic of a bag that has the references of the position controllers, where another one has them.
 
     Returns:
         Columns as they stand in the file.
@@ -59,7 +75,7 @@ def read_raw(path: str | Path, *, topic: str | None = None) -> RawTable:
     path = Path(path)
     require_existing(path)
     try:
-        return _read(path, topic)
+        return _read(path, topic, ref_topic)
     except PhantomDynError:
         raise
     except OSError as error:
@@ -76,13 +92,23 @@ def _damaged(path: Path, error: Exception) -> str:
     return f"{path.name} is cut off or damaged ({reason}): record or copy it again; a log is {LOG_FORMATS}."
 
 
-def read_table(path: str | Path, *, columns: str | Path | None = None, topic: str | None = None) -> Table:
+def read_table(
+    path: str | Path,
+    *,
+    columns: str | Path | None = None,
+    topic: str | None = None,
+    ref_topic: str | None = None,
+    joints: Sequence[str] | None = None,
+) -> Table:
     """Columns of a log under the contract's names, checked and ready to use.
 
     Args:
         path: See `read_raw`.
-        columns: Column map (YAML), see `identification.data.readers.column_map`.
+        columns: Column map (YAML), see `identification.data.readers.column_map`, or the name of one that is shipped,
+            see `identification.data.readers.presets`.
         topic: See `read_raw`.
+        ref_topic: See `read_raw`.
+        joints: Of the robot, in its order, which names joints that a file numbers; None where there is no robot.
 
     Returns:
         The contract's columns; other columns are named in the warnings.
@@ -90,8 +116,23 @@ def read_table(path: str | Path, *, columns: str | Path | None = None, topic: st
     Raises:
         LogError: If file or map cannot be used, or one of the contract's columns cannot be right.
     """
-    if columns is None:
-        return contract_table(read_raw(path, topic=topic))
+    preset = None if columns is None else preset_of(columns)
+    # A map that cannot be used is refused before a long recording is read.
+    own_map = None if columns is None or preset is not None else read_column_map(columns)
+    raw = read_raw(path, topic=topic, ref_topic=ref_topic)
+    if preset is not None:
+        raw = with_neighbours(Path(path), raw) if preset.name == "sage" else raw
+        raw = replace(raw, motor_orders=raw.motor_orders or preset.motor_orders)
+        own_map = map_of(preset, raw, joints)
+    elif own_map is None and raw.asks_units:
+        raise LogError(units_question(raw, joints))
+    elif own_map is None and (raw.numbered or raw.joint_names):
+        own_map = _numbers_of_quantities(raw)
+    return contract_table(raw if own_map is None else mapped(raw, own_map, joints))
 
-    column_map = read_column_map(columns)
-    return contract_table(mapped(read_raw(path, topic=topic), column_map))
+
+def _numbers_of_quantities(raw: RawTable) -> ColumnMap | None:
+    """The map of columns that are numbered under the contract's own names, as ``q[0]``; None where there are none."""
+    found = {name: f"{name}[{{number}}]" for name in JOINT_QUANTITIES}
+    sources = {name: Source(place, 1.0) for name, place in found.items() if matching(place, raw.names)}
+    return ColumnMap(raw.file, sources) if sources else None

@@ -1,61 +1,111 @@
 # pyright: reportAttributeAccessIssue=false
-"""ROS 1 and ROS 2 bags (folder or bare .db3 file) and MCAP: one topic of sensor_msgs/JointState."""
+"""ROS 1 and ROS 2 bags (folder or bare .db3 file) and MCAP: one topic of joint states, and one of references.
+
+What the messages say, `identification.data.readers.joint_messages` knows.
+"""
 
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Callable
-from dataclasses import dataclass
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
+from identification.data.readers.contract_columns import JOINT_QUANTITIES
+from identification.data.readers.joint_messages import (
+    CONTROLLER_STATE,
+    DOCUMENTED_ORDER,
+    JOINT_STATE,
+    REFERENCES,
+    STATES,
+    JointValues,
+)
+from identification.data.readers.message_types import register_types
+from identification.data.readers.references import Reference, with_references
+from identification.data.readers.unitree_orders import MOTOR_ORDERS
 from identification.data.readers.unpacked_size import require_small_bag, require_small_mcap
 from identification.data.recording import RawTable
 from phantom_dyn.errors import LogError, known_names, listed
 from phantom_dyn.libraries import is_installed, missing_library
 
 Array = np.ndarray
-_JOINT_STATE = "sensor_msgs/msg/JointState"
-# JointState's fields and the prefix that each has in the contract.
-_FIELDS = (("position", "q"), ("velocity", "v"), ("effort", "tau"))
+Readers = Mapping[str, Callable[[Any], JointValues]]
+
+# Fields of JointState, for messages about it.
+_WORDS = {
+    "q": "position",
+    "v": "velocity",
+    "tau": "effort",
+    "q_ref": "reference",
+    "i": "current",
+    "temp": "temperature",
+}
+_TICK = 0.02
+"""How much longer or shorter than by the times of receipt a recording may be by ticks, whose unit is not certain."""
 
 
 @dataclass(frozen=True)
 class _Message:
-    """One JointState: receive time and header stamp [ns], joint names, values of the three fields."""
+    """What one message says, and when it was received [ns]."""
 
     received: int
-    stamp: int
-    names: tuple[str, ...]
-    values: tuple[Array, Array, Array]
+    says: JointValues
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        return self.says.names
 
 
-def _choose_topic(file: str, connections: list[Any], topic: str | None) -> list[Any]:
-    """Connections of the JointState topic to read."""
-    topics = sorted({c.topic for c in connections if c.msgtype == _JOINT_STATE})
+@dataclass(frozen=True)
+class _Topic:
+    """Messages of one topic.
+
+    Attributes:
+        name: Of the topic.
+        kind: Type of its messages.
+        messages: In the order in which they were received.
+    """
+
+    name: str
+    kind: str
+    messages: list[_Message]
+
+
+def _choose_topic(file: str, connections: Sequence[Any], topic: str | None, readers: Readers, option: str) -> list[Any]:
+    """Connections of the topic to read."""
+    kinds = {c.topic: c.msgtype for c in connections if c.msgtype in readers}
+    topics = sorted(kinds)
+    wanted_kinds = "joint states" if option == "--topic" else "references"
     if not topics:
-        kinds = sorted({f"{c.topic} ({c.msgtype})" for c in connections})
-        raise LogError(f"{file} has no topic of sensor_msgs/JointState; its topics are {listed(kinds)}.")
-    if topic is None and len(topics) > 1:
-        raise LogError(f"{file} has several topics of sensor_msgs/JointState, choose one by --topic: {listed(topics)}.")
-    wanted: str = topics[0] if topic is None else topic
-    if wanted not in topics:
+        found = sorted({f"{c.topic} ({c.msgtype})" for c in connections})
         raise LogError(
-            f"{file} has no topic {wanted} of sensor_msgs/JointState: {known_names(wanted, topics, 'such topics')}"
+            f"{file} has no topic of {wanted_kinds} (sensor_msgs/JointState or another of {listed(sorted(readers))}); "
+            f"its topics are {listed(found)}."
         )
-    return [c for c in connections if c.topic == wanted and c.msgtype == _JOINT_STATE]
+    if topic is None:
+        plain = [name for name in topics if kinds[name] == JOINT_STATE]
+        topics = plain or topics
+        if len(topics) > 1:
+            raise LogError(
+                f"{file} has several topics of {'sensor_msgs/JointState' if plain else wanted_kinds}, choose one by "
+                f"{option}: {listed(topics)}."
+            )
+    wanted = topics[0] if topic is None else topic
+    if wanted not in topics:
+        raise LogError(f"{file} has no topic {wanted} of {wanted_kinds}: {known_names(wanted, topics, 'such topics')}")
+    return [c for c in connections if c.topic == wanted and c.msgtype == kinds[wanted]]
 
 
-def _messages(reader: Any, connections: list[Any], decode: Callable[[bytes, str], Any]) -> list[_Message]:
-    out = []
-    for connection, received, raw in reader.messages(connections=connections):
-        message = decode(raw, connection.msgtype)
-        stamp = message.header.stamp.sec * 10**9 + message.header.stamp.nanosec
-        values = (message.position, message.velocity, message.effort)
-        out.append(_Message(received, stamp, tuple(message.name), values))
-    return out
+def _topic(reader: Any, connections: list[Any], readers: Readers, decode: Callable[[bytes, str], Any]) -> _Topic:
+    read = readers[connections[0].msgtype]
+    messages = [
+        _Message(received, read(decode(raw, connection.msgtype)))
+        for connection, received, raw in reader.messages(connections=connections)
+    ]
+    return _Topic(connections[0].topic, connections[0].msgtype, messages)
 
 
 def _require_rosbags(file: str) -> None:
@@ -64,19 +114,38 @@ def _require_rosbags(file: str) -> None:
         raise LogError(f"{file} is a bag. {missing_library('rosbags')}")
 
 
-def _open_ros1(path: Path, topic: str | None) -> tuple[str, list[_Message]]:
+def _opened(
+    file: str, reader: Any, store: Any, decode: Callable[[bytes, str], Any], topic: str | None, ref_topic: str | None
+) -> RawTable:
+    """The table of an open bag."""
+    connections = list(reader.connections)
+    states = _choose_topic(file, connections, topic, STATES, "--topic")
+    asked = [] if ref_topic is None else _choose_topic(file, connections, ref_topic, REFERENCES, "--ref-topic")
+    register_types(file, store, (*states, *asked))
+    table = _table(
+        file, _topic(reader, states, STATES, decode), None if not asked else _topic(reader, asked, REFERENCES, decode)
+    )
+    others = sorted({c.topic for c in connections if c.msgtype == CONTROLLER_STATE} - {states[0].topic})
+    if not others or asked:
+        return table
+    told = (
+        f"{file}: the references of the controllers are on {listed(others)} and are read with --ref-topic {others[0]}."
+    )
+    return replace(table, warnings=(*table.warnings, told))
+
+
+def _open_ros1(path: Path, topic: str | None, ref_topic: str | None) -> RawTable:
     _require_rosbags(path.name)
     from rosbags.rosbag1 import Reader
     from rosbags.typesys import Stores, get_typestore
 
     require_small_bag(path)
-    decode = get_typestore(Stores.ROS1_NOETIC).deserialize_ros1
+    store = get_typestore(Stores.ROS1_NOETIC)
     with Reader(path) as reader:
-        connections = _choose_topic(path.name, list(reader.connections), topic)
-        return connections[0].topic, _messages(reader, connections, decode)
+        return _opened(path.name, reader, store, store.deserialize_ros1, topic, ref_topic)
 
 
-def _open_ros2(path: Path, topic: str | None) -> tuple[str, list[_Message]]:
+def _open_ros2(path: Path, topic: str | None, ref_topic: str | None) -> RawTable:
     _require_rosbags(path.name)
     from rosbags.rosbag2 import Reader
     from rosbags.typesys import Stores, get_typestore
@@ -84,38 +153,44 @@ def _open_ros2(path: Path, topic: str | None) -> tuple[str, list[_Message]]:
     for file in [path] if path.is_file() else path.glob("*.mcap"):
         if file.suffix == ".mcap":
             require_small_mcap(file)
-    decode = get_typestore(Stores.ROS2_HUMBLE).deserialize_cdr
+    store = get_typestore(Stores.ROS2_HUMBLE)
     with Reader(path) as reader:
-        connections = _choose_topic(path.name, list(reader.connections), topic)
-        return connections[0].topic, _messages(reader, connections, decode)
+        return _opened(path.name, reader, store, store.deserialize_cdr, topic, ref_topic)
 
 
-def _of_main_joints(file: str, topic: str, messages: list[_Message]) -> tuple[list[_Message], tuple[str, ...]]:
-    """Messages about the set of joints that most values belong to (an arm and its gripper may share a topic)."""
-    for k, message in enumerate(messages):
+def _require_distinct(file: str, topic: _Topic) -> None:
+    for k, message in enumerate(topic.messages):
         if len(set(message.names)) != len(message.names):
-            raise LogError(f"{file}: message {k + 1} of {topic} names a joint twice: {listed(message.names)}.")
-    counts = Counter(frozenset(message.names) for message in messages)
+            raise LogError(f"{file}: message {k + 1} of {topic.name} names a joint twice: {listed(message.names)}.")
+
+
+def _of_main_joints(file: str, topic: _Topic) -> tuple[list[_Message], tuple[str, ...]]:
+    """Messages about the set of joints that most values belong to (an arm and its gripper may share a topic)."""
+    _require_distinct(file, topic)
+    counts = Counter(frozenset(message.names) for message in topic.messages)
     main = max(counts, key=lambda names: (counts[names] * len(names), sorted(names)))
-    kept = [message for message in messages if len(message.names) == len(main) and main.issuperset(message.names)]
-    dropped = len(messages) - len(kept)
+    kept = [m for m in topic.messages if len(m.names) == len(main) and main.issuperset(m.names)]
+    dropped = len(topic.messages) - len(kept)
     others = sorted(set().union(*counts) - main)
-    sentence = f"{file}: {dropped} messages of {topic} about other joints ({listed(others)}) were left out."
+    sentence = f"{file}: {dropped} messages of {topic.name} about other joints ({listed(others)}) were left out."
     return kept, (sentence,) if dropped else ()
 
 
-def _field(file: str, topic: str, messages: list[_Message], index: int, names: tuple[str, ...]) -> Array | None:
-    """Values of one field, shape ``(N, len(names))``, columns in the order of ``names``; None if it is always empty."""
-    lengths = np.array([len(message.values[index]) for message in messages])
+def _field(file: str, topic: _Topic, messages: list[_Message], quantity: str) -> Array | None:
+    """Values of one quantity, shape ``(N, joints)``, in the order of the first message; None if it is always empty."""
+    values = [message.says.values.get(quantity, ()) for message in messages]
+    lengths = np.array([len(one) for one in values])
     if not lengths.any():
         return None
-    wrong = np.flatnonzero(lengths != len(names))
+    names = messages[0].names
+    wanted = len(names) if names else lengths[0]
+    wrong = np.flatnonzero(lengths != wanted)
     if len(wrong):
         raise LogError(
-            f"{file}: message {wrong[0] + 1} of {topic} has {lengths[wrong[0]]} values of {_FIELDS[index][0]} for "
-            f"{len(names)} joints: every message must have one a joint, or all must have none."
+            f"{file}: message {wrong[0] + 1} of {topic.name} has {lengths[wrong[0]]} values of {_WORDS[quantity]} for "
+            f"{wanted} joints: every message must have one a joint, or all must have none."
         )
-    out = np.array([message.values[index] for message in messages], dtype=float)
+    out = np.array(values, dtype=float)
     orders: dict[tuple[str, ...], list[int]] = {names: list(range(len(names)))}
     for k, message in enumerate(messages):
         if message.names != names:
@@ -124,57 +199,125 @@ def _field(file: str, topic: str, messages: list[_Message], index: int, names: t
     return out
 
 
-def _time(messages: list[_Message], same_as_before: Array) -> tuple[Array, bool]:
-    """Seconds since the first message, and whether they are header stamps."""
-    stamps = np.array([message.stamp for message in messages], dtype=np.int64)
+def _stamps(messages: list[_Message], same_as_before: Array) -> Array | None:
+    """Times of the messages themselves [ns]; None where they do not increase, or have another unit."""
+    if any(message.says.stamp is None for message in messages):
+        return None
+    stamps = np.array([message.says.stamp for message in messages], dtype=np.int64)
     steps = np.diff(stamps)
     # A message that was sent twice keeps its stamp; that is no reason to distrust the stamps.
-    by_header = bool(np.all((steps > 0) | ((steps == 0) & same_as_before)) and np.any(steps > 0))
-    chosen = stamps if by_header else np.array([message.received for message in messages], dtype=np.int64)
-    return (chosen - chosen[0]) * 1e-9, by_header
+    if not (np.all((steps > 0) | ((steps == 0) & same_as_before)) and np.any(steps > 0)):
+        return None
+    if messages[0].says.is_tick:
+        received = messages[-1].received - messages[0].received
+        if abs(float(stamps[-1] - stamps[0]) - received) > _TICK * received:
+            return None
+    return stamps
 
 
-def _table(file: str, topic: str, messages: list[_Message]) -> RawTable:
-    if not messages:
+def _received(messages: Iterable[_Message]) -> Array:
+    return np.array([message.received for message in messages], dtype=np.int64)
+
+
+def _columns(names: tuple[str, ...], fields: Mapping[str, Array]) -> dict[str, Array]:
+    """One column a quantity and joint; those of which nothing was ever said are left out."""
+    out = {}
+    for quantity, values in fields.items():
+        for k in range(values.shape[1]):
+            if not np.all(np.isnan(values[:, k])):
+                out[f"{quantity}.{names[k]}" if names else f"{quantity}[{k}]"] = values[:, k]
+    return out
+
+
+def _table(file: str, states: _Topic, asked: _Topic | None) -> RawTable:
+    topic = states.name
+    if not states.messages:
         raise LogError(f"{file} has no messages on {topic}: record it while the robot moves.")
-    messages, warnings = _of_main_joints(file, topic, messages)
+    messages, warnings = _of_main_joints(file, states)
     names = messages[0].names
-    if not names:
+    fields = {
+        quantity: values
+        for quantity in JOINT_QUANTITIES
+        if (values := _field(file, states, messages, quantity)) is not None
+    }
+    if not names and states.kind == JOINT_STATE:
         raise LogError(f"{file}: the messages of {topic} name no joints: the publisher must fill the field name.")
-    fields = [_field(file, topic, messages, index, names) for index in range(len(_FIELDS))]
-    if fields[0] is None:
+    if "q" not in fields:
         raise LogError(
             f"{file}: the messages of {topic} hold no positions: the publisher must fill the field position."
         )
-    measured = np.hstack([values for values in fields if values is not None])
-    t, by_header = _time(messages, np.all(measured[1:] == measured[:-1], axis=1))
-    if not by_header:
-        warnings += (f"{file}: the header stamps of {topic} do not increase: the times of receipt were taken.",)
-    columns = {"t": t}
-    for (_, prefix), values in zip(_FIELDS, fields, strict=True):
-        if values is not None:
-            columns |= {f"{prefix}.{name}": values[:, k] for k, name in enumerate(names)}
-    return RawTable(file, columns, place=lambda row: f"message {row + 1}", warnings=warnings)
+    measured = np.hstack(list(fields.values()))
+    stamps = _stamps(messages, np.all(measured[1:] == measured[:-1], axis=1))
+    received = _received(messages)
+    if stamps is None and messages[0].says.stamp is not None:
+        which = "ticks" if messages[0].says.is_tick else "header stamps"
+        warnings += (f"{file}: the {which} of {topic} do not increase: the times of receipt were taken.",)
+    times = received if stamps is None else stamps
+    table = RawTable(
+        file,
+        {"t": (times - times[0]) * 1e-9, **_columns(names, fields)},
+        place=lambda row: f"message {row + 1}",
+        warnings=warnings,
+        numbered=not names,
+        motor_orders=MOTOR_ORDERS if states.kind in DOCUMENTED_ORDER else (),
+    )
+    if asked is None:
+        return table
+    own_clock = stamps is None or messages[0].says.is_tick
+    return with_references(
+        table, _reference(file, asked, names, None if own_clock else int(times[0]), received, table.columns["t"])
+    )
 
 
-def read_ros1_bag(path: Path, topic: str | None) -> RawTable:
+def _reference(
+    file: str, asked: _Topic, names: tuple[str, ...], start: int | None, received: Array, t: Array
+) -> Reference:
+    """References of a topic, in the time of the states.
+
+    Args:
+        file: The bag, for messages.
+        asked: The topic.
+        names: Of the joints of the states, in whose order the references are numbered where they have no names.
+        start: Stamp of the first state [ns]; None where the states have none of a common clock.
+        received: When each state was received [ns].
+        t: Time of each state [s].
+    """
+    messages = [m for m in asked.messages if len(m.says.values["q_ref"])]
+    if not messages:
+        raise LogError(f"{file}: the messages of {asked.name} hold no references of positions: name another topic.")
+    messages, _ = _of_main_joints(file, replace(asked, messages=messages))
+    values = _field(file, asked, messages, "q_ref")
+    assert values is not None  # messages without them were left out
+    stamps = None if start is None else _stamps(messages, np.all(values[1:] == values[:-1], axis=1))
+    if stamps is not None and start is not None:
+        times = (stamps - start) * 1e-9
+    else:
+        # Both clocks ran while the states were received: their usual distance is that of the two.
+        times = (_received(messages) - received[0]) * 1e-9 - float(np.median((received - received[0]) * 1e-9 - t))
+    names = messages[0].names or (names if len(names) == values.shape[1] else ())
+    return Reference(asked.name, times, _columns(names, {"q_ref": values}))
+
+
+def read_ros1_bag(path: Path, topic: str | None, ref_topic: str | None = None) -> RawTable:
     """Joint states of a ROS 1 bag.
 
     Args:
         path: The file.
-        topic: Which topic of sensor_msgs/JointState, or None if there is only one.
+        topic: Which topic of joint states; None: that of sensor_msgs/JointState, else the only one.
+        ref_topic: Topic whose references are to be read beside them.
 
     Returns:
-        Columns ``t`` (seconds since the first message), ``q.``, and ``v.`` and ``tau.`` where they were sent.
+        Columns ``t`` (seconds since the first message), ``q.``, and what else was sent of ``v.``, ``tau.``, ``q_ref.``,
+        ``i.`` and ``temp.``; ``q[0]`` and so on where the messages number the joints.
 
     Raises:
         LogError: No such topic, several and none chosen, or messages that do not fit together.
     """
-    return _table(path.name, *_open_ros1(path, topic))
+    return _open_ros1(path, topic, ref_topic)
 
 
-def read_ros2_bag(path: Path, topic: str | None) -> RawTable:
+def read_ros2_bag(path: Path, topic: str | None, ref_topic: str | None = None) -> RawTable:
     """Joint states of a ROS 2 bag (its folder, or a .db3 file alone) or MCAP file; see `read_ros1_bag`."""
     if path.is_file() and path.suffix not in (".db3", ".mcap"):
         raise LogError(f"{path.name} is a ROS 2 bag by its content: give it the ending .db3 (SQLite) or .mcap.")
-    return _table(path.name, *_open_ros2(path, topic))
+    return _open_ros2(path, topic, ref_topic)

@@ -81,8 +81,10 @@ def require_small_parquet(path: Path, metadata: Any) -> None:
     """Refuse a Parquet file that declares more numbers, or larger pages, than a file of its size can hold."""
     require_unpacked_size(path, _SAMPLE * metadata.num_rows * max(1, metadata.num_columns))
     groups = (metadata.row_group(k) for k in range(metadata.num_row_groups))
-    columns = (group.column(k) for group in groups for k in range(group.num_columns))
+    columns = [group.column(k) for group in groups for k in range(group.num_columns)]
     require_unpacked_size(path, sum(max(0, column.total_uncompressed_size) for column in columns))
+    # Of lists: a row may hold any number.
+    require_unpacked_size(path, _SAMPLE * sum(max(0, column.num_values) for column in columns))
 
 
 @dataclass(frozen=True)

@@ -49,10 +49,10 @@ def test_pickled_arrays_are_refused(tmp_path, columns):
         read_table(tmp_path / "log.npz")
 
 
-def test_two_dimensional_arrays_are_refused(tmp_path, columns):
-    columns["q"] = np.zeros((60, 2))
+def test_two_dimensional_arrays_under_the_name_of_a_joint_are_refused(tmp_path, columns):
+    columns["q.a"] = np.zeros((60, 2))
     np.savez(tmp_path / "log.npz", **columns)
-    with pytest.raises(LogError, match=r"array q has the shape \(60, 2\): write one 1-D array per column"):
+    with pytest.raises(LogError, match=r"array q\.a has the shape \(60, 2\): write one 1-D array per column"):
         read_table(tmp_path / "log.npz")
 
 

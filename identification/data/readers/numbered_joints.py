@@ -1,0 +1,69 @@
+"""Which joint each number of a format means: by the names that the file states, else in the robot's order.
+
+UR's RTDE, libfranka, Unitree's LowState and arrays number their joints (``actual_q_0``, ``q[0]``). The order that was
+taken is told in a sentence, as nothing in such a file shows that it is the robot's.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+
+from identification.data.recording import RawTable
+from phantom_dyn.errors import LogError, listed, shortened
+
+
+def joints_of_numbers(
+    raw: RawTable, positions: Mapping[int, str], joints: Sequence[str] | None
+) -> tuple[dict[int, str], tuple[str, ...]]:
+    """The joint that each number means, and what to tell of it.
+
+    Args:
+        raw: The file.
+        positions: Column of the position by number.
+        joints: Of the robot, in its order; None where there is no robot: then numbers are names.
+
+    Raises:
+        LogError: If there are more numbers than joints and all of them move, or fewer; one sentence with a map to begin
+            with.
+    """
+    numbers = sorted(positions)
+    if len(raw.joint_names) == len(numbers):
+        return dict(zip(numbers, raw.joint_names, strict=True)), ()
+    if joints is None:
+        return {number: str(number) for number in numbers}, ()
+    for order in raw.motor_orders:
+        known = dict(zip(numbers, order, strict=False))
+        if set(joints) <= set(known.values()):
+            kept = {number: joint for number, joint in known.items() if joint in joints}
+            return kept, (_sentence(raw.file, "in the order of the maker's documentation", positions, kept),)
+    moving = [number for number in numbers if _moves(raw, positions[number])]
+    if len(numbers) > len(joints) and (not moving or moving[-1] in numbers[: len(joints)]):
+        numbers = numbers[: len(joints)]
+    if len(numbers) != len(joints):
+        raise LogError(_refusal(raw, positions, numbers, joints))
+    taken = dict(zip(numbers, joints, strict=True))
+    return taken, (_sentence(raw.file, "in the robot's order", positions, taken),)
+
+
+def _moves(raw: RawTable, column: str) -> bool:
+    """True for a column that is not always zero, as those of motors that are not there are."""
+    values = raw.columns.get(column)
+    return values is None or bool(np.any(values))
+
+
+def _sentence(file: str, order: str, positions: Mapping[int, str], taken: Mapping[int, str]) -> str:
+    pairs = [f"{positions[number]} is {joint}" for number, joint in taken.items()]
+    return f"{file} numbers its joints, which were taken {order}: {listed(pairs, 40)}; if not, map them with --columns."
+
+
+def _refusal(raw: RawTable, positions: Mapping[int, str], numbers: Sequence[int], joints: Sequence[str]) -> str:
+    first, last = shortened(positions[numbers[0]]), shortened(positions[numbers[-1]])
+    columns = [positions[number] for number in sorted(positions)]
+    lines = [f'q.{joint}: "{column}"' for joint, column in zip(joints, columns, strict=False)]
+    return (
+        f"{raw.file} numbers {len(numbers)} joints ({first} to {last}) and the robot has {len(joints)}: say in a "
+        "column map which is which. A map to begin with, to be completed, checked and saved as columns.yaml:\n"
+        + "\n".join(lines)
+    )

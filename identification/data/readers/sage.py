@@ -1,0 +1,52 @@
+"""What SAGE keeps beside its ``state_motor.csv``: the references in ``control.csv``, names in ``joint_list.txt``."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+from identification.data.readers.delimited import read_delimited
+from identification.data.readers.references import Reference, with_references
+from identification.data.recording import RawTable
+from phantom_dyn.errors import LogError
+from phantom_dyn.model.plain_file import require_plain_file
+
+_CONTROL, _JOINTS = "control.csv", "joint_list.txt"
+_LARGEST = 1_000_000
+"""Of the list of joints [bytes]: a thousand times what a humanoid needs."""
+
+
+def with_neighbours(path: Path, raw: RawTable) -> RawTable:
+    """The states of a motion with what lies beside them: ``control[0]`` and so on, in the time of the states.
+
+    Args:
+        path: The ``state_motor.csv``.
+        raw: What it holds.
+
+    Raises:
+        LogError: If a file beside it cannot be used.
+    """
+    names = _joint_names(path.parent / _JOINTS)
+    control = path.parent / _CONTROL
+    if control.exists() and control != path and "timestamp" in raw.columns:
+        require_plain_file(control, LogError, "SAGE's control.csv")
+        asked = read_delimited(control)
+        places = [name for name in asked.columns if name.startswith("positions[")]
+        if "timestamp" not in asked.columns or not places:
+            raise LogError(f"{control} has no columns timestamp and positions, so it is no control.csv of SAGE.")
+        columns = {f"control{name.removeprefix('positions')}": asked.columns[name] for name in places}
+        timed = replace(raw, columns={**raw.columns, "t": raw.columns["timestamp"]})
+        found = with_references(timed, Reference(_CONTROL, asked.columns["timestamp"], columns))
+        raw = replace(found, columns={name: values for name, values in found.columns.items() if name != "t"})
+    return replace(raw, joint_names=names)
+
+
+def _joint_names(path: Path) -> tuple[str, ...]:
+    """Names in SAGE's list of joints, one a line or between commas; empty where there is none."""
+    if not path.exists():
+        return ()
+    require_plain_file(path, LogError, "SAGE's joint_list.txt")
+    if path.stat().st_size > _LARGEST:
+        raise LogError(f"{path} has {path.stat().st_size / 1e6:.0f} MB, wanted the names of the joints: move it.")
+    text = path.read_text(encoding="utf-8", errors="replace")
+    return tuple(name for name in text.replace(",", "\n").split() if name)

@@ -1,0 +1,165 @@
+"""Maps that are shipped. Oracles: the numbers written in the documented layouts, and the real recording of SAGE."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from identification.data.readers.presets import PRESETS, fitting_presets
+from identification.data.readers.read_table import read_table
+from identification.data.reading import read_recording
+from phantom_dyn.errors import LogError
+from phantom_dyn.model.loading import load_robot
+from places import CHECKOUT
+
+N = 60
+T = np.arange(N) * 0.01
+JOINTS = ("shoulder", "elbow")
+
+
+def series(shift):
+    """One signal a quantity and joint."""
+    return np.sin(3 * T + shift) + 2
+
+
+def text_table(path, names, columns, separator=","):
+    rows = [separator.join(names), *(separator.join(repr(float(x)) for x in row) for row in zip(*columns, strict=True))]
+    path.write_text("\n".join(rows) + "\n")
+    return path
+
+
+# Preset, name of the time, its unit in s, and by quantity the columns of both joints.
+LAYOUTS = [
+    ("ur_rtde", "timestamp", 1.0, {"q": "actual_q_{}", "v": "actual_qd_{}", "i": "actual_current_{}",
+                                   "q_ref": "target_q_{}", "temp": "joint_temperatures_{}"}),
+    ("libfranka", "time", 1e-3, {"q": "state.q[{}]", "v": "state.dq[{}]", "tau": "state.tau_J[{}]",
+                                 "q_ref": "state.q_d[{}]"}),
+    ("plotjuggler", "__time", 1.0, {"q": "/arm/states/{joint}/position", "tau": "/arm/states/{joint}/effort",
+                                    "v": "/arm/states/{joint}/velocity"}),
+    ("lowstate", "time", 1.0, {"q": "motor_state[{}].q", "v": "motor_state[{}].dq", "tau": "motor_state[{}].tau_est",
+                               "temp": "motor_state[{}].temperature", "q_ref": "motor_cmd[{}].q"}),
+    ("lowstate", "__time", 1.0, {"q": "/lowstate/motor_state[{}]/q", "tau": "/lowstate/motor_state[{}]/tau_est"}),
+    ("lowstate", "tick", 1e-3, {"q": "motor_state_{}_q", "temp": "motor_state_{}_temperature"}),
+    ("mujoco", "time", 1.0, {"q": "qpos[{}]", "v": "qvel[{}]", "tau": "qfrc_actuator[{}]"}),
+    ("isaac_lab", "time", 1.0, {"q": "joint_pos_{}", "v": "joint_vel_{}", "tau": "applied_torque_{}",
+                                "q_ref": "joint_pos_target_{}"}),
+]  # fmt: skip
+
+
+@pytest.mark.parametrize(("preset", "time", "unit", "layout"), LAYOUTS, ids=[f"{p}-{t}" for p, t, _, _ in LAYOUTS])
+def test_a_preset_reads_its_layout_for_any_names_of_joints(tmp_path, preset, time, unit, layout):
+    names, columns, truth = [time], [T / unit], {"t": T}
+    for k, (quantity, pattern) in enumerate(layout.items()):
+        for j, joint in enumerate(JOINTS):
+            names.append(pattern.format(j, joint=joint))
+            columns.append(series(2 * k + j))
+            truth[f"{quantity}.{joint}"] = columns[-1]
+    found = read_table(text_table(tmp_path / "log.csv", names, columns), columns=preset, joints=JOINTS)
+    assert set(found.columns) == set(truth)
+    for name, values in truth.items():
+        np.testing.assert_allclose(found.columns[name], values, rtol=1e-14)
+
+
+def test_the_order_that_numbers_were_taken_in_is_told(tmp_path):
+    path = text_table(tmp_path / "log.csv", ["timestamp", "actual_q_0", "actual_q_1"], [T, series(0), series(1)])
+    (sentence,) = read_table(path, columns="ur_rtde", joints=JOINTS).warnings
+    assert "taken in the robot's order: actual_q_0 is shoulder, actual_q_1 is elbow" in sentence
+
+
+def test_without_a_robot_numbers_are_the_names(tmp_path):
+    path = text_table(tmp_path / "log.csv", ["timestamp", "actual_q_0", "actual_q_1"], [T, series(0), series(1)])
+    assert set(read_table(path, columns="ur_rtde").columns) == {"t", "q.0", "q.1"}
+
+
+def test_numbers_that_are_always_zero_beyond_the_robots_joints_are_left_out(tmp_path):
+    names = ["time", *(f"motor_state[{k}].q" for k in range(4))]
+    path = text_table(tmp_path / "log.csv", names, [T, series(0), series(1), 0 * T, 0 * T])
+    assert set(read_table(path, columns="lowstate", joints=JOINTS).columns) == {"t", "q.shoulder", "q.elbow"}
+
+
+def test_a_number_that_no_position_has_is_refused(tmp_path):
+    path = text_table(tmp_path / "log.csv", ["timestamp", "actual_q_0", "actual_current_7"], [T, series(0), series(1)])
+    with pytest.raises(LogError, match="has actual_current_7, and no position has that number"):
+        read_table(path, columns="ur_rtde", joints=("j",))
+
+
+def test_an_unknown_preset_lists_them(tmp_path):
+    path = text_table(tmp_path / "log.csv", ["t", "q.j"], [T, series(0)])
+    with pytest.raises(
+        LogError, match="ur_rtd is neither a file with a column map nor a preset: the presets are"
+    ) as it:
+        read_table(path, columns="ur_rtd")
+    assert f"the presets are {', '.join(PRESETS)}" in str(it.value)
+    assert "did you mean ur_rtde?" in str(it.value)
+
+
+def test_a_preset_that_does_not_fit_says_what_it_wants(tmp_path):
+    path = text_table(tmp_path / "log.csv", ["timestamp", "pos"], [T, series(0)])
+    with pytest.raises(LogError, match=r"ur_rtde: log\.csv has no position as that preset names it \(actual_q"):
+        read_table(path, columns="ur_rtde")
+
+
+def test_two_topics_that_fit_are_refused(tmp_path):
+    names = ["__time", "/a/j/position", "/b/j/position"]
+    path = text_table(tmp_path / "log.csv", names, [T, series(0), series(1)])
+    with pytest.raises(LogError, match=r"has several topics that fit it \(/a, /b\)"):
+        read_table(path, columns="plotjuggler")
+
+
+def test_bam_is_of_one_joint(tmp_path):
+    names = ["timestamp", "position", "speed", "load", "goal_position", "temp"]
+    path = text_table(tmp_path / "log.csv", names, [T, *(series(k) for k in range(5))])
+    found = read_table(path, columns="bam", joints=("pin",)).columns
+    np.testing.assert_allclose(found["q_ref.pin"], series(3), rtol=1e-14)
+    assert set(found) == {"t", "q.pin", "v.pin", "q_ref.pin", "temp.pin"}
+    with pytest.raises(LogError, match=r"is of one joint and the robot has 2 \(shoulder, elbow\)"):
+        read_table(path, columns="bam", joints=JOINTS)
+
+
+def test_a_file_whose_columns_are_those_of_a_preset_is_told_so(tmp_path):
+    path = text_table(tmp_path / "log.csv", ["timestamp", "actual_q_0", "actual_q_1"], [T, series(0), series(1)])
+    with pytest.raises(LogError, match="look like those of --columns ur_rtde"):
+        read_recording(path, load_robot(CHECKOUT / "tests" / "robots" / "planar2.urdf"))
+
+
+@pytest.mark.parametrize(("preset", "time", "unit", "layout"), LAYOUTS, ids=[f"{p}-{t}" for p, t, _, _ in LAYOUTS])
+def test_every_layout_is_recognised_as_its_own(preset, time, unit, layout):
+    names = [time, *(pattern.format(j, joint=joint) for pattern in layout.values() for j, joint in enumerate(JOINTS))]
+    assert fitting_presets(names) == (preset,)
+
+
+@pytest.fixture
+def sage(data_folder, tmp_path):
+    """The real recording of SAGE in the layout of its state_motor.csv, times in us, and its data."""
+    with np.load(data_folder / "sage_so101" / "so101.npz") as data:
+        motion = {name: data[f"multisine__{name}"][:500] for name in ("t", "q", "dq", "tau_est", "t_cmd", "q_cmd")}
+    state = ["type,timestamp,positions,velocities,torques"]
+    state += [
+        f'STATE_MOTOR,{1e6 * float(t)},"{list(map(float, q))}","{list(map(float, v))}","{list(map(float, tau))}"'
+        for t, q, v, tau in zip(*(motion[name] for name in ("t", "q", "dq", "tau_est")), strict=True)
+    ]
+    (tmp_path / "state_motor.csv").write_text("\n".join(state))
+    control = [
+        f'CONTROL,{1e6 * float(t)},"{list(map(float, q))}"'
+        for t, q in zip(motion["t_cmd"], motion["q_cmd"], strict=True)
+    ]
+    (tmp_path / "control.csv").write_text("\n".join(["type,timestamp,positions", *control]))
+    (tmp_path / "joint_list.txt").write_text("Rotation\nPitch\nElbow\nWrist_Pitch\nWrist_Roll\nJaw\n")
+    return tmp_path / "state_motor.csv", motion
+
+
+def test_a_motion_of_sage_is_read_with_its_names_and_references(sage):
+    path, motion = sage
+    found = read_table(path, columns="sage", joints=("a", "b")).columns
+    np.testing.assert_allclose(found["q.Elbow"], motion["q"][:, 2], rtol=1e-6)
+    np.testing.assert_allclose(found["tau.Jaw"], motion["tau_est"][:, 5], rtol=1e-6)
+    np.testing.assert_allclose(found["t"], motion["t"], rtol=1e-9)
+    held = motion["q_cmd"][np.searchsorted(motion["t_cmd"], motion["t"], side="right") - 1]
+    np.testing.assert_allclose(found["q_ref.Pitch"], held[:, 1], rtol=1e-6)
+
+
+def test_a_control_file_of_another_kind_is_refused(sage):
+    path, _ = sage
+    (path.parent / "control.csv").write_text("a,b\n1,2\n")
+    with pytest.raises(LogError, match=r"so it is no control\.csv of SAGE"):
+        read_table(path, columns="sage")
