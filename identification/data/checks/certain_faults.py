@@ -21,6 +21,7 @@ from identification.data.checks.model_units import wrong_units
 from identification.data.checks.plausible_fit import unexplained
 from identification.data.checks.readings import Reading
 from identification.data.checks.suspects import Suspect
+from identification.data.checks.torque_scales import scale_suspects
 from identification.data.recording import Fault, Recording
 from phantom_dyn.dynamics.dynamics import inverse_dynamics, modelled_friction, standard_parameters
 from phantom_dyn.errors import ChainError, listed
@@ -152,7 +153,13 @@ def certain_faults(
 
 
 def _offer(recording: Recording, found: Compared) -> str:
-    """The sentence on what was left out of a recording that is right."""
+    """The sentence on what was left out of a recording that is right, or on a unit of each joint's own."""
+    if found.suspect.kind == "torque":
+        return (
+            f"{recording.file}: {found.suspect.what}: {_mend(recording, found.suspect)}. By the data sheet, state "
+            "torque_constant and gear_ratio in robot.yaml instead and name the columns i.<joint>: the factors are only "
+            "as right as the masses of the model."
+        )
     return (
         f"{recording.file}: {found.suspect.what} that the model has: if a controller had taken gravity out, "
         f"{_mend(recording, found.suspect)}; if the robot stands or hangs otherwise, state gravity in robot.yaml."
@@ -213,7 +220,7 @@ def better_readings(robot: Robot, reading: Reading, step: float) -> list[Compare
         if not poor and not any(suspect.expected for suspect in units):
             return out
         tried = [compared(robot, before, reading, suspect) for suspect in (*units, *_suspects(robot, reading, poor))]
-        certain = [one for one in tried if is_certain(one)]
+        certain = _without_second_choice([one for one in tried if is_certain(one)])
         if not certain:
             return out
         highest = max(one.score for one in certain)
@@ -228,6 +235,12 @@ def better_readings(robot: Robot, reading: Reading, step: float) -> list[Compare
         step *= float(np.ptp(mended.motion.t) / np.ptp(reading.motion.t))
         reading = mended
     return out
+
+
+def _without_second_choice(certain: list[Compared]) -> list[Compared]:
+    """Without a unit of each joint's own, which fits as well as any unit, where something else is certain."""
+    firm = [one for one in certain if not (one.suspect.kind == "torque" and one.suspect.says == "offer")]
+    return firm or certain
 
 
 def _poor(before: Float[Array, "2 nv"]) -> list[int]:
@@ -247,6 +260,7 @@ def _suspects(robot: Robot, reading: Reading, poor: Sequence[int]) -> list[Suspe
         *(other.degree_suspects(robot) if np.abs(reading.motion.q).max() > np.pi else ()),
         *(other.all_signs(robot) if signed == list(poor) else ()),
         *other.torque_suspects(robot, ratio),
+        *scale_suspects(robot, reading),
         *other.compensated_suspects(robot, reading),
         *_promising(robot, reading, [*other.sign_suspects(robot, signed), *other.order_suspects(robot, signed)]),
     ]

@@ -296,6 +296,7 @@ def torque_suspects(robot: Robot, ratio: float | None) -> list[Suspect]:
             if ratio < 1
             else f"the torques are about {ratio:.3g} times what they should be on all joints"
         )
+        what += f", or motor currents with about {1 / ratio:.2g} N m/A"
         factors.append((what, gear_entries(robot, gear), np.full(robot.nv, 1 / ratio)))
     return [
         Suspect("torque", every, what, mended, lambda reading, factor=factor: with_torques_times(reading, factor))

@@ -1,0 +1,75 @@
+"""Torques in a unit of each joint's own, such as motor currents, recognised by the weight and inertia of the links.
+
+Drives of different sizes have different torques per ampere, so that the joints need have no factor in common. That of a
+joint follows from what its links need by the model, beside friction of any size, and is as right as that.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from jaxtyping import Float
+
+from identification.data.checks.against_model import Sample, regress_joints
+from identification.data.checks.readings import Reading, with_torques_times
+from identification.data.checks.suspects import Suspect, gear_entries, names
+from phantom_dyn.dynamics.dynamics import inverse_dynamics, modelled_friction
+from phantom_dyn.errors import listed
+from phantom_dyn.model.robot import Robot
+
+Array = np.ndarray
+
+# Logarithm of a factor that no torque constant and no inertia of a plausible size makes.
+_OTHER_UNIT = float(np.log(4.0))
+# The same from which on a joint beside such a one is given a factor too.
+_OWN = float(np.log(1.5))
+# Both halves of the record see the same factor to this, and the model explains this share of the torque by it.
+_ALIKE, _SHARE = float(np.log(1.3)), 0.5
+
+
+def torque_scales(robot: Robot, reading: Reading) -> Float[Array, " nv"]:
+    """Torque [N m or N] by the model per unit of the measured one; NaN for joints of which the motion does not tell it.
+
+    Args:
+        robot: The given model.
+        reading: The data as they stand.
+    """
+    model = inverse_dynamics(robot, reading.motion) - modelled_friction(robot, reading.motion)
+    found = regress_joints(Sample(reading.motion, reading.tau + reading.external, reading.sign), model)
+    out = np.full(robot.nv, np.nan)
+    for j, one in enumerate(found):
+        if one is None or one.model_share < _SHARE or min(one.slope) <= 0:
+            continue
+        if abs(np.log(one.slope[0] / one.slope[1])) < _ALIKE:
+            out[j] = 2.0 / sum(one.slope)
+    return out
+
+
+def scale_suspects(robot: Robot, reading: Reading) -> list[Suspect]:
+    """The reading of torques in a unit of each joint's own, where one is far from any that torque constants make.
+
+    Args:
+        robot: The given model.
+        reading: The data as they stand.
+    """
+    scales = torque_scales(robot, reading)
+    size = np.abs(np.log(scales))
+    far = np.nan_to_num(size) > _OTHER_UNIT
+    if not far.any():
+        return []
+    joints = tuple(np.flatnonzero(np.nan_to_num(size) > _OWN).tolist())
+    factor = np.where(np.isin(np.arange(robot.nv), joints), scales, 1.0)
+    units = ["N/A" if robot.prismatic[j] else "N m/A" for j in joints]
+    per = [f"{scales[j]:.2g} {unit} on {robot.joint_names[j]}" for j, unit in zip(joints, units, strict=True)]
+    open_ = tuple(np.flatnonzero(np.isnan(scales)).tolist())
+    rest = f" (the motion does not tell that of {names(robot, open_)})" if open_ else ""
+    return [
+        Suspect(
+            "torque",
+            joints,
+            f"the torque of {names(robot, joints)} looks like motor current and not like torque at the joint, with a "
+            f"factor of about {listed(per)}{rest}",
+            gear_entries(robot, {j: f"gear: {scales[j]:.3g}" for j in joints}),
+            lambda reading: with_torques_times(reading, factor),
+            says="offer",
+        )
+    ]
