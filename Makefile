@@ -4,6 +4,7 @@
 #   make blind  sealed cases, into docs/           make speed  speed beside other tools, into docs/
 #   make lock   renew requirements.txt            make clean  removes the environment and what was built
 #   make wheel  the wheel, checked, and used where nothing else is installed
+#   make lowest the tests with the lowest versions that pyproject.toml allows [LOWEST=tests/phantom_dyn]
 #   make docs   the documentation site, into docs/_build/html
 #   make drake  sealed cases of the second make, diagnosed and scored [DRAKE_SEEDS=0:24]
 #   make fuzz [MINUTES=10] [SEED=1] [ONLY=]       hostile files until the time is over; failures go to fuzz_failures/
@@ -16,6 +17,7 @@ STAMP := $(VENV)/.installed
 MUTANTS := .venv-mutants
 DRAKE := .venv-drake
 DRAKE_SEEDS ?= 0:24
+LOWEST ?= tests
 SAMPLE ?= 150
 MINUTES ?= 10
 SEED ?= 1
@@ -29,7 +31,7 @@ export PIP_DISABLE_PIP_VERSION_CHECK := 1
 export PYRIGHT_PYTHON_IGNORE_WARNINGS := 1
 
 .DEFAULT_GOAL := test
-.PHONY: demo test lint wheel bench blind drake speed mutants fuzz docs lock clean setup tools
+.PHONY: demo test lint wheel lowest bench blind drake speed mutants fuzz docs lock clean setup tools
 .DELETE_ON_ERROR:
 
 demo: setup
@@ -47,6 +49,10 @@ lint: setup
 
 wheel: setup
 	@.ci/wheel
+
+# Twenty minutes, as `make test`; it has a folder of its own, which stays as long as the versions do.
+lowest: setup
+	@.ci/lowest $(LOWEST)
 
 bench: setup
 	@$(BIN)/python -m pytest benchmarks --benchmark-enable -n 0
