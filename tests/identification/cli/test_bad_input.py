@@ -93,7 +93,7 @@ def test_too_few_rows(pendulum, log, refusal):
 
 def test_too_short_a_time(pendulum, log, refusal):
     change_lines(log, lambda lines: lines[:61])
-    assert re.search(r"log\.csv lasts 0\.29 s, too short .*: record at least ten seconds", refusal(pendulum, log))
+    assert re.search(r"log\.csv lasts 0\.29 s, too short .*: record at least 10 s of motion", refusal(pendulum, log))
 
 
 def test_torque_zero_on_every_joint(pendulum, log, refusal):
