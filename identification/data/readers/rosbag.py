@@ -28,7 +28,7 @@ from identification.data.readers.references import Reference, with_references
 from identification.data.readers.unitree_orders import MOTOR_ORDERS
 from identification.data.readers.unpacked_size import require_small_bag, require_small_mcap
 from identification.data.recording import RawTable
-from phantom_dyn.errors import LogError, known_names, listed
+from phantom_dyn.errors import LogError, known_names, listed, shortened
 from phantom_dyn.libraries import is_installed, missing_library
 
 Array = np.ndarray
@@ -152,10 +152,25 @@ def _open_ros2(path: Path, topic: str | None, ref_topic: str | None) -> RawTable
 
     for file in [path] if path.is_file() else path.glob("*.mcap"):
         if file.suffix == ".mcap":
+            _require_ros(file)
             require_small_mcap(file)
     store = get_typestore(Stores.ROS2_HUMBLE)
     with Reader(path) as reader:
         return _opened(path.name, reader, store, store.deserialize_cdr, topic, ref_topic)
+
+
+def _require_ros(path: Path) -> None:
+    """Refuse an MCAP file whose head says that its messages are not those of ROS 2."""
+    with path.open("rb") as file:
+        head = file.read(64)
+    # Magic, kind and length of the record, then the length of the profile and the profile.
+    length = int.from_bytes(head[17:21], "little")
+    profile = head[21 : 21 + length].decode("utf-8", errors="replace")
+    if head[8:9] == b"\x01" and length <= 32 and profile != "ros2":
+        raise LogError(
+            f"{path.name} is an MCAP file of the profile {shortened(profile)!r}, wanted ros2: JSON and Protobuf are "
+            "not read; record joint states in ROS 2, or write them as CSV with the columns t, q.<joint> and tau.<joint>."
+        )
 
 
 def _require_distinct(file: str, topic: _Topic) -> None:

@@ -331,3 +331,10 @@ def test_a_bag_without_the_definition_of_its_messages_says_how_to_get_it(write):
     path = write({"/franka": (name, lambda s, k: filled(s, name, header=header(s, k)))}, "db3")
     with pytest.raises(LogError, match="does not hold the definition of franka_msgs/msg/FrankaState on /franka"):
         read_table(path)
+
+
+def test_an_mcap_file_of_other_messages_than_those_of_ros_is_told(write):
+    path = next(write(states_and(CONTROLLER, controller_state)).glob("*.mcap"))
+    path.write_bytes(path.read_bytes().replace(b"\x04\0\0\0ros2", b"\x04\0\0\0json", 1))
+    with pytest.raises(LogError, match="is an MCAP file of the profile 'json', wanted ros2: JSON and Protobuf are not"):
+        read_table(path)
