@@ -169,7 +169,7 @@ def _require_ros(path: Path) -> None:
     if head[8:9] == b"\x01" and length <= 32 and profile != "ros2":
         raise LogError(
             f"{path.name} is an MCAP file of the profile {shortened(profile)!r}, wanted ros2: JSON and Protobuf are "
-            "not read; record joint states in ROS 2, or write them as CSV with the columns t, q.<joint> and tau.<joint>."
+            "not read; record in ROS 2, or write CSV with the columns t, q.<joint> and tau.<joint>."
         )
 
 
