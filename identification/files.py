@@ -6,11 +6,13 @@ Nothing heavy is imported here, so that a command can refuse a wrong path at onc
 from __future__ import annotations
 
 import errno
+import fcntl
 import os
 import re
 import secrets
 from collections.abc import Iterable, Iterator, Sequence
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
+from glob import escape
 from pathlib import Path
 
 from phantom_dyn.errors import LogError, UsageError, nearest
@@ -19,6 +21,8 @@ from phantom_dyn.model.robot_files import looks_like_robot
 LOG_ENDINGS = (".csv", ".npz", ".parquet")
 """Endings of the formats that a log is written in."""
 _BAG_ENDINGS = (".bag", ".db3", ".mcap")
+MARK = ".phantom-dyn"
+"""Part of the names of temporary files and folders, by which a later run knows what a killed one has left."""
 LOG_FORMATS = "CSV, NPZ, Parquet, a ROS 1 or ROS 2 bag (.bag, .db3 or its folder), MCAP or a LeRobot folder"
 """Formats of a recording that are read, for sentences."""
 
@@ -104,7 +108,8 @@ def temporary_beside(path: str | Path) -> Iterator[Path]:
     """A path to write to, in the folder of ``path``, that becomes ``path`` when the block ends without an error.
 
     It keeps the suffix of ``path``, for libraries that choose the format by it. Missing folders are made. After
-    an error nothing is left, and an older file at ``path`` is as it was.
+    an error nothing is left, and an older file at ``path`` is as it was. What a process that was killed has left for
+    the same ``path`` is removed.
 
     Args:
         path: The file that is wanted in the end.
@@ -118,11 +123,12 @@ def temporary_beside(path: str | Path) -> Iterator[Path]:
     target = Path(path)
     temporary = _empty_file_beside(target)
     try:
-        yield temporary
+        with held(temporary):
+            yield temporary
         _check_not_folder(target)
         temporary.replace(target)
     except OSError as error:
-        raise UsageError(_refusal(target, error)) from error
+        raise UsageError(refused_write(target, error)) from error
     finally:
         temporary.unlink(missing_ok=True)
 
@@ -133,21 +139,52 @@ def write_atomically(path: str | Path, content: bytes | str) -> None:
     Raises:
         UsageError: If the file cannot be written there.
     """
-    data = content.encode() if isinstance(content, str) else content
+    data = content.encode("utf-8", "backslashreplace") if isinstance(content, str) else content
     with temporary_beside(path) as temporary:
         temporary.write_bytes(data)
 
 
 def _empty_file_beside(target: Path) -> Path:
     """A new empty file in the folder of ``target``, with the rights that any new file gets."""
-    temporary = target.with_name(f".{target.stem}.{secrets.token_hex(4)}{target.suffix}")
+    temporary = target.with_name(f".{target.stem}.{secrets.token_hex(4)}{MARK}{target.suffix}")
     try:
         target.parent.mkdir(parents=True, exist_ok=True)
         _check_not_folder(target)
+        for left in target.parent.glob(f".{escape(target.stem)}.*{MARK}{escape(target.suffix)}"):
+            if not is_held(left):
+                left.unlink(missing_ok=True)
         temporary.touch(exist_ok=False)
     except OSError as error:
-        raise UsageError(_refusal(target, error)) from error
+        raise UsageError(refused_write(target, error)) from error
     return temporary
+
+
+@contextmanager
+def held(place: Path) -> Iterator[None]:
+    """Hold a file or folder as this process's own; the system lets go of it when the process ends, however it ends."""
+    descriptor = os.open(place, os.O_RDONLY)
+    # On a file system without locks a later run takes it for left behind.
+    with suppress(OSError):
+        fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
+    try:
+        yield
+    finally:
+        os.close(descriptor)
+
+
+def is_held(place: Path) -> bool:
+    """True if a process that lives holds a file or folder, or it is gone."""
+    try:
+        descriptor = os.open(place, os.O_RDONLY)
+    except OSError:
+        return True
+    try:
+        fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
+    except OSError:
+        return True
+    finally:
+        os.close(descriptor)
+    return False
 
 
 def _check_not_folder(target: Path) -> None:
@@ -155,7 +192,8 @@ def _check_not_folder(target: Path) -> None:
         raise IsADirectoryError(None, "it is a folder")
 
 
-def _refusal(target: Path, error: OSError) -> str:
+def refused_write(target: Path, error: OSError) -> str:
+    """The sentence on a file or folder that cannot be written."""
     reason = (error.strerror or str(error)).lower()
     return f"cannot write {target}: {reason}; name a file in a folder that you may write to"
 

@@ -11,6 +11,9 @@ same order are the same numbers. joblib is imported where it is used: it takes l
 
 from __future__ import annotations
 
+import os
+import threading
+import time
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from typing import Any, TypeVar, cast
 
@@ -22,6 +25,8 @@ R = TypeVar("R")
 
 _ATTEMPTS = 3
 """Pools of processes before a piece counts as one that ends its process; Dask's scheduler forgives as often."""
+_LOOKED_AFTER_S = 0.2
+"""How often a worker looks whether the process that started it lives [s]."""
 _LOST = ("TerminatedWorkerError", "BrokenProcessPool", "KilledWorker")
 """Errors of a lost worker, by name: joblib keeps its own among its externals, and Dask may not be installed."""
 
@@ -120,13 +125,31 @@ def _finished(function: Callable[..., R], left: dict[int, tuple[Any, ...]], work
 
     # Ray and multiprocessing hand over their results only when all are there.
     handing_over = "generator_unordered" if _backend()[0].supports_return_generator else "list"
+    # Workers of loky live on for minutes where the process that started them was killed.
+    watched = type(_backend()[0]).__name__ == "LokyBackend"
+    ending: dict[str, Any] = {"initializer": end_with, "initargs": (os.getpid(),)} if watched else {}
     # One piece a call, as pieces are large, and no array of theirs in a file for all processes to share.
     one_each: dict[str, Any] = {"pre_dispatch": "2*n_jobs", "batch_size": 1, "max_nbytes": None}
-    parallel = Parallel(n_jobs=workers, return_as=handing_over, **one_each)
+    parallel = Parallel(n_jobs=workers, return_as=handing_over, **one_each, **ending)
     # One tuple, which travels with its piece. Of an array that is an argument itself joblib leaves one copy with one of
     # Dask's workers, and all pieces that need it would be lost with that worker.
     calls = [delayed(_run)((function, place, arguments)) for place, arguments in left.items()]
     return cast("Iterable[tuple[int, R]]", parallel(calls))
+
+
+def end_with(parent: int) -> None:
+    """Let this process, a worker, end when the process that started it does, however that ends.
+
+    Args:
+        parent: Number of that process.
+    """
+    threading.Thread(target=_watch, args=(parent,), daemon=True).start()
+
+
+def _watch(parent: int) -> None:
+    while os.getppid() == parent:
+        time.sleep(_LOOKED_AFTER_S)
+    os._exit(1)
 
 
 def _run(piece: tuple[Callable[..., R], int, tuple[Any, ...]]) -> tuple[int, R]:

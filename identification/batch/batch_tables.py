@@ -50,7 +50,7 @@ def csv_text(result: DiagnosedRecordings) -> str:
     """The table as CSV, one row a recording, with the residual of every joint before and after."""
     out = io.StringIO()
     joints = [f"{column}.{joint}" for joint in result.joint_names for column in ("rms_before", "rms_after")]
-    head = ["log", "folder", "verdict", "findings", "unexplained", *joints, "seconds", "refusal"]
+    head = ["log", "folder", "verdict", "findings", "unexplained", *joints, "seconds", "refusal", "run"]
     writer = csv.DictWriter(out, head, lineterminator="\n")
     writer.writeheader()
     writer.writerows(_csv_row(row) for row in result.rows)
@@ -92,7 +92,7 @@ def write_tables(
         contents[Path(json_file)] = json_text(result)
     with ExitStack() as renamed_together:
         for path, text in contents.items():
-            renamed_together.enter_context(temporary_beside(path)).write_bytes(text.encode())
+            renamed_together.enter_context(temporary_beside(path)).write_bytes(text.encode("utf-8", "backslashreplace"))
     return tuple(contents)
 
 
@@ -109,7 +109,7 @@ def _csv_row(row: DiagnosedRecording) -> dict[str, Any]:
             joint["rms_before"],
             joint["rms_after"],
         )
-    return out | {"seconds": document["seconds"]}
+    return out | {"seconds": document["seconds"], "run": document["run"]}
 
 
 def _cause_words(row: DiagnosedRecording) -> str:

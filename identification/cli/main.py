@@ -11,7 +11,7 @@ from typing import Protocol, cast
 
 from identification.cli.arguments import BAD_INPUT, DONE, INTERRUPTED
 from identification.cli.terminal.completion import complete
-from identification.cli.terminal.interrupts import interruptible
+from identification.cli.terminal.interrupts import Interrupted, interruptible
 from identification.cli.terminal.printed import say
 from identification.files import full_words, is_full
 from phantom_dyn import __version__
@@ -62,7 +62,7 @@ def main(argv: list[str] | None = None) -> int:
         argv: Words after the program's name; those of the process by default.
 
     Returns:
-        Exit code: 0 the job was done, 2 bad input, 130 interrupted.
+        Exit code: 0 the job was done, 2 bad input, 130 interrupted, 143 ended by SIGTERM.
     """
     if "_ARGCOMPLETE" in os.environ:  # a shell asks what may come next
         complete(COMMANDS)
@@ -73,6 +73,9 @@ def main(argv: list[str] | None = None) -> int:
     except PhantomDynError as error:
         say(f"phantom-dyn: {error}", file=sys.stderr)
         return BAD_INPUT
+    except Interrupted as stop:
+        print("phantom-dyn: interrupted", file=sys.stderr)
+        return 128 + stop.number
     except KeyboardInterrupt:
         print("phantom-dyn: interrupted", file=sys.stderr)
         return INTERRUPTED

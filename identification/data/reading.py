@@ -18,7 +18,7 @@ from identification.data.readers.presets import fitting_presets
 from identification.data.readers.read_table import read_table
 from identification.data.readers.suggested_map import suggested_map
 from identification.data.recording import Recording, Table
-from phantom_dyn.errors import LogError, known_names
+from phantom_dyn.errors import LogError, known_names, shortened
 from phantom_dyn.model.robot import Robot
 from phantom_dyn.motion import read_only
 
@@ -76,7 +76,7 @@ def _forces(table: Table) -> dict[str, Array]:
         names = [f"f.{frame}.{axis}" for axis in "xyz"]
         lacking = [name for name in names if name not in table.columns]
         if lacking:
-            raise LogError(f"{table.file} has no column {lacking[0]}: a force needs its three axes x, y and z.")
+            raise LogError(f"{table.file} has no column {lacking[0]}: a force needs its three axes x, y and z; add it.")
         out[frame] = read_only(np.column_stack([table.columns[name] for name in names]))
     return out
 
@@ -110,8 +110,8 @@ def _require_joints(table: Table, robot: Robot) -> tuple[str, ...]:
             elsewhere.append(name)
             continue
         raise LogError(
-            f"{table.file}: column {name} is of the joint {column.of}, which {robot.name} does not have: "
-            f"{known_names(column.of, [*robot.joint_names, *robot.passive_names], 'joints')}"
+            f"{table.file}: column {shortened(name)} is of the joint {shortened(column.of)}, which {robot.name} does "
+            f"not have: {known_names(column.of, [*robot.joint_names, *robot.passive_names], 'joints')}"
         )
     for joint in robot.joint_names:
         if f"q.{joint}" not in table.columns:

@@ -1,16 +1,17 @@
 """The files of an identification: ``identification.json`` (schema ``identification/1``), models and report.
 
-All of them are written, or none where one of them could not be written.
+All of them appear together, or none where one of them could not be written.
 """
 
 from __future__ import annotations
 
 import json
 import math
-from contextlib import ExitStack
 from pathlib import Path
+from uuid import uuid4
 
-from identification.files import require_writable_folder, temporary_beside
+from identification.file_sets import with_run, write_together
+from identification.files import require_writable_folder
 from identification.identify.exports import MJCF, URDF
 from identification.identify.identification import Export, Identification, Parameter
 
@@ -21,10 +22,11 @@ Json = dict[str, "Json"] | list["Json"] | str | float | int | bool | None
 NAMES = ("identification.json", "report.html", URDF, MJCF)
 
 
-def to_json(found: Identification) -> dict[str, Json]:
+def to_json(found: Identification, *, run: str = "") -> dict[str, Json]:
     """The content of ``identification.json``: plain types, nothing rounded, null where a number is not finite."""
     return {
         "schema": SCHEMA,
+        "run": run,
         "robot": found.robot,
         "recordings": list(found.recordings),
         "estimator": found.estimator,
@@ -67,9 +69,9 @@ def to_json(found: Identification) -> dict[str, Json]:
     }
 
 
-def json_text(found: Identification) -> str:
-    """The text of ``identification.json``, ending in a newline."""
-    return json.dumps(to_json(found), indent=1, ensure_ascii=False, allow_nan=False) + "\n"
+def json_text(found: Identification, *, run: str = "") -> str:
+    """The text of ``identification.json``, ending in a newline; all files of a run carry its id."""
+    return json.dumps(to_json(found, run=run), indent=1, ensure_ascii=False, allow_nan=False) + "\n"
 
 
 def _parameter(parameter: Parameter) -> dict[str, Json]:
@@ -131,10 +133,8 @@ def write_outputs(found: Identification, out: Path) -> tuple[Path, ...]:
     check_folder(out)
     texts = {"identification.json": json_text(found), "report.html": report_html(found)}
     texts |= {export.file: export.text for export in found.exports if export.text}
-    with ExitStack() as renamed_together:
-        for name, text in texts.items():
-            renamed_together.enter_context(temporary_beside(out / name)).write_bytes(text.encode())
-    for export in found.exports:
-        if not export.text:
-            (out / export.file).unlink(missing_ok=True)
+    run, index = uuid4().hex, NAMES[0]
+    stamped = {name: with_run(name, text, run) for name, text in texts.items() if name != index}
+    stamped[index] = json_text(found, run=run)
+    write_together(out, stamped, obsolete=NAMES)
     return tuple(out / name for name in texts)

@@ -1,14 +1,15 @@
 """The files of a diagnosis: ``diagnosis.json`` (schema ``gap-diagnosis/2``), report, models and proposed motion.
 
-All of them are written, or none where one of them could not be written.
+All of them appear together, or none where one of them could not be written.
 """
 
 from __future__ import annotations
 
+import hashlib
 import json
 from collections.abc import Callable, Mapping
 from contextlib import ExitStack
-from dataclasses import asdict
+from dataclasses import asdict, replace
 from pathlib import Path
 
 import numpy as np
@@ -27,6 +28,7 @@ from identification.diagnosis.result import (
 from identification.export.all_files import NAMES as MODELS
 from identification.export.all_files import export_texts, not_held
 from identification.export.corrected.corrected_yaml import write_corrected
+from identification.file_sets import with_run, write_together
 from identification.files import require_writable, require_writable_folder, temporary_beside
 from identification.next_experiment.proposal_words import reference_text
 from phantom_dyn.model.robot import Robot
@@ -169,7 +171,7 @@ def write_outputs(
         ParameterError: If a finding has a parameter that is not finite; nothing is written then.
     """
     check_targets(out, json_file)
-    contents: dict[Path, str] = {}
+    texts: dict[str, str] = {}
     if out is not None:
         corrected = write_corrected(diagnosis, robot.source, robot.sha256)
         before = len(diagnosis.notes)
@@ -177,20 +179,27 @@ def write_outputs(
         if tell is not None:
             for sentence in not_held(diagnosis.notes[before:]):
                 tell(sentence)
-        texts = (json_text(diagnosis), _report(diagnosis, robot), corrected)
-        contents = {out / name: text for name, text in zip(NAMES, texts, strict=True)}
-        contents |= {out / name: text for name, text in models.items()}
+        texts = {NAMES[1]: _report(diagnosis, robot), NAMES[2]: corrected, **models}
         if diagnosis.next_motion is not None:
-            contents[out / NEXT] = reference_text(diagnosis.next_motion, robot.joint_names)
-    if json_file is not None:
-        contents[json_file] = json_text(diagnosis)
-    with ExitStack() as renamed_together:
-        for path, text in contents.items():
-            renamed_together.enter_context(temporary_beside(path)).write_bytes(text.encode())
-    for path in () if out is None else (out / name for name in (NEXT, *MODELS)):
-        if path not in contents:
-            path.unlink(missing_ok=True)
-    return tuple(contents)
+            texts[NEXT] = reference_text(diagnosis.next_motion, robot.joint_names)
+            diagnosis = _with_digest(diagnosis, texts[NEXT])
+        texts = {name: with_run(name, text, diagnosis.run) for name, text in texts.items()}
+        texts[NAMES[0]] = json_text(diagnosis)
+    with ExitStack() as renamed:
+        if json_file is not None:
+            renamed.enter_context(temporary_beside(json_file)).write_text(json_text(diagnosis), encoding="utf-8")
+        if out is not None:
+            write_together(out, texts, obsolete=(NEXT, *MODELS))
+    places = [] if out is None else [out / name for name in (*NAMES, *texts) if name in texts]
+    return tuple(dict.fromkeys([*places, *([] if json_file is None else [json_file])]))
+
+
+def _with_digest(diagnosis: Diagnosis, reference: str) -> Diagnosis:
+    """The diagnosis with the SHA-256 of the proposed motion, whose file holds numbers alone and so no run."""
+    if diagnosis.next_experiment is None:
+        return diagnosis
+    digest = hashlib.sha256(reference.encode()).hexdigest()
+    return replace(diagnosis, next_experiment={**diagnosis.next_experiment, "reference_sha256": digest})
 
 
 def _report(diagnosis: Diagnosis, robot: Robot) -> str:

@@ -57,7 +57,7 @@ def followed_joints(loops: Iterable[tuple[int, LinearLoop]], config: Path) -> di
             place = f"{config}: loops[{index}].passive.{name}"
             if name in stated or name in loop.active:
                 other = "in another loop already" if name in stated else "active in the same loop"
-                raise RobotError(f"{place} is {other}: a passive joint stands in one loop, and only as passive.")
+                raise RobotError(f"{place} is {other}: name it once, in one loop, and only as passive.")
             stated[name] = _stated_expression(text, loop.active, place)
     return {name: _resolved(name, stated, (), config) for name in stated}
 

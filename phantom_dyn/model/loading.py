@@ -29,6 +29,7 @@ from phantom_dyn.model.robot_config import JointConfig, LinearLoop, RobotConfig,
 from phantom_dyn.model.robot_files import find_robot
 from phantom_dyn.model.robot_xml import RobotXml, read_root, urdf_facts
 from phantom_dyn.model.stated_loops import closed_chain
+from phantom_dyn.model.unnamed_file import unnamed_file
 from phantom_dyn.motion import linear_joints
 
 CONFIG_NAME = "robot.yaml"
@@ -128,9 +129,7 @@ def _whole_tree(path: Path, kind: Literal["urdf", "mjcf"]) -> Iterator[Path]:
     for world, body in bodies:
         world.remove(body)
         rest.append(body)
-    with tempfile.TemporaryDirectory() as folder:
-        whole = Path(folder) / path.name
-        ElementTree.ElementTree(root).write(whole)
+    with unnamed_file(ElementTree.tostring(root, encoding="utf-8"), suffix=path.suffix) as whole:
         yield whole
 
 

@@ -22,6 +22,7 @@ from phantom_dyn.model.robot_xml import (
     MjcfLoop,
     RobotXml,
     numbers,
+    require_names,
     require_not_negative,
     require_once,
     require_order,
@@ -67,6 +68,8 @@ def mjcf_facts(root: Element, sha256: str, path: Path) -> RobotXml:
                 f"{path} uses <{tag}>, which Pinocchio does not read: load the file in MuJoCo, "
                 "write it out whole with mujoco.mj_saveLastXML, and give that file."
             )
+    require_names(root.iter("body"), "body", path)
+    require_names((joint for body in root.iter("body") for joint in body.findall("joint")), "joint", path)
     bodies = [body for element in root.iter("body") if (body := _body(element, root, path)) is not None]
     for joint in root.iter("joint"):
         owner = f"joint {joint.get('name', '(default)')}"

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import hashlib
+from collections.abc import Iterable
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Literal
@@ -11,7 +12,7 @@ from xml.etree import ElementTree
 import numpy as np
 from jaxtyping import Float
 
-from phantom_dyn.errors import RobotError, known_names, shortened
+from phantom_dyn.errors import RobotError, known_names, printable, shortened
 from phantom_dyn.model.plain_file import require_plain_file
 
 Array = np.ndarray
@@ -132,6 +133,22 @@ def _depth(root: Element) -> int:
     return depth
 
 
+def require_names(elements: Iterable[Element], what: str, path: Path) -> None:
+    """Refuse a name that stands twice or holds control characters, which no other file or terminal could show."""
+    seen: set[str] = set()
+    for element in elements:
+        name = element.get("name")
+        if name is None:
+            continue
+        if not printable(name) == name:
+            raise RobotError(
+                f"{path}: the name {name!r} of a {what} holds control characters: write it with letters, digits and _."
+            )
+        if name in seen:
+            raise RobotError(f"{path}: two {what}s have the name {shortened(name)}: give each its own.")
+        seen.add(name)
+
+
 def numbers(
     element: Element, attribute: str, owner: str, path: Path, *, count: int | None = None, most: float = LARGEST
 ) -> list[float]:
@@ -204,6 +221,8 @@ def urdf_facts(root: Element, sha256: str, path: Path) -> RobotXml:
         RobotError: If a number is none, an axis is zero, friction is negative, limits are swapped, an element that
             there can be one of stands twice, or a joint mimics one that is not there.
     """
+    require_names(root.findall("link"), "link", path)
+    require_names(root.findall("joint"), "joint", path)
     for link in root.findall("link"):
         require_once(link, ("inertial",), f"link {link.get('name')}", path)
     bodies = [_urdf_body(link, path) for link in root.findall("link") if link.find("inertial") is not None]

@@ -28,6 +28,10 @@ def mutated_columns(rng: random.Random, columns: dict[str, np.ndarray]) -> dict[
     return out
 
 
+def _no_axis(values: np.ndarray) -> np.ndarray:
+    return values.reshape(-1)[:1].reshape(()) if values.size else values
+
+
 def _change(rng: random.Random, out: dict[str, np.ndarray]) -> None:
     if not out:
         return
@@ -36,7 +40,7 @@ def _change(rng: random.Random, out: dict[str, np.ndarray]) -> None:
     if kind == 0:
         out[name] = values.astype(rng.choice(_KINDS))
     elif kind == 1:
-        out[name] = rng.choice((values[:, None], values[:0], values[:-1], values[::2], values[:1].sum()))
+        out[name] = rng.choice((values[:, None], values[:0], values[:-1], values[::2], _no_axis(values)))
     elif kind == 2:
         del out[name]
     elif kind == 3:

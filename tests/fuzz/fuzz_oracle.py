@@ -23,9 +23,14 @@ SECONDS, BYTES = 60.0, 10**9
 """The longest time [s] and the most memory that a command on a small file may take."""
 _ADVICE = re.compile(
     r"\b(give|wanted|add|remove|correct|delete|repair|record|write|rename|map|put|leave|name|did you mean|choose|say|"
-    r"take|diagnose|use|mend|sort|hold|convert|expand|look|install|join|read|copy|see|state|report|turn)\b"
+    r"take|diagnose|use|mend|sort|hold|convert|expand|look|install|join|read|copy|see|state|report|turn|make|list|"
+    r"close|replace|start)\b"
 )
 _NOT_FINITE = re.compile(r"(?<![\w.\-/'\"])[-+]?\.?(nan|inf|infinity)(?![\w'\"])", re.IGNORECASE)
+_ATTRIBUTE = re.compile(
+    r"\b(?:value|xyz|rpy|i[xyz]{2}|lower|upper|effort|velocity|damping|friction|pos|quat|mass|\w*inertia|\w*loss|armature)"
+    r"=\"[^\"]*\b(?:nan|inf)\b[^\"]*\""
+)
 _CONTROL = re.compile("[\x00-\x08\x0b-\x1f\x7f-\x9f\u202a-\u202e\u2066-\u2069\u2028\u2029]")
 _FORMULA = re.compile(r'(?m)(?:^|,)"?[=+@][^,\n]*|(?:^|,)"?-(?![\d.]|inf|nan)[^,\n]*')
 
@@ -146,7 +151,11 @@ def _wrong_file(name: str, text: str) -> list[str]:
             return [f"{name} is no JSON of finite numbers: {error}"]
         return []
     found = []
-    if name.endswith((".csv", ".yaml", ".urdf", ".xml")) and (here := _NOT_FINITE.search(text)):
+    if name.endswith((".urdf", ".xml")):
+        # Text between the elements is the user's own and kept.
+        wrong = _ATTRIBUTE.findall(text)
+        found += [f"{name} is not finite: {one}" for one in wrong[:1]]
+    if name.endswith((".csv", ".yaml")) and (here := _NOT_FINITE.search(text)):
         found.append(f"{name} is not finite: {_around(text, here)}")
     if name.endswith(".csv") and (cell := _FORMULA.search(text)):
         found.append(f"{name} holds a formula: {cell.group()[:80]!r}")

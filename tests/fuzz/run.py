@@ -24,6 +24,7 @@ from hypothesis import strategies as st
 from fuzz_cases import KINDS, Case, drawn_case, tried, written_case
 from fuzz_seeds import Seeds, make_seeds
 from identification.cli.main import main as command
+from identification.cli.terminal import progress
 
 _BATCH = 500
 _STUCK_S = 120.0  # a loop outside Python hears no alarm: the process says where it is and ends
@@ -96,6 +97,7 @@ def main() -> int:
     options.add_argument("--keep", type=Path, default=Path("fuzz_failures"))
     given_options = options.parse_args()
     shutil.rmtree(given_options.keep, ignore_errors=True)
+    progress.EVERY_S = 1e6  # a line of progress is no part of a refusal
     tally, until = Tally(given_options.keep), time.monotonic() + 60 * given_options.minutes
     with tempfile.TemporaryDirectory() as name:
         seeds = seeds_with_diagnosis(Path(name))

@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import contextlib
 import os
 import signal
+import subprocess
 import sys
 import time
 from pathlib import Path
@@ -148,3 +150,39 @@ def test_a_map_in_threads_is_the_same(monkeypatch):
         found = operational_map(model, grid, names)
     for name in names:
         np.testing.assert_array_equal(found.values[name], serial.values[name])
+
+
+WITH_WORKERS = """
+import sys, time
+from phantom_dyn.large_work import spread
+if __name__ == "__main__":
+    for _ in spread(time.sleep, [(0.0,), (0.0,), (60.0,), (60.0,)], jobs=2):
+        print("one", flush=True)
+"""
+
+
+def workers_of(token: str) -> list[str]:
+    """Numbers of the processes whose environment holds a token."""
+    found = []
+    for place in Path("/proc").glob("[0-9]*/environ"):
+        with contextlib.suppress(OSError):
+            if f"LARGE_WORK_TEST={token}\0".encode() in place.read_bytes():
+                found.append(place.parent.name)
+    return found
+
+
+def test_workers_end_with_the_process_that_is_killed(tmp_path):
+    # Oracle: the system's list of processes.
+    (tmp_path / "work.py").write_text(WITH_WORKERS)
+    token = tmp_path.name
+    environment = {**os.environ, "LARGE_WORK_TEST": token}
+    child = subprocess.Popen([sys.executable, "work.py"], cwd=tmp_path, env=environment, stdout=subprocess.PIPE)
+    assert child.stdout is not None
+    assert child.stdout.readline() == b"one\n"
+    assert len(workers_of(token)) >= 3
+    child.kill()
+    child.communicate()
+    until = time.monotonic() + 20
+    while workers_of(token) and time.monotonic() < until:
+        time.sleep(0.05)
+    assert workers_of(token) == []

@@ -1,4 +1,4 @@
-"""Ctrl-C ends a command once, cleanly, even where a library catches the exception that Python raises for it."""
+"""Ctrl-C and SIGTERM end a command once, cleanly, even where a library catches what is raised for them."""
 
 from __future__ import annotations
 
@@ -14,37 +14,55 @@ class Interrupted(KeyboardInterrupt):
 
     A class of its own, because Python remembers a plain ``KeyboardInterrupt`` that passes through ``exec`` of a
     string (every dataclass is made so) and kills the process at its end, although the exception was caught.
+
+    Attributes:
+        number: Of the signal.
     """
+
+    def __init__(self, number: int = signal.SIGINT):
+        super().__init__()
+        self.number = number
 
 
 class _Handler:
     """Raises `Interrupted` and remembers it: an import that catches everything may swallow the exception."""
 
     def __init__(self) -> None:
-        self.asked = False
+        self.asked: int | None = None
 
-    def __call__(self, _number: int, _frame: FrameType | None) -> None:
-        self.asked = True
-        raise Interrupted
+    def __call__(self, number: int, _frame: FrameType | None) -> None:
+        self.asked = number
+        raise Interrupted(number)
+
+
+_ENDING = {signal.SIGINT: signal.default_int_handler, signal.SIGTERM: signal.SIG_DFL, signal.SIGHUP: signal.SIG_DFL}
+"""Signals that end a command, and what Python does with them where nobody has said otherwise."""
 
 
 @contextmanager
 def interruptible() -> Iterator[None]:
-    """Raise `Interrupted` for Ctrl-C within the context, where the process has Python's own handling of it."""
-    usual = signal.getsignal(signal.SIGINT)
-    # Only the main thread may set a handler; a process that ignores Ctrl-C goes on ignoring it.
-    if threading.current_thread() is not threading.main_thread() or usual is not signal.default_int_handler:
+    """Raise `Interrupted` for Ctrl-C, SIGTERM and a closed terminal, where the process has the usual handling of them.
+
+    Without this, SIGTERM would leave temporary files and processes behind.
+    """
+    # Only the main thread may set a handler; a process that ignores a signal goes on ignoring it.
+    if threading.current_thread() is not threading.main_thread():
         yield
         return
-    signal.signal(signal.SIGINT, _Handler())
+    handler = _Handler()
+    usual = {number: plain for number, plain in _ENDING.items() if signal.getsignal(number) is plain}
+    for number in usual:
+        signal.signal(number, handler)
     try:
         yield
     finally:
-        signal.signal(signal.SIGINT, usual)
+        for number, plain in usual.items():
+            signal.signal(number, plain)
 
 
 def end_if_asked() -> None:
-    """Raise `Interrupted` if Ctrl-C was pressed since `interruptible` began and the exception was swallowed."""
-    handler = signal.getsignal(signal.SIGINT)
-    if isinstance(handler, _Handler) and handler.asked:
-        raise Interrupted
+    """Raise `Interrupted` if a signal came since `interruptible` began and the exception was swallowed."""
+    for number in _ENDING:
+        handler = signal.getsignal(number)
+        if isinstance(handler, _Handler) and handler.asked is not None:
+            raise Interrupted(handler.asked)

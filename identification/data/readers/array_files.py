@@ -13,7 +13,7 @@ import numpy as np
 from identification.data.readers.contract_columns import column_of
 from identification.data.readers.unpacked_size import require_small_npz, require_small_parquet
 from identification.data.recording import RawTable
-from phantom_dyn.errors import LogError
+from phantom_dyn.errors import LogError, shortened
 from phantom_dyn.libraries import is_installed, missing_library
 
 Array = np.ndarray
@@ -35,11 +35,11 @@ def _problem(file: str, name: str, array: Array) -> str | None:
     """Why an array cannot be a column or several, or None if it can."""
     if array.ndim != 1 and not (array.ndim == 2 and array.shape[1] <= MOST_IN_LIST and column_of(name) is None):
         return (
-            f"{file}: array {name} has the shape {array.shape}: write one 1-D array per column, "
-            f"named as {name}.<joint> where it belongs to a joint."
+            f"{file}: array {shortened(name)} has the shape {array.shape}: write one 1-D array per column, "
+            f"named as {shortened(name)}.<joint> where it belongs to a joint."
         )
     if array.dtype.kind not in "fiub":
-        return f"{file}: array {name} holds {array.dtype} where numbers should be: write floats."
+        return f"{file}: array {shortened(name)} holds {array.dtype} where numbers should be: write floats."
     return None
 
 
@@ -76,8 +76,8 @@ def _arrays(path: Path, file: BinaryIO) -> RawTable:
                 if "allow_pickle" not in str(error):
                     raise
                 problems[name] = (
-                    f"{path.name}: array {name} holds Python objects, which are not loaded because a pickle can run "
-                    "code: write it as an array of floats."
+                    f"{path.name}: array {shortened(name)} holds Python objects, which are not loaded because a "
+                    "pickle can run code: write it as an array of floats."
                 )
                 continue
             if name in _NAMES and array.ndim == 1 and array.dtype.kind == "U":
@@ -94,7 +94,9 @@ def _arrays(path: Path, file: BinaryIO) -> RawTable:
 def _require_unique(path: Path, names: Iterable[str]) -> None:
     twice = [name for name, count in Counter(names).items() if count > 1]
     if twice:
-        raise LogError(f"{path.name}: the column name {twice[0]} stands there twice: give every column its own name.")
+        raise LogError(
+            f"{path.name}: the column name {shortened(twice[0])} stands there twice: give every column its own name."
+        )
 
 
 def _holds_numbers(kind: Any) -> bool:
@@ -186,7 +188,7 @@ def read_parquet(path: Path) -> RawTable:
     wanted = [name for name, kind in kinds.items() if _holds_numbers(kind) or _holds_lists(kind)]
     columns, problems = parquet_columns(path.name, file.read(columns=wanted))
     problems |= {
-        name: f"{path.name}: column {name} holds {kind} where numbers should be: write floats."
+        name: f"{path.name}: column {shortened(name)} holds {kind} where numbers should be: write floats."
         for name, kind in kinds.items()
         if name not in wanted
     }

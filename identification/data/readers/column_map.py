@@ -129,7 +129,7 @@ def source_of(file: str, key: str, value: Any) -> Source:
     Raises:
         LogError: If it means nothing; one sentence says why.
     """
-    where = f"{file}: {key}"
+    where = f"{file}: {shortened(key)}"
     given = {"from": value} if isinstance(value, str) else value
     if not isinstance(given, dict):
         raise LogError(f"{where} is {describe(value)}, wanted a column name or {{from: NAME, unit: UNIT}}.")

@@ -14,7 +14,7 @@ from typing import Literal, cast
 import numpy as np
 
 from identification.data.recording import RawTable, Table
-from phantom_dyn.errors import LogError, listed
+from phantom_dyn.errors import LogError, listed, shortened
 from phantom_dyn.motion import read_only
 
 Array = np.ndarray
@@ -94,11 +94,11 @@ def name_problem(name: str) -> str | None:
     if column_of(name) is not None:
         return None
     if prefix == "f" and dot:
-        return f"a force is written f.<frame>.x, f.<frame>.y or f.<frame>.z, not {name}"
+        return f"a force is written f.<frame>.x, f.<frame>.y or f.<frame>.z, not {shortened(name)}"
     if folded in JOINT_QUANTITIES and (dot or folded not in ("i", "temp")):
-        return f"a column of a joint is written {folded}.<joint>, not {name}"
+        return f"a column of a joint is written {folded}.<joint>, not {shortened(name)}"
     if folded == "t" and (dot or prefix == "T"):
-        return f"the time is written t, not {name}"
+        return f"the time is written t, not {shortened(name)}"
     return None
 
 
@@ -152,8 +152,8 @@ def _readable(raw: RawTable, wanted: Mapping[str, Column]) -> dict[str, Array]:
     for name, values in columns.items():
         if len(values) != n:
             raise LogError(
-                f"{raw.file}: column {name} has {len(values)} rows and t has {n}: every column needs one value a row; "
-                "write them again."
+                f"{raw.file}: column {shortened(name)} has {len(values)} rows and t has {n}: every column needs "
+                "one value a row; write them again."
             )
     if n == 0:
         raise LogError(f"{raw.file} has no rows: its columns are there but empty; record it again.")
@@ -170,7 +170,7 @@ def _require_possible(raw: RawTable, columns: Mapping[str, Array], wanted: Mappi
             continue
         row = int(bad[0])
         value = values[row]
-        where = f"{raw.file}, {raw.place(row)}, column {name}"
+        where = f"{raw.file}, {raw.place(row)}, column {shortened(name)}"
         if not np.isfinite(value):
             raise LogError(f"{where} is {value}: every value must be a number; repair or delete the row.")
         hint = "give the time in seconds" if name == "t" else "give SI units (--columns converts), or delete the row"
@@ -192,8 +192,8 @@ def _kept_rows(raw: RawTable, columns: Mapping[str, Array]) -> Array:
     if t[row] == t[row - 1]:
         differing = next(name for name, values in columns.items() if values[row] != values[row - 1])
         raise LogError(
-            f"{where}: the time {t[row]:.9g} s is that of the row before, but {differing} differs: every sample needs "
-            "a time of its own; write the time with more digits or delete one of the rows."
+            f"{where}: the time {t[row]:.9g} s is that of the row before, but {shortened(differing)} differs: every "
+            "sample needs a time of its own; write the time with more digits or delete one of the rows."
         )
     raise LogError(
         f"{where}: the time goes back from {t[row - 1]:.9g} s to {t[row]:.9g} s: time must increase; sort the rows, "

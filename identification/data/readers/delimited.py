@@ -110,7 +110,9 @@ def _require_unique(file: str, names: list[str]) -> None:
         if not name:
             raise LogError(f"{file}: column {column} has no name: name every column in the first line.")
         if name in seen:
-            raise LogError(f"{file}: the column name {name} stands there twice: give every column its own name.")
+            raise LogError(
+                f"{file}: the column name {shortened(name)} stands there twice: give every column its own name."
+            )
         seen.add(name)
 
 

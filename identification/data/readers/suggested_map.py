@@ -51,8 +51,8 @@ def suggested_map(names: Sequence[str], joints: Sequence[str]) -> str:
     numbered: dict[Quantity, dict[int, str]] = {}
     for name in names:
         joint, words = _without_joint(_parts(name), joints)
-        quantity = _quantity([word for word in words if not word.isdigit()], bool(joint))
-        numbers = [int(word) for word in words if word.isdigit()]
+        quantity = _quantity([word for word in words if not _is_number(word)], bool(joint))
+        numbers = [int(word) for word in words if _is_number(word)]
         if quantity is None:
             continue
         if quantity == "t" or joint or (len(joints) == 1 and not numbers):
@@ -93,6 +93,11 @@ def _source(quantity: Quantity, name: str) -> str:
 def _parts(name: str) -> list[str]:
     """Words and numbers of a name in small letters: ``jointPos_1`` is joint, pos and 1."""
     return [word.lower() for word in re.findall(r"[A-Z]?[a-z]+|[A-Z]+(?![a-z])|\d+", name)]
+
+
+def _is_number(word: str) -> bool:
+    """True for the number of a joint; a longer row of digits, or one of another script, is none."""
+    return word.isascii() and word.isdigit() and len(word) < 7
 
 
 def _without_joint(words: list[str], joints: Sequence[str]) -> tuple[str, list[str]]:

@@ -3,7 +3,6 @@
 
 from __future__ import annotations
 
-import tempfile
 from collections.abc import Mapping
 from dataclasses import replace
 from pathlib import Path
@@ -19,6 +18,7 @@ from phantom_dyn.dynamics.tree_motion import TreeMotion, tree_motion
 from phantom_dyn.errors import PhantomDynError, RobotError
 from phantom_dyn.model.loading import load_robot
 from phantom_dyn.model.robot import Robot
+from phantom_dyn.model.unnamed_file import unnamed_file
 from phantom_dyn.motion import Motion, configurations
 
 Array = np.ndarray
@@ -41,9 +41,7 @@ def urdf_difference(text: str, robot: Robot, motion: Motion, config: Path | None
     Raises:
         RobotError: If the text cannot be loaded, or has other joints.
     """
-    with tempfile.TemporaryDirectory() as folder:
-        path = Path(folder) / "robot.urdf"
-        path.write_text(text, encoding="utf-8")
+    with unnamed_file(text.encode(), suffix=".urdf") as path:
         try:
             loaded = load_robot(path, config=config)
         except PhantomDynError as error:

@@ -9,8 +9,6 @@ from __future__ import annotations
 
 import csv
 import io
-import runpy
-import tempfile
 from pathlib import Path
 from pprint import pformat
 from typing import Any
@@ -36,7 +34,7 @@ _POSITIONS, _SPEEDS = 91, 20  # rows of the table over the position of a joint, 
 _SAMPLES = 400  # of the recordings, on which the feedforward is compared with no feedforward
 # Effects that take a law of their own in the file, beside what `CorrectedModel` holds of them.
 _OWN_LAWS = ("direction_dependent_friction", "stribeck_friction", "load_dependent_friction", "encoder_eccentricity")
-COLUMNS = ("over", "joint", "q", "v", "gravity", "friction", "cogging", "command", "headroom")
+COLUMNS = ("over", "joint", "q", "v", "gravity", "friction", "cogging", "command", "headroom", "run")
 
 
 def feedforward_code(corrected: CorrectedModel, diagnosis: Diagnosis) -> str:
@@ -58,10 +56,9 @@ def feedforward_code(corrected: CorrectedModel, diagnosis: Diagnosis) -> str:
 
 def loaded(code: str) -> dict[str, Any]:
     """The names that the text of a ``feedforward.py`` defines."""
-    with tempfile.TemporaryDirectory() as folder:
-        path = Path(folder) / "feedforward.py"
-        path.write_text(code, encoding="utf-8")
-        return runpy.run_path(str(path))
+    names: dict[str, Any] = {"__name__": "feedforward"}
+    exec(compile(code, "feedforward.py", "exec"), names)
+    return names
 
 
 def feedforward_table(corrected: CorrectedModel, diagnosis: Diagnosis, code: str) -> str:
@@ -83,15 +80,15 @@ def feedforward_table(corrected: CorrectedModel, diagnosis: Diagnosis, code: str
     table = csv.writer(text, lineterminator="\n")
     table.writerow(COLUMNS)
     for j, joint in enumerate(corrected.robot.joint_names):
-        name = text_cell(joint)
+        name, run = text_cell(joint), diagnosis.run
         for place in np.linspace(low[j], high[j], _POSITIONS):
             at = np.where(np.arange(len(middle)) == j, place, middle)
-            table.writerow(["position", name, *_row(law, j, at, np.zeros(len(at)), _at_rest(law, at))])
+            table.writerow(["position", name, *_row(law, j, at, np.zeros(len(at)), _at_rest(law, at)), run])
         one = fastest[j] * np.geomspace(1e-3, 1.0, _SPEEDS)
         still = _at_rest(law, middle)
         for speed in (*-one[::-1], 0.0, *one):
             moving = np.where(np.arange(len(middle)) == j, speed, 0.0)
-            table.writerow(["velocity", name, *_row(law, j, middle, moving, still)])
+            table.writerow(["velocity", name, *_row(law, j, middle, moving, still), run])
     return text.getvalue()
 
 

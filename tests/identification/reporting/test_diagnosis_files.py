@@ -107,3 +107,10 @@ def test_a_model_of_an_earlier_run_that_cannot_be_written_is_removed(made_up, tm
     assert [path.name for path in written] == ["diagnosis.json", "report.html", "corrected.yaml"]
     assert not (tmp_path / "corrected.xml").exists()
     assert "would weigh" in (tmp_path / "report.html").read_text()
+
+
+def test_every_file_carries_the_run(made_up, tmp_path):
+    # Oracle: the run that diagnosis.json states.
+    found = dataclasses.replace(diagnosis(made_up), run="0123456789abcdef0123456789abcdef")
+    for path in write_outputs(found, ROBOT, out=tmp_path / "out", json_file=None):
+        assert found.run in path.read_text(), path.name

@@ -64,7 +64,7 @@ def test_what_is_no_robot_is_refused(tmp_path, text, message):
         ('friction="0.5"', 'friction="none"', r"friction='none' in <dynamics> of joint tilt must be finite numbers"),
         ('<limit lower="-2"', '<limits lower="-2"', r"can read \(Joint \[tilt\] is of type REVOLUTE but it does not"),
         ('<child link="beam"/>', '<child link="bean"/>', r"child link \[bean\] of joint \[tilt\] not found"),
-        ('<link name="tool">', '<link name="rail">', r"link 'rail' is not unique"),
+        ('<link name="tool">', '<link name="rail">', "two links have the name rail: give each its own"),
         (
             'name="slide" type="prismatic"',
             'name="slide" type="floating"',

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import io
 import signal
 import subprocess
@@ -86,3 +87,26 @@ def test_another_thread_may_run_a_command():
     thread.start()
     thread.join()
     assert ended == [None]
+
+
+@pytest.mark.parametrize("name", ["SIGTERM", "SIGHUP"])
+def test_a_signal_that_ends_a_process_ends_the_command_with_its_number(tmp_path, name):
+    # Oracle: the shell's convention, 128 and the number of the signal.
+    (tmp_path / "within.py").write_text(WITHIN_EXEC.replace("SIGINT", name))
+    child = subprocess.run([sys.executable, "-m", "within"], cwd=tmp_path, capture_output=True, check=False)
+    assert child.returncode == 128 + getattr(signal, name)
+    assert child.stderr == b"phantom-dyn: interrupted\n"
+
+
+def test_sigterm_lets_the_blocks_that_are_open_clean_up(tmp_path):
+    left = []
+
+    def ended() -> None:
+        with interruptible(), contextlib.ExitStack() as opened:
+            opened.callback(left.append, "cleaned")
+            signal.raise_signal(signal.SIGTERM)
+
+    with pytest.raises(Interrupted):
+        ended()
+    assert left == ["cleaned"]
+    assert signal.getsignal(signal.SIGTERM) is signal.SIG_DFL

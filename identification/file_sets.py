@@ -1,0 +1,167 @@
+"""Files of one run that appear together: a reader, and a process that is killed, leave the old set or the new one.
+
+They are written into a hidden folder beside the one that is wanted, with links to the files in it that stay, and the
+two folders are exchanged in one step of the system. Where that cannot be (folders inside, a process that works in it,
+a parent that may not be written to, a system without such a step) the files are renamed one after the other, the index
+last. Every text ends with the run that it is of, so that a mixture could be told.
+"""
+
+from __future__ import annotations
+
+import ctypes
+import os
+import secrets
+import shutil
+from collections.abc import Iterable, Iterator, Mapping
+from contextlib import contextmanager, suppress
+from pathlib import Path
+
+from identification.files import MARK, held, is_held, refused_write
+from phantom_dyn.errors import UsageError
+
+_HERE, _EXCHANGE = -100, 2  # of renameat2 in linux/fcntl.h: paths as they are, and both stay
+_RUN_LINES = {".yaml": "# run: {}", ".py": "# run: {}", ".urdf": "<!-- run: {} -->", ".xml": "<!-- run: {} -->"}
+_RUN_LINES[".html"] = _RUN_LINES[".xml"]
+
+
+def with_run(name: str, text: str, run: str) -> str:
+    """The text of a file with the run that it is of in a last line, where its format has comments."""
+    line = _RUN_LINES.get(Path(name).suffix)
+    if line is None or not run:
+        return text
+    return f"{text}{'' if text.endswith(chr(10)) else chr(10)}{line.format(run)}\n"
+
+
+def write_together(folder: Path, texts: Mapping[str, str], *, obsolete: Iterable[str] = ()) -> tuple[Path, ...]:
+    """Write files into a folder in one step, and take those out that belong to an earlier set.
+
+    Args:
+        folder: Made where it is missing; other files in it are kept.
+        texts: By name, the index last.
+        obsolete: Names of files to remove.
+
+    Returns:
+        The files, in the order of ``texts``.
+
+    Raises:
+        UsageError: If one of them cannot be written; all are as they were then.
+    """
+    target = folder.resolve()
+    try:
+        target.parent.mkdir(parents=True, exist_ok=True)
+        _sweep(target)
+        ours = {*texts, *obsolete}
+        if not _written_and_exchanged(target, texts, ours):
+            _written_one_by_one(target, texts, ours)
+    except OSError as error:
+        raise UsageError(refused_write(folder, error)) from error
+    return tuple(folder / name for name in texts)
+
+
+def _written_and_exchanged(target: Path, texts: Mapping[str, str], ours: set[str]) -> bool:
+    """Write the files beside and exchange the folders; False if that cannot be, and nothing has changed then."""
+    if not os.access(target.parent, os.W_OK | os.X_OK) or (target.exists() and _works_inside(target)):
+        return False
+    with _staging(target.parent, target.name) as staging:
+        _write_all(staging, texts)
+        if not target.exists():
+            with suppress(OSError):  # another run may have made it by now
+                staging.rename(target)
+                return True
+        if not _kept_files_linked(target, staging, ours) or not _exchanged(staging, target):
+            return False
+        # What came in between the links and the exchange lies in the old folder, which is `staging` now.
+        for late in [entry for entry in staging.iterdir() if entry.name not in ours]:
+            if not os.path.lexists(target / late.name):
+                late.rename(target / late.name)
+        return True
+
+
+def _written_one_by_one(target: Path, texts: Mapping[str, str], ours: set[str]) -> None:
+    target.mkdir(exist_ok=True)
+    with _staging(target, "") as staging:
+        _write_all(staging, texts)
+        for name in texts:
+            if (target / name).is_dir():
+                raise IsADirectoryError(None, f"{name} is a folder")
+        for name in ours - set(texts):
+            (target / name).unlink(missing_ok=True)
+        for name in texts:
+            (staging / name).replace(target / name)
+
+
+def _write_all(folder: Path, texts: Mapping[str, str]) -> None:
+    for name, text in texts.items():
+        # Names of files may hold bytes that are no letters; they are shown as escapes.
+        (folder / name).write_bytes(text.encode("utf-8", "backslashreplace"))
+
+
+@contextmanager
+def _staging(parent: Path, name: str) -> Iterator[Path]:
+    """An empty hidden folder that is ours while the block lasts and gone afterwards."""
+    folder = parent / f".{name}.{secrets.token_hex(4)}{MARK}"
+    folder.mkdir()
+    try:
+        with held(folder):
+            yield folder
+    finally:
+        shutil.rmtree(folder, ignore_errors=True)
+
+
+def _sweep(target: Path) -> None:
+    """Remove what killed runs have left beside the folder and in it."""
+    left = [entry for entry in target.parent.iterdir() if _is_staging(entry, target.name)]
+    if target.is_dir():
+        left += [entry for entry in target.iterdir() if entry.name.startswith(".") and MARK in entry.name]
+    for entry in left:
+        if is_held(entry):
+            continue
+        if entry.is_dir():
+            shutil.rmtree(entry, ignore_errors=True)
+        else:
+            entry.unlink(missing_ok=True)
+
+
+def _is_staging(entry: Path, name: str) -> bool:
+    return entry.name.startswith(f".{name}.") and entry.name.endswith(MARK) and entry.is_dir()
+
+
+def _kept_files_linked(target: Path, staging: Path, ours: set[str]) -> bool:
+    """Put a second link to every other file of a folder into the new one; False if there is more than files."""
+    with os.scandir(target) as found:
+        entries = list(found)
+    for entry in entries:
+        if entry.name in ours:
+            if entry.is_dir(follow_symlinks=False):
+                return False
+            continue
+        if not (entry.is_file(follow_symlinks=False) or entry.is_symlink()):
+            return False
+        try:
+            os.link(entry.path, staging / entry.name, follow_symlinks=False)
+        except OSError:
+            return False
+    try:
+        old = target.stat()
+        if (old.st_uid, old.st_gid) != (staging.stat().st_uid, staging.stat().st_gid):
+            os.chown(staging, old.st_uid, old.st_gid)
+        shutil.copystat(target, staging)
+    except OSError:
+        return False
+    return True
+
+
+def _exchanged(one: Path, other: Path) -> bool:
+    """True if two folders have changed names in one step; the system may have no such step."""
+    exchange = getattr(ctypes.CDLL(None), "renameat2", None)
+    return exchange is not None and exchange(_HERE, os.fsencode(one), _HERE, os.fsencode(other), _EXCHANGE) == 0
+
+
+def _works_inside(folder: Path) -> bool:
+    """True if a process, as a shell, has the folder as its own: it would be left in the old one."""
+    places = [Path("/proc/self/cwd"), *Path("/proc").glob("[0-9]*/cwd")]
+    for place in places:
+        with suppress(OSError):
+            if place.samefile(folder):
+                return True
+    return False

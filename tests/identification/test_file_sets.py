@@ -1,0 +1,166 @@
+"""Files of a run appear together. Oracles: what stands in the folder, and the system's own locks and links."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from identification import file_sets
+from identification.file_sets import with_run, write_together
+from identification.files import MARK, held, is_held, temporary_beside
+from phantom_dyn.errors import UsageError
+
+OLD, NEW = {"a.txt": "old a", "gone.txt": "old", "index.json": "old"}, {"a.txt": "new a", "index.json": "new"}
+
+
+def content(folder: Path) -> dict[str, str]:
+    return {path.name: path.read_text() for path in sorted(folder.iterdir()) if path.is_file()}
+
+
+@pytest.fixture(params=["exchanged", "one by one"])
+def way(request, monkeypatch) -> str:
+    """Both ways of writing."""
+    if request.param == "one by one":
+        monkeypatch.setattr(file_sets, "_written_and_exchanged", lambda *_: False)
+    return request.param
+
+
+def test_a_folder_is_made_with_its_files(tmp_path, way):
+    written = write_together(tmp_path / "deep" / "out", OLD)
+    assert written == tuple(tmp_path / "deep" / "out" / name for name in OLD)
+    assert content(tmp_path / "deep" / "out") == OLD
+    assert [path.name for path in (tmp_path / "deep").iterdir()] == ["out"]
+
+
+def test_files_of_others_stay_and_those_of_an_earlier_set_go(tmp_path, way):
+    out = tmp_path / "out"
+    write_together(out, OLD)
+    (out / "mine.txt").write_text("mine")
+    (out / "link").symlink_to("nowhere")
+    before = (out / "mine.txt").stat().st_ino
+    write_together(out, NEW, obsolete=OLD)
+    assert content(out) == {**NEW, "mine.txt": "mine"}
+    assert (out / "mine.txt").stat().st_ino == before
+    assert (out / "link").readlink() == Path("nowhere")
+    assert [path.name for path in tmp_path.iterdir()] == ["out"]
+
+
+def test_the_folder_keeps_its_rights(tmp_path, way):
+    (tmp_path / "out").mkdir(mode=0o750)
+    write_together(tmp_path / "out", NEW)
+    assert (tmp_path / "out").stat().st_mode & 0o777 == 0o750
+
+
+def test_a_link_to_the_folder_stays_a_link(tmp_path, way):
+    (tmp_path / "real").mkdir()
+    (tmp_path / "out").symlink_to("real")
+    write_together(tmp_path / "out", NEW)
+    assert (tmp_path / "out").is_symlink()
+    assert content(tmp_path / "real") == NEW
+
+
+@pytest.mark.parametrize("kind", ["a folder inside", "a shell in it"])
+def test_a_folder_that_cannot_be_exchanged_stays_the_same_folder(tmp_path, kind, monkeypatch):
+    out = tmp_path / "out"
+    write_together(out, OLD)
+    before = out.stat().st_ino
+    if kind == "a folder inside":
+        (out / "runs").mkdir()
+    else:
+        monkeypatch.chdir(out)
+    write_together(out, NEW, obsolete=OLD)
+    assert out.stat().st_ino == before
+    assert content(out) == NEW
+
+
+def test_old_and_new_are_never_in_one_folder(tmp_path, monkeypatch):
+    # Known truth: what stands there at each step before and after the exchange.
+    out, seen = tmp_path / "out", []
+    write_together(out, OLD)
+    real = file_sets._exchanged
+
+    def watched(one: Path, other: Path) -> bool:
+        seen.append(content(out))
+        done = real(one, other)
+        seen.append(content(out))
+        return done
+
+    monkeypatch.setattr(file_sets, "_exchanged", watched)
+    write_together(out, NEW, obsolete=OLD)
+    assert seen == [OLD, NEW]
+
+
+def test_a_failure_leaves_the_old_set_and_nothing_else(tmp_path, monkeypatch):
+    out = tmp_path / "out"
+    write_together(out, OLD)
+
+    def full(*_: object) -> None:
+        raise OSError(28, "No space left on device")
+
+    monkeypatch.setattr(file_sets, "_write_all", full)
+    with pytest.raises(UsageError, match=r"cannot write .*out: no space left on device"):
+        write_together(out, NEW)
+    assert content(out) == OLD
+    assert [path.name for path in tmp_path.iterdir()] == ["out"]
+
+
+def test_what_a_killed_run_has_left_goes_with_the_next(tmp_path):
+    out = tmp_path / "out"
+    write_together(out, OLD)
+    for left in (tmp_path / f".out.0a1b2c3d{MARK}", out / f"..0a1b2c3d{MARK}"):
+        left.mkdir()
+        (left / "a.txt").write_text("half")
+    (out / f".a.0a1b2c3d{MARK}.txt").write_text("half")
+    (tmp_path / ".out.mine").mkdir()
+    write_together(out, NEW, obsolete=OLD)
+    assert sorted(path.name for path in tmp_path.iterdir()) == [".out.mine", "out"]
+    assert sorted(path.name for path in out.iterdir()) == ["a.txt", "index.json"]
+
+
+def test_what_a_living_run_writes_stays(tmp_path):
+    left = tmp_path / f".out.0a1b2c3d{MARK}"
+    left.mkdir()
+    with held(left):
+        write_together(tmp_path / "out", NEW)
+        assert left.is_dir()
+    write_together(tmp_path / "out", NEW)
+    assert not left.exists()
+
+
+def test_the_system_lets_go_of_what_a_killed_process_held(tmp_path):
+    code = (
+        "import sys, os, signal; from pathlib import Path; from identification.files import held\n"
+        "with held(Path(sys.argv[1])):\n    print('held', flush=True); os.kill(os.getpid(), signal.SIGKILL)\n"
+    )
+    subprocess.run([sys.executable, "-c", code, str(tmp_path)], check=False, capture_output=True)
+    assert not is_held(tmp_path)
+
+
+def test_a_temporary_file_of_a_killed_run_goes_with_the_next(tmp_path):
+    left = tmp_path / f".a.0a1b2c3d{MARK}.json"
+    left.write_text("half")
+    with temporary_beside(tmp_path / "a.json") as path:
+        path.write_text("{}")
+        assert not left.exists()
+        assert is_held(path)
+    assert [path.name for path in tmp_path.iterdir()] == ["a.json"]
+
+
+@pytest.mark.parametrize(
+    ("name", "line"),
+    [
+        ("a.yaml", "# run: 12ab\n"),
+        ("a.py", "# run: 12ab\n"),
+        ("a.urdf", "<!-- run: 12ab -->\n"),
+        ("a.html", "<!-- run: 12ab -->\n"),
+    ],
+)
+def test_a_text_ends_with_its_run(name, line):
+    assert with_run(name, "x", "12ab") == f"x\n{line}"
+
+
+def test_numbers_and_runs_without_an_id_stay_as_they_are():
+    assert (with_run("a.csv", "q\n1\n", "12ab"), with_run("a.yaml", "x", "")) == ("q\n1\n", "x")
