@@ -1,7 +1,8 @@
 """Many diagnoses of a fleet: which robot is out of line with the others, and which one changed, and since when.
 
 A robot is the folder that its recordings lie in, and their time is the order of their names. A recording that lacks a
-finding that others have counts as nothing, with the deviation of those that have it. Out of line is a robot whose mean
+finding that others have counts as nothing, with the deviation of those that have it; it does not count where it has
+another finding on that joint, which may stand for the missing one. Out of line is a robot whose mean
 size differs from those of the others by more than their spread explains (Student's test of one new value, at 5 % over
 all robots and sizes; at least three others). A change is the one split of a robot's recordings that leaves the least
 squares, as binary segmentation finds first; its level is that of the same recordings in random orders (at 5 % over the
@@ -90,7 +91,8 @@ def series_of(result: DiagnosedRecordings) -> tuple[Series, ...]:
     for row in rows:
         robots.setdefault(str(Path(row.log).parent), []).append(row)
     sizes = {row.log: _sizes(row.document) for row in rows}
-    seen: dict[tuple[str, str], list[float]] = {}
+    seen: dict[tuple[str, str, str], list[float]] = {}
+    joints = {row.log: {key[2] for key in sizes[row.log]} for row in rows}
     for found in sizes.values():
         for key, (_, std) in found.items():
             seen.setdefault(key, []).append(std)
@@ -98,11 +100,15 @@ def series_of(result: DiagnosedRecordings) -> tuple[Series, ...]:
     out = []
     for folder, own in robots.items():
         own = sorted(own, key=lambda row: Path(row.log).name)
-        for (quantity, unit), stds in seen.items():
+        for key, stds in seen.items():
+            quantity, unit, joint = key
             usual = float(np.median(stds))
-            pairs = [sizes[row.log].get((quantity, unit), (0.0, usual)) for row in own]
-            values, deviations = np.array(pairs).T
-            logs = tuple(Path(row.log).name for row in own)
+            # Another finding on that joint may stand for the missing one.
+            told = [row for row in own if key in sizes[row.log] or joint not in joints[row.log]]
+            if not told:
+                continue
+            values, deviations = np.array([sizes[row.log].get(key, (0.0, usual)) for row in told]).T
+            logs = tuple(Path(row.log).name for row in told)
             out.append(Series(names[folder], quantity, unit, logs, values, deviations))
     return tuple(out)
 
@@ -174,15 +180,16 @@ def _best_split(values: Float[Array, "k n"], weights: Float[Array, "k n"]) -> tu
     return gain[np.arange(len(gain)), at], at + 1
 
 
-def _sizes(document: Any) -> dict[tuple[str, str], tuple[float, float]]:
-    """Value and deviation of every number of the findings, by quantity and unit; lists and shapes are left out."""
+def _sizes(document: Any) -> dict[tuple[str, str, str], tuple[float, float]]:
+    """Value and deviation of every number of the findings, by quantity, unit and joint; lists are left out."""
     out = {}
     for finding in document["findings"]:
         for name, size in finding["parameters"].items():
             value, std = size["value"], size["std"]
             if isinstance(value, int | float) and isinstance(std, int | float):
                 words = (finding["effect"], finding["joint"], name)
-                out[" ".join(filter(None, words)).replace("_", " "), size["unit"]] = (float(value), float(std))
+                key = " ".join(filter(None, words)).replace("_", " "), size["unit"], finding["joint"] or ""
+                out[key] = (float(value), float(std))
     return out
 
 

@@ -46,6 +46,13 @@ def test_a_robot_that_alone_lacks_a_finding_is_out_of_line(six):
     assert [one.robot for one in out_of_line(series_of(fleet(*rows)))] == ["r2"]
 
 
+def test_another_finding_on_the_joint_may_stand_for_the_missing_one(six):
+    parameters = {"coulomb_torque": {"value": 0.5, "std": 0.02, "unit": "N m"}}
+    document = {"findings": [{"effect": "stribeck_friction", "joint": "j1", "parameters": parameters}]}
+    other = DiagnosedRecording("/fleet/r9/day00.csv", "r9", "explained", (), document)  # pyright: ignore[reportArgumentType]
+    assert out_of_line(series_of(fleet(*six, other))) == ()
+
+
 def test_a_step_is_found_at_its_recording(six, rng):
     rows = [row for row in six if "/r1/" not in row.log]
     rows += [recording("r1", day, (0.5 if day < 6 else 0.62) + 0.02 * rng.standard_normal()) for day in range(10)]
