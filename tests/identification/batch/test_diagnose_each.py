@@ -63,6 +63,7 @@ def rows() -> DiagnosedRecordings:
         "unexplained": {"fraction_of_explainable": 0.25},
         "joints": [{"joint": "j2", "rms_before": 2.0, "rms_after": 1.0}],
         "seconds": 3.5,
+        "run": "0123",
     }
     causes = tuple(f"friction on joint j{k}" for k in range(5))
     return DiagnosedRecordings(
@@ -243,6 +244,7 @@ def test_the_table_as_csv_is_read_back(rows):
         "rms_after.j2": "1.0",
         "seconds": "3.5",
         "refusal": "",
+        "run": "0123",
     }
     assert (second["log"], second["refusal"]) == ("logs/b\n.csv", 'b.csv: no "t", record it again.')
 
