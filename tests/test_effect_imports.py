@@ -30,8 +30,9 @@ IMPORTS = {
 NAMES = {
     # At rest nothing but play and elasticity shows, by a law of that scenario's own.
     "identification/scenarios/at_rest/diagnose_at_rest.py": {"backlash"},
-    # Positions alone tell the product of this one and a controller's gain, so that scenario makes no claim on it.
-    "identification/scenarios/motion_limits.py": {"torque_constant"},
+    # Positions alone show the product of the first and a controller's gain, and of the second no more than its sum with
+    # a gain that is estimated, so that scenario makes no claim on them.
+    "identification/scenarios/motion_limits.py": {"torque_constant", "viscous_friction"},
 }
 
 

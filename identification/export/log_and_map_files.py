@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import shutil
 from collections.abc import Callable, Mapping
 from pathlib import Path
+from tempfile import TemporaryDirectory
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -78,8 +80,14 @@ def write_map(result: OperationalMap, folder: Path, *, progress: Callable[[str],
 
 
 def _write_netcdf(data: Dataset, path: Path) -> None:
-    """Write a data set; that the disk is full is an error of the library's own, which does not say it."""
-    try:
-        data.to_netcdf(path, format="NETCDF4", engine="netcdf4")
-    except RuntimeError as error:
-        raise OSError(None, f"{error}, as on a full disk") from error
+    """Write a data set; that the disk is full is an error of the library's own, which does not say it.
+
+    The library locks what it writes and refuses a file that is held already, so it writes into a folder of its own.
+    """
+    with TemporaryDirectory() as folder:
+        made = Path(folder) / path.name
+        try:
+            data.to_netcdf(made, format="NETCDF4", engine="netcdf4")
+        except RuntimeError as error:
+            raise OSError(None, f"{error}, as on a full disk") from error
+        shutil.copyfile(made, path)

@@ -48,7 +48,7 @@ class Outcome:
         out, err: What it printed.
         raised: The traceback of what it raised, or empty.
         seconds: How long it took.
-        peak: The most memory of the process meanwhile [bytes].
+        peak: The most memory of the process meanwhile, beyond what it held before [bytes].
         written: The files it wrote, by name.
         warned: Warnings of Python, which a user would see on the terminal.
     """
@@ -72,6 +72,7 @@ def ran(words: Sequence[str], out: Path | None = None) -> Outcome:
     """
     code, raised, sinks = None, "", (io.StringIO(), io.StringIO())
     _forget_peak()
+    before = _peak()
     started = time.monotonic()
     with (
         warnings.catch_warnings(record=True) as warned,
@@ -95,7 +96,7 @@ def ran(words: Sequence[str], out: Path | None = None) -> Outcome:
         written = {path.name: path.read_text(errors="replace") for path in sorted(out.iterdir()) if path.is_file()}
     texts = [sink.getvalue() for sink in sinks]
     said = tuple(f"{Path(one.filename).name}:{one.lineno} {one.message}" for one in warned)
-    return Outcome(code, texts[0], texts[1] + "".join(below), raised, seconds, _peak(), written, said)
+    return Outcome(code, texts[0], texts[1] + "".join(below), raised, seconds, _peak() - before, written, said)
 
 
 def failures(outcome: Outcome, files: Sequence[str]) -> list[str]:

@@ -16,6 +16,7 @@ import pytest
 from numba import njit
 from numba.extending import overload
 
+from identification import file_sets
 from identification.cli.main import main
 from identification.cli.terminal.percentage import Stage
 from identification.cli.terminal.progress import Progress
@@ -120,15 +121,13 @@ def test_an_interrupt_between_two_files_leaves_the_old_ones(pendulum, log, monke
     out.mkdir()
     for name in outputs.NAMES:
         (out / name).write_text("old")
-    real, opened = outputs.temporary_beside, []
 
-    def second_is_interrupted(path):
-        opened.append(path)
-        if len(opened) == 2:
-            raise KeyboardInterrupt
-        return real(path)
+    def interrupted_after_the_first(folder, texts):
+        name, text = next(iter(texts.items()))
+        (folder / name).write_text(text)
+        raise KeyboardInterrupt
 
-    monkeypatch.setattr(outputs, "temporary_beside", second_is_interrupted)
+    monkeypatch.setattr(file_sets, "_write_all", interrupted_after_the_first)
     assert main(["diagnose", str(pendulum), str(log), "--out", str(out)]) == 130
     assert {path.name: path.read_text() for path in out.iterdir()} == dict.fromkeys(outputs.NAMES, "old")
 
