@@ -37,7 +37,7 @@ install_import_hook(
         "identification.reporting.explaining",
         "identification.reporting.gap_figures",
         "identification.reporting.robot_scene",
-        "identification.reporting.thinning",
+        "identification.reporting.charts.thinning",
         "identification.rollout",
         "identification.scenarios",
         "phantom_dyn.devices",

@@ -12,6 +12,7 @@ from jaxtyping import Float
 from identification.data import reading
 from identification.data.checked_file import CheckedRecording, checked_file, checked_recording
 from identification.data.recording import Recording
+from identification.door.diagnosed import diagnosis_of_changes, diagnosis_of_recordings, paths_of
 from identification.door.diagnosis import Diagnosis
 from identification.door.inputs import (
     RecordingsLike,
@@ -35,12 +36,8 @@ from identification.export.corrected.corrected_yaml import known_effects
 from identification.identify.identified_model import JointTerms, friction_terms
 from identification.identify.identify import identify as identified
 from identification.identify.identify import usable_estimator
-from identification.pipeline import diagnose as diagnosed
 from identification.reporting import comparison
 from identification.reporting.diagnosis_reader import read_diagnosis
-from identification.scenarios.at_rest.diagnose_at_rest import diagnose_at_rest, judged_at_rest
-from identification.scenarios.recordings_file import read_changed, read_changes
-from identification.scenarios.torque_or_motion import moved_by_controllers, torque_or_motion
 from phantom_dyn.effects.effect import Effect
 from phantom_dyn.effects.user.user_effects import EffectsLike, with_user_effects
 from phantom_dyn.errors import UsageError
@@ -140,27 +137,10 @@ def diagnose(
         EffectError: If an effect of your own cannot be used.
     """
     loaded = with_user_effects(robot_of(robot, recordings), effects)
-    added = known_effects(tuple(Path(file) for file in _paths(known, "known")), loaded)
+    added = known_effects(tuple(Path(file) for file in paths_of(known, "known")), loaded)
     if changes is not None:
-        return _diagnosis_of_changes(loaded, recordings, hold_out, added, changes, columns, progress)
-    held = listed(hold_out)
-
-    def read(torque_needed: bool) -> tuple[Recording, ...]:
-        fitted = recordings_of(recordings, loaded, columns=columns, torque_needed=torque_needed)
-        return (
-            *fitted,
-            *(recordings_of(hold_out, loaded, columns=columns, torque_needed=torque_needed) if held else ()),
-        )
-
-    driven, every, motion = torque_or_motion(loaded, read, motion_only=motion_only)
-    if motion and judged_at_rest(driven, every):
-        if added or held:
-            raise UsageError("known and hold_out do not go with recordings that are judged at rest: leave them out.")
-        return Diagnosis(diagnose_at_rest(driven, every), driven)
-    driven, every = moved_by_controllers(driven, every) if motion else (driven, every)
-    count = len(every) - len(held)
-    found = diagnosed(driven, every[:count], hold_out=every[count:], known=added, progress=progress)
-    return Diagnosis(found, driven, added)
+        return diagnosis_of_changes(loaded, recordings, hold_out, added, changes, columns, progress)
+    return diagnosis_of_recordings(loaded, recordings, hold_out, added, columns, progress, motion_only=motion_only)
 
 
 def identify(
@@ -373,29 +353,3 @@ def map_workspace(
     names = quantities.split(",") if isinstance(quantities, str) else list(quantities)
     made = operational_map(model, read_grid(grid, loaded.joint_names), [name.strip() for name in names], jobs=jobs)
     return dataset(made)
-
-
-def _diagnosis_of_changes(loaded, recordings, hold_out, added, changes, columns, progress) -> Diagnosis:
-    fitted, judged = _paths(recordings, "recordings"), _paths(hold_out, "hold_out")
-    paths = (*fitted, *judged)
-    known = read_changes(changes, paths, loaded.joint_names)
-    read = tuple(read_changed(path, loaded, change, columns=columns) for path, change in zip(paths, known, strict=True))
-    found = diagnosed(
-        loaded,
-        read[: len(fitted)],
-        hold_out=read[len(fitted) :],
-        known=added,
-        changes=known,
-        progress=progress,
-    )
-    return Diagnosis(found, loaded, added)
-
-
-def _paths(given: object, name: str) -> tuple[str | Path, ...]:
-    """Paths where nothing else will do."""
-    out = []
-    for one in listed(given):
-        if not isinstance(one, str | Path):
-            raise UsageError(f"{described(one)} was given in {name}, wanted the path of a file.")
-        out.append(one)
-    return tuple(out)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 from pathlib import Path
+from typing import Any
 
 from identification.data.readers.lerobot import with_episodes
 from identification.data.reading import read_recording
@@ -62,10 +63,15 @@ def recordings_of(
         UsageError: If there is none, or one is no recording; the sentence says what was given and what is wanted.
         LogError: If a file cannot be read.
     """
-    several = tuple(part for one in listed(given) for part in _episodes(one))
+    several = expanded(given)
     if not several:
         raise UsageError(f"No recording was given, {_LOG_WANTED}.")
     return tuple(_recording(one, robot, columns, torque_needed) for one in several)
+
+
+def expanded(given: object) -> tuple[Any, ...]:
+    """One or several as a tuple, the folder of a LeRobot dataset replaced by its episodes."""
+    return tuple(part for one in listed(given) for part in _episodes(one))
 
 
 def _episodes(given: object) -> list[object]:

@@ -17,7 +17,7 @@ from identification.data.signals import choose_cutoff, process, uniform, within_
 from identification.estimators.fit import Fit
 from identification.identify.identification import Evidence, JointError
 from identification.regression.regressor import Regressor
-from identification.reporting.thinning import gap_starts
+from identification.reporting.charts.thinning import gap_starts
 from phantom_dyn.dynamics.dynamics import inverse_dynamics
 from phantom_dyn.errors import IdentifiabilityError, LogError
 from phantom_dyn.model.robot import Robot

@@ -15,9 +15,9 @@ from matplotlib.ticker import FuncFormatter, NullFormatter
 from identification.identify import identification_words as words
 from identification.identify.identification import Identification, JointError, Parameter
 from identification.identify.identification_words import error_percent
-from identification.reporting.chart import AFTER, BEFORE, STRETCH_S, short_name
-from identification.reporting.svg import INK, draw_curve, draw_legend, drawn_svg
-from identification.reporting.thinning import eventful_stretch
+from identification.reporting.charts.chart import AFTER, BEFORE, STRETCH_S, short_name
+from identification.reporting.charts.svg import INK, draw_curve, draw_legend, drawn_svg
+from identification.reporting.charts.thinning import eventful_stretch
 from phantom_dyn.model.inertia import STANDARD_NAMES
 
 Array = np.ndarray

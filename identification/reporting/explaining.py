@@ -13,7 +13,7 @@ from jaxtyping import Bool, Float
 
 from identification.diagnosis.fit.flexible import displacement_since_reversal
 from identification.diagnosis.result import Diagnosis, Evidence, Finding
-from identification.reporting.thinning import bin_numbers, gap_starts
+from identification.reporting.charts.thinning import bin_numbers, gap_starts
 from identification.words.effect_words import words_of
 from phantom_dyn.dynamics.tree_motion import tree_motion
 from phantom_dyn.effects.described import ANY_VARIABLE

@@ -7,8 +7,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from identification.diagnosis.result import Diagnosis, Finding, JointGap
-from identification.reporting.chart import AFTER, Panel, chart
-from identification.reporting.chart_marks import Curve
+from identification.reporting.charts.chart import AFTER, Panel, chart
+from identification.reporting.charts.chart_marks import Curve
 from identification.words import diagnosis_words as words
 from identification.words.numbers_and_names import NO_BREAK, number, percent, value_words, with_unit
 

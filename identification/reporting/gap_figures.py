@@ -6,10 +6,16 @@ import numpy as np
 from jaxtyping import Bool, Float
 
 from identification.diagnosis.result import Diagnosis, Evidence
-from identification.reporting.chart import AFTER, BEFORE, STRETCH_S, Panel, chart
-from identification.reporting.chart_marks import INK, Cloud, Curve
+from identification.reporting.charts.chart import AFTER, BEFORE, STRETCH_S, Panel, chart
+from identification.reporting.charts.chart_marks import INK, Cloud, Curve
+from identification.reporting.charts.thinning import (
+    binned_median,
+    eventful_stretch,
+    gap_starts,
+    scatter_choice,
+    thinned,
+)
 from identification.reporting.explaining import JointMotion, Variable, explaining_variable, joint_of, strongest_variable
-from identification.reporting.thinning import binned_median, eventful_stretch, gap_starts, scatter_choice, thinned
 
 Array = np.ndarray
 

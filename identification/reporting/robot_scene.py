@@ -12,7 +12,7 @@ import pinocchio as pin
 from jaxtyping import Float
 
 from identification.diagnosis.result import Diagnosis, JointGap
-from identification.reporting.chart import short_name
+from identification.reporting.charts.chart import short_name
 from identification.words.diagnosis_words import finding_name
 from identification.words.numbers_and_names import percent
 from phantom_dyn.model.robot import Robot

@@ -11,8 +11,8 @@ import numpy as np
 from jaxtyping import Float, Int
 
 from identification.diagnosis.result import Diagnosis, Evidence
+from identification.reporting.charts.thinning import thinned
 from identification.reporting.gap_figures import residual, shown_stretch, torque_label
-from identification.reporting.thinning import thinned
 
 Array = np.ndarray
 

@@ -16,6 +16,7 @@ from jaxtyping import Float
 
 from identification.data.recording import Recording
 from identification.data.signals import process_all
+from identification.data.stretches import busiest
 from phantom_dyn.dynamics.dynamics import gravity_torque, inverse_dynamics, modelled_friction
 from phantom_dyn.effects.support.rows import damping_unit, stiffness_unit
 from phantom_dyn.errors import LogError
@@ -81,7 +82,9 @@ def estimated_gains(recordings: Sequence[Recording], robot: Robot) -> tuple[Gain
     """
     for one in recordings:
         _require_references(one)
-    silent = tuple(replace(one, tau=np.zeros_like(one.q), controlled=True) for one in recordings)
+    # Five minutes tell the gains of a recording of hours.
+    parts_of = [busiest(one) for one in recordings]
+    silent = tuple(replace(one, tau=np.zeros_like(one.q), controlled=True) for one in parts_of)
     logs, _ = process_all(silent, robot)
     rows = [log.valid_in_band for log in logs]
     parts = []

@@ -8,8 +8,8 @@ from functools import cached_property
 import numpy as np
 from jaxtyping import Float, Int
 
-from identification.reporting.chart import AFTER, BEFORE
-from identification.reporting.thinning import thinned
+from identification.reporting.charts.chart import AFTER, BEFORE
+from identification.reporting.charts.thinning import thinned
 from identification.viewing.replay import CORRECTED, GIVEN, MEASURED, Replay
 
 Array = np.ndarray

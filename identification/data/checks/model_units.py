@@ -63,7 +63,7 @@ def wrong_units(robot: Robot) -> tuple[Fault, ...]:
         return ()
     name = Path(robot.source).name if robot.source else robot.name
     longest = max(_lengths(robot), key=lambda length: length.metres)
-    if longest.metres > _LONG and mass < _THIN * longest.metres**3:
+    if longest.metres > _LONG and mass / longest.metres / longest.metres / longest.metres < _THIN:
         return (
             Fault(
                 f"the lengths or inertias of {name} are in mm and not in m",

@@ -11,12 +11,12 @@ from dataclasses import replace
 from pathlib import Path
 
 from identification.data.readers.array_files import read_npz, read_parquet
+from identification.data.readers.bags.rosbag import read_ros1_bag, read_ros2_bag
 from identification.data.readers.column_map import ColumnMap, Source, mapped, matching, read_column_map
 from identification.data.readers.contract_columns import JOINT_QUANTITIES, contract_table
 from identification.data.readers.delimited import read_delimited
 from identification.data.readers.lerobot import read_dataset, read_episode, units_question
 from identification.data.readers.presets import map_of, preset_of
-from identification.data.readers.rosbag import read_ros1_bag, read_ros2_bag
 from identification.data.readers.sage import with_neighbours
 from identification.data.recording import RawTable, Table
 from identification.files import LOG_FORMATS, is_lerobot, lerobot_episode, require_existing

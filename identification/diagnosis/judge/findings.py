@@ -18,7 +18,6 @@ from identification.diagnosis.judge.missing_parts import missing_part_words, nam
 from identification.diagnosis.judge.moved_by_noise import shown_by_motion
 from identification.diagnosis.judge.parameters import finding_loadings, finding_parameters
 from identification.diagnosis.judge.shares import gap_of, shares_of
-from identification.diagnosis.judge.squares_left import squares_left
 from identification.diagnosis.model.session import Series
 from identification.diagnosis.model.terms import Term, ordered
 from identification.diagnosis.result import Finding
@@ -32,6 +31,7 @@ from identification.diagnosis.search.rival_sets import (
 )
 from identification.diagnosis.search.search import Search, possible, with_term
 from identification.diagnosis.search.special_cases import implausible, places_of, simpler
+from identification.diagnosis.search.squares_left import squares_left
 from identification.diagnosis.search.stepwise import forward
 from identification.diagnosis.search.swaps import replaced
 from phantom_dyn.effects.effect import Effect, Parameter

@@ -12,16 +12,16 @@ from jaxtyping import Float
 
 from identification.diagnosis.fit.gap import Sums, held_out_torque, residual_after, sums
 from identification.diagnosis.judge.judged_band import Judge
-from identification.diagnosis.judge.squares_left import squares_left
 from identification.diagnosis.model.terms import Term, ordered
 from identification.diagnosis.result import Gap
 from identification.diagnosis.search.bootstrap_wins import block_counts
 from identification.diagnosis.search.search import Search
+from identification.diagnosis.search.squares_left import squares_left
 from phantom_dyn.random_streams import random_stream
 
 Array = np.ndarray
 
-_EXACT = 5  # findings: beyond, their orders are sampled
+_EXACT = 12  # findings: beyond, their orders are sampled
 _FEWEST, _MOST = 4, 100  # pairs of an order and its reverse
 _KNOWN = 0.005  # of the gap: standard error of a share at which no more orders are drawn
 _LEAST_GAP = 1e-3  # of the loss, in every bootstrap replicate
@@ -94,7 +94,7 @@ def shares_of(judge: Judge, plain: Search, named: frozenset[Term]) -> dict[Term,
 def shapley_values(players: tuple[Term, ...], worth: Callable[[frozenset[Term]], float]) -> dict[Term, float]:
     """Mean over all orders of what each player adds to those before it; the values add up to the worth of all.
 
-    Exact to five players. Beyond, the mean over random orders and their reverses, as many as it takes to know each
+    Exact to twelve players. Beyond, the mean over random orders and their reverses, as many as it takes to know each
     value to half a percent: what acts on different joints hardly depends on the order.
     """
     count = len(players)

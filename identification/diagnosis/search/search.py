@@ -345,7 +345,7 @@ def dropped(search: Search, chosen: frozenset[Term]) -> frozenset[Term]:
 
 
 def _least_missed(search: Search, chosen: frozenset[Term]) -> tuple[Term, ...]:
-    """Effects of a set by how much the loss in sample grows without each, to second order; of many the first few."""
+    """The effects without which the loss in sample grows least, to second order; of a few effects all."""
     terms = ordered(chosen)
     if len(terms) <= _MOST_TRIED:
         return terms

@@ -128,7 +128,7 @@ def rollout_errors(
     along the recorded motion for a while before each rollout.
 
     Args:
-        text: A MJCF with one actuator per active joint, in the robot's order, first.
+        text: A MJCF with one actuator per driven joint, in the robot's order, first.
         robot: Gives joints and loops.
         motion: N samples of the active joints, from which the rollouts start.
         tau: Logged torque at the same times [N m or N].
@@ -146,21 +146,22 @@ def rollout_errors(
     data = mujoco.MjData(model)
     tree = tree_motion(robot, motion)
     order, active = mujoco_joints(model, robot), list(robot.tree_rows)
+    driven = [j for j, actuator in enumerate(robot.actuators) if actuator.actuated]
     hidden = model.nq > len(order) or model.na > 0 or bool(_histories(model).any())
     lead, count = _LEAD if hidden else 0, round(horizon / _STEP)
     chosen = _starts(motion.t, lead * _STEP, count * _STEP, starts)
     errors = np.empty((len(chosen), robot.nv))
     for row, k in enumerate(chosen):
         t = motion.t[k] + np.arange(-lead, count) * _STEP
-        asked = _at(t + 0.5 * _STEP, motion.t, tau)
+        asked = _at(t + 0.5 * _STEP, motion.t, tau)[:, driven]
         mujoco.mj_resetData(model, data)
         _set_drives(model, data, float(t[0]), asked[0])
         for q, v, torque in zip(_at(t[:lead], motion.t, tree.q), _at(t[:lead], motion.t, tree.v), asked, strict=False):
-            data.qpos[order], data.qvel[order], data.ctrl[: robot.nv] = q, v, torque
+            data.qpos[order], data.qvel[order], data.ctrl[: len(driven)] = q, v, torque
             mujoco.mj_step(model, data)
         data.qpos[order], data.qvel[order] = tree.q[k], tree.v[k]
         for torque in asked[lead:]:
-            data.ctrl[: robot.nv] = torque
+            data.ctrl[: len(driven)] = torque
             mujoco.mj_step(model, data)
         errors[row] = data.qpos[order][active] - _at(t[-1:] + _STEP, motion.t, motion.q)[0]
     return np.sqrt(np.mean(errors**2, axis=0))
@@ -181,7 +182,7 @@ def _at(times: Float[Array, " k"], t: Float[Array, " N"], columns: Float[Array, 
     return np.column_stack([np.interp(times, t, column) for column in columns.T])
 
 
-def _set_drives(model: Any, data: Any, start: float, asked: Float[Array, " nv"]) -> None:
+def _set_drives(model: Any, data: Any, start: float, asked: Float[Array, " nu"]) -> None:
     """Drives that have been asked for the same torque for long."""
     import mujoco
 

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 import phantom_dyn as dyn
+from identification.door import diagnosed, inputs
 from phantom_dyn.dynamics.dynamics import inverse_dynamics
 from phantom_dyn.errors import LogError, ParameterError, PhantomDynError, UsageError
 from phantom_dyn.motion import Motion
@@ -104,6 +105,17 @@ def test_a_held_out_recording_is_what_the_figures_are_of(rubbing, reference):
     other = dyn.simulate(PENDULUM, reference).recording(position_noise=1e-5, torque_noise=0.05, seed=1)
     found = dyn.diagnose(PENDULUM, rubbing, hold_out=other, known=())
     assert len(found.result.recordings) == 2
+
+
+def test_every_episode_of_a_dataset_that_is_held_out_is_held_out(rubbing, monkeypatch):
+    # Known truth: three episodes are held out, and one recording is left for the fits.
+    monkeypatch.setattr(inputs, "_episodes", lambda given: [rubbing] * 3 if given == "dataset" else [given])
+    seen = {}
+    monkeypatch.setattr(
+        diagnosed, "diagnose", lambda _, fitted, **given: seen.update(fitted=fitted, held=given["hold_out"])
+    )
+    dyn.diagnose(PENDULUM, rubbing, hold_out="dataset")
+    assert (len(seen["fitted"]), len(seen["held"])) == (1, 3)
 
 
 @pytest.mark.parametrize(

@@ -7,7 +7,7 @@ import xml.etree.ElementTree as ET
 import numpy as np
 import pytest
 
-from identification.reporting.chart import short_name
+from identification.reporting.charts.chart import short_name
 from identification.reporting.explaining import joint_motions
 from identification.reporting.gap_figures import (
     finding_figure,

@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 import re
+from dataclasses import replace
 from xml.etree import ElementTree
 
 import mujoco
@@ -89,6 +90,16 @@ def test_the_gap_shrinks_in_mujoco(name, corrected, recorded, planar):
     before = rollout_errors(mjcf_text(planar), planar, motion, seen.tau, starts=12)
     after = rollout_errors(corrected_mjcf(corrected), planar, motion, seen.tau, starts=12)
     assert np.hypot(*after) < 0.5 * np.hypot(*before)
+
+
+def test_a_joint_without_a_drive_is_moved_by_the_others_in_mujoco(planar, recorded):
+    # Known truth: the elbow's drive gives nothing, so a model that has none moves as one whose torque there is zero.
+    seen = recorded("viscous_friction")
+    motion = Motion(seen.t, seen.q, seen.encoders.v, seen.encoders.a)
+    tau = seen.tau * [1.0, 0.0]
+    loose = replace(planar, actuators=(planar.actuators[0], replace(planar.actuators[1], actuated=False)))
+    without, with_it = (rollout_errors(mjcf_text(one), one, motion, tau, starts=4) for one in (loose, planar))
+    np.testing.assert_allclose(without, with_it, rtol=1e-9)
 
 
 @pytest.mark.parametrize("name", HIDDEN)

@@ -12,7 +12,7 @@ from itertools import accumulate
 
 import numpy as np
 
-from identification.reporting.chart_marks import (
+from identification.reporting.charts.chart_marks import (
     FONT,
     INK,
     LEFT,

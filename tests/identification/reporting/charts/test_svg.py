@@ -1,6 +1,6 @@
 from __future__ import annotations
 
-from identification.reporting.svg import inline_svg
+from identification.reporting.charts.svg import inline_svg
 
 
 def test_text_of_an_element_is_never_rewritten():

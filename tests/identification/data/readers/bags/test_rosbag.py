@@ -11,7 +11,7 @@ from rosbags.rosbag2 import StoragePlugin
 from rosbags.rosbag2 import Writer as Writer2
 from rosbags.typesys import Stores, get_typestore
 
-from identification.data.readers import rosbag
+from identification.data.readers.bags import rosbag
 from identification.data.readers.read_table import read_table
 from phantom_dyn.errors import LogError
 

@@ -1,7 +1,7 @@
 # pyright: reportAttributeAccessIssue=false
 """ROS 1 and ROS 2 bags (folder or bare .db3 file) and MCAP: one topic of joint states, and one of references.
 
-What the messages say, `identification.data.readers.joint_messages` knows.
+What the messages say, `identification.data.readers.bags.joint_messages` knows.
 """
 
 from __future__ import annotations
@@ -14,8 +14,7 @@ from typing import Any
 
 import numpy as np
 
-from identification.data.readers.contract_columns import JOINT_QUANTITIES
-from identification.data.readers.joint_messages import (
+from identification.data.readers.bags.joint_messages import (
     CONTROLLER_STATE,
     DOCUMENTED_ORDER,
     JOINT_STATE,
@@ -23,9 +22,10 @@ from identification.data.readers.joint_messages import (
     STATES,
     JointValues,
 )
-from identification.data.readers.message_types import register_types
+from identification.data.readers.bags.message_types import register_types
+from identification.data.readers.bags.unitree_orders import MOTOR_ORDERS
+from identification.data.readers.contract_columns import JOINT_QUANTITIES
 from identification.data.readers.references import Reference, with_references
-from identification.data.readers.unitree_orders import MOTOR_ORDERS
 from identification.data.readers.unpacked_size import require_small_bag, require_small_mcap
 from identification.data.recording import RawTable
 from phantom_dyn.errors import LogError, known_names, listed, shortened

@@ -13,7 +13,7 @@ from matplotlib.axes import Axes
 from matplotlib.backends.backend_svg import FigureCanvasSVG
 from matplotlib.figure import Figure
 
-from identification.reporting.thinning import gap_starts, thinned
+from identification.reporting.charts.thinning import gap_starts, thinned
 
 Array = np.ndarray
 

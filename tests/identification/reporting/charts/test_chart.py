@@ -8,8 +8,8 @@ import xml.etree.ElementTree as ET
 import numpy as np
 import pytest
 
-from identification.reporting.chart import Panel, chart
-from identification.reporting.chart_marks import Cloud, Curve, Frame, cloud_svg, curve_svg, tick_words, ticks
+from identification.reporting.charts.chart import Panel, chart
+from identification.reporting.charts.chart_marks import Cloud, Curve, Frame, cloud_svg, curve_svg, tick_words, ticks
 
 SVG = "{http://www.w3.org/2000/svg}"
 # One unit is ten points to the right and ten upwards, from the lower left corner at (0, 100).

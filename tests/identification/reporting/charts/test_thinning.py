@@ -3,7 +3,13 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from identification.reporting.thinning import binned_median, eventful_stretch, gap_starts, scatter_choice, thinned
+from identification.reporting.charts.thinning import (
+    binned_median,
+    eventful_stretch,
+    gap_starts,
+    scatter_choice,
+    thinned,
+)
 
 
 def test_a_thinned_curve_keeps_a_spike_of_one_sample():

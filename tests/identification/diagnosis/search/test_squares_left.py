@@ -9,8 +9,8 @@ import pytest
 
 from identification.diagnosis.judge.judged_band import Judge, narrow_search
 from identification.diagnosis.judge.shares import left_by
-from identification.diagnosis.judge.squares_left import squares_left
 from identification.diagnosis.noise.noise_floor import noise_floor
+from identification.diagnosis.search.squares_left import squares_left
 
 
 @pytest.fixture(scope="module")
