@@ -26,7 +26,7 @@ _NAME_WIDTH, _SHOWN = 32, 3
 
 
 def table(result: DiagnosedRecordings) -> str:
-    """One line a recording: log, verdict, causes or why it was refused; then how many there are of each verdict."""
+    """One line a recording: log, verdict, causes or why there are none; then how many there are of each verdict."""
     names = [cut_name(Path(row.log).name, _NAME_WIDTH) for row in result.rows]
     width = max(len("recording"), *map(len, names))
     verdict_width = max(len("verdict"), *(len(row.verdict) for row in result.rows))
@@ -115,6 +115,8 @@ def _csv_row(row: DiagnosedRecording) -> dict[str, Any]:
 def _cause_words(row: DiagnosedRecording) -> str:
     if row.verdict == REFUSED:
         return row.refusal or ""
+    if not row.causes:
+        return row.sentence
     causes = list(row.causes)
     if len(causes) > _SHOWN:
         return f"{joined(causes[:_SHOWN], last=', ')} and {len(causes) - _SHOWN} more"
