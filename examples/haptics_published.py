@@ -27,8 +27,10 @@ from phantom_dyn.haptics.stability.force_feedforward import (
     Feedforward,
     critical_feedforward,
     felt_mass,
+    low_pass,
     worst_critical_feedforward,
 )
+from phantom_dyn.haptics.stability.force_link import ForceLink, critical_feedforward_of_link
 from phantom_dyn.haptics.stability.phantom_improvements import Improvement, operational_masses, phantom_improvements
 
 HZ = 2 * math.pi
@@ -101,6 +103,10 @@ def feedforward() -> list[Row]:
     limit = critical_feedforward(device, YOKOKOHJI_YOSHIKAWA, Feedforward()).gain
     worst = worst_critical_feedforward(device.mass, YOKOKOHJI_YOSHIKAWA.mass)
     gains = ", ".join(f"{felt_mass(device.mass, gain):.1f}" for gain in (2, 5))
+    filtered = Feedforward(filter=low_pass(HZ * 30, period=PERIOD))
+    bare, smooth = (critical_feedforward(LHIFAM, YOKOKOHJI_YOSHIKAWA, loop) for loop in (Feedforward(), filtered))
+    rigid = critical_feedforward(device, YOKOKOHJI_YOSHIKAWA, filtered).gain
+    lossy = critical_feedforward_of_link(LHIFAM, YOKOKOHJI_YOSHIKAWA, filtered, ForceLink(loss=0.2))
     return [
         ("LHIfAM, felt mass with a force gain of 2 and 5", "1.8, 0.9 kg", f"{gains} kg", ""),
         (
@@ -108,6 +114,13 @@ def feedforward() -> list[Row]:
             "0.14 kg",
             f"{felt_mass(device.mass, limit):.2f} kg (gain {limit:.2f}, worst case {worst:.1f})",
             "inconsistent: holds for a hand of 2 kg, as cited; 0.14 kg needs one of 0.271 kg",
+        ),
+        (
+            "LHIfAM with its vibration, greatest force gain",
+            "5 was used, with a filter of 30 Hz",
+            f"{smooth.gain:.2f} with the filter, {bare.gain:.2f} without",
+            f"swings at {smooth.frequency / HZ:.0f} and {bare.frequency / HZ:.0f} Hz; rigid: {rigid:.1f} and "
+            f"{limit:.2f}; with the filter and one sample in five lost: {lossy:.2f}",
         ),
     ]
 
