@@ -234,7 +234,7 @@ def diagnose_each(
         (given, known, reading, path, folder, row) for path, folder, row in zip(paths, folders, rows, strict=True)
     ]
     done = 0
-    progress(f"diagnosing {len(rows)} recordings")
+    progress(f"diagnosed 0 of {len(rows)} recordings")
     try:
         for place, row in spread(_diagnosed, pieces, jobs=jobs):
             rows[place], done = row, done + 1
