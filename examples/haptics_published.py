@@ -32,6 +32,7 @@ from phantom_dyn.haptics.stability.force_feedforward import (
 )
 from phantom_dyn.haptics.stability.force_link import ForceLink, critical_feedforward_of_link
 from phantom_dyn.haptics.stability.phantom_improvements import Improvement, operational_masses, phantom_improvements
+from phantom_dyn.haptics.stability.published_ratios import Explained, explained_improvements
 
 HZ = 2 * math.pi
 Row = tuple[str, str, str, str]
@@ -139,18 +140,29 @@ def sensing() -> list[Row]:
     ]
 
 
-def improved(one: Improvement) -> Row:
+def improved(one: Improvement, explained: Explained) -> Row:
     answers = [model for model in one.models if not math.isnan(model.ratio)]
-    published = f"{100 * (one.published_ratio - 1):+.0f} %"
-    if not answers:
-        return f"PHANToM 1.5, {one.quantity}", published, "no answer", "no published model bears it; nothing is fitted"
     found = ", ".join(f"{100 * (model.ratio - 1):+.0f} % ({model.model.split(', ')[-1]})" for model in answers[:2])
-    return f"PHANToM 1.5, {one.quantity}", published, found, "52.5 g, lag of the estimators alone"
+    alone = f"52.5 g, lag of the estimators alone: {found}" if answers else "no published model bears it"
+    values = f" ({explained.before:.4g} to {explained.after:.4g} {explained.unit})" if explained.published else ""
+    given = f" ({one.published[0]:g} to {one.published[1]:g} {one.unit})" if one.published else ""
+    needs = " and ".join(f"{need.says}, {need.value:.3g} {need.unit}" for need in explained.assumptions)
+    return (
+        f"PHANToM 1.5, {one.quantity}",
+        f"{100 * (one.published_ratio - 1):+.0f} %{given}",
+        f"{100 * (explained.ratio - 1):+.0f} %{values} under an assumption",
+        f"assumed: {needs}; without: {alone}",
+    )
+
+
+def improvements() -> list[Row]:
+    pairs = zip(phantom_improvements(), explained_improvements(), strict=True)
+    return [improved(one, explained) for one, explained in pairs]
 
 
 def main() -> None:
     argparse.ArgumentParser(description=__doc__).parse_args()
-    rows = [*stability(), *relay(), *feedforward(), *sensing(), *(improved(one) for one in phantom_improvements())]
+    rows = [*stability(), *relay(), *feedforward(), *sensing(), *improvements()]
     print("| figure | published | computed | |\n|---|---|---|---|")
     for row in rows:
         print(f"| {' | '.join(row)} |")
