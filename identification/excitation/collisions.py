@@ -11,6 +11,7 @@ import numpy as np
 import pinocchio as pin
 from jaxtyping import Float
 
+from identification.excitation.closable import configurations_in, ordinary_postures, solved_numerically
 from phantom_dyn.errors import ParameterError
 from phantom_dyn.model.robot import Robot, position_limits
 from phantom_dyn.model.robot_files import find_robot
@@ -147,7 +148,9 @@ def _with_pairs(robot: Robot, shapes: pin.GeometryModel) -> pin.GeometryModel:
     linear = np.asarray(robot.prismatic)
     q[:, linear] *= 0.1
     q = np.clip(q, *position_limits(robot))
-    touching = distances(model, Collisions(shapes), robot.configuration(q), slopes=False)[0] < 0
+    numeric = solved_numerically(robot)
+    reached = configurations_in(robot, ordinary_postures(robot)) if numeric else robot.configuration(q)
+    touching = distances(model, Collisions(shapes), reached, slopes=False)[0] < 0
     for pair, often in zip(list(shapes.collisionPairs), touching.mean(axis=0) > _TOUCHING, strict=True):
         if often:
             shapes.removeCollisionPair(pin.CollisionPair(pair.first, pair.second))

@@ -12,12 +12,14 @@ from scipy.optimize import minimize
 from identification.excitation.criteria import Criterion
 from identification.excitation.design_problem import DesignProblem, Grid, joint_sizes
 from identification.excitation.limited_quantities import Bounds
+from phantom_dyn.errors import ChainError
 
 Array = np.ndarray
 
 MARGIN = 0.01
 """Share of a bound's size that is kept free: motions peak between samples, and a round ends a little outside."""
 _FIRST, _GROWTH = 30.0, 3.0  # weight of the squared excess, and its growth from round to round
+_OUT_OF_REACH = 1e8  # cost of a motion along which loops cannot be closed: above that of any other
 _CORRECTIONS = 30  # pairs of steps and slopes that L-BFGS keeps
 
 
@@ -55,7 +57,7 @@ def descend(
     Args:
         problem: What is designed.
         grid: Where the motion is looked at.
-        weights: Start.
+        weights: Start; of a chain one along which its loops can be closed.
         rounds: Of multipliers.
         iterations: Of L-BFGS in each.
         criterion: In place of the problem's own.
@@ -71,7 +73,10 @@ def descend(
         penalty = Penalty(bounds, _FIRST * _GROWTH**number, multipliers)
 
         def cost(x: Array, penalty: Penalty = penalty) -> tuple[float, Array]:
-            value, slope = problem.cost(grid, x.reshape(unit.shape) * unit, penalty, criterion)
+            try:
+                value, slope = problem.cost(grid, x.reshape(unit.shape) * unit, penalty, criterion)
+            except ChainError:  # a step of the line search that is too long for the linkage
+                return _OUT_OF_REACH, np.zeros_like(x)
             return value, (slope * unit).ravel()
 
         options = {"maxiter": iterations, "maxcor": _CORRECTIONS}

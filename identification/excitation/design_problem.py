@@ -9,13 +9,17 @@ from functools import cached_property
 import numpy as np
 from jaxtyping import Float
 
+from identification.excitation.closable import solved_numerically
 from identification.excitation.criteria import Criterion
 from identification.excitation.excited_base import Base
 from identification.excitation.limited_quantities import Bounds, bounds_of, places
 from identification.excitation.limits import Limits
 from identification.excitation.motion_shapes import Shapes
+from identification.excitation.moved_tree import TreePulls, clear_of, pulled_to_active
 from identification.excitation.regressor_slope import regressor_slope
+from phantom_dyn._kernels import rigid_body
 from phantom_dyn.dynamics.dynamics import rigid_body_regressor, standard_parameters
+from phantom_dyn.dynamics.tree_motion import TreeMotion, apply, project, tree_friction, tree_motion
 from phantom_dyn.model.robot import Robot
 from phantom_dyn.motion import Motion
 
@@ -48,7 +52,7 @@ class DesignProblem:
     """What is to be designed.
 
     Attributes:
-        robot: A plain robot, or a chain of linear loops.
+        robot: A plain robot or a closed chain.
         base: Its base parameters, and what is known of them.
         criterion: What makes the experiment good.
         limits: What the motion keeps.
@@ -65,27 +69,12 @@ class DesignProblem:
         return bounds_of(self.robot, self.limits)
 
     @cached_property
-    def to_tree(self) -> Float[Array, "nt nv"]:
-        """Velocities of the tree per velocity of the active joints."""
-        return np.eye(self.robot.nv) if self.robot.chain is None else np.array(self.robot.chain.linear_map)
+    def _viscous(self) -> Float[Array, " nt"]:
+        return tree_friction(self.robot)[0]
 
-    @cached_property
-    def offset(self) -> Float[Array, " nt"]:
-        """Positions of the tree where those of the active joints are zero."""
-        return np.zeros(self.robot.nv) if self.robot.chain is None else np.array(self.robot.chain.offset)
-
-    @cached_property
-    def _viscous(self) -> Float[Array, "nv nv"]:
-        own = np.diag(self.robot.viscous_friction)
-        chain = self.robot.chain
-        if chain is None:
-            return own
-        rows = self.to_tree[list(chain.passive)]
-        return own + rows.T @ (chain.viscous_friction[:, None] * rows)
-
-    @cached_property
-    def _rotors(self) -> Float[Array, "nv nv"]:
-        return self.to_tree.T @ (np.asarray(self.robot.model.armature)[:, None] * self.to_tree)
+    def _driven(self, tree: TreeMotion) -> Float[Array, "N nt"]:
+        """Torque of rotors and viscous friction on the joints of the tree."""
+        return np.asarray(self.robot.model.armature) * tree.a + self._viscous * tree.v
 
     def information(self, W: Float[Array, "N nv p"]) -> Float[Array, "r r"]:
         """Information matrix of a motion's regressor together with what is known."""
@@ -103,14 +92,12 @@ class DesignProblem:
     def _limited(
         self, motion: Motion, W: Float[Array, "N nv p"], *, slopes: bool
     ) -> tuple[Float[Array, "N m"], Float[Array, "N l nt"] | None]:
-        tau = W @ standard_parameters(self.robot) + motion.a @ self._rotors + motion.v @ self._viscous
-        tree_q = motion.q @ self.to_tree.T + self.offset
-        parts = [tree_q, motion.v @ self.to_tree.T, motion.a, tau]
+        tree = tree_motion(self.robot, motion)
+        tau = W @ standard_parameters(self.robot) + project(tree.G, self._driven(tree))
+        parts = [tree.q, tree.v, motion.a, tau, clear_of(self.robot, motion)]
         if not self.limits.boxes and self.limits.collisions is None:
             return np.concatenate(parts, axis=1), None
-        placed, slope = places(
-            self.robot.model, self.limits, self.robot.configuration(np.array(motion.q)), slopes=slopes
-        )
+        placed, slope = places(self.robot.model, self.limits, tree.configuration, slopes=slopes)
         return np.concatenate([*parts, placed], axis=1), slope
 
     def cost(
@@ -127,34 +114,45 @@ class DesignProblem:
             weights: Of the shapes, for each joint.
             penalty: Of everything that is limited, with its slope.
             criterion: In place of the problem's own.
+
+        Raises:
+            ChainError: If the motion leads where a loop cannot be closed or is singular.
         """
         motion = grid.motion(weights)
         W = self.regressor(motion)
         value, of_information = (criterion or self.criterion).cost(self.information(W))
         limited, placed_slope = self._limited(motion, W, slopes=True)
         paid, pull = penalty(limited)
+        tree, numeric = tree_motion(self.robot, motion), solved_numerically(self.robot)
+        nt, nv = tree.G.shape[1:]
+        cuts = np.cumsum([nt, nt, nv, nv, int(numeric)])
+        of_x, of_u, of_a, of_tau, of_clear, of_places = np.split(pull, cuts, axis=1)
         S = self.base.pulled_back(W, of_information)
-        nt, nv = self.to_tree.shape
-        of_q, of_v, of_a, of_tau, of_places = np.split(pull, np.cumsum([nt, nt, nv, nv]), axis=1)
         S += of_tau[:, :, None] * standard_parameters(self.robot)
-        tree = self.to_tree
-        _, slope = regressor_slope(
-            self.robot.model,
-            motion.q @ tree.T + self.offset,
-            motion.v @ tree.T,
-            motion.a @ tree.T,
-            S if self.robot.chain is None else np.einsum("ti,nip->ntp", tree, S),
-        )
-        tree_q = slope.q + of_q
+        on_bodies = S if self.robot.chain is None else np.einsum("nti,nip->ntp", tree.G, S, optimize=True)
+        _, slope = regressor_slope(self.robot.model, tree.q, tree.v, tree.a, on_bodies)
         if placed_slope is not None:
-            tree_q = tree_q + np.einsum("nm,nmt->nt", of_places, placed_slope)
-        active = (
-            tree_q @ tree,
-            (slope.v + of_v) @ tree + of_tau @ self._viscous,
-            slope.a @ tree + of_a + of_tau @ self._rotors,
+            of_x = of_x + np.einsum("nm,nmt->nt", of_places, placed_slope)
+        on_tree = apply(tree.G, of_tau)
+        pulls = TreePulls(
+            slope.q + of_x,
+            slope.v + of_u + self._viscous * on_tree,
+            slope.a + np.asarray(self.robot.model.armature) * on_tree,
+            self._pull_of_slopes(tree, S, of_tau) if numeric else np.zeros_like(tree.G),
+            of_clear.sum(axis=1),
         )
-        gradient = sum(part.T @ pulled for part, pulled in zip(grid.values, active, strict=True))
+        active = pulled_to_active(self.robot, motion, tree, pulls)
+        slopes = (active[0], active[1], active[2] + of_a)
+        gradient = sum(part.T @ pulled for part, pulled in zip(grid.values, slopes, strict=True))
         return value + paid, np.asarray(gradient)
+
+    def _pull_of_slopes(
+        self, tree: TreeMotion, S: Float[Array, "N nv p"], of_tau: Float[Array, "N nv"]
+    ) -> Float[Array, "N nt nv"]:
+        """Slope in ``G`` of what is projected with it: the regressor of the tree, and the torque of its drives."""
+        model, arrays = self.robot.model, self.robot.arrays
+        W = rigid_body.regressor(model, arrays, tree.configuration, tree.v, tree.a)
+        return np.einsum("ntp,nip->nti", W, S, optimize=True) + self._driven(tree)[:, :, None] * of_tau[:, None]
 
 
 @dataclass(frozen=True)
@@ -167,12 +165,17 @@ class JointSizes:
 
 
 def joint_sizes(problem: DesignProblem) -> JointSizes:
-    """Sizes from the limits; a joint that may go further than half a turn either way stays within one turn."""
+    """Sizes from the limits; a joint that may go further than half a turn either way stays within one turn.
+
+    It is placed about zero, or about the start of a chain whose loops are closed numerically.
+    """
     rows, limits = list(problem.robot.tree_rows), problem.limits
     reach = np.where(problem.robot.prismatic, _REACH[1], _REACH[0])
     lower, upper = limits.lower[rows], limits.upper[rows]
+    chain = problem.robot.chain
+    near = chain.start[rows] if chain is not None and solved_numerically(problem.robot) else 0.0
     middle = np.clip(
-        0.0, lower + np.minimum(reach, (upper - lower) / 2), upper - np.minimum(reach, (upper - lower) / 2)
+        near, lower + np.minimum(reach, (upper - lower) / 2), upper - np.minimum(reach, (upper - lower) / 2)
     )
     half = np.minimum(np.minimum(upper - middle, middle - lower), reach)
     speed = np.minimum(limits.velocity[rows], np.where(problem.robot.prismatic, 10.0, 100.0))

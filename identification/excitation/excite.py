@@ -126,7 +126,7 @@ def excite(
     """A motion that is good by a criterion and keeps all limits, checked at ten times the samples that it is made from.
 
     Args:
-        robot: A plain robot, or a chain of linear loops.
+        robot: A plain robot or a closed chain.
         shapes: Family of the motion, see `identification.excitation.motion_shapes`.
         limits: By default those that the robot states, see `limits_of`.
         criterion: By default the condition number.

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from jaxtyping import Float
 
+from identification.excitation.closable import ordinary_postures, solved_numerically, with_start_between
 from identification.regression.base_parameters import base_parameters_of_matrix
 from identification.regression.triangular import r_factor
 from phantom_dyn.dynamics.dynamics import rigid_body_regressor
@@ -79,7 +80,7 @@ def base_of(
             f"The factor of earlier recordings has the shape {earlier.shape}, and {robot.name} has {len(names)} "
             "standard parameters: make it with earlier_factor for this robot."
         )
-    W = rigid_body_regressor(robot, _ordinary_motion(robot)) / sigma[:, None]
+    W = _ordinary_rows(robot) / sigma[:, None]
     rows = W.reshape(-1, len(names))
     columns = list(base_parameters_of_matrix(rows, names, parameter_units(robot)).independent)
     sizes = np.sqrt((rows[:, columns] ** 2).sum(axis=0) / len(W))
@@ -111,6 +112,17 @@ def _noise(robot: Robot, noise: float | Sequence[float] | None) -> Float[Array, 
             f"The noise {values} was given for {robot.nv} joints: give a number above 0, or one for each joint."
         )
     return np.broadcast_to(values, (robot.nv,))
+
+
+def _ordinary_rows(robot: Robot) -> Float[Array, "N nv p"]:
+    """Regressor of independent samples that excite everything; those of a chain each reached from where it starts."""
+    motion = _ordinary_motion(robot)
+    if not solved_numerically(robot):
+        return rigid_body_regressor(robot, motion)
+    postures = ordinary_postures(robot, _ORDINARY)
+    v, a = (np.repeat(part[: len(postures)], 2, axis=0) for part in (motion.v, motion.a))
+    q = with_start_between(robot, postures)
+    return rigid_body_regressor(robot, Motion(np.arange(float(len(q))), q, v, a))[1::2]
 
 
 def _ordinary_motion(robot: Robot) -> Motion:

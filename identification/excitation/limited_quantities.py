@@ -9,6 +9,7 @@ import numpy as np
 import pinocchio as pin
 from jaxtyping import Float
 
+from identification.excitation.closable import largest_slope, solved_numerically
 from identification.excitation.collisions import CLEARANCE, distances
 from identification.excitation.limits import Limits
 from phantom_dyn.errors import ParameterError
@@ -59,15 +60,17 @@ class Bounds:
         reached, limit, word = (
             (column.min(), self.lower[m], "under") if side == 0 else (column.max(), self.upper[m], "over")
         )
-        unit = self.units[m]
+        unit = f" {self.units[m]}" if self.units[m] else ""
         return (
-            f"the {self.labels[m]} reaches {reached:.4g} {unit}, {abs(reached - limit):.3g} {unit} {word} its limit of "
-            f"{limit:.4g} {unit}"
+            f"the {self.labels[m]} reaches {reached:.4g}{unit}, {abs(reached - limit):.3g}{unit} {word} its limit of "
+            f"{limit:.4g}{unit}"
         )
 
 
 def bounds_of(robot: Robot, limits: Limits) -> Bounds:
-    """Bounds of position and velocity of the tree, acceleration and torque of the active joints, boxes and distances.
+    """Bounds of position and velocity of the tree, acceleration and torque of the active joints, and of places.
+
+    Of loops that are closed numerically the distance from a singularity comes next; then boxes and distances.
 
     The torque bound leaves out the modelled Coulomb friction, which adds to the torque of any motion at most itself.
 
@@ -96,6 +99,11 @@ def bounds_of(robot: Robot, limits: Limits) -> Bounds:
     labels = [f"{what} of {name}" for what, names, *_ in parts for name in names]
     named = [unit for _, _, units_of, *_ in parts for unit in units_of]
     lower, upper = [part[3] for part in parts], [part[4] for part in parts]
+    if solved_numerically(robot):
+        labels.append("distance of the loops from a singularity")
+        named.append("")
+        lower.append(np.array([limits.clear]))
+        upper.append(np.array([np.inf]))
     for box in limits.boxes:
         labels += [f"{axis} of frame {box.frame}" for axis in "xyz"]
         named += ["m"] * 3
@@ -117,10 +125,9 @@ def bounds_of(robot: Robot, limits: Limits) -> Bounds:
 def _coulomb(robot: Robot) -> Float[Array, " nv"]:
     """Largest torque that the modelled Coulomb friction can take from each drive, passive joints' included."""
     own = np.array(robot.coulomb_friction)
-    if robot.chain is None:
+    if robot.chain is None or not robot.chain.coulomb_friction.any():
         return own
-    rows = np.abs(robot.chain.linear_map[list(robot.chain.passive)])
-    return own + robot.chain.coulomb_friction @ rows
+    return own + robot.chain.coulomb_friction @ largest_slope(robot)
 
 
 def places(

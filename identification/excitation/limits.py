@@ -2,7 +2,7 @@
 """Limits that an exciting motion keeps: of joints, of a frame's place, of distances between bodies.
 
 A robot's file and configuration state limits; the user may add lower ones. A robot that no motion can be designed for
-(a joint without drive, a loop that is not linear) is refused.
+(a joint without drive) is refused.
 """
 
 from __future__ import annotations
@@ -13,6 +13,7 @@ from dataclasses import dataclass, field
 import numpy as np
 from jaxtyping import Bool, Float
 
+from identification.excitation.closable import CLEAR
 from identification.excitation.collisions import Collisions
 from phantom_dyn.errors import ParameterError, RobotError, known_names
 from phantom_dyn.model.robot import Robot
@@ -84,18 +85,13 @@ def require_excitable(robot: Robot, frames: Sequence[str]) -> None:
     """Refuse what no motion can be designed for.
 
     Raises:
-        RobotError: If a joint has no drive, a frame is unknown, or a loop is not linear.
+        RobotError: If a joint has no drive, or a frame is unknown.
     """
     idle = [name for name, drive in zip(robot.joint_names, robot.actuators, strict=True) if not drive.actuated]
     if idle:
         raise RobotError(
             f"{', '.join(idle)} of {robot.name} has no drive that could follow a reference: hold it with "
             f"lock: [{', '.join(idle)}] in robot.yaml."
-        )
-    if robot.chain is not None and robot.chain.anchors:
-        raise RobotError(
-            f"{robot.name} has the loop {robot.chain.anchors[0].label}, and excitation takes chains whose passive "
-            "joints follow by kind: linear only: use a reference of your own."
         )
     known = dict.fromkeys(frame.name for frame in robot.model.frames)
     for name in frames:
@@ -140,6 +136,8 @@ class Limits:
         boxes: Where frames stay.
         collisions: Bodies that stay apart.
         notes: Sentences about limits that are not stated.
+        clear: Least distance of loops that are closed numerically from a singularity, see
+            `phantom_dyn.loops.singularity`.
     """
 
     lower: Float[Array, " nt"]
@@ -150,8 +148,11 @@ class Limits:
     boxes: tuple[FrameBox, ...] = ()
     collisions: Collisions | None = None
     notes: tuple[str, ...] = field(default=())
+    clear: float = CLEAR
 
     def __post_init__(self):
+        if not 0 < self.clear < 1:
+            raise ParameterError(f"A distance of {self.clear:g} from a singularity was given: give one from 0 to 1.")
         for name in ("lower", "upper", "velocity", "acceleration", "torque"):
             object.__setattr__(self, name, read_only(getattr(self, name)))
         if not (self.lower < self.upper).all():
@@ -173,6 +174,7 @@ def limits_of(
     share: float = 1.0,
     boxes: Sequence[FrameBox] = (),
     collisions: Collisions | None = None,
+    clear: float = CLEAR,
 ) -> Limits:
     """Limits that a robot states, and further ones.
 
@@ -183,6 +185,7 @@ def limits_of(
         share: Part of the velocity and torque limits that is used, above 0 and at most 1.
         boxes: Where frames stay.
         collisions: Bodies that stay apart.
+        clear: Least distance of the loops from a singularity, above 0 and below 1.
 
     Raises:
         ParameterError: If a limit leaves no room, or the number of values is wrong.
@@ -220,6 +223,7 @@ def limits_of(
         tuple(boxes),
         collisions,
         tuple(notes),
+        clear,
     )
 
 

@@ -7,9 +7,10 @@ from dataclasses import dataclass
 import numpy as np
 from jaxtyping import Float
 
+from identification.excitation.closable import closable, ordinary_postures, solved_numerically, with_start_between
 from identification.excitation.descent import MARGIN, descend
 from identification.excitation.design_problem import DesignProblem, Grid, joint_sizes
-from phantom_dyn.errors import ParameterError
+from phantom_dyn.errors import ChainError, ParameterError
 from phantom_dyn.motion import Motion
 
 Array = np.ndarray
@@ -30,16 +31,34 @@ def standstill(q: Float[Array, "N nv"]) -> Motion:
 
 
 def worst_excess(problem: DesignProblem, motion: Motion, margin: float = 0.0) -> Float[Array, " N"]:
-    """How far each sample lies outside the bounds, narrowed by a margin, in units of their sizes; 0 or less: inside."""
-    values = problem.limited(motion, problem.regressor(motion))
+    """How far each sample lies outside the bounds, narrowed by a margin, in units of their sizes; 0 or less: inside.
+
+    Infinite for all samples where loops cannot be closed along the motion.
+    """
+    try:
+        values = problem.limited(motion, problem.regressor(motion))
+    except ChainError:
+        return np.full(len(motion.t), np.inf)
     return problem.bounds.inside(margin).excess(values).max(axis=(0, 2))
 
 
+def posture_excess(problem: DesignProblem, q: Float[Array, "n nv"], margin: float) -> Float[Array, " n"]:
+    """As `worst_excess`, of postures [rad or m] that are no motion: each is reached from where a chain starts."""
+    if not solved_numerically(problem.robot):
+        return worst_excess(problem, standstill(q), margin)
+    return worst_excess(problem, standstill(with_start_between(problem.robot, q)), margin)[1::2]
+
+
 def random_postures(problem: DesignProblem, rng: np.random.Generator) -> Float[Array, "n nv"]:
-    """The middle of the joints' ranges, then random postures."""
-    sizes = joint_sizes(problem)
-    spread = rng.uniform(-1.0, 1.0, (POSTURES, problem.robot.nv))
-    return sizes.middle + np.concatenate([np.zeros((1, problem.robot.nv)), spread]) * sizes.half
+    """The middle of the joints' ranges, then random postures; of a chain those in which its loops can be closed."""
+    sizes, robot = joint_sizes(problem), problem.robot
+    spread = rng.uniform(-1.0, 1.0, (POSTURES, robot.nv))
+    if solved_numerically(robot):
+        # Nearer to the middle as often as farther: what a linkage reaches may be small.
+        spread = spread * rng.uniform(size=(POSTURES, 1))
+        tried = np.concatenate([ordinary_postures(robot, 1), sizes.middle + spread * sizes.half])
+        return tried[closable(robot, tried)]
+    return sizes.middle + np.concatenate([np.zeros((1, robot.nv)), spread]) * sizes.half
 
 
 def constant_weights(posture: Float[Array, " nv"], shapes: int) -> Float[Array, "K nv"]:
@@ -112,7 +131,7 @@ def feasible_postures(problem: DesignProblem, rng: np.random.Generator) -> Float
         ParameterError: If none is found: the sentence names the limit that is broken most, and the excess over it.
     """
     tried = random_postures(problem, rng)
-    excess = worst_excess(problem, standstill(tried), MARGIN)
+    excess = posture_excess(problem, tried, MARGIN)
     if (excess <= 0).any():
         return tried[excess <= 0]
     led = [
@@ -121,7 +140,7 @@ def feasible_postures(problem: DesignProblem, rng: np.random.Generator) -> Float
     ]
     found = np.concatenate(led)
     # A descent ends at the edge of the margin, from outside.
-    excess = worst_excess(problem, standstill(found), 0.5 * MARGIN)
+    excess = posture_excess(problem, found, 0.5 * MARGIN)
     if (excess <= 0).any():
         return found[excess <= 0]
     best = standstill(found[[int(np.argmin(excess))]])

@@ -18,7 +18,7 @@ from identification.next_experiment.laboratory import laboratory
 from identification.next_experiment.proposal_words import nothing_separates, proposal_words
 from identification.next_experiment.separation import Pair, rivalry_of
 from identification.next_experiment.trials import Trial, ranked_trials
-from phantom_dyn.errors import ParameterError, RobotError
+from phantom_dyn.errors import ChainError, ParameterError, RobotError
 from phantom_dyn.motion import Motion
 
 Array = np.ndarray
@@ -67,7 +67,7 @@ def proposed(explanation: Explanation, findings: tuple[Finding, ...]) -> Proposa
     try:
         limits = safe_limits(session.robot, session.logs)
         trials = ranked_trials(session.robot, limits, lab, rivalry_of(search, groups), length_of(session.logs))
-    except (RobotError, ParameterError) as problem:
+    except (RobotError, ParameterError, ChainError) as problem:
         return Proposal(notes=(f"No further experiment is proposed: {problem}",))
     except np.linalg.LinAlgError:
         note = "No further experiment is proposed: the fits of the rivals cannot be compared; take a longer recording."

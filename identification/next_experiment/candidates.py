@@ -12,12 +12,14 @@ import numpy as np
 from jaxtyping import Float
 
 from identification.data.log import Log
+from identification.excitation.closable import CLEAR
 from identification.excitation.criteria import ConditionNumber, DOptimality
 from identification.excitation.descent import descend
 from identification.excitation.design_problem import DesignProblem, Grid, joint_sizes
 from identification.excitation.excited_base import base_of
 from identification.excitation.limits import Limits, require_excitable, stated_limits
 from identification.excitation.motion_shapes import FourierSeries, Shapes, Triangle, TrianglesAndSines
+from identification.excitation.moved_tree import clear_of
 from identification.excitation.starts import feasible_postures, largest_within_limits, random_weights
 from phantom_dyn.errors import ParameterError
 from phantom_dyn.model.robot import Robot
@@ -54,7 +56,13 @@ def safe_limits(robot: Robot, logs: tuple[Log, ...]) -> Limits:
     )
     torque = np.minimum(stated.torque, shown)
     acceleration = _SHARPER * _largest([log.motion.a for log in logs])
-    return Limits(lower, upper, velocity, acceleration, torque)
+    return Limits(lower, upper, velocity, acceleration, torque, clear=_clear(robot, logs))
+
+
+def _clear(robot: Robot, logs: tuple[Log, ...]) -> float:
+    """Distance of the loops from a singularity that a motion keeps: less where the robot was recorded nearer to one."""
+    recorded = [clear_of(robot, log.motion) for log in logs]
+    return float(np.clip(min(float(each.min(initial=CLEAR)) for each in recorded), 0.01, CLEAR))
 
 
 def _largest(series: list[Float[Array, "_ nv"]]) -> Float[Array, " nv"]:

@@ -22,7 +22,7 @@ from identification.next_experiment.candidates import Candidate, candidates, des
 from identification.next_experiment.laboratory import Laboratory
 from identification.next_experiment.separation import Rivalry, separation
 from phantom_dyn.dynamics.dynamics import inverse_dynamics
-from phantom_dyn.errors import ParameterError
+from phantom_dyn.errors import ChainError, ParameterError
 from phantom_dyn.model.inertia import payload_body
 from phantom_dyn.model.robot import Robot
 from phantom_dyn.motion import Motion
@@ -96,7 +96,7 @@ def followed(robot: Robot, reference: Motion, share: float) -> Motion | None:
     instant = replace(robot, torque_hold="instant")
     try:
         return simulate(instant, (), law, reference.t, reference.q[0]).links
-    except ParameterError:
+    except (ParameterError, ChainError):
         return None
 
 
@@ -213,8 +213,9 @@ def judged(
 def keeps(robot: Robot, limits: Limits, motion: Motion) -> bool:
     """True if the drives of a loaded or softly controlled robot keep their limits along a motion."""
     usable = bounds_of(robot, limits)
+    rows = [usable.labels.index(f"torque of {joint}") for joint in robot.joint_names]
     torque = inverse_dynamics(robot, motion)
-    return bool((np.abs(torque) <= usable.upper[-robot.nv :] + np.array(robot.coulomb_friction)).all())
+    return bool((np.abs(torque) <= usable.upper[rows] + np.array(robot.coulomb_friction)).all())
 
 
 def stays(robot: Robot, limits: Limits, motion: Motion) -> bool:

@@ -80,7 +80,7 @@ def rollout_of(explained: Explained) -> Rollout:
     def settle(shot: Shot, model: Model) -> Shot:
         if not hides(model):
             return shot
-        return (shot.settled if _slower(explained) == 1 else shot.pulled)(model, torque(shot, model))
+        return (shot.settled if compiles() else shot.pulled)(model, torque(shot, model))
 
     loop = _controlled_rollout(explained, settle)
     if explained.controlled and loop is not None:
@@ -176,12 +176,6 @@ def _said(loop: Rollout) -> tuple[str, ...]:
     )
 
 
-def _slower(explained: Explained) -> int:
-    """How many times as long a step of this robot takes as a compiled one."""
-    chain = explained.session.robot.chain
-    return 1 if compiles() and not (chain is not None and chain.anchors) else _SLOWER
-
-
 def _tried(explained: Explained, shoot: Shoot, horizons: tuple[float, ...], drive: str, settle: Settle) -> Rollout:
     """Rollouts over the longest horizon at which no model leaves all bounds."""
     problem: Exception = ParameterError("there is no stretch of valid samples long enough")
@@ -239,7 +233,7 @@ def _during(window: Window, operation: Operation) -> Operation:
 def _shots(explained: Explained, seconds: float, step: float, tries: int) -> tuple[Shot, ...]:
     """Windows, of which each takes so many short simulations to find its hidden states."""
     problem, logs = explained.problem, explained.session.logs
-    slow = _slower(explained)
+    slow = 1 if compiles() else _SLOWER
     # A sample takes a step at least.
     step = min(step, *(1.0 / log.band.rate_hz for log in logs))
     fewest = _FEWEST if slow == 1 else _FEWEST_SLOW

@@ -95,8 +95,11 @@ class Anchored(Protocol):
 
 def anchored_tree(model: pin.Model, anchors: Sequence[Anchored], arrays: TreeArrays | None) -> AnchoredTree | None:
     """What compiled loops take of a tree and its anchors; None where steps in Python have to do."""
-    if arrays is None or not compiles():
-        return None
+    return None if arrays is None or not compiles() else anchors_of(model, anchors, arrays)
+
+
+def anchors_of(model: pin.Model, anchors: Sequence[Anchored], arrays: TreeArrays) -> AnchoredTree:
+    """A tree and its anchors as arrays."""
     joints, frames = np.zeros((len(anchors), 3), np.int64), np.zeros((len(anchors), 2, 4, 3))
     for k, anchor in enumerate(anchors):
         joints[k, 2] = anchor.kind == "frame"

@@ -12,6 +12,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from phantom_dyn._kernels.followed_loops import FollowedLoops, follow
 from phantom_dyn._kernels.jit import jit
 from phantom_dyn._kernels.poses import cross, dot
 from phantom_dyn._kernels.tree_arrays import PRISMATIC, TreeArrays
@@ -49,31 +50,39 @@ class Chain(NamedTuple):
     """How the tree follows the active joints; of a plain robot all arrays are empty.
 
     Attributes:
-        slope: ``G``, shape ``(nt, nv)``.
+        slope: ``G``, shape ``(nt, nv)``; overwritten at every state where loops are closed numerically.
         offset: Positions of the tree where the active joints are at zero, ``(nt,)``.
         viscous: Coefficients of the passive joints, zero at active ones, ``(nt,)``.
         coulomb: Torques of the passive joints, the same.
+        rotor: Inertias of the rotors on the passive joints, the same.
         q: Room for positions of the tree, ``(nt,)``.
         v: Room for its velocities.
+        drift: Room for its accelerations while no active joint accelerates.
         mass: Room for its mass matrix, ``(nt, nt)``.
         bias: Room for its torque.
+        loops: Loops that are closed numerically; None where passive joints follow linearly.
     """
 
     slope: Array
     offset: Array
     viscous: Array
     coulomb: Array
+    rotor: Array
     q: Array
     v: Array
+    drift: Array
     mass: Array
     bias: Array
+    loops: FollowedLoops | None
 
 
-def chain_of(slope: Array, offset: Array, viscous: Array, coulomb: Array) -> Chain:
+def chain_of(
+    slope: Array, offset: Array, viscous: Array, coulomb: Array, rotor: Array, loops: FollowedLoops | None = None
+) -> Chain:
     """The chain with its room; arguments as the attributes."""
     count = len(offset)
-    given = (np.array(part, dtype=float) for part in (slope, offset, viscous, coulomb))
-    return Chain._make((*given, *np.zeros((2, count)), np.zeros((count, count)), np.zeros(count)))
+    given = (np.array(part, dtype=float) for part in (slope, offset, viscous, coulomb, rotor))
+    return Chain._make((*given, *np.zeros((3, count)), np.zeros((count, count)), np.zeros(count), loops))
 
 
 @jit
@@ -121,8 +130,11 @@ def mass_and_bias(numbers: Array, places: Array, moving: Array, q: Array, v: Arr
 @jit
 def chained_mass_and_bias(
     numbers: Array, places: Array, moving: Array, chain: Chain, q: Array, v: Array, mass: Array, bias: Array
-) -> None:
+) -> bool:
     """As `mass_and_bias`, for the active joints of a chain; friction of the passive ones is part of ``bias``.
+
+    With :math:`v_t = G v` and :math:`a_t = G a + d`, the mass matrix is :math:`G^T M_t G` and the torque
+    :math:`G^T (M_t d + b_t)`.
 
     Args:
         numbers: As of `mass_and_bias`, with the next two.
@@ -133,17 +145,22 @@ def chained_mass_and_bias(
         v: Their velocities.
         mass: Receives the mass matrix in its first rows and columns.
         bias: Receives the torque.
+
+    Returns:
+        False if the loops cannot be closed there, or are singular.
     """
-    slope, offset, viscous, coulomb, x, u, heavy, weight = chain
+    slope, offset, viscous, coulomb, rotor, x, u, away, heavy, weight, loops = chain
     nt, nv = slope.shape
+    if not follow(loops, slope, offset, q, v, x, u, away):
+        return False
     for i in range(nt):
-        x[i], u[i] = offset[i], 0.0
-        for j in range(nv):
-            x[i] += slope[i, j] * q[j]
-            u[i] += slope[i, j] * v[j]
         for k in range(nt):
             heavy[i, k] = 0.0
     mass_and_bias(numbers, places, moving, x, u, heavy, weight)
+    for i in range(nt):
+        heavy[i, i] += rotor[i]
+        for k in range(nt):
+            weight[i] += heavy[i, k] * away[k]
     for j in range(nv):
         bias[j] = 0.0
         for i in range(nv):
@@ -157,6 +174,7 @@ def chained_mass_and_bias(
                 carried += heavy[i, k] * slope[k, j]
             for k in range(nv):
                 mass[k, j] += slope[i, k] * carried
+    return True
 
 
 @jit

@@ -102,12 +102,16 @@ def link_torque(robot: Robot, motion: Motion) -> Float[Array, "N nv"]:
         ChainError: If a loop of a closed chain cannot be closed or is singular at a sample.
     """
     _require_finite(motion)
-    return link_torque_of_tree(robot, tree_motion(robot, motion))
-
-
-def link_torque_of_tree(robot: Robot, tree: TreeMotion) -> Float[Array, "N nv"]:
-    """As `link_torque`, for a motion of the tree that is known already."""
+    tree = tree_motion(robot, motion)
     return _active(robot, tree, _rigid_body_torque(robot, tree) - robot.model.armature * tree.a)
+
+
+def body_torque_of_tree(robot: Robot, tree: TreeMotion) -> Float[Array, "N nv"]:
+    """Torque that links and rotors need for a motion of the tree, without friction, shape ``(N, nv)`` [N m or N].
+
+    A rotor on a passive joint accelerates while no active joint does.
+    """
+    return _active(robot, tree, _rigid_body_torque(robot, tree))
 
 
 def inverse_dynamics_derivatives(

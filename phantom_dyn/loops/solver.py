@@ -8,6 +8,7 @@ one in Python here serves without numba, and says which loop fails and why where
 
 from __future__ import annotations
 
+from contextlib import suppress
 from dataclasses import dataclass
 from typing import Any
 
@@ -15,7 +16,9 @@ import numpy as np
 import pinocchio as pin
 from jaxtyping import Float
 
-from phantom_dyn._kernels.loop_closing import Closed, Limits, anchored_tree, close_loops, drift_loop
+from phantom_dyn._kernels.followed_loops import FollowedLoops, followed_loops, rewind
+from phantom_dyn._kernels.jit import compiles
+from phantom_dyn._kernels.loop_closing import Closed, Limits, anchored_tree, anchors_of, close_loops, drift_loop
 from phantom_dyn._kernels.rigid_body import announce, ready
 from phantom_dyn._kernels.tree_arrays import TreeArrays
 from phantom_dyn.errors import ChainError
@@ -153,6 +156,55 @@ def _followed(
             z[k], slopes[k], inverses[k] = found.z, found.slope, found.inverse
             k += 1
     return z[:-1], slopes[:-1], inverses[:-1]
+
+
+def loops_to_follow(model: pin.Model, chain: ClosedChain, arrays: TreeArrays) -> FollowedLoops | None:
+    """The loops that are closed numerically, for compiled steps through time; None if there are none.
+
+    Args:
+        model: The tree.
+        chain: Its loops; its start closes them.
+        arrays: The tree as compiled loops take it.
+    """
+    if not chain.anchors:
+        return None
+    at = constraints_of(model, chain.anchors)
+    q, z = chain.start[list(chain.active)], chain.start[list(chain.unknowns)]
+    state = _newton(chain, at, q, z)
+    if state is None:
+        raise ChainError(_why(chain, at, q, z, "the start"))
+    started = Closed(*(ready(part[None]) for part in (state.z, state.slope, state.inverse)))
+    return followed_loops(anchors_of(model, chain.anchors, arrays), chain.linear_map, _LIMITS, q, started)
+
+
+def closed_each(
+    model: pin.Model, chain: ClosedChain, q: Float[Array, "N nv"], arrays: TreeArrays | None
+) -> Float[Array, "N nz m"]:
+    """`Solution.inverse` of positions that are no trajectory, each reached from where the chain starts.
+
+    Args:
+        model: The tree.
+        chain: Its loops, some of them anchors.
+        q: Positions of the active joints [rad or m].
+        arrays: As of `solve`.
+
+    Returns:
+        Not a number where a loop cannot be closed or is singular, or a position is not finite.
+    """
+    rows = sum(6 if anchor.kind == "frame" else 3 for anchor in chain.anchors)
+    out = np.full((len(q), len(chain.unknowns), rows), np.nan)
+    loops = loops_to_follow(model, chain, arrays) if arrays is not None and compiles() else None
+    offset = np.array(chain.offset)
+    for k, posture in enumerate(q):
+        if loops is not None and np.isfinite(posture).all():
+            rewind(loops)
+            loops.wanted[0] = posture
+            if close_loops(loops.tree, loops.linear_map, offset, _LIMITS, loops.wanted, loops.q, loops.last, 0):
+                out[k] = loops.last.inverses[0]
+        elif loops is None:
+            with suppress(ChainError):
+                out[k] = solve(model, chain, posture[None]).inverse[0]
+    return out
 
 
 class RecentSolutions:

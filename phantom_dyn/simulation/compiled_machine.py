@@ -9,10 +9,12 @@ import numpy as np
 
 from phantom_dyn._kernels.jit import compiles
 from phantom_dyn._kernels.single_state import Chain, at_root, chain_of, joint_rows
-from phantom_dyn._kernels.tree_arrays import FREE
+from phantom_dyn._kernels.tree_arrays import FREE, TreeArrays
 from phantom_dyn.dynamics.dynamics import gravity_torque, mass_matrix
 from phantom_dyn.effects.compiled_laws import COMMANDS, READINGS, TORQUES
 from phantom_dyn.effects.simulated import Simulated
+from phantom_dyn.errors import ChainError
+from phantom_dyn.loops.solver import loops_to_follow
 from phantom_dyn.model.robot import Robot
 from phantom_dyn.simulation.compiled.arm_steps import Arm, run_arm
 from phantom_dyn.simulation.compiled.arrays import AT_SAMPLES, AT_STEPS, GIVEN, Control, EffectLaws, lines_of, packed
@@ -40,17 +42,15 @@ class Compiled(NamedTuple):
 def compiled(machine: Machine, parts: tuple[Simulated, ...], t: Array, counts: Array) -> Compiled | None:
     """Machine and effects for ``counts[k]`` steps between ``t[k]`` and ``t[k + 1]``; None where Python has to step.
 
-    That is so without numba, for closed chains whose loops are solved numerically, and for effects that have Python
-    laws only.
+    That is so without numba, and for effects that have Python laws only.
     """
-    chain = machine.robot.chain
-    if not compiles() or (chain is not None and chain.anchors):
+    if not compiles():
         return None
     laws = [law for part in parts for law in part.laws]
     channels = [[law for law in laws if law.function in known] for known in (TORQUES, COMMANDS, READINGS)]
     if sum(map(len, channels)) < len(laws) or not all(part.laws or _is_silent(part) for part in parts):
         return None
-    one = machine.nv == 1 and chain is None
+    one = machine.nv == 1 and machine.robot.chain is None
     found = (_axis(machine), run_axis) if one else (_arm(machine), run_arm)
     if found[0] is None:
         return None
@@ -59,6 +59,26 @@ def compiled(machine: Machine, parts: tuple[Simulated, ...], t: Array, counts: A
     )
     laws_of_all = EffectLaws(torques, commands, readings, lines_of(channels[1], t, counts))
     return Compiled(found[1], found[0], laws_of_all)
+
+
+def require_closed_loops(machine: Axis | Arm, t: float, robot: Robot) -> None:
+    """Say which loop of a chain could not be closed where compiled steps ended; nothing if that is not why.
+
+    Args:
+        machine: What was stepped.
+        t: Time of the last sample before [s].
+        robot: Gives the loops.
+
+    Raises:
+        ChainError: If the loops cannot be closed or are singular at the state that was tried last.
+    """
+    loops = machine.chain.loops if isinstance(machine, Arm) else None
+    if loops is None or robot.chain is None or not np.isfinite(loops.wanted).all():
+        return
+    try:
+        robot.solutions.at(np.stack([loops.q, loops.wanted[0]]))
+    except ChainError as problem:
+        raise ChainError(f"After {t:.4g} s of the simulation: {problem}") from problem
 
 
 def control_of(controller: Callable, robot: Robot) -> Control:
@@ -87,8 +107,6 @@ def _arm(machine: Machine) -> Arm | None:
     added = np.zeros((n, n))
     added[drives, drives] = machine.rotor
     added[np.ix_(drives, drives)] += machine.coupled
-    chain, carried = _chain(robot)
-    added[:nv, :nv] += carried
     numbers_of_joints = (machine.rotor, robot.viscous_friction, robot.coulomb_friction)
     rotor, viscous, coulomb = (np.array(part, dtype=float) for part in numbers_of_joints)
     root = at_root(len(places), robot.model.gravity.linear)
@@ -97,20 +115,22 @@ def _arm(machine: Machine) -> Arm | None:
     )
     return Arm(
         numbers, places, root, added, rotor, viscous, coulomb, drives,
-        np.array(machine.encoders, np.int64), np.array(loose, np.int64), stiffness, damping, gap, chain,
+        np.array(machine.encoders, np.int64), np.array(loose, np.int64), stiffness, damping, gap, _chain(robot, arrays),
     )  # fmt: skip
 
 
-def _chain(robot: Robot) -> tuple[Chain, Array]:
-    """How the tree follows the active joints, and what inertia rotors on passive joints add to these, ``(nv, nv)``."""
+def _chain(robot: Robot, arrays: TreeArrays) -> Chain:
+    """How the tree follows the active joints."""
     given = robot.chain
     if given is None:
-        return chain_of(np.zeros((0, robot.nv)), *np.zeros((3, 0))), np.zeros((robot.nv, robot.nv))
-    passive, S = list(given.passive), given.linear_map
-    viscous, coulomb = np.zeros((2, len(S)))
+        none = np.zeros(0)
+        return chain_of(np.zeros((0, robot.nv)), none, none, none, none)
+    passive = list(given.passive)
+    viscous, coulomb, rotor = np.zeros((3, robot.model.nv))
     viscous[passive], coulomb[passive] = given.viscous_friction, given.coulomb_friction
-    rotors = S[passive].T @ (robot.model.armature[passive, None] * S[passive])
-    return chain_of(S, given.offset, viscous, coulomb), rotors
+    rotor[passive] = robot.model.armature[passive]
+    slope = given.linear_map[:, : robot.nv]
+    return chain_of(slope, given.offset, viscous, coulomb, rotor, loops_to_follow(robot.model, given, arrays))
 
 
 def _axis(machine: Machine) -> Axis | None:

@@ -23,7 +23,7 @@ from phantom_dyn.errors import ParameterError
 from phantom_dyn.model.robot import Robot
 from phantom_dyn.motion import Motion, read_only
 from phantom_dyn.simulation.compiled.arrays import Moving, Plan, Rows, moving_from, rows_for
-from phantom_dyn.simulation.compiled_machine import Compiled, compiled, control_of
+from phantom_dyn.simulation.compiled_machine import Compiled, compiled, control_of, require_closed_loops
 from phantom_dyn.simulation.control import Tracking
 from phantom_dyn.simulation.stepping import Machine, State, in_balance, longest_step, machine_of, stepped, with_motors
 
@@ -100,6 +100,7 @@ def simulate(
     Raises:
         ParameterError: If times do not increase, an array has the wrong length, a motor without inertia would have to
             move by itself, or the motion leaves all bounds.
+        ChainError: If the motion leads where a loop of a closed chain cannot be closed or is singular.
     """
     v0 = np.zeros(robot.nv) if v0 is None else v0
     starts = {"q0": q0, "v0": v0} | ({} if motors is None else dict(zip(_MOTORS, motors, strict=True)))
@@ -155,6 +156,7 @@ def _compiled(
     def run(now: Plan, out: Rows) -> None:
         broke = steps.run(steps.machine, steps.laws, control, moving, now, out)
         if broke >= 0:
+            require_closed_loops(steps.machine, float(now.t[broke]), robot)
             raise _unbounded(float(now.t[broke]))
 
     if isinstance(controller, Tracking):

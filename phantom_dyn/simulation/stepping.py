@@ -18,7 +18,7 @@ import pinocchio as pin
 from jaxtyping import Float
 
 from phantom_dyn._kernels.dry_friction import Rubbing, rub, rubbing_motors
-from phantom_dyn.dynamics.dynamics import link_torque, link_torque_of_tree, mass_matrix, mass_matrix_of_tree
+from phantom_dyn.dynamics.dynamics import body_torque_of_tree, link_torque, mass_matrix, mass_matrix_of_tree
 from phantom_dyn.dynamics.tree_motion import passive_friction, tree_motion
 from phantom_dyn.effects.simulated import Transmission
 from phantom_dyn.effects.support.rows import row_of
@@ -203,7 +203,7 @@ def _links(
     else:
         tree = tree_motion(robot, Motion(np.zeros(1), q[None], v[None], np.zeros((1, nv))), near=near)
         mass, at = mass_matrix_of_tree(robot, tree)[0], tree.q[0]
-        bias = link_torque_of_tree(robot, tree)[0] + passive_friction(robot, tree)[0]
+        bias = body_torque_of_tree(robot, tree)[0] + passive_friction(robot, tree)[0]
     out = np.zeros((nv + len(rows), nv + len(rows)))
     out[:nv, :nv] = mass
     rotor = machine.rotor[rows]

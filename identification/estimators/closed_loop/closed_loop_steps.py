@@ -12,6 +12,7 @@ import numpy as np
 
 from identification.estimators.closed_loop.plant import Plant
 from phantom_dyn._kernels.dry_friction import Rubbing, rub
+from phantom_dyn._kernels.followed_loops import rewind
 from phantom_dyn._kernels.jit import jit
 from phantom_dyn._kernels.single_state import chained_mass_and_bias, invert
 
@@ -72,6 +73,7 @@ def run(plant: Plant, controllers: Controllers, q0: Array, v0: Array, out: Moved
     viscous, level, impulse = np.empty(len(plant.E)), np.empty(len(plant.E)), np.empty(len(plant.E))
     who = Rubbing(np.arange(nv), plant.E[nv:], np.empty((len(plant.E) - nv, nv + 1)))
     q, v, a = q0.copy(), v0.copy(), np.zeros(nv)
+    rewind(plant.chain.loops)
     for k in range(N):
         for i in range(nv):
             out.q[k, i], out.v[k, i], out.a[k, i] = q[i], v[i], a[i]
@@ -87,7 +89,10 @@ def run(plant: Plant, controllers: Controllers, q0: Array, v0: Array, out: Moved
                 ask(controllers, k, share, at, rate, (q0, v0), out.q, asked[k if held else k * steps + s])
             arrive(controllers, k, s, asked, applied, out.tau)
             # Half a step ahead.
-            chained_mass_and_bias(plant.numbers, plant.places, room, plant.chain, qm, vm, mass, weight)
+            if not chained_mass_and_bias(plant.numbers, plant.places, room, plant.chain, qm, vm, mass, weight):
+                return k
+            for e in range(len(plant.passive)):
+                plant.E[nv + e] = plant.chain.slope[plant.passive[e]]
             for i in range(nv):
                 force[i] = applied[i] + plant.push[i] - plant.spring[i] * qm[i] - weight[i]
                 for c in range(nv):

@@ -192,8 +192,8 @@ def simulated(
     if bad >= 0:
         raise EstimationError(
             f"{log.file}: with the parameters of this step the robot does not move as a robot does after "
-            f"{(start + bad) * loop.dt:.4g} s (an inertia that is not positive, or a loop that is not stable): check "
-            "the controllers, or use an estimator without simulation, such as wls."
+            f"{(start + bad) * loop.dt:.4g} s (an inertia that is not positive, controllers that are not stable, or "
+            "links that cannot meet): check the controllers, or use an estimator without simulation, such as wls."
         )
     return Motion(log.motion.t[at], out.q, out.v, out.a), align_held_torque(out.tau) if loop.align else out.tau
 

@@ -11,8 +11,10 @@ from jaxtyping import Float
 from identification.regression.base_parameters import BaseParameters
 from identification.regression.regressor import Regressor, Term, term_columns
 from phantom_dyn._kernels.single_state import BODY, Chain, at_root, chain_of, joint_rows
+from phantom_dyn._kernels.tree_arrays import TreeArrays
 from phantom_dyn.dynamics.dynamics import standard_parameters
 from phantom_dyn.errors import ParameterError
+from phantom_dyn.loops.solver import loops_to_follow
 from phantom_dyn.model.robot import Robot
 
 Array = np.ndarray
@@ -26,9 +28,10 @@ class Plant(NamedTuple):
         places: The same.
         root: As `phantom_dyn._kernels.single_state.at_root` gives it; copied before it is used.
         chain: How the tree follows the active joints; friction of the passive ones is in ``dry`` instead.
-        rotor: What rotors add to the mass matrix, ``(nv, nv)``.
+        rotor: What rotors on the active joints add to the mass matrix, ``(nv, nv)``.
+        passive: Places of the passive joints in the tree, ``(ne - nv,)``.
         E: Speed of each rubbing joint per velocity of the active ones, ``(ne, nv)``; the first ``nv`` rows are the
-            active joints themselves.
+            active joints themselves, and those of the passive ones are overwritten at every state.
         dry: Friction of each rubbing joint: level at speed, what it is higher by at rest, velocity over which that
             fades, viscous coefficient forward, backward, ``(ne, 5)``.
         push: Constant torques on the joints, ``(nv,)``.
@@ -40,6 +43,7 @@ class Plant(NamedTuple):
     root: Array
     chain: Chain
     rotor: Array
+    passive: Array
     E: Array
     dry: Array
     push: Array
@@ -60,7 +64,7 @@ def plant_of(regressor: Regressor, base: BaseParameters, theta: Float[Array, " r
         theta: Their values.
 
     Raises:
-        ParameterError: If a loop of the robot is not linear, or a term has no law in the compiled simulation.
+        ParameterError: If a term has no law in the compiled simulation.
     """
     full = all_parameters(regressor, base, theta)
     plant = _given(regressor.robot)
@@ -100,14 +104,8 @@ def require_simulable(regressor: Regressor) -> None:
         regressor: Gives robot and terms.
 
     Raises:
-        ParameterError: If a loop of the robot is not linear, or a term has no law in the compiled simulation.
+        ParameterError: If a term has no law in the compiled simulation.
     """
-    robot = regressor.robot
-    if robot.chain is not None and robot.chain.anchors:
-        raise ParameterError(
-            f"{robot.name} has loops that are closed numerically, which the simulation of the closed loop does not "
-            "know: use an estimator without simulation, such as wls, or state the loops as linear ones."
-        )
     for term in regressor.terms:
         _laws(term)
 
@@ -129,8 +127,6 @@ def _given(robot: Robot) -> Plant:
         raise ParameterError(f"{robot.name} has a joint that no compiled simulation knows: use wls.")
     chain = robot.chain
     nt, nv = robot.model.nv, robot.nv
-    slope = np.eye(nv) if chain is None else np.array(chain.linear_map[:, :nv])
-    offset = np.zeros(nv) if chain is None else np.array(chain.offset)
     passive = [] if chain is None else list(chain.passive)
     dry = np.zeros((nt, 5))
     dry[:, 2] = 1.0
@@ -144,13 +140,26 @@ def _given(robot: Robot) -> Plant:
         numbers=numbers,
         places=places,
         root=at_root(len(places), robot.model.gravity.linear),
-        chain=chain_of(slope, offset, np.zeros(nt), np.zeros(nt)),
-        rotor=slope.T @ (robot.model.armature[:, None] * slope),
-        E=np.ascontiguousarray(slope[[*robot.tree_rows, *passive]]),
+        chain=_followed(robot, arrays),
+        rotor=np.diag(robot.rotor_inertia),
+        passive=np.array(passive, dtype=np.int64),
+        E=np.concatenate([np.eye(nv), np.zeros((nt - nv, nv))]),
         dry=dry,
         push=np.zeros(nv),
         spring=np.zeros(nv),
     )
+
+
+def _followed(robot: Robot, arrays: TreeArrays) -> Chain:
+    """How the tree follows the active joints; the passive ones rub elsewhere."""
+    chain, nt = robot.chain, robot.model.nv
+    none, rotor = np.zeros(nt), np.zeros(nt)
+    if chain is None:
+        return chain_of(np.eye(nt), none, none, none, rotor)
+    passive = list(chain.passive)
+    rotor[passive] = robot.model.armature[passive]
+    loops = loops_to_follow(robot.model, chain, arrays)
+    return chain_of(chain.linear_map[:, : chain.nv], chain.offset, none, none, rotor, loops)
 
 
 def _row(robot: Robot, joint: str | None) -> int:

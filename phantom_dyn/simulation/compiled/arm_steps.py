@@ -1,7 +1,7 @@
 """Compiled steps of a tree of one-degree joints, some with motors that may move apart from their links.
 
-The same midpoint rule as `phantom_dyn.simulation.stepping`. Passive joints of a closed chain follow the active ones
-linearly, and ``nv`` counts the active ones.
+The same midpoint rule as `phantom_dyn.simulation.stepping`. Passive joints of a closed chain follow the active ones, of
+which there are ``nv``.
 """
 
 from __future__ import annotations
@@ -61,7 +61,7 @@ def run_arm(arm: Arm, laws: EffectLaws, control: Control, moving: Moving, plan: 
     """Record N samples and make the planned steps behind each.
 
     Returns:
-        The sample behind which a speed was beyond ``plan.far``, -1 if none ever was.
+        The sample behind which a speed was beyond ``plan.far`` or loops could not be closed, -1 if there is none.
     """
     row = arm.root.copy()
     drives, seen, mode = arm.drives, arm.seen, control.mode
@@ -153,6 +153,8 @@ def record(rows: Rows, k: int, reading: Array, asked: Array, given: Array, x: Ar
 def inertia(arm: Arm, row: Array, y: Array, w: Array, h: float, mass: Array, bias: Array) -> None:
     """Write mass matrix, half a step of viscous friction in it, and the torque of the coasting links.
 
+    Where the loops of a chain cannot be closed the torque is not a number, and so is all that follows.
+
     Args:
         arm: The machine.
         row: A copy of its ``root``, to be written to.
@@ -167,7 +169,8 @@ def inertia(arm: Arm, row: Array, y: Array, w: Array, h: float, mass: Array, bia
         for j in range(n):
             mass[i, j] = 0.0
     if len(arm.chain.slope) > 0:
-        chained_mass_and_bias(arm.numbers, arm.places, row, arm.chain, y, w, mass, bias)
+        if not chained_mass_and_bias(arm.numbers, arm.places, row, arm.chain, y, w, mass, bias):
+            bias[:] = np.nan
     else:
         mass_and_bias(arm.numbers, arm.places, row, y, w, mass, bias)
     for i in range(n):

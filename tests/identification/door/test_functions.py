@@ -6,8 +6,7 @@ import numpy as np
 import pytest
 
 import phantom_dyn as dyn
-from identification import pipeline
-from identification.door import inputs
+from identification.door import diagnosed, inputs
 from phantom_dyn.dynamics.dynamics import inverse_dynamics
 from phantom_dyn.errors import LogError, ParameterError, PhantomDynError, UsageError
 from phantom_dyn.motion import Motion
@@ -113,7 +112,7 @@ def test_every_episode_of_a_dataset_that_is_held_out_is_held_out(rubbing, monkey
     monkeypatch.setattr(inputs, "_episodes", lambda given: [rubbing] * 3 if given == "dataset" else [given])
     seen = {}
     monkeypatch.setattr(
-        pipeline, "diagnose", lambda _, fitted, **given: seen.update(fitted=fitted, held=given["hold_out"])
+        diagnosed, "diagnose", lambda _, fitted, **given: seen.update(fitted=fitted, held=given["hold_out"])
     )
     dyn.diagnose(PENDULUM, rubbing, hold_out="dataset")
     assert (len(seen["fitted"]), len(seen["held"])) == (1, 3)

@@ -10,7 +10,6 @@ from identification.excitation.limits import FrameBox, Limits, limits_of, stated
 from phantom_dyn import load_robot
 from phantom_dyn.errors import ParameterError, RobotError
 from phantom_dyn.model.robot import Actuator
-from places import ROBOTS
 
 HINGE = """<robot name="hinge"><link name="base"/><link name="arm"><inertial><origin xyz="0 0 -0.2"/><mass value="1"/>
 <inertia ixx="0.1" ixy="0" ixz="0" iyy="0.1" iyz="0" izz="0.1"/></inertial></link>
@@ -141,11 +140,6 @@ def test_a_joint_without_a_drive_is_refused(planar):
     idle = replace(planar, actuators=(planar.actuators[0], Actuator(actuated=False)))
     with pytest.raises(RobotError, match=r"elbow of planar2 has no drive that could follow a reference: hold it"):
         limits_of(idle)
-
-
-def test_a_chain_whose_loop_is_solved_numerically_is_refused():
-    with pytest.raises(RobotError, match="excitation takes chains whose passive joints follow by kind: linear only"):
-        limits_of(load_robot(ROBOTS / "fourbar.xml"))
 
 
 def test_limits_of_another_robot_are_refused(planar, spatial):

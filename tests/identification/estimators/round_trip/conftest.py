@@ -24,7 +24,11 @@ PLACES = {
     "ur10": ("example:ur10", 0.4),
     "phantom": ("phantom_1_5", 0.5),
     "cea": ("cea_branch", 0.3),
+    "four_bar": (str(ROBOTS / "fourbar.xml"), 0.1),
+    "five_bar": (str(ROBOTS / "fivebar.xml"), 0.1),
 }
+_HELD = 1.0
+"""Time at rest before a recording begins [s]."""
 
 
 @dataclass(frozen=True)
@@ -81,6 +85,10 @@ def closed_loop(robot: Robot, middle: float, *, seconds: float, dt: float) -> Ca
     viscous, coulomb = 0.5 * inertia, 0.8 * inertia
     names = [(name, joint) for joint in robot.joint_names for name in ("viscous_friction", "coulomb_friction")]
     friction = np.column_stack([viscous, coulomb]).ravel()
+    if robot.chain is not None and robot.chain.anchors:
+        # At rest where the controllers hold the weight: a fall at the start would be all that the states there show.
+        held = round(_HELD / dt)
+        t, wanted = np.arange(len(t) + held) * dt, np.concatenate([np.repeat(wanted[:1], held, axis=0), wanted])
     causes = [
         Cause(effect_named(name), joint, np.array([value]))
         for (name, joint), value in zip(names, friction, strict=True)
@@ -92,7 +100,8 @@ def closed_loop(robot: Robot, middle: float, *, seconds: float, dt: float) -> Ca
         return kp * ((1 - share) * wanted[k] + share * wanted[k + 1] - q) - kd * v
 
     moved = simulate(robot, tuple(causes), controller, t, wanted[0])
-    recording = Recording("simulated", robot.joint_names, t, moved.q, moved.tau, q_ref=wanted)
+    kept = slice(len(t) - round(seconds / dt), None)
+    recording = Recording("simulated", robot.joint_names, t[kept], moved.q[kept], moved.tau[kept], q_ref=wanted[kept])
     return Case(robot, recording, [(effect_named(name), joint) for name, joint in names], friction)
 
 
@@ -104,10 +113,8 @@ def case_of() -> Callable[[str], Case]:
     def case(name: str) -> Case:
         if name not in made:
             source, middle = PLACES[name]
-            long = name != "ur10"
-            made[name] = closed_loop(
-                load_robot(source), middle, seconds=6.0 if long else 4.0, dt=2e-3 if long else 4e-3
-            )
+            seconds = {"ur10": 4.0, "four_bar": 12.0, "five_bar": 12.0}.get(name, 6.0)
+            made[name] = closed_loop(load_robot(source), middle, seconds=seconds, dt=4e-3 if name == "ur10" else 2e-3)
         return made[name]
 
     return case

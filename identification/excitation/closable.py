@@ -1,0 +1,96 @@
+"""Postures in which the loops of a chain close, each reached from where the chain starts, and how far from singular.
+
+Independent postures are no trajectory: the way from one to the next may leave what a linkage reaches. With the start of
+the chain between them they are one.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from jaxtyping import Bool, Float
+
+from phantom_dyn.loops.singularity import distance_from_singularity
+from phantom_dyn.loops.solver import closed_each
+from phantom_dyn.model.robot import Robot, tree_position_limits
+from phantom_dyn.random_streams import random_stream
+
+Array = np.ndarray
+
+CLEAR = 0.25
+"""Distance from a singularity that a designed motion keeps: that of a four-bar at a transmission angle of 20 degrees,
+below which linkages are known to jam."""
+_POSTURES = 100
+"""Postures by which a chain is known."""
+_DRAWN = 20
+"""Draws for each posture that is wanted."""
+_REACH = (np.pi, 0.5)
+"""Farthest from the start that a posture is drawn [rad; m for linear joints]."""
+
+
+def solved_numerically(robot: Robot) -> bool:
+    """True if loops of the robot are closed numerically."""
+    return robot.chain is not None and bool(robot.chain.anchors)
+
+
+def closable(robot: Robot, q: Float[Array, "N nv"]) -> Bool[Array, " N"]:
+    """True for postures [rad or m] that the robot's loops allow; all where none is closed numerically."""
+    if not solved_numerically(robot):
+        return np.ones(len(q), dtype=bool)
+    return np.isfinite(_distances(robot, q))
+
+
+def with_start_between(robot: Robot, q: Float[Array, "N nv"]) -> Float[Array, "M nv"]:
+    """Postures [rad or m] as every second sample of a trajectory that goes back to the start of the chain between."""
+    out = np.empty((2 * len(q), robot.nv))
+    out[0::2], out[1::2] = _start(robot), q
+    return out
+
+
+def ordinary_postures(robot: Robot, count: int = _POSTURES) -> Float[Array, "_ nv"]:
+    """The start of a chain, then postures [rad or m] all over what it reaches, ``count`` at most.
+
+    They keep the limits of all joints and are clear of a singularity.
+
+    Args:
+        robot: A chain whose loops are closed numerically.
+        count: How many are wanted.
+    """
+    start, rng = _start(robot), random_stream("ordinary postures of a chain")
+    reach = np.where(robot.prismatic, _REACH[1], _REACH[0])
+    lower, upper = tree_position_limits(robot.model)
+    rows, size = list(robot.tree_rows), (_DRAWN * count, robot.nv)
+    # Nearer to the start as often as farther: what a linkage reaches may be small.
+    drawn = start + rng.uniform(size=(size[0], 1)) * rng.uniform(-reach, reach, size)
+    drawn = np.clip(drawn, lower[rows], upper[rows])
+    clear = drawn[_distances(robot, drawn) >= CLEAR][: 2 * count]
+    tree = robot.solutions.at(with_start_between(robot, clear)).x[1::2]
+    kept = clear[((lower <= tree) & (tree <= upper)).all(axis=1)]
+    return np.concatenate([start[None], kept])[:count]
+
+
+def configurations_in(robot: Robot, q: Float[Array, "N nv"]) -> Float[Array, "N nq"]:
+    """Pinocchio's configurations in postures [rad or m] that are no trajectory."""
+    return robot.configuration(with_start_between(robot, q))[1::2]
+
+
+def largest_slope(robot: Robot) -> Float[Array, "np nv"]:
+    """How fast each passive joint turns at most per velocity of each active one, clear of a singularity."""
+    chain = robot.chain
+    if chain is None:
+        return np.zeros((0, robot.nv))
+    rows = list(chain.passive)
+    if not chain.anchors:
+        return np.abs(chain.linear_map[rows])
+    slopes = robot.solutions.at(with_start_between(robot, ordinary_postures(robot))).G[:, rows]
+    return np.abs(slopes).max(axis=0)
+
+
+def _start(robot: Robot) -> Float[Array, " nv"]:
+    return np.zeros(robot.nv) if robot.chain is None else robot.chain.start[list(robot.chain.active)]
+
+
+def _distances(robot: Robot, q: Float[Array, "N nv"]) -> Float[Array, " N"]:
+    """Distance of postures from a singularity, NaN where the loops do not close."""
+    if robot.chain is None:
+        return np.full(len(q), np.inf)
+    return distance_from_singularity(closed_each(robot.model, robot.chain, q, robot.arrays))

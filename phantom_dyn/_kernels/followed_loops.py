@@ -1,0 +1,125 @@
+"""How the tree of a closed chain follows its active joints from state to state, for compiled loops through time."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+
+from phantom_dyn._kernels.jit import jit
+from phantom_dyn._kernels.loop_closing import AnchoredTree, Closed, Limits, close_loops, drift_loop
+
+Array = np.ndarray
+
+
+class FollowedLoops(NamedTuple):
+    """Loops that are closed numerically, the solution where the chain starts and the last one.
+
+    Attributes:
+        tree: Joints and anchors.
+        linear_map: ``S`` of `ClosedChain`, ``(nt, nv + nz)``.
+        to_tree: Its columns for the unknowns, ``(nt, nz)``.
+        limits: When Newton's method stops.
+        start: Active positions where the chain starts, ``(nv,)``.
+        started: The solution there, one row of each.
+        q: Active positions of the last solution, ``(nv,)``; moves on with every state.
+        wanted: Room for those of the next one, ``(1, nv)``; where loops were not closed it holds these.
+        last: Room for the next solution, then the last one, two rows of each.
+        speed: Room for the velocities of the tree, ``(1, nt)``.
+        away: Room for its accelerations, ``(1, nt)``.
+    """
+
+    tree: AnchoredTree
+    linear_map: Array
+    to_tree: Array
+    limits: Limits
+    start: Array
+    started: Closed
+    q: Array
+    wanted: Array
+    last: Closed
+    speed: Array
+    away: Array
+
+
+def followed_loops(tree: AnchoredTree, linear_map: Array, limits: Limits, q: Array, started: Closed) -> FollowedLoops:
+    """Loops at the start of their chain, with room to follow them.
+
+    Args:
+        tree: As of `FollowedLoops`.
+        linear_map: The same.
+        limits: The same.
+        q: Active positions at the start, ``(nv,)``.
+        started: The solution there, one row of each.
+    """
+    last = Closed(*(np.repeat(np.array(part, dtype=float), 2, axis=0) for part in started))
+    at, S, room = np.array(q, dtype=float), np.array(linear_map, dtype=float), np.zeros((2, 1, len(linear_map)))
+    to_tree = np.ascontiguousarray(S[:, len(at) :])
+    return FollowedLoops(tree, S, to_tree, limits, at, started, at.copy(), at[None].copy(), last, room[0], room[1])
+
+
+@jit
+def rewind(loops: FollowedLoops | None) -> None:
+    """Go back to where the chain starts, so that what follows does not depend on what was before."""
+    if loops is None:
+        return
+    loops.q[:] = loops.start
+    loops.last.z[1], loops.last.slopes[1], loops.last.inverses[1] = (
+        loops.started.z[0],
+        loops.started.slopes[0],
+        loops.started.inverses[0],
+    )
+
+
+@jit
+def follow(
+    loops: FollowedLoops | None, slope: Array, offset: Array, q: Array, v: Array, x: Array, u: Array, away: Array
+) -> bool:
+    """Write positions, velocities and drift of the tree at one state of the active joints.
+
+    Args:
+        loops: Loops that are closed numerically, or None.
+        slope: ``G``, ``(nt, nv)``; receives it where loops are closed numerically.
+        offset: Positions of the tree where active joints and unknowns are at zero, ``(nt,)``.
+        q: Positions of the active joints first.
+        v: Their velocities.
+        x: Receives positions of the tree, ``(nt,)``.
+        u: Receives its velocities.
+        away: Receives its accelerations while no active joint accelerates.
+
+    Returns:
+        False if the loops cannot be closed, or are singular.
+    """
+    nt, nv = slope.shape
+    if loops is None:
+        for i in range(nt):
+            x[i], u[i] = offset[i], 0.0
+            for j in range(nv):
+                x[i] += slope[i, j] * q[j]
+                u[i] += slope[i, j] * v[j]
+        return True
+    S, z, slopes, inverses = loops.linear_map, loops.last.z, loops.last.slopes, loops.last.inverses
+    for j in range(nv):
+        loops.wanted[0, j] = q[j]
+    # Nothing follows a position that is not a number: Newton's method would halve its way for ever.
+    if not np.isfinite(loops.wanted).all():
+        return False
+    if close_loops(loops.tree, S, offset, loops.limits, loops.wanted, loops.q, loops.last, 0) == 0:
+        return False
+    loops.q[:] = loops.wanted[0]
+    z[1], slopes[1], inverses[1] = z[0], slopes[0], inverses[0]
+    for i in range(nt):
+        x[i], u[i] = offset[i], 0.0
+        for j in range(nv):
+            x[i] += S[i, j] * q[j]
+            slope[i, j] = S[i, j]
+            for k in range(z.shape[1]):
+                slope[i, j] += S[i, nv + k] * slopes[0, k, j]
+            u[i] += slope[i, j] * v[j]
+        for k in range(z.shape[1]):
+            x[i] += S[i, nv + k] * z[0, k]
+        loops.speed[0, i] = u[i]
+    drift_loop(loops.tree, loops.to_tree, x.reshape((1, nt)), loops.speed, inverses[:1], loops.away)
+    for i in range(nt):
+        away[i] = loops.away[0, i]
+    return True
