@@ -25,9 +25,12 @@ from identification.next_experiment.advise import Proposal, proposed
 from identification.regression.triangular import one_blas_thread
 from identification.rollout.compare import Rollout
 from identification.rollout.rollout import Explained, rollout_of
+from identification.scenarios.at_rest.diagnose_at_rest import diagnose_at_rest, judged_at_rest
 from identification.scenarios.known_changes import named_by_recording
 from identification.scenarios.motion_limits import limited_to_motion
+from identification.scenarios.torque_or_motion import moved_by_controllers, torque_or_motion
 from phantom_dyn import __version__
+from phantom_dyn.errors import UsageError
 from phantom_dyn.model.robot import Robot
 
 
@@ -80,6 +83,46 @@ def diagnose(
     judgement = replace(judgement, notes=(*long, *judgement.notes))
     files = tuple(recording.file for recording in (*recordings, *hold_out))
     return _result(session, files, judgement, rollout, proposal, time.perf_counter() - started)
+
+
+def diagnose_logs(
+    robot: Robot,
+    read: Callable[[bool], tuple[Recording, ...]],
+    *,
+    held_out: int = 0,
+    known: tuple[KnownEffect, ...] = (),
+    motion_only: bool = False,
+    progress: Callable[[str], None] = lambda _: None,
+) -> tuple[Robot, Diagnosis]:
+    """Diagnosis of recordings by their torque; without one by that of the controllers, or in positions at rest.
+
+    Args:
+        robot: The model that is judged.
+        read: The recordings, by whether a torque is needed.
+        held_out: How many of them, from the last, no fit sees.
+        known: Effects that belong to the given model already.
+        motion_only: True if a torque that was recorded is not to be used.
+        progress: Told in words what is being done.
+
+    Returns:
+        The robot that was judged, with the gains of its controllers, and the diagnosis.
+
+    Raises:
+        UsageError: If something is given that does not go with recordings at rest.
+        LogError: If a recording cannot be used.
+    """
+    driven, recordings, motion = torque_or_motion(robot, read, motion_only=motion_only)
+    if motion and judged_at_rest(driven, recordings):
+        if known or held_out:
+            raise UsageError(
+                f"{recordings[0].file}: it is judged at rest, where every rest is held out in turn, so that held-out "
+                "recordings and effects of an earlier diagnosis (--hold-out, --with) do not go with it; leave them out"
+            )
+        return driven, diagnose_at_rest(driven, recordings)
+    driven, recordings = moved_by_controllers(driven, recordings) if motion else (driven, recordings)
+    count = len(recordings) - held_out
+    found = diagnose(driven, recordings[:count], hold_out=recordings[count:], known=known, progress=progress)
+    return driven, found
 
 
 def _stretches(recordings: tuple[Recording, ...]) -> tuple[Recording, ...]:

@@ -26,8 +26,8 @@ _NAME_WIDTH, _SHOWN = 32, 3
 
 
 def table(result: DiagnosedRecordings) -> str:
-    """One line a recording: log, verdict, causes or why it was refused; then how many there are of each verdict."""
-    names = [cut_name(Path(row.log).name, _NAME_WIDTH) for row in result.rows]
+    """One line a recording: log, verdict, causes or why there are none; then how many there are of each verdict."""
+    names = [cut_name(name, _NAME_WIDTH) for name in _names(result)]
     width = max(len("recording"), *map(len, names))
     verdict_width = max(len("verdict"), *(len(row.verdict) for row in result.rows))
     lines = [f"{'recording':<{width}}  {'verdict':<{verdict_width}}  cause"]
@@ -37,6 +37,13 @@ def table(result: DiagnosedRecordings) -> str:
             textwrap.fill(head + printable(_cause_words(row)), WIDTH, subsequent_indent=" " * len(head)).rstrip()
         )
     return "\n".join([*lines, "", counts(result), *map(printable, fleet_lines(result))]).replace(NO_BREAK, " ")
+
+
+def _names(result: DiagnosedRecordings) -> list[str]:
+    """Names of the recordings, behind their folder where that is one of several."""
+    logs = [Path(row.log) for row in result.rows]
+    several = len({log.parent for log in logs}) > 1
+    return [f"{log.parent.name}/{log.name}" if several else log.name for log in logs]
 
 
 def counts(result: DiagnosedRecordings) -> str:
@@ -115,6 +122,8 @@ def _csv_row(row: DiagnosedRecording) -> dict[str, Any]:
 def _cause_words(row: DiagnosedRecording) -> str:
     if row.verdict == REFUSED:
         return row.refusal or ""
+    if not row.causes:
+        return row.sentence
     causes = list(row.causes)
     if len(causes) > _SHOWN:
         return f"{joined(causes[:_SHOWN], last=', ')} and {len(causes) - _SHOWN} more"

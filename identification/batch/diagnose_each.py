@@ -19,10 +19,10 @@ from identification.data.recording import Recording
 from identification.diagnosis.model.terms import KnownEffect
 from identification.diagnosis.result import Diagnosis
 from identification.files import full_words, is_full, require_existing
-from identification.pipeline import diagnose
+from identification.pipeline import diagnose_logs
 from identification.reporting.diagnosis_files import Json, check_targets, to_json, write_outputs
-from identification.scenarios.torque_or_motion import moved_by_controllers, torque_or_motion
-from identification.words.diagnosis_words import effect_at_finding
+from identification.words.certainty import as_told
+from identification.words.diagnosis_words import effect_at_finding, headline
 from phantom_dyn.errors import LogError, PhantomDynError, UsageError
 from phantom_dyn.large_work import WorkerLostError, spread
 from phantom_dyn.model.robot import Robot
@@ -150,6 +150,7 @@ class DiagnosedRecording:
         causes: Findings in words, first the one that closes most of the gap.
         document: Content of ``diagnosis.json``; None if it was refused.
         refusal: Why it was refused, in a sentence; None if it was not.
+        sentence: The verdict in words; empty if it was refused.
     """
 
     log: str
@@ -158,6 +159,7 @@ class DiagnosedRecording:
     causes: tuple[str, ...] = ()
     document: dict[str, Json] | None = None
     refusal: str | None = None
+    sentence: str = ""
 
 
 @dataclass(frozen=True)
@@ -232,7 +234,7 @@ def diagnose_each(
         (given, known, reading, path, folder, row) for path, folder, row in zip(paths, folders, rows, strict=True)
     ]
     done = 0
-    progress(f"diagnosing {len(rows)} recordings")
+    progress(f"diagnosed 0 of {len(rows)} recordings")
     try:
         for place, row in spread(_diagnosed, pieces, jobs=jobs):
             rows[place], done = row, done + 1
@@ -264,9 +266,7 @@ def _of_torque_or_motion(robot: Robot, known: tuple[KnownEffect, ...], reading: 
         )
         return (one,)
 
-    driven, recordings, motion = torque_or_motion(robot, read)
-    driven, recordings = moved_by_controllers(driven, recordings) if motion else (driven, recordings)
-    return diagnose(driven, recordings, known=known)
+    return diagnose_logs(robot, read, known=known)[1]
 
 
 def _diagnosed(
@@ -294,4 +294,11 @@ def _diagnosed(
         reason = " ".join(str(fault).split())[:160]
         return replace(row, refusal=_FAULT.format(log.name, type(fault).__name__, reason))
     causes = tuple(effect_at_finding(finding) for finding in diagnosis.findings)
-    return replace(row, verdict=diagnosis.verdict, causes=causes, document=to_json(diagnosis), refusal=None)
+    return replace(
+        row,
+        verdict=diagnosis.verdict,
+        causes=causes,
+        sentence=headline(as_told(diagnosis)),
+        document=to_json(diagnosis),
+        refusal=None,
+    )

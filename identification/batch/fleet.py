@@ -2,11 +2,13 @@
 
 A robot is the folder that its recordings lie in, and their time is the order of their names. A recording that lacks a
 finding that others have counts as nothing, with the deviation of those that have it; it does not count where it has
-another finding on that joint, which may stand for the missing one. Out of line is a robot whose mean
-size differs from those of the others by more than their spread explains (Student's test of one new value, at 5 % over
-all robots and sizes; at least three others). A change is the one split of a robot's recordings that leaves the least
-squares, as binary segmentation finds first; its level is that of the same recordings in random orders (at 5 % over the
-sizes of the robot; at least six recordings, and fewer than eight rarely show anything).
+another finding on that joint that is never there beside the missing one, and so may stand for it. Out of line is a
+robot whose mean size differs from those of the others by more than their spread explains (Student's test of one new
+value, at 5 % over all robots and sizes; at least three others). A change is the one step, or the one beginning of a
+steady drift, that leaves the least squares of a robot's recordings; chance is how often recordings that do not change
+show one as clear: drawn from the scatter of the other robots about their means where there are three, else the same
+recordings in random orders (at 5 % over the sizes of the robot; at least six recordings, and in random orders eight
+rarely show a step). A single odd recording is no change.
 """
 
 from __future__ import annotations
@@ -14,13 +16,16 @@ from __future__ import annotations
 from collections.abc import Iterable
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from jaxtyping import Float
+from scipy.stats import norm
 from scipy.stats import t as student
 
 from identification.batch.diagnose_each import DiagnosedRecordings
+from identification.diagnosis.result import EffectAt
+from identification.words.diagnosis_words import capital, effect_at, parameter_name
 
 Array = np.ndarray
 
@@ -28,10 +33,21 @@ LEVEL = 0.05
 """False alarms, over all robots and sizes (out of line) or over the sizes of one robot (changes)."""
 _OTHERS = 3
 """Robots beside the one that is judged: from fewer no spread is known."""
+_SEVERAL = 3
+"""Recordings of another robot before its scatter counts."""
 _FEWEST = 6
 """Recordings of a robot before a change is looked for."""
-_ORDERS = 4999
-"""Random orders, so that a level of one in a thousand is known to a tenth of it."""
+ORDERS = 4999
+"""Random orders or draws, so that a level of one in a hundred is known to a tenth of it."""
+
+
+class Size(NamedTuple):
+    """Which number of which finding."""
+
+    effect: str
+    joint: str | None
+    parameter: str
+    unit: str
 
 
 @dataclass(frozen=True)
@@ -40,7 +56,8 @@ class Series:
 
     Attributes:
         robot: Name of its folder.
-        quantity: Effect, joint and parameter.
+        finding: Effect and place in words.
+        parameter: Which size of it, in words.
         unit: Of the size.
         logs: Names of the recordings.
         values: Sizes, zero where the finding is missing.
@@ -48,11 +65,17 @@ class Series:
     """
 
     robot: str
-    quantity: str
+    finding: str
+    parameter: str
     unit: str
     logs: tuple[str, ...]
     values: Float[Array, " n"]
     stds: Float[Array, " n"]
+
+    @property
+    def quantity(self) -> str:
+        """Finding and parameter."""
+        return f"{self.finding} ({self.parameter})"
 
 
 @dataclass(frozen=True)
@@ -69,12 +92,37 @@ class OutOfLine:
 
 @dataclass(frozen=True)
 class Change:
-    """A robot whose size changed at one of its recordings."""
+    """A robot whose size changed.
+
+    Attributes:
+        robot: Its name.
+        quantity: Finding and parameter.
+        unit: Of the size.
+        drifts: True if the size grows or falls steadily, False for a step.
+        since: The first recording after a step; the last one before a drift.
+        first: Its place among the recordings of the robot.
+        before: Mean, or level before a drift.
+        after: Mean after a step, or level that a drift has come to.
+        p: How often chance shows as much.
+    """
 
     robot: str
     quantity: str
     unit: str
+    drifts: bool
     since: str
+    first: int
+    before: float
+    after: float
+    p: float
+
+
+@dataclass(frozen=True)
+class ChangePoint:
+    """The likeliest change of a series: a drift or a step, its place, the levels about it, and its chance."""
+
+    drifts: bool
+    first: int
     before: float
     after: float
     p: float
@@ -91,25 +139,24 @@ def series_of(result: DiagnosedRecordings) -> tuple[Series, ...]:
     for row in rows:
         robots.setdefault(str(Path(row.log).parent), []).append(row)
     sizes = {row.log: _sizes(row.document) for row in rows}
-    seen: dict[tuple[str, str, str], list[float]] = {}
-    joints = {row.log: {key[2] for key in sizes[row.log]} for row in rows}
+    seen: dict[Size, list[float]] = {}
     for found in sizes.values():
         for key, (_, std) in found.items():
             seen.setdefault(key, []).append(std)
-    names = _short_names(robots)
+    names = short_names(robots)
     out = []
     for folder, own in robots.items():
         own = sorted(own, key=lambda row: Path(row.log).name)
         for key, stds in seen.items():
-            quantity, unit, joint = key
             usual = float(np.median(stds))
-            # Another finding on that joint may stand for the missing one.
-            told = [row for row in own if key in sizes[row.log] or joint not in joints[row.log]]
+            beside = {other.effect for found in sizes.values() if key in found for other in found}
+            told = [row for row in own if key in sizes[row.log] or not _others(sizes[row.log], key) - beside]
             if not told:
                 continue
             values, deviations = np.array([sizes[row.log].get(key, (0.0, usual)) for row in told]).T
             logs = tuple(Path(row.log).name for row in told)
-            out.append(Series(names[folder], quantity, unit, logs, values, deviations))
+            finding, parameter = capital(effect_at(EffectAt(key.effect, key.joint))), parameter_name(key.parameter)
+            out.append(Series(names[folder], finding, parameter, key.unit, logs, values, deviations))
     return tuple(out)
 
 
@@ -137,7 +184,7 @@ def out_of_line(series: tuple[Series, ...]) -> tuple[OutOfLine, ...]:
 
 
 def changes(series: tuple[Series, ...]) -> tuple[Change, ...]:
-    """Robots whose size changed, and the first recording after it, the surest first.
+    """Robots whose size changed, the surest first.
 
     Args:
         series: Of all robots.
@@ -146,54 +193,121 @@ def changes(series: tuple[Series, ...]) -> tuple[Change, ...]:
     for robot in dict.fromkeys(one.robot for one in series):
         own = [one for one in series if one.robot == robot and len(one.values) >= _FEWEST]
         for one in own:
-            split, p = change_point(one.values, one.stds)
-            if p * len(own) <= LEVEL:
-                before, after = float(one.values[:split].mean()), float(one.values[split:].mean())
-                out.append(Change(robot, one.quantity, one.unit, one.logs[split], before, after, p))
+            scatter = _scatter([other for other in series if other.quantity == one.quantity and other.robot != robot])
+            level = LEVEL / len(own)
+            found = change_point(one.values, one.stds, scatter)
+            if found.p > level or (scatter is not None and not _without_any(one, scatter, level)):
+                continue
+            since = one.logs[found.first]
+            out.append(
+                Change(robot, one.quantity, one.unit, found.drifts, since, found.first, found.before, found.after,
+                       found.p)
+            )  # fmt: skip
     return tuple(sorted(out, key=lambda one: one.p))
 
 
-def change_point(values: Float[Array, " n"], stds: Float[Array, " n"]) -> tuple[int, float]:
-    """Index of the first value after the likeliest change of the mean, and how often chance does as well.
+def _without_any(one: Series, scatter: Float[Array, " m"], level: float) -> bool:
+    """True if a change is seen whichever recording is left out: one that is odd is no change of the robot."""
+    left = (np.delete(np.arange(len(one.values)), k) for k in range(len(one.values)))
+    return all(change_point(one.values[rows], one.stds[rows], scatter).p <= level for rows in left)
+
+
+def change_point(
+    values: Float[Array, " n"], stds: Float[Array, " n"], scatter: Float[Array, " m"] | None = None
+) -> ChangePoint:
+    """The likeliest step or beginning of a drift, and how often chance shows as clear a one.
 
     Args:
         values: In the order of time.
         stds: Their standard deviations, which weigh them.
+        scatter: Departures of recordings that do not change from their mean; None: nothing is known of them, and the
+            values in random orders take their place.
     """
     least = float(np.median(stds))
     weights = 1.0 / np.maximum(stds, least if least > 0 else 1.0) ** 2
-    best, split = _best_split(values[None], weights[None])
+    known = 0.0 if scatter is None else float(np.median(weights) * scatter @ scatter)
+    best, place, levels = _best_change(values[None], weights[None], known)
     rng = np.random.default_rng(0)
-    orders = rng.permuted(np.tile(np.arange(len(values)), (_ORDERS, 1)), axis=1)
-    chance, _ = _best_split(values[orders], weights[orders])
+    if scatter is None:
+        orders = rng.permuted(np.tile(np.arange(len(values)), (ORDERS, 1)), axis=1)
+        chance, _, _ = _best_change(values[orders], weights[orders], known)
+    else:
+        # That the scatter is known from so many recordings only widens it, as in Student's test.
+        wide = np.sqrt(len(scatter) / rng.chisquare(len(scatter), (ORDERS, 1)))
+        drawn = rng.choice(scatter, (ORDERS, len(values))) * wide
+        chance, _, _ = _best_change(drawn, np.tile(weights, (ORDERS, 1)), known)
     # Rounding makes equal orders differ.
     as_good = int(np.sum(chance >= best[0] * (1 - 1e-9)))
-    return int(split[0]), (1 + as_good) / (1 + _ORDERS)
+    drifts, first = divmod(int(place[0]), len(values))
+    # Sums of sizes that are all zero are rounding.
+    before, after = np.where(np.abs(levels[0]) > 1e-9 * np.abs(values).max(), levels[0], 0.0).tolist()
+    return ChangePoint(bool(drifts), first, before, after, (1 + as_good) / (1 + ORDERS))
 
 
-def _best_split(values: Float[Array, "k n"], weights: Float[Array, "k n"]) -> tuple[Array, Array]:
-    """Largest drop of the weighted squares by two means in place of one, and where the second begins."""
-    sums, mass = np.cumsum(weights * values, axis=1), np.cumsum(weights, axis=1)
-    first, second = sums[:, :-1] / mass[:, :-1], (sums[:, -1:] - sums[:, :-1]) / (mass[:, -1:] - mass[:, :-1])
-    gain = mass[:, :-1] * (mass[:, -1:] - mass[:, :-1]) / mass[:, -1:] * (first - second) ** 2
-    at = gain.argmax(axis=1)
-    return gain[np.arange(len(gain)), at], at + 1
+def _best_change(values: Float[Array, "k n"], weights: Float[Array, "k n"], known: float) -> tuple[Array, Array, Array]:
+    """Largest share of the weighted squares that one change takes away, its place, and the levels about it.
+
+    A place below ``n`` is the first value after a step, from ``n`` on the last before a drift. A step has two values on
+    either side, a drift three.
+
+    Args:
+        values: In the order of time, a row a series.
+        weights: Of each value.
+        known: Weighted squares of the scatter of others, beside which a change has to stand out too.
+    """
+    count = values.shape[1]
+    at = np.arange(count)
+    steps, drifts = range(2, count - 1), range(count - 3)
+    shapes = [*((at >= k).astype(float) for k in steps), *(np.maximum(at - k, 0.0) for k in drifts)]
+    places = np.array([*steps, *(count + k for k in drifts)])
+    mass = weights.sum(axis=1, keepdims=True)
+    mean = (weights * values).sum(axis=1, keepdims=True) / mass
+    gains, starts, ends = [], [], []
+    for shape in shapes:
+        middle = (weights * shape).sum(axis=1, keepdims=True) / mass
+        square = (weights * (shape - middle) ** 2).sum(axis=1)
+        slope = (weights * (shape - middle) * values).sum(axis=1) / square
+        gains.append(slope**2 * square)
+        starts.append(mean[:, 0] - slope * middle[:, 0])
+        ends.append(starts[-1] + slope * shape[-1])
+    best, rows = np.argmax(gains, axis=0), np.arange(len(values))
+    levels = np.stack([np.array(starts)[best, rows], np.array(ends)[best, rows]], axis=1)
+    squares = (weights * (values - mean) ** 2).sum(axis=1) + known
+    return np.array(gains)[best, rows] / np.maximum(squares, 1e-300), places[best], levels
 
 
-def _sizes(document: Any) -> dict[tuple[str, str, str], tuple[float, float]]:
-    """Value and deviation of every number of the findings, by quantity, unit and joint; lists are left out."""
+def _scatter(others: list[Series]) -> Float[Array, " m"] | None:
+    """Departures of the recordings of other robots from their means; None from fewer than three robots."""
+    several = [one for one in others if len(one.values) >= _SEVERAL]
+    if len(several) < _OTHERS:
+        return None
+    # About a mean of their own recordings scatter too little.
+    parts = [(v - v.mean()) * np.sqrt(len(v) / (len(v) - 1)) for v in (one.values for one in several)]
+    apart = np.concatenate(parts)
+    usual = float(np.median(np.concatenate([one.stds for one in several])))
+    # Where the finding is missing all sizes are zero, and yet none is surer than its deviation.
+    if float(np.sqrt(np.mean(apart**2))) < usual:
+        return usual * np.asarray(norm.ppf((np.arange(len(apart)) + 0.5) / len(apart)))
+    return apart
+
+
+def _sizes(document: Any) -> dict[Size, tuple[float, float]]:
+    """Value and deviation of every number of the findings; lists are left out."""
     out = {}
     for finding in document["findings"]:
         for name, size in finding["parameters"].items():
             value, std = size["value"], size["std"]
             if isinstance(value, int | float) and isinstance(std, int | float):
-                words = (finding["effect"], finding["joint"], name)
-                key = " ".join(filter(None, words)).replace("_", " "), size["unit"], finding["joint"] or ""
-                out[key] = (float(value), float(std))
+                out[Size(finding["effect"], finding["joint"], name, size["unit"])] = (float(value), float(std))
     return out
 
 
-def _short_names(folders: Iterable[str]) -> dict[str, str]:
+def _others(found: Iterable[Size], key: Size) -> set[str]:
+    """Effects that were found on the joint of a size in its place."""
+    return {one.effect for one in found if one.joint == key.joint}
+
+
+def short_names(folders: Iterable[str]) -> dict[str, str]:
     """The last part of each folder, the whole of it where that names several."""
     folders = list(folders)
     last = {folder: Path(folder).name or folder for folder in folders}

@@ -2,19 +2,26 @@
 
 from __future__ import annotations
 
-from html import escape
+from collections import Counter
+from pathlib import Path
 
 import numpy as np
 
 from identification.batch.diagnose_each import DiagnosedRecordings
-from identification.batch.fleet import Series, changes, out_of_line, series_of
+from identification.batch.fleet import ORDERS, Change, OutOfLine, Series, changes, out_of_line, series_of, short_names
+from identification.reporting.charts.chart import Panel, chart, short_name
+from identification.reporting.charts.chart_marks import Curve
+from identification.reporting.plain_page import figure, listed, page, table
+from identification.words.diagnosis_words import joined
+from identification.words.numbers_and_names import number, with_unit
 
-_WIDTH, _HEIGHT, _EDGE = 640.0, 180.0, 44.0
-_COLOURS = ("#1b6ca8", "#c8553d", "#3a7d44", "#7d4f9e", "#a67c00", "#4a4a4a", "#008080", "#b03060")
-_STYLE = (
-    "body{font-family:sans-serif;max-width:60rem;margin:2rem auto;padding:0 1rem}table{border-collapse:collapse}"
-    "td,th{padding:.2rem .7rem;text-align:left;border-bottom:1px solid #ccc}svg{width:100%;height:auto}"
-)
+Array = np.ndarray
+
+_SIZE = (9.4, 3.0)  # of a chart [inch]
+_COLOURS = ("#d55e00", "#0072b2", "#009e73", "#cc79a7", "#e69f00", "#56b4e9")
+"""Of Okabe and Ito: apart for every kind of colour vision."""
+_OTHERS = "#808080"
+_INTERVAL = 1.96
 
 
 def fleet_page(result: DiagnosedRecordings) -> str:
@@ -24,24 +31,42 @@ def fleet_page(result: DiagnosedRecordings) -> str:
         result: Diagnoses of recordings; a robot is the folder that they lie in.
     """
     series = series_of(result)
-    robots = list(dict.fromkeys(one.robot for one in series))
-    count = len(result.rows) - len(result.refused)
+    outliers, changed = out_of_line(series), changes(series)
+    count, robots = len(result.rows), len({Path(row.log).parent for row in result.rows})
     parts = [
-        f"<h1>{escape(result.robot)}: {count} recordings of {max(len(robots), 1)} robots</h1>",
-        "<p>A robot is the folder of its recordings, and their time is the order of their names.</p>",
-        "<h2>Out of line</h2>",
-        _outliers(series),
-        "<h2>Changes</h2>",
-        _changed(series),
-        "<h2>Sizes over time</h2>",
+        listed([*map(_outlier_words, outliers), *map(_change_words, changed)]),
+        "<h2>Robots</h2>",
+        _robots_table(result, outliers, changed),
     ]
-    for quantity in dict.fromkeys(one.quantity for one in series):
+    if not (outliers or changed):
+        parts[0] = "<p>No robot is out of line with the others, and none changed.</p>"
+    if series:
+        parts += [
+            "<h2>Sizes over time</h2>",
+            "<p>Points are recordings, bars 95 % intervals; a recording without the finding counts as zero. Robots in "
+            "colour are out of line or changed, grey ones are not; a dashed line is the level before and after.</p>",
+        ]
+    quantities = sorted(
+        dict.fromkeys(one.quantity for one in series),
+        key=lambda quantity: not any(one.quantity == quantity for one in (*outliers, *changed)),
+    )
+    for quantity in quantities:
         own = [one for one in series if one.quantity == quantity]
-        parts += [f"<h3>{escape(quantity)} [{escape(own[0].unit)}]</h3>", _chart(own, robots)]
+        parts.append(_figure(own, [one for one in outliers if one.quantity == quantity],
+                             [one for one in changed if one.quantity == quantity]))  # fmt: skip
     if not series:
         parts.append("<p>No recording has a finding with a size.</p>")
-    head = f'<!doctype html><html lang="en"><head><meta charset="utf-8"><title>Fleet</title><style>{_STYLE}</style>'
-    return head + "</head><body>\n" + "\n".join(parts) + "\n</body></html>\n"
+    parts += ["<h2>How this is judged</h2>", _HOW]
+    words = f"{robots} {'robot' if robots == 1 else 'robots'}, {count} {'recording' if count == 1 else 'recordings'}"
+    return page(f"{result.robot}: {words}", parts)
+
+
+_HOW = (
+    "<p>A robot is the folder of its recordings, and their time is the order of their names. Out of line is a robot "
+    "whose mean size lies outside what the spread of at least three others explains (Student's test, at 5 % over all). "
+    "A change is a step or the beginning of a drift in at least six recordings of one robot that recordings without "
+    "a change rarely show (at 5 % over the robot's sizes).</p>"
+)
 
 
 def fleet_lines(result: DiagnosedRecordings) -> tuple[str, ...]:
@@ -51,76 +76,109 @@ def fleet_lines(result: DiagnosedRecordings) -> tuple[str, ...]:
         result: Diagnoses of recordings.
     """
     series = series_of(result)
-    lines = [
-        f"{one.robot} is out of line: {one.quantity} {one.value:.3g} {one.unit}, the others {one.others:.3g}."
-        for one in out_of_line(series)
-    ]
-    lines += [
-        f"{one.robot} changed with {one.since}: {one.quantity} from {one.before:.3g} to {one.after:.3g} {one.unit}."
-        for one in changes(series)
-    ]
-    return tuple(lines)
+    return (*map(_outlier_words, out_of_line(series)), *map(_change_words, changes(series)))
 
 
-def _outliers(series: tuple[Series, ...]) -> str:
-    rows = [
-        (one.robot, one.quantity, f"{one.value:.3g} {one.unit}", f"{one.others:.3g} {one.unit}", f"{one.p:.1g}")
-        for one in out_of_line(series)
-    ]
-    return _table(("robot", "size", "its mean", "mean of the others", "by chance"), rows, "No robot is out of line.")
-
-
-def _changed(series: tuple[Series, ...]) -> str:
-    rows = [
-        (one.robot, one.quantity, one.since, f"{one.before:.3g}", f"{one.after:.3g} {one.unit}", f"{one.p:.1g}")
-        for one in changes(series)
-    ]
-    return _table(("robot", "size", "since", "before", "after", "by chance"), rows, "No robot changed.")
-
-
-def _table(head: tuple[str, ...], rows: list[tuple[str, ...]], none: str) -> str:
-    if not rows:
-        return f"<p>{none}</p>"
-    cells = ["<tr>" + "".join(f"<th>{escape(word)}</th>" for word in head) + "</tr>"]
-    cells += ["<tr>" + "".join(f"<td>{escape(word)}</td>" for word in row) + "</tr>" for row in rows]
-    return "<table>" + "".join(cells) + "</table>"
-
-
-def _chart(series: list[Series], robots: list[str]) -> str:
-    """Sizes with 95 % intervals over the number of the recording, one colour a robot."""
-    low = min(float(np.min(one.values - 1.96 * one.stds)) for one in series)
-    high = max(float(np.max(one.values + 1.96 * one.stds)) for one in series)
-    low, high = (low, high) if high > low else (low - 1.0, high + 1.0)
-    longest = max(len(one.values) for one in series)
-
-    def across(k: int) -> float:
-        return _EDGE + (k + 0.5) / longest * (_WIDTH - 2 * _EDGE)
-
-    def up(value: float) -> float:
-        return _HEIGHT - 20 - (value - low) / (high - low) * (_HEIGHT - 40)
-
-    marks = [f'<text x="2" y="{up(v) + 4:.1f}" font-size="11">{v:.3g}</text>' for v in (low, high)]
-    if low < 0 < high:
-        marks.append(f'<line x1="{_EDGE}" x2="{_WIDTH - _EDGE}" y1="{up(0):.1f}" y2="{up(0):.1f}" stroke="#bbb"/>')
-    for one in series:
-        place = robots.index(one.robot)
-        colour = _COLOURS[place % len(_COLOURS)]
-        shift = 6 * (place - (len(robots) - 1) / 2) / max(len(robots), 1)
-        points = [
-            (across(k) + shift, value, 1.96 * std)
-            for k, (value, std) in enumerate(zip(one.values, one.stds, strict=True))
-        ]
-        line = " ".join(f"{x:.1f},{up(value):.1f}" for x, value, _ in points)
-        marks.append(f'<polyline points="{line}" fill="none" stroke="{colour}" stroke-opacity="0.4"/>')
-        for (x, value, half), log in zip(points, one.logs, strict=True):
-            bar = f'<line x1="{x:.1f}" x2="{x:.1f}" y1="{up(value - half):.1f}" y2="{up(value + half):.1f}"'
-            marks.append(f'{bar} stroke="{colour}"/>')
-            told = escape(f"{one.robot} {log}: {value:.4g}")
-            marks.append(
-                f'<circle cx="{x:.1f}" cy="{up(value):.1f}" r="3" fill="{colour}"><title>{told}</title></circle>'
-            )
-    legend = " ".join(
-        f'<span style="color:{_COLOURS[k % len(_COLOURS)]}">&#9679; {escape(robot)}</span>'
-        for k, robot in enumerate(robots)
+def _outlier_words(one: OutOfLine) -> str:
+    return (
+        f"{one.robot} is out of line: {one.quantity} is {_sized(one.value, one.unit)}, on average of the others "
+        f"{_sized(one.others, one.unit)} (by chance {_chance(one.p)})."
     )
-    return f'<svg viewBox="0 0 {_WIDTH:g} {_HEIGHT:g}" role="img">{"".join(marks)}</svg><p>{legend}</p>'
+
+
+def _change_words(one: Change) -> str:
+    what = "has drifted since" if one.drifts else "changed with"
+    # One of so many draws is the least that they can show.
+    drawn = "at most " if one.p <= 1 / ORDERS else ""
+    levels = f"from {number(one.before)} to {_sized(one.after, one.unit)}"
+    return f"{one.robot} {what} {one.since}: {one.quantity} {levels} (by chance {drawn}{_chance(one.p)})."
+
+
+def _chance(p: float) -> str:
+    """A probability as ``once in 500``."""
+    if p < 1e-6:
+        return "less than once in a million"
+    return f"once in {number(1 / p, 2)}"
+
+
+def _sized(value: float, unit: str) -> str:
+    return with_unit(number(value), unit)
+
+
+def _robots_table(result: DiagnosedRecordings, outliers: tuple[OutOfLine, ...], changed: tuple[Change, ...]) -> str:
+    """One row a robot: its recordings, their verdicts, and what stands out."""
+    folders = list(dict.fromkeys(str(Path(row.log).parent) for row in result.rows))
+    names = short_names(folders)
+    rows = []
+    for folder in folders:
+        verdicts = Counter(row.verdict for row in result.rows if str(Path(row.log).parent) == folder)
+        told = [f"out of line: {one.quantity}" for one in outliers if one.robot == names[folder]]
+        told += [
+            f"{'drifts' if one.drifts else 'changed'} since {one.since}: {one.quantity}"
+            for one in changed
+            if one.robot == names[folder]
+        ]
+        counted = joined([f"{count} {verdict.replace('_', ' ')}" for verdict, count in verdicts.items()], last=", ")
+        rows.append((names[folder], str(verdicts.total()), counted, "; ".join(told) or "–"))
+    return table(("robot", "recordings", "verdicts", "stands out"), rows)
+
+
+def _figure(series: list[Series], outliers: list[OutOfLine], changed: list[Change]) -> str:
+    """Sizes of all robots with 95 % intervals over their recordings, those that stand out in colour."""
+    places, names = _time(series)
+    marked = list(dict.fromkeys(one.robot for one in (*outliers, *changed)))
+    plain = len(series) <= len(_COLOURS) and not marked
+    quiet = [one for one in series if one.robot not in marked]
+    curves, legend = [], not plain
+    for k, one in enumerate(quiet):
+        label = one.robot if plain else "other robots" * legend
+        colour = _COLOURS[k] if plain else _OTHERS
+        legend = False
+        curves.append(_curve(one, places[one.robot] + _beside(k, len(series)), colour, label, 0.8))
+    for k, robot in enumerate(marked):
+        (one,) = (one for one in series if one.robot == robot)
+        colour, x = _COLOURS[k % len(_COLOURS)], places[robot] + _beside(len(quiet) + k, len(series))
+        curves.append(_curve(one, x, colour, robot, 1.4))
+        curves += [_levels(change, x, colour) for change in changed if change.robot == robot]
+    label = f"{short_name(series[0].parameter)} [{series[0].unit}]"
+    panel = Panel(label, tuple(curves), zero=True, least=(0.0,))
+    x_label = "recording" if names else "recording of the robot, by the order of names"
+    title = series[0].quantity
+    return figure(title, chart((panel,), x_label, _SIZE, title, x_names=names),
+                  [*map(_outlier_words, outliers), *map(_change_words, changed)])  # fmt: skip
+
+
+def _time(series: list[Series]) -> tuple[dict[str, Array], tuple[str, ...]]:
+    """Where the recordings of each robot stand, and names of these places; by number where names differ by robot."""
+    every = sorted({log for one in series for log in one.logs})
+    longest = max(len(one.logs) for one in series)
+    if len(every) > 1.5 * longest and len(series) > 1:
+        return {one.robot: np.arange(1.0, len(one.logs) + 1) for one in series}, ()
+    at = {log: float(k) for k, log in enumerate(every)}
+    names = tuple(short_name(Path(log).stem, 14) for log in every)
+    return {one.robot: np.array([at[log] for log in one.logs]) for one in series}, names
+
+
+def _beside(k: int, count: int) -> float:
+    """A step to the side, so that the bars of robots do not hide each other."""
+    return 0.4 * ((k + 0.5) / count - 0.5)
+
+
+def _curve(one: Series, x: Array, colour: str, label: str, width: float) -> Curve:
+    tips = tuple(
+        f"{one.robot}, {log}: {_sized(float(value), one.unit)}" for log, value in zip(one.logs, one.values, strict=True)
+    )
+    half = _INTERVAL * one.stds
+    return Curve(x, one.values, colour, width, label, opacity=0.6, marked=True, half=half, tips=tips)
+
+
+def _levels(change: Change, x: Array, colour: str) -> Curve:
+    """Levels before and after a step, or the line of a drift."""
+    first, last = change.first, len(x) - 1
+    if change.drifts:
+        corners = [(x[0], change.before), (x[first], change.before), (x[last], change.after)]
+    else:
+        corners = [(x[0], change.before), (x[first - 1], change.before), (x[first], change.after),
+                   (x[last], change.after)]  # fmt: skip
+    across, up = np.array(corners, dtype=float).T
+    return Curve(across, up, colour, 1.4, dashes="5 3")

@@ -205,9 +205,7 @@ def _diagnosis_of_logs(
 ) -> Diagnosis:
     """Diagnosis of recordings by their torque; without one by that of the controllers, or in positions at rest."""
     from identification.data.reading import read_recording
-    from identification.pipeline import diagnose
-    from identification.scenarios.at_rest.diagnose_at_rest import diagnose_at_rest, judged_at_rest
-    from identification.scenarios.torque_or_motion import moved_by_controllers, torque_or_motion
+    from identification.pipeline import diagnose_logs
 
     def read(path: str, torque_needed: bool) -> Recording:
         progress.show(f"reading {Path(path).name}")
@@ -225,17 +223,15 @@ def _diagnosis_of_logs(
     def read_all(torque_needed: bool) -> tuple[Recording, ...]:
         return tuple(read(path, torque_needed) for path in (*arguments.logs, *arguments.hold_out))
 
-    robot, recordings, motion = torque_or_motion(robot, read_all, motion_only=arguments.motion_only)
-    if motion and judged_at_rest(robot, recordings):
-        if known or arguments.hold_out:
-            raise UsageError(
-                "--with and --hold-out do not go with recordings that are judged at rest, where every rest is held "
-                "out in turn; leave them out"
-            )
-        return diagnose_at_rest(robot, recordings)
-    robot, recordings = moved_by_controllers(robot, recordings) if motion else (robot, recordings)
-    fitted, hold_out = recordings[: len(arguments.logs)], recordings[len(arguments.logs) :]
-    return diagnose(robot, fitted, hold_out=hold_out, known=known, progress=progress.show)
+    _, found = diagnose_logs(
+        robot,
+        read_all,
+        held_out=len(arguments.hold_out),
+        known=known,
+        motion_only=arguments.motion_only,
+        progress=progress.show,
+    )
+    return found
 
 
 def _logs_of_folders(logs: list[str]) -> list[str]:

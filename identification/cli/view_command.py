@@ -29,6 +29,7 @@ from phantom_dyn.libraries import is_installed, missing_library
 from phantom_dyn.model.robot_files import find_robot
 
 if TYPE_CHECKING:
+    from identification.data.recording import Recording
     from identification.viewing.replay import Replay
 
 _PORTS = 65_535
@@ -59,7 +60,8 @@ def parser() -> argparse.ArgumentParser:
     out.add_argument(
         "--motion-only",
         action="store_true",
-        help="no torque was recorded: take the one that the controllers in robot.yaml ask for at the q_ref. columns",
+        help="do not use the torque of the log: take the one that the controllers ask for at the q_ref. columns (a log "
+        "without torque needs no option)",
     )
     out.add_argument(
         "--horizon",
@@ -118,30 +120,35 @@ def _replay(arguments: argparse.Namespace, excluded: tuple[tuple[float, float], 
     with Progress("loading", sys.stderr, stages=VIEW) as progress:
         from identification.data.reading import read_recording
         from identification.export.corrected.corrected_yaml import known_effects
-        from identification.scenarios.motion_only import motion_robot, with_commanded_torque
+        from identification.scenarios.torque_or_motion import moved_by_controllers, torque_or_motion
         from identification.viewing.corrections import read_correction
         from identification.viewing.replay import replay_of
         from phantom_dyn.effects.user.user_effects import with_user_effects
         from phantom_dyn.model.loading import load_robot
 
         robot = with_user_effects(load_robot(arguments.robot, config=arguments.robot_config), arguments.effect_files)
-        robot = motion_robot(robot) if arguments.motion_only else robot
         correction = None if arguments.diagnosis is None else read_correction(arguments.diagnosis, robot)
         known = known_effects(tuple(Path(path) for path in arguments.known), robot)
-        recording = read_recording(
-            arguments.log,
-            robot,
-            columns=arguments.columns,
-            topic=arguments.topic,
-            ref_topic=arguments.ref_topic,
-            excluded=excluded,
-            torque_needed=not arguments.motion_only,
-            anyway=arguments.anyway,
-        )
-        recording = with_commanded_torque(recording, robot) if arguments.motion_only else recording
+
+        def read(torque_needed: bool) -> tuple[Recording, ...]:
+            one = read_recording(
+                arguments.log,
+                robot,
+                columns=arguments.columns,
+                topic=arguments.topic,
+                ref_topic=arguments.ref_topic,
+                excluded=excluded,
+                torque_needed=torque_needed,
+                anyway=arguments.anyway,
+            )
+            return (one,)
+
+        driven, recordings, motion = torque_or_motion(robot, read, motion_only=arguments.motion_only)
+        if motion:
+            driven, recordings = moved_by_controllers(driven, recordings)
         return replay_of(
-            robot,
-            recording,
+            driven,
+            recordings[0],
             correction=correction,
             known=known,
             horizon_s=arguments.horizon,

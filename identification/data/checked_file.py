@@ -2,15 +2,19 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 from identification.data.checks.check_recording import check_recording
+from identification.data.joint_torque import NoTorqueError
 from identification.data.readers.read_table import read_table
 from identification.data.reading import read_recording, unassigned_recording
 from identification.data.recording import Fault, Recording
 from identification.data.refusal import fault_sentence
 from phantom_dyn.model.robot import Robot
+
+_MEASURED = {False: "positions", True: "positions and orientations"}
 
 
 @dataclass(frozen=True, repr=False)
@@ -23,6 +27,7 @@ class CheckedRecording:
         samples, seconds: Its length.
         wrong: What is certainly wrong; `diagnose` refuses such a recording.
         warnings: Sentences on what was mended and what may be wrong.
+        frames: By name those whose poses were measured, and whether their orientations were.
         with_robot: False if it was checked without a robot, which shows less.
     """
 
@@ -33,6 +38,7 @@ class CheckedRecording:
     wrong: tuple[Fault, ...]
     warnings: tuple[str, ...]
     with_robot: bool
+    frames: Mapping[str, bool] = field(default_factory=dict)
 
     @property
     def right(self) -> bool:
@@ -44,6 +50,7 @@ class CheckedRecording:
         lines = [
             f"{self.file}: {self.samples} samples, {self.seconds:.6g} s, {rate:.6g} Hz",
             f"joints: {', '.join(self.joints)}",
+            *(f"measured {_MEASURED[turned]} of frame {frame}" for frame, turned in self.frames.items()),
             *(f"wrong: {fault_sentence(self.file, fault)}" for fault in self.wrong),
             *(f"warning: {warning}" for warning in self.warnings),
         ]
@@ -57,7 +64,14 @@ def checked_recording(found: Recording, *, with_robot: bool) -> CheckedRecording
     """What a recording that was read and checked says of itself."""
     seconds = float(found.t[-1] - found.t[0])
     return CheckedRecording(
-        found.file, found.joint_names, len(found.t), seconds, found.wrong, found.warnings, with_robot
+        found.file,
+        found.joint_names,
+        len(found.t),
+        seconds,
+        found.wrong,
+        found.warnings,
+        with_robot,
+        {frame: frame in found.orientations for frame in found.positions},
     )
 
 
@@ -83,8 +97,27 @@ def checked_file(
     """
     if robot is None:
         found = unassigned_recording(read_table(path, columns=columns, topic=topic, ref_topic=ref_topic))
-        warnings = (*found.warnings, *check_recording(found, None))
+        warnings = (*found.warnings, *(() if found.poses_alone else check_recording(found, None)))
     else:
-        found = read_recording(path, robot, columns=columns, topic=topic, ref_topic=ref_topic)
+        found = _read(path, robot, columns, topic, ref_topic)
         warnings = (*robot.warnings, *found.warnings)
     return checked_recording(replace(found, warnings=warnings), with_robot=robot is not None)
+
+
+def _read(
+    path: str | Path, robot: Robot, columns: str | Path | None, topic: str | None, ref_topic: str | None
+) -> Recording:
+    """The recording, without torque where it holds poses alone."""
+
+    def read(torque_needed: bool) -> Recording:
+        return read_recording(
+            path, robot, columns=columns, topic=topic, ref_topic=ref_topic, torque_needed=torque_needed
+        )
+
+    try:
+        return read(True)
+    except NoTorqueError:
+        found = read(False)
+        if not found.poses_alone:
+            raise
+        return found

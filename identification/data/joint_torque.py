@@ -8,6 +8,7 @@ from collections.abc import Iterable, Mapping
 import numpy as np
 from jaxtyping import Float
 
+from identification.data.readers.contract_columns import FRAME_AXES, MEANT
 from identification.data.recording import Table
 from phantom_dyn.dynamics.kinematics import wrench_torque
 from phantom_dyn.errors import LogError, known_names
@@ -132,8 +133,13 @@ def external_torque(
     return out
 
 
-def require_frames(robot: Robot, frames: Iterable[str]) -> None:
-    """Refuse a force at a frame that the robot does not have.
+def require_frames(robot: Robot, frames: Iterable[str], quantity: str = "f") -> None:
+    """Refuse a force, or what else belongs to a frame, at a frame that the robot does not have.
+
+    Args:
+        robot: Gives the frames.
+        frames: Names.
+        quantity: ``f`` for a force, ``p`` for measured positions, ``o`` for orientations.
 
     Raises:
         LogError: It lists the frames that there are.
@@ -141,7 +147,8 @@ def require_frames(robot: Robot, frames: Iterable[str]) -> None:
     for frame in frames:
         if not robot.model.existFrame(frame):
             names = dict.fromkeys(f.name for f in robot.model.frames)
+            *first, last = [f".{axis}" for axis in FRAME_AXES[quantity]]
             raise LogError(
-                f"The columns f.{frame}.x, .y and .z are a force at a frame that {robot.name} does not have: "
-                f"{known_names(frame, names, 'frames')}"
+                f"The columns {quantity}.{frame}{', '.join(first)} and {last} are {MEANT[quantity]} at a frame that "
+                f"{robot.name} does not have: {known_names(frame, names, 'frames')}"
             )

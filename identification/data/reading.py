@@ -8,21 +8,25 @@ from pathlib import Path
 
 import numpy as np
 
+from identification.data.checks.against_model import check_degrees
 from identification.data.checks.check_recording import checked
 from identification.data.checks.positions import check_passive
 from identification.data.compensation import before_low_pass, gravity_taken, joints_without, put_back_sentences
 from identification.data.joint_torque import drive_torque, require_frames, torque_sources
 from identification.data.mending import mended
-from identification.data.readers.contract_columns import UnknownNamesError, column_of
+from identification.data.readers.contract_columns import FRAME_AXES, MEANT, UnknownNamesError, column_of
 from identification.data.readers.presets import fitting_presets
 from identification.data.readers.read_table import read_table
 from identification.data.readers.suggested_map import suggested_map
 from identification.data.recording import Recording, Table
-from phantom_dyn.errors import LogError, known_names, shortened
+from phantom_dyn.errors import LogError, known_names, listed, shortened
 from phantom_dyn.model.robot import Robot
 from phantom_dyn.motion import read_only
 
 Array = np.ndarray
+
+# A quaternion with three decimals has a length of one up to this; another is none of a rotation.
+_UNIT = 2e-3
 
 
 @dataclass(frozen=True)
@@ -68,17 +72,47 @@ def _complete(table: Table, quantity: str, joints: Sequence[str]) -> tuple[Array
     return None, (sentence,)
 
 
-def _forces(table: Table) -> dict[str, Array]:
-    """Forces by frame, each ``(N, 3)``, read-only."""
-    frames = dict.fromkeys(name[2:-2] for name in table.columns if name.startswith("f."))
+def _of_frames(table: Table, quantity: str) -> dict[str, Array]:
+    """Forces, positions or orientations by frame, each ``(N, 3)`` or ``(N, 4)``, read-only."""
+    axes, start = FRAME_AXES[quantity], f"{quantity}."
+    frames = dict.fromkeys(name[len(start) :].rpartition(".")[0] for name in table.columns if name.startswith(start))
     out = {}
     for frame in frames:
-        names = [f"f.{frame}.{axis}" for axis in "xyz"]
+        names = [f"{quantity}.{frame}.{axis}" for axis in axes]
         lacking = [name for name in names if name not in table.columns]
         if lacking:
-            raise LogError(f"{table.file} has no column {lacking[0]}: a force needs its three axes x, y and z; add it.")
+            needs = f"its three axes {axes[0]}, {axes[1]} and {axes[2]}" if len(axes) == 3 else f"all of {listed(axes)}"
+            raise LogError(f"{table.file} has no column {lacking[0]}: {MEANT[quantity]} needs {needs}; add it.")
         out[frame] = read_only(np.column_stack([table.columns[name] for name in names]))
     return out
+
+
+def _poses(table: Table, robot: Robot) -> tuple[dict[str, Array], dict[str, Array]]:
+    """Measured positions and orientations by frame; the latter as unit quaternions x, y, z, w.
+
+    Raises:
+        LogError: For a frame that the robot lacks, an axis that is missing, an orientation without position, or a
+            quaternion that is not of length one.
+    """
+    positions, turns = _of_frames(table, "p"), _of_frames(table, "o")
+    require_frames(robot, positions, "p")
+    require_frames(robot, turns, "o")
+    for frame, turn in turns.items():
+        if frame not in positions:
+            raise LogError(
+                f"{table.file} has the orientation of {frame} and not its position: add p.{frame}.x, .y and .z, or "
+                f"leave the columns o.{frame} out."
+            )
+        length = np.linalg.norm(turn, axis=1)
+        row = int(np.argmax(np.abs(length - 1.0)))
+        if abs(length[row] - 1.0) > _UNIT:
+            raise LogError(
+                f"{table.file}: the orientation of {frame} is a quaternion of length {length[row]:.3g} at "
+                f"t = {table.columns['t'][row]:.6g} s, wanted 1: give qx, qy, qz and qw of a rotation, or delete the "
+                "row."
+            )
+        turns[frame] = read_only(turn / length[:, None])
+    return positions, turns
 
 
 def _excluded(table: Table, excluded: Sequence[tuple[float, float]]) -> tuple[tuple[float, float], ...]:
@@ -101,7 +135,11 @@ def _require_joints(table: Table, robot: Robot) -> tuple[str, ...]:
     elsewhere: list[str] = []
     for name in table.columns:
         column = column_of(name)
-        if column is None or column.quantity in ("t", "f") or column.of in (*robot.joint_names, *robot.passive_names):
+        if (
+            column is None
+            or column.quantity in ("t", *FRAME_AXES)
+            or column.of in (*robot.joint_names, *robot.passive_names)
+        ):
             continue
         if column.of in robot.locked:
             locked[column.of] = None
@@ -146,8 +184,9 @@ def recording(
             excluded stretch outside the log.
     """
     joints = robot.joint_names
-    forces = _forces(table)
+    forces = _of_frames(table, "f")
     require_frames(robot, forces)
+    positions, orientations = _poses(table, robot)
     warnings = [*table.warnings, *_require_joints(table, robot)]
     optional = {}
     for key, quantity in (("v", "v"), ("current", "i"), ("voltage", "u"), ("q_ref", "q_ref"), ("x", "x")):
@@ -174,6 +213,8 @@ def recording(
         q=q,
         tau=tau,
         forces=forces,
+        positions=positions,
+        orientations=orientations,
         excluded=_excluded(table, excluded),
         warnings=(*warnings, *sentences, *unfiltered, *(put_back_sentences(table, robot) if tau is not None else ())),
         passive_q={
@@ -221,6 +262,9 @@ def read_recording(
     found = recording(table, robot, excluded=excluded, torque_needed=torque_needed)
     # An hour of samples is hundreds of megabytes, and the checks need room.
     del table
+    if found.poses_alone:
+        # Poses that are seconds or minutes apart are no motion: nothing of it could be mended or compared with a model.
+        return replace(found, warnings=(*found.warnings, *check_degrees(found, robot, None, None)), anyway=anyway)
     found = mended(found, robot.prismatic)
     # Loops first: where they do not close there is no model to check against.
     passive, rest = check_passive(found, robot), checked(found, robot)
@@ -242,5 +286,18 @@ def unassigned_recording(table: Table) -> Recording:
     q, tau, v = _per_joint(table, "q", joints), _complete(table, "tau", joints)[0], _complete(table, "v", joints)[0]
     if q is None:
         raise LogError(f"{table.file} has no column q.<joint> (measured position): add it or map it with --columns.")
-    found = Recording(table.file, tuple(joints), read_only(table.columns["t"]), q, tau, v, warnings=table.warnings)
-    return mended(found, np.zeros(len(joints), dtype=bool))
+    t, positions = read_only(table.columns["t"]), _of_frames(table, "p")
+    orientations = _of_frames(table, "o")
+    found = Recording(
+        table.file,
+        tuple(joints),
+        t,
+        q,
+        tau,
+        v,
+        q_ref=_complete(table, "q_ref", joints)[0],
+        positions=positions,
+        orientations=orientations,
+        warnings=table.warnings,
+    )
+    return found if found.poses_alone else mended(found, np.zeros(len(joints), dtype=bool))

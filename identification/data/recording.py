@@ -112,6 +112,9 @@ class Recording:
         x: Link-side positions of a second encoder.
         temperature: Of the drives [deg C], NaN for joints without a column.
         forces: Measured external forces [N] by frame, world axes, each ``(N, 3)``.
+        positions: Measured positions [m] by frame, in the axes of whatever measured them, each ``(N, 3)``.
+        orientations: Measured orientations by frame as unit quaternions x, y, z, w, each ``(N, 4)``; each frame has a
+            position as well.
         excluded: Stretches of time [s] that are left out of every fit.
         warnings: Sentences about the data.
         passive_q: Measured positions [rad or m] of passive joints of a closed chain by joint, each ``(N,)``.
@@ -136,6 +139,8 @@ class Recording:
     x: Float[Array, "N nv"] | None = None
     temperature: Float[Array, "N nv"] | None = None
     forces: Mapping[str, Float[Array, "N 3"]] = field(default_factory=dict)
+    positions: Mapping[str, Float[Array, "N 3"]] = field(default_factory=dict)
+    orientations: Mapping[str, Float[Array, "N 4"]] = field(default_factory=dict)
     excluded: tuple[tuple[float, float], ...] = ()
     warnings: tuple[str, ...] = ()
     passive_q: Mapping[str, Float[Array, " N"]] = field(default_factory=dict)
@@ -145,3 +150,8 @@ class Recording:
     friction_taken: tuple[str, ...] = ()
     wrong: tuple[Fault, ...] = ()
     anyway: bool = False
+
+    @property
+    def poses_alone(self) -> bool:
+        """True if it holds measured poses of a frame and neither torque nor references."""
+        return bool(self.positions) and self.tau is None and self.q_ref is None

@@ -77,6 +77,8 @@ def part_of(recording: Recording, rows: slice) -> Recording:
         x=some(recording.x),
         temperature=some(recording.temperature),
         forces={frame: read_only(force[rows]) for frame, force in recording.forces.items()},
+        positions={frame: read_only(position[rows]) for frame, position in recording.positions.items()},
+        orientations={frame: read_only(turn[rows]) for frame, turn in recording.orientations.items()},
         passive_q={joint: read_only(q[rows]) for joint, q in recording.passive_q.items()},
     )
 

@@ -9,10 +9,8 @@ from identification.data.recording import Recording
 from identification.diagnosis.model.terms import KnownEffect
 from identification.door.diagnosis import Diagnosis
 from identification.door.inputs import RecordingsLike, described, expanded, listed, recordings_of
-from identification.pipeline import diagnose
-from identification.scenarios.at_rest.diagnose_at_rest import diagnose_at_rest, judged_at_rest
+from identification.pipeline import diagnose, diagnose_logs
 from identification.scenarios.recordings_file import read_changed, read_changes
-from identification.scenarios.torque_or_motion import moved_by_controllers, torque_or_motion
 from phantom_dyn.errors import UsageError
 from phantom_dyn.model.robot import Robot
 
@@ -49,14 +47,9 @@ def diagnosis_of_recordings(
         fitted = recordings_of(recordings, robot, columns=columns, torque_needed=torque_needed)
         return (*fitted, *(recordings_of(held, robot, columns=columns, torque_needed=torque_needed) if held else ()))
 
-    driven, every, motion = torque_or_motion(robot, read, motion_only=motion_only)
-    if motion and judged_at_rest(driven, every):
-        if known or held:
-            raise UsageError("known and hold_out do not go with recordings that are judged at rest: leave them out.")
-        return Diagnosis(diagnose_at_rest(driven, every), driven)
-    driven, every = moved_by_controllers(driven, every) if motion else (driven, every)
-    count = len(every) - len(held)
-    found = diagnose(driven, every[:count], hold_out=every[count:], known=known, progress=progress)
+    driven, found = diagnose_logs(
+        robot, read, held_out=len(held), known=known, motion_only=motion_only, progress=progress
+    )
     return Diagnosis(found, driven, known)
 
 

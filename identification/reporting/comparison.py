@@ -19,7 +19,7 @@ from phantom_dyn.errors import ParameterError, printable
 
 WIDTH = 100
 _NAME_WIDTH = 24
-_INTERVAL = NormalDist().inv_cdf(0.975)
+INTERVAL = NormalDist().inv_cdf(0.975)
 """Standard deviations from the estimate to either end of a 95 % interval."""
 
 
@@ -131,13 +131,7 @@ def distinct_names(paths: Sequence[str | Path]) -> list[str]:
 
 def comparison_text(found: Comparison) -> str:
     """The comparison for a terminal: verdicts and gap first, then what changed, what did not, and the residuals."""
-    verdicts = [diagnosis.verdict.replace("_", " ") for diagnosis in found.diagnoses]
-    same = len(set(verdicts)) == 1
-    lines = [
-        f"The verdict is the same: {verdicts[0]}." if same else f"The verdict changed: {' -> '.join(verdicts)}.",
-        f"Gap closed: {' -> '.join(_gap_words(diagnosis.gap) for diagnosis in found.diagnoses)}.",
-        _count_words(found),
-    ]
+    lines = list(first_lines(found))
     for head, rows in (
         ("Changed, with 95 % intervals:", found.changed),
         ("The same within the intervals:", tuple(row for row in found.findings if not row.changed)),
@@ -149,6 +143,17 @@ def comparison_text(found: Comparison) -> str:
     if len(set(runs)) < len(runs):
         lines += ["", "Two of these files are of the very same run."]
     return "\n".join(_wrapped(line) for line in lines).replace(NO_BREAK, " ")
+
+
+def first_lines(found: Comparison) -> tuple[str, ...]:
+    """Verdicts, gap and how many findings changed, a sentence each."""
+    verdicts = [diagnosis.verdict.replace("_", " ") for diagnosis in found.diagnoses]
+    same = len(set(verdicts)) == 1
+    return (
+        f"The verdict is the same: {verdicts[0]}." if same else f"The verdict changed: {' -> '.join(verdicts)}.",
+        f"Gap closed: {' -> '.join(_gap_words(diagnosis.gap) for diagnosis in found.diagnoses)}.",
+        _count_words(found),
+    )
 
 
 def _require_same_joints(diagnoses: Sequence[Diagnosis], names: Sequence[str]) -> None:
@@ -224,7 +229,7 @@ def _row_lines(row: ComparedFinding) -> list[str]:
     name = capital(effect_at(row.at))
     out = []
     for size in row.sizes:
-        cells = [_size_words(value) or gone for value, gone in zip(size.values, row.missing, strict=True)]
+        cells = [size_words(value) or gone for value, gone in zip(size.values, row.missing, strict=True)]
         verdict = {True: ", changed", False: ", the same", None: ""}[size.changed]
         out.append(f"  {name}, {parameter_name(size.parameter)}: {' -> '.join(cells)}{verdict}")
     if not row.sizes:
@@ -233,13 +238,13 @@ def _row_lines(row: ComparedFinding) -> list[str]:
     return out
 
 
-def _size_words(value: Value | None) -> str:
+def size_words(value: Value | None) -> str:
     """A value with its 95 % interval, as in ``0.251 (0.250 to 0.252) N m``; empty for None."""
     if value is None:
         return ""
     parts = []
     for x, std in zip(_listed(value.value), _listed(value.std), strict=True):
-        half = _INTERVAL * std
+        half = INTERVAL * std
         known = math.isfinite(half) and half > 0
         digits = max(0, 1 - math.floor(math.log10(half))) if known else 0
         plain = known and digits <= 8 and abs(x) < 1e6

@@ -107,8 +107,10 @@ class Percentage:
         else:
             self._at, begin = found, sum(stage.share for stage in self._stages[:found])
             done, parts = map(int, counted.groups()) if counted else (0, 1)
-            now = max(now, begin + min(done / max(parts, 1), 1.0) * self._stages[found].share)
-            self._high = begin + self._stages[found].share
+            share = self._stages[found].share / max(parts, 1)
+            now = max(now, begin + min(done, parts) * share)
+            # What is counted is not guessed beyond the part that is being done.
+            self._high = max(now, begin + min(done + 1, parts) * share)
         elapsed = self._clock() - self._started
         self._low, self._since = now, self._clock()
         self._expected = max(_LEAST_S, elapsed * (self._high - now) / now if now > 0 else 0.0)

@@ -12,6 +12,7 @@ import numpy as np
 from jaxtyping import Float
 
 from identification.data.checks.against_model import model_torque
+from identification.data.checks.positions import still_joints
 from identification.data.checks.smoothed_copy import Smooth
 from identification.data.checks.torque_lag import jackknife_error
 from identification.data.recording import Recording
@@ -108,7 +109,9 @@ def check_friction_taken(recording: Recording, robot: Robot, smooth: Smooth) -> 
         robot: States the friction; where it states none, nothing can be missing.
         smooth: The smoothed copy, its torque with that of measured forces.
     """
-    held = [one for one in held_friction(robot, smooth) if one.joint not in recording.friction_taken]
+    still = np.array(recording.joint_names)[still_joints(recording, robot.prismatic)]
+    told_already = {*recording.friction_taken, *still.tolist()}
+    held = [one for one in held_friction(robot, smooth) if one.joint not in told_already]
     lacking = [one for one in held if abs(one.share) + _SIGNIFICANT * one.std < _LEFT and one.visible > _VISIBLE]
     if not lacking:
         return ()

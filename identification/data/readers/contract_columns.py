@@ -1,4 +1,4 @@
-"""The contract's columns (``t``, ``q.<joint>``, ``f.<frame>.x``, ...): their names and units, and the check of a file.
+"""The contract's columns (``t``, ``q.<joint>``, ``p.<frame>.x``, ...): their names and units, and the check of a file.
 
 `contract_table` takes what a file holds under these names, refuses what cannot be right (a missing column, a value that
 no sensor gives, a time that goes back) and names in a warning what it leaves out.
@@ -19,9 +19,15 @@ from phantom_dyn.motion import read_only
 
 Array = np.ndarray
 
-Quantity = Literal["t", "q", "tau", "v", "i", "u", "q_ref", "x", "temp", "f"]
+Quantity = Literal["t", "q", "tau", "v", "i", "u", "q_ref", "x", "temp", "f", "p", "o"]
 
 JOINT_QUANTITIES: tuple[Quantity, ...] = ("q", "tau", "v", "i", "u", "q_ref", "x", "temp")
+
+FRAME_AXES: dict[str, tuple[str, ...]] = {"f": ("x", "y", "z"), "p": ("x", "y", "z"), "o": ("qx", "qy", "qz", "qw")}
+"""Parts of a force, a position and an orientation (quaternion) of a frame."""
+
+MEANT = {"f": "a force", "p": "a position", "o": "an orientation"}
+"""What the parts of a frame's quantity are together, in words."""
 
 # Larger than anything a sensor gives, in SI units: such a value is a broken sample or a wrong unit.
 LARGEST: dict[Quantity, float] = {
@@ -35,10 +41,13 @@ LARGEST: dict[Quantity, float] = {
     "x": 1e6,
     "temp": 2e3,
     "f": 1e9,
+    "p": 1e6,
+    "o": 1e3,
 }
 
 _TIME = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9}
 _POSITION = {"rad": 1.0, "deg": math.pi / 180, "rev": 2 * math.pi, "m": 1.0, "mm": 1e-3, "um": 1e-6}
+_LENGTH = {"m": 1.0, "mm": 1e-3, "um": 1e-6}
 _SPEED = {"rad/s": 1.0, "deg/s": math.pi / 180, "rpm": math.pi / 30, "rev/s": 2 * math.pi, "m/s": 1.0, "mm/s": 1e-3}
 _FORCE = {"N": 1.0, "mN": 1e-3, "kN": 1e3}
 _TORQUE = {"Nm": 1.0, "N m": 1.0, "mNm": 1e-3, "Nmm": 1e-3, "Ncm": 1e-2, "kNm": 1e3}
@@ -54,12 +63,16 @@ UNITS: dict[Quantity, dict[str, float]] = {
     "u": {"V": 1.0, "mV": 1e-3},
     "temp": {"degC": 1.0},
     "f": _FORCE,
+    "p": _LENGTH,
+    "o": {"1": 1.0},
 }
 
 # A count is a position; a speed in counts is per second.
 COUNTED: tuple[Quantity, ...] = ("q", "q_ref", "x", "v")
 
 FEWEST_ROWS = 50
+FEWEST_POSES = 20
+"""Rows of a file without torque that holds measured poses of a frame: a laser tracker gives one in a few seconds."""
 
 SHORTEST_STEP, LONGEST_STEP = 1e-5, 100.0
 """Median time between two samples [s]: no robot is recorded faster, and no motion shows at less."""
@@ -67,7 +80,7 @@ SHORTEST_STEP, LONGEST_STEP = 1e-5, 100.0
 
 @dataclass(frozen=True)
 class Column:
-    """What a column of the contract holds: quantity, joint or frame, and the axis of a force."""
+    """What a column of the contract holds: quantity, joint or frame, and the part of what belongs to a frame."""
 
     quantity: Quantity
     of: str = ""
@@ -82,8 +95,8 @@ def column_of(name: str) -> Column | None:
     if prefix in JOINT_QUANTITIES and rest:
         return Column(cast("Quantity", prefix), rest)
     frame, _, axis = rest.rpartition(".")
-    if prefix == "f" and frame and axis in ("x", "y", "z"):
-        return Column("f", frame, axis)
+    if frame and axis in FRAME_AXES.get(prefix, ()):
+        return Column(cast("Quantity", prefix), frame, axis)
     return None
 
 
@@ -93,8 +106,10 @@ def name_problem(name: str) -> str | None:
     folded = prefix.lower()
     if column_of(name) is not None:
         return None
-    if prefix == "f" and dot:
-        return f"a force is written f.<frame>.x, f.<frame>.y or f.<frame>.z, not {shortened(name)}"
+    if prefix in FRAME_AXES and dot:
+        *first, last = [f"{prefix}.<frame>.{axis}" for axis in FRAME_AXES[prefix]]
+        written = f"{', '.join(first)} or {last}"
+        return f"{MEANT[prefix]} is written {written}, not {shortened(name)}"
     if folded in JOINT_QUANTITIES and (dot or folded not in ("i", "temp")):
         return f"a column of a joint is written {folded}.<joint>, not {shortened(name)}"
     if folded == "t" and (dot or prefix == "T"):
@@ -211,6 +226,26 @@ def _require_rate(raw: RawTable, t: Array) -> None:
         )
 
 
+def _poses_alone(wanted: Mapping[str, Column]) -> bool:
+    """True for measured poses of a frame without any torque or reference: they may be minutes apart."""
+    quantities = {column.quantity for column in wanted.values()}
+    return "p" in quantities and not quantities & {"tau", "i", "u", "q_ref"}
+
+
+def _require_rows(raw: RawTable, rows: int, poses_alone: bool) -> None:
+    counted = "1 row" if rows == 1 else f"{rows} rows"
+    if poses_alone and rows < FEWEST_POSES:
+        raise LogError(
+            f"{raw.file} has {counted}, too few poses to tell anything: record at least {FEWEST_POSES} in different "
+            "postures of all joints."
+        )
+    if not poses_alone and rows < FEWEST_ROWS:
+        raise LogError(
+            f"{raw.file} has {counted}, too few to tell anything: record at least {FEWEST_ROWS}, better several "
+            "seconds of motion."
+        )
+
+
 def contract_table(raw: RawTable) -> Table:
     """The contract's columns of a file, checked.
 
@@ -231,13 +266,10 @@ def contract_table(raw: RawTable) -> Table:
     _require_possible(raw, columns, wanted)
     kept = _kept_rows(raw, columns)
     rows = int(kept.sum())
-    if rows < FEWEST_ROWS:
-        counted = "1 row" if rows == 1 else f"{rows} rows"
-        raise LogError(
-            f"{raw.file} has {counted}, too few to tell anything: record at least {FEWEST_ROWS}, better several "
-            "seconds of motion."
-        )
-    _require_rate(raw, columns["t"][kept])
+    poses_alone = _poses_alone(wanted)
+    _require_rows(raw, rows, poses_alone)
+    if not poses_alone:
+        _require_rate(raw, columns["t"][kept])
     warnings = raw.warnings
     dropped = len(kept) - rows
     if dropped:

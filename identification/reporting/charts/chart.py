@@ -69,7 +69,13 @@ class Panel:
 
 
 def chart(
-    panels: tuple[Panel, ...], x_label: str, size: tuple[float, float], title: str, *, same_scale: bool = False
+    panels: tuple[Panel, ...],
+    x_label: str,
+    size: tuple[float, float],
+    title: str,
+    *,
+    same_scale: bool = False,
+    x_names: tuple[str, ...] = (),
 ) -> str:
     """Panels one above the other over one axis, as an SVG element.
 
@@ -79,6 +85,7 @@ def chart(
         size: Width and height [inch].
         title: What the chart shows, for readers who cannot see it.
         same_scale: True gives all panels the same vertical range.
+        x_names: In place of numbers, at 0, 1, 2 and so on of the horizontal axis.
     """
     width, height = (_POINTS * side for side in size)
     legend = [curve for curve in panels[0].curves if curve.label]
@@ -88,13 +95,16 @@ def chart(
     heights = [room * panel.height / sum(other.height for other in panels) for panel in panels]
     starts = accumulate((each + between for each in heights), initial=top)
     x_range = _padded(_range([x for panel in panels for x, _ in _drawn(panel)]))
+    if x_names:
+        x_range = (-0.5, len(x_names) - 0.5)
     y_ranges = [_padded(_range([y for _, y in _drawn(panel)], _shown_at_least(panel))) for panel in panels]
     if same_scale:
         y_ranges = [(min(low for low, _ in y_ranges), max(high for _, high in y_ranges))] * len(panels)
     out = [legend_svg(legend)]
     for k, (panel, start, each, y_range) in enumerate(zip(panels, starts, heights, y_ranges, strict=False)):
         frame = Frame(x_range, y_range, (LEFT, width - _RIGHT), (start + each, start))
-        out.append(_panel(panel, frame, x_label if k == len(panels) - 1 else ""))
+        last = k == len(panels) - 1
+        out.append(_panel(panel, frame, x_label if last else "", x_names))
     return (
         f'<svg role="img" aria-label="{escape(title)}" xmlns="http://www.w3.org/2000/svg" width="{width:.4g}pt" '
         f'height="{height:.4g}pt" viewBox="0 0 {width:.4g} {height:.4g}" fill="{INK}" '
@@ -113,6 +123,8 @@ def short_name(name: str, length: int = 18) -> str:
 def _drawn(panel: Panel) -> list[tuple[Array, Array]]:
     """Abscissae and ordinates of all that a panel has to hold."""
     points = [(curve.x, curve.y) for curve in panel.curves]
+    bars = [(curve, curve.half) for curve in panel.curves if curve.half is not None]
+    points += [(curve.x, curve.y + side * half) for curve, half in bars for side in (1.0, -1.0)]
     return points if panel.cloud is None else [*points, (panel.cloud.x, panel.cloud.y)]
 
 
@@ -136,7 +148,7 @@ def _padded(limits: Range) -> Range:
     return low - _PADDING * wide, high + _PADDING * wide
 
 
-def _panel(panel: Panel, frame: Frame, x_label: str) -> str:
+def _panel(panel: Panel, frame: Frame, x_label: str, x_names: tuple[str, ...]) -> str:
     (left, right), (bottom, top) = frame.across, frame.upwards
     out = []
     if np.isfinite(panel.band) and panel.band > 0.0:
@@ -150,7 +162,7 @@ def _panel(panel: Panel, frame: Frame, x_label: str) -> str:
         level = float(frame.y(np.array([panel.rule]))[0])
         out.append(line(f"M{left:.1f} {level:.1f}H{right:.1f}", INK, 0.8, ' stroke-dasharray="4 2"'))
     out += [curve_svg(curve, frame) for curve in panel.curves]
-    out.append(axes(frame, numbered=bool(x_label)))
+    out.append(axes(frame, numbered=bool(x_label), names=x_names))
     middle = 0.5 * (top + bottom)
     out.append(
         f'<text transform="translate(12 {middle:.1f}) rotate(-90)" text-anchor="middle">{escape(panel.label)}</text>'

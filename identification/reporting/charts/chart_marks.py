@@ -1,4 +1,4 @@
-"""Marks of a chart as SVG: curves, clouds, axes with round numbers, legends."""
+"""Marks of a chart as SVG: curves, intervals, clouds, axes with round numbers or names, legends."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from html import escape
 
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import Bool, Float
 
 Array = np.ndarray
 
@@ -14,6 +14,7 @@ INK = "currentColor"
 FONT, SMALL, TICK, LEFT = 10.5, 9.5, 3.5, 64.0
 """Sizes of text, length of a tick, and room left of the panels [pt]."""
 
+_DOT = 5.0  # diameter of a mark [pt]
 _EACH_X, _EACH_Y = 62.0, 26.0  # room for a tick at least
 _SUPERSCRIPT = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
 Range = tuple[float, float]
@@ -32,6 +33,8 @@ class Curve:
         opacity: Of the line.
         dashes: Lengths of dashes and gaps [pt]; empty: a full line.
         marked: True marks each point.
+        half: Half of an interval about each point, drawn as a bar, ``(n,)``; None: no bars.
+        tips: What is shown where the pointer is on a mark, one a point; empty: nothing.
     """
 
     x: Float[Array, " n"]
@@ -42,6 +45,8 @@ class Curve:
     opacity: float = 1.0
     dashes: str = ""
     marked: bool = False
+    half: Float[Array, " n"] | None = None
+    tips: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True)
@@ -96,12 +101,14 @@ def tick_words(values: Float[Array, " n"]) -> tuple[list[str], str]:
     return words, f"×10{str(power).translate(_SUPERSCRIPT)}" if power else ""
 
 
-def axes(frame: Frame, *, numbered: bool) -> str:
-    """Both axes of a panel with round numbers; those of the horizontal one where asked for."""
+def axes(frame: Frame, *, numbered: bool, names: tuple[str, ...] = ()) -> str:
+    """Both axes of a panel with round numbers; those of the horizontal one, or names at 0, 1, 2, where asked for."""
     (left, right), (bottom, top) = frame.across, frame.upwards
     x = ticks(*frame.x_range, int((right - left) / _EACH_X))
-    y = ticks(*frame.y_range, max(2, int((bottom - top) / _EACH_Y)))
     x_words, x_power = tick_words(x)
+    if names:
+        x, x_words, x_power = *_named_places(names, right - left), ""
+    y = ticks(*frame.y_range, max(2, int((bottom - top) / _EACH_Y)))
     y_words, y_power = tick_words(y)
     at_x, at_y = frame.x(x), frame.y(y)
     lines = [f"M{left:.1f} {top:.1f}V{bottom:.1f}H{right:.1f}"]
@@ -123,6 +130,13 @@ def axes(frame: Frame, *, numbered: bool) -> str:
     return "".join(out)
 
 
+def _named_places(names: tuple[str, ...], width: float) -> tuple[Float[Array, " n"], list[str]]:
+    """Places of as many names as an axis has room for, the first among them, and these names."""
+    each = 0.55 * SMALL * max(map(len, names)) + 8.0
+    step = max(1, int(np.ceil(len(names) * each / width)))
+    return np.arange(0.0, len(names), step), list(names[::step])
+
+
 def curve_svg(curve: Curve, frame: Frame) -> str:
     """A curve as one path, and its marks as another."""
     x, y = frame.x(curve.x), frame.y(curve.y)
@@ -136,10 +150,26 @@ def curve_svg(curve: Curve, frame: Frame) -> str:
     more = f' stroke-dasharray="{curve.dashes}"' if curve.dashes else ""
     more += f' opacity="{curve.opacity:g}"' if curve.opacity < 1.0 else ""
     out = line("".join(parts), curve.colour, curve.width, more + ' stroke-linejoin="round"')
+    if curve.half is not None:
+        ends = [frame.y(curve.y + side * curve.half)[whole].tolist() for side in (1.0, -1.0)]
+        bars = "".join(f"M{a:.1f} {b:.1f}V{c:.1f}" for a, b, c in zip(x[whole].tolist(), *ends, strict=True))
+        out += line(bars, curve.colour, 1.2, f' opacity="{curve.opacity:g}"' if curve.opacity < 1.0 else "")
     if curve.marked:
-        dots = "".join(f"M{a:.1f} {b:.1f}h0" for a, b in zip(x[whole].tolist(), y[whole].tolist(), strict=True))
-        out += line(dots, curve.colour, 5.0, ' stroke-linecap="round"')
+        out += _dots(curve, x, y, whole)
     return out
+
+
+def _dots(curve: Curve, x: Float[Array, " n"], y: Float[Array, " n"], whole: Bool[Array, " n"]) -> str:
+    """Marks of a curve: one path, or one a point where each shows something."""
+    places = [f"M{a:.1f} {b:.1f}h0" for a, b in zip(x[whole].tolist(), y[whole].tolist(), strict=True)]
+    more = ' stroke-linecap="round"'
+    if not curve.tips:
+        return line("".join(places), curve.colour, _DOT, more)
+    tips = [tip for tip, there in zip(curve.tips, whole.tolist(), strict=True) if there]
+    return "".join(
+        f"<g>{line(place, curve.colour, _DOT, more)}<title>{escape(tip)}</title></g>"
+        for place, tip in zip(places, tips, strict=True)
+    )
 
 
 def cloud_svg(cloud: Cloud, frame: Frame) -> str:

@@ -1,4 +1,4 @@
-"""The two-mass model of a device from a white-noise experiment: six parameters with their covariance.
+"""The two-mass model of a device from its frequency response, by noise or a sweep: six parameters, their covariance.
 
 The measured response is compared with that of the *sampled* model, hold and delay included, so that neither biases the
 fit; each frequency counts by its coherence. Resonance and anti-resonance follow with their deviations.
@@ -30,8 +30,6 @@ NAMES = ("motor_mass", "body_mass", "motor_damping", "body_damping", "cable_stif
 
 _IN_LOG = np.array([True, True, False, False, True, False])
 """Masses and stiffness are fitted in logarithm, dampings as they are: one of them may well be zero."""
-_SHARED = 1.0 + 2.0 * ((2.0 / 3.0) ** 2 + (1.0 / 6.0) ** 2)
-"""Data that neighbouring frequencies share through the Hann window: correlation 2/3 and 1/6, squared."""
 _LEAST_COHERENCE = 0.3
 """Share of the motion that the force must explain at a frequency to count until the fit is near."""
 _NEIGHBOURS = 7
@@ -175,7 +173,7 @@ def _fit(response: FrequencyResponse, model: Callable[[TwoMassAxis, Array], Arra
         )
     values = np.array([getattr(best.axis, name) for name in NAMES])
     slope = np.where(_IN_LOG, values, best.unit)
-    information = best.jacobian.T @ best.jacobian / _SHARED
+    information = best.jacobian.T @ best.jacobian / response.shared
     covariance = slope[:, None] * np.linalg.pinv(information, rcond=1e-14, hermitian=True) * slope
     covariance = max(misfit, 1.0) * covariance
     unsure = np.sqrt(np.diag(covariance)[_IN_LOG]) > values[_IN_LOG] / _SURE

@@ -24,6 +24,8 @@ Array = np.ndarray
 
 _OVERLAP = 1.0 + 2.0 / 36.0
 """Loss of independence of Hann windows at half overlap: correlation of neighbouring segments, 1/6, enters squared."""
+_SHARED = 1.0 + 2.0 * ((2.0 / 3.0) ** 2 + (1.0 / 6.0) ** 2)
+"""Data that neighbouring frequencies share through the Hann window: correlation 2/3 and 1/6, squared."""
 _MOST_COHERENT = 1.0 - 1e-9
 """Coherence is kept off one, where the deviations would vanish."""
 _QUANTILE_95 = 1.959963984540054
@@ -65,6 +67,8 @@ class FrequencyResponse:
         deviation: One standard deviation of the response relative to its size, which is also that of its phase [rad],
             shape ``(k,)``.
         averages: Independent segments that the estimate rests on.
+        shared: How often neighbouring frequencies count the same data: 1.94 with the Hann windows of
+            `estimate_frequency_response`, 1 for whole periods of a sweep.
     """
 
     period: float
@@ -73,6 +77,7 @@ class FrequencyResponse:
     coherence: Float[Array, " k"]
     deviation: Float[Array, " k"]
     averages: float
+    shared: float = _SHARED
 
     def __post_init__(self):
         for name in ("frequency", "coherence", "deviation"):
@@ -98,7 +103,7 @@ class FrequencyResponse:
         w, response, coherence, deviation = (
             part[kept] for part in (self.frequency, self.response, self.coherence, self.deviation)
         )
-        return FrequencyResponse(self.period, w, response, coherence, deviation, self.averages)
+        return FrequencyResponse(self.period, w, response, coherence, deviation, self.averages, self.shared)
 
 
 def simulate_white_noise(

@@ -10,7 +10,9 @@ from jaxtyping import Complex, Float
 
 from phantom_dyn.errors import ParameterError
 from phantom_dyn.haptics.number_checks import require_positive, require_whole, sample_count
+from phantom_dyn.haptics.sensing.accelerometer import AccelerationObserver, Accelerometer, observe_velocity
 from phantom_dyn.haptics.sensing.encoder import Encoder, record_motion
+from phantom_dyn.haptics.sensing.sinusoidal_encoder import SinusoidalEncoder, record_sinusoidal
 from phantom_dyn.haptics.sensing.velocity_estimators import Estimator, estimate_velocity
 
 Array = np.ndarray
@@ -62,26 +64,31 @@ class EstimatorResponse:
 
 
 def estimator_figures(
-    estimator: Estimator,
-    encoder: Encoder,
+    estimator: Estimator | AccelerationObserver,
+    encoder: Encoder | SinusoidalEncoder,
     *,
     speed: float,
     acceleration: float,
     period: float = 1e-3,
     duration: float = 1.0,
+    accelerometer: Accelerometer | None = None,
+    rng: np.random.Generator | None = None,
 ) -> EstimatorFigures:
     """Lag and granularity of an estimator.
 
     Args:
-        estimator: Any estimator of `velocity_estimators`.
+        estimator: Any estimator of `velocity_estimators`, or the observer of position and acceleration.
         encoder: The sensor.
         speed: Constant speed for the granularity, and speed at the start of the accelerated motion [m/s or rad/s].
         acceleration: Constant acceleration for the lag [m/s2 or rad/s2].
         period: Sampling period [s].
         duration: Length of either motion after 0.6 s of settling [s].
+        accelerometer: Beside the encoder; needed by the observer, and by nothing else.
+        rng: Draws the noise of the accelerometer.
 
     Raises:
-        ParameterError: If the acceleration is zero, a value is not finite, or the duration is under a period.
+        ParameterError: If the acceleration is zero, a value is not finite, the duration is under a period, or the
+            observer has no accelerometer.
     """
     if not (math.isfinite(acceleration) and acceleration != 0 and math.isfinite(speed)):
         raise ParameterError(
@@ -93,14 +100,13 @@ def estimator_figures(
     t = fine[::_POINTS]
     settled = t >= _SETTLING
 
-    def estimate(position: Float[Array, " n"]) -> Float[Array, " N"]:
-        record = record_motion(encoder, position, interval=period / _POINTS, samples_apart=_POINTS)
-        return estimate_velocity(estimator, record)
+    sensors = _Sensors(encoder, accelerometer, rng)
 
     # Both start inside a step, as a motion at rest on an edge is no ordinary one.
     start = 0.1 * encoder.step
-    steady = estimate(start + speed * fine)
-    accelerated = estimate(start + speed * fine + acceleration * fine**2 / 2)
+    steady = sensors.estimate(estimator, start + speed * fine, np.zeros(len(t)), period)
+    gaining = start + speed * fine + acceleration * fine**2 / 2
+    accelerated = sensors.estimate(estimator, gaining, np.full(len(t), acceleration), period)
     velocity = speed + acceleration * t
     return EstimatorFigures(
         lag=float(np.mean((velocity - accelerated)[settled]) / acceleration),
@@ -114,27 +120,31 @@ def estimator_figures(
 
 
 def estimator_response(
-    estimator: Estimator,
-    encoder: Encoder,
+    estimator: Estimator | AccelerationObserver,
+    encoder: Encoder | SinusoidalEncoder,
     frequency: Float[Array, " n"],
     *,
     speed: float,
     period: float = 1e-3,
     cycles: int = 8,
+    accelerometer: Accelerometer | None = None,
+    rng: np.random.Generator | None = None,
 ) -> EstimatorResponse:
     """Response of an estimator to sines of one peak speed: what it does to the phase of a velocity loop.
 
     Args:
-        estimator: Any estimator of `velocity_estimators`.
+        estimator: Any estimator of `velocity_estimators`, or the observer of position and acceleration.
         encoder: The sensor.
         frequency: Frequencies below half the sampling frequency [rad/s], shape ``(n,)``.
         speed: Peak speed of the motion [m/s or rad/s].
         period: Sampling period [s].
         cycles: Cycles that are evaluated, after 0.6 s of settling.
+        accelerometer: Beside the encoder; needed by the observer, and by nothing else.
+        rng: Draws the noise of the accelerometer.
 
     Raises:
         ParameterError: If a frequency is not between 0 and half the sampling frequency, the peak speed or period not
-            above 0, or cycles no whole number above 0.
+            above 0, cycles no whole number above 0, or the observer has no accelerometer.
     """
     require_positive(peak_speed=speed, period=period)
     require_whole(1, cycles=cycles)
@@ -143,18 +153,49 @@ def estimator_response(
         raise ParameterError(
             f"A frequency outside 0 to {highest:g} rad/s, half the sampling frequency, was given: give ones between."
         )
+    sensors = _Sensors(encoder, accelerometer, rng)
     ratio = np.empty(frequency.size, dtype=complex)
     for index, omega in enumerate(frequency):
         length = cycles * 2 * math.pi / omega
         samples = round((_SETTLING + length) / period)
         fine = np.arange(samples * _POINTS + 1) * (period / _POINTS)
-        record = record_motion(
-            encoder, speed / omega * np.sin(omega * fine), interval=period / _POINTS, samples_apart=_POINTS
-        )
         t = fine[::_POINTS]
+        swing = speed / omega * np.sin(omega * fine)
+        estimate = sensors.estimate(estimator, swing, -speed * omega * np.sin(omega * t), period)
         part = t >= t[-1] - length
         # Least squares, not a sum: the cycles need not be a whole number of samples.
         base = np.column_stack([np.cos(omega * t[part]), np.sin(omega * t[part]), np.ones(part.sum())])
-        cosine, sine, _ = np.linalg.lstsq(base, estimate_velocity(estimator, record)[part], rcond=None)[0]
+        cosine, sine, _ = np.linalg.lstsq(base, estimate[part], rcond=None)[0]
         ratio[index] = complex(cosine, -sine) / speed
     return EstimatorResponse(frequency, ratio)
+
+
+@dataclass(frozen=True)
+class _Sensors:
+    """What reads the motion: an encoder, and perhaps an accelerometer."""
+
+    encoder: Encoder | SinusoidalEncoder
+    accelerometer: Accelerometer | None
+    rng: np.random.Generator | None
+
+    def estimate(
+        self,
+        estimator: Estimator | AccelerationObserver,
+        position: Float[Array, " n"],
+        acceleration: Float[Array, " N"],
+        period: float,
+    ) -> Float[Array, " N"]:
+        """Velocity estimate at the samples of a motion, `_POINTS` points to each."""
+        points = {"interval": period / _POINTS, "samples_apart": _POINTS}
+        if isinstance(self.encoder, Encoder):
+            record = record_motion(self.encoder, position, **points)
+        else:
+            record = record_sinusoidal(self.encoder, position, **points)
+        if not isinstance(estimator, AccelerationObserver):
+            return estimate_velocity(estimator, record)
+        if self.accelerometer is None or self.rng is None:
+            raise ParameterError(
+                "The observer of position and acceleration has no accelerometer: give one, and a generator of random "
+                "numbers for its noise."
+            )
+        return observe_velocity(estimator, record, self.accelerometer.reading(acceleration, self.rng))

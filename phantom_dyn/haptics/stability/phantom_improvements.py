@@ -7,7 +7,8 @@ values). Between the two set-ups the amplifiers changed, and for the damping the
 (they turn the phase forward too little for the hold, and have no damper to ground) and stable for every one in z (its
 position answers force at once). So they give neither the walls nor the loop gain; nor does the dynamic model, whose
 axes have no damping. Nothing is fitted here: where a model has no answer its figure is 0 or infinite, and `says` gives
-the reason. What a damper or a delay would have to be for the published figures is in `needs`.
+the reason. What a damper or a delay would have to be for the published figures is in `needs`, and the fewest
+assumptions with which each ratio follows are in `phantom_dyn.haptics.stability.published_ratios`.
 """
 
 from __future__ import annotations

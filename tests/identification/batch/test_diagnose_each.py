@@ -109,7 +109,7 @@ def test_a_fault_of_the_diagnosis_is_a_row_as_well(pendulum, logs, monkeypatch):
     def fails(*_: object, **__: object) -> None:
         raise np.linalg.LinAlgError("SVD did not\nconverge")
 
-    monkeypatch.setattr(each, "diagnose", fails)
+    monkeypatch.setattr(each, "diagnose_logs", fails)
     (row,) = diagnose_each(pendulum, logs[:1], jobs=1).rows
     said = "run1.csv: the diagnosis itself failed (LinAlgError: SVD did not converge): please report this with the"
     assert (row.verdict, row.refusal and row.refusal.startswith(said)) == ("refused", True)
@@ -129,7 +129,8 @@ def test_a_recording_whose_process_is_lost_is_a_row_as_well(pendulum, logs, monk
 def test_progress_counts_the_recordings(pendulum, logs):
     told: list[str] = []
     diagnose_each(pendulum, logs[1::2], jobs=1, progress=told.append)
-    assert told == ["diagnosing 2 recordings", "diagnosed 1 of 2, last text.csv", "diagnosed 2 of 2, last other.csv"]
+    begun = "diagnosed 0 of 2 recordings"
+    assert told == [begun, "diagnosed 1 of 2, last text.csv", "diagnosed 2 of 2, last other.csv"]
 
 
 def test_each_recording_gets_its_folder_and_a_refused_one_none(pendulum, logs, tmp_path):

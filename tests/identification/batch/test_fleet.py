@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import re
+
 import numpy as np
 import pytest
 
@@ -57,19 +59,54 @@ def test_a_step_is_found_at_its_recording(six, rng):
     rows = [row for row in six if "/r1/" not in row.log]
     rows += [recording("r1", day, (0.5 if day < 6 else 0.62) + 0.02 * rng.standard_normal()) for day in range(10)]
     found = changes(series_of(fleet(*rows)))
-    assert [(one.robot, one.since) for one in found] == [("r1", "day06.csv")]
+    assert [(one.robot, one.since, one.drifts) for one in found] == [("r1", "day06.csv", False)]
     assert found[0].after - found[0].before == pytest.approx(0.12, abs=0.04)
 
 
-def test_a_slow_drift_is_a_change(rng):
-    rows = [recording("r", day, 0.5 + 0.02 * day + 0.01 * rng.standard_normal()) for day in range(10)]
-    assert [one.robot for one in changes(series_of(fleet(*rows)))] == ["r"]
+def test_a_drift_is_told_from_its_beginning(rng):
+    sizes = [0.5 + 0.02 * max(0, day - 4) + 0.002 * rng.standard_normal() for day in range(12)]
+    (found,) = changes(series_of(fleet(*(recording("r", day, size) for day, size in enumerate(sizes)))))
+    assert (found.drifts, found.since) == (True, "day04.csv")
+    assert (found.before, found.after) == pytest.approx((0.5, 0.64), abs=0.005)
 
 
-def test_chance_is_called_a_change_as_rarely_as_stated(rng):
-    p = np.array([change_point(rng.standard_normal(9), np.ones(9))[1] for _ in range(200)])
+def test_a_step_among_six_recordings_is_found_where_others_show_the_scatter(six, rng):
+    # By hand: of six values in random orders one in ten has the same three at one end; the others' scatter says more.
+    own = [recording("r9", day, (0.5 if day < 3 else 0.7) + 0.02 * rng.standard_normal()) for day in range(6)]
+    assert [(one.robot, one.since) for one in changes(series_of(fleet(*six, *own)))] == [("r9", "day03.csv")]
+    assert changes(series_of(fleet(*own))) == ()
+
+
+def test_a_finding_that_appears_beside_another_is_a_change(six):
+    # Viscous friction is found beside Coulomb friction, which so does not stand for it where it is missing.
+    grown = []
+    for day in range(8):
+        row = recording("r9", day, 0.5)
+        viscous = {"coefficient": {"value": 0.25, "std": 0.01, "unit": "N m s/rad"}}
+        if day >= 5:
+            row.document["findings"].append({"effect": "viscous_friction", "joint": "j1", "parameters": viscous})  # pyright: ignore[reportOptionalSubscript, reportAttributeAccessIssue]
+        grown.append(row)
+    found = changes(series_of(fleet(*six, *grown)))
+    assert [(one.robot, one.quantity, one.since) for one in found] == [
+        ("r9", "Viscous friction on joint j1 (coefficient)", "day05.csv")
+    ]
+    assert (found[0].before, found[0].after) == pytest.approx((0.0, 0.25))
+
+
+def test_a_single_recording_is_no_change(six, rng):
+    rows = [recording("r9", day, 0.9 if day == 9 else 0.5 + 0.02 * rng.standard_normal()) for day in range(10)]
+    assert changes(series_of(fleet(*six, *rows))) == ()
+
+
+@pytest.mark.parametrize("others", [0, 5])
+def test_chance_is_called_a_change_as_rarely_as_stated(rng, others):
+    p = []
+    for _ in range(200):
+        apart = [values - values.mean() for values in rng.standard_normal((others, 9))]
+        scatter = np.concatenate(apart) * np.sqrt(9 / 8) if others else None
+        p.append(change_point(rng.standard_normal(9), np.ones(9), scatter).p)
     # Binomial: at 5 % of 200, more than 20 are one in a thousand.
-    assert np.sum(p <= 0.05) <= 20
+    assert np.sum(np.array(p) <= 0.05) <= 20
     assert np.mean(p) == pytest.approx(0.5, abs=0.08)
 
 
@@ -90,11 +127,24 @@ def test_the_page_says_what_the_lines_say_and_runs_nothing(six, rng):
     rows = [*six, *(recording("<b>", day, 3.0 + 0.02 * rng.standard_normal()) for day in range(10))]
     page = fleet_page(fleet(*rows))
     lines = fleet_lines(fleet(*rows))
-    assert any(line.startswith("<b> is out of line: coulomb friction j1 torque 3") for line in lines)
+    assert any(line.startswith("<b> is out of line: Coulomb friction on joint j1 (torque) is 3") for line in lines)
     assert "<td>&lt;b&gt;</td>" in page
     assert "<b>" not in page
     assert "<script" not in page
-    assert page.count("<circle") == 70
+    assert page.count("</title></g>") == 70
+    assert "torque [N m]" in page
+
+
+def test_the_page_counts_recordings_and_verdicts_of_each_robot(six):
+    refused = DiagnosedRecording("/fleet/r0/day99.csv", "x", "refused", refusal="empty")
+    page = fleet_page(fleet(*six, refused))
+    assert "<h1>arm: 6 robots, 61 recordings</h1>" in page
+    assert "<tr><td>r0</td><td>11</td><td>10 explained, 1 refused</td><td>–</td></tr>" in page
+
+
+def test_recordings_of_one_day_stand_above_each_other_and_are_named(six):
+    page = fleet_page(fleet(*six))
+    assert re.findall(r"day0\d(?=</text>)", page) == [f"day0{day}" for day in range(10)]
 
 
 def test_a_page_without_findings_says_so():

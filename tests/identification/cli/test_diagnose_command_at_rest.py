@@ -52,4 +52,21 @@ def test_an_earlier_diagnosis_is_refused_at_rest(log, capsys):
     out = log.with_name("out")
     assert diagnosed(log, "--out", str(out)) == 0
     assert diagnosed(log, "--with", str(out / "corrected.yaml")) == 2
-    assert "--with and --hold-out do not go with recordings that are judged at rest" in capsys.readouterr().err
+    words = (
+        "log.csv: it is judged at rest, where every rest is held out in turn, so that held-out recordings and effects"
+    )
+    assert words in capsys.readouterr().err
+
+
+def test_many_recordings_are_judged_at_rest_where_one_would_be_and_one_that_never_moves_says_so(log, capsys):
+    # Known truth of the first; a pendulum that stands still shows nothing of friction or inertia.
+    still = np.column_stack([np.arange(2000) / 100.0, np.full(2000, 0.3), np.full(2000, 1.45)])
+    np.savetxt(log.with_name("still.csv"), still, delimiter=",", header="t,q.pin,tau.pin", comments="")
+    json_file, config = log.with_name("each.txt"), log.with_name("robot.yaml")
+    words = ["diagnose", str(PENDULUM), str(log), str(log.with_name("still.csv")), "--each", "--jobs", "1"]
+    assert main([*words, "--robot-config", str(config), "--json", str(json_file)]) == 0
+    first, second = json.loads(json_file.read_text())["recordings"]
+    assert [finding["effect"] for finding in first["diagnosis"]["findings"]] == ["backlash"]
+    assert second["verdict"] == "not_testable"
+    shown = " ".join(capsys.readouterr().out.split())
+    assert "still.csv not_testable This recording cannot show a gap at all: record a motion" in shown

@@ -10,11 +10,15 @@ import subprocess
 import sys
 import urllib.request
 
+import numpy as np
 import pytest
 
 from identification.cli import view_command
 from identification.cli.main import main
+from phantom_dyn import load_robot
+from phantom_dyn.dynamics.dynamics import inverse_dynamics
 from phantom_dyn.libraries import is_installed
+from phantom_dyn.motion import Motion
 
 
 @pytest.fixture
@@ -67,6 +71,20 @@ def test_a_diagnosis_that_is_not_there_is_refused(refused, pendulum, log, tmp_pa
 def test_a_host_that_is_not_this_machine_is_refused(refused, pendulum, log):
     # 192.0.2.0/24 is kept for documentation (RFC 5737): no machine has such an address.
     assert "nothing can listen on --host 192.0.2.1" in refused(pendulum, log, "--host", "192.0.2.1", "--no-open")
+
+
+def test_a_log_without_torque_needs_no_option(pendulum, tmp_path):
+    # By hand: a controller of 60 N m/rad and 6 N m s/rad asks for what the model of the pendulum needs.
+    robot, t = load_robot(pendulum), np.arange(2400) / 200.0
+    q, v, a = (0.6 * size * wave(2.3 * t) for size, wave in ((1.0, np.sin), (2.3, np.cos), (-(2.3**2), np.sin)))
+    needed = inverse_dynamics(robot, Motion(t, q[:, None], v[:, None], a[:, None]))[:, 0]
+    table = np.column_stack([t, q, q + (needed + 6.0 * v) / 60.0])
+    np.savetxt(tmp_path / "log.csv", table, delimiter=",", header="t,q.pin,q_ref.pin", comments="")
+    words = [str(pendulum), str(tmp_path / "log.csv"), "--horizon", "0.2"]
+    replay = view_command._replay(view_command.parser().parse_args(words), ())
+    assert any("positions and references only" in note for note in replay.notes)
+    measured, given = replay.curves.measured[:, 0], replay.curves.modelled[0][:, 0]
+    assert np.nanmax(np.abs(measured - given)) < 0.02 * np.nanmax(np.abs(measured))
 
 
 def test_help_loads_nothing_heavy():

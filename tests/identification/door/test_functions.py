@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 
 import phantom_dyn as dyn
-from identification.door import diagnosed, inputs
+from identification import pipeline
+from identification.door import inputs
 from phantom_dyn.dynamics.dynamics import inverse_dynamics
 from phantom_dyn.errors import LogError, ParameterError, PhantomDynError, UsageError
 from phantom_dyn.motion import Motion
@@ -112,7 +113,7 @@ def test_every_episode_of_a_dataset_that_is_held_out_is_held_out(rubbing, monkey
     monkeypatch.setattr(inputs, "_episodes", lambda given: [rubbing] * 3 if given == "dataset" else [given])
     seen = {}
     monkeypatch.setattr(
-        diagnosed, "diagnose", lambda _, fitted, **given: seen.update(fitted=fitted, held=given["hold_out"])
+        pipeline, "diagnose", lambda _, fitted, **given: seen.update(fitted=fitted, held=given["hold_out"])
     )
     dyn.diagnose(PENDULUM, rubbing, hold_out="dataset")
     assert (len(seen["fitted"]), len(seen["held"])) == (1, 3)

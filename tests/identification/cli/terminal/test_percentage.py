@@ -46,6 +46,14 @@ def test_parts_that_are_counted_are_that_share_of_their_stage(clock, done, perce
     assert percentage.now() == pytest.approx(percent)
 
 
+def test_parts_that_are_counted_are_not_guessed_beyond_the_one_that_is_being_done(clock):
+    # By hand: 4 of 40 places are 5 % of the whole, one more is 1.25 %.
+    percentage = Percentage(STAGES, clock)
+    percentage.enter("searching 4 of 40 places")
+    clock.time = 1000.0
+    assert percentage.now() == pytest.approx(26.25)
+
+
 def test_a_stage_that_takes_as_long_as_expected_is_two_thirds_done_then(clock):
     percentage = Percentage(STAGES, clock)
     percentage.enter("reading")

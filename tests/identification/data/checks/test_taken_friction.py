@@ -10,7 +10,10 @@ import pytest
 from identification.data.checks.check_recording import check_recording
 from identification.data.checks.smoothed_copy import smoothed
 from identification.data.checks.taken_friction import check_friction_taken, held_friction
+from identification.data.recording import Recording
+from phantom_dyn import load_robot
 from phantom_dyn.dynamics.dynamics import own_friction
+from places import ROBOTS
 
 EVERY, SECOND = np.ones(3), np.array([0.0, 1.0, 0.0])
 
@@ -74,3 +77,12 @@ def test_a_joint_that_its_drive_does_not_move_lacks_no_friction(taken, arm, chan
     recording = taken(EVERY)
     idle = changed(recording, tau=recording.tau * [1.0, 0.1, 1.0])
     assert [one.joint for one in held_friction(arm, smoothed(idle))] == ["turn", "slide"]
+
+
+def test_a_joint_that_never_moves_lacks_no_friction():
+    # The velocity of noise alone has no sign that friction could follow: what a fit finds along it is no friction.
+    robot, rng, t = load_robot(ROBOTS / "pendulum.urdf"), np.random.default_rng(1), np.arange(2000) / 100.0
+    q, tau = (rng.standard_normal((2000, 1)) * size + level for size, level in ((1e-5, 0.3), (0.01, 1.45)))
+    still = Recording("still.csv", robot.joint_names, t, q, tau)
+    assert held_friction(robot, smoothed(still)) != ()
+    assert check_friction_taken(still, robot, smoothed(still)) == ()

@@ -113,7 +113,10 @@ def write_csv(tmp_path):
         ("q.a: {from: pos_a, counts: 9, unit: deg}", r"q\.a has both unit and counts: give one of them"),
         ("tau.a: {from: load, counts: 9}", r"tau\.a\.counts is for positions and speeds"),
         ("q.a: 5", r"q\.a is 5, wanted a column name or"),
-        ("position.a: pos_a", r"position\.a is no column of a log: write t, f\.<frame>\.x/\.y/\.z, or one of q, tau"),
+        (
+            "position.a: pos_a",
+            r"position\.a is no column of a log: write t, f\.<frame>\.x/\.y/\.z, p\.<frame>.*, or one of q, tau",
+        ),
         ("q: pos_a", r"q is meant for every joint, but from is 'pos_a': put {joint} into it once"),
         ('q: "enc_{joint}"', r"q takes enc_{joint}, but no column of log\.csv looks so"),
         ("ignore: q.a", r"ignore is the text 'q\.a', wanted a list of column names"),

@@ -97,3 +97,30 @@ def test_a_constant_has_axes_with_numbers_about_it():
 def test_a_chart_of_nothing_is_drawn():
     empty = Curve(np.zeros(0), np.zeros(0), "red", 1.0)
     assert re.search(r"<text[^>]*>x</text>", chart((Panel("y", (empty,)),), "x", (6.0, 4.0), "empty"))
+
+
+def test_bars_reach_half_an_interval_to_either_side():
+    svg = curve_svg(line((5, 4), (8, 6), half=np.array([1.0, 2.0])), FRAME)
+    assert 'd="M50.0 50.0V70.0M80.0 20.0V60.0"' in svg
+
+
+def test_a_mark_shows_its_own_words():
+    svg = curve_svg(line((5, 4), (6, np.nan), (8, 6), marked=True, tips=("a", "b", "<c>")), FRAME)
+    assert re.findall(r'd="M([\d. ]+)h0".*?<title>(.*?)</title>', svg) == [
+        ("50.0 60.0", "a"),
+        ("80.0 40.0", "&lt;c&gt;"),
+    ]
+
+
+def test_bars_are_within_the_range():
+    panel = Panel("y", (line((0, 1), (1, 1), half=np.array([3.0, 3.0])),))
+    assert {-2.0, 4.0} <= set(numbers(chart((panel,), "x", (6.0, 4.0), "one")))
+
+
+def test_names_stand_in_place_of_numbers_and_only_as_many_as_there_is_room_for():
+    panel = Panel("y", (line(*((k, k) for k in range(40))),))
+    days = chart((panel,), "x", (6.0, 4.0), "one", x_names=tuple(f"day{k}" for k in range(40)))
+    shown = [words for words in texts(days) if words.startswith("day")]
+    assert shown[:2] == ["day0", "day4"]
+    two = chart((panel,), "x", (6.0, 4.0), "one", x_names=("before", "after"))
+    assert {"before", "after"} <= set(texts(two))

@@ -9,6 +9,7 @@ import pytest
 
 from phantom_dyn.errors import ParameterError
 from phantom_dyn.haptics.device.axis import FREE_HAND, YOKOKOHJI_YOSHIKAWA, Operator, RigidAxis
+from phantom_dyn.haptics.device.published import LHIFAM as VIBRATING
 from phantom_dyn.haptics.stability.force_feedforward import (
     Feedforward,
     critical_feedforward,
@@ -125,6 +126,22 @@ def test_ideal_response_is_equation_28_written_out():
     written = 1 / (5.4 / 3 * s**2 + 3.5 / 3 * s + hand.mass * s**2 + hand.damping * s + hand.stiffness)
     ideal = transparency(LHIFAM, hand, Feedforward(), 2.0, np.array([7.0])).ideal
     np.testing.assert_allclose(ideal, [written], rtol=1e-12)
+
+
+def test_with_the_vibration_the_used_gain_of_five_is_stable_with_the_low_pass_and_not_without():
+    """The chapter: a low pass of 30 Hz is required because of the mode at 82 Hz, and a gain of 5 was used."""
+    assert feedforward_loop(VIBRATING, YOKOKOHJI_YOSHIKAWA, BUTTERWORTH).spectral_radius(5.0) < 1
+    assert feedforward_loop(VIBRATING, YOKOKOHJI_YOSHIKAWA, Feedforward()).spectral_radius(5.0) > 1
+
+
+@pytest.mark.parametrize(("feedforward", "gain", "hertz"), [(Feedforward(), 0.700, 86.9), (BUTTERWORTH, 6.858, 66.2)])
+def test_the_vibration_sets_the_limit_between_its_resonance_and_the_low_pass(feedforward, gain, hertz):
+    """Values of this loop, held to it by the spectral radius; rigid it bears 6.64 and 23.1."""
+    result = critical_feedforward(VIBRATING, YOKOKOHJI_YOSHIKAWA, feedforward)
+    assert result.gain == pytest.approx(gain, abs=1e-3)
+    assert result.frequency / (2 * math.pi) == pytest.approx(hertz, abs=0.1)
+    loop = feedforward_loop(VIBRATING, YOKOKOHJI_YOSHIKAWA, feedforward)
+    assert loop.spectral_radius(0.999 * result.gain) < 1 < loop.spectral_radius(1.001 * result.gain)
 
 
 def test_nobody_at_the_device_is_refused():

@@ -1,0 +1,151 @@
+"""What changed between diagnoses as a page: a table, and a figure of each size with its 95 % intervals."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from identification.diagnosis.result import Value
+from identification.reporting.charts.chart import AFTER, BEFORE, Panel, chart, short_name
+from identification.reporting.charts.chart_marks import Curve
+from identification.reporting.comparison import (
+    INTERVAL,
+    ComparedFinding,
+    ComparedSize,
+    Comparison,
+    first_lines,
+    size_words,
+)
+from identification.reporting.plain_page import figure, page, table
+from identification.words.diagnosis_words import capital, effect_at, joined, parameter_name
+from identification.words.numbers_and_names import NO_BREAK, number
+
+Array = np.ndarray
+
+_SIZE = (4.6, 2.3)  # of a figure [inch]
+_LETTERS = 42  # below the axis of a figure
+_WIDE = 9.4  # of the figure of all joints [inch]
+_CHANGED = {True: "changed", False: "the same", None: ""}
+
+
+def comparison_page(found: Comparison) -> str:
+    """The page as self-contained HTML.
+
+    Args:
+        found: What several diagnoses say.
+    """
+    parts = [f"<p>{' '.join(map(_plain, first_lines(found)))}</p>"]
+    if found.findings:
+        parts.append(_findings_table(found))
+        figures = [_size_figure(found, row, size) for row in found.findings for size in row.sizes]
+        parts += [
+            "<h2>Sizes</h2>",
+            "<p>Points are estimates, bars 95 % intervals; orange is what changed by more than chance explains. A grey "
+            "bar reaches from zero to the size that would have been seen where the finding is missing.</p>",
+            f'<div class="figures">{"".join(figures)}</div>',
+        ]
+    parts += [
+        "<h2>Residuals</h2>",
+        "<p>Root mean square of measured less modelled torque on held-out samples (of rests: of the position).</p>",
+        *_residual_figures(found),
+    ]
+    return page(f"What changed: {joined(list(found.names))}", parts)
+
+
+def _findings_table(found: Comparison) -> str:
+    rows = []
+    for row in found.findings:
+        name = capital(effect_at(row.at))
+        for size in row.sizes:
+            cells = [size_words(value) or gone for value, gone in zip(size.values, row.missing, strict=True)]
+            verdict = "changed" if any(row.missing) and not size.changed else _CHANGED[size.changed]
+            rows.append((f"{name}, {parameter_name(size.parameter)}", *map(_plain, cells), verdict))
+        if not row.sizes:
+            cells = ["found" if finding else gone for finding, gone in zip(row.findings, row.missing, strict=True)]
+            rows.append((name, *map(_plain, cells), "changed" if any(row.missing) else "the same"))
+    return table(("finding", *found.names, ""), rows)
+
+
+def _size_figure(found: Comparison, row: ComparedFinding, size: ComparedSize) -> str:
+    """One size over the diagnoses, a curve for each of its entries."""
+    place = (row.at.effect, row.at.joint, size.parameter)
+    unit = next(value.unit for value in size.values if value is not None)
+    changed = size.changed or any(row.missing)
+    entries = max(len(_listed(value)) for value in size.values if value is not None)
+    curves = tuple(_entry_curve(size, k, BEFORE if changed else AFTER) for k in range(entries))
+    name = f"{capital(effect_at(row.at))}, {parameter_name(size.parameter)}"
+    label = f"{short_name(parameter_name(size.parameter))} [{unit}]"
+    hidden = [
+        next((b.below for b in diagnosis.bounds if (b.effect, b.joint, b.parameter) == place), 0.0) if gone else 0.0
+        for diagnosis, gone in zip(found.diagnoses, row.missing, strict=True)
+    ]
+    gone = [f"{at}: {words}" for at, words in zip(found.names, row.missing, strict=True) if words]
+    panel = Panel(label, (_hidden_curve(hidden), *curves), least=(0.0,), zero=True)
+    svg = chart((panel,), "diagnosis", _SIZE, name, x_names=_axis_names(found.names))
+    return figure(name, svg, [_plain(words) for words in gone])
+
+
+def _hidden_curve(below: list[float]) -> Curve:
+    """Grey bars from zero to what would have been seen, where a finding is missing."""
+    half = 0.5 * np.array(below)
+    middle = np.where(half > 0, half, np.nan)
+    return Curve(np.arange(len(half)), middle, "#808080", 0.0, half=half)
+
+
+def _axis_names(names: tuple[str, ...]) -> tuple[str, ...]:
+    """Names that an axis has room for side by side."""
+    return tuple(short_name(name, max(8, _LETTERS // len(names))) for name in names)
+
+
+def _entry_curve(size: ComparedSize, entry: int, colour: str) -> Curve:
+    """Entry ``entry`` of a size; of a single number the number. Unknown deviations have no bar."""
+    pairs = [_entry(value, entry) for value in size.values]
+    y, std = np.array(pairs, dtype=float).T
+    half = INTERVAL * np.where(np.isfinite(std), std, 0.0)
+    tips = tuple("" if value is None else _plain(size_words(value)) for value in size.values)
+    return Curve(np.arange(len(y)), y, colour, 1.0, opacity=0.5, marked=True, half=half, tips=tips)
+
+
+def _entry(value: Value | None, entry: int) -> tuple[float, float]:
+    if value is None or entry >= len(_listed(value)):
+        return float("nan"), float("nan")
+    stds = value.std if isinstance(value.std, list) else [value.std]
+    return float(_listed(value)[entry]), float(stds[min(entry, len(stds) - 1)])
+
+
+def _listed(value: Value) -> list[float]:
+    return value.value if isinstance(value.value, list) else [value.value]
+
+
+def _residual_figures(found: Comparison) -> list[str]:
+    """Residuals of all joints by unit, given model and corrected model, a panel for each diagnosis."""
+    joints = found.diagnoses[0].joints
+    return [
+        _residual_figure(found, unit, [k for k, gap in enumerate(joints) if gap.unit == unit])
+        for unit in dict.fromkeys(gap.unit for gap in joints)
+    ]
+
+
+def _residual_figure(found: Comparison, unit: str, rows: list[int]) -> str:
+    names = tuple(short_name(found.diagnoses[0].joints[k].joint, 14) for k in rows)
+    panels = []
+    for name, diagnosis in zip(found.names, found.diagnoses, strict=True):
+        gaps = [diagnosis.joints[k] for k in rows]
+        levels = (
+            ("given model", BEFORE, [gap.rms_before for gap in gaps]),
+            ("corrected model", AFTER, [gap.rms_after for gap in gaps]),
+        )
+        curves = tuple(_marks(values, colour, label, unit) for label, colour, values in levels)
+        panels.append(Panel(f"[{unit}]", curves, title=short_name(name, 40), least=(0.0,)))
+    legend = f"Orange: given model. Blue: corrected model. {'N m' if unit == 'N m' else unit}, one panel a diagnosis."
+    size = (_WIDE if len(rows) > 3 else _SIZE[0], 0.7 + 1.2 * len(panels))
+    return figure("", chart(tuple(panels), "joint", size, "Residuals of each joint", same_scale=True, x_names=names),
+                  [legend])  # fmt: skip
+
+
+def _marks(values: list[float], colour: str, label: str, unit: str) -> Curve:
+    tips = tuple(f"{label}: {number(value)} {unit}" for value in values)
+    return Curve(np.arange(len(values)), np.array(values), colour, 0.0, marked=True, tips=tips)
+
+
+def _plain(words: str) -> str:
+    return words.replace(NO_BREAK, " ")

@@ -1,0 +1,159 @@
+r"""A device in a hand as its force sensor sees it: from motor force to the hand's force, rigid or with a vibration.
+
+The sensor sits between hand and body. With the hand's impedance :math:`Z_h` and nobody pushing, it reads
+:math:`F_u = -Z_h X_d`, and a motor force :math:`u` moves the body by
+
+.. math:: \frac{X_d}{U} = \frac{k_c + b_c s}{p_r (p_d + Z_h) - (k_c + b_c s)^2}
+
+for the two masses of `phantom_dyn.haptics.device.axis`, by :math:`1 / (m s^2 + b s + k + Z_h)` for a rigid device. The
+motor pushes at one mass and the sensor reads at the other: beyond the resonance the loop has turned by another 180
+degrees, which a rigid model does not know. A first-order low pass follows, as in the sensor of the chapter, (31).
+
+References:
+    Equation (18), (30) and (31) of [Gil]_ (`phantom_dyn.haptics.device.axis`); the chapter models the vibration for
+    walls (section 4) and names it for force feedforward (section 5.1) without equations, so these are derived.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from jaxtyping import Complex, Float
+
+from phantom_dyn.errors import ParameterError
+from phantom_dyn.haptics.device.axis import Operator, RigidAxis, TwoMassAxis
+from phantom_dyn.haptics.device.transfer_function import StateSpace, TransferFunction
+from phantom_dyn.haptics.number_checks import require_positive
+from phantom_dyn.motion import read_only
+
+Array = np.ndarray
+Device = RigidAxis | TwoMassAxis
+
+
+@dataclass(frozen=True)
+class HeldDevice:
+    """Device, hand and force sensor as one system: from motor force to minus the reading.
+
+    Attributes:
+        device: Rigid, or of two masses.
+        hand: What holds it.
+        cutoff: Of the sensor's first-order low pass [rad/s].
+
+    Raises:
+        ParameterError: If nobody holds the device, or the cutoff is not above 0.
+    """
+
+    device: Device
+    hand: Operator
+    cutoff: float
+
+    def __post_init__(self) -> None:
+        require_positive(cutoff_of_the_sensor=self.cutoff)
+        if self.hand.mass == 0 and self.hand.damping == 0 and self.hand.stiffness == 0:
+            raise ParameterError("Nobody holds the device, so force feedforward has no loop: give an operator.")
+
+    @property
+    def transfer_function(self) -> TransferFunction:
+        """Minus the reading over the motor force, [N/N] or [N m/(N m)]."""
+        numerator = np.trim_zeros(self.hand.polynomial(), "f")
+        if isinstance(self.device, TwoMassAxis):
+            cable = np.trim_zeros([self.device.cable_damping, self.device.cable_stiffness], "f")
+            numerator = np.polymul(numerator, cable)
+        held = self.device.held_by(self.hand).transfer_function.denominator
+        return TransferFunction(numerator, np.polymul(held, [1.0 / self.cutoff, 1.0]))
+
+    @property
+    def state_space(self) -> StateSpace:
+        """States: those of the held device, then the reading over a force of its own size, `force_unit`."""
+        mechanics = self.device.held_by(self.hand).state_space
+        n = len(mechanics.B)
+        force = self._hand_force(mechanics)
+        A, B, C = np.zeros((n + 1, n + 1)), np.zeros(n + 1), np.zeros(n + 1)
+        A[:n, :n], B[:n] = mechanics.A, mechanics.B
+        A[n, :n], A[n, n] = self.cutoff * force[0] / self.force_unit, -self.cutoff
+        B[n] = self.cutoff * force[1] / self.force_unit
+        C[n] = -self.force_unit
+        return StateSpace(A, B, C)
+
+    @property
+    def force_unit(self) -> float:
+        """Force of one unit of the last state [N or N m]: keeps all entries of the state matrix of like size."""
+        if isinstance(self.device, TwoMassAxis):
+            return self.device.cable_stiffness
+        return self.cutoff**2 * self.device.held_by(self.hand).mass
+
+    @property
+    def push(self) -> Float[Array, " n"]:
+        """What the hand's own force of 1 N adds to the derivative of the states, shape ``(n,)``; read at once, too."""
+        mechanics = self.device.held_by(self.hand).state_space
+        pushed = np.zeros(len(mechanics.B) + 1)
+        if isinstance(self.device, TwoMassAxis):
+            held = self.device.held_by(self.hand)
+            pushed[3] = 1.0 / (held.body_mass * held.free_frequency)
+            share = self.hand.mass / held.body_mass
+        else:
+            pushed[1] = mechanics.B[1]
+            share = self.hand.mass * mechanics.B[1]
+        # The sensor reads F_h - m_h a - ...: of the hand's force, the share that does not move the hand's own mass.
+        pushed[-1] = self.cutoff * (1.0 - share) / self.force_unit
+        return pushed
+
+    @property
+    def tip(self) -> Float[Array, " n"]:
+        """Row that reads the position of the body, which the hand holds, out of the states, shape ``(n,)``."""
+        row = np.zeros(len(self.state_space.B))
+        row[1 if isinstance(self.device, TwoMassAxis) else 0] = 1.0
+        return row
+
+    def _hand_force(self, mechanics: StateSpace) -> tuple[Array, float]:
+        """Reading before the low pass as a row of the states and a share of the motor force: minus Z_h x_d."""
+        n = len(mechanics.B)
+        place = np.zeros(n)
+        place[1 if isinstance(self.device, TwoMassAxis) else 0] = 1.0
+        speed = place @ mechanics.A
+        acceleration, direct = speed @ mechanics.A, float(speed @ mechanics.B)
+        hand = self.hand
+        row = -(hand.mass * acceleration + hand.damping * speed + hand.stiffness * place)
+        return row, -hand.mass * direct
+
+
+def felt_impedance(
+    device: Device, helped: Complex[Array, " k"] | float, frequency: Float[Array, " k"]
+) -> Complex[Array, " k"]:
+    r"""Impedance of the device at the hand, force over position [N/m], shape ``(k,)``.
+
+    With :math:`G = K_f C(s)` the motor force per force of the hand: :math:`(m s^2 + b s + k) / (1 + G)` for a rigid
+    device, :math:`p / (p_r + (k_c + b_c s) G)` for one of two masses, which tends to it for a stiff cable.
+
+    Args:
+        device: Rigid, or of two masses, without its hand.
+        helped: G at the frequencies, or one number for all.
+        frequency: [rad/s], shape ``(k,)``.
+    """
+    s = 1j * frequency
+    if isinstance(device, RigidAxis):
+        return (device.mass * s**2 + device.damping * s + device.stiffness) / (1.0 + helped)
+    cable = device.cable_damping * s + device.cable_stiffness
+    motor = device.motor_mass * s**2 + device.motor_damping * s + cable
+    both = np.polyval(device.transfer_function.denominator, s)
+    return both / (motor + cable * helped)
+
+
+def worst_vibration_gain(device: TwoMassAxis, hand: Operator, *, cutoff: float = math.inf) -> float:
+    r"""Force gain from which the vibration can grow, however the phase of the loop is turned there.
+
+    One over the height of the resonant peak of the loop without hold and delay: below it no delay and no filter of gain
+    one makes the vibration unstable (small gain). Like (33) for the low frequencies, a bound that needs no phase.
+
+    Args:
+        device: Of two masses.
+        hand: That holds it.
+        cutoff: Of the sensor's low pass [rad/s].
+    """
+    loop = HeldDevice(device, hand, min(cutoff, 1e6 * device.free_frequency)).transfer_function
+    held = device.held_by(hand)
+    resonance = math.sqrt(held.cable_stiffness * (1.0 / held.motor_mass + 1.0 / held.body_mass))
+    frequency = read_only(resonance * np.geomspace(0.5, 2.0, 20001))
+    return 1.0 / float(np.abs(loop.response(frequency)).max())

@@ -1,0 +1,206 @@
+r"""Swept-sine experiment on a device: its frequency response and coherence from whole periods of a repeated sweep.
+
+The force is a sine whose frequency rises, :math:`f(t) = f_1 (f_2/f_1)^{t/P}` over a period P, and starts again. All of
+its power lies between f1 and f2, at a crest of :math:`\sqrt 2`; white noise of the same greatest force has a third of
+the deviation and spreads it to the Nyquist frequency. As the period repeats itself, its spectrum has no leakage: no
+window is needed, and each line has its own data. The share of the repeated motion that is not the same in all periods
+is noise, and gives the coherence.
+
+The second difference of the position is taken as in `phantom_dyn.haptics.experiments.white_noise`, since a device that
+floats freely drifts off. The first period, in which the vibration builds up, is left out.
+
+References:
+    A. Farina, Simultaneous measurement of impulse response and distortion with a swept-sine technique, 108th AES
+    Convention, 2000 (the exponential sweep; recalled, not read). Cavusoglu, Feygin and Tendick (2002, section 4.3)
+    measured the PHANToM's response at discrete frequencies, sampled at 10 kHz.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from jaxtyping import Float
+
+from phantom_dyn.errors import ParameterError
+from phantom_dyn.haptics.device.axis import RigidAxis, TwoMassAxis
+from phantom_dyn.haptics.device.discretisation import discretise
+from phantom_dyn.haptics.experiments.relay import held_forces
+from phantom_dyn.haptics.experiments.white_noise import FrequencyResponse
+from phantom_dyn.haptics.number_checks import (
+    require_columns,
+    require_not_negative,
+    require_positive,
+    require_whole,
+    sample_count,
+)
+from phantom_dyn.motion import read_only
+
+Array = np.ndarray
+
+_MOST_COHERENT = 1.0 - 1e-9
+"""Coherence is kept off one, where the deviations would vanish."""
+
+
+@dataclass(frozen=True)
+class Sweep:
+    """A sine of rising frequency, repeated.
+
+    Attributes:
+        lowest: Frequency at the start of a period [rad/s].
+        highest: At its end [rad/s].
+        duration: Of one period [s].
+        periods: That are evaluated, two or more; one more runs before them.
+
+    Raises:
+        ParameterError: If the frequencies do not rise from above 0, a period is shorter than four of its slowest
+            swings, or there are fewer than two periods.
+    """
+
+    lowest: float
+    highest: float
+    duration: float
+    periods: int = 4
+
+    def __post_init__(self) -> None:
+        require_positive(lowest_frequency=self.lowest, duration_of_a_sweep=self.duration)
+        require_whole(2, periods_of_the_sweep=self.periods)
+        if not (math.isfinite(self.highest) and self.highest > self.lowest):
+            raise ParameterError(
+                f"A sweep from {self.lowest:g} to {self.highest:g} rad/s was given: give a higher frequency at its end."
+            )
+        if self.duration * self.lowest < 8 * math.pi:
+            raise ParameterError(
+                f"A sweep of {self.duration:g} s starts at {self.lowest:g} rad/s: give one of at least four swings of "
+                f"that frequency, {8 * math.pi / self.lowest:.3g} s."
+            )
+
+    def force(self, amplitude: float, period: float) -> Float[Array, " n"]:
+        """Force at the samples of one period of the sweep [N or N m], shape ``(n,)``.
+
+        Args:
+            amplitude: Greatest force [N or N m].
+            period: Sampling period [s].
+
+        Raises:
+            ParameterError: If the highest frequency is not below half the sampling frequency.
+        """
+        count = sample_count(self.duration, period)
+        if self.highest >= math.pi / period:
+            raise ParameterError(
+                f"The sweep ends at {self.highest:g} rad/s and is sampled every {period:g} s: give one that ends below "
+                f"{math.pi / period:.5g} rad/s."
+            )
+        octaves = math.log(self.highest / self.lowest)
+        t = period * np.arange(count)
+        turned = self.lowest * self.duration / octaves * np.expm1(t / self.duration * octaves)
+        return amplitude * np.sin(turned)
+
+
+@dataclass(frozen=True)
+class SweptSineExperiment:
+    """Recorded force and position of a repeated sweep, the first period included.
+
+    Attributes:
+        period: Sampling period [s].
+        sweep: What was driven.
+        force: As given by the computer [N or N m], shape ``(N,)``.
+        position: As read [m or rad], shape ``(N,)``.
+    """
+
+    period: float
+    sweep: Sweep
+    force: Float[Array, " N"]
+    position: Float[Array, " N"]
+
+    def __post_init__(self) -> None:
+        for name in ("force", "position"):
+            object.__setattr__(self, name, read_only(getattr(self, name)))
+
+    def frequency_response(self) -> FrequencyResponse:
+        """Position over force at the lines of the period within the sweep."""
+        response = response_of_periods(self.force, self.position, period=self.period, periods=self.sweep.periods)
+        return response.between(self.sweep.lowest, self.sweep.highest)
+
+
+def simulate_swept_sine(
+    axis: RigidAxis | TwoMassAxis,
+    sweep: Sweep,
+    *,
+    period: float,
+    delay: float = 0.0,
+    force: float,
+    position_noise: float,
+    rng: np.random.Generator,
+) -> SweptSineExperiment:
+    """Device driven by a repeated sweep behind hold and delay, from rest, its position read with white noise.
+
+    Args:
+        axis: Model of the device.
+        sweep: Frequencies, duration and periods.
+        period: Sampling period [s].
+        delay: Of the loop beside the hold [s].
+        force: Greatest force [N or N m].
+        position_noise: Standard deviation of the reading [m or rad].
+        rng: Draws the noise.
+
+    Raises:
+        ParameterError: If force or noise is negative, or the sweep is too fast for the sampling.
+    """
+    require_not_negative(force=force, position_noise=position_noise)
+    given = np.tile(sweep.force(force, period), sweep.periods + 1)
+    s = discretise(axis, period=period, delay=delay)
+    position = held_forces(s.transition, s.newer, s.older, s.output, s.steps, axis.rest(0.0), given)
+    return SweptSineExperiment(period, sweep, given, position + position_noise * rng.standard_normal(len(given)))
+
+
+def response_of_periods(
+    force: Float[Array, " N"], position: Float[Array, " N"], *, period: float, periods: int
+) -> FrequencyResponse:
+    r"""Frequency response from the last ``periods`` of ``periods + 1`` equal periods of force and position.
+
+    With :math:`U_i, Y_i` the spectra of period i: :math:`H = \sum Y_i \bar U_i / \sum |U_i|^2`, coherence
+    :math:`|\sum Y_i \bar U_i|^2 / (\sum |U_i|^2 \sum |Y_i|^2)`.
+
+    Args:
+        force: [N or N m], shape ``(N,)``.
+        position: [m or rad], shape ``(N,)``.
+        period: Sampling period [s].
+        periods: That are evaluated, two or more.
+
+    Returns:
+        All lines between 0 and the Nyquist frequency that the force drives with more than a millionth of its greatest.
+
+    Raises:
+        ParameterError: If the columns are not ``periods + 1`` equal lengths of 16 samples or more, or force or position
+            never changes.
+    """
+    require_positive(period=period)
+    require_whole(2, periods=periods)
+    require_columns(np.size(force), force=force, position=position)
+    length, over = divmod(len(force), periods + 1)
+    if over or length < 16:
+        raise ParameterError(
+            f"{len(force)} samples were given for {periods} periods and one before them: give {periods + 1} periods of "
+            "equal length, at least 16 samples each."
+        )
+    # Periods from one sample early on, so that each second difference in them has both neighbours.
+    now = slice(length - 1, len(force) - 1)
+    bent = position[length:] - 2.0 * position[now] + position[length - 2 : -2]
+    drive, answer = (np.fft.rfft(part.reshape(periods, length), axis=1) for part in (force[now], bent))
+    inside = slice(1, (length + 1) // 2)
+    drive, answer = drive[:, inside], answer[:, inside]
+    w = 2 * np.pi * np.fft.rfftfreq(length, period)[inside]
+    given, got = (np.sum(np.abs(part) ** 2, axis=0) for part in (drive, answer))
+    if not given.any() or not got.any():
+        what = "force" if not given.any() else "position"
+        raise ParameterError(f"The {what} never changes: record the device while its motor is driven by the sweep.")
+    cross = np.sum(answer * np.conj(drive), axis=0)
+    driven = given > 1e-12 * given.max()
+    w, given, got, cross = w[driven], given[driven], got[driven], cross[driven]
+    response = cross / given / (-4.0 * np.sin(0.5 * w * period) ** 2)
+    coherence = np.clip(np.abs(cross) ** 2 / (given * got), 0.0, _MOST_COHERENT)
+    # Of n periods one is used up by the mean that they are compared with.
+    scatter = (1.0 - coherence) / coherence / (2.0 * (periods - 1))
+    return FrequencyResponse(period, w, response, coherence, np.sqrt(scatter), float(periods), 1.0)
