@@ -21,9 +21,18 @@ def test_the_gallery_writes_every_figure_that_it_names_and_leaves_no_half_one(tm
     with matplotlib.rc_context({"savefig.dpi": 30}):  # a fifth of the dots: nobody looks at them
         out = printed("haptics_gallery.py", tmp_path)
     named = re.findall(r"^wrote (.*)$", out, flags=re.MULTILINE)
-    assert len(named) == 18
+    assert len(named) == 24
     assert sorted(named) == sorted(str(path) for path in tmp_path.iterdir())
     assert all(Path(name).read_bytes().startswith(b"\x89PNG") for name in named)
+
+
+def test_without_the_robots_of_the_walk_the_gallery_runs_to_its_end_and_says_what_it_left_out(tmp_path, monkeypatch):
+    """As after a plain installation, which has no example-robot-data."""
+    monkeypatch.setattr("phantom_dyn.model.robot_files.examples_folder", lambda: None)
+    with matplotlib.rc_context({"savefig.dpi": 30}):
+        out = printed("haptics_gallery.py", tmp_path)
+    assert "left out joystick_walk.png: example:talos_reduced needs the package example-robot-data" in out
+    assert len(list(tmp_path.iterdir())) == out.count("wrote ") == out.count("\n") - 1
 
 
 @pytest.fixture(scope="module")

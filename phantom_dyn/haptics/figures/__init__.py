@@ -1,5 +1,11 @@
 """Figures of haptics: each function takes results and returns a matplotlib figure; nothing is shown or written."""
 
+from phantom_dyn.haptics.figures.device_figures import (
+    commutation_figure,
+    lossy_link_figure,
+    safety_figure,
+    sinusoidal_encoder_figure,
+)
 from phantom_dyn.haptics.figures.experiment_figures import limit_cycles_figure, two_mass_fit_figure
 from phantom_dyn.haptics.figures.improvement_figures import (
     drive_heat_figure,
@@ -25,6 +31,7 @@ from phantom_dyn.haptics.figures.stability_figures import (
 __all__ = (
     "backlash_figure",
     "cheap_axis_figure",
+    "commutation_figure",
     "critical_stiffness_figure",
     "drive_heat_figure",
     "improvements_figure",
@@ -32,7 +39,10 @@ __all__ = (
     "linear_condition_figure",
     "loop_bode_figure",
     "loop_traces_figure",
+    "lossy_link_figure",
     "phase_margins",
+    "safety_figure",
+    "sinusoidal_encoder_figure",
     "sticking_figure",
     "transparency_figure",
     "two_mass_fit_figure",

@@ -13,10 +13,14 @@ from matplotlib.figure import Figure
 Array = np.ndarray
 Place = Literal["best", "upper left", "upper right", "lower left", "lower right", "center left"]
 
-# Colours of Okabe and Ito; markers and dashes distinguish the same curves without any colour.
-COLORS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9")
-MARKERS = ("o", "s", "^", "D", "v", "P")
-DASHES = ("-", "--", "-.", ":", (0, (5, 1, 1, 1, 1, 1)), (0, (1, 1)))
+# Colours of Okabe and Ito, and a wine red of Tol; markers distinguish the same curves without any colour.
+COLORS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9", "#882255")
+MARKERS = ("o", "s", "^", "D", "v", "P", "X")
+# One meaning for one line style, in every figure: a result is solid.
+IDEAL = "--"
+"""What an approximation, an ideal or a plan gives, or what a result tends to."""
+MARK = ":"
+"""A level or an instant that is pointed at, such as a limit that was set or a published value."""
 GREY = "#666666"
 PALE = "#56B4E940"
 _TITLE, _WIDTH = 11, 8.5

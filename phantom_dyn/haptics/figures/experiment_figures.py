@@ -1,4 +1,4 @@
-"""Experiments on a device: limit cycles under a relay, and the response to white noise with the model that fits it."""
+"""Experiments on a device: limit cycles under a relay, and a frequency response with the model that fits it."""
 
 from __future__ import annotations
 
@@ -9,7 +9,17 @@ from matplotlib.figure import Figure
 
 from phantom_dyn.haptics.experiments.frequency_identification import TwoMassFit
 from phantom_dyn.haptics.experiments.relay import LimitCycle, RelayExperiment
-from phantom_dyn.haptics.figures.canvas import COLORS, GREY, PALE, frequency_axis, hertz, key, panels
+from phantom_dyn.haptics.figures.canvas import (
+    COLORS,
+    GREY,
+    MARK,
+    PALE,
+    frequency_axis,
+    hertz,
+    key,
+    panels,
+    stiffness_unit,
+)
 
 Array = np.ndarray
 
@@ -45,7 +55,7 @@ def limit_cycles_figure(runs: Mapping[str, tuple[RelayExperiment, LimitCycle]], 
         plane.set_title(f"last {_CYCLES} cycles", fontsize=9)
         spectrum.loglog(hertz(1) * cycle.frequencies[1:], cycle.position_density[1:], color=COLORS[0], gid="density")
         words = f"{cycle.stiffness:.4g} N/m = {cycle.decibels:.1f} dB"
-        spectrum.axvline(hertz(cycle.frequency), color=COLORS[1], ls="--", label=f"critical stiffness\n{words}")
+        spectrum.axvline(hertz(cycle.frequency), color=COLORS[1], ls=MARK, label=f"critical stiffness\n{words}")
         spectrum.set_xlabel("frequency [Hz]")
         spectrum.set_ylabel("position [m²/Hz]")
         spectrum.set_title("spectrum of the position", fontsize=9)
@@ -53,19 +63,22 @@ def limit_cycles_figure(runs: Mapping[str, tuple[RelayExperiment, LimitCycle]], 
     return out
 
 
-def two_mass_fit_figure(fit: TwoMassFit, *, name: str) -> Figure:
+def two_mass_fit_figure(fit: TwoMassFit, *, name: str, experiment: str = "white noise", rotary: bool = False) -> Figure:
     """Empirical transfer function with its 95 % band, the two-mass model that fits it, and the coherence.
 
     Args:
         fit: From `fit_two_mass`.
         name: Of the device, for the title.
+        experiment: What drove it, for the title.
+        rotary: Whether the axis turns, for the units.
     """
+    mass = "kg m²" if rotary else "kg"
     (high, high_error), (low, low_error) = fit.resonance, fit.anti_resonance
     title = (
-        f"{name} from white noise: anti-resonance {hertz(low):.2f} ± {hertz(low_error):.1g} Hz, "
+        f"{name} from {experiment}: anti-resonance {hertz(low):.2f} ± {hertz(low_error):.1g} Hz, "
         f"resonance {hertz(high):.2f} ± {hertz(high_error):.1g} Hz\n"
-        f"motor {fit.axis.motor_mass:.3g}, body {fit.axis.body_mass:.3g}, cable {fit.axis.cable_stiffness:.4g} "
-        "(SI units)"
+        f"motor {fit.axis.motor_mass:.3g} {mass}, body {fit.axis.body_mass:.3g} {mass}, "
+        f"cable {fit.axis.cable_stiffness:.4g} {stiffness_unit(rotary)}"
     )
     out, ((gain,), (phase,), (coherence,)) = panels(3, title=title, together=True, ratios=(3, 2, 2), height=2.4)
     measured, w = fit.response, fit.response.frequency
@@ -80,8 +93,8 @@ def two_mass_fit_figure(fit: TwoMassFit, *, name: str) -> Figure:
     phase.plot(w, np.degrees(smooth), color=COLORS[1], lw=1.4, gid="model phase")
     coherence.plot(w, measured.coherence, ".", color=COLORS[0], ms=2.5, gid="coherence")
     for ax in (gain, phase, coherence):
-        for place, dash in ((low, ":"), (high, "--")):
-            ax.axvline(place, color=GREY, ls=dash, lw=1)
+        for place in (low, high):
+            ax.axvline(place, color=GREY, ls=MARK, lw=1)
     bottom, top = measured.decibels.min(), measured.decibels.max()
     gain.set_ylim(bottom - 15, top + 10)
     gain.set_ylabel("position over force [dB]")

@@ -9,10 +9,11 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from phantom_dyn.haptics.device.drives import PUBLISHED_RISE_LINEAR, PUBLISHED_RISE_PULSES, SwitchedCurrent, Warming
-from phantom_dyn.haptics.figures.canvas import COLORS, DASHES, MARKERS, key, panels
+from phantom_dyn.haptics.figures.canvas import COLORS, MARK, MARKERS, key, panels
 from phantom_dyn.haptics.sensing.loop_simulation import LoopTrace
 from phantom_dyn.haptics.sensing.velocity_comparison import EstimatorFigures
-from phantom_dyn.haptics.stability.phantom_improvements import Improvement
+from phantom_dyn.haptics.stability.phantom_improvements import Improvement, ModelFigure
+from phantom_dyn.haptics.stability.published_ratios import Explained
 
 Array = np.ndarray
 
@@ -22,41 +23,63 @@ _PUBLISHED_AFTER = 600.0
 """Time after which the published rises of the casing were measured [s]."""
 
 
-def improvements_figure(improvements: Sequence[Improvement]) -> Figure:
-    """How much better a quantity became by the improved electronics: published, and by each model that has an answer.
+def improvements_figure(improvements: Sequence[Improvement], explained: Sequence[Explained] = ()) -> Figure:
+    """How much better a quantity became by the improved electronics: published, assumed, and by each model.
 
     Args:
         improvements: Results of `phantom_improvements`.
+        explained: Results of `explained_improvements`, as many and in the same order, or none.
     """
-    title = "PHANToM 1.5, improved over stock: published ratios and those of models"
-    answers = [model.ratio for one in improvements for model in one.models]
-    most = float(np.nanmax([2.0, *(one.published_ratio for one in improvements), *answers]))
-    rows = [1 + len(one.models) for one in improvements]
-    out, axes = panels(len(rows), title=title, width=9.5, height=0.42 * max(rows) + 0.7, ratios=rows)
-    for (ax,), one in zip(axes, improvements, strict=True):
-        ratios = [one.published_ratio, *(model.ratio for model in one.models)]
-        names = ["published", *(model.model for model in one.models)]
-        figures = [one.published, *((model.before, model.after) for model in one.models)]
-        units = [one.unit, *(model.unit for model in one.models)]
-        for k, (ratio, pair, unit) in enumerate(zip(ratios, figures, units, strict=True)):
-            if math.isnan(ratio):
-                ax.text(1.03, k, _no_answer(pair), va="center", fontsize=8)
-                continue
-            ax.plot([1, ratio], [k, k], color=COLORS[1 if k == 0 else 0], lw=2)
-            ax.plot([ratio], [k], MARKERS[k == 0], color=COLORS[1 if k == 0 else 0], gid=names[k])
-            values = "" if pair is None else f" ({pair[0]:.4g} to {pair[1]:.4g} {unit})"
-            ax.text(ratio * 1.03, k, f"{100 * (ratio - 1):+.0f} %{values}", va="center", fontsize=8)
-        ax.axvline(one.published_ratio, color=COLORS[1], ls=":", lw=1)
+    title = "PHANToM 1.5, improved over stock: published, under assumptions, and by models alone"
+    rows = [[_published(one), *map(_model, one.models)] for one in improvements]
+    for row, one in zip(rows, explained, strict=False):
+        row.insert(1, _assumed(one))
+    ratios = [ratio for row in rows for _, ratio, _, _ in row if not math.isnan(ratio)]
+    out, axes = panels(len(rows), title=title, width=12, height=1.9, ratios=[len(row) for row in rows])
+    for (ax,), row, one in zip(axes, rows, improvements, strict=True):
+        ax.axvline(one.published_ratio, color=COLORS[1], ls=MARK, lw=1)
+        for k, (name, ratio, says, needs) in enumerate(row):
+            kind = 1 if k == 0 else 2 if name == "under assumptions" else 0
+            if not math.isnan(ratio):
+                ax.plot([1, ratio], [k, k], color=COLORS[kind], lw=2)
+                ax.plot([ratio], [k], MARKERS[kind], color=COLORS[kind], gid=name)
+            ax.text(1.06 * ratio if needs else 1.0, k, needs, va="center", fontsize=8)
+            # Beside the panel, where no curve runs through it.
+            ax.text(1.01, k, says, va="center", fontsize=8, transform=ax.get_yaxis_transform())
         ax.set_xscale("log")
-        ax.set_xlim(0.95, 6 * most)
+        ax.set_xlim(0.95, 1.3 * max(2.0, *ratios))
         ax.set_xticks([1, 1.5, 2, 3, 5, 10, 20], ["1", "1.5", "2", "3", "5", "10", "20"])
         ax.grid(False, axis="y")
         ax.minorticks_off()
-        ax.set_yticks(range(len(names)), names, fontsize=8)
-        ax.set_ylim(len(names) - 0.4, -0.6)
+        ax.set_yticks(range(len(row)), [name for name, *_ in row], fontsize=8)
+        ax.set_ylim(len(row) - 0.4, -0.6)
         ax.set_title(one.quantity, fontsize=9)
     axes[-1][0].set_xlabel("improved over stock [-]")
     return out
+
+
+_Row = tuple[str, float, str, str]
+"""Name, ratio, what stands beside the panel, and what is assumed."""
+
+
+def _published(one: Improvement) -> _Row:
+    values = "" if one.published is None else f": {one.published[0]:g} to {one.published[1]:g} {one.unit}"
+    return "published", one.published_ratio, f"{100 * (one.published_ratio - 1):+.0f} %{values}", ""
+
+
+def _assumed(one: Explained) -> _Row:
+    # Where no values are published, the model's stand on nothing but its assumptions.
+    values = "" if one.published is None else f": {one.before:.4g} to {one.after:.4g} {one.unit}"
+    needs = "; ".join(f"{need.says}: {need.value:.3g} {need.unit}" for need in one.assumptions)
+    return "under assumptions", one.ratio, f"{100 * (one.ratio - 1):+.0f} %{values}", needs
+
+
+def _model(model: ModelFigure) -> _Row:
+    if math.isnan(model.ratio):
+        return model.model, model.ratio, _no_answer((model.before, model.after)), ""
+    known = not model.unit.startswith("in the fit")
+    values = f": {model.before:.3g} to {model.after:.3g} {model.unit}" if known else ", units of the fit not stated"
+    return model.model, model.ratio, f"{100 * (model.ratio - 1):+.0f} %{values}", ""
 
 
 def loop_traces_figure(traces: Mapping[str, LoopTrace], *, title: str) -> Figure:
@@ -70,7 +93,7 @@ def loop_traces_figure(traces: Mapping[str, LoopTrace], *, title: str) -> Figure
     for (name, trace), (position, force) in zip(traces.items(), rows, strict=True):
         for device in range(trace.position.shape[1]):
             label = f"device {device + 1}" if trace.position.shape[1] > 1 else None
-            look = {"color": COLORS[device], "ls": "--" if device else "-", "label": label}
+            look = {"color": COLORS[device], "label": label}
             position.plot(trace.t, 1e3 * trace.position[:, device], **look)
             force.plot(trace.t, trace.force[:, device], lw=0.8, **look)
         ended = ", it ran away" if trace.ran_away else ""
@@ -88,9 +111,9 @@ def velocity_estimators_figure(estimators: Mapping[str, EstimatorFigures]) -> Fi
     """Lag and granularity of velocity estimators, and what they make of an accelerated and of a steady motion.
 
     Args:
-        estimators: Results of `estimator_figures` for one motion, by the estimator's name; at most six.
+        estimators: Results of `estimator_figures` for one motion, by the estimator's name; at most seven.
     """
-    title = "Velocity estimators: what is fine is late, unless the time between edges is measured"
+    title = "Velocity estimators: what is fine is late, unless the time between edges or the acceleration is measured"
     out, ((lag, grain), (fast, steady)) = panels(2, 2, title=title, width=12, height=3.4)
     names, found = list(estimators), list(estimators.values())
     places = np.arange(len(names))
@@ -108,8 +131,8 @@ def velocity_estimators_figure(estimators: Mapping[str, EstimatorFigures]) -> Fi
         ax.margins(x=0.15)
     first = found[0]
     late, end = first.t >= first.t[-1] - _SHOWN, first.t >= first.t[-1] - _SHOWN_STEADY
-    fast.plot(first.t[late], 1e3 * first.velocity[late], color="black", lw=2, label="true")
-    steady.axhline(1e3 * first.velocity[0], color="black", lw=2, label="true")
+    fast.plot(first.t[late], 1e3 * first.velocity[late], color="black", lw=1, label="true")
+    steady.axhline(1e3 * first.velocity[0], color="black", lw=1, label="true")
     for k, (name, one) in enumerate(estimators.items()):
         # Colour alone says which one it is; the one that leaves the panel is a veil behind the others.
         faint = one.granularity == max(other.granularity for other in found)
@@ -144,7 +167,8 @@ def drive_heat_figure(switched: Mapping[str, SwitchedCurrent], warm: Warming) ->
     title = "Pulses heat a motor more than a linear drive of the same mean current, unless its winding is slow"
     out, ((current, heat, rise),) = panels(1, 3, title=title, width=13, height=3.6)
     for k, (name, one) in enumerate(switched.items()):
-        current.plot(1e6 * one.t, one.current, color=COLORS[k % len(COLORS)], ls=DASHES[k % len(DASHES)], label=name)
+        look = {"marker": MARKERS[k % len(MARKERS)], "ms": 4, "markevery": len(one.t) // 10}
+        current.plot(1e6 * one.t, one.current, color=COLORS[k % len(COLORS)], **look, label=name)
     means = [one.mean for one in switched.values()]
     current.axhline(float(np.mean(means)), color="black", lw=1, label="mean")
     current.set_xlabel("time in a period of the pulses [us]")
@@ -163,7 +187,7 @@ def drive_heat_figure(switched: Mapping[str, SwitchedCurrent], warm: Warming) ->
     heat.set_ylabel("heat in the winding [W]")
     key(heat)
     rise.plot(warm.t / 60, warm.pulses, color=COLORS[1], label="pulses", gid="pulses")
-    rise.plot(warm.t / 60, warm.linear, color=COLORS[0], ls="--", label="linear", gid="linear")
+    rise.plot(warm.t / 60, warm.linear, color=COLORS[0], label="linear", gid="linear")
     for value, color, label in (
         (PUBLISHED_RISE_PULSES, COLORS[1], "pulses"),
         (PUBLISHED_RISE_LINEAR, COLORS[0], "linear"),

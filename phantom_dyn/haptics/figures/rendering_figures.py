@@ -8,7 +8,7 @@ from matplotlib.figure import Figure
 
 from phantom_dyn.haptics.cheap.cheap_axis import CheapAxis
 from phantom_dyn.haptics.cheap.cheap_hardware import Rendered
-from phantom_dyn.haptics.figures.canvas import COLORS, GREY, beside, key, panels, shade
+from phantom_dyn.haptics.figures.canvas import COLORS, GREY, IDEAL, MARK, beside, key, panels, shade
 from phantom_dyn.walking.walking_reference import WalkingReference
 
 Array = np.ndarray
@@ -31,10 +31,10 @@ def sticking_figure(t: Float[Array, " N"], x: Float[Array, " N"], out: Rendered,
     if axis.friction is not None:
         slip, static = axis.friction.torque, axis.friction.torque * axis.friction.static_ratio
         for sign in (-1, 1):
-            force.axhline(sign * slip, color=GREY, ls="--", lw=1, label="in slip" if sign > 0 else None)
-            force.axhline(sign * static, color=GREY, ls=":", lw=1, label="breaks loose" if sign > 0 else None)
+            force.axhline(sign * slip, color="black", ls=MARK, lw=1.2, label="in slip" if sign > 0 else None)
+            force.axhline(sign * static, color=COLORS[2], ls=MARK, lw=1.2, label="breaks loose" if sign > 0 else None)
             level = 1e3 * sign * axis.friction.stick_velocity
-            speed.axhline(level, color=GREY, ls=":", lw=1, label="sticks below" if sign > 0 else None)
+            speed.axhline(level, color=GREY, ls=MARK, lw=1.2, label="sticks below" if sign > 0 else None)
     for ax in (place, force, speed):
         shade(ax, t, out.stuck, "stuck")
     speed.set_ylim(*(4 * np.array([-1, 1]) * max(5.0, 1e3 * (axis.friction.stick_velocity if axis.friction else 0.0))))
@@ -60,10 +60,10 @@ def backlash_figure(t: Float[Array, " N"], x: Float[Array, " N"], out: Rendered,
     title = f"Play of {1e3 * axis.gap:g} mm: the mass drifts from wall to wall{mass}"
     figure, ((place,), (apart,), (force,)) = panels(3, title=title, together=True, height=2.2, width=10)
     place.plot(t, 1e3 * x, color=COLORS[0], label="probe", gid="probe")
-    place.plot(t, 1e3 * out.mass_position, color=COLORS[1], ls="--", label="virtual mass", gid="mass")
+    place.plot(t, 1e3 * out.mass_position, color=COLORS[1], label="virtual mass", gid="mass")
     apart.plot(t, 1e3 * (x - out.mass_position), color=COLORS[2], gid="apart")
     for sign in (-1, 1):
-        apart.axhline(1e3 * sign * axis.gap / 2, color=GREY, ls="--", lw=1, label="wall" if sign > 0 else None)
+        apart.axhline(1e3 * sign * axis.gap / 2, color=GREY, ls=MARK, lw=1.2, label="wall" if sign > 0 else None)
     force.plot(t, out.coupling, color=COLORS[1], lw=0.9, label="of the coupling", gid="coupling")
     force.plot(t, out.force, color=COLORS[0], label="on the hand, averaged", gid="force")
     for ax in (place, apart, force):
@@ -101,7 +101,7 @@ def cheap_axis_figure(
         3, title=title, together=True, ratios=(2, 3, 1.5), height=2.3, width=10
     )
     place.plot(t, 1e3 * x, color=COLORS[0], label="probe", gid="probe")
-    place.plot(t, 1e3 * out.mass_position, color=COLORS[1], ls="--", label="virtual mass", gid="mass")
+    place.plot(t, 1e3 * out.mass_position, color=COLORS[1], label="virtual mass", gid="mass")
     force.plot(t, asked, color="black", lw=1, label="asked for", gid="asked")
     force.plot(t, out.force, color=COLORS[1], lw=0.9, label="felt", gid="felt")
     step.plot(t[1:], 1 / np.diff(t), ".", ms=1.5, color=COLORS[0], gid="rate")
@@ -129,7 +129,7 @@ def walk_figure(reference: WalkingReference, *, silent_above: float) -> Figure:
         label = "support polygons" if k == 0 else None
         ground.fill(*polygon.vertices.T, facecolor="#0072B210", edgecolor="#0072B270", linewidth=0.8, label=label)
     ground.plot(*reference.pendulum.com.T, color=GREY, label="centre of mass", gid="com")
-    ground.plot(*reference.pendulum.zmp.T, color=COLORS[4], ls="--", label="planned zero moment point", gid="plan")
+    ground.plot(*reference.pendulum.zmp.T, color=COLORS[4], ls=IDEAL, label="planned zero moment point", gid="plan")
     ground.plot(*reference.zmp.T, color=COLORS[1], lw=1, label="zero moment point of all bodies", gid="zmp")
     ground.set(aspect="equal", xlabel="x [m]", ylabel="y [m]")
     key(ground, "upper left")
@@ -138,11 +138,12 @@ def walk_figure(reference: WalkingReference, *, silent_above: float) -> Figure:
     margin.set(xlabel="time [s]", xlim=(0, reference.t[-1]))
     margin.set_ylabel("margin [mm]", color=COLORS[1])
     for k, time in enumerate(reference.joystick.t):
-        margin.axvline(time, color=GREY, ls=":", label="joystick moves" if k == 0 else None)
+        margin.axvline(time, color=GREY, ls=MARK, label="joystick moves" if k == 0 else None)
     hand = margin.twinx()
     felt = reference.haptic_signal(silent_above=silent_above)
     hand.fill_between(reference.t, felt, color=COLORS[2], alpha=0.3, lw=0)
     hand.set_ylabel("drive of the motor\nin the hand [-]", color=COLORS[2])
     hand.set_ylim(0, 1)
-    key(margin, "center left")
+    margin.set_ylim(top=1.35e3 * reference.margin.max())  # room for the legend
+    key(margin, "upper left")
     return drawing

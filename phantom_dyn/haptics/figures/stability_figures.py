@@ -15,8 +15,8 @@ from matplotlib.ticker import LogLocator
 from phantom_dyn.errors import ParameterError
 from phantom_dyn.haptics.figures.canvas import (
     COLORS,
-    DASHES,
     GREY,
+    IDEAL,
     MARKERS,
     damping_unit,
     frequency_axis,
@@ -53,7 +53,7 @@ def loop_bode_figure(bode: LoopBode, *, name: str, stiffness: float = 1.0, rotar
     gain.axhline(0, color="black", lw=0.8)
     if math.isfinite(bode.linear):
         level = 20 * math.log10(bode.linear / stiffness)
-        gain.axhline(-level, color=GREY, ls=":", lw=1.2, label=f"linear condition: {level:.2f} dB")
+        gain.axhline(-level, color=GREY, ls=IDEAL, lw=1.2, label=f"linear condition: {level:.2f} dB")
     lowest = min((crossing.gain for crossing in bode.margin.crossings), default=math.nan)
     for k, crossing in enumerate(bode.margin.crossings):
         decides = crossing.gain == lowest
@@ -166,9 +166,10 @@ def linear_condition_figure(found: StabilityMap, *, name: str, rotary: bool = Fa
     x = _shown(found, across)
     for k in range(count):
         label = f", {_fixed(found, others[0], rotary, k)}" if others else ""
-        values.plot(x, exact[k], color=COLORS[k], label=f"exact{label}")
-        values.plot(x, linear[k], color=COLORS[k], ls="--", label=f"linear{label}")
-        quotient.plot(x, ratio[k], color=COLORS[k], ls=DASHES[k])
+        look = {"color": COLORS[k], "marker": MARKERS[k], "ms": 4, "markevery": max(len(x) // 10, 1)}
+        values.plot(x, exact[k], **look, label=f"exact{label}")
+        values.plot(x, linear[k], color=COLORS[k], ls=IDEAL, label=f"linear{label}")
+        quotient.plot(x, ratio[k], **look)
     quotient.axhline(1, color="black", lw=0.8)
     if exact.max() > 20 * exact.min() > 0:
         values.set_yscale("log")
@@ -191,7 +192,7 @@ def transparency_figure(results: Mapping[float, Transparency], *, name: str, fil
     out, ((gain,), (phase,), (inertia,)) = panels(3, title=title, together=True, height=2.5)
     for k, (force_gain, result) in enumerate(results.items()):
         w, color, label = result.frequency, COLORS[k % len(COLORS)], f"force gain {force_gain:g}"
-        for response, dash, words in ((result.response, "-", label), (result.ideal, ":", f"{label}, ideal")):
+        for response, dash, words in ((result.response, "-", label), (result.ideal, IDEAL, f"{label}, ideal")):
             gain.plot(w, 20 * np.log10(np.abs(response)), color=color, ls=dash, label=words, gid=words)
             phase.plot(w, np.degrees(np.unwrap(np.angle(response))), color=color, ls=dash)
         inertia.plot(w, result.apparent_inertia, color=color, label=label, gid=f"{label}, inertia")
@@ -227,7 +228,7 @@ def worst_delay_figure(
         look = {"color": COLORS[k % len(COLORS)], "marker": MARKERS[k % len(MARKERS)], "ms": 3 + 3 * k, "mfc": "none"}
         gain.semilogy(1e3 * delay, [one.gain for one in found], **look, label=label, gid=label)
         words = f"{label}, worst case {worst[label]:.2f}"
-        gain.axhline(worst[label], color=look["color"], ls="--", lw=1, label=words)
+        gain.axhline(worst[label], color=look["color"], ls=IDEAL, lw=1, label=words)
         frequency.semilogy(1e3 * delay, [one.frequency / (2 * np.pi) for one in found], **look)
     for ax in (gain, frequency):
         ax.yaxis.set_major_formatter("{x:g}")

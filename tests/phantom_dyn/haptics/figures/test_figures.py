@@ -32,6 +32,7 @@ from phantom_dyn.haptics.stability.force_feedforward import (
 )
 from phantom_dyn.haptics.stability.passivity import simulate_teleoperation
 from phantom_dyn.haptics.stability.phantom_improvements import Improvement, ModelFigure
+from phantom_dyn.haptics.stability.published_ratios import Assumption, Explained
 
 T = 1e-3
 RIGID = RigidAxis(5.4, 3.5)
@@ -130,8 +131,8 @@ def test_linear_condition_stands_beside_the_exact_boundary():
 
 
 def test_more_curves_than_colours_are_refused():
-    found = stability_map(RIGID, period=[T], delay=np.linspace(0, T, 7), virtual_damping=np.linspace(0, 1, 8))
-    with pytest.raises(ParameterError, match="7 curves were asked for"):
+    found = stability_map(RIGID, period=[T], delay=np.linspace(0, T, 8), virtual_damping=np.linspace(0, 1, 9))
+    with pytest.raises(ParameterError, match="8 curves were asked for"):
         figures.linear_condition_figure(found, name="LHIfAM")
 
 
@@ -205,6 +206,15 @@ def test_improvements_stand_beside_the_published_ratio_and_a_model_without_answe
     assert line(figure, "published")[0] == [1.35]
     assert line(figure, "model")[0] == [3.0]
     assert any(text.get_text() == "no answer: unstable for every gain" for text in figure.axes[0].texts)
+
+
+def test_what_is_assumed_stands_beside_the_ratio_that_it_gives():
+    answer = ModelFigure("model", "N/m", 0.0, 0.0, "")
+    one = Improvement("wall", (2e3, 2.7e3), "N/m", 1.35, (answer,), "")
+    assumed = Explained("wall", "N/m", (2e3, 2.7e3), 1.35, (Assumption("a late amplifier", 0.175, "ms"),), 2e3, 2.7e3)
+    figure = figures.improvements_figure((one,), (assumed,))
+    assert line(figure, "under assumptions")[0] == [1.35]
+    assert {"a late amplifier: 0.175 ms", "+35 %: 2000 to 2700 N/m"} <= {t.get_text() for t in figure.axes[0].texts}
 
 
 def test_loop_traces_show_both_devices():
