@@ -14,7 +14,7 @@ from benchmarks.diagnosis_cost import drive_torque, sines
 from identification.data.recording import Recording
 from identification.data.signals import process_all
 from identification.diagnosis.fit.fitting import fit
-from identification.diagnosis.fit.grams import Weights, build_grams
+from identification.diagnosis.fit.grams import Weights, all_row_grams, summed
 from identification.diagnosis.fit.problem import set_up
 from identification.diagnosis.model.columns import Columns, build_columns
 from identification.diagnosis.model.session import Session, session_of_logs
@@ -62,7 +62,8 @@ def test_columns_of_every_effect(benchmark, stages):
 
 
 def test_gram_matrices(benchmark, stages):
-    grams = benchmark(build_grams, stages.white, stages.session.blocks, stages.session.folds, stages.weights)
+    rows = benchmark(all_row_grams, stages.white, stages.session.blocks, stages.session.folds, stages.weights)
+    grams = summed(stages.white, rows, stages.session.folds)
     assert grams.core_a.shape == (len(stages.session.blocks), *2 * (len(stages.columns.names),))
 
 

@@ -146,8 +146,10 @@ def as_told(search: Search, chosen: frozenset[Term], findings: tuple[Finding, ..
 
 
 def union_of(hypotheses: tuple[Hypothesis, ...]) -> Int[Array, " u"]:
-    """All columns that any hypothesis uses, nuisances first."""
-    used = {int(k) for one in hypotheses for variant in one.variants for k in variant.fitted.active}
+    """All columns that any hypothesis uses and all moves of the model, which come first."""
+    fits = [variant.fitted for one in hypotheses for variant in one.variants]
+    # What no recording so far has shown may show in the next one.
+    used = {int(k) for found in fits for k in (*range(found.problem.nuisances), *found.active)}
     return np.array(sorted(used), dtype=int)
 
 
@@ -156,8 +158,10 @@ def model_of(search: Search, variant: Variant, union: Int[Array, " u"]) -> Model
     problem, found = search.problem, variant.fitted
     at = np.searchsorted(union, found.active)
     expand = np.eye(len(at)) if found.expand is None else found.expand
-    basis = np.zeros((len(union), expand.shape[1]))
-    basis[at] = expand
+    all_moves, fitted = problem.nuisances, len(problem.moves)
+    basis = np.zeros((len(union), all_moves + expand.shape[1] - fitted))
+    basis[:all_moves, :all_moves] = np.eye(all_moves)
+    basis[at[fitted:], all_moves:] = expand[fitted:, fitted:]
     theta = found.theta[union]
     # The first unit entry of a column is the coefficient that its number is.
     rows = np.argmax(basis == 1.0, axis=0)

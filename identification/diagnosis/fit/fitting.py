@@ -151,9 +151,9 @@ class Near:
 
 
 def active_columns(problem: Problem, terms: tuple[Term, ...]) -> Int[Array, " k"]:
-    """Sorted indices of the nuisance columns and of the columns of the terms."""
+    """Sorted indices of the moves that fits contain and of the columns of the terms."""
     chosen = sorted({column for term in terms for column in term.columns})
-    return np.array([*range(problem.nuisances), *chosen], dtype=int)
+    return np.array([*problem.moves, *chosen], dtype=int)
 
 
 def fit(

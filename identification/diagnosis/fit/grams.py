@@ -160,11 +160,27 @@ def row_grams(
     )
 
 
-def build_grams(columns: Columns, blocks: tuple[Block, ...], folds: Int[Array, " B"], weights: Weights) -> Grams:
-    """Products of all rows, summed."""
-    rows = tuple(in_two_threads(lambda row: row_grams(columns, blocks, folds, weights, row), range(len(columns.rows))))
-    count, total = len(blocks), len(columns.names)
-    index, always = tuple(row.index for row in rows), len(columns.nuisances)
+def all_row_grams(
+    columns: Columns, blocks: tuple[Block, ...], folds: Int[Array, " B"], weights: Weights
+) -> tuple[RowGrams, ...]:
+    """Products of every row."""
+    return tuple(in_two_threads(lambda row: row_grams(columns, blocks, folds, weights, row), range(len(columns.rows))))
+
+
+def summed(
+    columns: Columns, rows: tuple[RowGrams, ...], folds: Int[Array, " B"], always: Int[Array, " m"] | None = None
+) -> Grams:
+    """Products of all rows, summed.
+
+    Args:
+        columns: All columns.
+        rows: Products of every row.
+        folds: Which blocks are held out together.
+        always: Columns of every fit, in order; None: all moves of the model.
+    """
+    count, total = len(folds), len(columns.names)
+    index = tuple(row.index for row in rows)
+    always = np.arange(len(columns.nuisances)) if always is None else always
     fold_a = RowProducts(index, tuple(row.a[:-1] for row in rows), total, always)
     unseen_a = RowProducts(index, tuple(row.a[-1:] for row in rows), total, always)
     core_a = RowProducts(index, tuple(row.core_a for row in rows), total, always)

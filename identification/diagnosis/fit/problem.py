@@ -5,15 +5,17 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import Float, Int
 
-from identification.diagnosis.fit.grams import Grams, Weights, build_grams
+from identification.diagnosis.fit.grams import Grams, RowGrams, Weights, all_row_grams, summed
 from identification.diagnosis.model.blocks import Block
 from identification.diagnosis.model.columns import Columns
 from identification.diagnosis.model.session import Session
 
 Array = np.ndarray
 
+# Squares of what all moves make together that no fit contains, each at its bound, in noise of one sample.
+_UNSEEN = 1.0
 # Size of a column beside the others of its effect below which it is rounding.
 _ROUNDING = 1e-9
 
@@ -30,7 +32,8 @@ class Problem:
         grams: Products of the columns.
         precision: Prior precision of each coefficient about zero, ``(K,)``.
         lower, upper: Bounds, ``(K,)``.
-        nuisances: Number of leading columns that every fit contains.
+        nuisances: Number of leading columns, which are moves of the model within its tolerances.
+        moves: Those of them that the fits contain: the others could not be seen in these recordings, see `seen_moves`.
         total_a, total_b: Products summed over the blocks that train.
         touched: Rows that each column touches.
     """
@@ -44,6 +47,7 @@ class Problem:
     lower: Float[Array, " K"]
     upper: Float[Array, " K"]
     nuisances: int
+    moves: Int[Array, " m"]
     total_a: Float[Array, "K K"]
     total_b: Float[Array, " K"]
     touched: tuple[frozenset[int], ...]
@@ -59,7 +63,9 @@ def set_up(session: Session, columns: Columns, white: Columns, weights: Weights)
 
     The width is thirty times the size at which a column alone would carry the whole residual.
     """
-    grams = build_grams(white, session.blocks, session.folds, weights)
+    rows = all_row_grams(white, session.blocks, session.folds, weights)
+    moves = seen_moves(columns, rows)
+    grams = summed(white, rows, session.folds, moves)
     count = len(columns.names)
     energy = np.diag(grams.everything)
     shown = energy > 0
@@ -91,7 +97,29 @@ def set_up(session: Session, columns: Columns, white: Columns, weights: Weights)
         lower,
         upper,
         len(columns.nuisances),
+        moves,
         grams.total_a,
         total_b,
         tuple(frozenset(rows) for rows in touched),
     )
+
+
+def seen_moves(columns: Columns, rows: tuple[RowGrams, ...]) -> Int[Array, " m"]:
+    """Moves of the model that change the torque of these recordings by anything to speak of, in order.
+
+    Of a robot's links many numbers matter to no torque that was recorded. A fit with all of them takes several times as
+    long and says the same: those left out could together, each at its bound, change the weighed torque by no more than
+    the noise of one sample does.
+
+    Args:
+        columns: All columns, moves first.
+        rows: Weighted products of each row.
+    """
+    count = len(columns.nuisances)
+    energy = np.zeros(count)
+    for row in rows:
+        own = np.flatnonzero(row.index < count)
+        energy[row.index[own]] += row.a.sum(axis=0)[own, own]
+    energy *= np.array([move.bound for move in columns.nuisances]) ** 2
+    smallest = np.argsort(energy, kind="stable")
+    return np.sort(smallest[np.cumsum(energy[smallest]) > _UNSEEN])

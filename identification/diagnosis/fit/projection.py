@@ -95,7 +95,7 @@ def gain_of(besides: Beside, term: Term) -> float:
 
 @dataclass(frozen=True)
 class FoldProjection:
-    """Held-out loss of one fold as a quadratic in the coefficients of any rivals, the nuisances fitted beside them.
+    """Held-out loss of one fold as a quadratic in the coefficients of any rivals, the moves fitted beside them.
 
     Attributes:
         problem: What is fitted.
@@ -114,8 +114,8 @@ class FoldProjection:
     @property
     def inner(self) -> Float[Array, "n n"]:
         """Training products of the nuisances with priors."""
-        n = len(self.made)
-        return self.lines[:, :n] + np.diag(self.problem.precision[:n])
+        moves = self.problem.moves
+        return self.lines[:, moves] + np.diag(self.problem.precision[moves])
 
     def training(self, columns: Int[Array, "g m"]) -> Float[Array, "g m m"]:
         """Training products among each group of columns with the nuisances taken out, priors included."""
@@ -136,16 +136,15 @@ class FoldProjection:
 
 def fold_projections(problem: Problem) -> tuple[FoldProjection, ...]:
     """The projection of each fold, and last that of the fit that holds nothing out."""
-    grams, n = problem.grams, problem.nuisances
-    nuisances = np.arange(n)
-    less, cores = grams.fold_a[:, nuisances], grams.fold_core_a[:, nuisances]
+    grams, moves = problem.grams, problem.moves
+    less, cores = grams.fold_a[:, moves], grams.fold_core_a[:, moves]
     nothing = np.zeros_like(less[0])
     out = []
     for fold, (gone, core) in enumerate(zip((*less, nothing), (*cores, nothing), strict=True)):
-        lines = problem.total_a[:n] - gone
-        made = solve(lines[:, :n] + np.diag(problem.precision[:n]), lines)
+        lines = problem.total_a[moves] - gone
+        made = solve(lines[:, moves] + np.diag(problem.precision[moves]), lines)
         which = fold if fold < len(less) else None
-        out.append(FoldProjection(problem, which, lines, (core[:, :n], core), made))
+        out.append(FoldProjection(problem, which, lines, (core[:, moves], core), made))
     return tuple(out)
 
 

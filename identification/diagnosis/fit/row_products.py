@@ -6,7 +6,7 @@ tenths of it zero.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cached_property
 
 import numpy as np
@@ -25,13 +25,13 @@ class RowProducts:
         index: For each row, which of all columns touch it.
         values: For each row, products of these, ``(B, k, k)``.
         columns: How many columns there are in all.
-        always: How many of the first columns are among those of every fit.
+        always: Columns that every fit contains, the first of its columns, ``(m,)``.
     """
 
     index: tuple[Int[Array, " k"], ...]
     values: tuple[Float[Array, "B k k"], ...]
     columns: int
-    always: int = 0
+    always: Int[Array, " m"] = field(default_factory=lambda: np.zeros(0, dtype=int))
 
     @property
     def shape(self) -> tuple[int, int, int]:
@@ -108,12 +108,13 @@ class RowProducts:
 
     def _known(self, columns: Int[Array, " k"]) -> int:
         """How many of the first columns are those of every fit."""
-        return self.always if np.array_equal(columns[: self.always], np.arange(self.always)) else 0
+        count = len(self.always)
+        return count if np.array_equal(columns[:count], self.always) else 0
 
     @cached_property
     def _first(self) -> Float[Array, "B n n"]:
         """Among the columns of every fit."""
-        return RowProducts(self.index, self.values, self.columns).among(np.arange(self.always))
+        return RowProducts(self.index, self.values, self.columns).among(self.always)
 
     @cached_property
     def _places(self) -> tuple[Int[Array, " K"], ...]:

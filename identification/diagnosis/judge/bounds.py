@@ -52,7 +52,7 @@ def smallest_seen(
     hopeless: dict[tuple[str, str | None], NotTestable] = {}
     found = {term.place for term in chosen}
     kept = sorted({column for term in chosen for column in term.columns})
-    base = np.array([*range(problem.nuisances), *kept], dtype=int)
+    base = np.array([*problem.moves, *kept], dtype=int)
     inverse, inverse_plain = _inverse(problem, base), _inverse(plain.problem, base)
     held_out = held_out_share(problem.blocks)
     tested = set(search.terms)

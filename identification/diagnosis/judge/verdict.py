@@ -121,9 +121,10 @@ def flexible_prediction(problem: Problem, residual: Series) -> Series:
 
 def adjusted(problem: Problem, found: Fitted) -> tuple[Adjusted, ...]:
     """Moves of the model inside its tolerance that the data ask for: beyond two deviations, or at their limit."""
-    std = np.sqrt(np.diag(found.cov))[: problem.nuisances]
+    std = np.sqrt(np.diag(found.cov))[: len(problem.moves)]
     out = []
-    for move, change, deviation in zip(problem.columns.nuisances, found.theta[: problem.nuisances], std, strict=True):
+    for k, deviation in zip(problem.moves, std, strict=True):
+        move, change = problem.columns.nuisances[k], found.theta[k]
         at_limit = bool(abs(change) > rules.AT_LIMIT * move.bound)
         if move.relative and (at_limit or abs(change) > 2 * deviation):
             hides = hidden_by(problem.session.robot, move) if at_limit else ""

@@ -88,25 +88,25 @@ def _null_products(problem: Problem, noise: Series, rng: np.random.Generator) ->
 
 def _gains(problem: Problem, terms: tuple[Term, ...], b: Array, core_b: Array) -> Float[Array, "T R"]:
     """Held-out gain of each rival on each null recording beside the nuisances; bounds are left out."""
-    n = problem.nuisances
+    moved = problem.moves
     right = b.sum(axis=0)
     alike = _by_size(terms)
     gains = np.zeros((len(terms), b.shape[2]))
     *folds, whole = fold_projections(problem)
     for fold, part in enumerate(folds):
         products, held = right - b[fold], core_b[fold]
-        base = solve(part.inner, products[:n])
+        base = solve(part.inner, products[moved])
         # Products with what the nuisances leave, on the blocks that train and on those that are held out.
-        products = products - part.made.T @ products[:n]
+        products = products - part.made.T @ products[moved]
         inside, across = part.core
-        held = held - part.made.T @ held[:n] - (across.T - part.made.T @ inside) @ base
+        held = held - part.made.T @ held[moved] - (across.T - part.made.T @ inside) @ base
         for which, columns in alike:
             x = solve_each(part.training(columns), products[columns])
             gains[which] += (x * (2 * held[columns] - part.held_out(columns) @ x)).sum(axis=1)
     # A rival also relieves the nuisances of moves that cost.
-    base = solve(whole.inner, right[:n])
-    products = right - whole.made.T @ right[:n]
-    precision = problem.precision[:n, None]
+    base = solve(whole.inner, right[moved])
+    products = right - whole.made.T @ right[moved]
+    precision = problem.precision[moved, None]
     cost = (base**2 * precision).sum(axis=0)
     for which, columns in alike:
         made = whole.made[:, columns].transpose(1, 0, 2)

@@ -43,7 +43,7 @@ def squares_left(plain: Search, terms: frozenset[Term]) -> Callable[[frozenset[T
         terms: All effects of which some may be asked for.
     """
     problem = plain.problem
-    wanted = {column for term in terms for column in term.columns} | set(range(problem.nuisances))
+    wanted = {column for term in terms for column in term.columns} | set(problem.moves.tolist())
     rows = [_row(problem, j, wanted) for j in range(len(problem.white.rows))]
     counts = np.column_stack([row.counts for row in rows])
     fold = problem.grams.fold[judged_blocks(problem)]

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from identification.data.signals import process
-from identification.diagnosis.fit.grams import Weights, build_grams, row_grams
+from identification.diagnosis.fit.grams import Weights, all_row_grams, row_grams, summed
 from identification.diagnosis.model.blocks import FOLDS, Block, assign_folds, split_blocks
 
 
@@ -103,7 +103,7 @@ def test_products_of_a_fold_are_those_of_its_blocks(two, fold):
 
 def test_rows_add_up(two, rng):
     # For any coefficients the summed products give the loss of all rows.
-    grams = build_grams(two.white, two.blocks, two.folds, two.weights)
+    grams = summed(two.white, all_row_grams(two.white, two.blocks, two.folds, two.weights), two.folds)
     theta = rng.normal(size=len(two.white.names)) * 1e-3
     mine = np.flatnonzero(two.folds == 1)
     expected = 0.0
@@ -118,7 +118,7 @@ def test_rows_add_up(two, rng):
 
 
 def test_the_count_of_a_core_is_the_number_of_its_independent_samples(two):
-    grams = build_grams(two.white, two.blocks, two.folds, two.weights)
+    grams = summed(two.white, all_row_grams(two.white, two.blocks, two.folds, two.weights), two.folds)
     block = two.blocks[2]
     use = two.white.usable[block.log][block.core : block.stop]
     assert grams.count[2] == pytest.approx((use.sum(axis=0) / two.weights.spread).sum())

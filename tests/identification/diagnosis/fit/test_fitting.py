@@ -114,6 +114,16 @@ def test_nuisances_stay_within_two_tolerances(lab, planar2):
     assert np.any(np.isclose(np.abs(moves), bounds))
 
 
+def test_a_fit_without_the_moves_that_cannot_be_seen_leaves_what_one_with_all_leaves(lab, planar2):
+    # The same fit with every move in it; the noise of one sample is one.
+    motion = lab.motion(2, 3)
+    still = replace(motion, q=motion.q * [1.0, 0.0], v=motion.v * [1.0, 0.0], a=motion.a * [1.0, 0.0])
+    problem = lab.prepared(planar2, (lab.recording(planar2, still, -still.v * 0.15),)).problem
+    every = replace(problem, moves=np.arange(problem.nuisances))
+    assert 0 < len(problem.moves) < problem.nuisances
+    assert fit(problem, ()).objective == pytest.approx(fit(every, ()).objective, abs=1.0)
+
+
 def test_the_penalty_counts_squared_sigmas(rough):
     found = fit(rough.problem, ())
     sigma = np.array([n.sigma for n in rough.columns.nuisances])

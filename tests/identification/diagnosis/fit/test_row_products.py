@@ -19,7 +19,7 @@ def kept(rng) -> RowProducts:
     for columns in index:
         x = rng.normal(size=(BLOCKS, 40, len(columns)))
         values.append(x.transpose(0, 2, 1) @ x)
-    return RowProducts(index, tuple(0.5 * (v + v.transpose(0, 2, 1)) for v in values), COLUMNS, ALWAYS)
+    return RowProducts(index, tuple(0.5 * (v + v.transpose(0, 2, 1)) for v in values), COLUMNS, np.arange(ALWAYS))
 
 
 @pytest.fixture
@@ -65,7 +65,7 @@ def test_the_compiled_sum_is_that_of_the_same_function_in_python(kept, monkeypat
     columns = np.array([0, 1, 2, 3, 7, 9, 14])
     compiled = kept.among(columns)
     monkeypatch.setattr(row_products, "_add", getattr(row_products._add, "py_func", row_products._add))
-    plain = RowProducts(kept.index, kept.values, COLUMNS, ALWAYS).among(columns)
+    plain = RowProducts(kept.index, kept.values, COLUMNS, np.arange(ALWAYS)).among(columns)
     np.testing.assert_array_equal(compiled, plain)
 
 

@@ -151,9 +151,9 @@ def test_a_prediction_counts_where_it_errs_by_less_than_the_residual_itself(quie
 def test_a_move_is_at_its_limit_a_rounding_short_of_it(quiet, share, at_limit):
     # Closed form: deviations of one, in which no move is significant.
     found = quiet.search.evaluate(frozenset())
-    moves = quiet.columns.nuisances
+    moves = [quiet.columns.nuisances[k] for k in quiet.problem.moves]
     theta = np.zeros_like(found.theta)
-    theta[: len(moves)] = [share * move.bound for move in moves]
+    theta[quiet.problem.moves] = [share * move.bound for move in moves]
     none = np.zeros_like(quiet.problem.total_a)
     flat = replace(quiet.problem, total_a=none, precision=np.ones(len(none)))
     unsure = replace(found, theta=theta, problem=flat)

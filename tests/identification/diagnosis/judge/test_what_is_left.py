@@ -88,10 +88,11 @@ def test_what_a_regression_does_not_help_is_not_foretold(quiet, rng):
 def test_moves_beyond_two_deviations_are_told(quiet):
     # Closed form on a fit whose moves are set by hand.
     found = fit(quiet.problem, ())
-    deviation = np.sqrt(np.diag(found.cov))[: quiet.problem.nuisances]
-    relative = [k for k, nuisance in enumerate(quiet.columns.nuisances) if nuisance.relative]
+    std = np.sqrt(np.diag(found.cov))
+    fitted = [(k, one) for k, one in zip(quiet.problem.moves, std, strict=True) if quiet.columns.nuisances[k].relative]
+    relative, deviation = zip(*fitted, strict=True)
     theta = np.zeros_like(found.theta)
-    theta[relative[0]], theta[relative[1]], theta[relative[2]] = np.array([1.9, 2.1, -2.1]) * deviation[relative[:3]]
+    theta[list(relative[:3])] = np.array([1.9, 2.1, -2.1]) * deviation[:3]
     told = adjusted(quiet.problem, replace(found, theta=theta))
     assert [move.quantity for move in told] == [quiet.columns.nuisances[k].name for k in relative[1:3]]
-    assert [move.change for move in told] == pytest.approx(theta[relative[1:3]])
+    assert [move.change for move in told] == pytest.approx(theta[list(relative[1:3])])
