@@ -64,9 +64,9 @@ def sinusoidal_encoder_figure(encoders: Mapping[str, SinusoidalEncoder], *, spee
     out, ((place,), (ripple,)) = panels(2, title=title, together=True, height=2.6, width=10)
     for k, (words, encoder) in enumerate(encoders.items()):
         error = encoder.interpolated(x) - x
-        look = {"color": COLORS[k % len(COLORS)], "label": words}
-        place.plot(1e6 * x, 1e6 * error, **look, gid=words)
-        ripple.plot(1e6 * x, 1e3 * speed * np.gradient(error, x), **look)
+        color = COLORS[k % len(COLORS)]
+        place.plot(1e6 * x, 1e6 * error, color=color, label=words, gid=words)
+        ripple.plot(1e6 * x, 1e3 * speed * np.gradient(error, x), color=color)
     steps = {encoder.step for encoder in encoders.values()}
     for sign in (-1, 1):
         for step in steps:
@@ -93,10 +93,10 @@ def commutation_figure(motor: BrushMotor, *, voltage: float, speeds: Sequence[fl
         found = steady_torque(motor, speed=speed, voltage=voltage)
         turn = np.concatenate([found.angle, found.angle + motor.period])
         values = 1e3 * np.tile(found.torque, 2)
-        look = {"color": COLORS[k % len(COLORS)], "gid": f"{speed:g}"}
-        torque.plot(turn, values, **look, label=f"voltage, {speed:g} rad/s: {100 * found.ripple:.1f} % of the mean")
+        color, words = COLORS[k % len(COLORS)], f"voltage, {speed:g} rad/s: {100 * found.ripple:.1f} % of the mean"
+        torque.plot(turn, values, color=color, label=words, gid=f"{speed:g}")
         label = "current of the same mean" if k == 0 else None
-        torque.axhline(1e3 * found.mean, color=COLORS[k % len(COLORS)], ls=IDEAL, lw=1, label=label)
+        torque.axhline(1e3 * found.mean, color=color, ls=IDEAL, lw=1, label=label)
     torque.set_xlabel("angle of the rotor [rad]")
     torque.set_ylabel("torque [mN m]")
     beside(torque)
