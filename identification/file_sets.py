@@ -3,7 +3,8 @@
 They are written into a hidden folder beside the one that is wanted, with links to the files in it that stay, and the
 two folders are exchanged in one step of the system. Where that cannot be (folders inside, a process that works in it,
 a parent that may not be written to, a system without such a step) the files are renamed one after the other, the index
-last. Every text ends with the run that it is of, so that a mixture could be told.
+last. Runs that write into one folder at the same time do so one after the other. Every text ends with the run that it
+is of, so that a mixture could be told.
 """
 
 from __future__ import annotations
@@ -12,11 +13,11 @@ import ctypes
 import os
 import secrets
 import shutil
-from collections.abc import Iterable, Iterator, Mapping
-from contextlib import contextmanager, suppress
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from contextlib import ExitStack, contextmanager, suppress
 from pathlib import Path
 
-from identification.files import MARK, held, is_held, refused_write
+from identification.files import MARK, alone_in, held_when_made, refused_write, remove_unless_held, temporary_beside
 from phantom_dyn.errors import UsageError
 
 _HERE, _EXCHANGE = -100, 2  # of renameat2 in linux/fcntl.h: paths as they are, and both stay
@@ -49,13 +50,31 @@ def write_together(folder: Path, texts: Mapping[str, str], *, obsolete: Iterable
     target = folder.resolve()
     try:
         target.parent.mkdir(parents=True, exist_ok=True)
-        _sweep(target)
         ours = {*texts, *obsolete}
-        if not _written_and_exchanged(target, texts, ours):
-            _written_one_by_one(target, texts, ours)
+        with alone_in(target):
+            _sweep(target)
+            if not _written_and_exchanged(target, texts, ours):
+                _written_one_by_one(target, texts, ours)
     except OSError as error:
         raise UsageError(refused_write(folder, error)) from error
     return tuple(folder / name for name in texts)
+
+
+@contextmanager
+def renamed_together(paths: Sequence[Path]) -> Iterator[tuple[Path, ...]]:
+    """Paths to write to, as of `temporary_beside`, that become the files one right after the other.
+
+    Two runs that write into the folder of the first of them do so one after the other.
+
+    Raises:
+        UsageError: If one of them cannot be written; none is written then.
+    """
+    with ExitStack() as renamed:
+        temporary = tuple(renamed.enter_context(temporary_beside(path)) for path in paths)
+        yield temporary
+        if paths:
+            with alone_in(paths[0].resolve().parent):
+                renamed.close()
 
 
 def _written_and_exchanged(target: Path, texts: Mapping[str, str], ours: set[str]) -> bool:
@@ -99,13 +118,17 @@ def _write_all(folder: Path, texts: Mapping[str, str]) -> None:
 @contextmanager
 def _staging(parent: Path, name: str) -> Iterator[Path]:
     """An empty hidden folder that is ours while the block lasts and gone afterwards."""
-    folder = parent / f".{name}.{secrets.token_hex(4)}{MARK}"
-    folder.mkdir()
-    try:
-        with held(folder):
+
+    def made() -> Path:
+        folder = parent / f".{name}.{secrets.token_hex(4)}{MARK}"
+        folder.mkdir()
+        return folder
+
+    with held_when_made(made) as folder:
+        try:
             yield folder
-    finally:
-        shutil.rmtree(folder, ignore_errors=True)
+        finally:
+            shutil.rmtree(folder, ignore_errors=True)
 
 
 def _sweep(target: Path) -> None:
@@ -114,12 +137,7 @@ def _sweep(target: Path) -> None:
     if target.is_dir():
         left += [entry for entry in target.iterdir() if entry.name.startswith(".") and MARK in entry.name]
     for entry in left:
-        if is_held(entry):
-            continue
-        if entry.is_dir():
-            shutil.rmtree(entry, ignore_errors=True)
-        else:
-            entry.unlink(missing_ok=True)
+        remove_unless_held(entry)
 
 
 def _is_staging(entry: Path, name: str) -> bool:

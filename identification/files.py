@@ -10,7 +10,9 @@ import fcntl
 import os
 import re
 import secrets
-from collections.abc import Iterable, Iterator, Sequence
+import shutil
+import time
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import contextmanager, suppress
 from glob import escape
 from pathlib import Path
@@ -23,6 +25,8 @@ LOG_ENDINGS = (".csv", ".npz", ".parquet")
 _BAG_ENDINGS = (".bag", ".db3", ".mcap")
 MARK = ".phantom-dyn"
 """Part of the names of temporary files and folders, by which a later run knows what a killed one has left."""
+_PATIENCE_S = 30.0
+"""A set of files is written in less than a second: who holds a folder for longer [s] is no run of ours."""
 LOG_FORMATS = "CSV, NPZ, Parquet, a ROS 1 or ROS 2 bag (.bag, .db3 or its folder), MCAP or a LeRobot folder"
 """Formats of a recording that are read, for sentences."""
 
@@ -121,16 +125,16 @@ def temporary_beside(path: str | Path) -> Iterator[Path]:
         UsageError: If the file cannot be written there.
     """
     target = Path(path)
-    temporary = _empty_file_beside(target)
     try:
-        with held(temporary):
-            yield temporary
-        _check_not_folder(target)
-        temporary.replace(target)
+        with held_when_made(lambda: _empty_file_beside(target)) as temporary:
+            try:
+                yield temporary
+                _check_not_folder(target)
+                temporary.replace(target)
+            finally:
+                temporary.unlink(missing_ok=True)
     except OSError as error:
         raise UsageError(refused_write(target, error)) from error
-    finally:
-        temporary.unlink(missing_ok=True)
 
 
 def write_atomically(path: str | Path, content: bytes | str) -> None:
@@ -147,44 +151,93 @@ def write_atomically(path: str | Path, content: bytes | str) -> None:
 def _empty_file_beside(target: Path) -> Path:
     """A new empty file in the folder of ``target``, with the rights that any new file gets."""
     temporary = target.with_name(f".{target.stem}.{secrets.token_hex(4)}{MARK}{target.suffix}")
-    try:
-        target.parent.mkdir(parents=True, exist_ok=True)
-        _check_not_folder(target)
-        for left in target.parent.glob(f".{escape(target.stem)}.*{MARK}{escape(target.suffix)}"):
-            if not is_held(left):
-                left.unlink(missing_ok=True)
-        temporary.touch(exist_ok=False)
-    except OSError as error:
-        raise UsageError(refused_write(target, error)) from error
+    target.parent.mkdir(parents=True, exist_ok=True)
+    _check_not_folder(target)
+    for left in target.parent.glob(f".{escape(target.stem)}.*{MARK}{escape(target.suffix)}"):
+        remove_unless_held(left)
+    temporary.touch(exist_ok=False)
     return temporary
 
 
 @contextmanager
-def held(place: Path) -> Iterator[None]:
-    """Hold a file or folder as this process's own; the system lets go of it when the process ends, however it ends."""
-    descriptor = os.open(place, os.O_RDONLY)
+def held_when_made(make: Callable[[], Path]) -> Iterator[Path]:
+    """A new file or folder as this process's own; the system lets go of it when the process ends, however it ends.
+
+    Args:
+        make: Makes it, each time at another place: another run may take it for left behind before it is held.
+    """
+    while True:
+        place = make()
+        descriptor = _locked(place)
+        if descriptor is not None:
+            break
+    try:
+        yield place
+    finally:
+        os.close(descriptor)
+
+
+def _locked(place: Path) -> int | None:
+    """An open descriptor that holds a file or folder; None if another run has removed it first."""
+    try:
+        descriptor = os.open(place, os.O_RDONLY)
+    except FileNotFoundError:
+        return None
     # On a file system without locks a later run takes it for left behind.
     with suppress(OSError):
-        fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        fcntl.flock(descriptor, fcntl.LOCK_EX)
+    if place.exists():
+        return descriptor
+    os.close(descriptor)
+    return None
+
+
+def remove_unless_held(place: Path) -> None:
+    """Remove a file or folder that a killed run has left; nothing if a process that lives holds it, or it is gone."""
     try:
+        descriptor = os.open(place, os.O_RDONLY)
+    except OSError:
+        return
+    try:
+        fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        # While it is locked: whoever has just made it waits, and then sees that it is gone.
+        if place.is_dir():
+            shutil.rmtree(place, ignore_errors=True)
+        else:
+            place.unlink(missing_ok=True)
+    except OSError:
+        return
+    finally:
+        os.close(descriptor)
+
+
+@contextmanager
+def alone_in(folder: Path) -> Iterator[None]:
+    """Let no other run write a set of files into a folder meanwhile; it waits for one that does.
+
+    The folder above it is locked, as a folder that is exchanged is another one afterwards.
+    """
+    try:
+        descriptor = os.open(folder.parent, os.O_RDONLY)
+    except OSError:  # it may be entered and not read
+        yield
+        return
+    try:
+        until = time.monotonic() + _PATIENCE_S
+        while not _free(descriptor) and time.monotonic() < until:
+            time.sleep(0.01)
         yield
     finally:
         os.close(descriptor)
 
 
-def is_held(place: Path) -> bool:
-    """True if a process that lives holds a file or folder, or it is gone."""
-    try:
-        descriptor = os.open(place, os.O_RDONLY)
-    except OSError:
-        return True
+def _free(descriptor: int) -> bool:
+    """True once a folder is locked by this run, or where its file system knows no locks."""
     try:
         fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
-    except OSError:
-        return True
-    finally:
-        os.close(descriptor)
-    return False
+    except OSError as error:
+        return error.errno not in (errno.EWOULDBLOCK, errno.EACCES)
+    return True
 
 
 def _check_not_folder(target: Path) -> None:

@@ -11,7 +11,9 @@ same order are the same numbers. joblib is imported where it is used: it takes l
 
 from __future__ import annotations
 
+import ctypes
 import os
+import signal
 import threading
 import time
 from collections.abc import Callable, Iterable, Iterator, Sequence
@@ -27,6 +29,7 @@ _ATTEMPTS = 3
 """Pools of processes before a piece counts as one that ends its process; Dask's scheduler forgives as often."""
 _LOOKED_AFTER_S = 0.2
 """How often a worker looks whether the process that started it lives [s]."""
+_END_WITH_PARENT = 1  # PR_SET_PDEATHSIG of Linux: the kernel signals a process when the thread that started it ends
 _LOST = ("TerminatedWorkerError", "BrokenProcessPool", "KilledWorker")
 """Errors of a lost worker, by name: joblib keeps its own among its externals, and Dask may not be installed."""
 
@@ -127,7 +130,9 @@ def _finished(function: Callable[..., R], left: dict[int, tuple[Any, ...]], work
     handing_over = "generator_unordered" if _backend()[0].supports_return_generator else "list"
     # Workers of loky live on for minutes where the process that started them was killed.
     watched = type(_backend()[0]).__name__ == "LokyBackend"
-    ending: dict[str, Any] = {"initializer": end_with, "initargs": (os.getpid(),)} if watched else {}
+    # A thread of a user's may end long before its process, and the workers stay for the next call.
+    by_kernel = threading.current_thread() is threading.main_thread()
+    ending: dict[str, Any] = {"initializer": end_with, "initargs": (os.getpid(), by_kernel)} if watched else {}
     # One piece a call, as pieces are large, and no array of theirs in a file for all processes to share.
     one_each: dict[str, Any] = {"pre_dispatch": "2*n_jobs", "batch_size": 1, "max_nbytes": None}
     parallel = Parallel(n_jobs=workers, return_as=handing_over, **one_each, **ending)
@@ -137,12 +142,19 @@ def _finished(function: Callable[..., R], left: dict[int, tuple[Any, ...]], work
     return cast("Iterable[tuple[int, R]]", parallel(calls))
 
 
-def end_with(parent: int) -> None:
+def end_with(parent: int, by_kernel: bool) -> None:
     """Let this process, a worker, end when the process that started it does, however that ends.
+
+    The kernel ends it at once, where it can: a thread that looks has to wait for the lock of the interpreter, which
+    compiled code may hold, and for its turn on a machine that has more to do than it can.
 
     Args:
         parent: Number of that process.
+        by_kernel: Whether its main thread starts the workers, which lives as long as the process.
     """
+    if by_kernel and (control := getattr(ctypes.CDLL(None), "prctl", None)) is not None:
+        control(_END_WITH_PARENT, signal.SIGKILL, 0, 0, 0)
+    # Everywhere else; and here, as it may have ended before the kernel was asked.
     threading.Thread(target=_watch, args=(parent,), daemon=True).start()
 
 

@@ -7,14 +7,13 @@ import io
 import json
 import textwrap
 from collections import Counter
-from contextlib import ExitStack
 from pathlib import Path
 from typing import Any
 
 from identification.batch.diagnose_each import REFUSED, TABLES, DiagnosedRecording, DiagnosedRecordings
 from identification.batch.fleet_page import fleet_lines, fleet_page
 from identification.csv_cells import text_cell
-from identification.files import temporary_beside
+from identification.file_sets import renamed_together
 from identification.words.diagnosis_words import joined
 from identification.words.numbers_and_names import NO_BREAK, cut_name
 from phantom_dyn import __version__
@@ -97,9 +96,9 @@ def write_tables(
         contents = dict(zip((Path(out) / name for name in TABLES), texts, strict=True))
     if json_file is not None:
         contents[Path(json_file)] = json_text(result)
-    with ExitStack() as renamed_together:
-        for path, text in contents.items():
-            renamed_together.enter_context(temporary_beside(path)).write_bytes(text.encode("utf-8", "backslashreplace"))
+    with renamed_together(tuple(contents)) as places:
+        for place, text in zip(places, contents.values(), strict=True):
+            place.write_bytes(text.encode("utf-8", "backslashreplace"))
     return tuple(contents)
 
 

@@ -9,7 +9,8 @@ from typing import TYPE_CHECKING
 
 from identification.cli.arguments import DONE, Parser, add_logs, add_robot, expand_episodes, one_blas_thread
 from identification.cli.terminal.printed import say
-from identification.files import require_existing, require_writable_folder, temporary_beside
+from identification.file_sets import renamed_together
+from identification.files import require_existing, require_writable_folder
 from phantom_dyn.errors import LogError, UsageError, known_names
 from phantom_dyn.model.robot_files import find_robot
 
@@ -82,12 +83,12 @@ def run(arguments: argparse.Namespace) -> int:
     entries, figure = (_stiffness if held else _friction)(robot, recordings, arguments.joint)
     if arguments.out is not None:
         text = json.dumps({"test": arguments.test, "robot": robot.name, "results": entries}, indent=1) + "\n"
-        with temporary_beside(arguments.out / "experiment.json") as path:
-            path.write_text(text, encoding="utf-8")
-        with temporary_beside(arguments.out / picture) as path:
-            figure.savefig(path)
-        for name in ("experiment.json", picture):
-            say(f"wrote {arguments.out / name}")
+        written = [arguments.out / name for name in ("experiment.json", picture)]
+        with renamed_together(written) as (place, drawn):
+            place.write_text(text, encoding="utf-8")
+            figure.savefig(drawn)
+        for path in written:
+            say(f"wrote {path}")
     return DONE
 
 

@@ -12,6 +12,7 @@ import numpy as np
 from jaxtyping import Float
 
 from identification.csv_cells import header_line
+from identification.file_sets import renamed_together
 from identification.files import require_ending, temporary_beside
 from phantom_dyn.errors import UsageError
 from phantom_dyn.libraries import is_installed, missing_library
@@ -62,20 +63,18 @@ def write_map(result: OperationalMap, folder: Path, *, progress: Callable[[str],
     Raises:
         UsageError: If a file cannot be written.
     """
-    written = [folder / "map.npz"]
-    progress("writing map.npz")
-    with temporary_beside(written[0]) as path, path.open("wb") as file:
-        np.savez(file, allow_pickle=False, **arrays(result))
-    if is_installed("netCDF4") and is_installed("xarray"):
-        written.append(folder / NETCDF)
-        progress(f"writing {NETCDF}")
-        with temporary_beside(written[-1]) as path:
-            _write_netcdf(dataset(result), path)
-    for name in result.values:
-        written.append(folder / f"{name}.png")
-        progress(f"drawing {name}")
-        with temporary_beside(written[-1]) as path:
-            figure(result, name).savefig(path)
+    netcdf = (NETCDF,) if is_installed("netCDF4") and is_installed("xarray") else ()
+    written = [folder / name for name in ("map.npz", *netcdf, *(f"{name}.png" for name in result.values))]
+    with renamed_together(written) as places:
+        progress("writing map.npz")
+        with places[0].open("wb") as file:
+            np.savez(file, allow_pickle=False, **arrays(result))
+        if netcdf:
+            progress(f"writing {NETCDF}")
+            _write_netcdf(dataset(result), places[1])
+        for name, place in zip(result.values, places[1 + len(netcdf) :], strict=True):
+            progress(f"drawing {name}")
+            figure(result, name).savefig(place)
     return written
 
 

@@ -32,7 +32,7 @@ from phantom_dyn.effects.load.payload import Payload
 from phantom_dyn.effects.transmission.backlash import Backlash
 from phantom_dyn.effects.transmission.parasitic_spring import ParasiticSpring
 from phantom_dyn.effects.transmission.transmission_compliance import TransmissionCompliance
-from phantom_dyn.errors import ParameterError
+from phantom_dyn.errors import ParameterError, known_names, shortened
 from phantom_dyn.model.robot import Robot
 
 EFFECTS: tuple[Effect, ...] = (
@@ -83,6 +83,6 @@ def effect_named(name: str, robot: Robot | None = None) -> Effect:
     effect = known_effect(name, robot)
     if effect is not None:
         return effect
-    known = ", ".join(effect.name for effect in (EFFECTS if robot is None else effects_of(robot)))
-    own = "" if robot is None else "; one of your own needs its file (--effects FILE.py)"
-    raise ParameterError(f"Unknown effect '{name}': known effects are {known}{own}.")
+    known = known_names(name, (effect.name for effect in (EFFECTS if robot is None else effects_of(robot))), "effects")
+    own = "" if robot is None else " One of your own needs its file (--effects FILE.py)."
+    raise ParameterError(f"Unknown effect {shortened(name)!r}: {known}{own}")

@@ -20,7 +20,7 @@ from xml.etree import ElementTree
 import numpy as np
 import pinocchio as pin
 
-from phantom_dyn.errors import RobotError, known_names
+from phantom_dyn.errors import RobotError, known_names, shortened
 from phantom_dyn.loops.chain import ClosedChain
 from phantom_dyn.model.inertia import breaks_triangle, impossible_because
 from phantom_dyn.model.mjcf import add_loop_frames, drawn_configuration, mjcf_facts
@@ -183,7 +183,8 @@ def _check_names(model: pin.Model, stated: RobotConfig, config: Path) -> None:
             frames += [(f"{key}.frame_a", loop.frame_a), (f"{key}.frame_b", loop.frame_b)]
     for key, name in named:
         if name not in joints:
-            raise RobotError(f"{config}: {key} names the unknown joint {name!r}, {known_names(name, joints, 'joints')}")
+            known = known_names(name, joints, "joints")
+            raise RobotError(f"{config}: {key} names the unknown joint {shortened(name)!r}, {known}")
     for key, name in frames:
         _require_frame(model, name, key, config)
     held = [(key, name) for key, name in named if key.startswith("loops") and name in stated.lock]
@@ -194,7 +195,7 @@ def _check_names(model: pin.Model, stated: RobotConfig, config: Path) -> None:
 def _require_frame(model: pin.Model, name: str, key: str, config: Path) -> None:
     if not model.existFrame(name):
         known = known_names(name, dict.fromkeys(frame.name for frame in model.frames), "frames")
-        raise RobotError(f"{config}: {key} names the unknown frame {name!r}, {known}")
+        raise RobotError(f"{config}: {key} names the unknown frame {shortened(name)!r}, {known}")
 
 
 def _check_payload_frame(model: pin.Model, stated: RobotConfig, config: Path) -> None:

@@ -37,7 +37,7 @@ def _change(rng: random.Random, out: dict[str, np.ndarray]) -> None:
         return
     name = rng.choice(sorted(out))
     values, kind = out[name], rng.randrange(10)
-    if kind == 0:
+    if kind == 0 and values.dtype.kind not in "US":  # of text no other kind can be made
         out[name] = values.astype(rng.choice(_KINDS))
     elif kind == 1:
         out[name] = rng.choice((values[:, None], values[:0], values[:-1], values[::2], _no_axis(values)))

@@ -105,6 +105,7 @@ def main() -> int:
     while time.monotonic() < until and tally.cases < given_options.cases:
         _tried_batch(batch, tally, seeds, given_options.only, until, given_options.cases)
         batch += 1
+        print(f"{tally.cases} cases, {tally.failed} failed", file=sys.stderr, flush=True)
     print(tally.summary())
     return 1 if tally.failed else 0
 

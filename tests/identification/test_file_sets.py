@@ -8,9 +8,9 @@ from pathlib import Path
 
 import pytest
 
-from identification import file_sets
+from identification import file_sets, files
 from identification.file_sets import with_run, write_together
-from identification.files import MARK, held, is_held, temporary_beside
+from identification.files import MARK, held_when_made, remove_unless_held, temporary_beside
 from phantom_dyn.errors import UsageError
 
 OLD, NEW = {"a.txt": "old a", "gone.txt": "old", "index.json": "old"}, {"a.txt": "new a", "index.json": "new"}
@@ -123,7 +123,7 @@ def test_what_a_killed_run_has_left_goes_with_the_next(tmp_path):
 def test_what_a_living_run_writes_stays(tmp_path):
     left = tmp_path / f".out.0a1b2c3d{MARK}"
     left.mkdir()
-    with held(left):
+    with held_when_made(lambda: left):
         write_together(tmp_path / "out", NEW)
         assert left.is_dir()
     write_together(tmp_path / "out", NEW)
@@ -132,11 +132,35 @@ def test_what_a_living_run_writes_stays(tmp_path):
 
 def test_the_system_lets_go_of_what_a_killed_process_held(tmp_path):
     code = (
-        "import sys, os, signal; from pathlib import Path; from identification.files import held\n"
-        "with held(Path(sys.argv[1])):\n    print('held', flush=True); os.kill(os.getpid(), signal.SIGKILL)\n"
+        "import sys, os, signal; from pathlib import Path; from identification.files import held_when_made\n"
+        "with held_when_made(lambda: Path(sys.argv[1])):\n    os.kill(os.getpid(), signal.SIGKILL)\n"
     )
-    subprocess.run([sys.executable, "-c", code, str(tmp_path)], check=False, capture_output=True)
-    assert not is_held(tmp_path)
+    left = tmp_path / "left"
+    left.mkdir()
+    subprocess.run([sys.executable, "-c", code, str(left)], check=False, capture_output=True)
+    remove_unless_held(left)
+    assert not left.exists()
+
+
+@pytest.mark.parametrize("when", ["before it is opened", "before it is held"])
+def test_what_another_run_removes_before_it_is_held_is_made_again(tmp_path, monkeypatch, when):
+    # Known truth: the first one is gone, as a run that sweeps has taken it for left behind.
+    names, real = iter("ab"), files.fcntl.flock
+
+    def made() -> Path:
+        place = tmp_path / next(names)
+        place.touch()
+        if place.name == "a" and when == "before it is opened":
+            place.unlink()
+        return place
+
+    def held(descriptor: int, how: int) -> None:
+        (tmp_path / "a").unlink(missing_ok=True)
+        real(descriptor, how)
+
+    monkeypatch.setattr(files.fcntl, "flock", held)
+    with held_when_made(made) as place:
+        assert place == tmp_path / "b"
 
 
 def test_a_temporary_file_of_a_killed_run_goes_with_the_next(tmp_path):
@@ -145,7 +169,8 @@ def test_a_temporary_file_of_a_killed_run_goes_with_the_next(tmp_path):
     with temporary_beside(tmp_path / "a.json") as path:
         path.write_text("{}")
         assert not left.exists()
-        assert is_held(path)
+        remove_unless_held(path)
+        assert path.exists()
     assert [path.name for path in tmp_path.iterdir()] == ["a.json"]
 
 

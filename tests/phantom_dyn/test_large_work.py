@@ -7,6 +7,7 @@ import os
 import signal
 import subprocess
 import sys
+import threading
 import time
 from pathlib import Path
 
@@ -63,6 +64,11 @@ def end_always(x: int) -> int:
 def threads_of_blas() -> set[int]:
     time.sleep(0.05)  # both threads are inside at once
     return {library["num_threads"] for library in threadpool_info() if library["user_api"] == "blas"}
+
+
+def own_number() -> int:
+    time.sleep(0.2)  # both processes have one
+    return os.getpid()
 
 
 def fail(x: int) -> int:
@@ -161,6 +167,17 @@ if __name__ == "__main__":
 """
 
 
+WITH_HELD_WORKERS = """
+import ctypes
+from phantom_dyn.large_work import spread
+def sleep(seconds):
+    ctypes.PyDLL(None).sleep(seconds)
+if __name__ == "__main__":
+    for _ in spread(sleep, [(0,), (0,), (60,), (60,)], jobs=2):
+        print("one", flush=True)
+"""
+
+
 def workers_of(token: str) -> list[str]:
     """Numbers of the processes whose environment holds a token."""
     found = []
@@ -171,18 +188,45 @@ def workers_of(token: str) -> list[str]:
     return found
 
 
-def test_workers_end_with_the_process_that_is_killed(tmp_path):
-    # Oracle: the system's list of processes.
-    (tmp_path / "work.py").write_text(WITH_WORKERS)
-    token = tmp_path.name
+def killed_with_its_workers(folder: Path, work: str, seconds: float) -> list[str]:
+    """Workers that still live so long [s] after their main process was killed."""
+    (folder / "work.py").write_text(work)
+    token = folder.name
     environment = {**os.environ, "LARGE_WORK_TEST": token}
-    child = subprocess.Popen([sys.executable, "work.py"], cwd=tmp_path, env=environment, stdout=subprocess.PIPE)
+    child = subprocess.Popen([sys.executable, "work.py"], cwd=folder, env=environment, stdout=subprocess.PIPE)
     assert child.stdout is not None
     assert child.stdout.readline() == b"one\n"
     assert len(workers_of(token)) >= 3
     child.kill()
-    child.communicate()
-    until = time.monotonic() + 20
+    child.wait()
+    child.stdout.close()  # its workers hold the other end
+    until = time.monotonic() + seconds
     while workers_of(token) and time.monotonic() < until:
         time.sleep(0.05)
-    assert workers_of(token) == []
+    return workers_of(token)
+
+
+def test_workers_end_with_the_process_that_is_killed(tmp_path):
+    # Oracle: the system's list of processes.
+    assert killed_with_its_workers(tmp_path, WITH_WORKERS, 20) == []
+
+
+@pytest.mark.skipif(not sys.platform.startswith("linux"), reason="only the kernel of Linux ends processes so")
+def test_workers_end_though_compiled_code_holds_the_interpreter(tmp_path):
+    # Oracle: the system's list of processes. PyDLL keeps the lock of the interpreter, so that no thread of the worker
+    # can look whether its parent lives.
+    assert killed_with_its_workers(tmp_path, WITH_HELD_WORKERS, 20) == []
+
+
+def test_workers_of_a_thread_are_left_for_the_next_call(sent_whole):
+    # Known truth: the kernel would end them with the thread that started them.
+    found: list[int] = []
+
+    def work() -> None:
+        found.extend(number for _, number in spread(own_number, [()] * 2, jobs=2))
+
+    thread = threading.Thread(target=work)
+    thread.start()
+    thread.join()
+    time.sleep(0.5)
+    assert all(Path(f"/proc/{number}").exists() for number in found)

@@ -89,7 +89,7 @@ adjusted: []
     ("effect", "joint", "name", "value", "message"),
     [
         ("coulomb_friction", "elbow", "torque", "1", r"is on joint 'elbow', which this robot does not have: .*pin"),
-        ("coloumb_friction", "pin", "torque", "1", r"Unknown effect 'coloumb_friction': known effects are"),
+        ("coloumb_friction", "pin", "torque", "1", r"Unknown effect 'coloumb_friction': the effects are"),
         ("coulomb_friction", "pin", "force", "1", r"has parameters force, wanted torque"),
         ("coulomb_friction", "pin", "torque", "big", r"effects\[0\]\.parameters\.torque\.value is the text 'big'"),
         ("coulomb_friction", "null", "torque", "1", r"effect coulomb_friction has no joint, wanted one of pin"),

@@ -95,7 +95,7 @@ OFFSET = ["--effect", "torque_offset", "--joint", "elbow", "--set", "torque=0.3"
         ([*OFFSET, "--set", "torque=0.2"], "--set torque is given twice for torque_offset"),
         (["--effect", "torque_offset", "--set", "0.3"], "--set 0.3 was given, wanted name=value such as torque=0.3"),
         (["--effect", "torque_offset", "--set", "torque=much"], "--set torque=much was given, wanted name=value"),
-        (["--effect", "stiction", "--joint", "elbow"], "Unknown effect 'stiction': known effects are viscous"),
+        (["--effect", "stiction", "--joint", "elbow"], "Unknown effect 'stiction': the effects are viscous"),
         (["--effect", "backlash", "--joint", "wrist"], "backlash needs a place and 'wrist' was given"),
         (
             ["--effect", "backlash", "--joint", "elbow", "--set", "width=1"],

@@ -71,7 +71,7 @@ def test_an_unknown_joint_is_refused(planar2, tmp_path):
 
 def test_an_unknown_effect_is_refused(planar2, tmp_path):
     file = corrected(tmp_path, {**COULOMB, "effect": "magic"})
-    with pytest.raises(ParameterError, match=r"Unknown effect 'magic': known effects are viscous_friction"):
+    with pytest.raises(ParameterError, match=r"Unknown effect 'magic': the effects are viscous_friction"):
         known_effects((file,), planar2)
 
 

@@ -92,7 +92,7 @@ def test_an_effect_is_found_by_its_name(effect):
 
 
 def test_an_unknown_effect_is_refused_with_the_known_names():
-    with pytest.raises(ParameterError, match=r"Unknown effect 'magic': known effects are viscous_friction, coulomb_"):
+    with pytest.raises(ParameterError, match=r"Unknown effect 'magic': the effects are viscous_friction, coulomb_"):
         effect_named("magic")
 
 

@@ -100,7 +100,7 @@ def test_a_name_is_looked_up_among_those_of_the_robot(arm, file):
     carrying = with_user_effects(arm, file)
     assert effect_named("drag", carrying) is carrying.user_effects[0]
     assert (known_effect("drag"), known_effect("drag", arm)) == (None, None)
-    with pytest.raises(ParameterError, match=r"Unknown effect 'drag'.*one of your own needs its file"):
+    with pytest.raises(ParameterError, match=r"Unknown effect 'drag'.*One of your own needs its file"):
         effect_named("drag", arm)
 
 
