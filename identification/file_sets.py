@@ -13,7 +13,7 @@ import ctypes
 import os
 import secrets
 import shutil
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import ExitStack, contextmanager, suppress
 from pathlib import Path
 
@@ -61,20 +61,21 @@ def write_together(folder: Path, texts: Mapping[str, str], *, obsolete: Iterable
 
 
 @contextmanager
-def renamed_together(paths: Sequence[Path]) -> Iterator[tuple[Path, ...]]:
-    """Paths to write to, as of `temporary_beside`, that become the files one right after the other.
+def renamed_together(folder: Path) -> Iterator[Callable[[Path], Path]]:
+    """A function that gives a path to write a file to, as `temporary_beside`; all are renamed right after one another.
 
-    Two runs that write into the folder of the first of them do so one after the other.
+    Ask for the path of a file when its turn has come: where writing fails, the file that was asked for last is named.
+
+    Args:
+        folder: Two runs that write into it rename their files one after the other.
 
     Raises:
         UsageError: If one of them cannot be written; none is written then.
     """
     with ExitStack() as renamed:
-        temporary = tuple(renamed.enter_context(temporary_beside(path)) for path in paths)
-        yield temporary
-        if paths:
-            with alone_in(paths[0].resolve().parent):
-                renamed.close()
+        yield lambda path: renamed.enter_context(temporary_beside(path))
+        with alone_in(folder.resolve()):
+            renamed.close()
 
 
 def _written_and_exchanged(target: Path, texts: Mapping[str, str], ours: set[str]) -> bool:

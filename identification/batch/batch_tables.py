@@ -96,9 +96,9 @@ def write_tables(
         contents = dict(zip((Path(out) / name for name in TABLES), texts, strict=True))
     if json_file is not None:
         contents[Path(json_file)] = json_text(result)
-    with renamed_together(tuple(contents)) as places:
-        for place, text in zip(places, contents.values(), strict=True):
-            place.write_bytes(text.encode("utf-8", "backslashreplace"))
+    with renamed_together(Path("." if out is None else out)) as beside:
+        for path, text in contents.items():
+            beside(path).write_bytes(text.encode("utf-8", "backslashreplace"))
     return tuple(contents)
 
 

@@ -84,9 +84,9 @@ def run(arguments: argparse.Namespace) -> int:
     if arguments.out is not None:
         text = json.dumps({"test": arguments.test, "robot": robot.name, "results": entries}, indent=1) + "\n"
         written = [arguments.out / name for name in ("experiment.json", picture)]
-        with renamed_together(written) as (place, drawn):
-            place.write_text(text, encoding="utf-8")
-            figure.savefig(drawn)
+        with renamed_together(arguments.out) as beside:
+            beside(written[0]).write_text(text, encoding="utf-8")
+            figure.savefig(beside(written[1]))
         for path in written:
             say(f"wrote {path}")
     return DONE

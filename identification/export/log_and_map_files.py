@@ -65,16 +65,16 @@ def write_map(result: OperationalMap, folder: Path, *, progress: Callable[[str],
     """
     netcdf = (NETCDF,) if is_installed("netCDF4") and is_installed("xarray") else ()
     written = [folder / name for name in ("map.npz", *netcdf, *(f"{name}.png" for name in result.values))]
-    with renamed_together(written) as places:
+    with renamed_together(folder) as beside:
         progress("writing map.npz")
-        with places[0].open("wb") as file:
+        with beside(written[0]).open("wb") as file:
             np.savez(file, allow_pickle=False, **arrays(result))
         if netcdf:
             progress(f"writing {NETCDF}")
-            _write_netcdf(dataset(result), places[1])
-        for name, place in zip(result.values, places[1 + len(netcdf) :], strict=True):
+            _write_netcdf(dataset(result), beside(written[1]))
+        for name, path in zip(result.values, written[1 + len(netcdf) :], strict=True):
             progress(f"drawing {name}")
-            figure(result, name).savefig(place)
+            figure(result, name).savefig(beside(path))
     return written
 
 

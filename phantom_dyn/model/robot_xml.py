@@ -20,6 +20,8 @@ Element = ElementTree.Element
 
 LARGEST = 1e9
 """Larger than any number of a robot in SI units; its square is far from the end of the floats."""
+_LONGEST_NAME = 200
+"""Letters of a name: names stand in sentences, tables and figures."""
 _DEEPEST = 200
 """Elements in one another: twice those of the longest chain of bodies, and the parsers behind call themselves."""
 _SHORTEST = 1e-6
@@ -134,7 +136,7 @@ def _depth(root: Element) -> int:
 
 
 def require_names(elements: Iterable[Element], what: str, path: Path) -> None:
-    """Refuse a name that stands twice or holds control characters, which no other file or terminal could show."""
+    """Refuse a name that stands twice, is endless or holds control characters, which no terminal could show."""
     seen: set[str] = set()
     for element in elements:
         name = element.get("name")
@@ -142,7 +144,13 @@ def require_names(elements: Iterable[Element], what: str, path: Path) -> None:
             continue
         if not printable(name) == name:
             raise RobotError(
-                f"{path}: the name {name!r} of a {what} holds control characters: write it with letters, digits and _."
+                f"{path}: the name {name[:80]!r} of a {what} holds control characters: write it with letters, digits "
+                "and _."
+            )
+        if len(name) > _LONGEST_NAME:
+            raise RobotError(
+                f"{path}: the name {shortened(name)} of a {what} has {len(name)} letters, wanted at most "
+                f"{_LONGEST_NAME}: write a shorter one."
             )
         if name in seen:
             raise RobotError(f"{path}: two {what}s have the name {shortened(name)}: give each its own.")

@@ -15,6 +15,7 @@ from rosbags.rosbag2 import StoragePlugin
 from rosbags.rosbag2 import Writer as Writer2
 from rosbags.typesys import Stores, get_typestore
 
+from known_effects import EFFECTS_OF_THE_PENDULUM
 from phantom_dyn.dynamics.dynamics import inverse_dynamics
 from phantom_dyn.model.loading import load_robot
 from phantom_dyn.motion import Motion
@@ -50,36 +51,6 @@ RECORDINGS_YAML = """\
 recordings:
   - {file: log.csv, payload: {mass: 0.5, center: [0, 0, 0.1]}, changed: [friction], exclude: [[2.5, 3]]}
   - {file: other.csv, controller: {kp: 40, kd: 1, delay: 0.0}, changed: [controller]}
-"""
-CORRECTED_YAML = """\
-schema: phantom-dyn-model/1
-robot: {source: pendulum.urdf, sha256: abc}
-effects:
-- effect: coulomb_friction
-  joint: pin
-  parameters: {torque: {value: 0.3, std: 0.01, unit: N m}}
-  gap_closed: 0.8
-- effect: cogging
-  joint: pin
-  parameters:
-    order: {value: [3.0, 5.0], std: [0.0, 0.0], unit: '1'}
-    amplitude: {value: [0.1, 0.05], std: [0.01, 0.01], unit: N m}
-    phase: {value: [0.2, 0.1], std: [0.01, null], unit: rad}
-  gap_closed: null
-- effect: payload
-  joint: pin
-  parameters:
-    mass: {value: 0.2, std: 0.01, unit: kg}
-    center_x: {value: 0.0, std: 0.01, unit: m}
-    center_y: {value: 0.0, std: 0.01, unit: m}
-    center_z: {value: -0.5, std: 0.01, unit: m}
-  gap_closed: 0.1
-- effect: transmission_compliance
-  joint: pin
-  parameters: {stiffness: {value: 3000.0, std: 10.0, unit: N m/rad}}
-  gap_closed: 0.1
-adjusted:
-- {quantity: friction of pin, change: 0.01, tolerance: 0.05}
 """
 
 
@@ -131,7 +102,7 @@ def make_seeds(folder: Path) -> Seeds:
         "loop.yaml": LOOP_YAML,
         "columns.yaml": COLUMNS_YAML,
         "recordings.yaml": RECORDINGS_YAML,
-        "corrected.yaml": CORRECTED_YAML,
+        "corrected.yaml": EFFECTS_OF_THE_PENDULUM,
         "log.csv": csv_text(columns),
         "other.csv": csv_text(made_columns(ROBOTS / "pendulum.urdf", 1)),
         "mapped.csv": csv_text(mapped | {"spare": columns["t"]}),

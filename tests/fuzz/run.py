@@ -1,8 +1,8 @@
 """``make fuzz MINUTES=10 [SEED=0] [ONLY=csv]``: hostile files until the time is over, every kind of failure kept once.
 
-A failure is a traceback, an exit code other than 0 or 2, more than 60 s or 1 GB, a refusal without file or advice, a
-number that is not finite or a formula in an output, a control character or a warning of Python on the terminal. The
-files of the first case of each are left in ``fuzz_failures/``.
+A failure is a traceback, an exit code other than 0 or 2, more than 60 s of processor time or 1 GB, a refusal without
+file or advice, a number that is not finite or a formula in an output, a control character or a warning of Python on the
+terminal. The files of the first case of each are left in ``fuzz_failures/``.
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ from identification.cli.main import main as command
 from identification.cli.terminal import progress
 
 _BATCH = 500
-_STUCK_S = 120.0  # a loop outside Python hears no alarm: the process says where it is and ends
+_STUCK_S = 700.0  # a loop outside Python hears no alarm: the process says where it is and ends
 
 
 def seeds_with_diagnosis(folder: Path) -> Seeds:

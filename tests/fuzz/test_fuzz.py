@@ -6,14 +6,16 @@ Oracle: the contract (bad input is one clear sentence with exit code 2; every nu
 from __future__ import annotations
 
 import random
+import time
 from pathlib import Path
 
 import pytest
 from hypothesis import HealthCheck, given, seed, settings
 from hypothesis import strategies as st
 
+import fuzz_oracle
 from fuzz_cases import KINDS, drawn_case, tried
-from fuzz_oracle import Outcome, failures
+from fuzz_oracle import Outcome, failures, ran
 from fuzz_seeds import Seeds, make_seeds
 from identification.reporting.diagnosis_files import json_text
 from made_up_diagnosis import made_up_diagnosis
@@ -72,3 +74,19 @@ def test_the_oracle_sees_each_kind_of_failure(change, message):
     outcome = Outcome(**{**vars(FINE), **change})
     assert failures(FINE, ["log.csv"]) == []
     assert any(message in found for found in failures(outcome, ["log.csv"]))
+
+
+def busy(_: object) -> None:
+    while True:
+        pass
+
+
+def test_what_takes_too_long_is_ended_by_its_processor_time(monkeypatch):
+    # Known truth: a command that works and one that waits.
+    monkeypatch.setattr(fuzz_oracle, "SECONDS", -0.9)
+    monkeypatch.setattr(fuzz_oracle, "main", busy)
+    assert "OutOfTime: more than" in ran(["check"]).raised
+    monkeypatch.setattr(fuzz_oracle, "SECONDS", 60.0)
+    monkeypatch.setattr(fuzz_oracle, "WAITED_S", 0.1)
+    monkeypatch.setattr(fuzz_oracle, "main", lambda _: time.sleep(20))
+    assert "OutOfTime: more than 0 s" in ran(["check"]).raised

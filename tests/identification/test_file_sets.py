@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 
 from identification import file_sets, files
-from identification.file_sets import with_run, write_together
+from identification.file_sets import renamed_together, with_run, write_together
 from identification.files import MARK, held_when_made, remove_unless_held, temporary_beside
 from phantom_dyn.errors import UsageError
 
@@ -189,3 +189,15 @@ def test_a_text_ends_with_its_run(name, line):
 
 def test_numbers_and_runs_without_an_id_stay_as_they_are():
     assert (with_run("a.csv", "q\n1\n", "12ab"), with_run("a.yaml", "x", "")) == ("q\n1\n", "x")
+
+
+def test_where_one_of_several_files_cannot_be_written_it_is_named_and_none_is(tmp_path):
+    def written() -> None:
+        with renamed_together(tmp_path) as beside:
+            beside(tmp_path / "a.txt").write_text("a")
+            beside(tmp_path / "b.txt").write_text("b")
+            raise OSError(28, "No space left on device")
+
+    with pytest.raises(UsageError, match=r"cannot write .*b\.txt: no space left on device"):
+        written()
+    assert list(tmp_path.iterdir()) == []

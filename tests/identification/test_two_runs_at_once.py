@@ -71,9 +71,9 @@ def test_what_stands_there_is_the_set_of_one_run(tmp_path, way, there):
 
 def test_files_that_are_renamed_together_are_of_one_run(tmp_path):
     def write(run: int) -> None:
-        with renamed_together([tmp_path / name for name in NAMES]) as places:
-            for place in places:
-                place.write_text(f"run {run}")
+        with renamed_together(tmp_path) as beside:
+            for name in NAMES:
+                beside(tmp_path / name).write_text(f"run {run}")
 
     for _ in range(ROUNDS):
         assert at_once([partial(write, run) for run in range(3)]) == []

@@ -19,6 +19,8 @@ from phantom_dyn.model.robot import Robot
 
 # Lengths from here on are suspect [m]: the small joints of a hand are 20 mm apart, robots of 20 m are rare.
 _LONG = 20.0
+# Lengths that no machine has in mm either [m]; with an inertia in g mm^2 a body seems 30 km wide.
+_ENDLESS = 1e6
 # Mass over the cube of the greatest length [kg/m^3]: a hundredth of the density of air. Of cranes it is a hundred times
 # as much; of arms in mm at most this, whether their masses are in kg or g.
 _THIN = 0.01
@@ -63,6 +65,14 @@ def wrong_units(robot: Robot) -> tuple[Fault, ...]:
         return ()
     name = Path(robot.source).name if robot.source else robot.name
     longest = max(_lengths(robot), key=lambda length: length.metres)
+    if longest.metres > _ENDLESS:
+        return (
+            Fault(
+                f"a length, mass or inertia of {name} is that of no robot",
+                longest.words,
+                f"correct {name}: {_SI}",
+            ),
+        )
     if longest.metres > _LONG and mass / longest.metres / longest.metres / longest.metres < _THIN:
         return (
             Fault(
@@ -103,7 +113,8 @@ def _lengths(robot: Robot) -> list[_Length]:
 
 def _gyration(inertia) -> float:
     """Radius of gyration [m] of a body about the axis about which it is largest."""
-    return float(np.sqrt(max(float(np.linalg.eigvalsh(inertia.inertia)[-1]), 0.0) / inertia.mass))
+    # Roots first: of a mass that is next to nothing the quotient is beyond all numbers.
+    return float(np.sqrt(max(float(np.linalg.eigvalsh(inertia.inertia)[-1]), 0.0)) / np.sqrt(inertia.mass))
 
 
 def _extended(robot: Robot) -> list[_Extended]:

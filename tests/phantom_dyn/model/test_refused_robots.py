@@ -50,6 +50,11 @@ def test_what_is_no_robot_is_refused(tmp_path, text, message):
     ("old", "new", "message"),
     [
         ('<mass value="3"/>', '<mass value="-3"/>', r"link column cannot exist, its mass is -3 kg, below zero"),
+        (
+            "column",
+            "x" * 3000,
+            r"the name x{79}… of a link has 3000 letters, wanted at most 200: write a shorter one\.$",
+        ),
         ('<mass value="3"/>', '<mass value="nan"/>', r"value='nan' in <mass> of link column must be finite numbers"),
         ('<mass value="3"/>', '<mass value="heavy"/>', r"value='heavy' in <mass> of link column must be finite"),
         ('<mass value="3"/>', '<mass value="3 4"/>', r"value='3 4' in <mass> of link column has 2 numbers, wanted 1"),

@@ -63,6 +63,16 @@ def test_what_was_seen_is_said_with_its_place(tmp_path):
     )
 
 
+@pytest.mark.parametrize("mass", ["5e-324", "1e-15"])
+def test_what_is_no_length_in_mm_either_is_not_called_so(tmp_path, mass):
+    # The first quotient of inertia and mass is beyond all numbers.
+    text = (ROBOTS / "pendulum.urdf").read_text()
+    (told,) = faults(tmp_path, re.sub(r'<mass value="[^"]*"', f'<mass value="{mass}"', text))
+    assert told.startswith("a length, mass or inertia of robot.urdf is that of no robot (the inertia of rod is that of")
+    assert "inf" not in told
+    assert "mm" not in told
+
+
 def test_a_model_in_grams(tmp_path):
     (told,) = faults(tmp_path, in_units((ROBOTS / "arm3.urdf").read_text(), mass=1e3))
     assert told.startswith(

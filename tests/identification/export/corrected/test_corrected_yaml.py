@@ -15,6 +15,7 @@ from identification.export.corrected.corrected_yaml import (
     read_corrected,
     write_corrected,
 )
+from known_effects import EFFECTS_OF_THE_PENDULUM
 from phantom_dyn.errors import ParameterError, RobotError
 from phantom_dyn.model.loading import load_robot
 
@@ -145,33 +146,6 @@ def test_a_value_that_is_not_finite_is_not_written():
         corrected_text(Corrected("a", "b", (bad,), ()))
 
 
-COGGING = """\
-schema: phantom-dyn-model/1
-robot: {source: pendulum.urdf, sha256: abc}
-effects:
-- effect: cogging
-  joint: pin
-  parameters:
-    order: {value: [3.0, 5.0], std: [0.0, 0.0], unit: '1'}
-    amplitude: {value: [0.1, 0.05], std: [0.01, 0.01], unit: N m}
-    phase: {value: [0.2, 0.1], std: [0.01, null], unit: rad}
-  gap_closed: null
-- effect: payload
-  joint: pin
-  parameters:
-    mass: {value: 0.2, std: 0.01, unit: kg}
-    center_x: {value: 0.0, std: 0.01, unit: m}
-    center_y: {value: 0.0, std: 0.01, unit: m}
-    center_z: {value: -0.5, std: 0.01, unit: m}
-  gap_closed: 0.1
-- effect: coulomb_friction
-  joint: pin
-  parameters: {torque: {value: 0.3, std: 0.01, unit: N m}}
-  gap_closed: 0.8
-adjusted: []
-"""
-
-
 @pytest.mark.parametrize(
     ("old", "new", "message"),
     [
@@ -190,9 +164,9 @@ adjusted: []
 def test_a_known_effect_that_cannot_be_is_refused(tmp_path, robots, old, new, message):
     robot = load_robot(robots / "pendulum.urdf")
     path = tmp_path / "corrected.yaml"
-    path.write_text(COGGING)
-    assert len(known_effects((path,), robot)) == 3
-    assert old in COGGING
-    path.write_text(COGGING.replace(old, new, 1))
+    path.write_text(EFFECTS_OF_THE_PENDULUM)
+    assert len(known_effects((path,), robot)) == 4
+    assert old in EFFECTS_OF_THE_PENDULUM
+    path.write_text(EFFECTS_OF_THE_PENDULUM.replace(old, new, 1))
     with pytest.raises(ParameterError, match=message):
         known_effects((path,), robot)
