@@ -2,7 +2,8 @@
 
 Cases are simulated on a hanging rod that a servo of position with proportional gain moves, as hobby servos are; only
 its readings and references are recorded. What its model lacks is drawn: a late drive, Coulomb friction that makes it
-stick, a load, play in the gear, or nothing. Inertias and modelled friction are off within their tolerance everywhere.
+stick, a load, play in the gear, less viscous friction than modelled, or nothing. Inertias and modelled friction are
+off within their tolerance everywhere.
 ``--cases`` of each kind, ``--seed`` (below 1000), ``--gains`` known, identified or off by one tenth.
 """
 
@@ -18,9 +19,8 @@ import numpy as np
 
 from identification.data.recording import Recording
 from identification.diagnosis.result import Diagnosis
-from identification.pipeline import diagnose
+from identification.pipeline import diagnose, diagnose_controlled
 from identification.scenarios.motion_only import motion_robot, with_commanded_torque
-from identification.scenarios.torque_or_motion import moved_by_controllers
 from phantom_dyn import load_robot
 from phantom_dyn.effects.catalogue import effect_named
 from phantom_dyn.model.robot import Actuator, Controller, Robot
@@ -44,6 +44,7 @@ SAME = {
     "payload": {"payload", "inertial_parameters"},
     "backlash": {"backlash"},
     "nothing": set(),
+    "less_friction": {"viscous_friction", "direction_dependent_friction"},
 }
 SIZES: dict[str, Callable[[np.random.Generator], list[float]]] = {
     "input_delay": lambda rng: [rng.uniform(0.01, 0.03)],
@@ -51,6 +52,7 @@ SIZES: dict[str, Callable[[np.random.Generator], list[float]]] = {
     "payload": lambda rng: [rng.uniform(0.6, 1.5), 0.0, 0.0, -rng.uniform(0.6, 1.0)],
     "backlash": lambda rng: [rng.uniform(0.015, 0.05)],
     "nothing": lambda rng: [],
+    "less_friction": lambda rng: [-rng.uniform(0.8, 1.8)],
 }
 
 
@@ -91,7 +93,8 @@ def case(truth: str, rng: np.random.Generator) -> Case:
     q_ref = (share * np.sin(t[:, None] * w + phase)).sum(axis=1) + 0.3 * (2 * np.abs((t * 0.15) % 1.0 - 0.5) - 0.5)
     law = position_control(t, q_ref[:, None], np.zeros((len(t), 1)), kp=np.array([_GAIN]), kd=np.zeros(1))
     joint = None if truth == "payload" else "pin"
-    causes = () if truth == "nothing" else (Cause(effect_named(truth), joint, np.array(size)),)
+    effect = "viscous_friction" if truth == "less_friction" else truth
+    causes = () if truth == "nothing" else (Cause(effect_named(effect), joint, np.array(size)),)
     q = simulate(real, causes, law, t, q_ref[:1]).q + _NOISE * rng.standard_normal((len(t), 1))
     return Case(rod(), truth, Recording("rod.csv", real.joint_names, t, q, None, q_ref=q_ref[:, None]))
 
@@ -101,7 +104,7 @@ def diagnosed(one: Case, gains: str) -> Diagnosis:
     controller = Controller(kp=1.1 * _GAIN if gains == "off" else _GAIN)
     if gains == "identified":
         silent = motion_robot(replace(one.robot, actuators=(Actuator(),)))
-        return diagnose(*moved_by_controllers(silent, (one.recording,)))
+        return diagnose_controlled(silent, (one.recording,))[1]
     robot = motion_robot(replace(one.robot, actuators=(Actuator(controller=controller),)))
     return diagnose(robot, (with_commanded_torque(one.recording, robot),))
 

@@ -26,6 +26,7 @@ from identification.regression.triangular import one_blas_thread
 from identification.rollout.compare import Rollout
 from identification.rollout.rollout import Explained, rollout_of
 from identification.scenarios.at_rest.diagnose_at_rest import diagnose_at_rest, judged_at_rest
+from identification.scenarios.gain_or_load import either, scales_by_friction, with_scaled_gains
 from identification.scenarios.known_changes import named_by_recording
 from identification.scenarios.motion_limits import limited_to_motion
 from identification.scenarios.torque_or_motion import moved_by_controllers, torque_or_motion
@@ -70,7 +71,7 @@ def diagnose(
     progress("simulating")
     floor = np.array([joint.noise_floor for joint in judgement.joints])
     rollout = rollout_of(Explained(shown.problem, shown.named, shown.found, floor))
-    judgement = borne_out_by_motion(limited_to_motion(judgement, session.recordings, rollout), rollout)
+    judgement = borne_out_by_motion(limited_to_motion(judgement, session.recordings, rollout, robot), rollout)
     proposal = Proposal()
     if session.differences.own:
         # Rivals between recordings are about what changed, which no further motion of one of them separates.
@@ -119,10 +120,45 @@ def diagnose_logs(
                 "recordings and effects of an earlier diagnosis (--hold-out, --with) do not go with it; leave them out"
             )
         return driven, diagnose_at_rest(driven, recordings)
-    driven, recordings = moved_by_controllers(driven, recordings) if motion else (driven, recordings)
+    if motion:
+        return diagnose_controlled(driven, recordings, held_out=held_out, known=known, progress=progress)
     count = len(recordings) - held_out
     found = diagnose(driven, recordings[:count], hold_out=recordings[count:], known=known, progress=progress)
     return driven, found
+
+
+def diagnose_controlled(
+    robot: Robot,
+    recordings: tuple[Recording, ...],
+    *,
+    held_out: int = 0,
+    known: tuple[KnownEffect, ...] = (),
+    progress: Callable[[str], None] = lambda _: None,
+) -> tuple[Robot, Diagnosis]:
+    """The robot with the gains of its controllers, and the diagnosis by the torque that these ask for.
+
+    Where gains are estimated and friction speaks for higher ones, both readings are diagnosed.
+
+    Args:
+        robot: The model that is judged; gains that it does not state are estimated.
+        recordings: With references, or with voltages that give a torque.
+        held_out: How many of them, from the last, no fit sees.
+        known: Effects that belong to the given model already.
+        progress: Told in words what is being done.
+
+    Raises:
+        LogError: If a recording cannot be used, or the motion tells no gain.
+    """
+    driven, moved = moved_by_controllers(robot, recordings)
+    count = len(moved) - held_out
+    first = diagnose(driven, moved[:count], hold_out=moved[count:], known=known, progress=progress)
+    scales = scales_by_friction(driven, moved, first.findings)
+    if not scales:
+        return driven, first
+    higher, again = with_scaled_gains(driven, moved, scales)
+    second = diagnose(higher, again[:count], hold_out=again[count:], known=known, progress=progress)
+    leads, found = either(first, second, scales)
+    return higher if leads else driven, found
 
 
 def _stretches(recordings: tuple[Recording, ...]) -> tuple[Recording, ...]:

@@ -9,6 +9,7 @@ import numpy as np
 from identification.data.recording import Recording
 from identification.diagnosis.result import Adjusted, Finding, Judgement, NotTestable
 from identification.rollout.compare import Rollout
+from phantom_dyn.model.robot import Robot
 
 # How well stated gains are trusted, one sigma, relative; twice that is no gap.
 GAIN_TOLERANCE = 0.10
@@ -24,16 +25,26 @@ _DAMPING = (
 )
 
 
-def limited_to_motion(judgement: Judgement, recordings: tuple[Recording, ...], rollout: Rollout) -> Judgement:
+_LOAD = (
+    "the gain of its controller was estimated from the masses of the model, and a load that changes weight and inertia "
+    "of a joint alike makes it higher: state the controller in robot.yaml, or measure the current or torque"
+)
+
+
+def limited_to_motion(
+    judgement: Judgement, recordings: tuple[Recording, ...], rollout: Rollout, robot: Robot
+) -> Judgement:
     """The judgement without claims on torque constants, which a controller's gain would explain as well.
 
     A ratio within two tolerances of the gains is no gap and is listed as adjusted; a larger one stays a finding, of
-    the product of both, and a warning says so. Gains that were estimated take up any ratio, and viscous friction.
+    the product of both, and a warning says so. Gains that were estimated take up any ratio, loads that scale a joint,
+    and viscous friction as far as a damping gain could give it back.
 
     Args:
         judgement: Of the torque that controllers ask for.
         recordings: Its recordings; where a torque was measured the judgement stays as it is.
         rollout: Motion simulated under the controllers.
+        robot: States the gains, those that were estimated too.
     """
     if not any(recording.controlled for recording in recordings):
         return judgement
@@ -42,17 +53,26 @@ def limited_to_motion(judgement: Judgement, recordings: tuple[Recording, ...], r
     small = [one for one in constants if one.joint in estimated or abs(_excess(one)) <= 2 * GAIN_TOLERANCE]
     large = [finding for finding in constants if finding not in small]
     # Of a gain that was estimated kd has taken up what viscous friction there is, and may have to give some back.
-    damping = [one for one in judgement.findings if one.effect == "viscous_friction" and one.joint in estimated]
+    damping = [
+        one
+        for one in judgement.findings
+        if one.effect == "viscous_friction" and one.joint in estimated and _given_back(one, robot)
+    ]
     small += damping
     findings = tuple(finding for finding in judgement.findings if finding not in small)
     claimed = {finding.joint for finding in large}
     twins = tuple(
         NotTestable("torque_constant", gap.joint, _TWIN) for gap in judgement.joints if gap.joint not in claimed
     )
-    twins += tuple(NotTestable("viscous_friction", g.joint, _DAMPING) for g in judgement.joints if g.joint in estimated)
+    found = {(finding.effect, finding.joint) for finding in findings}
+    taken = [("viscous_friction", g.joint, _DAMPING) for g in judgement.joints if g.joint in estimated]
+    taken += [("inertial_parameters", g.joint, _LOAD) for g in judgement.joints if g.joint in estimated]
+    taken += [("payload", None, _LOAD)] if estimated else []
+    twins += tuple(NotTestable(*one) for one in taken if one[:2] not in found)
+    taken_up = {one[:2] for one in taken}
 
     def hidden(effect: str, joint: str | None) -> bool:
-        return effect == "torque_constant" or (effect == "viscous_friction" and joint in estimated)
+        return effect == "torque_constant" or (effect, joint) in taken_up
 
     others = tuple(entry for entry in judgement.not_testable if not hidden(entry.effect, entry.joint))
     moved = tuple(
@@ -93,6 +113,17 @@ def _strays(simulated: Rollout) -> tuple[str, ...]:
         for joint in after
         if after[joint] > _STRAYS * noise.get(joint, np.inf)
     )
+
+
+def _given_back(finding: Finding, robot: Robot) -> bool:
+    """True if a damping gain that is not negative leaves viscous friction like this."""
+    assert finding.joint is not None
+    controller = robot.actuators[robot.joint_names.index(finding.joint)].controller
+    kd = 0.0 if controller is None else controller.kd
+    size = finding.parameters["coefficient"]
+    assert not isinstance(size.value, list)
+    assert not isinstance(size.std, list)
+    return kd + size.value >= -2 * size.std
 
 
 def _excess(finding: Finding) -> float:

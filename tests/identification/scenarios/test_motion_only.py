@@ -105,7 +105,7 @@ def judgement_of(diagnosis):
 def test_where_a_torque_was_measured_nothing_is_taken_back(rubbing, pendulum):
     recording, _ = moved(pendulum)
     judgement = judgement_of(rubbing)
-    assert limited_to_motion(judgement, (recording,), Rollout(None, {}, {})) is judgement
+    assert limited_to_motion(judgement, (recording,), Rollout(None, {}, {}), pendulum) is judgement
 
 
 def test_without_a_gain_the_refusal_says_what_is_needed(pendulum):
@@ -162,10 +162,10 @@ def test_without_a_gap_in_torque_motion_that_strays_is_noted(rubbing, pendulum):
     recording = with_commanded_torque(moved(pendulum)[0], pendulum)
     rollout = Rollout(0.5, {"pin": 0.02}, {"pin": 0.01}, noise={"pin": 1e-4})
     still = replace(judgement_of(rubbing), findings=(), verdict="no_gap", notes=())
-    (note,) = limited_to_motion(still, (recording,), rollout).notes
+    (note,) = limited_to_motion(still, (recording,), rollout, pendulum).notes
     assert "under its controller pin strays by 0.01 from the recorded motion, 100 times what its readings" in note
     near = replace(rollout, rms_after={"pin": 5e-4})
-    assert limited_to_motion(still, (recording,), near).notes == ()
+    assert limited_to_motion(still, (recording,), near, pendulum).notes == ()
 
 
 def test_what_controllers_ask_for_keeps_its_band(pendulum):

@@ -1,0 +1,168 @@
+"""A low gain or a heavy robot: without torque and without stated gains, positions leave the scale of all torques open.
+
+The gain of a controller is estimated from the masses of the model. If the robot carries a load that the model lacks,
+the gain comes out too low, and with it every friction: less of it is found than the model states, even less than a
+damping gain could give back. The friction that the model states is the other measure of that scale: with a gain that
+makes it right, the load shows. Both readings are diagnosed then, and held-out samples say which is right, if they can.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import replace
+
+import numpy as np
+from jaxtyping import Float
+
+from identification.data.recording import Recording
+from identification.diagnosis import decision_rules as rules
+from identification.diagnosis.result import Diagnosis, EffectAt, Finding, Rival
+from identification.scenarios.motion_only import commanded_torque
+from phantom_dyn.effects.support.rows import stiffness_unit
+from phantom_dyn.model.robot import Robot
+from phantom_dyn.random_streams import random_stream
+
+Array = np.ndarray
+
+_MOST = 10.0  # times the masses of the model: more is no load but another robot
+_BLOCKS = 30  # stretches of time that a bootstrap draws: neighbouring samples are not independent
+_DRAWS = 500
+_LISTED = 0.05  # probability from which a rival is listed
+
+
+def scales_by_friction(
+    robot: Robot, recordings: tuple[Recording, ...], findings: tuple[Finding, ...]
+) -> dict[str, float]:
+    """How many times higher the estimated gain of a joint is, if its friction is what the model states.
+
+    Args:
+        robot: With the gains that were estimated.
+        recordings: Say of which joints they were.
+        findings: Friction below the modelled one, beyond what a damping gain could give back.
+    """
+    estimated = {joint for recording in recordings for joint in recording.gains_estimated}
+    out: dict[str, float] = {}
+    # Viscous friction is felt at every speed, Coulomb friction where there is no other.
+    for effect, modelled in (
+        ("coulomb_friction", robot.coulomb_friction),
+        ("viscous_friction", robot.viscous_friction),
+    ):
+        for finding in findings:
+            if finding.effect != effect or finding.joint not in estimated or finding.joint is None:
+                continue
+            row = robot.joint_names.index(finding.joint)
+            controller = robot.actuators[row].controller
+            damping = controller.kd if controller is not None and effect == "viscous_friction" else 0.0
+            left = float(modelled[row]) + damping + _first(finding)
+            if left < modelled[row] and left * _MOST > modelled[row]:
+                out[finding.joint] = float(modelled[row]) / left
+    return out
+
+
+def with_scaled_gains(
+    robot: Robot, recordings: tuple[Recording, ...], scales: Mapping[str, float]
+) -> tuple[Robot, tuple[Recording, ...]]:
+    """The robot with higher gains, without damping gain, and recordings with the torque that these ask for.
+
+    Args:
+        robot: With the gains that were estimated.
+        recordings: With references.
+        scales: Of each joint, see `scales_by_friction`.
+    """
+    actuators = list(robot.actuators)
+    sentences = []
+    for joint, scale in scales.items():
+        row = robot.joint_names.index(joint)
+        controller = actuators[row].controller
+        assert controller is not None
+        actuators[row] = replace(actuators[row], controller=replace(controller, kp=scale * controller.kp, kd=0.0))
+        sentences.append(_sentence(robot, joint, controller.kp, scale))
+    driven = replace(robot, actuators=tuple(actuators))
+    heads = tuple(f"No gains of {joint} are stated" for joint in scales)
+    out = []
+    for k, one in enumerate(recordings):
+        kept = tuple(warning for warning in one.warnings if not warning.startswith(heads))
+        warnings = (*kept, *sentences) if k == 0 else kept
+        out.append(replace(one, tau=commanded_torque(one, driven), warnings=warnings))
+    return driven, tuple(out)
+
+
+def either(first: Diagnosis, second: Diagnosis, scales: Mapping[str, float]) -> tuple[bool, Diagnosis]:
+    """Whether the reading with higher gains leads, and the leading one with what the other finds as its rivals.
+
+    Two readings that both leave no more than noise are not separated by what is left: each has half of the probability,
+    and the one with fewer findings leads. Else each has the block-bootstrap replicates of the held-out loss that it
+    wins.
+
+    Args:
+        first: With the gains as they were estimated.
+        second: With higher gains; its torques are as many times larger.
+        scales: Of each joint.
+    """
+    wins = _wins(first, second, scales)
+    both = _leaves_noise(first) and _leaves_noise(second)
+    probability = 0.5 if both else wins
+    leads = probability > 0.5
+    if both:
+        counts = len(second.findings), len(first.findings)
+        leads = counts[0] < counts[1] or (counts[0] == counts[1] and wins > 0.5)
+    found, other = (second, first) if leads else (first, second)
+    sure = probability if leads else 1.0 - probability
+    shared = {_place(finding) for finding in found.findings} & {_place(finding) for finding in other.findings}
+    rivals = tuple(_place(finding) for finding in other.findings if _place(finding) not in shared)
+    if 1.0 - sure < _LISTED or not rivals:
+        return leads, found
+    findings = tuple(
+        finding if _place(finding) in shared else _with_rival(finding, rivals, sure) for finding in found.findings
+    )
+    return leads, replace(found, findings=findings)
+
+
+def _wins(first: Diagnosis, second: Diagnosis, scales: Mapping[str, float]) -> float:
+    """Share of block-bootstrap replicates of the held-out loss that the second wins."""
+    if second.evidence.t.shape != first.evidence.t.shape or not len(first.evidence.t):
+        return 0.5
+    scale = np.array([scales.get(gap.joint, 1.0) for gap in first.joints])
+    floor = np.array([gap.noise_floor for gap in first.joints])
+    apart = _losses(first, floor) - _losses(second, floor * scale)
+    blocks = np.array([part.sum() for part in np.array_split(apart, _BLOCKS)])
+    drawn = random_stream("gain or load").integers(len(blocks), size=(_DRAWS, len(blocks)))
+    return float(np.mean(blocks[drawn].sum(axis=1) > 0))
+
+
+def _leaves_noise(diagnosis: Diagnosis) -> bool:
+    """True if no joint keeps more than a residual that counts as explained."""
+    return all(gap.rms_after <= rules.FLOORS_LEFT * gap.noise_floor for gap in diagnosis.joints)
+
+
+def _with_rival(finding: Finding, effects: tuple[EffectAt, ...], sure: float) -> Finding:
+    """A finding that may be something else altogether; what it was sure of is shared."""
+    rivals = [Rival(rival.effects, sure * rival.probability) for rival in finding.rivals]
+    rivals = [rival for rival in (*rivals, Rival(effects, 1.0 - sure)) if rival.probability >= _LISTED]
+    rivals.sort(key=lambda rival: -rival.probability)
+    probability = 1.0 - sum(rival.probability for rival in rivals)
+    return replace(finding, probability=probability, rivals=tuple(rivals), verdict="one_of")
+
+
+def _losses(diagnosis: Diagnosis, floor: Float[Array, " nv"]) -> Float[Array, " N"]:
+    evidence = diagnosis.evidence
+    return (((evidence.tau_measured - evidence.tau_after) / np.maximum(floor, 1e-300)) ** 2).sum(axis=1)
+
+
+def _first(finding: Finding) -> float:
+    value = next(iter(finding.parameters.values())).value
+    return float(value[0] if isinstance(value, list) else value)
+
+
+def _place(finding: Finding) -> EffectAt:
+    return EffectAt(finding.effect, finding.joint, finding.recording, finding.words)
+
+
+def _sentence(robot: Robot, joint: str, kp: float, scale: float) -> str:
+    unit = stiffness_unit(robot, joint)
+    return (
+        f"No gains of {joint} are stated: with the masses of the model kp is {kp:.3g} {unit}, and the joint would rub "
+        f"less than the model states. With kp = {scale * kp:.3g} {unit} its friction is that of the model, and the "
+        f"robot is heavier: this is judged here. State controller: {{kind: pd, kp: ..., kd: ...}} of {joint} in "
+        "robot.yaml if you know them, as positions alone do not separate a gain from a load."
+    )
