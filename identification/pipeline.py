@@ -18,6 +18,7 @@ from identification.diagnosis.explanation import explained
 from identification.diagnosis.judge.bursts import burst_warnings
 from identification.diagnosis.judge.judgement import judged
 from identification.diagnosis.judge.user_words import with_user_words
+from identification.diagnosis.law.find_law import with_law
 from identification.diagnosis.model.session import Session, session_of
 from identification.diagnosis.model.terms import KnownEffect
 from identification.diagnosis.result import Diagnosis, Judgement
@@ -68,6 +69,8 @@ def diagnose(
     explanation = explained(session, progress)
     progress("comparing rivals")
     judgement, shown = judged(explanation, progress)
+    progress("looking for a law of what is left")
+    judgement = with_law(judgement, shown)
     progress("simulating")
     floor = np.array([joint.noise_floor for joint in judgement.joints])
     rollout = rollout_of(Explained(shown.problem, shown.named, shown.found, floor))

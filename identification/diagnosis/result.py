@@ -7,6 +7,7 @@ from dataclasses import dataclass, field
 import numpy as np
 from jaxtyping import Float
 
+from identification.diagnosis.rest_law import Dependence, Law
 from phantom_dyn.effects.described import EffectWords
 from phantom_dyn.motion import Motion
 
@@ -167,7 +168,8 @@ class NotTestable:
 class Unexplained:
     """What is left: its share of the explainable gap, whether it has structure, and where.
 
-    ``times`` are the stretches [s] in which something acts that comes and goes: a contact, a push, a cable.
+    ``times`` are the stretches [s] in which something acts that comes and goes: a contact, a push, a cable. Of a
+    structured rest ``dependence`` says on what it depends, and ``law`` how, where one formula stands out.
     """
 
     fraction_of_explainable: float
@@ -175,6 +177,8 @@ class Unexplained:
     joint: str | None
     regime: str | None
     times: tuple[tuple[float, float], ...] = ()
+    law: Law | None = None
+    dependence: Dependence | None = None
 
 
 @dataclass(frozen=True)

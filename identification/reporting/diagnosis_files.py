@@ -15,6 +15,7 @@ from pathlib import Path
 import numpy as np
 
 from identification.diagnosis.model.terms import KnownEffect
+from identification.diagnosis.rest_law import Dependence
 from identification.diagnosis.result import (
     Adjusted,
     Bound,
@@ -105,7 +106,23 @@ def _unexplained(unexplained: Unexplained) -> Json:
         "fraction_of_explainable": _plain(unexplained.fraction_of_explainable),
         "structured": _plain(unexplained.structured),
         "where": {"joint": unexplained.joint, "regime": unexplained.regime, "times": _plain(unexplained.times)},
-        "law": None,
+        "law": None if unexplained.law is None else _plain(asdict(unexplained.law)),
+    } | ({} if unexplained.dependence is None else {"dependence": _dependence(unexplained.dependence)})
+
+
+def _dependence(found: Dependence) -> Json:
+    """What a rest depends on, without the model that has a file of its own."""
+    out = {
+        name: _plain(value) for name, value in vars(found).items() if name not in ("gains", "curves", "terms", "model")
+    }
+    curves = [
+        {"torque" if name == "middle" else name: _plain(part) for name, part in asdict(curve).items()}
+        for curve in found.curves
+    ]
+    return out | {
+        "gains": [_plain(asdict(gain)) for gain in found.gains],
+        "curves": curves,
+        "terms": [_plain(asdict(term)) for term in found.terms],
     }
 
 

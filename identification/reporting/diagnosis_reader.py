@@ -10,6 +10,7 @@ from typing import Any
 
 import numpy as np
 
+from identification.diagnosis.rest_law import Dependence, InputCurve, InputGain, Law, LawTerm
 from identification.diagnosis.result import (
     Adjusted,
     Bound,
@@ -87,6 +88,8 @@ def _diagnosis(content: Mapping[str, Any]) -> Diagnosis:
             where["joint"],
             where["regime"],
             tuple((float(start), float(stop)) for start, stop in where["times"]),
+            _law(left["law"]),
+            _dependence(left.get("dependence")),
         ),
         bounds=tuple(Bound(**bound) for bound in content["bounds"]),
         not_testable=tuple(NotTestable(**entry) for entry in content["not_testable"]),
@@ -134,6 +137,57 @@ def _finding(finding: Mapping[str, Any]) -> Finding:
         recording=finding.get("recording"),
         share=finding["share"],
     )
+
+
+def _law(law: Mapping[str, Any] | None) -> Law | None:
+    if law is None:
+        return None
+    return Law(
+        joint=law["joint"],
+        inputs=tuple(law["inputs"]),
+        formula=law["formula"],
+        gap_closed=_number(law["gap_closed"]),
+        gap_closed_interval=_pair(law["gap_closed_interval"]),
+        valid={name: _pair(pair) for name, pair in law["valid"].items()},
+        like=law["like"],
+    )
+
+
+def _dependence(found: Mapping[str, Any] | None) -> Dependence | None:
+    if found is None:
+        return None
+    gains = [
+        InputGain(tuple(one["inputs"]), _number(one["gain"]), _pair(one["interval"]), _number(one["chance"]))
+        for one in found["gains"]
+    ]
+    curves = [
+        InputCurve(
+            one["input"],
+            one["unit"],
+            one["direction"],
+            *(tuple(_number(value) for value in one[name]) for name in ("x", "torque", "low", "high")),
+        )
+        for one in found["curves"]
+    ]
+    terms = [
+        LawTerm(one["term"], one["unit"], _number(one["coefficient"]), _pair(one["interval"]), _number(one["chosen"]))
+        for one in found["terms"]
+    ]
+    return Dependence(
+        joint=found["joint"],
+        unit=found["unit"],
+        inputs=tuple(found["inputs"]),
+        gains=tuple(gains),
+        curves=tuple(curves),
+        terms=tuple(terms),
+        same_terms=_number(found["same_terms"]),
+        rest_closed=_number(found["rest_closed"]),
+        blocks=found["blocks"],
+    )
+
+
+def _pair(pair: list[float | None]) -> tuple[float, float]:
+    return _number(pair[0]), _number(pair[1])
 
 
 def _numbers(value: Any) -> float | list[float]:

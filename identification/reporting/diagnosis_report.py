@@ -19,6 +19,7 @@ from identification.reporting.gap_figures import (
     torque_figure,
     unexplained_figure,
 )
+from identification.reporting.law_section import law_view
 from identification.reporting.report_tables import (
     RegimeShare,
     Row,
@@ -152,6 +153,7 @@ def report_html(diagnosis: Diagnosis, robot: Robot | None = None) -> str:
         ],
         unexplained=words.capital(words.left_over(diagnosis)),
         unexplained_figure=_unexplained_figure(diagnosis, motions),
+        law=law_view(diagnosis.unexplained),
         bounds=detectable_sizes(diagnosis.bounds),
         not_testable=untestable_rows(diagnosis.not_testable, diagnosis.joints),
         band="at rest" if diagnosis.at_rest else f"{diagnosis.band_hz[0]:g} to {diagnosis.band_hz[1]:.3g} Hz",

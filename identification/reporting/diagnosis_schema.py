@@ -95,13 +95,71 @@ class WherePart(_Part, frozen=True):
     times: list[tuple[Number, Number]]
 
 
+class LawPart(_Part, frozen=True):
+    """The law of what is left on one joint."""
+
+    joint: str
+    inputs: list[str]
+    formula: str
+    gap_closed: Number | None
+    gap_closed_interval: Pair
+    valid: dict[str, Pair]
+    like: str | None
+
+
+class InputGainPart(_Part, frozen=True):
+    """What inputs foresee."""
+
+    inputs: list[str]
+    gain: Number | None
+    interval: Pair
+    chance: Number | None
+
+
+class InputCurvePart(_Part, frozen=True):
+    """Torque over an input."""
+
+    input: str
+    unit: str
+    direction: str
+    x: list[Number]
+    torque: list[Number | None]
+    low: list[Number | None]
+    high: list[Number | None]
+
+
+class LawTermPart(_Part, frozen=True):
+    """A term of a law."""
+
+    term: str
+    unit: str
+    coefficient: Number | None
+    interval: Pair
+    chosen: Number | None
+
+
+class DependencePart(_Part, frozen=True):
+    """What a rest depends on."""
+
+    joint: str
+    unit: str
+    inputs: list[str]
+    rest_closed: Number | None
+    same_terms: Number | None
+    blocks: int
+    gains: list[InputGainPart]
+    curves: list[InputCurvePart]
+    terms: list[LawTermPart]
+
+
 class UnexplainedPart(_Part, frozen=True):
     """What is left."""
 
     fraction_of_explainable: Number | None
     structured: bool
     where: WherePart
-    law: None
+    law: LawPart | None
+    dependence: DependencePart | None = None
 
 
 class BoundPart(_Part, frozen=True):

@@ -8,6 +8,7 @@ from identification.diagnosis.result import Diagnosis, Finding, JointGap
 from identification.words import diagnosis_words as words
 from identification.words.certainty import as_told
 from identification.words.diagnosis_words import growth_words
+from identification.words.law_words import law_line
 from identification.words.numbers_and_names import NO_BREAK, cut_name, number, percent, value_words
 from phantom_dyn.errors import printable
 
@@ -24,6 +25,7 @@ def summary(diagnosis: Diagnosis) -> str:
         _wrapped(words.verdict_sentence(diagnosis)),
         *(_wrapped(line) for line in _gap_line(diagnosis)),
         *(_wrapped(line, "  ") for line in _finding_lines(diagnosis.findings)),
+        *(_wrapped(line) for line in [law_line(diagnosis.unexplained)] if line),
         "",
         "RMS position error of held-out rests" if diagnosis.at_rest else "RMS torque residual on held-out samples",
         *_gap_table(diagnosis.joints),

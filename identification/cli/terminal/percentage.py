@@ -30,9 +30,10 @@ DIAGNOSIS = (
     Stage("measuring what chance gives", 17.0),
     Stage("comparing rivals", 14.0),
     Stage("stating what would have been seen", 1.0),
+    Stage("looking for a law of what is left", 1.0),
     Stage("simulating", 3.0),
     Stage("choosing what to record next", 5.0),
-    Stage("writing", 26.0),
+    Stage("writing", 25.0),
 )
 """Stages of ``phantom-dyn diagnose``. Shares are rounded means over recordings of one to seven joints; on any one
 of them what is shown may be many points beside the time that has passed, as rivals take a small part or a large one

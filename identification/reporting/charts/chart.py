@@ -22,11 +22,13 @@ from identification.reporting.charts.chart_marks import (
     Curve,
     Frame,
     Range,
+    Ribbon,
     axes,
     cloud_svg,
     curve_svg,
     legend_svg,
     line,
+    ribbon_svg,
     text,
 )
 
@@ -55,6 +57,7 @@ class Panel:
         zero: True draws a thin line at zero.
         least: The least range that is shown.
         height: Relative to the other panels.
+        ribbons: Areas below everything else.
     """
 
     label: str
@@ -66,6 +69,7 @@ class Panel:
     zero: bool = False
     least: tuple[float, ...] = ()
     height: float = 1.0
+    ribbons: tuple[Ribbon, ...] = ()
 
 
 def chart(
@@ -125,6 +129,7 @@ def _drawn(panel: Panel) -> list[tuple[Array, Array]]:
     points = [(curve.x, curve.y) for curve in panel.curves]
     bars = [(curve, curve.half) for curve in panel.curves if curve.half is not None]
     points += [(curve.x, curve.y + side * half) for curve, half in bars for side in (1.0, -1.0)]
+    points += [(ribbon.x, edge) for ribbon in panel.ribbons for edge in (ribbon.low, ribbon.high)]
     return points if panel.cloud is None else [*points, (panel.cloud.x, panel.cloud.y)]
 
 
@@ -154,6 +159,7 @@ def _panel(panel: Panel, frame: Frame, x_label: str, x_names: tuple[str, ...]) -
     if np.isfinite(panel.band) and panel.band > 0.0:
         high, low = np.clip(frame.y(np.array([panel.band, -panel.band])), top, bottom)
         out.append(f'<path d="M{left:.1f} {high:.1f}H{right:.1f}V{low:.1f}H{left:.1f}z" fill="#808080" opacity=".22"/>')
+    out += [ribbon_svg(ribbon, frame) for ribbon in panel.ribbons]
     if panel.cloud is not None:
         out.append(cloud_svg(panel.cloud, frame))
     if panel.zero and frame.y_range[0] < 0.0 < frame.y_range[1]:

@@ -60,6 +60,16 @@ class Cloud:
 
 
 @dataclass(frozen=True)
+class Ribbon:
+    """The area between two lines over one axis: ``(n,)`` each."""
+
+    x: Float[Array, " n"]
+    low: Float[Array, " n"]
+    high: Float[Array, " n"]
+    colour: str
+
+
+@dataclass(frozen=True)
 class Frame:
     """Where the values of a panel lie on the page."""
 
@@ -79,6 +89,14 @@ class Frame:
 
 def _placed(values: Float[Array, " n"], of: Range, to: Range) -> Float[Array, " n"]:
     return to[0] + (np.asarray(values, dtype=float) - of[0]) * ((to[1] - to[0]) / (of[1] - of[0]))
+
+
+def ribbon_svg(ribbon: Ribbon, frame: Frame) -> str:
+    """The area, pale."""
+    x = np.concatenate([ribbon.x, ribbon.x[::-1]])
+    y = np.concatenate([ribbon.low, ribbon.high[::-1]])
+    points = " ".join(f"{a:.1f},{b:.1f}" for a, b in zip(frame.x(x), frame.y(y), strict=True))
+    return f'<polygon points="{points}" fill="{ribbon.colour}" opacity=".2"/>'
 
 
 def ticks(low: float, high: float, most: int) -> Float[Array, " n"]:

@@ -11,6 +11,7 @@ import msgspec
 import numpy as np
 import pytest
 
+from identification.diagnosis import rest_law as results
 from identification.diagnosis.result import Unexplained, Value
 from identification.reporting.diagnosis_files import json_text, to_json
 
@@ -80,11 +81,21 @@ class Where(Strict):
     times: list[tuple[float, float]]
 
 
+class Law(Strict):
+    joint: str
+    inputs: list[str]
+    formula: str
+    gap_closed: float
+    gap_closed_interval: tuple[float, float]
+    valid: dict[str, tuple[float, float]]
+    like: str | None
+
+
 class Rest(Strict):
     fraction_of_explainable: float | None
     structured: bool
     where: Where
-    law: None
+    law: Law | None
 
 
 class Bound(Strict):
@@ -164,6 +175,13 @@ def test_where_is_nested_in_unexplained(made_up):
         "where": {"joint": "j2", "regime": "low_speed", "times": [[1.0, 1.5]]},
         "law": None,
     }
+
+
+def test_a_law_has_the_contracts_fields(made_up):
+    law = results.Law("j2", ("v.j2", "t"), "-2*sign(v)", 0.7, (0.6, 0.8), {"t": (0.0, 9.0)}, None)
+    rest = Unexplained(0.4, True, "j2", "low_speed", law=law)
+    document = msgspec.json.decode(json_text(dataclasses.replace(made_up(), unexplained=rest)), type=Document)
+    assert document.unexplained.law == Law("j2", ["v.j2", "t"], "-2*sign(v)", 0.7, (0.6, 0.8), {"t": (0.0, 9.0)}, None)
 
 
 def test_a_rival_is_a_list_of_effects_and_a_probability(made_up):

@@ -1,0 +1,229 @@
+"""The laws of the cases, written from their equations; nothing here imports what is tested.
+
+Each gives torque that the drive of one joint has to give beyond the modelled one, and the inputs that it depends on.
+Inputs that say the same are one: ``v`` and ``dx`` both hold the direction of motion, ``tl`` and ``tau`` both the load.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+
+Array = np.ndarray
+
+
+@dataclass(frozen=True)
+class State:
+    """What a joint and its robot do, full rate, SI units.
+
+    Attributes:
+        t: Time, ``(N,)``.
+        q, v: Motion of all joints, ``(N, nv)``.
+        need: Torque of the true robot without the law, ``(N, nv)``.
+        link: The same without friction and rotors.
+        j: The joint.
+        names: Of the joints.
+    """
+
+    t: Array
+    q: Array
+    v: Array
+    need: Array
+    link: Array
+    j: int
+    names: tuple[str, ...]
+
+    @property
+    def dt(self) -> float:
+        return float(self.t[1] - self.t[0])
+
+    def name(self, kind: str) -> str:
+        return kind if kind == "t" else f"{kind}.{self.names[self.j]}"
+
+
+@dataclass(frozen=True)
+class Law:
+    """A law at work.
+
+    Attributes:
+        parts: What its amplitudes multiply, at unit amplitudes, ``(N, k)``: their sum is the law.
+        required: Inputs that an answer has to name, each a set of which one is enough.
+        allowed: Inputs that an answer may name beside them.
+        temperature: Of the drive of the joint [deg C], None if nobody logs it.
+    """
+
+    parts: Array
+    required: tuple[frozenset[str], ...]
+    allowed: frozenset[str]
+    temperature: Array | None = None
+
+
+def _law(state: State, parts: list[Array], required: str, allowed: str = "", temperature: Array | None = None) -> Law:
+    """``required`` as ``"q v|dx"``."""
+    needs = tuple(frozenset(state.name(k) for k in group.split("|")) for group in required.split())
+    also = frozenset(state.name(k) for k in allowed.split()).union(*needs)
+    return Law(np.column_stack(parts), needs, also, temperature)
+
+
+def _dahl(x: Array, reach: float) -> Array:
+    """``dz/dx = (1 - z sign(dx)) / reach``, integrated exactly over each step."""
+    z = np.zeros(len(x))
+    for k in range(1, len(x)):
+        step = x[k] - x[k - 1]
+        side = np.sign(step)
+        z[k] = side + (z[k - 1] - side) * np.exp(-abs(step) / reach)
+    return z
+
+
+def _slip(x: Array, reach: float) -> Array:
+    """An elastic element that slides at one: the element of Maxwell."""
+    z = np.zeros(len(x))
+    for k in range(1, len(x)):
+        z[k] = min(1.0, max(-1.0, z[k - 1] + (x[k] - x[k - 1]) / reach))
+    return z
+
+
+def _lugre(x: Array, v: Array, dt: float, reach: float, excess: float, speed: float) -> Array:
+    """Bristle deflection over its steady value, ``g(v) = 1 + excess exp(-(v/speed)^2)``."""
+    z = np.zeros(len(x))
+    for k in range(1, len(x)):
+        g = 1.0 + excess * np.exp(-((v[k] / speed) ** 2))
+        side, step = np.sign(v[k]), abs(v[k]) * dt
+        z[k] = side * g + (z[k - 1] - side * g) * np.exp(-step / (reach * g))
+    return z
+
+
+def harmonic_drive_hysteresis(state: State, rng: np.random.Generator) -> Law:
+    """Torque that the flexspline loses: a hysteresis over displacement whose height grows with the load."""
+    j, x = state.j, state.q[:, state.j]
+    z = _dahl(x, rng.uniform(0.02, 0.08) * np.ptp(x))
+    load = np.abs(state.link[:, j])
+    return _law(state, [z, rng.uniform(1.0, 3.0) * z * load / max(load.mean(), 1e-9)], "dx tl|tau", "v")
+
+
+def _heated(state: State, rng: np.random.Generator) -> Array:
+    """Temperature of a drive that losses heat towards a final one, with a slow swing of its cooling."""
+    t = state.t
+    rise = 1.0 - np.exp(-t / rng.uniform(0.25, 0.6) / t[-1])
+    return 25.0 + rng.uniform(8, 25) * (rise + 0.15 * np.sin(2 * np.pi * t / t[-1] * rng.uniform(1.2, 2.2)))
+
+
+def friction_with_temperature(state: State, rng: np.random.Generator) -> Law:
+    """Coulomb friction that grows with the temperature, which is logged."""
+    warm = _heated(state, rng)
+    s = np.sign(state.v[:, state.j])
+    return _law(state, [s * (warm - 25.0) / 10.0, rng.uniform(0, 0.5) * s], "v|dx temp", "", warm)
+
+
+def friction_with_hidden_temperature(state: State, rng: np.random.Generator) -> Law:
+    """The same, but nobody logs the temperature: the friction changes with time."""
+    warm = _heated(state, rng)
+    s = np.sign(state.v[:, state.j])
+    return _law(state, [s * (warm - 25.0) / 10.0, rng.uniform(0, 0.5) * s], "v|dx t")
+
+
+def voltage_sag(state: State, rng: np.random.Generator) -> Law:
+    """A drive that gives less when all of them ask for more: the command is larger by the share that is lost."""
+    load = np.abs(state.need).sum(axis=1)
+    behind, keep = np.zeros(len(load)), np.exp(-state.dt / rng.uniform(0.02, 0.3))
+    behind[0] = load[0]
+    for k in range(1, len(load)):
+        behind[k] = keep * behind[k - 1] + (1.0 - keep) * load[k]
+    part = state.need[:, state.j] * (behind / load.mean() - 1.0)
+    loads = [f"{kind}.{name}" for kind in ("tau", "tl") for name in state.names]
+    own = frozenset({state.name("tau"), state.name("tl")})
+    return Law(part[:, None], (own,), frozenset(loads))
+
+
+def friction_with_position(state: State, rng: np.random.Generator) -> Law:
+    """A worn or misaligned screw: Coulomb friction with a bump or a wave over the travel."""
+    x, s = state.q[:, state.j], np.sign(state.v[:, state.j])
+    low, wide = x.min(), np.ptp(x)
+    if rng.random() < 0.5:
+        place = low + rng.uniform(0.3, 0.7) * wide
+        shape = np.exp(-(((x - place) / (rng.uniform(0.1, 0.25) * wide)) ** 2))
+    else:
+        shape = 0.5 + 0.5 * np.sin(2 * np.pi * (x - low) / wide * rng.uniform(0.6, 2.5) + rng.uniform(0, 6.28))
+    return _law(state, [s * shape], "q v|dx", "dx v")
+
+
+def ripple_with_torque(state: State, rng: np.random.Generator) -> Law:
+    """Torque ripple of a motor or gear: periodic in its angle, as high as the torque."""
+    x, load = state.q[:, state.j], state.link[:, state.j]
+    order = rng.integers(6, 16) * 2 * np.pi / np.ptp(x)
+    return _law(state, [load * np.sin(order * x + rng.uniform(0, 6.28))], "q tl|tau", "tl tau")
+
+
+def drifting_cable(state: State, rng: np.random.Generator) -> Law:
+    """A cable that loses or gains tension: it pulls the joint less or more as time passes."""
+    t = state.t / state.t[-1]
+    shape = np.exp(-t / rng.uniform(0.15, 0.5)) if rng.random() < 0.6 else np.cos(np.pi * t * rng.uniform(0.8, 2.0))
+    return _law(state, [shape], "t")
+
+
+def hose(state: State, rng: np.random.Generator) -> Law:
+    """A hose: slack over part of the travel, then a pull that grows with the cube or the square of the stretch."""
+    x = state.q[:, state.j] * rng.choice([-1.0, 1.0])
+    stretch = np.maximum(x - (x.min() + rng.uniform(0.3, 0.6) * np.ptp(x)), 0.0)
+    return _law(state, [stretch ** rng.choice([2.0, 3.0])], "q")
+
+
+def hardening_spring(state: State, rng: np.random.Generator) -> Law:
+    """A spring that hardens: linear and cubic in the distance from its rest."""
+    x = state.q[:, state.j]
+    d = (x - (x.min() + rng.uniform(0.3, 0.7) * np.ptp(x))) / np.ptp(x)
+    return _law(state, [d**3, rng.uniform(0.0, 0.1) * d], "q")
+
+
+def dahl_friction(state: State, rng: np.random.Generator) -> Law:
+    """Dahl's model."""
+    x = state.q[:, state.j]
+    return _law(state, [_dahl(x, rng.uniform(0.05, 0.2) * np.ptp(x))], "dx", "v")
+
+
+def lugre_friction(state: State, rng: np.random.Generator) -> Law:
+    """The LuGre model, with a Stribeck excess."""
+    j = state.j
+    speed = rng.uniform(0.05, 0.2) * np.percentile(np.abs(state.v[:, j]), 90)
+    reach = rng.uniform(0.02, 0.08) * np.ptp(state.q[:, j])
+    z = _lugre(state.q[:, j], state.v[:, j], state.dt, reach, rng.uniform(0.5, 1.5), speed)
+    return _law(state, [z], "dx", "v")
+
+
+def maxwell_slip(state: State, rng: np.random.Generator) -> Law:
+    """Generalised Maxwell slip: elements that let go one after the other."""
+    x = state.q[:, state.j]
+    reaches = np.array([0.03, 0.1, 0.3]) * rng.uniform(0.6, 1.2) * np.ptp(x)
+    shares = rng.dirichlet([2.0, 2.0, 2.0])
+    return _law(state, [np.column_stack([_slip(x, r) for r in reaches]) @ shares], "dx", "v")
+
+
+def friction_by_direction_and_position(state: State, rng: np.random.Generator) -> Law:
+    """Coulomb friction that depends on the position, otherwise forwards than backwards."""
+    x, s = state.q[:, state.j], np.sign(state.v[:, state.j])
+    u = (x - x.min()) / np.ptp(x)
+    forwards = np.where(s > 0, 0.3 + rng.uniform(0.5, 1.0) * u**2, 0.0)
+    backwards = np.where(s < 0, -(0.3 + rng.uniform(0.5, 1.0) * (1.0 - u)), 0.0)
+    return _law(state, [forwards, backwards], "q v|dx", "dx v")
+
+
+LAWS: dict[str, Callable[[State, np.random.Generator], Law]] = {
+    law.__name__: law
+    for law in (
+        harmonic_drive_hysteresis,
+        friction_with_temperature,
+        friction_with_hidden_temperature,
+        voltage_sag,
+        friction_with_position,
+        ripple_with_torque,
+        drifting_cable,
+        hose,
+        hardening_spring,
+        dahl_friction,
+        lugre_friction,
+        maxwell_slip,
+        friction_by_direction_and_position,
+    )
+}

@@ -1,0 +1,182 @@
+"""A law for what is left: the inputs that a structured rest depends on, its formula, and a model to use now.
+
+The methods: smooth functions of inputs and pairs on held-out blocks against orders of the blocks by chance
+(`smooth`), and orthogonal least squares with exchanges over a library of terms with units (`terms`, `selection`), its
+size chosen by blocks that neither choice nor fit has seen, each term tested against chance, the whole repeated on
+bootstrap replicates over blocks (`formula_search`).
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+from jaxtyping import Float
+
+from identification.diagnosis.judge.findings import Shown
+from identification.diagnosis.law.formula_search import (
+    STABLE,
+    Choice,
+    Columns,
+    columns_of,
+    search_formula,
+    settled,
+    without_law,
+)
+from identification.diagnosis.law.literature import looks_like
+from identification.diagnosis.law.model_to_use import model_of
+from identification.diagnosis.law.rest import Rest, rest_of
+from identification.diagnosis.law.smooth import input_curves, input_gains
+from identification.diagnosis.rest_law import Dependence, InputGain, Law, LawTerm, Pair
+from identification.diagnosis.result import JointGap, Judgement
+from phantom_dyn.random_streams import random_stream
+
+Array = np.ndarray
+
+_REPLICATES = 200
+_LEAST = 0.4  # of the squares of the rest that a formula has to foresee
+_MOSTLY = 0.5  # share of the replicates that have to choose an input which no formula names
+
+
+def with_law(judgement: Judgement, shown: Shown) -> Judgement:
+    """The same with what its structured rest depends on, and with its law where there is one.
+
+    Args:
+        judgement: What the fits say of the gap.
+        shown: The effects that are shown, and their fits.
+    """
+    left = judgement.unexplained
+    if not left.structured or left.joint is None:
+        return judgement
+    rest = rest_of(shown, left.joint, np.array([joint.noise_floor for joint in judgement.joints]))
+    if np.count_nonzero(rest.weight) == 0:
+        return judgement
+    law, dependence = law_of(rest, judgement.joints)
+    return replace(judgement, unexplained=replace(left, law=law, dependence=dependence))
+
+
+def law_of(rest: Rest, joints: tuple[JointGap, ...]) -> tuple[Law | None, Dependence]:
+    """The law of a rest, None where none is stable, and what it depends on.
+
+    Args:
+        rest: What is left on one joint.
+        joints: Gap of every joint of the robot.
+    """
+    columns = columns_of(rest)
+    before = without_law(rest, columns)
+    rest, columns = settled(rest, columns)
+    choice = search_formula(rest, columns, before)
+    gains = input_gains(rest)
+    judged = _judged(rest)
+    closed = float(1.0 - choice.held_out[judged].sum() / max(choice.before[judged].sum(), 1e-300))
+    stable = bool(choice.chosen) and choice.same >= STABLE and closed >= _LEAST
+    terms, law = (), None
+    if stable:
+        terms = _terms(rest, columns, choice)
+        law = _law(rest, choice, terms, joints)
+    inputs = law.inputs if law is not None else _voted(rest, choice, gains)
+    dependence = Dependence(
+        joint=rest.joint,
+        unit=rest.unit,
+        inputs=inputs,
+        gains=gains,
+        curves=input_curves(rest, inputs),
+        terms=terms,
+        same_terms=choice.same if stable else 0.0,
+        rest_closed=closed if stable else 0.0,
+        blocks=len(judged),
+        model=model_of(rest, columns, choice, lawful=stable),
+    )
+    return law, dependence
+
+
+def _judged(rest: Rest) -> Array:
+    """Blocks of recordings that no fit may see where there are any, else all: each is held out once."""
+    outside = np.flatnonzero(rest.folds < 0)
+    return outside if len(outside) else np.arange(len(rest.folds))
+
+
+def _voted(rest: Rest, choice: Choice, gains: tuple[InputGain, ...]) -> tuple[str, ...]:
+    """Inputs that most replicates choose; where nothing is beyond chance, those of the best smooth function that is."""
+    voted = tuple(name for name in rest.inputs if choice.input_votes.get(name, 0.0) > _MOSTLY)
+    if voted:
+        return voted
+    best = next((one for one in gains if one.gain > one.chance and one.interval[0] > 0.0), None)
+    return () if best is None else best.inputs
+
+
+def _terms(rest: Rest, columns: Columns, choice: Choice) -> tuple[LawTerm, ...]:
+    """Terms with coefficients of the torque that acts on the joint, and their intervals by block bootstrap."""
+    at = columns.terms.columns(choice.chosen)
+    size = columns.size[at]
+    seen = np.flatnonzero(rest.folds >= 0)
+    rng = random_stream("blocks of the coefficients of a law")
+    drawn = [(rest.folds >= 0).astype(float)]
+    drawn += [np.bincount(rng.choice(seen, len(seen)), minlength=len(rest.folds)) for _ in range(_REPLICATES)]
+    theta = np.array([_fitted(columns, counts.astype(float), at) for counts in drawn]) / size
+    low, high = np.quantile(theta[1:], [0.025, 0.975], axis=0)
+    owner = {}
+    for k in choice.chosen:
+        term = columns.library[k]
+        for column, text in zip((columns.terms.first[k], columns.terms.second[k]), term.texts, strict=False):
+            owner[int(column)] = (text, term)
+    out = []
+    for place, column in enumerate(at):
+        text, term = owner[column]
+        unit = f"{rest.unit}/{term.per}" if term.per and " " not in term.per else rest.unit
+        unit = f"{rest.unit}/({term.per})" if " " in term.per else unit
+        interval = (-float(high[place]), -float(low[place]))
+        out.append(LawTerm(text, unit, -float(theta[0, place]), interval, choice.votes.get(term.kind, 0.0)))
+    return tuple(out)
+
+
+def _fitted(columns: Columns, counts: Float[Array, " B"], at: list[int]) -> Float[Array, " k"]:
+    """Coefficients of some columns on blocks, each as often as ``counts`` says, beside what may move.
+
+    Only the columns in question and those that may move are summed: the library is large.
+    """
+    every = [*at, *range(len(columns.size), columns.x.shape[1])]
+    products = columns.products.of(every).freed(counts, columns.free)
+    return products.fitted(list(range(len(at))))
+
+
+def _law(rest: Rest, choice: Choice, terms: tuple[LawTerm, ...], joints: tuple[JointGap, ...]) -> Law:
+    library = choice.columns.library
+    named = frozenset().union(*(library[k].inputs for k in choice.chosen))
+    inputs = tuple(name for name in rest.inputs if name in named)
+    first = {library[k].texts[0]: library[k].kind for k in choice.chosen}
+    told = {first[term.term]: term.coefficient for term in terms if term.term in first}
+    closed, interval = _share_of_gap(rest, choice, joints)
+    return Law(
+        joint=rest.joint,
+        inputs=inputs,
+        formula=formula_text(terms),
+        gap_closed=closed,
+        gap_closed_interval=interval,
+        valid=rest.ranges(inputs),
+        like=looks_like(told.keys(), told.values()),
+    )
+
+
+def formula_text(terms: tuple[LawTerm, ...]) -> str:
+    """A sum of terms as one line."""
+    out = ""
+    for term in terms:
+        size = f"{abs(term.coefficient):.3g}" + ("" if term.term == "1" else f"*{term.term}")
+        sign = "-" if term.coefficient < 0 else "+"
+        out += f" {sign} {size}" if out else f"{'-' if term.coefficient < 0 else ''}{size}"
+    return out
+
+
+def _share_of_gap(rest: Rest, choice: Choice, joints: tuple[JointGap, ...]) -> tuple[float, Pair]:
+    """Share of the robot's gap that the choice closes on held-out blocks, with its interval by block bootstrap."""
+    judged = _judged(rest)
+    counts = np.array([rest.weight[rest.blocks == k].sum() for k in judged])
+    gained = (choice.before - choice.held_out)[judged]
+    gap = float(np.mean([(joint.tolerated / joint.noise_floor) ** 2 for joint in joints])) - 1.0
+    scale = len(joints) * rest.floor**2 * max(gap, 1e-12)
+    rng = random_stream("blocks of what a law closes")
+    draws = rng.choice(len(judged), (_REPLICATES, len(judged)))
+    shares = gained[draws].sum(axis=1) / np.maximum(counts[draws].sum(axis=1), 1e-12) / scale
+    low, high = np.quantile(shares, [0.025, 0.975])
+    return float(gained.sum() / max(counts.sum(), 1e-12) / scale), (float(low), float(high))

@@ -1,0 +1,270 @@
+"""The shortest formula that predicts a rest on blocks that no fit has seen, and whether it is always the same one."""
+
+from __future__ import annotations
+
+from collections import Counter
+from dataclasses import dataclass, replace
+
+import numpy as np
+from jaxtyping import Float
+
+from identification.diagnosis.law.rest import Rest
+from identification.diagnosis.law.selection import (
+    BlockProducts,
+    Chosen,
+    Free,
+    Products,
+    Terms,
+    block_products,
+    gains,
+    squares,
+    stepwise,
+)
+from identification.diagnosis.law.terms import Term, library
+from identification.diagnosis.numerics.bounded import bounded_solve
+from phantom_dyn.random_streams import random_stream
+
+Array = np.ndarray
+
+MOST_TERMS = 4
+_SETTLINGS = 4
+_REPLICATES = 40
+_PERMUTATIONS = 100
+_CHANCE = 0.99  # quantile of the largest gain by chance that every term has to exceed
+STABLE = 0.6  # share of the bootstrap replicates that have to choose the same kinds of terms
+NEARLY = 0.85  # of what the best size foresees, for a shorter formula
+_WORTH = 0.02  # part of the explained squares that one more term has to add
+
+
+@dataclass(frozen=True)
+class Columns:
+    """The library on one rest.
+
+    Attributes:
+        library: Its terms.
+        x: Their columns in the judged band at the kept samples, of unit size, and what may move, ``(n, C)``.
+        size: What they were divided by, ``(C,)``.
+        terms: Which columns each term has.
+        products: Of each block.
+        free: The prior of what may move.
+    """
+
+    library: tuple[Term, ...]
+    x: Float[Array, "n C"]
+    size: Float[Array, " C"]
+    terms: Terms
+    products: BlockProducts
+    free: Free
+
+
+@dataclass(frozen=True)
+class Choice:
+    """What was chosen.
+
+    Attributes:
+        columns: The library.
+        chosen: Terms of the formula, empty where none is beyond chance.
+        held_out: Squares that the choice leaves of each block, made and fitted on other folds, ``(B,)``.
+        before: Squares of each block without a formula, ``(B,)``.
+        votes: Share of the bootstrap replicates that choose each kind of term.
+        same: Share of the replicates that choose the same kinds of terms.
+        input_votes: Share of the replicates whose choice depends on each input.
+    """
+
+    columns: Columns
+    chosen: Chosen
+    held_out: Float[Array, " B"]
+    before: Float[Array, " B"]
+    votes: dict[str, float]
+    same: float
+    input_votes: dict[str, float]
+
+
+def columns_of(rest: Rest) -> Columns:
+    """The library's columns on a rest and their products."""
+    terms = library(rest)
+    parts = []
+    for log in rest.logs:
+        full = np.column_stack([column(log) for term in terms for column in term.columns])
+        parts.append(log.in_band(full))
+    x = np.concatenate(parts)
+    weight = rest.weight
+    size = np.sqrt((x**2 * weight[:, None]).sum(axis=0) / max(weight.sum(), 1e-12))
+    size = np.where(size > 1e-12, size, np.inf)
+    starts = np.cumsum([0, *(len(term.columns) for term in terms)])
+    first, second = starts[:-1], starts[1:] - 1
+    x = np.column_stack([x / size, np.concatenate([log.free for log in rest.logs])])
+    products = block_products(x, rest.y, weight, rest.blocks, len(rest.folds))
+    return Columns(terms, x, size, Terms(first, second), products, Free(rest.precision, rest.right))
+
+
+def settled(rest: Rest, columns: Columns) -> tuple[Rest, Columns]:
+    """The same with moves that end at their bounds beside the best choice held there.
+
+    All other fits of a law take the rest of the moves as free within a prior, and are products and solutions. A term
+    that is the same as a move sets it free again when it comes in: where the holds go in a circle, the move stays held
+    and the term says what lies beyond its bound.
+    """
+    whole = columns.products.summed((rest.folds >= 0).astype(float))
+    squared = np.diag(whole.gram)[len(columns.size) :]
+    free, held, before = columns.free, np.zeros(len(rest.right)), []
+    for _ in range(_SETTLINGS):
+        path = [(), *stepwise(columns.terms, free.taken_out(whole), MOST_TERMS)]
+        size = best_size(cross_validated(rest, replace(columns, free=free), MOST_TERMS))
+        at = columns.terms.columns(path[min(size, len(path) - 1)])
+        moved = _bounded(rest, columns, whole, at)[len(at) :]
+        now = np.where(moved <= rest.lower, -1.0, 0.0) + np.where(moved >= rest.upper, 1.0, 0.0)
+        if (now == held).all():
+            break
+        circle = any((now == other).all() for other in before)
+        before.append(held)
+        held = np.where(now != 0.0, now, held) if circle else now
+        free = _held(rest, held, squared)
+        if circle:
+            break
+    return replace(rest, precision=free.precision, right=free.right), replace(columns, free=free)
+
+
+def _held(rest: Rest, held: Array, size: Array) -> Free:
+    """The prior with moves held at a bound: so narrow that no fit takes them away."""
+    narrow = np.where(held != 0.0, 1e6 * np.maximum(size, 1e-12), 0.0)
+    bound = np.where(held < 0.0, rest.lower, np.where(held > 0.0, rest.upper, 0.0))
+    return Free(rest.precision + np.diag(narrow), rest.right + narrow * bound)
+
+
+def _bounded(rest: Rest, columns: Columns, products: Products, at: list[int]) -> Array:
+    """Coefficients of some columns, then of what may move within its bounds."""
+    every = [*at, *range(len(columns.size), columns.x.shape[1])]
+    a, b = products.gram[np.ix_(every, every)].copy(), products.right[every].copy()
+    own = slice(len(at), None)
+    a[own, own] += rest.precision
+    a[np.diag_indices_from(a)] *= 1.0 + 1e-9
+    b[own] += rest.right
+    none = np.full(len(at), np.inf)
+    return bounded_solve(a, b, np.concatenate([-none, rest.lower]), np.concatenate([none, rest.upper]))
+
+
+def without_law(rest: Rest, columns: Columns) -> Float[Array, " B"]:
+    """Squares left of each block without a law, what may move within its bounds fitted to other folds."""
+    loss = np.zeros(len(rest.folds))
+    moved = list(range(len(columns.size), columns.x.shape[1]))
+    for fold in np.unique(rest.folds):
+        train = columns.products.summed(((rest.folds >= 0) & (rest.folds != fold)).astype(float))
+        theta = _bounded(rest, columns, train, [])
+        for k in np.flatnonzero(rest.folds == fold).tolist():
+            loss[k] = columns.products.block(k).left(moved, theta)
+    return loss
+
+
+def search_formula(rest: Rest, columns: Columns, before: Float[Array, " B"], most: int = MOST_TERMS) -> Choice:
+    """The choice of terms at the size that held-out blocks ask for, tested against chance and repeated by bootstrap.
+
+    Where replicates disagree on it, a shorter one on which they agree is taken if it foresees nearly as much.
+
+    Args:
+        rest: What is left on the joint.
+        columns: The library on it.
+        before: Squares of each block without a law.
+        most: Terms at most.
+    """
+    loss = cross_validated(rest, columns, most)
+    loss[0] = before
+    whole = columns.products.freed((rest.folds >= 0).astype(float), columns.free)
+    path = [(), *stepwise(columns.terms, whole, most)]
+    size = min(best_size(loss), len(path) - 1)
+    while size > 0 and not _beyond_chance(rest, columns, path[size]):
+        size -= 1
+    longest = Choice(columns, path[size], loss[size], loss[0], *_repeated(rest, columns, path[size]))
+    gained = loss[0].sum() - loss[size].sum()
+    for shorter in range(size, 0, -1):
+        if loss[0].sum() - loss[shorter].sum() < NEARLY * gained:
+            break
+        repeated = _repeated(rest, columns, path[shorter])
+        if repeated[1] >= STABLE and _beyond_chance(rest, columns, path[shorter]):
+            return Choice(columns, path[shorter], loss[shorter], loss[0], *repeated)
+    return longest
+
+
+def cross_validated(rest: Rest, columns: Columns, most: int) -> Float[Array, "m B"]:
+    """Squares left of each block at every size, none included, by choices that have not seen its fold."""
+    terms, products, folds, free = columns.terms, columns.products, rest.folds, columns.free
+    loss = np.zeros((most + 1, len(folds)))
+    moved = list(range(len(columns.size), columns.x.shape[1]))
+    for fold in np.unique(folds):
+        train = products.summed(((folds >= 0) & (folds != fold)).astype(float))
+        freed = free.taken_out(train)
+        path = [(), *stepwise(terms, freed, most)]
+        for size in range(most + 1):
+            at = terms.columns(path[min(size, len(path) - 1)])
+            theta = freed.fitted(at)
+            theta = np.concatenate([theta, free.beside(train, at, theta)])
+            for k in np.flatnonzero(folds == fold).tolist():
+                loss[size, k] = products.block(k).left([*at, *moved], theta)
+    return loss
+
+
+def best_size(loss: Float[Array, "m B"]) -> int:
+    """The fewest terms that are not surely worse than the best size, and not worse by more than a little."""
+    total = loss.sum(axis=1)
+    best = int(np.argmin(total))
+    most = _WORTH * (total[0] - total[best])
+    for size in range(best):
+        more = loss[size] - loss[best]
+        error = np.sqrt(len(more)) * more.std()
+        if more.sum() <= max(error, most):
+            return size
+    return best
+
+
+def _beyond_chance(rest: Rest, columns: Columns, chosen: Chosen) -> bool:
+    """True if every term gains more than chance does with the whole library on what the formula leaves."""
+    terms, seen = columns.terms, (rest.folds >= 0).astype(float)
+    whole = columns.products.freed(seen, columns.free)
+    at = terms.columns(chosen)
+    left = squares(terms, whole, chosen)
+    least = min(squares(terms, whole, chosen[:k] + chosen[k + 1 :]) - left for k in range(len(chosen)))
+    theta = whole.fitted(at)
+    moved = columns.free.beside(columns.products.summed(seen), at, theta)
+    model = columns.x[:, at] @ theta + columns.x[:, len(columns.size) :] @ moved
+    return least > chance(rest, columns, rest.y - model)
+
+
+def chance(rest: Rest, columns: Columns, left: Float[Array, " n"]) -> float:
+    """The gain that the best of all terms reaches by chance: on blocks of what is left in another order."""
+    rng = random_stream("order of blocks of a rest")
+    used = rest.weight > 0
+    root = np.sqrt(rest.weight[used])
+    x, numbers = columns.x[used] * root[:, None], rest.blocks[used]
+    pieces = [left[used][numbers == k] * root[numbers == k] for k in np.unique(numbers)]
+    gram = x.T @ x
+    free = replace(columns.free, right=np.zeros(columns.free.count))
+    out = []
+    for _ in range(_PERMUTATIONS):
+        order = rng.permutation(len(pieces))
+        mixed = np.concatenate([pieces[k] * rng.choice([-1.0, 1.0]) for k in order])
+        products = free.taken_out(Products(gram, mixed @ x, float(mixed @ mixed)))
+        out.append(gains(columns.terms, products, ()).max())
+    return float(np.quantile(out, _CHANCE))
+
+
+def _repeated(rest: Rest, columns: Columns, chosen: Chosen) -> tuple[dict[str, float], float, dict[str, float]]:
+    """How often bootstrap replicates over blocks choose each kind of term, the same kinds, and each input."""
+    if not chosen:
+        return {}, 0.0, {}
+    rng = random_stream("blocks of a law")
+    seen = np.flatnonzero(rest.folds >= 0)
+    kinds, inputs, same = Counter(), Counter(), 0
+    wanted = Counter(columns.library[k].kind for k in chosen)
+    for _ in range(_REPLICATES):
+        counts = np.bincount(rng.choice(seen, len(seen)), minlength=len(rest.folds)).astype(float)
+        found = stepwise(columns.terms, columns.products.freed(counts, columns.free), len(chosen))[-1]
+        drawn = Counter(columns.library[k].kind for k in found)
+        same += drawn == wanted
+        kinds.update(set(drawn))
+        inputs.update(frozenset().union(*(columns.library[k].inputs for k in found)))
+    share = 1.0 / _REPLICATES
+    return (
+        {kind: share * n for kind, n in kinds.items()},
+        share * same,
+        {name: share * n for name, n in inputs.items()},
+    )

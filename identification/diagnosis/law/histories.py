@@ -1,0 +1,46 @@
+"""States of friction with memory along a recorded path: bristles that bend and elements that slip."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from itertools import pairwise
+
+import numpy as np
+from jaxtyping import Float
+
+Array = np.ndarray
+
+
+def bristle(x: Float[Array, " N"], reach: float) -> Float[Array, " N"]:
+    """State of a bristle between -1 and 1: ``dz/dx = (1 - z sign(dx)) / reach``, from rest at the start.
+
+    Args:
+        x: Path.
+        reach: Displacement over which it bends [as x].
+    """
+    return _along(x, lambda start, side, moved: side + (start - side) * np.exp(-moved / reach))
+
+
+def slip(x: Float[Array, " N"], reach: float) -> Float[Array, " N"]:
+    """State of an elastic element that slides at -1 and 1, from rest at the start.
+
+    Args:
+        x: Path.
+        reach: Displacement from rest at which it slides [as x].
+    """
+    return _along(x, lambda start, side, moved: np.clip(start + side * moved / reach, -1.0, 1.0))
+
+
+def _along(x: Float[Array, " N"], law: Callable[[float, float, Array], Array]) -> Float[Array, " N"]:
+    """A state whose law, of its start, the direction and the way since, is known between two reversals of the path."""
+    side = np.sign(np.diff(x, prepend=x[:1]))
+    turns = np.flatnonzero(side[1:] != side[:-1]) + 1
+    edges = [0, *turns.tolist(), len(x)]
+    out, z, at = np.zeros(len(x)), 0.0, x[0]
+    for begin, end in pairwise(edges):
+        if side[begin] == 0.0:
+            out[begin:end] = z
+        else:
+            out[begin:end] = law(z, side[begin], np.abs(x[begin:end] - at))
+        z, at = out[end - 1], x[end - 1]
+    return out

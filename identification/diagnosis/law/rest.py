@@ -1,0 +1,207 @@
+"""What all findings leave on one joint, with every input that it may depend on."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+
+import numpy as np
+from jaxtyping import Float
+
+from identification.data.log import Band, Log
+from identification.data.signals import smoothed
+from identification.diagnosis.fit.flexible import displacement_since_reversal
+from identification.diagnosis.fit.gap import held_out_torque, residual_after, sample_weights
+from identification.diagnosis.judge.findings import Shown
+from identification.diagnosis.law.freedom import freedom_of
+from identification.diagnosis.model.blocks import Block
+from phantom_dyn.effects.operation import Operation
+from phantom_dyn.effects.support.rows import branch_rows
+from phantom_dyn.model.robot import Robot
+
+Array = np.ndarray
+
+_PER_PERIOD = 5.0  # samples a period of the judged band's edge: more say the same again
+_OTHERS = 5  # other joints of the branch that are looked at, the nearest
+_TWINS = 0.99  # correlation from which the drive's torque says no more than what it passes on
+
+
+@dataclass(frozen=True)
+class RestLog:
+    """One recording.
+
+    Attributes:
+        t: Time since its start at the full rate [s], ``(N,)``.
+        inputs: Series by name at the full rate, ``(N,)`` each.
+        band: Its filter.
+        cutoff_hz: Edge of the judged band.
+        kept: Which of the samples in the band are kept.
+        residual: Measured less modelled torque of these samples in the judged band, by fits that have not seen them,
+            ``(n,)``.
+        weight: What each counts, ``(n,)``.
+        free: Columns of what may move beside a law, ``(n, F)``.
+    """
+
+    t: Float[Array, " N"]
+    inputs: Mapping[str, Float[Array, " N"]]
+    band: Band
+    cutoff_hz: float
+    kept: slice
+    residual: Float[Array, " n"]
+    weight: Float[Array, " n"]
+    free: Float[Array, "n F"]
+
+    def in_band(self, x: Float[Array, "N ..."]) -> Float[Array, "n ..."]:
+        """Kept samples in the judged band of a series at the full rate."""
+        wide = self.band(x)
+        if self.cutoff_hz < 0.99 * self.band.cutoff_hz:
+            wide = smoothed(wide, self.band.rate_hz / self.band.step, self.cutoff_hz)
+        return wide[self.kept]
+
+    def now(self, x: Float[Array, "N ..."]) -> Float[Array, "n ..."]:
+        """Kept samples of a series, unfiltered."""
+        return x[self.band.samples(len(x))][self.kept]
+
+
+@dataclass(frozen=True)
+class Rest:
+    """What is left on one joint of all recordings.
+
+    Attributes:
+        joint: Its name.
+        unit: Of its torque.
+        others: Other joints whose motion is among the inputs.
+        logs: The recordings.
+        blocks: Number of the block of each kept sample, those that share noise with the block before -1, ``(n,)``.
+        folds: Of each block, -1 for blocks that no fit may see, ``(B,)``.
+        floor: Noise floor of the joint.
+        precision: Of the prior of what may move beside a law, in squares of the torque, ``(F, F)``.
+        right: Precision times the mean of that prior, ``(F,)``.
+        lower, upper: Bounds of what may move, ``(F,)``.
+    """
+
+    joint: str
+    unit: str
+    others: tuple[str, ...]
+    logs: tuple[RestLog, ...]
+    blocks: Array
+    folds: Array
+    floor: float
+    precision: Float[Array, "F F"]
+    right: Float[Array, " F"]
+    lower: Float[Array, " F"]
+    upper: Float[Array, " F"]
+
+    @property
+    def y(self) -> Float[Array, " n"]:
+        """Residual of all kept samples."""
+        return np.concatenate([log.residual for log in self.logs])
+
+    @property
+    def weight(self) -> Float[Array, " n"]:
+        """What each kept sample counts."""
+        return np.concatenate([log.weight for log in self.logs]) * (self.blocks >= 0)
+
+    def series(self, name: str) -> Float[Array, " n"]:
+        """An input at all kept samples."""
+        return np.concatenate([log.now(log.inputs[name]) for log in self.logs])
+
+    def ranges(self, names: tuple[str, ...]) -> dict[str, tuple[float, float]]:
+        """Smallest and largest value of some inputs where samples count."""
+        used = self.weight > 0
+        series = {name: self.series(name)[used] for name in names}
+        return {name: (float(values.min()), float(values.max())) for name, values in series.items()}
+
+    @property
+    def inputs(self) -> tuple[str, ...]:
+        """Names of all inputs."""
+        return tuple(self.logs[0].inputs)
+
+
+def rest_of(shown: Shown, joint: str, floors: Float[Array, " nv"]) -> Rest:
+    """What the named effects leave on a joint, on blocks that their fits have not seen.
+
+    Args:
+        shown: The effects that are shown.
+        joint: The joint.
+        floors: Noise floor of each joint.
+    """
+    problem = shown.problem
+    session, columns, robot = problem.session, problem.columns, problem.session.robot
+    row = robot.joint_names.index(joint)
+    torque = held_out_torque(problem, shown.named, shown.found)
+    residual = session.in_judged_band(residual_after(problem, torque))
+    freedom = freedom_of(shown, row, floors, residual)
+    near = sorted((k for k in branch_rows(robot, joint) if k != row), key=lambda k: abs(k - row))[:_OTHERS]
+    logs, numbers = [], []
+    for k, log in enumerate(session.logs):
+        step = max(1, int(log.band.rate_hz / log.band.step / (_PER_PERIOD * session.cutoff_hz)))
+        kept = slice(0, None, step)
+        weight = sample_weights(problem, k, slice(0, len(log.samples)))[kept, row]
+        inputs = inputs_of(robot, log, columns.operations[k], row, near)
+        t = log.motion.t - log.motion.t[0]
+        rest = residual[k][kept, row]
+        logs.append(RestLog(t, inputs, log.band, session.cutoff_hz, kept, rest, weight, freedom.columns[k][kept]))
+        numbers.append(_block_numbers(session.blocks, k, len(log.samples))[kept])
+    logs = _without_twins(logs, joint)
+    names = tuple(robot.joint_names[k] for k in near)
+    return Rest(
+        joint=joint,
+        unit=robot.torque_units[row],
+        others=names,
+        logs=tuple(logs),
+        blocks=np.concatenate(numbers),
+        folds=session.folds,
+        floor=float(floors[row]),
+        precision=freedom.precision,
+        right=freedom.right,
+        lower=freedom.lower,
+        upper=freedom.upper,
+    )
+
+
+def inputs_of(robot: Robot, log: Log, operation: Operation, row: int, near: list[int]) -> dict[str, Array]:
+    """Series of every input at the full rate, by name.
+
+    Args:
+        robot: Names its joints.
+        log: One recording.
+        operation: Its torque.
+        row: The joint that is looked at.
+        near: Other joints that are looked at.
+    """
+    motion, name = log.motion, robot.joint_names
+    own = name[row]
+    out = {
+        f"q.{own}": motion.q[:, row],
+        f"v.{own}": motion.v[:, row],
+        f"a.{own}": motion.a[:, row],
+        f"dx.{own}": displacement_since_reversal(motion.q[:, row], motion.v[:, row]),
+        f"tl.{own}": operation.transmitted[:, row] - operation.own_friction[:, row],
+        f"tau.{own}": operation.tau[:, row],
+    }
+    if log.temperature is not None and np.isfinite(log.temperature[:, row]).all():
+        out[f"temp.{own}"] = log.temperature[:, row]
+    out["t"] = motion.t - motion.t[0]
+    for k in near:
+        out |= {f"q.{name[k]}": motion.q[:, k], f"v.{name[k]}": motion.v[:, k], f"tau.{name[k]}": operation.tau[:, k]}
+    return {key: np.asarray(series) for key, series in out.items()}
+
+
+def _block_numbers(blocks: tuple[Block, ...], log: int, count: int) -> Array:
+    out = np.full(count, -1)
+    for number, block in enumerate(blocks):
+        if block.log == log:
+            out[block.core : block.stop] = number
+    return out
+
+
+def _without_twins(logs: list[RestLog], joint: str) -> list[RestLog]:
+    """Without inputs that stand still, and without the drive's torque where it is what the transmission passes on."""
+    still = {name for name in logs[0].inputs if np.ptp(np.concatenate([log.inputs[name] for log in logs])) < 1e-9}
+    passed, drive = (np.concatenate([log.inputs[f"{kind}.{joint}"] for log in logs]) for kind in ("tl", "tau"))
+    if f"tl.{joint}" not in still and abs(np.corrcoef(passed, drive)[0, 1]) > _TWINS:
+        still.add(f"tau.{joint}")
+    return [
+        replace(log, inputs={name: series for name, series in log.inputs.items() if name not in still}) for log in logs
+    ]

@@ -1,0 +1,212 @@
+"""Smooth functions of one or two inputs: what each foresees of a rest on held-out blocks, and what chance does.
+
+A function is a table with linear interpolation between its places (hat functions, for two inputs their products),
+fitted by ridge regression beside what may move. Chance is measured with the blocks of the rest in another order, so
+that each keeps its own colour, and time, which foresees every slow drift, has no better chance than it deserves.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cache
+from itertools import combinations
+
+import numpy as np
+from jaxtyping import Float
+
+from identification.diagnosis.law.rest import Rest
+from identification.diagnosis.numerics.bounded import solve
+from identification.diagnosis.rest_law import InputCurve, InputGain
+from phantom_dyn.random_streams import random_stream
+
+Array = np.ndarray
+
+_PLACES = 7  # of a table over one input
+_RIDGE = 3e-3  # of the samples at a place
+_DRAWS = 60  # orders of the blocks
+_CHANCE = 0.95  # quantile over them of the largest gain
+_REPLICATES = 200
+_PAIRS = 6  # that are told
+_CURVE = 25  # places of a curve
+_UNITS = {"q": "", "v": "/s", "a": "/s²", "dx": ""}
+
+
+@dataclass(frozen=True)
+class _Samples:
+    """Used samples of a rest, each times the root of its weight.
+
+    Attributes:
+        y: The rest, and the same with its blocks in other orders, ``(n, 1 + D)``.
+        free: What may move, ``(n, F)``.
+        blocks: Of each sample.
+        folds: Of each block.
+        root: Root of each weight.
+        prior: Right side of the prior, the same columns as ``y``, ``(F, 1 + D)``.
+    """
+
+    y: Float[Array, "n D"]
+    free: Float[Array, "n F"]
+    blocks: Array
+    folds: Array
+    root: Float[Array, " n"]
+    prior: Float[Array, "F D"]
+
+
+def input_gains(rest: Rest) -> tuple[InputGain, ...]:
+    """Held-out gain of every input and of the best pairs, the largest first."""
+    used = rest.weight > 0
+    samples = _samples(rest, used)
+    tables = {name: _table(rest, name)[used] * samples.root[:, None] for name in rest.inputs}
+    plain = _losses(samples, np.zeros((len(samples.y), 0)), rest)
+
+    @cache
+    def gains(names: tuple[str, ...]) -> Array:
+        x = tables[names[0]]
+        if len(names) > 1:
+            x = (x[:, :, None] * tables[names[1]][:, None, :]).reshape(len(x), -1) / samples.root[:, None]
+        return plain - _losses(samples, x, rest)
+
+    single = {(name,): gains((name,)) for name in rest.inputs}
+    pairs = {names: gains(names) for names in combinations(rest.inputs, 2)}
+    total = plain.sum(axis=0)
+    by_chance = np.max([gain.sum(axis=0)[1:] / total[1:] for gain in (*single.values(), *pairs.values())], axis=0)
+    chance = float(max(np.quantile(by_chance, _CHANCE), 0.0))
+    best = sorted(pairs, key=lambda names: -pairs[names][:, 0].sum())[:_PAIRS]
+    rng = random_stream("blocks of the gain of an input")
+    judged = np.flatnonzero(rest.folds < 0) if (rest.folds < 0).any() else np.arange(len(rest.folds))
+    draws = rng.choice(judged, (_REPLICATES, len(judged)))
+    out = []
+    for names, gain in (*single.items(), *((names, pairs[names]) for names in best)):
+        own, whole = gain[:, 0], plain[:, 0]
+        shares = own[draws].sum(axis=1) / np.maximum(whole[draws].sum(axis=1), 1e-300)
+        low, high = np.quantile(shares, [0.025, 0.975])
+        share = own[judged].sum() / max(whole[judged].sum(), 1e-300)
+        out.append(InputGain(names, float(share), (float(low), float(high)), chance))
+    return tuple(sorted(out, key=lambda one: -one.gain))
+
+
+def _samples(rest: Rest, used: Array) -> _Samples:
+    root = np.sqrt(rest.weight[used])
+    y, blocks = rest.y[used] * root, rest.blocks[used]
+    free = np.concatenate([log.free for log in rest.logs])[used] * root[:, None]
+    rng = random_stream("order of blocks of a smooth rest")
+    seen = (rest.folds >= 0)[blocks]
+    moved = solve(free[seen].T @ free[seen] + rest.precision, free[seen].T @ y[seen] + rest.right)
+    left = y - free @ moved
+    pieces = [left[blocks == k] for k in np.unique(blocks)]
+    mixed = [
+        np.concatenate([pieces[k] * rng.choice([-1.0, 1.0]) for k in rng.permutation(len(pieces))])
+        for _ in range(_DRAWS)
+    ]
+    prior = np.column_stack([rest.right, np.zeros((len(rest.right), _DRAWS))])
+    return _Samples(np.column_stack([y, *mixed]), free, blocks, rest.folds, root, prior)
+
+
+def _losses(samples: _Samples, x: Float[Array, "n k"], rest: Rest) -> Float[Array, "B D"]:
+    """Squares left of each block by fits that have not seen its fold."""
+    k, folds = x.shape[1], samples.folds
+    x = np.column_stack([x, samples.free])
+    size = len(folds)
+    gram, right = np.zeros((size, x.shape[1], x.shape[1])), np.zeros((size, x.shape[1], samples.y.shape[1]))
+    total = np.zeros((size, samples.y.shape[1]))
+    for b in range(size):
+        here = samples.blocks == b
+        xb, yb = x[here], samples.y[here]
+        gram[b], right[b], total[b] = xb.T @ xb, xb.T @ yb, (yb**2).sum(axis=0)
+    prior = np.zeros((x.shape[1], x.shape[1]))
+    prior[k:, k:] = rest.precision
+    prior[np.arange(k), np.arange(k)] = _RIDGE * float(samples.root @ samples.root) / _PLACES
+    pull = np.vstack([np.zeros((k, samples.y.shape[1])), samples.prior])
+    out = np.zeros_like(total)
+    for fold in np.unique(folds):
+        train = (folds >= 0) & (folds != fold)
+        theta = np.linalg.solve(
+            gram[train].sum(axis=0) + prior + 1e-12 * np.eye(len(prior)), right[train].sum(axis=0) + pull
+        )
+        for b in np.flatnonzero(folds == fold):
+            out[b] = total[b] - 2 * (theta * right[b]).sum(axis=0) + (theta * (gram[b] @ theta)).sum(axis=0)
+    return out
+
+
+def places_of(rest: Rest, name: str, count: int = _PLACES) -> Float[Array, " m"]:
+    """Places of a table over one input: even, but close to a reversal for speed and displacement since it."""
+    every = np.concatenate([log.inputs[name] for log in rest.logs])
+    low, high = np.percentile(every, [1, 99])
+    kind = name.split(".")[0]
+    if kind in ("v", "dx") and low < 0.0 < high:
+        steps = np.array([0.01, 0.3, 1.0]) if kind == "v" else np.array([0.003, 0.05, 0.25, 1.0])
+        return np.concatenate([low * steps[::-1], high * steps])
+    return np.linspace(low, high, count)
+
+
+def hats(x: Float[Array, " N"], places: Float[Array, " m"]) -> Float[Array, "N m"]:
+    """Weights of linear interpolation between places; beyond the ends those of the ends."""
+    at = np.clip(np.searchsorted(places, x) - 1, 0, len(places) - 2)
+    share = np.clip((x - places[at]) / (places[at + 1] - places[at]), 0.0, 1.0)
+    out = np.zeros((len(x), len(places)))
+    rows = np.arange(len(x))
+    out[rows, at] = 1.0 - share
+    out[rows, at + 1] = share
+    return out
+
+
+def _table(rest: Rest, name: str) -> Float[Array, "n m"]:
+    places = places_of(rest, name)
+    return np.concatenate([log.in_band(hats(log.inputs[name], places)) for log in rest.logs])
+
+
+def input_curves(rest: Rest, inputs: tuple[str, ...]) -> tuple[InputCurve, ...]:
+    """Torque on the joint over each of some inputs, the model moved beside it, with bands from block bootstrap.
+
+    Where the speed or the displacement since a reversal is among the inputs, both directions have a curve of their own.
+    """
+    own = {f"v.{rest.joint}", f"dx.{rest.joint}"}
+    both_ways = bool(own & set(inputs)) and f"v.{rest.joint}" in rest.inputs
+    out: list[InputCurve] = []
+    for name in inputs:
+        out += _curves_over(rest, name, by_direction=both_ways and name not in own)
+    return tuple(out)
+
+
+def _curves_over(rest: Rest, name: str, *, by_direction: bool) -> list[InputCurve]:
+    places, used = places_of(rest, name), rest.weight > 0
+    root = np.sqrt(rest.weight[used])
+    parts = []
+    for log in rest.logs:
+        table = hats(log.inputs[name], places)
+        if by_direction:
+            v = log.inputs[f"v.{rest.joint}"]
+            table = np.column_stack([table * (v > 0)[:, None], table * (v <= 0)[:, None]])
+        parts.append(np.column_stack([log.in_band(table), log.free]))
+    x, y, blocks = np.concatenate(parts)[used] * root[:, None], rest.y[used] * root, rest.blocks[used]
+    count = x.shape[1] - len(rest.right)
+    prior = np.zeros((x.shape[1], x.shape[1]))
+    prior[count:, count:] = rest.precision
+    prior[np.arange(count), np.arange(count)] = _RIDGE * float(root @ root) / len(places)
+    pull = np.concatenate([np.zeros(count), rest.right])
+    seen = np.flatnonzero(rest.folds >= 0)
+    grams = np.array([x[blocks == b].T @ x[blocks == b] for b in seen])
+    rights = np.array([x[blocks == b].T @ y[blocks == b] for b in seen])
+    rng = random_stream("blocks of a curve")
+    draws = [np.ones(len(seen)), *(np.bincount(rng.choice(len(seen), len(seen)), minlength=len(seen))
+             for _ in range(_REPLICATES))]  # fmt: skip
+    theta = np.array([np.linalg.solve(np.tensordot(n, grams, 1) + prior, n @ rights + pull)[:count] for n in draws])
+    at = np.sort(np.concatenate([np.linspace(places[0], places[-1], _CURVE), places]))
+    weights = hats(at, places)
+    unit = _unit(rest, name)
+    out = []
+    for k, direction in enumerate(("forwards", "backwards") if by_direction else ("",)):
+        # What acts on the joint is the opposite of what the drive has to give.
+        lines = -theta[:, k * len(places) : (k + 1) * len(places)] @ weights.T
+        low, high = np.quantile(lines[1:], [0.025, 0.975], axis=0)
+        out.append(InputCurve(name, unit, direction, *(tuple(z.tolist()) for z in (at, lines[0], low, high))))
+    return out
+
+
+def _unit(rest: Rest, name: str) -> str:
+    kind = name.split(".")[0]
+    if kind == "t":
+        return "s"
+    if kind == "temp":
+        return "°C"
+    return ("m" if rest.unit == "N" else "rad") + _UNITS[kind] if kind in _UNITS else rest.unit

@@ -1,0 +1,319 @@
+"""The library: terms that a formula may have, each with its text, its inputs and the unit of its coefficient.
+
+Parameters inside a term (a speed, a place, a time) take values from a grid over what the recording holds; they are
+chosen without a look at the residual, so that no held-out block has a say.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+
+import numpy as np
+from jaxtyping import Float
+from scipy.signal import lfilter
+
+from identification.diagnosis.law.histories import bristle, slip
+from identification.diagnosis.law.rest import Rest, RestLog
+
+Array = np.ndarray
+Series = Callable[[RestLog], Array]
+
+_SPEEDS = (0.05, 0.15)  # of the fast end of the speeds
+_PLACES = (0.2, 0.35, 0.5, 0.65, 0.8)  # of the travel
+_TURNS = (*np.arange(0.5, 4.01, 0.25), *np.arange(4.5, 20.01, 0.5))  # periods within the travel
+_FEW_TURNS = tuple(np.arange(0.5, 3.01, 0.25))
+_REACHES = (0.01, 0.02, 0.04, 0.08, 0.16, 0.32)  # of the travel
+_TIMES = (0.15, 0.35)  # of the recording's length
+_LAGS = (0.0, 0.03, 0.1, 0.3)  # s, of a supply
+
+
+@dataclass(frozen=True)
+class Term:
+    """One term.
+
+    Attributes:
+        kind: What it is whatever its inner parameters, in words: terms of one kind stand for each other.
+        inputs: Names of what it depends on.
+        texts: Of its one or two columns, as a formula has them.
+        per: What the unit of the coefficient is divided by, empty for none.
+        columns: One or two series at the full rate.
+    """
+
+    kind: str
+    inputs: frozenset[str]
+    texts: tuple[str, ...]
+    per: str
+    columns: tuple[Series, ...]
+
+
+def less(name: str, value: float) -> str:
+    """Text of a difference."""
+    return f"({name} {'+' if value < 0 else '-'} {abs(value):.3g})"
+
+
+def rounded(x: float | np.floating) -> float:
+    """A number as a formula prints it: what is computed is what is read."""
+    return float(f"{x:.3g}")
+
+
+@dataclass(frozen=True)
+class _Joint:
+    """Names, units and ranges of the joint that terms are about."""
+
+    rest: Rest
+    joint: str
+
+    @property
+    def angle(self) -> str:
+        return "m" if self.rest.unit == "N" else "rad"
+
+    @property
+    def speed(self) -> str:
+        return f"({self.angle}/s)"
+
+    def has(self, kind: str) -> bool:
+        return f"{kind}.{self.joint}" in self.rest.logs[0].inputs
+
+    def get(self, kind: str) -> Series:
+        name = kind if kind == "t" else f"{kind}.{self.joint}"
+        return lambda log: log.inputs[name]
+
+    def all(self, kind: str) -> Array:
+        return np.concatenate([self.get(kind)(log) for log in self.rest.logs])
+
+    def names(self, *kinds: str) -> frozenset[str]:
+        return frozenset(kind if kind == "t" else f"{kind}.{self.joint}" for kind in kinds)
+
+    def term(self, kind: str, inputs: str, text: str, per: str, column: Series) -> Term:
+        return Term(kind, self.names(*inputs.split()), (text,), per, (column,))
+
+
+def library(rest: Rest) -> tuple[Term, ...]:
+    """All terms that the recordings allow."""
+    at = _Joint(rest, rest.joint)
+    out = [Term("offset", frozenset(), ("1",), "", (lambda log: np.ones(len(log.t)),))]
+    if at.has("v") and at.has("q"):
+        out += [*_friction(at), *_place(at), *_memory(at), *_drift(at)]
+    if at.has("tl"):
+        out += _load(at)
+    if at.has("temp"):
+        out += _heat(at)
+    out += _supply(at)
+    for other in rest.others:
+        out += _other(at, _Joint(rest, other))
+    return tuple(term for term in out if all(name in rest.logs[0].inputs for name in term.inputs))
+
+
+def _friction(at: _Joint) -> Iterator[Term]:
+    v = at.get("v")
+    fast = float(np.percentile(np.abs(at.all("v")), 90))
+    yield at.term("friction", "v", "sign(v)", "", lambda log: np.sign(v(log)))
+    yield at.term("damping", "v", "v", at.speed, v)
+    yield at.term("drag", "v", "v*|v|", f"{at.speed}^2", lambda log: v(log) * np.abs(v(log)))
+    for share in _SPEEDS:
+        vs = rounded(share * fast)
+        yield at.term(
+            "Stribeck friction", "v", f"exp(-|v|/{vs:g})*sign(v)", "",
+            lambda log, vs=vs: np.exp(-np.abs(v(log)) / vs) * np.sign(v(log)),
+        )  # fmt: skip
+
+
+def _place(at: _Joint) -> Iterator[Term]:
+    """Of the position alone, and friction that depends on it."""
+    q, v = at.get("q"), at.get("v")
+    low, high = (float(x) for x in np.percentile(at.all("q"), [1, 99]))
+    wide, middle = high - low, rounded(0.5 * (low + high))
+
+    def x(log: RestLog) -> Array:
+        return q(log) - middle
+
+    d = less("q", middle)
+    for power, kind in ((1, "spring"), (2, "uneven spring"), (3, "hardening spring")):
+        text = d if power == 1 else f"{d}^{power}"
+        per = at.angle if power == 1 else f"{at.angle}^{power}"
+        yield at.term(kind, "q", text, per, lambda log, p=power: x(log) ** p)
+        yield at.term(
+            "friction over position", "q v", f"{text}*sign(v)", per,
+            lambda log, p=power: x(log) ** p * np.sign(v(log)),
+        )  # fmt: skip
+        yield at.term(
+            "force over position by direction", "q v", f"|{d}|^{power}*(v > 0)", per,
+            lambda log, p=power: np.abs(x(log)) ** p * (v(log) > 0),
+        )  # fmt: skip
+    for share in _PLACES:
+        place = rounded(low + share * wide)
+        for side, text in ((1.0, f"max({less('q', place)}, 0)"), (-1.0, f"max(-{less('q', place)}, 0)")):
+            for power in (1, 2, 3):
+                yield at.term(
+                    "one-sided spring", "q", text if power == 1 else f"{text}^{power}",
+                    at.angle if power == 1 else f"{at.angle}^{power}",
+                    lambda log, c=place, s=side, p=power: np.maximum(s * (q(log) - c), 0.0) ** p,
+                )  # fmt: skip
+        for share_wide in (0.12, 0.25):
+            w = rounded(share_wide * wide)
+            yield at.term(
+                "friction over position", "q v", f"exp(-({less('q', place)}/{w:g})^2)*sign(v)", "",
+                lambda log, c=place, w=w: np.exp(-(((q(log) - c) / w) ** 2)) * np.sign(v(log)),
+            )  # fmt: skip
+    for turns in _TURNS:
+        n = rounded(2 * np.pi * turns / wide)
+        yield _wave(at, "ripple", "q", n)
+        if turns in _FEW_TURNS:
+            yield _wave(at, "friction over position", "q v", n, "sign(v)", lambda log: np.sign(v(log)))
+
+
+def _wave(
+    at: _Joint, kind: str, inputs: str, order: float, factor: str = "", by: Series | None = None, per: str = ""
+) -> Term:
+    q = at.get("q")
+
+    def wave(log: RestLog, function: Callable[[Array], Array]) -> Array:
+        out = function(order * q(log))
+        return out if by is None else out * by(log)
+
+    texts = tuple(f"{name}({order:g}*q)" + (f"*{factor}" if factor else "") for name in ("sin", "cos"))
+    columns = (lambda log: wave(log, np.sin), lambda log: wave(log, np.cos))
+    return Term(kind, at.names(*inputs.split()), texts, per, columns)
+
+
+def _memory(at: _Joint) -> Iterator[Term]:
+    """Friction with memory: how far the joint has moved since it turned about."""
+    q = at.get("q")
+    wide = float(np.ptp(np.percentile(at.all("q"), [1, 99])))
+    tl = at.get("tl") if at.has("tl") else None
+    unit = at.rest.unit
+    for share in _REACHES:
+        reach = rounded(share * wide)
+        for name, law in (("bristle", bristle), ("slip", slip)):
+            text = f"{name}(dx/{reach:g})"
+            yield at.term(
+                "friction with memory", "dx", text, "", lambda log, law=law, r=reach: law(q(log), r)
+            )  # fmt: skip
+            if tl is not None:
+                yield at.term(
+                    "hysteresis that grows with load", "dx tl", f"|tl|*{text}", unit,
+                    lambda log, law=law, r=reach: law(q(log), r) * np.abs(tl(log)),
+                )  # fmt: skip
+
+
+def _drift(at: _Joint) -> Iterator[Term]:
+    """What changes with time, by itself, with the direction and with the speed."""
+    t, v = at.get("t"), at.get("v")
+    last = float(at.all("t").max())
+    middle = rounded(0.5 * last)
+    shapes: list[tuple[str, str, Series]] = [
+        (less("t", middle), "s", lambda log: t(log) - middle),
+        (f"{less('t', middle)}^2", "s^2", lambda log: (t(log) - middle) ** 2),
+    ]
+    for share in _TIMES:
+        tau = rounded(share * last)
+        shapes.append((f"exp(-t/{tau:g})", "", lambda log, tau=tau: np.exp(-t(log) / tau)))
+    factors: list[tuple[str, str, str, str, Series]] = [
+        ("drift", "t", "", "", lambda log: np.ones(len(log.t))),
+        ("friction that changes with time", "t v", "*sign(v)", "", lambda log: np.sign(v(log))),
+        ("damping that changes with time", "t v", "*v", at.speed, v),
+    ]
+    if at.has("tl"):
+        factors.append(("gain that changes with time", "t tl", "*tl", at.rest.unit, at.get("tl")))
+    for text, per, shape in shapes:
+        for kind, inputs, factor, more, by in factors:
+            unit = " ".join(part for part in (per, more) if part)
+            yield at.term(kind, inputs, text + factor, unit, lambda log, f=shape, g=by: f(log) * g(log))
+    for cycles in (1.0, 1.5, 2.0):
+        w = rounded(2 * np.pi * cycles / last)
+        columns = (lambda log, w=w: np.sin(w * t(log)), lambda log, w=w: np.cos(w * t(log)))
+        yield Term("drift", at.names("t"), (f"sin({w:g}*t)", f"cos({w:g}*t)"), "", columns)
+
+
+def _load(at: _Joint) -> Iterator[Term]:
+    tl, v, unit = at.get("tl"), at.get("v"), at.rest.unit
+    wide = float(np.ptp(np.percentile(at.all("q"), [1, 99]))) if at.has("q") else 0.0
+    yield at.term("gain", "tl", "tl", unit, tl)
+    yield at.term("one-sided gain", "tl", "|tl|", unit, lambda log: np.abs(tl(log)))
+    yield at.term("gain that changes with load", "tl", "tl*|tl|", f"{unit}^2", lambda log: tl(log) * np.abs(tl(log)))
+    yield at.term(
+        "friction that grows with load", "tl v", "|tl|*sign(v)", unit, lambda log: np.abs(tl(log)) * np.sign(v(log))
+    )
+    yield at.term(
+        "friction that grows with load", "tl v", "tl^2*sign(v)", f"{unit}^2",
+        lambda log: tl(log) ** 2 * np.sign(v(log)),
+    )  # fmt: skip
+    for turns in _TURNS if wide > 0.0 else ():
+        n = rounded(2 * np.pi * turns / wide)
+        yield _wave(at, "ripple that grows with torque", "q tl", n, "tl", tl, unit)
+
+
+def _heat(at: _Joint) -> Iterator[Term]:
+    temp, v = at.get("temp"), at.get("v")
+    middle = rounded(float(np.mean(at.all("temp"))))
+    d = less("temp", middle)
+    yield at.term("offset that changes with temperature", "temp", d, "°C", lambda log: temp(log) - middle)
+    yield at.term(
+        "friction that changes with temperature", "temp v", f"{d}*sign(v)", "°C",
+        lambda log: (temp(log) - middle) * np.sign(v(log)),
+    )  # fmt: skip
+    yield at.term(
+        "damping that changes with temperature", "temp v", f"{d}*v", f"°C {at.speed}",
+        lambda log: (temp(log) - middle) * v(log),
+    )  # fmt: skip
+
+
+def _supply(at: _Joint) -> Iterator[Term]:
+    """A drive that gives less under the load of all drives."""
+    names = [name for name in at.rest.logs[0].inputs if name.startswith("tau.")]
+    own = f"tau.{at.joint}" if f"tau.{at.joint}" in names else f"tl.{at.joint}"
+    loads = [own, *(name for name in names if name != own)]
+    if own not in at.rest.logs[0].inputs:
+        return
+    mean = rounded(np.mean([np.mean(sum(np.abs(log.inputs[n]) for n in loads)) for log in at.rest.logs]))
+    for lag in _LAGS:
+
+        def sag(log: RestLog, lag: float = lag) -> Array:
+            total = np.sum([np.abs(log.inputs[name]) for name in loads], axis=0) / mean
+            return log.inputs[own] * (_behind(total, float(log.t[1] - log.t[0]), lag) - 1.0)
+
+        text = f"{own.split('.')[0]}*(load({lag:g} s, {mean:.3g}) - 1)"
+        yield Term("voltage sag", frozenset(loads), (text,), at.rest.unit, (sag,))
+
+
+def _behind(x: Float[Array, " N"], dt: float, lag: float) -> Float[Array, " N"]:
+    if lag == 0.0:
+        return x
+    step = -np.expm1(-dt / lag)
+    return np.asarray(lfilter([step], [1.0, step - 1.0], x, zi=[(1.0 - step) * x[0]])[0])
+
+
+def _other(at: _Joint, other: _Joint) -> Iterator[Term]:
+    """Of the motion and torque of another joint."""
+    name, q, v, own = other.joint, other.get("q"), other.get("v"), at.get("q")
+    if not (other.has("q") and other.has("v")):
+        return
+    middle = rounded(float(np.mean(other.all("q"))))
+    d = less(f"q.{name}", middle)
+    yield other.term("force of another joint's position", "q", d, other.angle, lambda log: q(log) - middle)
+    yield other.term(
+        "force of another joint's position", "q", f"{d}^2", f"{other.angle}^2", lambda log: (q(log) - middle) ** 2
+    )
+    yield other.term("friction of another joint", "v", f"sign(v.{name})", "", lambda log: np.sign(v(log)))
+    yield other.term("friction of another joint", "v", f"v.{name}", other.speed, v)
+    if at.has("q"):
+        home = rounded(float(np.mean(at.all("q"))))
+        yield Term(
+            "force of two joints' positions",
+            at.names("q") | other.names("q"),
+            (f"{less('q', home)}*{d}",),
+            f"{at.angle} {other.angle}",
+            (lambda log: (own(log) - home) * (q(log) - middle),),
+        )
+    if other.has("tau"):
+        tau, s = other.get("tau"), at.get("v")
+        yield other.term("share of another joint's torque", "tau", f"tau.{name}", at.rest.unit, tau)
+        if at.has("v"):
+            yield Term(
+                "friction by another joint's torque",
+                at.names("v") | other.names("tau"),
+                (f"|tau.{name}|*sign(v)",),
+                at.rest.unit,
+                (lambda log: np.abs(tau(log)) * np.sign(s(log)),),
+            )

@@ -1,0 +1,152 @@
+"""What is said of a rest that the catalogue does not explain: its inputs, a formula, and a model to use now."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+Pair = tuple[float, float]
+
+
+@dataclass(frozen=True)
+class Law:
+    """The shortest formula that predicts what is left on one joint: the contract's ``unexplained.law``.
+
+    Attributes:
+        joint: Where it acts.
+        inputs: What it depends on.
+        formula: Torque that acts on the joint beyond the model, as the laws of the catalogue are written; SI units.
+        gap_closed: Share of the gap that it closes, on blocks that neither its choice nor its fit has seen.
+        gap_closed_interval: At 95 %.
+        valid: Range of each input in the recordings.
+        like: The law of the literature that it is near, None where there is none.
+    """
+
+    joint: str
+    inputs: tuple[str, ...]
+    formula: str
+    gap_closed: float
+    gap_closed_interval: Pair
+    valid: dict[str, Pair]
+    like: str | None
+
+
+@dataclass(frozen=True)
+class InputGain:
+    """Share of the rest's squares that a smooth function of one or two inputs foresees on held-out blocks.
+
+    ``chance`` is what the best of all inputs and pairs reaches in one of twenty draws where the blocks of the rest are
+    put in another order.
+    """
+
+    inputs: tuple[str, ...]
+    gain: float
+    interval: Pair
+    chance: float
+
+
+@dataclass(frozen=True)
+class InputCurve:
+    """Torque on the joint over one input, with a 95 % band from block bootstrap.
+
+    Attributes:
+        input: Its name.
+        unit: Of the input.
+        direction: ``forwards`` or ``backwards`` of the joint, empty for both alike.
+        x: Places.
+        middle, low, high: Torque there.
+    """
+
+    input: str
+    unit: str
+    direction: str
+    x: tuple[float, ...]
+    middle: tuple[float, ...]
+    low: tuple[float, ...]
+    high: tuple[float, ...]
+
+
+@dataclass(frozen=True)
+class LawTerm:
+    """One term of a formula.
+
+    Attributes:
+        term: Its text.
+        unit: Of the coefficient.
+        coefficient: Of the torque that acts on the joint.
+        interval: At 95 %, from block bootstrap.
+        chosen: Share of the bootstrap replicates that choose a term of this kind.
+    """
+
+    term: str
+    unit: str
+    coefficient: float
+    interval: Pair
+    chosen: float
+
+
+@dataclass(frozen=True)
+class ModelTerm:
+    """One term of the residual model.
+
+    Attributes:
+        text: As a formula has it.
+        code: As an expression of Python over ``x["name"]`` and states ``s[k]``.
+        coefficient: Of the torque that acts on the joint.
+    """
+
+    text: str
+    code: str
+    coefficient: float
+
+
+@dataclass(frozen=True)
+class ResidualModel:
+    """A residual model to use beside the corrected model.
+
+    Attributes:
+        joint, unit: Whose torque it is, and its unit.
+        terms: Whose sum it is.
+        states: Expressions of the inner states, in the order of ``s``.
+        valid: Range of each input in the recordings.
+        rest_closed: Share of the rest's squares that it foresees on held-out blocks.
+        lawful: True if it is the law, False for a sum of terms that fits without being one.
+        slow: Speed below which the direction of motion is rounded off.
+    """
+
+    joint: str
+    unit: str
+    terms: tuple[ModelTerm, ...]
+    states: tuple[str, ...]
+    valid: dict[str, Pair]
+    rest_closed: float
+    lawful: bool
+    slow: float
+
+
+@dataclass(frozen=True)
+class Dependence:
+    """What a structured rest depends on.
+
+    Attributes:
+        joint, unit: Where the rest is, and the unit of its torque.
+        inputs: Named inputs: those of the law, or those that most bootstrap replicates choose where there is no law.
+        gains: Of inputs and pairs, the largest first.
+        curves: Of the named inputs.
+        terms: Of the law, empty without one.
+        same_terms: Share of the bootstrap replicates that choose the same kinds of terms.
+        rest_closed: Share of the rest's squares that the choice foresees on held-out blocks, the model moved within its
+            tolerances beside it.
+        samples: Blocks that it was judged on.
+        model: What can be used now; None where nothing foresees the rest.
+    """
+
+    joint: str
+    unit: str
+    inputs: tuple[str, ...]
+    gains: tuple[InputGain, ...]
+    curves: tuple[InputCurve, ...]
+    terms: tuple[LawTerm, ...] = ()
+    same_terms: float = 0.0
+    rest_closed: float = 0.0
+    blocks: int = 0
+    model: ResidualModel | None = field(default=None, compare=False)

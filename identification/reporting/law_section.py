@@ -1,0 +1,99 @@
+"""The section of the report on what is left: inputs, curves and the formula."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from markupsafe import Markup
+
+from identification.diagnosis.rest_law import Dependence, InputCurve, InputGain, Law
+from identification.diagnosis.result import Unexplained
+from identification.reporting.charts.chart import AFTER, BEFORE, Panel, chart
+from identification.reporting.charts.chart_marks import Curve, Ribbon
+from identification.words.diagnosis_words import capital
+from identification.words.law_words import dependence_sentences, input_words, inputs_words
+from identification.words.numbers_and_names import number, percent
+
+_ROWS = 8  # inputs and pairs that are shown
+
+
+@dataclass(frozen=True)
+class LawView:
+    """What the page shows of a law.
+
+    Attributes:
+        joint: Where it acts.
+        sentences: Of the inputs and of the formula.
+        formula: With the unit of its value; empty without one.
+        terms: Text, coefficient, interval and unit of each term, and how often it is chosen.
+        gains: Inputs, gain, interval and whether it is beyond chance.
+        chance: What chance foresees.
+        figures: Curves over each named input.
+    """
+
+    joint: str
+    sentences: list[str]
+    formula: str
+    terms: list[tuple[str, ...]]
+    gains: list[tuple[str, ...]]
+    chance: str
+    figures: list[Markup]
+
+
+def law_view(left: Unexplained) -> LawView | None:
+    """What the page shows of what is left, None where nobody looked."""
+    found = left.dependence
+    if found is None:
+        return None
+    return LawView(
+        joint=found.joint,
+        sentences=dependence_sentences(found, left.law),
+        formula="" if left.law is None else f"{left.law.formula} [{found.unit}]",
+        terms=_terms(found, left.law),
+        gains=[_gain(gain, found.joint) for gain in found.gains[:_ROWS]],
+        chance=percent(max((gain.chance for gain in found.gains), default=0.0)),
+        figures=[Markup(_figure(found, name)) for name in dict.fromkeys(curve.input for curve in found.curves)],
+    )
+
+
+def _terms(found: Dependence, law: Law | None) -> list[tuple[str, ...]]:
+    if law is None:
+        return []
+    return [
+        (
+            "constant" if term.term == "1" else term.term,
+            number(term.coefficient),
+            f"{number(term.interval[0])} to {number(term.interval[1])}",
+            term.unit,
+            percent(term.chosen),
+        )
+        for term in found.terms
+    ]
+
+
+def _gain(gain: InputGain, joint: str) -> tuple[str, ...]:
+    sure = gain.gain > gain.chance and gain.interval[0] > 0.0
+    return (
+        capital(inputs_words(gain.inputs, joint)),
+        percent(gain.gain) if gain.gain > 0.0 else "none",
+        f"{percent(max(gain.interval[0], 0.0))} to {percent(max(gain.interval[1], 0.0))}",
+        "yes" if sure else "no",
+    )
+
+
+def _figure(found: Dependence, name: str) -> str:
+    curves = [curve for curve in found.curves if curve.input == name]
+    lines, ribbons = [], []
+    for curve, colour in zip(curves, (BEFORE, AFTER), strict=False):
+        x, middle, low, high = (np.array(part) for part in (curve.x, curve.middle, curve.low, curve.high))
+        lines.append(Curve(x, middle, colour, 1.8, curve.direction))
+        ribbons.append(Ribbon(x, low, high, colour))
+    label = f"{'force' if found.unit == 'N' else 'torque'} [{found.unit}]"
+    words = input_words(name, found.joint)
+    panel = Panel(label, tuple(lines), zero=True, ribbons=tuple(ribbons))
+    return chart((panel,), f"{words} [{_unit(curves)}]", (5.7, 3.0), f"Torque on {found.joint} over {words}")
+
+
+def _unit(curves: list[InputCurve]) -> str:
+    return curves[0].unit

@@ -1,0 +1,71 @@
+"""Sentences about the law of what is left."""
+
+from __future__ import annotations
+
+from identification.diagnosis.rest_law import Dependence, Law
+from identification.diagnosis.result import Unexplained
+from identification.words.diagnosis_words import joined, place, share_words
+from identification.words.numbers_and_names import number, percent
+
+_KINDS = {
+    "q": "the position",
+    "v": "the velocity",
+    "a": "the acceleration",
+    "dx": "the displacement since the last reversal",
+    "tl": "the transmitted torque",
+    "tau": "the drive torque",
+    "temp": "the drive temperature",
+}
+
+
+def input_words(name: str, joint: str) -> str:
+    """``the velocity``, of another joint ``the velocity of j2``."""
+    kind, _, of = name.partition(".")
+    if kind == "t":
+        return "time"
+    return _KINDS.get(kind, kind) + ("" if of == joint else f" of {of}")
+
+
+def inputs_words(names: tuple[str, ...], joint: str) -> str:
+    """Several inputs in words."""
+    return joined([input_words(name, joint) for name in names])
+
+
+def law_line(left: Unexplained) -> str:
+    """The law of what is left, or what the rest depends on, in one line; empty where nothing is known."""
+    found, law = left.dependence, left.law
+    if found is None or not found.inputs:
+        return ""
+    on = f"What is left on {place('', found.joint)} depends on {inputs_words(found.inputs, found.joint)}"
+    if law is None:
+        return f"{on}; no formula stands out."
+    like = f", looks most like {law.like}" if law.like else ""
+    share = share_words(law.gap_closed, law.gap_closed_interval)
+    return f"{on}: {law.formula} [{found.unit}] closes {share} of the gap{like}."
+
+
+def dependence_sentences(found: Dependence, law: Law | None) -> list[str]:
+    """What the report says of the inputs and of the formula, one sentence each."""
+    if not found.inputs:
+        return [
+            f"No input that is in the recordings foresees what is left on {place('', found.joint)} better than chance."
+        ]
+    out = [f"It depends on {inputs_words(found.inputs, found.joint)}."]
+    if law is None:
+        out.append(
+            "No short formula is shown: where stretches of the recording are drawn again and again, the terms that fit "
+            "best are not the same."
+        )
+        return out
+    out.append(
+        f"The formula closes {share_words(law.gap_closed, law.gap_closed_interval)} of the gap and "
+        f"{percent(found.rest_closed)} of the squares of what is left, on {found.blocks} stretches that neither its "
+        "choice nor its fit has seen."
+    )
+    out.append(f"Of draws of these stretches, {percent(found.same_terms)} give a formula with terms of the same kinds.")
+    if law.like:
+        out.append(f"It looks most like {law.like}.")
+    ranges = [f"{name} from {number(low)} to {number(high)}" for name, (low, high) in law.valid.items()]
+    if ranges:
+        out.append(f"It is known to hold only where there was data: {joined(ranges)}.")
+    return out

@@ -1,0 +1,34 @@
+"""The oracle is the law that a generator of its own put into the recording."""
+
+from __future__ import annotations
+
+import pytest
+
+import phantom_dyn as dyn
+from benchmarks.laws.cases import make
+
+
+@pytest.fixture(scope="module")
+def worn_screw(tmp_path_factory):
+    folder = tmp_path_factory.mktemp("worn")
+    case = make(4, folder)
+    assert case.name == "friction_with_position"
+    return case, dyn.diagnose(folder / "robot.urdf", folder / "log.csv").result
+
+
+def test_the_inputs_of_the_law_are_named(worn_screw):
+    case, diagnosis = worn_screw
+    named = frozenset(diagnosis.unexplained.law.inputs)
+    assert all(named & group for group in case.law.required)
+    assert named <= case.law.allowed
+
+
+def test_it_closes_nearly_all_of_what_the_findings_leave(worn_screw):
+    assert worn_screw[1].unexplained.dependence.rest_closed > 0.9
+
+
+def test_what_is_explained_has_no_law(tmp_path):
+    make(0, tmp_path, null=True)
+    unexplained = dyn.diagnose(tmp_path / "robot.urdf", tmp_path / "log.csv").result.unexplained
+    assert unexplained.law is None
+    assert unexplained.dependence is None
