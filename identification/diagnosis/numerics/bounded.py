@@ -208,6 +208,9 @@ def _factorised(u: Array, right: Array, count: int | np.int64) -> None:
         j, m, n, o = first, first + 1, first + 2, first + 3
         for i in range(last, count):
             p, q, r, s = u[j, i] / u[j, j], u[m, i] / u[m, m], u[n, i] / u[n, n], u[o, i] / u[o, o]
+            # What joints of different limbs do has nothing in common.
+            if p == 0.0 and q == 0.0 and r == 0.0 and s == 0.0:
+                continue
             for k in range(i, count):
                 u[i, k] -= p * u[j, k] + q * u[m, k] + r * u[n, k] + s * u[o, k]
             right[i] -= p * right[j] + q * right[m] + r * right[n] + s * right[o]
