@@ -199,7 +199,7 @@ def squares(terms: Terms, products: Products, chosen: Chosen) -> float:
 
 
 def gains(terms: Terms, products: Products, chosen: Chosen) -> Float[Array, " K"]:
-    """By how much each term lowers the squares beside those that are chosen."""
+    """What each term lowers the squares beside those that are chosen."""
     gram, right = products.gram, products.right
     size = np.diag(gram).copy()
     kept, rest, cross = size.copy(), right.copy(), gram[terms.first, terms.second].copy()

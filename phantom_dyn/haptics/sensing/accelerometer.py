@@ -57,7 +57,7 @@ class AccelerationObserver:
 
     Attributes:
         noise: Standard deviation of the acceleration as read, white [m/s2 or rad/s2].
-        drift: By how much its bias may walk in a second [m/s2 or rad/s2].
+        drift: How far its bias may walk in a second [m/s2 or rad/s2].
 
     Raises:
         ParameterError: If either is not above 0.

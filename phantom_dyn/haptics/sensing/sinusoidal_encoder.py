@@ -40,7 +40,7 @@ class SinusoidalEncoder:
 
     Attributes:
         pitch: Motion per line [m or rad]; four counts of a quadrature.
-        factor: By how much a step is finer than a count of the quadrature; the paper plans 16 to 64.
+        factor: How many times a step is finer than a count of the quadrature; the paper plans 16 to 64.
         offset: Of the sine and of the cosine, as shares of their amplitude.
         mismatch: m, amplitude of the sine over that of the cosine, less one.
         phase: Delta, by which the sine runs ahead of square [rad].

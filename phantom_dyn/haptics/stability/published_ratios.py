@@ -177,7 +177,7 @@ def explained_improvements() -> tuple[Explained, Explained, Explained]:
 
 
 def wall_lag_of_both(lag: float) -> float:
-    r"""By how much [s] a wall must be later than a teleoperation for one amplifier to give both ratios.
+    r"""How much later [s] a wall must be than a teleoperation for one amplifier to give both ratios.
 
     From :math:`(T/2 + d + \delta)/(T/2 + d) = 1.35`: :math:`d = \delta/0.35 - T/2`.
 
