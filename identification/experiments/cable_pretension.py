@@ -1,0 +1,100 @@
+"""Friction of a joint over the pretension of its cable: proportional, or only linear with a part that stays.
+
+Coulomb torques of one joint at several pretensions, each with its deviation (`identification.experiments.friction_test`
+finds both), are weighted by their deviations and fitted by a line. What the line leaves at no pretension is friction of
+bearings and seals; where it is no more than its deviation allows, friction is proportional to the pretension, as the
+CEA paper assumes (section V.B), and the ratio is fitted again without it.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from jaxtyping import Float
+
+from phantom_dyn.devices.cable_friction import CableFriction
+from phantom_dyn.errors import IdentifiabilityError, ParameterError
+
+Array = np.ndarray
+
+_SURE = 2.0
+"""Deviations that a part without pretension must reach to be told from none."""
+_APART = 1e-6
+"""Of the largest pretension: closer ones are one."""
+
+
+@dataclass(frozen=True)
+class PretensionFit:
+    """Coulomb torque over pretension.
+
+    Attributes:
+        ratio: Of the line, torque per pretension [m], and its standard deviation.
+        rest: What it leaves at no pretension [N m], and its standard deviation.
+        through_origin: Ratio of a line without a rest [m], and its standard deviation.
+        misfit: Mean square of the residuals of the line in deviations; NaN for two pretensions.
+    """
+
+    ratio: tuple[float, float]
+    rest: tuple[float, float]
+    through_origin: tuple[float, float]
+    misfit: float
+
+    @property
+    def proportional(self) -> bool:
+        """Whether the rest is within two of its deviations."""
+        return abs(self.rest[0]) < _SURE * self.rest[1]
+
+    def law(self) -> CableFriction:
+        """Friction proportional to the pretension.
+
+        Raises:
+            IdentifiabilityError: If it is not proportional.
+        """
+        if not self.proportional:
+            value, std = self.rest
+            raise IdentifiabilityError(
+                f"At no pretension {value:.3g} +- {std:.2g} N m of friction are left, so that it is not proportional "
+                "to the pretension: take the rest as friction of its own."
+            )
+        return CableFriction(self.through_origin[0])
+
+
+def fit_pretension(
+    pretension: Float[Array, " n"], coulomb: Float[Array, " n"], std: Float[Array, " n"]
+) -> PretensionFit:
+    """Line of the Coulomb torque over the pretension, by weighted least squares.
+
+    Args:
+        pretension: Of the cable in each test [N], shape ``(n,)``.
+        coulomb: Coulomb torque that the test found [N m], shape ``(n,)``.
+        std: Its standard deviation [N m], shape ``(n,)``.
+
+    Raises:
+        ParameterError: If the columns differ in length, or a number is not finite and above 0.
+        IdentifiabilityError: If there are not two different pretensions.
+    """
+    for name, values in (("pretension", pretension), ("Coulomb torque", coulomb), ("deviation", std)):
+        if np.shape(values) != np.shape(pretension) or not (np.isfinite(values) & (values > 0)).all():
+            raise ParameterError(
+                f"The {name} of the tests is {np.asarray(values).tolist()}: give one number above 0 for each of "
+                f"{len(pretension)} tests."
+            )
+    if len(pretension) < 2 or np.ptp(pretension) < _APART * pretension.max():
+        raise IdentifiabilityError(
+            f"Friction was tested at {len(pretension)} pretensions that do not differ: test it at two or more."
+        )
+    weight = 1.0 / std**2
+    total, middle = weight.sum(), np.sum(weight * pretension) / weight.sum()
+    spread = np.sum(weight * (pretension - middle) ** 2)
+    slope = float(np.sum(weight * (pretension - middle) * coulomb) / spread)
+    rest = float(np.sum(weight * coulomb) / total - slope * middle)
+    square = np.sum(weight * pretension**2)
+    left = np.sum(weight * (coulomb - rest - slope * pretension) ** 2)
+    return PretensionFit(
+        ratio=(slope, 1.0 / math.sqrt(spread)),
+        rest=(rest, math.sqrt(1.0 / total + middle**2 / spread)),
+        through_origin=(float(np.sum(weight * pretension * coulomb) / square), 1.0 / math.sqrt(square)),
+        misfit=float(left / (len(pretension) - 2)) if len(pretension) > 2 else math.nan,
+    )

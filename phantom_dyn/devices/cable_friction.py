@@ -1,0 +1,89 @@
+r"""Dry friction of a cable transmission, proportional to the pretension of its cable.
+
+The source assumes of its capstans (section V.B) that "if the pretension of cable varies, then the Coulomb and stiction
+coefficients vary linearly with respect to it", that it "can not be null", and that stiction and Coulomb friction are
+close. With a pretension P [N] on a joint,
+
+.. math:: \Gamma_c(P) = r\,P, \qquad \Gamma_s(P) = \kappa\, r\,P, \quad \kappa \ge 1,
+
+r being a length: half the difference of the radii at which rubbing strands pull, whatever the mechanism. Pretensions
+are not published, so the ratio of the published Coulomb torques to theirs is not known; what follows without it is how
+friction changes when the cable is tightened or wears slack. `identification.experiments.cable_pretension` finds r, and
+tests whether friction is proportional to the pretension or only linear in it.
+
+References:
+    Section V.B of [CEA]_ (`phantom_dyn.devices.cea`).
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from jaxtyping import Float
+
+from phantom_dyn.errors import ParameterError
+
+Array = np.ndarray
+
+
+@dataclass(frozen=True)
+class CableFriction:
+    """Dry friction of a joint that a pretensioned cable drives.
+
+    Attributes:
+        ratio: Coulomb torque per pretension, r [m]; of a linear joint force per pretension [1].
+        static_ratio: Stiction over Coulomb torque, kappa.
+
+    Raises:
+        ParameterError: If the ratio is not above 0, or stiction is less than Coulomb friction.
+    """
+
+    ratio: float
+    static_ratio: float = 1.0
+
+    def __post_init__(self) -> None:
+        if not (math.isfinite(self.ratio) and self.ratio > 0):
+            raise ParameterError(f"The friction per pretension is {self.ratio}: give a number above 0.")
+        if not (math.isfinite(self.static_ratio) and self.static_ratio >= 1):
+            raise ParameterError(f"Stiction is {self.static_ratio} times Coulomb friction: give 1 or more.")
+
+    def coulomb(self, pretension: Float[Array, " n"]) -> Float[Array, " n"]:
+        """Coulomb torque at the pretensions [N m], shape ``(n,)``.
+
+        Raises:
+            ParameterError: If a pretension is not above 0: a slack cable drives nothing.
+        """
+        pulled = np.asarray(pretension, dtype=float)
+        bad = np.flatnonzero(~(np.isfinite(pulled) & (pulled > 0)))
+        if len(bad):
+            raise ParameterError(
+                f"Pretension number {bad[0]} is {pulled[bad[0]]:g} N: give one above 0, a slack cable drives nothing."
+            )
+        return self.ratio * pulled
+
+    def stiction(self, pretension: Float[Array, " n"]) -> Float[Array, " n"]:
+        """Torque at which the joint breaks loose [N m], shape ``(n,)``; raises as `coulomb`."""
+        return self.static_ratio * self.coulomb(pretension)
+
+    def torque(self, pretension: Float[Array, " n"], velocity: Float[Array, " n"]) -> Float[Array, " n"]:
+        """Coulomb torque against the velocity, as a motor feels it [N m], shape ``(n,)``; 0 at rest."""
+        return self.coulomb(pretension) * np.sign(velocity)
+
+
+def rescaled(coulomb: float, *, pretension: float, new_pretension: float) -> float:
+    """Coulomb torque [N m] at another pretension: the torque times the ratio of both.
+
+    Args:
+        coulomb: As found at the first pretension [N m].
+        pretension: At which it was found [N].
+        new_pretension: At which it is wanted [N].
+
+    Raises:
+        ParameterError: If torque or a pretension is not above 0.
+    """
+    for name, value in (("pretension", pretension), ("new pretension", new_pretension), ("Coulomb torque", coulomb)):
+        if not (math.isfinite(value) and value > 0):
+            raise ParameterError(f"The {name} is {value}: give a number above 0.")
+    return coulomb * new_pretension / pretension

@@ -1,0 +1,153 @@
+r"""The device of six degrees of freedom around the CEA branch: two branches, a platform between them, a driven handle.
+
+Of the whole device the source says (section IV): two branches of three degrees of freedom, tied by a platform that
+supports a motorized handle, seven motors in all, and extra links of constant orientation between branches and platform
+(the `support` of each branch). It identifies the upper branch alone and names the whole as future work; **lengths and
+masses of platform and handle, and the place of the lower branch, are not published: they are inputs here.**
+
+Both branches are the built-in `cea_branch`, the lower one below by the length of the platform, the axes of their first
+joints parallel. The platform hangs on the upper support by a universal joint and meets the lower one in a point, so
+that the device has :math:`3 + 2 + 3 - 3 = 5` degrees of freedom, and the handle about the axis of the platform is the
+sixth. Of the seven motors one is redundant: the lower shoulder, whose angle the others leave no choice.
+
+References:
+    Section IV and figures 1 and 2 of [CEA]_ (`phantom_dyn.devices.cea`).
+"""
+
+from __future__ import annotations
+
+import math
+import xml.etree.ElementTree as ET
+from dataclasses import dataclass
+
+import numpy as np
+from jaxtyping import Float
+
+from phantom_dyn.devices.cea import GRAVITY
+from phantom_dyn.devices.urdf_elements import add_joint, add_link, branch_elements, urdf_text
+from phantom_dyn.errors import ParameterError, RobotError
+from phantom_dyn.model.robot import Robot
+
+Array = np.ndarray
+
+UPPER, LOWER = "upper_", "lower_"
+"""Before the names of the links and joints of either branch."""
+ACTIVE = ("lower_q2", "lower_q5", "upper_q1", "upper_q2", "handle", "upper_q5")
+"""Joints that position the device, in the order of its tree; `lower_q1` and both angles of the platform follow."""
+MOTORS = ("upper_q1", "upper_q2", "upper_q5", "lower_q1", "lower_q2", "lower_q5", "handle")
+"""The seven motors."""
+_ARM, _FOREARM = math.radians(-15), math.radians(-105)
+POSTURE = (_ARM, _FOREARM, 0.0, _ARM, 0.0, _FOREARM)
+"""Both branches at the posture at which the published figures of one hold together, the platform upright [rad]."""
+
+_HERE = (0.0, 0.0, 0.0)
+
+
+@dataclass(frozen=True)
+class Platform:
+    """Platform and handle; none of it is published.
+
+    Attributes:
+        length: Between the tips of both branches [m].
+        mass: Of the platform, a rod of that length [kg].
+        handle_mass: [kg].
+        handle_length: Along the platform [m].
+        handle_radius: [m].
+
+    Raises:
+        ParameterError: If a number is not above 0.
+    """
+
+    length: float = 0.12
+    mass: float = 0.05
+    handle_mass: float = 0.05
+    handle_length: float = 0.10
+    handle_radius: float = 0.015
+
+    def __post_init__(self) -> None:
+        for name in self.__dataclass_fields__:
+            value = getattr(self, name)
+            if not (math.isfinite(value) and value > 0):
+                raise ParameterError(f"The {name} of the platform is {value}: give a number above 0.")
+
+
+PLATFORM = Platform()
+"""The default: round numbers."""
+
+
+def two_branches_urdf(platform: Platform = PLATFORM) -> str:
+    """Text of the URDF: both branches, joints ``tilt`` and ``swing`` of the platform, the handle with frame ``tip``.
+
+    Raises:
+        RobotError: If the built-in branch is not installed.
+    """
+    out = ET.Element("robot", name="cea_two_branches")
+    ET.SubElement(out, "link", name="ground")
+    for prefix, height in ((UPPER, 0.5 * platform.length), (LOWER, -0.5 * platform.length)):
+        out.extend(branch_elements(prefix))
+        add_joint(out, f"{prefix}mount", ("ground", f"{prefix}base"), (0.0, height, 0.0))
+    half, radius = 0.5 * platform.length, platform.handle_radius
+    # At the posture -z of the upper support points down, to the lower one.
+    add_link(out, "yoke", 1e-3, _HERE, (1e-7, 1e-7, 1e-7))
+    rod = platform.mass * platform.length**2 / 12
+    add_link(out, "platform", platform.mass, (0.0, 0.0, -half), (rod, rod, 0.5 * platform.mass * radius**2))
+    wide = platform.handle_mass * (3 * radius**2 + platform.handle_length**2) / 12
+    add_link(out, "grip", platform.handle_mass, _HERE, (wide, wide, 0.5 * platform.handle_mass * radius**2))
+    ET.SubElement(out, "link", name="tip")
+    ET.SubElement(out, "link", name="platform_end")
+    add_joint(out, "tilt", (f"{UPPER}link4", "yoke"), _HERE, axis=(1.0, 0.0, 0.0))
+    add_joint(out, "swing", ("yoke", "platform"), _HERE, axis=(0.0, 1.0, 0.0))
+    add_joint(out, "handle", ("platform", "grip"), (0.0, 0.0, -half), axis=(0.0, 0.0, 1.0))
+    add_joint(out, "tip_fixed", ("grip", "tip"), _HERE)
+    add_joint(out, "platform_end_fixed", ("platform", "platform_end"), (0.0, 0.0, -platform.length))
+    return urdf_text(out)
+
+
+def two_branches_yaml() -> str:
+    """Text of the ``robot.yaml`` beside it: gravity, the loops of both branches, and the one through the platform."""
+    lines = [f"gravity: [{', '.join(f'{g:g}' for g in GRAVITY)}]", "payload_frame: tip", "loops:"]
+    for prefix in (UPPER, LOWER):
+        q2, q5 = f"{prefix}q2", f"{prefix}q5"
+        passive = f'{prefix}q3: "{q5} - {q2}", {prefix}q4: "pi/2 - {q5}", {prefix}q6: "{q2} - {q5}"'
+        lines.append(f"  - {{kind: linear, active: [{q2}, {q5}], passive: {{{passive}}}}}")
+    start = ", ".join(f"{name}: {value!r}" for name, value in zip(ACTIVE, POSTURE, strict=True) if name != "handle")
+    # Of the joints between both frames: the forearms are moved through joints of the parallelograms beside them.
+    driven = f"{UPPER}q1, {UPPER}q2, {LOWER}q2"
+    lines.append("  - kind: point")
+    lines.append(f"    frame_a: platform_end\n    frame_b: {LOWER}tip\n    active: [{driven}]\n    start: {{{start}}}")
+    return "\n".join(lines) + "\n"
+
+
+def motor_slope(robot: Robot, q: Float[Array, "N 6"]) -> Float[Array, "N 7 6"]:
+    """Angles of the seven `MOTORS` per angle of the six `ACTIVE` joints, shape ``(N, 7, 6)``.
+
+    Args:
+        robot: Loaded from the texts of this module.
+        q: Positions of the active joints [rad], neighbouring samples near each other.
+
+    Raises:
+        RobotError: If the robot is another one.
+        ChainError: If the loops cannot be closed.
+    """
+    names = list(robot.model.names)[1:]
+    if robot.joint_names != ACTIVE or not set(MOTORS) <= set(names):
+        raise RobotError(
+            f"{robot.name} has the active joints {', '.join(robot.joint_names)}: give the device of two branches, with "
+            f"{', '.join(ACTIVE)}."
+        )
+    return robot.solutions.at(q).G[:, [names.index(name) for name in MOTORS]]
+
+
+def shared_torque(slope: Float[Array, "N 7 6"], tau: Float[Array, "N 6"]) -> Float[Array, "N 7"]:
+    r"""Torques of seven motors [N m] with the least sum of squares that do what six do: :math:`J_m^T \tau_m = \tau`.
+
+    Args:
+        slope: Of `motor_slope`.
+        tau: Torques at the active joints, as inverse dynamics gives them [N m].
+
+    Raises:
+        ParameterError: If there are not as many torques as slopes.
+    """
+    if len(slope) != len(tau):
+        raise ParameterError(f"{len(tau)} torques and {len(slope)} slopes were given: give one of each a sample.")
+    return np.einsum("nij,nj->ni", np.linalg.pinv(np.swapaxes(slope, 1, 2)), tau)
