@@ -331,7 +331,8 @@ def _at_limits(moves: list[Adjusted]) -> list[str]:
             for move in moves
         ]
     plain = [move for move in moves if move.hides.startswith(f"a change of {move.quantity}")]
-    hidden = [move.hides for move in moves if move not in plain] + ["larger changes of these"] * bool(plain)
+    loads = dict.fromkeys(move.hides for move in moves if move not in plain)
+    hidden = [*loads, *["larger changes of these"] * bool(plain)]
     moved = joined([move.quantity for move in moves])
     return [f"The moves of {moved} end at the limits of their tolerances; {joined(hidden)} could hide behind them."]
 

@@ -24,6 +24,7 @@ from identification.diagnosis.judge.findings import (
     shown_effects,
 )
 from identification.diagnosis.judge.floors import Floor, floor_of
+from identification.diagnosis.judge.hidden_payload import with_hidden_payload
 from identification.diagnosis.judge.judged_band import Judge, narrow_search
 from identification.diagnosis.judge.moved_by_noise import foreseen_noise, least_above_noise
 from identification.diagnosis.judge.regimes import regime_shares, regime_split
@@ -71,7 +72,7 @@ def judged(explanation: Explanation, progress: Callable[[str], None]) -> tuple[J
         verdict=verdict(joints, findings, left_over, moved=moved, hides=ordinary_effects_hide(bounds)),
         joints=joints,
         findings=findings,
-        adjusted=adjusted(problem, shown.found),
+        adjusted=with_hidden_payload(adjusted(problem, shown.found), search, shown.chosen),
         unexplained=left_over,
         bounds=bounds,
         not_testable=untested,
