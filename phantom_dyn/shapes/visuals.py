@@ -53,7 +53,7 @@ def _of_urdf(path: Path) -> tuple[pin.Model, _Shapes]:
     import yourdfpy  # takes most of a second to load
 
     parts: dict[str, list[Mesh]] = {}
-    scene = yourdfpy.URDF.load(str(path), filename_handler=_finder(path)).scene
+    scene = yourdfpy.URDF.load(str(path), filename_handler=mesh_finder(path)).scene
     for node in scene.graph.nodes_geometry:
         link = scene.graph.transforms.parents[node]
         place, name = scene.graph.get(node, frame_from=link)
@@ -67,7 +67,7 @@ def _of_urdf(path: Path) -> tuple[pin.Model, _Shapes]:
     return full, [(frames[link].parentJoint, frames[link].placement, joined(one)) for link, one in parts.items()]
 
 
-def _finder(file: Path) -> Callable[[str], str]:
+def mesh_finder(file: Path) -> Callable[[str], str]:
     """Path of a mesh that a URDF names, from the folders above the file and those that ROS's variables name."""
 
     def found(fname: str) -> str:

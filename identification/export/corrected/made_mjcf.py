@@ -14,6 +14,7 @@ from identification.export.corrected.corrected_mjcf import corrected_mjcf
 from identification.export.corrected.corrected_model import CorrectedModel
 from identification.export.corrected.given_mjcf import edited_mjcf
 from identification.export.corrected.reload_in_mujoco import edited_difference, torque_difference
+from identification.export.corrected.urdf_shapes import with_urdf_shapes
 from identification.export.model_files.followers import with_followers
 from identification.export.model_files.mujoco_library import mujoco_problem
 from identification.export.model_files.reload import TOLERANCE
@@ -57,15 +58,18 @@ def made_mjcf(corrected: CorrectedModel, motion: Motion, *, file: Path, folder: 
         EstimationError: If the file says something else than the model.
     """
     if file.suffix == ".urdf":
-        return _new(corrected, motion, file, ())
+        return _new(corrected, motion, file, folder, ())
     try:
         return _edited(corrected, motion, file, folder)
     except PhantomDynError as error:
         reason = f"The given file is not in it, so it has no shapes, sensors and actuators of that one: {error}"
-        return _new(corrected, motion, file, (reason,))
+        return _new(corrected, motion, file, None, (reason,))
 
 
-def _new(corrected: CorrectedModel, motion: Motion, file: Path, left_out: tuple[str, ...]) -> MadeMjcf:
+def _new(
+    corrected: CorrectedModel, motion: Motion, file: Path, folder: Path | None, left_out: tuple[str, ...]
+) -> MadeMjcf:
+    """An MJCF that is made from the model, with the shapes of a URDF where ``folder`` says where it will lie."""
     whole = corrected
     if not corrected.zeros:
         # The numbers of a closed chain's encoders have no place: with them, joints that follow stay held.
@@ -76,7 +80,20 @@ def _new(corrected: CorrectedModel, motion: Motion, file: Path, left_out: tuple[
             )
     text = corrected_mjcf(whole)
     problem = mujoco_problem(text)
-    return MadeMjcf(text, torque_difference(text, whole, motion), problem or "", False, left_out)
+    difference = torque_difference(text, whole, motion)
+    if folder is None:
+        return MadeMjcf(text, difference, problem or "", False, left_out)
+    try:
+        # With the whole paths of meshes, as the folder may not be there yet.
+        loaded, without = with_urdf_shapes(text, whole.robot, file, None)
+        difference = torque_difference(loaded, whole, motion)
+        if difference > TOLERANCE:
+            raise EstimationError("with them, MuJoCo needs other torques.")
+        text = with_urdf_shapes(text, whole.robot, file, folder)[0]
+    except (PhantomDynError, ValueError) as error:
+        without = (f"The shapes of the URDF are not in it: {error}",)
+        difference = torque_difference(text, whole, motion)
+    return MadeMjcf(text, difference, problem or "", False, (*left_out, *without))
 
 
 def _edited(corrected: CorrectedModel, motion: Motion, file: Path, folder: Path) -> MadeMjcf:

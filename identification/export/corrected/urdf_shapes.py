@@ -1,0 +1,188 @@
+# pyright: reportAttributeAccessIssue=false
+"""Shapes of a URDF as geoms of an MJCF: boxes, cylinders and spheres, and meshes that MuJoCo can load.
+
+Visual shapes stand in group 2 and touch nothing. Collision shapes stand in group 3 (in group 2 where a link has nothing
+else to show) and touch what a scene adds, not each other: hulls of neighbouring links overlap, and a push between them
+would be no torque of the robot.
+"""
+
+from __future__ import annotations
+
+import os
+from dataclasses import dataclass
+from pathlib import Path
+from xml.etree import ElementTree
+
+import numpy as np
+import pinocchio as pin
+
+from identification.export.model_files.mujoco_library import mujoco_problem
+from identification.export.model_files.urdf_file import attribute_text
+from phantom_dyn.errors import RobotError, listed
+from phantom_dyn.model.inertia import body_name
+from phantom_dyn.model.robot import Robot
+from phantom_dyn.model.robot_xml import Element, read_root
+from phantom_dyn.shapes.visuals import mesh_finder
+
+Array = np.ndarray
+
+_MESHES = (".obj", ".stl", ".msh")
+"""Endings of the meshes that MuJoCo reads."""
+_VISUAL = {"group": "2", "contype": "0", "conaffinity": "0"}
+_COLLISION = {"group": "3", "contype": "1", "conaffinity": "0"}
+
+
+@dataclass(frozen=True)
+class Shape:
+    """One shape of a link.
+
+    Attributes:
+        link: Its link.
+        visual: False for a collision shape.
+        geom: Attributes of the geom: type and size, place in the link's frame apart.
+        place: In the link's frame.
+        mesh: File and scale of a mesh; None for a primitive.
+    """
+
+    link: str
+    visual: bool
+    geom: dict[str, str]
+    place: pin.SE3
+    mesh: tuple[Path, str] | None = None
+
+
+def with_urdf_shapes(text: str, robot: Robot, file: Path, folder: Path | None) -> tuple[str, tuple[str, ...]]:
+    """The text of an MJCF with the shapes of the URDF that its robot comes from, and sentences on what is not in it.
+
+    Args:
+        text: Of the MJCF, without shapes.
+        robot: Whose bodies it has.
+        file: The URDF.
+        folder: Where the MJCF will lie, which the paths of meshes start from; None: whole paths.
+    """
+    shapes, missing = _shapes(file)
+    shapes = [shape for shape in shapes if robot.model.existFrame(shape.link, pin.BODY)]
+    if not shapes and not missing:
+        return text, ()
+    root = ElementTree.fromstring(text)
+    bodies = {str(body.get("name")): body for body in root.iter("body")}
+    world = root.find("worldbody")
+    assert world is not None
+    assets: dict[tuple[Path, str], str] = {}
+    shown = {shape.link for shape in shapes if shape.visual}
+    for shape in shapes:
+        frame = robot.model.frames[robot.model.getFrameId(shape.link, pin.BODY)]
+        owner = bodies[body_name(robot, frame.parentJoint)] if frame.parentJoint else world
+        place = frame.placement * shape.place
+        turn = pin.Quaternion(place.rotation).normalized()
+        geom = {**(_VISUAL if shape.visual else _COLLISION), **shape.geom, "mass": "0"}
+        if not shape.visual and shape.link not in shown:
+            geom["group"] = _VISUAL["group"]
+        if shape.mesh is not None:
+            geom["mesh"] = assets.setdefault(shape.mesh, f"{shape.mesh[0].stem}_{len(assets)}")
+        geom |= {"pos": attribute_text(place.translation), "quat": attribute_text([turn.w, turn.x, turn.y, turn.z])}
+        ElementTree.SubElement(owner, "geom", geom)
+    _add_assets(root, assets, folder)
+    ElementTree.indent(root)
+    return ElementTree.tostring(root, encoding="unicode") + "\n", _sentences(missing)
+
+
+def _shapes(file: Path) -> tuple[list[Shape], dict[str, str]]:
+    """Shapes of all links that MuJoCo can hold, and by mesh why it holds it not."""
+    root, _ = read_root(file)
+    find, out, missing = mesh_finder(file), [], {}
+    colours = {str(one.get("name")): _colour(one) for one in root.findall("material")}
+    loads: dict[tuple[Path, str], str] = {}
+    for link in root.findall("link"):
+        for element in (*link.findall("visual"), *link.findall("collision")):
+            visual, kind = element.tag == "visual", element.find("geometry/*")
+            if kind is None:
+                continue
+            geom, mesh = _primitive(kind), None
+            if kind.tag == "mesh":
+                name, scale = str(kind.get("filename")), kind.get("scale", "1 1 1")
+                try:
+                    mesh = (Path(find(name)).resolve(), scale)
+                except RobotError:
+                    missing[name] = "is not there"
+                    continue
+                if mesh not in loads:
+                    loads[mesh] = _refused(*mesh)
+                if loads[mesh]:
+                    missing[name] = loads[mesh]
+                    continue
+                geom = {"type": "mesh"}
+            if geom is None:
+                continue
+            material = element.find("material")
+            rgba = None if material is None else _colour(material) or colours.get(str(material.get("name")))
+            geom |= {"rgba": rgba} if visual and rgba else {}
+            out.append(Shape(str(link.get("name")), visual, geom, _place(element.find("origin")), mesh))
+    return out, missing
+
+
+def _primitive(kind: Element) -> dict[str, str] | None:
+    """Type and size of a geom; None for what is no primitive."""
+    if kind.tag == "box":
+        return {"type": "box", "size": attribute_text([0.5 * side for side in _numbers(kind.get("size", ""))])}
+    if kind.tag == "sphere":
+        return {"type": "sphere", "size": attribute_text(_numbers(kind.get("radius", "")))}
+    if kind.tag == "cylinder":
+        (radius,), (length,) = _numbers(kind.get("radius", "")), _numbers(kind.get("length", ""))
+        return {"type": "cylinder", "size": attribute_text([radius, 0.5 * length])}
+    return None
+
+
+def _refused(mesh: Path, scale: str) -> str:
+    """Why MuJoCo does not load a mesh; empty if it does, or if that cannot be tried."""
+    if mesh.suffix.lower() not in _MESHES:
+        return f"ends in {mesh.suffix or 'nothing'}"
+    if mujoco_problem():
+        return ""
+    import mujoco
+
+    root = ElementTree.Element("mujoco")
+    _add_assets(root, {(mesh, scale): "mesh"}, None)
+    world = ElementTree.SubElement(root, "worldbody")
+    ElementTree.SubElement(world, "geom", {**_VISUAL, "type": "mesh", "mesh": "mesh", "mass": "0"})
+    try:
+        mujoco.MjModel.from_xml_string(ElementTree.tostring(root, encoding="unicode"))
+    except ValueError as error:
+        return f"is refused ({' '.join(str(error).split())[:120]})"
+    return ""
+
+
+def _add_assets(root: Element, meshes: dict[tuple[Path, str], str], folder: Path | None) -> None:
+    if not meshes:
+        return
+    assets = ElementTree.SubElement(root, "asset")
+    for (path, scale), name in meshes.items():
+        place = str(path) if folder is None else os.path.relpath(path, folder.resolve())
+        ElementTree.SubElement(assets, "mesh", name=name, file=place, scale=scale)
+
+
+def _sentences(missing: dict[str, str]) -> tuple[str, ...]:
+    """One sentence on all meshes that are left out, by the reason."""
+    out = []
+    for reason in dict.fromkeys(missing.values()):
+        names = [Path(name).name for name, why in missing.items() if why == reason]
+        shown = listed(names) if len(names) <= 3 else f"{', '.join(names[:3])} and {len(names) - 3} more"
+        hint = ": convert it to .obj or .stl" if reason.startswith("ends in") else ""
+        out.append(f"Without {shown} of the URDF, which MuJoCo cannot load, as it {reason}{hint}.")
+    return tuple(out)
+
+
+def _place(origin: Element | None) -> pin.SE3:
+    if origin is None:
+        return pin.SE3.Identity()
+    xyz, rpy = (_numbers(origin.get(key, "0 0 0")) for key in ("xyz", "rpy"))
+    return pin.SE3(pin.rpy.rpyToMatrix(np.array(rpy)), np.array(xyz))
+
+
+def _colour(material: Element) -> str | None:
+    colour = material.find("color")
+    return None if colour is None else colour.get("rgba")
+
+
+def _numbers(text: str) -> list[float]:
+    return [float(word) for word in text.split()]
