@@ -54,7 +54,8 @@ from phantom_dyn.haptics.stability.passivity import critical_loop_gain, simulate
 from phantom_dyn.haptics.stability.phantom_improvements import phantom_improvements
 from phantom_dyn.haptics.stability.published_ratios import explained_improvements
 from phantom_dyn.haptics.stability.virtual_wall import critical_wall, simulate_wall
-from phantom_dyn.walking.walker import talos
+from phantom_dyn.walking.stairs import Stairs, climb
+from phantom_dyn.walking.walker import talos, talos_bent
 from phantom_dyn.walking.walking_reference import walk
 
 T = 1e-3
@@ -285,6 +286,10 @@ def joystick_walk() -> Figure:
     return figures.walk_figure(walk(talos(), JOYSTICK, duration=10.0), silent_above=SILENT_ABOVE)
 
 
+def stairs() -> Figure:
+    return figures.stairs_figure(climb(talos_bent(), Stairs(0.22, 0.05), 4))
+
+
 GALLERY: tuple[Callable[[], Figure], ...] = (
     bode_of_the_original_cable,
     bode_of_the_new_cable,
@@ -310,6 +315,7 @@ GALLERY: tuple[Callable[[], Figure], ...] = (
     backlash,
     cheap_axis,
     joystick_walk,
+    stairs,
 )
 
 

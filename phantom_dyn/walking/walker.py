@@ -153,6 +153,16 @@ TALOS_POSTURE = _mirrored(
 )
 """TALOS: legs, elbows and wrists as in the state ``half_sitting`` of its SRDF."""
 
+TALOS_BENT = MappingProxyType(
+    dict(TALOS_POSTURE)
+    | {
+        f"leg_{side}_{joint}_joint": value
+        for side in ("left", "right")
+        for joint, value in ((3, -0.6), (4, 1.2), (5, -0.6))
+    }
+)
+"""TALOS with its knees bent farther, for stairs: the rear leg must reach a step down."""
+
 G1_SOLE = Sole("left_ankle_roll_link", 0.12, -0.05, 0.03, 0.025, 0.035)
 """Unitree G1: the lowest points of the four contact spheres in its URDF."""
 G1_POSTURE = _mirrored(
@@ -164,6 +174,11 @@ G1_POSTURE = _mirrored(
 def talos() -> Walker:
     """TALOS of example-robot-data: 90 kg, soles of 20 x 12 cm."""
     return _example("talos_reduced", TALOS_SOLE, "right_sole_link", TALOS_POSTURE, "TALOS")
+
+
+def talos_bent() -> Walker:
+    """TALOS with its knees bent for stairs, its centre of mass 83 cm over the soles."""
+    return _example("talos_reduced", TALOS_SOLE, "right_sole_link", TALOS_BENT, "TALOS")
 
 
 def g1() -> Walker:

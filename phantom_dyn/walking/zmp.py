@@ -85,6 +85,26 @@ def support_polygon(contacts: Float[Array, "C 2"]) -> SupportPolygon:
     return SupportPolygon(contacts[hull.vertices])
 
 
+def support_polygon_along(contacts: Float[Array, "C 3"], force: Float[Array, " 3"]) -> SupportPolygon:
+    r"""Support polygon of contact points at any heights: their hull on the level z = 0, seen along the contact force.
+
+    A force f through the point :math:`\sum \lambda_i c_i`, :math:`\lambda_i \ge 0`, :math:`\sum \lambda_i = 1`, is
+    the sum of forces :math:`\lambda_i f` at the contacts c_i, all parallel to it. So a motion whose force f has its
+    zero moment point on z = 0 inside this polygon needs no force but such ones, if f is within the cone of friction.
+    Another level moves point and polygon alike, so that the margin does not depend on it; of soles of one height it is
+    the margin in their plane.
+
+    Args:
+        contacts: Contact points [m], shape ``(C, 3)``.
+        force: Sum of the contact forces [N], pressing.
+
+    Raises:
+        ParameterError: If the force does not press, or as for `support_polygon`.
+    """
+    _pressing(force[2:])
+    return support_polygon(contacts[:, :2] - contacts[:, 2:] * force[:2] / force[2])
+
+
 def zmp_from_bodies(
     model: pin.Model, q: Float[Array, "N nq"], v: Float[Array, "N nv"], a: Float[Array, "N nv"], *, ground: float = 0.0
 ) -> Float[Array, "N 2"]:
@@ -133,13 +153,17 @@ def zmp_from_centroidal_momentum(
     return com[:, :2] + (turn - rate[:, :2] * (com[:, 2:] - ground)) / force
 
 
-def zmp_from_contact_wrench(
-    model: pin.Model, q: Float[Array, "N nq"], v: Float[Array, "N nv"], a: Float[Array, "N nv"], *, ground: float = 0.0
-) -> Float[Array, "N 2"]:
-    """Zero moment point [m] from the wrench that the ground must exert, shape ``(N, 2)``.
+def contact_wrench(
+    model: pin.Model, q: Float[Array, "N nq"], v: Float[Array, "N nv"], a: Float[Array, "N nv"]
+) -> tuple[Float[Array, "N 3"], Float[Array, "N 3"]]:
+    """Force [N] and moment [N m] about the world's origin that the ground must exert, world axes, each ``(N, 3)``.
 
-    The wrench is what inverse dynamics asks for at the floating base; the feet are its only source. Arguments and
-    errors as `zmp_from_bodies`.
+    It is what inverse dynamics asks for at the floating base; the feet are its only source. Arguments as
+    `zmp_from_bodies`.
+
+    Raises:
+        RobotError: If the base does not float or gravity is not vertical.
+        ParameterError: If the robot does not press on the ground in a sample.
     """
     _vertical_gravity(model)
     data = model.createData()
@@ -147,11 +171,34 @@ def zmp_from_contact_wrench(
     for k in range(len(q)):
         base = pin.Force(pin.rnea(model, data, q[k], v[k], a[k])[:6])
         wrench[k] = data.liMi[1].act(base).vector
-    force, moment = wrench[:, :3], wrench[:, 3:]
+    _pressing(wrench[:, 2])
+    return wrench[:, :3], wrench[:, 3:]
+
+
+def zmp_of_wrench(
+    force: Float[Array, "N 3"], moment: Float[Array, "N 3"], *, ground: float = 0.0
+) -> Float[Array, "N 2"]:
+    """Point [m] of the level ``ground`` about which a wrench has no horizontal moment, shape ``(N, 2)``.
+
+    Args:
+        force: [N], pressing in every sample.
+        moment: About the world's origin [N m].
+        ground: Height of the level [m].
+    """
     # Moment about the point of the ground below the world's origin: n - (0, 0, ground) x f.
     moment_x = moment[:, 0] + ground * force[:, 1]
     moment_y = moment[:, 1] - ground * force[:, 0]
     return np.stack([-moment_y, moment_x], axis=1) / _pressing(force[:, 2])[:, None]
+
+
+def zmp_from_contact_wrench(
+    model: pin.Model, q: Float[Array, "N nq"], v: Float[Array, "N nv"], a: Float[Array, "N nv"], *, ground: float = 0.0
+) -> Float[Array, "N 2"]:
+    """Zero moment point [m] from the wrench that the ground must exert, shape ``(N, 2)``.
+
+    Arguments and errors as `zmp_from_bodies`.
+    """
+    return zmp_of_wrench(*contact_wrench(model, q, v, a), ground=ground)
 
 
 def inverted_pendulum_zmp(

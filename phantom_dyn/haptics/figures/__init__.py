@@ -16,6 +16,7 @@ from phantom_dyn.haptics.figures.improvement_figures import (
 from phantom_dyn.haptics.figures.rendering_figures import (
     backlash_figure,
     cheap_axis_figure,
+    stairs_figure,
     sticking_figure,
     walk_figure,
 )
@@ -43,6 +44,7 @@ __all__ = (
     "phase_margins",
     "safety_figure",
     "sinusoidal_encoder_figure",
+    "stairs_figure",
     "sticking_figure",
     "transparency_figure",
     "two_mass_fit_figure",

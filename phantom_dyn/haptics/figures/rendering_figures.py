@@ -9,6 +9,7 @@ from matplotlib.figure import Figure
 from phantom_dyn.haptics.cheap.cheap_axis import CheapAxis
 from phantom_dyn.haptics.cheap.cheap_hardware import Rendered
 from phantom_dyn.haptics.figures.canvas import COLORS, GREY, IDEAL, MARK, beside, key, panels, shade
+from phantom_dyn.walking.stairs import StairReference
 from phantom_dyn.walking.walking_reference import WalkingReference
 
 Array = np.ndarray
@@ -146,4 +147,33 @@ def walk_figure(reference: WalkingReference, *, silent_above: float) -> Figure:
     hand.set_ylim(0, 1)
     margin.set_ylim(top=1.35e3 * reference.margin.max())  # room for the legend
     key(margin, "upper left")
+    return drawing
+
+
+def stairs_figure(reference: StairReference) -> Figure:
+    """A walk over stairs from the side, and the margin of its zero moment point.
+
+    Args:
+        reference: The walk.
+    """
+    stairs = reference.stairs
+    way = "up" if stairs.rise >= 0 else "down"
+    title = (
+        f"Biped {way} stairs of {1e3 * stairs.tread:g} mm by {1e3 * abs(stairs.rise):g} mm\n"
+        f"the zero moment point keeps {1e3 * reference.margin.min():.0f} mm or more inside the support polygon"
+    )
+    drawing, ((side,), (margin,)) = panels(2, title=title, width=9, height=3.2, ratios=(1.7, 1))
+    begin, end = (float(place) for place in reference.com.position[[0, -1], 0])
+    x = np.linspace(begin - 0.5 * stairs.tread, end + 0.5 * stairs.tread, 2000)
+    side.plot(x, stairs.height(x), color="black", lw=1.2, label="stairs", gid="stairs")
+    for foot, color, words in ((reference.left, COLORS[0], "left sole"), (reference.right, COLORS[2], "right sole")):
+        side.plot(foot.position[:, 0], foot.position[:, 2], color=color, label=words, gid=words)
+    side.plot(*reference.com.position[:, [0, 2]].T, color=GREY, label="centre of mass", gid="com")
+    side.plot(x, stairs.slope * x, color=COLORS[4], ls=IDEAL, label="slope of the footholds")
+    side.plot(*reference.zmp[:, [0, 2]].T, color=COLORS[1], lw=1, label="zero moment point", gid="zmp")
+    side.set(xlabel="x [m]", ylabel="z [m]")
+    beside(side)
+    margin.plot(reference.t, 1e3 * reference.margin, color=COLORS[1], gid="margin")
+    margin.axhline(0, color="black", lw=0.8)
+    margin.set(xlabel="time [s]", ylabel="margin [mm]", xlim=(0, reference.t[-1]))
     return drawing

@@ -16,6 +16,8 @@ from phantom_dyn.haptics.device.drives import Winding
 from phantom_dyn.haptics.device.safety import Guard, ThermalMotor, run_guard
 from phantom_dyn.haptics.sensing.sinusoidal_encoder import SinusoidalEncoder
 from phantom_dyn.haptics.stability.force_link import NoiseFelt
+from phantom_dyn.walking.stairs import Stairs, climb
+from phantom_dyn.walking.walker import talos_bent
 
 
 def line(figure: Figure, gid: str) -> tuple[np.ndarray, np.ndarray]:
@@ -57,6 +59,16 @@ def test_safety_figure_draws_commands_force_and_rise():
     np.testing.assert_array_equal(line(figure, "asked")[1], asked)
     np.testing.assert_array_equal(line(figure, "force")[1], trace.force)
     np.testing.assert_array_equal(line(figure, "rise"), (np.arange(1.0, 201.0), trace.rise))
+
+
+@pytest.mark.whole
+def test_stairs_figure_draws_soles_centre_of_mass_and_margin():
+    reference = climb(talos_bent(), Stairs(0.22, 0.05), 2, rate=50.0)
+    figure = figures.stairs_figure(reference)
+    np.testing.assert_array_equal(line(figure, "left sole"), reference.left.position[:, [0, 2]].T)
+    np.testing.assert_array_equal(line(figure, "com"), reference.com.position[:, [0, 2]].T)
+    np.testing.assert_array_equal(line(figure, "margin"), (reference.t, 1e3 * reference.margin))
+    assert set(np.round(line(figure, "stairs")[1], 12)) >= {0.0, 0.05, 0.1}
 
 
 def test_a_line_style_has_one_meaning_in_all_figures():

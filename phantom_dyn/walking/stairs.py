@@ -1,0 +1,254 @@
+r"""Walking up or down stairs: the plan of level ground on a slope, and the margin of soles at two heights.
+
+Let the centre of mass keep to a plane :math:`z = k x + h` and the zero moment point to the plane :math:`z = k x` of the
+footholds, k the rise over the tread. The moment balance of a point mass,
+
+.. math:: (x - p)(\ddot z + g) = \ddot x\,(z - z_p), \qquad \ddot z = k \ddot x, \quad z - z_p = k (x - p) + h,
+
+loses its products: :math:`\ddot x = \frac{g}{h} (x - p)`, the law of level ground with the same :math:`\omega`. So
+the plan of `phantom_dyn.walking.pattern` holds as it is, if the slope begins and ends where the robot stands: from both
+feet on one tread to both feet on another. Only straight ahead: a turn leaves the slope.
+
+In double support the soles are level at two heights. Their support polygon is that of their contact points seen along
+the contact force, `phantom_dyn.walking.zmp.support_polygon_along`; on one foot it is that of its sole.
+
+References:
+    S. Kajita et al., The 3D linear inverted pendulum mode, IROS 2001 (recalled, not read): linear on any plane of
+    constraint. The fragment of the source names upstairs walking (Kim and Kim, 2009) without an equation.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, replace
+
+import numpy as np
+from jaxtyping import Float
+
+from phantom_dyn.errors import ParameterError
+from phantom_dyn.motion import read_only
+from phantom_dyn.walking.divergent_component import PendulumState
+from phantom_dyn.walking.footsteps import Gait, Joystick, Side
+from phantom_dyn.walking.pattern import FootMotion, Phase, foot_motion, pendulum_motion, plan_walk
+from phantom_dyn.walking.walker import Walker
+from phantom_dyn.walking.whole_body import ComMotion, WholeBodyMotion, whole_body_motion
+from phantom_dyn.walking.zmp import contact_wrench, support_polygon_along, zmp_of_wrench
+
+Array = np.ndarray
+
+_SIDES: tuple[Side, Side] = ("left", "right")
+_START = 0.2
+"""Time on both feet before the first step [s]."""
+_UP, _FORWARD = (0.0, 0.6), (0.25, 1.0)
+"""Shares of a swing in which a sole goes up a way up, and forward: it must pass the edge in front of it."""
+
+
+@dataclass(frozen=True)
+class Stairs:
+    """A straight flight; tread n is level at n times the rise, around n times the tread.
+
+    Attributes:
+        tread: Length of a tread [m].
+        rise: Height of a step [m], negative for a way down.
+
+    Raises:
+        ParameterError: If the tread is not above 0, or the rise not finite.
+    """
+
+    tread: float
+    rise: float
+
+    def __post_init__(self) -> None:
+        if not (math.isfinite(self.tread) and self.tread > 0 and math.isfinite(self.rise)):
+            raise ParameterError(
+                f"Stairs with a tread of {self.tread} m and a rise of {self.rise} m were given: give a length above 0 "
+                "and a height."
+            )
+
+    @property
+    def slope(self) -> float:
+        """Rise over tread."""
+        return self.rise / self.tread
+
+    def height(self, x: Float[Array, " n"]) -> Float[Array, " n"]:
+        """Height of the stairs [m] at x [m], shape ``(n,)``."""
+        return self.rise * np.round(x / self.tread)
+
+
+@dataclass(frozen=True)
+class StairReference:
+    """A walk of ``N`` samples over stairs along x.
+
+    Attributes:
+        t: Time [s], shape ``(N,)``.
+        stairs: What it walks on.
+        phases: The plan along the ground.
+        pendulum: Planned zero moment point, divergent component and centre of mass, horizontal.
+        com: Motion of the centre of mass, in its plane over the slope.
+        left: Motion of the left sole.
+        right: Motion of the right sole.
+        motion: Motion of the whole robot.
+        zmp: Zero moment point of all bodies on the slope of the footholds [m], shape ``(N, 3)``.
+        margin: Distance of the zero moment point to the edge of the support polygon [m], shape ``(N,)``.
+        clearance: Of the lower edge of both soles over the stairs [m], shape ``(N,)``.
+    """
+
+    t: Float[Array, " N"]
+    stairs: Stairs
+    phases: tuple[Phase, ...]
+    pendulum: PendulumState
+    com: ComMotion
+    left: FootMotion
+    right: FootMotion
+    motion: WholeBodyMotion
+    zmp: Float[Array, "N 3"]
+    margin: Float[Array, " N"]
+    clearance: Float[Array, " N"]
+
+    def __post_init__(self) -> None:
+        for name in ("t", "zmp", "margin", "clearance"):
+            object.__setattr__(self, name, read_only(getattr(self, name)))
+
+
+def stair_gait(walker: Walker, stairs: Stairs) -> Gait:
+    """A slow gait of one tread a step, the swinging sole lifted by 6 cm and half a step."""
+    return Gait(
+        foot_distance=walker.foot_distance,
+        single_support=1.0,
+        double_support=0.3,
+        settle=1.0,
+        step_height=0.06 + 0.5 * abs(stairs.rise),
+        longest_step=stairs.tread,
+    )
+
+
+def zmp_on_slope(force: Float[Array, "N 3"], moment: Float[Array, "N 3"], slope: float) -> Float[Array, "N 3"]:
+    """Point [m] of the plane z = slope x about which a wrench has no horizontal moment, shape ``(N, 3)``.
+
+    Args:
+        force: [N], pressing in every sample.
+        moment: About the world's origin [N m].
+        slope: Of the plane along x.
+    """
+    level = zmp_of_wrench(force, moment)
+    along = force[:, :2] / force[:, 2:]
+    # From z = 0 up the line of the force to the plane: x = x0 + z fx/fz, z = slope x.
+    x = level[:, 0] / (1.0 - slope * along[:, 0])
+    z = slope * x
+    return np.column_stack([x, level[:, 1] + z * along[:, 1], z])
+
+
+def climb(
+    walker: Walker, stairs: Stairs, steps: int, *, gait: Gait | None = None, rate: float = 100.0
+) -> StairReference:
+    """Walk over stairs from both feet on the tread at the origin, one tread a step, and stand on the last one.
+
+    Args:
+        walker: Biped.
+        stairs: What it walks on.
+        steps: Treads to go, two or more.
+        gait: How to step; by default slowly, as a foot goes two treads in a step and passes their edges.
+        rate: Samples in a second [Hz].
+
+    Raises:
+        ParameterError: If there are fewer than two steps, the soles are longer than a tread, or a leg cannot follow.
+    """
+    sole = float(np.ptp(walker.corners[:, 0]))
+    if steps != int(steps) or steps < 2 or not rate > 0:
+        raise ParameterError(f"{steps} steps at {rate:g} Hz were asked for: give a whole number of 2 or more.")
+    if sole > stairs.tread:
+        raise ParameterError(
+            f"The soles are {sole:g} m long and the treads {stairs.tread:g} m: give treads that are longer."
+        )
+    gait = gait or stair_gait(walker, stairs)
+    speed = stairs.tread / gait.step_time
+    # The first step of a walk only leans; the last one closes the feet on the tread of the one before.
+    stop = _START + (steps + 0.5) * gait.step_time
+    joystick = Joystick(
+        t=np.array([_START, stop]), speed=np.array([speed, 0.0]), turn=np.zeros(2), walking=np.array([True, False])
+    )
+    omega = math.sqrt(-float(walker.model.gravity.linear[2]) / walker.com_height)
+    phases = plan_walk(joystick, gait, stop + 2 * gait.step_time + gait.settle, omega)
+    t = np.arange(round(phases[-1].end * rate)) / rate
+    pendulum = pendulum_motion(phases, t, omega)
+    left, right = (_raised(foot_motion(phases, t, side, gait.step_height), side, phases, stairs, t) for side in _SIDES)
+    com = _on_slope(pendulum, walker.com_height, stairs.slope)
+    motion = whole_body_motion(walker, com, left, right)
+    force, moment = contact_wrench(walker.model, motion.q, motion.v, motion.a)
+    point = zmp_of_wrench(force, moment)
+    margin = np.empty(len(t))
+    for k in range(len(t)):
+        corners = np.vstack([_placed(walker.corners, foot.position[k]) for foot in (left, right) if foot.contact[k]])
+        margin[k] = support_polygon_along(corners, force[k]).margin(point[k : k + 1])[0]
+    return StairReference(
+        t=t,
+        stairs=stairs,
+        phases=phases,
+        pendulum=pendulum,
+        com=com,
+        left=left,
+        right=right,
+        motion=motion,
+        zmp=zmp_on_slope(force, moment, stairs.slope),
+        margin=margin,
+        clearance=_clearance(stairs, (left, right), sole),
+    )
+
+
+def _on_slope(pendulum: PendulumState, height: float, slope: float) -> ComMotion:
+    """The centre of mass in its plane."""
+    x, v, a = pendulum.com, pendulum.velocity, pendulum.acceleration
+    return ComMotion(
+        np.column_stack([x, height + slope * x[:, 0]]),
+        np.column_stack([v, slope * v[:, 0]]),
+        np.column_stack([a, slope * a[:, 0]]),
+    )
+
+
+def _raised(foot: FootMotion, side: Side, phases: tuple[Phase, ...], stairs: Stairs, t: Array) -> FootMotion:
+    """A sole of level ground on the stairs: on a way up first up, then forward, on a way down the other way round."""
+    position, velocity, acceleration = foot.position.copy(), foot.velocity.copy(), foot.acceleration.copy()
+    for phase in phases:
+        within = (t >= phase.start) & (t < phase.end)
+        before, after = phase.stance.foot(side), phase.landing.foot(side)
+        low, high = stairs.height(np.array([before.x, after.x]))
+        if phase.swing != side:
+            position[within, 2] += low
+            continue
+        air = phase.profile.duration - phase.profile.ramp
+        own = (t[within] - phase.start - phase.profile.ramp) / air
+        up, forward = (_UP, _FORWARD) if stairs.rise >= 0 else (_mirrored(_UP), _mirrored(_FORWARD))
+        rise, along = (_eased(own, *span) for span in (up, forward))
+        for k, part in enumerate((position, velocity, acceleration)):
+            part[within, 2] += (high - low) * rise[k] / air**k + (low if k == 0 else 0.0)
+            part[within, 0] = (after.x - before.x) * along[k] / air**k + (before.x if k == 0 else 0.0)
+    return replace(foot, position=position, velocity=velocity, acceleration=acceleration)
+
+
+def _mirrored(span: tuple[float, float]) -> tuple[float, float]:
+    return 1.0 - span[1], 1.0 - span[0]
+
+
+def _eased(s: Array, begin: float, end: float) -> tuple[Array, Array, Array]:
+    """From 0 at ``begin`` to 1 at ``end`` with velocity and acceleration zero at both, and its derivatives."""
+    width = end - begin
+    u = np.clip((s - begin) / width, 0.0, 1.0)
+    return (
+        u**3 * (10 - 15 * u + 6 * u**2),
+        30 * u**2 * (1 - u) ** 2 / width,
+        60 * u * (1 - u) * (1 - 2 * u) / width**2,
+    )
+
+
+def _placed(corners: Float[Array, "4 2"], foot: Float[Array, " 4"]) -> Float[Array, "4 3"]:
+    return np.column_stack([corners + foot[:2], np.full(len(corners), foot[2])])
+
+
+def _clearance(stairs: Stairs, feet: tuple[FootMotion, FootMotion], sole: float) -> Float[Array, " N"]:
+    """Least height of the soles over the stairs under them, at points a twentieth of a sole apart."""
+    along = sole * np.linspace(-0.5, 0.5, 21)
+    heights = []
+    for foot in feet:
+        under = stairs.height((foot.position[:, :1] + along).ravel()).reshape(-1, len(along))
+        heights.append((foot.position[:, 2:3] - under).min(axis=1))
+    return np.minimum(*heights)
