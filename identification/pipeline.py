@@ -29,10 +29,11 @@ from identification.rollout.rollout import Explained, rollout_of
 from identification.scenarios.at_rest.diagnose_at_rest import diagnose_at_rest, judged_at_rest
 from identification.scenarios.gain_or_load import either, scales_by_friction, with_scaled_gains
 from identification.scenarios.known_changes import named_by_recording
+from identification.scenarios.measured_poses import diagnosis_of_poses, with_poses
 from identification.scenarios.motion_limits import limited_to_motion
 from identification.scenarios.torque_or_motion import moved_by_controllers, torque_or_motion
 from phantom_dyn import __version__
-from phantom_dyn.errors import UsageError
+from phantom_dyn.errors import LogError, UsageError
 from phantom_dyn.model.robot import Robot
 
 
@@ -61,7 +62,16 @@ def diagnose(
         LogError: If a recording cannot be used, or is certainly wrong and not to be judged anyway.
     """
     started = time.perf_counter()
-    require_right((*recordings, *hold_out))
+    every = (*recordings, *hold_out)
+    require_right(every)
+    if changes and any(one.poses_alone for one in every):
+        raise LogError(
+            "A log of poses without torque was given with --recordings, which is about torques: diagnose it by itself."
+        )
+    recordings, hold_out = (tuple(one for one in some if not one.poses_alone) for some in (recordings, hold_out))
+    if not recordings:
+        progress("fitting poses")
+        return diagnosis_of_poses(robot, every)
     progress("filtering")
     # What changed is known of whole recordings.
     seen, unseen = (recordings, hold_out) if changes else (_stretches(recordings), _stretches(hold_out))
@@ -85,8 +95,9 @@ def diagnose(
         proposal = proposed(explanation, judgement.findings)
     long = () if changes else tuple(note_on_length(one) for one in (*recordings, *hold_out) if is_long(one))
     judgement = replace(judgement, notes=(*long, *judgement.notes))
-    files = tuple(recording.file for recording in (*recordings, *hold_out))
-    return _result(session, files, judgement, rollout, proposal, time.perf_counter() - started)
+    files = tuple(recording.file for recording in every)
+    seconds = time.perf_counter() - started
+    return with_poses(_result(session, files, judgement, rollout, proposal, seconds), robot, every)
 
 
 def diagnose_logs(

@@ -158,7 +158,7 @@ def _diagnose_together(arguments: argparse.Namespace, excluded: tuple[tuple[floa
         say(f"wrote {path}")
     for sentence in not_held:
         say(sentence)
-    if arguments.out is not None and (lacking := not_written(arguments.out, written)):
+    if arguments.out is not None and not diagnosis.poses_alone and (lacking := not_written(arguments.out, written)):
         say(f"not written: {', '.join(lacking)}; see {arguments.out / 'report.html'}")
     return DONE
 

@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from jaxtyping import Float
 
 from identification.diagnosis.rest_law import Dependence, Law
+from identification.geometry.result import GeometryResult
 from phantom_dyn.effects.described import EffectWords
 from phantom_dyn.motion import Motion
 
@@ -273,7 +274,9 @@ class Judgement:
 class Diagnosis:
     """What ``diagnosis.json`` holds, the evidence behind the figures, and the motion of the next experiment.
 
-    ``wrong`` says what is certainly wrong with a recording that was to be judged anyway, one clause each.
+    ``wrong`` says what is certainly wrong with a recording that was to be judged anyway, one clause each. Findings,
+    joints and what is unexplained are of the torques; ``geometry`` is what measured poses say, and ``verdict`` is of
+    both together.
     """
 
     verdict: str
@@ -298,6 +301,19 @@ class Diagnosis:
     gap: Gap = Gap()
     minor: tuple[Finding, ...] = ()
     run: str = ""
+    geometry: GeometryResult | None = None
+
+    @property
+    def poses_alone(self) -> bool:
+        """True if nothing but measured poses was judged: there was no torque."""
+        return self.geometry is not None and self.geometry.torque_verdict is None
+
+    @property
+    def of_torques(self) -> Diagnosis:
+        """The same with the verdict of the torques alone."""
+        if self.geometry is None or self.geometry.torque_verdict is None:
+            return self
+        return replace(self, verdict=self.geometry.torque_verdict)
 
     @property
     def at_rest(self) -> bool:

@@ -7,6 +7,8 @@ from dataclasses import dataclass, replace
 from functools import cache
 from pathlib import Path
 
+import numpy as np
+
 from identification.diagnosis.model.terms import KnownEffect
 from identification.diagnosis.result import Diagnosis
 from identification.export.corrected.corrected_files import MJCF, URDF, ModelFile, model_files, rollout_note
@@ -17,11 +19,13 @@ from identification.export.corrected.found_effects import (
     possible_within_tolerance,
     within_tolerance,
 )
+from identification.export.corrected.moved_joints import joint_moves, moved_mjcf, moved_urdf, not_in_files
 from identification.export.corrected.nearest_bodies import with_nearest_bodies
 from identification.export.uses.feedforward import feedforward_code, feedforward_table
 from identification.export.uses.randomisation import randomisation_of
 from identification.export.uses.randomisation_file import randomisation_text
 from identification.export.uses.simulator_files import ISAAC, SIMULATORS, isaac_lab_text, simulators_text
+from identification.geometry.terms import ZERO
 from phantom_dyn.errors import PhantomDynError
 from phantom_dyn.model.robot import Robot
 from phantom_dyn.motion import Motion
@@ -30,6 +34,7 @@ RANDOMISATION, FEEDFORWARD, TABLE = "randomisation.yaml", "feedforward.py", "fee
 NAMES = (URDF, MJCF, RANDOMISATION, FEEDFORWARD, TABLE, ISAAC, SIMULATORS)
 """Files beside ``corrected.yaml``."""
 
+_POSTURES = 3  # on which a model without findings is compared with its file
 _COMPLETE = 2  # model files: URDF and MJCF
 
 
@@ -71,6 +76,8 @@ def export_texts(
         known: Effects that belong to the given model already.
         config: The ``robot.yaml`` that was given, None for the one beside the robot's file.
     """
+    if diagnosis.poses_alone:
+        return _of_poses(diagnosis, robot, folder, config)
     notes = list(diagnosis.notes)
     effects = (*known, *(effect_of(robot, finding) for finding in lasting_findings(diagnosis)))
     try:
@@ -86,6 +93,8 @@ def export_texts(
     for file in models.files:
         texts |= {file.name: file.text} if file.text else {}
         notes += file.notes
+    texts, told = _with_moved_joints(texts, diagnosis)
+    notes += told
     corrected, evidence = models.corrected, diagnosis.evidence
     notes += rollout_note(corrected, texts.get(MJCF, ""), _recorded_motion(diagnosis), evidence.tau_measured)
     for name, make in _others(diagnosis, corrected, known).items():
@@ -94,6 +103,43 @@ def export_texts(
         except PhantomDynError as error:
             notes.append(f"{name} was not written: {error}")
     return texts, replace(diagnosis, notes=tuple(notes))
+
+
+def _with_moved_joints(texts: dict[str, str], diagnosis: Diagnosis) -> tuple[dict[str, str], list[str]]:
+    """Model files with their joints where measured poses put them, and what is not in them."""
+    if diagnosis.geometry is None:
+        return texts, []
+    moves = joint_moves(diagnosis.geometry, {one.joint or "" for one in diagnosis.findings if one.effect == ZERO})
+    notes = list(not_in_files(diagnosis.geometry))
+    out = dict(texts)
+    if moves and URDF in out:
+        out[URDF] = moved_urdf(out[URDF], moves)
+    if moves and MJCF in out:
+        out[MJCF], left = moved_mjcf(out[MJCF], moves)
+        if left:
+            notes.append(f"{MJCF}: what was found of the place of {', '.join(left)} in the given file is not in it.")
+    return out, notes
+
+
+def _of_poses(
+    diagnosis: Diagnosis, robot: Robot, folder: Path, config: Path | None
+) -> tuple[dict[str, str], Diagnosis]:
+    """The given model with its joints moved, where poses alone were judged; nothing without a finding."""
+    if diagnosis.geometry is None or not joint_moves(diagnosis.geometry, ()):
+        told = () if diagnosis.geometry is None else not_in_files(diagnosis.geometry)
+        return {}, replace(diagnosis, notes=(*diagnosis.notes, *told))
+    still = np.zeros((_POSTURES, robot.nv))
+    motion = Motion(np.arange(float(_POSTURES)), still, still, still)
+    notes = list(diagnosis.notes)
+    try:
+        files = model_files(corrected_model(robot, ()), motion, folder=folder, config=config)
+    except PhantomDynError as error:
+        notes.append(f"{URDF} and {MJCF} were not written: {error}")
+        return {}, replace(diagnosis, notes=tuple(notes))
+    for file in files:
+        notes += [] if file.text else file.notes
+    texts, told = _with_moved_joints({file.name: file.text for file in files if file.text}, diagnosis)
+    return texts, replace(diagnosis, notes=(*notes, *told))
 
 
 @dataclass(frozen=True)

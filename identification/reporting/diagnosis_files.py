@@ -32,6 +32,7 @@ from identification.export.corrected.corrected_yaml import write_corrected
 from identification.file_sets import with_run, write_together
 from identification.files import require_writable, require_writable_folder, temporary_beside
 from identification.next_experiment.proposal_words import reference_text
+from identification.reporting.geometry_json import findings_json, frames_json, geometry_json
 from phantom_dyn.model.robot import Robot
 
 SCHEMA = "gap-diagnosis/2"
@@ -51,7 +52,8 @@ def to_json(diagnosis: Diagnosis) -> dict[str, Json]:
         "gap": _plain(asdict(diagnosis.gap)),
         "joints": [_plain(asdict(joint)) for joint in diagnosis.joints],
         "band_hz": _plain(diagnosis.band_hz),
-        "findings": [_finding(finding) for finding in diagnosis.findings],
+        **({} if diagnosis.geometry is None else {"frames": _plain(frames_json(diagnosis.geometry))}),
+        "findings": [*(_finding(finding) for finding in diagnosis.findings), *_poses(diagnosis)],
         "minor": [_finding(finding) for finding in diagnosis.minor],
         "adjusted": [_adjusted(adjusted) for adjusted in diagnosis.adjusted],
         "unexplained": _unexplained(diagnosis.unexplained),
@@ -62,7 +64,13 @@ def to_json(diagnosis: Diagnosis) -> dict[str, Json]:
         "rollout": _plain(diagnosis.rollout),
         "seconds": _plain(diagnosis.seconds),
         "version": diagnosis.version,
+        **({} if diagnosis.geometry is None else {"geometry": _plain(geometry_json(diagnosis.geometry))}),
     }
+
+
+def _poses(diagnosis: Diagnosis) -> list[Json]:
+    """Findings in poses, behind those in torque; their shares are of the gap of the frames."""
+    return [] if diagnosis.geometry is None else [_plain(one) for one in findings_json(diagnosis.geometry.findings)]
 
 
 def json_text(diagnosis: Diagnosis) -> str:

@@ -27,6 +27,7 @@ from identification.diagnosis.result import (
 )
 from identification.reporting.diagnosis_files import NAMES, SCHEMA
 from identification.reporting.diagnosis_schema import require_document
+from identification.reporting.geometry_json import is_of_poses, read_geometry
 from phantom_dyn.errors import LogError, shortened
 from phantom_dyn.model.plain_file import require_plain_file
 
@@ -80,7 +81,7 @@ def _diagnosis(content: Mapping[str, Any]) -> Diagnosis:
         recordings=(),
         joints=joints,
         band_hz=(float(low), float(high)),
-        findings=tuple(_finding(finding) for finding in content["findings"]),
+        findings=tuple(_finding(finding) for finding in content["findings"] if not is_of_poses(finding)),
         adjusted=tuple(Adjusted(**move) for move in content["adjusted"]),
         unexplained=Unexplained(
             _number(left["fraction_of_explainable"]),
@@ -102,6 +103,7 @@ def _diagnosis(content: Mapping[str, Any]) -> Diagnosis:
         gap=Gap(gap["closed"], _interval(gap["interval"])),
         minor=tuple(_finding(finding) for finding in content["minor"]),
         run=content["run"],
+        geometry=read_geometry(content),
     )
 
 

@@ -19,6 +19,7 @@ from identification.reporting.gap_figures import (
     torque_figure,
     unexplained_figure,
 )
+from identification.reporting.geometry_section import poses_view
 from identification.reporting.law_section import law_view
 from identification.reporting.report_tables import (
     RegimeShare,
@@ -114,7 +115,9 @@ def report_html(diagnosis: Diagnosis, robot: Robot | None = None) -> str:
         diagnosis: What is shown.
         robot: Drawn in three dimensions if it is given.
     """
-    diagnosis = as_told(diagnosis)
+    poses = None if diagnosis.geometry is None else poses_view(diagnosis.geometry)
+    badge = VERDICTS.get(diagnosis.verdict, diagnosis.verdict.replace("_", " "))
+    diagnosis = as_told(diagnosis.of_torques)
     environment = Environment(autoescape=True, undefined=StrictUndefined, trim_blocks=True, lstrip_blocks=True)
     source = Path(__file__).with_name("diagnosis_report.html.jinja").read_text(encoding="utf-8")
     has_samples = len(diagnosis.evidence.t) > 1
@@ -123,9 +126,10 @@ def report_html(diagnosis: Diagnosis, robot: Robot | None = None) -> str:
     motions = joint_motions(robot, diagnosis) if has_samples else {}
     return environment.from_string(source).render(
         diagnosis=diagnosis,
-        badge=VERDICTS.get(diagnosis.verdict, diagnosis.verdict.replace("_", " ")),
-        verdict=words.headline(diagnosis),
-        reservations=" ".join(words.reservations(diagnosis)),
+        poses=poses,
+        badge=badge,
+        verdict=" ".join(poses.sentences) if poses and diagnosis.poses_alone else words.headline(diagnosis),
+        reservations="" if diagnosis.poses_alone else " ".join(words.reservations(diagnosis)),
         bars=bars,
         more_joints=more_joints,
         groups=groups_of(diagnosis),
@@ -134,7 +138,7 @@ def report_html(diagnosis: Diagnosis, robot: Robot | None = None) -> str:
         notes=[note for note in diagnosis.notes if not note.startswith("corrected.")],
         file_notes=[note for note in diagnosis.notes if note.startswith("corrected.")],
         proposal=(diagnosis.next_experiment or {}).get("say"),
-        scene=None if robot is None else _scene(robot, diagnosis),
+        scene=None if robot is None or diagnosis.poses_alone else _scene(robot, diagnosis),
         gaps=[gap_row(joint) for joint in diagnosis.joints],
         joints=views,
         curves=_curves(diagnosis, [k for k, view in enumerate(views) if view.torque]),

@@ -30,6 +30,7 @@ class EffectPart(_Part, frozen=True):
     effect: str
     joint: str | None
     recording: str | None = None
+    parameters: list[str] = []
 
 
 class RivalPart(_Part, frozen=True):
@@ -53,6 +54,7 @@ class FindingPart(_Part, frozen=True):
     rivals: list[RivalPart]
     verdict: str
     recording: str | None = None
+    measured: str | None = None
 
 
 class JointPart(_Part, frozen=True):
@@ -69,6 +71,75 @@ class JointPart(_Part, frozen=True):
     noise_floor_interval: Pair | None
     noise_floor_source: str | None
     closed: Number | None
+
+
+class FramePart(_Part, frozen=True):
+    """Gap of a frame whose poses were measured."""
+
+    frame: str
+    unit: str
+    rms_before: Number
+    rms_after: Number
+    noise_floor: Number
+    hold_out_samples: int
+    rms_torque: None
+    rms_within_tolerance: Number
+    noise_floor_interval: tuple[Number, Number]
+    noise_floor_source: str
+    closed: Number | None
+
+
+class PoseBoundPart(_Part, frozen=True):
+    """What would have been seen in poses."""
+
+    effect: str
+    joint: str
+    parameter: str
+    below: Number
+    unit: str
+
+
+class UnseenPart(_Part, frozen=True):
+    """What poses cannot show."""
+
+    effect: str
+    joint: str
+    parameter: str
+    why: str
+
+
+class FittedPart(_Part, frozen=True):
+    """A pose that is always fitted."""
+
+    what: str
+    file: str
+    frame: str | None
+    pose: list[Number]
+
+
+class LatenessPart(_Part, frozen=True):
+    """Time by which poses are late."""
+
+    file: str
+    delay: Number
+    std: Number
+
+
+class GeometryPart(_Part, frozen=True):
+    """What measured poses say."""
+
+    verdict: str
+    closed: Number | None
+    interval: tuple[Number, Number] | None
+    minor: list[FindingPart]
+    bounds: list[PoseBoundPart]
+    not_testable: list[UnseenPart]
+    fitted: list[FittedPart]
+    delays: list[LatenessPart]
+    rank: int
+    structured: bool
+    torque_verdict: str | None
+    notes: list[str]
 
 
 class GapPart(_Part, frozen=True):
@@ -201,6 +272,8 @@ class Document(_Part, frozen=True):
     rollout: dict[str, Any] | None
     seconds: Number | None
     version: str
+    frames: list[FramePart] = []
+    geometry: GeometryPart | None = None
 
 
 def require_document(content: dict[str, Any]) -> None:

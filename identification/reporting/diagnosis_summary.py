@@ -8,6 +8,7 @@ from identification.diagnosis.result import Diagnosis, Finding, JointGap
 from identification.words import diagnosis_words as words
 from identification.words.certainty import as_told
 from identification.words.diagnosis_words import growth_words
+from identification.words.geometry_words import sentences
 from identification.words.law_words import law_line
 from identification.words.numbers_and_names import NO_BREAK, cut_name, number, percent, value_words
 from phantom_dyn.errors import printable
@@ -20,16 +21,9 @@ NAME_WIDTH = 36
 
 def summary(diagnosis: Diagnosis) -> str:
     """Verdict, gap before and after, findings with their sizes, each joint; then what the user should know, shortly."""
-    diagnosis = as_told(diagnosis)
-    blocks = [
-        _wrapped(words.verdict_sentence(diagnosis)),
-        *(_wrapped(line) for line in _gap_line(diagnosis)),
-        *(_wrapped(line, "  ") for line in _finding_lines(diagnosis.findings)),
-        *(_wrapped(line) for line in [law_line(diagnosis.unexplained)] if line),
-        "",
-        "RMS position error of held-out rests" if diagnosis.at_rest else "RMS torque residual on held-out samples",
-        *_gap_table(diagnosis.joints),
-    ]
+    poses = [] if diagnosis.geometry is None else [_wrapped(" ".join(sentences(diagnosis.geometry)))]
+    diagnosis = as_told(diagnosis.of_torques)
+    blocks = poses if diagnosis.poses_alone else [*_torque_blocks(diagnosis), *([""] if poses else []), *poses]
     proposal = (diagnosis.next_experiment or {}).get("say")
     if proposal:
         blocks += ["", _wrapped(f"Next experiment: {proposal}")]
@@ -39,6 +33,18 @@ def summary(diagnosis: Diagnosis) -> str:
     if len(notes) > NOTES:
         blocks.append(f"  {len(notes) - NOTES} more in the report.")
     return "\n".join(blocks).replace(NO_BREAK, " ")
+
+
+def _torque_blocks(diagnosis: Diagnosis) -> list[str]:
+    return [
+        _wrapped(words.verdict_sentence(diagnosis)),
+        *(_wrapped(line) for line in _gap_line(diagnosis)),
+        *(_wrapped(line, "  ") for line in _finding_lines(diagnosis.findings)),
+        *(_wrapped(line) for line in [law_line(diagnosis.unexplained)] if line),
+        "",
+        "RMS position error of held-out rests" if diagnosis.at_rest else "RMS torque residual on held-out samples",
+        *_gap_table(diagnosis.joints),
+    ]
 
 
 def _gap_line(diagnosis: Diagnosis) -> list[str]:

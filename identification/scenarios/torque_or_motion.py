@@ -1,4 +1,4 @@
-"""Recordings with torque, or those of positions and references alone: which way a diagnosis goes."""
+"""Recordings with torque, or those of positions and references or measured poses alone: which way a diagnosis goes."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from phantom_dyn.model.robot import Robot
 def torque_or_motion(
     robot: Robot, read: Callable[[bool], tuple[Recording, ...]], *, motion_only: bool = False
 ) -> tuple[Robot, tuple[Recording, ...], bool]:
-    """The robot and its recordings, and whether motion alone is judged.
+    """The robot and its recordings, and whether motion alone is judged; poses without torque are judged as they are.
 
     Args:
         robot: The given model.
@@ -31,6 +31,9 @@ def torque_or_motion(
         return robot, read(True), False
     except NoTorqueError as refusal:
         recordings = read(False)
+        moving = [one for one in recordings if not one.poses_alone]
+        if len(moving) < len(recordings) and all(one.tau is not None for one in moving):
+            return robot, recordings, False
         if any(one.q_ref is None for one in recordings):
             raise
         measured = [one.file for one in recordings if one.tau is not None]

@@ -46,7 +46,7 @@ def corrected_urdf(corrected: CorrectedModel, file: Path, folder: Path) -> str:
         if limit != corrected.given.actuators[corrected.given.joint_names.index(name)].torque_limit:
             _set_effort(joints[name], limit)
     for name, zero in zeros_in_file(corrected).items():
-        _move_zero(joints[name], zero)
+        move_zero(joints[name], zero)
     if not np.array_equal(corrected.turned, np.eye(3)):
         _tilt(root, corrected.turned.T)
     ElementTree.indent(root)
@@ -73,7 +73,7 @@ def _set_effort(joint: Element, limit: float) -> None:
     element.set("effort", repr(limit))
 
 
-def _move_zero(joint: Element, zero: float) -> None:
+def move_zero(joint: Element, zero: float) -> None:
     """Turn or shift the joint's place back by what its encoder reads too much, and move its limits along."""
     origin = joint.find("origin")
     if origin is None:

@@ -25,6 +25,7 @@ from identification.diagnosis.result import (
 )
 from identification.scenarios.at_rest.giving_way import GivingWay, Way, giving_way, testable
 from identification.scenarios.at_rest.rests import LOADED, Stills, stills_under_load
+from identification.scenarios.measured_poses import with_poses
 from phantom_dyn import __version__
 from phantom_dyn.effects import catalogue
 from phantom_dyn.model.robot import Robot
@@ -77,7 +78,7 @@ def diagnose_at_rest(robot: Robot, recordings: tuple[Recording, ...]) -> Diagnos
     gaps = tuple(_gap(robot, row, every[row], ways.get(row)) for row in range(robot.nv))
     rest = _unexplained(robot, every, ways)
     warnings = [sentence for row in rows for sentence in _told(robot, row, every[row], ways[row])]
-    return Diagnosis(
+    found = Diagnosis(
         verdict=_verdict(ways, findings, rest),
         robot=robot.name,
         recordings=tuple(recording.file for recording in recordings),
@@ -102,6 +103,7 @@ def diagnose_at_rest(robot: Robot, recordings: tuple[Recording, ...]) -> Diagnos
         wrong=wrong_with(recordings),
         run=uuid4().hex,
     )
+    return with_poses(found, robot, recordings)
 
 
 def _why_not(robot: Robot, stills: Stills, row: int) -> str | None:

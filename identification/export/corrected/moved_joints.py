@@ -1,0 +1,146 @@
+# pyright: reportAttributeAccessIssue=false
+"""Model files with their joints where measured poses put them: zeros of encoders, and places of joints."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Collection, Mapping
+from dataclasses import dataclass
+from xml.etree import ElementTree
+
+import numpy as np
+import pinocchio as pin
+from jaxtyping import Float
+
+from identification.export.corrected.corrected_urdf import move_zero
+from identification.export.model_files.urdf_file import attribute_text
+from identification.geometry.result import GeometryResult
+from identification.geometry.terms import ELASTIC, LINK, PARTS, ZERO
+from phantom_dyn.model.robot_xml import Element
+
+Array = np.ndarray
+
+_OTHER_TURNS = ("euler", "axisangle", "xyaxes", "zaxis")
+_HEADS = ("<robot", "<mujoco")
+
+
+@dataclass(frozen=True)
+class JointMove:
+    """Where a joint really sits: ``placement @ exp(twist)``, and what its encoder reads too much [rad or m]."""
+
+    twist: Float[Array, " 6"]
+    zero: float = 0.0
+
+
+def joint_moves(found: GeometryResult, known_zeros: Collection[str]) -> dict[str, JointMove]:
+    """Moves by joint.
+
+    Args:
+        found: What measured poses say.
+        known_zeros: Joints whose zeros the torques have shown as well, so that they are moved already.
+    """
+    out: dict[str, JointMove] = {}
+    for finding in found.findings:
+        move = out.get(finding.joint, JointMove(np.zeros(6)))
+        if finding.effect == LINK:
+            twist = np.array([finding.parameters[x].value if x in finding.parameters else 0.0 for x in PARTS])
+            out[finding.joint] = JointMove(twist, move.zero)
+        elif finding.effect == ZERO and finding.joint not in known_zeros:
+            out[finding.joint] = JointMove(move.twist, finding.parameters["offset"].value)
+    return out
+
+
+def not_in_files(found: GeometryResult) -> tuple[str, ...]:
+    """A sentence on the elasticity that was found, which these files do not hold; nothing without one."""
+    joints = [finding.joint for finding in found.findings if finding.effect == ELASTIC]
+    if not joints:
+        return ()
+    return (f"corrected.urdf and corrected.xml have no place for the elasticity under load of {', '.join(joints)}.",)
+
+
+def moved_urdf(text: str, moves: Mapping[str, JointMove]) -> str:
+    """The text of a URDF with its joints moved.
+
+    Args:
+        text: Of the file.
+        moves: By joint.
+    """
+
+    def move(root: Element) -> None:
+        for joint in root.findall("joint"):
+            if (own := moves.get(str(joint.get("name")))) is None:
+                continue
+            origin = joint.find("origin")
+            if origin is None:
+                origin = ElementTree.SubElement(joint, "origin")
+            xyz, rpy = (_numbers(origin.get(key), "0 0 0") for key in ("xyz", "rpy"))
+            place = pin.SE3(pin.rpy.rpyToMatrix(rpy), xyz) * pin.exp6(own.twist)
+            origin.set("xyz", attribute_text(place.translation))
+            origin.set("rpy", attribute_text(pin.rpy.matrixToRpy(place.rotation)))
+            if own.zero:
+                move_zero(joint, own.zero)
+
+    return _edited(text, move)
+
+
+def moved_mjcf(text: str, moves: Mapping[str, JointMove]) -> tuple[str, tuple[str, ...]]:
+    """The text of an MJCF with its bodies moved, and the joints for which that is not simple.
+
+    A body with one joint at its origin, placed by ``pos`` and ``quat``, is moved; zeros turn it, too, so that positions
+    of the file are what encoders read.
+
+    Args:
+        text: Of the file.
+        moves: By joint.
+    """
+    left: list[str] = []
+
+    def move(root: Element) -> None:
+        owners = {child: owner for owner in root.iter("body") for child in owner.findall("joint")}
+        named = {str(joint.get("name")): joint for joint in owners}
+        for name, own in moves.items():
+            joint = named.get(name)
+            body = None if joint is None else owners[joint]
+            if joint is None or body is None or not _is_simple(joint, body):
+                left.append(name)
+                continue
+            quat = _numbers(body.get("quat"), "1 0 0 0")
+            turn = pin.Quaternion(quat[0], *quat[1:]).normalized().toRotationMatrix()
+            place = pin.SE3(turn, _numbers(body.get("pos"), "0 0 0")) * pin.exp6(own.twist)
+            place = place * _back(joint, own.zero)
+            body.set("pos", attribute_text(place.translation))
+            x, y, z, w = pin.Quaternion(place.rotation).coeffs()
+            body.set("quat", attribute_text([w, x, y, z]))
+
+    return _edited(text, move), tuple(left)
+
+
+def _is_simple(joint: Element, body: Element) -> bool:
+    return (
+        len(body.findall("joint")) == 1
+        and not np.any(_numbers(joint.get("pos"), "0 0 0"))
+        and joint.get("axis") is not None
+        and not any(body.get(name) for name in _OTHER_TURNS)
+    )
+
+
+def _back(joint: Element, zero: float) -> pin.SE3:
+    """The motion of a joint back by its zero."""
+    axis = _numbers(joint.get("axis"), "0 0 1")
+    axis = axis / np.linalg.norm(axis)
+    if joint.get("type") == "slide":
+        return pin.SE3(np.eye(3), -zero * axis)
+    return pin.SE3(pin.AngleAxis(-zero, axis).matrix(), np.zeros(3))
+
+
+def _edited(text: str, edit: Callable[[Element], None]) -> str:
+    """XML after an edit; what stands before its first element stays."""
+    at = min(place for head in _HEADS if (place := text.find(head)) >= 0)
+    root = ElementTree.fromstring(
+        text[at:], ElementTree.XMLParser(target=ElementTree.TreeBuilder(insert_comments=True))
+    )
+    edit(root)
+    return f"{text[:at]}{ElementTree.tostring(root, encoding='unicode')}\n"
+
+
+def _numbers(text: str | None, default: str) -> Float[Array, " k"]:
+    return np.array([float(x) for x in (text or default).split()])

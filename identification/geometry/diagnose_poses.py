@@ -1,0 +1,240 @@
+# pyright: reportAttributeAccessIssue=false
+"""What measured poses of frames say of a robot's geometry: the one door of this room.
+
+Only positions of joints and poses of frames are used; torques are of no account, and their part does not see poses.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+import pinocchio as pin
+from scipy.stats import f as fisher
+
+from identification.data.recording import Recording
+from identification.geometry.equations import DELAY, Problem
+from identification.geometry.explained import ExplainedPoses, explained_poses
+from identification.geometry.held_out import blocks_of, draws, left_of_each
+from identification.geometry.judged import Gap, bounds_of, findings_of, gap_of
+from identification.geometry.measured import Measured, measured_poses
+from identification.geometry.noise_floor import depends_on_posture, floor_of
+from identification.geometry.result import (
+    Fitted,
+    FrameGap,
+    GeometryResult,
+    Lateness,
+    PoseEvidence,
+    PoseFinding,
+)
+from identification.geometry.terms import terms_of
+from identification.geometry.whitened import SEEN, orthonormal, without
+from phantom_dyn.errors import LogError
+from phantom_dyn.model.robot import Robot
+
+Array = np.ndarray
+
+_MINOR, _HALF = 0.01, 0.5  # of the gap, and of a noise floor
+_FLOORS = 1.5  # noise floors that may be left of a gap that is explained
+_OPEN = 0.10  # of the gap that may be left of it
+_STRUCTURE = 0.003  # chance at which what all terms together explain beyond the findings counts
+FEWEST = 20
+"""Poses of a frame: fewer do not hold the poses of base and target and a noise."""
+
+
+def has_poses(recordings: tuple[Recording, ...]) -> bool:
+    """True if any recording holds poses of a frame."""
+    return any(recording.positions for recording in recordings)
+
+
+def diagnose_poses(robot: Robot, recordings: tuple[Recording, ...]) -> GeometryResult | None:
+    """What explains the measured poses; None where there are none, or the robot is a closed chain.
+
+    Args:
+        robot: The given model.
+        recordings: Those that hold poses are used, all together: zeros, places and elasticities are the robot's; poses
+            of base and target and delays are of each recording.
+
+    Raises:
+        LogError: If a frame has fewer than 20 poses, or no joint moves it.
+    """
+    if not has_poses(recordings) or robot.chain is not None:
+        return None
+    sets, paths = measured_poses(robot, recordings)
+    for one in sets:
+        if len(one.t) < FEWEST:
+            raise LogError(
+                f"{one.file} has {len(one.t)} poses of {one.frame} outside of what is left out, wanted at least "
+                f"{FEWEST}: measure more, or leave the columns p.{one.frame} out."
+            )
+    terms = terms_of(robot, [one.frame for one in sets])
+    if not terms:
+        names = ", ".join(dict.fromkeys(one.frame for one in sets))
+        raise LogError(f"No joint of {robot.name} moves {names}: name a frame behind a joint, or leave p. out.")
+    return _result(explained_poses(Problem(robot, sets, paths, terms)))
+
+
+def _result(explained: ExplainedPoses) -> GeometryResult:
+    blocks = blocks_of(explained.equations)
+    gap = gap_of(explained, blocks)
+    frames, evidence = _frames(explained, gap)
+    found = findings_of(explained, gap)
+    bounds, unseen = bounds_of(explained)
+    structured = depends_on_posture(explained) or _above_floor(explained)
+    more = _more_than_found(explained)
+    once, drawn = np.ones((1, len(gap.after))), draws(len(gap.after), "bootstrap of the gap in poses")
+    closed = float(gap.closed(gap.after, once)[0]) if found else None
+    low, high = np.percentile(gap.closed(gap.after, drawn), [2.5, 97.5])
+    large = tuple(finding for finding in found if not _is_minor(finding))
+    return GeometryResult(
+        verdict=_verdict(frames, large, bounds, structured=structured, more=more),
+        closed=closed,
+        interval=None if closed is None else (float(low), float(high)),
+        frames=frames,
+        findings=large,
+        minor=tuple(finding for finding in found if _is_minor(finding)),
+        bounds=bounds,
+        not_testable=unseen,
+        fitted=_fitted(explained),
+        delays=_delays(explained),
+        rank=explained.equations.rank,
+        structured=structured,
+        warnings=_warnings(explained),
+        evidence=evidence,
+    )
+
+
+def _is_minor(finding: PoseFinding) -> bool:
+    return finding.share < _MINOR and finding.floors < _HALF**2
+
+
+def _verdict(
+    frames: tuple[FrameGap, ...], findings: tuple[PoseFinding, ...], bounds: tuple, *, structured: bool, more: bool
+) -> str:
+    """By the contract's table, over all frames at once."""
+    if not findings:
+        if structured or more:
+            return "unknown"
+        return "no_gap" if bounds else "not_testable"
+    left = [frame for frame in frames if not _is_left_small(frame)]
+    if not left and not structured:
+        return "explained"
+    if all(2 * frame.rms_after**2 < frame.rms_before**2 + frame.noise_floor**2 for frame in frames):
+        return "partly_explained"
+    return "unknown" if structured else "partly_explained"
+
+
+def _is_left_small(frame: FrameGap) -> bool:
+    gap = frame.rms_before**2 - frame.noise_floor**2
+    left = frame.rms_after**2 - frame.noise_floor**2
+    return frame.rms_after <= _FLOORS * frame.noise_floor_interval[1] or left <= _OPEN * gap
+
+
+def _more_than_found(explained: ExplainedPoses) -> bool:
+    """True if all terms together explain more than those that were found and chance."""
+    more = explained.equations.rank - len(explained.chosen)
+    if more <= 0:
+        return False
+    # In units of noise, what the best kinematic model leaves has one a degree of freedom.
+    rest = explained.fits.squares(explained.chosen) - explained.noise.free
+    return float(fisher.sf(max(rest, 0.0) / more, more, explained.noise.free)) < _STRUCTURE
+
+
+def _above_floor(explained: ExplainedPoses) -> bool:
+    """True if even the best kinematic model leaves more than the tracker's noise, where that is known by itself."""
+    for series in np.unique(explained.found.series):
+        floor = floor_of(explained, int(series))
+        if floor.source == "repetitions" and explained.noise.sigma[series] > _FLOORS * floor.interval[1]:
+            return True
+        if floor.source == "above_band" and explained.noise.sigma[series] > 2 * _FLOORS * floor.interval[1]:
+            return True
+    return False
+
+
+def _frames(explained: ExplainedPoses, gap: Gap) -> tuple[tuple[FrameGap, ...], PoseEvidence]:
+    found, sets = explained.found.rows(explained.kept), explained.problem.sets
+    size = (explained.noise.sigma * np.sqrt(explained.noise.slow))[found.series]
+    before, after = (size * left_of_each(explained.equations, gap.blocks, chosen) for chosen in ((), explained.chosen))
+    out: list[FrameGap] = []
+    lengths: dict[str, list[Array]] = {"t": [], "frame": [], "before": [], "after": [], "moving": []}
+    names = tuple(dict.fromkeys(one.frame for one in sets))
+    first = 0
+    for number, one in enumerate(sets):
+        for angle in (False, True)[: 1 if one.turn is None else 2]:
+            rows = found.series == 2 * number + angle
+            errors = [np.linalg.norm(x[rows].reshape(-1, 3), axis=1) for x in (before, after)]
+            out.append(_gap(explained, one, 2 * number + angle, errors))
+            if not angle:
+                t = one.t[found.pose[rows][::3] - first]
+                for name, values in zip(
+                    lengths,
+                    (t, np.full(len(t), float(names.index(one.frame))), *errors, np.full(len(t), one.moving)),
+                    strict=True,
+                ):
+                    lengths[name].append(values)
+        first += len(one.t)
+    joined = {name: np.concatenate(values) for name, values in lengths.items()}
+    return tuple(out), PoseEvidence(
+        joined["t"], names, joined["frame"], joined["before"], joined["after"], joined["moving"].astype(bool)
+    )
+
+
+def _gap(explained: ExplainedPoses, one: Measured, series: int, errors: list[Array]) -> FrameGap:
+    before, after = (float(np.sqrt(np.mean(x**2))) for x in errors)
+    floor = floor_of(explained, series)
+    three = np.sqrt(3.0)
+    noise = three * floor.sigma
+    beyond = before**2 - noise**2
+    low, high = (float(three * x) for x in floor.interval)
+    closed = float((before**2 - after**2) / beyond) if explained.chosen and before > high else None
+    return FrameGap(
+        one.frame,
+        "rad" if series % 2 else "m",
+        before,
+        after,
+        float(noise),
+        (low, high),
+        floor.source,
+        closed,
+        len(errors[0]),
+    )
+
+
+def _fitted(explained: ExplainedPoses) -> tuple[Fitted, ...]:
+    files = {one.recording: one.file for one in explained.problem.sets}
+    out = [Fitted("base", file, None, _numbers(explained.estimate.base[k])) for k, file in files.items()]
+    for one, tool in zip(explained.problem.sets, explained.estimate.tool, strict=True):
+        pose = _numbers(tool)
+        out.append(Fitted("tool", one.file, one.frame, pose if one.turn is not None else pose[:3]))
+    return tuple(out)
+
+
+def _numbers(pose: Array) -> tuple[float, ...]:
+    return (*map(float, pose[:3, 3]), *map(float, pin.log3(pose[:3, :3])))
+
+
+def _delays(explained: ExplainedPoses) -> tuple[Lateness, ...]:
+    found = explained.found
+    scale = explained.kept / (explained.noise.sigma * np.sqrt(explained.noise.slow))[found.series]
+    columns = np.hstack([found.nuisance, found.columns[:, list(explained.chosen)]]) * scale[:, None]
+    out = []
+    for k, kind in enumerate(found.kinds):
+        if kind.kind == DELAY:
+            own = _own_size(columns, k)
+            if own > 0:
+                file = next(one.file for one in explained.problem.sets if one.recording == kind.of)
+                out.append(Lateness(file, explained.estimate.delay[kind.of], 1.0 / own))
+    return tuple(out)
+
+
+def _own_size(columns: Array, k: int) -> float:
+    """Size of what a column has that no other explains; zero for rounding."""
+    own = float(np.linalg.norm(without(columns[:, [k]], orthonormal(np.delete(columns, k, axis=1), 1e-9))))
+    return own if own > SEEN * float(np.linalg.norm(columns[:, k])) else 0.0
+
+
+def _warnings(explained: ExplainedPoses) -> tuple[str, ...]:
+    left_out = len(np.unique(explained.found.pose)) - len(np.unique(explained.found.pose[explained.kept]))
+    if not left_out:
+        return ()
+    files = ", ".join(dict.fromkeys(one.file for one in explained.problem.sets))
+    what = "pose lies" if left_out == 1 else "poses lie"
+    return (f"{files}: {left_out} measured {what} more than six noises from all others and were left out.",)

@@ -1,0 +1,228 @@
+# pyright: reportAttributeAccessIssue=false
+"""Linear equations of measured poses: what is left, and Pinocchio's kinematic regressor of all that may be wrong.
+
+A frame is predicted at ``T_tracker_base @ T_base_frame(q) @ T_frame_target``. What is left of a pose and all columns
+are twists of the target in its own axes, so that noise that is alike in all directions is so here.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+import pinocchio as pin
+from jaxtyping import Float, Int
+
+from identification.geometry.measured import Measured, Path
+from identification.geometry.terms import ELASTIC, LINK, Term, subspace
+from phantom_dyn.model.robot import Robot
+from phantom_dyn.motion import configurations
+
+Array = np.ndarray
+
+BASE, TOOL, DELAY = "base", "tool", "delay"
+
+
+@dataclass(frozen=True)
+class Estimate:
+    """Numbers of a fit.
+
+    Attributes:
+        values: Of all terms; zero where nothing was found, ``(p,)``.
+        base: Pose of the robot's root in the axes of what measured, by recording, each ``(4, 4)``.
+        tool: Pose of the target on its frame, by set of poses, each ``(4, 4)``.
+        delay: Time by which poses are stamped late [s], by recording.
+    """
+
+    values: Float[Array, " p"]
+    base: tuple[Float[Array, "4 4"], ...]
+    tool: tuple[Float[Array, "4 4"], ...]
+    delay: tuple[float, ...]
+
+
+@dataclass(frozen=True)
+class Nuisance:
+    """A column that is always in the fit: of a base pose, a tool pose or a delay, and of which one."""
+
+    kind: str
+    of: int
+    part: int
+
+
+@dataclass(frozen=True)
+class Equations:
+    """What is left of all poses and its slopes.
+
+    Attributes:
+        left: Measured less predicted [m or rad], ``(m,)``.
+        nuisance: Columns that are always in the fit, ``(m, k)``.
+        columns: Of the terms, ``(m, p)``.
+        kinds: What each column of ``nuisance`` is.
+        pose: Number of the pose that a row belongs to, counted over all sets, ``(m,)``.
+        series: Number of the noise that is in a row: twice the set, plus one for orientations, ``(m,)``.
+    """
+
+    left: Float[Array, " m"]
+    nuisance: Float[Array, "m k"]
+    columns: Float[Array, "m p"]
+    kinds: tuple[Nuisance, ...]
+    pose: Int[Array, " m"]
+    series: Int[Array, " m"]
+
+    def rows(self, kept: Array) -> Equations:
+        """Some of the rows."""
+        return replace(
+            self,
+            left=self.left[kept],
+            nuisance=self.nuisance[kept],
+            columns=self.columns[kept],
+            pose=self.pose[kept],
+            series=self.series[kept],
+        )
+
+
+@dataclass(frozen=True)
+class Problem:
+    """Measured poses and all that may be wrong with the geometry."""
+
+    robot: Robot
+    sets: tuple[Measured, ...]
+    paths: Mapping[int, Path]
+    terms: tuple[Term, ...]
+
+    @property
+    def recordings(self) -> int:
+        """Number of recordings, those without poses included."""
+        return 1 + max(one.recording for one in self.sets)
+
+
+def nuisances_of(problem: Problem) -> tuple[Nuisance, ...]:
+    """The pose of the base and the delay of each recording, the pose of each target: only what its poses can show."""
+    own = sorted({one.recording for one in problem.sets})
+    out = [Nuisance(BASE, number, part) for number in own for part in range(6)]
+    for k, one in enumerate(problem.sets):
+        out += [Nuisance(TOOL, k, part) for part in range(3 if one.turn is None else 6)]
+    return (*out, *(Nuisance(DELAY, number, 0) for number in own if number in problem.paths))
+
+
+def changed_model(model: pin.Model, terms: Sequence[Term], values: Float[Array, " p"]) -> pin.Model:
+    """The model with its joints where ``link_geometry`` terms put them: ``placement @ exp(twist)``.
+
+    Args:
+        model: As it was given; it is not changed.
+        terms: Others than those of a ``link_geometry`` are passed over.
+        values: One for each.
+    """
+    out = model.copy()
+    twists: dict[int, Array] = {}
+    for term, value in zip(terms, values, strict=True):
+        if term.effect == LINK and value != 0.0:
+            index = _joint_index(model, term.row)
+            twists.setdefault(index, np.zeros(6))[term.part] = value
+    for index, twist in twists.items():
+        out.jointPlacements[index] = model.jointPlacements[index] * pin.exp6(twist)
+    return out
+
+
+def true_positions(
+    q: Float[Array, "n nv"], load: Float[Array, "n nv"], terms: Sequence[Term], values: Float[Array, " p"]
+) -> Float[Array, "n nv"]:
+    """Positions of the links: readings less zeros, less deflections under load."""
+    out = q.copy()
+    for term, value in zip(terms, values, strict=True):
+        if term.effect != LINK and value != 0.0:
+            out[:, term.row] -= value * (load[:, term.row] if term.effect == ELASTIC else 1.0)
+    return out
+
+
+def equations(problem: Problem, estimate: Estimate) -> Equations:
+    """What an estimate leaves of the poses, and the slopes of the prediction there.
+
+    Args:
+        problem: Poses and terms.
+        estimate: Where the slopes are taken.
+    """
+    kinds = nuisances_of(problem)
+    model = changed_model(problem.robot.model, problem.terms, estimate.values)
+    parts, first = [], 0
+    for number, one in enumerate(problem.sets):
+        parts.append(_of_set(problem, model, kinds, number, estimate, first))
+        first += len(one.t)
+    return Equations(
+        *(np.concatenate([getattr(part, name) for part in parts]) for name in ("left", "nuisance", "columns")),
+        kinds=kinds,
+        pose=np.concatenate([part.pose for part in parts]),
+        series=np.concatenate([part.series for part in parts]),
+    )
+
+
+def _of_set(
+    problem: Problem, model: pin.Model, kinds: tuple[Nuisance, ...], number: int, estimate: Estimate, first: int
+) -> Equations:
+    one = problem.sets[number]
+    delay = estimate.delay[one.recording]
+    q, v = (one.q, one.v) if delay == 0.0 else problem.paths[one.recording].at(one.t - delay)
+    q = true_positions(q, one.load, problem.terms, estimate.values)
+    base, tool = pin.SE3(estimate.base[one.recording]), pin.SE3(estimate.tool[number])
+    left, twists, regressor, pose = _each(model, one, q, base, tool)
+    motions = _joint_columns(model, regressor)  # twist of the target per unit of each joint, (n, 6, nv)
+    nuisance = np.zeros((len(one.t), 6, len(kinds)))
+    for k, kind in enumerate(kinds):
+        if kind.kind == BASE and kind.of == one.recording:
+            nuisance[:, :, k] = twists[:, :, kind.part]
+        elif kind.kind == TOOL and kind.of == number:
+            nuisance[:, kind.part, k] = 1.0
+        elif kind.kind == DELAY and kind.of == one.recording:
+            nuisance[:, :, k] = -np.einsum("nij,nj->ni", motions, v)
+    columns = np.stack([_column(model, term, regressor, motions, one.load) for term in problem.terms], axis=2)
+    kept = 3 if one.turn is None else 6
+    rows = len(one.t) * kept
+    return Equations(
+        left[:, :kept].reshape(rows),
+        nuisance[:, :kept].reshape(rows, -1),
+        columns[:, :kept].reshape(rows, -1),
+        kinds,
+        np.repeat(first + pose, kept),
+        np.tile(2 * number + (np.arange(kept) >= 3), len(one.t)),
+    )
+
+
+def _each(model: pin.Model, one: Measured, q: Array, base: pin.SE3, tool: pin.SE3) -> tuple[Array, Array, Array, Array]:
+    """Of each pose what is left, slopes by the base, and by the places of all joints; and its number."""
+    data, configuration = model.createData(), configurations(model, q)
+    n = len(q)
+    left, by_base = np.zeros((n, 6)), np.empty((n, 6, 6))
+    regressor = np.empty((n, 6, 6 * (model.njoints - 1)))
+    to_target = tool.toActionMatrixInverse()
+    for k in range(n):
+        pin.framesForwardKinematics(model, data, configuration[k])
+        target = data.oMf[one.index] * tool
+        regressor[k] = to_target @ pin.computeFrameKinematicRegressor(model, data, one.index, pin.LOCAL)
+        by_base[k] = target.toActionMatrixInverse()
+        predicted = base * target
+        left[k, :3] = predicted.rotation.T @ (one.position[k] - predicted.translation)
+        if one.turn is not None:
+            left[k, 3:] = pin.log3(predicted.rotation.T @ pin.Quaternion(one.turn[k]).toRotationMatrix())
+    return left, by_base, regressor, np.arange(n)
+
+
+def _joint_columns(model: pin.Model, regressor: Float[Array, "n 6 j"]) -> Float[Array, "n 6 nv"]:
+    out = np.empty((len(regressor), 6, model.nv))
+    for index in range(1, model.njoints):
+        own = regressor[:, :, 6 * (index - 1) : 6 * index]
+        out[:, :, model.joints[index].idx_v] = own @ subspace(model, index)
+    return out
+
+
+def _column(model: pin.Model, term: Term, regressor: Array, motions: Array, load: Array) -> Float[Array, "n 6"]:
+    """Twist of the target per unit of a term."""
+    if term.effect == LINK:
+        return regressor[:, :, 6 * (_joint_index(model, term.row) - 1) + term.part]
+    # The link stands where the reading says, less the wrong zero, less what the load bends.
+    along = -motions[:, :, term.row]
+    return along * load[:, term.row, None] if term.effect == ELASTIC else along
+
+
+def _joint_index(model: pin.Model, row: int) -> int:
+    return next(index for index in range(1, model.njoints) if model.joints[index].idx_v == row)

@@ -1,0 +1,138 @@
+# pyright: reportAttributeAccessIssue=false
+"""Fit of poses by Gauss and Newton: base, target, delay and the terms that are taken in, from any start."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+import pinocchio as pin
+from jaxtyping import Float
+
+from identification.geometry.equations import BASE, TOOL, Equations, Estimate, Nuisance, Problem, equations
+from identification.geometry.measured import Measured
+
+Array = np.ndarray
+
+_STEPS = 30
+_HALVINGS = 6
+_SMALL = 1e-10  # relative change of the weighted sum of squares at which a fit has ended
+RANK = 1e-7
+"""Share of its size that a column has to add to those before it: less is rounding of robot files and of sums."""
+
+
+def start_of(problem: Problem) -> Estimate:
+    """Poses of base and targets from the measured positions alone: the best rotation (Kabsch), no delay, no term."""
+    first: dict[int, Array] = {}
+    tools = []
+    for one in problem.sets:
+        frames = _frames(problem, one)
+        if one.recording not in first:
+            first[one.recording] = _aligned(frames[:, :3, 3], one.position)
+        tools.append(_target(frames, first[one.recording], one))
+    base = tuple(first.get(number, np.eye(4)) for number in range(problem.recordings))
+    return Estimate(np.zeros(len(problem.terms)), base, tuple(tools), (0.0,) * problem.recordings)
+
+
+def _frames(problem: Problem, one: Measured) -> Float[Array, "n 4 4"]:
+    model, data = problem.robot.model, problem.robot.model.createData()
+    out = np.empty((len(one.t), 4, 4))
+    for k, q in enumerate(problem.robot.configuration(one.q)):
+        pin.framesForwardKinematics(model, data, q)
+        out[k] = data.oMf[one.index].homogeneous
+    return out
+
+
+def _aligned(points: Float[Array, "n 3"], measured: Float[Array, "n 3"]) -> Float[Array, "4 4"]:
+    """Rigid motion that takes points to measured ones with the least squares."""
+    middle, there = points.mean(axis=0), measured.mean(axis=0)
+    u, _, vt = np.linalg.svd((measured - there).T @ (points - middle))
+    turn = u @ np.diag([1.0, 1.0, np.sign(np.linalg.det(u @ vt))]) @ vt
+    out = np.eye(4)
+    out[:3, :3], out[:3, 3] = turn, there - turn @ middle
+    return out
+
+
+def _target(frames: Float[Array, "n 4 4"], base: Float[Array, "4 4"], one: Measured) -> Float[Array, "4 4"]:
+    """Mean orientation of a target on its frame, at its origin."""
+    out = np.eye(4)
+    if one.turn is None:
+        return out
+    turns = np.array([pin.Quaternion(turn).toRotationMatrix() for turn in one.turn])
+    total = np.sum(np.swapaxes(base[:3, :3] @ frames[:, :3, :3], 1, 2) @ turns, axis=0)
+    u, _, vt = np.linalg.svd(total)
+    out[:3, :3] = u @ np.diag([1.0, 1.0, np.sign(np.linalg.det(u @ vt))]) @ vt
+    return out
+
+
+def fitted(
+    problem: Problem,
+    estimate: Estimate,
+    chosen: Sequence[int],
+    weights: Float[Array, " s"],
+    kept: Array | None = None,
+) -> tuple[Estimate, Equations]:
+    """The best estimate with some of the terms, and the equations there.
+
+    Args:
+        problem: Poses and terms.
+        estimate: Where to begin; values of terms that are not chosen stay as they are.
+        chosen: Places of the terms that are fitted.
+        weights: By series, one over its noise.
+        kept: True for rows that count; None: all.
+    """
+    here = equations(problem, estimate)
+    cost = _cost(here, weights, kept)
+    for _ in range(_STEPS):
+        step = _step(here, chosen, weights, kept)
+        for halving in range(_HALVINGS):
+            trial = moved(here.kinds, estimate, chosen, step * 0.5**halving)
+            there = equations(problem, trial)
+            lower = _cost(there, weights, kept)
+            if lower <= cost:
+                break
+        else:
+            return estimate, here
+        gained, estimate, here, cost = cost - lower, trial, there, lower
+        if gained <= _SMALL * max(cost, 1e-300):
+            break
+    return estimate, here
+
+
+def _cost(found: Equations, weights: Array, kept: Array | None) -> float:
+    weighted = found.left * weights[found.series]
+    return float(np.sum((weighted if kept is None else weighted[kept]) ** 2))
+
+
+def _step(found: Equations, chosen: Sequence[int], weights: Array, kept: Array | None) -> Array:
+    scale = weights[found.series] * (1.0 if kept is None else kept)
+    matrix = np.hstack([found.nuisance, found.columns[:, list(chosen)]]) * scale[:, None]
+    norms = np.linalg.norm(matrix, axis=0)
+    norms[norms == 0] = 1.0
+    return np.linalg.lstsq(matrix / norms, found.left * scale, rcond=RANK)[0] / norms
+
+
+def moved(kinds: Sequence[Nuisance], estimate: Estimate, chosen: Sequence[int], step: Float[Array, " k"]) -> Estimate:
+    """The estimate after a step in the nuisances and the chosen terms."""
+    twists: dict[tuple[str, int], Array] = {}
+    delay = list(estimate.delay)
+    for kind, value in zip(kinds, step[: len(kinds)], strict=True):
+        if kind.kind in (BASE, TOOL):
+            twists.setdefault((kind.kind, kind.of), np.zeros(6))[kind.part] = value
+        else:
+            delay[kind.of] += float(value)
+    values = estimate.values.copy()
+    values[list(chosen)] += step[len(kinds) :]
+
+    def turned(kind: str, poses: tuple[Array, ...]) -> tuple[Array, ...]:
+        none = np.zeros(6)
+        return tuple(pose @ pin.exp6(twists.get((kind, k), none)).homogeneous for k, pose in enumerate(poses))
+
+    return replace(
+        estimate,
+        values=values,
+        base=turned(BASE, estimate.base),
+        tool=turned(TOOL, estimate.tool),
+        delay=tuple(delay),
+    )

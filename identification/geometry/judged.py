@@ -1,0 +1,217 @@
+"""Findings of a fit of poses: sizes, shares, rivals and bounds, all on poses that no fit has seen."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cache
+from itertools import permutations
+from math import factorial
+
+import numpy as np
+from jaxtyping import Float
+from scipy.stats import norm
+
+from identification.geometry.equations import BASE, TOOL
+from identification.geometry.explained import ExplainedPoses
+from identification.geometry.held_out import Blocks, draws, wins
+from identification.geometry.result import Number, Place, PoseBound, PoseFinding, PoseRival, Unseen
+from identification.geometry.terms import ELASTIC, ZERO, Term
+from identification.geometry.whitened import orthonormal, without
+from phantom_dyn.random_streams import random_stream
+
+Array = np.ndarray
+
+LISTED = 0.05
+"""Probability from which on a rival is told."""
+_NEAR = 15.0  # squares: what fits worse than that wins no bootstrap
+_EXACT = 5  # findings: of more, their orders are sampled
+_ORDERS = 120
+_POWER = float(norm.isf(0.05))
+_LEAST_GAP = 1e-3
+_ROUNDING = 1e-9
+
+Group = tuple[int, ...]
+
+
+@dataclass(frozen=True)
+class Gap:
+    """Held-out losses, and what shares are shares of."""
+
+    blocks: Blocks
+    before: Float[Array, " B"]
+    after: Float[Array, " B"]
+
+    def closed(self, losses: Float[Array, " B"], weights: Float[Array, "R B"]) -> Float[Array, " R"]:
+        """Share of the gap that a set of terms with these losses closes, when blocks count ``weights`` times."""
+        rows = weights @ self.blocks.rows
+        before, after = (weights @ x / rows for x in (self.before, losses))
+        least = weights @ self.after / rows
+        # The gap is what is above the noise, or what all findings take off where that is less.
+        gap = np.maximum(np.where(before > 1.0, before - np.minimum(1.0, least), before - least), _LEAST_GAP * before)
+        return (before - after) / gap
+
+
+def groups_of(explained: ExplainedPoses) -> tuple[Group, ...]:
+    """Terms that were found, those of one joint's place together."""
+    places: dict[tuple[str, str], list[int]] = {}
+    for k in explained.chosen:
+        places.setdefault(explained.problem.terms[k].place, []).append(k)
+    return tuple(tuple(group) for group in places.values())
+
+
+def gap_of(explained: ExplainedPoses, blocks: Blocks) -> Gap:
+    """Losses before and after all findings."""
+    return Gap(blocks, blocks.losses(()), blocks.losses(explained.chosen))
+
+
+def findings_of(explained: ExplainedPoses, gap: Gap) -> tuple[PoseFinding, ...]:
+    """What was found, the largest share first."""
+    groups = groups_of(explained)
+    shares = _shares(gap, groups)
+    std = _deviations(explained)
+    out = [_finding(explained, gap, group, groups, shares[group], std) for group in groups]
+    return tuple(sorted(out, key=lambda finding: -finding.share))
+
+
+def _deviations(explained: ExplainedPoses) -> dict[int, float]:
+    """Of all terms that were found, fitted together."""
+    at = list(explained.chosen)
+    if not at:
+        return {}
+    inverse = np.linalg.inv(explained.fits.products[np.ix_(at, at)])
+    return dict(zip(at, np.sqrt(np.diag(inverse)).tolist(), strict=True))
+
+
+def _finding(
+    explained: ExplainedPoses, gap: Gap, group: Group, groups: Sequence[Group], share: float, std: dict[int, float]
+) -> PoseFinding:
+    terms, values = explained.problem.terms, explained.estimate.values
+    alone = gap.blocks.losses([k for other in groups if other != group for k in other])
+    once, drawn = np.ones((1, len(alone))), draws(len(alone), "bootstrap of the gap in poses")
+
+    def back(weights: Array) -> Array:
+        return gap.closed(gap.after, weights) - gap.closed(alone, weights)
+
+    low, high = np.percentile(back(drawn), [2.5, 97.5])
+    probability, rivals = _rivals(explained, gap.blocks, group)
+    return PoseFinding(
+        effect=terms[group[0]].effect,
+        joint=terms[group[0]].joint,
+        parameters={terms[k].parameter: Number(float(values[k]), std[k], terms[k].unit) for k in group},
+        share=share,
+        gap_closed=float(back(once)[0]),
+        gap_closed_interval=(float(low), float(high)),
+        probability=probability,
+        rivals=rivals,
+        floors=float(np.sum(alone - gap.after) / np.sum(gap.blocks.rows)),
+    )
+
+
+def _shares(gap: Gap, groups: Sequence[Group]) -> dict[Group, float]:
+    """Shapley value of each group in the share of the gap that all close."""
+
+    @cache
+    def closed(inside: frozenset[Group]) -> float:
+        losses = gap.blocks.losses([k for group in groups if group in inside for k in group])
+        return float(gap.closed(losses, np.ones((1, len(losses))))[0])
+
+    out = dict.fromkeys(groups, 0.0)
+    if len(groups) <= _EXACT:
+        orders = list(permutations(groups))
+    else:
+        rng = random_stream("orders of findings in poses")
+        orders = [tuple(groups[k] for k in rng.permutation(len(groups))) for _ in range(_ORDERS)]
+    for order in orders:
+        inside: frozenset[Group] = frozenset()
+        for group in order:
+            out[group] += (closed(inside | {group}) - closed(inside)) / len(orders)
+            inside |= {group}
+    assert len(groups) > _EXACT or len(orders) == factorial(len(groups))
+    return out
+
+
+def _rivals(explained: ExplainedPoses, blocks: Blocks, group: Group) -> tuple[float, tuple[PoseRival, ...]]:
+    """Probability of a finding and of what else explains the same poses with as many numbers."""
+    fits, chosen = explained.fits, explained.chosen
+    rest = tuple(k for k in chosen if k not in group)
+    best = fits.squares(chosen)
+    near = [group]
+    for out in group:
+        kept = tuple(k for k in group if k != out)
+        for other in fits.seen:
+            trial = tuple(sorted((*kept, other)))
+            if other not in chosen and fits.squares((*rest, *trial)) < best + _NEAR:
+                near.append(trial)
+    share = wins(np.array([blocks.losses((*rest, *trial)) for trial in near]))
+    told: dict[tuple[Place, ...], float] = {}
+    for trial, probability in zip(near[1:], share[1:].tolist(), strict=True):
+        places = _places([explained.problem.terms[k] for k in trial])
+        told[places] = told.get(places, 0.0) + probability
+    listed = {places: probability for places, probability in told.items() if probability >= LISTED}
+    total = float(share[0]) + sum(listed.values())
+    rivals = tuple(PoseRival(places, p / total) for places, p in sorted(listed.items(), key=lambda item: -item[1]))
+    return (float(share[0]) / total if total > 0 else 1.0), rivals
+
+
+def _places(terms: Sequence[Term]) -> tuple[Place, ...]:
+    places: dict[tuple[str, str], list[str]] = {}
+    for term in terms:
+        places.setdefault(term.place, []).append(term.parameter)
+    return tuple(Place(effect, joint, tuple(names)) for (effect, joint), names in places.items())
+
+
+def bounds_of(explained: ExplainedPoses) -> tuple[tuple[PoseBound, ...], tuple[Unseen, ...]]:
+    """Smallest sizes that would have been seen beside what was found, and terms that these poses cannot show."""
+    columns, terms = explained.equations.columns, explained.problem.terms
+    own = without(columns, orthonormal(columns[:, list(explained.chosen)], 1e-9))
+    wanted = np.sqrt(explained.price) + _POWER
+    bounds, unseen = [], []
+    for k, term in enumerate(terms):
+        if k in explained.chosen:
+            continue
+        size, whole = float(np.linalg.norm(own[:, k])), float(np.linalg.norm(columns[:, k]))
+        if not explained.equations.seen[k] or (term.effect == ELASTIC and not _bears(explained, term)):
+            unseen.append(_unseen(term, _why(explained, k)))
+        elif size < 1e-4 * whole:
+            unseen.append(_unseen(term, "on these poses it is the same as what was found"))
+        elif wanted / size > term.largest:
+            unseen.append(_unseen(term, f"less than {wanted / size:.2g} {term.unit} would not show in these poses"))
+        else:
+            bounds.append(PoseBound(term.effect, term.joint, term.parameter, float(wanted / size), term.unit))
+    return tuple(bounds), tuple(unseen)
+
+
+def _unseen(term: Term, why: str) -> Unseen:
+    return Unseen(term.effect, term.joint, term.parameter, why)
+
+
+def _why(explained: ExplainedPoses, k: int) -> str:
+    """With what a term is the same: the pose of the base, that of the target, or both together."""
+    found, term = explained.found, explained.problem.terms[k]
+    scale = (explained.kept * explained.noise.weights[found.series])[:, None]
+    column = found.columns[:, [k]] * scale
+    size = float(np.linalg.norm(column))
+    if size == 0.0 or (term.effect == ELASTIC and not _bears(explained, term)):
+        return "its load is zero in all poses" if term.effect == ELASTIC else "it moves no measured frame"
+    for kinds, words in (
+        ((BASE,), "it is the same as another pose of the robot in the axes of what measured"),
+        ((TOOL,), "it is the same as another pose of the target on its frame"),
+        ((BASE, TOOL), "it is the same as other poses of the robot and of the target together"),
+    ):
+        columns = found.nuisance[:, [kind.kind in kinds for kind in found.kinds]] * scale
+        if np.linalg.norm(without(column, orthonormal(columns, 1e-9))) < 1e-4 * size:
+            return words
+    if term.effect == ZERO and not _moves(explained, term):
+        return "its joint does not move, so that this is the same as other poses of robot, target and clock together"
+    return "it is the same as other poses of the robot and of the target and a delay together"
+
+
+def _bears(explained: ExplainedPoses, term: Term) -> bool:
+    """False if all load of a joint is rounding beside that of the others."""
+    loads = np.concatenate([np.abs(one.load) for one in explained.problem.sets])
+    return bool(loads[:, term.row].max() > _ROUNDING * max(float(loads.max()), 1e-300))
+
+
+def _moves(explained: ExplainedPoses, term: Term) -> bool:
+    return any(np.ptp(one.q[:, term.row]) > 0 for one in explained.problem.sets)

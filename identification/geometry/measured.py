@@ -1,0 +1,147 @@
+# pyright: reportAttributeAccessIssue=false
+"""Measured poses of frames, with what the model says of the joints at that moment, ready for fitting."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from jaxtyping import Float, Int
+from scipy.interpolate import CubicSpline
+
+from identification.data.checks.smoothed_copy import included, smoothed
+from identification.data.recording import Recording
+from phantom_dyn.dynamics.dynamics import link_torque
+from phantom_dyn.model.robot import Robot
+from phantom_dyn.motion import Motion, read_only
+
+Array = np.ndarray
+
+MOST = 1200
+"""Poses of a recording that are used; of more, evenly spread ones: neighbours in time say the same."""
+# Poses are a motion where a joint moves less than this share of its range from sample to sample, in the median.
+_DENSE = 0.02
+_FEWEST_OF_MOTION = 200
+_AT_EDGE = 1.0  # share of a second at both ends of a motion where derivatives settle
+_MOVES = 1e-3  # [rad/s or m/s] of the fastest joint: below, a delay shows nowhere
+
+
+@dataclass(frozen=True)
+class Measured:
+    """Poses of one frame in one recording.
+
+    Attributes:
+        recording: Place of the recording among those that are judged; its base pose and delay are common to its frames.
+        file: Name of the recording.
+        frame: Name of the frame.
+        index: Pinocchio's of the frame.
+        t: Time [s], ``(n,)``.
+        q: Joint positions as read [rad or m], ``(n, nv)``.
+        v: Joint velocities, ``(n, nv)``: zeros for poses at rest.
+        load: Torque that the transmissions pass to the links by the model [N m or N], ``(n, nv)``.
+        position: Measured [m], ``(n, 3)``.
+        turn: Measured orientation, x, y, z, w, ``(n, 4)``; None where it was not measured.
+        moving: True if the recording is a motion, so that a delay between pose and joints can show.
+    """
+
+    recording: int
+    file: str
+    frame: str
+    index: int
+    t: Float[Array, " n"]
+    q: Float[Array, "n nv"]
+    v: Float[Array, "n nv"]
+    load: Float[Array, "n nv"]
+    position: Float[Array, "n 3"]
+    turn: Float[Array, "n 4"] | None
+    moving: bool
+
+    def some(self, rows: Int[Array, " m"]) -> Measured:
+        """Some of the poses."""
+        arrays = {name: read_only(getattr(self, name)[rows]) for name in ("t", "q", "v", "load", "position")}
+        turn = None if self.turn is None else read_only(self.turn[rows])
+        return Measured(self.recording, self.file, self.frame, self.index, **arrays, turn=turn, moving=self.moving)
+
+
+@dataclass(frozen=True)
+class Path:
+    """Joint positions of a motion between its samples."""
+
+    spline: CubicSpline
+
+    def at(self, t: Float[Array, " n"]) -> tuple[Float[Array, "n nv"], Float[Array, "n nv"]]:
+        """Positions and velocities at times [s]."""
+        return self.spline(t), self.spline(t, 1)
+
+
+def is_motion(recording: Recording) -> bool:
+    """True if the samples follow a motion, False for poses that are far from each other."""
+    if len(recording.t) < _FEWEST_OF_MOTION:
+        return False
+    span = np.ptp(recording.q, axis=0)
+    steps = np.median(np.abs(np.diff(recording.q, axis=0)), axis=0)
+    moved = span > 0
+    return bool(moved.any() and np.all(steps[moved] < _DENSE * span[moved]))
+
+
+def measured_poses(robot: Robot, recordings: tuple[Recording, ...]) -> tuple[tuple[Measured, ...], dict[int, Path]]:
+    """Poses of every frame of every recording, and the paths of those recordings that are motions.
+
+    Args:
+        robot: Gives frames and loads.
+        recordings: Those without measured poses are passed over.
+    """
+    out: list[Measured] = []
+    paths: dict[int, Path] = {}
+    for number, recording in enumerate(recordings):
+        if not recording.positions:
+            continue
+        rows, v, load, moving = _motion(robot, recording)
+        if moving:
+            paths[number] = Path(CubicSpline(recording.t, recording.q))
+        for frame, position in recording.positions.items():
+            turn = recording.orientations.get(frame)
+            out.append(
+                Measured(
+                    number,
+                    recording.file,
+                    frame,
+                    robot.model.getFrameId(frame),
+                    read_only(recording.t[rows]),
+                    read_only(recording.q[rows]),
+                    read_only(v),
+                    read_only(load),
+                    read_only(position[rows]),
+                    None if turn is None else read_only(turn[rows]),
+                    moving,
+                )
+            )
+    return tuple(out), paths
+
+
+def _motion(robot: Robot, recording: Recording) -> tuple[Array, Array, Array, bool]:
+    """Rows that are used, their velocities and loads, and whether they are a motion."""
+    inside = included(recording)
+    smooth = smoothed(recording) if is_motion(recording) else None
+    if smooth is None:
+        rows = _spread(np.flatnonzero(inside))
+        q = recording.q[rows]
+        rest = np.zeros_like(q)
+        return rows, rest, link_torque(robot, Motion(recording.t[rows], q, rest, rest)), False
+    t = recording.t
+    inside &= (t > t[0] + _AT_EDGE) & (t < t[-1] - _AT_EDGE)
+    rows = _spread(np.flatnonzero(inside))
+    at = t[rows]
+
+    def there(values: Array) -> Array:
+        return np.column_stack([np.interp(at, smooth.t, column) for column in values.T])
+
+    v = there(smooth.v)
+    load = link_torque(robot, Motion(at, recording.q[rows], v, there(smooth.a)))
+    return rows, v, load, bool(np.abs(v).max(initial=0.0) > _MOVES)
+
+
+def _spread(rows: Array) -> Array:
+    if len(rows) <= MOST:
+        return rows
+    return rows[np.linspace(0, len(rows) - 1, MOST).astype(int)]

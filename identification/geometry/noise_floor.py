@@ -1,0 +1,126 @@
+"""Noise of the tracker by what no model needs: poses that repeat, or differences from sample to sample of a motion."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from jaxtyping import Float
+from scipy.stats import chi2
+
+from identification.geometry.explained import ExplainedPoses
+from phantom_dyn.random_streams import random_stream
+
+Array = np.ndarray
+
+_SAME = 1e-4  # [rad or m]: joints this near have the same pose, to what encoders repeat
+_FEWEST = 6  # degrees of freedom that say something of a noise
+_POSES = 300  # for the question whether anything is left that depends on the posture
+_SHUFFLES = 199
+_FORESEEN = 0.15
+"""Share of what is left that the posture has to foretell on held-out poses, beyond what it does by chance."""
+
+
+@dataclass(frozen=True)
+class Floor:
+    """Noise of one coordinate of a series, its interval at 95 %, and what it rests on."""
+
+    sigma: float
+    interval: tuple[float, float]
+    source: str
+
+
+def floor_of(explained: ExplainedPoses, series: int) -> Floor:
+    """Noise of one series of poses; the best kinematic model's rest where nothing repeats.
+
+    Args:
+        explained: The fit.
+        series: Twice the set, plus one for orientations.
+    """
+    one = explained.problem.sets[series // 2]
+    left = _left(explained, series)
+    if one.moving:
+        second = left[2:] - 2 * left[1:-1] + left[:-2]
+        return _floor(second**2 / 6.0, second.size / 2.0, "above_band")
+    groups = _repeated(one.q)
+    squares = np.concatenate([_about_mean(left[group]) for group in groups]) if groups else np.zeros((0, 3))
+    free = 3.0 * sum(len(group) - 1 for group in groups)
+    if free >= _FEWEST:
+        return _floor(squares * len(squares) * 3 / free, free, "repetitions")
+    sigma, free = float(explained.noise.sigma[series]), explained.noise.free
+    return Floor(sigma, _interval(sigma, free), "predictors")
+
+
+def _left(explained: ExplainedPoses, series: int) -> Float[Array, "n 3"]:
+    found = explained.found
+    return found.left[found.series == series].reshape(-1, 3)
+
+
+def _repeated(q: Float[Array, "n nv"]) -> list[list[int]]:
+    """Poses of the same joint positions, two or more together."""
+    groups: dict[tuple[int, ...], list[int]] = {}
+    for k, key in enumerate(np.round(q / _SAME).astype(int).tolist()):
+        groups.setdefault(tuple(key), []).append(k)
+    return [group for group in groups.values() if len(group) > 1]
+
+
+def _about_mean(values: Float[Array, "n 3"]) -> Float[Array, "n 3"]:
+    return (values - values.mean(axis=0)) ** 2
+
+
+def _floor(squares: Array, free: float, source: str) -> Floor:
+    sigma = float(np.sqrt(squares.mean()))
+    return Floor(sigma, _interval(sigma, free), source)
+
+
+def _interval(sigma: float, free: float) -> tuple[float, float]:
+    low, high = (sigma * float(np.sqrt(free / chi2.ppf(p, free))) for p in (0.975, 0.025))
+    return low, high
+
+
+def depends_on_posture(explained: ExplainedPoses) -> bool:
+    """True if joint positions foretell what is left of held-out poses better than they do of shuffled ones.
+
+    A smooth function of the posture (ridge on Gaussian kernels) is fitted to nine tenths and judged on the last.
+
+    Args:
+        explained: The fit whose rest is asked about.
+    """
+    return any(_foreseen(explained, number) for number in range(len(explained.problem.sets)))
+
+
+def _foreseen(explained: ExplainedPoses, number: int) -> bool:
+    one, found = explained.problem.sets[number], explained.found
+    rows = (found.series // 2 == number) & explained.kept
+    numbers = np.unique(found.pose[rows])
+    first = int(found.pose[found.series // 2 == number].min())
+    numbers = numbers[np.linspace(0, len(numbers) - 1, min(len(numbers), _POSES)).astype(int)]
+    weighted = found.left / explained.noise.sigma[found.series]
+    y = np.array([weighted[(found.pose == k) & (found.series // 2 == number)] for k in numbers])
+    predict = _predictor(one.q[numbers - first])
+    rng = random_stream("shuffled poses")
+    total = float(np.sum(y**2))
+
+    def share(values: Array) -> float:
+        return 1.0 - float(np.sum((values - predict @ values) ** 2)) / max(total, 1e-300)
+
+    if share(y) < _FORESEEN:
+        return False
+    return share(y) > max(share(y[rng.permutation(len(y))]) for _ in range(_SHUFFLES))
+
+
+def _predictor(q: Float[Array, "n nv"]) -> Float[Array, "n n"]:
+    """Matrix that foretells each pose from those of other blocks."""
+    n = len(q)
+    size = np.ptp(q, axis=0)
+    scaled = q / np.where(size > 0, size, 1.0)
+    distance = np.sum((scaled[:, None] - scaled[None]) ** 2, axis=2)
+    kernel = np.exp(-distance / np.median(distance[distance > 0])) if np.any(distance > 0) else np.ones((n, n))
+    block = np.arange(n) * 10 // n
+    out = np.zeros((n, n))
+    for b in np.unique(block):
+        own, rest = np.flatnonzero(block == b), np.flatnonzero(block != b)
+        out[np.ix_(own, rest)] = np.linalg.solve(
+            kernel[np.ix_(rest, rest)] + np.eye(len(rest)), kernel[np.ix_(rest, own)]
+        ).T
+    return out

@@ -1,0 +1,187 @@
+"""What measured poses say of a robot's geometry: frozen data, in the words of ``diagnosis.json``."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+import numpy as np
+from jaxtyping import Bool, Float
+
+Array = np.ndarray
+
+
+@dataclass(frozen=True)
+class Number:
+    """An estimate with its standard deviation and unit."""
+
+    value: float
+    std: float
+    unit: str
+
+
+@dataclass(frozen=True)
+class Place:
+    """An effect, its joint, and which of its parameters."""
+
+    effect: str
+    joint: str
+    parameters: tuple[str, ...]
+
+
+@dataclass(frozen=True)
+class PoseRival:
+    """What explains the same poses as a finding, with its share of bootstrap wins."""
+
+    places: tuple[Place, ...]
+    probability: float
+
+
+@dataclass(frozen=True)
+class PoseFinding:
+    """One named cause of a wrong tip.
+
+    ``gap_closed`` comes back when this finding alone is taken out and all others are fitted again; ``share`` is its
+    Shapley value. ``floors`` is what it leaves when it is taken out, as mean square in squares of the noise.
+    """
+
+    effect: str
+    joint: str
+    parameters: dict[str, Number]
+    share: float
+    gap_closed: float
+    gap_closed_interval: tuple[float, float]
+    probability: float
+    rivals: tuple[PoseRival, ...]
+    floors: float = np.inf
+
+    @property
+    def verdict(self) -> str:
+        """``one_of`` if the poses do not separate it from something else."""
+        return "one_of" if self.rivals else "supported"
+
+
+@dataclass(frozen=True)
+class FrameGap:
+    """Gap of one frame on held-out poses; RMS of the length of the error [m], or of its angle [rad].
+
+    Attributes:
+        frame: Its name.
+        unit: ``m`` or ``rad``.
+        rms_before: With the best poses of base and target, and the given geometry.
+        rms_after: With the findings.
+        noise_floor: What the tracker leaves.
+        noise_floor_interval: At 95 %.
+        noise_floor_source: ``repetitions``, ``above_band`` or ``predictors``; the last, what the best kinematic model
+            leaves, is an upper limit.
+        closed: Part of the gap that the findings close; None where there is no gap.
+        hold_out_samples: Poses that were judged.
+    """
+
+    frame: str
+    unit: str
+    rms_before: float
+    rms_after: float
+    noise_floor: float
+    noise_floor_interval: tuple[float, float]
+    noise_floor_source: str
+    closed: float | None
+    hold_out_samples: int
+
+
+@dataclass(frozen=True)
+class PoseBound:
+    """The smallest size of a term that these poses would have shown with 95 % power."""
+
+    effect: str
+    joint: str
+    parameter: str
+    below: float
+    unit: str
+
+
+@dataclass(frozen=True)
+class Unseen:
+    """A term that these poses cannot show, and why."""
+
+    effect: str
+    joint: str
+    parameter: str
+    why: str
+
+
+@dataclass(frozen=True)
+class Fitted:
+    """A pose that is always fitted, as ``x y z`` [m] and a rotation vector ``rx ry rz`` [rad].
+
+    ``what`` is ``base`` (the robot's root in the axes of what measured) or ``tool`` (the target on its frame).
+    """
+
+    what: str
+    file: str
+    frame: str | None
+    pose: tuple[float, ...]
+
+
+@dataclass(frozen=True)
+class Lateness:
+    """Time [s] by which poses are stamped later than joint positions, with its standard deviation."""
+
+    file: str
+    delay: float
+    std: float
+
+
+@dataclass(frozen=True)
+class PoseEvidence:
+    """Errors behind the figure of the report: length [m] of each pose held out of its fit, before and after.
+
+    ``t`` is the time [s], ``frame`` the number of the frame among the names, ``moving`` True for poses of a motion.
+    """
+
+    t: Float[Array, " n"]
+    frames: tuple[str, ...]
+    frame: Float[Array, " n"]
+    before: Float[Array, " n"]
+    after: Float[Array, " n"]
+    moving: Bool[Array, " n"]
+
+
+@dataclass(frozen=True)
+class GeometryResult:
+    """All that measured poses say, see `identification.geometry.diagnose_poses`.
+
+    Attributes:
+        verdict: The contract's, of the poses alone.
+        closed: Share of the gap that all findings close; None where there is no gap.
+        interval: Of ``closed``, 95 %.
+        frames: Gap of each frame.
+        findings: Named causes, the largest first.
+        minor: Those that are seen but close less than a hundredth of the gap and leave less than half a floor.
+        bounds: What would have been seen.
+        not_testable: What these poses cannot show.
+        fitted: Poses of base and target.
+        delays: Of recordings that are motions.
+        rank: Number of base kinematic parameters: independent combinations of all terms that the poses show.
+        structured: True if something is left that depends on the posture.
+        warnings: Sentences about the data.
+        evidence: Errors of single poses.
+        torque_verdict: Of the torques of the same recordings; None where there are none.
+        notes: Sentences on how findings in torque and in poses agree.
+    """
+
+    verdict: str
+    closed: float | None
+    interval: tuple[float, float] | None
+    frames: tuple[FrameGap, ...]
+    findings: tuple[PoseFinding, ...]
+    minor: tuple[PoseFinding, ...]
+    bounds: tuple[PoseBound, ...]
+    not_testable: tuple[Unseen, ...]
+    fitted: tuple[Fitted, ...]
+    delays: tuple[Lateness, ...]
+    rank: int
+    structured: bool
+    warnings: tuple[str, ...]
+    evidence: PoseEvidence | None = None
+    torque_verdict: str | None = None
+    notes: tuple[str, ...] = field(default=())

@@ -1,0 +1,180 @@
+"""Equations weighted by the noise of poses, with what separates their columns: one place for all linear algebra.
+
+The noise of each series is what the best kinematic model leaves; where it is correlated in time, poses count for less.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from jaxtyping import Bool, Float, Int
+
+from identification.geometry.equations import Equations
+from identification.regression.base_parameters import base_parameters_of_matrix
+
+Array = np.ndarray
+
+SEEN = 1e-5
+"""A column counts if this share of it is left beside the nuisances: angles in robot files have nine digits at best."""
+BLOCKS = 10
+"""Blocks that are held out of fits in turn, of each recording."""
+_ROUNDS = 4
+
+
+@dataclass(frozen=True)
+class Noise:
+    """Noise of poses.
+
+    Attributes:
+        sigma: Of each coordinate, by series [m or rad].
+        slow: By series, over how many poses in a row it is the same: variances of estimates grow by it.
+        free: Degrees of freedom behind it.
+    """
+
+    sigma: Float[Array, " s"]
+    slow: Float[Array, " s"]
+    free: float
+
+    @property
+    def weights(self) -> Float[Array, " s"]:
+        """By series, one over the noise."""
+        return 1.0 / self.sigma
+
+
+@dataclass(frozen=True)
+class Whitened:
+    """Columns in units of noise, those of terms without what nuisances explain as well.
+
+    Attributes:
+        left: Shape ``(m,)``.
+        columns: Terms, projected, ``(m, p)``.
+        seen: False for terms that leave nothing of their own, ``(p,)``.
+        whole: Nuisances, terms and what is left, not projected, ``(m, k + p + 1)``.
+        block: Of each row.
+        rank: Number of base kinematic parameters.
+    """
+
+    left: Float[Array, " m"]
+    columns: Float[Array, "m p"]
+    seen: Bool[Array, " p"]
+    whole: Float[Array, "m w"]
+    block: Int[Array, " m"]
+    rank: int
+
+    @property
+    def nuisances(self) -> int:
+        """Number of columns that are always in the fit."""
+        return self.whole.shape[1] - self.columns.shape[1] - 1
+
+
+def orthonormal(matrix: Float[Array, "m k"], tolerance: float) -> Float[Array, "m r"]:
+    """Basis of the span of columns, each weighed by its own size."""
+    norms = np.linalg.norm(matrix, axis=0)
+    kept = matrix[:, norms > 0] / norms[norms > 0]
+    if not kept.size:
+        return np.zeros((len(matrix), 0))
+    u, s, _ = np.linalg.svd(kept, full_matrices=False)
+    return u[:, s > tolerance * s[0]]
+
+
+def without(matrix: Array, basis: Float[Array, "m r"]) -> Array:
+    """What of columns is not in a span; twice, so that rounding leaves no part along it."""
+    for _ in range(2):
+        matrix = matrix - basis @ (basis.T @ matrix)
+    return matrix
+
+
+def base_columns(columns: Float[Array, "m p"], units: Sequence[str], names: Sequence[str]) -> Int[Array, " r"]:
+    """Places of the base kinematic parameters among terms: the independent columns, by the reduction of dynamics.
+
+    Args:
+        columns: Without what nuisances explain.
+        units: Of the terms.
+        names: Of the terms.
+    """
+    found = base_parameters_of_matrix(columns, tuple(names), tuple(units), tolerance=SEEN)
+    return np.array(found.independent, dtype=int)
+
+
+def noise_of(
+    found: Equations, units: Sequence[str], names: Sequence[str], moving: Bool[Array, " s"], kept: Bool[Array, " m"]
+) -> Noise:
+    """Noise of each series from what the best kinematic model leaves, all terms of any size.
+
+    Args:
+        found: Equations at some estimate.
+        units: Of the terms.
+        names: Of the terms.
+        moving: By series, True for poses of a motion, whose noise may be slow.
+        kept: True for rows that count.
+    """
+    count = len(moving)
+    size = np.array([_rms(found.left[kept & (found.series == s)]) for s in range(count)])
+    sigma, left, rank = np.where(size > 0, size, 1.0), found.left, 0
+    for _ in range(_ROUNDS):
+        scale = kept / sigma[found.series]
+        basis = orthonormal(found.nuisance * scale[:, None], 1e-9)
+        own = without(found.columns * scale[:, None], basis)
+        whole = np.hstack([basis, orthonormal(own[:, base_columns(own, units, names)], SEEN)])
+        rank = whole.shape[1]
+        left = without(found.left * scale, whole) * sigma[found.series]
+        share = max(1.0 - rank / max(kept.sum(), 1), 1.0 / max(kept.sum(), 1))
+        size = np.array([_rms(left[kept & (found.series == s)]) for s in range(count)]) / np.sqrt(share)
+        sigma = np.where(size > 0, size, 1.0)
+    slow = np.array([_slowness(left, found, s) if moving[s] else 1.0 for s in range(count)])
+    return Noise(sigma, slow, max(float(kept.sum() - rank), 1.0) / float(slow.max(initial=1.0)))
+
+
+def _rms(values: Array) -> float:
+    return float(np.sqrt(np.mean(values**2))) if len(values) else 0.0
+
+
+def _slowness(left: Array, found: Equations, series: int) -> float:
+    """One and twice the sum of the first positive correlations from pose to pose, mean over the axes."""
+    values = left[found.series == series].reshape(-1, 3)
+    n = len(values)
+    if n < 8:
+        return 1.0
+    values = values - values.mean(axis=0)
+    spectrum = np.abs(np.fft.rfft(values, 2 * n, axis=0)) ** 2
+    together = np.fft.irfft(spectrum, axis=0)[: n // 4].sum(axis=1)
+    if together[0] <= 0:
+        return 1.0
+    correlation = together / together[0]
+    low = np.flatnonzero(correlation < 2.0 / np.sqrt(3 * n))
+    end = int(low[0]) if len(low) else len(correlation)
+    return float(max(1.0, 1.0 + 2.0 * correlation[1:end].sum()))
+
+
+def whitened(
+    found: Equations,
+    values: Float[Array, " p"],
+    noise: Noise,
+    block: Int[Array, " m"],
+    kept: Bool[Array, " m"],
+    named: tuple[Sequence[str], Sequence[str]],
+) -> Whitened:
+    """Equations in units of noise, as if no term had been taken in yet.
+
+    Args:
+        found: Equations at an estimate.
+        values: Of the terms there: what they explain is put back.
+        noise: Of the poses.
+        block: Of each row.
+        kept: True for rows that count.
+        named: Units and names of the terms.
+    """
+    scale = (kept / (noise.sigma * np.sqrt(noise.slow))[found.series])[kept]
+    rows = found.rows(kept)
+    nuisance, columns = rows.nuisance * scale[:, None], rows.columns * scale[:, None]
+    left = rows.left * scale + columns @ values
+    basis = orthonormal(nuisance, 1e-9)
+    own = without(columns, basis)
+    size = np.linalg.norm(columns, axis=0)
+    seen = np.linalg.norm(own, axis=0) > SEEN * np.where(size > 0, size, 1.0)
+    own = np.where(seen, own, 0.0)
+    rank = len(base_columns(own, *named))
+    whole = np.hstack([nuisance, columns, left[:, None]])
+    return Whitened(without(left, basis), own, seen, whole, block[kept], rank)

@@ -1,0 +1,106 @@
+"""The report's section on measured poses: sentences, a table of findings, and a chart of the errors of the poses."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from markupsafe import Markup
+
+from identification.geometry.result import FrameGap, GeometryResult, PoseEvidence, PoseFinding
+from identification.reporting.charts.chart import AFTER, BEFORE, Panel, chart
+from identification.reporting.charts.chart_marks import Curve
+from identification.words import geometry_words as words
+from identification.words.diagnosis_words import sureness
+from identification.words.numbers_and_names import percent
+
+Row = tuple[str, ...]
+_SOME = 400  # poses of a curve: more make the page large and the curve no clearer
+
+
+@dataclass(frozen=True)
+class PosesView:
+    """Measured poses on the page.
+
+    Attributes:
+        sentences: What they say.
+        findings: Cause, size, share, certainty and what else explains it, a row each.
+        frames: Gap of each frame: given, corrected, noise.
+        fitted: Poses that are always fitted.
+        bounds: What would have been seen.
+        not_testable: What these poses cannot show, those of one reason together.
+        chart: Errors of the poses before and after.
+    """
+
+    sentences: list[str]
+    findings: list[Row]
+    frames: list[Row]
+    fitted: list[Row]
+    bounds: list[Row]
+    not_testable: list[Row]
+    chart: Markup
+
+
+def poses_view(found: GeometryResult) -> PosesView:
+    """All that the page shows of measured poses."""
+    return PosesView(
+        sentences=words.sentences(found),
+        findings=[_finding(one) for one in (*found.findings, *found.minor)],
+        frames=[_frame(one) for one in found.frames],
+        fitted=[
+            (
+                "Robot in the axes of what measured" if one.what == "base" else f"Target on {one.frame}",
+                one.file,
+                ", ".join(f"{1e3 * x:.4g}" for x in one.pose[:3]),
+                ", ".join(f"{1e3 * x:.4g}" for x in one.pose[3:]),
+            )
+            for one in found.fitted
+        ],
+        bounds=[
+            (one.joint, f"{one.effect} {one.parameter}", words.small_words(one.below, one.unit)) for one in found.bounds
+        ],
+        not_testable=_unseen(found),
+        chart=Markup("" if found.evidence is None else _chart(found.evidence, found.frames)),
+    )
+
+
+def _finding(one: PoseFinding) -> Row:
+    rivals = "; ".join(words.joined([words.place_words(place) for place in rival.places]) for rival in one.rivals)
+    return (
+        f"{words.EFFECTS[one.effect]} of {one.joint}",
+        words.sizes_words(one),
+        percent(min(one.share, 1.0)),
+        sureness(one.probability),
+        rivals or "nothing",
+    )
+
+
+def _frame(one: FrameGap) -> Row:
+    sizes = (one.rms_before, one.rms_after, one.noise_floor)
+    return (one.frame, *(words.small_words(size, one.unit) for size in sizes), one.noise_floor_source.replace("_", " "))
+
+
+def _unseen(found: GeometryResult) -> list[Row]:
+    whys: dict[str, list[str]] = {}
+    for one in found.not_testable:
+        whys.setdefault(one.why, []).append(f"{one.joint} {one.effect} {one.parameter}")
+    return [(", ".join(names), why) for why, names in whys.items()]
+
+
+def _chart(evidence: PoseEvidence, frames: tuple[FrameGap, ...]) -> str:
+    """Error of each pose before and after, a panel a frame; over time for a motion, else over its number."""
+    moving = bool(evidence.moving.all())
+    panels = []
+    for number, name in enumerate(evidence.frames):
+        rows = np.flatnonzero(evidence.frame == number)
+        rows = rows[np.linspace(0, len(rows) - 1, min(len(rows), _SOME)).astype(int)]
+        x = evidence.t[rows] if moving else np.arange(1.0, len(rows) + 1)
+        noise = max(frame.noise_floor for frame in frames if frame.frame == name and frame.unit == "m")
+        curves = (
+            Curve(x, 1e3 * evidence.before[rows], BEFORE, 1.2, "given", marked=not moving),
+            Curve(x, 1e3 * evidence.after[rows], AFTER, 1.2, "corrected", marked=not moving),
+        )
+        panels.append(Panel(f"{name} [mm]", curves, rule=1e3 * noise, least=(0.0,)))
+    label = "time [s]" if moving else "pose"
+    size = (7.6, 1.4 + 1.3 * len(panels))
+    return chart(tuple(panels), label, size, "Error of each measured pose, given and corrected; dashed: noise")

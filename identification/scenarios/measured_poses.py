@@ -1,0 +1,126 @@
+"""Recordings with measured poses of frames: what they say of the geometry, beside torques or by themselves."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Sequence
+from dataclasses import replace
+from uuid import uuid4
+
+import numpy as np
+
+from identification.data.recording import Recording
+from identification.diagnosis.result import Diagnosis, Evidence, Finding, Gap, Unexplained
+from identification.geometry.diagnose_poses import diagnose_poses, has_poses
+from identification.geometry.result import GeometryResult
+from identification.geometry.terms import ZERO
+from phantom_dyn import __version__
+from phantom_dyn.errors import LogError
+from phantom_dyn.model.robot import Robot
+
+_AGREE = 3.0  # standard deviations within which two estimates of a zero are the same
+
+
+def with_poses(diagnosis: Diagnosis, robot: Robot, recordings: tuple[Recording, ...]) -> Diagnosis:
+    """A diagnosis of torques with what measured poses say; the same where there are none.
+
+    Args:
+        diagnosis: Of the torques.
+        robot: The given model.
+        recordings: All of them.
+    """
+    started = time.perf_counter()
+    found = diagnose_poses(robot, recordings)
+    if found is None:
+        told = (_of_loops(robot),) if has_poses(recordings) else ()
+        return replace(diagnosis, data_warnings=(*diagnosis.data_warnings, *told))
+    notes = tuple(zero_words(diagnosis.findings, found))
+    found = replace(found, torque_verdict=diagnosis.verdict, notes=notes)
+    return replace(
+        diagnosis,
+        geometry=found,
+        verdict=verdict_together(diagnosis.verdict, found.verdict),
+        data_warnings=(*diagnosis.data_warnings, *found.warnings),
+        seconds=diagnosis.seconds + time.perf_counter() - started,
+    )
+
+
+def diagnosis_of_poses(robot: Robot, recordings: tuple[Recording, ...]) -> Diagnosis:
+    """What poses alone say.
+
+    Args:
+        robot: The given model.
+        recordings: With poses and without torque.
+
+    Raises:
+        LogError: If the robot is a closed chain.
+    """
+    started = time.perf_counter()
+    found = diagnose_poses(robot, recordings)
+    if found is None:
+        raise LogError(f"{recordings[0].file} holds poses without torque. {_of_loops(robot)}")
+    none = np.zeros((0, robot.nv))
+    return Diagnosis(
+        verdict=found.verdict,
+        robot=robot.name,
+        recordings=tuple(recording.file for recording in recordings),
+        joints=(),
+        band_hz=(0.0, 0.0),
+        findings=(),
+        adjusted=(),
+        unexplained=Unexplained(0.0, found.structured, None, "posture" if found.structured else None),
+        bounds=(),
+        not_testable=(),
+        data_warnings=(
+            *robot.warnings,
+            *(warning for recording in recordings for warning in recording.warnings),
+            *found.warnings,
+        ),
+        next_experiment=None,
+        rollout=None,
+        seconds=time.perf_counter() - started,
+        version=__version__,
+        evidence=Evidence(np.zeros(0), none, none, none, none, none, none, ({},) * robot.nv),
+        run=uuid4().hex,
+        geometry=found,
+        gap=Gap(found.closed, found.interval),
+    )
+
+
+def verdict_together(torques: str, poses: str) -> str:
+    """The contract's verdict over joints and frames at once.
+
+    Args:
+        torques: That of the torques.
+        poses: That of the poses.
+    """
+    both = {torques, poses}
+    for silent in ("not_testable", "no_gap"):
+        if silent in both and len(both) > 1:
+            return (both - {silent}).pop()
+    return torques if len(both) == 1 else "unknown" if "unknown" in both else "partly_explained"
+
+
+def zero_words(findings: Sequence[Finding], poses: GeometryResult) -> list[str]:
+    """Whether zeros of encoders that torques and poses both show are the same, a sentence each."""
+    seen = {one.joint: one.parameters["offset"] for one in (*poses.findings, *poses.minor) if one.effect == ZERO}
+    out = []
+    for finding in findings:
+        if finding.effect != ZERO or finding.joint not in seen:
+            continue
+        by_torque, by_pose = finding.parameters["offset"], seen[finding.joint]
+        if isinstance(by_torque.value, list) or isinstance(by_torque.std, list):
+            continue
+        apart = abs(by_torque.value - by_pose.value) / max(float(np.hypot(by_torque.std, by_pose.std)), 1e-300)
+        unit = by_pose.unit
+        sizes = f"{by_torque.value:.3g} {unit} by the torques and {by_pose.value:.3g} {unit} by the poses"
+        end = "they agree" if apart < _AGREE else "they differ, so that one of the two has another cause"
+        out.append(f"The zero of {finding.joint} is off by {sizes}: {end}.")
+    return out
+
+
+def _of_loops(robot: Robot) -> str:
+    return (
+        f"{robot.name} is a closed chain, of which measured poses are not judged: leave the columns p. and o. out, or "
+        "give the chain opened."
+    )

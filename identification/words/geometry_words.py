@@ -1,0 +1,141 @@
+"""What measured poses say of a robot's geometry, in sentences."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+
+from identification.diagnosis.result import Value
+from identification.geometry.result import FrameGap, GeometryResult, Number, Place, PoseFinding
+from identification.geometry.terms import ELASTIC, LINK, ZERO
+from identification.words.diagnosis_words import sureness
+from identification.words.numbers_and_names import NO_BREAK, number, percent, value_words
+
+_SHIFTS, _TURNS = ("x", "y", "z"), ("rx", "ry", "rz")
+_SMALL = {"m": (1e3, "mm"), "rad": (1e3, "mrad")}
+EFFECTS = {ZERO: "a zero error", LINK: "a wrong place", ELASTIC: "elasticity"}
+
+
+def small_words(value: float, unit: str) -> str:
+    """A length in mm, an angle in mrad; anything else as it is."""
+    factor, name = _SMALL.get(unit, (1.0, unit))
+    return f"{number(factor * value)} {name}"
+
+
+def size_words(one: Number) -> str:
+    """A number with its deviation, lengths in mm and angles in mrad."""
+    factor, name = _SMALL.get(one.unit, (1.0, one.unit))
+    return value_words(Value(factor * one.value, factor * one.std, name))
+
+
+def finding_at(finding: PoseFinding) -> str:
+    """Effect, joint and sizes, as in ``a zero error of j2 of 2.0 ± 0.1 mrad``."""
+    before, after = {ZERO: (" of ", ""), LINK: (", by ", ""), ELASTIC: (" (", ")")}[finding.effect]
+    return f"{EFFECTS[finding.effect]} of {finding.joint}{before}{sizes_words(finding)}{after}"
+
+
+def sizes_words(finding: PoseFinding) -> str:
+    """Sizes of a finding: a stiffness beside its compliance, and the axes of a place."""
+    if finding.effect == ELASTIC:
+        compliance = finding.parameters["compliance"]
+        unit = _stiffness_unit(compliance.unit)
+        stiffness = Value(1.0 / compliance.value, compliance.std / compliance.value**2, unit)
+        return f"stiffness {value_words(stiffness)}"
+    if finding.effect == LINK:
+        return joined([f"{size_words(one)} {_along(name)}" for name, one in finding.parameters.items()])
+    return size_words(finding.parameters["offset"])
+
+
+def _stiffness_unit(compliance: str) -> str:
+    above, _, below = compliance.partition("/")
+    return f"{below.strip('()')}/{above}"
+
+
+def _along(name: str) -> str:
+    return f"along {name}" if name in _SHIFTS else f"about {name[1:]}"
+
+
+def joined(parts: list[str]) -> str:
+    """``a, b and c``."""
+    return parts[0] if len(parts) == 1 else f"{', '.join(parts[:-1])} and {parts[-1]}" if parts else ""
+
+
+def place_words(place: Place) -> str:
+    """Effect and joint of a rival, with the axes of a place."""
+    if place.effect != LINK:
+        return f"{EFFECTS[place.effect]} of {place.joint}"
+    return f"{EFFECTS[LINK]} of {place.joint} {joined([_along(name) for name in place.parameters])}"
+
+
+def sentences(found: GeometryResult) -> list[str]:
+    """Two or three sentences: how far the tip is off, what explains it, and what is left."""
+    return [_gap_sentence(found.frames), *_cause_sentences(found), *_late_sentences(found), *found.notes]
+
+
+def _gap_sentence(frames: Iterable[FrameGap]) -> str:
+    said: list[str] = []
+    for frame in frames:
+        size = f"{small_words(frame.rms_before, frame.unit)} (rms)"
+        said.append(f"{frame.frame} is off by {size}" if frame.unit == "m" else f"turned by {size}")
+    return f"Measured poses: {joined(said)} once the poses of base and target are fitted."
+
+
+def _cause_sentences(found: GeometryResult) -> list[str]:
+    if not found.findings:
+        return [_nothing(found)]
+    largest = found.findings[0]
+    out = [f"{_capital(finding_at(largest))} explains {_share(largest)} of the error{_rivals(largest)}."]
+    if len(found.findings) > 1:
+        others = [f"{finding_at(one)} ({_share(one)}{_rivals(one)})" for one in found.findings[1:]]
+        out.append(f"Besides, {joined(others)}.")
+    left = [f"{small_words(f.rms_after, f.unit)} of a noise of {_floor(f)}" for f in found.frames]
+    more = {
+        "explained": "",
+        "partly_explained": "; part of it is still unexplained",
+        "unknown": "; it depends on the posture in a way that no zero, place or elasticity explains",
+    }
+    return [*out, f"With {'it' if len(found.findings) == 1 else 'them'}, {joined(left)} is left{more[found.verdict]}."]
+
+
+def _floor(frame: FrameGap) -> str:
+    limit = "at most " if frame.noise_floor_source == "predictors" else ""
+    return f"{limit}{small_words(frame.noise_floor, frame.unit)}"
+
+
+def _nothing(found: GeometryResult) -> str:
+    if found.verdict == "no_gap":
+        noise = joined([_floor(frame) for frame in found.frames])
+        return (
+            f"That is the noise of the measurement ({noise}): the model's geometry and stiffness are right within it."
+        )
+    if found.verdict == "not_testable":
+        return "These poses cannot show an error of the geometry: measure more postures, with all joints in motion."
+    if found.structured:
+        return "What is left depends on the posture, and no zero, place or elasticity of a joint explains it."
+    return "All joints together explain part of it, but no few of them do: measure more poses."
+
+
+def _share(finding: PoseFinding) -> str:
+    return percent(min(finding.share, 1.0))
+
+
+def _rivals(finding: PoseFinding) -> str:
+    """What else explains the same, which these poses do not separate."""
+    if not finding.rivals:
+        return ""
+    # A set that is told for its new member only reads shorter.
+    others = [joined([place_words(place) for place in rival.places]) for rival in finding.rivals]
+    told = others[:2] + ([f"{len(others) - 2} more"] if len(others) > 2 else [])
+    return f", {sureness(finding.probability)}; these poses do not separate it from {' or '.join(told)}"
+
+
+def _late_sentences(found: GeometryResult) -> list[str]:
+    seen = [late for late in found.delays if abs(late.delay) > 3 * late.std]
+    return [
+        f"In {late.file} poses are stamped {1e3 * abs(late.delay):.3g}{NO_BREAK}ms "
+        f"{'later' if late.delay > 0 else 'earlier'} than joint positions; that is taken out."
+        for late in seen
+    ]
+
+
+def _capital(text: str) -> str:
+    return text[:1].upper() + text[1:]

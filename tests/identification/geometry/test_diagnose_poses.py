@@ -1,0 +1,173 @@
+"""What poses say of a robot's geometry. Oracle: a UR10 whose URDF was changed as text, by other forward kinematics."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from identification.geometry.diagnose_poses import diagnose_poses
+from identification.geometry.result import GeometryResult
+from phantom_dyn.errors import LogError
+
+
+def found_of(result: GeometryResult | None) -> dict[tuple[str, str, str], float]:
+    assert result is not None
+    return {(f.effect, f.joint, name): x.value for f in result.findings for name, x in f.parameters.items()}
+
+
+@pytest.mark.parametrize("turned", [False, True])
+@pytest.mark.parametrize("joint", ["shoulder_lift_joint", "elbow_joint", "wrist_1_joint"])
+def test_a_zero_is_found_within_two_tenths_of_a_milliradian(ur10, tracked, joint, turned):
+    result = diagnose_poses(ur10, (tracked(11, zeros={joint: 0.003}, turned=turned),))
+    assert found_of(result) == {("encoder_offset", joint, "offset"): pytest.approx(0.003, abs=2e-4)}
+
+
+@pytest.mark.parametrize(("axis", "k"), [("x", 0), ("z", 2)])
+def test_a_place_is_found_within_two_tenths_of_a_millimetre(ur10, tracked, axis, k):
+    shift = 0.002 * np.eye(3)[k]
+    result = diagnose_poses(ur10, (tracked(12, moves=[("elbow_joint", shift)]),))
+    assert found_of(result) == {("link_geometry", "elbow_joint", axis): pytest.approx(0.002, abs=2e-4)}
+
+
+def test_a_stiffness_is_found_within_ten_percent(ur10, tracked):
+    result = diagnose_poses(ur10, (tracked(13, compliance={"shoulder_lift_joint": 1 / 3e4}),))
+    found = found_of(result)
+    assert set(found) == {("joint_elasticity", "shoulder_lift_joint", "compliance")}
+    assert 1 / found["joint_elasticity", "shoulder_lift_joint", "compliance"] == pytest.approx(3e4, rel=0.1)
+
+
+def test_a_zero_a_place_and_an_elasticity_are_found_together(ur10, tracked):
+    recording = tracked(
+        14,
+        poses=80,
+        zeros={"shoulder_lift_joint": 0.002},
+        moves=[("wrist_1_joint", (0.001, 0, 0))],
+        compliance={"elbow_joint": 1 / 1.5e4},
+    )
+    found = found_of(diagnose_poses(ur10, (recording,)))
+    assert found == {
+        ("encoder_offset", "shoulder_lift_joint", "offset"): pytest.approx(0.002, abs=2e-4),
+        ("link_geometry", "wrist_1_joint", "x"): pytest.approx(0.001, abs=2e-4),
+        ("joint_elasticity", "elbow_joint", "compliance"): pytest.approx(1 / 1.5e4, rel=0.1),
+    }
+
+
+def test_shares_add_up_to_what_is_closed(ur10, tracked):
+    moves = [("elbow_joint", (0, 0, 0.002))]
+    result = diagnose_poses(ur10, (tracked(15, zeros={"shoulder_lift_joint": 0.002}, moves=moves),))
+    assert result is not None
+    assert sum(one.share for one in result.findings) == pytest.approx(result.closed, abs=1e-9)
+
+
+def test_the_rms_of_the_tip_falls_to_the_noise(ur10, tracked):
+    result = diagnose_poses(ur10, (tracked(16, zeros={"elbow_joint": 0.003}),))
+    assert result is not None
+    (frame,) = result.frames
+    assert frame.rms_before > 1e-3
+    assert frame.rms_after == pytest.approx(np.sqrt(3) * 1e-4, rel=0.2)
+    assert frame.noise_floor == pytest.approx(np.sqrt(3) * 1e-4, rel=0.2)
+
+
+def test_the_zero_of_the_first_joint_is_not_claimed_as_the_robot_may_stand_turned(ur10, tracked):
+    result = diagnose_poses(ur10, (tracked(17, zeros={"shoulder_pan_joint": 0.01}),))
+    assert result is not None
+    assert (result.verdict, result.findings) == ("no_gap", ())
+    why = {one.joint: one.why for one in result.not_testable if one.effect == "encoder_offset"}
+    assert why["shoulder_pan_joint"] == "it is the same as another pose of the robot in the axes of what measured"
+    assert why["wrist_3_joint"] == "it is the same as another pose of the target on its frame"
+
+
+def test_places_along_parallel_axes_are_one_of(ur10, tracked):
+    result = diagnose_poses(ur10, (tracked(18, moves=[("elbow_joint", (0, 0.002, 0))]),))
+    assert result is not None
+    (finding,) = result.findings
+    places = {(finding.effect, finding.joint)} | {(p.effect, p.joint) for r in finding.rivals for p in r.places}
+    # The axes of these joints are parallel: a shift along them is the same wherever it is.
+    axes = ("shoulder_lift_joint", "elbow_joint", "wrist_1_joint", "wrist_2_joint")
+    assert places == {("link_geometry", joint) for joint in axes}
+    assert finding.verdict == "one_of"
+
+
+@pytest.mark.parametrize("seed", [100, 101, 102, 103, 104, 105])
+def test_a_robot_that_is_right_is_not_blamed(ur10, tracked, seed):
+    result = diagnose_poses(ur10, (tracked(seed, poses=20 + 10 * (seed % 3), turned=bool(seed % 2)),))
+    assert result is not None
+    assert (result.verdict, result.findings, result.minor) == ("no_gap", (), ())
+
+
+def test_poses_that_are_stamped_late_are_told_and_taken_out(ur10, tracked, slow_motion):
+    t, q = slow_motion
+    result = diagnose_poses(ur10, (tracked(19, q=q, t=t, late=0.03, zeros={"elbow_joint": 0.002}),))
+    assert result is not None
+    (late,) = result.delays
+    assert late.delay == pytest.approx(0.03, abs=5e-4)
+    assert found_of(result)["encoder_offset", "elbow_joint", "offset"] == pytest.approx(0.002, abs=2e-4)
+
+
+def test_poses_at_rest_have_no_delay(ur10, tracked):
+    result = diagnose_poses(ur10, (tracked(20),))
+    assert result is not None
+    assert result.delays == ()
+
+
+def test_a_tracker_that_was_moved_between_recordings_is_no_finding(ur10, tracked):
+    recordings = tuple(replace(tracked(seed, poses=30), file=f"{seed}.csv") for seed in (21, 22))
+    result = diagnose_poses(ur10, recordings)
+    assert result is not None
+    assert result.verdict == "no_gap"
+    assert [one.file for one in result.fitted if one.what == "base"] == ["21.csv", "22.csv"]
+
+
+def test_a_few_poses_that_stray_are_left_out_and_told(ur10, tracked):
+    recording = tracked(23, zeros={"elbow_joint": 0.002})
+    p = recording.positions["tool0"].copy()
+    p[7] += 0.05
+    result = diagnose_poses(ur10, (replace(recording, positions={"tool0": p}),))
+    assert result is not None
+    (warning,) = result.warnings
+    assert warning == "poses.csv: 1 measured pose lies more than six noises from all others and were left out."
+    assert found_of(result)["encoder_offset", "elbow_joint", "offset"] == pytest.approx(0.002, abs=2e-4)
+
+
+def test_repeated_poses_say_the_noise_by_themselves(ur10, tracked):
+    q = np.repeat(np.random.default_rng(24).uniform(-1.5, 1.5, (30, 6)), 3, axis=0)
+    result = diagnose_poses(ur10, (tracked(24, q=q),))
+    assert result is not None
+    (frame,) = result.frames
+    assert frame.noise_floor_source == "repetitions"
+    assert frame.noise_floor == pytest.approx(np.sqrt(3) * 1e-4, rel=0.2)
+
+
+def test_an_error_that_no_term_explains_is_unknown(ur10, tracked):
+    # A joint read with an error that repeats eight times a turn: no zero, no place, no elasticity.
+    recording = tracked(25, poses=300, misread=lambda q: q + 0.002 * np.sin(8 * q) * (np.arange(6) == 1))
+    repeated = np.repeat(np.random.default_rng(25).uniform(-1.5, 1.5, (40, 6)), 3, axis=0)
+    twice = tracked(26, q=repeated, misread=lambda q: q + 0.002 * np.sin(8 * q) * (np.arange(6) == 1))
+    result = diagnose_poses(ur10, (recording, replace(twice, file="repeated.csv")))
+    assert result is not None
+    assert result.structured
+    assert result.verdict in ("unknown", "partly_explained")
+
+
+def test_a_log_without_poses_has_no_geometry(ur10, tracked):
+    assert diagnose_poses(ur10, (replace(tracked(27), positions={}),)) is None
+
+
+def test_a_frame_that_no_joint_moves_is_refused(ur10, tracked):
+    recording = tracked(28)
+    still = replace(recording, positions={"base_link": recording.positions["tool0"]})
+    with pytest.raises(LogError, match="No joint of ur10 moves base_link: name a frame behind a joint"):
+        diagnose_poses(ur10, (still,))
+
+
+def test_sizes_that_would_have_been_seen_are_a_little_above_what_the_noise_hides(ur10, tracked):
+    result = diagnose_poses(ur10, (tracked(29),))
+    assert result is not None
+    bound = next(one.below for one in result.bounds if (one.effect, one.joint) == ("encoder_offset", "elbow_joint"))
+    for seed in range(30, 35):
+        seen = diagnose_poses(ur10, (tracked(seed, zeros={"elbow_joint": 1.2 * bound}),))
+        assert seen is not None
+        assert seen.findings
+    assert bound < 5e-4

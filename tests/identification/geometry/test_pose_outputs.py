@@ -1,0 +1,137 @@
+"""Poses alone from a file to all that is written. Oracle: forward kinematics without Pinocchio on other poses, MuJoCo,
+and the numbers that were put in."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from identification.cli.main import main
+from identification.data.recording import Recording
+from identification.diagnosis.result import Finding, Value
+from identification.geometry.diagnose_poses import diagnose_poses
+from identification.reporting.diagnosis_files import json_text, to_json
+from identification.reporting.diagnosis_reader import read_diagnosis
+from identification.reporting.diagnosis_report import report_html
+from identification.reporting.diagnosis_summary import summary
+from identification.scenarios.measured_poses import diagnosis_of_poses, verdict_together, zero_words
+from tests.common.measured_poses import TrueRobot, link_poses, measured, moved_joint
+
+ZERO, PLACE = {"shoulder_lift_joint": 0.003}, ("wrist_1_joint", (0.002, 0, 0.001), (0, 0, 0))
+
+
+def write(path: Path, recording: Recording) -> Path:
+    columns = {"t": recording.t} | {f"q.{j}": recording.q[:, k] for k, j in enumerate(recording.joint_names)}
+    for frame, p in recording.positions.items():
+        columns |= {f"p.{frame}.{axis}": p[:, k] for k, axis in enumerate("xyz")}
+    for frame, o in recording.orientations.items():
+        columns |= {f"o.{frame}.{axis}": o[:, k] for k, axis in enumerate(("qx", "qy", "qz", "qw"))}
+    rows = np.column_stack(list(columns.values()))
+    np.savetxt(path, rows, delimiter=",", header=",".join(columns), comments="", fmt="%.17g")
+    return path
+
+
+@pytest.fixture
+def wrong(ur10, tracked):
+    """The diagnosis of a robot with a wrong zero and a wrong place."""
+    return diagnosis_of_poses(ur10, (tracked(40, zeros=ZERO, moves=[PLACE], turned=True),))
+
+
+def test_a_file_of_poses_alone_is_diagnosed_and_all_files_are_written(tracked, tmp_path, capsys):
+    log = write(tmp_path / "poses.csv", tracked(40, zeros=ZERO, moves=[PLACE], turned=True))
+    assert main(["diagnose", "example:ur10", str(log), "--out", str(tmp_path / "out")]) == 0
+    told = capsys.readouterr().out
+    assert told.startswith("Measured poses: tool0 is off by ")
+    assert "zero error of shoulder_lift_joint of " in told.replace("\n", " ")
+    written = {path.name for path in (tmp_path / "out").iterdir()}
+    assert written == {"diagnosis.json", "report.html", "corrected.yaml", "corrected.urdf", "corrected.xml"}
+
+
+def test_the_corrected_urdf_has_the_tip_where_the_true_robot_has_it(ur10_text, tracked, tmp_path, rng):
+    log = write(tmp_path / "poses.csv", tracked(41, zeros=ZERO, moves=[PLACE], turned=True, noise=1e-5))
+    main(["diagnose", "example:ur10", str(log), "--out", str(tmp_path / "out")])
+    text = (tmp_path / "out" / "corrected.urdf").read_text()
+    assert _tip_error(text, ur10_text, rng) < 1e-4
+    assert _tip_error(ur10_text, ur10_text, rng) > 1e-3
+
+
+def test_the_corrected_mjcf_has_the_tip_where_the_corrected_urdf_has_it(ur10, tracked, tmp_path, rng):
+    mujoco = pytest.importorskip("mujoco")
+    log = write(tmp_path / "poses.csv", tracked(41, zeros=ZERO, moves=[PLACE], turned=True))
+    main(["diagnose", "example:ur10", str(log), "--out", str(tmp_path / "out")])
+    text = (tmp_path / "out" / "corrected.urdf").read_text()
+    model = mujoco.MjModel.from_xml_path(str(tmp_path / "out" / "corrected.xml"))
+    data = mujoco.MjData(model)
+    q = rng.uniform(-1, 1, 6)
+    for joint, value in zip(ur10.joint_names, q, strict=True):
+        data.qpos[model.jnt_qposadr[mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_JOINT, joint)]] = value
+    mujoco.mj_forward(model, data)
+    body = model.jnt_bodyid[mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_JOINT, "wrist_3_joint")]
+    there = link_poses(text, dict(zip(ur10.joint_names, q, strict=True)))["wrist_3_link"]
+    np.testing.assert_allclose(data.xpos[body], there[:3, 3], atol=1e-6)
+
+
+def _tip_error(text: str, ur10_text: str, rng) -> float:
+    """Largest distance of tips of a model and of the true robot, the pose of the base apart."""
+    names = ("shoulder_pan_joint", "shoulder_lift_joint", "elbow_joint", "wrist_1_joint", "wrist_2_joint")
+    q = {name: rng.uniform(-1, 1, 30) for name in (*names, "wrist_3_joint")}
+    truth, _ = measured(TrueRobot(moved_joint(ur10_text, *PLACE), ZERO), "tool0", q)
+    model, _ = measured(TrueRobot(text), "tool0", q)
+    u, _, vt = np.linalg.svd((truth - truth.mean(0)).T @ (model - model.mean(0)))
+    return float(np.abs(truth - truth.mean(0) - (model - model.mean(0)) @ (u @ vt).T).max())
+
+
+def test_what_is_read_back_from_the_file_says_the_same(wrong, tmp_path):
+    (tmp_path / "diagnosis.json").write_text(json_text(wrong))
+    assert to_json(read_diagnosis(tmp_path)) == json.loads(json_text(wrong))
+
+
+def test_findings_and_frames_stand_where_the_contract_has_them(wrong):
+    content = json.loads(json_text(wrong))
+    assert content["verdict"] == "explained"
+    assert [one["frame"] for one in content["frames"]] == ["tool0", "tool0"]
+    assert [one["unit"] for one in content["frames"]] == ["m", "rad"]
+    places = {(one["effect"], one["joint"]) for one in content["findings"]}
+    assert places == {("encoder_offset", "shoulder_lift_joint"), ("link_geometry", "wrist_1_joint")}
+
+
+def test_the_page_shows_each_finding_and_no_table_of_torques(wrong, ur10):
+    page = report_html(wrong, ur10)
+    assert "<h2>Measured poses</h2>" in page
+    assert "a wrong place of wrist_1_joint" in page
+    assert "Gap of each joint" not in page
+
+
+def test_the_terminal_gives_the_stiffness_that_was_found(ur10, tracked):
+    found = diagnosis_of_poses(ur10, (tracked(42, compliance={"shoulder_lift_joint": 1 / 3e4}),))
+    assert "Elasticity of shoulder_lift_joint (stiffness " in summary(found).replace("\n", " ")
+
+
+@pytest.mark.parametrize(
+    ("torques", "poses", "both"),
+    [
+        ("no_gap", "no_gap", "no_gap"),
+        ("no_gap", "explained", "explained"),
+        ("explained", "no_gap", "explained"),
+        ("not_testable", "no_gap", "no_gap"),
+        ("explained", "partly_explained", "partly_explained"),
+        ("explained", "unknown", "unknown"),
+        ("not_testable", "not_testable", "not_testable"),
+    ],
+)
+def test_the_verdict_is_of_joints_and_frames_together(torques, poses, both):
+    assert verdict_together(torques, poses) == both
+
+
+@pytest.mark.parametrize(("by_torque", "end"), [(0.0031, "they agree"), (0.02, "one of the two has another cause")])
+def test_a_zero_that_torques_show_as_well_is_compared(ur10, tracked, by_torque, end):
+    poses = diagnose_poses(ur10, (tracked(43, zeros=ZERO),))
+    offset = {"offset": Value(by_torque, 2e-4, "rad")}
+    finding = Finding("encoder_offset", "shoulder_lift_joint", "posture", offset, 1.0, (1.0, 1.0), 1.0, (), "supported")
+    assert poses is not None
+    (sentence,) = zero_words((finding,), poses)
+    assert sentence.startswith("The zero of shoulder_lift_joint is off by ")
+    assert sentence.endswith(f"{end}.")
