@@ -11,6 +11,7 @@ import numpy as np
 
 from identification.diagnosis import result as results
 from identification.diagnosis.model.terms import KnownEffect
+from identification.geometry.result import GeometryResult
 from identification.reporting.diagnosis_reader import read_diagnosis
 from identification.reporting.diagnosis_summary import summary
 from identification.words.certainty import as_told
@@ -68,6 +69,11 @@ class Diagnosis:
     def joints(self) -> tuple[results.JointGap, ...]:
         """Residual of each joint before and after, and its noise floor."""
         return self.result.joints
+
+    @property
+    def geometry(self) -> GeometryResult | None:
+        """What measured poses of frames say; None where there were none."""
+        return self.result.geometry
 
     @property
     def bounds(self) -> tuple[results.Bound, ...]:
