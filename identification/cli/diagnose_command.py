@@ -51,7 +51,7 @@ def parser() -> argparse.ArgumentParser:
         metavar="DIR",
         type=Path,
         help="write diagnosis.json, report.html, corrected.yaml, .urdf and .xml, randomisation.yaml, feedforward.py "
-        "and .csv, isaac_lab.py and simulators.yaml there",
+        "and .csv, isaac_lab.py and simulators.yaml there, and residual.py and .csv where a rest is foreseen",
     )
     out.add_argument("--json", metavar="FILE", type=Path, help="write the diagnosis as JSON to this file")
     add_list(out, "--hold-out", metavar="LOG", help="recordings that no fit may see; all figures are theirs")

@@ -109,7 +109,7 @@ class ResidualModel:
         states: Expressions of the inner states, in the order of ``s``.
         valid: Range of each input in the recordings.
         rest_closed: Share of the rest's squares that it foresees on held-out blocks.
-        lawful: True if it is the law, False for a sum of terms that fits without being one.
+        lawful: True if the law is in it; False for a sum of terms that fits without being one.
         slow: Speed below which the direction of motion is rounded off.
     """
 

@@ -24,6 +24,7 @@ from identification.export.corrected.nearest_bodies import with_nearest_bodies
 from identification.export.uses.feedforward import feedforward_code, feedforward_table
 from identification.export.uses.randomisation import randomisation_of
 from identification.export.uses.randomisation_file import randomisation_text
+from identification.export.uses.residual_model import residual_code, residual_note, residual_of, residual_table
 from identification.export.uses.simulator_files import ISAAC, SIMULATORS, isaac_lab_text, simulators_text
 from identification.geometry.terms import ZERO
 from phantom_dyn.errors import PhantomDynError
@@ -33,6 +34,10 @@ from phantom_dyn.motion import Motion
 RANDOMISATION, FEEDFORWARD, TABLE = "randomisation.yaml", "feedforward.py", "feedforward.csv"
 NAMES = (URDF, MJCF, RANDOMISATION, FEEDFORWARD, TABLE, ISAAC, SIMULATORS)
 """Files beside ``corrected.yaml``."""
+
+RESIDUAL, RESIDUAL_TABLE = "residual.py", "residual.csv"
+OPTIONAL = (RESIDUAL, RESIDUAL_TABLE)
+"""Files that only some diagnoses have."""
 
 _POSTURES = 3  # on which a model without findings is compared with its file
 _COMPLETE = 2  # model files: URDF and MJCF
@@ -97,6 +102,9 @@ def export_texts(
     notes += told
     corrected, evidence = models.corrected, diagnosis.evidence
     notes += rollout_note(corrected, texts.get(MJCF, ""), _recorded_motion(diagnosis), evidence.tau_measured)
+    residual = residual_of(diagnosis)
+    if residual is not None:
+        notes.append(residual_note(residual))
     for name, make in _others(diagnosis, corrected, known).items():
         try:
             texts[name] = make()
@@ -231,7 +239,14 @@ def _others(
     def code() -> str:
         return feedforward_code(corrected, diagnosis)
 
-    return {
+    residual = residual_of(diagnosis)
+    offered: dict[str, Callable[[], str]] = {}
+    if residual is not None:
+        offered = {
+            RESIDUAL: lambda: residual_code(residual),
+            RESIDUAL_TABLE: lambda: residual_table(residual, diagnosis),
+        }
+    return offered | {
         RANDOMISATION: lambda: randomisation_text(randomisation_of(diagnosis, corrected.base), known),
         FEEDFORWARD: code,
         TABLE: lambda: feedforward_table(corrected, diagnosis, code()),

@@ -26,8 +26,8 @@ from identification.diagnosis.result import (
     Rival,
     Unexplained,
 )
-from identification.export.all_files import NAMES as MODELS
-from identification.export.all_files import export_texts, not_held
+from identification.export.all_files import NAMES as ALWAYS
+from identification.export.all_files import OPTIONAL, export_texts, not_held
 from identification.export.corrected.corrected_yaml import write_corrected
 from identification.file_sets import with_run, write_together
 from identification.files import require_writable, require_writable_folder, temporary_beside
@@ -41,6 +41,7 @@ Json = dict[str, "Json"] | list["Json"] | str | float | int | bool | None
 
 NAMES = ("diagnosis.json", "report.html", "corrected.yaml")
 NEXT = "next.csv"
+MODELS = (*ALWAYS, *OPTIONAL)
 
 
 def to_json(diagnosis: Diagnosis) -> dict[str, Json]:

@@ -16,6 +16,7 @@ from identification.diagnosis.law.selection import (
     Products,
     Terms,
     block_products,
+    extended,
     gains,
     squares,
     stepwise,
@@ -185,15 +186,22 @@ def search_formula(rest: Rest, columns: Columns, before: Float[Array, " B"], mos
     return longest
 
 
-def cross_validated(rest: Rest, columns: Columns, most: int) -> Float[Array, "m B"]:
-    """Squares left of each block at every size, none included, by choices that have not seen its fold."""
+def cross_validated(rest: Rest, columns: Columns, most: int, start: Chosen = ()) -> Float[Array, "m B"]:
+    """Squares left of each block at every size, none included, by choices that have not seen its fold.
+
+    Args:
+        rest: What is left on the joint.
+        columns: The library on it.
+        most: Terms at most, beside those at the start.
+        start: Terms that every choice has.
+    """
     terms, products, folds, free = columns.terms, columns.products, rest.folds, columns.free
     loss = np.zeros((most + 1, len(folds)))
     moved = list(range(len(columns.size), columns.x.shape[1]))
     for fold in np.unique(folds):
         train = products.summed(((folds >= 0) & (folds != fold)).astype(float))
         freed = free.taken_out(train)
-        path = [(), *stepwise(terms, freed, most)]
+        path = extended(terms, freed, start, most)
         for size in range(most + 1):
             at = terms.columns(path[min(size, len(path) - 1)])
             theta = freed.fitted(at)

@@ -13,7 +13,8 @@ import numpy as np
 
 from identification.diagnosis.law.formula_search import Choice, Columns, best_size, cross_validated
 from identification.diagnosis.law.rest import Rest
-from identification.diagnosis.law.selection import Free, stepwise
+from identification.diagnosis.law.selection import Free, extended
+from identification.diagnosis.law.terms import supply_loads
 from identification.diagnosis.rest_law import ModelTerm, ResidualModel
 
 Array = np.ndarray
@@ -37,12 +38,13 @@ def model_of(rest: Rest, columns: Columns, choice: Choice, *, lawful: bool) -> R
     count = len(columns.size)
     free = Free(np.zeros((0, 0)), np.zeros(0))
     plain = replace(columns, x=columns.x[:, :count], products=columns.products.of(list(range(count))), free=free)
-    loss = cross_validated(rest, plain, _MOST)
+    start = choice.chosen if lawful else ()
+    loss = cross_validated(rest, plain, _MOST, start)
     whole = plain.products.summed((rest.folds >= 0).astype(float))
-    path = [(), *stepwise(plain.terms, whole, _MOST)]
+    path = extended(plain.terms, whole, start, _MOST)
     size = min(best_size(loss), len(path) - 1)
-    closed = float(1.0 - loss[size].sum() / max(loss[0].sum(), 1e-300))
-    if size == 0 or closed < _LEAST:
+    closed = float(1.0 - loss[size].sum() / max(plain.products.total.sum(), 1e-300))
+    if not path[size] or closed < _LEAST:
         return None
     at = plain.terms.columns(path[size])
     theta = -whole.fitted(at) / plain.size[at]
@@ -52,16 +54,23 @@ def model_of(rest: Rest, columns: Columns, choice: Choice, *, lawful: bool) -> R
         texts |= dict(zip((int(plain.terms.first[k]), int(plain.terms.second[k])), term.texts, strict=False))
     inputs = frozenset().union(*(plain.library[k].inputs for k in path[size]))
     needed = tuple(name for name in rest.inputs if name in inputs)
-    states: list[str] = []
-    terms = tuple(
-        ModelTerm(texts[column], _code(rest, texts[column], states), float(value))
-        for column, value in zip(at, theta, strict=True)
-    )
+    terms, states = residual_terms(rest, list(zip((texts[column] for column in at), theta.tolist(), strict=True)))
     speed = f"v.{rest.joint}"
     fast = float(np.percentile(np.abs(rest.series(speed)), 90)) if speed in rest.inputs else 1.0
-    same = lawful and set(path[size]) == set(choice.chosen)
     ranges = rest.ranges(tuple(_measured(rest, name) for name in needed))
-    return ResidualModel(rest.joint, rest.unit, terms, tuple(states), ranges, closed, same, _SLOW * fast)
+    return ResidualModel(rest.joint, rest.unit, terms, states, ranges, closed, lawful, _SLOW * fast)
+
+
+def residual_terms(rest: Rest, terms: list[tuple[str, float]]) -> tuple[tuple[ModelTerm, ...], tuple[str, ...]]:
+    """Terms with their code, and the states that these need.
+
+    Args:
+        rest: Names the joints.
+        terms: Text and coefficient of each.
+    """
+    states: list[str] = []
+    out = tuple(ModelTerm(text, _code(rest, text, states), coefficient) for text, coefficient in terms)
+    return out, tuple(states)
 
 
 def _measured(rest: Rest, name: str) -> str:
@@ -79,25 +88,19 @@ def _code(rest: Rest, text: str, states: list[str]) -> str:
     """
     for name, factory in (("bristle", "Bristle"), ("slip", "Slip")):
         for found in re.findall(rf"{name}\(dx/({_NUMBER})\)", text):
-            text = text.replace(f"{name}(dx/{found})", _state(states, f'{factory}("q.{rest.joint}", {found})'))
+            state = f"{factory}({f'q.{rest.joint}'!r}, {found})"
+            text = text.replace(f"{name}(dx/{found})", _state(states, state))
     for lag, mean in re.findall(rf"load\(({_NUMBER}) s, ({_NUMBER})\)", text):
-        names = tuple(name for name in rest.inputs if name.startswith("tau."))
-        own = f"tau.{rest.joint}"
-        loads = names if own in names else (f"tl.{rest.joint}", *names)
-        text = text.replace(f"load({lag} s, {mean})", _state(states, f"Load({loads!r}, {lag}, {mean})"))
-    others = sorted((f"{kind}.{name}" for name in rest.others for kind in ("q", "v", "tau")), key=len, reverse=True)
-    held = {}
-    for number, name in enumerate(others):
-        if name in text:
-            held[f"@{number}@"] = f"x[{name!r}]"
-            text = re.sub(rf"(?<![\w.]){re.escape(name)}(?![\w.])", f"@{number}@", text)
+        state = f"Load({supply_loads(rest.inputs, rest.joint)!r}, {lag}, {mean})"
+        text = text.replace(f"load({lag} s, {mean})", _state(states, state))
     text = re.sub(r"\|([^|]*)\|", r"abs(\1)", text).replace("^", "**").replace("sign(", "side(")
-    for kind in ("q", "v", "tl", "tau", "temp"):
-        text = re.sub(rf"(?<![\w.@\"\[']){kind}(?![\w.(@])", f"x['{kind}.{rest.joint}']", text)
-    text = re.sub(r"(?<![\w.@\"\['])t(?![\w.(@])", "x['t']", text)
-    for mark, name in held.items():
-        text = text.replace(mark, name)
-    return text
+    others = sorted((f"{kind}.{name}" for name in rest.others for kind in ("q", "v", "tau")), key=len, reverse=True)
+    spelled = [(name, name) for name in others]
+    spelled += [(kind, f"{kind}.{rest.joint}") for kind in ("q", "v", "a", "tl", "tau", "temp")] + [("t", "t")]
+    # Marks first: what stands for one name must not be searched for the next.
+    for mark, (short, _) in enumerate(spelled):
+        text = re.sub(rf"(?<![\w.@]){re.escape(short)}(?![\w.(@])", f"@{mark}@", text)
+    return re.sub(r"@(\d+)@", lambda found: f"x[{spelled[int(found[1])][1]!r}]", text)
 
 
 def _state(states: list[str], expression: str) -> str:

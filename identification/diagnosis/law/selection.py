@@ -175,6 +175,20 @@ def stepwise(terms: Terms, products: Products, most: int) -> list[Chosen]:
     return out
 
 
+def extended(terms: Terms, products: Products, start: Chosen, most: int) -> list[Chosen]:
+    """Chosen terms with none to ``most`` others added to given ones, which stay; without given ones as `stepwise`."""
+    if not start:
+        return [(), *stepwise(terms, products, most)]
+    out = [start]
+    for _ in range(most):
+        gain = gains(terms, products, out[-1])
+        best = int(np.argmax(gain))
+        if gain[best] <= 0.0:
+            break
+        out.append((*out[-1], best))
+    return out
+
+
 def _exchanged(terms: Terms, products: Products, chosen: Chosen) -> Chosen:
     """The same number of terms, each exchanged for a better one beside the others while that helps."""
     left = squares(terms, products, chosen)

@@ -261,11 +261,10 @@ def _heat(at: _Joint) -> Iterator[Term]:
 
 def _supply(at: _Joint) -> Iterator[Term]:
     """A drive that gives less under the load of all drives."""
-    names = [name for name in at.rest.logs[0].inputs if name.startswith("tau.")]
-    own = f"tau.{at.joint}" if f"tau.{at.joint}" in names else f"tl.{at.joint}"
-    loads = [own, *(name for name in names if name != own)]
-    if own not in at.rest.logs[0].inputs:
+    loads = supply_loads(at.rest.inputs, at.joint)
+    if not loads:
         return
+    own = loads[0]
     mean = rounded(np.mean([np.mean(sum(np.abs(log.inputs[n]) for n in loads)) for log in at.rest.logs]))
     for lag in _LAGS:
 
@@ -275,6 +274,13 @@ def _supply(at: _Joint) -> Iterator[Term]:
 
         text = f"{own.split('.')[0]}*(load({lag:g} s, {mean:.3g}) - 1)"
         yield Term("voltage sag", frozenset(loads), (text,), at.rest.unit, (sag,))
+
+
+def supply_loads(inputs: tuple[str, ...], joint: str) -> tuple[str, ...]:
+    """Inputs that are drive torques, the joint's own first; nothing where its own is not among them."""
+    names = [name for name in inputs if name.startswith("tau.")]
+    own = f"tau.{joint}" if f"tau.{joint}" in names else f"tl.{joint}"
+    return (own, *(name for name in names if name != own)) if own in inputs else ()
 
 
 def _behind(x: Float[Array, " N"], dt: float, lag: float) -> Float[Array, " N"]:

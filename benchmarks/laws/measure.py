@@ -1,0 +1,203 @@
+"""How often the inputs of a law outside the catalogue are named, and how much its formula foresees.
+
+``python -m benchmarks.laws.measure --laws 3000:3100 --nulls 3000:3100``. Each case is drawn by its seed, diagnosed as
+``phantom-dyn diagnose`` does it up to the verdict, and scored against the law that its generator put in. An oracle that
+knows the law fits its amplitudes to the same rest, on the same blocks and with the same freedom of the model.
+
+A case that the catalogue explains has no rest to look at; it is counted apart. What its findings name is compared with
+the law too: friction with memory may rightly be called presliding, and friction by temperature is in the catalogue.
+"""
+
+from __future__ import annotations
+
+import argparse
+import tempfile
+import time
+from collections import Counter
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from benchmarks.blind.proportions import Proportion
+from benchmarks.laws.cases import RATE, Case, make
+from identification.data.reading import read_recording
+from identification.diagnosis.explanation import explained
+from identification.diagnosis.judge.findings import Shown
+from identification.diagnosis.judge.judgement import judged
+from identification.diagnosis.law.find_law import with_law
+from identification.diagnosis.law.formula_search import columns_of, settled, without_law
+from identification.diagnosis.law.rest import Rest, rest_of
+from identification.diagnosis.law.selection import Free, block_products
+from identification.diagnosis.model.session import session_of
+from identification.diagnosis.result import Judgement
+from identification.regression.triangular import one_blas_thread
+from phantom_dyn import load_robot
+from phantom_dyn.errors import PhantomDynError
+
+FLOORS = 4.0
+CLOSES = 0.8
+# What findings say that a torque depends on.
+_FINDINGS = {
+    "presliding_friction": "dx v",
+    "coulomb_friction": "v",
+    "viscous_friction": "v",
+    "stribeck_friction": "v",
+    "direction_dependent_friction": "v",
+    "load_dependent_friction": "tl v",
+    "temperature_dependent_friction": "temp v",
+    "cogging": "q",
+    "parasitic_spring": "q",
+    "torque_constant": "tau",
+}
+
+
+@dataclass(frozen=True)
+class Answer:
+    """What came of one case.
+
+    Attributes:
+        case: The case.
+        verdict: Of the diagnosis; ``refused`` where there is none.
+        looked: True if a structured rest was looked at.
+        law: True if a law was shown.
+        right: True if the named inputs are those of the law.
+        explained: True if the findings name them.
+        closed: What the formula foresees over what the oracle does.
+        seconds: That the law took.
+        text: The formula, or the findings.
+    """
+
+    case: Case
+    verdict: str
+    looked: bool = False
+    law: bool = False
+    right: bool = False
+    explained: bool = False
+    closed: float = 0.0
+    seconds: float = 0.0
+    text: str = ""
+
+
+@one_blas_thread()
+def diagnosed(case: Case) -> tuple[Judgement, Shown, float]:
+    """Judgement with its law, the fits behind it, and how long the law took."""
+    robot = load_robot(case.folder / "robot.urdf")
+    recording = read_recording(case.folder / "log.csv", robot)
+    before, shown = judged(explained(session_of(robot, (recording,))), lambda _: None)
+    started = time.perf_counter()
+    return with_law(before, shown), shown, time.perf_counter() - started
+
+
+def answer_of(case: Case) -> Answer:
+    """Diagnose a case and score it."""
+    try:
+        judgement, shown, seconds = diagnosed(case)
+    except PhantomDynError as error:
+        return Answer(case, "refused", text=str(error))
+    left, found = judgement.unexplained, judgement.unexplained.dependence
+    told = "; ".join(f"{finding.effect} {finding.joint}" for finding in judgement.findings)
+    named = frozenset(
+        f"{kind}.{finding.joint}" for finding in judgement.findings
+        for kind in _FINDINGS.get(finding.effect, finding.effect).split()
+    )  # fmt: skip
+    explained_by = case.law is not None and _names(case, named) and left.law is None
+    if found is None:
+        return Answer(case, judgement.verdict, explained=explained_by, text=told)
+    right = case.law is not None and found.joint == case.joint and _names(case, frozenset(found.inputs))
+    closed = 0.0
+    if left.law is not None and case.law is not None and found.joint == case.joint:
+        closed = found.rest_closed / max(_oracle(case, shown, judgement), 1e-9)
+    text = told if left.law is None else f"{left.law.formula}   [{told}]"
+    law = left.law is not None
+    return Answer(case, judgement.verdict, True, law, right, explained_by, closed, seconds, text)
+
+
+def _names(case: Case, named: frozenset[str]) -> bool:
+    assert case.law is not None
+    return all(named & group for group in case.law.required) and named <= case.law.allowed
+
+
+def _oracle(case: Case, shown: Shown, judgement: Judgement) -> float:
+    """Share of the rest that the true law foresees on held-out blocks, its amplitudes fitted to the others."""
+    assert case.law is not None
+    rest = rest_of(shown, case.joint, np.array([joint.noise_floor for joint in judgement.joints]))
+    columns = columns_of(rest)
+    before = without_law(rest, columns)
+    rest, _ = settled(rest, columns)
+    x = np.concatenate([log.in_band(_parts(case, rest, k)) for k, log in enumerate(rest.logs)])
+    x = x / np.sqrt(np.mean(x**2, axis=0))
+    count = x.shape[1]
+    x = np.column_stack([x, np.concatenate([log.free for log in rest.logs])])
+    products = block_products(x, rest.y, rest.weight, rest.blocks, len(rest.folds))
+    free, loss = Free(rest.precision, rest.right), 0.0
+    for fold in np.unique(rest.folds):
+        train = products.summed((rest.folds != fold).astype(float))
+        theta = free.taken_out(train).fitted(list(range(count)))
+        theta = np.concatenate([theta, free.beside(train, list(range(count)), theta)])
+        loss += sum(
+            products.block(k).left(list(range(x.shape[1])), theta) for k in np.flatnonzero(rest.folds == fold).tolist()
+        )
+    return 1.0 - loss / before.sum()
+
+
+def _parts(case: Case, rest: Rest, log: int) -> np.ndarray:
+    assert case.law is not None
+    t = np.arange(len(case.law.parts)) / RATE
+    return np.column_stack([np.interp(rest.logs[log].t, t, part) for part in case.law.parts.T])
+
+
+def _seeds(text: str) -> range:
+    start, stop = text.split(":")
+    return range(int(start), int(stop))
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--laws", type=_seeds, default=range(0), help="seeds, as 0:20")
+    parser.add_argument("--nulls", type=_seeds, default=range(0), help="seeds, as 0:20")
+    chosen = parser.parse_args()
+    answers: list[Answer] = []
+    for null, seeds in ((False, chosen.laws), (True, chosen.nulls)):
+        for seed in seeds:
+            with tempfile.TemporaryDirectory() as folder:
+                answers.append(answer_of(make(seed, Path(folder), null=null)))
+            print(_line(seed, answers[-1]), flush=True)
+    print("\n".join(_summary(answers)))
+
+
+def _line(seed: int, one: Answer) -> str:
+    how = ("right" if one.right else "wrong") if one.looked else "explained" if one.explained else "not looked at"
+    closed = f"{one.closed:.2f} of the oracle" if one.law else "no formula"
+    case = f"{seed} {one.case.name} gap {one.case.gap:.1f}"
+    return f"{case} {one.verdict}: {how}, {closed}, {one.seconds:.1f} s | {one.text}"
+
+
+def _summary(answers: list[Answer]) -> list[str]:
+    laws = [one for one in answers if one.case.law is not None and one.case.gap >= FLOORS]
+    nulls = [one for one in answers if one.case.law is None]
+    looked = [one for one in laws if one.looked]
+    named = sum(one.right or one.explained for one in laws)
+    out = [
+        f"{len(laws)} laws of {FLOORS:g} floors or more, {len(looked)} of them with a structured rest",
+        f"inputs named, of structured rests: {Proportion(sum(one.right for one in looked), len(looked))}",
+        f"inputs named by law or findings, of all: {Proportion(named, len(laws))}",
+        f"formula shown, of structured rests: {Proportion(sum(one.law for one in looked), len(looked))}",
+        f"formula closes {CLOSES:.0%} of the oracle's, of structured rests: "
+        f"{Proportion(sum(one.closed >= CLOSES for one in looked), len(looked))}",
+        f"law claimed on nulls: {Proportion(sum(one.law for one in nulls), len(nulls))}",
+    ]
+    if looked:
+        out.append(f"seconds for a law: {np.median([one.seconds for one in looked]):.1f} (median)")
+    for name in dict.fromkeys(one.case.name for one in laws):
+        own = [one for one in laws if one.case.name == name]
+        verdicts = ", ".join(f"{count} {verdict}" for verdict, count in Counter(one.verdict for one in own).items())
+        out.append(
+            f"  {name}: {len(own)} cases ({verdicts}), {sum(one.looked for one in own)} with a rest, "
+            f"{sum(one.right for one in own)} right, {sum(one.explained for one in own)} explained rightly"
+        )
+    return out
+
+
+if __name__ == "__main__":
+    main()
