@@ -7,6 +7,7 @@ import re
 import pytest
 
 from called_example import printed
+from places import CHECKOUT
 
 pytestmark = pytest.mark.whole
 
@@ -30,6 +31,12 @@ def test_it_moves_within_the_published_workspace(out):
 def test_each_rod_has_one_parameter(out):
     """Published: one parameter per rod."""
     assert re.findall(r"^  (?:no|one|both) rods?.*? (\d+)$", out, flags=re.MULTILINE) == ["22", "23", "24", "22"]
+
+
+def test_the_page_states_the_mass_that_is_printed(out):
+    found = re.search(r"apparent mass ([\d.]+ to [\d.]+ kg)", out)
+    assert found
+    assert f"{found[1]} at the handle" in " ".join((CHECKOUT / "docs" / "haptics.md").read_text().split())
 
 
 def test_friction_is_found_proportional_to_the_pretension(out):
