@@ -27,6 +27,20 @@ class ParameterError(PhantomDynError, ValueError):
     """A parameter has the wrong length, is out of bounds or is not physically consistent."""
 
 
+class RunawayError(ParameterError):
+    """A simulated motion leaves all bounds.
+
+    Attributes:
+        t: When [s].
+    """
+
+    def __init__(self, t: float) -> None:
+        super().__init__(
+            f"The motion leaves all bounds after {t:.4g} s: check controller and parameters, or shorten max_step."
+        )
+        self.t = t
+
+
 class EffectError(PhantomDynError, ValueError):
     """An effect that a user brought cannot be used: the text says where it is from, what was wanted and what to do."""
 

@@ -107,7 +107,7 @@ def checked_file(
 def _read(
     path: str | Path, robot: Robot, columns: str | Path | None, topic: str | None, ref_topic: str | None
 ) -> Recording:
-    """The recording, without torque where it holds poses alone."""
+    """The recording, without torque where it holds poses alone, or references of controllers in its place."""
 
     def read(torque_needed: bool) -> Recording:
         return read_recording(
@@ -118,6 +118,6 @@ def _read(
         return read(True)
     except NoTorqueError:
         found = read(False)
-        if not found.poses_alone:
+        if not found.poses_alone and found.q_ref is None:
             raise
         return found

@@ -23,7 +23,7 @@ from identification.rollout.shots import Shot, controlled, under_control, under_
 from identification.rollout.simulated_models import LEAD, Model, at_work, corrected_model, known_causes, model_of
 from phantom_dyn._kernels.jit import compiles
 from phantom_dyn.effects.operation import Operation
-from phantom_dyn.errors import ParameterError, PhantomDynError, RobotError
+from phantom_dyn.errors import ParameterError, PhantomDynError, RobotError, RunawayError
 
 Array = np.ndarray
 
@@ -187,6 +187,9 @@ def _tried(explained: Explained, shoot: Shoot, horizons: tuple[float, ...], driv
             break
         except (PhantomDynError, np.linalg.LinAlgError) as error:
             problem = error
+    if isinstance(problem, RunawayError):
+        why = f"the simulated robot runs away within {problem.t:.2g} s of a recorded state, with one of the two models."
+        return Rollout(None, {}, {}, notes=(f"No motion was simulated under {drive}: {why}",))
     return Rollout(None, {}, {}, notes=(f"No motion was simulated under {drive}: {_begun(str(problem))}",))
 
 

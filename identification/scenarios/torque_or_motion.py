@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import replace
 
 from identification.data.joint_torque import NoTorqueError
 from identification.data.recording import Recording
@@ -54,4 +55,21 @@ def moved_by_controllers(robot: Robot, recordings: tuple[Recording, ...]) -> tup
     """
     if all(one.q_ref is not None for one in recordings):
         robot, recordings = with_estimated_gains(robot, recordings)
-    return robot, tuple(with_commanded_torque(one, robot) for one in recordings)
+    return robot, _told_once(tuple(with_commanded_torque(one, robot) for one in recordings))
+
+
+def _told_once(recordings: tuple[Recording, ...]) -> tuple[Recording, ...]:
+    """The recordings with the last sentence of all but the first left out where it is that of the first one."""
+    first = recordings[0]
+    if not first.warnings or not first.warnings[-1].startswith(first.file):
+        return recordings
+    words = first.warnings[-1].removeprefix(first.file)
+    alike = [one for one in recordings[1:] if one.warnings and one.warnings[-1] == one.file + words]
+    if not alike:
+        return recordings
+    told = (*first.warnings[:-1], f"{first.file} and {len(alike)} more{words}")
+    others = tuple(
+        replace(one, warnings=one.warnings[:-1]) if any(one is same for same in alike) else one
+        for one in recordings[1:]
+    )
+    return (replace(first, warnings=told), *others)

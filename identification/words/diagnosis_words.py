@@ -22,7 +22,13 @@ UNDECIDED = 0.5  # probability below which a finding is told as undecided
 _SEVERAL = 3  # joints from which all of a robot are named by their number
 _TIMES = 3  # stretches that a sentence names
 
-SURENESS = ((0.99, "practically certain"), (0.9, "very likely"), (0.7, "likely"), (0.5, "more likely than not"))
+SURENESS = (
+    (0.99, "practically certain"),
+    (0.9, "very likely"),
+    (0.7, "likely"),
+    (0.505, "more likely than not"),
+    (0.495, "as likely as not"),
+)
 PROPOSED = "Record the next experiment that is proposed below: it separates the causes that are left."
 NO_RIVAL = "nothing else in the catalogue explains the data as well"
 
@@ -379,7 +385,7 @@ def unexplained_phrase(unexplained: Unexplained) -> str:
 
 def parameter_name(name: str) -> str:
     """``torque positive`` for ``torque_positive``; the parameters of a body keep the body's name as it is."""
-    return name if "." in name else name.replace("_", " ")
+    return name if "." in name else name.replace("_", " ").replace("coulomb", "Coulomb")
 
 
 def joined(parts: list[str], last: str = " and ") -> str:

@@ -31,10 +31,15 @@ def with_std(value: float, std: float) -> str:
     exponent = math.floor(math.log10(largest))
     digits = max(0, 1 - math.floor(math.log10(std)))
     if -4 <= exponent <= 5 and digits <= 8:
-        return f"{value:.{digits}f} ± {std:.{digits}f}"
+        return f"{_no_minus_zero(f'{value:.{digits}f}')} ± {std:.{digits}f}"
     scale = 10.0**exponent
     digits = min(12, max(0, 1 - math.floor(math.log10(std / scale))))
     return f"({value / scale:.{digits}f} ± {std / scale:.{digits}f})e{exponent}"
+
+
+def _no_minus_zero(text: str) -> str:
+    """A rounded number; zero has no sign."""
+    return text if float(text) else text.removeprefix("-")
 
 
 def number(value: float, digits: int = 3) -> str:

@@ -19,7 +19,7 @@ from jaxtyping import Float
 
 from phantom_dyn.effects.effect import Effect
 from phantom_dyn.effects.simulated import Moment, Simulated
-from phantom_dyn.errors import ParameterError
+from phantom_dyn.errors import ParameterError, RunawayError
 from phantom_dyn.model.robot import Robot
 from phantom_dyn.motion import Motion, read_only
 from phantom_dyn.simulation.compiled.arrays import Moving, Plan, Rows, moving_from, rows_for
@@ -157,7 +157,7 @@ def _compiled(
         broke = steps.run(steps.machine, steps.laws, control, moving, now, out)
         if broke >= 0:
             require_closed_loops(steps.machine, float(now.t[broke]), robot)
-            raise _unbounded(float(now.t[broke]))
+            raise RunawayError(float(now.t[broke]))
 
     if isinstance(controller, Tracking):
         run(plan, rows)
@@ -190,7 +190,7 @@ def _in_python(machine: Machine, state: State, channels: Channels, plan: Plan) -
         for i in range(count):
             state = stepped(machine, state, t + i * h, h, channels.torques(h))
             if not np.abs(state.v).max() < plan.far:
-                raise _unbounded(t)
+                raise RunawayError(t)
             if i == 0:
                 rows.after[k] = state.a
     return rows
@@ -266,9 +266,3 @@ def _recorded(machine: Machine, t: Array, rows: Rows, *, sensed: bool) -> Simula
 def _is_held(robot: Robot) -> bool:
     """True if a torque is held from one sample to the next."""
     return robot.torque_hold == "zoh"
-
-
-def _unbounded(t: float) -> ParameterError:
-    return ParameterError(
-        f"The motion leaves all bounds after {t:.4g} s: check controller and parameters, or shorten max_step."
-    )

@@ -21,7 +21,7 @@ from identification.data.checks.model_units import wrong_units
 from identification.data.checks.plausible_fit import unexplained
 from identification.data.checks.readings import Reading
 from identification.data.checks.suspects import Suspect
-from identification.data.checks.torque_scales import scale_suspects
+from identification.data.checks.torque_scales import load_or_current, scale_suspects, torque_scales
 from identification.data.recording import Fault, Recording
 from phantom_dyn.dynamics.dynamics import inverse_dynamics, modelled_friction, standard_parameters
 from phantom_dyn.errors import ChainError, listed
@@ -166,6 +166,26 @@ def _offer(recording: Recording, found: Compared) -> str:
     )
 
 
+def load_or_current_words(recording: Recording, robot: Robot, reading: Reading | None) -> tuple[str, ...]:
+    """A sentence on torques that are all as many times what the model needs: a load, or a motor current.
+
+    Args:
+        recording: Says what its torques were computed from; of those nothing is said.
+        robot: The given model.
+        reading: Some of its samples, smoothed.
+    """
+    if reading is None or set(recording.torque_from.values()) - {"tau"} or robot.nv > _MOST_JOINTS:
+        return ()
+    found = load_or_current(robot, torque_scales(robot, reading))
+    if found is None:
+        return ()
+    words, entries = found
+    return (
+        f"{recording.file}: {words}, {_entries_words(entries)}, or state torque_constant and gear_ratio in robot.yaml "
+        "and name the columns i.<joint>.",
+    )
+
+
 def _fault(recording: Recording, robot: Robot, reading: Reading, found: Compared) -> Fault:
     """The sentence on a reading that is better than the data as they stand."""
     if found.suspect.expected:
@@ -199,7 +219,11 @@ def _mend(recording: Recording, suspect: Suspect) -> str:
             f"the torque was computed from {columns}: mend these columns with a column map (--columns), or "
             "torque_constant and gear_ratio in robot.yaml"
         )
-    pairs = [f"{key}: {value}" for key, value in suspect.entries.items()]
+    return _entries_words(suspect.entries)
+
+
+def _entries_words(entries: dict[str, str]) -> str:
+    pairs = [f"{key}: {value}" for key, value in entries.items()]
     entry = pairs[0] if len(pairs) == 1 else "{" + ", ".join(pairs) + "}"
     return f"write {entry} into a column map and give it with --columns"
 

@@ -14,7 +14,7 @@ from identification.data.checks.against_model import (
     model_torque,
     spread_samples,
 )
-from identification.data.checks.certain_faults import certain_faults
+from identification.data.checks.certain_faults import certain_faults, load_or_current_words
 from identification.data.checks.filtered_torques import check_filtered, filtered_joints
 from identification.data.checks.positions import (
     check_coarse_step,
@@ -86,6 +86,7 @@ def checked(recording: Recording, robot: Robot | None) -> Checked:
     if wrong or offers:
         # What else a comparison with the model finds is mostly the echo of these.
         return Checked((*out, *offers), wrong)
+    out += load_or_current_words(recording, robot, reading)
     felt = recording
     if external is not None and forces is not None and forces.tau is not None and smooth.tau is not None:
         felt = replace(recording, tau=recording.tau + external, forces={})

@@ -23,6 +23,8 @@ _OTHER_UNIT = float(np.log(4.0))
 # The same from which on a joint beside such a one is given a factor too.
 _OWN = float(np.log(1.5))
 # Both halves of the record see the same factor to this, and the model explains this share of the torque by it.
+# Joints whose factors differ by less than a factor of two have one in common.
+_AGREE = float(np.log(2.0))
 _ALIKE, _SHARE = float(np.log(1.3)), 0.5
 
 
@@ -44,6 +46,44 @@ def torque_scales(robot: Robot, reading: Reading) -> Float[Array, " nv"]:
     return out
 
 
+def common_scale(scales: Float[Array, " nv"]) -> float | None:
+    """Torque by the model per unit of the measured one where all joints that tell it agree; None where they do not.
+
+    One factor of all is what a load would make too that the model lacks, and on one joint nothing else can be seen.
+
+    Args:
+        scales: Of each joint, see `torque_scales`.
+    """
+    known = scales[~np.isnan(scales)]
+    if not len(known) or np.abs(np.log(known)).min() <= _OTHER_UNIT or np.ptp(np.log(known)) >= _AGREE:
+        return None
+    return float(np.exp(np.mean(np.log(known))))
+
+
+def load_or_current(robot: Robot, scales: Float[Array, " nv"]) -> tuple[str, dict[str, str]] | None:
+    """What one factor of all torques may mean, and the entries of a column map if these are currents.
+
+    Args:
+        robot: The given model.
+        scales: Of each joint, see `torque_scales`.
+
+    Returns:
+        A sentence without its end, and the entries; None where there is no factor in common.
+    """
+    scale = common_scale(scales)
+    if scale is None:
+        return None
+    joints = tuple(np.flatnonzero(~np.isnan(scales)).tolist())
+    units = sorted({"N/A" if robot.prismatic[j] else "N m/A" for j in joints})
+    load = "carries a load or is heavier" if scale < 1 else "is lighter"
+    which, are, alike = ("torque", "is", "") if len(joints) == 1 else ("torques", "are", ", all alike")
+    return (
+        f"the {which} of {names(robot, joints)} {are} {1 / scale:.2g} times what weight "
+        f"and inertia of the model need{alike}: if the robot {load} than its model, nothing is to be done, as the "
+        f"diagnosis says so; if this is a motor current, with a factor of about {scale:.2g} {listed(units)}"
+    ), gear_entries(robot, {j: f"gear: {scales[j]:.3g}" for j in joints})
+
+
 def scale_suspects(robot: Robot, reading: Reading) -> list[Suspect]:
     """The reading of torques in a unit of each joint's own, where one is far from any that torque constants make.
 
@@ -54,7 +94,8 @@ def scale_suspects(robot: Robot, reading: Reading) -> list[Suspect]:
     scales = torque_scales(robot, reading)
     size = np.abs(np.log(scales))
     far = np.nan_to_num(size) > _OTHER_UNIT
-    if not far.any():
+    # One factor of all joints is what a load would make too: see `load_or_current`.
+    if not far.any() or common_scale(scales) is not None:
         return []
     joints = tuple(np.flatnonzero(np.nan_to_num(size) > _OWN).tolist())
     factor = np.where(np.isin(np.arange(robot.nv), joints), scales, 1.0)

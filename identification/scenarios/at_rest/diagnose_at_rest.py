@@ -175,7 +175,8 @@ def _told(robot: Robot, row: int, stills: Stills, found: GivingWay) -> list[str]
         return [told]
     return [
         told,
-        f"Of {joint} what its controller gives way under load is in it: state its gain kp to separate the two.",
+        f"What the controller of {joint} gives way under load is part of it: state its gain kp in robot.yaml to "
+        "separate the two.",
     ]
 
 

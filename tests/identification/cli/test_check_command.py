@@ -145,3 +145,11 @@ def test_what_was_mended_is_told(log, capsys):
     assert "q of turn has 1 spike or dropout of 1 sample in all (at t = 2.495 s): it was cut out" in (
         capsys.readouterr().out
     )
+
+
+def test_a_log_of_positions_and_references_is_checked_without_torque(pendulum, tmp_path, capsys):
+    t = np.arange(1000) / 100.0
+    table = np.column_stack([t, np.sin(t), np.sin(t + 0.02)])
+    np.savetxt(tmp_path / "log.csv", table, delimiter=",", header="t,q.pin,q_ref.pin", comments="")
+    assert main(["check", str(pendulum), str(tmp_path / "log.csv")]) == 0
+    assert capsys.readouterr().out.startswith("log.csv: 1000 samples, 9.99 s, 100 Hz")

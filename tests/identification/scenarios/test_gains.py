@@ -168,3 +168,11 @@ def test_without_a_gap_and_without_gains_nothing_is_found(pendulum, swung):
 def test_viscous_friction_without_gains_is_no_finding(pendulum):
     diagnosis = diagnose(*moved_by_controllers(pendulum, (moved(pendulum, cause("viscous_friction", "pin", 2.0)),)))
     assert diagnosis.findings == ()
+
+
+def test_what_is_true_of_all_recordings_is_told_once(pendulum, swung):
+    stated = replace(pendulum, actuators=(Actuator(controller=Controller("pd", 60.0, 6.0)),))
+    other = replace(swung, file="other.csv")
+    _, (first, second) = moved_by_controllers(stated, (swung, other))
+    assert first.warnings[-1].startswith("moved.csv and 1 more: positions and references only: ")
+    assert second.warnings == other.warnings

@@ -103,7 +103,8 @@ def test_rivals_are_named_most_probable_first(made_up, own, text):
         (1.0, "practically certain (100 %)"),
         (0.93, "very likely (93 %)"),
         (0.7, "likely (70 %)"),
-        (0.5, "more likely than not (50 %)"),
+        (0.5, "as likely as not (50 %)"),
+        (0.51, "more likely than not (51 %)"),
         (0.3, "undecided (30 %)"),
     ],
 )

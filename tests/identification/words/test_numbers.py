@@ -5,7 +5,7 @@ import math
 import pytest
 
 from identification.diagnosis.result import Value
-from identification.words.numbers_and_names import NO_BREAK, number, percent, value_words
+from identification.words.numbers_and_names import NO_BREAK, number, percent, value_words, with_std
 
 
 @pytest.mark.parametrize(
@@ -48,3 +48,7 @@ def test_a_value_is_shown_to_the_second_digit_of_its_deviation(value, text):
 )
 def test_a_number_has_no_exponent_where_it_reads_better_without(value, digits, text):
     assert number(value, digits) == text
+
+
+def test_a_number_that_rounds_to_zero_has_no_sign():
+    assert with_std(-0.001, 0.15) == "0.00 ± 0.15"

@@ -194,6 +194,20 @@ def test_currents_with_one_factor_of_all_joints_are_refused_with_it(clean, plana
     assert float(said) == pytest.approx(100, rel=0.1)
 
 
+@pytest.mark.parametrize("factor", [0.02, 8.0])
+def test_one_factor_of_a_single_joint_may_be_a_load_or_a_current(clean, pendulum, changed, factor):
+    # Known truth: the torque is divided by the factor; a heavier or lighter rod would need the same.
+    recording = clean(robot=pendulum, friction=1.0)
+    found = checked(changed(recording, tau=recording.tau / factor), pendulum)
+    assert found.wrong == ()
+    (words,) = (words for words in found.warnings if "current" in words)
+    times, said = re.search(r"of pin is (\S+) times .* with a factor of about (\S+) N m/A", words).groups()
+    assert float(times) == pytest.approx(1 / factor, rel=0.15)
+    assert float(said) == pytest.approx(factor, rel=0.15)
+    assert ("carries a load" in words) is (factor < 1)
+    assert "looks like" not in words
+
+
 def test_a_load_on_a_light_arm_is_no_current(clean, planar2):
     # The elbow carries ten times its own mass, and its torque is many times the modelled one, rightly.
     recording = clean(robot=loaded(load_robot(ROBOTS / "planar2.urdf"), 4.0))
