@@ -40,11 +40,17 @@ def _torque_blocks(diagnosis: Diagnosis) -> list[str]:
         _wrapped(words.verdict_sentence(diagnosis)),
         *(_wrapped(line) for line in _gap_line(diagnosis)),
         *(_wrapped(line, "  ") for line in _finding_lines(diagnosis.findings)),
-        *(_wrapped(line) for line in [law_line(diagnosis.unexplained)] if line),
+        *_law_lines(diagnosis),
         "",
         "RMS position error of held-out rests" if diagnosis.at_rest else "RMS torque residual on held-out samples",
         *_gap_table(diagnosis.joints),
     ]
+
+
+def _law_lines(diagnosis: Diagnosis) -> list[str]:
+    """The law of what is left; of an explained gap too little is left to speak of: the report has it."""
+    line = "" if diagnosis.verdict == "explained" else law_line(diagnosis.unexplained)
+    return [_wrapped(line)] if line else []
 
 
 def _gap_line(diagnosis: Diagnosis) -> list[str]:

@@ -48,6 +48,10 @@ def test_the_terminal_names_the_inputs_where_no_formula_stands_out(lawless):
     assert "depends on the velocity and the position of j1; no formula stands out." in text
 
 
+def test_the_terminal_says_no_law_of_the_little_that_an_explained_gap_leaves(lawful):
+    assert "What is left" not in summary(dataclasses.replace(lawful, verdict="explained"))
+
+
 def test_the_report_has_formula_range_and_terms(lawful):
     page = report_html(lawful)
     for text in ("<code>-2*sign(v) [N m]</code>", "v.j2 from -1 to 2", "rust on a hinge", "-2.1 to -1.9"):
