@@ -21,8 +21,8 @@ from identification.diagnosis.result import Diagnosis
 from identification.files import full_words, is_full, require_existing
 from identification.pipeline import diagnose_logs
 from identification.reporting.diagnosis_files import Json, check_targets, to_json, write_outputs
-from identification.words.certainty import as_told
-from identification.words.diagnosis_words import effect_at_finding, headline
+from identification.words.diagnosis_words import effect_at_finding
+from identification.words.geometry_words import all_findings, answer
 from phantom_dyn.errors import LogError, PhantomDynError, UsageError
 from phantom_dyn.large_work import WorkerLostError, spread
 from phantom_dyn.model.robot import Robot
@@ -293,12 +293,12 @@ def _diagnosed(
             return replace(row, refusal=f"{log.name}: {full_words(fault)}.")
         reason = " ".join(str(fault).split())[:160]
         return replace(row, refusal=_FAULT.format(log.name, type(fault).__name__, reason))
-    causes = tuple(effect_at_finding(finding) for finding in diagnosis.findings)
+    causes = tuple(effect_at_finding(finding) for finding in all_findings(diagnosis))
     return replace(
         row,
         verdict=diagnosis.verdict,
         causes=causes,
-        sentence=headline(as_told(diagnosis)),
+        sentence=answer(diagnosis),
         document=to_json(diagnosis),
         refusal=None,
     )

@@ -16,6 +16,7 @@ from identification.reporting.diagnosis_reader import read_diagnosis
 from identification.reporting.diagnosis_summary import summary
 from identification.words.certainty import as_told
 from identification.words.diagnosis_words import capital, effect_at_finding, joined, share_of_gap, sureness
+from identification.words.geometry_words import all_findings
 from identification.words.numbers_and_names import number, percent, value_words
 from phantom_dyn.errors import UsageError
 from phantom_dyn.libraries import optional_library
@@ -99,7 +100,7 @@ class Diagnosis:
         return summary(self.result)
 
     def __repr__(self) -> str:
-        names = [effect_at_finding(finding) for finding in self.findings]
+        names = [effect_at_finding(finding) for finding in all_findings(self.result)]
         more = f" and {len(names) - 3} more" if len(names) > 3 else ""
         said = joined(names[:3], last=", " if more else " and ") + more
         closed = "" if self.gap.closed is None else f", {percent(self.gap.closed)} of the gap closed"

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 import textwrap
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import combinations
 from pathlib import Path
 from statistics import NormalDist
@@ -14,6 +14,7 @@ from identification.diagnosis.decision_rules import SIZES_DIFFER
 from identification.diagnosis.result import Diagnosis, EffectAt, Finding, Gap, Value
 from identification.reporting.diagnosis_reader import FILE
 from identification.words.diagnosis_words import capital, effect_at, effect_at_finding, joined, parameter_name
+from identification.words.geometry_words import all_findings
 from identification.words.numbers_and_names import NO_BREAK, cut_name, number, percent, with_unit
 from phantom_dyn.errors import ParameterError, printable
 
@@ -103,6 +104,7 @@ def compare(diagnoses: Sequence[Diagnosis], names: Sequence[str]) -> Comparison:
     if len(diagnoses) < 2:
         raise ParameterError(f"{len(diagnoses)} diagnosis was given, wanted two or more to compare.")
     _require_same_joints(diagnoses, names)
+    diagnoses = [replace(one, findings=all_findings(one)) for one in diagnoses]
     places = dict.fromkeys(_place(finding) for diagnosis in diagnoses for finding in diagnosis.findings)
     table = {at: tuple(_finding_at(diagnosis, at) for diagnosis in diagnoses) for at in places}
     pairs = [pair for found in table.values() for values in _sizes(found).values() for pair in _pairs(values)]
@@ -138,7 +140,8 @@ def comparison_text(found: Comparison) -> str:
     ):
         if rows:
             lines += ["", head, *(line for row in rows for line in _row_lines(row))]
-    lines += ["", "RMS residual on held-out samples: given model -> corrected model", *_joint_table(found)]
+    if found.diagnoses[0].joints:
+        lines += ["", "RMS residual on held-out samples: given model -> corrected model", *_joint_table(found)]
     runs = [diagnosis.run for diagnosis in found.diagnoses if diagnosis.run]
     if len(set(runs)) < len(runs):
         lines += ["", "Two of these files are of the very same run."]

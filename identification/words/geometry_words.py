@@ -4,15 +4,45 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 
-from identification.diagnosis.result import Value
+from identification.diagnosis.result import Diagnosis, EffectAt, Finding, Rival, Value
 from identification.geometry.result import FrameGap, GeometryResult, Number, Place, PoseFinding
 from identification.geometry.terms import ELASTIC, LINK, ZERO
-from identification.words.diagnosis_words import sureness
+from identification.words.certainty import as_told
+from identification.words.diagnosis_words import headline, sureness
 from identification.words.numbers_and_names import NO_BREAK, number, percent, value_words
 
 _SHIFTS, _TURNS = ("x", "y", "z"), ("rx", "ry", "rz")
 _SMALL = {"m": (1e3, "mm"), "rad": (1e3, "mrad")}
 EFFECTS = {ZERO: "a zero error", LINK: "a wrong place", ELASTIC: "elasticity"}
+
+
+def answer(diagnosis: Diagnosis) -> str:
+    """The verdict in few sentences: of the torques where there are any, then of the poses where there are any."""
+    torques = [] if diagnosis.poses_alone else [headline(as_told(diagnosis.of_torques))]
+    return " ".join([*torques, *([] if diagnosis.geometry is None else sentences(diagnosis.geometry))])
+
+
+def all_findings(diagnosis: Diagnosis) -> tuple[Finding, ...]:
+    """Findings in torque, then those in poses."""
+    return (*diagnosis.findings, *(() if diagnosis.geometry is None else map(_as_finding, diagnosis.geometry.findings)))
+
+
+def _as_finding(one: PoseFinding) -> Finding:
+    places = ((rival, rival.places) for rival in one.rivals)
+    return Finding(
+        effect=one.effect,
+        joint=one.joint,
+        regime="high_load" if one.effect == ELASTIC else "posture",
+        parameters={name: Value(x.value, x.std, x.unit) for name, x in one.parameters.items()},
+        gap_closed=one.gap_closed,
+        gap_closed_interval=one.gap_closed_interval,
+        probability=one.probability,
+        rivals=tuple(
+            Rival(tuple(EffectAt(place.effect, place.joint) for place in of), rival.probability) for rival, of in places
+        ),
+        verdict=one.verdict,
+        share=one.share,
+    )
 
 
 def small_words(value: float, unit: str) -> str:
