@@ -37,7 +37,9 @@ UNSEEN = 1 / 3
 """Share of the numbers that a widened draw takes from what the recordings cannot exclude."""
 INERTIA = ("inertial", "fullinertia")
 ENTRIES = ((0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2))
-CHANGED = tuple(dict.fromkeys((*FIELDS.values(), "body_inertia", "body_iquat")))
+DERIVED = ("body_subtreemass", "body_invweight0", "dof_invweight0", "dof_M0")
+"""What MuJoCo computes from these when it compiles: contacts, limits and dry friction are as soft as these say."""
+CHANGED = tuple(dict.fromkeys((*FIELDS.values(), "body_inertia", "body_iquat", *DERIVED)))
 
 
 def ranges_in(path: Path) -> list[dict[str, Any]]:
@@ -79,7 +81,9 @@ def place_of(model: Any, element: str, attribute: str, name: str) -> int:
         return model.body(name).id
     if element == "motor":
         joint = model.joint(name.removesuffix("_motor")).id
-        return int(np.flatnonzero(model.actuator_trnid[:, 0] == joint)[0])
+        # Of a tendon's actuator the same number may be that of the tendon.
+        on_joint = model.actuator_trntype == mujoco.mjtTrn.mjTRN_JOINT
+        return int(np.flatnonzero(on_joint & (model.actuator_trnid[:, 0] == joint))[0])
     joint = model.joint(name)
     if attribute == "stiffness":
         return joint.id
@@ -115,7 +119,6 @@ def batch(
         for name, values in kept.items():
             stacked[name].append(getattr(model, name).copy())
             getattr(model, name)[:] = values
-    mujoco.mj_setConst(model, mujoco.MjData(model))
     return {name: np.stack(values) for name, values in stacked.items() if np.ptp(values, axis=0).any()}
 
 

@@ -63,9 +63,27 @@ def test_an_entry_of_the_inertia_is_set_in_the_axes_of_the_body(model, rng):
     np.testing.assert_allclose(found, [[0.02, 0.001, 0], [0.001, 0.05, 0], [0, 0, 0.02]], atol=1e-12)
 
 
+def test_a_tendon_of_the_number_of_the_joint_keeps_its_actuator(rng):
+    tendon = """<tendon><fixed name="t"><joint joint="j" coef="1"/></fixed></tendon>
+    <actuator><motor name="other" tendon="t" gear="7"/></actuator><actuator>"""
+    model = mujoco.MjModel.from_xml_string(MODEL.replace("<actuator>", tendon))
+    randomise(model, RANGES, rng)
+    assert model.actuator("other").gear[0] == 7
+    assert 1.8 <= model.actuator("mine").gear[0] <= 1.9
+
+
+def test_a_batch_holds_what_follows_from_a_mass(model):
+    # By hand: the tree weighs what its only body weighs, and of a mass that only itself moves the inverse is less.
+    fields = batch(model, RANGES[:1], 4, seed=1)
+    np.testing.assert_allclose(fields["body_subtreemass"][:, 1], fields["body_mass"][:, 1])
+    order = np.argsort(fields["body_mass"][:, 1])
+    assert (np.diff(fields["dof_invweight0"][order, 0]) < 0).all()
+
+
 def test_a_batch_holds_what_moves_and_leaves_the_model_as_it_was(model):
     found = batch(model, RANGES, 8, 0)
-    assert set(found) == {"body_mass", "dof_damping", "actuator_gear"}
+    of_mass = {"body_subtreemass", "body_invweight0", "dof_invweight0", "dof_M0"}
+    assert set(found) == {"body_mass", "dof_damping", "actuator_gear", *of_mass}
     assert found["dof_damping"].shape == (8, 1)
     assert np.ptp(found["dof_damping"]) > 0
     assert model.dof_damping[0] == 0.4

@@ -41,7 +41,7 @@ def suggested_map(names: Sequence[str], joints: Sequence[str]) -> str:
 
     Args:
         names: Columns of the file.
-        joints: Of the robot; columns that are numbered are taken in their order.
+        joints: Of the robot; columns that are numbered are taken in their order, those beyond the last joint are told.
 
     Returns:
         YAML with one entry a line, none for what has the right name; a position that no column seems to hold has a line
@@ -59,13 +59,18 @@ def suggested_map(names: Sequence[str], joints: Sequence[str]) -> str:
             found.setdefault((quantity, "" if quantity == "t" else joint or joints[0]), name)
         elif len(numbers) == 1:
             numbered.setdefault(quantity, {}).setdefault(numbers[0], name)
+    beyond: list[str] = []
     for quantity, columns in numbered.items():
-        if len(columns) == len(joints):
-            for joint, number in zip(joints, sorted(columns), strict=True):
-                found.setdefault((quantity, joint), columns[number])
+        # A log of an arm may hold its gripper; of more numbers nobody knows which are the joints.
+        if len(columns) - len(joints) in ((0, 1) if len(joints) > 1 else (0,)):
+            in_order = [columns[number] for number in sorted(columns)]
+            for joint, name in zip(joints, in_order, strict=False):
+                found.setdefault((quantity, joint), name)
+            beyond += in_order[len(joints) :] if quantity == "q" else []
     if ("t", "") not in found or not any(quantity == "q" for quantity, _ in found):
         return ""
-    return "\n".join(_lines(found, joints))
+    asked = [f"# {name}: of no joint of the robot (a gripper?)" for name in beyond]
+    return "\n".join([*_lines(found, joints), *asked])
 
 
 def _lines(found: dict[tuple[Quantity, str], str], joints: Sequence[str]) -> list[str]:

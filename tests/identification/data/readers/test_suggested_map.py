@@ -27,6 +27,12 @@ RTDE = ("target_q", "actual_q", "actual_current", "target_moment")
              *(f"i.{j}: actual_current_{k}" for k, j in enumerate(ARM)),
              *(f"q_ref.{j}: target_q_{k}" for k, j in enumerate(ARM))],
         ),
+        (  # a gripper beyond the joints of the arm
+            ["t", *(f"{name}{k}" for name in ("q", "tau") for k in range(4))],
+            ARM,
+            [*(f"q.{j}: q{k}" for k, j in enumerate(ARM)), *(f"tau.{j}: tau{k}" for k, j in enumerate(ARM)),
+             "# q3: of no joint of the robot (a gripper?)"],
+        ),
         (  # names of joints, units in the names
             ["time_ms", "elbow_pos_deg", "elbow_torque_Nmm", "elbow_vel"],
             ("elbow",),
@@ -52,7 +58,7 @@ RTDE = ("target_q", "actual_q", "actual_current", "target_moment")
         (["stamp", "q.elbow", "tau.elbow"], ("elbow",), ["t: stamp"]),  # what has the right name needs no entry
         (["time", "pos_elbow"], ("elbow", "wrist"), ["t: time", "q.elbow: pos_elbow", "# q.wrist: which column?"]),
     ],
-    ids=["rtde", "units", "lerobot", "one", "camel", "right", "lacking"],
+    ids=["rtde", "gripper", "units", "lerobot", "one", "camel", "right", "lacking"],
 )  # fmt: skip
 def test_the_names_of_known_recorders_are_understood(names, joints, lines):
     assert suggested_map(names, joints).splitlines() == lines
