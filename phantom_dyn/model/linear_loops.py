@@ -134,7 +134,9 @@ def _read(node: ast.expr, names: dict[str, str]) -> LinearExpression:
         case ast.BinOp(left=left, op=ast.Div(), right=right):
             return _quotient(_read(left, names), _read(right, names))
         case ast.Name(id=name):
-            raise ValueError(f"{name!r} in it is none of {', '.join(names.values()) or 'the active joints'}, nor pi")
+            raise ValueError(
+                f"{shortened(name)!r} in it is none of {', '.join(names.values()) or 'the active joints'}, nor pi"
+            )
     raise ValueError("it is more than a sum of numbers and multiples of joints")
 
 

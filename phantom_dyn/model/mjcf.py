@@ -122,7 +122,8 @@ def add_loop_frames(model: pin.Model, loops: tuple[MjcfLoop, ...], path: Path) -
         for name in (loop.frame_a, loop.frame_b):
             if name not in names:
                 known = known_names(name, names, "bodies and sites")
-                raise RobotError(f"{path}: {loop.label} names {name!r}, which the model does not have, {known}")
+                wanted = f"{loop.label} names {shortened(name)!r}, which the model does not have"
+                raise RobotError(f"{path}: {wanted}, {known}")
         a, b = frame_index(model, loop.frame_a), frame_index(model, loop.frame_b)
         ends = [f"{loop.label} {index}{side}" for side in "ab"]
         for name, frame, placement in zip(ends, (a, b), _placements(data, loop, a, b), strict=True):
@@ -199,7 +200,8 @@ def _loop(element: Element, path: Path) -> MjcfLoop:
     first, second = element.get(one), element.get(other, None if on_sites else "universe")
     if first is None or second is None:
         raise RobotError(f"{path}: <{element.tag}> in <equality> names no {one if first is None else other}: add it.")
-    label = f"<{element.tag}> of {first} and {'the world' if second == 'universe' else second}"
+    held_to = "the world" if second == "universe" else shortened(second)
+    label = f"<{element.tag}> of {shortened(first)} and {held_to}"
     anchor = numbers(element, "anchor", label, path) or [0.0, 0.0, 0.0]
     relative = numbers(element, "relpose", label, path)
     turns = numbers(element, "torquescale", label, path) or [1.0]

@@ -123,7 +123,9 @@ def read_root(path: Path) -> tuple[Element, str]:
             f"{path} is an SDF file, and Pinocchio's wheel is built without SDF: convert it to URDF or MJCF."
         )
     if root.tag not in ("robot", "mujoco"):
-        raise RobotError(f"{path} has the root element <{root.tag}>, wanted <robot> (URDF) or <mujoco> (MJCF).")
+        raise RobotError(
+            f"{path} has the root element <{shortened(root.tag)}>, wanted <robot> (URDF) or <mujoco> (MJCF)."
+        )
     return root, hashlib.sha256(content).hexdigest()
 
 
@@ -250,7 +252,7 @@ def _check_urdf_joint(joint: Element, path: Path) -> None:
     owner, kind = f"joint {joint.get('name')}", joint.get("type", "")
     if kind not in _JOINT_TYPES:
         raise RobotError(
-            f"{path}: {owner} is of the type {kind!r}, which URDF does not have: write one of "
+            f"{path}: {owner} is of the type {shortened(kind)!r}, which URDF does not have: write one of "
             f"{', '.join(_JOINT_TYPES)}; a ball joint is three revolute joints in a row, or fixed where it is held."
         )
     require_once(joint, _ONCE_IN_JOINT, owner, path)

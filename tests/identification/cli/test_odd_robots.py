@@ -113,6 +113,40 @@ def test_every_kind_of_joint_and_links_without_mass(robot_file, written, checked
     assert "wrong" not in checked(file, log).replace("nothing is wrong", "")
 
 
+def test_links_that_are_fixed_to_one_another_are_one_body(robot_file, written):
+    # Oracle: the same body as one link.
+    whole = chain(1, mass=2.0)
+    half = LINK.format(k=1, at=0.3 / 3, mass=1.0, i=0.5 * 0.2 * 2.0 * 0.3**2)
+    parts = [
+        half,
+        half.replace('name="l1"', 'name="tool"'),
+        JOINT.format(k=1, parent=0, kind="revolute", at=0.0, axis=AXES[0]),
+    ]
+    fixed = '<joint name="weld" type="fixed"><parent link="l1"/><child link="tool"/></joint>'
+    file = robot_file(whole)
+    _, _, log = recorded(file, written)
+    one = diagnosed(file, log)
+    file = robot_file(f'<robot name="chain"><link name="l0"/>{"".join(parts)}{fixed}</robot>')
+    two = diagnosed(file, log)
+    torques = [found["findings"][0]["parameters"]["torque"]["value"] for found in (one, two)]
+    assert [found["findings"][0]["effect"] for found in (one, two)] == ["coulomb_friction"] * 2
+    assert torques[0] == pytest.approx(torques[1], rel=1e-6)
+
+
+@pytest.mark.parametrize(
+    ("length", "mass", "told"),
+    [(1e3, 1.0, "lengths or inertias of robot.urdf are in mm"), (1.0, 1e3, "masses of robot.urdf are in g")],
+    ids=["mm", "g"],
+)
+def test_a_robot_in_millimetres_or_grams_is_refused(robot_file, written, refusal, length, mass, told):
+    # The recording is of the robot in m and kg.
+    _, _, log = recorded(robot_file(chain(3)), written, seconds=5.0)
+    file = robot_file(chain(3, length=0.3 * length, mass=mass))
+    said = refusal(file, log)
+    assert told in said
+    assert "correct robot.urdf: lengths in m, masses in kg and inertias in kg m^2" in said
+
+
 def test_a_wrapped_angle_is_unwrapped_and_it_is_said(robot_file, written):
     # Oracle: the same recording without wrapping.
     file = robot_file(chain(1, kind="continuous"))

@@ -99,6 +99,11 @@ def test_what_is_no_robot_is_refused(tmp_path, text, message):
             'name="slide" type="screw"',
             r"joint slide is of the type 'screw', which URDF does not",
         ),
+        (
+            'name="slide" type="prismatic"',
+            f'name="slide" type="{"x" * 3000}"',
+            r"of the type 'x{79}…', which URDF does not",
+        ),
     ],
 )
 def test_a_broken_urdf_is_refused_with_its_place(tmp_path, old, new, message):
