@@ -59,6 +59,8 @@ def require_existing(path: str | Path) -> None:
     path = Path(path)
     if path.exists() or lerobot_episode(path) is not None:
         return
+    if path.is_symlink():
+        raise LogError(f"{path} is a link that leads to no file ({path.readlink()}): name the file itself.")
     folder = path.parent
     if not folder.is_dir():
         raise LogError(f"{path} does not exist, nor does its folder: give a log ({LOG_FORMATS}).")

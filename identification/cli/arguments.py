@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+import math
 import os
 import re
 from collections.abc import Sequence
@@ -165,6 +166,8 @@ def _stretch(text: str) -> tuple[float, float]:
     """``T0:T1`` as two times."""
     try:
         start, stop = (float(part) for part in text.split(":"))
+        if math.isnan(start) or math.isnan(stop):
+            raise ValueError
     except ValueError:
         raise UsageError(f"--exclude {text} was given, wanted two times in seconds such as 2.5:4") from None
     if not start < stop:

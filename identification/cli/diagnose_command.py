@@ -278,7 +278,8 @@ def _diagnose_each(arguments: argparse.Namespace, excluded: tuple[tuple[float, f
     for path in written:
         say(f"wrote {path}")
     if arguments.out is not None:
-        say(f"wrote {len(result.rows) - len(result.refused)} folders in {arguments.out}")
+        count = len(result.rows) - len(result.refused)
+        say(f"wrote {count} {'folder' if count == 1 else 'folders'} in {arguments.out}")
     if not result.refused:
         return DONE
     sys.stdout.flush()

@@ -94,6 +94,11 @@ def main(argv: list[str] | None = None) -> int:
 def _dispatch(words: list[str]) -> int:
     if not words:
         raise UsageError(f"no command was given, wanted one of {', '.join(COMMANDS)}; see phantom-dyn --help")
+    if "" in words:
+        raise UsageError(
+            f"word {1 + words.index('')} of the command is empty, perhaps a variable of the shell that is not set: "
+            "give a value or leave it out"
+        )
     name, *rest = words
     if name in ("-h", "--help"):
         print(_help())

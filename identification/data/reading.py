@@ -14,7 +14,7 @@ from identification.data.checks.positions import check_passive
 from identification.data.compensation import before_low_pass, gravity_taken, joints_without, put_back_sentences
 from identification.data.joint_torque import drive_torque, require_frames, torque_sources
 from identification.data.mending import mended
-from identification.data.readers.contract_columns import FRAME_AXES, MEANT, UnknownNamesError, column_of
+from identification.data.readers.contract_columns import FEWEST_ROWS, FRAME_AXES, MEANT, UnknownNamesError, column_of
 from identification.data.readers.presets import fitting_presets
 from identification.data.readers.read_table import read_table
 from identification.data.readers.suggested_map import suggested_map
@@ -116,7 +116,7 @@ def _poses(table: Table, robot: Robot) -> tuple[dict[str, Array], dict[str, Arra
 
 
 def _excluded(table: Table, excluded: Sequence[tuple[float, float]]) -> tuple[tuple[float, float], ...]:
-    """Stretches of time inside the log, as floats."""
+    """Stretches of time inside the log, as floats; enough is left beside them."""
     t = table.columns["t"]
     for start, stop in excluded:
         if not start < stop:
@@ -126,6 +126,14 @@ def _excluded(table: Table, excluded: Sequence[tuple[float, float]]) -> tuple[tu
                 f"the excluded stretch {start:g}:{stop:g} lies outside {table.file}, which goes from {t[0]:.6g} s to "
                 f"{t[-1]:.6g} s: give times of the log."
             )
+    left = (
+        int(np.sum(~np.any([(t >= start) & (t <= stop) for start, stop in excluded], axis=0))) if excluded else len(t)
+    )
+    if left < FEWEST_ROWS <= len(t):
+        raise LogError(
+            f"the excluded stretches leave {left} of the {len(t)} rows of {table.file}, too few to tell anything: "
+            "leave out less."
+        )
     return tuple((float(start), float(stop)) for start, stop in excluded)
 
 

@@ -164,7 +164,7 @@ def _require_same_joints(diagnoses: Sequence[Diagnosis], names: Sequence[str]) -
     for name, own in zip(names, joints, strict=True):
         if own != joints[0]:
             raise ParameterError(
-                f"{names[0]} is of the joints {', '.join(joints[0])} and {name} of {', '.join(own)}: compare diagnoses "
+                f"{names[0]} is of the joints {', '.join(joints[0])} and {name} of {', '.join(own)}: give diagnoses "
                 "of one robot."
             )
 

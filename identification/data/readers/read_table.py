@@ -80,7 +80,7 @@ def read_raw(path: str | Path, *, topic: str | None = None, ref_topic: str | Non
         raise
     except OSError as error:
         if error.errno is not None:
-            raise LogError(f"{path} cannot be read: {error.strerror}.") from error
+            raise LogError(f"{path} cannot be read ({error.strerror}): give {LOG_FORMATS}.") from error
         raise LogError(_damaged(path, error)) from error
     # The libraries behind the formats raise whatever they please on damaged bytes, MemoryError included.
     except Exception as error:

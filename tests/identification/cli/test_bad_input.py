@@ -135,6 +135,13 @@ def test_current_without_torque_constant(pendulum, log, refusal):
 # --- files that are no recordings --------------------------------------------------------------------------------
 
 
+def test_a_link_that_leads_nowhere(pendulum, tmp_path, refusal):
+    (tmp_path / "link.csv").symlink_to("nowhere.csv")
+    assert refusal(pendulum, tmp_path / "link.csv").endswith(
+        "link.csv is a link that leads to no file (nowhere.csv): name the file itself."
+    )
+
+
 def test_a_missing_log_names_the_nearest(pendulum, log, refusal):
     assert re.search(r"lag\.csv does not exist; did you mean log\.csv\?", refusal(pendulum, log.with_name("lag.csv")))
 

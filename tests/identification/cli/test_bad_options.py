@@ -18,9 +18,14 @@ from identification.cli.main import main
         ("2", r"--exclude 2 was given, wanted two times in seconds such as 2\.5:4"),
         ("a:b", r"--exclude a:b was given, wanted two times in seconds"),
         ("1:2:3", r"--exclude 1:2:3 was given, wanted two times in seconds"),
-        ("nan:2", r"--exclude nan:2"),
+        ("nan:2", r"--exclude nan:2 was given, wanted two times in seconds"),
         ("4:2", r"--exclude 4:2 ends before it begins, wanted T0 < T1"),
         ("20:30", r"the excluded stretch 20:30 lies outside log\.csv, which goes from 0 s to 9\.995 s: give times"),
+        (
+            "0:1e9",
+            r"the excluded stretches leave 0 of the 2000 rows of log\.csv, too few to tell anything: leave out less",
+        ),
+        ("0:9.8", r"the excluded stretches leave 39 of the 2000 rows of log\.csv"),
         ("-3:-2", r"the excluded stretch -3:-2 lies outside log\.csv"),
     ],
 )
@@ -34,6 +39,10 @@ def test_a_stretch_that_makes_no_sense(pendulum, log, refusal, stretch, message)
         (("--jobs", "0"), r"--jobs 0 was given, wanted a number of processes from 1 on"),
         (("--jobs", "two"), r"argument --jobs: invalid int value: 'two'; see phantom-dyn diagnose --help"),
         (("--no-such-option",), r"unrecognized arguments: --no-such-option; see phantom-dyn diagnose --help"),
+        (
+            ("--json", ""),
+            r"word 5 of the command is empty, perhaps a variable of the shell that is not set: give a value",
+        ),
         (("--columns",), r"argument --columns: expected one argument"),
         (("--hold-out",), r"argument --hold-out: expected at least one argument"),
     ],

@@ -109,7 +109,7 @@ def test_no_line_is_longer_than_100_columns(made_up):
 
 
 def test_diagnoses_of_other_joints_are_refused(made_up):
-    with pytest.raises(ParameterError, match="a is of the joints j1, j2 and b of j1: compare diagnoses of one robot"):
+    with pytest.raises(ParameterError, match="a is of the joints j1, j2 and b of j1: give diagnoses of one robot"):
         compare([made_up(), made_up(("j1",))], ["a", "b"])
 
 
