@@ -109,6 +109,22 @@ def require_writable_folder(folder: Path, names: Iterable[str], option: str = "-
         require_writable(folder / name, option)
 
 
+def require_kept(read: Iterable[str | Path | None], written: Iterable[Path]) -> None:
+    """Refuse to write over a file that is read, as a recording in the place of the file behind ``--json``.
+
+    Args:
+        read: Files that are given; names of other things, and None, count for nothing.
+        written: Files that would be written.
+
+    Raises:
+        UsageError: The sentence names the file.
+    """
+    given = [Path(path) for path in read if path is not None and Path(path).is_file()]
+    for target in written:
+        if target.is_file() and any(target.samefile(path) for path in given):
+            raise UsageError(f"{target} is read, and would be written over: name another place for what is written")
+
+
 @contextmanager
 def temporary_beside(path: str | Path) -> Iterator[Path]:
     """A path to write to, in the folder of ``path``, that becomes ``path`` when the block ends without an error.

@@ -140,6 +140,13 @@ def expand_one_episode(arguments: argparse.Namespace) -> None:
     arguments.log = meant[0]
 
 
+def given_files(arguments: argparse.Namespace) -> tuple[str | Path | None, ...]:
+    """Everything of a command that may name a file that is read."""
+    lists = (getattr(arguments, name, ()) for name in ("logs", "hold_out", "known", "effect_files"))
+    one = (getattr(arguments, name, None) for name in ("robot", "robot_config", "columns", "recordings"))
+    return (*one, *(path for paths in lists for path in paths or ()))
+
+
 def require_files(arguments: argparse.Namespace) -> None:
     """Refuse a robot or log that is not there, and a log given twice, before anything heavy is loaded.
 

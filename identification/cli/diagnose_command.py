@@ -17,6 +17,7 @@ from identification.cli.arguments import (
     add_robot,
     excluded_stretches,
     expand_episodes,
+    given_files,
     one_blas_thread,
     require_files,
 )
@@ -131,7 +132,7 @@ def _diagnose_together(arguments: argparse.Namespace, excluded: tuple[tuple[floa
     from phantom_dyn.effects.user.user_effects import with_user_effects
     from phantom_dyn.model.loading import load_robot
 
-    check_targets(arguments.out, arguments.json)
+    check_targets(arguments.out, arguments.json, given_files(arguments))
     times = StageTimes(DIAGNOSIS) if arguments.profile else None
     with Progress("reading", sys.stderr, stages=DIAGNOSIS, times=times) as progress:
         robot = with_user_effects(load_robot(arguments.robot, config=arguments.robot_config), arguments.effect_files)
@@ -261,7 +262,7 @@ def _diagnose_each(arguments: argparse.Namespace, excluded: tuple[tuple[float, f
     from phantom_dyn.effects.user.user_effects import with_user_effects
     from phantom_dyn.model.loading import load_robot
 
-    check_targets(arguments.out, arguments.json)
+    check_targets(arguments.out, arguments.json, given_files(arguments))
     with Progress("loading", sys.stderr, stages=BATCH) as progress:
         robot = with_user_effects(load_robot(arguments.robot, config=arguments.robot_config), arguments.effect_files)
         result = diagnose_each(

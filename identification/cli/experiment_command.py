@@ -146,6 +146,12 @@ def _stiffness(robot: Robot, recordings: tuple[Recording, ...], joint: str | Non
     say(f"{joint}: {_words(fit)}")
     if len(loops) == 1:
         say("note: one recording hardly separates damping from dry friction; record loops of several rates.")
+    stiffness, std = fit.theta[fit.names.index("K")], fit.std()[fit.names.index("K")]
+    if stiffness < -2 * std:
+        say(
+            "note: no transmission has a stiffness below zero: the arm was not held, or the torque has the wrong sign; "
+            "hold the arm, or mend the sign with --columns."
+        )
     entries = [{"recording": [one.file for one in recordings], "joint": joint, "parameters": _numbers(fit)}]
     return entries, stiffness_figure(joint, loops, fit)
 

@@ -15,6 +15,7 @@ from identification.cli.arguments import (
     add_robot,
     excluded_stretches,
     expand_episodes,
+    given_files,
     one_blas_thread,
     require_files,
 )
@@ -85,7 +86,7 @@ def _identify(arguments: argparse.Namespace, excluded: tuple[tuple[float, float]
         usable_estimator(arguments.estimator)
         friction = friction_terms([word.strip() for word in arguments.friction.split(",")])
         terms = JointTerms(friction, arguments.rotors)
-        check_folder(arguments.out)
+        check_folder(arguments.out, given_files(arguments))
         robot = load_robot(arguments.robot, config=arguments.robot_config)
 
         def read(path: str) -> Recording:

@@ -69,6 +69,8 @@ def _require_place(robot: Robot, effect: Effect, joint: str | None) -> None:
     if places == (None,):
         raise ParameterError(f"{effect.name} is of the whole robot, not of joint '{joint}': leave the joint out.")
     names = ", ".join(place for place in places if place is not None)
+    if not names:
+        raise ParameterError(f"{effect.name} has no place on {robot.name} of one joint: choose another effect.")
     where = "no joint was given" if joint is None else f"'{joint}' was given"
     raise ParameterError(f"{effect.name} needs a place and {where}: give one of {names}.")
 

@@ -7,11 +7,12 @@ from __future__ import annotations
 
 import json
 import math
+from collections.abc import Iterable
 from pathlib import Path
 from uuid import uuid4
 
 from identification.file_sets import with_run, write_together
-from identification.files import require_writable_folder
+from identification.files import require_kept, require_writable_folder
 from identification.identify.exports import MJCF, URDF
 from identification.identify.identification import Export, Identification, Parameter
 
@@ -103,13 +104,18 @@ def _number(value: float) -> float | None:
     return float(value) if math.isfinite(value) else None
 
 
-def check_folder(out: Path) -> None:
-    """Refuse a folder that cannot be written to, before any work is done.
+def check_folder(out: Path, read: Iterable[str | Path | None] = ()) -> None:
+    """Refuse a folder that cannot be written to, or with a file that is read, before any work is done.
+
+    Args:
+        out: The folder.
+        read: Files that are given.
 
     Raises:
-        UsageError: If it is no folder, one of our files is a folder, or there is no right to write.
+        UsageError: If it is no folder, one of our files is a folder or is read, or there is no right to write.
     """
     require_writable_folder(out, NAMES)
+    require_kept(read, (out / name for name in NAMES))
 
 
 def write_outputs(found: Identification, out: Path) -> tuple[Path, ...]:

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import hashlib
 import json
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from contextlib import ExitStack
 from dataclasses import asdict, replace
 from pathlib import Path
@@ -30,10 +30,18 @@ from identification.export.all_files import NAMES as ALWAYS
 from identification.export.all_files import OPTIONAL, export_texts, not_held
 from identification.export.corrected.corrected_yaml import write_corrected
 from identification.file_sets import with_run, write_together
-from identification.files import require_writable, require_writable_folder, temporary_beside
+from identification.files import (
+    looks_like_log,
+    require_kept,
+    require_writable,
+    require_writable_folder,
+    temporary_beside,
+)
 from identification.next_experiment.proposal_words import reference_text
 from identification.reporting.geometry_json import findings_json, frames_json, geometry_json
+from phantom_dyn.errors import UsageError
 from phantom_dyn.model.robot import Robot
+from phantom_dyn.model.robot_files import looks_like_robot
 
 SCHEMA = "gap-diagnosis/2"
 
@@ -152,16 +160,29 @@ def _plain(value: object) -> Json:
     raise TypeError(f"a diagnosis holds no {type(value).__name__}")
 
 
-def check_targets(out: Path | None, json_file: Path | None) -> None:
-    """Refuse targets that cannot be written, before any work is done.
+def check_targets(out: Path | None, json_file: Path | None, read: Iterable[str | Path | None] = ()) -> None:
+    """Refuse targets that cannot be written, or that are read, before any work is done.
+
+    Args:
+        out: Folder of the files, None for no folder.
+        json_file: Another place for the JSON, None for nowhere.
+        read: Files that are given.
 
     Raises:
-        UsageError: If a target is of the wrong kind or its folder may not be written to.
+        UsageError: If a target is of the wrong kind, is read, or its folder may not be written to.
     """
+    names = (*NAMES, NEXT, *MODELS)
     if out is not None:
-        require_writable_folder(out, (*NAMES, NEXT, *MODELS))
+        require_writable_folder(out, names)
+        require_kept(read, (out / name for name in names))
     if json_file is not None:
         require_writable(json_file, "--json")
+        require_kept(read, [json_file])
+        if looks_like_log(json_file) or looks_like_robot(str(json_file)):
+            raise UsageError(
+                f"--json {json_file} ends as a recording or a robot does, which would be written over: name a file "
+                "that ends in .json"
+            )
 
 
 def write_outputs(

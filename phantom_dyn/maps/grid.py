@@ -13,6 +13,8 @@ Array = np.ndarray
 TIP_AXES = ("x", "y", "z")
 MOST_POINTS = 20_000_000
 """Points of a grid at most: one matrix over them takes 1.4 GB."""
+_FARTHEST = 1e6
+"""Ends of an axis at most [m or rad]: far beyond any robot, and what figures can be drawn of."""
 
 
 @dataclass(frozen=True)
@@ -93,6 +95,8 @@ def _axis(name: str, span: str) -> Array:
         raise ParameterError(f"The axis {name} of the grid is {span!r}, {wanted}.") from None
     if len(parts) != 3 or not (math.isfinite(start) and math.isfinite(stop)):
         raise ParameterError(f"The axis {name} of the grid is {span!r}, {wanted}.")
+    if max(abs(start), abs(stop)) > _FARTHEST:
+        raise ParameterError(f"The axis {name} of the grid is {span!r}: give m or rad, up to {_FARTHEST:g}.")
     if count < 1 or (start == stop) != (count == 1):
         raise ParameterError(
             f"The axis {name} of the grid is {span!r}: give START and STOP apart with at least 2 points, or both the "

@@ -8,6 +8,7 @@ from jaxtyping import Float
 from identification.diagnosis.fit.joint_fit import JointFit
 from identification.diagnosis.model.terms import Term
 from identification.diagnosis.result import Value
+from identification.excitation.closable import ordinary_postures, solved_numerically, with_start_between
 from identification.regression.base_parameters import base_parameters_of_matrix
 from phantom_dyn.dynamics.dynamics import rigid_body_regressor
 from phantom_dyn.effects.effect import Effect, Parameter
@@ -16,6 +17,8 @@ from phantom_dyn.motion import Motion
 from phantom_dyn.random_streams import random_stream
 
 Array = np.ndarray
+
+_SAMPLES = 200  # many more rows than a robot has base parameters of one effect
 
 
 def finding_parameters(robot: Robot, term: Term, fitted: JointFit) -> dict[str, Value]:
@@ -111,15 +114,25 @@ def _inertial(robot: Robot, term: Term, coefficients: Float[Array, " k"], cov: F
 
 def _base(robot: Robot, term: Term) -> tuple[tuple[int, ...], Float[Array, "r k"]]:
     """Base parameters among the free ones, from the regressor over random motions, and the sums that they stand for."""
-    rng = random_stream("draws of parameters")
-    motion = Motion(np.arange(200.0), *(rng.uniform(-3, 3, (200, robot.nv)) for _ in range(3)))
     effect = term.effect
     assert isinstance(effect, Effect)
     parameters = effect.parameters(robot, term.joint)
     columns = list(effect.regressor_columns(robot, term.joint))
-    w = rigid_body_regressor(robot, motion)[:, :, columns].reshape(-1, len(columns))
+    w = _at_random(robot)[:, :, columns].reshape(-1, len(columns))
     base = base_parameters_of_matrix(w, [p.name for p in parameters], [p.unit for p in parameters])
     mix = np.zeros((base.rank, len(columns)))
     mix[np.arange(base.rank), list(base.independent)] = 1.0
     mix[:, list(base.dependent)] = base.grouping
     return tuple(base.independent), mix
+
+
+def _at_random(robot: Robot) -> Float[Array, "N nv p"]:
+    """Regressor of independent samples: all postures, or of a linkage those that it reaches."""
+    rng = random_stream("draws of parameters")
+    q, v, a = (rng.uniform(-3, 3, (_SAMPLES, robot.nv)) for _ in range(3))
+    if not solved_numerically(robot):
+        return rigid_body_regressor(robot, Motion(np.arange(float(_SAMPLES)), q, v, a))
+    # Each is reached from where the chain starts, so that they are one trajectory.
+    q = with_start_between(robot, ordinary_postures(robot, _SAMPLES))
+    v, a = (np.repeat(part, 2, axis=0)[: len(q)] for part in (v, a))
+    return rigid_body_regressor(robot, Motion(np.arange(float(len(q))), q, v, a))[1::2]

@@ -60,9 +60,9 @@ class JointCoupling(Effect):
         return tuple(f"{names[i]}+{names[j]}" for i, j in combinations(range(len(names)), 2) if j - i <= reach)
 
     def can_sit(self, robot: Robot, joint: str | None) -> bool:
-        """Any two joints may be coupled, neighbours or not."""
+        """Any two joints may be coupled, neighbours or not, and none with itself."""
         pair = (joint or "").split("+")
-        return len(pair) == 2 and set(pair) <= set(robot.joint_names)
+        return len(pair) == len(set(pair)) == 2 and set(pair) <= set(robot.joint_names)
 
     def parameters(self, robot: Robot, joint: str | None) -> tuple[Parameter, ...]:
         """``ratio`` of the second joint, then friction and inertia as felt on the first."""

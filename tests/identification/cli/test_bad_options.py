@@ -128,6 +128,26 @@ def test_a_missing_file_of_known_effects(pendulum, tmp_path, log, refusal):
     assert re.search(r"no\.yaml cannot be read", refusal(pendulum, log, "--with", tmp_path / "no.yaml"))
 
 
+@pytest.mark.parametrize(
+    ("option", "name", "message"),
+    [
+        ("--json", "log.csv", r"log\.csv is read, and would be written over: name another place"),
+        ("--json", "other.csv", r"other\.csv ends as a recording or a robot does, .* name a file that ends in \.json"),
+        ("--json", "robot.xml", r"robot\.xml ends as a recording or a robot does"),
+        ("--out", ".", r"corrected\.urdf is read, and would be written over: name another place for what is written"),
+    ],
+)
+def test_what_is_read_is_not_written_over(pendulum, log, capsys, option, name, message):
+    # As in `diagnose robot.urdf --json first.csv second.csv`, and in a second round beside what the first has written.
+    robot = log.parent / "corrected.urdf"
+    robot.write_bytes(pendulum.read_bytes())
+    (log.parent / "other.csv").write_bytes(log.read_bytes())
+    before = {path.name: path.read_bytes() for path in log.parent.iterdir()}
+    assert main(["diagnose", str(robot), str(log), option, str(log.parent / name)]) == 2
+    assert re.search(message, capsys.readouterr().err)
+    assert {path.name: path.read_bytes() for path in log.parent.iterdir()} == before
+
+
 def test_a_file_for_the_output_folder(pendulum, log, capsys):
     assert main(["diagnose", str(pendulum), str(log), "--out", str(log)]) == 2
     assert re.fullmatch(r"phantom-dyn: --out .*log\.csv is a file, wanted a folder; .*\n", capsys.readouterr().err)

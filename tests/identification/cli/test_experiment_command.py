@@ -86,6 +86,15 @@ def test_one_loop_is_said_to_separate_damping_from_friction_hardly(held, robots,
     assert "note: one recording hardly separates damping from dry friction" in capsys.readouterr().out
 
 
+def test_a_stiffness_below_zero_is_said_to_be_none(held, robots, tmp_path, capsys):
+    # Known truth: the torque of the loops with the wrong sign.
+    loop = np.loadtxt(held[0], delimiter=",", skiprows=1)
+    loop[:, -1] *= -1
+    file = written(tmp_path / "flipped.csv", ("pin",), loop[:, 0], loop[:, 1:2], loop[:, 2:3])
+    assert main(["experiment", "stiffness", str(robots / "pendulum.urdf"), str(file)]) == 0
+    assert "note: no transmission has a stiffness below zero" in capsys.readouterr().out.replace("\n", " ")
+
+
 def test_a_joint_that_the_robot_lacks_is_refused(held, robots, capsys):
     assert main(["experiment", "stiffness", str(robots / "pendulum.urdf"), held[0], "--joint", "knee"]) == 2
     assert "--joint names the unknown joint 'knee'" in capsys.readouterr().err

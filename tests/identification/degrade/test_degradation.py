@@ -36,6 +36,12 @@ def test_parameters_come_in_the_contracts_order(arm, effect, joint, values, thet
         ("friction", "tilt", {}, "Unknown effect 'friction': the effects are viscous_friction, coulomb_friction"),
         ("coulomb_friction", "wrist", {}, "coulomb_friction needs a place and 'wrist' was given: give one of turn, ti"),
         ("coulomb_friction", None, {}, "coulomb_friction needs a place and no joint was given: give one of turn"),
+        (
+            "joint_coupling",
+            "tilt+tilt",
+            {},
+            "joint_coupling needs a place and 'tilt.tilt' was given: give",
+        ),
         ("payload", "tilt", {}, "payload is of the whole robot, not of joint 'tilt': leave the joint out"),
         (
             "coulomb_friction",

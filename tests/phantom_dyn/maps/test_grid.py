@@ -45,6 +45,7 @@ def test_one_point_makes_a_section():
         ("x=0:1:2.5", r"axis x of the grid is '0:1:2\.5', wanted"),
         ("x=nan:1:3", "axis x of the grid is 'nan:1:3', wanted"),
         ("x=0:inf:3", "axis x of the grid is '0:inf:3', wanted"),
+        ("x=0:1e308:3", r"axis x of the grid is '0:1e308:3': give m or rad, up to 1e\+06"),
         ("x=0:1:1", "give START and STOP apart with at least 2 points, or both the same with 1 point"),
         ("x=0:0:5", "give START and STOP apart"),
         ("x=0:1:0", "give START and STOP apart"),

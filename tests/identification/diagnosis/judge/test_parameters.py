@@ -8,6 +8,9 @@ from identification.diagnosis.fit.joint_fit import joint_fit
 from identification.diagnosis.judge.parameters import _named, finding_loadings, finding_parameters
 from phantom_dyn.effects.catalogue import effect_named
 from phantom_dyn.effects.effect import Parameter
+from phantom_dyn.errors import ChainError
+from phantom_dyn.model.loading import load_robot
+from phantom_dyn.motion import Motion
 
 
 @pytest.fixture(scope="module")
@@ -77,6 +80,33 @@ def test_base_parameters_alone_predict_what_all_of_them_do(loaded, planar2, lab,
         lab.acting(planar2, motion, effect.name, joint, *fitted.x[fitted.place(term).coefficients]),
         atol=1e-8,
     )
+
+
+def swing(seconds: float, size: float) -> Motion:
+    t = np.arange(int(100 * seconds)) / 100
+    w = np.array([1.0, 2.3, 5.1])
+    waves = np.outer(t, w)
+    q, v, a = (size * x.sum(axis=1)[:, None] for x in (np.sin(waves), w * np.cos(waves), -(w**2) * np.sin(waves)))
+    return Motion(t, q, v, a)
+
+
+def test_base_parameters_of_a_linkage_that_does_not_turn_round_predict_too(lab, robots):
+    # Known property of base parameters. The crank of this four-bar reaches little of a turn.
+    robot = load_robot(robots / "fourbar.xml")
+    with pytest.raises(ChainError, match="cannot be closed"):
+        robot.solutions.at(np.array([[3.0]]))
+    motion = swing(20.0, 0.2)
+    torque = -0.3 * motion.a
+    case = lab.prepared(robot, (lab.recording(robot, motion, torque),), white=False)
+    term = case.term("inertial_parameters", "drive")
+    fitted, (values,) = estimates(case, robot, term)
+    names = [p.name for p in effect_named("inertial_parameters").parameters(robot, "drive")]
+    alone = np.array([values[name].value if name in values else 0.0 for name in names])
+    assert 0 < len(values) < len(names)
+    other = swing(3.0, 0.15)
+    all_of_them = fitted.x[fitted.place(term).coefficients]
+    torques = [lab.acting(robot, other, "inertial_parameters", "drive", *theta) for theta in (alone, all_of_them)]
+    np.testing.assert_allclose(*torques, atol=1e-6 * np.abs(torques[1]).max())
 
 
 def test_of_inertial_parameters_those_are_given_that_a_motion_can_tell(loaded, planar2):
