@@ -28,6 +28,7 @@ from phantom_dyn.random_streams import random_stream
 Array = np.ndarray
 
 MOST_TERMS = 4
+_AT_ONCE = 24  # columns at the full rate
 _SETTLINGS = 4
 _REPLICATES = 40
 _PERMUTATIONS = 100
@@ -86,8 +87,11 @@ def columns_of(rest: Rest) -> Columns:
     terms = library(rest)
     parts = []
     for log in rest.logs:
-        full = np.column_stack([column(log) for term in terms for column in term.columns])
-        parts.append(log.in_band(full))
+        series = [column for term in terms for column in term.columns]
+        # A few at a time: at the full rate the library of a long recording fills the memory.
+        pieces = [series[k : k + _AT_ONCE] for k in range(0, len(series), _AT_ONCE)]
+        bands = [log.in_band(np.column_stack([column(log) for column in piece])) for piece in pieces]
+        parts.append(np.column_stack(bands))
     x = np.concatenate(parts)
     weight = rest.weight
     size = np.sqrt((x**2 * weight[:, None]).sum(axis=0) / max(weight.sum(), 1e-12))

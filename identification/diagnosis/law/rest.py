@@ -22,6 +22,7 @@ from phantom_dyn.model.robot import Robot
 Array = np.ndarray
 
 _PER_PERIOD = 5.0  # samples a period of the judged band's edge: more say the same again
+_MOST_SAMPLES = 8000  # of all recordings: more cost time and memory, and say little more
 _OTHERS = 5  # other joints of the branch that are looked at, the nearest
 _TWINS = 0.99  # correlation from which the drive's torque says no more than what it passes on
 
@@ -134,8 +135,9 @@ def rest_of(shown: Shown, joint: str, floors: Float[Array, " nv"]) -> Rest:
     freedom = freedom_of(shown, row, floors, residual)
     near = sorted((k for k in branch_rows(robot, joint) if k != row), key=lambda k: abs(k - row))[:_OTHERS]
     logs, numbers = [], []
+    thin = sum(len(log.samples) for log in session.logs) // _MOST_SAMPLES + 1
     for k, log in enumerate(session.logs):
-        step = max(1, int(log.band.rate_hz / log.band.step / (_PER_PERIOD * session.cutoff_hz)))
+        step = max(thin, int(log.band.rate_hz / log.band.step / (_PER_PERIOD * session.cutoff_hz)))
         kept = slice(0, None, step)
         weight = sample_weights(problem, k, slice(0, len(log.samples)))[kept, row]
         inputs = inputs_of(robot, log, columns.operations[k], row, near)
