@@ -1,0 +1,94 @@
+"""How often poses of a UR10 blame a robot that is right, and find what is wrong: zeros, places, elasticity.
+
+    python -m benchmarks.measured_poses --seeds 3000:3100
+
+Each seed is a robot that is right and one with a single error, measured to 0.1 mm: 20 to 100 poses at rest, with or
+without orientations. The generator (``tests/common``) has forward kinematics of its own.
+"""
+
+from __future__ import annotations
+
+import argparse
+from pathlib import Path
+
+import numpy as np
+
+from identification.data.recording import Recording
+from identification.geometry.diagnose_poses import diagnose_poses
+from phantom_dyn import load_robot
+from phantom_dyn.model.robot_files import find_robot
+from tests.common.measured_poses import TrueRobot, measured, moved_joint, pose, quaternions, rotation
+
+NOISE = 1e-4  # [m], and three times that in radian
+Key = tuple[str, str, str]
+
+
+def recording(seed: int, robot: TrueRobot, joints: tuple[str, ...]) -> Recording:
+    """Poses of ``tool0`` in the axes of a tracker that stands anywhere."""
+    rng = np.random.default_rng(seed)
+    poses = (20, 40, 60, 100)[seed % 4]
+    q = rng.uniform(-1.5, 1.5, (poses, 6)) + np.array([0, -1.2, 0, 0, 0, 0])
+    tracker = pose(rng.uniform(-3, 3, 3).tolist(), rng.uniform(-2, 2, 3).tolist())
+    target = pose(rng.uniform(-0.1, 0.1, 3).tolist(), rng.uniform(-1, 1, 3).tolist())
+    read = {joint: q[:, k] for k, joint in enumerate(joints)}
+    p, R = measured(robot, "tool0", read, tracker=tracker, target=target)
+    R = np.array([each @ rotation(3 * NOISE * rng.standard_normal(3)) for each in R])
+    turns = {"tool0": quaternions(R)} if seed % 2 else {}
+    p = p + NOISE * rng.standard_normal(p.shape)
+    return Recording("poses.csv", joints, 10.0 * np.arange(poses), q, None, positions={"tool0": p}, orientations=turns)
+
+
+def wrong_robot(seed: int, text: str, joints: tuple[str, ...]) -> tuple[TrueRobot, Key, float]:
+    """A robot with one error, what it is called, and its size."""
+    rng = np.random.default_rng([seed, 1])
+    size = float(rng.choice([-1, 1]) * rng.uniform(1e-3, 8e-3))
+    kind = int(rng.integers(3))
+    if kind == 0:
+        joint = joints[int(rng.integers(1, 5))]
+        return TrueRobot(text, {joint: size}), ("encoder_offset", joint, "offset"), size
+    if kind == 1:
+        joint, axis = joints[int(rng.integers(1, 6))], int(rng.integers(3))
+        shift = size * np.eye(3)[axis]
+        return TrueRobot(moved_joint(text, joint, shift.tolist())), ("link_geometry", joint, "xyz"[axis]), size
+    joint, size = joints[int(rng.integers(1, 3))], 1 / float(rng.uniform(1e4, 6e4))
+    return TrueRobot(text, {}, {joint: size}), ("joint_elasticity", joint, "compliance"), size
+
+
+def main() -> None:
+    """Print false claims, truths in the set, extras and the largest errors."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--seeds", default="0:100")
+    first, last = map(int, parser.parse_args().seeds.split(":"))
+    robot, text = load_robot("example:ur10"), Path(find_robot("example:ur10")).read_text()
+    false = found = tested = extra = 0
+    errors: dict[str, list[float]] = {}
+    for seed in range(first, last):
+        right = diagnose_poses(robot, (recording(seed, TrueRobot(text), robot.joint_names),))
+        assert right is not None
+        false += bool(right.findings or right.verdict != "no_gap")
+        true, key, size = wrong_robot(seed, text, robot.joint_names)
+        said = diagnose_poses(robot, (recording(seed, true, robot.joint_names),))
+        assert said is not None
+        sizes = {(f.effect, f.joint, name): x.value for f in said.findings for name, x in f.parameters.items()}
+        rivals = {
+            (place.effect, place.joint, name)
+            for f in said.findings
+            for rival in f.rivals
+            for place in rival.places
+            for name in place.parameters
+        }
+        unseen = {(one.effect, one.joint, one.parameter) for one in said.not_testable}
+        tested += not (key in unseen and not said.findings)
+        found += key in sizes or key in rivals
+        extra += len(said.findings) > 1
+        if key in sizes:
+            off = abs(sizes[key] - size)
+            errors.setdefault(key[0], []).append(off / size if key[0] == "joint_elasticity" else off)
+    print(f"right robots that are blamed: {false} of {last - first}")
+    print(f"single errors that the poses can show: {tested}, in the set: {found}, with more findings: {extra}")
+    for effect, values in errors.items():
+        print(f"{effect}: {len(values)}, median error {np.median(values):.2g}, largest {max(values):.2g}")
+
+
+if __name__ == "__main__":
+    main()
