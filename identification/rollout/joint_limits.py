@@ -80,15 +80,32 @@ def limits_engaged(robot: Robot, windows: tuple[Simulated, ...]) -> tuple[Engage
 
 
 def limit_warnings(robot: Robot, engaged: tuple[Engaged, ...]) -> tuple[str, ...]:
-    """One sentence for each limit that the corrected model runs past, or the given one where the corrected does not."""
+    """One sentence a recording on limits that the corrected model runs past, or the given one where that does not."""
     corrected = {(one.joint, one.recording) for one in engaged if one.model == "corrected"}
+    told = [one for one in engaged if one.model == "corrected" or (one.joint, one.recording) not in corrected]
     units = dict(zip(robot.joint_names, robot.position_units, strict=True))
-    return tuple(
+    out = []
+    for recording, model in dict.fromkeys((one.recording, one.model) for one in told):
+        here = [one for one in told if (one.recording, one.model) == (recording, model)]
+        out.append(_words(here[0], units[here[0].joint]) if len(here) == 1 else _several_words(here, units))
+    return tuple(out)
+
+
+def _words(one: Engaged, unit: str) -> str:
+    return (
         f"{one.recording}: in {one.windows} of {one.of} simulated windows {one.joint} runs past the limit of "
-        f"{one.limit:.4g} {units[one.joint]} of the {one.model} model, first at t = {one.t:.4g} s, where the recording "
-        "keeps it: a stop may have held it there, and the simulation has none."
-        for one in engaged
-        if one.model == "corrected" or (one.joint, one.recording) not in corrected
+        f"{one.limit:.4g} {unit} of the {one.model} model, first at t = {one.t:.4g} s, where the recording keeps it: "
+        "a stop may have held it there, and the simulation has none."
+    )
+
+
+def _several_words(engaged: list[Engaged], units: dict[str, str]) -> str:
+    """The same of several joints: one sentence each would hide all else that is said."""
+    first = engaged[0]
+    places = [f"{one.joint} past {one.limit:.4g} {units[one.joint]} in {one.windows}" for one in engaged]
+    return (
+        f"{first.recording}: in {first.of} simulated windows joints run past limits of the {first.model} model that "
+        f"the recording keeps ({', '.join(places)}): stops may have held them there, and the simulation has none."
     )
 
 

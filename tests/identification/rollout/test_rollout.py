@@ -11,7 +11,7 @@ from identification.diagnosis.model.terms import Term
 from identification.pipeline import diagnose
 from identification.rollout.compare import Errors, horizon_of
 from identification.rollout.driven import given_torque
-from identification.rollout.joint_limits import Simulated, limit_warnings, limits_engaged, recorded_past
+from identification.rollout.joint_limits import Engaged, Simulated, limit_warnings, limits_engaged, recorded_past
 from identification.rollout.rollout import _everywhere
 from identification.rollout.rollout_starts import States, states_of, true_state
 from identification.rollout.shots import under_torque
@@ -217,3 +217,15 @@ def test_where_a_joint_stands_the_noise_of_other_times_stands_in():
     out = _everywhere(np.array([9.0, 1.0, 9.0, 2.0, 9.0]), np.array([False, True, False, True, False]))
     np.testing.assert_array_equal(out, [1.0, 1.0, 2.0, 2.0, 1.0])
     np.testing.assert_array_equal(_everywhere(np.ones(3), np.zeros(3, dtype=bool)), np.zeros(3))
+
+
+def test_limits_of_several_joints_are_told_in_one_sentence(planar2):
+    past = [
+        Engaged("corrected", joint, "a.csv", 1.0, limit, windows, 20)
+        for joint, limit, windows in (("shoulder", 2.0, 4), ("elbow", -1.5, 16))
+    ]
+    (said,) = limit_warnings(planar2, tuple(past))
+    assert said.startswith(
+        "a.csv: in 20 simulated windows joints run past limits of the corrected model that the recording keeps "
+        "(shoulder past 2 rad in 4, elbow past -1.5 rad in 16): "
+    )
