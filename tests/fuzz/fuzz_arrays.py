@@ -37,9 +37,9 @@ def _change(rng: random.Random, out: dict[str, np.ndarray]) -> None:
         return
     name = rng.choice(sorted(out))
     values, kind = out[name], rng.randrange(10)
-    if kind == 0 and values.dtype.kind not in "US":  # of text no other kind can be made
+    if kind == 0 and values.dtype.kind not in "USM":  # of text and dates not every other kind can be made
         out[name] = values.astype(rng.choice(_KINDS))
-    elif kind == 1:
+    elif kind == 1 and values.ndim:
         out[name] = rng.choice((values[:, None], values[:0], values[:-1], values[::2], _no_axis(values)))
     elif kind == 2:
         del out[name]
@@ -54,7 +54,7 @@ def _change(rng: random.Random, out: dict[str, np.ndarray]) -> None:
         out[name] = values * rng.choice((1e-300, 1e-9, 1e4, 1e305, -1.0, 0.0))
     elif kind == 7 and values.dtype.kind == "f":
         out[name] = values + rng.choice((1e5, 1e9, 1e15, -1e3))
-    elif kind == 8:
+    elif kind == 8 and values.ndim:
         out[name] = values[::-1]
     else:
         out[name] = np.random.default_rng(rng.randrange(9)).normal(size=values.shape)

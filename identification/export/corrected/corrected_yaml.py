@@ -12,7 +12,7 @@ from identification.diagnosis.model.terms import KnownEffect
 from identification.diagnosis.result import Adjusted, Diagnosis, Value
 from phantom_dyn.effects.catalogue import effect_named
 from phantom_dyn.effects.effect import Effect, Parameter
-from phantom_dyn.errors import ParameterError, PhantomDynError, RobotError, known_names
+from phantom_dyn.errors import ParameterError, PhantomDynError, RobotError, known_names, shortened
 from phantom_dyn.model.robot import Robot
 from phantom_dyn.model.settings_file import (
     LARGEST,
@@ -209,7 +209,7 @@ def known_effect(entry: CorrectedEffect, robot: Robot, file: Path) -> KnownEffec
     apart = entry.joint.split("+") if entry.joint is not None else []
     if entry.joint not in places and not set(apart) <= set(robot.joint_names):
         raise ParameterError(
-            f"{file}: effect {entry.effect} is on joint '{entry.joint}', which this robot does not have: "
+            f"{file}: effect {entry.effect} is on joint '{shortened(entry.joint or '')}', which this robot does not have: "
             f"{known_names(entry.joint or '', robot.joint_names, 'joints')}"
         )
     names = [parameter.name for parameter in effect.parameters(robot, entry.joint)]
@@ -220,7 +220,7 @@ def known_effect(entry: CorrectedEffect, robot: Robot, file: Path) -> KnownEffec
     missing = [] if effect.inertial == "free" else sorted(set(names) - set(stated))
     if unknown or missing:
         raise ParameterError(
-            f"{file}: effect {entry.effect} has parameters {', '.join(entry.parameters)}, wanted "
+            f"{file}: effect {entry.effect} has parameters {shortened(', '.join(entry.parameters), 200)}, wanted "
             f"{', '.join(names)}: correct the file or diagnose again."
         )
     theta: list[float] = []

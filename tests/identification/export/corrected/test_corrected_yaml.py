@@ -1,6 +1,7 @@
 from __future__ import annotations
 
 import math
+from pathlib import Path
 
 import pytest
 from hypothesis import given, settings
@@ -11,6 +12,7 @@ from identification.export.corrected.corrected_yaml import (
     Corrected,
     CorrectedEffect,
     corrected_text,
+    known_effect,
     known_effects,
     read_corrected,
     write_corrected,
@@ -170,3 +172,11 @@ def test_a_known_effect_that_cannot_be_is_refused(tmp_path, robots, old, new, me
     path.write_text(EFFECTS_OF_THE_PENDULUM.replace(old, new, 1))
     with pytest.raises(ParameterError, match=message):
         known_effects((path,), robot)
+
+
+def test_a_name_without_end_is_refused_in_a_short_sentence(robots):
+    robot = load_robot(robots / "pendulum.urdf")
+    endless = CorrectedEffect("viscous_friction", robot.joint_names[0], {"x" * 3000: Value(1.0, 0.1, "1")}, 0.5)
+    with pytest.raises(ParameterError, match="wanted coefficient") as told:
+        known_effect(endless, robot, Path("known.yaml"))
+    assert len(str(told.value)) < 500
