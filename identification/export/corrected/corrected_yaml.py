@@ -209,8 +209,8 @@ def known_effect(entry: CorrectedEffect, robot: Robot, file: Path) -> KnownEffec
     apart = entry.joint.split("+") if entry.joint is not None else []
     if entry.joint not in places and not set(apart) <= set(robot.joint_names):
         raise ParameterError(
-            f"{file}: effect {entry.effect} is on joint '{shortened(entry.joint or '')}', which this robot does not have: "
-            f"{known_names(entry.joint or '', robot.joint_names, 'joints')}"
+            f"{file}: effect {entry.effect} is on joint '{shortened(entry.joint or '')}', which this robot does not "
+            f"have: {known_names(entry.joint or '', robot.joint_names, 'joints')}"
         )
     names = [parameter.name for parameter in effect.parameters(robot, entry.joint)]
     _require_lengths(effect, entry, file)
