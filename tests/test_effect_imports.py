@@ -33,6 +33,8 @@ NAMES = {
     # Positions alone show the product of the first and a controller's gain, and of the second no more than its sum with
     # a gain that is estimated, so that scenario makes no claim on them.
     "identification/scenarios/motion_limits.py": {"torque_constant", "viscous_friction"},
+    # A controller's damping gain gives back viscous friction, and no other effect.
+    "identification/scenarios/gain_or_load.py": {"viscous_friction"},
 }
 
 

@@ -127,11 +127,23 @@ class Where(Strict):
     times: list[tuple[float, float]]
 
 
+class Law(Strict):
+    joint: str
+    inputs: list[str]
+    formula: str
+    gap_closed: float
+    gap_closed_interval: tuple[float, float]
+    valid: dict[str, tuple[float, float]]
+    like: str | None
+
+
 class Unexplained(Strict):
     fraction_of_explainable: Share
     structured: bool
     where: Where
-    law: None
+    law: Law | None
+    # What the rest depends on: beyond the contract, and only where there is a rest.
+    dependence: dict[str, Any] | None = None
 
 
 class Bound(Strict):

@@ -104,7 +104,12 @@ def test_what_exists_is_not_blamed(tmp_path, what, at, mass, inertia):
 
 @pytest.mark.parametrize(
     "file",
-    [*builtin_robots().values(), *sorted(ROBOTS.glob("*.*")), *sorted((CHECKOUT / "examples").rglob("*.urdf"))],
+    [
+        *builtin_robots().values(),
+        *sorted(ROBOTS.glob("*.urdf")),
+        *sorted(ROBOTS.glob("*.xml")),
+        *sorted((CHECKOUT / "examples").rglob("*.urdf")),
+    ],
     ids=lambda file: f"{file.parent.name}/{file.name}",
 )
 def test_the_robots_that_are_shipped_are_right(file):

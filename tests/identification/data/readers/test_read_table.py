@@ -118,7 +118,7 @@ def test_a_file_without_permission_is_told(write, lines, monkeypatch):
 
     path = write(lines)
     monkeypatch.setattr(Path, "open", refuse)
-    with pytest.raises(LogError, match="cannot be read: Permission denied"):
+    with pytest.raises(LogError, match=r"cannot be read \(Permission denied\): give"):
         read_table(path)
 
 
