@@ -26,7 +26,7 @@ def command(tmp_path):
         return subprocess.run(
             [sys.executable, "-m", "identification.cli", *line.split()],
             preexec_fn=lambda: resource.setrlimit(resource.RLIMIT_FSIZE, (most, most)),
-            # Python would cut its own byte code off at the limit, and a later process would stumble over it: none is used.
+            # Python would cut its own byte code off at the limit, and a later process would stumble over it.
             env=os.environ | {"PYTHONDONTWRITEBYTECODE": "1", "PYTHONPYCACHEPREFIX": "/proc/nowhere"} | environment,
             cwd=tmp_path,
             capture_output=True,
