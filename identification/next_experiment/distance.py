@@ -51,7 +51,7 @@ def distance(truth: Float[Array, "d u"], moves: int, model: Model, products: Flo
     own = np.where(model.moves, model.prior, 0.0)
     theirs = np.zeros(len(model.shift))
     theirs[:moves] = own[model.moves]
-    left = np.einsum("du,uv,dv->d", residual, products, residual)
+    left = np.sum((residual @ products) * residual, axis=1)
     return np.maximum(left + y**2 @ own - truth**2 @ theirs, 0.0)
 
 
@@ -118,7 +118,7 @@ def _per_size(model: Model, products: Float[Array, "u u"]) -> Float[Array, " n"]
     theta = model.theta[columns]
     # No less than what a single standard deviation carries.
     energy = max(float(theta @ products[np.ix_(columns, columns)] @ theta), 1.0)
-    own = np.einsum("un,uv,vn->n", model.basis, products, model.basis)
+    own = np.sum(model.basis * (products @ model.basis), axis=0)
     return own / (rules.EXPECTED_SHARE**2 * energy)
 
 

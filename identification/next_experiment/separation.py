@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 from itertools import combinations
 
 import numpy as np
@@ -50,6 +51,40 @@ class Rivalry:
     held_out: float
     moves: int
 
+    @cached_property
+    def left_open(self) -> dict[tuple[EffectAt, ...], dict[tuple[EffectAt, ...], _LeftOpen]]:
+        """What the recordings leave open if one explanation is true, by that one and by the other of the pair.
+
+        It is the same for every planned motion, so that motions are compared and not draws.
+        """
+        rng = random_stream("models that recordings leave possible")
+        out: dict[tuple[EffectAt, ...], dict[tuple[EffectAt, ...], _LeftOpen]] = {}
+        for pair in self.pairs:
+            for truth, wrong in ((pair.one, pair.other), (pair.other, pair.one)):
+                model = self.models[truth.effects][0]
+                normals = rng.normal(size=(_DRAWS, model.basis.shape[1]))
+                possible = draws_of(model, self.recorded, normals)
+                before = tuple(self.apart(possible, other, self.recorded) for other in self.models[wrong.effects])
+                out.setdefault(truth.effects, {})[wrong.effects] = _LeftOpen(possible, before)
+        return out
+
+    def apart(self, possible: Float[Array, "d u"], wrong: Model, products: Float[Array, "u u"]) -> Float[Array, " d"]:
+        """Expected held-out loss of a wrong model, for each of what may be true."""
+        return self.held_out * distance(possible, self.moves, wrong, products)
+
+
+@dataclass(frozen=True)
+class _LeftOpen:
+    """What the recordings leave open if one of two explanations is true.
+
+    Attributes:
+        possible: Coefficients that may be true, ``(d, u)``.
+        before: Expected held-out loss of each model of the other explanation in what is recorded now, ``(d,)`` each.
+    """
+
+    possible: Float[Array, "d u"]
+    before: tuple[Float[Array, " d"], ...]
+
 
 def rivalry_of(search: Search, groups: tuple[tuple[Hypothesis, ...], ...]) -> tuple[Rivalry, ...]:
     """One rivalry for each finding, over the union of the columns of all."""
@@ -79,8 +114,6 @@ def separation(rivalry: Rivalry, planned: Float[Array, "u u"]) -> Separation:
         rivalry: Pairs of rivals with their fits.
         planned: Products over the recording.
     """
-    # The same draws for every motion, so that motions are compared and not draws.
-    rng = random_stream("models that recordings leave possible")
     together = rivalry.recorded + planned
     chance, apart = [], []
     hardest: dict[tuple[EffectAt, ...], float] = {}
@@ -89,9 +122,9 @@ def separation(rivalry: Rivalry, planned: Float[Array, "u u"]) -> Separation:
         shares, gains, weights = [], [], []
         for truth, wrong in ((pair.one, pair.other), (pair.other, pair.one)):
             if wrong.contains(truth):
-                shares.append(_simpler_left(rivalry, truth, wrong, together, rng))
+                shares.append(_simpler_left(rivalry, truth, wrong, together))
             else:
-                power, gain = _separated(rivalry, truth, wrong, together, rng)
+                power, gain = _separated(rivalry, truth, wrong, together)
                 shares.append(power)
                 gains.append(gain)
             weights.append(max(truth.probability, 1e-3))
@@ -108,16 +141,13 @@ def _separated(
     truth: Hypothesis,
     wrong: Hypothesis,
     together: Float[Array, "u u"],
-    rng: np.random.Generator,
 ) -> tuple[float, float]:
     """Mean probability that the wrong explanation is struck off, over what may be true, and the median gain."""
-    model = rivalry.models[truth.effects][0]
-    possible = draws_of(model, rivalry.recorded, rng.normal(size=(_DRAWS, model.basis.shape[1])))
-    power, gain = np.full(len(possible), np.inf), np.full(len(possible), np.inf)
-    for other in rivalry.models[wrong.effects]:
-        before = rivalry.held_out * distance(possible, rivalry.moves, other, rivalry.recorded)
-        after = rivalry.held_out * distance(possible, rivalry.moves, other, together)
-        more = np.maximum(after - before, 0.0)
+    model, left_open = rivalry.models[truth.effects][0], rivalry.left_open[truth.effects][wrong.effects]
+    count = len(left_open.possible)
+    power, gain = np.full(count, np.inf), np.full(count, np.inf)
+    for other, before in zip(rivalry.models[wrong.effects], left_open.before, strict=True):
+        more = np.maximum(rivalry.apart(left_open.possible, other, together) - before, 0.0)
         ahead = float(np.clip(other.score - model.score, -_AHEAD, 0.0))
         power = np.minimum(power, power_of(more, ahead, before))
         gain = np.minimum(gain, more)
@@ -129,21 +159,16 @@ def _simpler_left(
     truth: Hypothesis,
     wrong: Hypothesis,
     together: Float[Array, "u u"],
-    rng: np.random.Generator,
 ) -> float:
     """Mean probability that a richer law is struck off if the simpler one is true.
 
     It stays on the list as long as any of its shapes may be there. A shape is gone if what it has more would have been
     seen, or, where the law comes to the simpler one only at the end of its shapes, if it fits too badly.
     """
-    model = rivalry.models[truth.effects][0]
-    possible = draws_of(model, rivalry.recorded, rng.normal(size=(_DRAWS, model.basis.shape[1])))
-    power = np.full(len(possible), np.inf)
-    for rich in rivalry.models[wrong.effects]:
-        before, after = (
-            rivalry.held_out * distance(possible, rivalry.moves, rich, products)
-            for products in (rivalry.recorded, together)
-        )
+    model, left_open = rivalry.models[truth.effects][0], rivalry.left_open[truth.effects][wrong.effects]
+    power = np.full(len(left_open.possible), np.inf)
+    for rich, before in zip(rivalry.models[wrong.effects], left_open.before, strict=True):
+        after = rivalry.apart(left_open.possible, rich, together)
         lead = max(rich.score - model.score, -_AHEAD)
         worse = power_of_hopeless(np.maximum(after - before, 0.0), lead, after)
         unseen = power_of_simpler(model, rich, together, rivalry.recorded)

@@ -94,16 +94,16 @@ def reduced(mesh: Mesh, faces: int) -> Mesh:
     if len(mesh.faces) <= faces or side == 0.0:
         return mesh
     fine, coarse = side / _FINEST, 1.01 * side
-    best = Mesh(np.zeros((0, 3)), np.zeros((0, 3), dtype=int))
+    cells, triangles = _clustered(mesh, coarse)
     for _ in range(_HALVINGS):
         cell = float(np.sqrt(fine * coarse))
-        cells, triangles = _clustered(mesh, cell)
-        if len(triangles) > faces:
+        tried = _clustered(mesh, cell)
+        if len(tried[1]) > faces:
             fine = cell
         else:
-            coarse, best = cell, Mesh(_corners(mesh, cells, cell), triangles)
-    used, faces_of_used = np.unique(best.faces, return_inverse=True)
-    return Mesh(best.points[used], faces_of_used.reshape(-1, 3))
+            coarse, (cells, triangles) = cell, tried
+    used, faces_of_used = np.unique(triangles, return_inverse=True)
+    return Mesh(_corners(mesh, cells, coarse)[used], faces_of_used.reshape(-1, 3))
 
 
 def face_budgets(areas: list[float], counts: list[int], faces: int) -> list[int]:

@@ -87,7 +87,7 @@ class Search:
         terms: All rivals.
         sizes: Number of parameters that each rival really adds (its rank), by rival.
         fits: Fits of sets of rivals, each made once.
-        displaced: Rivals that give way to one that is added, itself among them, remembered.
+        displacing: Rivals to which one gives way if they are added, itself among them, remembered.
         covering: Rivals that one is a special case of, remembered.
         threshold: What chance gives.
         rows: Gap of each row: what acts on a row with a large gap has to close a fair part of it.
@@ -98,7 +98,7 @@ class Search:
     terms: tuple[Term, ...]
     sizes: dict[Term, int]
     fits: Fits
-    displaced: Callable[[Term], frozenset[Term]]
+    displacing: Callable[[Term], frozenset[Term]]
     covering: Callable[[Term], frozenset[Term]]
     threshold: Threshold
     rows: RowGaps
@@ -131,6 +131,11 @@ class Search:
     def _scores(self) -> dict[frozenset[Term], float]:
         return {}
 
+    @cached_property
+    def near(self) -> dict[Term, tuple[frozenset[Term], ...]]:
+        """Alternatives of an effect that touch a joint that it touches, remembered; see `swaps.relevant`."""
+        return {}
+
     def _score(self, chosen: frozenset[Term]) -> float:
         found = self.evaluate(chosen)
         if any(ends_on_nothing(self.problem.session.robot, term, found.theta[list(term.columns)]) for term in chosen):
@@ -149,13 +154,18 @@ class Search:
             above: A gain that is below this may be larger than stated, yet not above it.
         """
         besides = self.fits.beside(chosen)
-        gone = {term: (chosen & self.displaced(term)) - {term} for term in terms}
-        costs = {term: price(self.sizes[term]) - self.price_of(gone[term]) for term in terms}
+        costs = {term: self.prices[term] for term in terms}
+        gone: dict[Term, frozenset[Term]] = defaultdict(frozenset)
+        for other in chosen:
+            for term in self.displacing(other) - {other}:
+                gone[term] |= {other}
+                if term in costs:
+                    costs[term] -= self.prices[other]
         out = {term: gain_of(besides, term) - costs[term] for term in terms}
         ranked = sorted(terms, key=lambda term: -out[term])
         least = _WORTH_FITTING * max(out[ranked[0]], 0.0) if ranked else 0.0
         for k, term in enumerate(ranked):
-            if gone[term]:
+            if term in gone:
                 # Bounds that are held change a gain: there is room for as much again.
                 worth = 2.0 * (out[term] + costs[term]) - costs[term] > above
             else:
@@ -166,7 +176,12 @@ class Search:
 
     def price_of(self, chosen: frozenset[Term]) -> float:
         """Price of the parameters of a set."""
-        return sum(price(self.sizes[term]) for term in chosen)
+        return sum(self.prices[term] for term in chosen)
+
+    @cached_property
+    def prices(self) -> dict[Term, float]:
+        """Price of the parameters of each effect."""
+        return {term: price(size) for term, size in self.sizes.items()}
 
     def sizes_of(self, chosen: frozenset[Term]) -> int:
         """Number of parameters of a set."""
@@ -207,8 +222,8 @@ def set_up_search(
     """A search over all terms that leave any trace in the recordings."""
     sizes = ranks_of(problem, problem.columns.terms)
     terms = tuple(term for term in problem.columns.terms if sizes[term] > 0)
-    displaced, covering = relations(problem.columns.terms)
-    return Search(problem, terms, sizes, Fits(problem), displaced, covering, threshold, rows, spurious)
+    displacing, covering = relations(problem.columns.terms)
+    return Search(problem, terms, sizes, Fits(problem), displacing, covering, threshold, rows, spurious)
 
 
 def contains(rich: Term, simple: Term) -> bool:
@@ -241,7 +256,7 @@ def possible(chosen: frozenset[Term], term: Term) -> bool:
 
 
 def relations(terms: tuple[Term, ...]) -> tuple[Callable[[Term], frozenset[Term]], Callable[[Term], frozenset[Term]]]:
-    """For one of these terms, those that give way to it, itself among them, and those that contain it."""
+    """For one of these terms, those to which it gives way, itself among them, and those that contain it."""
     near: dict[object, list[Term]] = defaultdict(list)
     for term in terms:
         # Only terms on one joint or with common columns have anything to do with each other.
@@ -252,14 +267,14 @@ def relations(terms: tuple[Term, ...]) -> tuple[Callable[[Term], frozenset[Term]
         return {other for key in (("joint", term.joint), *term.columns) for other in near[key]}
 
     @cache
-    def displaced(term: Term) -> frozenset[Term]:
-        return frozenset(other for other in related(term) if contains(term, other) or _exclude(term, other))
+    def displacing(term: Term) -> frozenset[Term]:
+        return frozenset(other for other in related(term) if contains(other, term) or _exclude(other, term))
 
     @cache
     def covering(term: Term) -> frozenset[Term]:
         return frozenset(other for other in related(term) if contains(other, term))
 
-    return displaced, covering
+    return displacing, covering
 
 
 def least_gain(search: Search, terms: frozenset[Term], beside: frozenset[Term], by_row: Float[Array, " nv"]) -> float:

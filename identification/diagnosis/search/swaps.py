@@ -137,12 +137,17 @@ def relevant(search: Search, chosen: frozenset[Term], term: Term, slack: float) 
         slack: Allowed deficit of an alternative's gain, prices counted.
     """
     remaining = chosen - {term}
-    rows = rows_of(search.problem, term)
+    if term not in search.near:
+        rows = rows_of(search.problem, term)
+        search.near[term] = tuple(
+            others
+            for others in alternatives(search, term)
+            if any(rows & rows_of(search.problem, other) for other in others)
+        )
     near = [
         others
-        for others in alternatives(search, term)
-        if any(rows & rows_of(search.problem, other) for other in others)
-        and all(remaining.isdisjoint(search.covering(other)) for other in others)
+        for others in search.near[term]
+        if all(remaining.isdisjoint(search.covering(other)) for other in others)
     ]
     singles = tuple(other for others in near if len(others) == 1 for other in others if other not in remaining)
     lost = explained(search, chosen, term)
