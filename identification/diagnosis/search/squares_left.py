@@ -85,4 +85,5 @@ def _squares(row: _Row, theta: Float[Array, "B K"], scaled: list[int]) -> Float[
         x = x * (1.0 + gains.sum(axis=1, keepdims=True))
         x[:, own] = gains
     with_residual = np.column_stack([-x, np.ones(len(x))])
-    return np.maximum(np.einsum("bi,bij,bj->b", with_residual, row.square, with_residual), 0.0)
+    made = (with_residual[:, None, :] @ row.square)[:, 0]
+    return np.maximum(np.einsum("bi,bi->b", made, with_residual), 0.0)

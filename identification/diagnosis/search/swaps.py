@@ -145,9 +145,7 @@ def relevant(search: Search, chosen: frozenset[Term], term: Term, slack: float) 
             if any(rows & rows_of(search.problem, other) for other in others)
         )
     near = [
-        others
-        for others in search.near[term]
-        if all(remaining.isdisjoint(search.covering(other)) for other in others)
+        others for others in search.near[term] if all(remaining.isdisjoint(search.covering(other)) for other in others)
     ]
     singles = tuple(other for others in near if len(others) == 1 for other in others if other not in remaining)
     lost = explained(search, chosen, term)
