@@ -128,7 +128,7 @@ def _diagnose_together(arguments: argparse.Namespace, excluded: tuple[tuple[floa
     from identification.export.all_files import not_written
     from identification.export.corrected.corrected_yaml import known_effects
     from identification.reporting.diagnosis_files import check_targets, write_outputs
-    from identification.reporting.diagnosis_summary import summary
+    from identification.reporting.diagnosis_summary import summary, written_lines
     from phantom_dyn.effects.user.user_effects import with_user_effects
     from phantom_dyn.model.loading import load_robot
 
@@ -155,8 +155,7 @@ def _diagnose_together(arguments: argparse.Namespace, excluded: tuple[tuple[floa
     if times is not None:
         say(times.table(), file=sys.stderr)
     say(summary(diagnosis))
-    for path in written:
-        say(f"wrote {path}")
+    say("\n".join(written_lines(written, arguments.out)))
     for sentence in not_held:
         say(sentence)
     if arguments.out is not None and not diagnosis.poses_alone and (lacking := not_written(arguments.out, written)):

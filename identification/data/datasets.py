@@ -282,7 +282,7 @@ def _where_to_put(dataset: Dataset) -> str:
     names = ", ".join(file.name for file in dataset.files)
     if root:
         return f"put {names} into {Path(root) / dataset.name}"
-    return f"put {names} into a folder {dataset.name}, and set PHANTOM_DYN_DATA to the folder that holds it"
+    return f"put {names} into DATA/{dataset.name}, DATA being a folder of your own, and set PHANTOM_DYN_DATA=DATA"
 
 
 def download(address: str, path: Path, sha256: str) -> None:

@@ -23,6 +23,9 @@ _CHANGES = {
     "timing": "a measured torque, or another controller gain",
 }
 
+_MOST_TOLD = 3
+"""Causes that a sentence separates from others at most; `diagnosis.json` has all pairs."""
+
 
 def proposal_words(separated: tuple[Pair, ...], trial: Trial, reference: str, power: float) -> str:
     """One sentence: which motion to record, and which rivals it separates."""
@@ -59,7 +62,8 @@ def _pairs_words(pairs: tuple[Pair, ...]) -> str:
         others = [other for pair in left for other in pair if most in pair and other != most]
         said.append(f"{most} from {joined(others)}")
         left = [pair for pair in left if most not in pair]
-    return joined(said, ", and ")
+    more = len(said) - _MOST_TOLD
+    return joined(said, ", and ") if more <= 0 else f"{', '.join(said[:_MOST_TOLD])}, and {more} more"
 
 
 def _hypothesis_words(one: Hypothesis) -> str:

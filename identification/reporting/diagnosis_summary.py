@@ -3,8 +3,12 @@
 from __future__ import annotations
 
 import textwrap
+from collections.abc import Mapping, Sequence
+from pathlib import Path
 
-from identification.diagnosis.result import Diagnosis, Finding, JointGap
+import numpy as np
+
+from identification.diagnosis.result import Diagnosis, Finding, JointGap, Value
 from identification.words import diagnosis_words as words
 from identification.words.certainty import as_told
 from identification.words.diagnosis_words import growth_words
@@ -17,6 +21,9 @@ WIDTH = 100
 NOTES = 5
 """Notes and warnings that are shown at most; the report has all of them."""
 NAME_WIDTH = 36
+MOST_SIZES = 4
+"""Parameters of a finding from which on only those are listed that differ from nothing; the report has all of them."""
+_DIFFERS = 2.0  # standard deviations
 
 
 def summary(diagnosis: Diagnosis) -> str:
@@ -33,6 +40,18 @@ def summary(diagnosis: Diagnosis) -> str:
     if len(notes) > NOTES:
         blocks.append(f"  {len(notes) - NOTES} more in the report.")
     return "\n".join(blocks).replace(NO_BREAK, " ")
+
+
+def written_lines(written: Sequence[Path], out: Path | None) -> list[str]:
+    """Lines that name the files of a run: those of its folder together, any other by itself.
+
+    Args:
+        written: Paths of the files.
+        out: Folder of the run, if it has one.
+    """
+    inside = [path.name for path in written if path.parent == out]
+    lines = [f"wrote {path}" for path in written if path.parent != out]
+    return [*([_wrapped(f"wrote {out}: {', '.join(inside)}", hanging="  ")] if inside else []), *lines]
 
 
 def _torque_blocks(diagnosis: Diagnosis) -> list[str]:
@@ -86,16 +105,32 @@ def _finding_lines(findings: tuple[Finding, ...]) -> list[str]:
 def _finding_line(finding: Finding) -> str:
     grown = growth_words(finding)
     values = {name: value for name, value in finding.parameters.items() if not (grown and name == "ratio")}
-    # One size needs no name; of several each is told which it is.
-    sizes = ", ".join(
-        value_words(value) if len(values) == 1 else f"{words.parameter_name(name)} {value_words(value)}"
-        for name, value in values.items()
-    )
+    sizes = _sizes(values)
     size = (f": {sizes}" if sizes else "") + grown
     sure = f"{words.sureness(finding.probability)}, {words.share_of_gap(finding)} of the gap"
     instead = words.rivals_words(finding)
     rivals = f"; {instead}" if instead else ""
     return f"{words.capital(words.effect_at_finding(finding))}{size}; {sure}{rivals}"
+
+
+def _sizes(values: Mapping[str, Value]) -> str:
+    """Sizes with their deviations; one alone needs no name, of several each is told which it is."""
+    if len(values) == 1:
+        return value_words(next(iter(values.values())))
+    told = values
+    if len(values) > MOST_SIZES:
+        told = dict(sorted(values.items(), key=_certainty, reverse=True)[:MOST_SIZES])
+        told = {name: value for name, value in values.items() if name in told and _certainty((name, value)) > _DIFFERS}
+    sizes = [f"{words.parameter_name(name)} {value_words(value)}" for name, value in told.items()]
+    more = len(values) - len(told)
+    return ", ".join([*sizes, *[f"{more} more in the report" if told else f"{more} sizes in the report"] * bool(more)])
+
+
+def _certainty(size: tuple[str, Value]) -> float:
+    """How many standard deviations a size is from nothing; a list counts by its largest entry."""
+    value = size[1]
+    deviations = np.abs(np.atleast_1d(value.value)) / np.maximum(np.atleast_1d(value.std), np.finfo(float).tiny)
+    return float(np.max(deviations, initial=0.0))
 
 
 def _gap_table(joints: tuple[JointGap, ...]) -> list[str]:
@@ -112,8 +147,9 @@ def _gap_table(joints: tuple[JointGap, ...]) -> list[str]:
     return [f"{'joint':<{width}}  " + "  ".join(f"{head:>12}" for head in heads), *rows]
 
 
-def _wrapped(text: str, indent: str = "") -> str:
-    hanging = indent + "   " if indent else ""
+def _wrapped(text: str, indent: str = "", hanging: str | None = None) -> str:
+    if hanging is None:
+        hanging = indent + "   " if indent else ""
     return textwrap.fill(
         printable(text), WIDTH, initial_indent=indent, subsequent_indent=hanging, break_on_hyphens=False
     )

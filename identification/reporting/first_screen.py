@@ -81,7 +81,7 @@ def _bar(gap: JointGap, largest: float) -> Bar:
 
 def groups_of(diagnosis: Diagnosis) -> list[Group]:
     """The findings, those of one effect on several joints together, and effects on the very same joints, too."""
-    return sorted((_group(kinds, diagnosis) for kinds in words.grouped(diagnosis)), key=lambda group: -group.width)
+    return [_group(kinds, diagnosis) for kinds in words.grouped(diagnosis)]
 
 
 def _group(kinds: list[list[Finding]], diagnosis: Diagnosis) -> Group:

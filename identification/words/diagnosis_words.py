@@ -21,6 +21,7 @@ from identification.words.numbers_and_names import NO_BREAK, number, percent, va
 UNDECIDED = 0.5  # probability below which a finding is told as undecided
 _SEVERAL = 3  # joints from which all of a robot are named by their number
 _TIMES = 3  # stretches that a sentence names
+_MOVES = 3  # moves within tolerance that a sentence names
 
 SURENESS = (
     (0.99, "practically certain"),
@@ -188,13 +189,13 @@ def gap_closed(finding: Finding) -> str:
 
 
 def share_words(share: float, interval: tuple[float, float]) -> str:
-    """A share with its 95 % interval, as in ``83 % (80 to 86 %)``; alone where both ends round to the same.
+    """A share with its 95 % interval, as in ``83 % (80 to 86 %)``; alone where the ends say no more.
 
     What a correction takes away below the noise floor is no part of the gap, so that nothing is more than all of it.
     """
     own, least, most = (percent(min(part, 1.0)) for part in (share, *interval))
-    if own == least == most:
-        return own
+    if own == least == most or (most == percent(1.0) and least == percent(0.995)):
+        return least
     return f"{own} ({least.removesuffix(f'{NO_BREAK}%')} to {most})"
 
 
@@ -259,7 +260,7 @@ def grouped(diagnosis: Diagnosis) -> list[list[list[Finding]]]:
     """The findings by kind: one effect on several joints together, and effects on the very same joints, too.
 
     Returns:
-        Groups in the order of their first findings; of each its effects, and of each effect its findings.
+        Groups, the largest share of the gap first; of each its effects, and of each effect its findings.
     """
     joints = [gap.joint for gap in diagnosis.joints]
     by_effect: dict[tuple[str, str | None, bool], list[Finding]] = {}
@@ -273,7 +274,12 @@ def grouped(diagnosis: Diagnosis) -> list[list[list[Finding]]]:
         together = len(places) > 1 and not key[2]
         ordered = sorted(found, key=lambda one: joints.index(one.joint) if one.joint in joints else len(joints))
         by_place.setdefault((places, key[1]) if together else number_of, []).append(ordered)
-    return list(by_place.values())
+    return sorted(by_place.values(), key=_share_of_group, reverse=True)
+
+
+def _share_of_group(kinds: list[list[Finding]]) -> float:
+    """What a group closes of the gap together, none where a share is not known; for sorting."""
+    return sum(max(finding.share or 0.0, 0.0) for found in kinds for finding in found)
 
 
 def group_name(kinds: list[list[Finding]], diagnosis: Diagnosis) -> str:
@@ -309,7 +315,7 @@ def reservations(diagnosis: Diagnosis) -> list[str]:
     if loudest is not None and shares.get(loudest, 0.0) > ORDINARY_SHARE:
         out.append(
             f"On {joints_words([loudest])} {percent(shares[loudest])} of the torque counts as noise, because nothing "
-            "foretells it: if its sensors are better than that, an effect hides there, and sizes are less certain than "
+            "predicts it: if its sensors are better than that, an effect hides there, and sizes are less certain than "
             "stated."
         )
     strays = (diagnosis.rollout or {}).get("strays", {})
@@ -339,7 +345,8 @@ def _at_limits(moves: list[Adjusted]) -> list[str]:
     plain = [move for move in moves if move.hides.startswith(f"a change of {move.quantity}")]
     loads = dict.fromkeys(move.hides for move in moves if move not in plain)
     hidden = [*loads, *["larger changes of these"] * bool(plain)]
-    moved = joined([move.quantity for move in moves])
+    more = [f"{len(moves) - _MOVES} more (in the report)"] if len(moves) > _MOVES else []
+    moved = joined([*(move.quantity for move in moves[:_MOVES]), *more])
     return [f"The moves of {moved} end at the limits of their tolerances; {joined(hidden)} could hide behind them."]
 
 
@@ -350,7 +357,7 @@ def left_over(diagnosis: Diagnosis) -> str:
         times = joined([f"{start:.2f} to {stop:.2f} s" for start, stop in left.times[:_TIMES]])
         more = f" and {len(left.times) - _TIMES} more times" if len(left.times) > _TIMES else ""
         parts.append(
-            f"something acts on {place('', left.joint)} from {times}{more} that nothing in the motion foretells"
+            f"something acts on {place('', left.joint)} from {times}{more} that nothing in the motion predicts"
         )
     above = [gap for gap in diagnosis.joints if gap.rms_after > gap.allowed and gap.noise_floor > 0]
     strays = {} if diagnosis.verdict != "unknown" else (diagnosis.rollout or {}).get("strays", {})

@@ -129,8 +129,8 @@ def test_a_missing_page_is_told_with_the_servers_answer(server, register):
 def test_without_a_connection_the_sentence_says_from_where_and_where_to(register):
     register("http://127.0.0.1:9/a.csv")  # nobody listens on the discard port
     wanted = (
-        r"no connection to the server\): take it from http://127\.0\.0\.1:9/a\.csv and put a\.csv into a folder demo, "
-        "and set PHANTOM_DYN_DATA to the folder that holds it"
+        r"no connection to the server\): take it from http://127\.0\.0\.1:9/a\.csv and put a\.csv into DATA/demo, "
+        "DATA being a folder of your own, and set PHANTOM_DYN_DATA=DATA"
     )
     with pytest.raises(LogError, match=wanted):
         datasets.fetch("demo")

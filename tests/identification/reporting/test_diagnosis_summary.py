@@ -1,11 +1,12 @@
 from __future__ import annotations
 
 import dataclasses
+from pathlib import Path
 
 import pytest
 
 from identification.diagnosis.result import Gap, Value
-from identification.reporting.diagnosis_summary import summary
+from identification.reporting.diagnosis_summary import summary, written_lines
 
 
 @pytest.mark.parametrize(("joints", "findings"), [(1, 0), (2, 3), (7, 15)])
@@ -87,3 +88,30 @@ def test_at_most_five_notes_are_shown(made_up, count, more):
 def test_warnings_are_shown_before_notes(made_up):
     many = dataclasses.replace(made_up(), notes=("A note.",) * 9, data_warnings=tuple(f"w{k}" for k in range(5)))
     assert summary(many).count("Warning: ") == 5
+
+
+def test_of_many_sizes_only_those_that_differ_from_nothing_are_listed(made_up):
+    # By hand: 3, 40 and 2.5 deviations differ, 0.5 and 1 do not.
+    made = made_up(findings=1)
+    sizes = {"m": (0.3, 0.1), "mx": (0.05, 0.1), "my": (4.0, 0.1), "mz": (0.1, 0.1), "Ixx": (0.25, 0.1)}
+    parameters = {f"arm.{name}": Value(*size, "kg m^2") for name, size in sizes.items()}
+    many = dataclasses.replace(made.findings[0], effect="inertial_parameters", parameters=parameters)
+    text = " ".join(summary(dataclasses.replace(made, findings=(many,))).split())
+    assert (
+        ": arm.m 0.30 ± 0.10 kg m^2, arm.my 4.00 ± 0.10 kg m^2, arm.Ixx 0.25 ± 0.10 kg m^2, 2 more in the report; "
+    ) in text
+
+
+def test_many_sizes_that_do_not_differ_from_nothing_are_counted(made_up):
+    made = made_up(findings=1)
+    parameters = {f"arm.{name}": Value(0.1, 0.1, "kg") for name in "abcde"}
+    many = dataclasses.replace(made.findings[0], effect="inertial_parameters", parameters=parameters)
+    assert "on joint j1: 5 sizes in the report; " in " ".join(
+        summary(dataclasses.replace(made, findings=(many,))).split()
+    )
+
+
+def test_the_files_of_a_folder_are_told_together_and_any_other_alone():
+    out = Path("report")
+    lines = written_lines([out / "diagnosis.json", out / "report.html", Path("d.json")], out)
+    assert lines == ["wrote report: diagnosis.json, report.html", "wrote d.json"]

@@ -245,7 +245,7 @@ OTHER_LIMIT = Adjusted("arm Ixx", 0.1, 0.05, True, "a change of arm Ixx of more 
         ),
         (
             {"verdict": "unknown", "findings": (), "unexplained": Unexplained(0.0, False, "j2", None, ((1.0, 1.5),))},
-            "something acts on joint j2 from 1.00 to 1.50 s that nothing in the motion foretells",
+            "something acts on joint j2 from 1.00 to 1.50 s that nothing in the motion predicts",
             "fits the robot",
         ),
         (
@@ -260,6 +260,11 @@ OTHER_LIMIT = Adjusted("arm Ixx", 0.1, 0.05, True, "a change of arm Ixx of more 
             "explained",
         ),
         (
+            {"verdict": "no_gap", "findings": (), "adjusted": (LIMIT, *(OTHER_LIMIT,) * 4)},
+            "The moves of hand mass, arm Ixx, arm Ixx and 2 more (in the report) end at the limits",
+            "arm Ixx, arm Ixx, arm Ixx",
+        ),
+        (
             {"verdict": "no_gap", "findings": (), "joints": (dataclasses.replace(FLOORS, rms_after=0.03),)},
             "a short event which does not repeat cannot be excluded",
             "explained",
@@ -271,7 +276,7 @@ OTHER_LIMIT = Adjusted("arm Ixx", 0.1, 0.05, True, "a change of arm Ixx of more 
         ),
         (
             {"verdict": "no_gap", "joints": (dataclasses.replace(FLOORS, rms_after=0.03, rms_torque=0.2),)},
-            "On joint j1 15 % of the torque counts as noise, because nothing foretells it",
+            "On joint j1 15 % of the torque counts as noise, because nothing predicts it",
             "times its noise floor",
         ),
         (
@@ -323,7 +328,11 @@ def test_a_name_that_says_it_is_a_joint_stands_alone(names, said):
 
 @pytest.mark.parametrize(
     ("share", "interval", "said"),
-    [(0.83, (0.8, 0.861), "83 % (80 to 86 %)"), (0.999, (0.998, 0.9995), "over 99 %")],
+    [
+        (0.83, (0.8, 0.861), "83 % (80 to 86 %)"),
+        (0.999, (0.998, 0.9995), "over 99 %"),
+        (1.0, (0.997, 1.0), "over 99 %"),
+    ],
 )
 def test_an_interval_that_says_no_more_is_left_out(share, interval, said):
     assert words.share_words(share, interval).replace(NO_BREAK, " ") == said
@@ -332,3 +341,12 @@ def test_an_interval_that_says_no_more_is_left_out(share, interval, said):
 def test_an_effect_that_helps_only_beside_others_has_no_negative_share(made_up):
     finding = dataclasses.replace(made_up().findings[0], share=-0.09, gap_closed=0.12)
     assert words.share_of_gap(finding).replace(NO_BREAK, " ") == "beside the others 12 %"
+
+
+def test_the_verdict_names_the_largest_share_first(made_up):
+    small, large = (
+        dataclasses.replace(made_up().findings[0], effect=effect, joint=joint, share=share)
+        for effect, joint, share in (("coulomb_friction", "j1", 0.1), ("viscous_friction", "j2", 0.8))
+    )
+    sentence = words.headline(dataclasses.replace(made_up(), findings=(small, large)))
+    assert "explained by viscous friction on joint j2 and Coulomb friction on joint j1" in sentence
