@@ -27,7 +27,7 @@ from phantom_dyn.model.mjcf import add_loop_frames, drawn_configuration, mjcf_fa
 from phantom_dyn.model.robot import Actuator, Controller, Robot, Tolerance
 from phantom_dyn.model.robot_config import JointConfig, LinearLoop, RobotConfig, read_robot_config
 from phantom_dyn.model.robot_files import find_robot
-from phantom_dyn.model.robot_xml import RobotXml, read_root, urdf_facts
+from phantom_dyn.model.robot_xml import RobotXml, read_root, require_finite, urdf_facts
 from phantom_dyn.model.stated_loops import closed_chain
 from phantom_dyn.model.unnamed_file import unnamed_file
 from phantom_dyn.motion import linear_joints
@@ -162,6 +162,7 @@ def _facts(path: Path) -> RobotXml:
     """Facts of the file, its inertias found possible."""
     root, sha256 = read_root(path)
     facts = urdf_facts(root, sha256, path) if root.tag == "robot" else mjcf_facts(root, sha256, path)
+    require_finite(root, path)
     for body in facts.bodies:
         reason = impossible_because(body.mass, body.central_inertia)
         if reason:

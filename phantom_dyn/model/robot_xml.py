@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import hashlib
+import re
 from collections.abc import Iterable
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -29,6 +30,12 @@ _SHORTEST = 1e-6
 _ONCE_IN_JOINT = ("origin", "parent", "child", "axis", "limit", "dynamics", "mimic")
 
 
+_PHYSICAL = frozenset(
+    "xyz rpy pos quat euler axis axisangle xyaxes zaxis fromto value mass ixx iyy izz ixy ixz iyz inertia diaginertia "
+    "fullinertia armature damping friction frictionloss lower upper effort velocity".split()
+)
+"""Attributes that no robot has infinite; ranges of MJCF may be."""
+_NOT_FINITE = re.compile(r"[-+]?(nan|inf|infinity)", re.IGNORECASE)
 _JOINT_TYPES = ("revolute", "continuous", "prismatic", "fixed", "floating", "planar")
 """Types of joints that URDF has."""
 
@@ -193,6 +200,26 @@ def numbers(
     if max(map(abs, values)) > most:
         raise RobotError(f"{where} is beyond {most:g}, which no robot has: give SI units.")
     return values
+
+
+def require_finite(root: Element, path: Path) -> None:
+    """Refuse poses, inertias and friction that are not finite anywhere in a file, elements included that nobody reads.
+
+    Corrected models start from the file as it is, and would hold them too.
+
+    Raises:
+        RobotError: If one is none or infinite.
+    """
+    for element in root.iter():
+        for attribute in sorted(_PHYSICAL.intersection(element.attrib)):
+            if attribute == "value" and element.tag != "mass":
+                continue
+            text = element.get(attribute, "")
+            if any(_NOT_FINITE.fullmatch(word) for word in text.split()):
+                raise RobotError(
+                    f"{path}: {attribute}={shortened(text)!r} in <{shortened(element.tag)}> must be finite numbers: "
+                    "correct it."
+                )
 
 
 def require_once(parent: Element, tags: tuple[str, ...], owner: str, path: Path) -> None:

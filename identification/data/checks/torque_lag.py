@@ -168,9 +168,10 @@ def _clear_torques(robot: Robot, recording: Recording, smooth: Smooth, lags: Flo
 
 
 def _of_length_one(columns: Float[Array, "n k"]) -> Float[Array, "n c"]:
-    """Columns that are not zero, each over its length."""
-    size = np.linalg.norm(columns, axis=0)
-    return columns[:, size > 0] / size[size > 0]
+    """Columns that are not zero, each over its length; squares of the smallest floats would be zero."""
+    largest = np.max(np.abs(columns), axis=0, initial=0.0)
+    scaled = columns[:, largest > 0] / largest[largest > 0]
+    return scaled / np.linalg.norm(scaled, axis=0)
 
 
 def _lightly_smoothed(
@@ -219,6 +220,8 @@ def clear_samples(v: Float[Array, " N"], inside: Bool[Array, " N"], half: int, s
 def friction_columns(v: Float[Array, " n"]) -> Float[Array, "n k"]:
     """Columns of a friction that is any broken line in the speed, another one in either direction."""
     columns = []
+    # The columns are the same in any unit of speed; over steps of the smallest floats nothing can be interpolated.
+    v = v / np.max(np.abs(v), initial=np.finfo(float).tiny)
     for direction in (1.0, -1.0):
         going = direction * v > 0
         knots = np.unique(np.quantile(np.abs(v[going]), np.linspace(0, 1, _KNOTS))) if going.any() else np.zeros(0)

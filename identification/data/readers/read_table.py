@@ -20,7 +20,7 @@ from identification.data.readers.presets import map_of, preset_of
 from identification.data.readers.sage import with_neighbours
 from identification.data.recording import RawTable, Table
 from identification.files import LOG_FORMATS, is_lerobot, lerobot_episode, require_existing
-from phantom_dyn.errors import LogError, PhantomDynError
+from phantom_dyn.errors import LogError, PhantomDynError, shortened
 from phantom_dyn.model.plain_file import require_plain_file
 
 
@@ -28,9 +28,11 @@ def _read(path: Path, topic: str | None, ref_topic: str | None) -> RawTable:
     """The reader that fits the content."""
     episode = lerobot_episode(path)
     if episode is not None:
+        _require_no_topic(path, topic, ref_topic)
         return read_episode(*episode)
     if path.is_dir():
         if is_lerobot(path):
+            _require_no_topic(path, topic, ref_topic)
             return read_dataset(path)
         if not (path / "metadata.yaml").exists():
             raise LogError(
@@ -48,14 +50,20 @@ def _read(path: Path, topic: str | None, ref_topic: str | None) -> RawTable:
         return read_ros1_bag(path, topic, ref_topic)
     if start.startswith((b"SQLite format 3", b"\x89MCAP")):
         return read_ros2_bag(path, topic, ref_topic)
-    if ref_topic is not None:
-        raise LogError(f"{path.name} is no bag, so it has no topic {ref_topic}: leave --ref-topic out.")
+    _require_no_topic(path, topic, ref_topic)
     if start.startswith(b"PK\x03\x04") or start.startswith(b"PK\x05\x06"):
         return read_npz(path)
     if start.startswith(b"PAR1"):
         return read_parquet(path)
 
     return read_delimited(path)
+
+
+def _require_no_topic(path: Path, topic: str | None, ref_topic: str | None) -> None:
+    """Refuse a topic of a file that has none: passed over, it would seem to have been read."""
+    for option, name in (("--topic", topic), ("--ref-topic", ref_topic)):
+        if name is not None:
+            raise LogError(f"{path.name} is no bag, so it has no topic {shortened(name)}: leave {option} out.")
 
 
 def read_raw(path: str | Path, *, topic: str | None = None, ref_topic: str | None = None) -> RawTable:

@@ -172,14 +172,16 @@ def estimate_frequency_response(
     bent = position[2:] - 2.0 * position[1:-1] + position[:-2]
     if not bent.any():
         raise ParameterError("The position never answers the force: record the device while it is free to move.")
-    driven = force[1:-1]
+    # Both over their largest value: squares of very small numbers would be zero.
+    largest, strongest = float(np.abs(bent).max()), float(np.abs(force).max())
+    bent, driven = bent / largest, force[1:-1] / strongest
     rate = 1.0 / period
     f, drive = welch(driven, rate, nperseg=length)
     _, answer = welch(bent, rate, nperseg=length)
     _, cross = csd(driven, bent, rate, nperseg=length)
     inside = slice(3, (length + 1) // 2)
     w = 2 * np.pi * f[inside]
-    response = cross[inside] / drive[inside] / (-4.0 * np.sin(0.5 * w * period) ** 2)
+    response = (largest / strongest) * cross[inside] / drive[inside] / (-4.0 * np.sin(0.5 * w * period) ** 2)
     coherence = np.clip(np.abs(cross[inside]) ** 2 / (drive[inside] * answer[inside]), 0.0, _MOST_COHERENT)
     segments = (len(driven) - length // 2) // (length - length // 2)
     averages = segments / _OVERLAP if segments > 1 else 1.0

@@ -94,6 +94,12 @@ def test_what_is_no_robot_is_refused(tmp_path, text, message):
         ('<axis xyz="0.8 0 0.6"/>', '<axis xyz="0.8 0 0.6"/><mimic joint="slide"/>', "joint slide mimics itself"),
         ("<robot", '<!DOCTYPE robot [<!ENTITY a "b">]><robot', "defines entities, which no robot file needs"),
         ('<link name="base"/>', "<a>" * 300 + "</a>" * 300 + '<link name="base"/>', "more than 200 elements in one"),
+        # No parser of ours reads what is only seen, and corrected files keep it.
+        (
+            '<link name="base"/>',
+            '<link name="base"><visual><origin xyz="nan 0 0"/></visual></link>',
+            r"xyz='nan 0 0' in <origin> must be finite numbers: correct it",
+        ),
         (
             'name="slide" type="prismatic"',
             'name="slide" type="screw"',
@@ -128,6 +134,8 @@ def test_a_broken_urdf_is_refused_with_its_place(tmp_path, old, new, message):
             "extra is several joints on one body, .*one joint per body",
         ),
         ('type="slide"', 'type="rope"', r"is not a robot that Pinocchio can read \(Unknown joint type\)"),
+        # An element that MJCF does not have: nobody reads it, and corrected.xml keeps it.
+        ("<compiler", '<axis xyz="0 -INF 0"/><compiler', r"xyz='0 -INF 0' in <axis> must be finite numbers"),
         ("<compiler", '<include file="other.xml"/><compiler', "uses <include>, .*mj_saveLastXML"),
         (
             "<actuator>",

@@ -83,7 +83,7 @@ def _choose_topic(file: str, connections: Sequence[Any], topic: str | None, read
         found = sorted({f"{c.topic} ({c.msgtype})" for c in connections})
         raise LogError(
             f"{file} has no topic of {wanted_kinds} (sensor_msgs/JointState or another of {listed(sorted(readers))}); "
-            f"its topics are {listed(found)}."
+            f"its topics are {listed(found)}; record one of these, or give a file that has one."
         )
     if topic is None:
         plain = [name for name in topics if kinds[name] == JOINT_STATE]
@@ -95,7 +95,8 @@ def _choose_topic(file: str, connections: Sequence[Any], topic: str | None, read
             )
     wanted = topics[0] if topic is None else topic
     if wanted not in topics:
-        raise LogError(f"{file} has no topic {wanted} of {wanted_kinds}: {known_names(wanted, topics, 'such topics')}")
+        known = known_names(wanted, topics, "topics")
+        raise LogError(f"{file} has no topic {shortened(wanted)} of {wanted_kinds}: {known}")
     return [c for c in connections if c.topic == wanted and c.msgtype == kinds[wanted]]
 
 

@@ -66,6 +66,17 @@ def test_friction_may_differ_between_directions(rng):
     assert np.abs(left).max() < 1e-9
 
 
+@pytest.mark.parametrize("scale", [1e-310, 1e-200, 1e200])
+def test_columns_of_friction_are_those_of_any_unit_of_speed(rng, scale):
+    v = rng.uniform(-2.0, 2.0, 500)
+    np.testing.assert_allclose(friction_columns(scale * v), friction_columns(v), atol=1e-9)
+
+
+def test_positions_of_the_smallest_floats_show_no_lag(clean, arm):
+    recording = clean()
+    assert lags_of(arm, replace(recording, q=1e-309 * recording.q)) == []
+
+
 def test_a_joint_that_turns_about_all_the_time_shows_no_lag(clean, arm):
     # Twelve times a second: every 42 ms, and a joint creeps for 50 ms before and behind each.
     recording = clean()

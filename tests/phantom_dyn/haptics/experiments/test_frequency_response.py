@@ -49,6 +49,16 @@ def test_longer_recordings_scatter_less(rng):
     assert np.median(long.deviation) == pytest.approx(0.5 * np.median(short.deviation), rel=0.15)
 
 
+@pytest.mark.parametrize("scale", [1e-300, 1e-200, 1e200])
+def test_the_size_of_numbers_makes_no_difference(rng, scale):
+    # Closed form: the response of a linear device and its coherence do not depend on how strongly it was driven.
+    force, position = rng.standard_normal((2, 1000))
+    at_one = estimate_frequency_response(force, position, period=T, segment=0.1)
+    at_scale = estimate_frequency_response(scale * force, scale * position, period=T, segment=0.1)
+    np.testing.assert_allclose(at_scale.response, at_one.response, rtol=1e-9)
+    np.testing.assert_allclose(at_scale.coherence, at_one.coherence, rtol=1e-9)
+
+
 def test_a_constant_force_is_refused():
     with pytest.raises(ParameterError, match="The force never changes"):
         estimate_frequency_response(np.ones(1000), np.zeros(1000), period=T, segment=0.1)

@@ -311,11 +311,20 @@ def test_a_reference_topic_that_is_not_there_is_refused(write):
         read_table(path, ref_topic="/askd")
 
 
-def test_a_reference_topic_of_a_table_is_refused(tmp_path):
+@pytest.mark.parametrize("option", ["--topic", "--ref-topic"])
+def test_a_topic_of_a_table_is_refused(option, tmp_path):
     path = tmp_path / "log.csv"
     path.write_text("t,q.a\n0,1\n")
-    with pytest.raises(LogError, match=r"log\.csv is no bag, so it has no topic /asked"):
-        read_table(path, ref_topic="/asked")
+    with pytest.raises(LogError, match=rf"log\.csv is no bag, so it has no topic /asked: leave {option} out"):
+        read_table(path, **{option[2:].replace("-", "_"): "/asked"})
+
+
+def test_a_topic_of_a_dataset_is_refused(tmp_path):
+    # A LeRobot dataset is known by this file alone.
+    (tmp_path / "meta").mkdir()
+    (tmp_path / "meta" / "info.json").write_text("{}")
+    with pytest.raises(LogError, match=r"is no bag, so it has no topic /asked: leave --topic out"):
+        read_table(tmp_path, topic="/asked")
 
 
 def test_a_definition_that_makes_millions_of_values_is_refused(write):

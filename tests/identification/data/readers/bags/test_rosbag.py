@@ -112,7 +112,7 @@ def test_an_unknown_topic_lists_the_known_ones(tmp_path):
 def test_a_bag_without_joint_states_lists_its_topics(tmp_path):
     with Writer1(tmp_path / "log.bag") as writer:
         writer.add_connection("/chatter", "std_msgs/msg/String", typestore=ROS1)
-    with pytest.raises(LogError, match=r"has no topic of joint states \(.*; its topics are /chatter"):
+    with pytest.raises(LogError, match=r"has no topic of joint states \(.*; its topics are /chatter .*; record one"):
         read_table(tmp_path / "log.bag")
 
 
