@@ -17,7 +17,7 @@ from contextlib import contextmanager, suppress
 from glob import escape
 from pathlib import Path
 
-from phantom_dyn.errors import LogError, UsageError, nearest
+from phantom_dyn.errors import LogError, UsageError, nearest, shortened
 from phantom_dyn.model.robot_files import looks_like_robot
 
 LOG_ENDINGS = (".csv", ".npz", ".parquet")
@@ -294,6 +294,17 @@ def require_not_swapped(robot: str | Path, logs: Sequence[str | Path]) -> None:
 def is_full(error: BaseException) -> bool:
     """True for the error of a disk, quota or file that takes no more."""
     return isinstance(error, OSError) and error.errno in (errno.ENOSPC, errno.EFBIG, errno.EDQUOT)
+
+
+def unreachable_words(error: OSError) -> str | None:
+    """What to do where the system lets nobody near a file, in one sentence; None for an error that names no file."""
+    if error.errno is None or not isinstance(error.filename, str | bytes):
+        return None
+    place = shortened(os.fsdecode(error.filename), 200)
+    reason = (error.strerror or os.strerror(error.errno)).lower()
+    if error.errno == errno.ENAMETOOLONG:
+        return f"{place} cannot be a file ({reason}): write a shorter one"
+    return f"{place} cannot be reached ({reason}): name another place, or give yourself the right to enter this one"
 
 
 def full_words(error: OSError) -> str:

@@ -13,7 +13,7 @@ from identification.cli.arguments import BAD_INPUT, DONE, INTERRUPTED
 from identification.cli.terminal.completion import complete
 from identification.cli.terminal.interrupts import Interrupted, interruptible
 from identification.cli.terminal.printed import say
-from identification.files import full_words, is_full
+from identification.files import full_words, is_full, unreachable_words
 from phantom_dyn import __version__
 from phantom_dyn.errors import PhantomDynError, UsageError
 
@@ -84,9 +84,10 @@ def main(argv: list[str] | None = None) -> int:
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         return DONE
     except OSError as error:
-        if not is_full(error):
+        told = full_words(error) if is_full(error) else unreachable_words(error)
+        if told is None:
             raise
-        say(f"phantom-dyn: {full_words(error)}", file=sys.stderr)
+        say(f"phantom-dyn: {told}", file=sys.stderr)
         return BAD_INPUT
     return code
 

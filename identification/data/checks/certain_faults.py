@@ -17,6 +17,7 @@ from scipy.optimize import nnls
 
 from identification.data.checks import suspects as other
 from identification.data.checks.against_model import Sample, regress_joints
+from identification.data.checks.exchanged_columns import exchanged_columns
 from identification.data.checks.model_units import wrong_units
 from identification.data.checks.plausible_fit import unexplained
 from identification.data.checks.readings import Reading
@@ -146,6 +147,9 @@ def certain_faults(
     of_model = massless_model(robot) or wrong_units(robot)
     if of_model or reading is None or robot.nv > _MOST_JOINTS:
         return of_model, ()
+    exchanged = exchanged_columns(recording, robot, reading)
+    if exchanged is not None:
+        return (exchanged,), ()
     step = float(np.median(np.diff(recording.t)))
     found = better_readings(robot, reading, step)
     wrong = tuple(_fault(recording, robot, reading, one) for one in found if one.suspect.says == "wrong")

@@ -29,7 +29,7 @@ from identification.diagnosis.judge.judged_band import Judge, narrow_search
 from identification.diagnosis.judge.moved_by_noise import foreseen_noise, least_above_noise
 from identification.diagnosis.judge.regimes import regime_shares, regime_split
 from identification.diagnosis.judge.shares import closed_together, left_by
-from identification.diagnosis.judge.verdict import adjusted, ordinary_effects_hide, unexplained, verdict
+from identification.diagnosis.judge.verdict import adjusted, noise_is_all, ordinary_effects_hide, unexplained, verdict
 from identification.diagnosis.model.operations import friction_with
 from identification.diagnosis.model.session import Series
 from identification.diagnosis.model.standstill import open_friction
@@ -68,8 +68,9 @@ def judged(explanation: Explanation, progress: Callable[[str], None]) -> tuple[J
     progress("stating what would have been seen")
     bounds, untested = smallest_seen(merged(problem.columns.operations), search, shown.plain, shown.chosen)
     moved = any(bool(use.any()) for use in problem.columns.usable)
+    hides = ordinary_effects_hide(bounds) or noise_is_all(joints)
     judgement = Judgement(
-        verdict=verdict(joints, findings, left_over, moved=moved, hides=ordinary_effects_hide(bounds)),
+        verdict=verdict(joints, findings, left_over, moved=moved, hides=hides),
         joints=joints,
         findings=findings,
         adjusted=with_hidden_payload(adjusted(problem, shown.found), search, shown.chosen),

@@ -135,6 +135,12 @@ def test_current_without_torque_constant(pendulum, log, refusal):
 # --- files that are no recordings --------------------------------------------------------------------------------
 
 
+def test_a_name_that_no_file_can_have(pendulum, refusal):
+    # The system's own limit is 255 bytes.
+    sentence = refusal(pendulum, f"{'x' * 300}.csv")
+    assert re.search(r"cannot be a file \(file name too long\): write a shorter one", sentence)
+
+
 def test_a_link_that_leads_nowhere(pendulum, tmp_path, refusal):
     (tmp_path / "link.csv").symlink_to("nowhere.csv")
     assert refusal(pendulum, tmp_path / "link.csv").endswith(

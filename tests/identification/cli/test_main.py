@@ -1,6 +1,8 @@
 from __future__ import annotations
 
+import errno
 import importlib
+import os
 import re
 import shlex
 import subprocess
@@ -143,6 +145,26 @@ def test_an_interrupt_is_exit_code_130(echo):
 def test_an_error_of_ours_keeps_its_traceback(echo):
     echo(raising(ZeroDivisionError))
     with pytest.raises(ZeroDivisionError):
+        main(["diagnose", "r", "l"])
+
+
+@pytest.mark.parametrize(
+    ("number", "words"),
+    [
+        (errno.EACCES, "/closed/a.csv cannot be reached (permission denied): name another place"),
+        (errno.EIO, "/closed/a.csv cannot be reached (input/output error): name another place"),
+        (errno.ENAMETOOLONG, "/closed/a.csv cannot be a file (file name too long): write a shorter one"),
+    ],
+)
+def test_a_file_that_the_system_lets_nobody_near_is_a_refusal(echo, capsys, number, words):
+    echo(raising(OSError(number, os.strerror(number), "/closed/a.csv")))
+    assert main(["diagnose", "r", "l"]) == 2
+    assert words in capsys.readouterr().err
+
+
+def test_an_error_of_the_system_that_names_no_file_keeps_its_traceback(echo):
+    echo(raising(OSError(errno.EIO, "no file")))
+    with pytest.raises(OSError, match="no file"):
         main(["diagnose", "r", "l"])
 
 

@@ -81,3 +81,17 @@ def test_a_reading_at_which_loops_do_not_close_is_no_reading():
     q = 1.2 * np.sin(2 * np.pi * 0.7 * t)[:, None]
     torque = 10.0 * np.random.default_rng(0).standard_normal((2000, 1))
     assert checked(Recording("a.csv", robot.joint_names, t, q, torque), robot).wrong == ()
+
+
+def test_positions_and_torques_in_each_others_columns_are_refused_with_the_entry_that_mends_them(
+    tmp_path, made_columns, written, capsys
+):
+    columns = made_columns(ROBOTS / "pendulum.urdf", seconds=8.0)
+    columns |= {"q.pin": columns["tau.pin"], "tau.pin": columns["q.pin"]}
+    log = written(tmp_path / "log.csv", columns)
+    assert main(["diagnose", str(ROBOTS / "pendulum.urdf"), str(log)]) == 2
+    assert "log.csv: positions and torques stand in each other's columns" in capsys.readouterr().err
+    mend = tmp_path / "columns.yaml"
+    mend.write_text('{q: "tau.{joint}", tau: "q.{joint}"}\n')
+    assert main(["check", str(ROBOTS / "pendulum.urdf"), str(log), "--columns", str(mend)]) == 0
+    assert "nothing is wrong with it" in capsys.readouterr().out

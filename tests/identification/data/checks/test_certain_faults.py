@@ -124,6 +124,14 @@ def test_swapped_positions(clean, planar2, changed):
     assert fault.what == "the positions of shoulder and elbow are swapped"
 
 
+def test_positions_and_torques_in_each_others_columns(clean, arm, planar2, changed):
+    for robot in (arm, planar2):
+        recording = clean(robot=robot)
+        fault = only(checked(changed(recording, q=recording.tau, tau=recording.q), robot).wrong)
+        assert fault.what == "positions and torques stand in each other's columns"
+        assert 'write {q: "tau.{joint}", tau: "q.{joint}"} into a column map' in fault.mend
+
+
 def test_torques_in_another_unit(clean, planar2, changed):
     recording = clean(robot=planar2)
     fault = only(checked(changed(recording, tau=1e3 * recording.tau), planar2).wrong)

@@ -3,7 +3,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from identification.diagnosis.judge.verdict import nearly_closed, ordinary_effects_hide, verdict
+from identification.diagnosis.judge.verdict import nearly_closed, noise_is_all, ordinary_effects_hide, verdict
 from identification.diagnosis.result import Bound, JointGap, Unexplained
 
 # Oracle: the contract's table, row by row. All floors are one, with an interval up to 1.1.
@@ -77,6 +77,14 @@ def test_the_residual_of_the_given_model_counts_where_no_other_is_known():
 
 def bound(of_torque: float | None) -> Bound:
     return Bound("coulomb_friction", "j1", "torque", 0.1, "N m", of_torque)
+
+
+def test_noise_is_all_where_no_joint_that_was_judged_has_more_torque():
+    quiet, loud = (JointGap("j1", "N m", 2.0, 2.0, 2.0, 100, rms_torque=torque) for torque in (2.1, 2.0))
+    unjudged = JointGap("j2", "N m", 0.0, 0.0, 1.0, 0, rms_torque=0.0)
+    assert noise_is_all((loud, unjudged))
+    assert not noise_is_all((loud, quiet))
+    assert not noise_is_all((unjudged,))
 
 
 @pytest.mark.parametrize(
