@@ -6,6 +6,7 @@ frictionloss, armature, gear and so on) that these parameters move.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from xml.etree import ElementTree
@@ -189,9 +190,12 @@ def _numbers(element: ElementTree.Element, owner: str) -> dict[Field, float]:
     for attribute, text in element.attrib.items():
         for index, word in enumerate(text.split()):
             try:
-                out[tag, name, attribute, index] = float(word)
+                number = float(word)
             except ValueError:
                 break
+            # A name such as 1e400 or nan reads as a number, and would be another one in every file.
+            if math.isfinite(number):
+                out[tag, name, attribute, index] = number
     # How many steps a delay is kept for is no property of the robot.
     out.pop((tag, name, "nsample", 0), None)
     for child in element:

@@ -17,6 +17,8 @@ from identification.export.corrected.corrected_model import corrected_model
 from identification.export.uses.randomisation import draws, randomisation_of, unseen_effect
 from identification.export.uses.randomisation_file import mjcf_ranges, randomisation_text
 from phantom_dyn.errors import ParameterError
+from phantom_dyn.model.loading import load_robot
+from places import ROBOTS
 
 UNSEEN = (
     Bound("viscous_friction", "elbow", "coefficient", 0.02, "N m s/rad"),
@@ -152,6 +154,14 @@ def test_every_field_is_a_number_of_an_element_of_the_corrected_file(planar, dia
     root = ElementTree.fromstring(corrected_mjcf(corrected_model(planar, found.found)))
     names = {e.get("name") for e in root.iter()}
     assert {f.name for f in mjcf_ranges(found)} <= names
+
+
+@pytest.mark.parametrize("name", ["1e400", "nan"])
+def test_the_name_of_a_robot_is_no_number_to_draw(tmp_path, diagnosed, friction, name):
+    path = tmp_path / "robot.urdf"
+    path.write_text((ROBOTS / "planar2.urdf").read_text().replace('<robot name="planar2">', f'<robot name="{name}">'))
+    ranges = mjcf_ranges(randomisation_of(diagnosed(*friction), load_robot(path)))
+    assert {field.element for field in ranges} == {"joint"}
 
 
 def test_a_spring_without_an_element_is_told_instead_of_a_range_that_ends_at_no_stiffness(planar, diagnosed):
