@@ -88,7 +88,8 @@ def _require_values(value: Any, key: str, path: Path, error: type[PhantomDynErro
         raise error(f"{path}: {key} is {value}, wanted a finite number.")
     if isinstance(value, dict):
         for name, item in value.items():
-            _require_values(item, f"{key}.{name}" if key else str(name), path, error)
+            word = shortened(str(name))
+            _require_values(item, f"{key}.{word}" if key else word, path, error)
     if isinstance(value, list):
         for index, item in enumerate(value):
             _require_values(item, f"{key}[{index}]", path, error)

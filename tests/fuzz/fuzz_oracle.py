@@ -23,6 +23,8 @@ SECONDS, BYTES = 60.0, 10**9
 """The longest processor time [s] and the most memory that a command on a small file may take."""
 WAITED_S = 600.0
 """The longest time by the clock [s], for what waits; it is no measure of work, as others use the machine too."""
+_ENDED = (129, 130, 143)
+"""Exit codes of a command that a closed terminal, Ctrl-C or SIGTERM ended: they were meant for the whole run."""
 _ADVICE = re.compile(
     r"\b(give|wanted|add|remove|correct|delete|repair|record|write|rename|map|put|leave|name|did you mean|choose|say|"
     r"take|diagnose|use|mend|sort|hold|convert|expand|look|install|join|read|copy|see|state|report|turn|make|list|"
@@ -86,6 +88,8 @@ def ran(words: Sequence[str], out: Path | None = None) -> Outcome:
         try:
             with _alarm():
                 code = main(list(words))
+                if code in _ENDED:
+                    raise KeyboardInterrupt
         except SystemExit as stop:
             raised = f"SystemExit: {stop.code}"
         except KeyboardInterrupt:

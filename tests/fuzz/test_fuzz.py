@@ -90,3 +90,10 @@ def test_what_takes_too_long_is_ended_by_its_processor_time(monkeypatch):
     monkeypatch.setattr(fuzz_oracle, "WAITED_S", 0.1)
     monkeypatch.setattr(fuzz_oracle, "main", lambda _: time.sleep(20))
     assert "OutOfTime: more than 0 s" in ran(["check"]).raised
+
+
+@pytest.mark.parametrize("code", [130, 143])
+def test_a_signal_to_the_command_ends_the_run(code, monkeypatch):
+    monkeypatch.setattr(fuzz_oracle, "main", lambda _: code)
+    with pytest.raises(KeyboardInterrupt):
+        ran(["check"])

@@ -187,7 +187,7 @@ def _without_compensation(file: str, key: str, value: Any) -> tuple[Any, tuple[s
     """An entry without what it says of a compensation, and that; an entry may say nothing else."""
     if not isinstance(value, dict) or _COMPENSATED not in value:
         return value, ()
-    where = f"{file}: {key}.{_COMPENSATED}"
+    where = f"{file}: {shortened(key)}.{_COMPENSATED}"
     if key.partition(".")[0] != "tau":
         raise LogError(f"{where} is for torques: write tau: {{{_COMPENSATED}: {_PARTS[0]}}}, or tau.<joint>.")
     given = value[_COMPENSATED]
@@ -201,7 +201,7 @@ def _without_low_pass(file: str, key: str, value: Any) -> tuple[Any, float | Non
     """An entry without what it says of a low pass, and the cut-off of that [Hz]; an entry may say nothing else."""
     if not isinstance(value, dict) or _LOW_PASS not in value:
         return value, None
-    where, hertz = f"{file}: {key}.{_LOW_PASS}", value[_LOW_PASS]
+    where, hertz = f"{file}: {shortened(key)}.{_LOW_PASS}", value[_LOW_PASS]
     if key.partition(".")[0] != "tau":
         raise LogError(f"{where} is for torques: write tau: {{{_LOW_PASS}: 20}}, or tau.<joint>.")
     if not isinstance(hertz, int | float) or isinstance(hertz, bool) or not _LEAST <= hertz <= _MOST:

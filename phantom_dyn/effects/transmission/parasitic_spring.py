@@ -19,6 +19,9 @@ from phantom_dyn.model.robot import Robot
 
 Array = np.ndarray
 
+# Largest rest position [rad or m]; its square is a number too.
+_FARTHEST = 1e150
+
 
 class ParasiticSpring(Effect):
     """See the module."""
@@ -68,8 +71,9 @@ class ParasiticSpring(Effect):
         )
 
     def from_coefficients(self, robot: Robot, joint: str | None, coefficients: Array, shape: Shape) -> Array:
-        """``q0 = -preload / k``."""
-        stiffness = coefficients[0] if coefficients[0] != 0 else np.finfo(float).tiny
+        """``q0 = -preload / k``, at most `_FARTHEST`: a spring without stiffness rests nowhere."""
+        least = max(abs(coefficients[1]) / _FARTHEST, np.finfo(float).tiny)
+        stiffness = coefficients[0] if abs(coefficients[0]) >= least else np.copysign(least, coefficients[0])
         return np.array([coefficients[0], -coefficients[1] / stiffness])
 
     def coefficient_bounds(self, robot: Robot, joint: str | None, shape: Shape) -> tuple[tuple[float, float], ...]:

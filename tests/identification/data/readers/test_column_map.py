@@ -193,6 +193,8 @@ def test_a_low_pass_that_means_nothing_is_refused(map_file, entry, told):
     [
         ("tau: {compensated: weight}", r"compensated is the text 'weight', wanted gravity or friction, or \[gravity"),
         ("tau: {compensated: [friction, 3]}", r"compensated is the list \['friction', 3\], wanted gravity or friction"),
+        (f"? {'x' * 3000}\n: {{compensated: gravity}}", r"yaml: x{79}…\.compensated is for torques"),
+        (f"? {'x' * 3000}\n: {{from: null}}", r"yaml: x{79}…\.from is empty"),
         ("tau: {compensated: []}", r"compensated is the list \[\], wanted gravity or friction"),
         ("q.j: {compensated: gravity}", r"is for torques: write tau: \{compensated: gravity\}"),
     ],

@@ -1,6 +1,7 @@
 from __future__ import annotations
 
 import numpy as np
+import pytest
 
 from phantom_dyn.effects.transmission.parasitic_spring import ParasiticSpring
 
@@ -19,8 +20,10 @@ def test_coefficients_give_stiffness_and_rest_position(arm, operation):
     np.testing.assert_allclose(effect.torque(arm, operation, "tilt", theta)[:, 1], -columns[:, 0] @ [4.0, -1.0])
 
 
-def test_a_spring_without_stiffness_has_a_finite_rest_position(arm):
-    assert np.all(np.isfinite(ParasiticSpring().from_coefficients(arm, "tilt", np.array([0.0, 0.0]), ())))
+@pytest.mark.parametrize("coefficients", [(0.0, 0.0), (0.0, 1e5), (1e-310, -1e5)])
+def test_a_spring_without_stiffness_has_a_finite_rest_position(arm, coefficients):
+    theta = ParasiticSpring().from_coefficients(arm, "tilt", np.array(coefficients), ())
+    assert np.all(np.isfinite(theta**2))
 
 
 def test_a_spring_that_pushes_away_has_a_rest_position_too(arm):
