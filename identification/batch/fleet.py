@@ -7,8 +7,8 @@ robot whose mean size differs from those of the others by more than their spread
 value, at 5 % over all robots and sizes; at least three others). A change is the one step, or the one beginning of a
 steady drift, that leaves the least squares of a robot's recordings; chance is how often recordings that do not change
 show one as clear: drawn from the scatter of the other robots about their means where there are three, else the same
-recordings in random orders (at 5 % over the sizes of the robot; at least six recordings, and in random orders eight
-rarely show a step). A single odd recording is no change.
+recordings in random orders. Changes are at 5 % over all robots and sizes (Holm's procedure); they need at least six
+recordings, and in random orders eight rarely show a step. A single odd recording is no change.
 """
 
 from __future__ import annotations
@@ -30,7 +30,7 @@ from identification.words.diagnosis_words import capital, effect_at, parameter_n
 Array = np.ndarray
 
 LEVEL = 0.05
-"""False alarms, over all robots and sizes (out of line) or over the sizes of one robot (changes)."""
+"""False alarms over all robots and sizes of a fleet, of robots out of line and of changes each."""
 _OTHERS = 3
 """Robots beside the one that is judged: from fewer no spread is known."""
 _SEVERAL = 3
@@ -39,6 +39,10 @@ _FEWEST = 6
 """Recordings of a robot before a change is looked for."""
 ORDERS = 4999
 """Random orders or draws, so that a level of one in a hundred is known to a tenth of it."""
+_MOST_ORDERS = 199_999
+"""At most, in a fleet of many sizes: beyond a thousand of them the least chance that draws show is above the level."""
+_PER_LEVEL = 10
+"""Draws below the level of the strictest comparison."""
 
 
 class Size(NamedTuple):
@@ -184,36 +188,54 @@ def out_of_line(series: tuple[Series, ...]) -> tuple[OutOfLine, ...]:
 
 
 def changes(series: tuple[Series, ...]) -> tuple[Change, ...]:
-    """Robots whose size changed, the surest first.
+    """Robots whose size changed, the surest first; any false one in one of twenty fleets that do not change.
+
+    Holm's procedure over all robots and sizes: the surest of m changes is held against a level of 5 % / m, the next
+    one against 5 % / (m - 1), until one is not sure enough.
 
     Args:
         series: Of all robots.
     """
+    tested = [one for one in series if len(one.values) >= _FEWEST]
+    orders = int(np.clip(_PER_LEVEL * len(tested) / LEVEL, ORDERS, _MOST_ORDERS))
+    scatters = [_scatter_of_others(one, series) for one in tested]
+    found = [_surely(one, scatter, orders) for one, scatter in zip(tested, scatters, strict=True)]
     out = []
-    for robot in dict.fromkeys(one.robot for one in series):
-        own = [one for one in series if one.robot == robot and len(one.values) >= _FEWEST]
-        for one in own:
-            scatter = _scatter([other for other in series if other.quantity == one.quantity and other.robot != robot])
-            level = LEVEL / len(own)
-            found = change_point(one.values, one.stds, scatter)
-            if found.p > level or (scatter is not None and not _without_any(one, scatter, level)):
-                continue
-            since = one.logs[found.first]
-            out.append(
-                Change(robot, one.quantity, one.unit, found.drifts, since, found.first, found.before, found.after,
-                       found.p)
-            )  # fmt: skip
-    return tuple(sorted(out, key=lambda one: one.p))
+    for place, k in enumerate(np.argsort([point.p for point in found], kind="stable").tolist()):
+        point, one, scatter = found[k], tested[k], scatters[k]
+        if point.p > LEVEL / (len(tested) - place):
+            break
+        if scatter is not None and not _without_any(one, scatter):
+            continue
+        out.append(
+            Change(one.robot, one.quantity, one.unit, point.drifts, one.logs[point.first], point.first, point.before,
+                   point.after, point.p)
+        )  # fmt: skip
+    return tuple(out)
 
 
-def _without_any(one: Series, scatter: Float[Array, " m"], level: float) -> bool:
+def _surely(one: Series, scatter: Float[Array, " m"] | None, orders: int) -> ChangePoint:
+    """The likeliest change; of one that is rare among a few draws the chance comes from as many as a fleet needs."""
+    few = change_point(one.values, one.stds, scatter)
+    rare = orders > ORDERS and few.p * (1 + ORDERS) <= 2 * _PER_LEVEL
+    return change_point(one.values, one.stds, scatter, orders) if rare else few
+
+
+def _scatter_of_others(one: Series, series: tuple[Series, ...]) -> Float[Array, " m"] | None:
+    return _scatter([other for other in series if other.quantity == one.quantity and other.robot != one.robot])
+
+
+def _without_any(one: Series, scatter: Float[Array, " m"]) -> bool:
     """True if a change is seen whichever recording is left out: one that is odd is no change of the robot."""
     left = (np.delete(np.arange(len(one.values)), k) for k in range(len(one.values)))
-    return all(change_point(one.values[rows], one.stds[rows], scatter).p <= level for rows in left)
+    return all(change_point(one.values[rows], one.stds[rows], scatter).p <= LEVEL for rows in left)
 
 
 def change_point(
-    values: Float[Array, " n"], stds: Float[Array, " n"], scatter: Float[Array, " m"] | None = None
+    values: Float[Array, " n"],
+    stds: Float[Array, " n"],
+    scatter: Float[Array, " m"] | None = None,
+    orders: int = ORDERS,
 ) -> ChangePoint:
     """The likeliest step or beginning of a drift, and how often chance shows as clear a one.
 
@@ -222,26 +244,45 @@ def change_point(
         stds: Their standard deviations, which weigh them.
         scatter: Departures of recordings that do not change from their mean; None: nothing is known of them, and the
             values in random orders take their place.
+        orders: Random orders or draws.
     """
     least = float(np.median(stds))
     weights = 1.0 / np.maximum(stds, least if least > 0 else 1.0) ** 2
     known = 0.0 if scatter is None else float(np.median(weights) * scatter @ scatter)
     best, place, levels = _best_change(values[None], weights[None], known)
     rng = np.random.default_rng(0)
-    if scatter is None:
-        orders = rng.permuted(np.tile(np.arange(len(values)), (ORDERS, 1)), axis=1)
-        chance, _, _ = _best_change(values[orders], weights[orders], known)
-    else:
-        # That the scatter is known from so many recordings only widens it, as in Student's test.
-        wide = np.sqrt(len(scatter) / rng.chisquare(len(scatter), (ORDERS, 1)))
-        drawn = rng.choice(scatter, (ORDERS, len(values))) * wide
-        chance, _, _ = _best_change(drawn, np.tile(weights, (ORDERS, 1)), known)
-    # Rounding makes equal orders differ.
-    as_good = int(np.sum(chance >= best[0] * (1 - 1e-9)))
+    as_good, left = 0, orders
+    while left > 0:
+        count = min(left, ORDERS)
+        drawn = _drawn(rng, np.stack([values, weights]), scatter, count)
+        chance, _, _ = _best_change(*drawn, known)
+        # Rounding makes equal orders differ.
+        as_good += int(np.sum(chance >= best[0] * (1 - 1e-9)))
+        left -= count
     drifts, first = divmod(int(place[0]), len(values))
     # Sums of sizes that are all zero are rounding.
     before, after = np.where(np.abs(levels[0]) > 1e-9 * np.abs(values).max(), levels[0], 0.0).tolist()
-    return ChangePoint(bool(drifts), first, before, after, (1 + as_good) / (1 + ORDERS))
+    return ChangePoint(bool(drifts), first, before, after, (1 + as_good) / (1 + orders))
+
+
+def _drawn(
+    rng: np.random.Generator, own: Float[Array, "2 n"], scatter: Float[Array, " m"] | None, count: int
+) -> tuple[Float[Array, "k n"], Float[Array, "k n"]]:
+    """Values and weights of recordings that do not change.
+
+    Args:
+        rng: Draws them.
+        own: Values and weights in the order of time.
+        scatter: As of `change_point`.
+        count: How many.
+    """
+    length = own.shape[1]
+    if scatter is None:
+        orders = rng.permuted(np.tile(np.arange(length), (count, 1)), axis=1)
+        return own[0][orders], own[1][orders]
+    # That the scatter is known from so many recordings only widens it, as in Student's test.
+    wide = np.sqrt(len(scatter) / rng.chisquare(len(scatter), (count, 1)))
+    return rng.choice(scatter, (count, length)) * wide, np.tile(own[1], (count, 1))
 
 
 def _best_change(values: Float[Array, "k n"], weights: Float[Array, "k n"], known: float) -> tuple[Array, Array, Array]:

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from identification.batch.diagnose_each import DiagnosedRecording, DiagnosedRecordings
-from identification.batch.fleet import change_point, changes, out_of_line, series_of
+from identification.batch.fleet import Series, change_point, changes, out_of_line, series_of
 from identification.batch.fleet_page import fleet_lines, fleet_page
 
 
@@ -96,6 +96,20 @@ def test_a_finding_that_appears_beside_another_is_a_change(six):
 def test_a_single_recording_is_no_change(six, rng):
     rows = [recording("r9", day, 0.9 if day == 9 else 0.5 + 0.02 * rng.standard_normal()) for day in range(10)]
     assert changes(series_of(fleet(*six, *rows))) == ()
+
+
+def test_what_is_a_change_of_one_robot_alone_may_be_chance_in_a_fleet():
+    # Oracle: Holm's first level, 5 % / 1 alone and 5 % / 9 beside eight that are flat.
+    def series(robot: str, quantity: str, values: np.ndarray) -> Series:
+        return Series(robot, quantity, "torque", "N m", tuple(map(str, range(9))), values, np.full(9, 1.0))
+
+    stepped = series("r0", "A", np.array([0.3, -1.1, 0.6, -0.4, 0.9, 1.3, 1.9, 0.8, 2.3]))
+    p = change_point(stepped.values, stepped.stds).p
+    assert 0.05 / 9 < p < 0.05
+    flat = np.array([1.0, -1.0, 0.5, -0.5, 0.0, 0.5, -0.5, 1.0, -1.0])
+    others = tuple(series(f"r{k}", name, flat) for k in (1, 2) for name in "BCDE")
+    assert [one.robot for one in changes((stepped,))] == ["r0"]
+    assert changes((stepped, *others)) == ()
 
 
 @pytest.mark.parametrize("others", [0, 5])
