@@ -10,6 +10,7 @@ from jaxtyping import Float
 
 from identification.data.readers.read_table import read_raw
 from identification.degrade.degradation import degradation
+from identification.diagnosis.model.known_geometry import OF_POSES
 from identification.diagnosis.model.terms import KnownEffect
 from identification.door.diagnosis import Diagnosis
 from identification.door.inputs import described, listed
@@ -133,6 +134,11 @@ def _gain(name: str, given: object, nv: int) -> Float[Array, " nv"]:
 
 
 def _cause(robot: Robot, known: KnownEffect) -> Cause:
+    if known.effect in OF_POSES:
+        raise UsageError(
+            f"{known.effect} of {known.joint} was given to be simulated, and changes where links are, not their "
+            "torque: load the corrected.urdf beside the corrected.yaml, and leave this entry out."
+        )
     return Cause(effect_named(known.effect, robot), known.joint, np.array(known.theta))
 
 

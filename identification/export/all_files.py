@@ -9,6 +9,7 @@ from pathlib import Path
 
 import numpy as np
 
+from identification.diagnosis.model.known_geometry import of_torques
 from identification.diagnosis.model.terms import KnownEffect
 from identification.diagnosis.result import Diagnosis
 from identification.export.corrected.corrected_files import MJCF, URDF, ModelFile, model_files, rollout_note
@@ -82,9 +83,9 @@ def export_texts(
         config: The ``robot.yaml`` that was given, None for the one beside the robot's file.
     """
     if diagnosis.poses_alone:
-        return _of_poses(diagnosis, robot, folder, config)
+        return _of_poses(diagnosis, robot, folder, config, known)
     notes = list(diagnosis.notes)
-    effects = (*known, *(effect_of(robot, finding) for finding in lasting_findings(diagnosis)))
+    effects = (*of_torques(known), *(effect_of(robot, finding) for finding in lasting_findings(diagnosis)))
     try:
         models, within_notes = _models(diagnosis, robot, effects, folder, config)
     except PhantomDynError as error:
@@ -98,27 +99,35 @@ def export_texts(
     for file in models.files:
         texts |= {file.name: file.text} if file.text else {}
         notes += file.notes
-    texts, told = _with_moved_joints(texts, diagnosis)
+    texts, told = _with_moved_joints(texts, diagnosis, known)
     notes += told
     corrected, evidence = models.corrected, diagnosis.evidence
     notes += rollout_note(corrected, texts.get(MJCF, ""), _recorded_motion(diagnosis), evidence.tau_measured)
     residual = residual_of(diagnosis)
     if residual is not None:
         notes.append(residual_note(residual))
-    for name, make in _others(diagnosis, corrected, known).items():
+    for name, make in _others(diagnosis, corrected, of_torques(known)).items():
         try:
             texts[name] = make()
         except PhantomDynError as error:
             notes.append(f"{name} was not written: {error}")
+    moved = joint_moves(diagnosis.geometry, _zeros_by_torque(diagnosis), known)
+    if moved and FEEDFORWARD in texts:
+        notes.append(f"{FEEDFORWARD} has no place for what poses showed: it has {', '.join(moved)} where it was given.")
     return texts, replace(diagnosis, notes=tuple(notes))
 
 
-def _with_moved_joints(texts: dict[str, str], diagnosis: Diagnosis) -> tuple[dict[str, str], list[str]]:
+def _zeros_by_torque(diagnosis: Diagnosis) -> set[str]:
+    """Joints whose zeros the torques show, so that the corrected model has them already."""
+    return {one.joint or "" for one in diagnosis.findings if one.effect == ZERO}
+
+
+def _with_moved_joints(
+    texts: dict[str, str], diagnosis: Diagnosis, known: tuple[KnownEffect, ...]
+) -> tuple[dict[str, str], list[str]]:
     """Model files with their joints where measured poses put them, and what is not in them."""
-    if diagnosis.geometry is None:
-        return texts, []
-    moves = joint_moves(diagnosis.geometry, {one.joint or "" for one in diagnosis.findings if one.effect == ZERO})
-    notes = list(not_in_files(diagnosis.geometry))
+    moves = joint_moves(diagnosis.geometry, _zeros_by_torque(diagnosis), known)
+    notes = list(not_in_files(diagnosis.geometry, known))
     out = dict(texts)
     if moves and URDF in out:
         out[URDF] = moved_urdf(out[URDF], moves)
@@ -130,23 +139,22 @@ def _with_moved_joints(texts: dict[str, str], diagnosis: Diagnosis) -> tuple[dic
 
 
 def _of_poses(
-    diagnosis: Diagnosis, robot: Robot, folder: Path, config: Path | None
+    diagnosis: Diagnosis, robot: Robot, folder: Path, config: Path | None, known: tuple[KnownEffect, ...]
 ) -> tuple[dict[str, str], Diagnosis]:
-    """The given model with its joints moved, where poses alone were judged; nothing without a finding."""
-    if diagnosis.geometry is None or not joint_moves(diagnosis.geometry, ()):
-        told = () if diagnosis.geometry is None else not_in_files(diagnosis.geometry)
-        return {}, replace(diagnosis, notes=(*diagnosis.notes, *told))
+    """The known model with its joints moved, where poses alone were judged; nothing without a finding."""
+    if not joint_moves(diagnosis.geometry, (), known):
+        return {}, replace(diagnosis, notes=(*diagnosis.notes, *not_in_files(diagnosis.geometry, known)))
     still = np.zeros((_POSTURES, robot.nv))
     motion = Motion(np.arange(float(_POSTURES)), still, still, still)
     notes = list(diagnosis.notes)
     try:
-        files = model_files(corrected_model(robot, ()), motion, folder=folder, config=config)
+        files = model_files(corrected_model(robot, of_torques(known)), motion, folder=folder, config=config)
     except PhantomDynError as error:
         notes.append(f"{URDF} and {MJCF} were not written: {error}")
         return {}, replace(diagnosis, notes=tuple(notes))
     for file in files:
         notes += [] if file.text else file.notes
-    texts, told = _with_moved_joints({file.name: file.text for file in files if file.text}, diagnosis)
+    texts, told = _with_moved_joints({file.name: file.text for file in files if file.text}, diagnosis, known)
     return texts, replace(diagnosis, notes=(*notes, *told))
 
 

@@ -141,6 +141,20 @@ def _motion(robot: Robot, recording: Recording) -> tuple[Array, Array, Array, bo
     return rows, v, load, bool(np.abs(v).max(initial=0.0) > _MOVES)
 
 
+def load_of(robot: Robot, recording: Recording) -> Float[Array, "n nv"]:
+    """Torque that the transmissions pass to the links by the model at every sample [N m or N].
+
+    Args:
+        robot: Gives the model.
+        recording: A motion, or poses at rest.
+    """
+    smooth = smoothed(recording) if is_motion(recording) else None
+    v = a = np.zeros_like(recording.q)
+    if smooth is not None:
+        v, a = (np.column_stack([np.interp(recording.t, smooth.t, x) for x in of.T]) for of in (smooth.v, smooth.a))
+    return link_torque(robot, Motion(recording.t, recording.q, v, a))
+
+
 def _spread(rows: Array) -> Array:
     if len(rows) <= MOST:
         return rows

@@ -8,8 +8,10 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+from identification.diagnosis.model.known_geometry import OF_POSES
 from identification.diagnosis.model.terms import KnownEffect
 from identification.diagnosis.result import Adjusted, Diagnosis, Value
+from identification.geometry.terms import LINK, PARTS, ZERO
 from phantom_dyn.effects.catalogue import effect_named
 from phantom_dyn.effects.effect import Effect, Parameter
 from phantom_dyn.errors import ParameterError, PhantomDynError, RobotError, known_names, shortened
@@ -57,6 +59,8 @@ class Corrected:
 def write_corrected(diagnosis: Diagnosis, robot_source: str, sha256: str) -> str:
     """The text of ``corrected.yaml`` with all findings, but for those that act in one of several recordings only.
 
+    A zero that torques and poses both show is there once, as the torques have it.
+
     Args:
         diagnosis: What was found.
         robot_source: The robot file or name that was diagnosed.
@@ -67,7 +71,23 @@ def write_corrected(diagnosis: Diagnosis, robot_source: str, sha256: str) -> str
     """
     lasting = (finding for finding in diagnosis.findings if finding.recording is None)
     effects = tuple(CorrectedEffect(f.effect, f.joint, f.parameters, f.gap_closed) for f in lasting)
+    effects = (*effects, *_by_poses(diagnosis, {one.joint for one in effects if one.effect == ZERO}))
     return corrected_text(Corrected(robot_source, sha256, effects, diagnosis.adjusted))
+
+
+def _by_poses(diagnosis: Diagnosis, known_zeros: set[str | None]) -> tuple[CorrectedEffect, ...]:
+    """What measured poses show: zeros, places and elasticity of joints."""
+    found = () if diagnosis.geometry is None else diagnosis.geometry.findings
+    return tuple(
+        CorrectedEffect(
+            one.effect,
+            one.joint,
+            {name: Value(number.value, number.std, number.unit) for name, number in one.parameters.items()},
+            one.gap_closed,
+        )
+        for one in found
+        if not (one.effect == ZERO and one.joint in known_zeros)
+    )
 
 
 def corrected_text(corrected: Corrected) -> str:
@@ -196,6 +216,8 @@ def known_effect(entry: CorrectedEffect, robot: Robot, file: Path) -> KnownEffec
     Raises:
         ParameterError: If the effect, its joint or a parameter is unknown, or one is left out.
     """
+    if entry.effect in OF_POSES:
+        return _known_by_poses(entry, robot, file)
     try:
         effect = effect_named(entry.effect, robot)
     except PhantomDynError as error:
@@ -229,6 +251,33 @@ def known_effect(entry: CorrectedEffect, robot: Robot, file: Path) -> KnownEffec
         numbers = [float(x) for x in value] if isinstance(value, list) else [float(value)]
         _require_possible(parameter, numbers, f"{file}: {parameter.name} of {entry.effect}")
         theta += numbers
+    return KnownEffect(entry.effect, entry.joint, tuple(theta))
+
+
+def _known_by_poses(entry: CorrectedEffect, robot: Robot, file: Path) -> KnownEffect:
+    """The place of a joint on its parent, what is not named being as given, or a joint's compliance."""
+    if robot.chain is not None:
+        raise ParameterError(f"{file}: effect {entry.effect} is of measured poses, which closed chains have none of.")
+    if entry.joint not in robot.joint_names:
+        raise ParameterError(
+            f"{file}: effect {entry.effect} is on joint '{shortened(entry.joint or '')}', which this robot does not "
+            f"have: {known_names(entry.joint or '', robot.joint_names, 'joints')}"
+        )
+    wanted = PARTS if entry.effect == LINK else ("compliance",)
+    given = set(entry.parameters)
+    if not given or not given <= set(wanted):
+        raise ParameterError(
+            f"{file}: effect {entry.effect} has parameters {shortened(', '.join(entry.parameters), 200)}, wanted "
+            f"{' or '.join(wanted)}: correct the file or diagnose again."
+        )
+    theta = []
+    for name in wanted:
+        value = entry.parameters[name].value if name in given else 0.0
+        if isinstance(value, list) or not abs(value) <= LARGEST:
+            raise ParameterError(
+                f"{file}: {name} of {entry.effect} is {value}, wanted a number of at most {LARGEST:g}."
+            )
+        theta.append(float(value))
     return KnownEffect(entry.effect, entry.joint, tuple(theta))
 
 

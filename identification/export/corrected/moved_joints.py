@@ -11,6 +11,8 @@ import numpy as np
 import pinocchio as pin
 from jaxtyping import Float
 
+from identification.diagnosis.model.known_geometry import known_twists, moved_on
+from identification.diagnosis.model.terms import KnownEffect
 from identification.export.corrected.corrected_urdf import move_zero
 from identification.export.model_files.urdf_file import attribute_text
 from identification.geometry.result import GeometryResult
@@ -31,27 +33,37 @@ class JointMove:
     zero: float = 0.0
 
 
-def joint_moves(found: GeometryResult, known_zeros: Collection[str]) -> dict[str, JointMove]:
+def joint_moves(
+    found: GeometryResult | None, known_zeros: Collection[str], known: tuple[KnownEffect, ...] = ()
+) -> dict[str, JointMove]:
     """Moves by joint.
 
     Args:
-        found: What measured poses say.
+        found: What measured poses say; None where there are none.
         known_zeros: Joints whose zeros the torques have shown as well, so that they are moved already.
+        known: Effects that belong to the given model already: the places of joints among them are moved first.
     """
-    out: dict[str, JointMove] = {}
-    for finding in found.findings:
+    out = {joint: JointMove(twist) for joint, twist in known_twists(known).items()}
+    for finding in () if found is None else found.findings:
         move = out.get(finding.joint, JointMove(np.zeros(6)))
         if finding.effect == LINK:
             twist = np.array([finding.parameters[x].value if x in finding.parameters else 0.0 for x in PARTS])
-            out[finding.joint] = JointMove(twist, move.zero)
+            out[finding.joint] = JointMove(moved_on(move.twist, twist), move.zero)
         elif finding.effect == ZERO and finding.joint not in known_zeros:
             out[finding.joint] = JointMove(move.twist, finding.parameters["offset"].value)
     return out
 
 
-def not_in_files(found: GeometryResult) -> tuple[str, ...]:
-    """A sentence on the elasticity that was found, which these files do not hold; nothing without one."""
-    joints = [finding.joint for finding in found.findings if finding.effect == ELASTIC]
+def not_in_files(found: GeometryResult | None, known: tuple[KnownEffect, ...] = ()) -> tuple[str, ...]:
+    """A sentence on the elasticity that was found, which these files do not hold; nothing without one.
+
+    Args:
+        found: What measured poses say; None where there are none.
+        known: Effects that belong to the given model already.
+    """
+    elastic = [one.joint for one in known if one.effect == ELASTIC]
+    elastic += [] if found is None else [one.joint for one in found.findings if one.effect == ELASTIC]
+    joints = dict.fromkeys(str(joint) for joint in elastic)
     if not joints:
         return ()
     return (f"corrected.urdf and corrected.xml have no place for the elasticity under load of {', '.join(joints)}.",)

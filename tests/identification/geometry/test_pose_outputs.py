@@ -7,17 +7,22 @@ import json
 from pathlib import Path
 
 import numpy as np
+import pinocchio as pin
 import pytest
 
 from identification.cli.main import main
 from identification.data.recording import Recording
+from identification.diagnosis.model.known_geometry import with_known_places
+from identification.diagnosis.model.terms import KnownEffect
 from identification.diagnosis.result import Finding, Value
+from identification.export.corrected.corrected_yaml import known_effects
 from identification.geometry.diagnose_poses import diagnose_poses
 from identification.reporting.diagnosis_files import json_text, to_json
 from identification.reporting.diagnosis_reader import read_diagnosis
 from identification.reporting.diagnosis_report import report_html
 from identification.reporting.diagnosis_summary import summary
 from identification.scenarios.measured_poses import diagnosis_of_poses, verdict_together, zero_words
+from phantom_dyn.errors import ParameterError
 from tests.common.measured_poses import TrueRobot, link_poses, measured, moved_joint
 
 ZERO, PLACE = {"shoulder_lift_joint": 0.003}, ("wrist_1_joint", (0.002, 0, 0.001), (0, 0, 0))
@@ -72,6 +77,70 @@ def test_the_corrected_mjcf_has_the_tip_where_the_corrected_urdf_has_it(ur10, tr
     body = model.jnt_bodyid[mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_JOINT, "wrist_3_joint")]
     there = link_poses(text, dict(zip(ur10.joint_names, q, strict=True)))["wrist_3_link"]
     np.testing.assert_allclose(data.xpos[body], there[:3, 3], atol=1e-6)
+
+
+@pytest.mark.parametrize(
+    ("moves", "shown"),
+    [
+        ([PLACE], {"encoder_offset", "link_geometry", "joint_elasticity"}),
+        ([PLACE, ("elbow_joint", (0, 0.002, 0), (0, 0.003, 0))], {"link_geometry", "joint_elasticity"}),
+    ],
+)
+def test_with_what_poses_showed_the_same_poses_show_nothing_more(tracked, tmp_path, moves, shown):
+    stiff = {"elbow_joint": 1 / 2e4}
+    log = write(tmp_path / "poses.csv", tracked(40, zeros=ZERO, moves=moves, compliance=stiff, turned=True))
+    bare, again = tmp_path / "bare", tmp_path / "again"
+    assert main(["diagnose", "example:ur10", str(log), "--out", str(bare)]) == 0
+    known = ["--with", str(bare / "corrected.yaml")]
+    assert main(["diagnose", "example:ur10", str(log), "--out", str(again), *known]) == 0
+    assert {one["effect"] for one in _json(bare)["findings"]} == shown
+    assert _json(again)["findings"] == []
+    assert _json(again)["verdict"] == "no_gap"
+
+
+def test_files_of_a_diagnosis_with_known_poses_have_its_joints_moved_as_well(ur10_text, tracked, tmp_path, rng):
+    log = write(tmp_path / "poses.csv", tracked(41, zeros=ZERO, moves=[PLACE], turned=True, noise=1e-5))
+    bare, again = tmp_path / "bare", tmp_path / "again"
+    main(["diagnose", "example:ur10", str(log), "--out", str(bare)])
+    main(["diagnose", "example:ur10", str(log), "--out", str(again), "--with", str(bare / "corrected.yaml")])
+    assert _tip_error((again / "corrected.urdf").read_text(), ur10_text, rng) < 1e-4
+
+
+@pytest.mark.parametrize(
+    ("entry", "said"),
+    [
+        (
+            "{effect: link_geometry, joint: arm, parameters: {x: {value: 1, std: 1, unit: m}}, gap_closed: 1}",
+            "on joint",
+        ),
+        (
+            "{effect: link_geometry, joint: elbow_joint, parameters: {w: {value: 1, std: 1, unit: m}}, gap_closed: 1}",
+            "has parameters w, wanted x or y or z or rx or ry or rz",
+        ),
+        ("{effect: joint_elasticity, joint: elbow_joint, parameters: {}, gap_closed: 1}", "wanted compliance"),
+    ],
+)
+def test_what_poses_cannot_have_shown_is_refused(ur10, tmp_path, entry, said):
+    path = tmp_path / "corrected.yaml"
+    path.write_text(f"schema: phantom-dyn-model/1\nrobot: {{source: a, sha256: b}}\neffects: [{entry}]\nadjusted: []\n")
+    with pytest.raises(ParameterError, match=said):
+        known_effects((path,), ur10)
+
+
+def test_a_known_place_moves_the_weight_behind_it(ur10):
+    # Oracle: Pinocchio's gravity torque of a model whose elbow is moved by hand.
+    known = (KnownEffect("link_geometry", "elbow_joint", (0.05, 0.0, 0.0, 0.0, 0.0, 0.0)),)
+    model = ur10.model.copy()
+    place = model.jointPlacements[3]
+    model.jointPlacements[3] = pin.SE3(place.rotation, place.translation + place.rotation @ [0.05, 0, 0])
+    q = np.array([0.2, -0.7, 0.5, 0.3, 0.1, 0.0])
+    wanted = pin.computeGeneralizedGravity(model, model.createData(), q)
+    moved = with_known_places(ur10, known).model
+    np.testing.assert_allclose(pin.computeGeneralizedGravity(moved, moved.createData(), q), wanted, atol=1e-9)
+
+
+def _json(out: Path) -> dict:
+    return json.loads((out / "diagnosis.json").read_text())
 
 
 def _tip_error(text: str, ur10_text: str, rng) -> float:

@@ -9,6 +9,8 @@ import numpy as np
 import pytest
 
 from identification.diagnosis.result import Diagnosis
+from identification.export.all_files import export_texts
+from identification.export.corrected.corrected_yaml import write_corrected
 from identification.pipeline import diagnose
 from identification.reporting.diagnosis_files import to_json
 from identification.reporting.diagnosis_report import report_html
@@ -63,3 +65,14 @@ def test_terminal_and_page_tell_both(found, arm):
     assert "Measured poses: tool is off by" in told
     assert "Gap of each joint" in page
     assert "<h2>Measured poses</h2>" in page
+
+
+def test_a_zero_that_both_show_is_corrected_once(found):
+    assert write_corrected(found, "arm3.urdf", "").count("effect: encoder_offset") == 1
+
+
+@pytest.mark.parametrize(("by_torque", "told"), [(True, False), (False, True)])
+def test_a_law_for_control_says_what_only_poses_showed(found, arm, tmp_path, by_torque, told):
+    one = found if by_torque else replace(found, findings=())
+    _, noted = export_texts(one, arm, folder=tmp_path)
+    assert any("feedforward.py has no place for what poses showed: it has tilt" in note for note in noted.notes) == told
