@@ -13,14 +13,14 @@ from identification.data.readers.contract_columns import UNITS, Quantity
 
 _WORDS: dict[Quantity, frozenset[str]] = {
     "t": frozenset("t time timestamp stamp sec secs second seconds".split()),
-    "tau": frozenset("tau torque torques effort efforts force forces moment".split()),
-    "i": frozenset("i current currents cur".split()),
+    "tau": frozenset("tau torque torques effort efforts force forces moment qfrc trq".split()),
+    "i": frozenset("i current currents cur amps amperes".split()),
     "u": frozenset("u voltage voltages volt volts".split()),
-    "v": frozenset("v dq qd qdot vel velocity velocities speed speeds".split()),
-    "q": frozenset("q pos position positions angle angles theta".split()),
+    "v": frozenset("v dq qd qdot vel velocity velocities speed speeds qvel jvel omega".split()),
+    "q": frozenset("q pos position positions angle angles theta qpos jpos encoder enc".split()),
 }
-_ASKED = frozenset("ref reference target cmd command commanded desired des goal action setpoint sp".split())
-_PLAIN = frozenset("actual measured meas state observation joint joints motor axis feedback fb".split())
+_ASKED = frozenset("ref reference target cmd command commanded desired des goal action setpoint sp ctrl".split())
+_PLAIN = frozenset("actual measured meas state observation joint joints motor actuator axis feedback fb".split())
 """Words that say nothing of the quantity."""
 _UNITS = {
     "degree": "deg",

@@ -55,10 +55,16 @@ RTDE = ("target_q", "actual_q", "actual_current", "target_moment")
             ("j1", "j2"),
             ["t: Time", "q.j1: jointPos1", "q.j2: jointPos2", "tau.j1: jointTorque1", "tau.j2: jointTorque2"],
         ),
+        (  # MuJoCo's names beside those of joints
+            ["time", *(f"{n}_{j}" for n in ("qpos", "qvel", "qfrc_actuator", "ctrl") for j in ("pan", "lift"))],
+            ("pan", "lift"),
+            ["t: time", "q.pan: qpos_pan", "q.lift: qpos_lift", "tau.pan: qfrc_actuator_pan",
+             "tau.lift: qfrc_actuator_lift", "q_ref.pan: ctrl_pan", "q_ref.lift: ctrl_lift"],
+        ),
         (["stamp", "q.elbow", "tau.elbow"], ("elbow",), ["t: stamp"]),  # what has the right name needs no entry
         (["time", "pos_elbow"], ("elbow", "wrist"), ["t: time", "q.elbow: pos_elbow", "# q.wrist: which column?"]),
     ],
-    ids=["rtde", "gripper", "units", "lerobot", "one", "camel", "right", "lacking"],
+    ids=["rtde", "gripper", "units", "lerobot", "one", "camel", "mujoco", "right", "lacking"],
 )  # fmt: skip
 def test_the_names_of_known_recorders_are_understood(names, joints, lines):
     assert suggested_map(names, joints).splitlines() == lines
