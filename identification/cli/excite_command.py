@@ -76,6 +76,13 @@ def parser() -> argparse.ArgumentParser:
     )
     out.add_argument("--ignore-collisions", action="store_true", help="do not look at distances of bodies")
     out.add_argument(
+        "--clear",
+        metavar="D",
+        type=float,
+        help="least distance from a singularity of loops that are closed numerically, above 0 and below 1 (default: "
+        "0.25, a four-bar at a transmission angle of 20 degrees; 0.5 is one at 41 degrees)",
+    )
+    out.add_argument(
         "--earlier", metavar="LOG", nargs="+", default=[], help="recordings made before: show what they do not"
     )
     out.add_argument("--seed", type=int, default=0, help="of the random motions that it starts from (default: 0)")
@@ -112,6 +119,7 @@ def _excite(arguments: argparse.Namespace) -> int:
             share=arguments.share,
             boxes=boxes,
             collisions=_collisions(arguments, robot),
+            clear=_clear(arguments.clear, robot),
         )
         result = excite(
             robot,
@@ -154,6 +162,23 @@ def _collisions(arguments: argparse.Namespace, robot: Robot) -> Collisions | Non
     from identification.excitation.collisions import CLEARANCE, collisions_of
 
     return collisions_of(robot, clearance=CLEARANCE if arguments.clearance is None else arguments.clearance)
+
+
+def _clear(given: float | None, robot: Robot) -> float:
+    """Distance from a singularity that the loops keep.
+
+    Raises:
+        UsageError: If one was given to a robot that has no such loops.
+    """
+    from identification.excitation.closable import CLEAR, solved_numerically
+
+    if given is None:
+        return CLEAR
+    if not solved_numerically(robot):
+        raise UsageError(
+            f"--clear {given:g} was given, and {robot.name} has no loop that is closed numerically: leave it out"
+        )
+    return given
 
 
 def _earlier(arguments: argparse.Namespace, robot: Robot) -> np.ndarray | None:
