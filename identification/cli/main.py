@@ -12,7 +12,7 @@ from typing import Protocol, cast
 from identification.cli.arguments import BAD_INPUT, DONE, INTERRUPTED
 from identification.cli.terminal.completion import complete
 from identification.cli.terminal.interrupts import Interrupted, interruptible
-from identification.cli.terminal.printed import say
+from identification.cli.terminal.printed import complain, forget, open_streams
 from identification.files import full_words, is_full, unreachable_words
 from phantom_dyn import __version__
 from phantom_dyn.errors import PhantomDynError, UsageError
@@ -64,6 +64,7 @@ def main(argv: list[str] | None = None) -> int:
     Returns:
         Exit code: 0 the job was done, 2 bad input, 130 interrupted, 143 ended by SIGTERM.
     """
+    open_streams()
     if "_ARGCOMPLETE" in os.environ:  # a shell asks what may come next
         complete(COMMANDS)
     try:
@@ -71,23 +72,23 @@ def main(argv: list[str] | None = None) -> int:
             code = _dispatch(sys.argv[1:] if argv is None else list(argv))
         sys.stdout.flush()
     except PhantomDynError as error:
-        say(f"phantom-dyn: {error}", file=sys.stderr)
+        complain(str(error))
         return BAD_INPUT
     except Interrupted as stop:
-        print("phantom-dyn: interrupted", file=sys.stderr)
+        complain("interrupted")
         return 128 + stop.number
     except KeyboardInterrupt:
-        print("phantom-dyn: interrupted", file=sys.stderr)
+        complain("interrupted")
         return INTERRUPTED
     except BrokenPipeError:
-        # The reader (head, less) left early. Python flushes once more at exit: give it a place to write to.
-        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        # The reader (head, less) left early.
+        forget(sys.stdout)
         return DONE
     except OSError as error:
         told = full_words(error) if is_full(error) else unreachable_words(error)
         if told is None:
             raise
-        say(f"phantom-dyn: {told}", file=sys.stderr)
+        complain(told)
         return BAD_INPUT
     return code
 

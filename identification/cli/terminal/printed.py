@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import os
+import sys
 from typing import TextIO
 
 from phantom_dyn.errors import printable
@@ -16,3 +18,32 @@ def say(words: object = "", *, file: TextIO | None = None, flush: bool = False) 
         flush: Whether it must be seen at once.
     """
     print("\n".join(map(printable, str(words).split("\n"))), file=file, flush=flush)
+
+
+def complain(words: str) -> None:
+    """Print a line on standard error; where that takes no more, the exit code has to do."""
+    try:
+        say(f"phantom-dyn: {words}", file=sys.stderr, flush=True)
+    except OSError:
+        forget(sys.stderr)
+
+
+def forget(stream: TextIO) -> None:
+    """Let a stream that takes no more write to nowhere: Python flushes it once more at its end."""
+    nowhere = os.open(os.devnull, os.O_WRONLY)
+    os.dup2(nowhere, stream.fileno())
+    os.close(nowhere)
+
+
+def open_streams() -> None:
+    """Let standard output and error write to nowhere where the caller has closed them (``>&-``).
+
+    Python has no object for them then, and the next file that is opened would get what C++ code prints.
+    """
+    for number, name in ((1, "stdout"), (2, "stderr")):
+        if getattr(sys, name) is None:
+            nowhere = os.open(os.devnull, os.O_WRONLY)
+            os.dup2(nowhere, number)
+            if nowhere != number:
+                os.close(nowhere)
+            setattr(sys, name, os.fdopen(number, "w", encoding="utf-8"))

@@ -11,10 +11,12 @@ import sys
 import pytest
 
 from identification.cli import main as frame
+from identification.cli.__main__ import started
 from identification.cli.arguments import Parser
 from identification.cli.main import COMMANDS, main
 from phantom_dyn import __version__
 from phantom_dyn.errors import UsageError
+from places import ROBOTS
 
 HEAVY = {"scipy", "matplotlib", "cvxpy", "plotly", "xarray", "numba", "pinocchio"}
 LISTING = f"""
@@ -142,6 +144,20 @@ def test_an_interrupt_is_exit_code_130(echo):
     assert main(["diagnose", "r", "l"]) == 130
 
 
+class Interrupts:
+    """A finder of modules during whose search for the command Ctrl-C is pressed."""
+
+    def find_spec(self, name: str, path: object = None, target: object = None) -> None:
+        if name == "identification.cli.main":
+            raise KeyboardInterrupt
+
+
+def test_an_interrupt_while_the_command_is_loaded_is_exit_code_130(monkeypatch, capsys):
+    monkeypatch.delitem(sys.modules, "identification.cli.main")
+    monkeypatch.setattr(sys, "meta_path", [Interrupts(), *sys.meta_path])
+    assert (started(), capsys.readouterr()) == (130, ("", "phantom-dyn: interrupted\n"))
+
+
 def test_an_error_of_ours_keeps_its_traceback(echo):
     echo(raising(ZeroDivisionError))
     with pytest.raises(ZeroDivisionError):
@@ -177,6 +193,21 @@ def test_a_reader_that_leaves_early_is_no_error():
     child.stdout.close()
     assert (child.stderr.read(), child.wait()) == (b"", 0)
     child.stderr.close()
+
+
+@pytest.mark.parametrize(
+    ("line", "code"),
+    [
+        (f"check {ROBOTS / 'pendulum.urdf'} LOG >&- 2>&-", 0),
+        ("--help >&-", 0),
+        ("diagnose no.urdf no.csv >&- 2>&-", 2),
+        ("diagnose no.urdf no.csv 2>/dev/full", 2),
+    ],
+)
+def test_streams_that_are_closed_or_full_change_no_exit_code(line, code, log):
+    # Oracle: the shell closes them, and the system's device that takes nothing.
+    words = f"{shlex.quote(sys.executable)} -m identification.cli {line.replace('LOG', str(log))}"
+    assert subprocess.run(["sh", "-c", words], check=False).returncode == code
 
 
 def test_the_package_runs_as_a_module():
