@@ -180,7 +180,8 @@ def _linear_loops(robot: Robot) -> tuple[Float[Array, "nt nv"], Float[Array, " n
         return np.eye(robot.nv), np.zeros(robot.nv)
     if robot.chain.anchors:
         raise ParameterError(
-            f"{robot.name} has loops that keep two frames together, which need a solver: use the library instead."
+            f"{robot.name} has loops that keep two frames together, which need a solver: load the corrected file "
+            "and call phantom_dyn.dynamics.dynamics.inverse_dynamics in the controller instead."
         )
     at = np.vstack([np.zeros((1, robot.nv)), np.eye(robot.nv)])
     tree = tree_positions(robot.model, robot.chain, at, arrays=robot.arrays)
