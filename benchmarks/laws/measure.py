@@ -47,6 +47,7 @@ _FINDINGS = {
     "load_dependent_friction": "tl v",
     "temperature_dependent_friction": "temp v",
     "cogging": "q",
+    "torque_ripple": "q tl",
     "parasitic_spring": "q",
     "torque_constant": "tau",
 }

@@ -24,6 +24,7 @@ _FIRST = (
     "transmission_compliance",
     "joint_coupling",
     "cogging",
+    "torque_ripple",
     "torque_saturation",
     "torque_constant",
     "torque_offset",

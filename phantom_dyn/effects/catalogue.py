@@ -13,6 +13,7 @@ from phantom_dyn.effects.drive.input_delay import InputDelay
 from phantom_dyn.effects.drive.rotor_inertia import RotorInertia
 from phantom_dyn.effects.drive.torque_constant import TorqueConstant
 from phantom_dyn.effects.drive.torque_offset import TorqueOffset
+from phantom_dyn.effects.drive.torque_ripple import TorqueRipple
 from phantom_dyn.effects.drive.torque_saturation import TorqueSaturation
 from phantom_dyn.effects.effect import Effect
 from phantom_dyn.effects.encoder.encoder_eccentricity import EncoderEccentricity
@@ -51,6 +52,7 @@ EFFECTS: tuple[Effect, ...] = (
     TemperatureDependentFriction(),
     JointCoupling(),
     Cogging(),
+    TorqueRipple(),
     TorqueSaturation(),
     InputDelay(),
     ActuatorLag(),

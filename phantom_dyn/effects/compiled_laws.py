@@ -16,6 +16,7 @@ from phantom_dyn.effects.drive.cogging import wave_law
 from phantom_dyn.effects.drive.input_delay import delay_law
 from phantom_dyn.effects.drive.torque_constant import scaled_law
 from phantom_dyn.effects.drive.torque_offset import constant_law
+from phantom_dyn.effects.drive.torque_ripple import ripple_law
 from phantom_dyn.effects.drive.torque_saturation import clipped_law
 from phantom_dyn.effects.encoder.encoder_eccentricity import eccentric_law
 from phantom_dyn.effects.encoder.encoder_offset import shifted_law
@@ -37,6 +38,7 @@ TORQUES = (
     loaded_law,
     shared_law,
     wave_law,
+    ripple_law,
 )
 COMMANDS = (scaled_law, clipped_law, delay_law, lag_law)
 READINGS = (shifted_law, eccentric_law, rounded_law)
@@ -77,7 +79,9 @@ def torque_of(
         return s0, s1, s2, loaded_law(v, load, p0)
     if code == 7:
         return s0, s1, s2, shared_law(v, p0, p1)
-    return s0, s1, s2, wave_law(q, p0, p1, p2)
+    if code == 8:
+        return s0, s1, s2, wave_law(q, p0, p1, p2)
+    return s0, s1, s2, ripple_law(q, load, p0, p1, p2)
 
 
 @jit

@@ -67,7 +67,8 @@ class Signature:
         columns: Shape ``(N, len(rows), k)``; measured torque = model + ``columns @ coefficients``.
         names: One per coefficient.
         units: One per coefficient.
-        steps: The part of the columns that is made of the signs of velocities: it has no noise of accelerations.
+        steps: The part of the columns that has no noise of accelerations above the judged band: made of the signs of
+            velocities, or of a torque that ends there.
     """
 
     rows: tuple[int, ...]

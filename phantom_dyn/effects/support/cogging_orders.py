@@ -2,12 +2,14 @@
 
 The positions of a recording are not evenly spread, so that the power of an order is what a sine and a cosine fitted
 by least squares take out of the residual (Lomb-Scargle with a mean). The sums that it takes come from transforms of
-the residual and of the count of samples, both gathered in narrow bins of position.
+the residual and of the count of samples, both gathered in narrow bins of position. Of waves that are as high as a load
+it is the same with each sample weighted by its load: the mean is then a share of the load.
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Literal
 
 import numpy as np
 from jaxtyping import Float
@@ -72,27 +74,44 @@ def slowest_order(operation: Operation, row: int) -> float | None:
     return next((float(order) for order in tried if comes_back(operation, row, float(order))), None)
 
 
-def orders_in(operation: Operation, row: int, *, whole_numbers: bool) -> tuple[tuple[float, ...], ...]:
+def orders_in(
+    operation: Operation,
+    row: int,
+    *,
+    whole_numbers: bool,
+    load: Float[Array, " N"] | None = None,
+) -> tuple[tuple[float, ...], ...]:
     """Sets of orders to try for the residual torque of a joint, from the recording.
 
     The first holds the order that stands out most from its neighbours; the next ones add what stands out most once
     those before are taken out, if it is significant. The last one holds the order with most power, if it is another:
     a slow one has no neighbours to stand out from. A whole number is taken where it explains as much, if
     ``whole_numbers`` are to be expected.
+
+    Args:
+        operation: The recording.
+        row: The joint.
+        whole_numbers: True if orders are likely to be whole.
+        load: What the waves are multiplied by, shape ``(N,)``: then even the first order has to be significant. None:
+            nothing, and there is always a first order.
     """
     low, high = order_range(operation, row)
     if low >= high:
         return ()
     step = _stride(operation.dt, len(operation.t))
     torque = moving_average(operation.residual[:, row], operation.dt, _SECONDS)[::step]
-    residual = _Residual(operation.q[::step, row], _background(operation, row, low)[::step], torque, low)
+    # Of size one, as the columns beside.
+    weight = None if load is None else load[::step] / max(float(np.sqrt(np.mean(load**2))), 1e-300)
+    residual = _Residual(operation.q[::step, row], _background(operation, row, low)[::step], torque, low, weight)
     sets: list[tuple[float, ...]] = []
     orders: tuple[float, ...] = ()
     largest, most = 0.0, 0.0
     for _ in range(_MOST):
-        n, power = _periodogram(residual.q, residual.without(orders), low, high)
-        prominence = _prominence(power, most)
+        n, power = _periodogram(residual.q, residual.without(orders), low, high, weight)
+        prominence = _prominence(power, most, "nearest" if load is None else "reflect")
         peak = int(np.argmax(prominence))
+        if load is not None and prominence[peak] < _SIGNIFICANT:
+            break
         if not orders:
             largest, most = residual.placed((), float(n[np.argmax(power)]), whole_numbers), float(power[peak])
         elif prominence[peak] < _SIGNIFICANT:
@@ -102,7 +121,7 @@ def orders_in(operation: Operation, row: int, *, whole_numbers: bool) -> tuple[t
             break
         orders = (*orders, found)
         sets.append(orders)
-    if abs(largest - sets[0][0]) > 0.5 * low:
+    if sets and abs(largest - sets[0][0]) > 0.5 * low:
         sets.append((largest,))
     return tuple(sets)
 
@@ -122,16 +141,18 @@ def _background(operation: Operation, row: int, low: float) -> Float[Array, "N k
 
 @dataclass(frozen=True)
 class _Residual:
-    """Residual torque over position, with what else it may hold, and the order that its range resolves."""
+    """Residual torque over position, what else it may hold, the order that its range resolves, and the load of waves."""
 
     q: Float[Array, " N"]
     plain: Float[Array, "N k"]
     torque: Float[Array, " N"]
     resolution: float
+    weight: Float[Array, " N"] | None = None
 
     def without(self, orders: tuple[float, ...]) -> Float[Array, " N"]:
         """What background and orders leave, fitted by least squares."""
-        waves = [wave(n * self.q) for n in orders for wave in (np.sin, np.cos)]
+        size = 1.0 if self.weight is None else self.weight
+        waves = [size * wave(n * self.q) for n in orders for wave in (np.sin, np.cos)]
         columns = np.column_stack([self.plain, *waves])
         columns = columns / np.maximum(np.sqrt(np.mean(columns**2, axis=0)), 1e-300)
         gram = columns.T @ columns
@@ -168,20 +189,30 @@ def _independent(left: Float[Array, " N"]) -> float:
 
 
 def _periodogram(
-    q: Float[Array, " N"], residual: Float[Array, " N"], low: float, high: float
+    q: Float[Array, " N"],
+    residual: Float[Array, " N"],
+    low: float,
+    high: float,
+    weight: Float[Array, " N"] | None = None,
 ) -> tuple[Float[Array, " n"], Float[Array, " n"]]:
-    """Orders between ``low`` and ``high``, and the squares that sine and cosine of each take out of the residual."""
+    """Orders between ``low`` and ``high``, and the squares that sine and cosine of each take out of the residual.
+
+    With a ``weight`` waves and mean are multiplied by it.
+    """
     width = 2 * np.pi / (_BINS * high)
     bins = ((q - q.min()) / width).astype(int)
     length = int(next_fast_len(max(_LINES * (int(bins.max()) + 1), 4 * _BINS), real=True) or 0)
-    wave = np.fft.rfft(np.bincount(bins, residual - residual.mean(), length), length)
-    count = np.fft.rfft(np.bincount(bins, minlength=length), length)
+    weight = np.ones(len(q)) if weight is None else weight
+    square = weight**2
+    centred = weight * residual - square * (float(weight @ residual) / float(square.sum()))
+    wave = np.fft.rfft(np.bincount(bins, centred, length), length)
+    count = np.fft.rfft(np.bincount(bins, square, length), length)
     last = length // _BINS
     k = np.arange(min(max(1, int(np.ceil(low * length * width / (2 * np.pi)))), last), last + 1)
-    return 2 * np.pi * k / (length * width), _power(wave[k], count[k], count[2 * k], len(q))
+    return 2 * np.pi * k / (length * width), _power(wave[k], count[k], count[2 * k], float(square.sum()))
 
 
-def _power(wave: Array, once: Array, twice: Array, samples: int) -> Float[Array, " n"]:
+def _power(wave: Array, once: Array, twice: Array, samples: float) -> Float[Array, " n"]:
     """Power of each order, from the sums of the residual's wave and of the plain wave at once and twice the order."""
     c, s = np.real(once), -np.imag(once)
     cc = 0.5 * (samples + np.real(twice)) - c * c / samples
@@ -192,12 +223,20 @@ def _power(wave: Array, once: Array, twice: Array, samples: int) -> Float[Array,
     return (y_c**2 * ss - 2 * y_c * y_s * cs + y_s**2 * cc) / area
 
 
-def _prominence(power: Float[Array, " n"], most: float) -> Float[Array, " n"]:
-    """Power of each order over that of its neighbours; zero where it is next to nothing beside ``most``."""
-    background = np.maximum(_background_power(power), 1e-3 * np.median(power) + 1e-300)
+def _prominence(
+    power: Float[Array, " n"], most: float, edges: Literal["nearest", "reflect"] = "nearest"
+) -> Float[Array, " n"]:
+    """Power of each order over that of its neighbours; zero where it is next to nothing beside ``most``.
+
+    Beyond the ends neighbours repeat the last one, or all of them once more: one that is small by chance makes others
+    near it stand out, unless all are repeated.
+    """
+    background = np.maximum(_background_power(power, edges), 1e-3 * np.median(power) + 1e-300)
     return np.where(power < _LEAST_POWER * most, 0.0, power / background)
 
 
-def _background_power(power: Float[Array, " n"]) -> Float[Array, " n"]:
+def _background_power(
+    power: Float[Array, " n"], edges: Literal["nearest", "reflect"] = "nearest"
+) -> Float[Array, " n"]:
     """Median power of the neighbours of each order."""
-    return median_filter(power, 2 * (_BACKGROUND * _LINES // 2) + 1, mode="nearest")
+    return median_filter(power, 2 * (_BACKGROUND * _LINES // 2) + 1, mode=edges)

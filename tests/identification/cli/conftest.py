@@ -46,6 +46,7 @@ Effect = Literal[
     "transmission_compliance",
     "joint_coupling",
     "cogging",
+    "torque_ripple",
     "torque_saturation",
     "torque_constant",
     "torque_offset",

@@ -42,6 +42,7 @@ SIZES = {
     "temperature_dependent_friction": {"coulomb_torque": 0.3, "coefficient": 0.1, "torque_slope": -0.01},
     "joint_coupling": {"ratio": 1.0, "coulomb_torque": 0.3, "coefficient": 0.1, "inertia": 0.01},
     "cogging": {"order": 12.0, "amplitude": 0.2, "phase": 0.3},
+    "torque_ripple": {"order": 12.0, "amplitude": 0.05, "phase": 0.3},
     "torque_saturation": {"limit": 2.0},
     "input_delay": {"delay": 0.006},
     "actuator_lag": {"time_constant": 0.006},

@@ -18,7 +18,8 @@ from phantom_dyn.motion import Motion
 CONTRACT = {
     "viscous_friction", "coulomb_friction", "direction_dependent_friction", "stribeck_friction",
     "presliding_friction", "load_dependent_friction", "temperature_dependent_friction", "backlash",
-    "transmission_compliance", "joint_coupling", "cogging", "torque_saturation", "torque_constant", "torque_offset",
+    "transmission_compliance", "joint_coupling", "cogging", "torque_ripple", "torque_saturation", "torque_constant",
+    "torque_offset",
     "input_delay", "actuator_lag", "rotor_inertia", "payload", "inertial_parameters", "base_tilt", "parasitic_spring",
     "encoder_offset", "encoder_eccentricity", "encoder_quantization",
 }  # fmt: skip
@@ -51,6 +52,7 @@ PARAMETERS = {
         "reference_temperature": ("°C", "°C"),
     },
     "cogging": {"order": ("1", "rad/m"), "amplitude": ("N m", "N"), "phase": ("rad", "rad")},
+    "torque_ripple": {"order": ("1", "rad/m"), "amplitude": ("1", "1"), "phase": ("rad", "rad")},
     "torque_saturation": {"limit": ("N m", "N")},
     "input_delay": {"delay": ("s", "s")},
     "actuator_lag": {"time_constant": ("s", "s")},
@@ -116,7 +118,7 @@ def test_parameters_have_the_names_and_units_of_the_contract(arm, name, joint, k
 
 @pytest.mark.parametrize("effect", ON_ONE_JOINT, ids=name_of)
 def test_an_unknown_joint_is_refused_with_the_known_names(arm, operation, effect):
-    shape = effect.shapes(arm, operation, "turn")[0]
+    shape = first_shape(effect, arm, operation, "turn")
     with pytest.raises(RobotError, match=r"No joint 'knee' in this robot: its joints are turn, tilt, slide\."):
         effect.signature(arm, operation, "knee", shape)
 
@@ -147,7 +149,7 @@ def test_the_coefficients_of_a_linear_effect_are_its_parameters(arm, rng, effect
 
 @pytest.mark.parametrize("effect", [e for e in ON_ONE_JOINT if e.name not in SPREADING], ids=name_of)
 def test_an_effect_of_one_joint_touches_no_other(arm, operation, effect):
-    shape = effect.shapes(arm, operation, "tilt")[0]
+    shape = first_shape(effect, arm, operation, "tilt")
     assert effect.signature(arm, operation, "tilt", shape).rows == (1,)
     theta = effect.from_coefficients(arm, "tilt", effect.probe(arm, operation, "tilt")[1] * 0.5, shape)
     torque = effect.torque(arm, operation, "tilt", theta)
@@ -158,7 +160,7 @@ def test_an_effect_of_one_joint_touches_no_other(arm, operation, effect):
 @pytest.mark.parametrize("effect", EFFECTS, ids=name_of)
 def test_columns_have_a_name_a_unit_and_no_more_bounds_than_there_are(arm, operation, effect):
     place = effect.places(arm)[-1]
-    shape = effect.shapes(arm, operation, place)[0]
+    shape = first_shape(effect, arm, operation, place)
     signature = effect.signature(arm, operation, place, shape)
     assert signature.columns.shape == (40, len(signature.rows), len(signature.names))
     assert len(signature.units) == len(signature.names)
@@ -168,20 +170,21 @@ def test_columns_have_a_name_a_unit_and_no_more_bounds_than_there_are(arm, opera
 @pytest.mark.parametrize("effect", EFFECTS, ids=name_of)
 def test_the_next_shapes_are_as_long_as_the_last(arm, operation, effect):
     place = effect.places(arm)[-1]
-    shape = effect.shapes(arm, operation, place)[0]
+    shape = first_shape(effect, arm, operation, place)
     coefficients = np.full(len(effect.signature(arm, operation, place, shape).names), 0.1)
     assert {len(next_shape) for next_shape in effect.refined(coefficients, shape)} == {len(shape)}
 
 
+LISTS = {"cogging", "torque_ripple"}
 # Effects whose torque is linear in the probed parameter about zero, with one number for each parameter.
-PROBED = [e for e in EFFECTS if e.name in {*PARAMETERS, "payload"} - {"cogging", "torque_saturation", "input_delay"}]
+PROBED = [e for e in EFFECTS if e.name in {*PARAMETERS, "payload"} - LISTS - {"torque_saturation", "input_delay"}]
 
 
 @pytest.mark.parametrize("effect", PROBED, ids=name_of)
 def test_the_probe_is_one_unit_of_the_named_parameter(arm, operation, effect):
     # Finite difference of the torque in that parameter, where the others are those of the probe.
     joint = "tilt" if effect.scope == "joint" else None
-    shape = effect.shapes(arm, operation, joint)[0]
+    shape = first_shape(effect, arm, operation, joint)
     name, direction = effect.probe(arm, operation, joint)
     names = [p.name for p in effect.parameters(arm, joint)]
     step = 1e-6
@@ -195,7 +198,7 @@ def test_the_probe_is_one_unit_of_the_named_parameter(arm, operation, effect):
 
 
 def first_shape(effect, arm, motion, joint):
-    """A shape to look at; of cogging any order, as these motions are too short for one to come back often."""
+    """A shape to look at; of waves any order, as these motions are too short for one to come back often."""
     return (effect.shapes(arm, motion, joint) or ((12.0,),))[0]
 
 
@@ -259,7 +262,7 @@ def test_friction_takes_away_no_more_than_is_modelled(arm, name):
 @pytest.mark.parametrize("effect", EFFECTS, ids=name_of)
 def test_the_special_cases_of_an_effect_are_effects_of_the_catalogue(arm, operation, effect):
     place = effect.places(arm)[-1]
-    shape = effect.shapes(arm, operation, place)[0]
+    shape = first_shape(effect, arm, operation, place)
     count = len(effect.signature(arm, operation, place, shape).names)
     cases = effect.special_cases(arm, place, np.full(count, 0.1), shape)
     assert {name for case in cases for name in case.names} <= {other.name for other in EFFECTS} - {effect.name}
@@ -323,8 +326,8 @@ def test_a_law_agrees_with_its_coefficients_at_its_shape_or_at_the_last_estimate
 # or friction looks like.
 APART = {
     "scales_joint": {"torque_constant"},
-    "takes_lists": {"cogging"},
-    "shape_held": {"cogging", "temperature_dependent_friction"},
+    "takes_lists": LISTS,
+    "shape_held": {*LISTS, "temperature_dependent_friction"},
     "first_order": {"encoder_eccentricity"},
     "tested_against_zero": {"input_delay"},
     "rubs": {
@@ -346,7 +349,7 @@ SMOOTHED = {"backlash", "torque_saturation"}
 @pytest.mark.parametrize("effect", [e for e in EFFECTS if e.name not in SMOOTHED], ids=name_of)
 def test_columns_move_with_accelerations_where_the_effect_says_so(arm, smooth, effect):
     joint = effect.places(arm)[-1]
-    shape = (6.0,) if effect.takes_lists else effect.shapes(arm, smooth, joint)[0]
+    shape = (6.0,) if effect.takes_lists else first_shape(effect, arm, smooth, joint)
     faster = Motion(smooth.t, smooth.q, smooth.v, 1.3 * smooth.a)
     other = Operation.of(arm, faster, temperature=smooth.temperature)
     one, two = (effect.signature(arm, o, joint, shape).columns for o in (smooth, other))
@@ -356,7 +359,7 @@ def test_columns_move_with_accelerations_where_the_effect_says_so(arm, smooth, e
 @pytest.mark.parametrize("effect", EFFECTS, ids=name_of)
 def test_the_last_of_the_next_shapes_is_the_estimate_where_the_shape_is_one(arm, operation, effect):
     place = effect.places(arm)[-1]
-    shape = effect.shapes(arm, operation, place)[0]
+    shape = first_shape(effect, arm, operation, place)
     coefficients = np.full(len(effect.signature(arm, operation, place, shape).names), 0.1)
     last = effect.refined(coefficients, shape)[-1]
     assert (len(shape) > 0 and np.array_equal(last, coefficients)) is effect.shape_is_estimate

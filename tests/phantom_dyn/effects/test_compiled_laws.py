@@ -19,6 +19,7 @@ TORQUE_LAWS = {
     "load_dependent_friction": ("tilt", (0.15,)),
     "joint_coupling": ("turn+slide", (-0.7, 0.3, 0.2, 0.0)),
     "cogging": ("tilt", (6.0, 0.03, 0.7)),
+    "torque_ripple": ("tilt", (6.0, 0.03, 0.7)),
 }
 READING_LAWS = {"encoder_offset": (0.3,), "encoder_eccentricity": (0.05, 0.7, 2.0), "encoder_quantization": (0.1,)}
 

@@ -34,6 +34,7 @@ NUMBERS = {
         (6.0, 12.0, 0.3, 0.2, 0.7, -0.7),
         ModelNumbers(whole=True, waves=((6.0, 0.3, 0.7), (12.0, 0.2, -0.7))),
     ),
+    "torque_ripple": ("tilt", (6.0, 0.3, 0.7), ModelNumbers()),
     "torque_offset": ("tilt", (-0.4,), ModelNumbers(whole=True, offset=-0.4)),
     "torque_constant": ("tilt", (0.9,), ModelNumbers(whole=True, gain=0.9)),
     "torque_saturation": ("tilt", (3.0,), ModelNumbers(whole=True, limit=3.0)),

@@ -48,6 +48,7 @@ PLAUSIBLE = {
     "actuator_lag": {"time_constant": (0.0, 0.1)},
     "rotor_inertia": {"inertia": POSITIVE},
     "cogging": {"order": (0.0, 1e5), "amplitude": DRIVEN, "phase": TURN},
+    "torque_ripple": {"order": (0.0, 1e5), "amplitude": (0.0, 0.5), "phase": TURN},
     # The arm carries a part of 0.4 kg on a fixed joint; a quarter more may be missing.
     "payload": {"mass": (-0.5, 1000.0), **dict.fromkeys(("center_x", "center_y", "center_z"), (-3.0, 3.0))},
     "base_tilt": dict.fromkeys(("roll", "pitch", "yaw"), (-0.35, 0.35)),
@@ -200,6 +201,7 @@ POSSIBLE = {
     ("temperature_dependent_friction", "reference_temperature"): (-60.0, 200.0),
     ("joint_coupling", "ratio"): ALL,
     ("cogging", "phase"): TURN,
+    ("torque_ripple", "phase"): TURN,
     ("base_tilt", "roll"): (-0.5 * np.pi, 0.5 * np.pi),
     ("base_tilt", "pitch"): (-0.5 * np.pi, 0.5 * np.pi),
     ("base_tilt", "yaw"): (-0.5 * np.pi, 0.5 * np.pi),

@@ -63,6 +63,7 @@ MOVED = {
     "base_tilt": (None, (0.2, -0.3, 0.0)),
     "parasitic_spring": ("tilt", (4.0, 0.25)),
     "cogging": ("tilt", (6.0, 0.03, 0.7)),
+    "torque_ripple": ("tilt", (6.0, 11.0, 0.03, 0.1, 0.7, -0.3)),
 }
 
 

@@ -30,6 +30,7 @@ CASES: dict[str, tuple[str | None, list[float]]] = {
     "parasitic_spring": ("elbow", [3.0, 0.2]),
     "joint_coupling": ("shoulder+elbow", [0.5, 0.6, 0.3, 0.05]),
     "cogging": ("elbow", [7.0, 14.0, 0.8, 0.3, 0.2, 1.0]),
+    "torque_ripple": ("elbow", [7.0, 0.1, 0.2]),
     "torque_saturation": ("shoulder", [9.0]),
     "input_delay": (None, [0.008]),
     "actuator_lag": ("shoulder", [0.03]),

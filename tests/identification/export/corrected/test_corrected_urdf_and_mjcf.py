@@ -35,7 +35,7 @@ SAID = [
     "joint_coupling", "cogging", "torque_saturation", "input_delay", "actuator_lag", "base_tilt", "encoder_offset",
 ]  # fmt: skip
 HIDDEN = ["backlash", "transmission_compliance"]
-NOT_SAID = ["load_dependent_friction", "encoder_eccentricity", "encoder_quantization"]
+NOT_SAID = ["load_dependent_friction", "torque_ripple", "encoder_eccentricity", "encoder_quantization"]
 EVERYTHING = [*SAID, *HIDDEN, *NOT_SAID]
 
 

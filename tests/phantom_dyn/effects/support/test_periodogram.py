@@ -48,6 +48,20 @@ def test_the_periodogram_is_the_power_of_its_orders_where_positions_lie_on_its_b
     np.testing.assert_allclose(power[:-1], [taken_out(q, rest, n) for n in orders[:-1]], rtol=1e-6)
 
 
+def test_the_periodogram_of_weighted_waves_is_what_these_take_out_beside_the_weight(uneven, rng):
+    # Oracle: least squares on the weight and the weighted waves; bins as above.
+    q, rest = uneven
+    weight = rng.normal(size=len(q)) + 0.5
+    orders, power = _periodogram(q, weight * rest, 1.6, 20.0, weight)
+    columns = [np.column_stack([weight, weight * np.sin(n * q), weight * np.cos(n * q)]) for n in orders[::7]]
+
+    def left(x: np.ndarray) -> float:
+        return float(np.sum((weight * rest - x @ np.linalg.lstsq(x, weight * rest, rcond=None)[0]) ** 2))
+
+    exact = np.array([left(x[:, :1]) - left(x) for x in columns])
+    np.testing.assert_allclose(power[::7], exact, atol=0.06 * exact.max())
+
+
 def test_the_periodogram_peaks_at_the_order_of_the_wave(uneven):
     orders, power = _periodogram(*uneven, 1.6, 20.0)
     assert orders[np.argmax(power)] == pytest.approx(9.0, abs=0.2)

@@ -37,6 +37,7 @@ LAWS = {
     "temperature_dependent_friction": [0.3, 0.5, -0.01, -0.02, 30.0],
     "joint_coupling": [-0.7, 0.3, 0.2, 0.05],
     "cogging": [3.0, 7.0, 0.3, 0.2, 0.1, 1.0],
+    "torque_ripple": [3.0, 7.0, 0.1, 0.05, 0.1, 1.0],
     "torque_saturation": [2.0],
     "input_delay": [0.0117],
     "actuator_lag": [0.01],
