@@ -45,6 +45,7 @@ _FINDINGS = {
     "stribeck_friction": "v",
     "direction_dependent_friction": "v",
     "load_dependent_friction": "tl v",
+    "position_dependent_friction": "q v",
     "temperature_dependent_friction": "temp v",
     "cogging": "q",
     "torque_ripple": "q tl",

@@ -19,6 +19,7 @@ _FIRST = (
     "stribeck_friction",
     "presliding_friction",
     "load_dependent_friction",
+    "position_dependent_friction",
     "temperature_dependent_friction",
     "backlash",
     "transmission_compliance",

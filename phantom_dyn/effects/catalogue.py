@@ -23,6 +23,7 @@ from phantom_dyn.effects.friction.coulomb_friction import CoulombFriction
 from phantom_dyn.effects.friction.direction_dependent_friction import DirectionDependentFriction
 from phantom_dyn.effects.friction.joint_coupling import JointCoupling
 from phantom_dyn.effects.friction.load_dependent_friction import LoadDependentFriction
+from phantom_dyn.effects.friction.position_dependent_friction import PositionDependentFriction
 from phantom_dyn.effects.friction.presliding_friction import PreslidingFriction
 from phantom_dyn.effects.friction.stribeck_friction import StribeckFriction
 from phantom_dyn.effects.friction.temperature_dependent_friction import TemperatureDependentFriction
@@ -49,6 +50,7 @@ EFFECTS: tuple[Effect, ...] = (
     ParasiticSpring(),
     PreslidingFriction(),
     LoadDependentFriction(),
+    PositionDependentFriction(),
     TemperatureDependentFriction(),
     JointCoupling(),
     Cogging(),

@@ -24,6 +24,7 @@ from phantom_dyn.effects.encoder.encoder_quantization import rounded_law
 from phantom_dyn.effects.friction.direction_dependent_friction import two_way_law
 from phantom_dyn.effects.friction.joint_coupling import shared_law
 from phantom_dyn.effects.friction.load_dependent_friction import loaded_law
+from phantom_dyn.effects.friction.position_dependent_friction import bent_law
 from phantom_dyn.effects.friction.presliding_friction import bristle_law, stick_law
 from phantom_dyn.effects.friction.stribeck_friction import falling_law
 from phantom_dyn.effects.transmission.parasitic_spring import spring_law
@@ -39,6 +40,7 @@ TORQUES = (
     shared_law,
     wave_law,
     ripple_law,
+    bent_law,
 )
 COMMANDS = (scaled_law, clipped_law, delay_law, lag_law)
 READINGS = (shifted_law, eccentric_law, rounded_law)
@@ -81,7 +83,9 @@ def torque_of(
         return s0, s1, s2, shared_law(v, p0, p1)
     if code == 8:
         return s0, s1, s2, wave_law(q, p0, p1, p2)
-    return s0, s1, s2, ripple_law(q, load, p0, p1, p2)
+    if code == 9:
+        return s0, s1, s2, ripple_law(q, load, p0, p1, p2)
+    return s0, s1, s2, bent_law(q, v, p0, p1, p2)
 
 
 @jit

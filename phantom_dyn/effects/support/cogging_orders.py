@@ -141,7 +141,7 @@ def _background(operation: Operation, row: int, low: float) -> Float[Array, "N k
 
 @dataclass(frozen=True)
 class _Residual:
-    """Residual torque over position, what else it may hold, the order that its range resolves, and the load of waves."""
+    """Residual torque over position, what else it may hold, the order that its range resolves, the load of waves."""
 
     q: Float[Array, " N"]
     plain: Float[Array, "N k"]

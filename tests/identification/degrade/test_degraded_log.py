@@ -39,6 +39,7 @@ SIZES = {
     "parasitic_spring": {"stiffness": 3.0, "rest_position": 0.2},
     "presliding_friction": {"torque": 0.3, "displacement": 0.02},
     "load_dependent_friction": {"ratio": 0.1},
+    "position_dependent_friction": {"position": 0.0, "torque": 0.3},
     "temperature_dependent_friction": {"coulomb_torque": 0.3, "coefficient": 0.1, "torque_slope": -0.01},
     "joint_coupling": {"ratio": 1.0, "coulomb_torque": 0.3, "coefficient": 0.1, "inertia": 0.01},
     "cogging": {"order": 12.0, "amplitude": 0.2, "phase": 0.3},

@@ -17,7 +17,8 @@ from phantom_dyn.motion import Motion
 # The names of the contract.
 CONTRACT = {
     "viscous_friction", "coulomb_friction", "direction_dependent_friction", "stribeck_friction",
-    "presliding_friction", "load_dependent_friction", "temperature_dependent_friction", "backlash",
+    "presliding_friction", "load_dependent_friction", "position_dependent_friction", "temperature_dependent_friction",
+    "backlash",
     "transmission_compliance", "joint_coupling", "cogging", "torque_ripple", "torque_saturation", "torque_constant",
     "torque_offset",
     "input_delay", "actuator_lag", "rotor_inertia", "payload", "inertial_parameters", "base_tilt", "parasitic_spring",
@@ -51,6 +52,7 @@ PARAMETERS = {
         "coefficient_slope": ("N m s/(rad °C)", "N s/(m °C)"),
         "reference_temperature": ("°C", "°C"),
     },
+    "position_dependent_friction": {"position": ("rad", "m"), "torque": ("N m", "N")},
     "cogging": {"order": ("1", "rad/m"), "amplitude": ("N m", "N"), "phase": ("rad", "rad")},
     "torque_ripple": {"order": ("1", "rad/m"), "amplitude": ("1", "1"), "phase": ("rad", "rad")},
     "torque_saturation": {"limit": ("N m", "N")},
@@ -175,7 +177,7 @@ def test_the_next_shapes_are_as_long_as_the_last(arm, operation, effect):
     assert {len(next_shape) for next_shape in effect.refined(coefficients, shape)} == {len(shape)}
 
 
-LISTS = {"cogging", "torque_ripple"}
+LISTS = {"cogging", "torque_ripple", "position_dependent_friction"}
 # Effects whose torque is linear in the probed parameter about zero, with one number for each parameter.
 PROBED = [e for e in EFFECTS if e.name in {*PARAMETERS, "payload"} - LISTS - {"torque_saturation", "input_delay"}]
 
@@ -197,9 +199,13 @@ def test_the_probe_is_one_unit_of_the_named_parameter(arm, operation, effect):
     np.testing.assert_allclose(change[:, list(signature.rows)], -signature.columns @ direction, rtol=1e-4, atol=1e-5)
 
 
+# Of effects that are tried where the residual asks for them: an order; first and last place, and how many.
+UNASKED = {"cogging": (12.0,), "torque_ripple": (12.0,), "position_dependent_friction": (-1.0, 1.0, 5.0)}
+
+
 def first_shape(effect, arm, motion, joint):
-    """A shape to look at; of waves any order, as these motions are too short for one to come back often."""
-    return (effect.shapes(arm, motion, joint) or ((12.0,),))[0]
+    """A shape to look at; where nothing asks for an effect of lists, any one."""
+    return (effect.shapes(arm, motion, joint) or (UNASKED.get(effect.name),))[0]
 
 
 # Made of the model's torque as well, but the joint fit treats them by themselves: a gain of all that is on a joint, and
@@ -332,7 +338,7 @@ APART = {
     "tested_against_zero": {"input_delay"},
     "rubs": {
         "coulomb_friction", "direction_dependent_friction", "stribeck_friction", "presliding_friction",
-        "load_dependent_friction", "temperature_dependent_friction",
+        "load_dependent_friction", "position_dependent_friction", "temperature_dependent_friction",
     },
 }  # fmt: skip
 
@@ -349,7 +355,7 @@ SMOOTHED = {"backlash", "torque_saturation"}
 @pytest.mark.parametrize("effect", [e for e in EFFECTS if e.name not in SMOOTHED], ids=name_of)
 def test_columns_move_with_accelerations_where_the_effect_says_so(arm, smooth, effect):
     joint = effect.places(arm)[-1]
-    shape = (6.0,) if effect.takes_lists else first_shape(effect, arm, smooth, joint)
+    shape = UNASKED.get(effect.name) or first_shape(effect, arm, smooth, joint)
     faster = Motion(smooth.t, smooth.q, smooth.v, 1.3 * smooth.a)
     other = Operation.of(arm, faster, temperature=smooth.temperature)
     one, two = (effect.signature(arm, o, joint, shape).columns for o in (smooth, other))

@@ -17,6 +17,7 @@ TORQUE_LAWS = {
     "parasitic_spring": ("tilt", (4.0, 0.25)),
     "presliding_friction": ("tilt", (0.6, 0.3)),
     "load_dependent_friction": ("tilt", (0.15,)),
+    "position_dependent_friction": ("tilt", (0.2, 0.4)),
     "joint_coupling": ("turn+slide", (-0.7, 0.3, 0.2, 0.0)),
     "cogging": ("tilt", (6.0, 0.03, 0.7)),
     "torque_ripple": ("tilt", (6.0, 0.03, 0.7)),

@@ -34,6 +34,7 @@ PLAUSIBLE = {
         "stick_velocity": (0.0, 0.1),
     },
     "load_dependent_friction": {"ratio": (0.0, 0.5)},
+    "position_dependent_friction": {"position": ALL, "torque": DRIVEN},
     "temperature_dependent_friction": {
         "coulomb_torque": DRIVEN,
         "coefficient": POSITIVE,
@@ -196,6 +197,7 @@ POSSIBLE = {
     ("parasitic_spring", "rest_position"): ALL,
     ("presliding_friction", "static_ratio"): (1.0, np.inf),
     ("load_dependent_friction", "ratio"): (0.0, 1.0),
+    ("position_dependent_friction", "position"): ALL,
     ("temperature_dependent_friction", "torque_slope"): ALL,
     ("temperature_dependent_friction", "coefficient_slope"): ALL,
     ("temperature_dependent_friction", "reference_temperature"): (-60.0, 200.0),

@@ -56,6 +56,7 @@ MOVED = {
     "stribeck_friction": ("tilt", (0.4, 0.9, 0.2)),
     "temperature_dependent_friction": ("tilt", (0.4, 0.2, 0.0, 0.0, 25.0)),
     "load_dependent_friction": ("tilt", (0.15,)),
+    "position_dependent_friction": ("tilt", (-0.6, 0.1, 0.5, 0.2, 0.7, 0.3)),
     "torque_offset": ("tilt", (-0.7,)),
     "rotor_inertia": ("slide", (0.3,)),
     "payload": (None, (0.8, 0.1, -0.05, 0.2)),

@@ -21,6 +21,7 @@ CASES: dict[str, tuple[str | None, list[float]]] = {
     "stribeck_friction": ("elbow", [1.0, 1.5, 0.2]),
     "presliding_friction": ("elbow", [1.0, 0.01]),
     "load_dependent_friction": ("elbow", [0.2]),
+    "position_dependent_friction": ("elbow", [-0.3, 0.3, 0.5, 1.5]),
     "temperature_dependent_friction": ("elbow", [1.0, 0.5, -0.02, -0.01, 40.0]),
     "torque_offset": ("elbow", [1.0]),
     "torque_constant": ("shoulder", [0.8]),

@@ -30,8 +30,8 @@ FILE = ROBOTS / "planar2.urdf"
 # MuJoCo says all of these, or the larger part of them.
 SAID = [
     "viscous_friction", "coulomb_friction", "direction_dependent_friction", "stribeck_friction", "presliding_friction",
-    "temperature_dependent_friction", "torque_offset", "torque_constant", "rotor_inertia", "payload",
-    "inertial_parameters", "parasitic_spring",
+    "position_dependent_friction", "temperature_dependent_friction", "torque_offset", "torque_constant",
+    "rotor_inertia", "payload", "inertial_parameters", "parasitic_spring",
     "joint_coupling", "cogging", "torque_saturation", "input_delay", "actuator_lag", "base_tilt", "encoder_offset",
 ]  # fmt: skip
 HIDDEN = ["backlash", "transmission_compliance"]

@@ -20,9 +20,9 @@ from phantom_dyn.motion import Motion
 
 CASES = (
     "viscous_friction coulomb_friction direction_dependent_friction stribeck_friction presliding_friction "
-    "load_dependent_friction torque_offset torque_constant rotor_inertia payload inertial_parameters parasitic_spring "
-    "joint_coupling cogging torque_ripple torque_saturation input_delay actuator_lag backlash transmission_compliance base_tilt "
-    "encoder_offset encoder_eccentricity encoder_quantization"
+    "load_dependent_friction position_dependent_friction torque_offset torque_constant rotor_inertia payload "
+    "inertial_parameters parasitic_spring joint_coupling cogging torque_ripple torque_saturation input_delay "
+    "actuator_lag backlash transmission_compliance base_tilt encoder_offset encoder_eccentricity encoder_quantization"
 ).split()
 GIVEN = """<mujoco model="cell">
   <!-- who measured what -->

@@ -34,6 +34,7 @@ LAWS = {
     "parasitic_spring": [3.0, 0.2],
     "presliding_friction": [0.6, 0.02],
     "load_dependent_friction": [0.1],
+    "position_dependent_friction": [-0.3, 0.1, 0.4, 0.2, 0.5, 0.1],
     "temperature_dependent_friction": [0.3, 0.5, -0.01, -0.02, 30.0],
     "joint_coupling": [-0.7, 0.3, 0.2, 0.05],
     "cogging": [3.0, 7.0, 0.3, 0.2, 0.1, 1.0],

@@ -1,0 +1,174 @@
+"""Coulomb friction that depends on the position: ``-T(q) sign(v)``, ``T`` linear between given positions.
+
+A worn, dirty or misaligned screw, guide or bearing rubs more at some places of its travel than at others; beyond the
+first and the last position the friction stays as it is there. It leaves a step at every reversal whose height depends
+on where the joint is, and contains Coulomb friction (the same everywhere). A cogging torque or a spring is the same in
+both directions, this changes sign with the direction. Friction that grows with the load is much the same where the load
+follows the position, as on a slow pendulum: several loads at one place separate them. It is looked for where friction
+over position takes out of the residual what friction of one level, or growing with load, cannot.
+URDF: ``<dynamics friction>``, MJCF: ``frictionloss``, for the mean over the positions only.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from jaxtyping import Float
+
+from phantom_dyn._kernels.jit import jit
+from phantom_dyn.effects.described import EffectWords, ModelNumbers
+from phantom_dyn.effects.effect import Effect, Parameter, Shape, Signature, SpecialCase
+from phantom_dyn.effects.operation import Operation
+from phantom_dyn.effects.simulated import Law, Moment, Simulated
+from phantom_dyn.effects.support.changed_robot import with_friction
+from phantom_dyn.effects.support.foreseen import foresees
+from phantom_dyn.effects.support.ranges import dry_range
+from phantom_dyn.effects.support.rows import modelled_friction_of, never_reverses, row_of, torque_on_joint, torque_unit
+from phantom_dyn.model.robot import Robot
+
+Array = np.ndarray
+
+# Positions over the travel, from the first to the last: a bump as wide as a tenth of it has some on it.
+_COUNTS = (5, 9, 14)
+# Share of the samples, in per cent, that lies beyond the first and the last position each: a place that is visited once
+# is known in one block only.
+_BEYOND = 3.0
+
+
+class PositionDependentFriction(Effect):
+    """See the module."""
+
+    name = "position_dependent_friction"
+    regime = "posture"
+    rubs = True
+    shape_held = True
+    takes_lists = True
+    contains = ("coulomb_friction",)
+    changes_with = "friction"
+    words = EffectWords(
+        name="position-dependent friction",
+        meaning="friction that is higher at some places of the travel than at others",
+        next_step="Look for wear, dirt or misalignment where it is highest; a slow run over the whole travel in both "
+        "directions confirms it.",
+        parameters={
+            "position": "places of the joint",
+            "torque": "friction torque at each of these places, linear in between",
+        },
+        shown_over=("position",),
+        kept="of position-dependent friction, the mean over its places",
+        lost="how friction changes with position",
+    )
+
+    def parameters(self, robot: Robot, joint: str | None) -> tuple[Parameter, ...]:
+        """Lists of equal length; ``theta`` is all positions, then all torques."""
+        row = row_of(robot, joint)
+        return (
+            Parameter(
+                "position",
+                robot.position_units[row],
+                plausible=(-np.inf, np.inf),
+                plausible_because="a joint may rub at any place of its travel",
+            ),
+            dry_range(robot, joint, "torque"),
+        )
+
+    def shapes(self, robot: Robot, operation: Operation, joint: str | None) -> tuple[Shape, ...]:
+        """First and last position and how many, where the residual asks for it; nothing where it does not."""
+        row = row_of(robot, joint)
+        q, v = operation.q[:, row], operation.v[:, row]
+        first, last = np.percentile(q, [_BEYOND, 100.0 - _BEYOND])
+        if not last > first:
+            return ()
+        # What other findings made of it may be its own.
+        torque = operation.residual[:, row] + operation.expected[:, row] - operation.tau[:, row]
+        s, load, need = np.sign(v), operation.transmitted[:, row], operation.tau[:, row]
+        plain = np.column_stack([np.ones(len(q)), v, s, q - q.mean(), operation.a[:, row], need, np.abs(load) * s])
+        # Friction of one level is among these, so that one place less is enough.
+        places = np.linspace(first, last, _COUNTS[1])
+        if not foresees(torque, plain, hats(q, places)[:, 1:] * s[:, None]):
+            return ()
+        return tuple((float(first), float(last), float(count)) for count in _COUNTS)
+
+    def signature(self, robot: Robot, operation: Operation, joint: str | None, shape: Shape) -> Signature:
+        """Direction of motion, shared out among the positions."""
+        row, unit = row_of(robot, joint), torque_unit(robot, joint)
+        columns = hats(operation.q[:, row], places_of(shape)) * np.sign(operation.v[:, row])[:, None]
+        names = tuple(f"torque_{k + 1}" for k in range(columns.shape[1]))
+        return Signature((row,), columns[:, None, :], names, (unit,) * len(names))
+
+    def coefficient_bounds(self, robot: Robot, joint: str | None, shape: Shape) -> tuple[tuple[float, float], ...]:
+        """Friction holds back everywhere, together with what is modelled."""
+        return ((-modelled_friction_of(robot, joint)[1], np.inf),) * len(places_of(shape))
+
+    def special_cases(
+        self, robot: Robot, joint: str | None, coefficients: Array, shape: Shape
+    ) -> tuple[SpecialCase, ...]:
+        """The same everywhere it is Coulomb friction."""
+        return SpecialCase((), coefficients), SpecialCase(("coulomb_friction",), np.diff(coefficients))
+
+    def from_coefficients(self, robot: Robot, joint: str | None, coefficients: Array, shape: Shape) -> Array:
+        """Positions and torques; where a shape says nothing else, as many as there are torques."""
+        return np.concatenate([places_of((shape[0], shape[1], float(len(coefficients)))), coefficients])
+
+    def probe(self, robot: Robot, operation: Operation, joint: str | None) -> tuple[str, Array]:
+        """Friction at the first position."""
+        return "torque", np.array([1.0])
+
+    def untestable(self, robot: Robot, operation: Operation, joint: str | None) -> str | None:
+        """In one direction it is a force over position."""
+        return never_reverses(robot, operation, joint)
+
+    def torque(self, robot: Robot, operation: Operation, joint: str | None, theta: Array) -> Array:
+        """The law on the joint, zero at rest."""
+        row = row_of(robot, joint)
+        return torque_on_joint(robot, joint, -_level(operation.q[:, row], theta) * np.sign(operation.v[:, row]))
+
+    def simulated(self, robot: Robot, joint: str | None, theta: Array) -> Simulated:
+        """The least level as Coulomb friction, which sticks; what there is beyond it as a torque."""
+        row = row_of(robot, joint)
+        places, torques = np.split(np.asarray(theta, dtype=float), 2)
+        least = float(torques.min())
+        beyond = np.concatenate([places, torques - least])
+
+        def torque(state: Array, dt: float, moment: Moment) -> tuple[Array, Array]:
+            out = np.zeros(robot.nv)
+            out[row] = -_level(moment.q[row : row + 1], beyond).item() * np.sign(moment.v[row])
+            return state, out
+
+        return Simulated(
+            robot=lambda moved: with_friction(moved, joint, coulomb=least),
+            torque=torque,
+            laws=tuple(Law(bent_law, row, numbers) for numbers in _bends(places, torques - least)),
+        )
+
+    def model_numbers(self, robot: Robot, joint: str | None, theta: Array) -> ModelNumbers:
+        """The mean level."""
+        return ModelNumbers(coulomb=float(np.mean(np.split(np.asarray(theta, dtype=float), 2)[1])))
+
+
+def places_of(shape: Shape) -> Float[Array, " k"]:
+    """Positions of a shape: the first, the last, and how many."""
+    return np.linspace(shape[0], shape[1], round(shape[2]))
+
+
+def hats(q: Float[Array, " N"], places: Float[Array, " k"]) -> Float[Array, "N k"]:
+    """Weights of the two nearest places, linear in between; beyond the ends all is the end's."""
+    return np.column_stack([np.interp(q, places, one) for one in np.eye(len(places))])
+
+
+def _level(q: Float[Array, " N"], theta: Float[Array, " p"]) -> Float[Array, " N"]:
+    """Friction torque at positions; theta is places in rising order, then torques."""
+    places, torques = np.split(np.asarray(theta, dtype=float), 2)
+    return np.interp(q, places, torques)
+
+
+def _bends(places: Float[Array, " k"], torques: Float[Array, " k"]) -> tuple[tuple[float, float, float], ...]:
+    """The same as a sum: level, change of slope and place of each bend; the first has the level of the first place."""
+    slopes = np.concatenate([[0.0], np.diff(torques) / np.diff(places), [0.0]])
+    levels = np.concatenate([torques[:1], np.zeros(len(places) - 1)])
+    return tuple(zip(levels.tolist(), np.diff(slopes).tolist(), places.tolist(), strict=True))
+
+
+@jit
+def bent_law(q: float, v: float, level: float, slope: float, place: float) -> float:
+    """Friction torque at position ``q`` that is a level up to a place and rises from there on."""
+    return -(level + slope * max(q - place, 0.0)) * np.sign(v)
