@@ -49,6 +49,7 @@ class PositionDependentFriction(Effect):
         meaning="friction that is higher at some places of the travel than at others",
         next_step="Look for wear, dirt or misalignment where it is highest; a slow run over the whole travel in both "
         "directions confirms it.",
+        size="of {torque} at {position}",
         parameters={
             "position": "places of the joint",
             "torque": "friction torque at each of these places, linear in between",

@@ -13,7 +13,8 @@ from phantom_dyn.effects.catalogue import EFFECTS
 CONTRACT_EFFECTS = """viscous_friction coulomb_friction direction_dependent_friction stribeck_friction
 presliding_friction load_dependent_friction position_dependent_friction temperature_dependent_friction
 backlash transmission_compliance joint_coupling cogging torque_ripple torque_saturation torque_constant torque_offset
-input_delay actuator_lag rotor_inertia payload inertial_parameters base_tilt parasitic_spring encoder_offset encoder_eccentricity encoder_quantization""".split()
+input_delay actuator_lag rotor_inertia payload inertial_parameters base_tilt
+parasitic_spring encoder_offset encoder_eccentricity encoder_quantization""".split()
 CONTRACT_REGIMES = """velocity_reversal low_speed high_speed high_load high_acceleration one_direction
 periodic_in_angle posture saturated time_drift everywhere""".split()
 
