@@ -90,8 +90,8 @@ def test_with_what_is_modelled_it_is_nowhere_negative(arm):
 
 
 def test_a_bump_is_asked_for_among_noise(arm, wide, rng):
-    # Known truth: a bump as high as the deviation of the noise, beside a wrong level and a wrong scale of the model.
-    rest = -0.5 * np.sign(wide.v[:, 1]) - 0.02 * wide.tau[:, 1] + rng.normal(size=len(wide.t))
+    # Known truth: a bump of twice the deviation of the noise, beside a wrong level and a wrong scale of the model.
+    rest = -0.5 * np.sign(wide.v[:, 1]) - 0.02 * wide.tau[:, 1] + 0.5 * rng.normal(size=len(wide.t))
     shapes = EFFECT.shapes(arm, recorded(wide, bump(wide) + rest), "tilt")
     low, high = np.percentile(wide.q[:, 1], [3.0, 97.0])
     assert shapes == tuple((low, high, float(count)) for count in (5, 9, 14))
