@@ -45,7 +45,7 @@ def beside(problem: Problem, fitted: Fitted) -> Beside:
         own = np.array([sets[columns] for columns in same])
         left = a[own[:, :, None], own[:, None, :]] - cross[:, own].transpose(1, 2, 0) @ made[:, own].transpose(1, 0, 2)
         left[:, np.arange(size), np.arange(size)] += problem.precision[own]
-        found = _gains(left, gradient[own], problem.lower[own], problem.upper[own])
+        found = gains_within(left, gradient[own], problem.lower[own], problem.upper[own])
         gains.update(zip(same, found.tolist(), strict=True))
     return Beside(gains, gradient, inside)
 
@@ -67,7 +67,7 @@ def taken_out(problem: Problem, fitted: Fitted) -> tuple[Float[Array, "f K"], Fl
     return cross, made, gradient - made.T @ (gradient[free] - problem.precision[free] * theta[free])
 
 
-def _gains(
+def gains_within(
     a: Float[Array, "T k k"], b: Float[Array, "T k"], lower: Float[Array, "T k"], upper: Float[Array, "T k"]
 ) -> Float[Array, " T"]:
     """Depths of the minima of ``x a x - 2 b x`` within bounds."""

@@ -50,6 +50,25 @@ class RowProducts:
             _add(out, values, here[into], into, int(np.count_nonzero(into < known)))
         return out
 
+    def between(self, left: Int[Array, " k"], right: Int[Array, " m"]) -> Float[Array, "B k m"]:
+        """Products of some columns with others."""
+        out = np.zeros((self.shape[0], len(left), len(right)))
+        for place, values in zip(self._places, self.values, strict=True):
+            up, across = place[left], place[right]
+            rows, columns = np.flatnonzero(up >= 0), np.flatnonzero(across >= 0)
+            if len(rows) and len(columns):
+                out[:, rows[:, None], columns] += values[:, up[rows][:, None], across[columns]]
+        return out
+
+    def diagonal(self, columns: Int[Array, " k"]) -> Float[Array, "B k"]:
+        """Products of some columns with themselves."""
+        out = np.zeros((self.shape[0], len(columns)))
+        for place, values in zip(self._places, self.values, strict=True):
+            here = place[columns]
+            into = np.flatnonzero(here >= 0)
+            out[:, into] += values[:, here[into], here[into]]
+        return out
+
     def grouped(self, groups: Int[Array, " B"]) -> RowProducts:
         """Sums over the blocks of each group; groups count from zero, blocks below that belong to none."""
         chosen = [np.flatnonzero(groups == group) for group in range(int(groups.max(initial=-1)) + 1)]

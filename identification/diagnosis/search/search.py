@@ -17,7 +17,6 @@ from identification.diagnosis import decision_rules as rules
 from identification.diagnosis.fit.fitting import Fitted
 from identification.diagnosis.fit.gap import row_counts
 from identification.diagnosis.fit.problem import Problem
-from identification.diagnosis.fit.projection import gain_of
 from identification.diagnosis.model.terms import Term, ordered
 from identification.diagnosis.search.fits import Fits
 from identification.diagnosis.search.special_cases import ends_on_nothing
@@ -153,7 +152,7 @@ class Search:
             terms: Rivals.
             above: A gain that is below this may be larger than stated, yet not above it.
         """
-        besides = self.fits.beside(chosen)
+        gained = self.fits.gains(chosen, terms)
         costs = {term: self.prices[term] for term in terms}
         gone: dict[Term, frozenset[Term]] = defaultdict(frozenset)
         for other in chosen:
@@ -161,7 +160,7 @@ class Search:
                 gone[term] |= {other}
                 if term in costs:
                     costs[term] -= self.prices[other]
-        out = {term: gain_of(besides, term) - costs[term] for term in terms}
+        out = {term: gained[term] - costs[term] for term in terms}
         ranked = sorted(terms, key=lambda term: -out[term])
         least = _WORTH_FITTING * max(out[ranked[0]], 0.0) if ranked else 0.0
         for k, term in enumerate(ranked):

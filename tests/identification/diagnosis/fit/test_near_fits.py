@@ -1,0 +1,85 @@
+"""Fits from the nearest solved set: against fits of the same columns as a whole, which are tested against scipy."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from identification.diagnosis.fit import near_fits
+from identification.diagnosis.fit.fitting import active_columns, fit
+from identification.diagnosis.fit.near_fits import NearFits
+from identification.diagnosis.fit.projection import beside, gain_of
+
+FRICTION = (("coulomb_friction", "elbow"), ("viscous_friction", "shoulder"))
+SETS = (
+    (),
+    FRICTION[:1],
+    (*FRICTION, ("rotor_inertia", "elbow")),
+    (("torque_offset", "elbow"), ("viscous_friction", "shoulder"), ("parasitic_spring", "shoulder")),
+)
+
+
+@pytest.fixture(scope="module")
+def rough(lab, planar2):
+    """An arm within its tolerances with friction on both joints and an offset, none of which its model has."""
+    motion = lab.motion(2, 3)
+    torque = -np.sign(motion.v) * [0.0, 0.25] - motion.v * [0.15, 0.0] + [0.0, 0.1]
+    return lab.prepared(planar2, (lab.recording(planar2, motion, torque),))
+
+
+@pytest.fixture(scope="module")
+def near(rough):
+    """Fits of which one set, that of the friction, is solved as a whole."""
+    problem = rough.problem
+    fits = NearFits(problem, np.full(len(problem.precision), np.nan))
+    fits.fit(active_columns(problem, terms_of(rough, FRICTION)), held_out=True)
+    return fits
+
+
+def terms_of(rough, places):
+    return tuple(rough.term(*place) for place in places)
+
+
+def test_the_fits_under_test_are_not_solved_as_a_whole(rough, near):
+    columns = [active_columns(rough.problem, terms_of(rough, places)) for places in (FRICTION, *SETS)]
+    changes = [len(set(columns[0].tolist()) ^ set(some.tolist())) for some in columns[1:]]
+    assert 0 not in changes
+    assert max(changes) < near_fits._FAR
+
+
+@pytest.mark.parametrize("places", SETS)
+def test_a_fit_is_that_of_the_same_columns_solved_as_a_whole(rough, near, places):
+    terms = terms_of(rough, places)
+    expected, found = fit(rough.problem, terms), near.fit(active_columns(rough.problem, terms), held_out=True)
+    size = np.sqrt(np.diag(rough.problem.total_a) + rough.problem.precision)
+    assert found.objective == pytest.approx(expected.objective, rel=1e-8)
+    assert found.penalty == pytest.approx(expected.penalty, rel=1e-6)
+    np.testing.assert_allclose(found.theta * size, expected.theta * size, atol=1e-5)
+    np.testing.assert_allclose(found.fold_theta * size, expected.fold_theta * size, atol=1e-5)
+
+
+@pytest.mark.parametrize("places", SETS)
+def test_each_block_is_judged_by_the_fit_that_has_not_seen_it(rough, near, places):
+    terms = terms_of(rough, places)
+    found = near.fit(active_columns(rough.problem, terms), held_out=True)
+    np.testing.assert_allclose(found.loss, fit(rough.problem, terms).loss, rtol=1e-7)
+
+
+@pytest.mark.parametrize("places", SETS)
+def test_what_columns_gain_beside_a_fit_is_what_a_projection_says(rough, near, places):
+    problem, terms = rough.problem, terms_of(rough, places)
+    found = near.gains(active_columns(problem, terms), {term.columns for term in problem.columns.terms})
+    expected = beside(problem, fit(problem, terms, held_out=False))
+    largest = max(expected.gains.values())
+    for term in problem.columns.terms:
+        assert found[term.columns] == pytest.approx(gain_of(expected, term), rel=1e-4, abs=1e-6 * largest)
+
+
+def test_a_set_far_from_all_is_solved_as_a_whole(rough, monkeypatch):
+    problem = rough.problem
+    fits = NearFits(problem, np.full(len(problem.precision), np.nan))
+    monkeypatch.setattr(near_fits, "_FAR", 0)
+    for places in SETS:
+        terms = terms_of(rough, places)
+        found = fits.fit(active_columns(problem, terms), held_out=True)
+        np.testing.assert_allclose(found.loss, fit(problem, terms).loss, rtol=1e-7)

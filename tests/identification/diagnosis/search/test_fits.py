@@ -1,0 +1,38 @@
+"""Fits of robots with many moves: against those of the same sets on robots with few, each made by itself."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from identification.diagnosis.search import fits
+from identification.diagnosis.search.fits import Fits
+
+SETS = (
+    (("coulomb_friction", "elbow"),),
+    (("coulomb_friction", "elbow"), ("viscous_friction", "shoulder")),
+    (("coulomb_friction", "elbow"), ("torque_constant", "shoulder")),
+)
+
+
+@pytest.fixture(scope="module")
+def rough(lab, planar2):
+    """An arm within its tolerances with friction on both joints that its model lacks."""
+    motion = lab.motion(2, 3)
+    torque = -np.sign(motion.v) * [0.0, 0.25] - motion.v * [0.15, 0.0]
+    return lab.prepared(planar2, (lab.recording(planar2, motion, torque),))
+
+
+@pytest.mark.parametrize("places", SETS)
+def test_losses_and_gains_do_not_depend_on_how_many_moves_there_are(rough, places, monkeypatch):
+    chosen = frozenset(rough.term(*place) for place in places)
+    each, near = Fits(rough.problem), Fits(rough.problem)
+    assert each._near is None
+    monkeypatch.setattr(fits, "_MANY_MOVES", 1)
+    assert near._near is not None
+    np.testing.assert_allclose(near.held_out(chosen).loss, each.held_out(chosen).loss, rtol=1e-7)
+    assert near.in_sample(chosen) == pytest.approx(each.in_sample(chosen), rel=1e-8)
+    expected = each.gains(chosen, rough.problem.columns.terms)
+    largest = max(expected.values())
+    for term, gain in near.gains(chosen, rough.problem.columns.terms).items():
+        assert gain == pytest.approx(expected[term], rel=1e-4, abs=1e-6 * largest)
