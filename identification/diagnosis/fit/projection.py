@@ -50,21 +50,29 @@ def beside(problem: Problem, fitted: Fitted) -> Beside:
     return Beside(gains, gradient, inside)
 
 
-def taken_out(problem: Problem, fitted: Fitted) -> tuple[Float[Array, "f K"], Float[Array, "f K"], Float[Array, " K"]]:
-    """Project all columns off the free columns of a fit.
+def taken_out(
+    problem: Problem, fitted: Fitted, columns: Int[Array, " m"] | None = None
+) -> tuple[Float[Array, "f m"], Float[Array, "f m"], Float[Array, " m"]]:
+    """Project columns off the free columns of a fit.
+
+    Args:
+        problem: What was fitted.
+        fitted: The fit.
+        columns: Which; None for all.
 
     Returns:
-        Products of the fit's free columns with all columns, coefficients of the projection, and products of the
-        projected columns with the residual.
+        Products of the fit's free columns with these, coefficients of the projection, and products of the projected
+        columns with the residual.
     """
     active, theta = fitted.active, fitted.theta
     x = theta[active]
     free = active[(x > problem.lower[active] + 1e-12) & (x < problem.upper[active] - 1e-12)]
     a = problem.total_a
-    cross = a[free]
+    wanted = np.arange(len(a)) if columns is None else columns
+    cross = a[free] if columns is None else a[np.ix_(free, columns)]
     made = solve(a[np.ix_(free, free)] + np.diag(problem.precision[free]), cross)
     gradient = problem.total_b - a[:, active] @ x
-    return cross, made, gradient - made.T @ (gradient[free] - problem.precision[free] * theta[free])
+    return cross, made, gradient[wanted] - made.T @ (gradient[free] - problem.precision[free] * theta[free])
 
 
 def gains_within(

@@ -291,11 +291,11 @@ def odds_of_richer(search: Search, chosen: frozenset[Term], rich: frozenset[Term
     own = np.diag(a)[more]
     if not len(more) or energy <= 0.0 or not np.all(own > 0.0):
         return 0.0
-    cross, made, gradient = taken_out(problem, found)
-    left = a[np.ix_(more, more)] - cross[:, more].T @ made[:, more]
+    cross, made, gradient = taken_out(problem, found, more)
+    left = a[np.ix_(more, more)] - cross.T @ made
     size = rules.EXPECTED_SHARE * np.sqrt(energy / own)
     shown = np.eye(len(more)) + left * np.outer(size, size)
-    pull = gradient[more] * size
+    pull = gradient * size
     log_odds = 0.5 * float(pull @ np.linalg.solve(shown, pull)) - 0.5 * float(np.linalg.slogdet(shown)[1])
     return float(np.exp(min(log_odds, 0.0)))
 

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from identification.diagnosis.fit.fitting import fit
-from identification.diagnosis.fit.projection import beside, fold_projections, gain_of
+from identification.diagnosis.fit.projection import beside, fold_projections, gain_of, taken_out
 from identification.diagnosis.numerics.bounded import bounded_solve, solve
 
 
@@ -106,3 +106,13 @@ def test_the_projection_of_a_fold_is_the_fit_without_it(sprung, rival, fold):
     left = held - part.made.T @ held[:n] - (across.T - part.made.T @ inside) @ base
     gain = x @ (2 * left[own] - part.held_out(np.array([own]))[0] @ x)
     assert gain == pytest.approx(plain.loss[mine].sum() - explicit.loss[mine].sum(), rel=1e-6)
+
+
+def test_some_columns_are_taken_out_as_all_are(rough):
+    found = fit(rough.problem, (rough.term("coulomb_friction", "elbow"),), held_out=False)
+    some = np.array(rough.term("viscous_friction", "shoulder").columns + rough.term("torque_offset", "elbow").columns)
+    cross, made, gradient = taken_out(rough.problem, found, some)
+    all_cross, all_made, all_gradient = taken_out(rough.problem, found)
+    np.testing.assert_allclose(cross, all_cross[:, some])
+    np.testing.assert_allclose(made, all_made[:, some], rtol=1e-9)
+    np.testing.assert_allclose(gradient, all_gradient[some], rtol=1e-9)
