@@ -215,9 +215,6 @@ STANDING_COUNTS = 2
 # share: of the joint's usual speed, above which so few counts in that time are its way of moving, not a standstill.
 STANDING_SPEED = 0.25
 
-# share: of the joint's usual speed, below which it stands where no count says how still its reading is.
-STANDING_CREEP = 0.02
-
 # s: over which a coarse encoder may have to stay for that; no joint that stops between moves stands for much less.
 STANDING_LONGEST = 0.3
 

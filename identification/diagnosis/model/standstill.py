@@ -99,23 +99,21 @@ def encoder_stands(robot: Robot, log: Log) -> Bool[Array, "N nv"]:
     """True where a joint's encoder shows no motion: its reading stays within two counts while the joint may stick.
 
     A reading between two levels flickers by one count, and a motion that ends there adds another. Nothing is said of a
-    joint whose encoder is so coarse that it often moves as slowly as that on its way. Where no count is known, a joint
-    stands that gets on by next to nothing beside its usual speed: simulators let friction that sticks creep.
+    joint whose encoder is so coarse that it often moves as slowly as that on its way, or has no counts to tell.
     """
     readings = log.motion.q if log.raw_q is None else log.raw_q
     rate = log.band.rate_hz
     out = np.zeros(readings.shape, dtype=bool)
     for j in range(readings.shape[1]):
         seen = (log.reading_steps[j] if log.reading_steps else None) or 0.0
-        # A little more than two counts: between readings at uneven times splines swing over by a part of a count.
+        # A little more than two counts: between readings at uneven times splines swing over by a part of a count. Where
+        # no count is known, a reading that does not change at all stands.
         most = (rules.STANDING_COUNTS + _SWING) * max(seen, stated_step(robot, j) or 0.0)
         speed = np.abs(log.motion.v[:, j])
         # On its way: many joints stand for most of a recording.
         usual = float(np.median(speed[speed >= rules.CREEPING_SPEED * np.percentile(speed, 99)]))
         if usual == 0.0:
             continue
-        if most == 0.0:
-            most = rules.STANDING_CREEP * usual * rules.STANDING_TIME
         # The coarser the encoder, the longer a reading has to stay until it shows more than slow motion.
         seconds = max(rules.STANDING_TIME, most / (rules.STANDING_SPEED * usual))
         if seconds > rules.STANDING_LONGEST:

@@ -63,23 +63,11 @@ def test_an_encoder_too_coarse_to_tell_says_nothing(pendulum):
     assert not encoder_stands(pendulum, log_of(stopping(), step=0.02)).any()
 
 
-@pytest.mark.parametrize(("noise", "seen"), [(1e-5, True), (1e-3, False)])
-def test_positions_without_known_counts_show_a_standstill_that_their_noise_does_not_hide(pendulum, rng, noise, seen):
-    # By hand: a fiftieth of half a radian per second is 0.15 mrad in 15 ms.
-    log = log_of(stopping())
+def test_positions_without_known_counts_say_nothing(pendulum, rng):
+    log = log_of(np.maximum(np.sin(3 * T), 0.3))
     unstated = replace(pendulum, actuators=(replace(pendulum.actuators[0], encoder_counts=None),))
-    noisy = replace(log, raw_q=log.motion.q + noise * rng.normal(size=(len(T), 1)), reading_steps=(None,))
-    stands = encoder_stands(unstated, noisy)[:, 0]
-    assert stands[(T >= 1.0) & (T <= 2.0)].all() == seen
-    assert not stands[(T < 0.997) | (T > 2.003)].any()
-
-
-@pytest.mark.parametrize(("share", "stands"), [(0.015, True), (0.025, False)])
-def test_without_counts_a_joint_stands_up_to_a_fiftieth_of_its_usual_speed(pendulum, share, stands):
-    creep = 0.5 * (np.minimum(T, 1.0) + share * np.clip(T - 1.0, 0.0, 1.0) + np.maximum(T - 2.0, 0.0))
-    unstated = replace(pendulum, actuators=(replace(pendulum.actuators[0], encoder_counts=None),))
-    log = replace(log_of(creep), raw_q=creep[:, None], reading_steps=(None,))
-    assert encoder_stands(unstated, log)[(T > 1.1) & (T < 1.9)].any() == stands
+    noisy = replace(log, raw_q=log.motion.q + 1e-5 * rng.normal(size=(len(T), 1)), reading_steps=(None,))
+    assert not encoder_stands(unstated, noisy).any()
 
 
 def test_a_joint_that_stands_most_of_the_time_still_has_a_usual_speed(pendulum):
