@@ -104,7 +104,8 @@ def smallest_seen(
         share = None if by_shape else float(below) * _torque_share(plain.problem, measured, term, direction)
         bounds[term.place] = Bound(*term.place, name, float(below), unit, share)
     left = [value for place, value in hopeless.items() if place not in bounds]
-    left += [NotTestable(*place) for place in untestable_places(robot, operation)]
+    tried = frozenset(term.place for term in problem.columns.terms)
+    left += [NotTestable(*place) for place in untestable_places(robot, operation, tried)]
     return tuple(bounds.values()), tuple(left)
 
 

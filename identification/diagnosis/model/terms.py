@@ -124,12 +124,22 @@ def shapes_of(
     return tuple(out)
 
 
-def untestable_places(robot: Robot, operation: Operation) -> tuple[tuple[str, str | None, str], ...]:
-    """Effects and places that a recording like this cannot show, and why, in words."""
+def untestable_places(
+    robot: Robot, operation: Operation, tried: frozenset[tuple[str, str | None]] | None = None
+) -> tuple[tuple[str, str | None, str], ...]:
+    """Effects and places that a recording like this cannot show, or that nothing in it asks for, and why, in words.
+
+    Args:
+        robot: Says what can be where.
+        operation: Of all recordings.
+        tried: Effects and places that took part in the search; None: all that the recording can show.
+    """
     out = []
     for effect in catalogue.effects_of(robot):
         for joint in effect.places(robot):
             why = effect.untestable(robot, operation, joint)
+            if why is None and tried is not None and (effect.name, joint) not in tried:
+                why = f"what the given model leaves on {joint} has no trace of it, so that no size of it was tried"
             if why is not None:
                 out.append((effect.name, joint, why))
     return tuple(out)

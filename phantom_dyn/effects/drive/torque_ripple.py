@@ -93,6 +93,9 @@ class TorqueRipple(Effect):
         None where none stands out.
         """
         row = row_of(robot, joint)
+        # A joint that moves nothing has no load.
+        if not operation.transmitted[:, row].any():
+            return ()
         whole = not robot.prismatic[row]
         # What other findings made of it may be the ripple's.
         there = replace(operation, residual_of_fit=operation.residual + operation.expected - operation.tau)

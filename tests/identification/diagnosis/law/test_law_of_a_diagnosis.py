@@ -9,22 +9,22 @@ from benchmarks.laws.cases import make
 
 
 @pytest.fixture(scope="module")
-def worn_screw(tmp_path_factory):
-    folder = tmp_path_factory.mktemp("worn")
-    case = make(4, folder)
-    assert case.name == "friction_with_position"
+def hose(tmp_path_factory):
+    folder = tmp_path_factory.mktemp("hose")
+    case = make(20, folder)
+    assert case.name == "hose"
     return case, dyn.diagnose(folder / "robot.urdf", folder / "log.csv").result
 
 
-def test_the_inputs_of_the_law_are_named(worn_screw):
-    case, diagnosis = worn_screw
+def test_the_inputs_of_the_law_are_named(hose):
+    case, diagnosis = hose
     named = frozenset(diagnosis.unexplained.law.inputs)
     assert all(named & group for group in case.law.required)
     assert named <= case.law.allowed
 
 
-def test_it_closes_nearly_all_of_what_the_findings_leave(worn_screw):
-    assert worn_screw[1].unexplained.dependence.rest_closed > 0.9
+def test_it_closes_nearly_all_of_what_the_findings_leave(hose):
+    assert hose[1].unexplained.dependence.rest_closed > 0.9
 
 
 def test_what_is_explained_has_no_law(tmp_path):
