@@ -24,7 +24,7 @@ def test_it_is_named_and_nothing_else_is(found):
     assert found.verdict == "explained"
 
 
-@pytest.mark.parametrize(("name", "truth"), zip(("order", "amplitude", "phase"), THETA, strict=True))
+@pytest.mark.parametrize(("name", "truth"), list(zip(("order", "amplitude", "phase"), THETA, strict=True)))
 def test_its_sizes_lie_within_their_intervals(found, name, truth):
     value = found.findings[0].parameters[name]
     assert abs(value.value - truth) <= 2.0 * value.std + 1e-12

@@ -85,7 +85,7 @@ def test_the_law_is_in_the_model_to_use():
 
 @pytest.fixture(scope="module")
 def part_of_a_recording(tmp_path_factory):
-    """Files of a diagnosis that has seen the first part of a recording of a joint whose spring hardens, and the recording."""
+    """Files of a diagnosis that has seen the first part of a recording of a spring that hardens, and the recording."""
     folder = tmp_path_factory.mktemp("spring")
     make(8, folder)
     log = np.genfromtxt(folder / "log.csv", delimiter=",", names=True, deletechars="")
