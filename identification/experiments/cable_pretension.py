@@ -20,7 +20,7 @@ from phantom_dyn.errors import IdentifiabilityError, ParameterError
 Array = np.ndarray
 
 _SURE = 2.0
-"""Deviations that a part without pretension must reach to be told from none."""
+"""Deviations that a part without pretension must reach to differ from none."""
 _APART = 1e-6
 """Of the largest pretension: closer ones are one."""
 

@@ -67,7 +67,7 @@ def ordinary_effects_hide(bounds: tuple[Bound, ...]) -> bool:
 def noise_is_all(joints: tuple[JointGap, ...]) -> bool:
     """True if on every joint that was judged the noise counts as much as the torque: nothing can be seen in it.
 
-    So it is where columns are mixed up: what stands for positions asks for torques that nothing measured foretells.
+    So it is where columns are mixed up: the torque that the positions ask for was never measured.
     """
     seen = [(joint.noise_floor, joint.rms_torque) for joint in joints if joint.hold_out_samples]
     return bool(seen) and all(torque is not None and noise >= torque for noise, torque in seen)

@@ -10,22 +10,26 @@ MJCF: a ``dcmotor`` with ``cogging`` for each wave, from MuJoCo 4.0; URDF has no
 from __future__ import annotations
 
 import numpy as np
-from jaxtyping import Float
 
 from phantom_dyn._kernels.jit import within
 from phantom_dyn.effects.described import EffectWords, ModelNumbers
 from phantom_dyn.effects.effect import Effect, Parameter, Shape, Signature
 from phantom_dyn.effects.operation import Operation
 from phantom_dyn.effects.simulated import Law, Moment, Simulated
-from phantom_dyn.effects.support.cogging_orders import comes_back, order_range, orders_in, slowest_order
+from phantom_dyn.effects.support.cogging_orders import comes_back, orders_in, slowest_order
+from phantom_dyn.effects.support.position_waves import (
+    each_wave,
+    sines_and_cosines,
+    unseen_waves,
+    wave_numbers,
+    wave_parameters,
+    waves_at,
+)
 from phantom_dyn.effects.support.ranges import stated_limit
 from phantom_dyn.effects.support.rows import row_of, torque_on_joint, torque_unit
 from phantom_dyn.model.robot import Robot
 
 Array = np.ndarray
-
-# Periods in a turn of the joint (rad/m of a linear one): more than a hundred pole pairs behind a gear of a thousand.
-_MOST_TURNS = 1e5
 
 
 class Cogging(Effect):
@@ -51,31 +55,14 @@ class Cogging(Effect):
 
     def parameters(self, robot: Robot, joint: str | None) -> tuple[Parameter, ...]:
         """Lists of equal length; ``theta`` is all orders, then all amplitudes, then all phases."""
-        order = "rad/m" if robot.prismatic[row_of(robot, joint)] else "1"
-        return (
-            Parameter(
-                "order",
-                order,
-                0.0,
-                plausible=(0.0, _MOST_TURNS),
-                plausible_because="slots, poles and teeth times a gear ratio are fewer",
-            ),
-            Parameter(
-                "amplitude",
-                torque_unit(robot, joint),
-                0.0,
-                plausible=(0.0, stated_limit(robot, joint)),
-                plausible_because="a motor that cogs by more than it can give does not turn",
-            ),
-            Parameter(
-                "phase",
-                "rad",
-                -np.pi,
-                np.pi,
-                plausible=(-np.pi, np.pi),
-                plausible_because="a wave may begin anywhere",
-            ),
+        amplitude = Parameter(
+            "amplitude",
+            torque_unit(robot, joint),
+            0.0,
+            plausible=(0.0, stated_limit(robot, joint)),
+            plausible_because="a motor that cogs by more than it can give does not turn",
         )
+        return wave_parameters(robot, joint, amplitude)
 
     def shapes(self, robot: Robot, operation: Operation, joint: str | None) -> tuple[Shape, ...]:
         """Sets of one to so many orders as stand out in the residual torque over position, and come back often."""
@@ -89,15 +76,13 @@ class Cogging(Effect):
 
     def signature(self, robot: Robot, operation: Operation, joint: str | None, shape: Shape) -> Signature:
         """Minus sine and cosine of every order: the drive cancels them."""
-        q, unit = operation.q[:, row_of(robot, joint)], torque_unit(robot, joint)
-        waves = np.stack([wave(n * q) for n in shape for wave in (np.sin, np.cos)], axis=-1)
-        names = tuple(f"{wave}_{k + 1}" for k in range(len(shape)) for wave in ("sine", "cosine"))
-        return Signature((row_of(robot, joint),), -waves[:, None, :], names, (unit,) * len(names))
+        row, unit = row_of(robot, joint), torque_unit(robot, joint)
+        waves, names = sines_and_cosines(operation.q[:, row], shape)
+        return Signature((row,), -waves[:, None, :], names, (unit,) * len(names))
 
     def from_coefficients(self, robot: Robot, joint: str | None, coefficients: Array, shape: Shape) -> Array:
         """Orders, amplitudes and phases."""
-        sine, cosine = coefficients[0::2], coefficients[1::2]
-        return np.concatenate([shape, np.hypot(sine, cosine), np.arctan2(cosine, sine)])
+        return wave_numbers(coefficients, shape)
 
     def probe(self, robot: Robot, operation: Operation, joint: str | None) -> tuple[str, Array]:
         """Amplitude of the strongest order."""
@@ -105,51 +90,24 @@ class Cogging(Effect):
 
     def untestable(self, robot: Robot, operation: Operation, joint: str | None) -> str | None:
         """Some wave has to turn ten times, and three of them slowly enough for the judged band."""
-        low, high = order_range(operation, row_of(robot, joint))
-        if low >= high:
-            return f"{joint} travels less than one period of any cogging that its sampling rate can show"
-        if slowest_order(operation, row_of(robot, joint)) is None:
-            return (
-                f"no cogging of {joint} turns ten times, three of them where the joint is slow enough for it to lie in "
-                "the judged band"
-            )
-        return None
+        return unseen_waves(operation, joint, "cogging")
 
     def torque(self, robot: Robot, operation: Operation, joint: str | None, theta: Array) -> Array:
         """The law on the joint."""
-        return torque_on_joint(robot, joint, _law(operation.q[:, row_of(robot, joint)], theta))
+        return torque_on_joint(robot, joint, waves_at(operation.q[:, row_of(robot, joint)], theta))
 
     def simulated(self, robot: Robot, joint: str | None, theta: Array) -> Simulated:
         """The law at the true position."""
         row = row_of(robot, joint)
 
         def torque(state: Array, dt: float, moment: Moment) -> tuple[Array, Array]:
-            return state, torque_on_joint(robot, joint, _law(moment.q[row : row + 1], theta))[0]
+            return state, torque_on_joint(robot, joint, waves_at(moment.q[row : row + 1], theta))[0]
 
-        waves = np.reshape(np.asarray(theta, dtype=float), (3, -1)).T
-        return Simulated(torque=torque, laws=tuple(Law(wave_law, row, tuple(map(float, wave))) for wave in waves))
+        return Simulated(torque=torque, laws=tuple(Law(wave_law, row, wave) for wave in each_wave(theta)))
 
     def model_numbers(self, robot: Robot, joint: str | None, theta: Array) -> ModelNumbers:
         """All waves."""
-        waves = tuple((float(n), float(a), float(p)) for n, a, p in np.reshape(theta, (3, -1)).T)
-        return ModelNumbers(whole=True, waves=waves)
-
-
-def _law(q: Float[Array, " N"], theta: Float[Array, " p"]) -> Float[Array, " N"]:
-    orders, amplitudes, phases = np.split(np.asarray(theta, dtype=float), 3)
-    return cogging_torque(q[:, None], orders, amplitudes, phases)
-
-
-def cogging_torque(q, orders, amplitudes, phases):
-    """The law at one position, or at many, shape ``(N, 1)``; kernels compile it for one.
-
-    Args:
-        q: Position [rad or m].
-        orders: Cycles per revolution (rad/m on a linear joint), shape ``(k,)``.
-        amplitudes: Torques [N m or N], shape ``(k,)``.
-        phases: Phases [rad], shape ``(k,)``.
-    """
-    return np.dot(np.sin(q * orders + phases), amplitudes)
+        return ModelNumbers(whole=True, waves=tuple(each_wave(theta)))
 
 
 @within

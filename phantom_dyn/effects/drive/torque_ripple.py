@@ -22,14 +22,20 @@ from phantom_dyn.effects.described import EffectWords
 from phantom_dyn.effects.effect import Effect, Parameter, Shape, Signature
 from phantom_dyn.effects.operation import Operation
 from phantom_dyn.effects.simulated import Law, Moment, Simulated
-from phantom_dyn.effects.support.cogging_orders import comes_back, order_range, orders_in, slowest_order
+from phantom_dyn.effects.support.cogging_orders import comes_back, orders_in
+from phantom_dyn.effects.support.position_waves import (
+    each_wave,
+    sines_and_cosines,
+    unseen_waves,
+    wave_numbers,
+    wave_parameters,
+    waves_at,
+)
 from phantom_dyn.effects.support.rows import row_of, torque_on_joint
 from phantom_dyn.model.robot import Robot
 
 Array = np.ndarray
 
-# Periods in a turn of the joint (rad/m of a linear one): more than a hundred pole pairs behind a gear of a thousand.
-_MOST_TURNS = 1e5
 # Share of the load that a drive or gear may ripple by.
 _LARGEST = 0.5
 # Of the filter that the load goes through, forth and back.
@@ -62,30 +68,14 @@ class TorqueRipple(Effect):
 
     def parameters(self, robot: Robot, joint: str | None) -> tuple[Parameter, ...]:
         """Lists of equal length; ``theta`` is all orders, then all amplitudes, then all phases."""
-        return (
-            Parameter(
-                "order",
-                "rad/m" if robot.prismatic[row_of(robot, joint)] else "1",
-                0.0,
-                plausible=(0.0, _MOST_TURNS),
-                plausible_because="slots, poles and teeth times a gear ratio are fewer",
-            ),
-            Parameter(
-                "amplitude",
-                "1",
-                0.0,
-                plausible=(0.0, _LARGEST),
-                plausible_because="a drive whose torque swings by half of itself each period turns by jerks",
-            ),
-            Parameter(
-                "phase",
-                "rad",
-                -np.pi,
-                np.pi,
-                plausible=(-np.pi, np.pi),
-                plausible_because="a wave may begin anywhere",
-            ),
+        amplitude = Parameter(
+            "amplitude",
+            "1",
+            0.0,
+            plausible=(0.0, _LARGEST),
+            plausible_because="a drive whose torque swings by half of itself each period turns by jerks",
         )
+        return wave_parameters(robot, joint, amplitude)
 
     def shapes(self, robot: Robot, operation: Operation, joint: str | None) -> tuple[Shape, ...]:
         """Sets of one to so many orders as stand out in the residual torque over position, weighted by the load.
@@ -106,15 +96,13 @@ class TorqueRipple(Effect):
     def signature(self, robot: Robot, operation: Operation, joint: str | None, shape: Shape) -> Signature:
         """Minus sine and cosine of every order times the load: the drive cancels them."""
         row = row_of(robot, joint)
-        q, load = operation.q[:, row], _smooth_load(operation, row)
-        columns = -np.stack([load * wave(n * q) for n in shape for wave in (np.sin, np.cos)], axis=-1)[:, None, :]
-        names = tuple(f"{wave}_{k + 1}" for k in range(len(shape)) for wave in ("sine", "cosine"))
+        waves, names = sines_and_cosines(operation.q[:, row], shape)
+        columns = -(_smooth_load(operation, row)[:, None] * waves)[:, None, :]
         return Signature((row,), columns, names, ("1",) * len(names), columns)
 
     def from_coefficients(self, robot: Robot, joint: str | None, coefficients: Array, shape: Shape) -> Array:
         """Orders, amplitudes and phases."""
-        sine, cosine = coefficients[0::2], coefficients[1::2]
-        return np.concatenate([shape, np.hypot(sine, cosine), np.arctan2(cosine, sine)])
+        return wave_numbers(coefficients, shape)
 
     def probe(self, robot: Robot, operation: Operation, joint: str | None) -> tuple[str, Array]:
         """Amplitude of the strongest order."""
@@ -122,35 +110,23 @@ class TorqueRipple(Effect):
 
     def untestable(self, robot: Robot, operation: Operation, joint: str | None) -> str | None:
         """Some wave has to turn ten times, and three of them slowly enough for the judged band."""
-        row = row_of(robot, joint)
-        low, high = order_range(operation, row)
-        if low >= high:
-            return f"{joint} travels less than one period of any ripple that its sampling rate can show"
-        if slowest_order(operation, row) is None:
-            return (
-                f"no ripple of {joint} turns ten times, three of them where the joint is slow enough for it to lie in "
-                "the judged band"
-            )
-        return None
+        return unseen_waves(operation, joint, "ripple")
 
     def torque(self, robot: Robot, operation: Operation, joint: str | None, theta: Array) -> Array:
         """The law on the joint."""
         row = row_of(robot, joint)
-        share = ripple(operation.q[:, row, None], *np.split(np.asarray(theta, dtype=float), 3))
-        return torque_on_joint(robot, joint, operation.transmitted[:, row] * share)
+        return torque_on_joint(robot, joint, operation.transmitted[:, row] * waves_at(operation.q[:, row], theta))
 
     def simulated(self, robot: Robot, joint: str | None, theta: Array) -> Simulated:
         """The law at the true position with the load of the moment."""
         row = row_of(robot, joint)
-        waves = np.reshape(np.asarray(theta, dtype=float), (3, -1))
 
         def torque(state: Array, dt: float, moment: Moment) -> tuple[Array, Array]:
             out = np.zeros(robot.nv)
-            out[row] = moment.transmitted[row] * ripple(moment.q[row : row + 1, None], *waves).item()
+            out[row] = moment.transmitted[row] * waves_at(moment.q[row : row + 1], theta).item()
             return state, out
 
-        laws = tuple(Law(ripple_law, row, tuple(map(float, wave))) for wave in waves.T)
-        return Simulated(torque=torque, laws=laws)
+        return Simulated(torque=torque, laws=tuple(Law(ripple_law, row, wave) for wave in each_wave(theta)))
 
 
 def _smooth_load(operation: Operation, row: int) -> Float[Array, " N"]:
@@ -161,11 +137,6 @@ def _smooth_load(operation: Operation, row: int) -> Float[Array, " N"]:
     # Friction steps where a joint reverses, and knows no acceleration.
     friction = operation.own_friction[:, row]
     return friction + np.asarray(sosfiltfilt(butter(_POLES, edge, output="sos"), load - friction))
-
-
-def ripple(q: Float[Array, "N 1"], orders: Array, amplitudes: Array, phases: Array) -> Float[Array, " N"]:
-    """Share of the load at positions [rad or m]; orders, amplitudes and phases have one entry each per wave."""
-    return np.sin(q * orders + phases) @ amplitudes
 
 
 @jit

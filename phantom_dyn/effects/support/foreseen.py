@@ -9,7 +9,7 @@ Array = np.ndarray
 
 _BLOCKS = 16  # that are held out, every other at a time
 _SAMPLES = 4000  # of these, enough to see what matters
-_LEAST = 0.1  # share of what plain columns leave that the others have to foresee: 0.4 and more where they were true
+_LEAST = 0.1  # share of what plain columns leave that the others have to predict
 _MOST = 0.6  # share of the blocks that have to gain
 
 

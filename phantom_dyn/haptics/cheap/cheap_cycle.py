@@ -23,9 +23,9 @@ import numpy as np
 from jaxtyping import Float
 
 from phantom_dyn._kernels.jit import jit
-from phantom_dyn.effects.drive.cogging import cogging_torque
 from phantom_dyn.effects.drive.torque_saturation import held_within
 from phantom_dyn.effects.friction.presliding_friction import stick_law
+from phantom_dyn.effects.support.position_waves import sum_of_waves
 from phantom_dyn.haptics.cheap.cheap_axis import CheapAxis
 
 Array = np.ndarray
@@ -41,7 +41,7 @@ FORCES = 8
 FORCE, COUPLING, SIDE, X, V, PROBE_SPEED, STICKS = range(7)
 """Columns of what is rendered."""
 COLUMNS = 7
-_clipped, _cogging = jit(held_within), jit(cogging_torque)
+_clipped, _cogging = jit(held_within), jit(sum_of_waves)
 
 
 class AxisNumbers(NamedTuple):

@@ -237,7 +237,7 @@ class CompensatedMotion:
 
     @property
     def swing(self) -> float:
-        """Half the way between the ends of the motion in the last third [m or rad]: what of it lasts."""
+        """Half the way between the ends of the motion in the last third [m or rad], when the start has died out."""
         return 0.5 * float(np.ptp(self.position[-(len(self.t) // 3) :]))
 
 

@@ -34,6 +34,18 @@ def smooth(arm: Robot) -> Operation:
 
 
 @pytest.fixture(scope="package")
+def wide(arm: Robot) -> Operation:
+    """``tilt`` goes to and fro for 20 s at 250 Hz, over five radians, at several speeds and accelerations."""
+    t = np.arange(5000) / 250.0
+    states = np.zeros((3, len(t), 3))
+    for w, amplitude in ((0.9, 1.5), (2.3, 0.9), (3.7, 0.3)):
+        states[0, :, 1] += amplitude * np.sin(w * t)
+        states[1, :, 1] += amplitude * w * np.cos(w * t)
+        states[2, :, 1] -= amplitude * w**2 * np.sin(w * t)
+    return Operation.of(arm, Motion(t, *states))
+
+
+@pytest.fixture(scope="package")
 def torque_in_steps() -> Callable[[Simulated, Operation], np.ndarray]:
     """Torque that a simulation adds when it passes through the states of an operation."""
 

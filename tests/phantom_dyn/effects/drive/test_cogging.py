@@ -12,28 +12,10 @@ from phantom_dyn.effects.operation import Operation
 from phantom_dyn.effects.support.cogging_orders import comes_back, order_range, orders_in
 from phantom_dyn.motion import Motion
 from places import ROBOTS
+from tilt import recorded
 
 EFFECT = Cogging()
 THETA = np.array([6.0, 24.5, 0.03, 0.01, 0.7, -2.0])  # two orders, their amplitudes, their phases
-
-
-@pytest.fixture(scope="module")
-def wide(arm) -> Operation:
-    """``tilt`` goes 20 s over five radians, at 250 Hz, at several speeds."""
-    t = np.arange(5000) / 250.0
-    states = np.zeros((3, len(t), 3))
-    for w, amplitude in ((0.9, 1.5), (2.3, 0.9), (3.7, 0.3)):
-        states[0, :, 1] += amplitude * np.sin(w * t)
-        states[1, :, 1] += amplitude * w * np.cos(w * t)
-        states[2, :, 1] -= amplitude * w**2 * np.sin(w * t)
-    return Operation.of(arm, Motion(t, *states))
-
-
-def recorded(operation: Operation, torque: np.ndarray) -> Operation:
-    """The recording of a drive that makes up for ``torque`` on the tilt joint."""
-    logged = operation.tau.copy()
-    logged[:, 1] -= torque
-    return Operation.of(operation.robot, operation, logged)
 
 
 def test_the_torque_follows_the_contract(arm, wide):

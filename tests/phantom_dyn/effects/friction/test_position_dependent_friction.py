@@ -11,29 +11,11 @@ from phantom_dyn.effects.friction.position_dependent_friction import (
 )
 from phantom_dyn.effects.operation import Operation
 from phantom_dyn.motion import Motion
+from tilt import recorded
 
 EFFECT = PositionDependentFriction()
 PLACES, TORQUES = np.array([-1.0, 0.0, 0.5]), np.array([0.2, 0.8, 0.4])
 THETA = np.concatenate([PLACES, TORQUES])
-
-
-@pytest.fixture(scope="module")
-def wide(arm) -> Operation:
-    """``tilt`` goes to and fro for 20 s at 250 Hz, over five radians."""
-    t = np.arange(5000) / 250.0
-    states = np.zeros((3, len(t), 3))
-    for w, amplitude in ((0.9, 1.5), (2.3, 0.9), (3.7, 0.3)):
-        states[0, :, 1] += amplitude * np.sin(w * t)
-        states[1, :, 1] += amplitude * w * np.cos(w * t)
-        states[2, :, 1] -= amplitude * w**2 * np.sin(w * t)
-    return Operation.of(arm, Motion(t, *states))
-
-
-def recorded(operation: Operation, torque: np.ndarray) -> Operation:
-    """The recording of a drive that makes up for ``torque`` on the tilt joint."""
-    logged = operation.tau.copy()
-    logged[:, 1] -= torque
-    return Operation.of(operation.robot, operation, logged)
 
 
 def bump(operation: Operation) -> np.ndarray:
