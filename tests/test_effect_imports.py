@@ -21,7 +21,6 @@ FOLDERS = {type(effect).__module__.rpartition(".")[0] for effect in EFFECTS}
 IMPORTS = {
     # Cheap haptic hardware is made of these laws: they stand in one place, whatever uses them.
     "phantom_dyn/haptics/cheap/cheap_cycle.py": {
-        "phantom_dyn.effects.drive.cogging",
         "phantom_dyn.effects.drive.torque_saturation",
         "phantom_dyn.effects.friction.presliding_friction",
     }

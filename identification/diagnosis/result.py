@@ -110,6 +110,20 @@ class JointGap:
         """Residual that no move within the tolerances explains, or of the given model where that is not known."""
         return self.rms_before if self.rms_within_tolerance is None else self.rms_within_tolerance
 
+    @property
+    def is_noise(self) -> bool:
+        """True if the noise counts as much as the measured torque: nothing can be seen in it."""
+        return self.rms_torque is not None and self.noise_floor >= self.rms_torque
+
+
+def noise_is_all(joints: tuple[JointGap, ...]) -> bool:
+    """True if every joint that was judged is noise.
+
+    So it is where columns are mixed up: the torque that the positions ask for was never measured.
+    """
+    judged = [joint for joint in joints if joint.hold_out_samples]
+    return bool(judged) and all(joint.is_noise for joint in judged)
+
 
 @dataclass(frozen=True)
 class Gap:

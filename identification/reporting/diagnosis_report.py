@@ -37,6 +37,7 @@ from identification.words import diagnosis_words as words
 from identification.words.certainty import as_told
 from identification.words.diagnosis_words import FindingWords
 from identification.words.numbers_and_names import percent
+from identification.words.verdict_words import headline, left_over, reservations
 from phantom_dyn.model.robot import Robot
 
 VERDICTS = {
@@ -128,8 +129,8 @@ def report_html(diagnosis: Diagnosis, robot: Robot | None = None) -> str:
         diagnosis=diagnosis,
         poses=poses,
         badge=badge,
-        verdict=" ".join(poses.sentences) if poses and diagnosis.poses_alone else words.headline(diagnosis),
-        reservations="" if diagnosis.poses_alone else " ".join(words.reservations(diagnosis)),
+        verdict=" ".join(poses.sentences) if poses and diagnosis.poses_alone else headline(diagnosis),
+        reservations="" if diagnosis.poses_alone else " ".join(reservations(diagnosis)),
         bars=bars,
         more_joints=more_joints,
         groups=groups_of(diagnosis),
@@ -155,7 +156,7 @@ def report_html(diagnosis: Diagnosis, robot: Robot | None = None) -> str:
             )
             for a in diagnosis.adjusted
         ],
-        unexplained=words.capital(words.left_over(diagnosis)),
+        unexplained=words.capital(left_over(diagnosis)),
         unexplained_figure=_unexplained_figure(diagnosis, motions),
         law=law_view(diagnosis.unexplained),
         bounds=detectable_sizes(diagnosis.bounds),

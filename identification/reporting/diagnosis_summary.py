@@ -15,6 +15,7 @@ from identification.words.diagnosis_words import growth_words
 from identification.words.geometry_words import sentences
 from identification.words.law_words import law_line
 from identification.words.numbers_and_names import NO_BREAK, cut_name, number, percent, value_words
+from identification.words.verdict_words import verdict_sentence
 from phantom_dyn.errors import printable
 
 WIDTH = 100
@@ -56,7 +57,7 @@ def written_lines(written: Sequence[Path], out: Path | None) -> list[str]:
 
 def _torque_blocks(diagnosis: Diagnosis) -> list[str]:
     return [
-        _wrapped(words.verdict_sentence(diagnosis)),
+        _wrapped(verdict_sentence(diagnosis)),
         *(_wrapped(line) for line in _gap_line(diagnosis)),
         *(_wrapped(line, "  ") for line in _finding_lines(diagnosis.findings)),
         *_law_lines(diagnosis),

@@ -11,6 +11,7 @@ from identification.reporting.charts.chart import AFTER, Panel, chart
 from identification.reporting.charts.chart_marks import Curve
 from identification.words import diagnosis_words as words
 from identification.words.numbers_and_names import NO_BREAK, number, percent, value_words, with_unit
+from identification.words.verdict_words import group_name, grouped
 
 MOST_BARS = 8
 """Joints on the first screen; of more those with the largest gap, as a screen has no room for all."""
@@ -81,7 +82,7 @@ def _bar(gap: JointGap, largest: float) -> Bar:
 
 def groups_of(diagnosis: Diagnosis) -> list[Group]:
     """The findings, those of one effect on several joints together, and effects on the very same joints, too."""
-    return [_group(kinds, diagnosis) for kinds in words.grouped(diagnosis)]
+    return [_group(kinds, diagnosis) for kinds in grouped(diagnosis)]
 
 
 def _group(kinds: list[list[Finding]], diagnosis: Diagnosis) -> Group:
@@ -93,7 +94,7 @@ def _group(kinds: list[list[Finding]], diagnosis: Diagnosis) -> Group:
     share = min(sum(known), 1.0) if len(known) == len(shares) else None
     return Group(
         findings,
-        words.capital(words.group_name(kinds, diagnosis)),
+        words.capital(group_name(kinds, diagnosis)),
         _size(findings) if len(kinds) == 1 else "",
         "" if share is None else percent(share),
         0.0 if share is None else 100 * max(share, 0.0),

@@ -8,8 +8,9 @@ from identification.diagnosis.result import Diagnosis, EffectAt, Finding, Rival,
 from identification.geometry.result import FrameGap, GeometryResult, Number, Place, PoseFinding
 from identification.geometry.terms import ELASTIC, LINK, ZERO
 from identification.words.certainty import as_told
-from identification.words.diagnosis_words import headline, sureness
+from identification.words.diagnosis_words import sureness
 from identification.words.numbers_and_names import NO_BREAK, number, percent, value_words
+from identification.words.verdict_words import headline
 
 _SHIFTS, _TURNS = ("x", "y", "z"), ("rx", "ry", "rz")
 _SMALL = {"m": (1e3, "mm"), "rad": (1e3, "mrad")}

@@ -29,12 +29,12 @@ from identification.diagnosis.judge.judged_band import Judge, narrow_search
 from identification.diagnosis.judge.moved_by_noise import foreseen_noise, least_above_noise
 from identification.diagnosis.judge.regimes import regime_shares, regime_split
 from identification.diagnosis.judge.shares import closed_together, left_by
-from identification.diagnosis.judge.verdict import adjusted, noise_is_all, ordinary_effects_hide, unexplained, verdict
+from identification.diagnosis.judge.verdict import adjusted, ordinary_effects_hide, unexplained, verdict
 from identification.diagnosis.model.operations import friction_with
 from identification.diagnosis.model.session import Series
 from identification.diagnosis.model.standstill import open_friction
 from identification.diagnosis.model.terms import Term, merged
-from identification.diagnosis.result import Burst, Evidence, JointGap, Judgement, Unexplained
+from identification.diagnosis.result import Burst, Evidence, JointGap, Judgement, Unexplained, noise_is_all
 from identification.diagnosis.search.refinement import found_effects
 from identification.diagnosis.search.rival_sets import NONE_BARRED
 from identification.diagnosis.search.search import Search

@@ -64,15 +64,6 @@ def ordinary_effects_hide(bounds: tuple[Bound, ...]) -> bool:
     return bool(known) and min(known) > rules.ORDINARY_SHARE
 
 
-def noise_is_all(joints: tuple[JointGap, ...]) -> bool:
-    """True if on every joint that was judged the noise counts as much as the torque: nothing can be seen in it.
-
-    So it is where columns are mixed up: the torque that the positions ask for was never measured.
-    """
-    seen = [(joint.noise_floor, joint.rms_torque) for joint in joints if joint.hold_out_samples]
-    return bool(seen) and all(torque is not None and noise >= torque for noise, torque in seen)
-
-
 def _mean_loss(joints: tuple[JointGap, ...], rms: str) -> float:
     return float(np.mean([(getattr(joint, rms) / joint.noise_floor) ** 2 for joint in joints]))
 

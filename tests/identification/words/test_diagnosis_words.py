@@ -6,6 +6,7 @@ import pytest
 
 from identification.diagnosis.result import Adjusted, Bound, EffectAt, JointGap, Rival, Unexplained, Value
 from identification.words import diagnosis_words as words
+from identification.words import verdict_words
 from identification.words.effect_words import REGIMES, effect_words, regime_sentence, regime_words, report_order
 from identification.words.numbers_and_names import NO_BREAK
 from phantom_dyn.effects.catalogue import EFFECTS
@@ -162,16 +163,24 @@ def test_a_regime_is_a_sentence(regime, sentence):
 )
 def test_each_verdict_is_one_sentence(made_up, verdict, start):
     rest = Unexplained(0.4, True, "j2", "low_speed")
-    sentence = words.verdict_sentence(dataclasses.replace(made_up(), verdict=verdict, unexplained=rest))
+    sentence = verdict_words.verdict_sentence(dataclasses.replace(made_up(), verdict=verdict, unexplained=rest))
     assert sentence.startswith(start)
     assert sentence.endswith(".")
     assert sentence.count(". ") == 0
 
 
+def test_where_noise_is_as_large_as_the_torque_the_columns_are_doubted_and_no_effect_is_named(made_up):
+    made = made_up(findings=0)
+    drowned = tuple(dataclasses.replace(joint, rms_torque=joint.noise_floor) for joint in made.joints)
+    sentence = verdict_words.verdict_sentence(dataclasses.replace(made, verdict="not_testable", joints=drowned))
+    assert "on every joint the noise is as large as the torque" in sentence
+    assert "right columns" in sentence
+
+
 def test_an_unknown_gap_says_joint_and_regime(made_up):
     rest = Unexplained(0.4, True, "j2", "low_speed")
     diagnosis = dataclasses.replace(made_up(findings=0), verdict="unknown", unexplained=rest)
-    assert "mostly at joint j2, at low speed" in words.verdict_sentence(diagnosis)
+    assert "mostly at joint j2, at low speed" in verdict_words.verdict_sentence(diagnosis)
 
 
 def test_a_model_that_moves_otherwise_than_the_robot_says_which_joint_strays(made_up):
@@ -183,7 +192,7 @@ def test_a_model_that_moves_otherwise_than_the_robot_says_which_joint_strays(mad
         unexplained=Unexplained(0.0, False, "j2", None),
         rollout={"horizon_s": 0.5, "rms_before": {}, "rms_after": {}, "strays": {"j1": 1.2, "j2": 1.94}},
     )
-    sentence = words.verdict_sentence(diagnosis)
+    sentence = verdict_words.verdict_sentence(diagnosis)
     assert "its torque shows none" in sentence
     assert (
         "the simulated motion of joint j2 strays 1.9 times as far as noise and the tolerances can make it" in sentence
@@ -194,7 +203,7 @@ def test_many_findings_are_counted_in_the_verdict(made_up):
     made = made_up(findings=6)
     effects = ("backlash", "cogging", "torque_offset", "rotor_inertia", "input_delay", "coulomb_friction")
     several = tuple(dataclasses.replace(f, effect=e) for f, e in zip(made.findings, effects, strict=True))
-    sentence = words.verdict_sentence(dataclasses.replace(made, findings=several))
+    sentence = verdict_words.verdict_sentence(dataclasses.replace(made, findings=several))
     assert sentence.endswith("and 3 more.")
 
 
@@ -207,7 +216,7 @@ def test_the_verdict_names_findings_of_one_kind_together_in_the_robots_order(mad
         )
         for j, p in zip(joints, sure, strict=True)
     )
-    assert words.headline(dataclasses.replace(made, findings=findings)) == (
+    assert verdict_words.headline(dataclasses.replace(made, findings=findings)) == (
         "The gap between robot and model is explained by Coulomb friction on joints j1 and j3 (in part undecided) and "
         "a payload."
     )
@@ -219,7 +228,7 @@ def test_nothing_is_told_as_more_than_all_of_the_gap():
 
 def test_the_verdict_on_a_wrong_recording_begins_with_what_is_wrong(made_up):
     wrong = dataclasses.replace(made_up(), wrong=("a.csv: the positions of j1 are in degrees",))
-    sentence = words.verdict_sentence(wrong)
+    sentence = verdict_words.verdict_sentence(wrong)
     assert sentence.startswith("Judged although a.csv: the positions of j1 are in degrees. The gap between robot")
 
 
@@ -297,7 +306,7 @@ OTHER_LIMIT = Adjusted("arm Ixx", 0.1, 0.05, True, "a change of arm Ixx of more 
     ],
 )
 def test_the_verdict_says_what_its_figures_say(made_up, changes, said, unsaid):
-    sentence = words.verdict_sentence(dataclasses.replace(made_up(), **changes)).replace(NO_BREAK, " ")
+    sentence = verdict_words.verdict_sentence(dataclasses.replace(made_up(), **changes)).replace(NO_BREAK, " ")
     assert said in sentence
     assert unsaid not in sentence
 
@@ -305,7 +314,7 @@ def test_the_verdict_says_what_its_figures_say(made_up, changes, said, unsaid):
 def test_a_finding_with_less_than_half_of_the_probability_is_undecided(made_up):
     diagnosis = made_up()
     finding = dataclasses.replace(diagnosis.findings[0], probability=0.49)
-    sentence = words.verdict_sentence(dataclasses.replace(diagnosis, findings=(finding,)))
+    sentence = verdict_words.verdict_sentence(dataclasses.replace(diagnosis, findings=(finding,)))
     assert "explained by Coulomb friction on joint j1 (undecided)." in sentence
 
 
@@ -349,5 +358,5 @@ def test_the_verdict_names_the_largest_share_first(made_up):
         dataclasses.replace(made_up().findings[0], effect=effect, joint=joint, share=share)
         for effect, joint, share in (("coulomb_friction", "j1", 0.1), ("viscous_friction", "j2", 0.8))
     )
-    sentence = words.headline(dataclasses.replace(made_up(), findings=(small, large)))
+    sentence = verdict_words.headline(dataclasses.replace(made_up(), findings=(small, large)))
     assert "explained by viscous friction on joint j2 and Coulomb friction on joint j1" in sentence

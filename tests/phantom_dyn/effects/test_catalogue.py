@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from phantom_dyn.dynamics.dynamics import inverse_dynamics, standard_parameters
+from phantom_dyn.dynamics.dynamics import standard_parameters
 from phantom_dyn.effects.catalogue import EFFECTS, effect_named
 from phantom_dyn.effects.described import ModelNumbers
 from phantom_dyn.effects.effect import Effect
@@ -382,26 +382,3 @@ def test_no_device_has_a_stiffness_or_a_step_of_zero(arm, effect):
     # By their laws: a stiffness and a step are divided by; every other parameter may be zero.
     above = {p.name for p in effect.parameters(arm, effect.places(arm)[-1]) if p.above_zero}
     assert above == {"transmission_compliance": {"stiffness"}, "encoder_quantization": {"step"}}.get(effect.name, set())
-
-
-@pytest.mark.parametrize(
-    ("name", "joint", "theta"),
-    [
-        ("encoder_offset", "tilt", [0.3]),
-        ("encoder_eccentricity", "tilt", [0.05, 0.4, 1.0]),
-        ("base_tilt", None, [0.2, -0.1, 0.0]),
-    ],
-)
-def test_what_displaces_links_changes_the_torque_by_that_of_the_true_motion(arm, smooth, name, joint, theta):
-    # Oracle: inverse dynamics, of the readings by the model and of the true motion in the true gravity.
-    effect, theta = effect_named(name), np.array(theta)
-    there = inverse_dynamics(*effect.true_motion(arm, smooth, joint, theta))
-    expected = there - inverse_dynamics(arm, smooth)
-    np.testing.assert_allclose(effect.torque(arm, smooth, joint, theta), -expected, atol=1e-9)
-    assert np.abs(expected).max() > 0.01
-    assert effect.displaces
-
-
-@pytest.mark.parametrize("effect", [effect for effect in EFFECTS if not effect.displaces], ids=name_of)
-def test_other_effects_leave_the_links_where_they_are_read(arm, smooth, effect):
-    assert effect.true_motion(arm, smooth, None, np.zeros(1)) == (arm, smooth)

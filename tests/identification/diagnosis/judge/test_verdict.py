@@ -3,8 +3,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from identification.diagnosis.judge.verdict import nearly_closed, noise_is_all, ordinary_effects_hide, verdict
-from identification.diagnosis.result import Bound, JointGap, Unexplained
+from identification.diagnosis.judge.verdict import nearly_closed, ordinary_effects_hide, verdict
+from identification.diagnosis.result import Bound, JointGap, Unexplained, noise_is_all
 
 # Oracle: the contract's table, row by row. All floors are one, with an interval up to 1.1.
 NOTHING = Unexplained(0.0, False, None, None)

@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 from phantom_dyn.dynamics.dynamics import inverse_dynamics, link_torque
+from phantom_dyn.effects.catalogue import EFFECTS, effect_named
 from phantom_dyn.effects.operation import Operation
 from phantom_dyn.effects.support.displaced import (
     change_by_link,
@@ -55,3 +56,28 @@ def test_the_exact_change_is_that_of_first_order_for_small_shifts(planar, moving
 
 def test_the_load_of_a_link_is_the_torque_without_rotor_and_friction(planar, moving):
     np.testing.assert_allclose(link_load(moving, 1), link_torque(planar, moving)[:, 1], atol=1e-10)
+
+
+@pytest.mark.parametrize(
+    ("name", "joint", "theta"),
+    [
+        ("encoder_offset", "tilt", [0.3]),
+        ("encoder_eccentricity", "tilt", [0.05, 0.4, 1.0]),
+        ("base_tilt", None, [0.2, -0.1, 0.0]),
+    ],
+)
+def test_what_displaces_links_changes_the_torque_by_that_of_the_true_motion(arm, smooth, name, joint, theta):
+    # Oracle: inverse dynamics, of the readings by the model and of the true motion in the true gravity.
+    effect, theta = effect_named(name), np.array(theta)
+    there = inverse_dynamics(*effect.true_motion(arm, smooth, joint, theta))
+    expected = there - inverse_dynamics(arm, smooth)
+    np.testing.assert_allclose(effect.torque(arm, smooth, joint, theta), -expected, atol=1e-9)
+    assert np.abs(expected).max() > 0.01
+    assert effect.displaces
+
+
+@pytest.mark.parametrize(
+    "effect", [effect for effect in EFFECTS if not effect.displaces], ids=lambda effect: effect.name
+)
+def test_other_effects_leave_the_links_where_they_are_read(arm, smooth, effect):
+    assert effect.true_motion(arm, smooth, None, np.zeros(1)) == (arm, smooth)

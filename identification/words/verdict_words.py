@@ -1,0 +1,206 @@
+"""The verdict in plain words: what explains the gap, what is left of it, and what it cannot exclude."""
+
+from __future__ import annotations
+
+from identification.diagnosis.decision_rules import FLOORS_LEFT, ORDINARY_SHARE
+from identification.diagnosis.result import Adjusted, Diagnosis, EffectAt, Finding, Unexplained, noise_is_all
+from identification.words.diagnosis_words import (
+    UNDECIDED,
+    effect_at,
+    finding_name,
+    in_recording,
+    joined,
+    joints_words,
+    on_place,
+    place,
+)
+from identification.words.effect_words import is_between_joints, regime_words
+from identification.words.numbers_and_names import number, percent
+
+_SEVERAL = 3  # joints from which all of a robot are named by their number
+_TIMES = 3  # stretches that a sentence names
+_MOVES = 3  # moves within tolerance that a sentence names
+
+
+def verdict_sentence(diagnosis: Diagnosis) -> str:
+    """The verdict in a sentence or two; it begins with what is wrong where a wrong recording was judged anyway."""
+    return " ".join([headline(diagnosis), *reservations(diagnosis)])
+
+
+def headline(diagnosis: Diagnosis) -> str:
+    """The verdict in one sentence, behind what is wrong where a wrong recording was judged anyway."""
+    wrong = f"Judged although {joined(list(diagnosis.wrong))}. " if diagnosis.wrong else ""
+    return wrong + _verdict_alone(diagnosis)
+
+
+def _verdict_alone(diagnosis: Diagnosis) -> str:
+    names = [_named(kinds, diagnosis) for kinds in grouped(diagnosis)]
+    named = joined(names) if len(names) <= 4 else f"{joined(names[:3], last=', ')} and {len(names) - 3} more"
+    left = left_over(diagnosis)
+    if diagnosis.verdict == "explained":
+        return f"The gap between robot and model is explained by {named or 'what was adjusted'}."
+    if diagnosis.verdict == "partly_explained":
+        return f"Part of the gap between robot and model is explained by {named}; {left}."
+    if diagnosis.verdict == "unknown":
+        found = f" ({named} found, but not enough)" if names else ""
+        return f"There is a gap between robot and model that the catalogue does not explain{found}: {left}."
+    if diagnosis.verdict == "no_gap":
+        return "The model fits the robot: nothing was found beyond noise and the tolerances that the model states."
+    if diagnosis.verdict == "not_testable" and noise_is_all(diagnosis.joints):
+        return (
+            "This recording cannot show a gap at all: on every joint the noise is as large as the torque. Check that "
+            "the positions and the torques stand in the right columns, or record with less noise."
+        )
+    known = [bound for bound in diagnosis.bounds if bound.of_torque is not None]
+    if diagnosis.verdict == "not_testable" and known:
+        least = min(known, key=lambda bound: bound.of_torque or 0.0)
+        return (
+            "This recording cannot show an ordinary gap: nothing was found, but even the effect that shows best, "
+            f"{effect_at(EffectAt(least.effect, least.joint, words=least.words))}, would have been seen only from "
+            f"{percent(least.of_torque or 0.0)} of the torque on. Record faster motion in more postures, or less noise."
+        )
+    if diagnosis.verdict == "not_testable":
+        return "This recording cannot show a gap at all: record a motion that excites the joints, then diagnose again."
+    return f"The verdict is {diagnosis.verdict.replace('_', ' ')}."
+
+
+def _named(kinds: list[list[Finding]], diagnosis: Diagnosis) -> str:
+    """A group with its places; what has less than half of the probability is told as undecided."""
+    decided = [finding.probability >= UNDECIDED for found in kinds for finding in found]
+    return group_name(kinds, diagnosis) + (
+        "" if all(decided) else " (in part undecided)" if any(decided) else " (undecided)"
+    )
+
+
+def grouped(diagnosis: Diagnosis) -> list[list[list[Finding]]]:
+    """The findings by kind: one effect on several joints together, and effects on the very same joints, too.
+
+    Returns:
+        Groups, the largest share of the gap first; of each its effects, and of each effect its findings.
+    """
+    joints = [gap.joint for gap in diagnosis.joints]
+    by_effect: dict[tuple[str, str | None, bool], list[Finding]] = {}
+    for finding in diagnosis.findings:
+        # What has no joint, or two, stands for itself, and so does what is less than modelled.
+        own = finding.joint is None or is_between_joints(finding.effect)
+        by_effect.setdefault((finding_name(finding), finding.recording, own), []).append(finding)
+    by_place: dict[object, list[list[Finding]]] = {}
+    for number_of, (key, found) in enumerate(by_effect.items()):
+        places = frozenset(finding.joint for finding in found)
+        together = len(places) > 1 and not key[2]
+        ordered = sorted(found, key=lambda one: joints.index(one.joint) if one.joint in joints else len(joints))
+        by_place.setdefault((places, key[1]) if together else number_of, []).append(ordered)
+    return sorted(by_place.values(), key=_share_of_group, reverse=True)
+
+
+def _share_of_group(kinds: list[list[Finding]]) -> float:
+    """What a group closes of the gap together, none where a share is not known; for sorting."""
+    return sum(max(finding.share or 0.0, 0.0) for found in kinds for finding in found)
+
+
+def group_name(kinds: list[list[Finding]], diagnosis: Diagnosis) -> str:
+    """``Coulomb friction and viscous friction on all 6 joints``."""
+    names = joined([finding_name(found[0]) for found in kinds])
+    return names + _places(kinds[0], diagnosis) + in_recording(kinds[0][0].recording)
+
+
+def _places(found: list[Finding], diagnosis: Diagnosis) -> str:
+    """Where findings of one effect are, with a space before it; nothing for the whole robot."""
+    if found[0].joint is None:
+        return ""
+    if len(found) == 1 or is_between_joints(found[0].effect):
+        return " " + joined([on_place(one.effect, one.joint) for one in found])
+    names = list(dict.fromkeys(str(finding.joint) for finding in found))
+    if len(names) == len(diagnosis.joints) >= _SEVERAL:
+        return f" on all {len(names)} joints"
+    return f" on {joints_words(names)}"
+
+
+def reservations(diagnosis: Diagnosis) -> list[str]:
+    """What a verdict without a gap, or with all of it explained, cannot exclude."""
+    if diagnosis.verdict not in ("no_gap", "explained"):
+        return []
+    out = _at_limits([move for move in diagnosis.adjusted if move.at_limit])
+    limits_only = [gap.joint for gap in diagnosis.joints if gap.noise_floor_source == "predictors"]
+    if diagnosis.verdict == "no_gap" and limits_only:
+        out.append(
+            "The noise is known as an upper limit only, so that a short event which does not repeat cannot be excluded."
+        )
+    shares = {gap.joint: gap.noise_floor / gap.rms_torque for gap in diagnosis.joints if gap.rms_torque}
+    loudest = max(limits_only, key=lambda joint: shares.get(joint, 0.0), default=None)
+    if loudest is not None and shares.get(loudest, 0.0) > ORDINARY_SHARE:
+        out.append(
+            f"On {joints_words([loudest])} {percent(shares[loudest])} of the torque counts as noise, because nothing "
+            "predicts it: if its sensors are better than that, an effect hides there, and sizes are less certain than "
+            "stated."
+        )
+    strays = (diagnosis.rollout or {}).get("strays", {})
+    if diagnosis.verdict == "no_gap" and strays:
+        joint = max(strays, key=lambda name: strays[name])
+        out.append(
+            f"In simulation {joints_words([joint])} strays {number(strays[joint], 2)} times as far as noise and the "
+            "tolerances can make it, so that a torque too small and slow to be seen may act there."
+        )
+    creeping = [gap for gap in diagnosis.joints if gap.rms_after > FLOORS_LEFT * gap.noise_floor]
+    if diagnosis.verdict == "no_gap" and creeping:
+        one = max(creeping, key=lambda gap: gap.rms_after / gap.noise_floor)
+        out.append(
+            f"On {joints_words([one.joint])} {one.rms_after / one.noise_floor:.1f} times its noise floor is left, "
+            "where joints stand, creep or turn about and friction is in doubt."
+        )
+    return out
+
+
+def _at_limits(moves: list[Adjusted]) -> list[str]:
+    """What could hide behind moves that end at their limits; of several in one sentence."""
+    if len(moves) < 2:
+        return [
+            f"The move of {move.quantity} ends at the limit of its tolerance; {move.hides} could hide behind it."
+            for move in moves
+        ]
+    plain = [move for move in moves if move.hides.startswith(f"a change of {move.quantity}")]
+    loads = dict.fromkeys(move.hides for move in moves if move not in plain)
+    hidden = [*loads, *["larger changes of these"] * bool(plain)]
+    more = [f"{len(moves) - _MOVES} more (in the report)"] if len(moves) > _MOVES else []
+    moved = joined([*(move.quantity for move in moves[:_MOVES]), *more])
+    return [f"The moves of {moved} end at the limits of their tolerances; {joined(hidden)} could hide behind them."]
+
+
+def left_over(diagnosis: Diagnosis) -> str:
+    """What is left unexplained: events with their times, joints above their noise floor, and structure."""
+    left, parts = diagnosis.unexplained, []
+    if left.times:
+        times = joined([f"{start:.2f} to {stop:.2f} s" for start, stop in left.times[:_TIMES]])
+        more = f" and {len(left.times) - _TIMES} more times" if len(left.times) > _TIMES else ""
+        parts.append(
+            f"something acts on {place('', left.joint)} from {times}{more} that nothing in the motion predicts"
+        )
+    above = [gap for gap in diagnosis.joints if gap.rms_after > gap.allowed and gap.noise_floor > 0]
+    strays = {} if diagnosis.verdict != "unknown" else (diagnosis.rollout or {}).get("strays", {})
+    if strays and not (parts or above or left.structured):
+        joint = max(strays, key=lambda name: strays[name])
+        parts.append(
+            "its torque shows none, but under the recorded torque the simulated motion of "
+            f"{joints_words([joint])} strays {number(strays[joint], 2)} times as far as noise and the tolerances can "
+            "make it, as by a torque that is small and slow"
+        )
+    elif left.structured or not (parts or above):
+        parts.append(unexplained_phrase(left))
+    elif above:
+        worst = max(above, key=lambda gap: gap.rms_after / gap.noise_floor)
+        floors = f"{number(worst.rms_after / worst.noise_floor, 2)} times its noise floor"
+        where = joints_words([worst.joint])
+        parts.append(f"on {where} {floors} is left, without structure that another effect could explain")
+    return "; ".join(parts)
+
+
+def unexplained_phrase(unexplained: Unexplained) -> str:
+    """What is left unexplained: how much, whether it has structure, and where."""
+    where = [place("", unexplained.joint) if unexplained.joint else "", regime_words(unexplained.regime)]
+    at = ", ".join(part for part in where if part)
+    share = percent(unexplained.fraction_of_explainable)
+    if not unexplained.structured:
+        return f"{share} of what could be explained is left, without structure that another effect could explain"
+    return f"{share} of what could be explained is left" + (
+        f", mostly at {at}" if unexplained.joint else f", {at}" * bool(at)
+    )
