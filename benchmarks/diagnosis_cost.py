@@ -38,7 +38,7 @@ RATE_HZ = 1000.0
 GOAL_SECONDS, GOAL_CORES, GOAL_MEGABYTES = 8.0, 2, 800.0
 RECORDED, SHORT, WARM_UP = (15.0, 30.0, 60.0), 15.0, 5.0  # seconds
 JOINTS = (2, 3, 6, 7)
-IMPORTS = "import identification.cli.main, identification.pipeline, identification.reporting.diagnosis_report"
+IMPORTS = "import identification.cli.main, identification.pipeline, identification.reporting.page.diagnosis_report"
 PANDA_CONFIG = "lock: [panda_finger_joint1, panda_finger_joint2]\n"
 # Relative to the greatest torque of each joint.
 TORQUE_NOISE = 0.01

@@ -117,7 +117,7 @@ def test_the_wheel_holds_both_packages_and_the_robots(tmp_path):
     wanted = {"phantom_dyn/__init__.py", "phantom_dyn/py.typed", "identification/__init__.py"}
     wanted |= {f"phantom_dyn/{path.relative_to(CHECKOUT)}" for path in CHECKOUT.glob("urdf/*/*.urdf")}
     beside = {"identification/py.typed", "phantom_dyn/urdf/emps/robot.urdf"}
-    beside |= {f"identification/reporting/{name}" for name in ("robot_viewer.js", "curve_viewer.js")}
+    beside |= {f"identification/reporting/page/{name}" for name in ("robot_viewer.js", "curve_viewer.js")}
     assert wanted | beside <= names
 
 

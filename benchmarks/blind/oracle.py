@@ -19,7 +19,7 @@ from identification.diagnosis import explanation as pieces
 from identification.diagnosis.model.terms import Term
 from identification.diagnosis.search.search import Search
 from identification.pipeline import diagnose
-from identification.reporting.diagnosis_files import write_outputs
+from identification.reporting.stored.diagnosis_files import write_outputs
 from phantom_dyn.model.loading import load_robot
 
 Place = tuple[str, str | None]

@@ -23,7 +23,7 @@ from benchmarks.blind.proportions import Proportion
 from benchmarks.laws.cases import RATE, Case, make
 from identification.data.reading import read_recording
 from identification.diagnosis.explanation import explained
-from identification.diagnosis.judge.findings import Shown
+from identification.diagnosis.judge.findings.findings import Shown
 from identification.diagnosis.judge.judgement import judged
 from identification.diagnosis.law.find_law import with_law
 from identification.diagnosis.law.formula_search import columns_of, settled, without_law

@@ -20,7 +20,7 @@ from identification.diagnosis.model.terms import KnownEffect
 from identification.diagnosis.result import Diagnosis
 from identification.files import full_words, is_full, require_existing
 from identification.pipeline import diagnose_logs
-from identification.reporting.diagnosis_files import Json, check_targets, to_json, write_outputs
+from identification.reporting.stored.diagnosis_files import Json, check_targets, to_json, write_outputs
 from identification.words.diagnosis_words import effect_at_finding
 from identification.words.geometry_words import all_findings, answer
 from phantom_dyn.errors import LogError, PhantomDynError, UsageError

@@ -41,7 +41,7 @@ def run(arguments: argparse.Namespace) -> int:
     from identification.files import require_kept, require_writable, write_atomically
     from identification.reporting.comparison import compare, distinct_names
     from identification.reporting.comparison_page import comparison_page
-    from identification.reporting.diagnosis_reader import read_diagnosis
+    from identification.reporting.stored.diagnosis_reader import read_diagnosis
 
     if arguments.out is not None:
         require_writable(arguments.out, "--out")

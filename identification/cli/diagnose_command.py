@@ -127,8 +127,8 @@ def _diagnose_together(arguments: argparse.Namespace, excluded: tuple[tuple[floa
     """One diagnosis of all recordings."""
     from identification.export.all_files import not_written
     from identification.export.corrected.corrected_yaml import known_effects
-    from identification.reporting.diagnosis_files import check_targets, write_outputs
     from identification.reporting.diagnosis_summary import summary, written_lines
+    from identification.reporting.stored.diagnosis_files import check_targets, write_outputs
     from phantom_dyn.effects.user.user_effects import with_user_effects
     from phantom_dyn.model.loading import load_robot
 
@@ -257,7 +257,7 @@ def _diagnose_each(arguments: argparse.Namespace, excluded: tuple[tuple[float, f
     from identification.batch.diagnose_each import diagnose_each
     from identification.data.reading import ReadOptions
     from identification.export.corrected.corrected_yaml import known_effects
-    from identification.reporting.diagnosis_files import check_targets
+    from identification.reporting.stored.diagnosis_files import check_targets
     from phantom_dyn.effects.user.user_effects import with_user_effects
     from phantom_dyn.model.loading import load_robot
 

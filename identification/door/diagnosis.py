@@ -12,8 +12,8 @@ import numpy as np
 from identification.diagnosis import result as results
 from identification.diagnosis.model.terms import KnownEffect
 from identification.geometry.result import GeometryResult
-from identification.reporting.diagnosis_reader import read_diagnosis
 from identification.reporting.diagnosis_summary import summary
+from identification.reporting.stored.diagnosis_reader import read_diagnosis
 from identification.words.certainty import as_told
 from identification.words.diagnosis_words import capital, effect_at_finding, joined, share_of_gap, sureness
 from identification.words.geometry_words import all_findings
@@ -218,7 +218,7 @@ class Diagnosis:
         Raises:
             UsageError: If a file cannot be written, or the diagnosis was read from a file, which holds no samples.
         """
-        from identification.reporting.diagnosis_files import write_outputs
+        from identification.reporting.stored.diagnosis_files import write_outputs
 
         self._evidence()
         assert self.robot is not None

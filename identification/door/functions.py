@@ -37,7 +37,7 @@ from identification.identify.identified_model import JointTerms, friction_terms
 from identification.identify.identify import identify as identified
 from identification.identify.identify import usable_estimator
 from identification.reporting import comparison
-from identification.reporting.diagnosis_reader import read_diagnosis
+from identification.reporting.stored.diagnosis_reader import read_diagnosis
 from phantom_dyn.effects.effect import Effect
 from phantom_dyn.effects.user.user_effects import EffectsLike, with_user_effects
 from phantom_dyn.errors import UsageError

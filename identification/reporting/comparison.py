@@ -12,7 +12,7 @@ from statistics import NormalDist
 
 from identification.diagnosis.decision_rules import SIZES_DIFFER
 from identification.diagnosis.result import Diagnosis, EffectAt, Finding, Gap, Value
-from identification.reporting.diagnosis_reader import FILE
+from identification.reporting.stored.diagnosis_reader import FILE
 from identification.words.diagnosis_words import capital, effect_at, effect_at_finding, joined, parameter_name
 from identification.words.geometry_words import all_findings
 from identification.words.numbers_and_names import NO_BREAK, cut_name, number, percent, with_unit

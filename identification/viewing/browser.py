@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from identification.reporting.robot_scene import share_colour
+from identification.reporting.page.robot_scene import share_colour
 from identification.viewing.charts import Chart, charts_of
 from identification.viewing.replay import Copy, Replay
 from identification.viewing.robot_solids import Solids, robot_solids

@@ -9,7 +9,7 @@ from identification.diagnosis.model.terms import KnownEffect
 from identification.diagnosis.result import Adjusted, Diagnosis
 from identification.export.corrected.corrected_yaml import CorrectedEffect, known_effect, read_corrected
 from identification.export.corrected.found_effects import lasting_findings
-from identification.reporting.diagnosis_reader import read_diagnosis
+from identification.reporting.stored.diagnosis_reader import read_diagnosis
 from phantom_dyn.errors import UsageError
 from phantom_dyn.model.robot import Robot
 

@@ -17,7 +17,7 @@ import fuzz_oracle
 from fuzz_cases import KINDS, drawn_case, tried
 from fuzz_oracle import Outcome, failures, ran
 from fuzz_seeds import Seeds, make_seeds
-from identification.reporting.diagnosis_files import json_text
+from identification.reporting.stored.diagnosis_files import json_text
 from made_up_diagnosis import made_up_diagnosis
 
 CASES = {"csv": 60, "npz": 60, "parquet": 40, "bag": 40, "robot": 80, "robot.yaml": 80, "columns": 60, "json": 60}

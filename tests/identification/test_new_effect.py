@@ -11,7 +11,7 @@ from identification.diagnosis.model.terms import KnownEffect
 from identification.export.corrected.corrected_files import urdf_left_out
 from identification.export.corrected.corrected_model import corrected_model
 from identification.pipeline import diagnose
-from identification.reporting.diagnosis_report import report_html
+from identification.reporting.page.diagnosis_report import report_html
 from phantom_dyn.dynamics.dynamics import mass_matrix
 from phantom_dyn.effects import catalogue
 from phantom_dyn.effects.support.changed_robot import with_gravity

@@ -10,7 +10,7 @@ import pytest
 from identification.data.readers.column_map import read_column_map
 from identification.data.readers.read_table import read_raw
 from identification.export.corrected.corrected_yaml import read_corrected
-from identification.reporting.diagnosis_reader import read_diagnosis
+from identification.reporting.stored.diagnosis_reader import read_diagnosis
 from phantom_dyn.effects.user.user_effects import effects_in
 from phantom_dyn.errors import PhantomDynError
 from phantom_dyn.model.loading import load_robot

@@ -12,8 +12,8 @@ from identification.diagnosis.model.own_effects import changed_effects
 from identification.diagnosis.model.terms import KnownEffect
 from identification.export.corrected.corrected_yaml import known_effects, write_corrected
 from identification.pipeline import diagnose
-from identification.reporting.diagnosis_files import to_json
-from identification.reporting.diagnosis_report import report_html
+from identification.reporting.page.diagnosis_report import report_html
+from identification.reporting.stored.diagnosis_files import to_json
 from phantom_dyn.effects.author import LawEffect, Parameter, row_of, torque_on_joint
 from phantom_dyn.effects.user.user_effects import with_user_effects
 from phantom_dyn.errors import EffectError, ParameterError

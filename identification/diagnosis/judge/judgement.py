@@ -15,7 +15,7 @@ from identification.diagnosis.fit.problem import Problem
 from identification.diagnosis.judge.bounds import smallest_seen
 from identification.diagnosis.judge.bursts import bursts_of, from_quiet
 from identification.diagnosis.judge.coarse_encoders import Rounded, findings_of, rounded
-from identification.diagnosis.judge.findings import (
+from identification.diagnosis.judge.findings.findings import (
     Claim,
     Shown,
     findings_without,

@@ -9,7 +9,7 @@ from identification.diagnosis.fit.fitting import Fitted
 from identification.diagnosis.fit.flexible import ridge_predictions, state_features
 from identification.diagnosis.fit.gap import held_out_torque, residual_after, sums
 from identification.diagnosis.fit.problem import Problem
-from identification.diagnosis.judge.findings import Shown
+from identification.diagnosis.judge.findings.findings import Shown
 from identification.diagnosis.judge.judged_band import Judge
 from identification.diagnosis.judge.regimes import regime_shares
 from identification.diagnosis.model.nuisances import Nuisance

@@ -13,7 +13,7 @@ from jaxtyping import Float
 
 from identification.diagnosis.fit.gap import sample_weights
 from identification.diagnosis.fit.problem import Problem
-from identification.diagnosis.judge.findings import Shown
+from identification.diagnosis.judge.findings.findings import Shown
 from identification.diagnosis.model.session import Series
 from identification.diagnosis.numerics.bounded import solve
 

@@ -12,7 +12,7 @@ from identification.data.log import Band, Log
 from identification.data.signals import smoothed
 from identification.diagnosis.fit.flexible import displacement_since_reversal
 from identification.diagnosis.fit.gap import held_out_torque, residual_after, sample_weights
-from identification.diagnosis.judge.findings import Shown
+from identification.diagnosis.judge.findings.findings import Shown
 from identification.diagnosis.law.freedom import freedom_of
 from identification.diagnosis.model.blocks import Block
 from phantom_dyn.effects.operation import Operation

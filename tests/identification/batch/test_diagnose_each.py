@@ -23,7 +23,7 @@ from identification.batch.diagnose_each import (
 from identification.data.reading import ReadOptions, read_recording
 from identification.export.all_files import NAMES as MODELS
 from identification.pipeline import diagnose
-from identification.reporting.diagnosis_files import NAMES, to_json
+from identification.reporting.stored.diagnosis_files import NAMES, to_json
 from phantom_dyn.errors import LogError, ParameterError, UsageError
 from phantom_dyn.large_work import WorkerLostError
 

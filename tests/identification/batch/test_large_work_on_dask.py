@@ -19,7 +19,7 @@ from joblib import parallel_config
 
 from identification.batch.diagnose_each import diagnose_each
 from identification.export.all_files import NAMES as MODELS
-from identification.reporting.diagnosis_files import NAMES
+from identification.reporting.stored.diagnosis_files import NAMES
 from phantom_dyn import load_robot
 from phantom_dyn.dynamics.dynamics import inverse_dynamics
 from phantom_dyn.maps import operational_map as streaming

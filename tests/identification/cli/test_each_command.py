@@ -11,7 +11,7 @@ import pytest
 
 from identification.cli.main import main
 from identification.export.all_files import NAMES as MODELS
-from identification.reporting.diagnosis_files import NAMES
+from identification.reporting.stored.diagnosis_files import NAMES
 
 pytestmark = pytest.mark.whole
 

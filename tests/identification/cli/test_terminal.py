@@ -20,7 +20,7 @@ from identification import file_sets
 from identification.cli.main import main
 from identification.cli.terminal.percentage import Stage
 from identification.cli.terminal.progress import Progress
-from identification.reporting import diagnosis_files as outputs
+from identification.reporting.stored import diagnosis_files as outputs
 from phantom_dyn._kernels.jit import compiles
 
 pytestmark = pytest.mark.whole

@@ -11,7 +11,7 @@ from identification.data.recording import Recording
 from identification.diagnosis.model.terms import KnownEffect
 from identification.diagnosis.result import Diagnosis
 from identification.pipeline import diagnose
-from identification.reporting.diagnosis_report import report_html
+from identification.reporting.page.diagnosis_report import report_html
 
 WARM = "temperature_dependent_friction"
 COULOMB, VISCOUS, TORQUE_SLOPE, SLOPE = 1.0, 0.4, -0.015, -0.008  # at 40 degrees, and per degree

@@ -10,8 +10,8 @@ import pytest
 
 import phantom_dyn as dyn
 from identification.door.diagnosis import Diagnosis
-from identification.reporting.diagnosis_files import to_json
 from identification.reporting.diagnosis_summary import summary
+from identification.reporting.stored.diagnosis_files import to_json
 from made_up_diagnosis import made_up_diagnosis
 from phantom_dyn.errors import LogError, UsageError
 from phantom_dyn.model.loading import load_robot
@@ -150,7 +150,7 @@ def test_a_missing_file_is_refused(tmp_path):
 
 
 def test_numbers_that_are_not_finite_come_back_as_nan(made_up, tmp_path):
-    from identification.reporting.diagnosis_files import json_text
+    from identification.reporting.stored.diagnosis_files import json_text
 
     gap = dataclasses.replace(made_up.joints[0], rms_after=float("nan"))
     result = dataclasses.replace(made_up.result, joints=(gap, made_up.joints[1]))

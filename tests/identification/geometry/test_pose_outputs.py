@@ -17,10 +17,10 @@ from identification.diagnosis.model.terms import KnownEffect
 from identification.diagnosis.result import Finding, Value
 from identification.export.corrected.corrected_yaml import known_effects
 from identification.geometry.diagnose_poses import diagnose_poses
-from identification.reporting.diagnosis_files import json_text, to_json
-from identification.reporting.diagnosis_reader import read_diagnosis
-from identification.reporting.diagnosis_report import report_html
 from identification.reporting.diagnosis_summary import summary
+from identification.reporting.page.diagnosis_report import report_html
+from identification.reporting.stored.diagnosis_files import json_text, to_json
+from identification.reporting.stored.diagnosis_reader import read_diagnosis
 from identification.scenarios.measured_poses import diagnosis_of_poses, verdict_together, zero_words
 from phantom_dyn.errors import ParameterError
 from tests.common.measured_poses import TrueRobot, link_poses, measured, moved_joint

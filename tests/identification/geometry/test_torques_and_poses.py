@@ -12,9 +12,9 @@ from identification.diagnosis.result import Diagnosis
 from identification.export.all_files import export_texts
 from identification.export.corrected.corrected_yaml import write_corrected
 from identification.pipeline import diagnose
-from identification.reporting.diagnosis_files import to_json
-from identification.reporting.diagnosis_report import report_html
 from identification.reporting.diagnosis_summary import summary
+from identification.reporting.page.diagnosis_report import report_html
+from identification.reporting.stored.diagnosis_files import to_json
 from identification.words.geometry_words import all_findings
 from places import ROBOTS
 from tests.common.measured_poses import TrueRobot, measured, pose, quaternions

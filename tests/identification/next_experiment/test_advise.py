@@ -11,7 +11,7 @@ from identification.diagnosis.noise.noise_floor import estimate_noise
 from identification.diagnosis.result import EffectAt, Finding, Rival
 from identification.next_experiment.advise import Proposal, proposed
 from identification.next_experiment.hypotheses import hypotheses_of
-from identification.reporting.diagnosis_files import write_outputs
+from identification.reporting.stored.diagnosis_files import write_outputs
 from identification.words.diagnosis_words import PROPOSED, finding_words
 from phantom_dyn.dynamics.dynamics import inverse_dynamics
 
@@ -109,7 +109,7 @@ def test_a_finding_that_leads_in_the_place_of_what_was_found_gets_a_motion_too(l
 
 def test_the_motion_is_written_beside_the_diagnosis(friction, made_up, pendulum, tmp_path, monkeypatch):
     # The report has tests of its own, and takes a second.
-    monkeypatch.setattr("identification.reporting.diagnosis_files._report", lambda *_: "page")
+    monkeypatch.setattr("identification.reporting.stored.diagnosis_files._report", lambda *_: "page")
     told = replace(
         made_up(pendulum.joint_names, findings=0, samples=400),
         next_experiment=friction.experiment,

@@ -10,7 +10,7 @@ import pytest
 from identification.cli.main import main
 from identification.diagnosis.result import EffectAt, NotTestable, Rival, Value
 from identification.reporting.comparison import compare, comparison_text, distinct_names
-from identification.reporting.diagnosis_files import json_text
+from identification.reporting.stored.diagnosis_files import json_text
 from phantom_dyn.errors import ParameterError
 
 

@@ -12,7 +12,7 @@ from identification.cli.main import main
 from identification.diagnosis.result import Value
 from identification.reporting.comparison import compare
 from identification.reporting.comparison_page import comparison_page
-from identification.reporting.diagnosis_files import json_text
+from identification.reporting.stored.diagnosis_files import json_text
 
 
 def with_size(diagnosis, value, std):

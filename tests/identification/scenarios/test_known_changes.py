@@ -11,7 +11,7 @@ from identification.data.changes import Change, KnownPayload, robot_in
 from identification.diagnosis.model.own_effects import differences_of
 from identification.export.corrected.corrected_yaml import write_corrected
 from identification.pipeline import diagnose
-from identification.reporting.diagnosis_files import json_text
+from identification.reporting.stored.diagnosis_files import json_text
 from identification.words.diagnosis_words import finding_words
 from phantom_dyn.dynamics.dynamics import inverse_dynamics
 from phantom_dyn.effects.catalogue import effect_named

@@ -8,7 +8,7 @@ import pytest
 
 from identification.diagnosis.model.terms import KnownEffect
 from identification.export.corrected.corrected_yaml import write_corrected
-from identification.reporting.diagnosis_files import json_text
+from identification.reporting.stored.diagnosis_files import json_text
 from identification.viewing.corrections import read_correction
 from phantom_dyn.errors import LogError, UsageError
 

@@ -7,8 +7,8 @@ from dataclasses import replace
 import pytest
 
 from identification.diagnosis.result import EffectAt, Finding, JointGap, Rival
-from identification.reporting.diagnosis_report import report_html
 from identification.reporting.diagnosis_summary import summary
+from identification.reporting.page.diagnosis_report import report_html
 from identification.words.certainty import beside_what_is_left
 
 

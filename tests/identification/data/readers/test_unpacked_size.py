@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import bz2
 import io
+import re
 import struct
 import tracemalloc
 import zipfile
@@ -23,15 +24,16 @@ GIGABYTE = 10**9
 zstd = pytest.importorskip("backports.zstd")
 
 
-def refused(path, message) -> None:
-    """Assert that a file is refused without its content being unpacked as a whole."""
+def refusal(path) -> str:
+    """What a file is refused with; a failure if its content was unpacked as a whole before."""
     tracemalloc.start()
     try:
-        with pytest.raises(LogError, match=message):
+        with pytest.raises(LogError) as refused:
             read_raw(path)
         assert tracemalloc.get_traced_memory()[1] < 50e6
     finally:
         tracemalloc.stop()
+    return str(refused.value)
 
 
 def npy_head(shape) -> bytes:
@@ -47,14 +49,14 @@ def test_zeros_in_an_npz_that_unpack_to_gigabytes(tmp_path):
         for _ in range(300):
             t.write(bytes(10**6))
     assert path.stat().st_size < 1e6
-    refused(path, r"unpacks to 300 MB or more, which no recording does: record it again")
+    assert "unpacks to 300 MB or more, which no recording does: record it again" in refusal(path)
 
 
 def test_an_array_that_declares_more_than_follows(tmp_path):
     path = tmp_path / "log.npz"
     with zipfile.ZipFile(path, "w") as archive:
         archive.writestr("t.npy", npy_head((2**50,)) + bytes(800))
-    refused(path, "unpacks to .* MB or more")
+    assert re.search("unpacks to .* MB or more", refusal(path))
 
 
 def test_parquet_of_one_value_repeated(tmp_path):
@@ -64,7 +66,7 @@ def test_parquet_of_one_value_repeated(tmp_path):
     table = pa.table({f"q.{k}": column for k in range(12)})
     pq.write_table(table, path, compression="zstd", store_schema=False)
     assert path.stat().st_size < 1e6
-    refused(path, "unpacks to 384 MB or more")
+    assert "unpacks to 384 MB or more" in refusal(path)
 
 
 def test_texts_of_a_parquet_file_are_not_read(tmp_path):
@@ -97,13 +99,13 @@ def mcap(tmp_path, packing: str, packed: bytes, declared: int, index_at: int | N
 
 @pytest.mark.parametrize("packing", ["zstd", "lz4"])
 def test_a_chunk_of_an_mcap_that_declares_gigabytes(tmp_path, packing):
-    refused(mcap(tmp_path, packing, b"1234", 3 * GIGABYTE), "unpacks to 3e\\+03 MB or more")
+    assert "unpacks to 3e+03 MB or more" in refusal(mcap(tmp_path, packing, b"1234", 3 * GIGABYTE))
 
 
 @pytest.mark.parametrize("packing", ["zstd", "lz4"])
 def test_a_chunk_of_an_mcap_that_unpacks_to_more_than_it_declares(tmp_path, packing):
     packed = (zstd.compress if packing == "zstd" else frame.compress)(bytes(60_000_000))
-    refused(mcap(tmp_path, packing, packed, 1000), "a chunk unpacks to more than it declares")
+    assert "a chunk unpacks to more than it declares" in refusal(mcap(tmp_path, packing, packed, 1000))
 
 
 def test_an_index_that_points_beside_the_chunks(tmp_path):
@@ -123,7 +125,7 @@ def test_a_chunk_of_a_ros1_bag_that_unpacks_to_gigabytes(tmp_path, size, message
     head = {b"op": b"\x05", b"compression": b"bz2", b"size": struct.pack("<I", size)}
     path = tmp_path / "log.bag"
     path.write_bytes(b"#ROSBAG V2.0\n" + bag_record(head, packed))
-    refused(path, message)
+    assert message in refusal(path)
 
 
 def test_a_chunk_that_is_cut_off_is_damaged(tmp_path):

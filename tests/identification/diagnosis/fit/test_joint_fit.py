@@ -7,8 +7,8 @@ from scipy.stats import truncnorm
 from identification.diagnosis.fit.fitting import fit
 from identification.diagnosis.fit.joint_fit import covariance, free_numbers, joint_fit, within_tolerances
 from identification.diagnosis.fit.whole_model import lay_out, linearised
+from identification.diagnosis.judge.findings.parameters import finding_parameters
 from identification.diagnosis.judge.judged_band import narrow_search
-from identification.diagnosis.judge.parameters import finding_parameters
 from identification.diagnosis.model.nuisances import moves_of
 from identification.diagnosis.model.operations import moved_robot
 from identification.diagnosis.model.terms import FoundEffect

@@ -9,7 +9,7 @@ import pytest
 
 from identification.diagnosis import decision_rules as rules
 from identification.diagnosis.fit.gap import held_out_torque, residual_after, sums
-from identification.diagnosis.judge.findings import (
+from identification.diagnosis.judge.findings.findings import (
     _range,
     _sized,
     findings_without,

@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 import pytest
 
-from identification.diagnosis.judge.findings import Shown
+from identification.diagnosis.judge.findings.findings import Shown
 from identification.diagnosis.judge.judged_band import Judge
 from identification.diagnosis.judge.regimes import regimes
 from identification.diagnosis.judge.verdict import adjusted, flexible_prediction, hidden_by, unexplained

@@ -9,7 +9,7 @@ import pytest
 
 from identification.diagnosis.fit.fitting import fit
 from identification.diagnosis.fit.joint_fit import joint_fit
-from identification.diagnosis.judge.findings import Shown
+from identification.diagnosis.judge.findings.findings import Shown
 from identification.diagnosis.judge.judged_band import Judge
 from identification.diagnosis.judge.verdict import adjusted, flexible_prediction, unexplained
 from identification.diagnosis.noise.noise_floor import noise_floor

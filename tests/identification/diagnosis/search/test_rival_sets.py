@@ -6,7 +6,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from identification.diagnosis.judge import findings
+from identification.diagnosis.judge.findings import findings
 from identification.diagnosis.result import EffectAt, Rival
 from identification.diagnosis.search import rival_sets as rivals
 from identification.diagnosis.search.bootstrap_wins import REPLICATES, block_counts, costs_of, half_wins

@@ -9,7 +9,7 @@ import pytest
 
 from identification.data.recording import Recording
 from identification.diagnosis.result import Finding
-from identification.reporting.explaining import explaining_variable, joint_motions
+from identification.reporting.page.explaining import explaining_variable, joint_motions
 from identification.scenarios.at_rest.diagnose_at_rest import diagnose_at_rest, judged_at_rest
 from identification.scenarios.at_rest.rests import stills_under_load
 from phantom_dyn import load_robot

@@ -12,7 +12,7 @@ from jaxtyping import Float, Int
 
 from identification.diagnosis.result import Diagnosis, Evidence
 from identification.reporting.charts.thinning import thinned
-from identification.reporting.gap_figures import residual, shown_stretch, torque_label
+from identification.reporting.page.gap_figures import residual, shown_stretch, torque_label
 
 Array = np.ndarray
 

@@ -5,7 +5,7 @@ import dataclasses
 import numpy as np
 import pytest
 
-from identification.reporting.explaining import joint_motions
+from identification.reporting.page.explaining import joint_motions
 from phantom_dyn.dynamics.tree_motion import joint_velocity
 from phantom_dyn.model.loading import load_robot
 from phantom_dyn.motion import Motion

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from identification.diagnosis.result import JointGap
-from identification.reporting.robot_scene import gap_shares, joint_colours
+from identification.reporting.page.robot_scene import gap_shares, joint_colours
 
 
 def gaps(*ratios: float, floor: float = 0.1) -> tuple[JointGap, ...]:

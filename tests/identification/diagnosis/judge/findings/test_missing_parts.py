@@ -8,7 +8,7 @@ import numpy as np
 import pinocchio as pin
 import pytest
 
-from identification.diagnosis.judge.missing_parts import (
+from identification.diagnosis.judge.findings.missing_parts import (
     missing_part_words,
     named_as_part,
     part_instead,
@@ -16,7 +16,7 @@ from identification.diagnosis.judge.missing_parts import (
 )
 from phantom_dyn.model.attached import Attached
 
-PLACE = "identification.diagnosis.judge.missing_parts."
+PLACE = "identification.diagnosis.judge.findings.missing_parts."
 HAND = Attached(("hand", "gripper"), 0.6, np.array([0.0, 0.1, -0.4]), np.diag([0.002, 0.003, 0.004]))
 RING = Attached(("ring",), 0.1, np.array([0.0, 0.0, 0.2]), np.diag([1e-4, 1e-4, 2e-4]))
 

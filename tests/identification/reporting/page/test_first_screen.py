@@ -7,8 +7,8 @@ from dataclasses import replace
 import pytest
 
 from identification.diagnosis.result import Value
-from identification.reporting.diagnosis_report import report_html
-from identification.reporting.first_screen import gap_bars_of, groups_of, share_curve
+from identification.reporting.page.diagnosis_report import report_html
+from identification.reporting.page.first_screen import gap_bars_of, groups_of, share_curve
 
 
 def findings(made, *places, share=0.2):

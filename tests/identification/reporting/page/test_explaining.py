@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from identification.diagnosis.result import Diagnosis, Finding, Value
-from identification.reporting.explaining import (
+from identification.reporting.page.explaining import (
     Variable,
     displacement_by_recording,
     explained_share,

@@ -15,7 +15,13 @@ from identification.reporting.charts.thinning import (
     scatter_choice,
     thinned,
 )
-from identification.reporting.explaining import JointMotion, Variable, explaining_variable, joint_of, strongest_variable
+from identification.reporting.page.explaining import (
+    JointMotion,
+    Variable,
+    explaining_variable,
+    joint_of,
+    strongest_variable,
+)
 
 Array = np.ndarray
 

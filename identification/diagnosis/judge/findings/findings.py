@@ -13,10 +13,10 @@ from identification.diagnosis.fit.fitting import Fitted
 from identification.diagnosis.fit.gap import Sums, held_out_torque, residual_after, sums
 from identification.diagnosis.fit.joint_fit import JointFit, joint_fit
 from identification.diagnosis.fit.problem import Problem
+from identification.diagnosis.judge.findings.missing_parts import missing_part_words, named_as_part, part_instead
+from identification.diagnosis.judge.findings.parameters import finding_loadings, finding_parameters
 from identification.diagnosis.judge.judged_band import Judge, gap_is_there, visible
-from identification.diagnosis.judge.missing_parts import missing_part_words, named_as_part, part_instead
 from identification.diagnosis.judge.moved_by_noise import shown_by_motion
-from identification.diagnosis.judge.parameters import finding_loadings, finding_parameters
 from identification.diagnosis.judge.shares import gap_of, shares_of
 from identification.diagnosis.model.session import Series
 from identification.diagnosis.model.terms import Term, ordered

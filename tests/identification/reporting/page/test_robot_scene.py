@@ -10,8 +10,8 @@ import numpy as np
 import pinocchio as pin
 import pytest
 
-from identification.reporting import robot_scene as robot_scene_module
-from identification.reporting.robot_scene import extent, posture, robot_scene, shaded, share_colour
+from identification.reporting.page import robot_scene as robot_scene_module
+from identification.reporting.page.robot_scene import extent, posture, robot_scene, shaded, share_colour
 from phantom_dyn.model.loading import load_robot
 from phantom_dyn.shapes.meshes import Mesh
 

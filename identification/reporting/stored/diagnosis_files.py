@@ -38,7 +38,7 @@ from identification.files import (
     temporary_beside,
 )
 from identification.next_experiment.proposal_words import reference_text
-from identification.reporting.geometry_json import findings_json, frames_json, geometry_json
+from identification.reporting.stored.geometry_json import findings_json, frames_json, geometry_json
 from phantom_dyn.errors import UsageError
 from phantom_dyn.model.robot import Robot
 from phantom_dyn.model.robot_files import looks_like_robot
@@ -251,6 +251,6 @@ def _with_digest(diagnosis: Diagnosis, reference: str) -> Diagnosis:
 
 def _report(diagnosis: Diagnosis, robot: Robot) -> str:
     # Drawing loads matplotlib, which whoever wants the JSON alone need not wait for.
-    from identification.reporting.diagnosis_report import report_html
+    from identification.reporting.page.diagnosis_report import report_html
 
     return report_html(diagnosis, robot)

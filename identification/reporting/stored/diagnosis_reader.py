@@ -25,9 +25,9 @@ from identification.diagnosis.result import (
     Unexplained,
     Value,
 )
-from identification.reporting.diagnosis_files import NAMES, SCHEMA
-from identification.reporting.diagnosis_schema import require_document
-from identification.reporting.geometry_json import is_of_poses, read_geometry
+from identification.reporting.stored.diagnosis_files import NAMES, SCHEMA
+from identification.reporting.stored.diagnosis_schema import require_document
+from identification.reporting.stored.geometry_json import is_of_poses, read_geometry
 from phantom_dyn.errors import LogError, shortened
 from phantom_dyn.model.plain_file import require_plain_file
 

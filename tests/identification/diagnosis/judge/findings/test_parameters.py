@@ -5,7 +5,7 @@ import pytest
 
 from identification.diagnosis.fit.fitting import fit
 from identification.diagnosis.fit.joint_fit import joint_fit
-from identification.diagnosis.judge.parameters import _named, finding_loadings, finding_parameters
+from identification.diagnosis.judge.findings.parameters import _named, finding_loadings, finding_parameters
 from phantom_dyn.effects.catalogue import effect_named
 from phantom_dyn.effects.effect import Parameter
 from phantom_dyn.errors import ChainError

@@ -10,18 +10,18 @@ from jinja2 import Environment, StrictUndefined
 from markupsafe import Markup
 
 from identification.diagnosis.result import Diagnosis, Finding, Gap
-from identification.reporting.explaining import JointMotion, joint_motions, joint_of
-from identification.reporting.first_screen import gap_bars_of, groups_of, share_curve
-from identification.reporting.gap_figures import (
+from identification.reporting.page.explaining import JointMotion, joint_motions, joint_of
+from identification.reporting.page.first_screen import gap_bars_of, groups_of, share_curve
+from identification.reporting.page.gap_figures import (
     finding_figure,
     residual_over_position,
     residual_over_velocity,
     torque_figure,
     unexplained_figure,
 )
-from identification.reporting.geometry_section import poses_view
-from identification.reporting.law_section import law_view
-from identification.reporting.report_tables import (
+from identification.reporting.page.geometry_section import poses_view
+from identification.reporting.page.law_section import law_view
+from identification.reporting.page.report_tables import (
     RegimeShare,
     Row,
     detectable_sizes,
@@ -31,8 +31,8 @@ from identification.reporting.report_tables import (
     rollout_rows,
     untestable_rows,
 )
-from identification.reporting.robot_scene import gap_shares, joint_colours, robot_scene
-from identification.reporting.time_curves import time_curves
+from identification.reporting.page.robot_scene import gap_shares, joint_colours, robot_scene
+from identification.reporting.page.time_curves import time_curves
 from identification.words import diagnosis_words as words
 from identification.words.certainty import as_told
 from identification.words.diagnosis_words import FindingWords

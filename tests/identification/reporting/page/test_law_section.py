@@ -9,10 +9,10 @@ import pytest
 
 from identification.diagnosis.rest_law import Dependence, InputCurve, InputGain, Law, LawTerm
 from identification.diagnosis.result import Unexplained
-from identification.reporting.diagnosis_files import json_text
-from identification.reporting.diagnosis_reader import read_diagnosis
-from identification.reporting.diagnosis_report import report_html
 from identification.reporting.diagnosis_summary import summary
+from identification.reporting.page.diagnosis_report import report_html
+from identification.reporting.stored.diagnosis_files import json_text
+from identification.reporting.stored.diagnosis_reader import read_diagnosis
 
 LAW = Law("j2", ("v.j2", "q.j1"), "-2*sign(v)", 0.7, (0.6, 0.8), {"v.j2": (-1.0, 2.0)}, "rust on a hinge")
 FOUND = Dependence(

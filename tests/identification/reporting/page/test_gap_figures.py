@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 
 from identification.reporting.charts.chart import short_name
-from identification.reporting.explaining import joint_motions
-from identification.reporting.gap_figures import (
+from identification.reporting.page.explaining import joint_motions
+from identification.reporting.page.gap_figures import (
     finding_figure,
     residual_over_position,
     residual_over_velocity,

@@ -13,7 +13,7 @@ import pytest
 
 from identification.diagnosis import rest_law as results
 from identification.diagnosis.result import Unexplained, Value
-from identification.reporting.diagnosis_files import json_text, to_json
+from identification.reporting.stored.diagnosis_files import json_text, to_json
 
 
 class Strict(msgspec.Struct, forbid_unknown_fields=True):

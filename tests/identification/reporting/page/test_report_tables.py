@@ -5,7 +5,7 @@ import dataclasses
 import pytest
 
 from identification.diagnosis.result import Bound, JointGap, NotTestable
-from identification.reporting.report_tables import detectable_sizes, regime_table, untestable_rows
+from identification.reporting.page.report_tables import detectable_sizes, regime_table, untestable_rows
 from identification.words.numbers_and_names import NO_BREAK
 
 JOINTS = tuple(JointGap(name, "N m", 1.0, 0.1, 0.1, 10) for name in ("a", "b", "c"))

@@ -12,8 +12,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from identification.reporting import time_curves as module
-from identification.reporting.time_curves import time_curves
+from identification.reporting.page import time_curves as module
+from identification.reporting.page.time_curves import time_curves
 
 VIEWER = Path(module.__file__).with_name("curve_viewer.js")
 PAGE = Path(__file__).with_name("curve_viewer_without_browser.mjs")

@@ -1,0 +1,1 @@
+"""Findings: each effect with its numbers, its share of the gap and its probability."""
