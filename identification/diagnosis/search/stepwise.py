@@ -11,7 +11,7 @@ from dataclasses import replace
 
 from identification.diagnosis import decision_rules as rules
 from identification.diagnosis.model.terms import Term, ordered
-from identification.diagnosis.search.search import Search, claimed, dropped, possible, price, with_term
+from identification.diagnosis.search.search import Search, claimed, dropped, possible, price, rows_of, with_term
 from identification.diagnosis.search.swaps import simplified, swapped
 
 # Effects of one set at most, far more than any robot has: in all, and for each joint.
@@ -146,7 +146,7 @@ def with_nameless(search: Search, chosen: frozenset[Term], progress: Callable[[s
             for term in sorted(nameless, key=lambda term: -promised[term])[:_MOST_NAMELESS_JUDGED]:
                 if promised[term] < search.threshold.overall or not possible(base, term):
                     continue
-                tried = _only_needed(search, with_term(base, term), chosen)
+                tried = _only_needed(search, term, base, chosen)
                 gone = len(chosen - tried)
                 limit = (
                     lowest - rules.NAMELESS_MARGIN[min(gone, len(rules.NAMELESS_MARGIN) - 1)] * search.threshold.overall
@@ -160,13 +160,23 @@ def with_nameless(search: Search, chosen: frozenset[Term], progress: Callable[[s
     return chosen
 
 
-def _only_needed(search: Search, tried: frozenset[Term], chosen: frozenset[Term]) -> frozenset[Term]:
-    """A set with a structure and only those named effects that it still needs."""
-    for term in ordered(chosen):
+def _only_needed(search: Search, structure: Term, base: frozenset[Term], chosen: frozenset[Term]) -> frozenset[Term]:
+    """A set with a structure, and of the named effects those that it still needs.
+
+    What touches no joint that the structure touches was needed without it, and still is.
+    """
+    rows = rows_of(search.problem, structure)
+    beside = [term for term in ordered(chosen) if term.named and rows.isdisjoint(rows_of(search.problem, term))]
+    tried = with_term(base, structure)
+    for term in beside:
+        if possible(tried, term):
+            tried = with_term(tried, term)
+    for term in ordered(chosen.difference(beside)):
         if term.named and possible(tried, term) and claimed(search, with_term(tried, term), tried):
             tried = with_term(tried, term) if with_term(tried, term) >= tried else tried
     while True:
-        needless = [t for t in ordered(tried) if t.named and not claimed(search, tried, tried - {t})]
+        doubted = ordered(tried.difference(beside))
+        needless = [term for term in doubted if term.named and not claimed(search, tried, tried - {term})]
         if not needless:
             return tried
         tried = tried - {min(needless, key=lambda term: search.score(tried - {term}))}

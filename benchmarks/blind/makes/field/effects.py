@@ -139,14 +139,20 @@ def loaded(robot: Robot, _scale: Scale, j: int, _: Rng) -> Effect:
     return _planted("load_dependent_friction", robot, j, lambda s: {"ratio": s}, law, start=0.1, most=0.6)
 
 
-def backlash(robot: Robot, scale: Scale, j: int, _: Rng) -> Effect:
+def backlash(robot: Robot, scale: Scale, j: int, _: Rng) -> Effect | None:
+    if not robot.rotor[j]:  # a motor without inertia has nothing to knock with, and no equation of motion
+        return None
+
     def law(plant, p):
         return put(plant, j, gap=p["gap"])
 
     return _planted("backlash", robot, j, lambda s: {"gap": s * scale.reach[j]}, law, start=0.01, most=0.2)
 
 
-def compliance(robot: Robot, scale: Scale, j: int, _: Rng) -> Effect:
+def compliance(robot: Robot, scale: Scale, j: int, _: Rng) -> Effect | None:
+    if not robot.rotor[j]:
+        return None
+
     def law(plant, p):
         return put(plant, j, stiff=p["stiffness"])
 

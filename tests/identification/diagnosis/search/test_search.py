@@ -364,8 +364,8 @@ def test_sets_of_the_same_rivals_have_the_same_order_however_often_they_are_made
 class Outside:
     """A search whose scores are given: two structures of one shape, of which the second scores better."""
 
-    def __init__(self, terms, scores):
-        self.terms, self.scores = terms, scores
+    def __init__(self, problem, terms, scores):
+        self.problem, self.terms, self.scores = problem, terms, scores
         self.threshold = search_module.Threshold(5.0, {})
 
     def score(self, chosen):
@@ -380,5 +380,25 @@ def test_of_several_structures_without_a_name_the_best_is_taken_and_not_the_firs
     nothing, first, best = frozenset(), frozenset([one]), frozenset([other])
     monkeypatch.setattr(stepwise, "claimed", lambda _, tried, __: tried in (first, best))
     monkeypatch.setattr(stepwise, "possible", lambda base, _: not base)
-    found = stepwise.with_nameless(Outside((one, other), {nothing: 400.0, first: 300.0, best: 298.0}), nothing, silent)
+    scores = {nothing: 400.0, first: 300.0, best: 298.0}
+    found = stepwise.with_nameless(Outside(quiet.search.problem, (one, other), scores), nothing, silent)
     assert found == best
+
+
+def test_a_structure_makes_needless_no_effect_that_touches_none_of_its_joints(quiet, monkeypatch):
+    # Oracle: the statement itself. `claimed` says no to all that it is asked, so all that is doubted goes.
+    problem, terms = quiet.search.problem, quiet.search.terms
+    structure = next(term for term in terms if not term.named)
+    rows = search_module.rows_of(problem, structure)
+    friction = [term for term in terms if term.effect.name == "viscous_friction"]
+    here = next(term for term in friction if search_module.rows_of(problem, term) & rows)
+    elsewhere = next(term for term in friction if not search_module.rows_of(problem, term) & rows)
+    chosen, nothing = frozenset([here, elsewhere]), frozenset()
+    scores = {chosen: 400.0, chosen | {structure}: 350.0, frozenset([structure, elsewhere]): 300.0}
+    asked = []
+    monkeypatch.setattr(stepwise, "claimed", lambda _, tried, without: asked.append(tried ^ without))
+    search = Outside(problem, (structure,), scores)
+    for base in (chosen, nothing):
+        assert stepwise._only_needed(search, structure, base, chosen) == {structure, elsewhere}
+    assert all(elsewhere not in doubted for doubted in asked)
+    assert asked
