@@ -41,7 +41,7 @@ class Effect:
     most: float = np.inf
 
 
-Law = Callable[[Robot, Scale, int, Rng], Effect]
+Law = Callable[[Robot, Scale, int, Rng], Effect | None]
 
 
 def _planted(
