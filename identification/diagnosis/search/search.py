@@ -351,14 +351,14 @@ def dropped(search: Search, chosen: frozenset[Term]) -> frozenset[Term]:
     Of many effects only those are tried that the fit would miss least.
     """
     while chosen:
-        least = min(_least_missed(search, chosen), key=lambda term: search.score(chosen - {term}))
+        least = min(least_missed(search, chosen), key=lambda term: search.score(chosen - {term}))
         if claimed(search, chosen, chosen - {least}):
             return chosen
         chosen = chosen - {least}
     return chosen
 
 
-def _least_missed(search: Search, chosen: frozenset[Term]) -> tuple[Term, ...]:
+def least_missed(search: Search, chosen: frozenset[Term]) -> tuple[Term, ...]:
     """The effects without which the loss in sample grows least, to second order; of a few effects all."""
     terms = ordered(chosen)
     if len(terms) <= _MOST_TRIED:

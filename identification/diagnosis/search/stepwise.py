@@ -11,7 +11,16 @@ from dataclasses import replace
 
 from identification.diagnosis import decision_rules as rules
 from identification.diagnosis.model.terms import Term, ordered
-from identification.diagnosis.search.search import Search, claimed, dropped, possible, price, rows_of, with_term
+from identification.diagnosis.search.search import (
+    Search,
+    claimed,
+    dropped,
+    least_missed,
+    possible,
+    price,
+    rows_of,
+    with_term,
+)
 from identification.diagnosis.search.swaps import simplified, swapped
 
 # Effects of one set at most, far more than any robot has: in all, and for each joint.
@@ -163,10 +172,13 @@ def with_nameless(search: Search, chosen: frozenset[Term], progress: Callable[[s
 def _only_needed(search: Search, structure: Term, base: frozenset[Term], chosen: frozenset[Term]) -> frozenset[Term]:
     """A set with a structure, and of the named effects those that it still needs.
 
-    What touches no joint that the structure touches was needed without it, and still is.
+    What touches no joint that the structure touches was needed without it, and still is. Of many others only those are
+    doubted that the fit would miss least.
     """
     rows = rows_of(search.problem, structure)
-    beside = [term for term in ordered(chosen) if term.named and rows.isdisjoint(rows_of(search.problem, term))]
+    whole = with_term(chosen, structure)
+    missed = whole.difference(least_missed(search, whole))
+    beside = [t for t in ordered(chosen) if t.named and (t in missed or rows.isdisjoint(rows_of(search.problem, t)))]
     tried = with_term(base, structure)
     for term in beside:
         if possible(tried, term):
@@ -175,8 +187,8 @@ def _only_needed(search: Search, structure: Term, base: frozenset[Term], chosen:
         if term.named and possible(tried, term) and claimed(search, with_term(tried, term), tried):
             tried = with_term(tried, term) if with_term(tried, term) >= tried else tried
     while True:
-        doubted = ordered(tried.difference(beside))
-        needless = [term for term in doubted if term.named and not claimed(search, tried, tried - {term})]
+        left = ordered(tried.difference(beside))
+        needless = [term for term in left if term.named and not claimed(search, tried, tried - {term})]
         if not needless:
             return tried
         tried = tried - {min(needless, key=lambda term: search.score(tried - {term}))}
