@@ -21,6 +21,8 @@ from phantom_dyn.errors import printable
 WIDTH = 100
 NOTES = 5
 """Notes and warnings that are shown at most; the report has all of them."""
+MOST_FINDINGS = 20
+"""Findings that are listed at most; the report has all of them."""
 NAME_WIDTH = 36
 MOST_SIZES = 4
 """Parameters of a finding from which on only those are listed that differ from nothing; the report has all of them."""
@@ -100,7 +102,9 @@ def _notes(diagnosis: Diagnosis) -> list[str]:
 
 
 def _finding_lines(findings: tuple[Finding, ...]) -> list[str]:
-    return [f"{k}. {_finding_line(finding)}" for k, finding in enumerate(findings, start=1)]
+    told = [f"{k}. {_finding_line(finding)}" for k, finding in enumerate(findings[:MOST_FINDINGS], start=1)]
+    more = len(findings) - len(told)
+    return [*told, *[f"{more} more in the report and in diagnosis.json (--out DIR)."] * bool(more)]
 
 
 def _finding_line(finding: Finding) -> str:

@@ -85,6 +85,18 @@ def test_at_most_five_notes_are_shown(made_up, count, more):
     assert text.splitlines()[-1] == (more or f"  Note: Number {count - 1}.")
 
 
+@pytest.mark.parametrize(
+    ("count", "more"), [(20, None), (90, "70 more in the report and in diagnosis.json (--out DIR).")]
+)
+def test_at_most_twenty_findings_are_listed_and_the_others_counted(made_up, count, more):
+    findings = tuple(dataclasses.replace(made_up().findings[0], joint=f"j{k}") for k in range(count))
+    text = summary(dataclasses.replace(made_up(), findings=findings))
+    assert "  20. " in text
+    assert "  21. " not in text
+    assert ("more in the report" in text) == bool(more)
+    assert more is None or more in text
+
+
 def test_warnings_are_shown_before_notes(made_up):
     many = dataclasses.replace(made_up(), notes=("A note.",) * 9, data_warnings=tuple(f"w{k}" for k in range(5)))
     assert summary(many).count("Warning: ") == 5
