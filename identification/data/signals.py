@@ -251,6 +251,11 @@ def motion_edge(band: Band) -> float:
     return min(_MOTION_BAND * band.cutoff_hz, 0.4 * band.rate_hz)
 
 
+def shortest_recording(band: Band) -> float:
+    """Length [s] below which a recording leaves too few samples in ``band`` for a fit."""
+    return (_FEWEST * band.step + 2 * band.half) / band.rate_hz
+
+
 def process(recording: Recording, robot: Robot, *, cutoff_hz: float | None = None) -> Log:
     """The log of one recording; the band is chosen from the data unless it is given.
 
@@ -270,7 +275,7 @@ def process(recording: Recording, robot: Robot, *, cutoff_hz: float | None = Non
         cutoff_hz = choose_cutoff([(q, tau, rate)])
     band = low_pass(cutoff_hz, rate)
     if len(band.samples(len(t))) < _FEWEST:
-        wanted = max(10.0, (_FEWEST * band.step + 2 * band.half) / rate)
+        wanted = max(10.0, shortest_recording(band))
         raise LogError(
             f"{recording.file} lasts {t[-1] - t[0]:.2f} s, too short for a band of {band.cutoff_hz:.2g} Hz, where a "
             f"sample comes every {1 / rate:.3g} s: record at least {wanted:.2g} s of motion, or at a higher rate."

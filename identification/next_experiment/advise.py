@@ -8,6 +8,7 @@ from itertools import combinations
 import numpy as np
 
 from identification.data.log import Log
+from identification.data.signals import shortest_recording
 from identification.diagnosis import decision_rules as rules
 from identification.diagnosis.explanation import Explanation
 from identification.diagnosis.result import Finding
@@ -76,9 +77,13 @@ def proposed(explanation: Explanation, findings: tuple[Finding, ...]) -> Proposa
 
 
 def length_of(logs: tuple[Log, ...]) -> float:
-    """Length of a recording to be proposed [s]: that of those at hand, neither very short nor very long."""
+    """Length of a recording to be proposed [s]: that of those at hand, neither very short nor very long.
+
+    It is long enough for their band, however slowly they are sampled.
+    """
     seconds = float(np.mean([log.motion.t[-1] - log.motion.t[0] for log in logs]))
-    return float(np.clip(round(seconds), _SHORTEST, _LONGEST))
+    fewest = max(shortest_recording(log.band) for log in logs)
+    return max(float(np.clip(round(seconds), _SHORTEST, _LONGEST)), fewest)
 
 
 def _proposal(rate_hz: float, groups: tuple[tuple[Hypothesis, ...], ...], trials: tuple[Trial, ...]) -> Proposal:

@@ -145,12 +145,14 @@ def _depth(root: Element) -> int:
 
 
 def require_names(elements: Iterable[Element], what: str, path: Path) -> None:
-    """Refuse a name that stands twice, is endless or holds control characters, which no terminal could show."""
+    """Refuse a name that is empty, stands twice, is endless or holds control characters, which no terminal shows."""
     seen: set[str] = set()
     for element in elements:
         name = element.get("name")
         if name is None:
             continue
+        if not name:
+            raise RobotError(f"{path}: a {what} has an empty name: give it one, or leave the attribute out.")
         if not printable(name) == name:
             raise RobotError(
                 f"{path}: the name {name[:80]!r} of a {what} holds control characters: write it with letters, digits "

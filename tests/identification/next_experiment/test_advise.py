@@ -6,10 +6,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from identification.data.signals import low_pass
 from identification.diagnosis.explanation import Explanation
 from identification.diagnosis.noise.noise_floor import estimate_noise
 from identification.diagnosis.result import EffectAt, Finding, Rival
-from identification.next_experiment.advise import Proposal, proposed
+from identification.next_experiment.advise import Proposal, length_of, proposed
 from identification.next_experiment.hypotheses import hypotheses_of
 from identification.reporting.stored.diagnosis_files import write_outputs
 from identification.words.diagnosis_words import PROPOSED, finding_words
@@ -121,3 +122,14 @@ def test_the_motion_is_written_beside_the_diagnosis(friction, made_up, pendulum,
         rows = list(csv.reader(file))
     assert rows[0] == ["t", "q_ref.pin", "v_ref.pin", "a_ref.pin"]
     np.testing.assert_array_equal(np.array(rows[1:], dtype=float)[:, 1], friction.motion.q[:, 0])
+
+
+def test_a_slow_recording_gets_a_proposal_long_enough_for_its_band(lab, pendulum):
+    # One sample in ten seconds: twenty seconds would hold three of them, and no fit has its columns from these.
+    motion = lab.motion(1)
+    torque = lab.acting(pendulum, motion, "coulomb_friction", "pin", 0.2)
+    logs = lab.prepared(pendulum, (lab.recording(pendulum, motion, torque),)).session.logs
+    slow = replace(logs[0], band=low_pass(0.02, 0.1))
+    seconds = length_of((slow,))
+    assert len(slow.band.samples(int(seconds * 0.1))) >= 20
+    assert length_of(logs) <= 20

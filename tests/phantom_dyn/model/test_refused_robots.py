@@ -69,6 +69,7 @@ def test_what_is_no_robot_is_refused(tmp_path, text, message):
         ('friction="0.5"', 'friction="none"', r"friction='none' in <dynamics> of joint tilt must be finite numbers"),
         ('<limit lower="-2"', '<limits lower="-2"', r"can read \(Joint \[tilt\] is of type REVOLUTE but it does not"),
         ('<child link="beam"/>', '<child link="bean"/>', r"child link \[bean\] of joint \[tilt\] not found"),
+        ('<link name="tool">', '<link name="">', "a link has an empty name: give it one, or leave the attribute out"),
         ('<link name="tool">', '<link name="rail">', "two links have the name rail: give each its own"),
         (
             'name="slide" type="prismatic"',
@@ -169,6 +170,7 @@ def test_a_broken_urdf_is_refused_with_its_place(tmp_path, old, new, message):
             '<equality><joint joint1="slide" joint2="tlit"/></equality><actuator>',
             r"<equality> names the joint 'tlit', the joints are .*did you mean tilt\?",
         ),
+        ('joint name="slide"', 'joint name=""', "a joint has an empty name: give it one, or leave the attribute out"),
         ("<compiler", '<option gravity="-9.81"/><compiler', "gravity in <option> has 1 numbers, wanted three"),
     ],
 )
