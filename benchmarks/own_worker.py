@@ -11,6 +11,7 @@ import json
 import sys
 import time
 from collections.abc import Iterator
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -87,21 +88,35 @@ def fit(robot: Robot, path: str, effects: str = "") -> dict[str, float]:
     }
 
 
+def from_start_of_step(log: Log, h: float) -> Log:
+    """The recording with the speeds from which a simulator's steps of ``h`` seconds have started."""
+    motion = log.motion
+    return replace(log, motion=replace(motion, v=motion.v - 0.5 * h * motion.a))
+
+
 def arm(robot: Robot, path: str, *fields: str) -> dict[str, Any]:
-    """Armature, or armature and damping, of every joint, from positions and torques, derivatives included."""
+    """Armature, or armature and damping, of every joint, from positions and torques, derivatives included.
+
+    A step ``h`` of MuJoCo, implicit in the damping, starts from the speed half a step before the one that positions
+    show at that time, ``v - h / 2 * a``, and damps the speed at its end, ``h * a`` more. The fit gets the first, so
+    that what it finds beside the acceleration is ``armature + h * damping``; the second part is taken off.
+    """
     effects = {"armature": ("rotor_inertia", "inertia"), "damping": ("viscous_friction", "coefficient")}
     stated = {"armature": robot.rotor_inertia, "damping": robot.viscous_friction}
     given, recording = terms(robot, ",".join(effects[f][0] for f in fields)), read_recording(path, robot)
-    ols(gap_regressor(robot, process(recording, robot), given))  # what is imported or compiled late does not count
+    h = float(np.median(np.diff(recording.t)))
+    # A first run is not timed: what is imported or compiled late does not count.
+    ols(gap_regressor(robot, from_start_of_step(process(recording, robot), h), given))
     start = time.process_time()
-    found = ols(gap_regressor(robot, process(recording, robot), given))
-    seconds = time.process_time() - start
+    found = ols(gap_regressor(robot, from_start_of_step(process(recording, robot), h), given))
     added = dict(zip(found.names, found.theta.tolist(), strict=True))
-    values = {
-        f"{f}.{joint}": float(stated[f][k]) + added[f"{joint}.{'.'.join(effects[f])}"]
-        for f in fields
-        for k, joint in enumerate(robot.joint_names)
+    whole = {
+        f: stated[f] + [added.get(f"{joint}.{'.'.join(effects[f])}", 0.0) for joint in robot.joint_names]
+        for f in effects
     }
+    whole["armature"] = whole["armature"] - h * whole["damping"]
+    seconds = time.process_time() - start
+    values = {f"{f}.{joint}": float(whole[f][k]) for f in fields for k, joint in enumerate(robot.joint_names)}
     return {"values": values, "seconds": seconds}
 
 
