@@ -20,8 +20,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 from jaxtyping import Float
-from scipy.stats import norm
-from scipy.stats import t as student
+from scipy.special import ndtri, stdtr
 
 from identification.batch.diagnose_each import DiagnosedRecordings
 from identification.diagnosis.result import EffectAt
@@ -182,7 +181,7 @@ def out_of_line(series: tuple[Series, ...]) -> tuple[OutOfLine, ...]:
                 continue
             spread = others.var(ddof=1) * (1 + 1 / len(others)) + noise[k] ** 2
             score = abs(means[k] - others.mean()) / np.sqrt(spread) if spread > 0 else np.inf
-            p = 2 * float(student.sf(score, len(others) - 1)) if means[k] != others.mean() else 1.0
+            p = 2 * float(stdtr(len(others) - 1, -score)) if means[k] != others.mean() else 1.0
             tested.append(OutOfLine(one.robot, quantity, one.unit, float(means[k]), float(others.mean()), p))
     return tuple(sorted((one for one in tested if one.p * len(tested) <= LEVEL), key=lambda one: one.p))
 
@@ -328,7 +327,7 @@ def _scatter(others: list[Series]) -> Float[Array, " m"] | None:
     usual = float(np.median(np.concatenate([one.stds for one in several])))
     # Where the finding is missing all sizes are zero, and yet none is surer than its deviation.
     if float(np.sqrt(np.mean(apart**2))) < usual:
-        return usual * np.asarray(norm.ppf((np.arange(len(apart)) + 0.5) / len(apart)))
+        return usual * np.asarray(ndtri((np.arange(len(apart)) + 0.5) / len(apart)))
     return apart
 
 

@@ -14,7 +14,6 @@ import itertools
 import numpy as np
 from jaxtyping import Float
 from scipy.interpolate import CubicSpline, make_interp_spline
-from scipy.signal import butter, firwin, sosfiltfilt, welch
 
 from identification.data.compensation import friction_taken
 from identification.data.joint_torque import external_torque
@@ -26,6 +25,8 @@ from phantom_dyn.effects.support.encoder_lattice import reading_step, stated_ste
 from phantom_dyn.errors import LogError
 from phantom_dyn.model.robot import Robot
 from phantom_dyn.motion import Motion
+from phantom_dyn.signals.recursive import low_pass_kernel, low_passed
+from phantom_dyn.signals.spectra import power_density
 
 Array = np.ndarray
 
@@ -55,7 +56,7 @@ _FEWEST = 20
 def _welch(x: Float[Array, " N"], rate_hz: float) -> tuple[Array, Array, int]:
     """Frequencies [Hz] and power of a series, and how many samples a segment has: 4 s, a fifth of it, or 256."""
     length = min(len(x), max(256, min(int(4 * rate_hz), len(x) // 5)))
-    f, power = welch(x, rate_hz, window="blackman", nperseg=length, detrend="constant")
+    f, power = power_density(x, rate_hz, length, window="blackman")
     return f, power, length
 
 
@@ -217,7 +218,7 @@ def low_pass(cutoff_hz: float, rate_hz: float) -> Band:
         return Band(rate_hz, 0.5 * rate_hz, np.ones(1), 1)
     half = int(np.ceil(2 * rate_hz / cutoff_hz))
     step = int(rate_hz / (_SAMPLES_PER_PERIOD * cutoff_hz))
-    return Band(rate_hz, cutoff_hz, np.asarray(firwin(2 * half + 1, cutoff_hz, fs=rate_hz), dtype=float), step)
+    return Band(rate_hz, cutoff_hz, low_pass_kernel(half, cutoff_hz, rate_hz), step)
 
 
 def smoothed(x: Float[Array, "n ..."], rate_hz: float, cutoff_hz: float) -> Float[Array, "n ..."]:
@@ -239,8 +240,7 @@ def differentiate(q: Float[Array, "N nv"], rate_hz: float, cutoff_hz: float) -> 
     (central differences lose 17 % there).
     """
     if cutoff_hz < 0.4 * rate_hz:
-        sos = butter(4, cutoff_hz, fs=rate_hz, output="sos")
-        q = sosfiltfilt(sos, q, axis=0, padlen=min(len(q) - 1, int(3 * rate_hz / cutoff_hz)))
+        q = low_passed(q, cutoff_hz, rate_hz, order=4, padding=int(3 * rate_hz / cutoff_hz))
     grid = np.arange(len(q)) / rate_hz
     spline = make_interp_spline(grid, q, k=5)
     return q, spline(grid, 1), spline(grid, 2)

@@ -18,7 +18,7 @@ from typing import Literal
 
 import numpy as np
 from jaxtyping import Float
-from scipy.stats import chi2
+from scipy.special import chdtrc
 
 from identification.data.log import Log
 from identification.estimators.closed_loop.loop import Feedback, resimulated, start_of
@@ -227,6 +227,6 @@ def compared(
     kept = size > _SAME
     statistic = float(np.sum(parts[kept] ** 2 / size[kept]))
     freedom = int(kept.sum())
-    probability = float(chi2.sf(statistic, freedom)) if freedom else 1.0
+    probability = float(chdtrc(freedom, statistic)) if freedom else 1.0
     std, scatter = (np.sqrt(np.clip(np.diag(cov), 0.0, None)) for cov in (difference_cov, least_squares_cov))
     return Endogeneity(statistic, freedom, probability, difference, std, scatter, names)

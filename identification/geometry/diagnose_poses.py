@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import numpy as np
 import pinocchio as pin
-from scipy.stats import f as fisher
+from scipy.special import fdtrc
 
 from identification.data.recording import Recording
 from identification.geometry.equations import DELAY, Problem
@@ -135,7 +135,7 @@ def _more_than_found(explained: ExplainedPoses) -> bool:
         return False
     # In units of noise, what the best kinematic model leaves has one a degree of freedom.
     rest = explained.fits.squares(explained.chosen) - explained.noise.free
-    return float(fisher.sf(max(rest, 0.0) / more, more, explained.noise.free)) < _STRUCTURE
+    return float(fdtrc(more, explained.noise.free, max(rest, 0.0) / more)) < _STRUCTURE
 
 
 def _above_floor(explained: ExplainedPoses) -> bool:

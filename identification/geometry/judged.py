@@ -10,7 +10,7 @@ from math import factorial
 
 import numpy as np
 from jaxtyping import Float
-from scipy.stats import norm
+from scipy.special import ndtri
 
 from identification.geometry.equations import BASE, TOOL
 from identification.geometry.explained import ExplainedPoses
@@ -27,7 +27,7 @@ LISTED = 0.05
 _NEAR = 15.0  # squares: what fits worse than that wins no bootstrap
 _EXACT = 5  # findings: of more, their orders are sampled
 _ORDERS = 120
-_POWER = float(norm.isf(0.05))
+_POWER = float(ndtri(0.95))
 _LEAST_GAP = 1e-3
 _ROUNDING = 1e-9
 

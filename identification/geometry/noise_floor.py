@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from jaxtyping import Float
-from scipy.stats import chi2
+from scipy.special import chdtri
 
 from identification.geometry.explained import ExplainedPoses
 from phantom_dyn.random_streams import random_stream
@@ -74,7 +74,7 @@ def _floor(squares: Array, free: float, source: str) -> Floor:
 
 
 def _interval(sigma: float, free: float) -> tuple[float, float]:
-    low, high = (sigma * float(np.sqrt(free / chi2.ppf(p, free))) for p in (0.975, 0.025))
+    low, high = (sigma * float(np.sqrt(free / chdtri(free, p))) for p in (0.025, 0.975))
     return low, high
 
 

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from jaxtyping import Float
-from scipy.stats import f as fisher
+from scipy.special import fdtri
 
 from identification.geometry.terms import ELASTIC, Term
 from identification.geometry.whitened import Whitened
@@ -78,7 +78,7 @@ def fits_of(found: Whitened, terms: tuple[Term, ...]) -> Fits:
 
 def price_of(count: int, free: float) -> float:
     """Squares that a term has to explain so that the best of ``count`` does by chance in `CHANCE` of all cases."""
-    return float(fisher.isf(CHANCE / max(count, 1), 1, free))
+    return 1.0 / float(fdtri(free, 1, CHANCE / max(count, 1)))
 
 
 def chosen_terms(fits: Fits, price: float) -> tuple[int, ...]:

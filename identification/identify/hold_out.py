@@ -8,7 +8,6 @@ from pathlib import Path
 
 import numpy as np
 from jaxtyping import Bool, Float
-from scipy.signal import welch
 
 from identification.data.checks.positions import still_joints
 from identification.data.log import Log
@@ -22,6 +21,7 @@ from phantom_dyn.dynamics.dynamics import inverse_dynamics
 from phantom_dyn.errors import IdentifiabilityError, LogError
 from phantom_dyn.model.robot import Robot
 from phantom_dyn.motion import Motion
+from phantom_dyn.signals.spectra import power_density
 
 Array = np.ndarray
 
@@ -261,7 +261,7 @@ def _densities(
     for its_rate, piece in pieces:
         # Recordings of another rate have other frequencies.
         if len(piece) >= length and abs(its_rate - rate) < 1e-3 * rate:
-            f, density = welch(piece, rate, nperseg=length, axis=0, detrend="constant")
+            f, density = power_density(piece, rate, length)
             power, weight = power + len(piece) * density, weight + len(piece)
     amplitude = np.sqrt(power / weight)[1:]  # without the mean
     return f[1:], amplitude[:, :nv], amplitude[:, nv:]

@@ -11,7 +11,7 @@ from collections.abc import Callable
 
 import numpy as np
 from jaxtyping import Float
-from scipy.stats import f as f_distribution
+from scipy.special import fdtri
 
 from identification.diagnosis import decision_rules as rules
 from identification.rollout.rollout_starts import Window
@@ -70,7 +70,7 @@ def strays(
         squares.append([np.mean(part[kept] ** 2, axis=0) for part in parts])
     error, *expected = np.mean(squares, axis=0)
     count = len(shots)
-    band = np.sqrt(f_distribution.isf(_LEVEL / len(error), count, count))
+    band = np.sqrt(1.0 / fdtri(count, count, _LEVEL / len(error)))
     return np.sqrt(error / np.maximum(np.sum(expected, axis=0), 1e-300)) / band
 
 

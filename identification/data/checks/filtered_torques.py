@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 from jaxtyping import Float
-from scipy.signal import welch
 
 from identification.data.recording import Recording
 from phantom_dyn.errors import listed
+from phantom_dyn.signals.spectra import power_density
 
 Array = np.ndarray
 
@@ -32,7 +32,7 @@ def roll_off(x: Float[Array, "N k"]) -> Float[Array, " k"]:
         return np.zeros(0)
     # Differences first, taken back in the spectrum: what is strong at low frequencies must not leak into the bands.
     differences, length = np.diff(x, axis=0), min(512, len(x) // 4)
-    f, power = welch(differences, 1.0, window="blackmanharris", nperseg=length, detrend="linear", axis=0)
+    f, power = power_density(differences, 1.0, length, window="blackmanharris", linear=True)
     power = power / np.maximum((2 * np.sin(np.pi * f)) ** 2, 1e-12)[:, None]
     lower, upper = (np.median(power[(f >= a) & (f <= b)], axis=0) for a, b in (_LOWER, _UPPER))
     return 10 * np.log10(np.maximum(upper, 1e-300) / np.maximum(lower, 1e-300))

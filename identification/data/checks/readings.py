@@ -8,10 +8,10 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 from jaxtyping import Float
-from scipy.signal import butter, sosfiltfilt
 
 from identification.data.checks.smoothed_copy import Smooth
 from phantom_dyn.motion import Motion
+from phantom_dyn.signals.recursive import low_passed
 
 Array = np.ndarray
 
@@ -53,8 +53,7 @@ def reading_of(smooth: Smooth, external: Float[Array, "M nv"] | None = None) -> 
     def in_band(values: Float[Array, "M nv"]) -> Float[Array, "N nv"]:
         if cutoff >= smooth.cutoff_hz:
             return values[rows]
-        sos = butter(4, cutoff, fs=rate, output="sos")
-        return sosfiltfilt(sos, values, axis=0, padlen=min(len(values) - 1, int(3 * rate / cutoff)))[rows]
+        return low_passed(values, cutoff, rate, order=4, padding=int(3 * rate / cutoff))[rows]
 
     motion = Motion(smooth.t[rows], in_band(smooth.q), in_band(smooth.v), in_band(smooth.a))
     tau = in_band(smooth.tau)

@@ -6,11 +6,11 @@ from dataclasses import dataclass
 
 import numpy as np
 from jaxtyping import Float
-from scipy.signal import butter, sosfiltfilt
 
 from identification.data.recording import Recording
 from identification.data.signals import acceleration_edge, differentiate
 from phantom_dyn.motion import Motion
+from phantom_dyn.signals.recursive import low_passed
 
 Array = np.ndarray
 
@@ -65,8 +65,7 @@ def _low_passed(values: Float[Array, "N k"], rate_hz: float, cutoff_hz: float) -
 
     if cutoff_hz >= 0.4 * rate_hz:
         return values
-    sos = butter(4, cutoff_hz, fs=rate_hz, output="sos")
-    return sosfiltfilt(sos, values, axis=0, padlen=min(len(values) - 1, int(3 * rate_hz / cutoff_hz)))
+    return low_passed(values, cutoff_hz, rate_hz, order=4, padding=int(3 * rate_hz / cutoff_hz))
 
 
 def smoothed(recording: Recording) -> Smooth | None:

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import numpy as np
 from jaxtyping import Bool, Float
-from scipy.stats import norm
+from scipy.special import ndtri
 
 from identification.diagnosis import decision_rules as rules
 from identification.diagnosis.fit.problem import Problem
@@ -181,7 +181,7 @@ def _threshold(level: Array, seconds: float, step: float, joints: int) -> float:
     """
     spread = 1.4826 * float(np.median(np.abs(level)))
     looks = max(len(level) * step / seconds, 1.0) * joints * len(rules.BURST_LENGTHS)
-    return max(rules.BURST_RATIO, spread * float(norm.isf(0.5 * rules.BURST_LEVEL / looks)))
+    return max(rules.BURST_RATIO, spread * -float(ndtri(0.5 * rules.BURST_LEVEL / looks)))
 
 
 def _run(inside: Array, at: int) -> tuple[int, int]:

@@ -6,7 +6,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 from jaxtyping import Float
-from scipy.stats import chi2, norm
+from scipy.special import chdtri, ndtri
 
 from identification.diagnosis import decision_rules as rules
 from identification.diagnosis.fit.gap import judged_noise, measured_torque, sums
@@ -108,7 +108,7 @@ def floor_of(
     for j, seen in enumerate(repeated_noise(session, residual, tuple(use & (held == 0.0) for use, held in moving))):
         if seen is None:
             continue
-        reach = float(np.exp(norm.ppf(1.0 - wrong / 200.0) * seen.error))
+        reach = float(np.exp(ndtri(1.0 - wrong / 200.0) * seen.error))
         least, most = seen.value / reach, seen.value * reach
         if min(low[j], left[j]) > np.hypot(most, np.sqrt(rules.ACCURACY) * torque[j]):
             value[j], low[j], high[j] = seen.value, least, most
@@ -133,7 +133,7 @@ def _at_most_times(problem: Problem, noise: Series) -> Float[Array, " nv"]:
     for j, part in enumerate(zip(*(log.T for log in problem.session.in_judged_band(noise)), strict=True)):
         used = [own[use[:, j]] for own, use in zip(part, problem.columns.usable, strict=True)]
         squares = np.concatenate(used) ** 2
-        out.append(np.sqrt(np.median(squares) / chi2.median(1)) if len(squares) else 0.0)
+        out.append(np.sqrt(np.median(squares) / chdtri(1, 0.5)) if len(squares) else 0.0)
     return np.array(out)
 
 

@@ -10,7 +10,6 @@ from __future__ import annotations
 
 import numpy as np
 from jaxtyping import Float
-from scipy.signal import welch
 
 from identification.diagnosis import decision_rules as rules
 from identification.diagnosis.fit.gap import held_out_torque, residual_after
@@ -19,6 +18,7 @@ from identification.diagnosis.judge.shares import left_by
 from identification.diagnosis.model.session import Series
 from identification.diagnosis.model.terms import Term, ordered
 from identification.diagnosis.search.search import Search, claimed
+from phantom_dyn.signals.spectra import power_density
 
 Array = np.ndarray
 
@@ -147,8 +147,8 @@ def loud_search(search: Search, chosen: frozenset[Term], noise: Series) -> Searc
 def _loud_until(rest: Float[Array, " n"], torque: Float[Array, " n"], rate_hz: float) -> float:
     """Frequency up to which the torque has many times the power of what is left [Hz]."""
     length = min(_SEGMENT, max(len(rest) // 4, 8), len(rest))
-    f, noise = welch(rest, rate_hz, nperseg=length)
-    _, power = welch(torque, rate_hz, nperseg=length)
+    f, noise = power_density(rest, rate_hz, length)
+    _, power = power_density(torque, rate_hz, length)
     # The first bin is a constant, which a spectrum takes off.
     quiet = np.flatnonzero((power < rules.MOVED_BY_NOISE * noise) & (f > 0.0))
     return float(f[quiet[0]]) if len(quiet) else np.inf

@@ -11,10 +11,10 @@ from dataclasses import dataclass
 
 import numpy as np
 from jaxtyping import Float
-from scipy.signal import lfilter
 
 from identification.diagnosis.law.histories import bristle, slip
 from identification.diagnosis.law.rest import Rest, RestLog
+from phantom_dyn.signals.recursive import lagging
 
 Array = np.ndarray
 Series = Callable[[RestLog], Array]
@@ -284,10 +284,7 @@ def supply_loads(inputs: tuple[str, ...], joint: str) -> tuple[str, ...]:
 
 
 def _behind(x: Float[Array, " N"], dt: float, lag: float) -> Float[Array, " N"]:
-    if lag == 0.0:
-        return x
-    step = -np.expm1(-dt / lag)
-    return np.asarray(lfilter([step], [1.0, step - 1.0], x, zi=[(1.0 - step) * x[0]])[0])
+    return lagging(x, dt, lag) if lag else x
 
 
 def _other(at: _Joint, other: _Joint) -> Iterator[Term]:

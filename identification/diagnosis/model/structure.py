@@ -12,12 +12,12 @@ from collections.abc import Callable
 
 import numpy as np
 from jaxtyping import Float
-from scipy.signal import lfilter
 
 from phantom_dyn.effects.effect import Rival, Shape, Signature
 from phantom_dyn.effects.operation import Operation
 from phantom_dyn.effects.support.rows import branch_rows, row_of
 from phantom_dyn.model.robot import Robot
+from phantom_dyn.signals.recursive import lagging
 
 Array = np.ndarray
 
@@ -147,19 +147,13 @@ class Supply(Rival):
     def signature(self, robot: Robot, operation: Operation, joint: str | None, shape: Shape) -> Signature:
         """Modelled torque, and the same times the load of all joints; of one joint also the power and its own load."""
         tau = operation.tau
-        load = _scaled(_followed(np.abs(tau).sum(axis=1), operation.dt, shape[0]))
+        load = _scaled(lagging(np.abs(tau).sum(axis=1), operation.dt, shape[0]))
         if joint is None:
             columns = np.stack([tau, tau * load[:, None]], axis=-1)
             return Signature(tuple(range(robot.nv)), columns, ("gain", "sag"), ("1", "1"))
-        power = _scaled(_followed(np.maximum((tau * operation.v).sum(axis=1), 0.0), operation.dt, shape[0]))
+        power = _scaled(lagging(np.maximum((tau * operation.v).sum(axis=1), 0.0), operation.dt, shape[0]))
         own = _scaled(tau[:, row_of(robot, joint)])
         return _on_row(robot, joint, [own, own * load, own * power, own * np.abs(own)])
-
-
-def _followed(x: Float[Array, " N"], dt: float, seconds: float) -> Float[Array, " N"]:
-    """``x`` behind a first-order lag."""
-    step = -np.expm1(-dt / seconds)
-    return np.asarray(lfilter([step], [1.0, step - 1.0], x, zi=[(1.0 - step) * x[0]])[0])
 
 
 STRUCTURES: tuple[Rival, ...] = (

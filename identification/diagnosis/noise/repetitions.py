@@ -6,8 +6,8 @@ from dataclasses import dataclass
 
 import numpy as np
 from jaxtyping import Bool, Float
+from scipy.fft import next_fast_len
 from scipy.ndimage import uniform_filter1d
-from scipy.signal import correlate, find_peaks
 
 from identification.data.log import Log
 from identification.diagnosis import decision_rules as rules
@@ -89,7 +89,7 @@ def _lags(first: Log, second: Log, *, again: bool) -> list[int]:
     v, w = _velocity(first), _velocity(second)
     scale = np.maximum(np.sqrt(np.mean(np.concatenate([v, w]) ** 2, axis=0)), 1e-12)
     v, w = v / scale, w / scale
-    common = np.sum([correlate(w[:, j], v[:, j], "full", "fft") for j in range(v.shape[1])], axis=0)
+    common = np.sum([_correlation(w[:, j], v[:, j]) for j in range(v.shape[1])], axis=0)
     lags = np.arange(-(len(v) - 1), len(w))
     power = [np.concatenate([[0.0], np.cumsum(np.sum(x**2, axis=1))]) for x in (v, w)]
     starts = np.maximum(0, -lags), np.maximum(0, lags)
@@ -101,9 +101,17 @@ def _lags(first: Log, second: Log, *, again: bool) -> list[int]:
         # A recording is like itself a moment later, too.
         apart = np.flatnonzero((lags > 0) & (unlike > _UNLIKE))
         unlike = np.where(lags < (lags[apart[0]] if len(apart) else np.inf), 1.0, unlike)
-    best, _ = find_peaks(-np.pad(unlike, 1, constant_values=1.0), height=-_UNLIKE)
-    best = sorted(best - 1, key=lambda k: unlike[k])[:_MOST]
+    around = np.pad(unlike, 1, constant_values=1.0)
+    best = np.flatnonzero((unlike < around[:-2]) & (unlike <= around[2:]) & (unlike <= _UNLIKE))
+    best = sorted(best, key=lambda k: unlike[k])[:_MOST]
     return [int(lags[k]) for k in best]
+
+
+def _correlation(w: Float[Array, " m"], v: Float[Array, " n"]) -> Float[Array, " m+n-1"]:
+    """Sums of products of ``w`` with ``v`` that comes later by -(n - 1) to m - 1 samples."""
+    length = next_fast_len(len(w) + len(v) - 1, real=True)
+    circular = np.fft.irfft(np.fft.rfft(w, length) * np.fft.rfft(v[::-1], length), length)
+    return circular[: len(w) + len(v) - 1]
 
 
 def _overlap(first: int, second: int, lag: int) -> tuple[slice, slice]:

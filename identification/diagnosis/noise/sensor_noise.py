@@ -7,10 +7,10 @@ from itertools import pairwise
 
 import numpy as np
 from jaxtyping import Float
-from scipy.signal import csd, welch
 
 from identification.data.log import Log
 from identification.diagnosis import decision_rules as rules
+from phantom_dyn.signals.spectra import cross_density, power_density
 
 Array = np.ndarray
 
@@ -64,11 +64,11 @@ def _above(log: Log, row: int, *, held: bool) -> tuple[Float[Array, "2 b"], floa
     length = min(1024, len(tau) // (_SEGMENTS // 2))
     if high < 2.0 * low:
         return None
-    f, power = welch(tau, rate, nperseg=length)
+    f, power = power_density(tau, rate, length)
     if log.raw_q is not None and np.ptp(log.raw_q[:, row]) > 0:
         q = log.raw_q[:, row]
-        _, own = welch(q, rate, nperseg=length)
-        _, both = csd(tau, q, rate, nperseg=length)
+        _, own = power_density(q, rate, length)
+        _, both = cross_density(tau, q, rate, length)
         segments = max(2 * len(tau) // length - 1, 2)
         # By chance two series share one part in as many as there are segments.
         power = np.maximum(power - np.abs(both) ** 2 / np.maximum(own, 1e-300), 0.0) * segments / (segments - 1)

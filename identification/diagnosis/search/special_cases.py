@@ -6,7 +6,7 @@ from collections.abc import Callable
 
 import numpy as np
 from jaxtyping import Float
-from scipy.stats import chi2
+from scipy.special import chdtr
 
 from identification.diagnosis import decision_rules as rules
 from identification.diagnosis.fit.fitting import Fitted
@@ -30,7 +30,7 @@ def certainty(numbers: Float[Array, " k"], cov: Float[Array, "k k"]) -> float:
     std = np.sqrt(np.maximum(np.diag(cov), 1e-300))
     scaled = numbers / std
     inverse = np.linalg.pinv(cov / np.outer(std, std), rcond=_RANK, hermitian=True)
-    return float(chi2.cdf(scaled @ inverse @ scaled, len(numbers)))
+    return float(chdtr(len(numbers), scaled @ inverse @ scaled))
 
 
 def simpler(robot: Robot, term: Term, fitted: JointFit) -> tuple[float, tuple[str, ...]] | None:

@@ -12,7 +12,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from jaxtyping import Float
-from scipy.stats import t as student
+from scipy.special import stdtrit
 
 from identification.diagnosis import decision_rules as rules
 from identification.scenarios.at_rest.rests import Stills
@@ -87,7 +87,7 @@ def giving_way(stills: Stills) -> GivingWay:
     before = _fit(error, ()).left
     shift = _fit(error, (("backlash", -0.5 * side),))
     width, deviation = float(shift.values[0]), max(float(shift.std[0]), stills.quantum / np.sqrt(12.0 * len(error)))
-    needed = float(student.isf(rules.REST_CHANCE, len(error) - 2)) * deviation
+    needed = -float(stdtrit(len(error) - 2, rules.REST_CHANCE)) * deviation
     detectable_sizes = needed + 1.645 * deviation
     if width <= needed:
         return GivingWay(before, (), (), np.zeros(0), width, deviation, detectable_sizes)
@@ -96,7 +96,7 @@ def giving_way(stills: Stills) -> GivingWay:
     alike = sizes.max() - sizes.min() < _ALIKE * sizes.mean()
     ways = [_fit(error, tuple((name, columns[name]) for name in names)) for names in WAYS]
     # Both together are a rival only if each is sure beside the other.
-    sure = ways[2].values > float(student.isf(0.01, max(len(error) - 3, 1))) * ways[2].std
+    sure = ways[2].values > -float(stdtrit(max(len(error) - 3, 1), 0.01)) * ways[2].std
     ways = ways if len(error) > 6 and not alike and sure.all() else ways[:2]
     rng = random_stream("bootstrap of rests")
     drawn = rng.integers(len(error), size=(_REPLICATES, len(error)))

@@ -17,6 +17,7 @@ from phantom_dyn.effects.operation import Operation
 from phantom_dyn.effects.simulated import Law, Simulated
 from phantom_dyn.effects.support.rows import drive_places, driven_rows, hidden_behind_drive, torque_on_rows
 from phantom_dyn.model.robot import Robot
+from phantom_dyn.signals.recursive import recursive
 
 Array = np.ndarray
 
@@ -122,14 +123,12 @@ def _slope(operation: Operation, rows: tuple[int, ...]) -> Float[Array, "N m"]:
 
 def _lagged(tau: Float[Array, " N"], dt: float, time_constant: float) -> Float[Array, " N"]:
     """First-order low pass, exact for a torque that is linear between samples."""
-    from scipy.signal import lfilter
-
     if time_constant <= 0:
         return tau
     steps = dt / time_constant
     keep = np.exp(-steps)
     old, new = (1.0 - keep) / steps - keep, 1.0 - (1.0 - keep) / steps
-    return np.asarray(lfilter([new, old], [1.0, -keep], tau, zi=[tau[0] * (1.0 - new)])[0])
+    return recursive((new, old), (1.0, -keep), tau[:, None])[:, 0]
 
 
 @jit

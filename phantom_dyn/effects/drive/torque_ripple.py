@@ -15,7 +15,6 @@ from dataclasses import replace
 
 import numpy as np
 from jaxtyping import Float
-from scipy.signal import butter, sosfiltfilt
 
 from phantom_dyn._kernels.jit import jit
 from phantom_dyn.effects.described import EffectWords
@@ -33,6 +32,7 @@ from phantom_dyn.effects.support.position_waves import (
 )
 from phantom_dyn.effects.support.rows import row_of, torque_on_joint
 from phantom_dyn.model.robot import Robot
+from phantom_dyn.signals.recursive import low_passed
 
 Array = np.ndarray
 
@@ -131,12 +131,12 @@ class TorqueRipple(Effect):
 
 def _smooth_load(operation: Operation, row: int) -> Float[Array, " N"]:
     """Load, that of the links up to the edge of the judged band: above, waves would carry noise of accelerations."""
-    load, edge = operation.transmitted[:, row], 2.0 * operation.band_hz * operation.dt
-    if not 0.0 < edge < 1.0:
+    load = operation.transmitted[:, row]
+    if not 0.0 < operation.band_hz * operation.dt < 0.5:
         return load
     # Friction steps where a joint reverses, and knows no acceleration.
     friction = operation.own_friction[:, row]
-    return friction + np.asarray(sosfiltfilt(butter(_POLES, edge, output="sos"), load - friction))
+    return friction + low_passed(load - friction, operation.band_hz, 1.0 / operation.dt, order=_POLES)
 
 
 @jit

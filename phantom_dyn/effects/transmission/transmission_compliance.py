@@ -23,6 +23,8 @@ from phantom_dyn.effects.support.displaced import behind_encoder, change_by_link
 from phantom_dyn.effects.support.encoder_lattice import stated_step
 from phantom_dyn.effects.support.rows import branch_rows, row_of, stiffness_unit
 from phantom_dyn.model.robot import Robot
+from phantom_dyn.signals.recursive import low_passed
+from phantom_dyn.signals.spectra import power_density
 
 Array = np.ndarray
 
@@ -224,12 +226,10 @@ def swing_loop(half: Array, pull: Array, spring: Array, drag: Array, out: Array)
 
 def _edge(t: Array, load: Array, inertia: float, step: float | None, edges: Edges) -> float:
     """Frequency [Hz] up to which ``load`` is more than what the rounding of an encoder to ``step`` makes of it."""
-    from scipy.signal import welch
-
     if step is None or len(t) < 16:
         return edges[1]
     rate = (len(t) - 1) / float(t[-1] - t[0])
-    f, power = welch(load, rate, nperseg=min(len(t), int(2.0 * rate)))
+    f, power = power_density(load, rate, min(len(t), int(2.0 * rate)))
     noise = (inertia * step * (2.0 * np.pi * f) ** 2) ** 2 / (6.0 * rate)
     lost = np.flatnonzero((power < 4.0 * noise) & (f > edges[0]))
     return edges[2] if len(lost) == 0 else min(float(f[lost[0]]), edges[2])
@@ -237,12 +237,9 @@ def _edge(t: Array, load: Array, inertia: float, step: float | None, edges: Edge
 
 def _followed(t: Array, load: Array, edge: float) -> Array:
     """``load`` without what lies above ``edge`` [Hz], without delay."""
-    from scipy.signal import butter, sosfiltfilt
-
     if len(t) < 16:
         return load
     rate = (len(t) - 1) / float(t[-1] - t[0])
     if edge > 0.4 * rate:
         return load
-    low_pass = butter(2, edge, fs=rate, output="sos")
-    return np.asarray(sosfiltfilt(low_pass, load, padlen=min(len(load) - 1, int(3 * rate / edge))), dtype=float)
+    return low_passed(load, edge, rate, order=2, padding=int(3 * rate / edge))

@@ -24,6 +24,7 @@ from phantom_dyn.haptics.device.axis import RigidAxis, TwoMassAxis
 from phantom_dyn.haptics.device.discretisation import discretise
 from phantom_dyn.haptics.number_checks import require_columns, require_numbers, require_positive, sample_count
 from phantom_dyn.motion import read_only
+from phantom_dyn.signals.spectra import cross_density, power_density
 
 Array = np.ndarray
 
@@ -129,9 +130,6 @@ def limit_cycle(experiment: RelayExperiment) -> LimitCycle:
         ParameterError: If fewer than 64 samples are left after the device has settled, the relay does not switch any
             more, or force or position are not finite.
     """
-    # Imported here: scipy.signal takes longer to import than the rest of haptics.
-    from scipy.signal import csd, welch
-
     require_columns(len(experiment.t), force=experiment.force, position=experiment.position)
     first = int(_SETTLING * len(experiment.t))
     force, position = experiment.force[first:], experiment.position[first:]
@@ -144,9 +142,9 @@ def limit_cycle(experiment: RelayExperiment) -> LimitCycle:
             "record for longer, and for several times the delay."
         )
     rate = 1.0 / experiment.period
-    f, density = welch(position, rate, nperseg=length, detrend="constant")
-    _, force_density = welch(force, rate, nperseg=length, detrend="constant")
-    _, cross = csd(force, position, rate, nperseg=length, detrend="constant")
+    f, density = power_density(position, rate, length)
+    _, force_density = power_density(force, rate, length)
+    _, cross = cross_density(force, position, rate, length)
     at = 1 + int(np.argmax(density[1:]))
     peak = slice(max(at - _REACH, 1), at + _REACH + 1)
     frequency = float(np.sum(f[peak] * density[peak]) / np.sum(density[peak]))

@@ -19,6 +19,7 @@ from phantom_dyn.haptics.device.discretisation import discretise
 from phantom_dyn.haptics.experiments.relay import held_forces
 from phantom_dyn.haptics.number_checks import require_columns, require_not_negative, require_positive, sample_count
 from phantom_dyn.motion import read_only
+from phantom_dyn.signals.spectra import cross_density, power_density
 
 Array = np.ndarray
 
@@ -156,9 +157,6 @@ def estimate_frequency_response(
         ParameterError: If the recording is shorter than two segments, a segment is under 16 samples, force or position
             are constant, or hold what is no number.
     """
-    # Imported here: scipy.signal takes longer to import than the rest of haptics.
-    from scipy.signal import csd, welch
-
     require_positive(period=period, segment=segment)
     length = round(min(segment / period, 1e9))
     if len(force) != len(position) or length < 16 or len(force) < 2 * length + 2:
@@ -176,9 +174,9 @@ def estimate_frequency_response(
     largest, strongest = float(np.abs(bent).max()), float(np.abs(force).max())
     bent, driven = bent / largest, force[1:-1] / strongest
     rate = 1.0 / period
-    f, drive = welch(driven, rate, nperseg=length)
-    _, answer = welch(bent, rate, nperseg=length)
-    _, cross = csd(driven, bent, rate, nperseg=length)
+    f, drive = power_density(driven, rate, length)
+    _, answer = power_density(bent, rate, length)
+    _, cross = cross_density(driven, bent, rate, length)
     inside = slice(3, (length + 1) // 2)
     w = 2 * np.pi * f[inside]
     response = (largest / strongest) * cross[inside] / drive[inside] / (-4.0 * np.sin(0.5 * w * period) ** 2)
