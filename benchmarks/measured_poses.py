@@ -1,6 +1,7 @@
 """How often poses of a UR10 blame a robot that is right, and find what is wrong: zeros, places, elasticity.
 
     python -m benchmarks.measured_poses --seeds 3000:3100
+    python -m benchmarks.measured_poses --seeds 3100:3200 --told    # in the robot's root frame, base and target, too
 
 Each seed is a robot that is right and one with a single error, measured to 0.1 mm: 20 to 100 poses at rest, with or
 without orientations. The generator (``tests/common``) has forward kinematics of its own.
@@ -20,16 +21,19 @@ from phantom_dyn.model.robot_files import find_robot
 from tests.common.measured_poses import TrueRobot, measured, moved_joint, pose, quaternions, rotation
 
 NOISE = 1e-4  # [m], and three times that in radian
-Key = tuple[str, str, str]
+Key = tuple[str, str | None, str]
 
 
-def recording(seed: int, robot: TrueRobot, joints: tuple[str, ...]) -> Recording:
-    """Poses of ``tool0`` in the axes of a tracker that stands anywhere."""
+def recording(
+    seed: int, robot: TrueRobot, joints: tuple[str, ...], told: tuple[np.ndarray, np.ndarray] | None = None
+) -> Recording:
+    """Poses of ``tool0`` in the axes of a tracker that stands anywhere, or at the told poses of base and target."""
     rng = np.random.default_rng(seed)
     poses = (20, 40, 60, 100)[seed % 4]
     q = rng.uniform(-1.5, 1.5, (poses, 6)) + np.array([0, -1.2, 0, 0, 0, 0])
     tracker = pose(rng.uniform(-3, 3, 3).tolist(), rng.uniform(-2, 2, 3).tolist())
     target = pose(rng.uniform(-0.1, 0.1, 3).tolist(), rng.uniform(-1, 1, 3).tolist())
+    tracker, target = (tracker, target) if told is None else told
     read = {joint: q[:, k] for k, joint in enumerate(joints)}
     p, R = measured(robot, "tool0", read, tracker=tracker, target=target)
     R = np.array([each @ rotation(3 * NOISE * rng.standard_normal(3)) for each in R])
@@ -54,20 +58,40 @@ def wrong_robot(seed: int, text: str, joints: tuple[str, ...]) -> tuple[TrueRobo
     return TrueRobot(text, {}, {joint: size}), ("joint_elasticity", joint, "compliance"), size
 
 
+def told_poses(seed: int) -> tuple[tuple[np.ndarray, np.ndarray], Key, float]:
+    """Poses of base and target near those of the log's names, with one number that is wrong, and its size."""
+    rng = np.random.default_rng([seed, 2])
+    part, of_tool = int(rng.integers(6)), bool(rng.integers(2))
+    part = part % 3 if of_tool and seed % 2 == 0 else part  # without orientations a target has no turn
+    size = float(rng.choice([-1, 1]) * rng.uniform(1e-3, 8e-3))
+    numbers = (size * np.eye(6)[part]).tolist()
+    wrong = pose(numbers[:3], numbers[3:])
+    both = (np.eye(4), wrong) if of_tool else (wrong, np.eye(4))
+    parameter = ("x", "y", "z", "rx", "ry", "rz")[part]
+    return both, ("tool_pose", "tool0", parameter) if of_tool else ("base_pose", None, parameter), size
+
+
 def main() -> None:
     """Print false claims, truths in the set, extras and the largest errors."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--seeds", default="0:100")
-    first, last = map(int, parser.parse_args().seeds.split(":"))
+    parser.add_argument("--told", action="store_true")
+    given = parser.parse_args()
+    first, last = map(int, given.seeds.split(":"))
+    at_root = (np.eye(4), np.eye(4)) if given.told else None
     robot, text = load_robot("example:ur10"), Path(find_robot("example:ur10")).read_text()
     false = found = tested = extra = 0
     errors: dict[str, list[float]] = {}
     for seed in range(first, last):
-        right = diagnose_poses(robot, (recording(seed, TrueRobot(text), robot.joint_names),))
+        right = diagnose_poses(robot, (recording(seed, TrueRobot(text), robot.joint_names, at_root),))
         assert right is not None
         false += bool(right.findings or right.verdict != "no_gap")
         true, key, size = wrong_robot(seed, text, robot.joint_names)
-        said = diagnose_poses(robot, (recording(seed, true, robot.joint_names),))
+        told = at_root
+        if given.told and seed % 3:
+            true = TrueRobot(text)
+            told, key, size = told_poses(seed)
+        said = diagnose_poses(robot, (recording(seed, true, robot.joint_names, told),))
         assert said is not None
         sizes = {(f.effect, f.joint, name): x.value for f in said.findings for name, x in f.parameters.items()}
         rivals = {

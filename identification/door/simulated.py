@@ -136,8 +136,8 @@ def _gain(name: str, given: object, nv: int) -> Float[Array, " nv"]:
 def _cause(robot: Robot, known: KnownEffect) -> Cause:
     if known.effect in OF_POSES:
         raise UsageError(
-            f"{known.effect} of {known.joint} was given to be simulated, and changes where links are, not their "
-            "torque: load the corrected.urdf beside the corrected.yaml, and leave this entry out."
+            f"{known.effect} of {known.joint or 'the base'} was given to be simulated, and changes where links are, "
+            "not their torque: load the corrected.urdf beside the corrected.yaml, and leave this entry out."
         )
     return Cause(effect_named(known.effect, robot), known.joint, np.array(known.theta))
 

@@ -11,7 +11,7 @@ import pinocchio as pin
 from scipy.special import fdtrc
 
 from identification.data.recording import Recording
-from identification.geometry.equations import DELAY, Problem
+from identification.geometry.equations import DELAY
 from identification.geometry.explained import ExplainedPoses, explained_poses
 from identification.geometry.held_out import blocks_of, draws, left_of_each
 from identification.geometry.judged import Gap, bounds_of, findings_of, gap_of
@@ -25,7 +25,7 @@ from identification.geometry.result import (
     PoseEvidence,
     PoseFinding,
 )
-from identification.geometry.terms import terms_of
+from identification.geometry.told_frames import problem_of
 from identification.geometry.whitened import SEEN, orthonormal, without
 from phantom_dyn.errors import LogError
 from phantom_dyn.model.robot import Robot
@@ -65,11 +65,11 @@ def diagnose_poses(robot: Robot, recordings: tuple[Recording, ...]) -> GeometryR
                 f"{one.file} has {len(one.t)} poses of {one.frame} outside of what is left out, wanted at least "
                 f"{FEWEST}: measure more, or leave the columns p.{one.frame} out."
             )
-    terms = terms_of(robot, [one.frame for one in sets])
-    if not terms:
+    problem = problem_of(robot, sets, paths)
+    if not problem.terms:
         names = ", ".join(dict.fromkeys(one.frame for one in sets))
         raise LogError(f"No joint of {robot.name} moves {names}: name a frame behind a joint, or leave p. out.")
-    return _result(explained_poses(Problem(robot, sets, paths, terms)))
+    return _result(explained_poses(problem))
 
 
 def _result(explained: ExplainedPoses) -> GeometryResult:
@@ -199,11 +199,13 @@ def _gap(explained: ExplainedPoses, one: Measured, series: int, errors: list[Arr
 
 
 def _fitted(explained: ExplainedPoses) -> tuple[Fitted, ...]:
-    files = {one.recording: one.file for one in explained.problem.sets}
-    out = [Fitted("base", file, None, _numbers(explained.estimate.base[k])) for k, file in files.items()]
-    for one, tool in zip(explained.problem.sets, explained.estimate.tool, strict=True):
-        pose = _numbers(tool)
-        out.append(Fitted("tool", one.file, one.frame, pose if one.turn is not None else pose[:3]))
+    problem, estimate = explained.problem, explained.estimate
+    files = {} if problem.in_root else {one.recording: one.file for one in problem.sets}
+    out = [Fitted("base", file, None, _numbers(estimate.base[k])) for k, file in files.items()]
+    for one, tool in zip(problem.sets, estimate.tool, strict=True):
+        if one.frame not in problem.on_frame:
+            pose = _numbers(tool)
+            out.append(Fitted("tool", one.file, one.frame, pose if one.turn is not None else pose[:3]))
     return tuple(out)
 
 

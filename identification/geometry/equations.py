@@ -1,8 +1,9 @@
 # pyright: reportAttributeAccessIssue=false
 """Linear equations of measured poses: what is left, and Pinocchio's kinematic regressor of all that may be wrong.
 
-A frame is predicted at ``T_tracker_base @ T_base_frame(q) @ T_frame_target``. What is left of a pose and all columns
-are twists of the target in its own axes, so that noise that is alike in all directions is so here.
+A frame is predicted at ``T_tracker_base @ T_base_frame(q) @ T_frame_target``. Where poses are told in the root frame,
+the first and the last are the unit and what a ``base_pose`` and a ``tool_pose`` add. What is left of a pose and all
+columns are twists of the target in its own axes, so that noise that is alike in all directions is so here.
 """
 
 from __future__ import annotations
@@ -15,7 +16,7 @@ import pinocchio as pin
 from jaxtyping import Float, Int
 
 from identification.geometry.measured import Measured, Path
-from identification.geometry.terms import ELASTIC, LINK, Term, subspace
+from identification.geometry.terms import BASE_POSE, ELASTIC, LINK, TOOL_POSE, ZERO, Term, subspace
 from phantom_dyn.model.robot import Robot
 from phantom_dyn.motion import configurations
 
@@ -84,12 +85,23 @@ class Equations:
 
 @dataclass(frozen=True)
 class Problem:
-    """Measured poses and all that may be wrong with the geometry."""
+    """Measured poses and all that may be wrong with the geometry.
+
+    Attributes:
+        robot: The given model.
+        sets: Poses.
+        paths: Of the joints of those recordings that are motions.
+        terms: What may be wrong.
+        in_root: True if poses are told in the robot's root frame, so that no pose of the base is fitted.
+        on_frame: Frames that the targets are told to sit on, so that no pose of theirs is fitted.
+    """
 
     robot: Robot
     sets: tuple[Measured, ...]
     paths: Mapping[int, Path]
     terms: tuple[Term, ...]
+    in_root: bool = False
+    on_frame: tuple[str, ...] = ()
 
     @property
     def recordings(self) -> int:
@@ -100,9 +112,10 @@ class Problem:
 def nuisances_of(problem: Problem) -> tuple[Nuisance, ...]:
     """The pose of the base and the delay of each recording, the pose of each target: only what its poses can show."""
     own = sorted({one.recording for one in problem.sets})
-    out = [Nuisance(BASE, number, part) for number in own for part in range(6)]
+    out = [] if problem.in_root else [Nuisance(BASE, number, part) for number in own for part in range(6)]
     for k, one in enumerate(problem.sets):
-        out += [Nuisance(TOOL, k, part) for part in range(3 if one.turn is None else 6)]
+        parts = 0 if one.frame in problem.on_frame else 3 if one.turn is None else 6
+        out += [Nuisance(TOOL, k, part) for part in range(parts)]
     return (*out, *(Nuisance(DELAY, number, 0) for number in own if number in problem.paths))
 
 
@@ -131,7 +144,7 @@ def true_positions(
     """Positions of the links: readings less zeros, less deflections under load."""
     out = q.copy()
     for term, value in zip(terms, values, strict=True):
-        if term.effect != LINK and value != 0.0:
+        if term.effect in (ZERO, ELASTIC) and value != 0.0:
             out[:, term.row] -= value * (load[:, term.row] if term.effect == ELASTIC else 1.0)
     return out
 
@@ -164,7 +177,9 @@ def _of_set(
     delay = estimate.delay[one.recording]
     q, v = (one.q, one.v) if delay == 0.0 else problem.paths[one.recording].at(one.t - delay)
     q = true_positions(q, one.load, problem.terms, estimate.values)
-    base, tool = pin.SE3(estimate.base[one.recording]), pin.SE3(estimate.tool[number])
+    told = {effect: _told(problem, estimate, effect, of) for effect, of in ((BASE_POSE, None), (TOOL_POSE, one.frame))}
+    base = pin.SE3(estimate.base[one.recording]) * placed(told[BASE_POSE])
+    tool = pin.SE3(estimate.tool[number]) * placed(told[TOOL_POSE])
     left, twists, regressor, pose = _each(model, one, q, base, tool)
     motions = _joint_columns(model, regressor)  # twist of the target per unit of each joint, (n, 6, nv)
     nuisance = np.zeros((len(one.t), 6, len(kinds)))
@@ -175,7 +190,14 @@ def _of_set(
             nuisance[:, kind.part, k] = 1.0
         elif kind.kind == DELAY and kind.of == one.recording:
             nuisance[:, :, k] = -np.einsum("nij,nj->ni", motions, v)
-    columns = np.stack([_column(model, term, regressor, motions, one.load) for term in problem.terms], axis=2)
+    by_tool = np.broadcast_to(_slope(told[TOOL_POSE]), twists.shape)
+    slopes = {BASE_POSE: twists @ _slope(told[BASE_POSE]), TOOL_POSE: by_tool}
+    columns = np.zeros((len(one.t), 6, len(problem.terms)))
+    for k, term in enumerate(problem.terms):
+        if term.effect not in slopes:
+            columns[:, :, k] = _column(model, term, regressor, motions, one.load)
+        elif term.joint in (None, one.frame):
+            columns[:, :, k] = slopes[term.effect][:, :, term.part]
     kept = 3 if one.turn is None else 6
     rows = len(one.t) * kept
     return Equations(
@@ -186,6 +208,27 @@ def _of_set(
         np.repeat(first + pose, kept),
         np.tile(2 * number + (np.arange(kept) >= 3), len(one.t)),
     )
+
+
+def placed(numbers: Float[Array, " 6"]) -> pin.SE3:
+    """The pose of a ``base_pose`` or ``tool_pose``: shift ``x y z`` and rotation vector ``rx ry rz``."""
+    return pin.SE3(pin.exp3(numbers[3:]), numbers[:3])
+
+
+def _slope(numbers: Float[Array, " 6"]) -> Float[Array, "6 6"]:
+    """Twists of such a pose in its own axes, per unit of each number."""
+    out = np.zeros((6, 6))
+    out[:3, :3], out[3:, 3:] = pin.exp3(numbers[3:]).T, pin.Jexp3(numbers[3:])
+    return out
+
+
+def _told(problem: Problem, estimate: Estimate, effect: str, of: str | None) -> Float[Array, " 6"]:
+    """The numbers of a ``base_pose`` or of the ``tool_pose`` of a frame."""
+    out = np.zeros(6)
+    for term, value in zip(problem.terms, estimate.values, strict=True):
+        if term.place == (effect, of):
+            out[term.part] = value
+    return out
 
 
 def _each(model: pin.Model, one: Measured, q: Array, base: pin.SE3, tool: pin.SE3) -> tuple[Array, Array, Array, Array]:

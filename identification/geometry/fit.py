@@ -12,6 +12,7 @@ from jaxtyping import Float
 
 from identification.geometry.equations import BASE, TOOL, Equations, Estimate, Nuisance, Problem, equations
 from identification.geometry.measured import Measured
+from phantom_dyn.model.robot import Robot
 
 Array = np.ndarray
 
@@ -23,22 +24,32 @@ RANK = 1e-7
 
 
 def start_of(problem: Problem) -> Estimate:
-    """Poses of base and targets from the measured positions alone: the best rotation (Kabsch), no delay, no term."""
+    """Poses of base and targets from the measured positions alone: the best rotation (Kabsch), no delay, no term.
+
+    Poses that are told are units.
+    """
     first: dict[int, Array] = {}
     tools = []
     for one in problem.sets:
-        frames = _frames(problem, one)
+        frames = frame_poses(problem.robot, one)
         if one.recording not in first:
-            first[one.recording] = _aligned(frames[:, :3, 3], one.position)
-        tools.append(_target(frames, first[one.recording], one))
+            first[one.recording] = np.eye(4) if problem.in_root else _aligned(frames[:, :3, 3], one.position)
+        told = one.frame in problem.on_frame
+        tools.append(np.eye(4) if told else _target(frames, first[one.recording], one))
     base = tuple(first.get(number, np.eye(4)) for number in range(problem.recordings))
     return Estimate(np.zeros(len(problem.terms)), base, tuple(tools), (0.0,) * problem.recordings)
 
 
-def _frames(problem: Problem, one: Measured) -> Float[Array, "n 4 4"]:
-    model, data = problem.robot.model, problem.robot.model.createData()
+def frame_poses(robot: Robot, one: Measured) -> Float[Array, "n 4 4"]:
+    """Poses of a frame in the root by the given model.
+
+    Args:
+        robot: The model.
+        one: Gives frame and joint positions.
+    """
+    model, data = robot.model, robot.model.createData()
     out = np.empty((len(one.t), 4, 4))
-    for k, q in enumerate(problem.robot.configuration(one.q)):
+    for k, q in enumerate(robot.configuration(one.q)):
         pin.framesForwardKinematics(model, data, q)
         out[k] = data.oMf[one.index].homogeneous
     return out

@@ -54,7 +54,7 @@ class Gap:
 
 def groups_of(explained: ExplainedPoses) -> tuple[Group, ...]:
     """Terms that were found, those of one joint's place together."""
-    places: dict[tuple[str, str], list[int]] = {}
+    places: dict[tuple[str, str | None], list[int]] = {}
     for k in explained.chosen:
         places.setdefault(explained.problem.terms[k].place, []).append(k)
     return tuple(tuple(group) for group in places.values())
@@ -155,7 +155,7 @@ def _rivals(explained: ExplainedPoses, blocks: Blocks, group: Group) -> tuple[fl
 
 
 def _places(terms: Sequence[Term]) -> tuple[Place, ...]:
-    places: dict[tuple[str, str], list[str]] = {}
+    places: dict[tuple[str, str | None], list[str]] = {}
     for term in terms:
         places.setdefault(term.place, []).append(term.parameter)
     return tuple(Place(effect, joint, tuple(names)) for (effect, joint), names in places.items())

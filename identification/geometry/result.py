@@ -24,7 +24,7 @@ class Place:
     """An effect, its joint, and which of its parameters."""
 
     effect: str
-    joint: str
+    joint: str | None
     parameters: tuple[str, ...]
 
 
@@ -38,14 +38,14 @@ class PoseRival:
 
 @dataclass(frozen=True)
 class PoseFinding:
-    """One named cause of a wrong tip.
+    """One named cause of a wrong tip; ``joint`` is the frame of a ``tool_pose`` and None for a ``base_pose``.
 
     ``gap_closed`` comes back when this finding alone is taken out and all others are fitted again; ``share`` is its
     Shapley value. ``floors`` is what it leaves when it is taken out, as mean square in squares of the noise.
     """
 
     effect: str
-    joint: str
+    joint: str | None
     parameters: dict[str, Number]
     share: float
     gap_closed: float
@@ -67,7 +67,7 @@ class FrameGap:
     Attributes:
         frame: Its name.
         unit: ``m`` or ``rad``.
-        rms_before: With the best poses of base and target, and the given geometry.
+        rms_before: With the given geometry; poses of base and target as they are told, or the best ones.
         rms_after: With the findings.
         noise_floor: What the tracker leaves.
         noise_floor_interval: At 95 %.
@@ -93,7 +93,7 @@ class PoseBound:
     """The smallest size of a term that these poses would have shown with 95 % power."""
 
     effect: str
-    joint: str
+    joint: str | None
     parameter: str
     below: float
     unit: str
@@ -104,14 +104,14 @@ class Unseen:
     """A term that these poses cannot show, and why."""
 
     effect: str
-    joint: str
+    joint: str | None
     parameter: str
     why: str
 
 
 @dataclass(frozen=True)
 class Fitted:
-    """A pose that is always fitted, as ``x y z`` [m] and a rotation vector ``rx ry rz`` [rad].
+    """A pose of which nothing is known, always fitted: ``x y z`` [m] and a rotation vector ``rx ry rz`` [rad].
 
     ``what`` is ``base`` (the robot's root in the axes of what measured) or ``tool`` (the target on its frame).
     """
@@ -159,7 +159,7 @@ class GeometryResult:
         minor: Those that are seen but close less than a hundredth of the gap and leave less than half a floor.
         bounds: What would have been seen.
         not_testable: What these poses cannot show.
-        fitted: Poses of base and target.
+        fitted: Poses of base and target that are not told.
         delays: Of recordings that are motions.
         rank: Number of base kinematic parameters: independent combinations of all terms that the poses show.
         structured: True if something is left that depends on the posture.

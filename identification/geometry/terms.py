@@ -1,8 +1,9 @@
 # pyright: reportAttributeAccessIssue=false
 """What may be wrong with the geometry of a robot: one number each, with the joint that it belongs to.
 
-Joint zeros (``encoder_offset``), the six numbers by which a joint sits elsewhere on its parent (``link_geometry``), and
-the deflection of a joint under its load (``joint_elasticity``).
+Joint zeros (``encoder_offset``), the six numbers by which a joint sits elsewhere on its parent (``link_geometry``), the
+deflection of a joint under its load (``joint_elasticity``), and, where poses are told in the robot's root frame, the
+six numbers by which the base stands elsewhere (``base_pose``) and a target sits elsewhere on its frame (``tool_pose``).
 """
 
 from __future__ import annotations
@@ -19,6 +20,9 @@ from phantom_dyn.model.robot import Robot
 Array = np.ndarray
 
 ZERO, LINK, ELASTIC = "encoder_offset", "link_geometry", "joint_elasticity"
+BASE_POSE, TOOL_POSE = "base_pose", "tool_pose"
+PLACES = (LINK, BASE_POSE, TOOL_POSE)
+"""Effects that are a pose: six numbers, of which those are told that are wrong."""
 PARTS = ("x", "y", "z", "rx", "ry", "rz")
 _ALONG = 1.0 - 1e-9  # cosine above which a joint moves along one of its own axes
 
@@ -28,18 +32,18 @@ class Term:
     """One number that the geometry of a robot may lack.
 
     Attributes:
-        effect: ``encoder_offset``, ``link_geometry`` or ``joint_elasticity``.
-        joint: The joint.
-        row: Of the joint among the velocities.
+        effect: ``encoder_offset``, ``link_geometry``, ``joint_elasticity``, ``base_pose`` or ``tool_pose``.
+        joint: The joint; the frame of a ``tool_pose``, None for a ``base_pose``.
+        row: Of the joint among the velocities; -1 without a joint.
         parameter: Name of the number.
         unit: Of the number.
-        part: Of a ``link_geometry``, which of its six numbers; else -1.
+        part: Of a pose, which of its six numbers; else -1.
         largest: Beyond this the number is not plausible, in its unit: a place that is off by a decimetre or an angle by
             half a radian is seen by eye, and a joint that gives way by a tenth of a radian at one newton metre as well.
     """
 
     effect: str
-    joint: str
+    joint: str | None
     row: int
     parameter: str
     unit: str
@@ -47,9 +51,19 @@ class Term:
     largest: float = np.inf
 
     @property
-    def place(self) -> tuple[str, str]:
+    def place(self) -> tuple[str, str | None]:
         """Effect and joint: terms of the same place make one finding."""
         return self.effect, self.joint
+
+
+def pose_terms(effect: str, of: str | None, parts: int = 6) -> tuple[Term, ...]:
+    """The numbers of a ``base_pose`` or ``tool_pose``: three where orientations were not measured."""
+    return tuple(_pose_term(effect, of, -1, part) for part in range(parts))
+
+
+def _pose_term(effect: str, joint: str | None, row: int, part: int) -> Term:
+    linear = part < 3
+    return Term(effect, joint, row, PARTS[part], "m" if linear else "rad", part, 0.1 if linear else 0.5)
 
 
 def terms_of(robot: Robot, frames: Sequence[str]) -> tuple[Term, ...]:
@@ -70,10 +84,7 @@ def terms_of(robot: Robot, frames: Sequence[str]) -> tuple[Term, ...]:
         far = 0.1 if robot.prismatic[row] else 0.5
         out.append(Term(ZERO, joint, row, "offset", unit, largest=far))
         own = moved_part(robot, index)
-        for part, name in enumerate(PARTS):
-            if part != own:
-                linear = part < 3
-                out.append(Term(LINK, joint, row, name, "m" if linear else "rad", part, 0.1 if linear else 0.5))
+        out += [_pose_term(LINK, joint, row, part) for part in range(len(PARTS)) if part != own]
         if robot.actuators[row].encoder_side == "motor":
             out.append(Term(ELASTIC, joint, row, "compliance", f"{unit}/({torque})", largest=0.1))
     return tuple(out)

@@ -2,11 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
-
 from identification.diagnosis.result import Diagnosis, EffectAt, Finding, Rival, Value
 from identification.geometry.result import FrameGap, GeometryResult, Number, Place, PoseFinding
-from identification.geometry.terms import ELASTIC, LINK, ZERO
+from identification.geometry.terms import BASE_POSE, ELASTIC, LINK, PLACES, TOOL_POSE, ZERO
 from identification.words.certainty import as_told
 from identification.words.diagnosis_words import sureness
 from identification.words.numbers_and_names import NO_BREAK, number, percent, value_words
@@ -14,7 +12,13 @@ from identification.words.verdict_words import headline
 
 _SHIFTS, _TURNS = ("x", "y", "z"), ("rx", "ry", "rz")
 _SMALL = {"m": (1e3, "mm"), "rad": (1e3, "mrad")}
-EFFECTS = {ZERO: "a zero error", LINK: "a wrong place", ELASTIC: "elasticity"}
+EFFECTS = {
+    ZERO: "a zero error",
+    LINK: "a wrong place",
+    ELASTIC: "elasticity",
+    BASE_POSE: "a wrong pose",
+    TOOL_POSE: "a wrong pose",
+}
 
 
 def answer(diagnosis: Diagnosis) -> str:
@@ -60,8 +64,17 @@ def size_words(one: Number) -> str:
 
 def finding_at(finding: PoseFinding) -> str:
     """Effect, joint and sizes, as in ``a zero error of j2 of 2.0 ± 0.1 mrad``."""
-    before, after = {ZERO: (" of ", ""), LINK: (", by ", ""), ELASTIC: (" (", ")")}[finding.effect]
-    return f"{EFFECTS[finding.effect]} of {finding.joint}{before}{sizes_words(finding)}{after}"
+    at = f"{EFFECTS[finding.effect]} of {carrier(finding.effect, finding.joint)}"
+    if finding.effect == ELASTIC:
+        return f"{at} ({sizes_words(finding)})"
+    return f"{at}{', by' if finding.effect in PLACES else ' of'} {sizes_words(finding)}"
+
+
+def carrier(effect: str, joint: str | None) -> str:
+    """What an effect sits on: a joint, the base, or the target on a frame."""
+    if effect == TOOL_POSE:
+        return f"the target on {joint}"
+    return "the base" if joint is None else joint
 
 
 def sizes_words(finding: PoseFinding) -> str:
@@ -71,7 +84,7 @@ def sizes_words(finding: PoseFinding) -> str:
         unit = _stiffness_unit(compliance.unit)
         stiffness = Value(1.0 / compliance.value, compliance.std / compliance.value**2, unit)
         return f"stiffness {value_words(stiffness)}"
-    if finding.effect == LINK:
+    if finding.effect in PLACES:
         return joined([f"{size_words(one)} {_along(name)}" for name, one in finding.parameters.items()])
     return size_words(finding.parameters["offset"])
 
@@ -92,22 +105,26 @@ def joined(parts: list[str]) -> str:
 
 def place_words(place: Place) -> str:
     """Effect and joint of a rival, with the axes of a place."""
-    if place.effect != LINK:
-        return f"{EFFECTS[place.effect]} of {place.joint}"
-    return f"{EFFECTS[LINK]} of {place.joint} {joined([_along(name) for name in place.parameters])}"
+    at = f"{EFFECTS[place.effect]} of {carrier(place.effect, place.joint)}"
+    if place.effect not in PLACES:
+        return at
+    return f"{at} {joined([_along(name) for name in place.parameters])}"
 
 
 def sentences(found: GeometryResult) -> list[str]:
     """Two or three sentences: how far the tip is off, what explains it, and what is left."""
-    return [_gap_sentence(found.frames), *_cause_sentences(found), *_late_sentences(found), *found.notes]
+    return [_gap_sentence(found), *_cause_sentences(found), *_late_sentences(found), *found.notes]
 
 
-def _gap_sentence(frames: Iterable[FrameGap]) -> str:
+def _gap_sentence(found: GeometryResult) -> str:
     said: list[str] = []
-    for frame in frames:
+    for frame in found.frames:
         size = f"{small_words(frame.rms_before, frame.unit)} (rms)"
         said.append(f"{frame.frame} is off by {size}" if frame.unit == "m" else f"turned by {size}")
-    return f"Measured poses: {joined(said)} once the poses of base and target are fitted."
+    fitted = {one.what for one in found.fitted}
+    poses = "the poses of base and target are" if "base" in fitted else "the pose of the target is"
+    told = f"once {poses} fitted" if fitted else "in the robot's root frame"
+    return f"Measured poses: {joined(said)} {told}."
 
 
 def _cause_sentences(found: GeometryResult) -> list[str]:

@@ -29,7 +29,10 @@ def ur10_text() -> str:
 
 @pytest.fixture
 def tracked(ur10, ur10_text) -> Callable[..., Recording]:
-    """Poses of ``tool0`` in the axes of a tracker that stands anywhere, with a target that sits anywhere."""
+    """Poses of ``tool0`` in the axes of a tracker that stands anywhere, with a target that sits anywhere.
+
+    With ``base`` it stands at the root but for that shift and turn, and the target on the frame but for ``tool``.
+    """
 
     def make(
         seed: int,
@@ -44,6 +47,8 @@ def tracked(ur10, ur10_text) -> Callable[..., Recording]:
         t: np.ndarray | None = None,
         late: float = 0.0,
         misread: Callable[[np.ndarray], np.ndarray] = lambda q: q,
+        base: Sequence[float] | None = None,
+        tool: Sequence[float] = (0, 0, 0, 0, 0, 0),
     ) -> Recording:
         rng = np.random.default_rng(seed)
         q = rng.uniform(-1.5, 1.5, (poses, 6)) + np.array([0, -1.2, 0, 0, 0, 0]) if q is None else q
@@ -54,6 +59,8 @@ def tracked(ur10, ur10_text) -> Callable[..., Recording]:
             text = moved_joint(text, *move)
         tracker = pose(rng.uniform(-3, 3, 3), rng.uniform(-2, 2, 3))
         target = pose(rng.uniform(-0.1, 0.1, 3), rng.uniform(-1, 1, 3))
+        if base is not None:
+            tracker, target = pose(base[:3], base[3:]), pose(tool[:3], tool[3:])
         readings = {joint: at[:, k] for k, joint in enumerate(ur10.joint_names)}
         robot = TrueRobot(text, zeros or {}, compliance or {})
         p, R = measured(robot, "tool0", readings, tracker=tracker, target=target)

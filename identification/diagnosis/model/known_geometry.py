@@ -1,5 +1,5 @@
 # pyright: reportAttributeAccessIssue=false
-"""Findings of measured poses that belong to the given model already: places of joints, zeros and elasticity."""
+"""Findings of measured poses that belong to the given model already: zeros, elasticity, and poses of what is where."""
 
 from __future__ import annotations
 
@@ -11,18 +11,19 @@ from jaxtyping import Float
 
 from identification.data.recording import Recording
 from identification.diagnosis.model.terms import KnownEffect
+from identification.geometry.equations import placed
 from identification.geometry.measured import load_of
-from identification.geometry.terms import ELASTIC, LINK, ZERO
+from identification.geometry.terms import BASE_POSE, ELASTIC, LINK, TOOL_POSE, ZERO
 from phantom_dyn.model.robot import Robot
 
 Array = np.ndarray
 
-OF_POSES = (LINK, ELASTIC)
+OF_POSES = (LINK, ELASTIC, BASE_POSE, TOOL_POSE)
 """Effects of poses that no torque law knows; the zero of an encoder is one of both."""
 
 
 def of_torques(known: tuple[KnownEffect, ...]) -> tuple[KnownEffect, ...]:
-    """Those that a model of torques takes: all but places of joints and their elasticity."""
+    """Those that a model of torques takes: all but what only poses show."""
     return tuple(one for one in known if one.effect not in OF_POSES)
 
 
@@ -41,11 +42,14 @@ def moved_on(first: Float[Array, " 6"], second: Float[Array, " 6"]) -> Float[Arr
 
 
 def with_known_places(robot: Robot, known: tuple[KnownEffect, ...]) -> Robot:
-    """The robot with its joints where earlier poses put them; the same robot without such a finding."""
-    twists = known_twists(known)
-    if not twists:
+    """The robot with its joints and targets where earlier poses put them; the same robot without such a finding."""
+    twists, targets = known_twists(known), [one for one in known if one.effect == TOOL_POSE]
+    if not twists and not targets:
         return robot
     model = robot.model.copy()
+    for one in targets:
+        frame = model.frames[model.getFrameId(str(one.joint))]
+        frame.placement = frame.placement * placed(np.array(one.theta))
     for joint, twist in twists.items():
         index = model.getJointId(joint)
         model.jointPlacements[index] = model.jointPlacements[index] * pin.exp6(twist)
@@ -60,6 +64,7 @@ def as_known(robot: Robot, recordings: tuple[Recording, ...], known: tuple[Known
         recordings: Those without poses stay.
         known: Effects of earlier diagnoses.
     """
+    recordings = _in_root(recordings, known)
     told = [one for one in known if one.effect in (ZERO, ELASTIC) and one.joint in robot.joint_names]
     if not told:
         return recordings
@@ -74,3 +79,23 @@ def as_known(robot: Robot, recordings: tuple[Recording, ...], known: tuple[Known
         return replace(read, q=read.q - compliance * load_of(robot, read)) if compliance.any() else read
 
     return tuple(map(links, recordings))
+
+
+def _in_root(recordings: tuple[Recording, ...], known: tuple[KnownEffect, ...]) -> tuple[Recording, ...]:
+    """Recordings with their poses in the root frame, where earlier ones showed that the base stands elsewhere."""
+    bases = [placed(np.array(one.theta)) for one in known if one.effect == BASE_POSE]
+    for base in bases:
+        recordings = tuple(_seen_from(recording, base) for recording in recordings)
+    return recordings
+
+
+def _seen_from(recording: Recording, base: pin.SE3) -> Recording:
+    back, turn = base.inverse(), pin.Quaternion(base.inverse().rotation)
+    return replace(
+        recording,
+        positions={frame: p @ back.rotation.T + back.translation for frame, p in recording.positions.items()},
+        orientations={
+            frame: np.array([(turn * pin.Quaternion(one)).coeffs() for one in turns])
+            for frame, turns in recording.orientations.items()
+        },
+    )

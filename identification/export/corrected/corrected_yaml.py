@@ -11,7 +11,7 @@ from typing import Any
 from identification.diagnosis.model.known_geometry import OF_POSES
 from identification.diagnosis.model.terms import KnownEffect
 from identification.diagnosis.result import Adjusted, Diagnosis, Value
-from identification.geometry.terms import LINK, PARTS, ZERO
+from identification.geometry.terms import BASE_POSE, PARTS, PLACES, TOOL_POSE, ZERO
 from phantom_dyn.effects.catalogue import effect_named
 from phantom_dyn.effects.effect import Effect, Parameter
 from phantom_dyn.errors import ParameterError, PhantomDynError, RobotError, known_names, shortened
@@ -76,7 +76,7 @@ def write_corrected(diagnosis: Diagnosis, robot_source: str, sha256: str) -> str
 
 
 def _by_poses(diagnosis: Diagnosis, known_zeros: set[str | None]) -> tuple[CorrectedEffect, ...]:
-    """What measured poses show: zeros, places and elasticity of joints."""
+    """What measured poses show: zeros, places and elasticity of joints, poses of base and target."""
     found = () if diagnosis.geometry is None else diagnosis.geometry.findings
     return tuple(
         CorrectedEffect(
@@ -255,15 +255,11 @@ def known_effect(entry: CorrectedEffect, robot: Robot, file: Path) -> KnownEffec
 
 
 def _known_by_poses(entry: CorrectedEffect, robot: Robot, file: Path) -> KnownEffect:
-    """The place of a joint on its parent, what is not named being as given, or a joint's compliance."""
+    """A joint's compliance, or the pose of a joint, the base or a target; what is not named of it is as given."""
     if robot.chain is not None:
         raise ParameterError(f"{file}: effect {entry.effect} is of measured poses, which closed chains have none of.")
-    if entry.joint not in robot.joint_names:
-        raise ParameterError(
-            f"{file}: effect {entry.effect} is on joint '{shortened(entry.joint or '')}', which this robot does not "
-            f"have: {known_names(entry.joint or '', robot.joint_names, 'joints')}"
-        )
-    wanted = PARTS if entry.effect == LINK else ("compliance",)
+    _require_carrier(entry, robot, file)
+    wanted = PARTS if entry.effect in PLACES else ("compliance",)
     given = set(entry.parameters)
     if not given or not given <= set(wanted):
         raise ParameterError(
@@ -279,6 +275,24 @@ def _known_by_poses(entry: CorrectedEffect, robot: Robot, file: Path) -> KnownEf
             )
         theta.append(float(value))
     return KnownEffect(entry.effect, entry.joint, tuple(theta))
+
+
+def _require_carrier(entry: CorrectedEffect, robot: Robot, file: Path) -> None:
+    """Refuse a joint or frame that the robot does not have, and any for the pose of the base."""
+    if entry.effect == BASE_POSE:
+        if entry.joint is not None:
+            raise ParameterError(
+                f"{file}: {BASE_POSE} is on '{shortened(entry.joint)}', wanted null: it is the base's."
+            )
+        return
+    what, names = "joint", robot.joint_names
+    if entry.effect == TOOL_POSE:
+        what, names = "frame", tuple(frame.name for frame in robot.model.frames)
+    if entry.joint not in names:
+        raise ParameterError(
+            f"{file}: effect {entry.effect} is on {what} '{shortened(entry.joint or '')}', which this robot does not "
+            f"have: {known_names(entry.joint or '', names, f'{what}s')}"
+        )
 
 
 def _require_lengths(effect: Effect, entry: CorrectedEffect, file: Path) -> None:

@@ -16,7 +16,7 @@ from identification.diagnosis.model.terms import KnownEffect
 from identification.export.corrected.corrected_urdf import move_zero
 from identification.export.model_files.urdf_file import attribute_text
 from identification.geometry.result import GeometryResult
-from identification.geometry.terms import ELASTIC, LINK, PARTS, ZERO
+from identification.geometry.terms import BASE_POSE, ELASTIC, LINK, PARTS, TOOL_POSE, ZERO
 from phantom_dyn.model.robot_xml import Element
 
 Array = np.ndarray
@@ -45,6 +45,8 @@ def joint_moves(
     """
     out = {joint: JointMove(twist) for joint, twist in known_twists(known).items()}
     for finding in () if found is None else found.findings:
+        if finding.joint is None or finding.effect not in (LINK, ZERO):
+            continue
         move = out.get(finding.joint, JointMove(np.zeros(6)))
         if finding.effect == LINK:
             twist = np.array([finding.parameters[x].value if x in finding.parameters else 0.0 for x in PARTS])
@@ -55,18 +57,21 @@ def joint_moves(
 
 
 def not_in_files(found: GeometryResult | None, known: tuple[KnownEffect, ...] = ()) -> tuple[str, ...]:
-    """A sentence on the elasticity that was found, which these files do not hold; nothing without one.
+    """Sentences on elasticity and on poses of base and target that were found, which these files do not hold.
 
     Args:
         found: What measured poses say; None where there are none.
         known: Effects that belong to the given model already.
     """
-    elastic = [one.joint for one in known if one.effect == ELASTIC]
-    elastic += [] if found is None else [one.joint for one in found.findings if one.effect == ELASTIC]
-    joints = dict.fromkeys(str(joint) for joint in elastic)
-    if not joints:
-        return ()
-    return (f"corrected.urdf and corrected.xml have no place for the elasticity under load of {', '.join(joints)}.",)
+    told = [(one.effect, one.joint) for one in (*known, *(() if found is None else found.findings))]
+    joints = dict.fromkeys(str(joint) for effect, joint in told if effect == ELASTIC)
+    out = [f"have no place for the elasticity under load of {', '.join(joints)}"] if joints else []
+    if any(effect == BASE_POSE for effect, _ in told):
+        out.append("leave the base at the root: where it stands (base_pose) is for the cell, not for the robot's file")
+    frames = dict.fromkeys(str(joint) for effect, joint in told if effect == TOOL_POSE)
+    if frames:
+        out.append(f"leave {', '.join(frames)} as given: move what is mounted there, or its frame, by tool_pose")
+    return tuple(f"corrected.urdf and corrected.xml {one}." for one in out)
 
 
 def moved_urdf(text: str, moves: Mapping[str, JointMove]) -> str:

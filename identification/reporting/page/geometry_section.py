@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from markupsafe import Markup
 
-from identification.geometry.result import FrameGap, GeometryResult, PoseEvidence, PoseFinding
+from identification.geometry.result import FrameGap, GeometryResult, PoseBound, PoseEvidence, PoseFinding
 from identification.reporting.charts.chart import AFTER, BEFORE, Panel, chart
 from identification.reporting.charts.chart_marks import Curve
 from identification.words import geometry_words as words
@@ -26,7 +26,7 @@ class PosesView:
         sentences: What they say.
         findings: Cause, size, share, certainty and what else explains it, a row each.
         frames: Gap of each frame: given, corrected, noise.
-        fitted: Poses that are always fitted.
+        fitted: Poses that are not told.
         bounds: What would have been seen.
         not_testable: What these poses cannot show, those of one reason together.
         chart: Errors of the poses before and after.
@@ -56,9 +56,7 @@ def poses_view(found: GeometryResult) -> PosesView:
             )
             for one in found.fitted
         ],
-        bounds=[
-            (one.joint, f"{one.effect} {one.parameter}", words.small_words(one.below, one.unit)) for one in found.bounds
-        ],
+        bounds=[_bound(one) for one in found.bounds],
         not_testable=_unseen(found),
         chart=Markup("" if found.evidence is None else _chart(found.evidence, found.frames)),
     )
@@ -67,7 +65,7 @@ def poses_view(found: GeometryResult) -> PosesView:
 def _finding(one: PoseFinding) -> Row:
     rivals = "; ".join(words.joined([words.place_words(place) for place in rival.places]) for rival in one.rivals)
     return (
-        f"{words.EFFECTS[one.effect]} of {one.joint}",
+        f"{words.EFFECTS[one.effect]} of {words.carrier(one.effect, one.joint)}",
         words.sizes_words(one),
         percent(min(one.share, 1.0)),
         sureness(one.probability),
@@ -80,10 +78,15 @@ def _frame(one: FrameGap) -> Row:
     return (one.frame, *(words.small_words(size, one.unit) for size in sizes), one.noise_floor_source.replace("_", " "))
 
 
+def _bound(one: PoseBound) -> Row:
+    at = words.carrier(one.effect, one.joint)
+    return (at, f"{one.effect} {one.parameter}", words.small_words(one.below, one.unit))
+
+
 def _unseen(found: GeometryResult) -> list[Row]:
     whys: dict[str, list[str]] = {}
     for one in found.not_testable:
-        whys.setdefault(one.why, []).append(f"{one.joint} {one.effect} {one.parameter}")
+        whys.setdefault(one.why, []).append(f"{words.carrier(one.effect, one.joint)} {one.effect} {one.parameter}")
     return [(", ".join(names), why) for why, names in whys.items()]
 
 

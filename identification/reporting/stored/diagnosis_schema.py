@@ -93,7 +93,7 @@ class PoseBoundPart(_Part, frozen=True):
     """What would have been seen in poses."""
 
     effect: str
-    joint: str
+    joint: str | None
     parameter: str
     below: Number
     unit: str
@@ -103,13 +103,13 @@ class UnseenPart(_Part, frozen=True):
     """What poses cannot show."""
 
     effect: str
-    joint: str
+    joint: str | None
     parameter: str
     why: str
 
 
 class FittedPart(_Part, frozen=True):
-    """A pose that is always fitted."""
+    """A pose that is not told, and fitted."""
 
     what: str
     file: str

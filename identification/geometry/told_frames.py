@@ -1,0 +1,87 @@
+"""Whether poses are told in the robot's root frame and on its own frames, as their columns say, or in others.
+
+A log says ``p.<frame>``: the position of a frame of the robot in its root frame. A laser tracker writes its own axes
+under that name, and a reflector sits beside the frame. What is off by more than anyone would overlook is such another
+frame, of which nothing is known; what is off by less is an error of the base's or the tool's pose.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+
+import numpy as np
+from scipy.special import fdtri
+
+from identification.geometry.equations import Equations, Problem
+from identification.geometry.fit import fitted, frame_poses, start_of
+from identification.geometry.measured import Measured, Path
+from identification.geometry.terms import BASE_POSE, LINK, TOOL_POSE, Term, pose_terms, terms_of
+from phantom_dyn.model.robot import Robot
+
+Array = np.ndarray
+
+_CHANCE = 1e-4
+"""Chance at which poses of one base for all recordings, near the root, fit worse than any poses of bases."""
+
+
+def problem_of(robot: Robot, sets: tuple[Measured, ...], paths: Mapping[int, Path]) -> Problem:
+    """Measured poses with all that may be wrong, poses of base and tool among it where these are told.
+
+    Args:
+        robot: The given model.
+        sets: Measured poses.
+        paths: Of joints of motions.
+    """
+    joints = terms_of(robot, [one.frame for one in sets])
+    free = Problem(robot, sets, paths, joints)
+    if not joints or any(_is_far(robot, one) for one in sets):
+        return free
+    parts: dict[str, int] = {}
+    for one in sets:
+        parts[one.frame] = max(parts.get(one.frame, 3), 3 if one.turn is None else 6)
+    told = pose_terms(BASE_POSE, None)
+    for frame, count in parts.items():
+        told += pose_terms(TOOL_POSE, frame, count)
+    near = replace(free, terms=told, in_root=True, on_frame=tuple(parts))
+    weights = np.ones(2 * len(sets))
+    estimate, here = fitted(near, start_of(near), range(len(told)), weights)
+    _, there = fitted(free, start_of(free), (), weights)
+    far = {term.place for term, value in zip(told, estimate.values, strict=True) if abs(value) > term.largest}
+    if (BASE_POSE, None) in far or not _as_good(here, len(told), there):
+        return free
+    frames = tuple(frame for frame in parts if (TOOL_POSE, frame) not in far)
+    kept = tuple(term for term in told if term.effect == BASE_POSE or term.joint in frames)
+    return replace(free, terms=kept + without_twins(robot, joints, sets), in_root=True, on_frame=frames)
+
+
+def without_twins(robot: Robot, joints: Sequence[Term], sets: Sequence[Measured]) -> tuple[Term, ...]:
+    """Terms without the place of a first joint that carries all frames: it is the place of the base.
+
+    Args:
+        robot: The given model.
+        joints: Terms of joints.
+        sets: Measured poses.
+    """
+    model = robot.model
+    carrying = [set(model.supports[model.frames[one.index].parentJoint]) for one in sets]
+    first = {index for index in set.intersection(*carrying) if index and model.parents[index] == 0}
+    rows = {model.joints[index].idx_v for index in first}
+    return tuple(term for term in joints if term.effect != LINK or term.row not in rows)
+
+
+def _is_far(robot: Robot, one: Measured) -> bool:
+    """True if no plausible poses of base and tool bring the frame to where it was measured."""
+    reached = frame_poses(robot, one)[:, :3, 3]
+    shift, turn = pose_terms(BASE_POSE, None)[0].largest, pose_terms(BASE_POSE, None)[3].largest
+    reach = float(np.linalg.norm(reached, axis=1).max())
+    # Three numbers of a shift at their limit, of base and of tool, and three of a turn.
+    return float(np.median(np.linalg.norm(one.position - reached, axis=1))) > np.sqrt(3) * (2 * shift + turn * reach)
+
+
+def _as_good(near: Equations, terms: int, free: Equations) -> bool:
+    """True if what the nearer fit leaves is more by no more than chance."""
+    of_near, of_free = float(near.left @ near.left), float(free.left @ free.left)
+    more, rest = max(free.nuisance.shape[1] - near.nuisance.shape[1] - terms, 1), max(len(free.left) - 1, 1)
+    limit = 1.0 + more / rest / float(fdtri(rest, more, _CHANCE))
+    return of_near <= limit * of_free + 1e-24 * len(near.left)
