@@ -232,7 +232,7 @@ def _row_lines(row: ComparedFinding) -> list[str]:
     name = capital(effect_at(row.at))
     out = []
     for size in row.sizes:
-        cells = [size_words(value) or gone for value, gone in zip(size.values, row.missing, strict=True)]
+        cells = [size_words(value) or gone or "not found" for value, gone in zip(size.values, row.missing, strict=True)]
         verdict = {True: ", changed", False: ", the same", None: ""}[size.changed]
         out.append(f"  {name}, {parameter_name(size.parameter)}: {' -> '.join(cells)}{verdict}")
     if not row.sizes:

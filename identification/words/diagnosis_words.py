@@ -8,6 +8,7 @@ from typing import Any
 
 from identification.diagnosis.decision_rules import LISTED
 from identification.diagnosis.result import EffectAt, Finding
+from identification.geometry.terms import TOOL_POSE
 from identification.words.effect_words import (
     is_between_joints,
     regime_sentence,
@@ -128,9 +129,11 @@ def _next_step(finding: Finding, experiment: Mapping[str, Any]) -> str:
 
 
 def place(effect: str, joint: str | None) -> str:
-    """``joint j2``; of a coupling ``joints j2 and j3``; the whole robot for None."""
+    """``joint j2``; of a coupling ``joints j2 and j3``; the whole robot for None, a frame for the pose of a target."""
     if joint is None:
         return "the whole robot"
+    if effect == TOOL_POSE:
+        return f"frame {joint}"
     first, plus, second = joint.partition("+")
     if plus and is_between_joints(effect):
         return joints_words([first, second])

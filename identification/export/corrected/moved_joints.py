@@ -65,13 +65,13 @@ def not_in_files(found: GeometryResult | None, known: tuple[KnownEffect, ...] = 
     """
     told = [(one.effect, one.joint) for one in (*known, *(() if found is None else found.findings))]
     joints = dict.fromkeys(str(joint) for effect, joint in told if effect == ELASTIC)
-    out = [f"have no place for the elasticity under load of {', '.join(joints)}"] if joints else []
+    out = [f"the elasticity under load of {', '.join(joints)}"] if joints else []
     if any(effect == BASE_POSE for effect, _ in told):
-        out.append("leave the base at the root: where it stands (base_pose) is for the cell, not for the robot's file")
+        out.append("base_pose, where the base stands in its cell")
     frames = dict.fromkeys(str(joint) for effect, joint in told if effect == TOOL_POSE)
     if frames:
-        out.append(f"leave {', '.join(frames)} as given: move what is mounted there, or its frame, by tool_pose")
-    return tuple(f"corrected.urdf and corrected.xml {one}." for one in out)
+        out.append(f"tool_pose, where the target sits on {', '.join(frames)}")
+    return tuple(f"corrected.urdf and corrected.xml have no place for {one}." for one in out)
 
 
 def moved_urdf(text: str, moves: Mapping[str, JointMove]) -> str:

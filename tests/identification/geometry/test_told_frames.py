@@ -131,17 +131,22 @@ def test_known_poses_of_base_and_target_leave_nothing(ur10, tracked):
     assert (result.verdict, result.fitted) == ("no_gap", ())
 
 
-def test_the_files_of_a_run_are_written_and_read_back(tracked, tmp_path):
+def test_the_files_of_a_run_are_written_and_read_back(tracked, tmp_path, capsys):
     recording = tracked(59, base=(0.003, 0, 0, 0, 0, 0), tool=(0.002, 0.003, 0, 0, 0, 0))
     columns = {"t": recording.t} | {f"q.{j}": recording.q[:, k] for k, j in enumerate(recording.joint_names)}
     columns |= {f"p.tool0.{axis}": recording.positions["tool0"][:, k] for k, axis in enumerate("xyz")}
     log, bare, again = tmp_path / "poses.csv", tmp_path / "bare", tmp_path / "again"
     np.savetxt(log, np.column_stack(list(columns.values())), delimiter=",", header=",".join(columns), comments="")
     assert main(["diagnose", "example:ur10", str(log), "--out", str(bare)]) == 0
+    told = " ".join(capsys.readouterr().out.split())
+    assert "corrected.xml have no place for tool_pose, where the target sits on tool0." in told
     assert "a wrong pose of the target on tool0" in (bare / "report.html").read_text().replace("A wrong", "a wrong")
     known = str(bare / "corrected.yaml")
     assert main(["diagnose", "example:ur10", str(log), "--out", str(again), "--with", known]) == 0
     assert "no_gap" in (again / "diagnosis.json").read_text()
+    capsys.readouterr()
+    assert main(["compare", str(bare / "diagnosis.json"), str(again / "diagnosis.json")]) == 0
+    assert "Tool pose on frame tool0, x: 0.0020" in capsys.readouterr().out
 
 
 @pytest.mark.parametrize(
