@@ -21,6 +21,7 @@ from identification.diagnosis.judge.user_words import with_user_words
 from identification.diagnosis.law.find_law import with_law
 from identification.diagnosis.model.known_geometry import as_known, of_torques, with_known_places
 from identification.diagnosis.model.session import Session, session_of
+from identification.diagnosis.model.soft_friction import SOFT
 from identification.diagnosis.model.terms import KnownEffect
 from identification.diagnosis.result import Diagnosis, Judgement
 from identification.next_experiment.advise import Proposal, proposed
@@ -97,7 +98,8 @@ def diagnose(
         progress("choosing what to record next")
         proposal = proposed(explanation, judgement.findings)
     long = () if changes else tuple(note_on_length(one) for one in (*recordings, *hold_out) if is_long(one))
-    judgement = replace(judgement, notes=(*long, *judgement.notes))
+    soft = (SOFT,) if session.robot.soft_friction else ()
+    judgement = replace(judgement, notes=(*long, *soft, *judgement.notes))
     files = tuple(recording.file for recording in every)
     seconds = time.perf_counter() - started
     return with_poses(_result(session, files, judgement, rollout, proposal, seconds), robot, tracked)

@@ -6,6 +6,7 @@ import numpy as np
 from jaxtyping import Float
 
 from identification.data.log import Log
+from identification.diagnosis.model.soft_friction import softness
 from identification.rollout.rollout_starts import Start
 from identification.rollout.simulated_models import Model
 from phantom_dyn.dynamics.dynamics import mass_matrix
@@ -44,8 +45,10 @@ def given_torque(model: Model, t: Float[Array, " N"], tau: Float[Array, "N nv"])
 
 def acting_torque(model: Model, log: Log) -> Float[Array, "N nv"]:
     """Torque [N m or N] behind the drives of a model over a recording, and what measured forces add to it."""
-    pushed = 0.0 if log.external is None else log.external
-    return given_torque(model, log.motion.t, log.tau) + pushed
+    out = given_torque(model, log.motion.t, log.tau) + (0.0 if log.external is None else log.external)
+    for joint, share in model.soft:
+        out -= share * softness(model.robot, log.motion, joint)
+    return out
 
 
 def simulated(

@@ -38,12 +38,14 @@ class Model:
         commands: Effects of the drives, from the controller on.
         causes: All other effects.
         late: Samples by which the recorded torque acts later than it stands in the log.
+        soft: Joints whose modelled friction turns over softly, each with how much of the softness.
     """
 
     robot: Robot
     commands: tuple[Cause, ...] = ()
     causes: tuple[Cause, ...] = ()
     late: float = 0.0
+    soft: tuple[tuple[str, float], ...] = ()
 
     @cached_property
     def parts(self) -> tuple[Simulated, ...]:
@@ -184,7 +186,10 @@ def corrected_model(
     late = sum(float(x) for x, move in zip(values, moves, strict=True) if move.place is None)
     causes = (*known_causes(given, known), *found_causes(given, terms, theta, operation.recording))
     robot = loaded(moved_robot(operation.robot, values, given), terms, theta)
-    return model_of(robot, at_work(causes, operation), late=late)
+    soft = tuple(
+        (str(move.place), float(x)) for x, move in zip(values, moves, strict=True) if move.kind == "softness" and x
+    )
+    return replace(model_of(robot, at_work(causes, operation), late=late), soft=soft)
 
 
 def at_work(causes: tuple[Cause, ...], operation: Operation) -> tuple[Cause, ...]:

@@ -342,4 +342,5 @@ def _robot(
         warnings=_warnings(facts, stated, locked, chain, path),
         locked=locked,
         chain=chain,
+        soft_friction=tuple(facts.soft_friction.get(names[k]) for k in rows) if chain is None else (),
     )

@@ -21,6 +21,7 @@ from phantom_dyn.model.robot_xml import (
     Element,
     MjcfLoop,
     RobotXml,
+    SoftFriction,
     numbers,
     require_names,
     require_not_negative,
@@ -35,6 +36,8 @@ Array = np.ndarray
 
 _POSES = (("pos", 3), ("quat", 4), ("euler", 3), ("axisangle", 4), ("xyaxes", 6), ("zaxis", 3))
 """Attributes that place a body, and how many numbers each has."""
+_REFERENCE, _IMPEDANCE = (0.02, 1.0), (0.9, 0.95)
+"""MuJoCo's own ``solreffriction`` and the first two of its ``solimpfriction``."""
 _STRUCTURE = ("include", "frame", "replicate", "attach", "composite", "flexcomp")
 """Elements that change the tree of bodies when MuJoCo compiles the file; Pinocchio does not compile it."""
 _LEFT_OUT = (
@@ -94,7 +97,29 @@ def mjcf_facts(root: Element, sha256: str, path: Path) -> RobotXml:
         _warnings(root, path),
         _loops(root, path),
         _driven(root),
+        _soft_frictions(root, path),
     )
+
+
+def _soft_frictions(root: Element, path: Path) -> dict[str, SoftFriction]:
+    """How MuJoCo lets each joint rub, from ``solreffriction`` and ``solimpfriction``.
+
+    The constraint has the reference acceleration ``-b v`` and gives way by what its impedance ``d`` leaves. A joint
+    that does not state its own numbers has MuJoCo's. Source: MuJoCo's documentation, "Computation" (constraint model)
+    and "Modeling" (solver parameters).
+    """
+    out = {}
+    for body in root.iter("body"):
+        for joint in body.findall("joint"):
+            owner = f"joint {joint.get('name', '')}"
+            reference = numbers(joint, "solreffriction", owner, path)
+            impedance = numbers(joint, "solimpfriction", owner, path)
+            reference = reference if len(reference) == 2 else _REFERENCE
+            least, most = np.clip(impedance[:2] if len(impedance) > 1 else _IMPEDANCE, 1e-4, 1 - 1e-4).tolist()
+            # Positive numbers are a time constant and a damping ratio, negative ones stiffness and damping.
+            time = 0.5 * most * reference[0] if reference[0] > 0 else most / max(-reference[1], 1e-9)
+            out[joint.get("name", "")] = SoftFriction(time, least / (1.0 - least))
+    return out
 
 
 def add_loop_frames(model: pin.Model, loops: tuple[MjcfLoop, ...], path: Path) -> dict[str, PointLoop | FrameLoop]:

@@ -17,6 +17,7 @@ from phantom_dyn.errors import ChainError
 from phantom_dyn.loops.chain import ClosedChain
 from phantom_dyn.loops.solver import RecentSolutions
 from phantom_dyn.model.attached import Attached, attached_bodies
+from phantom_dyn.model.robot_xml import SoftFriction
 from phantom_dyn.motion import configurations, read_only
 
 Array = np.ndarray
@@ -90,6 +91,8 @@ class Robot:
         chain: How the passive joints of a closed chain follow the active ones, or None.
         config: The ``robot.yaml`` that was named for it; None: the one beside its file, where there is one.
         user_effects: Effects beside the catalogue that the user brought for it, see `phantom_dyn.effects.user`.
+        soft_friction: By joint, how the simulator that the file is written for softens Coulomb friction, or None;
+            empty for a URDF.
     """
 
     model: pin.Model
@@ -110,6 +113,7 @@ class Robot:
     chain: ClosedChain | None = None
     config: Path | None = None
     user_effects: tuple[UserEffect, ...] = ()
+    soft_friction: tuple[SoftFriction | None, ...] = ()
 
     def __post_init__(self):
         object.__setattr__(self, "model", self.model.copy())

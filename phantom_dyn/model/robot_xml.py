@@ -74,6 +74,21 @@ class MjcfLoop:
 
 
 @dataclass(frozen=True)
+class SoftFriction:
+    """Dry friction of MuJoCo, a soft constraint: ``clip(gain * M0 * (a + v / time), -T, T)`` against the motion.
+
+    ``M0`` is one over the entry of the joint in the inverse of the mass matrix, where all positions are zero.
+
+    Attributes:
+        time: Seconds by which it turns over before the velocity does.
+        gain: Share of the motion that the constraint takes off over the share that it leaves.
+    """
+
+    time: float
+    gain: float
+
+
+@dataclass(frozen=True)
 class RobotXml:
     """Facts of a robot file.
 
@@ -87,6 +102,7 @@ class RobotXml:
         warnings: Sentences on what will be left out.
         loops: Closed chains that the file states.
         driven: Joints that an actuator of the file acts on.
+        soft_friction: By joint, how the simulator that the file is for lets it rub; nothing for a URDF.
     """
 
     kind: Literal["urdf", "mjcf"]
@@ -98,6 +114,7 @@ class RobotXml:
     warnings: tuple[str, ...] = ()
     loops: tuple[MjcfLoop, ...] = ()
     driven: frozenset[str] = frozenset()
+    soft_friction: dict[str, SoftFriction] = field(default_factory=dict)
 
 
 def read_root(path: Path) -> tuple[Element, str]:

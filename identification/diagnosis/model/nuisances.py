@@ -9,6 +9,7 @@ import numpy as np
 from jaxtyping import Float
 
 from identification.data.log import Band
+from identification.diagnosis.model.soft_friction import softness
 from phantom_dyn.effects.catalogue import effect_named
 from phantom_dyn.effects.effect import Effect
 from phantom_dyn.effects.operation import Operation
@@ -27,7 +28,8 @@ class Nuisance:
         name: What moves, for the report.
         sigma: One sigma of the change.
         bound: Largest change.
-        relative: True if the change is relative to the modelled value (a timing shift is in samples).
+        relative: True if the change is relative to the modelled value; a shift of all torques is in samples, softness
+            of friction in that of the simulator that the model is for.
     """
 
     name: str
@@ -42,7 +44,8 @@ class Move:
 
     Attributes:
         nuisance: Name and size.
-        kind: Inertial parameters of a body, friction or rotor of a joint, or the timing of all.
+        kind: Inertial parameters of a body, friction or rotor of a joint, how softly its friction turns over, or
+            the timing of all.
         place: Index of the body, or name of the joint; None for all.
         direction: Of the move among the ten parameters of the body.
     """
@@ -88,6 +91,10 @@ def moves_of(robot: Robot) -> tuple[Move, ...]:
         for kind, words, value, sigma in modelled:
             if value > 0 and sigma > 0:
                 out.append(Move(Nuisance(f"{joint} {words}", sigma, 2 * sigma), kind, joint))
+    for joint, soft in zip(robot.joint_names, robot.soft_friction, strict=False):
+        # A recording of the simulator that the file is for rubs softly, a robot may do so less or not at all.
+        if soft is not None and modelled_friction_of(robot, joint)[1] > 0:
+            out.append(Move(Nuisance(f"{joint} softness of friction", 1.0, 2.0, relative=False), "softness", joint))
     # What is left of the alignment of torque and motion after the known part: a fraction of a sample.
     out.append(Move(Nuisance("timing of the torque", 0.25, 0.5, relative=False), "timing", None))
     return tuple(out)
@@ -118,6 +125,8 @@ def move_columns(
             change = body[:, :, 10 * (move.place - 1) : 10 * move.place] @ move.direction
         elif move.place is None:
             change = drift.T
+        elif move.kind == "softness":
+            change = band(softness(robot, operation, move.place)).T
         else:
             # The column of the effect that would add to what is modelled, times what is modelled.
             value, effect = _modelled(robot, move.kind, move.place)

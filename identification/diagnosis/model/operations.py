@@ -112,7 +112,7 @@ def moved_robot(robot: Robot, moves: Float[Array, " n"], given: Robot | None = N
                 change[10 * (place - 1) : 10 * place] += value * move.direction
         elif place is not None and move.kind == "rotor":
             out = with_rotor_inertia(out, place, value * float(robot.rotor_inertia[robot.joint_names.index(place)]))
-        elif place is not None:
+        elif place is not None and move.kind != "softness":
             viscous, coulomb = modelled_friction_of(robot, place)
             more = {"viscous": value * viscous} if move.kind == "viscous" else {"coulomb": value * coulomb}
             out = with_friction(out, place, **more)

@@ -13,7 +13,9 @@ from identification.data.recording import Recording
 from identification.data.signals import process_all, smoothed, within_limits
 from identification.diagnosis import decision_rules as rules
 from identification.diagnosis.model.blocks import Block, assign_folds, split_blocks
+from identification.diagnosis.model.operations import operate
 from identification.diagnosis.model.own_effects import ALIKE, Differences, differences_of
+from identification.diagnosis.model.soft_friction import rubs_softly
 from identification.diagnosis.model.structure import STRUCTURES
 from identification.diagnosis.model.terms import KnownEffect
 from phantom_dyn.errors import EffectError, LogError
@@ -114,7 +116,17 @@ def session_of(
             f"{recordings[0].file}: {seconds:.1f} s are too short to hold data back and judge on them: "
             "record at least ten seconds of motion."
         )
-    return replace(session, recordings=every)
+    return replace(session, robot=_with_its_friction(session), recordings=every)
+
+
+def _with_its_friction(session: Session) -> Robot:
+    """The robot, without the soft friction of its file's simulator where the recordings do not show it."""
+    robot = session.robot
+    if not any(robot.soft_friction):
+        return robot
+    operations = [operate(robot, log, session.known, k, session.cutoff_hz) for k, log in enumerate(session.logs)]
+    recorded = [(o, log.tau - o.tau, log.band) for o, log in zip(operations, session.logs, strict=True)]
+    return robot if rubs_softly(robot, recorded) else replace(robot, soft_friction=())
 
 
 def _require_free_names(robot: Robot) -> None:
