@@ -45,7 +45,9 @@ def softness(robot: Robot, motion: Motion, joint: str) -> Float[Array, "N nv"]:
     out = np.zeros_like(motion.v)
     if soft is not None:
         v, a = motion.v[:, row], motion.a[:, row]
-        inertia = 1.0 / np.linalg.inv(mass_matrix(robot, np.zeros((1, robot.nv)))[0])[row, row]
+        # The pseudo-inverse: links without mass leave the matrix singular.
+        mobility = np.linalg.pinv(mass_matrix(robot, np.zeros((1, robot.nv)))[0], hermitian=True)[row, row]
+        inertia = 1.0 / mobility if mobility > 0.0 else 0.0
         out[:, row] = np.clip(soft.gain * inertia * (a + v / soft.time), -torque, torque) - torque * np.sign(v)
     return out
 
