@@ -67,9 +67,16 @@ def test_litter_is_seen(folder):
 
 def test_a_process_is_known_by_its_token(monkeypatch):
     assert kills.alive("nobody has this") == []
-    child = kills.subprocess.Popen(["sleep", "30"], env={**os.environ, "PHANTOM_DYN_KILLS": "mine"})
+    pipe = kills.subprocess.PIPE
+    child = kills.subprocess.Popen(["cat"], env={**os.environ, "PHANTOM_DYN_KILLS": "mine"}, stdin=pipe, stdout=pipe)
+    assert child.stdin is not None
+    assert child.stdout is not None
     try:
+        # What it gives back shows that it runs: while a program is being loaded, its environment is empty.
+        child.stdin.write(b"1")
+        child.stdin.flush()
+        child.stdout.read(1)
         assert kills.alive("mine") == [child.pid]
     finally:
         child.kill()
-        child.wait()
+        child.communicate()
