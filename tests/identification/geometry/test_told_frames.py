@@ -140,7 +140,10 @@ def test_the_files_of_a_run_are_written_and_read_back(tracked, tmp_path, capsys)
     assert main(["diagnose", "example:ur10", str(log), "--out", str(bare)]) == 0
     told = " ".join(capsys.readouterr().out.split())
     assert "corrected.xml have no place for tool_pose, where the target sits on tool0." in told
-    assert "a wrong pose of the target on tool0" in (bare / "report.html").read_text().replace("A wrong", "a wrong")
+    page = (bare / "report.html").read_text()
+    assert "a wrong pose of the target on tool0" in page.replace("A wrong", "a wrong")
+    assert "Poses are taken in the robot's root frame" in page
+    assert "Fitted beside" not in page
     known = str(bare / "corrected.yaml")
     assert main(["diagnose", "example:ur10", str(log), "--out", str(again), "--with", known]) == 0
     assert "no_gap" in (again / "diagnosis.json").read_text()
