@@ -324,6 +324,7 @@ def _robot(
     if stated.gravity is not None:
         model.gravity = pin.Motion(np.array(stated.gravity), np.zeros(3))
     rows = list(range(model.nv) if chain is None else chain.active)
+    soft = facts.soft_friction if chain is None else {}
     trust = stated.tolerance
     return Robot(
         model=model,
@@ -342,5 +343,5 @@ def _robot(
         warnings=_warnings(facts, stated, locked, chain, path),
         locked=locked,
         chain=chain,
-        soft_friction=tuple(facts.soft_friction.get(names[k]) for k in rows) if chain is None else (),
+        soft_friction=tuple(soft.get(names[k]) for k in rows) if soft else (),
     )
