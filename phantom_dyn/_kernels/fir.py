@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.lib.stride_tricks import sliding_window_view
 
 Array = np.ndarray
 
@@ -32,14 +31,21 @@ def filtered(kernel: Array, x: Array, step: int) -> Array:
     if not count:
         return out
     rows = max(1, min(_AT_ONCE, taps // step))
-    under, blocks = (rows - 1) * step + taps, -(-count // rows)
-    moved = np.zeros((under, rows))
+    # What lies under the kernel of a block is cut into pieces as long as a block goes on: then the pieces of all
+    # blocks are one matrix without a copy, and the blocks one product for each piece of the kernel.
+    length, blocks = rows * step, -(-count // rows)
+    pieces = -(-(length - step + taps) // length)
+    moved = np.zeros((pieces * length, rows))
     for row in range(rows):
         moved[row * step : row * step + taps, row] = kernel
     # Zeros behind the end fill the last block.
-    samples = np.zeros((blocks - 1) * rows * step + under)
-    parts = sliding_window_view(samples, under)[:: rows * step]
+    samples = np.zeros((blocks + pieces - 1, length))
+    given = samples.ravel()[: len(x)]
+    kept = np.empty((blocks, rows))
     for column in range(x.shape[1]):
-        samples[: len(x)] = x[: len(samples), column]
-        out[:, column] = (parts @ moved).ravel()[:count]
+        given[:] = x[: len(given), column]
+        np.matmul(samples[:blocks], moved[:length], out=kept)
+        for piece in range(1, pieces):
+            kept += samples[piece : piece + blocks] @ moved[piece * length : (piece + 1) * length]
+        out[:, column] = kept.ravel()[:count]
     return out
