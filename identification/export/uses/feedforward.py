@@ -27,10 +27,12 @@ from phantom_dyn.effects.catalogue import effect_named
 from phantom_dyn.errors import ParameterError
 from phantom_dyn.loops.solver import tree_positions
 from phantom_dyn.model.robot import Robot
+from phantom_dyn.motion import read_only
 
 Array = np.ndarray
 
 _POSITIONS, _SPEEDS = 91, 20  # rows of the table over the position of a joint, and over each direction of its speed
+_JOINT_ROWS = _POSITIONS + 2 * _SPEEDS + 1
 _SAMPLES = 400  # of the recordings, on which the feedforward is compared with no feedforward
 # Effects that take a law of their own in the file, beside what `CorrectedModel` holds of them.
 _OWN_LAWS = ("direction_dependent_friction", "stribeck_friction", "load_dependent_friction", "encoder_eccentricity")
@@ -51,13 +53,24 @@ def feedforward_code(corrected: CorrectedModel, diagnosis: Diagnosis) -> str:
     imports, _, functions = functions.partition("import math\n")
     constants = "".join(f"{name} = {pformat(value, width=110)}\n" for name, value in _constants(corrected).items())
     code = f"{imports}import math\n\n{constants}{functions}"
-    return f'"""{_docstring(corrected, diagnosis, loaded(code))}\n"""\n\n{code}'
+    return f'"""{_docstring(corrected, diagnosis, over_samples(code))}\n"""\n\n{code}'
 
 
 def loaded(code: str) -> dict[str, Any]:
     """The names that the text of a ``feedforward.py`` defines."""
     names: dict[str, Any] = {"__name__": "feedforward"}
     exec(compile(code, "feedforward.py", "exec"), names)
+    return names
+
+
+def over_samples(code: str) -> dict[str, Any]:
+    """The names that the text of a ``feedforward.py`` defines, for one array of N samples a joint in place of a number.
+
+    The functions do sums, products and those of ``math``, which NumPy has under the same names; arrays that are given
+    have to be read-only, so that a function that changed what it is given would not pass.
+    """
+    names = loaded(code)
+    names |= {"math": np, "_sign": np.sign, "_check": lambda *_: None}
     return names
 
 
@@ -69,48 +82,48 @@ def feedforward_table(corrected: CorrectedModel, diagnosis: Diagnosis, code: str
         diagnosis: Gives the positions and speeds.
         code: What `feedforward_code` gives of both.
     """
-    law = loaded(code)
-    q, v = diagnosis.evidence.q, diagnosis.evidence.v
-    low, high = (
-        (q.min(axis=0), q.max(axis=0)) if len(q) else (np.zeros(corrected.robot.nv), np.zeros(corrected.robot.nv))
-    )
-    fastest = np.abs(v).max(axis=0) if len(v) else np.zeros(corrected.robot.nv)
-    middle = 0.5 * (low + high)
+    names, law = corrected.robot.joint_names, over_samples(code)
+    q, v = _table_motion(diagnosis, len(names))
+    joints = np.repeat(np.arange(len(names)), _JOINT_ROWS)
+    terms = _series(law["gravity"](_rows(q))), _series(law["friction"](_rows(q), _rows(v)))
+    terms = (*terms, _series(law["cogging"](_rows(q))), _series(law["torque"](_rows(q), _rows(v), _rows(0.0 * v))))
+    own = [np.broadcast_to(part, q.shape)[np.arange(len(q)), joints] for part in (q, v, *terms)]
+    headroom = np.array(law["LIMITS"])[joints] - np.abs(own[-1])
+    cells = [text_cell(name) for name in names]
     text = io.StringIO()
     table = csv.writer(text, lineterminator="\n")
     table.writerow(COLUMNS)
-    for j, joint in enumerate(corrected.robot.joint_names):
-        name, run = text_cell(joint), diagnosis.run
-        for place in np.linspace(low[j], high[j], _POSITIONS):
-            at = np.where(np.arange(len(middle)) == j, place, middle)
-            table.writerow(["position", name, *_row(law, j, at, np.zeros(len(at)), _at_rest(law, at)), run])
-        one = fastest[j] * np.geomspace(1e-3, 1.0, _SPEEDS)
-        still = _at_rest(law, middle)
-        for speed in (*-one[::-1], 0.0, *one):
-            moving = np.where(np.arange(len(middle)) == j, speed, 0.0)
-            table.writerow(["velocity", name, *_row(law, j, middle, moving, still), run])
+    for k, (j, numbers, left) in enumerate(
+        zip(joints.tolist(), np.array(own).T.tolist(), headroom.tolist(), strict=True)
+    ):
+        over = "position" if k % _JOINT_ROWS < _POSITIONS else "velocity"
+        # Without a limit of the torque the headroom is an empty cell.
+        table.writerow([over, cells[j], *numbers, left if np.isfinite(left) else "", diagnosis.run])
     return text.getvalue()
 
 
-def _at_rest(law: dict[str, Any], q: Float[Array, " nv"]) -> tuple[list[float], list[float]]:
-    """Gravity and cogging, which do not depend on the velocity."""
-    return law["gravity"](q.tolist()), law["cogging"](q.tolist())
+def _table_motion(diagnosis: Diagnosis, nv: int) -> tuple[Float[Array, "N nv"], Float[Array, "N nv"]]:
+    """Positions and velocities of the table's rows: for each joint ``_POSITIONS`` at rest, then its speeds."""
+    q, v = diagnosis.evidence.q, diagnosis.evidence.v
+    low, high = (q.min(axis=0), q.max(axis=0)) if len(q) else (np.zeros(nv), np.zeros(nv))
+    fastest = np.abs(v).max(axis=0) if len(v) else np.zeros(nv)
+    at = np.tile(0.5 * (low + high), (nv, _JOINT_ROWS, 1))
+    moving = np.zeros_like(at)
+    for j in range(nv):
+        at[j, :_POSITIONS, j] = np.linspace(low[j], high[j], _POSITIONS)
+        one = fastest[j] * np.geomspace(1e-3, 1.0, _SPEEDS)
+        moving[j, _POSITIONS:, j] = [*-one[::-1], 0.0, *one]
+    return at.reshape(-1, nv), moving.reshape(-1, nv)
 
 
-def _row(
-    law: dict[str, Any],
-    j: int,
-    q: Float[Array, " nv"],
-    v: Float[Array, " nv"],
-    still: tuple[list[float], list[float]],
-) -> list[float | str]:
-    """Numbers of a row; without a limit of the torque the headroom is an empty cell."""
-    at, moving, unaccelerated = q.tolist(), v.tolist(), [0.0] * len(q)
-    gravity, cogging = still
-    command = law["torque"](at, moving, unaccelerated)[j]
-    terms = gravity[j], law["friction"](at, moving)[j], cogging[j], command
-    headroom = float(law["LIMITS"][j] - abs(command))
-    return [at[j], moving[j], *(float(value) for value in terms), headroom if np.isfinite(headroom) else ""]
+def _rows(values: Float[Array, "N nv"]) -> list[Float[Array, " N"]]:
+    """One read-only array a joint."""
+    return [read_only(row) for row in values.T]
+
+
+def _series(values: list[Float[Array, " N"] | float]) -> Float[Array, "N nv"] | Float[Array, " nv"]:
+    """Samples first, of what a function gives for each joint; a number where no joint's depends on the samples."""
+    return np.stack(np.broadcast_arrays(*values), axis=-1)
 
 
 def _constants(corrected: CorrectedModel) -> dict[str, object]:
@@ -225,9 +238,7 @@ def _gains(
     """For each joint what feedback has to give without feedforward, with the given model, and with the law."""
     evidence = diagnosis.evidence
     at = np.unique(np.linspace(0, len(evidence.t) - 1, _SAMPLES).astype(int)) if len(evidence.t) else np.zeros(0, int)
-    own = np.zeros((len(at), corrected.robot.nv))
-    for k, n in enumerate(at):
-        own[k] = law["torque"](evidence.q[n].tolist(), evidence.v[n].tolist(), evidence.a[n].tolist())
+    own = _series(law["torque"](*(_rows(part[at]) for part in (evidence.q, evidence.v, evidence.a))))
     left = np.sqrt(np.mean((evidence.tau_measured[at] - own) ** 2, axis=0)) if len(at) else np.zeros(corrected.robot.nv)
     none = np.sqrt(np.mean(evidence.tau_measured**2, axis=0)) if len(at) else np.zeros(corrected.robot.nv)
     lacks = bool(_missing(corrected)) or any(finding.recording is not None for finding in diagnosis.findings)

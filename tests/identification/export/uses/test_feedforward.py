@@ -15,14 +15,14 @@ import pytest
 from identification.diagnosis.model.terms import KnownEffect
 from identification.diagnosis.result import Adjusted, Diagnosis
 from identification.export.corrected.corrected_model import corrected_model
-from identification.export.uses.feedforward import COLUMNS, feedforward_code, feedforward_table, loaded
+from identification.export.uses.feedforward import COLUMNS, feedforward_code, feedforward_table, loaded, over_samples
 from phantom_dyn import load_robot
 from phantom_dyn.dynamics.dynamics import gravity_torque, inverse_dynamics
 from phantom_dyn.effects.catalogue import effect_named
 from phantom_dyn.effects.operation import Operation
 from phantom_dyn.errors import ParameterError
 from phantom_dyn.model.robot import Robot
-from phantom_dyn.motion import Motion
+from phantom_dyn.motion import Motion, read_only
 
 # Of one effect at a time the drive has to give the model's torque less the effect's.
 EXACT = {
@@ -137,6 +137,42 @@ def test_the_table_has_the_torque_of_the_law(planar, none):
     forward = [r for r in rows if r["over"] == "velocity" and r["joint"] == "elbow" and float(r["v"]) > 0]
     assert float(forward[0]["friction"]) == pytest.approx(0.7 + 0.1 * float(forward[0]["v"]))
     assert all(r["friction"] == "0.0" for r in rows if r["over"] == "position")
+
+
+def every_law(planar: Robot, none: Diagnosis) -> str:
+    effects = tuple(KnownEffect(name, *rest) for name, rest in EXACT.items())
+    eccentric = KnownEffect("encoder_eccentricity", "shoulder", (0.05, 0.3, 1.0))
+    return feedforward_code(corrected_model(planar, (*effects, eccentric)), none)
+
+
+# Oracle: the functions of the written file, one sample at a time.
+@pytest.mark.parametrize("name", ["gravity", "friction", "cogging", "torque"])
+def test_all_samples_at_once_give_the_numbers_of_the_written_file(planar, none, name):
+    code, motion = every_law(planar, none), some(planar)
+    parts = {"gravity": 1, "friction": 2, "cogging": 1, "torque": 3}[name]
+    given = (motion.q, motion.v, motion.a)[:parts]
+    wanted = [loaded(code)[name](*(part[k].tolist() for part in given)) for k in range(len(motion.t))]
+    found = over_samples(code)[name](*([read_only(row) for row in part.T] for part in given))
+    np.testing.assert_allclose(np.transpose(np.broadcast_arrays(*found)), wanted, rtol=1e-12, atol=1e-12)
+
+
+def test_the_table_has_the_numbers_of_the_written_file(planar, made_up):
+    diagnosis = made_up(planar.joint_names, findings=0, samples=40)
+    corrected = corrected_model(planar, tuple(KnownEffect(name, *rest) for name, rest in EXACT.items()))
+    law = loaded(code := feedforward_code(corrected, diagnosis))
+    middle = 0.5 * (diagnosis.evidence.q.min(axis=0) + diagnosis.evidence.q.max(axis=0))
+    rows = list(csv.DictReader(io.StringIO(feedforward_table(corrected, diagnosis, code))))
+    assert len(rows) == 2 * (91 + 41)
+    for row in rows:
+        j, q, v = planar.joint_names.index(row["joint"]), middle.tolist(), [0.0, 0.0]
+        q[j], v[j] = float(row["q"]), float(row["v"])
+        wanted = (
+            law["gravity"](q)[j],
+            law["friction"](q, v)[j],
+            law["cogging"](q)[j],
+            law["torque"](q, v, [0.0, 0.0])[j],
+        )
+        np.testing.assert_allclose([float(row[n]) for n in COLUMNS[4:8]], wanted, rtol=1e-12, atol=1e-12)
 
 
 def test_a_wrong_number_of_joints_is_refused(planar, none):
