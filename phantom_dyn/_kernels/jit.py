@@ -1,42 +1,129 @@
 """Compilation of functions at their first call, with machine code kept on disk; the identity without numba.
 
+Numba is loaded by the first call of a compiled function and not before: that takes as long as a small command does.
 `NUMBA_DISABLE_JIT=1` counts as no numba.
 """
 
 from __future__ import annotations
 
+import functools
+import importlib.util
 import inspect
 import logging
+import os
+import sys
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
 from functools import cache
+from threading import RLock
 from typing import Any, TypeVar, cast
 
 F = TypeVar("F", bound=Callable[..., Any])
 
-try:
-    from numba import config, njit
-    from numba.core import event as numba_events
-except ImportError:  # numba has no build for this Python: the same functions, uncompiled
-    njit = numba_events = None
-else:
+_one_at_a_time = RLock()
+
+
+@cache
+def njit() -> Callable[..., Any] | None:
+    """Numba's decorator, for which numba is loaded; None where it is absent or off."""
+    try:
+        from numba import config
+        from numba import njit as decorator
+        from numba.core import event
+    except ImportError:  # numba has no build for this Python: the same functions, uncompiled
+        return None
     # NUMBA_DISABLE_JIT=1: as without numba, so that loops over samples are Pinocchio's.
     if getattr(config, "DISABLE_JIT", 0):
-        njit = None
+        return None
+    event.register("numba:compile", _counting(event.Listener))
+    return decorator
 
 
-def _compiled(function: F, **options: Any) -> F:
-    if njit is None:
-        return function
+def compiles() -> bool:
+    """False where numba is absent or off: then a loop over Pinocchio is faster than a compiled loop's own Python."""
+    return njit() is not None
+
+
+def _may_compile() -> bool:
+    """False where numba is absent or off for certain; nothing is loaded to know."""
+    if "numba" in sys.modules:
+        return compiles()
+    return os.environ.get("NUMBA_DISABLE_JIT", "0") in ("", "0") and importlib.util.find_spec("numba") is not None
+
+
+class Compiled:
+    """A function that numba compiles at its first call.
+
+    Numba asks any object for its type: compiled functions call this one as they call each other.
+
+    Attributes:
+        py_func: The plain function. What wraps it to check its annotations, as the tests do, is taken off: it cannot be
+            compiled.
+    """
+
+    def __init__(self, function: Callable[..., Any], options: dict[str, Any]) -> None:
+        functools.update_wrapper(self, function)
+        self.py_func = inspect.unwrap(function)
+        self._options, self._made = options, None
+
+    def __call__(self, *args: Any) -> Any:
+        return (self._made or self.compiled)(*args)
+
+    def __reduce__(self) -> Any:
+        """By its name where it has one, as functions are: what is pickled or copied is the same function there."""
+        module = sys.modules.get(self.py_func.__module__)
+        for name, value in vars(module).items() if module else ():
+            if value is self:
+                return name
+        return type(self), (self.py_func, self._options)
+
+    @property
+    def compiled(self) -> Any:
+        """Numba's function; the plain one where numba turns out to be absent or off."""
+        with _one_at_a_time:
+            if self._made is None:
+                decorator = njit()
+                self._made = self.py_func if decorator is None else _decorated(decorator, self.py_func, self._options)
+        return self._made
+
+    @property
+    def signatures(self) -> list[Any]:
+        """Of what is compiled so far."""
+        return self.compiled.signatures
+
+    @property
+    def targetoptions(self) -> dict[str, Any]:
+        """What numba was asked for."""
+        return self.compiled.targetoptions
+
+    @property
+    def _numba_type_(self) -> Any:
+        return self.compiled._numba_type_
+
+
+class Part(Compiled):
+    """A function that disappears into the compiled functions that call it, and stays Python when Python calls it.
+
+    What a call from Python needs besides is not compiled, as nothing but tests and plain functions calls a part.
+    """
+
+    def __init__(self, function: Callable[..., Any], options: dict[str, Any]) -> None:
+        super().__init__(function, {"forceinline": True, "no_cpython_wrapper": True, **options})
+        self.plain = self.py_func
+
+    def __call__(self, *args: Any) -> Any:
+        return self.plain(*args)
+
+
+def _decorated(decorator: Callable[..., Any], plain: Callable[..., Any], options: dict[str, Any]) -> Any:
     # Nobody asks for an address that C could call; making one takes a tenth of a compilation.
-    plain = inspect.unwrap(function)
     options = {"nogil": True, "error_model": "numpy", "no_cfunc_wrapper": True, **options}
     try:
-        return cast(F, njit(cache=True, **options)(plain))
+        return decorator(cache=True, **options)(plain)
     except RuntimeError:  # neither the folder of the package nor the user's cache can be written to
         _say_that_nothing_is_kept()
-        return cast(F, njit(**options)(plain))
+        return decorator(**options)(plain)
 
 
 @cache
@@ -53,43 +140,33 @@ def jit(function: F) -> F:
 
     Arguments are scalars, arrays and other compiled functions; a first call takes a second or so, later processes load
     what the first one wrote, where it could be written. Without numba the function itself: slower, with the same
-    result. What wraps a function to check its annotations, as the tests do, is taken off: it cannot be compiled.
+    result.
     """
-    return _compiled(function)
+    return cast(F, Compiled(function, {})) if _may_compile() else function
 
 
 def fused(function: F) -> F:
     """As `jit`, and a product may be added to a sum in one instruction: faster, the last digit may differ."""
-    return _compiled(function, fastmath={"contract"})
+    return cast(F, Compiled(function, {"fastmath": {"contract"}})) if _may_compile() else function
 
 
 def inlined(function: F) -> F:
     """As `fused`, for a short function that disappears into the compiled functions that call it."""
-    return _part(function, fastmath={"contract"})
+    return cast(F, Part(function, {"fastmath": {"contract"}})) if _may_compile() else function
+
+
+def interpreted_as(plain: F, function: F) -> F:
+    """As `inlined`, with another function in its place where neither is compiled: one that NumPy makes fast."""
+    if not _may_compile():
+        return plain
+    part = Part(function, {"fastmath": {"contract"}})
+    part.plain = plain
+    return cast(F, part)
 
 
 def within(function: F) -> F:
     """As `jit`, for a part of a larger function that disappears into it: as fast as if it were written there."""
-    return _part(function)
-
-
-def _part(function: F, **options: Any) -> F:
-    """The function itself, which compiled functions find compiled.
-
-    What a call from Python needs besides is not compiled, as nothing but tests calls a part.
-    """
-    part: Any = _compiled(function, forceinline=True, no_cpython_wrapper=True, **options)
-    if njit is None:
-        return function
-    plain: Any = inspect.unwrap(function)
-    # Numba asks any object for its type, and that of a compiled function does not keep it alive.
-    plain._numba_type_, plain.compiled = part._numba_type_, part
-    return plain
-
-
-def compiles() -> bool:
-    """False where numba is absent or off: then a loop over Pinocchio is faster than a compiled loop's own Python."""
-    return njit is not None
+    return cast(F, Part(function, {})) if _may_compile() else function
 
 
 @dataclass
@@ -105,23 +182,36 @@ class Compilation:
     under_way: int = 0
 
 
+_watching: list[Compilation] = []
+
+
 @contextmanager
 def watched_compilation() -> Iterator[Compilation]:
     """A count of the functions that are compiled while the context is open; of none without numba."""
+    if "numba" in sys.modules:
+        njit()
     count = Compilation()
-    if numba_events is None:
+    _watching.append(count)
+    try:
         yield count
-        return
+    finally:
+        # By identity: counts that are open together may be equal.
+        _watching[:] = [other for other in _watching if other is not count]
 
-    class Counting(numba_events.Listener):
+
+def _counting(listener: type) -> Any:
+    """Numba's listener that counts for all that watch."""
+
+    class Counting(listener):
         def on_start(self, event: object) -> None:
             del event
-            count.functions += 1
-            count.under_way += 1
+            for count in _watching:
+                count.functions += 1
+                count.under_way += 1
 
         def on_end(self, event: object) -> None:
             del event
-            count.under_way -= 1
+            for count in _watching:
+                count.under_way -= 1
 
-    with numba_events.install_listener("numba:compile", Counting()):
-        yield count
+    return Counting()

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from jaxtyping import Bool, Float
 
-from phantom_dyn._kernels.jit import compiles, fused, inlined
+from phantom_dyn._kernels.jit import fused, inlined, interpreted_as
 
 Array = np.ndarray
 
@@ -169,7 +169,6 @@ def _free_minimum_plain(
     x[free] = solve(a[np.ix_(free, free)], b[free] - a[free] @ x)
 
 
-@inlined
 def _free_minimum_compiled(matrices: Array, b: Array, fixed: Array, x: Array, vectors: Array, free: Array) -> None:
     """The same, by ``L D L^T`` without an order of pivots, which a positive definite matrix does not need."""
     scale, right, moved = vectors[3], vectors[4], vectors[5]
@@ -222,4 +221,4 @@ def _factorised(u: Array, right: Array, count: int | np.int64) -> None:
 
 
 # Interpreted, the loops of the factorisation would be far slower than LAPACK.
-_free_minimum = _free_minimum_compiled if compiles() else _free_minimum_plain
+_free_minimum = interpreted_as(_free_minimum_plain, _free_minimum_compiled)

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import copy
 import os
+import pickle
 import subprocess
 import sys
 from concurrent.futures import ThreadPoolExecutor
@@ -12,6 +14,7 @@ from threading import Barrier
 import pytest
 
 from phantom_dyn._kernels import jit
+from phantom_dyn.simulation.compiled.axis_steps import spring_torque
 
 # A spring of 2 N m/rad that is wound up by half a radian: known in closed form.
 SPRING = """
@@ -40,7 +43,8 @@ def no_cache(folder: Path) -> dict[str, str]:
 
 @pytest.mark.parametrize("decorator", [jit.jit, jit.fused, jit.inlined, jit.within])
 def test_without_numba_a_function_stays_itself(decorator, monkeypatch):
-    monkeypatch.setattr(jit, "njit", None)
+    monkeypatch.setitem(sys.modules, "numba", None)
+    monkeypatch.setattr(jit, "njit", lambda: None)
     assert decorator(twice) is twice
 
 
@@ -63,9 +67,9 @@ def test_what_has_another_reason_than_the_cache_is_not_hidden(monkeypatch):
     def njit(**options):
         raise RuntimeError("out of order")
 
-    monkeypatch.setattr(jit, "njit", njit)
+    monkeypatch.setattr(jit, "njit", lambda: njit)
     with pytest.raises(RuntimeError, match="out of order"):
-        jit.jit(twice)
+        jit.jit(twice)(1.0)
 
 
 def test_numba_that_is_off_counts_as_absent():
@@ -95,3 +99,26 @@ def test_a_part_is_called_by_compiled_functions_and_by_python(decorator):
         return part(x)
 
     assert (whole(3.0), part(3.0)) == (6.0, 6.0)
+
+
+def test_numba_is_loaded_by_the_first_call_and_not_before():
+    words = (
+        "import sys\nimport identification.pipeline\nfrom phantom_dyn.simulation.compiled import axis_steps\n"
+        "print('numba' in sys.modules)\naxis_steps.spring_torque(0.5, 0.0, 2.0, 0.0, 0.0)\n"
+        "print('numba' in sys.modules)"
+    )
+    done = subprocess.run([sys.executable, "-c", words], capture_output=True, text=True, check=True)
+    assert done.stdout.split() == ["False", str(jit.compiles())]
+
+
+def test_a_compiled_function_is_pickled_and_copied_by_its_name():
+    assert pickle.loads(pickle.dumps(spring_torque)) is spring_torque
+    assert copy.deepcopy(spring_torque) is spring_torque
+
+
+def test_where_nothing_is_compiled_the_plain_function_stands_in():
+    # Oracle: the two differ.
+    part = jit.interpreted_as(lambda x: x + 1.0, lambda x: 2.0 * x)
+    whole = jit.jit(lambda x: part(x))
+    assert part(3.0) == 4.0
+    assert whole(3.0) == (6.0 if jit.compiles() else 4.0)

@@ -69,7 +69,7 @@ def test_a_position_that_is_not_finite_is_refused_with_its_place(robots):
 def test_without_numba_the_steps_are_those_of_python(robots, monkeypatch):
     robot, q = robots["point"], np.linspace(0.0, 1.0, 5)[:, None]
     expected = robot.configuration(q)
-    monkeypatch.setattr(jit, "njit", None)
+    monkeypatch.setattr(jit, "njit", lambda: None)
     np.testing.assert_allclose(robot.configuration(q), expected, atol=1e-12)
 
 
