@@ -12,6 +12,7 @@ from identification.diagnosis import decision_rules as rules
 from identification.diagnosis.fit.gap import held_out_torque, residual_after, row_counts
 from identification.diagnosis.fit.problem import set_up
 from identification.diagnosis.model.columns import Columns, FitPoint, build_columns
+from identification.diagnosis.model.fewer_columns import columns_for
 from identification.diagnosis.model.resonances import resonances
 from identification.diagnosis.model.session import Series, Session
 from identification.diagnosis.model.terms import FoundEffect, Term
@@ -118,6 +119,8 @@ def explained(session: Session, progress: Callable[[str], None] = lambda _: None
             problem = last.search.problem
             residual = residual_after(problem, held_out_torque(problem, last.chosen, fitted))
             point = replace(at, found=found, runners_up=near, residual=residual)
+            # What is set up anew takes as much memory as what it replaces.
+            del last, fitted, problem, search
             columns = build_columns(session, point, before=columns)
         search = _with_thresholds(_set_up(session, columns, noise), noise, spurious, progress)
         last = _searched(search, noise, progress, same_effects(search, found))
@@ -133,11 +136,13 @@ def _settled_noise(last: Explanation, columns: Columns) -> tuple[Series, float]:
         The noise, and the smallest ratio of new to old over the rows.
     """
     noise, ratio = smaller_noise(last.search, last.chosen, last.noise)
-    lower = ratio
+    if ratio >= rules.LOWER_NOISE:
+        return noise, ratio
+    few, chosen = columns_for(columns, last.chosen)
     for _ in range(_WEIGHED_AGAIN):
+        noise, lower = smaller_noise(_set_up(last.search.problem.session, few, noise), chosen, noise)
         if lower >= rules.LOWER_NOISE:
             break
-        noise, lower = smaller_noise(_set_up(last.search.problem.session, columns, noise), last.chosen, noise)
     return noise, ratio
 
 

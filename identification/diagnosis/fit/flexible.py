@@ -7,9 +7,11 @@ time. What it predicts on held-out blocks is structure, whatever its cause; what
 from __future__ import annotations
 
 from collections.abc import Iterator
+from dataclasses import dataclass
 
 import numpy as np
 from jaxtyping import Float, Int
+from scipy.linalg import cho_factor, cho_solve
 
 from identification.data.log import Log
 from identification.diagnosis.model.blocks import Block
@@ -79,52 +81,84 @@ def ridge_predictions(
     """
     size = np.sqrt(sum((a[m] ** 2).sum(axis=0) for a, m in zip(x, use, strict=True)))
     total = max(sum(int(m.sum()) for m in use), 1)
-    scaled = [a / np.where(size > 0, size / np.sqrt(total), 1.0) for a in x]
+    scale = np.where(size > 0, size / np.sqrt(total), 1.0)
+    scaled = [a / scale for a in x]
+    seen = _seen(scaled, y, use, blocks, folds)
+    ridges = [ridge * total * 1e-2 for ridge in _RIDGES]
     groups = int(folds.max(initial=-1)) + 1
-    gram, product = np.zeros((groups, len(size), len(size))), np.zeros((groups, len(size)))
-    for fold, block in zip(folds.tolist(), blocks, strict=True):
-        if fold < 0:
-            continue
-        part = slice(block.start, block.stop)
-        m = use[block.log][part]
-        xb = scaled[block.log][part]
-        xb = xb if m.all() else xb[m]
-        gram[fold] += xb.T @ xb
-        product[fold] += xb.T @ y[block.log][part][m]
-    for count in (*first, len(size)):
+    # Coefficients without each fold, and last of all folds together, for each number of features and each ridge.
+    fits = np.zeros((groups + 1, len(size), 1 + len(first), len(ridges)))
+    for k, count in enumerate((*first, len(size))):
         kept = np.flatnonzero(size[:count] > 1e-9 * max(size[:count].max(), 1e-300))
-        sub = gram[:, kept[:, None], kept], product[:, kept]
-        for ridge in _RIDGES:
-            yield _judged(scaled, kept, sub, ridge * total * 1e-2, y, use, blocks, folds)
+        solved = _by_samples if len(seen.y) < len(kept) else _by_features
+        fits[:, kept, k] = solved(seen, kept, ridges, groups)
+    predicted = [np.zeros((len(v), fits[0, 0].size)) for v in y]
+    squared, samples = np.zeros(fits[0, 0].size), 0
+    for fold, block in zip(folds.tolist(), blocks, strict=True):
+        part = slice(block.start, block.stop)
+        # All fits at once read the features once. Fold -1 comes last.
+        predicted[block.log][part] = scaled[block.log][part] @ fits[fold].reshape(len(size), -1)
+        core = slice(block.core, block.stop)
+        m = use[block.log][core]
+        error = (y[block.log][core, None] - predicted[block.log][core])[m]
+        squared += (error**2).sum(axis=0)
+        samples += len(error)
+    for k, loss in enumerate(squared / max(samples, 1)):
+        yield [part[:, k] for part in predicted], float(loss)
 
 
-def _judged(
-    scaled: list[Float[Array, "n k"]],
-    kept: Int[Array, " m"],
-    products: tuple[Float[Array, "F m m"], Float[Array, "F m"]],
-    ridge: float,
+@dataclass(frozen=True)
+class _Seen:
+    """Features and values of all samples that fits may see, and the fold of each."""
+
+    x: Float[Array, "n k"]
+    y: Float[Array, " n"]
+    fold: Int[Array, " n"]
+
+
+def _seen(
+    x: list[Float[Array, "n k"]],
     y: list[Float[Array, " n"]],
     use: list[Array],
     blocks: tuple[Block, ...],
     folds: Int[Array, " B"],
-) -> tuple[list[Float[Array, " n"]], float]:
-    """Predictions with one ridge from some of the features, and their mean squared error; products are by fold."""
-    gram, product = products
+) -> _Seen:
+    fold_of = [np.full(len(v), -1) for v in y]
+    for fold, block in zip(folds.tolist(), blocks, strict=True):
+        fold_of[block.log][block.start : block.stop] = fold
+    counts = [m & (fold >= 0) for m, fold in zip(use, fold_of, strict=True)]
+    return _Seen(*(np.concatenate([a[m] for a, m in zip(s, counts, strict=True)]) for s in (x, y, fold_of)))
+
+
+def _by_features(seen: _Seen, kept: Int[Array, " m"], ridges: list[float], groups: int) -> Float[Array, "G m R"]:
+    """Coefficients of ridge fits without each fold, then of all, from products of the features."""
+    parts = [seen.fold == fold for fold in range(groups)]
+    gram = np.stack([seen.x[part][:, kept].T @ seen.x[part][:, kept] for part in parts])
+    product = np.stack([seen.x[part][:, kept].T @ seen.y[part] for part in parts])
     whole, everything = gram.sum(axis=0), product.sum(axis=0)
-    whole[np.diag_indices_from(whole)] += ridge
-    predicted = [np.zeros_like(v) for v in y]
-    squared, samples = 0.0, 0
-    for fold in np.unique(folds):
-        a, b = (whole, everything) if fold < 0 else (whole - gram[fold], everything - product[fold])
-        w = np.zeros(scaled[0].shape[1])
-        w[kept] = np.linalg.solve(a, b)
-        for k in np.flatnonzero(folds == fold):
-            block = blocks[k]
-            part = slice(block.start, block.stop)
-            predicted[block.log][part] = scaled[block.log][part] @ w
-            core = slice(block.core, block.stop)
-            m = use[block.log][core]
-            error = (y[block.log][core] - predicted[block.log][core])[m]
-            squared += float(error @ error)
-            samples += len(error)
-    return predicted, squared / max(samples, 1)
+    out = np.empty((groups + 1, len(kept), len(ridges)))
+    for fold in range(groups + 1):
+        a, b = (whole - gram[fold], everything - product[fold]) if fold < groups else (whole, everything)
+        for k, ridge in enumerate(ridges):
+            out[fold, :, k] = _with_ridge(a, ridge, b)
+    return out
+
+
+def _by_samples(seen: _Seen, kept: Int[Array, " m"], ridges: list[float], groups: int) -> Float[Array, "G m R"]:
+    """The same where there are fewer samples than features, from products of the samples: a much smaller matrix."""
+    x = seen.x[:, kept]
+    alike = x @ x.T
+    out = np.empty((groups + 1, len(kept), len(ridges)))
+    for fold in range(groups + 1):
+        train = np.flatnonzero(seen.fold != fold)
+        for k, ridge in enumerate(ridges):
+            out[fold, :, k] = x[train].T @ _with_ridge(alike[np.ix_(train, train)], ridge, seen.y[train])
+    return out
+
+
+def _with_ridge(a: Float[Array, "m m"], ridge: float, b: Float[Array, " m"]) -> Float[Array, " m"]:
+    """Solution of ``(a + ridge) x = b`` for products ``a``."""
+    ridged = a.copy()
+    ridged[np.diag_indices_from(ridged)] += ridge
+    # Its transpose is itself, in the order that needs no copy.
+    return cho_solve(cho_factor(ridged.T, overwrite_a=True, check_finite=False), b, check_finite=False)

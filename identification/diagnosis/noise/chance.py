@@ -68,18 +68,24 @@ def _null_products(problem: Problem, noise: Series, rng: np.random.Generator) ->
     sigma = np.array([n.sigma for n in columns.nuisances])
     bound = np.array([n.bound for n in columns.nuisances])
     moves = np.clip(rng.normal(size=(len(sigma), _REPLICATES)) * sigma[:, None], -bound[:, None], bound[:, None])
+    # Products of the columns with the noise of each block; those of a recording are their sums with signs.
+    whole, core = np.zeros((len(blocks), total)), np.zeros((len(blocks), total))
     for j, row in enumerate(grams.rows):
         weight = problem.weights.per_sample[j]
-        index = row.index
         for k, block in enumerate(blocks):
             if grams.fold[k] < 0:
                 continue
             part = slice(block.start, block.stop)
             use = columns.usable[block.log][part, j]
-            x, e = columns.values[block.log][j][part][use], noise[block.log][part, j][use]
-            inside = np.flatnonzero(use) >= block.core - block.start
-            b[grams.fold[k]][index] += weight * np.outer(x.T @ e, signs[k])
-            core_b[grams.fold[k]][index] += weight * np.outer(x[inside].T @ e[inside], signs[k])
+            x, e = columns.values[block.log][j][part], weight * np.where(use, noise[block.log][part, j], 0.0)
+            first = block.core - block.start
+            inside = e[first:] @ x[first:]
+            core[k, row.index] += inside
+            whole[k, row.index] += inside + e[:first] @ x[:first]
+    for fold in range(folds):
+        own = grams.fold == fold
+        b[fold] = whole[own].T @ signs[own]
+        core_b[fold] = core[own].T @ signs[own]
     nuisance = np.arange(len(sigma))
     b += grams.fold_a[:, nuisance].transpose(0, 2, 1) @ moves
     core_b += grams.fold_core_a[:, nuisance].transpose(0, 2, 1) @ moves

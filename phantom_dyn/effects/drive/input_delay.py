@@ -28,6 +28,8 @@ _LONGEST = 1.0
 # Delays to start from beside one sample, and the least of a secant [s]: differences over less would be rounding.
 _STARTS = (0.002, 0.005, 0.012)
 _LEAST = 1e-5
+# Time steps whose spread is less than this share of one are even but for the rounding of their times [1].
+_EVEN = 1e-6
 
 
 class InputDelay(Effect):
@@ -144,8 +146,29 @@ def _ahead(operation: Operation, rows: tuple[int, ...], delay: float) -> Float[A
     if len(asked) < 2:
         return np.zeros_like(asked)
     # Cubic with slopes from the neighbours only: a spline over all samples rings at every reversal of friction.
-    curve = CubicHermiteSpline(operation.t, asked, np.gradient(asked, operation.t, axis=0))
-    return curve(np.minimum(operation.t + delay, operation.t[-1])) - asked
+    steps = np.diff(operation.t)
+    if np.ptp(steps) > _EVEN * steps[0]:
+        curve = CubicHermiteSpline(operation.t, asked, np.gradient(asked, operation.t, axis=0))
+        return curve(np.minimum(operation.t + delay, operation.t[-1])) - asked
+    return _ahead_evenly(asked, delay / operation.dt) - asked
+
+
+def _ahead_evenly(asked: Float[Array, "N m"], delay: float) -> Float[Array, "N m"]:
+    """The same curve of evenly spaced samples, ``delay`` of them later: each lies as far behind one as all others."""
+    whole = min(int(delay), len(asked) - 1)
+    part = delay - whole
+    out = np.empty_like(asked)
+    last = max(len(asked) - 1 - whole, 0)
+    slope = np.gradient(asked, axis=0)
+    before, after = slice(whole, whole + last), slice(whole + 1, whole + 1 + last)
+    rest = 1.0 - part
+    out[:last] = (
+        (1.0 + 2.0 * part) * rest**2 * asked[before]
+        + part**2 * (3.0 - 2.0 * part) * asked[after]
+        + part * rest * (rest * slope[before] - part * slope[after])
+    )
+    out[last:] = asked[-1]
+    return out
 
 
 def _mean_held(history: Float[Array, "n k"], ends: Float[Array, " n"], start: float, stop: float) -> Float[Array, " m"]:

@@ -192,10 +192,16 @@ def _plateau(command: Array, needed: Array) -> tuple[float, ...]:
     """
     size, needed = np.abs(command), needed * np.sign(command)
     levels = np.linspace(0.0, float(size.max()), _LEVELS + 1)[1:-1]
-    order = np.argsort(size)
-    above = np.searchsorted(size[order], levels)
-    reached = [bool(np.median(needed[order[k:]]) >= level) for level, k in zip(levels, above, strict=True)]
-    last = np.flatnonzero(np.array(reached[:-1]) & ~np.array(reached[1:]))
+    passed, met = (np.searchsorted(levels, part, side="right") for part in (size, needed))
+    # Samples whose command is at each level or above, and those of them whose needed torque is too.
+    beyond, both = (
+        np.cumsum(np.bincount(part, minlength=len(levels) + 1)[:0:-1])[::-1]
+        for part in (passed, np.minimum(passed, met))
+    )
+    reached = 2 * both > beyond
+    for k in np.flatnonzero(2 * both == beyond):
+        reached[k] = np.median(needed[size >= levels[k]]) >= levels[k]
+    last = np.flatnonzero(reached[:-1] & ~reached[1:])
     return (float(levels[last[-1]]),) if len(last) else ()
 
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 from jaxtyping import Float
 
+from phantom_dyn._kernels.jit import jit
 from phantom_dyn.model.robot import Robot
 
 Array = np.ndarray
@@ -105,16 +106,20 @@ def _levels(readings: Array) -> Array:
     return levels[np.concatenate([[True], np.diff(levels) > least])]
 
 
+@jit
 def _sharpened(distances: Float[Array, " n"], step: float) -> float:
     """``step`` by least squares over all distances, in which it may be many times; NaN if it comes to nothing."""
     for _ in range(5):
-        count = np.rint(distances / step)
-        # Distances that are no multiple are left out, or one wrong reading would pull the step.
-        near = np.abs(distances - count * step) < 2.0 * _NEAR * step
-        squares = float(count[near] @ count[near])
+        squares = product = 0.0
+        for distance in distances:
+            count = np.rint(distance / step)
+            # Distances that are no multiple are left out, or one wrong reading would pull the step.
+            if abs(distance - count * step) < 2.0 * _NEAR * step:
+                squares += count * count
+                product += distance * count
         if squares == 0.0:
             return np.nan
-        step = float(distances[near] @ count[near]) / squares
+        step = product / squares
     return step
 
 

@@ -8,6 +8,7 @@ from identification.diagnosis.fit.flexible import (
     ridge_predictions,
     state_features,
 )
+from identification.diagnosis.model.blocks import Block
 
 
 def best(*data, **options) -> tuple[list[np.ndarray], float]:
@@ -87,3 +88,29 @@ def test_the_better_of_some_features_and_of_all_predicts(quiet, rng):
     better = min(some, every, key=lambda result: result[1])
     assert both[1] == pytest.approx(better[1], rel=1e-12)
     np.testing.assert_allclose(both[0][0], better[0][0], rtol=1e-9, atol=1e-12)
+
+
+@pytest.mark.parametrize("features_more", [4, 400], ids=["more samples", "more features"])
+def test_each_fold_is_predicted_by_the_ridge_fit_of_the_others(features_more, rng):
+    # Oracle: the normal equations of a ridge fit of unit-size features, written out for each fold.
+    count = 120
+    blocks = tuple(Block(0, start, start + 20, start + (5 if start else 0)) for start in range(0, count, 20))
+    folds = np.array([0, 1, 2, 0, 1, -1])
+    x = rng.normal(size=(count, features_more)) * rng.uniform(0.1, 10.0, features_more)
+    y = x[:, 0] + rng.normal(size=count)
+    use = rng.random(count) < 0.9
+    fold_of = np.repeat(folds, 20)
+    scaled = x / np.sqrt((x[use] ** 2).sum(axis=0) / use.sum())
+    core = np.concatenate([np.arange(b.core, b.stop) for b in blocks])
+    judged = core[use[core]]
+    results = list(ridge_predictions([x], [y], [use], blocks, folds, first=(3,)))
+    assert len(results) == 6
+    strengths = [(k, ridge) for k in (3, features_more) for ridge in (1e-4, 1e-2, 1.0)]
+    for (predicted, error), (k, ridge) in zip(results, strengths, strict=True):
+        wanted = np.empty(count)
+        for fold in (-1, 0, 1, 2):
+            train = use & (fold_of >= 0) & (fold_of != fold)
+            a = scaled[train, :k].T @ scaled[train, :k] + ridge * use.sum() * 1e-2 * np.eye(k)
+            wanted[fold_of == fold] = scaled[fold_of == fold, :k] @ np.linalg.solve(a, scaled[train, :k].T @ y[train])
+        np.testing.assert_allclose(predicted[0], wanted, rtol=1e-6, atol=1e-7)
+        assert error == pytest.approx(np.mean((y - wanted)[judged] ** 2), rel=1e-6)

@@ -4,6 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from scipy.interpolate import CubicHermiteSpline
 
 from phantom_dyn import load_robot
 from phantom_dyn.effects.drive.input_delay import InputDelay, _mean_held
@@ -157,3 +158,13 @@ def test_the_mean_of_held_commands_counts_each_for_its_time(start, stop, mean):
 
 def test_no_drive_is_early_nor_late_by_a_second(arm):
     assert EFFECT.coefficient_bounds(arm, None, (0.002,)) == ((0.0, 1.0),)
+
+
+@pytest.mark.parametrize("delay", [0.0007, 0.002, 0.0123, 5.0])
+def test_even_samples_have_the_command_of_the_curve_through_them(arm, smooth, rng, delay):
+    # Oracle: scipy's Hermite spline with the slopes of neighbours, held behind the end.
+    rough = replace(smooth, expected=rng.normal(size=smooth.tau.shape))
+    curve = CubicHermiteSpline(rough.t, rough.expected, np.gradient(rough.expected, rough.t, axis=0))
+    wanted = curve(np.minimum(rough.t + delay, rough.t[-1]))
+    command = rough.expected - EFFECT.torque(arm, rough, None, np.array([delay]))
+    np.testing.assert_allclose(command, wanted, atol=1e-8)

@@ -251,3 +251,16 @@ def test_a_limit_is_not_below_what_was_followed(arm, saturated, monkeypatch, siz
     monkeypatch.setattr("phantom_dyn.effects.drive.torque_saturation.followed", lambda *_: 2.0 * size / 0.64)
     driven = commanded_once(saturated, lambda command: np.clip(command, -2.0, 2.0))
     assert EFFECT.signature(arm, driven, "tilt", (2.0,)).columns.any() == seen
+
+
+@pytest.mark.parametrize("limit", [0.7, 1.6, np.inf])
+@pytest.mark.parametrize("samples", [400, 401])
+def test_a_plateau_is_the_highest_level_that_the_median_stays_at(rng, samples, limit):
+    # Oracle: the definition, a median above each level of its own.
+    command = 2.0 * np.sin(np.linspace(0.0, 20.0, samples)) + 0.05 * rng.normal(size=samples)
+    needed = np.clip(command, -limit, limit) + 0.1 * rng.normal(size=samples)
+    size, along = np.abs(command), needed * np.sign(command)
+    levels = np.linspace(0.0, size.max(), 201)[1:-1]
+    reached = [np.median(along[size >= level]) >= level for level in levels]
+    left = [float(levels[k]) for k in range(len(levels) - 1) if reached[k] and not reached[k + 1]]
+    assert _plateau(command, needed) == tuple(left[-1:])
