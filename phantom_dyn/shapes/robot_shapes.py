@@ -10,6 +10,7 @@ import pinocchio as pin
 from jaxtyping import Float
 
 from phantom_dyn.model.robot import Robot
+from phantom_dyn.shapes.kept_shapes import keep, kept, place_of
 from phantom_dyn.shapes.meshes import Mesh, ball, box, capsule, cylinder, face_budgets, joined, reduced, surface
 from phantom_dyn.shapes.visuals import visuals
 
@@ -42,7 +43,19 @@ def robot_shapes(robot: Robot, faces: int = FACES) -> Shapes:
     """Visual shapes of the robot's file with at most ``faces`` triangles in all; capsules where there are none.
 
     A mesh file that is missing, or that cannot be read, takes capsules for the whole robot: half a robot misleads.
+    Reduced meshes are kept for the next time.
     """
+    place = place_of(robot, faces)
+    links = kept(place)
+    if links is not None:
+        return Shapes(links, True)
+    shapes = _reduced_shapes(robot, faces)
+    if shapes.from_meshes:
+        keep(place, shapes.links)
+    return shapes
+
+
+def _reduced_shapes(robot: Robot, faces: int) -> Shapes:
     parts = visuals(robot)
     from_meshes = bool(parts)
     if not parts:
