@@ -44,6 +44,9 @@ def filtered(kernel: Array, x: Array, step: int) -> Array:
     kept = np.empty((blocks, rows))
     for column in range(x.shape[1]):
         given[:] = x[: len(given), column]
+        if not given.any():
+            out[:, column] = 0.0
+            continue
         np.matmul(samples[:blocks], moved[:length], out=kept)
         for piece in range(1, pieces):
             kept += samples[piece : piece + blocks] @ moved[piece * length : (piece + 1) * length]

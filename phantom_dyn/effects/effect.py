@@ -167,7 +167,7 @@ class Rival(ABC):
     @property
     def stays(self) -> bool:
         """True if its columns of one shape do not change with the result of a fit."""
-        return False
+        return not self.follows_torque
 
     def places(self, robot: Robot) -> tuple[str | None, ...]:
         """Joints where a search tries it; None is the whole robot."""
@@ -244,11 +244,6 @@ class Effect(Rival):
     either_sign: bool = False
     changes_with: Literal["friction", "temperature", "controller"] | None = None
     only_noise: bool = False
-
-    @property
-    def stays(self) -> bool:
-        """True if its columns of one shape do not change with the result of a fit."""
-        return not self.follows_torque
 
     @abstractmethod
     def parameters(self, robot: Robot, joint: str | None) -> tuple[Parameter, ...]:

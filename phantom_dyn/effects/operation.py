@@ -101,9 +101,14 @@ class Operation(Motion):
     def partials(self) -> tuple[Float[Array, "N nv nv"], Float[Array, "N nv nv"], Float[Array, "N nv nv"]]:
         """Derivatives of the rigid-body torque to positions, velocities and accelerations (armature included)."""
         to_q, to_v = inverse_dynamics_derivatives(self.robot, self)
-        return to_q, to_v, mass_matrix(self.robot, self.q)
+        return _by_entry(to_q), _by_entry(to_v), _by_entry(mass_matrix(self.robot, self.q))
 
     @cached_property
     def kept(self) -> dict[tuple, tuple[Array, Array]]:
         """What effects make of it once for all their shapes, by a name and a row."""
         return {}
+
+
+def _by_entry(values: Float[Array, "N nv nv"]) -> Float[Array, "N nv nv"]:
+    """The same with each entry's series in one piece of memory, those of one joint's motion side by side."""
+    return np.ascontiguousarray(values.transpose(2, 1, 0)).transpose(2, 1, 0)

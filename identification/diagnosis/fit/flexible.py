@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from jaxtyping import Float, Int
@@ -85,13 +86,13 @@ def ridge_predictions(
     scaled = [a / scale for a in x]
     seen = _seen(scaled, y, use, blocks, folds)
     ridges = [ridge * total * 1e-2 for ridge in _RIDGES]
-    groups = int(folds.max(initial=-1)) + 1
     # Coefficients without each fold, and last of all folds together, for each number of features and each ridge.
-    fits = np.zeros((groups + 1, len(size), 1 + len(first), len(ridges)))
+    which = np.unique(folds)
+    fits = np.zeros((int(folds.max(initial=-1)) + 2, len(size), 1 + len(first), len(ridges)))
     for k, count in enumerate((*first, len(size))):
         kept = np.flatnonzero(size[:count] > 1e-9 * max(size[:count].max(), 1e-300))
         solved = _by_samples if len(seen.y) < len(kept) else _by_features
-        fits[:, kept, k] = solved(seen, kept, ridges, groups)
+        fits[which[:, None], kept, k] = solved(seen, kept, ridges, which)
     predicted = [np.zeros((len(v), fits[0, 0].size)) for v in y]
     squared, samples = np.zeros(fits[0, 0].size), 0
     for fold, block in zip(folds.tolist(), blocks, strict=True):
@@ -115,6 +116,12 @@ class _Seen:
     y: Float[Array, " n"]
     fold: Int[Array, " n"]
 
+    @cached_property
+    def products(self) -> tuple[Float[Array, "F k k"], Float[Array, "F k"]]:
+        """Features times features and times values, of each fold."""
+        parts = [(self.x[own], self.y[own]) for own in (self.fold == fold for fold in range(int(self.fold.max()) + 1))]
+        return np.stack([x.T @ x for x, _ in parts]), np.stack([x.T @ y for x, y in parts])
+
 
 def _seen(
     x: list[Float[Array, "n k"]],
@@ -130,29 +137,32 @@ def _seen(
     return _Seen(*(np.concatenate([a[m] for a, m in zip(s, counts, strict=True)]) for s in (x, y, fold_of)))
 
 
-def _by_features(seen: _Seen, kept: Int[Array, " m"], ridges: list[float], groups: int) -> Float[Array, "G m R"]:
-    """Coefficients of ridge fits without each fold, then of all, from products of the features."""
-    parts = [seen.fold == fold for fold in range(groups)]
-    gram = np.stack([seen.x[part][:, kept].T @ seen.x[part][:, kept] for part in parts])
-    product = np.stack([seen.x[part][:, kept].T @ seen.y[part] for part in parts])
+def _by_features(
+    seen: _Seen, kept: Int[Array, " m"], ridges: list[float], folds: Int[Array, " G"]
+) -> Float[Array, "G m R"]:
+    """Coefficients of ridge fits without each of some folds, -1 for none, from products of the features."""
+    gram, product = seen.products
+    gram, product = gram[:, kept[:, None], kept], product[:, kept]
     whole, everything = gram.sum(axis=0), product.sum(axis=0)
-    out = np.empty((groups + 1, len(kept), len(ridges)))
-    for fold in range(groups + 1):
-        a, b = (whole - gram[fold], everything - product[fold]) if fold < groups else (whole, everything)
+    out = np.empty((len(folds), len(kept), len(ridges)))
+    for own, fold in zip(out, folds, strict=True):
+        a, b = (whole, everything) if fold < 0 else (whole - gram[fold], everything - product[fold])
         for k, ridge in enumerate(ridges):
-            out[fold, :, k] = _with_ridge(a, ridge, b)
+            own[:, k] = _with_ridge(a, ridge, b)
     return out
 
 
-def _by_samples(seen: _Seen, kept: Int[Array, " m"], ridges: list[float], groups: int) -> Float[Array, "G m R"]:
+def _by_samples(
+    seen: _Seen, kept: Int[Array, " m"], ridges: list[float], folds: Int[Array, " G"]
+) -> Float[Array, "G m R"]:
     """The same where there are fewer samples than features, from products of the samples: a much smaller matrix."""
     x = seen.x[:, kept]
     alike = x @ x.T
-    out = np.empty((groups + 1, len(kept), len(ridges)))
-    for fold in range(groups + 1):
+    out = np.empty((len(folds), len(kept), len(ridges)))
+    for own, fold in zip(out, folds, strict=True):
         train = np.flatnonzero(seen.fold != fold)
         for k, ridge in enumerate(ridges):
-            out[fold, :, k] = x[train].T @ _with_ridge(alike[np.ix_(train, train)], ridge, seen.y[train])
+            own[:, k] = x[train].T @ _with_ridge(alike[np.ix_(train, train)], ridge, seen.y[train])
     return out
 
 

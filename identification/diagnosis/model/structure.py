@@ -26,7 +26,7 @@ _SLOW = 3
 
 def _on_row(robot: Robot, joint: str | None, columns: list[Float[Array, " N"]]) -> Signature:
     names = tuple(f"c{k}" for k in range(len(columns)))
-    return Signature((row_of(robot, joint),), np.stack(columns, axis=-1)[:, None, :], names, ("",) * len(columns))
+    return Signature((row_of(robot, joint),), np.array(columns).T[:, None, :], names, ("",) * len(columns))
 
 
 def _scaled(x: Float[Array, " N"]) -> Float[Array, " N"]:

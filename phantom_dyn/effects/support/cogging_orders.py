@@ -35,6 +35,9 @@ _BACKGROUND = 30  # resolved orders over which the background is taken
 _SIGNIFICANT = 15.0  # power over background; for noise it exceeds 9 about once in ten thousand orders
 _LEAST_POWER = 0.001  # of the first order's, 3 % of its amplitude: less is what the reading's own error leaves
 _SAMPLES = 8000  # enough to place an order
+_DEPENDENT = (
+    1e-12  # relative to the largest: of products of columns that depend on each other nothing but rounding is left
+)
 _LOSS = 0.01  # share of what an order explains that a whole number may leave
 
 
@@ -151,23 +154,44 @@ class _Residual:
 
     def without(self, orders: tuple[float, ...]) -> Float[Array, " N"]:
         """What background and orders leave, fitted by least squares."""
+        columns = self._columns(orders)
+        gram = columns.T @ columns
+        return self.torque - columns @ np.linalg.lstsq(gram, columns.T @ self.torque, rcond=_DEPENDENT)[0]
+
+    def _columns(self, orders: tuple[float, ...]) -> Float[Array, "N k"]:
+        """Background and waves, each of size one."""
         size = 1.0 if self.weight is None else self.weight
         waves = [size * wave(n * self.q) for n in orders for wave in (np.sin, np.cos)]
         columns = np.column_stack([self.plain, *waves])
-        columns = columns / np.maximum(np.sqrt(np.mean(columns**2, axis=0)), 1e-300)
-        gram = columns.T @ columns
-        return self.torque - columns @ np.linalg.lstsq(gram, columns.T @ self.torque, rcond=1e-12)[0]
+        return columns / np.maximum(np.sqrt(np.mean(columns**2, axis=0)), 1e-300)
 
     def misfit(self, orders: tuple[float, ...]) -> float:
         """Sum of squares of what is left."""
         left = self.without(orders)
         return float(left @ left)
 
+    def _basis(self, orders: tuple[float, ...]) -> Float[Array, "N r"]:
+        """Orthonormal columns that background and orders make."""
+        columns = self._columns(orders)
+        size, turned = np.linalg.eigh(columns.T @ columns)
+        kept = size > _DEPENDENT * size[-1]
+        return columns @ (turned[:, kept] / np.sqrt(size[kept]))
+
+    def _misfit_beside(self, plain: Float[Array, "N r"], left: Float[Array, " N"], order: float) -> float:
+        """Sum of squares of what one more order leaves of ``left``, which is orthogonal to ``plain``."""
+        size = 1.0 if self.weight is None else self.weight
+        waves = np.column_stack([size * np.sin(order * self.q), size * np.cos(order * self.q)])
+        waves -= plain @ (plain.T @ waves)
+        common = waves.T @ left
+        return float(left @ left - common @ np.linalg.lstsq(waves.T @ waves, common, rcond=_DEPENDENT)[0])
+
     def placed(self, known: tuple[float, ...], peak: float, whole_numbers: bool) -> float:
         """The order near ``peak`` that leaves least beside those that are known; whole if that leaves no more."""
         reach = 0.5 * self.resolution
+        plain = self._basis(known)
+        left = self.torque - plain @ (plain.T @ self.torque)
         found = minimize_scalar(
-            lambda n: self.misfit((*known, n)),
+            lambda n: self._misfit_beside(plain, left, n),
             bounds=(peak - reach, peak + reach),
             method="bounded",
             options={"xatol": 1e-4 * reach},

@@ -27,7 +27,7 @@ def on_one_joint(robot: Robot, joint: str | None, **columns: tuple[Float[Array, 
     """Signature of an effect that touches one joint only: ``name=(column, unit)`` for each coefficient."""
     return Signature(
         rows=(row_of(robot, joint),),
-        columns=np.stack([column for column, _ in columns.values()], axis=-1)[:, None, :],
+        columns=np.array([column for column, _ in columns.values()]).T[:, None, :],
         names=tuple(columns),
         units=tuple(unit for _, unit in columns.values()),
     )
