@@ -28,7 +28,6 @@ from identification.next_experiment.advise import Proposal, proposed
 from identification.regression.triangular import one_blas_thread
 from identification.rollout.compare import Rollout
 from identification.rollout.rollout import Explained, rollout_of
-from identification.scenarios.at_rest.diagnose_at_rest import diagnose_at_rest, judged_at_rest
 from identification.scenarios.gain_or_load import either, scales_by_friction, with_scaled_gains
 from identification.scenarios.known_changes import named_by_recording
 from identification.scenarios.measured_poses import diagnosis_of_poses, with_poses
@@ -132,14 +131,17 @@ def diagnose_logs(
         LogError: If a recording cannot be used.
     """
     driven, recordings, motion = torque_or_motion(robot, read, motion_only=motion_only)
-    if motion and judged_at_rest(driven, recordings):
-        if known or held_out:
-            raise UsageError(
-                f"{recordings[0].file}: it is judged at rest, where every rest is held out in turn, so that held-out "
-                "recordings and effects of an earlier diagnosis (--hold-out, --with) do not go with it; leave them out"
-            )
-        return driven, diagnose_at_rest(driven, recordings)
     if motion:
+        from identification.scenarios.at_rest.diagnose_at_rest import diagnose_at_rest, judged_at_rest
+
+        if judged_at_rest(driven, recordings):
+            if known or held_out:
+                raise UsageError(
+                    f"{recordings[0].file}: it is judged at rest, where every rest is held out in turn, so that "
+                    "held-out recordings and effects of an earlier diagnosis (--hold-out, --with) do not go with it; "
+                    "leave them out"
+                )
+            return driven, diagnose_at_rest(driven, recordings)
         return diagnose_controlled(driven, recordings, held_out=held_out, known=known, progress=progress)
     count = len(recordings) - held_out
     found = diagnose(driven, recordings[:count], hold_out=recordings[count:], known=known, progress=progress)

@@ -11,7 +11,6 @@ from collections.abc import Iterable
 
 import numpy as np
 from jaxtyping import Float
-from scipy.interpolate import CubicSpline
 
 from identification.data.recording import Recording, Table
 from phantom_dyn.dynamics.dynamics import gravity_torque, own_friction
@@ -63,6 +62,8 @@ def before_low_pass(
         hertz = table.low_pass.get(joint, table.low_pass.get(""))
         if hertz is None or np.ptp(tau[:, j]) == 0:
             continue
+        from scipy.interpolate import CubicSpline
+
         t = table.columns["t"]
         out[:, j] += CubicSpline(t, tau[:, j])(t, 1) / (2 * np.pi * hertz)
         said.append(f"{hertz:g} Hz of {joint}")

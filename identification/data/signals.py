@@ -13,7 +13,6 @@ import itertools
 
 import numpy as np
 from jaxtyping import Float
-from scipy.interpolate import CubicSpline, make_interp_spline
 
 from identification.data.compensation import friction_taken
 from identification.data.joint_torque import external_torque
@@ -27,6 +26,7 @@ from phantom_dyn.model.robot import Robot
 from phantom_dyn.motion import Motion
 from phantom_dyn.signals.recursive import low_pass_kernel, low_passed
 from phantom_dyn.signals.spectra import power_density
+from phantom_dyn.signals.splines import quintic_derivatives
 
 Array = np.ndarray
 
@@ -183,6 +183,8 @@ def uniform(recording: Recording) -> tuple[Float[Array, " N"], Float[Array, "N n
         )
     if np.max(np.abs(steps - step)) > 1e-3 * step:
         grid = np.arange(t[0], t[-1] + 1e-9 * step, step)
+        from scipy.interpolate import CubicSpline
+
         q = CubicSpline(t, q)(grid)
         tau = np.column_stack([np.interp(grid, t, column) for column in tau.T])
         t = grid
@@ -241,9 +243,7 @@ def differentiate(q: Float[Array, "N nv"], rate_hz: float, cutoff_hz: float) -> 
     """
     if cutoff_hz < 0.4 * rate_hz:
         q = low_passed(q, cutoff_hz, rate_hz, order=4, padding=int(3 * rate_hz / cutoff_hz))
-    grid = np.arange(len(q)) / rate_hz
-    spline = make_interp_spline(grid, q, k=5)
-    return q, spline(grid, 1), spline(grid, 2)
+    return q, *quintic_derivatives(q, rate_hz)
 
 
 def motion_edge(band: Band) -> float:

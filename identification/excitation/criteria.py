@@ -11,7 +11,6 @@ from typing import Protocol, runtime_checkable
 
 import numpy as np
 from jaxtyping import Float
-from scipy.special import logsumexp
 
 from phantom_dyn.errors import ParameterError
 
@@ -70,6 +69,8 @@ class ConditionNumber:
 
     def cost(self, G: Float[Array, "r r"]) -> tuple[float, Float[Array, "r r"]]:
         """Cost and its slope."""
+        from scipy.special import logsumexp
+
         size = np.sqrt(np.maximum(np.diag(G), _NOTHING))
         C = G / np.outer(size, size)
         eigenvalues, vectors = np.linalg.eigh(C)

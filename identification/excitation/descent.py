@@ -7,7 +7,6 @@ from dataclasses import dataclass
 
 import numpy as np
 from jaxtyping import Float
-from scipy.optimize import minimize
 
 from identification.excitation.criteria import Criterion
 from identification.excitation.design_problem import DesignProblem, Grid, joint_sizes
@@ -63,6 +62,8 @@ def descend(
         criterion: In place of the problem's own.
         progress: Told in words how far it is.
     """
+    from scipy.optimize import minimize
+
     sizes = joint_sizes(problem)
     # In units of what each joint may do, every weight is of about one size.
     unit = np.repeat(sizes.speed[None], len(weights), axis=0)

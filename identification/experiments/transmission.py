@@ -17,6 +17,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
 from jaxtyping import Float
@@ -26,9 +27,11 @@ from identification.data.signals import differentiate
 from identification.excitation.motion_shapes import Triangle
 from identification.experiments.linear_fit import LinearFit, fit_linear
 from phantom_dyn.errors import LogError, ParameterError, RobotError
-from phantom_dyn.haptics.experiments.frequency_identification import TwoMassFit, fit_two_mass_of_instants
 from phantom_dyn.haptics.experiments.white_noise import FrequencyResponse, estimate_frequency_response
 from phantom_dyn.motion import read_only
+
+if TYPE_CHECKING:
+    from phantom_dyn.haptics.experiments.frequency_identification import TwoMassFit
 
 Array = np.ndarray
 
@@ -176,6 +179,8 @@ def transmission_resonance(log: Log, joint: str, *, segment: float | None = None
     Raises:
         EstimationError: If the recording shows no vibration, or no two-mass model fits it.
     """
+    from phantom_dyn.haptics.experiments.frequency_identification import fit_two_mass_of_instants
+
     return fit_two_mass_of_instants(joint_response(log, joint, segment=segment))
 
 

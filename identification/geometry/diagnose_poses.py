@@ -8,14 +8,13 @@ from __future__ import annotations
 
 import numpy as np
 import pinocchio as pin
-from scipy.special import fdtrc
 
 from identification.data.recording import Recording
 from identification.geometry.equations import DELAY
 from identification.geometry.explained import ExplainedPoses, explained_poses
 from identification.geometry.held_out import blocks_of, draws, left_of_each
 from identification.geometry.judged import Gap, bounds_of, findings_of, gap_of
-from identification.geometry.measured import Measured, measured_poses
+from identification.geometry.measured import Measured, has_poses, measured_poses
 from identification.geometry.noise_floor import depends_on_posture, floor_of
 from identification.geometry.result import (
     Fitted,
@@ -38,11 +37,6 @@ _OPEN = 0.10  # of the gap that may be left of it
 _STRUCTURE = 0.003  # chance at which what all terms together explain beyond the findings counts
 FEWEST = 20
 """Poses of a frame: fewer do not hold the poses of base and target and a noise."""
-
-
-def has_poses(recordings: tuple[Recording, ...]) -> bool:
-    """True if any recording holds poses of a frame."""
-    return any(recording.positions for recording in recordings)
 
 
 def diagnose_poses(robot: Robot, recordings: tuple[Recording, ...]) -> GeometryResult | None:
@@ -130,6 +124,8 @@ def _is_left_small(frame: FrameGap) -> bool:
 
 def _more_than_found(explained: ExplainedPoses) -> bool:
     """True if all terms together explain more than those that were found and chance."""
+    from scipy.special import fdtrc
+
     more = explained.equations.rank - len(explained.chosen)
     if more <= 0:
         return False

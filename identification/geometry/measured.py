@@ -4,16 +4,19 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
 from jaxtyping import Float, Int
-from scipy.interpolate import CubicSpline
 
 from identification.data.checks.smoothed_copy import included, smoothed
 from identification.data.recording import Recording
 from phantom_dyn.dynamics.dynamics import link_torque
 from phantom_dyn.model.robot import Robot
 from phantom_dyn.motion import Motion, read_only
+
+if TYPE_CHECKING:
+    from scipy.interpolate import CubicSpline
 
 Array = np.ndarray
 
@@ -74,6 +77,11 @@ class Path:
         return self.spline(t), self.spline(t, 1)
 
 
+def has_poses(recordings: tuple[Recording, ...]) -> bool:
+    """True if any recording holds poses of a frame."""
+    return any(recording.positions for recording in recordings)
+
+
 def is_motion(recording: Recording) -> bool:
     """True if the samples follow a motion, False for poses that are far from each other."""
     if len(recording.t) < _FEWEST_OF_MOTION:
@@ -91,6 +99,8 @@ def measured_poses(robot: Robot, recordings: tuple[Recording, ...]) -> tuple[tup
         robot: Gives frames and loads.
         recordings: Those without measured poses are passed over.
     """
+    from scipy.interpolate import CubicSpline
+
     out: list[Measured] = []
     paths: dict[int, Path] = {}
     for number, recording in enumerate(recordings):

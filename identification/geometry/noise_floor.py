@@ -6,7 +6,6 @@ from dataclasses import dataclass
 
 import numpy as np
 from jaxtyping import Float
-from scipy.special import chdtri
 
 from identification.geometry.explained import ExplainedPoses
 from phantom_dyn.random_streams import random_stream
@@ -74,6 +73,8 @@ def _floor(squares: Array, free: float, source: str) -> Floor:
 
 
 def _interval(sigma: float, free: float) -> tuple[float, float]:
+    from scipy.special import chdtri
+
     low, high = (sigma * float(np.sqrt(free / chdtri(free, p))) for p in (0.025, 0.975))
     return low, high
 

@@ -7,7 +7,6 @@ from dataclasses import dataclass
 
 import numpy as np
 from jaxtyping import Float
-from scipy.special import fdtri
 
 from identification.geometry.terms import ELASTIC, Term
 from identification.geometry.whitened import Whitened
@@ -78,6 +77,8 @@ def fits_of(found: Whitened, terms: tuple[Term, ...]) -> Fits:
 
 def price_of(count: int, free: float) -> float:
     """Squares that a term has to explain so that the best of ``count`` does by chance in `CHANCE` of all cases."""
+    from scipy.special import fdtri
+
     return 1.0 / float(fdtri(free, 1, CHANCE / max(count, 1)))
 
 

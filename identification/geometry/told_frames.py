@@ -11,7 +11,6 @@ from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
-from scipy.special import fdtri
 
 from identification.geometry.equations import Equations, Problem
 from identification.geometry.fit import fitted, frame_poses, start_of
@@ -81,6 +80,8 @@ def _is_far(robot: Robot, one: Measured) -> bool:
 
 def _as_good(near: Equations, terms: int, free: Equations) -> bool:
     """True if what the nearer fit leaves is more by no more than chance."""
+    from scipy.special import fdtri
+
     of_near, of_free = float(near.left @ near.left), float(free.left @ free.left)
     more, rest = max(free.nuisance.shape[1] - near.nuisance.shape[1] - terms, 1), max(len(free.left) - 1, 1)
     limit = 1.0 + more / rest / float(fdtri(rest, more, _CHANCE))

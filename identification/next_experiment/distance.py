@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import numpy as np
 from jaxtyping import Float
-from scipy.special import gammainc, ndtr, ndtri
 
 from identification.diagnosis import decision_rules as rules
 from identification.diagnosis.numerics.bounded import bounded_solve
@@ -66,6 +65,8 @@ def power_of(gain: Float[Array, " d"], head_start: float, before: Float[Array, "
         head_start: What the wrong model has lost so far, negative if it is ahead.
         before: Expected held-out loss of the wrong model in what is recorded now.
     """
+    from scipy.special import ndtr, ndtri
+
     spread = 2.0 * np.sqrt(np.maximum(gain, 1e-12))
     replicates = 2.0 * np.sqrt(np.maximum(gain + before, 1e-12))
     return ndtr((gain + head_start + ndtri(rules.LISTED) * replicates) / spread)
@@ -79,6 +80,8 @@ def power_of_hopeless(gain: Float[Array, " d"], lead: float, after: Float[Array,
         lead: What the wrong model has lost so far, its price included; negative if it is ahead.
         after: Expected held-out loss of the wrong model in everything that is recorded then.
     """
+    from scipy.special import ndtr
+
     # The loss scatters from block to block as a noncentral chi-squared does.
     bar = rules.HOPELESS_ERRORS * 2.0 * np.sqrt(np.maximum(after, 0.0)) + rules.HOPELESS_BEYOND
     return ndtr((gain + lead - bar) / (2.0 * np.sqrt(np.maximum(gain, 1e-12))))
@@ -95,6 +98,8 @@ def power_of_simpler(simple: Model, rich: Model, products: Float[Array, "u u"], 
         products: Of all columns, over everything that is recorded then.
         recorded: Over what is recorded now.
     """
+    from scipy.special import gammainc
+
     more = [k for k in rich.columns if k not in simple.columns]
     gone = [k for k in simple.columns if k not in rich.columns]
     if not more:

@@ -7,7 +7,6 @@ from contextlib import contextmanager
 
 import numpy as np
 from jaxtyping import Float, Int
-from scipy.linalg import get_lapack_funcs
 from threadpoolctl import ThreadpoolController
 
 from phantom_dyn.errors import ParameterError
@@ -37,6 +36,8 @@ def absorb(factor: Float[Array, "p p"], rows: Float[Array, "m p"]) -> None:
         factor: Fortran order; zeros at the start. Receives the result.
         rows: Fortran order; overwritten.
     """
+    from scipy.linalg import get_lapack_funcs
+
     if not rows.size:
         return
     (tpqrt,) = get_lapack_funcs(("tpqrt",), (factor,))

@@ -13,7 +13,6 @@ from dataclasses import dataclass
 
 import numpy as np
 from jaxtyping import Float
-from scipy.optimize import least_squares
 
 from identification.data.log import Log
 from identification.rollout.driven import moved, pull, pulling
@@ -183,6 +182,7 @@ def _best_fitted(misses: Callable[[Array], Array], guesses: list[Float[Array, " 
 
 def _fitted(misses: Callable[[Array], Array], moves: Float[Array, " n"]) -> Float[Array, " n"]:
     """Least squares fit from a first guess."""
+    from scipy.optimize import least_squares
 
     def slopes(at: Array) -> Array:
         # Longer steps than rounding asks for: a play makes the misses rough.

@@ -11,7 +11,6 @@ from collections.abc import Callable
 
 import numpy as np
 from jaxtyping import Float
-from scipy.special import fdtri
 
 from identification.diagnosis import decision_rules as rules
 from identification.rollout.rollout_starts import Window
@@ -46,6 +45,8 @@ def strays(
     Raises:
         ParameterError: If a motion leaves all bounds.
     """
+    from scipy.special import fdtri
+
     rng = random_stream("noise of rollout starts")
     squares: list[list[Array]] = []
     for shot in shots:

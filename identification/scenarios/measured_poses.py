@@ -11,7 +11,7 @@ import numpy as np
 
 from identification.data.recording import Recording
 from identification.diagnosis.result import Diagnosis, Evidence, Finding, Gap, Unexplained
-from identification.geometry.diagnose_poses import diagnose_poses, has_poses
+from identification.geometry.measured import has_poses
 from identification.geometry.result import GeometryResult
 from identification.geometry.terms import ZERO
 from phantom_dyn import __version__
@@ -29,11 +29,14 @@ def with_poses(diagnosis: Diagnosis, robot: Robot, recordings: tuple[Recording, 
         robot: The given model.
         recordings: All of them.
     """
+    if not has_poses(recordings):
+        return diagnosis
+    from identification.geometry.diagnose_poses import diagnose_poses
+
     started = time.perf_counter()
     found = diagnose_poses(robot, recordings)
     if found is None:
-        told = (_of_loops(robot),) if has_poses(recordings) else ()
-        return replace(diagnosis, data_warnings=(*diagnosis.data_warnings, *told))
+        return replace(diagnosis, data_warnings=(*diagnosis.data_warnings, _of_loops(robot)))
     notes = tuple(zero_words(diagnosis.findings, found))
     found = replace(found, torque_verdict=diagnosis.verdict, notes=notes)
     return replace(
@@ -55,6 +58,8 @@ def diagnosis_of_poses(robot: Robot, recordings: tuple[Recording, ...]) -> Diagn
     Raises:
         LogError: If the robot is a closed chain.
     """
+    from identification.geometry.diagnose_poses import diagnose_poses
+
     started = time.perf_counter()
     found = diagnose_poses(robot, recordings)
     if found is None:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from statistics import fmean
+from math import fsum
 
 from identification.diagnosis import decision_rules as rules
 from identification.diagnosis.result import Diagnosis, Finding, JointGap
@@ -34,7 +34,7 @@ def beside_what_is_left(finding: Finding, joints: tuple[JointGap, ...]) -> Findi
         joints: Gaps of all joints, before and after all findings.
     """
     own = [joint for joint in joints if joint.joint in (finding.joint or "").split("+")]
-    named = min(map(_named, own)) if own else fmean(map(_named, joints))
+    named = min(map(_named, own)) if own else fsum(map(_named, joints)) / len(joints)
     known = known_effect(finding.effect)
     # What is noise alone is read off the readings, and compared with nothing.
     if (known is not None and known.only_noise) or 1.0 - named < rules.LISTED:

@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import numpy as np
 from jaxtyping import Float
-from scipy.linalg import get_lapack_funcs
 
 Array = np.ndarray
 
@@ -23,6 +22,8 @@ def recursive(b: tuple[float, ...], a: tuple[float, ...], x: Float[Array, "N k"]
         a: Denominator in powers of 1/z; the first is 1.
         x: Samples, one series a column.
     """
+    from scipy.linalg import get_lapack_funcs
+
     beyond = x - x[0]
     driven = b[0] * beyond
     for lag in range(1, min(len(b), len(x))):

@@ -13,10 +13,10 @@ from pathlib import Path
 
 import numpy as np
 from jaxtyping import Bool, Float
-from scipy.optimize import nnls
 
 from identification.data.checks import suspects as other
 from identification.data.checks.against_model import Sample, regress_joints
+from identification.data.checks.bounded_fit import bounded_fit
 from identification.data.checks.exchanged_columns import exchanged_columns
 from identification.data.checks.model_units import wrong_units
 from identification.data.checks.plausible_fit import unexplained
@@ -321,15 +321,17 @@ def plain_left(robot: Robot, reading: Reading) -> Float[Array, " nv"]:
     """Share of each joint's torque variance that the model times a positive number, friction and an offset leave."""
     needed = inverse_dynamics(robot, reading.motion) - modelled_friction(robot, reading.motion)
     felt = reading.tau + reading.external
-    ones = np.ones(len(felt))
+    ones, low = np.ones(len(felt)), np.array([0.0, 0.0, 0.0, -np.inf])
     out = np.full(felt.shape[1], np.nan)
     for j in range(felt.shape[1]):
         variance = float(felt[:, j].var())
-        columns = np.column_stack([needed[:, j], reading.motion.v[:, j], reading.sign[:, j], ones, -ones])
+        columns = np.column_stack([needed[:, j], reading.motion.v[:, j], reading.sign[:, j], ones])
         size = np.linalg.norm(columns, axis=0)
         if variance > 0:
-            left = nnls(columns / np.where(size > 0, size, 1.0), felt[:, j])[1]
-            out[j] = float(left) ** 2 / len(felt) / variance
+            scaled = np.column_stack([columns / np.where(size > 0, size, 1.0), felt[:, j]])
+            factor = np.asarray(np.linalg.qr(scaled, mode="r"))
+            x = bounded_fit(factor[:, :-1], factor[:, -1], low, np.full(4, np.inf))
+            out[j] = float(np.sum((factor[:, :-1] @ x - factor[:, -1]) ** 2)) / len(felt) / variance
     return out
 
 

@@ -14,8 +14,8 @@ from dataclasses import dataclass
 
 import numpy as np
 from jaxtyping import Float
-from scipy.optimize import lsq_linear
 
+from identification.data.checks.bounded_fit import bounded_fit
 from identification.data.checks.readings import Reading
 from phantom_dyn.dynamics.dynamics import mass_matrix, rigid_body_regressor, standard_parameters
 from phantom_dyn.model.inertia import payload_body
@@ -170,7 +170,6 @@ def _bounded(columns: Float[Array, "n k"], target: Float[Array, " n"], low: Arra
     )
     # The factors of a triangular decomposition carry all that the fit needs, in as many rows as there are columns.
     factor = np.asarray(np.linalg.qr(padded, mode="r"))
-    solved = lsq_linear(factor[:, :-1], factor[:, -1], (low[used] * scale, high[used] * scale), method="bvls")
     out = np.zeros(len(size))
-    out[used] = solved.x / scale
+    out[used] = bounded_fit(factor[:, :-1], factor[:, -1], low[used] * scale, high[used] * scale) / scale
     return out

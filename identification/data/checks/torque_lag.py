@@ -13,14 +13,14 @@ from dataclasses import dataclass
 
 import numpy as np
 from jaxtyping import Bool, Float, Int
-from scipy.interpolate import CubicSpline, make_interp_spline
-from scipy.ndimage import maximum_filter1d
 
 from identification.data.checks.smoothed_copy import Smooth
 from identification.data.recording import Recording
 from phantom_dyn.dynamics.dynamics import rigid_body_regressor
 from phantom_dyn.model.robot import Robot
 from phantom_dyn.motion import Motion
+from phantom_dyn.signals.splines import Cubic, quintic_derivatives
+from phantom_dyn.signals.windows import highest
 
 Array = np.ndarray
 
@@ -153,13 +153,13 @@ def _clear_torques(robot: Robot, recording: Recording, smooth: Smooth, lags: Flo
         rows = at[np.linspace(0, len(at) - 1, min(_ROWS, len(at))).astype(int)]
         needed = rows[:, None] + offsets
         columns = _columns(robot, motion, needed.ravel(), j).reshape(*needed.shape, -1)
-        measured, t = CubicSpline(motion.t, tau[:, j]), motion.t[needed] + stated * smooth.step
+        measured, t = Cubic.through(tau[:, j], 0.0, smooth.step), motion.t[needed] + stated * smooth.step
         clear = _Clear(
             joint,
             _of_length_one(np.einsum("nmk,m->nk", columns, weights)),
             np.column_stack([measured(t + lag * smooth.step) @ weights for lag in lags]),
             measured(t) @ weights,
-            measured(t, 1) @ weights,
+            measured.derivative(t) @ weights,
             2 * smooth.cutoff_hz * smooth.step * len(at),
         )
         if clear.independent >= _PER_COLUMN * np.linalg.matrix_rank(clear.columns, tol=_SAME):
@@ -191,8 +191,7 @@ def _lightly_smoothed(
         return np.column_stack([np.convolve(column, kernel, mode="valid") for column in padded.T])
 
     q, t = filtered(recording.q), smooth.t - smooth.t[0]
-    spline = make_interp_spline(t, q, k=5)
-    return Motion(t, q, spline(t, 1), spline(t, 2)), filtered(tau)
+    return Motion(t, q, *quintic_derivatives(q, 1.0 / smooth.step)), filtered(tau)
 
 
 def _columns(robot: Robot, motion: Motion, rows: Int[Array, " n"], j: int) -> Float[Array, "n k"]:
@@ -213,8 +212,8 @@ def clear_samples(v: Float[Array, " N"], inside: Bool[Array, " N"], half: int, s
     """
     slow = np.abs(v) <= _CREEPING * np.percentile(np.abs(v), 99)
     slow[1:] |= np.sign(v[1:]) != np.sign(v[:-1])
-    creeps = maximum_filter1d(slow.astype(np.uint8), 2 * int(np.ceil(_CREEPING_TIME / step)) + 1) > 0
-    return maximum_filter1d((creeps | ~inside).astype(np.uint8), 2 * half + 1) == 0
+    creeps = highest(slow, 2 * int(np.ceil(_CREEPING_TIME / step)) + 1)
+    return ~highest(creeps | ~inside, 2 * half + 1)
 
 
 def friction_columns(v: Float[Array, " n"]) -> Float[Array, "n k"]:

@@ -7,7 +7,6 @@ from __future__ import annotations
 
 import numpy as np
 from jaxtyping import Bool, Float
-from scipy.special import ndtri
 
 from identification.diagnosis import decision_rules as rules
 from identification.diagnosis.fit.problem import Problem
@@ -179,6 +178,8 @@ def _threshold(level: Array, seconds: float, step: float, joints: int) -> float:
 
     The spread is that of the level itself at most times, which keeps the colour of the residual.
     """
+    from scipy.special import ndtri
+
     spread = 1.4826 * float(np.median(np.abs(level)))
     looks = max(len(level) * step / seconds, 1.0) * joints * len(rules.BURST_LENGTHS)
     return max(rules.BURST_RATIO, spread * -float(ndtri(0.5 * rules.BURST_LEVEL / looks)))

@@ -6,7 +6,6 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 from jaxtyping import Float
-from scipy.special import chdtri, ndtri
 
 from identification.diagnosis import decision_rules as rules
 from identification.diagnosis.fit.gap import judged_noise, measured_torque, sums
@@ -78,6 +77,8 @@ def floor_of(
         doubt: Variance of the friction torque that joints leave open which stand, creep or turn about.
         encoders: Torque that the noise of the encoders makes in the judged band, ``(nv,)``; None: not known.
     """
+    from scipy.special import ndtri
+
     session, robot = problem.session, problem.session.robot
     value, unpredicted = noise_floor(session, problem.columns, noise), sums(problem, session.in_judged_band(noise))
     drawn = block_counts(len(unpredicted.counts), random_stream("bootstrap of the noise floor"))
@@ -129,6 +130,8 @@ def _at_most_times(problem: Problem, noise: Series) -> Float[Array, " nv"]:
 
     Of normal noise of one size that is its root mean square.
     """
+    from scipy.special import chdtri
+
     out = []
     for j, part in enumerate(zip(*(log.T for log in problem.session.in_judged_band(noise)), strict=True)):
         used = [own[use[:, j]] for own, use in zip(part, problem.columns.usable, strict=True)]

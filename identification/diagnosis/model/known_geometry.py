@@ -11,7 +11,6 @@ from jaxtyping import Float
 
 from identification.data.recording import Recording
 from identification.diagnosis.model.terms import KnownEffect
-from identification.geometry.equations import placed
 from identification.geometry.measured import load_of
 from identification.geometry.terms import BASE_POSE, ELASTIC, LINK, TOOL_POSE, ZERO
 from phantom_dyn.model.robot import Robot
@@ -46,6 +45,8 @@ def with_known_places(robot: Robot, known: tuple[KnownEffect, ...]) -> Robot:
     twists, targets = known_twists(known), [one for one in known if one.effect == TOOL_POSE]
     if not twists and not targets:
         return robot
+    from identification.geometry.equations import placed
+
     model = robot.model.copy()
     for one in targets:
         frame = model.frames[model.getFrameId(str(one.joint))]
@@ -83,6 +84,10 @@ def as_known(robot: Robot, recordings: tuple[Recording, ...], known: tuple[Known
 
 def _in_root(recordings: tuple[Recording, ...], known: tuple[KnownEffect, ...]) -> tuple[Recording, ...]:
     """Recordings with their poses in the root frame, where earlier ones showed that the base stands elsewhere."""
+    if not any(one.effect == BASE_POSE for one in known):
+        return recordings
+    from identification.geometry.equations import placed
+
     bases = [placed(np.array(one.theta)) for one in known if one.effect == BASE_POSE]
     for base in bases:
         recordings = tuple(_seen_from(recording, base) for recording in recordings)

@@ -11,11 +11,9 @@ import numpy as np
 from identification.data.log import Log
 from identification.diagnosis import decision_rules as rules
 from identification.diagnosis.model.terms import FoundEffect
-from identification.experiments.transmission import joint_response
 from phantom_dyn.effects.catalogue import effect_named
 from phantom_dyn.effects.support.displaced import behind_encoder
 from phantom_dyn.errors import EstimationError, LogError, ParameterError
-from phantom_dyn.haptics.experiments.frequency_identification import fit_two_mass_of_instants
 from phantom_dyn.model.robot import Robot
 
 
@@ -39,10 +37,14 @@ def resonances(robot: Robot, logs: tuple[Log, ...]) -> tuple[FoundEffect, ...]:
 
 def _stiffness(log: Log, joint: str) -> float | None:
     """Stiffness of one transmission, None where the recording does not show it."""
+    from identification.experiments.transmission import joint_response
+
     try:
         response = joint_response(log, joint)
         if np.mean(response.coherence >= rules.COHERENT) < rules.EXCITED_SHARE:
             return None
+        from phantom_dyn.haptics.experiments.frequency_identification import fit_two_mass_of_instants
+
         # On its way a fit of what is no two-mass system may overflow; what it comes to is judged by its misfit.
         with np.errstate(all="ignore"):
             return fit_two_mass_of_instants(response).axis.cable_stiffness

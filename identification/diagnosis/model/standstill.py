@@ -12,7 +12,6 @@ from dataclasses import replace
 
 import numpy as np
 from jaxtyping import Bool, Float
-from scipy.ndimage import maximum_filter1d, minimum_filter1d
 
 from identification.data.log import Band, Log
 from identification.diagnosis import decision_rules as rules
@@ -20,6 +19,7 @@ from phantom_dyn.dynamics.dynamics import modelled_friction
 from phantom_dyn.effects.operation import Operation
 from phantom_dyn.effects.support.encoder_lattice import stated_step
 from phantom_dyn.model.robot import Robot
+from phantom_dyn.signals.windows import highest, lowest
 
 Array = np.ndarray
 
@@ -119,9 +119,9 @@ def encoder_stands(robot: Robot, log: Log) -> Bool[Array, "N nv"]:
         if seconds > rules.STANDING_LONGEST:
             continue
         width = max(3, 2 * round(0.5 * seconds * rate) + 1)
-        travel = maximum_filter1d(readings[:, j], width) - minimum_filter1d(readings[:, j], width)
+        travel = highest(readings[:, j], width) - lowest(readings[:, j], width)
         # All samples of a window in which it stands.
-        out[:, j] = maximum_filter1d((travel <= most).astype(np.uint8), width) > 0
+        out[:, j] = highest(travel <= most, width)
     return out
 
 
@@ -151,7 +151,7 @@ def creeping_doubt(log: Log, friction: Float[Array, "N nv"]) -> Float[Array, "n 
     v = log.motion.v
     slow = np.abs(v) < rules.CREEPING_SPEED * np.percentile(np.abs(v), 99, axis=0)
     reach = 2 * max(1, round(rules.CREEPING_TIME * log.band.rate_hz)) + 1
-    creeps = np.logical_or(slow, maximum_filter1d(_crossing(v), reach, axis=0))
+    creeps = slow | highest(_crossing(v), reach)
     return _carried(log, rules.CREEPING_FRICTION * np.where(creeps, _about(log, friction), 0.0))
 
 
@@ -173,7 +173,7 @@ def open_friction(
 def _about(log: Log, friction: Float[Array, "N nv"]) -> Float[Array, "N nv"]:
     """Largest friction torque near each sample: at a reversal a law lets it jump."""
     reach = 2 * max(1, round(rules.STANDING_TIME * log.band.rate_hz)) + 1
-    return maximum_filter1d(np.abs(friction), reach, axis=0)
+    return highest(np.abs(friction), reach)
 
 
 def _carried(log: Log, deviation: Float[Array, "N nv"]) -> Float[Array, "n nv"]:
@@ -190,4 +190,4 @@ def _crossing(v: Float[Array, "N nv"]) -> Bool[Array, "N nv"]:
 def near_reversals(log: Log) -> Bool[Array, "n nv"]:
     """True for in-band samples near a reversal: as far as the filter smears its step, at least 50 ms."""
     reach = max(int(0.05 * log.band.rate_hz), log.band.half // 2, 1)
-    return maximum_filter1d(_crossing(log.motion.v), 2 * reach + 1, axis=0)[log.samples]
+    return highest(_crossing(log.motion.v), 2 * reach + 1)[log.samples]

@@ -6,14 +6,14 @@ from dataclasses import dataclass
 
 import numpy as np
 from jaxtyping import Bool, Float
-from scipy.fft import next_fast_len
-from scipy.ndimage import uniform_filter1d
 
 from identification.data.log import Log
 from identification.diagnosis import decision_rules as rules
 from identification.diagnosis.model.own_effects import ALIKE
 from identification.diagnosis.model.session import Series, Session
 from identification.diagnosis.noise.noise_floor import autocorrelation_time
+from phantom_dyn.signals.spectra import fast_length
+from phantom_dyn.signals.windows import moving_mean
 
 Array = np.ndarray
 
@@ -109,7 +109,7 @@ def _lags(first: Log, second: Log, *, again: bool) -> list[int]:
 
 def _correlation(w: Float[Array, " m"], v: Float[Array, " n"]) -> Float[Array, " m+n-1"]:
     """Sums of products of ``w`` with ``v`` that comes later by -(n - 1) to m - 1 samples."""
-    length = next_fast_len(len(w) + len(v) - 1, real=True)
+    length = fast_length(len(w) + len(v) - 1)
     circular = np.fft.irfft(np.fft.rfft(w, length) * np.fft.rfft(v[::-1], length), length)
     return circular[: len(w) + len(v) - 1]
 
@@ -130,7 +130,7 @@ def _agree(first: Log, a: slice, second: Log, b: slice) -> Bool[Array, " n"]:
     moves = usual > _STANDS * usual.max()
     way = np.maximum(np.ptp(q, axis=0), 1e-12)
     apart = np.maximum(((v[a] - w[b])[:, moves] / usual[moves]) ** 2, ((q - p)[:, moves] / way[moves]) ** 2)
-    return uniform_filter1d(apart.max(axis=1), window, mode="nearest") < rules.REPEATED**2
+    return moving_mean(apart.max(axis=1), window) < rules.REPEATED**2
 
 
 def _spread(parts: list[Float[Array, " n"]]) -> Repeated | None:

@@ -6,7 +6,6 @@ from collections.abc import Callable
 
 import numpy as np
 from jaxtyping import Float
-from scipy.special import chdtr
 
 from identification.diagnosis import decision_rules as rules
 from identification.diagnosis.fit.fitting import Fitted
@@ -25,6 +24,8 @@ _END = 1e-12
 
 def certainty(numbers: Float[Array, " k"], cov: Float[Array, "k k"]) -> float:
     """Probability that chance keeps numbers that are zero nearer to zero than these are (Wald's test)."""
+    from scipy.special import chdtr
+
     if not np.any(numbers):
         return 0.0
     std = np.sqrt(np.maximum(np.diag(cov), 1e-300))

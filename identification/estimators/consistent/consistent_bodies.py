@@ -16,7 +16,6 @@ from dataclasses import dataclass
 
 import numpy as np
 from jaxtyping import Float
-from scipy.spatial import ConvexHull, QhullError
 
 from phantom_dyn.errors import ParameterError, RobotError
 from phantom_dyn.model.robot import Robot
@@ -185,6 +184,8 @@ def region_of_points(points: Float[Array, "P 3"]) -> Region:
     Raises:
         ParameterError: If the points are not finite or span no volume.
     """
+    from scipy.spatial import ConvexHull, QhullError
+
     if not np.isfinite(points).all():
         raise ParameterError("The points of a region are not finite: give finite ones.")
     try:

@@ -11,7 +11,6 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 from jaxtyping import Float
-from scipy.linalg import block_diag, null_space, solve_triangular
 
 from identification.estimators.consistent.consistent_bodies import PSEUDO, Reference, Region, pseudo_inertia
 from identification.estimators.consistent.stated_program import Shape, Values, stated
@@ -129,6 +128,8 @@ def is_possible(program: Program, pi: Float[Array, " p"]) -> bool:
 
 def nearest_unconstrained(program: Program) -> Float[Array, " p"]:
     """Parameters nearest to the reference that solve the equations best, possible or not: a closed form."""
+    from scipy.linalg import block_diag
+
     roots = [_root(body) for body in program.bodies]
     free = program.factor.shape[1] - 10 * len(program.bodies)
     inverse = np.asarray(block_diag(*roots, np.eye(free) / FREE))
@@ -143,6 +144,8 @@ def nearest_unconstrained(program: Program) -> Float[Array, " p"]:
 
 def _root(body: Reference) -> Array:
     """``U`` with ``|U^-1 d|`` the distance of a change ``d`` in units of the reference's scale."""
+    from scipy.linalg import solve_triangular
+
     return np.asarray(solve_triangular(np.linalg.qr(body.metric, mode="r"), np.eye(10)))
 
 
@@ -246,6 +249,8 @@ def _coordinates(program: Program, largest: float) -> tuple[Array, Array, Array,
     Returns:
         ``start``, ``back``, and the equations' own part: its rows per ``u``, and what they leave at ``start``.
     """
+    from scipy.linalg import block_diag, null_space
+
     n, p = len(program.bodies), len(program.scale)
     columns = program.factor * program.scale
     known = np.concatenate([*(body.standard for body in program.bodies), np.zeros(p - 10 * n)]) / program.scale

@@ -12,7 +12,6 @@ from dataclasses import dataclass
 
 import numpy as np
 from jaxtyping import Float
-from scipy.special import stdtrit
 
 from identification.diagnosis import decision_rules as rules
 from identification.scenarios.at_rest.rests import Stills
@@ -82,6 +81,8 @@ def giving_way(stills: Stills) -> GivingWay:
     Args:
         stills: Rests under loads of either sign.
     """
+    from scipy.special import stdtrit
+
     error, load = stills.middles(stills.error), stills.middles(stills.load)
     side = np.sign(load)
     before = _fit(error, ()).left

@@ -10,7 +10,6 @@ from __future__ import annotations
 
 import numpy as np
 from jaxtyping import Float
-from scipy.interpolate import CubicHermiteSpline
 
 from phantom_dyn._kernels.jit import within
 from phantom_dyn.effects.described import EffectWords, ModelNumbers
@@ -28,8 +27,6 @@ _LONGEST = 1.0
 # Delays to start from beside one sample, and the least of a secant [s]: differences over less would be rounding.
 _STARTS = (0.002, 0.005, 0.012)
 _LEAST = 1e-5
-# Time steps whose spread is less than this share of one are even but for the rounding of their times [1].
-_EVEN = 1e-6
 
 
 class InputDelay(Effect):
@@ -146,29 +143,14 @@ def _ahead(operation: Operation, rows: tuple[int, ...], delay: float) -> Float[A
     if len(asked) < 2:
         return np.zeros_like(asked)
     # Cubic with slopes from the neighbours only: a spline over all samples rings at every reversal of friction.
-    steps = np.diff(operation.t)
-    if np.ptp(steps) > _EVEN * steps[0]:
-        curve = CubicHermiteSpline(operation.t, asked, np.gradient(asked, operation.t, axis=0))
-        return curve(np.minimum(operation.t + delay, operation.t[-1])) - asked
-    return _ahead_evenly(asked, delay / operation.dt) - asked
-
-
-def _ahead_evenly(asked: Float[Array, "N m"], delay: float) -> Float[Array, "N m"]:
-    """The same curve of evenly spaced samples, ``delay`` of them later: each lies as far behind one as all others."""
-    whole = min(int(delay), len(asked) - 1)
-    part = delay - whole
-    out = np.empty_like(asked)
-    last = max(len(asked) - 1 - whole, 0)
-    slope = np.gradient(asked, axis=0)
-    before, after = slice(whole, whole + last), slice(whole + 1, whole + 1 + last)
-    rest = 1.0 - part
-    out[:last] = (
-        (1.0 + 2.0 * part) * rest**2 * asked[before]
-        + part**2 * (3.0 - 2.0 * part) * asked[after]
-        + part * rest * (rest * slope[before] - part * slope[after])
-    )
-    out[last:] = asked[-1]
-    return out
+    t, slopes = operation.t, np.gradient(asked, operation.t, axis=0)
+    later = np.minimum(t + delay, t[-1])
+    k = np.clip(np.searchsorted(t, later, side="right") - 1, 0, len(t) - 2)
+    step = (t[k + 1] - t[k])[:, None]
+    share = (later - t[k])[:, None] / step
+    rise, first, last = asked[k + 1] - asked[k], step * slopes[k], step * slopes[k + 1]
+    bend = first + share * (3 * rise - 2 * first - last + share * (first + last - 2 * rise))
+    return asked[k] + share * bend - asked
 
 
 def _mean_held(history: Float[Array, "n k"], ends: Float[Array, " n"], start: float, stop: float) -> Float[Array, " m"]:

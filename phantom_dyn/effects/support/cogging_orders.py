@@ -13,12 +13,12 @@ from typing import Literal
 
 import numpy as np
 from jaxtyping import Float
-from scipy.fft import next_fast_len
-from scipy.ndimage import median_filter
-from scipy.optimize import minimize_scalar
 
 from phantom_dyn.effects.operation import Operation
+from phantom_dyn.effects.support.bounded_minimum import bounded_minimum
 from phantom_dyn.effects.support.rows import moving_average
+from phantom_dyn.signals.spectra import fast_length
+from phantom_dyn.signals.windows import moving_median
 
 Array = np.ndarray
 
@@ -190,13 +190,8 @@ class _Residual:
         reach = 0.5 * self.resolution
         plain = self._basis(known)
         left = self.torque - plain @ (plain.T @ self.torque)
-        found = minimize_scalar(
-            lambda n: self._misfit_beside(plain, left, n),
-            bounds=(peak - reach, peak + reach),
-            method="bounded",
-            options={"xatol": 1e-4 * reach},
-        )
-        order, whole = float(found.x), float(round(found.x))  # pyright: ignore[reportAttributeAccessIssue]
+        order = bounded_minimum(lambda n: self._misfit_beside(plain, left, n), peak - reach, peak + reach, 1e-4 * reach)
+        whole = float(round(order))
         if not whole_numbers or whole < 1 or abs(whole - order) > self.resolution:
             return order
         left = self.without((*known, order))
@@ -225,7 +220,7 @@ def _periodogram(
     """
     width = 2 * np.pi / (_BINS * high)
     bins = ((q - q.min()) / width).astype(int)
-    length = int(next_fast_len(max(_LINES * (int(bins.max()) + 1), 4 * _BINS), real=True) or 0)
+    length = fast_length(max(_LINES * (int(bins.max()) + 1), 4 * _BINS))
     weight = np.ones(len(q)) if weight is None else weight
     square = weight**2
     centred = weight * residual - square * (float(weight @ residual) / float(square.sum()))
@@ -263,4 +258,4 @@ def _background_power(
     power: Float[Array, " n"], edges: Literal["nearest", "reflect"] = "nearest"
 ) -> Float[Array, " n"]:
     """Median power of the neighbours of each order."""
-    return median_filter(power, 2 * (_BACKGROUND * _LINES // 2) + 1, mode=edges)
+    return moving_median(power, 2 * (_BACKGROUND * _LINES // 2) + 1, edges)

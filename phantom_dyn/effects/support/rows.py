@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import numpy as np
 from jaxtyping import Float, Int
-from scipy.ndimage import uniform_filter1d
 
 from phantom_dyn.dynamics.tree_motion import joint_velocity
 from phantom_dyn.effects.effect import Shape, Signature
@@ -12,6 +11,7 @@ from phantom_dyn.effects.operation import Operation
 from phantom_dyn.errors import RobotError
 from phantom_dyn.model.robot import Robot
 from phantom_dyn.motion import linear_joints
+from phantom_dyn.signals.windows import moving_mean
 
 Array = np.ndarray
 
@@ -159,7 +159,7 @@ def hidden_behind_drive(robot: Robot, what: str) -> str | None:
 def moving_average(x: Float[Array, " N"], dt: float, seconds: float) -> Float[Array, " N"]:
     """Centred moving average over about ``seconds``: an odd number of samples, one if ``dt`` is longer than that."""
     half = int(0.5 * seconds / dt) if dt > 0 else 0
-    return uniform_filter1d(x, min(2 * half + 1, len(x)), mode="nearest")
+    return moving_mean(x, min(2 * half + 1, len(x)))
 
 
 def turning_points(operation: Operation, row: int) -> Int[Array, " n"]:
